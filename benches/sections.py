@@ -20,7 +20,7 @@ from playground import AIM as FRAME_AIM
 from playground import frame_costs
 from poses import AIM as POSES_AIM
 from poses import poses_cost
-from public_face import RUNS, face_cost
+from public_face import AGAIN_AIM, RUNS, face_cost, second_run
 from timing import against, text
 
 ENOUGH = 180.0
@@ -150,7 +150,15 @@ def face(folder: Path) -> dict[str, Any]:
         found.append({**asdict(cost), "ratios": ratios})
     print("  program: hand-specialised C, run just now, its loops one after the other; figure: fixed, of programs")
     print("  vectorised by hand, on a quiet machine (its ratio is too large on a busy one); the larger ratio is judged")
-    return {"runs": found}
+    print(
+        "  a second run of a model, beside its steps (one output; the core alone, its options and results handed over)"
+    )
+    again = [second_run(name) for name in ("four-bar", "andrews-squeezer")]
+    for x in again:
+        mark = "" if x.core <= AGAIN_AIM else " !"
+        core = f"core {text(x.core)} (aim: at most {text(AGAIN_AIM)}){mark}"
+        print(f"    {x.title:<20}{core}, m.simulate {text(x.face)}; a step {text(x.step)}")
+    return {"runs": found, "again": [asdict(x) for x in again]}
 
 
 def poses(_: Path) -> dict[str, Any]:

@@ -82,6 +82,9 @@ class Model:
     @property
     def summary(self) -> str:
         """JSON: names, sizes and the layout of states."""
+    @property
+    def calls_functions(self) -> bool:
+        """Does it ask functions of the user's?"""
 
     def initial(self) -> tuple[Array, Array]:
         """q (nq,) of the drawing and v = 0 (nv,)."""

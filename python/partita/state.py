@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 from collections.abc import Iterable
 from typing import Any
 
@@ -245,7 +246,7 @@ def finite_time(t: Any) -> float:
         time = real(t)
     except TypeError as error:
         raise ArgumentError(f"t must be a number, not {shown(t)}", argument="t") from error
-    if not np.isfinite(time):
+    if not math.isfinite(time):
         raise ArgumentError(f"t is {time}; give a finite time", argument="t")
     return time
 
@@ -261,7 +262,7 @@ def _flat(what: str, values: ArrayLike, names: list[str]) -> Array:
             f"{what} must be a flat array{f' of {len(names)} numbers' if names else ''}, not of shape {array.shape}",
             argument=what,
         )
-    if not np.all(np.isfinite(array)):
+    if not np.isfinite(array).all():
         bad = int(np.argmin(np.isfinite(array)))
         raise ArgumentError(
             f"{what}[{bad}] ({names[bad] if names else bad}) is {array[bad]}; give finite numbers",

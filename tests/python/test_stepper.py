@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import copy
 import math
+import os
 import pickle
 from functools import cache
+from threading import Thread
 from typing import Any
 
 import numpy as np
@@ -460,3 +462,66 @@ def test_ticks_begin_in_a_singular_position_as_runs_do() -> None:
         assert np.abs(sim.state.q - run.q[-1]).max() < 1e-10
         assert sim.result().success and any("along the branch" in note for note in sim.result().notes)
         sim.reset()
+
+
+def test_threads_share_a_stepper_one_step_after_the_other() -> None:
+    """400 steps of four threads end where 400 steps of one do."""
+    alone, shared = (five_bar().stepper(DT) for _ in range(2))
+    for _ in range(400):
+        alone.step()
+
+    def steps() -> None:
+        for _ in range(100):
+            shared.step()
+
+    threads = [Thread(target=steps) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert np.array_equal(shared.state.q, alone.state.q) and shared.state.t == alone.state.t
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork on this system")
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_a_forked_process_goes_on_with_a_stepper_of_its_own() -> None:
+    """The child's next step is the parent's, and moves nothing of the parent's."""
+    sim = five_bar().stepper(DT)
+    sim.step()
+    before = sim.state.q.tobytes()
+    end, child = os.pipe()
+    if os.fork() == 0:
+        try:
+            sim.step()
+            os.write(child, sim.state.q.tobytes())
+        finally:
+            os._exit(0)
+    os.close(child)
+    with os.fdopen(end, "rb") as answer:
+        there = answer.read()
+    os.wait()
+    assert sim.state.q.tobytes() == before
+    sim.step()
+    assert sim.state.q.tobytes() == there
+
+
+def test_a_function_may_not_step_the_stepper_that_calls_it() -> None:
+    """It would wait for itself; afterwards the stepper goes on from where it stood."""
+    m, steppers = five_bar(), []
+
+    def torque(t: float, state: Any) -> float:
+        for sim in steppers:
+            sim.step()
+        return 0.0
+
+    m.add_torque("C", torque)
+    sim = m.stepper(DT)
+    sim.step()
+    stood = sim.state.q
+    steppers.append(sim)
+    with pytest.raises(ArgumentError, match="a function of its model steps the stepper"):
+        sim.step()
+    steppers.clear()
+    assert np.array_equal(sim.state.q, stood)
+    sim.step()
+    assert sim.state.t == pytest.approx(2 * DT)

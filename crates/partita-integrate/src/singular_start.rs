@@ -19,7 +19,7 @@ use partita_system::manifold::kept_rows::close_kept;
 use partita_system::record::Output;
 use partita_system::reduction::Reduction;
 use partita_system::start::choose_partition;
-use partita_system::{ConstrainedSystem, SystemError};
+use partita_system::{ConstrainedSystem, SystemError, SystemRef};
 
 /// The fastest velocity moves by this part of its characteristic displacement (a radian) in the first step that is
 /// tried.
@@ -220,7 +220,7 @@ struct Attempt<'a, 's, S: ConstrainedSystem> {
 impl<S: ConstrainedSystem> Attempt<'_, '_, S> {
     /// Natural sizes of q' and u' of one node: their fastest rate, and that over the step.
     fn scales(&self, speed: f64) -> Vec<f64> {
-        let system = self.r.system;
+        let system = self.r.system.clone();
         let mut of_q = vec![speed; system.size().nq];
         for i in 0..system.size().nv {
             for c in system.coordinates_of(i) {
@@ -237,7 +237,7 @@ impl<S: ConstrainedSystem> Attempt<'_, '_, S> {
     /// Rates at all nodes; none where they are not found.
     fn solve(&mut self, nodes: &Nodes, first: &[f64]) -> Result<Option<Stages>, SystemError> {
         let (q0, v0) = (self.start.1, self.start.2);
-        let system = self.r.system;
+        let system = self.r.system.clone();
         let mut qdot = vec![0.0; q0.len()];
         // the prediction goes on with the velocities of the start and the accelerations next to it
         let mut x = Vec::new();
@@ -247,7 +247,7 @@ impl<S: ConstrainedSystem> Attempt<'_, '_, S> {
             x.extend_from_slice(&qdot);
             x.extend(self.r.partition.independent.iter().map(|&i| first[i]));
         }
-        let scales = self.scales(fastest(system, v0) + self.h * fastest(system, first));
+        let scales = self.scales(fastest(&*system, v0) + self.h * fastest(&*system, first));
         self.iterate(nodes, x, &scales)
     }
 
@@ -361,16 +361,17 @@ fn velocities(nodes: &Nodes, stages: &Stages, x: f64) -> Vec<f64> {
 /// # Errors
 /// `SingularStart` where no step was found; what failed last where something could not be evaluated.
 pub fn singular_step<'s, S: ConstrainedSystem>(
-    system: &'s S,
+    system: impl Into<SystemRef<'s, S>>,
     rank: usize,
     (t, q, v): (f64, &[f64], &[f64]),
     leaving: Option<&[f64]>,
     (limit, tolerance): (f64, f64),
 ) -> Result<SingularStep<'s, S>, SystemError> {
+    let system = system.into();
     let tolerance = PART * tolerance.clamp(TIGHTEST, 1e-4);
-    let speed = fastest(system, v);
+    let speed = fastest(&*system, v);
     // v h + a h^2 / 2 = MOVE
-    let strong = leaving.map_or(0.0, |a| fastest(system, a));
+    let strong = leaving.map_or(0.0, |a| fastest(&*system, a));
     let mut h = (2.0 * MOVE / (speed + (speed * speed + 2.0 * MOVE * strong).sqrt())).min(limit - t);
     let mut evaluations = 0;
     let mut why = String::from("the loops did not close along it");
@@ -378,7 +379,7 @@ pub fn singular_step<'s, S: ConstrainedSystem>(
     let (mut best, mut worse): (Option<SingularStep<S>>, usize) = (None, 0);
     for _ in 0..HALVINGS {
         let whole = h == limit - t;
-        match attempt(system, rank, (t, q, v), leaving, h, tolerance, (&taken, &other), &mut evaluations) {
+        match attempt(system.clone(), rank, (t, q, v), leaving, h, tolerance, (&taken, &other), &mut evaluations) {
             Ok(Ok(mut found)) => {
                 if whole {
                     found.t = limit; // not a rounding error before it
@@ -415,7 +416,7 @@ pub fn singular_step<'s, S: ConstrainedSystem>(
 }
 
 fn attempt<'s, S: ConstrainedSystem>(
-    system: &'s S,
+    system: SystemRef<'s, S>,
     rank: usize,
     (t, q, v): (f64, &[f64], &[f64]),
     leaving: Option<&[f64]>,
@@ -424,7 +425,7 @@ fn attempt<'s, S: ConstrainedSystem>(
     (taken, other): (&Nodes, &Nodes),
     evaluations: &mut u64,
 ) -> Result<Result<SingularStep<'s, S>, String>, SystemError> {
-    let mut r = Reduction::dense(system, rank);
+    let mut r = Reduction::dense(system.clone(), rank);
     let mut probe = q.to_vec();
     let bend = |i: usize| leaving.map_or(0.0, |a| 0.125 * h * h * a[i]);
     system.step(&mut probe, &v.iter().enumerate().map(|(i, v)| 0.5 * h * v + bend(i)).collect::<Vec<_>>());
@@ -453,7 +454,7 @@ fn attempt<'s, S: ConstrainedSystem>(
         *evaluations += attempt.evaluations;
         let Some(found) = &less else { break };
         let shifted: Vec<f64> = q.iter().zip(&found.shift).map(|(q, s)| q + s).collect();
-        if system_move(system, &q, &shifted) <= UNMOVED {
+        if system_move(&*system, &q, &shifted) <= UNMOVED {
             break;
         }
         q = shifted;
@@ -465,10 +466,10 @@ fn attempt<'s, S: ConstrainedSystem>(
     *evaluations += attempt.evaluations;
     let Some(stages) = stages else { return Ok(Err("its stages were not found".into())) };
     let q = &q[..];
-    let top = stages.v.iter().fold(fastest(system, v), |m, v| m.max(fastest(system, v)));
-    let (back, speed) = (velocities(taken, &stages, 0.0), fastest(system, v));
+    let top = stages.v.iter().fold(fastest(&*system, v), |m, v| m.max(fastest(&*system, v)));
+    let (back, speed) = (velocities(taken, &stages, 0.0), fastest(&*system, v));
     let off: Vec<f64> = back.iter().zip(v).map(|(a, b)| a - b).collect();
-    if fastest(system, &off) > BACK * top {
+    if fastest(&*system, &off) > BACK * top {
         return Ok(Err("closed next to it the mechanism does not go on with these velocities".into()));
     }
     let ahead: Vec<f64> = (0..v.len())
@@ -476,14 +477,14 @@ fn attempt<'s, S: ConstrainedSystem>(
         .collect();
     if let Some(a) = leaving {
         let off: Vec<f64> = ahead.iter().zip(a).map(|(x, a)| x - a).collect();
-        if fastest(system, &off) > BENDS * (fastest(system, a) + speed * speed) {
+        if fastest(&*system, &off) > BENDS * (fastest(&*system, a) + speed * speed) {
             return Ok(Err("it does not go on with the accelerations of the branch".into()));
         }
     }
     if speed < SLOW * top {
         return Ok(Err("its velocities are small against those that forces and drives bring about at once".into()));
     }
-    let moved = system_move(system, given, q);
+    let moved = system_move(&*system, given, q);
     // both polynomials: q and u inside, and the end
     let (mut end, mut error) = (None, 0.0f64);
     for x in [0.1, 0.37, 0.63, 0.9, 1.0] {
@@ -521,7 +522,7 @@ fn attempt<'s, S: ConstrainedSystem>(
     let distance = r.distance().0;
     r.spread(&u_end);
     let v_end = r.v.clone();
-    if system_move(system, q, &q_end) < LEAST {
+    if system_move(&*system, q, &q_end) < LEAST {
         return Ok(Err(format!("it is still next to the position after {h:.1e} s")));
     }
     Ok(Ok(SingularStep {

@@ -35,7 +35,8 @@ use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 /// Memory of the evaluations of a model.
 pub struct ModelScratch {
-    own: Scratch<f64>,
+    /// Gone once it is dropped.
+    own: Option<Box<Scratch<f64>>>,
     dense: Dense,
     recursion: clusters::Plan,
     spare: Arc<Spare>,
@@ -43,37 +44,43 @@ pub struct ModelScratch {
 
 /// Memory of evaluations that was used before. What stands in it is never an answer.
 #[derive(Default)]
-struct Spare(Mutex<Vec<(Scratch<f64>, Dense)>>);
+struct Spare(Mutex<Vec<Memory>>);
+
+type Memory = (Box<Scratch<f64>>, Dense);
 
 impl Spare {
     /// Kept at the most: as many as one run uses at a time.
     const MOST: usize = 4;
 
-    fn all(&self) -> MutexGuard<'_, Vec<(Scratch<f64>, Dense)>> {
+    fn all(&self) -> MutexGuard<'_, Vec<Memory>> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 impl Drop for ModelScratch {
     fn drop(&mut self) {
+        let Some(mut own) = self.own.take() else { return };
+        own.forces_at = false;
         let mut spare = self.spare.all();
         if spare.len() < Spare::MOST {
-            self.own.forces_at = false;
-            spare.push((std::mem::replace(&mut self.own, Scratch::empty()), std::mem::take(&mut self.dense)));
+            spare.push((own, std::mem::take(&mut self.dense)));
         }
     }
 }
 
+/// Why the memory of a scratch is there.
+const LENT: &str = "memory is given back when its scratch is dropped";
+
 impl Deref for ModelScratch {
     type Target = Scratch<f64>;
     fn deref(&self) -> &Scratch<f64> {
-        &self.own
+        self.own.as_deref().expect(LENT)
     }
 }
 
 impl DerefMut for ModelScratch {
     fn deref_mut(&mut self) -> &mut Scratch<f64> {
-        &mut self.own
+        self.own.as_deref_mut().expect(LENT)
     }
 }
 

@@ -217,6 +217,10 @@ impl Model {
     fn planar(&self) -> bool {
         self.inner.is_planar()
     }
+    #[getter]
+    fn calls_functions(&self) -> bool {
+        self.inner.calls_functions()
+    }
 
     #[getter]
     fn summary(slf: &Bound<'_, Self>) -> PyResult<String> {

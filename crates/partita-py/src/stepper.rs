@@ -1,4 +1,4 @@
-//! A motion that is stepped from Python. It lives on a thread of its own, which owns all that it needs.
+//! A motion that is stepped from Python. It owns all that it needs.
 
 use crate::arrays::{array, vector};
 use crate::failure::{self, guarded, raise};
@@ -7,15 +7,14 @@ use crate::run;
 use crate::state::Array;
 use numpy::PyReadonlyArray1;
 use partita_analysis::error::AnalysisError;
-use partita_analysis::run::{Request, Run, Stepping};
+use partita_analysis::run::{Request, Stepping};
 use partita_model::spec::{Force, Spec, Table, Value, VectorValue};
 use partita_model::Model;
 use partita_system::ConstrainedSystem;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use std::panic::{catch_unwind, AssertUnwindSafe};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
-use std::thread::{self, JoinHandle};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::{self, ThreadId};
 
 /// An input: which force of the description and which of its components; a drive by its number where there is no component.
 pub type Input = (usize, Option<usize>);
@@ -25,126 +24,55 @@ fn kind(&(_, component): &Input) -> Kind {
     component.map_or(Kind::Course, |_| Kind::Effort)
 }
 
-/// What is asked of the thread.
-enum Command {
-    Step,
-    /// From t, q, v; the numbers held until then come back where it fails.
-    Begin(f64, Vec<f64>, Vec<f64>, Vec<f64>),
-    /// All that was kept, or where it stands alone.
-    Report(bool),
-    Quit,
-}
-
-/// What passes between the two threads.
+/// Where a motion stands.
 #[derive(Default)]
-struct Shared {
-    command: Option<Command>,
-    answer: Option<Result<(), AnalysisError>>,
+struct Standing {
     t: f64,
     q: Vec<f64>,
     v: Vec<f64>,
-    reported: Option<Run>,
-    gone: bool,
 }
 
-#[derive(Default)]
-struct Worker {
-    shared: Mutex<Shared>,
-    changed: Condvar,
-}
-
-impl Worker {
-    fn look(&self) -> MutexGuard<'_, Shared> {
-        self.shared.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Hand an order over and wait for its answer.
-    fn ask(&self, command: Command) -> Result<(), AnalysisError> {
-        let mut shared = self.look();
-        if !shared.gone {
-            shared.command = Some(command);
-            self.changed.notify_all();
-        }
-        loop {
-            if let Some(answer) = shared.answer.take() {
-                return answer;
-            }
-            if shared.gone {
-                let message = "the stepper has ended by an error inside; make a new one".into();
-                return Err(AnalysisError::Argument { argument: "stepper", message });
-            }
-            shared = self.changed.wait(shared).unwrap_or_else(PoisonError::into_inner);
-        }
-    }
-
-    fn answer(&self, mut shared: MutexGuard<'_, Shared>, answer: Result<(), AnalysisError>) {
-        shared.answer = Some(answer);
-        self.changed.notify_all();
-    }
-
-    /// Write down where the motion stands.
-    fn show(shared: &mut Shared, motion: &Stepping<Model>) {
+impl Standing {
+    fn read(&mut self, motion: &Stepping<Model>) {
         let now = motion.now();
-        shared.t = now.t;
-        for (i, q) in shared.q.iter_mut().enumerate() {
-            *q = motion.coordinate(i);
-        }
-        shared.v.copy_from_slice(&now.v);
+        self.t = now.t;
+        self.q.clear();
+        self.q.extend((0..now.q.len()).map(|i| motion.coordinate(i)));
+        self.v.clone_from(&now.v);
     }
+}
 
-    /// The life of the thread.
-    fn serve(
-        &self,
-        (model, held): (&Model, &Held),
-        request: &Request,
-        ticks: (f64, u32),
-        start: (f64, &[f64], &[f64]),
-        keeps: bool,
-    ) {
-        let made = Stepping::new(model, request, ticks, start, keeps);
-        let mut shared = self.look();
-        let mut motion = match made {
-            Ok(motion) => {
-                Self::show(&mut shared, &motion);
-                self.answer(shared, Ok(()));
-                motion
-            }
-            Err(e) => return self.answer(shared, Err(e)),
-        };
-        loop {
-            let mut shared = self.look();
-            let command = loop {
-                match shared.command.take() {
-                    Some(command) => break command,
-                    None => shared = self.changed.wait(shared).unwrap_or_else(PoisonError::into_inner),
-                }
-            };
-            drop(shared);
-            let (answer, reported) = match command {
-                Command::Quit => return,
-                Command::Step => (motion.step(), None),
-                Command::Begin(t, q, v, before) => (motion.begin(t, &q, &v, || held.set(&before)), None),
-                Command::Report(here) => (Ok(()), Some(motion.reported(here))),
-            };
-            let mut shared = self.look();
-            shared.reported = reported;
-            Self::show(&mut shared, &motion);
-            self.answer(shared, answer);
-        }
+/// The thread that works with a motion, for as long as it does.
+struct Busy<'a>(&'a Mutex<Option<ThreadId>>);
+
+impl<'a> Busy<'a> {
+    fn new(owner: &'a Mutex<Option<ThreadId>>) -> Self {
+        *locked(owner) = Some(thread::current().id());
+        Self(owner)
+    }
+}
+
+impl Drop for Busy<'_> {
+    fn drop(&mut self) {
+        *locked(self.0) = None;
     }
 }
 
 /// A motion stepped tick by tick under inputs.
 #[pyclass(frozen, module = "partita._core")]
 pub struct Stepper {
-    worker: Arc<Worker>,
-    thread: Mutex<Option<JoinHandle<()>>>,
+    motion: Mutex<Stepping<'static, Model>>,
+    /// Who works with it now: a function of the user's that it calls may not.
+    busy: Mutex<Option<ThreadId>>,
+    /// Read without waiting for the motion.
+    standing: Mutex<Standing>,
     held: Arc<Held>,
     model: Arc<Model>,
     inputs: Vec<Input>,
-    process: u32,
-    /// Held by who waits for an answer: orders come one at a time.
-    turn: Mutex<()>,
+}
+
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Put a value in the place of each input.
@@ -197,77 +125,36 @@ impl Stepper {
         if (size.nq, size.nv, size.rows) != (model.size().nq, model.size().nv, model.size().rows) {
             return Err(failure::unexpected("inputs changed the coordinates of the model".into()));
         }
-        let own = Arc::new(own);
-        let worker = Arc::new(Worker::default());
-        {
-            let mut shared = worker.look();
-            (shared.q, shared.v) = (vec![0.0; size.nq], vec![0.0; size.nv]);
-        }
-        let (there, its_model, its_held) = (worker.clone(), own.clone(), held.clone());
-        let life = move || {
-            let served = catch_unwind(AssertUnwindSafe(|| {
-                there.serve((&its_model, &its_held), &request, ticks, (t, &q, &v), keeps)
-            }));
-            drop(served);
-            there.look().gone = true;
-            there.changed.notify_all();
-        };
-        let thread = thread::Builder::new().name("partita stepper".into()).spawn(life)?;
-        let (thread, process) = (Mutex::new(Some(thread)), std::process::id());
-        let stepper = Self { worker, thread, held, model: own, inputs, process, turn: Mutex::default() };
-        stepper.waited(py, || stepper.worker.first())?;
-        Ok(stepper)
+        let model = Arc::new(own);
+        let motion = py.detach(|| Stepping::new(model.clone(), &request, ticks, (t, &q, &v), keeps));
+        let motion = motion.map_err(|e| failure::analysis(py, e))?;
+        let mut standing = Standing::default();
+        standing.read(&motion);
+        let (motion, standing) = (Mutex::new(motion), Mutex::new(standing));
+        Ok(Self { motion, busy: Mutex::default(), standing, held, model, inputs })
     }
 
-    /// An order with these inputs held; those before where it fails.
-    fn with_inputs(&self, u: &[f64], command: Command) -> Result<(), AnalysisError> {
-        let before = self.held.values();
-        self.held.set(u);
-        self.worker.ask(command).inspect_err(|_| self.held.set(&before))
-    }
-
-    /// Wait for the thread, with the interpreter free for others.
-    fn waited(&self, py: Python<'_>, ask: impl FnOnce() -> Result<(), AnalysisError> + Send) -> PyResult<()> {
-        if self.process != std::process::id() {
-            let message = "a stepper does not live on in a forked process; make a new one there";
+    /// Work with the motion, one caller after the other, the interpreter free for others meanwhile.
+    fn with<T: Send>(
+        &self,
+        py: Python<'_>,
+        work: impl FnOnce(&mut Stepping<'static, Model>) -> Result<T, AnalysisError> + Send,
+    ) -> PyResult<T> {
+        if *locked(&self.busy) == Some(thread::current().id()) {
+            let message = "a function of its model steps the stepper that calls it; give what it computes as an input";
             return Err(raise(py, "ArgumentError", message, &[("argument", "stepper".into())]));
         }
-        let answer = py.detach(|| {
-            let _turn = self.turn.lock().unwrap_or_else(PoisonError::into_inner);
-            ask()
+        let done = py.detach(|| {
+            let mut motion = self.motion.lock().map_err(|_| AnalysisError::Argument {
+                argument: "stepper",
+                message: "the stepper has ended by an error inside; make a new one".into(),
+            })?;
+            let _busy = Busy::new(&self.busy);
+            let done = work(&mut motion);
+            locked(&self.standing).read(&motion);
+            done
         });
-        answer.map_err(|e| failure::analysis(py, e))
-    }
-}
-
-impl Worker {
-    /// The thread's first word.
-    fn first(&self) -> Result<(), AnalysisError> {
-        let mut shared = self.look();
-        loop {
-            if let Some(answer) = shared.answer.take() {
-                return answer;
-            }
-            if shared.gone {
-                let message = "the stepper could not be made".into();
-                return Err(AnalysisError::Argument { argument: "stepper", message });
-            }
-            shared = self.changed.wait(shared).unwrap_or_else(PoisonError::into_inner);
-        }
-    }
-}
-
-impl Drop for Stepper {
-    fn drop(&mut self) {
-        if self.process != std::process::id() {
-            return;
-        }
-        self.worker.look().command = Some(Command::Quit);
-        self.worker.changed.notify_all();
-        if let Some(thread) = self.thread.lock().unwrap_or_else(PoisonError::into_inner).take() {
-            // it waits for orders and needs no interpreter to end
-            let _ = thread.join();
-        }
+        done.map_err(|e| failure::analysis(py, e))
     }
 }
 
@@ -303,7 +190,11 @@ impl Stepper {
     fn step(&self, py: Python<'_>, inputs: PyReadonlyArray1<'_, f64>) -> PyResult<()> {
         guarded(py, || {
             let u = vector(&inputs, self.held.count(), "inputs")?;
-            self.waited(py, || self.with_inputs(&u, Command::Step))
+            self.with(py, |motion| {
+                let before = self.held.values();
+                self.held.set(&u);
+                motion.step().inspect_err(|_| self.held.set(&before))
+            })
         })
     }
 
@@ -320,25 +211,24 @@ impl Stepper {
             let size = self.model.size();
             let (q, v) = (vector(&q, size.nq, "q")?, vector(&v, size.nv, "v")?);
             let held = vector(&inputs, self.held.count(), "inputs")?;
-            self.waited(py, || self.with_inputs(&held, Command::Begin(t, q, v, self.held.values())))
+            self.with(py, |motion| {
+                let before = self.held.values();
+                self.held.set(&held);
+                motion.begin(t, &q, &v, || self.held.set(&before))
+            })
         })
     }
 
     /// Where it stands: t, q, v.
     fn state<'py>(&self, py: Python<'py>) -> (f64, Array<'py>, Array<'py>) {
-        let (t, q, v) = {
-            let shared = self.worker.look();
-            (shared.t, shared.q.clone(), shared.v.clone())
-        };
-        (t, array(py, &[q.len()], q), array(py, &[v.len()], v))
+        let x = locked(&self.standing);
+        (x.t, array(py, &[x.q.len()], x.q.clone()), array(py, &[x.v.len()], x.v.clone()))
     }
 
     /// What a run would have left that stands here, and the model as it is now: for as long as it stands here.
     fn here<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyDict>, crate::model::Model)> {
         guarded(py, || {
-            self.waited(py, || self.worker.ask(Command::Report(true)))?;
-            let reported = self.worker.look().reported.take();
-            let reported = reported.ok_or_else(|| failure::unexpected("the stepper told nothing".into()))?;
+            let reported = self.with(py, |motion| Ok(motion.reported(true)))?;
             Ok((run::left(py, &self.model, reported)?, crate::model::Model::of(self.model.clone())))
         })
     }
@@ -367,9 +257,7 @@ impl Stepper {
             let spec = replaced(&self.model.spec, &self.inputs, table).ok_or_else(|| no_input(py))?;
             let model = Model::new(spec, self.model.functions(), self.model.coordinates());
             let model = Arc::new(model.map_err(|e| failure::description(py, &e))?);
-            self.waited(py, || self.worker.ask(Command::Report(false)))?;
-            let reported = self.worker.look().reported.take();
-            let reported = reported.ok_or_else(|| failure::unexpected("the stepper told nothing".into()))?;
+            let reported = self.with(py, |motion| Ok(motion.reported(false)))?;
             Ok((run::left(py, &model, reported)?, crate::model::Model::of(model)))
         })
     }

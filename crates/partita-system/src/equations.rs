@@ -5,13 +5,13 @@ pub mod derivatives;
 pub mod full;
 
 use crate::closing::Closing;
-use crate::system::{project_dense, ConstrainedSystem, Size, SystemError, Tangent};
+use crate::system::{project_dense, ConstrainedSystem, Size, SystemError, SystemRef, Tangent};
 use closing::UserClosing;
 use partita_math::dense;
 use partita_math::elimination::Pattern;
 
 /// Equations of a constrained system by hand. Matrices are dense, row by row.
-pub trait Equations: Sync {
+pub trait Equations: Send + Sync {
     /// Coordinates (and velocities) n.
     fn n(&self) -> usize;
     /// Rows of C.
@@ -239,13 +239,16 @@ impl<E: Equations> ConstrainedSystem for UserSystem<E> {
         }
         Ok(())
     }
-    fn closing(
-        &self,
+    fn closing<'s>(
+        system: SystemRef<'s, Self>,
         t: f64,
         q: &[f64],
         inputs: Option<&[usize]>,
-    ) -> Result<Box<dyn Closing + Send + '_>, SystemError> {
-        Ok(Box::new(UserClosing::new(self, t, q, inputs)?))
+    ) -> Result<Box<dyn Closing + Send + 's>, SystemError>
+    where
+        Self: 's,
+    {
+        Ok(Box::new(UserClosing::new(system, t, q, inputs)?))
     }
     fn inverse_mass_diagonal(
         &self,

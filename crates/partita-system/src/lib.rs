@@ -24,4 +24,4 @@ pub mod tangent;
 pub mod weight;
 
 pub use partition::Partition;
-pub use system::{ConstrainedSystem, Finite, Size, SystemError};
+pub use system::{ConstrainedSystem, Finite, Size, SystemError, SystemRef};

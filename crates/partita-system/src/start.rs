@@ -69,11 +69,11 @@ pub fn analyse<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<St
 /// # Errors
 /// See [`analyse`].
 pub fn analyse_with<S: ConstrainedSystem>(probe: &mut Reduction<S>, t: f64, q: &[f64]) -> Result<Start, SystemError> {
-    let system = probe.system;
+    let system = probe.system.clone();
     let Some(finite) = system.finite() else {
         let (start, largest_dropped) = ranked(probe, t, q)?;
         if !start.dropped.is_empty() {
-            persists(system, (t, q), &start, largest_dropped)?;
+            persists(&*system, (t, q), &start, largest_dropped)?;
         }
         return Ok(start);
     };
@@ -90,10 +90,10 @@ pub fn analyse_with<S: ConstrainedSystem>(probe: &mut Reduction<S>, t: f64, q: &
         return Err(SystemError::argument("drawing_tolerance", format!("{HIDDEN} ({})", who.join(", "))));
     }
     if kept < wanted {
-        return Err(singular(system, (t, q), &start, start.rank + wanted - kept)?);
+        return Err(singular(&*system, (t, q), &start, start.rank + wanted - kept)?);
     }
     if start.dropped.iter().any(is_drive) && start.rank < system.size().nv {
-        check_neighbour(system, t, q, &start)?;
+        check_neighbour(&*system, t, q, &start)?;
     }
     Ok(start)
 }
@@ -126,7 +126,7 @@ fn counted<S: ConstrainedSystem>(
     q: &[f64],
     finite: Finite,
 ) -> Result<Start, SystemError> {
-    let system = probe.system;
+    let system = probe.system.clone();
     let limit = if finite.weak { EXACT } else { REDUNDANT };
     let drive = |i: usize| system.row_is_drive(i);
     probe.weigh_reaches(true);

@@ -6,6 +6,8 @@ use crate::clusters::Clusters;
 pub use crate::error::SystemError;
 use partita_math::dense;
 use partita_math::elimination::Pattern;
+use std::ops::Deref;
+use std::sync::Arc;
 
 /// What is known of the degrees of freedom of a system over finite motions, drives released.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -70,12 +72,52 @@ pub struct ClusterTangent<'a> {
     pub b: &'a [f64],
 }
 
+/// A system that is worked with: borrowed for as long as it is, or shared by all who work with it.
+pub enum SystemRef<'s, S> {
+    /// Borrowed.
+    Borrowed(&'s S),
+    /// Shared: whoever works with it may outlive who made it.
+    Shared(Arc<S>),
+}
+
+impl<S> Clone for SystemRef<'_, S> {
+    fn clone(&self) -> Self {
+        match self {
+            Self::Borrowed(system) => Self::Borrowed(system),
+            Self::Shared(system) => Self::Shared(system.clone()),
+        }
+    }
+}
+
+impl<S> Deref for SystemRef<'_, S> {
+    type Target = S;
+    #[inline]
+    fn deref(&self) -> &S {
+        match self {
+            Self::Borrowed(system) => system,
+            Self::Shared(system) => system,
+        }
+    }
+}
+
+impl<'s, S> From<&'s S> for SystemRef<'s, S> {
+    fn from(system: &'s S) -> Self {
+        Self::Borrowed(system)
+    }
+}
+
+impl<S> From<Arc<S>> for SystemRef<'_, S> {
+    fn from(system: Arc<S>) -> Self {
+        Self::Shared(system)
+    }
+}
+
 /// S1-S5 of a mechanism or of a user-defined system.
 ///
 /// Evaluated by level: [`position`](Self::position), then [`velocity`](Self::velocity) at the same `(t, q)`, then the
 /// dynamics. What one level computes it leaves in the scratch for the next; the scratch is never an answer. The
 /// pattern of C is fixed. After set-up no level allocates.
-pub trait ConstrainedSystem: Sync {
+pub trait ConstrainedSystem: Send + Sync {
     /// Memory reused between evaluations.
     type Scratch;
 
@@ -281,12 +323,15 @@ pub trait ConstrainedSystem: Sync {
     /// Explicit closing by inverse kinematics for these input velocities, on the branch of the closed position q. (37)
     ///
     /// `None` leaves the choice of inputs to the system: those that order the most loops into explicit blocks.
-    fn closing(
-        &self,
+    fn closing<'s>(
+        _system: SystemRef<'s, Self>,
         _t: f64,
         _q: &[f64],
         _inputs: Option<&[usize]>,
-    ) -> Result<Box<dyn Closing + Send + '_>, SystemError> {
+    ) -> Result<Box<dyn Closing + Send + 's>, SystemError>
+    where
+        Self: Sized + 's,
+    {
         Err(SystemError::argument("formulation",
             "explicit closing needs loops that can be recognised, or, for equations by hand, a function that closes them \
              (closing=); use another formulation"

@@ -16,7 +16,7 @@ from ..errors import ArgumentError, EvaluationError
 from ..instant import Instant
 from ..numeric import floats, shown
 from ..sensing import SensorRecord
-from ..state import Layout, finite_time
+from ..state import Layout, State, finite_time
 from ..units.door import SI, QuantityError, in_si
 from .checks import Element, shape_of
 from .costs import evaluation_costs
@@ -179,6 +179,7 @@ class CompiledModel(Equations):
         self._changes: dict[str, list[float]] = dict(changes or {})
         self.summary, self.coordinates = summary, coordinates
         self._notes = notes
+        self._at_rest: State | None = None  # the drawing, assembled, once it was asked for
 
     @property
     def notes(self) -> list[str]:

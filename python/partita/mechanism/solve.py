@@ -281,6 +281,17 @@ def _fitting(what: str, state: Any, model: CompiledModel) -> None:
         )
 
 
+def _drawn(
+    self: Modelled, model: CompiledModel, coordinates: str, parameters: Mapping[str, ArrayLike] | None
+) -> State:
+    """The drawing, assembled, at rest; looked for once, unless functions of the user's have a say in it."""
+    if model.core.calls_functions:
+        return assemble(self, coordinates=coordinates, parameters=parameters)
+    if model._at_rest is None:
+        model._at_rest = assemble(self, coordinates=coordinates, parameters=parameters)
+    return model._at_rest
+
+
 def start_of(
     self: Modelled,
     initial: Any,
@@ -289,7 +300,7 @@ def start_of(
     parameters: Mapping[str, ArrayLike] | None,
 ) -> State:
     """Where a motion starts: the state given, in the coordinates wanted, or the drawing, assembled, at rest."""
-    start = initial if initial is not None else assemble(self, coordinates=coordinates, parameters=parameters)
+    start = initial if initial is not None else _drawn(self, model, coordinates, parameters)
     if (
         isinstance(start, State)
         and start.names != model.names

@@ -47,7 +47,8 @@ class JointMotion(NamedTuple):
 class Stepper:
     """A mechanism that moves on by `dt` at each call of `step`, made by `Mechanism.stepper`.
 
-    It works on a thread of its own, so it can be neither copied nor pickled and does not live on in a forked process.
+    It can be neither copied nor pickled. Threads may share it: their steps come one after the other. Functions of the
+    model may not step the stepper that calls them.
     """
 
     def __init__(

@@ -11,7 +11,7 @@ use partita_system::options::{FormulationOptions, TangentMap};
 use partita_system::reduction::Reduction;
 use partita_system::singular::consistency;
 use partita_system::start::{self, Start};
-use partita_system::{weight, ConstrainedSystem, SystemError};
+use partita_system::{weight, ConstrainedSystem, SystemError, SystemRef};
 use std::sync::Arc;
 
 /// A formulation before it is made: by name, for a rank, with options. Runs make it to march, and again to describe
@@ -31,9 +31,9 @@ impl Recipe {
     ///
     /// # Errors
     /// See [`registry::by_name`].
-    pub fn make<'s, S: ConstrainedSystem<Scratch: Send>>(
+    pub fn make<'s, S: ConstrainedSystem<Scratch: Send> + 's>(
         &self,
-        system: &'s S,
+        system: impl Into<SystemRef<'s, S>>,
     ) -> Result<Box<dyn Formulation + Send + 's>, SystemError> {
         registry::by_name(&self.formulation, system, self.rank, &self.options)
     }
@@ -56,24 +56,25 @@ impl<'s, S: ConstrainedSystem> Looked<'s, S> {
     /// # Errors
     /// Where one of these is not so, and where the velocities single out no branch.
     pub fn at(
-        system: &'s S,
+        system: impl Into<SystemRef<'s, S>>,
         (t, q, v): (f64, &[f64], &[f64]),
         (end, tolerance): (f64, f64),
         longest: f64,
     ) -> Result<Self, AnalysisError> {
-        let mut probe = Reduction::new(system, 0);
+        let system = system.into();
+        let mut probe = Reduction::new(system.clone(), 0);
         let (start, singular_start) = match start::analyse_with(&mut probe, t, q) {
             Err(e @ SystemError::SingularStart { .. }) => {
-                let singular_start = singular_start::start_singular(system, (t, q, v), (end, tolerance), e)?;
-                (start::analyse(system, singular_start.step.t, &singular_start.step.q)?, Some(singular_start))
+                let singular_start = singular_start::start_singular(system.clone(), (t, q, v), (end, tolerance), e)?;
+                (start::analyse(&*system, singular_start.step.t, &singular_start.step.q)?, Some(singular_start))
             }
             found => (found?, None),
         };
         let given = (t, q, v);
         let (t, q, v) = singular_start.as_ref().map_or(given, |x| (x.step.t, &x.step.q[..], &x.step.v[..]));
-        consistency::check(system, &start, (t, q, v), longest)?;
+        consistency::check(&*system, &start, (t, q, v), longest)?;
         let seen = inconsistent::see(&mut probe, given)?;
-        weight::refuse(system, t, q, start.rank)?;
+        weight::refuse(&*system, t, q, start.rank)?;
         Ok(Self { start, singular_start, seen })
     }
 
@@ -85,7 +86,7 @@ impl<'s, S: ConstrainedSystem> Looked<'s, S> {
 
 /// What marches, where it starts, and what is known of it before.
 pub struct Prepared<'s, S: Balance> {
-    system: &'s S,
+    system: SystemRef<'s, S>,
     /// Its formulation, not yet started.
     pub formulation: Box<dyn Formulation + Send + 's>,
     /// How to make it again.
@@ -112,16 +113,17 @@ impl<'s, S: Balance<Scratch: Send>> Prepared<'s, S> {
     /// # Errors
     /// What was asked makes no sense, or nothing can start there.
     pub fn new(
-        system: &'s S,
+        system: impl Into<SystemRef<'s, S>>,
         request: &Request,
         tangent: Option<Arc<dyn TangentMap>>,
         (q, v): (&[f64], &[f64]),
     ) -> Result<Self, AnalysisError> {
-        Self::made(system, request, tangent, (q, v)).map_err(|e| explained(system, e))
+        let system = system.into();
+        Self::made(system.clone(), request, tangent, (q, v)).map_err(|e| explained(&*system, e))
     }
 
     fn made(
-        system: &'s S,
+        system: SystemRef<'s, S>,
         request: &Request,
         tangent: Option<Arc<dyn TangentMap>>,
         (q, v): (&[f64], &[f64]),
@@ -134,7 +136,7 @@ impl<'s, S: Balance<Scratch: Send>> Prepared<'s, S> {
         if let Some((end, _)) = &ends {
             settings.t_end = *end;
         }
-        let options = request.formulation_options(system, tangent)?;
+        let options = request.formulation_options(&*system, tangent)?;
         let limits = Limits::of(request);
         let mut notes = Vec::new();
         let unread = registry::unread(&request.formulation, &options);
@@ -143,11 +145,11 @@ impl<'s, S: Balance<Scratch: Send>> Prepared<'s, S> {
         }
         let discontinuity = settings.options.discontinuities.iter().copied().find(|t| *t > t0);
         let end = discontinuity.map_or(settings.t_end, |discontinuity| discontinuity.min(settings.t_end));
-        let looked = Looked::at(system, (t0, q, v), (end, request.rtol), request.t_end - t0)?;
+        let looked = Looked::at(system.clone(), (t0, q, v), (end, request.rtol), request.t_end - t0)?;
         let (_, q, v) = looked.state().unwrap_or((t0, q, v));
         let found = &looked.start;
         if !found.dropped.is_empty() {
-            notes.push(note_of_dropped(system, found));
+            notes.push(note_of_dropped(&*system, found));
         }
         let driven = (0..system.size().rows).any(|i| system.row_is_drive(i));
         let rigid = found.rank == system.size().nv && !driven;
@@ -157,7 +159,7 @@ impl<'s, S: Balance<Scratch: Send>> Prepared<'s, S> {
         notes.extend(system.start_notes(q, v)?);
         let recipe = Recipe { formulation: request.formulation.clone(), rank: found.rank, options };
         let formulation = recipe
-            .make(system)
+            .make(system.clone())
             .map_err(|e| AnalysisError::Argument { argument: "formulation", message: e.to_string() })?;
         let Looked { singular_start, seen, .. } = looked;
         Ok(Self { system, formulation, recipe, settings, limits, notes, rigid, ends, singular_start, seen })

@@ -4,7 +4,7 @@ use partita_integrate::simulate::{Outcome, Status};
 use partita_integrate::singular_start::{singular_step, SingularStep};
 use partita_system::branching::branch_directions;
 use partita_system::record::Output;
-use partita_system::{ConstrainedSystem, SystemError};
+use partita_system::{ConstrainedSystem, SystemError, SystemRef};
 
 /// The step out of the singular position, with its note.
 pub(super) struct BranchStart<'s, S: ConstrainedSystem> {
@@ -18,14 +18,14 @@ pub(super) struct BranchStart<'s, S: ConstrainedSystem> {
 /// # Errors
 /// `singular`, where the velocities single out no branch, with the reason; where no step was found.
 pub(super) fn start_singular<'s, S: ConstrainedSystem>(
-    system: &'s S,
+    system: SystemRef<'s, S>,
     (t, q, v): (f64, &[f64], &[f64]),
     (end, tolerance): (f64, f64),
     singular: SystemError,
 ) -> Result<BranchStart<'s, S>, SystemError> {
-    let branch_directions = branch_directions::along(system, (t, q, v), singular)?;
+    let branch_directions = branch_directions::along(&*system, (t, q, v), singular)?;
     let step = singular_step(
-        system,
+        system.clone(),
         branch_directions.rank,
         (t, q, v),
         branch_directions.acceleration(q, v)?.as_deref(),

@@ -11,12 +11,12 @@ use partita_integrate::simulate::{explain, Control, March, Outcome, Outputs, Sta
 use partita_system::formulation::Formulation;
 use partita_system::positions::turns;
 use partita_system::record::{Gaps, Output, StepChecks};
-use partita_system::SystemError;
+use partita_system::{SystemError, SystemRef};
 use std::ops::ControlFlow;
 
 /// A motion between two ticks.
 pub struct Stepping<'s, S: Balance> {
-    system: &'s S,
+    system: SystemRef<'s, S>,
     formulation: Box<dyn Formulation + Send + 's>,
     march: March,
     /// Length of a tick, when the first one began, and ticks since.
@@ -49,14 +49,15 @@ impl<'s, S: Balance<Scratch: Send>> Stepping<'s, S> {
     /// # Errors
     /// What was asked makes no sense, or nothing can start there.
     pub fn new(
-        system: &'s S,
+        system: impl Into<SystemRef<'s, S>>,
         request: &Request,
         (length, steps): (f64, u32),
         (t, q, v): (f64, &[f64], &[f64]),
         keeps: bool,
     ) -> Result<Self, AnalysisError> {
         let request = Request { t0: t, t_end: t + length, ..request.clone() };
-        let prepared = Prepared::new(system, &request, None, (q, v))?;
+        let system = system.into();
+        let prepared = Prepared::new(system.clone(), &request, None, (q, v))?;
         if prepared.rests() {
             return Err(AnalysisError::Argument { argument: "dt", message: CANNOT_MOVE.into() });
         }
@@ -96,7 +97,7 @@ impl<'s, S: Balance<Scratch: Send>> Stepping<'s, S> {
     /// The motion cannot start there; then it stays where it was, and `undo` has made what acts what it was there.
     pub fn begin(&mut self, t: f64, q: &[f64], v: &[f64], undo: impl FnOnce()) -> Result<(), AnalysisError> {
         let end = t + self.length;
-        let seen = Looked::at(self.system, (t, q, v), (end, self.rtol), self.length).and_then(|looked| {
+        let seen = Looked::at(self.system.clone(), (t, q, v), (end, self.rtol), self.length).and_then(|looked| {
             if looked.start.rank == self.recipe.rank {
                 return Ok(looked.singular_start);
             }
@@ -229,8 +230,8 @@ impl<'s, S: Balance<Scratch: Send>> Stepping<'s, S> {
     /// Does what the last tick left hold?
     fn holds(&self, t: f64) -> Result<(), SystemError> {
         let mut findings = Vec::new(); // which takes memory where there are some
-        self.limits.judge(self.system, &self.formulation.gaps(), "the end of the step", &mut findings);
-        self.limits.judge_checks(self.system, &self.formulation.checks(), &mut findings);
+        self.limits.judge(&*self.system, &self.formulation.gaps(), "the end of the step", &mut findings);
+        self.limits.judge_checks(&*self.system, &self.formulation.checks(), &mut findings);
         match findings.into_iter().find(|x| x.broken) {
             None => Ok(()),
             Some(found) => {
@@ -273,11 +274,11 @@ impl<'s, S: Balance<Scratch: Send>> Stepping<'s, S> {
         notes.extend(self.departed.clone());
         notes.extend(reported.notes);
         let mut findings = Vec::new();
-        self.limits.judge(self.system, &self.gaps, "the end of the step", &mut findings);
-        self.limits.judge_checks(self.system, &self.checks, &mut findings);
+        self.limits.judge(&*self.system, &self.gaps, "the end of the step", &mut findings);
+        self.limits.judge_checks(&*self.system, &self.checks, &mut findings);
         let log = SolutionLog { recipe: self.recipe.clone(), events: reported.events, outputs, limits: self.limits };
         if !here {
-            verdict::conclude(self.system, &mut self.formulation, &log, &mut outcome, &mut findings);
+            verdict::conclude(&*self.system, &mut self.formulation, &log, &mut outcome, &mut findings);
         }
         let (counters, rows, open, gaps) = (reported.counters, reported.rows, reported.open, self.gaps);
         Run { outcome, log, counters, rows, open, gaps, notes, findings }

@@ -4,7 +4,7 @@ use super::instant::Instant;
 use super::{inputs, LoopClosing, Work};
 use crate::model::Model;
 use partita_system::closing::Closing;
-use partita_system::{ConstrainedSystem, SystemError};
+use partita_system::{ConstrainedSystem, SystemError, SystemRef};
 
 /// Most combinations of branches that are looked at.
 const COMBINATIONS: usize = 4096;
@@ -37,7 +37,32 @@ pub struct Assemblies {
     pub notes: Vec<String>,
 }
 
-impl LoopClosing<'_> {
+impl<'m> LoopClosing<'m> {
+    /// See [`Model::loop_closing`].
+    pub(crate) fn of(
+        model: SystemRef<'m, Model>,
+        t: f64,
+        q: &[f64],
+        inputs: Option<&[usize]>,
+    ) -> Result<Self, SystemError> {
+        model.refuse_rates()?;
+        let nv = model.size().nv;
+        let at = Instant::new(model, t, q)?;
+        let Some(inputs) = inputs else { return inputs::choose(&at, t, q) };
+        let mut sorted = inputs.to_vec();
+        sorted.sort_unstable();
+        sorted.dedup();
+        if sorted.len() != inputs.len() || sorted.iter().any(|&i| i >= nv) {
+            return Err(SystemError::argument(
+                "inputs",
+                format!("the inputs {inputs:?} must be different numbers of velocities below {nv}"),
+            ));
+        }
+        let mut plan = Self::new(&at, q, &sorted)?;
+        plan.close(t, &mut q.to_vec())?;
+        Ok(plan)
+    }
+
     /// Do all steps have a closed form?
     pub fn is_explicit(&self) -> bool {
         !self.steps.iter().any(|s| matches!(s.work, Work::Implicit(_)))
@@ -65,22 +90,7 @@ impl Model {
     /// Inputs: as many velocities as degrees of freedom, or `None` for those that order the most loops and stand best.
     /// Fails for absolute coordinates, open positions and inputs that do not determine the others here.
     pub fn loop_closing(&self, t: f64, q: &[f64], inputs: Option<&[usize]>) -> Result<LoopClosing<'_>, SystemError> {
-        self.refuse_rates()?;
-        let at = Instant::new(self, t, q)?;
-        let Some(inputs) = inputs else { return inputs::choose(&at, t, q) };
-        let mut sorted = inputs.to_vec();
-        sorted.sort_unstable();
-        sorted.dedup();
-        let nv = self.size().nv;
-        if sorted.len() != inputs.len() || sorted.iter().any(|&i| i >= nv) {
-            return Err(SystemError::argument(
-                "inputs",
-                format!("the inputs {inputs:?} must be different numbers of velocities below {nv}"),
-            ));
-        }
-        let mut plan = LoopClosing::new(&at, q, &sorted)?;
-        plan.close(t, &mut q.to_vec())?;
-        Ok(plan)
+        LoopClosing::of(self.into(), t, q, inputs)
     }
 
     /// Conditions on rates alone leave the positions open.

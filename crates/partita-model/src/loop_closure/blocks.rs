@@ -36,7 +36,7 @@ impl LoopClosing<'_> {
     pub(super) fn that_follow(&self, at: &Instant, missing: &[usize], rows: &[usize], unknown: &[usize]) -> Vec<usize> {
         let all: Vec<usize> = missing.iter().flat_map(|&e| self.graph.edges[e].velocities()).collect();
         let later = |v: &usize| all.contains(v) && !unknown.contains(v) && self.inputs.binary_search(v).is_err();
-        let columns = |r: usize| at.pattern.row(r).map(|e| at.pattern.col_idx[e]);
+        let columns = |r: usize| at.pattern().row(r).map(|e| at.pattern().col_idx[e]);
         let others = (0..self.model.size().holonomic).filter(|&r| {
             !rows.contains(&r) && columns(r).any(|v| unknown.contains(&v)) && !columns(r).any(|v| later(&v))
         });

@@ -101,7 +101,7 @@ impl LoopClosing<'_> {
                 return Ok(());
             }
             Work::Law(law) => {
-                let x = law.value(self.model, q)?;
+                let x = law.value(&self.model, q)?;
                 if !x.is_finite() {
                     return Err(SystemError::NotFinite { what: self.steps[i].words.clone(), t });
                 }
@@ -110,7 +110,7 @@ impl LoopClosing<'_> {
             }
             Work::Implicit(block) => {
                 let mut field = Field {
-                    model: self.model,
+                    model: &self.model,
                     scratch: &mut self.scratch,
                     phi: &mut self.phi,
                     c: &mut self.c,

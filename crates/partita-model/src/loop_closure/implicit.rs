@@ -86,8 +86,8 @@ impl Implicit {
         let mut places = Vec::new();
         let closed = [&rows[..], others].concat();
         for (i, &r) in closed.iter().enumerate() {
-            for e in at.pattern.row(r) {
-                if let Some(j) = unknown.iter().position(|&u| u == at.pattern.col_idx[e]) {
+            for e in at.pattern().row(r) {
+                if let Some(j) = unknown.iter().position(|&u| u == at.pattern().col_idx[e]) {
                     places.push((i, j, e));
                 }
             }
@@ -98,7 +98,7 @@ impl Implicit {
             return block; // least squares exchange no rows
         }
         let (mut jacobian, mut exchanges) = (vec![0.0; n * n], vec![0; n]);
-        block.jacobian(at.model, &at.c, &mut jacobian);
+        block.jacobian(&at.model, &at.c, &mut jacobian);
         if lu(&mut jacobian, n, &mut exchanges).is_ok() {
             block.exchanges = exchanges;
         }

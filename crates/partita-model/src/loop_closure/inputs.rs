@@ -83,7 +83,7 @@ fn implicit_count(model: &Model, graph: &Graph, laws: &[TreeLaw], inputs: &[usiz
 /// The choice of the projective criterion, then exchanges as long as they leave less to implicit blocks: for mechanisms
 /// with too many sets to look at them all.
 fn by_exchange(at: &Instant, t: f64, q: &[f64], k: usize, graph: &Graph, mut budget: usize) -> Option<Vec<usize>> {
-    let model = at.model;
+    let model = &*at.model;
     let mut r = Reduction::dense(model, model.size().nv - k);
     start::choose_partition(&mut r, t, q, None, None).ok()?;
     let laws = TreeLaw::all(model, graph);
@@ -122,7 +122,7 @@ fn by_exchange(at: &Instant, t: f64, q: &[f64], k: usize, graph: &Graph, mut bud
 /// Plan with the inputs that leave the least to implicit blocks and, among those, stand best: the largest product of
 /// the pivots.
 pub(super) fn choose<'m>(at: &Instant<'m>, t: f64, q: &[f64]) -> Result<LoopClosing<'m>, SystemError> {
-    let model = at.model;
+    let model = &*at.model;
     let graph = Graph::new(model);
     let laws = TreeLaw::all(model, &graph);
     let k = at.mobility();

@@ -7,7 +7,7 @@ use partita_math::dense::dot;
 use partita_math::elimination::Pattern;
 use partita_math::rank::independent_rows;
 use partita_system::start::REDUNDANT;
-use partita_system::{ConstrainedSystem, SystemError};
+use partita_system::{ConstrainedSystem, SystemError, SystemRef};
 
 /// Closing residual (in characteristic displacements) up to which an explicit closing can be planned at a position: far
 /// below the angles by which branches differ, far above what an assembly leaves.
@@ -20,14 +20,13 @@ const EXACT: f64 = 1e-10;
 
 /// C at a position.
 pub(super) struct Instant<'m> {
-    pub model: &'m Model,
-    pub pattern: &'m Pattern,
+    pub model: SystemRef<'m, Model>,
     pub c: Vec<f64>,
 }
 
 impl<'m> Instant<'m> {
     /// Fails where the position is not closed.
-    pub fn new(model: &'m Model, t: f64, q: &[f64]) -> Result<Self, SystemError> {
+    pub fn new(model: SystemRef<'m, Model>, t: f64, q: &[f64]) -> Result<Self, SystemError> {
         if model.coordinates() == Coordinates::Absolute {
             return Err(SystemError::argument(
                 "coordinates",
@@ -57,7 +56,11 @@ impl<'m> Instant<'m> {
                 return Err(SystemError::argument("q", message));
             }
         }
-        Ok(Self { model, pattern: model.pattern(), c })
+        Ok(Self { model, c })
+    }
+
+    pub fn pattern(&self) -> &Pattern {
+        self.model.pattern()
     }
 
     /// Independent rows of the columns that `within` names; rows that are nearly nothing there do not count.
@@ -68,14 +71,15 @@ impl<'m> Instant<'m> {
             .map(|(v, &w)| if w { self.model.characteristic_displacement(v) } else { 0.0 })
             .collect();
         let mut c = self.c.clone();
-        for i in 0..self.pattern.rows {
+        for i in 0..self.pattern().rows {
             let size = self.model.row_displacement(i).unwrap_or(1.0);
-            let sum: f64 = self.pattern.row(i).map(|e| (c[e] * scale[self.pattern.col_idx[e]] / size).powi(2)).sum();
+            let sum: f64 =
+                self.pattern().row(i).map(|e| (c[e] * scale[self.pattern().col_idx[e]] / size).powi(2)).sum();
             if sum < REDUNDANT {
-                self.pattern.row(i).for_each(|e| c[e] = 0.0);
+                self.pattern().row(i).for_each(|e| c[e] = 0.0);
             }
         }
-        let mut rows = independent_rows(self.pattern, &c, &scale, REDUNDANT).kept;
+        let mut rows = independent_rows(self.pattern(), &c, &scale, REDUNDANT).kept;
         rows.sort_unstable();
         rows
     }
@@ -86,8 +90,8 @@ impl<'m> Instant<'m> {
         let natural = |r: usize| {
             let mut row = vec![0.0; n];
             let size = self.model.row_displacement(r).unwrap_or(1.0);
-            for e in self.pattern.row(r) {
-                let v = self.pattern.col_idx[e];
+            for e in self.pattern().row(r) {
+                let v = self.pattern().col_idx[e];
                 row[v] = self.c[e] * self.model.characteristic_displacement(v) / size;
             }
             row
@@ -128,7 +132,7 @@ impl<'m> Instant<'m> {
         let columns: Vec<Vec<usize>> = rows
             .iter()
             .map(|&r| {
-                let all = self.pattern.row(r).map(|e| place[self.pattern.col_idx[e]]);
+                let all = self.pattern().row(r).map(|e| place[self.pattern().col_idx[e]]);
                 all.filter(|&p| p != usize::MAX).collect()
             })
             .collect();

@@ -45,6 +45,7 @@ use graph::Graph;
 use implicit::Implicit;
 use laws::SolvedLaw;
 use partita_system::closing::{Block, BlockState};
+use partita_system::SystemRef;
 use planar::PlanarJoint;
 use polygon::Polygon;
 
@@ -83,7 +84,7 @@ struct Step {
 
 /// Loops closed by inverse kinematics, for one choice of inputs and one branch: see [`Model::loop_closing`].
 pub struct LoopClosing<'m> {
-    model: &'m Model,
+    model: SystemRef<'m, Model>,
     graph: Graph,
     steps: Vec<Step>,
     inputs: Vec<usize>,

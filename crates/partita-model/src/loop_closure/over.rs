@@ -96,7 +96,7 @@ impl LoopClosing<'_> {
                     continue;
                 }
                 Work::Implicit(block) => {
-                    fit = fit.or(block.solve_straight((self.model, e), t, q, straight)?);
+                    fit = fit.or(block.solve_straight((&*self.model, e), t, q, straight)?);
                     step.edges.iter().for_each(|&i| pose.read(&self.graph, i, q));
                     continue;
                 }

@@ -13,7 +13,7 @@ use crate::evaluator::DriveRow;
 use crate::joint;
 use crate::model::Model;
 use partita_math::spatial::{Mat3, Quaternion};
-use partita_system::{ConstrainedSystem, SystemError};
+use partita_system::{ConstrainedSystem, SystemError, SystemRef};
 use std::f64::consts::TAU;
 
 /// How far (in radians and sizes) the closed forms may be from the position they are planned at. That position is
@@ -57,7 +57,7 @@ impl Task {
 impl<'m> LoopClosing<'m> {
     /// Plan for these inputs (ascending) on the branch of the closed position q.
     pub(super) fn new(at: &Instant<'m>, q: &[f64], inputs: &[usize]) -> Result<Self, SystemError> {
-        let model = at.model;
+        let model = &*at.model;
         let size = model.size();
         let names = || inputs.iter().map(|&i| model.velocity_name(i)).collect::<Vec<_>>().join(", ");
         let driven = |d: &&DriveRow| d.velocity().is_some_and(|v| inputs.binary_search(&v).is_ok());
@@ -84,7 +84,7 @@ impl<'m> LoopClosing<'m> {
                 },
             ));
         }
-        let mut closing = Self::empty(model, inputs, q);
+        let mut closing = Self::empty(at.model.clone(), inputs, q);
         let task = Task::new(model, &closing.graph, inputs);
         let found = match closing.plan_steps(at, &task, true)? {
             true => true,
@@ -109,11 +109,10 @@ impl<'m> LoopClosing<'m> {
         Ok(closing)
     }
 
-    fn empty(model: &'m Model, inputs: &[usize], q: &[f64]) -> Self {
-        let graph = Graph::new(model);
+    fn empty(model: SystemRef<'m, Model>, inputs: &[usize], q: &[f64]) -> Self {
+        let graph = Graph::new(&model);
         let size = model.size();
         let mut closing = Self {
-            model,
             steps: Vec::new(),
             inputs: inputs.to_vec(),
             blocks: Vec::new(),
@@ -132,6 +131,7 @@ impl<'m> LoopClosing<'m> {
             newton: Room::default(),
             iterations: 0,
             graph,
+            model,
         };
         closing.read(q);
         closing.read_cuts(q);
@@ -140,7 +140,7 @@ impl<'m> LoopClosing<'m> {
 
     /// Coordinates of the cut joints, from the poses.
     fn read_cuts(&mut self, q: &[f64]) {
-        let model = self.model;
+        let model = self.model.clone();
         model.look(q, &self.dv, &mut self.scratch);
         let state_of = |j: usize| model.joint_state(j, q, &self.dv, &self.scratch).position;
         let mut last: Option<(usize, Vec<f64>)> = None;
@@ -174,14 +174,14 @@ impl<'m> LoopClosing<'m> {
 
     /// Fills the steps; `false` if a closed form fails to give q back, or no order is found.
     fn plan_steps(&mut self, at: &Instant, task: &Task, closed_forms: bool) -> Result<bool, SystemError> {
-        let model = self.model;
+        let model = self.model.clone();
         self.steps.clear();
         for &(d, edge) in &task.drives {
             let words = format!("drive \"{}\"", model.drives[d].name);
             self.push(Work::Drive(d, edge), words, vec![edge], 0);
         }
         let graph = self.graph.clone();
-        let laws = TreeLaw::all(model, &graph);
+        let laws = TreeLaw::all(&model, &graph);
         let mut order = Order::new(&graph, &laws, model.is_planar(), &task.given, &task.ball_inputs);
         loop {
             if closed_forms {
@@ -216,7 +216,7 @@ impl<'m> LoopClosing<'m> {
     }
 
     fn push_law(&mut self, law: SolvedLaw) {
-        let (words, edge, pivot) = (law.words(self.model), law.edge, law.pivot);
+        let (words, edge, pivot) = (law.words(&self.model), law.edge, law.pivot);
         self.push(Work::Law(law), words, vec![edge], 0);
         if let Some(step) = self.steps.last_mut() {
             step.pivots[0] = pivot;

@@ -5,6 +5,7 @@ use crate::clusters::{Plan, Preference, Route, Tangents};
 use crate::coupling::Condition;
 use crate::evaluator::{with_engine, Engine};
 use crate::joint::{Motion, Own};
+use crate::loop_closure::LoopClosing;
 use crate::rows::Owner;
 use crate::spec::Coupling;
 use crate::tree::LinkMotion;
@@ -16,7 +17,7 @@ use partita_system::breakpoints::{Breakpoints, Reading};
 use partita_system::closing::Closing;
 use partita_system::clusters::Clusters;
 use partita_system::system::{project_dense, BlockSink, ClusterTangent, Recursion, Tangent};
-use partita_system::{ConstrainedSystem, Finite, Size, SystemError};
+use partita_system::{ConstrainedSystem, Finite, Size, SystemError, SystemRef};
 
 /// Up to so many degrees of freedom one small M_d costs less than any recursion, and existing bases share its way.
 const FEW_FREEDOMS: usize = 6;
@@ -63,8 +64,8 @@ impl ConstrainedSystem for Model {
     }
     fn scratch(&self) -> ModelScratch {
         let spare = self.spare.all().pop();
-        let (own, dense) = spare.unwrap_or_else(|| (self.own.scratch(), Dense::default()));
-        ModelScratch { own, dense, recursion: Plan::default(), spare: self.spare.clone() }
+        let (own, dense) = spare.unwrap_or_else(|| (Box::new(self.own.scratch()), Dense::default()));
+        ModelScratch { own: Some(own), dense, recursion: Plan::default(), spare: self.spare.clone() }
     }
     fn velocity_name(&self, i: usize) -> String {
         self.placed.velocity_names[i].clone()
@@ -422,13 +423,16 @@ impl ConstrainedSystem for Model {
     fn coordinates_of(&self, i: usize) -> std::ops::Range<usize> {
         self.coordinates_of[i].clone()
     }
-    fn closing(
-        &self,
+    fn closing<'s>(
+        system: SystemRef<'s, Self>,
         t: f64,
         q: &[f64],
         inputs: Option<&[usize]>,
-    ) -> Result<Box<dyn Closing + Send + '_>, SystemError> {
-        Ok(Box::new(self.loop_closing(t, q, inputs)?))
+    ) -> Result<Box<dyn Closing + Send + 's>, SystemError>
+    where
+        Self: 's,
+    {
+        Ok(Box::new(LoopClosing::of(system, t, q, inputs)?))
     }
 
     fn velocity_of_coordinate(&self, i: usize) -> Option<usize> {

@@ -3,12 +3,12 @@
 use super::{Equations, UserSystem};
 use crate::closing::{Block, BlockState, Closing};
 use crate::reduction::Reduction;
-use crate::system::SystemError;
+use crate::system::{SystemError, SystemRef};
 use partita_math::dense;
 
 /// The user's closing function as one explicit block.
 pub(super) struct UserClosing<'e, E: Equations> {
-    user_system: &'e UserSystem<E>,
+    user_system: SystemRef<'e, UserSystem<E>>,
     inputs: Vec<usize>,
     blocks: [Block; 1],
     state: [BlockState; 1],
@@ -20,12 +20,13 @@ pub(super) struct UserClosing<'e, E: Equations> {
 impl<'e, E: Equations> UserClosing<'e, E> {
     /// Check the function's coordinates against the rank of C and choose the rows that determine them, by pivoting.
     pub(super) fn new(
-        user_system: &'e UserSystem<E>,
+        user_system: SystemRef<'e, UserSystem<E>>,
         t: f64,
         q: &[f64],
         inputs: Option<&[usize]>,
     ) -> Result<Self, SystemError> {
-        let e = &user_system.equations;
+        let owner = user_system.clone();
+        let e = &owner.equations;
         let refuse = |message: String| Err(SystemError::argument("closing", message));
         let Some(closed) = e.closes() else {
             return refuse(
@@ -54,7 +55,7 @@ impl<'e, E: Equations> UserClosing<'e, E> {
                 words(inputs.unwrap_or_default())
             ));
         }
-        let mut r = Reduction::new(user_system, unknown.len());
+        let mut r = Reduction::new(&*user_system, unknown.len());
         r.position(t, q)?;
         r.refresh_scales(t, q)?;
         if r.set_partition(t, &own).is_err() {

@@ -24,12 +24,12 @@ use crate::positions::{needs_positions, Positions};
 use crate::record::{Gaps, History, Output, PartitionEvent, Sample, StepChecks};
 use crate::reduction::{Reduction, SINGULAR_PIVOT};
 use crate::singular::consistency::Watch;
-use crate::system::{ConstrainedSystem, SystemError};
+use crate::system::{ConstrainedSystem, SystemError, SystemRef};
 use crate::tangent::all::Everything;
 use crate::tangent::basis::{Basis, Rule};
 use crate::tangent::blocks::Blocks;
 use crate::tangent::frozen::Frozen;
-use crate::tangent::instant::Describer;
+use crate::tangent::instant::{self, Describer};
 use crate::tangent::partition::Chosen;
 use crate::tangent::user::Given;
 use crate::tangent::{Occasion, Tangent};
@@ -39,7 +39,7 @@ use crossing::CrossingMonitor;
 /// A motion in the tangent T with the position coordinates P.
 pub struct Motion<'s, S: ConstrainedSystem + 's, T, P> {
     name: &'static str,
-    system: &'s S,
+    system: SystemRef<'s, S>,
     k: usize,
     tangent: T,
     positions: P,
@@ -78,80 +78,95 @@ pub type FullState<'s, S, R> = Motion<'s, S, Everything<'s, S, R>, All>;
 
 impl<'s, S: ConstrainedSystem> Projective<'s, S> {
     /// For a system of the given rank (see [`crate::start::analyse`]).
-    pub fn new(system: &'s S, rank: usize, options: &FormulationOptions) -> Self {
+    pub fn new(system: impl Into<SystemRef<'s, S>>, rank: usize, options: &FormulationOptions) -> Self {
+        let system = system.into();
         let name = if options.exchange.is_finite() { "projective" } else { "fixed" };
         let positions = All::new(system.size(), options.correction);
-        Self::with(name, system, Chosen::new(system, rank, options), positions)
+        Self::with(name, Chosen::new(system, rank, options), positions)
     }
 }
 
 impl<'s, S: ConstrainedSystem> WehageHaug<'s, S> {
     /// For a system of the given rank. There must be no nonholonomic rows. There is nothing left to correct.
-    pub fn new(system: &'s S, rank: usize, options: &FormulationOptions) -> Result<Self> {
-        needs_positions(system, "wehage-haug", "integrates as many coordinates as velocities")?;
-        let positions = Independent::new(system, rank, Newton::default());
-        Ok(Self::with("wehage-haug", system, Chosen::new(system, rank, options), positions))
+    pub fn new(system: impl Into<SystemRef<'s, S>>, rank: usize, options: &FormulationOptions) -> Result<Self> {
+        let system = system.into();
+        needs_positions(&*system, "wehage-haug", "integrates as many coordinates as velocities")?;
+        let positions = Independent::new(&*system, rank, Newton::default());
+        Ok(Self::with("wehage-haug", Chosen::new(system, rank, options), positions))
     }
 }
 
 impl<'s, S: ConstrainedSystem> ExplicitClosing<'s, S> {
     /// For a system of the given rank. There must be no nonholonomic rows.
-    pub fn new(system: &'s S, rank: usize, options: &FormulationOptions) -> Result<Self> {
-        needs_positions(system, "explicit-closing", "computes dependent coordinates from independent ones")?;
-        let positions = Independent::new(system, rank, InverseKinematics::default());
-        Ok(Self::with("explicit-closing", system, Blocks::new(system, rank, options)?, positions))
+    pub fn new(system: impl Into<SystemRef<'s, S>>, rank: usize, options: &FormulationOptions) -> Result<Self> {
+        let system = system.into();
+        needs_positions(&*system, "explicit-closing", "computes dependent coordinates from independent ones")?;
+        let positions = Independent::new(&*system, rank, InverseKinematics::default());
+        Ok(Self::with("explicit-closing", Blocks::new(system, rank, options)?, positions))
     }
 }
 
 impl<'s, S: ConstrainedSystem> TangentVelocities<'s, S> {
     /// For a system of the given rank, with S from a rule.
-    pub fn new(system: &'s S, rank: usize, basis: Box<dyn Basis>, options: &FormulationOptions) -> Self {
+    pub fn new(
+        system: impl Into<SystemRef<'s, S>>,
+        rank: usize,
+        basis: Box<dyn Basis>,
+        options: &FormulationOptions,
+    ) -> Self {
+        let system = system.into();
         let (name, positions) = (basis.name(), All::new(system.size(), options.correction));
-        Self::with(name, system, Frozen::new(system, rank, basis, options.renew), positions)
+        Self::with(name, Frozen::new(system, rank, basis, options.renew), positions)
     }
 }
 
 impl<'s, S: ConstrainedSystem> TangentSpace<'s, S> {
     /// For a system of the given rank without nonholonomic rows.
-    pub fn new(system: &'s S, rank: usize, options: &FormulationOptions) -> Result<Self> {
-        needs_positions(system, "tangent-space", "parametrises closed positions")?;
-        let tangent = Frozen::new(system, rank, Box::new(Rule::GramSchmidt), options.renew);
-        Ok(Self::with("tangent-space", system, tangent, Chart::new(system, rank, options.renew)?))
+    pub fn new(system: impl Into<SystemRef<'s, S>>, rank: usize, options: &FormulationOptions) -> Result<Self> {
+        let system = system.into();
+        needs_positions(&*system, "tangent-space", "parametrises closed positions")?;
+        let positions = Chart::new(&*system, rank, options.renew)?;
+        Ok(Self::with(
+            "tangent-space",
+            Frozen::new(system, rank, Box::new(Rule::GramSchmidt), options.renew),
+            positions,
+        ))
     }
 }
 
 impl<'s, S: ConstrainedSystem> UserTangent<'s, S> {
     /// For a system of the given rank; needs the user's tangent velocities in the options. Their functions may count
     /// whole turns.
-    pub fn new(system: &'s S, rank: usize, options: &FormulationOptions) -> Result<Self> {
+    pub fn new(system: impl Into<SystemRef<'s, S>>, rank: usize, options: &FormulationOptions) -> Result<Self> {
+        let system = system.into();
         let Some(map) = &options.tangent else {
             let message =
                 "user-tangent needs tangent velocities: hand over tangent=, the matrix D^T as a function of (t, q)";
             return Err(SystemError::argument("tangent", message.into()));
         };
         let positions = All::new(system.size(), options.correction).whole_turns();
-        Ok(Self::with("user-tangent", system, Given::new(system, rank, map.clone()), positions))
+        Ok(Self::with("user-tangent", Given::new(system, rank, map.clone()), positions))
     }
 }
 
 impl<'s, S: ConstrainedSystem, R: AccelerationRule> FullState<'s, S, R> {
     /// For a system of the given rank, with v' and λ from a rule.
-    pub fn new(system: &'s S, rank: usize, rule: R, options: &FormulationOptions) -> Self {
+    pub fn new(system: impl Into<SystemRef<'s, S>>, rank: usize, rule: R, options: &FormulationOptions) -> Self {
         let name = rule.name();
         let tangent = Everything::new(system, rank, rule, options);
-        let positions = All::new(system.size(), tangent.correction);
-        Self::with(name, system, tangent, positions)
+        let positions = All::new(tangent.seen().size(), tangent.correction);
+        Self::with(name, tangent, positions)
     }
 }
 
 impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> Motion<'s, S, T, P> {
-    fn with(name: &'static str, system: &'s S, tangent: T, positions: P) -> Self {
-        let (n, r) = (system.size().nv, tangent.seen());
+    fn with(name: &'static str, tangent: T, positions: P) -> Self {
+        let r = tangent.seen();
+        let (system, n) = (r.system.clone(), r.size().nv);
         Self {
             name,
-            system,
             k: tangent.count(),
-            describer: Describer::new(system, r.rank(), r.is_dense()),
+            describer: Describer::new(system.clone(), r.rank(), r.is_dense()),
             tangent,
             positions,
             observes_work: system.has_power() || system.rheonomic(),
@@ -163,6 +178,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             checks: Checks::default(),
             v: vec![0.0; n],
             vdot: vec![0.0; n],
+            system,
         }
     }
 
@@ -281,6 +297,12 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         Ok(rewritten)
     }
 
+    /// Do the levels in use belong to the choice of `within`, with rows that no position would change?
+    fn has_levels_of(&self, within: Option<&PartitionEvent>) -> bool {
+        let r = self.tangent.seen();
+        r.plans > 0 && r.rank() == r.size().rows && self.tangent.independent(within) == Some(&r.partition.independent)
+    }
+
     /// A new choice at the point last evaluated; (q, v, v') stay the same. True if y and y' were rewritten.
     fn choose_anew(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], why: Occasion) -> Result<bool> {
         let (p, w) = self.places();
@@ -313,7 +335,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         out.fill(1.0);
         let (p, w) = self.places();
         let mut of_q = vec![1.0; self.system.size().nq];
-        super::sizes_of_coordinates(self.system, &mut of_q);
+        super::sizes_of_coordinates(&*self.system, &mut of_q);
         self.positions.sizes(&of_q, &mut out[..p]);
         if self.observes_work {
             out[w] = self.tangent.seen().natural_energy();
@@ -413,6 +435,12 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
     }
 
     fn describe(&mut self, at: &Output, within: Option<&PartitionEvent>, out: &mut Sample) -> Result<()> {
+        if self.has_levels_of(within) {
+            // an evaluation like any other: nothing is chosen anew
+            self.moved = true;
+            let choice = self.tangent.seen().partition.independent.clone();
+            return instant::describe(self.tangent.reduction(), at, Some(&choice), out).map(drop);
+        }
         let r = self.describer.describe(at, self.tangent.independent(within), out)?;
         self.tangent.describe(r, within, out)
     }

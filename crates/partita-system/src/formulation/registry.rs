@@ -9,7 +9,7 @@ use crate::equations::full::saddle::Saddle;
 use crate::equations::full::sparse::Sparse;
 use crate::error::Result;
 use crate::options::FormulationOptions;
-use crate::system::{ConstrainedSystem, SystemError};
+use crate::system::{ConstrainedSystem, SystemError, SystemRef};
 use crate::tangent::basis::Rule;
 
 /// Names, the default first.
@@ -36,15 +36,16 @@ pub const NAMES: &[&str] = &[
 ///
 /// # Errors
 /// `Argument` for a name that is not one of [`NAMES`], and for options that make no sense or that the formulation misses.
-pub fn by_name<'s, S: ConstrainedSystem<Scratch: Send>>(
+pub fn by_name<'s, S: ConstrainedSystem<Scratch: Send> + 's>(
     name: &str,
-    system: &'s S,
+    system: impl Into<SystemRef<'s, S>>,
     rank: usize,
     options: &FormulationOptions,
 ) -> Result<Box<dyn Formulation + Send + 's>> {
+    let system = system.into();
     let (o, size) = (options, system.size());
     o.check(size.nv)?;
-    let frozen = |rule| Box::new(TangentVelocities::new(system, rank, Box::new(rule), o));
+    let frozen = |rule| Box::new(TangentVelocities::new(system.clone(), rank, Box::new(rule), o));
     Ok(match name {
         "projective" => Box::new(Projective::new(system, rank, o)),
         "fixed" => {

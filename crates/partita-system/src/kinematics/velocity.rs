@@ -78,7 +78,7 @@ pub fn pushed_with_rates<S: ConstrainedSystem>(
     let zero = vec![0.0; k];
     r.spread(&zero);
     let gamma = r.v.clone(); // [0; η]
-    let (system, met) = (r.system, met(r));
+    let (system, met) = (r.system.clone(), met(r));
     let failed = |got: &[f64]| {
         let words: Vec<String> = rates
             .iter()
@@ -101,7 +101,7 @@ pub fn pushed_with_rates<S: ConstrainedSystem>(
     if r.by_clusters() {
         let (v, got) = r.least_energy(momentum, rates)?;
         let off = rates.iter().zip(&got).any(|(&(_, w), g)| (w - g).abs() > met * (1.0 + w.abs()));
-        return if off { Err(failed(&got)) } else { unlocked(r.system, t, rates, fastest, v) };
+        return if off { Err(failed(&got)) } else { unlocked(&*r.system, t, rates, fastest, v) };
     }
     r.system.velocity(t, q, &gamma, &mut r.scratch, &mut r.b)?;
     let n = gamma.len();
@@ -160,7 +160,7 @@ pub fn pushed_with_rates<S: ConstrainedSystem>(
     }
     dense::cholesky_backward(&md, k, &mut y);
     r.spread(&y);
-    unlocked(r.system, t, rates, fastest, r.v.clone())
+    unlocked(&*r.system, t, rates, fastest, r.v.clone())
 }
 
 /// M v.

@@ -71,9 +71,9 @@ pub fn orthogonal_step<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &[
     r.system.velocity(t, q, &zero, &mut r.scratch, &mut r.b)?;
     let (mut mass, mut h) = (vec![0.0; n * n], vec![0.0; n]);
     r.system.dynamics(t, q, &zero, &mut r.scratch, &mut mass, &mut h)?;
-    let c = dense_rows(r.system, &r.c, &rows);
+    let c = dense_rows(&*r.system, &r.c, &rows);
     r.system.add_metric(&mut r.scratch, &mut mass);
-    let p = MassProjection::new(r.system, t, &mass, &c)?;
+    let p = MassProjection::new(&*r.system, t, &mass, &c)?;
     let x: Vec<f64> = rows.iter().map(|&i| r.phi[i]).collect();
     Ok(p.correction(&x))
 }

@@ -24,8 +24,8 @@ pub struct All {
 }
 
 /// All of q moved by the corrections of a tangent.
-struct Corrected<'a, 's, S, T> {
-    system: &'s S,
+struct Corrected<'a, S, T> {
+    system: &'a S,
     tangent: &'a mut T,
     t: f64,
     rule: Correction,
@@ -33,7 +33,7 @@ struct Corrected<'a, 's, S, T> {
     open: Open,
 }
 
-impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> Linearization for Corrected<'_, 's, S, T> {
+impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> Linearization for Corrected<'_, S, T> {
     fn evaluate(&mut self, q: &[f64]) -> Result<()> {
         self.tangent.reduction().position(self.t, q)?;
         self.open = Open::of(self.tangent.seen().closure_error_of_rows());
@@ -81,8 +81,8 @@ impl All {
         t: f64,
         rule: Correction,
     ) -> Result<()> {
-        let (system, dv) = (tangent.seen().system, &mut self.dv[..]);
-        let mut rows = Corrected { system, tangent, t, rule, dv, open: Open::default() };
+        let (system, dv) = (tangent.seen().system.clone(), &mut self.dv[..]);
+        let mut rows = Corrected { system: &*system, tangent, t, rule, dv, open: Open::default() };
         match close(&mut rows, &mut self.q, &TO_ROUND_OFF, &mut self.room) {
             Ok(_) => Ok(()),
             // what cannot be removed here, next to a singular position, stays
@@ -151,7 +151,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> Positions<'s, S, T> for A
         Ok(false)
     }
     fn wrap(&mut self, tangent: &T, y: &mut [f64], turns: &mut [i32]) -> bool {
-        self.wraps && turns::reduce(tangent.seen().system, &mut y[..self.q.len()], turns)
+        self.wraps && turns::reduce(&*tangent.seen().system, &mut y[..self.q.len()], turns)
     }
     fn report(&self, history: &mut History) {
         history.counters.corrections += self.corrections;

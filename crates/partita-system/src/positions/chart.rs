@@ -271,7 +271,7 @@ impl<'s, S: ConstrainedSystem> Positions<'s, S, Frozen<'s, S>> for Chart {
         x.seen().system.step(&mut q, &self.accepted);
         for (i, q) in q.into_iter().enumerate() {
             let mut angle = q;
-            if turns::reduce_one(x.seen().system, i, &mut angle, &mut turns[i]) {
+            if turns::reduce_one(&*x.seen().system, i, &mut angle, &mut turns[i]) {
                 self.base[i] += angle - q;
             }
         }

@@ -110,8 +110,8 @@ impl<K> Independent<K> {
     }
 
     fn choose<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>>(&mut self, tangent: &T) {
-        let system = tangent.seen().system;
-        self.core.states.choose(system, tangent.independent(None).unwrap_or(&[]));
+        let system = tangent.seen().system.clone();
+        self.core.states.choose(&*system, tangent.independent(None).unwrap_or(&[]));
     }
 }
 
@@ -211,7 +211,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, K: Dependent<'s, S, T>> P
         self.core.continuity.is_broken().then(|| self.by.undecided(&self.core, tangent, t))
     }
     fn wrap(&mut self, tangent: &T, y: &mut [f64], turns: &mut [i32]) -> bool {
-        let wrapped = turns::reduce(tangent.seen().system, &mut self.core.home, turns);
+        let wrapped = turns::reduce(&*tangent.seen().system, &mut self.core.home, turns);
         if wrapped {
             self.core.q.copy_from_slice(&self.core.home);
             self.core.states.gather(&self.core.home, y);

@@ -71,7 +71,7 @@ impl<'s, S: ConstrainedSystem> Dependent<'s, S, Blocks<'s, S>> for InverseKinema
         }
         let iterated = tangent.closing()?.iterations();
         let closed = if follow {
-            core.predict(tangent.seen().system, t, y, at);
+            core.predict(&*tangent.seen().system, t, y, at);
             let followed = tangent.closing()?.follow(t, &mut core.q);
             followed.and_then(|doubt| match doubt <= MOST_DOUBT || at == Point::Inside {
                 true => Ok(()),
@@ -79,7 +79,7 @@ impl<'s, S: ConstrainedSystem> Dependent<'s, S, Blocks<'s, S>> for InverseKinema
             })
         } else {
             // whole turns are those of where the velocities lead: the point solved for last may be a long step away
-            core.predict(tangent.seen().system, t, y, at);
+            core.predict(&*tangent.seen().system, t, y, at);
             let closed = tangent.closing()?.close(t, &mut core.q);
             if closed.is_err() {
                 // blocks that iterate may have been led too far: once more from the end of the last step

@@ -82,7 +82,7 @@ impl Newton {
 fn undecided<S: ConstrainedSystem>(core: &Core, tangent: &Chosen<S>, t: f64) -> SystemError {
     let seen = "they cannot tell on which of two branches the others go on".to_string();
     let r = tangent.seen();
-    dead_point(r.system, r.rank(), t, &core.q, &r.partition.independent, seen)
+    dead_point(&*r.system, r.rank(), t, &core.q, &r.partition.independent, seen)
 }
 
 impl<'s, S: ConstrainedSystem> Dependent<'s, S, Chosen<'s, S>> for Newton {
@@ -90,7 +90,7 @@ impl<'s, S: ConstrainedSystem> Dependent<'s, S, Chosen<'s, S>> for Newton {
 
     fn solve(&mut self, core: &mut Core, tangent: &mut Chosen<'s, S>, t: f64, y: &[f64], at: Point) -> Result<()> {
         // where the velocities lead is nearest, and where solutions cross it tells the right one
-        core.predict(tangent.reduction().system, t, y, at);
+        core.predict(&*tangent.reduction().system, t, y, at);
         let near = core.continuity.is_near();
         let before = self.iterations;
         let found = self.find(core, tangent, (t, y), at, near);

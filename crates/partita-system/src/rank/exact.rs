@@ -81,7 +81,7 @@ pub(crate) fn ranked<S: ConstrainedSystem>(
     least: f64,
     preference: (f64, &dyn Fn(usize) -> bool),
 ) -> RowRank {
-    let system = r.system;
+    let system = r.system.clone();
     let displacement: Vec<f64> = (0..system.size().nv).map(|i| system.characteristic_displacement(i)).collect();
     let sizes: Vec<f64> = (0..system.size().rows).map(|i| r.row_size(i)).collect();
     weighed_rows(system.pattern(), &r.c, (&displacement, &sizes), least, preference)
@@ -137,7 +137,7 @@ fn moved<S: ConstrainedSystem>(
     direction: (usize, usize),
     sign: f64,
 ) -> Result<bool, SystemError> {
-    let system = r.system;
+    let system = r.system.clone();
     let mut there = home.to_vec();
     r.position(t, &there)?;
     if r.tangent(t).is_err() {

@@ -121,7 +121,8 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     }
 
     fn adopt(&mut self, plan: Plan, independent: &[usize]) {
-        let pattern = self.system.pattern();
+        let system = self.system.clone();
+        let pattern = system.pattern();
         // rows in use are those not left out, once there are any
         let now = &mut self.partition;
         let new_rows = now.rows.len() != self.rank || plan.pivot_rows().iter().any(|&i| self.left_out[i]);

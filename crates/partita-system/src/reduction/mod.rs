@@ -16,7 +16,7 @@ pub use watch::{largest, quality_of, velocity_residuals, Sides};
 
 use crate::clusters::Clusters;
 use crate::partition::Partition;
-use crate::system::{ClusterTangent, ConstrainedSystem, Recursion, Size, SystemError, Tangent};
+use crate::system::{ClusterTangent, ConstrainedSystem, Recursion, Size, SystemError, SystemRef, Tangent};
 use partita_math::dense;
 use partita_math::elimination::Plan;
 
@@ -65,7 +65,7 @@ use choice;
 /// [`velocity`](Self::velocity), [`acceleration`](Self::acceleration).
 pub struct Reduction<'s, S: ConstrainedSystem> {
     /// The system.
-    pub system: &'s S,
+    pub system: SystemRef<'s, S>,
     /// Its scratch.
     pub scratch: S::Scratch,
     size: Size,
@@ -165,13 +165,15 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
     /// Room for a system whose constraints have rank `rank`; no partition yet. With many degrees of freedom the
     /// accelerations come from the system's recursion over clusters; then there is no M_d, and `dt`, `a_matrix` are
     /// packed by cluster.
-    pub fn new(system: &'s S, rank: usize) -> Self {
-        Self::room(system, rank, Some(system.clusters()))
+    pub fn new(system: impl Into<SystemRef<'s, S>>, rank: usize) -> Self {
+        let system = system.into();
+        let clusters = system.clusters();
+        Self::room(system, rank, Some(clusters))
     }
 
     /// For questions of geometry alone: velocities weigh by their characteristic displacements, so that masses do not
     /// enter and may be missing.
-    pub fn geometric(system: &'s S, rank: usize) -> Self {
+    pub fn geometric(system: impl Into<SystemRef<'s, S>>, rank: usize) -> Self {
         Self::new(system, rank).weighing_displacements()
     }
 
@@ -187,19 +189,19 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
     }
 
     /// The same with `dt` in full.
-    pub fn geometric_dense(system: &'s S, rank: usize) -> Self {
+    pub fn geometric_dense(system: impl Into<SystemRef<'s, S>>, rank: usize) -> Self {
         let mut new = Self::dense(system, rank);
         new.weighs_displacements = true;
         new
     }
 
     /// The same with `dt` (nv x k), `a_matrix` (r x k) and M_d in full, however many degrees of freedom there are.
-    pub fn dense(system: &'s S, rank: usize) -> Self {
-        Self::room(system, rank, None)
+    pub fn dense(system: impl Into<SystemRef<'s, S>>, rank: usize) -> Self {
+        Self::room(system.into(), rank, None)
     }
 
     /// Without clusters `dt` and M_d are held in full.
-    fn room(system: &'s S, rank: usize, clusters: Option<Clusters>) -> Self {
+    fn room(system: SystemRef<'s, S>, rank: usize, clusters: Option<Clusters>) -> Self {
         let size = system.size();
         let (n, k) = (size.nv, size.nv - rank);
         Self {
@@ -216,7 +218,6 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
             room: watch::Room::default(),
             row_room: row_exchange::RowRoom::default(),
             left: vec![0.0; rank],
-            system,
             scratch: system.scratch(),
             size,
             rank,
@@ -256,6 +257,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
             factorisations: 0,
             plans: 0,
             choices: 0,
+            system,
         }
     }
 

@@ -306,7 +306,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         if self.recursion.is_some() {
             return self.quality_by_clusters(t, q);
         }
-        quality_of(self.system, t, q, &self.partition.independent, &self.md, &mut self.scratch)
+        quality_of(&*self.system, t, q, &self.partition.independent, &self.md, &mut self.scratch)
     }
 
     /// The worst σ and √μ of all clusters: each with the others free to move.

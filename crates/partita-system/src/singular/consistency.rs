@@ -141,7 +141,7 @@ impl Watch {
             return Ok(());
         }
         // with the kept rows closed for good, in a choice of its own
-        let mut probe = Reduction::new(r.system, r.rank());
+        let mut probe = Reduction::new(r.system.clone(), r.rank());
         let mut here = q.to_vec();
         if choose_partition(&mut probe, t, q, None, None).is_err() || close(&mut probe, t, &mut here).is_err() {
             return Ok(()); // next to a singular position: nothing can be said

@@ -54,7 +54,7 @@ pub(crate) fn loss<S: ConstrainedSystem>(
     (t, q): (f64, &[f64]),
 ) -> Loss {
     let in_use = &choice.partition;
-    let mut r = Reduction::new(choice.system, choice.rank()).keeping(&in_use.rows);
+    let mut r = Reduction::new(choice.system.clone(), choice.rank()).keeping(&in_use.rows);
     if start::choose_partition(&mut r, t, q, None, None).is_err() || r.smallest() < SOUND || !one_side(&mut r, ends) {
         return Loss::Mechanism;
     }
@@ -109,10 +109,10 @@ fn said<S: ConstrainedSystem>(
 /// Tell coordinates that no longer determine the others from a singular position of the mechanism; other errors pass.
 pub(crate) fn blame<S: ConstrainedSystem>(r: &Reduction<S>, t: f64, q: &[f64], e: SystemError) -> SystemError {
     let SystemError::Singular { pivot, limit, .. } = e else { return e };
-    let best = best_choice(r.system, r.rank(), t, q);
+    let best = best_choice(&*r.system, r.rank(), t, q);
     if best.1 < SOUND {
         return e;
     }
     let seen = format!("C_D is singular for them, its smallest scaled pivot {pivot:.1e} is below {limit:.0e}");
-    said(r.system, best, t, &r.partition.independent, seen)
+    said(&*r.system, best, t, &r.partition.independent, seen)
 }

@@ -13,7 +13,7 @@ use crate::options::FormulationOptions;
 use crate::record::{Correction, History, PartitionEvent, Sample};
 use crate::reduction::{velocity_residuals, Reduction};
 use crate::start;
-use crate::system::{ConstrainedSystem, SystemError};
+use crate::system::{ConstrainedSystem, SystemError, SystemRef};
 use partita_math::dense;
 
 /// Squared sine under which the kernels call a row dependent on the others: what remains of it is rounding.
@@ -66,10 +66,11 @@ pub struct Everything<'s, S: ConstrainedSystem, R> {
 
 impl<'s, S: ConstrainedSystem, R: AccelerationRule> Everything<'s, S, R> {
     /// For a system of the given rank (see [`start::analyse`]).
-    pub fn new(system: &'s S, rank: usize, rule: R, options: &FormulationOptions) -> Self {
-        let size = system.size();
+    pub fn new(system: impl Into<SystemRef<'s, S>>, rank: usize, rule: R, options: &FormulationOptions) -> Self {
+        let base = Base::new(Reduction::new(system, rank));
+        let size = base.r.size();
         Self {
-            base: Base::new(Reduction::new(system, rank)),
+            base,
             correction: if rule.corrected() && rank > 0 { options.correction } else { Correction::None },
             mass: vec![0.0; rule.mass_pattern().map_or(size.nv * size.nv, |pattern| pattern.nnz())],
             rule,
@@ -260,10 +261,10 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> Tangent<'s, S> for Everythin
         }
         let r = &mut self.base.r;
         let rows = &r.partition.rows;
-        let c = dense_rows(r.system, &r.c, rows);
+        let c = dense_rows(&*r.system, &r.c, rows);
         // the next evaluation fills it anew
         r.system.add_metric(&mut r.scratch, &mut self.mass);
-        let p = MassProjection::new(r.system, t, &self.mass, &c)?;
+        let p = MassProjection::new(&*r.system, t, &self.mass, &c)?;
         for _ in 0..2 {
             let open: Vec<f64> = velocity_residuals(r.system.pattern(), &r.c, v, &r.a).collect();
             let x: Vec<f64> = rows.iter().map(|&i| open[i]).collect();

@@ -15,7 +15,7 @@ use crate::record::{Correction, History, PartitionEvent, Verdict};
 use crate::reduction::Reduction;
 use crate::singular::dead_point::dead_point;
 use crate::start;
-use crate::system::{ConstrainedSystem, SystemError};
+use crate::system::{ConstrainedSystem, SystemError, SystemRef};
 use partita_math::formatted;
 
 /// Steps after which the system is asked again at the latest, with a gain that has not doubled: one plan is then no
@@ -41,7 +41,8 @@ pub struct Blocks<'s, S: ConstrainedSystem> {
 
 impl<'s, S: ConstrainedSystem> Blocks<'s, S> {
     /// For a system of the given rank (see [`crate::start::analyse`]). There must be no nonholonomic rows.
-    pub fn new(system: &'s S, rank: usize, options: &FormulationOptions) -> Result<Self> {
+    pub fn new(system: impl Into<SystemRef<'s, S>>, rank: usize, options: &FormulationOptions) -> Result<Self> {
+        let system = system.into();
         let size = system.size();
         let (n, k) = (size.nv, size.nv - rank);
         let mut fixed = options.independent.clone();
@@ -106,7 +107,7 @@ impl<'s, S: ConstrainedSystem> Blocks<'s, S> {
             return SystemError::Limit { block, t, shortfall: 0.0 };
         }
         let r = &self.base.r;
-        dead_point(r.system, r.rank(), t, q, self.inputs(), format!("{block} {seen}"))
+        dead_point(&*r.system, r.rank(), t, q, self.inputs(), format!("{block} {seen}"))
     }
 
     /// Use a closing from the closed position q on.
@@ -123,7 +124,7 @@ impl<'s, S: ConstrainedSystem> Blocks<'s, S> {
 
     /// Every velocity must be an input, or be solved for by one block.
     fn check_blocks(&self, closing: &dyn Closing) -> Result<()> {
-        let system = self.base.r.system;
+        let system = self.base.r.system.clone();
         let mut solved = vec![false; system.size().nv];
         closing.inputs().iter().for_each(|&i| solved[i] = true);
         let refuse = |what: String| {
@@ -176,7 +177,7 @@ impl<'s, S: ConstrainedSystem> Blocks<'s, S> {
         self.waited = (2 * self.waited).clamp(PERIOD, MOST_PATIENCE);
         (self.patience, self.asked_at) = (self.waited, gain);
         // a system that knows no closing here keeps the one in use, which reports its own limits
-        let Ok(next) = self.base.r.system.closing(t, q, None) else { return false };
+        let Ok(next) = S::closing(self.base.r.system.clone(), t, q, None) else { return false };
         // what looks better by scales of some steps ago need not be; a failure here would be met by the next evaluation
         let better = next.inputs() != self.inputs()
             && self.base.r.refresh_scales(t, q).is_ok()
@@ -194,7 +195,7 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Blocks<'s, S> {
         &mut self.base
     }
     fn start(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<()> {
-        let closing = self.base.r.system.closing(t, q, self.fixed.as_deref())?;
+        let closing = S::closing(self.base.r.system.clone(), t, q, self.fixed.as_deref())?;
         self.adopt(t, q, closing)?;
         self.base.evaluate(t, q, v)?;
         let reason = match &self.fixed {

@@ -75,7 +75,7 @@ pub fn ask<S: ConstrainedSystem>(
         Selection::NormalisedDeterminant => normalised_determinant::choose(&r.dt, now, r.scales(), weights),
         Selection::CompletePivoting => {
             let rows: Vec<usize> = (0..r.size().rows).collect();
-            let c = dense_rows(r.system, &r.c, &rows);
+            let c = dense_rows(&*r.system, &r.c, &rows);
             match complete_pivoting::choose(&c, r.rank()) {
                 Some((independent, _)) => exact(independent),
                 None => {
@@ -306,7 +306,7 @@ impl Chooser {
     /// The mechanism is sound if any other partition can be factored where this one cannot.
     pub fn blame<S: ConstrainedSystem>(&self, r: &Reduction<S>, t: f64, q: &[f64], e: SystemError) -> SystemError {
         let SystemError::Singular { pivot, limit, .. } = e else { return e };
-        let mut probe = Reduction::new(r.system, r.rank());
+        let mut probe = Reduction::new(r.system.clone(), r.rank());
         if start::first_partition(&mut probe, t, q).is_err() || probe.smallest() < limit {
             return e;
         }

@@ -24,7 +24,7 @@ use crate::partition::criterion::Quality;
 use crate::record::{Correction, History, PartitionEvent, Sample, Verdict};
 use crate::reduction::{Reduction, SINGULAR_PIVOT};
 use crate::start;
-use crate::system::{ConstrainedSystem, SystemError};
+use crate::system::{ConstrainedSystem, SystemError, SystemRef};
 use partita_math::dense::{self, Matrix};
 use partita_math::factor::FactorError;
 use std::sync::Arc;
@@ -64,11 +64,17 @@ pub struct Frozen<'s, S: ConstrainedSystem> {
 impl<'s, S: ConstrainedSystem> Frozen<'s, S> {
     /// Room for a system of the given rank; nothing frozen yet. `renew`: see
     /// [`FormulationOptions`](crate::options::FormulationOptions::renew).
-    pub fn new(system: &'s S, rank: usize, basis: Box<dyn Basis>, renew: impl Into<Renew>) -> Self {
-        let n = system.size().nv;
+    pub fn new(
+        system: impl Into<SystemRef<'s, S>>,
+        rank: usize,
+        basis: Box<dyn Basis>,
+        renew: impl Into<Renew>,
+    ) -> Self {
+        let base = Base::new(Reduction::dense(system, rank));
+        let n = base.r.size().nv;
         let k = n - rank;
         Self {
-            base: Base::new(Reduction::dense(system, rank)),
+            base,
             renew: renew.into(),
             basis,
             selector: Matrix::new(k, n),
@@ -411,7 +417,7 @@ fn made<S: ConstrainedSystem>(
     let (mut mass, mut h) = (Matrix::new(n, n), vec![0.0; n]);
     r.system.dynamics(t, q, &r.v, &mut r.scratch, mass.data_mut(), &mut h)?;
     r.system.add_metric(&mut r.scratch, mass.data_mut());
-    let mut c = dense_rows(r.system, &r.c, &r.partition.rows);
+    let mut c = dense_rows(&*r.system, &r.c, &r.partition.rows);
     for i in 0..c.rows() {
         let length = dense::dot(c.row(i), c.row(i)).sqrt();
         c.row_mut(i).iter_mut().for_each(|x| *x /= length);

@@ -10,13 +10,13 @@ use crate::record::{Output, Sample};
 use crate::reduction::{largest, velocity_residuals, Reduction};
 use crate::singular::consistency::gaps;
 use crate::start;
-use crate::system::{ConstrainedSystem, SystemError};
+use crate::system::{ConstrainedSystem, SystemError, SystemRef};
 use partita_math::dense::{self, Matrix};
 
 /// Describes instants of a system: a reduction of its own, so that whoever marches is not disturbed. For outputs: it
 /// allocates.
 pub struct Describer<'s, S: ConstrainedSystem> {
-    system: &'s S,
+    system: SystemRef<'s, S>,
     rank: usize,
     dense: bool,
     probe: Option<Box<Reduction<'s, S>>>,
@@ -25,8 +25,8 @@ pub struct Describer<'s, S: ConstrainedSystem> {
 impl<'s, S: ConstrainedSystem> Describer<'s, S> {
     /// For a system of the given rank; takes no memory before it is asked. `dense`: with D and M_d in full, for those
     /// whose quality is told by them.
-    pub fn new(system: &'s S, rank: usize, dense: bool) -> Self {
-        Self { system, rank, dense, probe: None }
+    pub fn new(system: impl Into<SystemRef<'s, S>>, rank: usize, dense: bool) -> Self {
+        Self { system: system.into(), rank, dense, probe: None }
     }
 
     /// All of `out` but turns and work, for these independent velocities; `None` takes the best ones of the moment.
@@ -38,33 +38,43 @@ impl<'s, S: ConstrainedSystem> Describer<'s, S> {
         independent: Option<&[usize]>,
         out: &mut Sample,
     ) -> Result<Option<&mut Reduction<'s, S>>> {
-        let (system, rank, dense) = (self.system, self.rank, self.dense);
-        let (t, q, v) = (at.t, &at.q[..], &at.v[..]);
+        let (system, rank, dense) = (&self.system, self.rank, self.dense);
         let r = &mut **self.probe.get_or_insert_with(|| {
             Box::new(match dense {
-                true => Reduction::dense(system, rank),
-                false => Reduction::new(system, rank),
+                true => Reduction::dense(system.clone(), rank),
+                false => Reduction::new(system.clone(), rank),
             })
         });
         let independent = independent.filter(|x| x.len() == r.k());
-        out.t = t;
-        out.q.clone_from(&at.q);
-        out.v.clone_from(&at.v);
-        out.note = None;
-        let why = match at.singular {
-            true => "the mechanism stands in a singular position".into(),
-            false => match choose(r, t, q, independent).and_then(|()| levels(r, t, q, v, out)) {
-                Ok(()) => return Ok(Some(r)),
-                Err(e @ (SystemError::Singular { .. } | SystemError::Choice { .. })) => e.to_string(),
-                Err(e) => return Err(e),
-            },
-        };
-        r.position(t, q)?;
-        closures(r, v, out);
-        out.independent = independent.map_or_else(Vec::new, <[usize]>::to_vec);
-        undetermined(r.size().nv, r.size().rows, &why, out);
-        Ok(None)
+        Ok(describe(r, at, independent, out)?.then_some(r))
     }
+}
+
+/// The same with the levels of any reduction; false where the position is singular.
+pub fn describe<S: ConstrainedSystem>(
+    r: &mut Reduction<S>,
+    at: &Output,
+    independent: Option<&[usize]>,
+    out: &mut Sample,
+) -> Result<bool> {
+    let (t, q, v) = (at.t, &at.q[..], &at.v[..]);
+    out.t = t;
+    out.q.clone_from(&at.q);
+    out.v.clone_from(&at.v);
+    out.note = None;
+    let why = match at.singular {
+        true => "the mechanism stands in a singular position".into(),
+        false => match choose(r, t, q, independent).and_then(|()| levels(r, t, q, v, out)) {
+            Ok(()) => return Ok(true),
+            Err(e @ (SystemError::Singular { .. } | SystemError::Choice { .. })) => e.to_string(),
+            Err(e) => return Err(e),
+        },
+    };
+    r.position(t, q)?;
+    closures(r, v, out);
+    out.independent = independent.map_or_else(Vec::new, <[usize]>::to_vec);
+    undetermined(r.size().nv, r.size().rows, &why, out);
+    Ok(false)
 }
 
 /// The choice at (t, q), with the position level there; one in use is kept, of redundant rows others where they fade.

@@ -14,7 +14,7 @@ use crate::partition::Selection;
 use crate::record::{Correction, History, PartitionEvent, Verdict};
 use crate::reduction::Reduction;
 use crate::singular::dead_point;
-use crate::system::{ConstrainedSystem, SystemError};
+use crate::system::{ConstrainedSystem, SystemError, SystemRef};
 
 /// Inside a step the gain of an exchange may grow up to this before the step is repeated.
 const HARD_LIMIT: f64 = 8.0;
@@ -32,8 +32,10 @@ pub struct Chosen<'s, S: ConstrainedSystem> {
 impl<'s, S: ConstrainedSystem> Chosen<'s, S> {
     /// For a system of the given rank (see [`crate::start::analyse`]). Of the options it reads `independent`,
     /// `exchange`, `weights`, `selection` and `window`.
-    pub fn new(system: &'s S, rank: usize, options: &FormulationOptions) -> Self {
+    pub fn new(system: impl Into<SystemRef<'s, S>>, rank: usize, options: &FormulationOptions) -> Self {
+        let system = system.into();
         Self {
+            weighted: vec![1.0; system.size().nv],
             // the other rules look at D and M_d in full
             base: Base::new(match options.selection {
                 Selection::Collective => Reduction::new(system, rank),
@@ -41,7 +43,6 @@ impl<'s, S: ConstrainedSystem> Chosen<'s, S> {
             }),
             options: options.clone(),
             chooser: None,
-            weighted: vec![1.0; system.size().nv],
             rejects_in_a_row: 0,
         }
     }

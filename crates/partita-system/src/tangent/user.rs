@@ -16,7 +16,7 @@ use crate::options::TangentMap;
 use crate::record::{Correction, History, PartitionEvent, Sample};
 use crate::reduction::Reduction;
 use crate::start;
-use crate::system::{ConstrainedSystem, SystemError};
+use crate::system::{ConstrainedSystem, SystemError, SystemRef};
 use partita_math::dense::{self, Matrix};
 use std::sync::Arc;
 
@@ -51,13 +51,13 @@ pub struct Given<'s, S: ConstrainedSystem> {
 
 impl<'s, S: ConstrainedSystem> Given<'s, S> {
     /// For a system of the given rank.
-    pub fn new(system: &'s S, rank: usize, map: Arc<dyn TangentMap>) -> Self {
+    pub fn new(system: impl Into<SystemRef<'s, S>>, rank: usize, map: Arc<dyn TangentMap>) -> Self {
         let r = Reduction::dense(system, rank).trusting_pivots();
         let (nq, n, k) = (r.size().nq, r.size().nv, r.k());
         Self {
+            displacement: (0..n).map(|i| r.system.characteristic_displacement(i)).collect(),
             base: Base::new(r),
             map,
-            displacement: (0..n).map(|i| system.characteristic_displacement(i)).collect(),
             near: vec![0.0; nq],
             step: vec![0.0; n],
             dt: vec![0.0; n * k],

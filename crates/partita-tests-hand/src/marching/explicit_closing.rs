@@ -12,7 +12,7 @@ use partita_system::kinematics::{assembly, velocity};
 use partita_system::options::FormulationOptions;
 use partita_system::record::Sample;
 use partita_system::system::{Size, Tangent};
-use partita_system::{start, ConstrainedSystem, SystemError};
+use partita_system::{start, ConstrainedSystem, SystemError, SystemRef};
 use std::ops::ControlFlow;
 
 type Done = Result<(), SystemError>;
@@ -164,7 +164,7 @@ impl Recognised {
 
 /// Two intersecting circles per loop, one loop after another.
 struct Dyads<'a> {
-    rods: &'a Rods,
+    system: SystemRef<'a, Recognised>,
     inputs: Vec<usize>,
     unknown: Vec<[usize; 2]>,
     blocks: Vec<Block>,
@@ -180,7 +180,7 @@ impl Closing for Dyads<'_> {
     }
     fn close(&mut self, t: f64, q: &mut [f64]) -> Done {
         for (b, &[i, j]) in self.unknown.iter().enumerate() {
-            let (l, gap) = &self.rods.loops[b];
+            let (l, gap) = &self.system.user_system.equations.loops[b];
             let rest =
                 |f: fn(f64) -> f64| (0..q.len()).filter(|k| *k != i && *k != j).map(|k| l[k] * f(q[k])).sum::<f64>();
             let (x, y) = (gap[0] - rest(f64::cos), gap[1] - rest(f64::sin));
@@ -267,16 +267,19 @@ impl ConstrainedSystem for Recognised {
         self.user_system.inverse_mass_columns(t, q, which, s, out)
     }
     /// The inputs asked for, or those with the largest product of pivots.
-    fn closing(
-        &self,
+    fn closing<'s>(
+        system: SystemRef<'s, Self>,
         _: f64,
         q: &[f64],
         inputs: Option<&[usize]>,
-    ) -> Result<Box<dyn Closing + Send + '_>, SystemError> {
+    ) -> Result<Box<dyn Closing + Send + 's>, SystemError>
+    where
+        Self: 's,
+    {
         let product = |u: &[[usize; 2]]| Self::pivots(u, q).iter().product::<f64>().abs();
         let found = match inputs {
-            Some(asked) => self.choices.iter().find(|c| c.0 == asked),
-            None => self.choices.iter().max_by(|x, y| product(&x.1).total_cmp(&product(&y.1))),
+            Some(asked) => system.choices.iter().find(|c| c.0 == asked),
+            None => system.choices.iter().max_by(|x, y| product(&x.1).total_cmp(&product(&y.1))),
         };
         let Some((inputs, unknown)) = found else {
             return Err(SystemError::argument("independent", "no such inputs".into()));
@@ -289,11 +292,11 @@ impl ConstrainedSystem for Recognised {
             words: format!("dyad of rods {} and {}", u[0], u[1]),
         };
         Ok(Box::new(Dyads {
-            rods: &self.user_system.equations,
             inputs: inputs.clone(),
             unknown: unknown.clone(),
             blocks: unknown.iter().enumerate().map(block).collect(),
             state: Self::pivots(unknown, q).into_iter().map(branch).collect(),
+            system: system.clone(),
         }))
     }
 }

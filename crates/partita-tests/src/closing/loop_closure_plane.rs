@@ -362,7 +362,7 @@ fn what_cannot_be_is_refused_in_words() {
     let mut q = model.initial();
     q[0] = f64::NAN;
     assert!(matches!(closing.close(0.0, &mut q), Err(SystemError::NotFinite { .. })));
-    assert_eq!(model.closing(0.0, &model.initial(), None).unwrap().blocks().len(), 1);
+    assert_eq!(Model::closing((&model).into(), 0.0, &model.initial(), None).unwrap().blocks().len(), 1);
 }
 
 /// Inputs that jump by turns: a slide that is cut locks its angle with all its turns, and the nearest angles of the

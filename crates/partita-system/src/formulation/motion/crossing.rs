@@ -132,7 +132,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         if rank == self.system.size().rows {
             return None;
         }
-        let mut best = Reduction::new(self.system, rank).keeping(&self.tangent.seen().partition.rows);
+        let mut best = Reduction::new(self.system.clone(), rank).keeping(&self.tangent.seen().partition.rows);
         choose_partition(&mut best, t, q, None, None).ok()?;
         Some(Others { distance: best.distance().0, rows: best.partition.rows })
     }
