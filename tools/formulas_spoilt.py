@@ -190,7 +190,7 @@ ERRORS = (
     Error(
         "torsion-damper-power",
         "sign of the power of a damper in a joint",
-        f"{MODEL}/force/torsion.rs",
+        f"{MODEL}/force/load/spring_damper.rs",
         "power: -(self.damping * speed * speed)",
         "power: self.damping * speed * speed",
         ("whole motion::model_identities",),
@@ -222,17 +222,17 @@ ERRORS = (
     Error(
         "universal-effort",
         "a torque in a cut universal joint acts about the other axis",
-        f"{MODEL}/force/build.rs",
-        "{ (own, other) } else { (other, own) }",
-        "{ (other, own) } else { (own, other) }",
+        f"{MODEL}/measurement/build.rs",
+        "let (x, y) = if is_second { (other, own) } else { (own, other) };",
+        "let (x, y) = if is_second { (own, other) } else { (other, own) };",
         ("whole motion::reactions", "python test_oracle.py"),
     ),
     Error(
         "cut-effort-point",
         "the force on the parent in a cut slide acts at another point than that on the child",
-        f"{MODEL}/force/cut_effort.rs",
-        "let back = at.tree.place(child, at.s) + arm - at.tree.place(parent, at.s);",
-        "let back = at.tree.place(child, at.s) - at.tree.place(parent, at.s);",
+        f"{MODEL}/force/load/mod.rs",
+        "let back = at.tree.place(b.link, at.s) + arm - at.tree.place(a.link, at.s);",
+        "let back = at.tree.place(b.link, at.s) - at.tree.place(a.link, at.s);",
         ("whole motion::model_identities", "whole motion::reactions", "python test_oracle.py"),
     ),
     Error(
@@ -859,9 +859,9 @@ ERRORS = (
     Error(
         "stop-turns",
         "an angle read off the pose is taken a turn away",
-        f"{MODEL}/force/reading.rs",
-        "(angle - *middle).scale(1.0 / turn).round()",
-        "angle.scale(1.0 / turn).round()",
+        f"{MODEL}/force/load/mod.rs",
+        "(x - middle).scale(1.0 / TAU).round()",
+        "x.scale(1.0 / TAU).round()",
         ("python test_forces_engineers.py",),
     ),
 )

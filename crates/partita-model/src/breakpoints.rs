@@ -58,7 +58,7 @@ impl Curves {
                         Says::Rolling(..) | Says::Turning(_) => None,
                     },
                     Source::Element(i) => match &tree.elements[*i] {
-                        Element::EffortOver(e) => Some(&e.over),
+                        Element::Load(load) => Some(load.measured()),
                         _ => None,
                     },
                 };
@@ -85,9 +85,9 @@ fn of_condition<G: Space>(spec: &Spec, model: &Evaluator<f64>, condition: &Condi
 }
 
 fn of_element<G: Space>(spec: &Spec, model: &Evaluator<f64>, element: &Element<G>) -> Option<Breakpoints> {
-    let Element::EffortOver(effort) = element else { return None };
+    let Element::Load(load) = element else { return None };
     spec.forces.iter().find_map(|force| match force {
-        Force::Torque { name, value: Value::Table(table), over: Some(over), periodic, .. } if *name == effort.name => {
+        Force::Torque { name, value: Value::Table(table), over: Some(over), periodic, .. } if *name == load.name => {
             of_table(table, Enters::Effort, *periodic, is_angle(&model.placed, over))
         }
         _ => None,

@@ -10,7 +10,7 @@ use crate::clusters::{self, Given, Tangents};
 use crate::compile;
 use crate::coupling;
 use crate::error::DescriptionError;
-use crate::force::{Element, Room};
+use crate::force::{Element, Maker, Room};
 use crate::friction_magnitudes::Hold;
 use crate::mechanics::Mechanics;
 use crate::numbers::Numbers;
@@ -486,9 +486,9 @@ fn mechanics<G: Space>(
     let (tree, mut rows) = compile::compile::<G>(spec, placed, numbers);
     let conditions = coupling::all(spec, placed, numbers, &tree)?;
     rows.extend(conditions.iter().flat_map(|c| c.named(spec)));
-    let elements = Element::all(spec, placed, numbers, &tree)?;
-    let sights = Element::sights(placed, numbers, &elements)?;
-    let sensed = Element::sensed(spec, placed, numbers, &elements)?;
+    let maker = Maker::new(spec, placed, numbers, &tree)?;
+    let elements = maker.elements()?;
+    let (sights, sensed) = (maker.sights(&elements)?, maker.sensed(&elements)?);
     let out = Mat3::from_f64(placed.basis.transpose().0);
     Ok((Mechanics::new(tree, conditions, elements, sights, massive).sensing(sensed, out), rows))
 }

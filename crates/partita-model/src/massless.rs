@@ -242,12 +242,9 @@ fn is_seen(spec: &Spec, placed: &Placed, x: &Turning) -> bool {
     let by_force = |f: &Force| match f {
         Force::Spring { body1, point1, body2, point2, .. } => off(body1, point1) || off(body2, point2),
         Force::Force { body, point, .. } => off(body, point),
-        Force::TorsionSpring { joint: j, .. } => joint(j),
         Force::Torque { joint: j, over, .. } => joint(j) || over.as_ref().is_some_and(measured),
         Force::Weightless(_) | Force::Gravity(_) => false,
-        other => other
-            .load()
-            .is_some_and(|load| load.bodies().contains(&name) || load.joints().into_iter().any(|(j, _)| joint(j))),
+        other => other.record().is_some_and(|x| x.bodies().contains(&name)) || other.joints().into_iter().any(joint),
     };
     let by_coupling = |c: &Coupling| match c {
         Coupling::Roll { body, on, .. } => body == name || on == name,

@@ -7,10 +7,10 @@ use crate::compile;
 use crate::coupling::{self, Condition, Says};
 use crate::error::DescriptionError;
 use crate::evaluator::{with_engine, DriveRow, Engine, Evaluator, Follow, Scratch};
-use crate::force::{self, Element};
+use crate::force::Element;
 use crate::joint::{Motion, Own};
 use crate::massless;
-use crate::measurement::{self, Quantity};
+use crate::measurement::{self, Measurement};
 use crate::mechanics::Mechanics;
 use crate::names;
 use crate::numbers::Numbers;
@@ -327,17 +327,12 @@ impl Model {
             Engine::Full => clusters::clusters(&own.full, &pattern),
         };
         let mut turns = links.turns;
-        if elements.iter().any(Element::sees_coordinates) {
+        if elements.iter().any(Element::calls_function) {
             turns.fill(false);
         }
         // in the plane an angle between two bodies adds up from those of the tree, whole turns included
-        let counted = |r: &measurement::Measurement<_>| match r.quantity {
-            Quantity::Coordinate { q, .. } => vec![q],
-            Quantity::Turn(_) if placed.planar => r.movers.iter().map(|m| own.full.links[m.link].q).collect(),
-            _ => Vec::new(),
-        };
-        let coupled = own.full.conditions.iter().flat_map(Condition::readings).flat_map(counted);
-        for q in elements.iter().filter_map(Element::counted).chain(coupled) {
+        let coupled = own.full.conditions.iter().flat_map(Condition::readings);
+        for q in elements.iter().filter_map(Element::depends_on).chain(coupled).flat_map(Measurement::counted) {
             turns[q] = false;
         }
         let mut model = Self {
@@ -594,17 +589,10 @@ fn drives(spec: &Spec, placed: &Placed, first: usize) -> Result<Vec<DriveRow>, D
             }
             driven.push(&d.measure);
             let joint = match &d.measure {
-                Measure::Joint { joint, coordinate } => Some((force::joint_index(placed, joint), *coordinate)),
+                Measure::Joint { joint, coordinate } => placed.joint_numbers.get(joint).map(|&j| (j, *coordinate)),
                 _ => None,
             };
-            let held = joint.filter(|(j, _)| placed.joints[*j].links.is_some());
-            let tree = match held {
-                Some((j, c)) => match force::tree_coordinate(placed, "drive", &d.name, &spec.joints[j].name, c)? {
-                    (Some(q), v) => Some((q, v)),
-                    (None, _) => None,
-                },
-                None => None,
-            };
+            let tree = joint.and_then(|(j, coordinate)| placed.coordinate(j, coordinate));
             drives.push(DriveRow {
                 name: d.name.clone(),
                 number: i,

@@ -162,7 +162,7 @@ impl<S: Scalar> Described<S> {
             }
             _ => {
                 let mut copy = f.clone();
-                let of_load = Fields::lifted(copy.load_mut().map_or_else(Vec::new, |load| load.numbers()));
+                let of_load = Fields::lifted(copy.record_mut().map_or_else(Vec::new, |load| load.numbers()));
                 DescribedForce { of_load, ..DescribedForce::none() }
             }
         });

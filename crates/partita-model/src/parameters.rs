@@ -98,7 +98,7 @@ impl Slot {
             Force::Gravity(_) => vec![],
             _ => {
                 let mut copy = f.clone();
-                let fields = copy.load_mut().map_or_else(Vec::new, |load| load.numbers());
+                let fields = copy.record_mut().map_or_else(Vec::new, |load| load.numbers());
                 fields.into_iter().enumerate().map(|(k, (name, _))| (name, Self::OfLoad(i, k))).collect()
             }
         }
@@ -210,7 +210,7 @@ fn rewritten(spec: &Spec, d: &Described<f64>) -> Spec {
                 }
             }
             other => {
-                let fields = other.load_mut().map_or_else(Vec::new, |load| load.numbers());
+                let fields = other.record_mut().map_or_else(Vec::new, |load| load.numbers());
                 fields.into_iter().zip(&n.of_load.0).for_each(|((_, x), (_, new))| x.copy_from_slice(new));
             }
         }

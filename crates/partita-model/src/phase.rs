@@ -3,7 +3,6 @@
 
 use crate::coupling::{Law, Says};
 use crate::model::Model;
-use crate::spec::{Force, Measure};
 use partita_system::{ConstrainedSystem, SystemError};
 use std::f64::consts::TAU;
 
@@ -55,18 +54,9 @@ impl Model {
     /// # Errors
     /// `Wound`.
     pub fn check_turns_at(&self, joint: usize, coordinate: usize, x: f64) -> Result<(), SystemError> {
-        let name = &self.spec.joints[joint].name;
+        let name = self.spec.joints[joint].name.as_str();
         for (what, middle, within) in self.full.elements.iter().filter_map(|e| e.turn_range()) {
-            let counts = self.spec.forces.iter().any(|f| match f {
-                Force::TorsionSpring { name: own, joint, coordinate: i, .. } => {
-                    own == what && joint == name && *i == coordinate
-                }
-                Force::Stop(stop) => stop.name == what && stop.joint == *name && stop.coordinate == coordinate,
-                Force::Torque { name: own, over: Some(Measure::Joint { joint, coordinate: i }), .. } => {
-                    own == what && joint == name && *i == coordinate
-                }
-                _ => false,
-            });
+            let counts = self.spec.forces.iter().any(|f| f.name() == what && f.over() == Some((name, coordinate)));
             let by = x - middle;
             if counts && by.abs() > within {
                 return Err(SystemError::Wound { what: what.to_string(), by });

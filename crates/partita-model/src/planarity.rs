@@ -103,7 +103,7 @@ fn loaded_across(spec: &Spec, normal: Vec3<f64>) -> bool {
     };
     across(Vec3(spec.gravity))
         || spec.forces.iter().any(|f| match f {
-            Force::TorsionSpring { .. } | Force::Torque { .. } | Force::Friction(_) | Force::Stop(_) => false,
+            along if along.along().is_some() => false,
             Force::Weightless(_) => false,
             Force::Force { value, axes: Axes::Body, body, .. } => vector(value, to_body(body)),
             Force::Force { value, .. } => vector(value, normal),
@@ -112,6 +112,6 @@ fn loaded_across(spec: &Spec, normal: Vec3<f64>) -> bool {
                 let ((a, x), (b, y)) = (height(body1, *point1), height(body2, *point2));
                 (a - b).abs() > LEVEL * x.max(y)
             }
-            Force::Bushing(_) | Force::Contact(_) | Force::Tyre(_) | Force::Law(_) => true,
+            _ => true,
         })
 }

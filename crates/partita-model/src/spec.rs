@@ -1,10 +1,12 @@
 //! The description of a mechanism: plain, versioned data. World axes of the drawing, SI, radians.
 
 mod couplings;
+mod forces;
 mod loads;
 
 pub use couplings::{Coupling, Said};
-pub use loads::{Bushing, Contact, Follows, Friction, Gravity, Law, Load, Sight, Spot, Stop, Tyre, Weightless};
+pub use forces::*;
+pub use loads::{Bushing, Contact, Gravity, Law, Sight, Spot, Tyre, Weightless};
 
 use serde::{Deserialize, Serialize};
 
@@ -381,143 +383,4 @@ pub enum Axes {
     World,
     /// Body axes.
     Body,
-}
-
-/// An applied force.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
-pub enum Force {
-    /// Spring and damper between two points.
-    Spring {
-        /// Name.
-        name: String,
-        /// First body or `ground`.
-        body1: String,
-        /// Point on it, body axes.
-        point1: [f64; 3],
-        /// Second body or `ground`.
-        body2: String,
-        /// Point on it, body axes.
-        point2: [f64; 3],
-        /// [N/m].
-        stiffness: f64,
-        /// [N s/m].
-        damping: f64,
-        /// Free length (m).
-        length: f64,
-    },
-    /// Spring and damper in a joint coordinate.
-    TorsionSpring {
-        /// Name.
-        name: String,
-        /// Joint.
-        joint: String,
-        /// Which of its coordinates.
-        #[serde(default)]
-        coordinate: usize,
-        /// [N m/rad] or [N/m].
-        stiffness: f64,
-        /// [N m s/rad] or [N s/m].
-        damping: f64,
-        /// Free position.
-        angle: f64,
-    },
-    /// Effort along a joint coordinate.
-    Torque {
-        /// Name.
-        name: String,
-        /// Joint.
-        joint: String,
-        /// Which of its coordinates.
-        #[serde(default)]
-        coordinate: usize,
-        /// Effort.
-        value: Value,
-        /// What a table is over, in place of time.
-        #[serde(default)]
-        over: Option<Measure>,
-        /// Does the table over it repeat itself?
-        #[serde(default)]
-        periodic: bool,
-    },
-    /// Force at a point of a body.
-    Force {
-        /// Name.
-        name: String,
-        /// Body.
-        body: String,
-        /// Point in body axes.
-        point: [f64; 3],
-        /// Components.
-        value: VectorValue,
-        /// Their axes.
-        #[serde(default)]
-        axes: Axes,
-    },
-    /// Stiffness and damping in all directions between two frames.
-    Bushing(Box<Bushing>),
-    /// Friction in a joint coordinate.
-    Friction(Friction),
-    /// Compliant ends of a joint coordinate.
-    Stop(Stop),
-    /// A sphere against a plane or a sphere.
-    Contact(Contact),
-    /// A wheel on a road.
-    Tyre(Tyre),
-    /// A function of whatever it asks to see.
-    Law(Law),
-    /// No gravity on a body.
-    Weightless(Weightless),
-    /// Gravity that changes.
-    Gravity(Gravity),
-}
-
-impl Force {
-    /// Its name.
-    pub fn name(&self) -> &str {
-        match self {
-            Self::Spring { name, .. }
-            | Self::TorsionSpring { name, .. }
-            | Self::Torque { name, .. }
-            | Self::Force { name, .. } => name,
-            Self::Bushing(x) => x.name(),
-            Self::Friction(x) => x.name(),
-            Self::Stop(x) => x.name(),
-            Self::Contact(x) => x.name(),
-            Self::Tyre(x) => x.name(),
-            Self::Law(x) => x.name(),
-            Self::Weightless(x) => x.name(),
-            Self::Gravity(x) => x.name(),
-        }
-    }
-
-    /// What has a record of its own.
-    pub fn load(&self) -> Option<&dyn Load> {
-        match self {
-            Self::Spring { .. } | Self::TorsionSpring { .. } | Self::Torque { .. } | Self::Force { .. } => None,
-            Self::Bushing(x) => Some(&**x),
-            Self::Friction(x) => Some(x),
-            Self::Stop(x) => Some(x),
-            Self::Contact(x) => Some(x),
-            Self::Tyre(x) => Some(x),
-            Self::Law(x) => Some(x),
-            Self::Weightless(x) => Some(x),
-            Self::Gravity(x) => Some(x),
-        }
-    }
-
-    /// The same, to change its numbers.
-    pub fn load_mut(&mut self) -> Option<&mut dyn Load> {
-        match self {
-            Self::Spring { .. } | Self::TorsionSpring { .. } | Self::Torque { .. } | Self::Force { .. } => None,
-            Self::Bushing(x) => Some(&mut **x),
-            Self::Friction(x) => Some(x),
-            Self::Stop(x) => Some(x),
-            Self::Contact(x) => Some(x),
-            Self::Tyre(x) => Some(x),
-            Self::Law(x) => Some(x),
-            Self::Weightless(x) => Some(x),
-            Self::Gravity(x) => Some(x),
-        }
-    }
 }

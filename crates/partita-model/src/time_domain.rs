@@ -1,6 +1,6 @@
 //! Time domain of a mechanism: up to the end of the table that ends first.
 
-use crate::spec::{Force, Level, Load, Spec, Table, Turning, Value, VectorValue};
+use crate::spec::{Force, ForceRecord, Level, Spec, Table, Turning, Value, VectorValue};
 use partita_system::breakpoints::{Breakpoints, Enters};
 
 fn tables(value: &VectorValue) -> Vec<&Value> {
@@ -26,7 +26,7 @@ fn all(spec: &Spec) -> impl Iterator<Item = (&Table, String, Enters)> {
             Force::Torque { value, .. } => vec![value],
             Force::Force { value, .. } => tables(value),
             Force::Spring { .. } | Force::TorsionSpring { .. } => Vec::new(),
-            other => other.load().map_or_else(Vec::new, Load::values),
+            other => other.record().map_or_else(Vec::new, ForceRecord::values),
         };
         values.into_iter().map(|value| (value, words(f.name(), "force"), Enters::Effort))
     });

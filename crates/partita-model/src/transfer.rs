@@ -1,6 +1,7 @@
 //! A state of one model in the coordinates of another model of the same mechanism.
 
 use crate::joint::Motion;
+use crate::measurement::Measurement;
 use crate::model::{Model, ModelScratch};
 use partita_math::spatial::{Mat3, Quaternion, Vec3};
 use partita_system::{ConstrainedSystem, SystemError};
@@ -42,7 +43,8 @@ impl Model {
     /// `Wound`.
     pub fn check_transfer(&self, from: &Model, q: &[f64]) -> Result<(), SystemError> {
         for (own, other) in self.full.elements.iter().zip(&from.full.elements) {
-            let (Some((what, middle, within)), Some(counted)) = (own.turn_range(), other.counted()) else { continue };
+            let counted = other.depends_on().and_then(Measurement::coordinate);
+            let (Some((what, middle, within)), Some(counted)) = (own.turn_range(), counted) else { continue };
             let by = q[counted] - middle;
             if by.abs() > within {
                 return Err(SystemError::Wound { what: what.to_string(), by });

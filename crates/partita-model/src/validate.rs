@@ -2,7 +2,7 @@
 
 use crate::error::DescriptionError;
 use crate::spec::LARGEST_TOLERANCE;
-use crate::spec::{Body, Coupling, Force, Load, Measure, Spec, Value, VectorValue, VERSION};
+use crate::spec::{Body, Coupling, Force, ForceRecord, Measure, Spec, Value, VectorValue, VERSION};
 use crate::value;
 use partita_math::dense::Matrix;
 use partita_math::factor;
@@ -112,7 +112,7 @@ fn two(a: usize, b: usize, element: &'static str, name: &str) -> Result<(), Desc
 }
 
 /// What is wrong with a load, whoever wrote it; its bodies and joints are known.
-fn load(load: &mut dyn Load, functions: usize) -> Result<(), DescriptionError> {
+fn load(load: &mut dyn ForceRecord, functions: usize) -> Result<(), DescriptionError> {
     let name = load.name().to_string();
     let fail = |m: String| Err(DescriptionError::new("force", &name, m));
     load.numbers().into_iter().try_for_each(|(what, x)| finite(x, "force", &name, what))?;
@@ -291,7 +291,7 @@ pub fn validate(spec: &Spec, functions: usize) -> Result<(), DescriptionError> {
             }
             other => {
                 let mut copy = other.clone();
-                let Some(load) = copy.load_mut() else { continue };
+                let Some(load) = copy.record_mut() else { continue };
                 load.bodies().into_iter().try_for_each(|b| known("force", load.name(), b).map(|_| ()))?;
                 load.joints().into_iter().try_for_each(|(j, _)| joint("force", load.name(), j))?;
                 self::load(load, functions)?;

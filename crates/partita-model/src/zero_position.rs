@@ -176,14 +176,8 @@ pub struct Placed {
 /// Names of the joints that are driven, coupled or loaded along a coordinate.
 fn loaded(spec: &Spec) -> HashSet<&str> {
     let measures = spec.drives.iter().map(|d| &d.measure).chain(spec.couplings.iter().flat_map(Coupling::terms));
-    let by_forces = spec.forces.iter().flat_map(|f| match f {
-        Force::Torque { joint, over: Some(over), .. } => {
-            std::iter::once(joint.as_str()).chain(over.of_joint()).collect()
-        }
-        Force::TorsionSpring { joint, .. } | Force::Torque { joint, .. } => vec![joint.as_str()],
-        // an angle in the tree counts its turns
-        other => other.load().map_or_else(Vec::new, |load| load.joints().into_iter().map(|j| j.0).collect()),
-    });
+    // an angle in the tree counts its turns
+    let by_forces = spec.forces.iter().flat_map(Force::joints);
     measures.filter_map(Measure::of_joint).chain(by_forces).collect()
 }
 
@@ -282,6 +276,15 @@ fn measures(spec: &Spec) -> impl Iterator<Item = &Measure> {
 }
 
 impl Placed {
+    /// Coordinate and velocity in the tree of a coordinate of joint `j`; none of a turn in space or a joint that is cut.
+    pub fn coordinate(&self, j: usize, coordinate: usize) -> Option<(usize, usize)> {
+        let p = &self.joints[j];
+        let each = p.shape.motions.iter().zip(p.links.as_ref()?);
+        let (motion, link) = each.flat_map(|x| std::iter::repeat_n(x, x.0.velocities())).nth(coordinate)?;
+        let link = &self.links[*link];
+        (*motion != Motion::Ball).then_some((link.q, link.v))
+    }
+
     /// Place a validated description.
     pub fn new(spec: &Spec, coordinates: Coordinates, allow_plane: bool) -> Result<Self, DescriptionError> {
         let shapes: Vec<Shape> = spec.joints.iter().map(joint::shape).collect::<Result<_, _>>()?;

@@ -123,7 +123,7 @@ impl<S: Scalar> Law<S> {
                 let mut x = [o; MOST];
                 readings.iter().enumerate().for_each(|(i, _)| x[i] = read(i));
                 let n = readings.len();
-                let uncounted = |i: usize| readings[i].wraps && readings[i].adds_up.is_empty();
+                let uncounted = |i: usize| readings[i].wraps;
                 let found = called(*k, at.callers, at.t, (&x[..n], &[o; MOST][..n]), uncounted, name, room)?;
                 gradient.copy_from_slice(&found[3..]);
                 (found[0], found[1])

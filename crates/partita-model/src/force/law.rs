@@ -1,7 +1,8 @@
 //! A function of whatever it asks to see.
 
 use super::spot::Spot;
-use super::{At, Effect, ForceApplication, Reading, Room};
+use super::{At, Effect, ForceApplication, Room};
+use crate::measurement::Measurement;
 use crate::value::failed;
 use partita_math::scalar::{Arguments, Scalar};
 use partita_math::spatial::{Mat3, Space, Vec3};
@@ -15,7 +16,7 @@ pub enum Seen<G: Space> {
     /// Position of the origin, axes row by row, velocity of the origin, angular velocity; and the axes on its link.
     Body(Spot<G>, Mat3<G::S>),
     /// Value and rate of a joint's coordinate.
-    Joint(Reading<G>),
+    Joint(Measurement<G>),
 }
 
 impl<G: Space> Seen<G> {
@@ -23,7 +24,7 @@ impl<G: Space> Seen<G> {
     pub fn links(&self) -> Vec<usize> {
         match self {
             Self::Point(p) | Self::Body(p, _) => vec![p.place.link],
-            Self::Joint(r) => r.touches().1,
+            Self::Joint(r) => r.links.to_vec(),
         }
     }
 
@@ -45,7 +46,7 @@ impl<G: Space> Seen<G> {
                 numbers.extend(world(at.spinning(p.place.link)));
             }
             Self::Joint(reading) => {
-                let read = reading.read(at);
+                let read = reading.read(at.tree, at.s, at.instant.q, at.instant.v);
                 numbers.extend([read.value, read.rate]);
             }
         }

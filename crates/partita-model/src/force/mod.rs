@@ -8,47 +8,33 @@
 mod build;
 mod bushing;
 mod contact;
-mod cut_effort;
-mod cut_torsion;
-mod effort;
-mod effort_over;
-mod friction;
 mod gravity;
 mod law;
+mod load;
 mod loads;
 mod point_force;
-mod reading;
 mod resistance;
 mod sight;
 mod spot;
 mod spring;
-mod stop;
-mod torsion;
 mod tyre;
 mod weightless;
 
-pub use build::{joint_index, tree_coordinate};
+pub(crate) use build::Maker;
 pub use bushing::Bushing;
 pub use contact::{Contact, Surface};
-pub use cut_effort::{CutEffort, Unit};
-pub use cut_torsion::CutTorsion;
-pub use effort::Effort;
-pub use effort_over::EffortOver;
-pub use friction::{Bearing, Friction};
 pub use gravity::Gravity;
 pub use law::{Law, Seen};
+pub use load::{Bearing, Curve, Effort, Friction, Load, LoadLaw, SpringDamper, Stop};
 pub use point_force::PointForce;
-pub use reading::Reading;
 pub use resistance::Buffer;
 pub use sight::CutSight;
 pub use spot::Spot;
 pub use spring::Spring;
-pub use stop::Stop;
-pub use torsion::Torsion;
 pub use tyre::Tyre;
 pub use weightless::Weightless;
 
-use crate::measurement::Quantity;
+use crate::measurement::Measurement;
 use crate::tree::{Tree, TreeScratch};
 use crate::value::{Instant, Source};
 use partita_math::scalar::Scalar;
@@ -60,24 +46,12 @@ use partita_system::SystemError;
 pub enum Element<G: Space> {
     /// Spring and damper between two points.
     Spring(Spring<G>),
-    /// Spring and damper in a tree coordinate.
-    Torsion(Torsion<G::S>),
-    /// Effort along a tree velocity.
-    Effort(Effort<G::S>),
-    /// Effort along a coordinate that no tree velocity stands for: a pair of wrenches.
-    CutEffort(CutEffort<G>),
+    /// An effort along a measurement.
+    Load(Box<Load<G>>),
     /// Force at a point of a body.
     Force(PointForce<G>),
     /// Stiffness and damping in all directions.
     Bushing(Box<Bushing<G>>),
-    /// Spring and damper in a coordinate of a cut joint.
-    CutTorsion(Box<CutTorsion<G>>),
-    /// Effort by a curve over a reading.
-    EffortOver(Box<EffortOver<G>>),
-    /// Friction in a joint coordinate.
-    Friction(Box<Friction<G>>),
-    /// Ends of a joint coordinate.
-    Stop(Box<Stop<G>>),
     /// A sphere against a plane or a sphere.
     Contact(Box<Contact<G>>),
     /// A wheel on a road.
@@ -206,9 +180,7 @@ impl<G: Space> Element<G> {
     pub(crate) fn wrench(&self, at: &At<G>, room: &mut Room<G>) -> Result<Effect<G>, SystemError> {
         match self {
             Self::Spring(e) => Ok(e.wrench(at)),
-            Self::Torsion(e) => Ok(e.wrench(at)),
-            Self::Effort(e) => e.wrench(at, &mut room.plain),
-            Self::CutEffort(e) => e.wrench(at, &mut room.plain),
+            Self::Load(e) => e.wrench(at, room),
             Self::Force(e) => e.wrench(at, &mut room.plain),
             Self::Weightless(e) => Ok(e.wrench(at)),
             other => other.rare(at, room),
@@ -217,14 +189,9 @@ impl<G: Space> Element<G> {
 
     /// Effort along the coordinate of a joint that an effect of it is.
     pub(crate) fn effort(&self, at: &At<G>, effect: &Effect<G>) -> Option<G::S> {
-        let along = |reading: &Reading<G>, on: &AppliedWrench<G>| reading.effort(at, on);
         match (&effect.application, self) {
             (ForceApplication::Along(_, effort), _) => Some(*effort),
-            (ForceApplication::Between(on, _), Self::CutEffort(e)) => Some(e.effort(at, on)),
-            (ForceApplication::Between(on, _), Self::CutTorsion(e)) => along(&e.along, on),
-            (ForceApplication::Between(on, _), Self::EffortOver(e)) => along(&e.along, on),
-            (ForceApplication::Between(on, _), Self::Friction(e)) => along(&e.along, on),
-            (ForceApplication::Between(on, _), Self::Stop(e)) => along(&e.along, on),
+            (ForceApplication::Between(on, _), Self::Load(e)) => e.effort(at, on),
             _ => None,
         }
     }
@@ -234,20 +201,11 @@ impl<G: Space> Element<G> {
     fn rare(&self, at: &At<G>, room: &mut Room<G>) -> Result<Effect<G>, SystemError> {
         match self {
             Self::Bushing(e) => e.wrench(at),
-            Self::CutTorsion(e) => e.wrench(at),
-            Self::EffortOver(e) => e.wrench(at),
-            Self::Friction(e) => e.wrench(at, room),
-            Self::Stop(e) => e.wrench(at),
             Self::Contact(e) => Ok(e.wrench(at)),
             Self::Tyre(e) => Ok(e.wrench(at)),
             Self::Law(e) => e.wrench(at, room),
             Self::Gravity(e) => e.wrench(at, room),
-            Self::Spring(_)
-            | Self::Torsion(_)
-            | Self::Effort(_)
-            | Self::CutEffort(_)
-            | Self::Force(_)
-            | Self::Weightless(_) => self.wrench(at, room),
+            Self::Spring(_) | Self::Load(_) | Self::Force(_) | Self::Weightless(_) => self.wrench(at, room),
         }
     }
 
@@ -255,29 +213,20 @@ impl<G: Space> Element<G> {
     pub fn is_dissipative(&self) -> bool {
         match self {
             Self::Spring(e) => e.damped,
-            Self::Torsion(e) => e.damped,
-            Self::Effort(e) => !e.is_conservative(),
-            Self::CutTorsion(e) => e.damped,
-            Self::CutEffort(_) | Self::EffortOver(_) | Self::Friction(_) | Self::Law(_) | Self::Gravity(_) => true,
+            Self::Load(e) => e.is_dissipative(),
+            Self::Law(_) | Self::Gravity(_) => true,
             Self::Force(e) => !e.is_conservative(),
             Self::Bushing(e) => e.damped,
-            Self::Stop(e) => e.buffer.damped,
             Self::Contact(e) => e.buffer.damped || e.rough,
             Self::Tyre(e) => e.buffer.damped || e.grips,
             Self::Weightless(_) => false,
         }
     }
 
-    /// The coordinate whose whole turns it counts: a torsion spring winds up, a constant torque does work.
-    pub fn counted(&self) -> Option<usize> {
+    /// What it depends on, whole turns included: a torsion spring winds up, a constant torque does work.
+    pub(crate) fn depends_on(&self) -> Option<&Measurement<G>> {
         match self {
-            Self::Torsion(e) => Some(e.q),
-            Self::Effort(e) => e.q,
-            Self::Stop(e) => e.along.coordinate(),
-            Self::EffortOver(e) => match e.over.quantity {
-                Quantity::Coordinate { q, .. } => Some(q),
-                _ => None,
-            },
+            Self::Load(e) => e.depends_on(),
             _ => None,
         }
     }
@@ -289,25 +238,13 @@ impl<G: Space> Element<G> {
         G: Space<S = f64>,
     {
         match self {
-            Self::CutTorsion(e) if e.along.wraps() => Some((&e.name, e.angle, reading::KNOWN)),
-            Self::Stop(e) if e.along.wraps() => Some((&e.name, e.middle.0, e.middle.1)),
-            Self::EffortOver(e) if e.turns => Some((&e.name, 0.0, reading::KNOWN)),
+            Self::Load(e) => e.turns.map(|(middle, within)| (e.name.as_str(), middle, within)),
             _ => None,
         }
     }
 
-    /// Does a function of the user's see all coordinates, turns included, or does an angle add up from several?
-    pub fn sees_coordinates(&self) -> bool {
-        let along = match self {
-            Self::Stop(e) => Some(&e.along),
-            Self::CutTorsion(e) => Some(&e.along),
-            _ => None,
-        };
-        let adds_up = along.is_some_and(|x| x.coordinate().is_none() && !x.wraps());
-        adds_up || self.calls_function()
-    }
-
-    fn calls_function(&self) -> bool {
+    /// Does it call a function of the user's, which may see all coordinates, turns included?
+    pub(crate) fn calls_function(&self) -> bool {
         matches!(self, Self::Law(_)) || self.sources().iter().any(|s| matches!(s, Source::Function(_)))
     }
 
@@ -319,10 +256,8 @@ impl<G: Space> Element<G> {
     /// The name of the element if it calls a function of the user's.
     pub(crate) fn calls(&self) -> Option<&str> {
         let name = match self {
-            Self::Effort(e) => &e.name,
-            Self::CutEffort(e) => &e.name,
+            Self::Load(e) => &e.name,
             Self::Force(e) => &e.name,
-            Self::Friction(e) => &e.name,
             Self::Law(e) => &e.name,
             Self::Gravity(e) => &e.name,
             _ => return None,
@@ -332,10 +267,8 @@ impl<G: Space> Element<G> {
 
     fn sources(&self) -> &[Source<G::S>] {
         match self {
-            Self::Effort(e) => std::slice::from_ref(&e.value),
-            Self::CutEffort(e) => std::slice::from_ref(&e.value),
+            Self::Load(e) => e.sources(),
             Self::Force(e) => e.value.sources(),
-            Self::Friction(e) => &e.levels,
             Self::Gravity(e) => e.value.sources(),
             _ => &[],
         }
@@ -346,14 +279,9 @@ impl<G: Space> Element<G> {
         let of = |all: &[Spot<G>]| all.iter().map(|p| p.place.node).collect();
         match self {
             Self::Spring(e) => vec![e.a.node, e.b.node],
-            Self::Torsion(_) | Self::Effort(_) => Vec::new(),
-            Self::CutEffort(e) => vec![e.parent.node, e.child.node],
+            Self::Load(e) => e.nodes(),
             Self::Force(e) => vec![e.on.node],
             Self::Bushing(e) => of(&e.ends),
-            Self::Friction(e) => e.along.nodes(),
-            Self::Stop(e) => e.along.nodes(),
-            Self::CutTorsion(e) => e.along.nodes(),
-            Self::EffortOver(e) => e.along.nodes(),
             Self::Contact(e) => of(&[e.centre, e.other]),
             Self::Tyre(e) => of(&[e.centre, e.road]),
             Self::Law(e) => of(&e.on),
@@ -367,15 +295,9 @@ impl<G: Space> Element<G> {
         let of = |all: &[Spot<G>]| (None, all.iter().map(|p| p.place.link).collect());
         match self {
             Self::Spring(e) => (None, vec![e.a.link, e.b.link]),
-            Self::Torsion(e) => (Some(e.v), Vec::new()),
-            Self::Effort(e) => (Some(e.v), Vec::new()),
-            Self::CutEffort(e) => (None, vec![e.parent.link, e.child.link]),
+            Self::Load(e) => e.touches(),
             Self::Force(e) => (None, vec![e.on.link]),
             Self::Bushing(e) => of(&e.ends),
-            Self::Friction(e) => e.along.touches(),
-            Self::Stop(e) => e.along.touches(),
-            Self::CutTorsion(e) => e.along.touches(),
-            Self::EffortOver(e) => e.along.touches(),
             Self::Contact(e) => of(&[e.centre, e.other]),
             Self::Tyre(e) => of(&[e.centre, e.road]),
             Self::Law(e) => of(&e.on),
@@ -388,7 +310,7 @@ impl<G: Space> Element<G> {
     pub(crate) fn looks_at(&self) -> Vec<usize> {
         match self {
             Self::Law(e) => e.sees.iter().flat_map(Seen::links).collect(),
-            Self::EffortOver(e) => e.over.links.to_vec(),
+            Self::Load(e) => e.over.iter().flat_map(|x| x.links).collect(),
             _ => Vec::new(),
         }
     }

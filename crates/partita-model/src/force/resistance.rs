@@ -1,5 +1,6 @@
 //! Laws that several elements share: what pushes back when it is pressed, and what resists sliding.
 
+use crate::numbers::DescribedForce;
 use partita_math::scalar::Scalar;
 
 /// Pushes back when pressed by a depth: `stiffness · depth^exponent · (1 + damping · speed)`, never less than 0, the speed
@@ -28,6 +29,10 @@ pub(crate) struct Pressed<S> {
 }
 
 impl<S: Scalar> Buffer<S> {
+    pub(super) fn new(n: &DescribedForce<S>, exponent: f64, damping: f64) -> Self {
+        Self { stiffness: n.number("stiffness"), damping: n.number("damping"), exponent, damped: damping != 0.0 }
+    }
+
     #[inline(always)]
     pub(crate) fn pressed(&self, depth: S, speed: S) -> Pressed<S> {
         let depth = depth.max(S::zero());

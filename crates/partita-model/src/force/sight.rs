@@ -1,11 +1,10 @@
 //! What functions of the state see of a joint that is not in it by itself.
 
-use super::build::joint_index;
-use super::{At, Reading};
+use super::At;
 use crate::error::DescriptionError;
 use crate::joint::Motion;
-use crate::numbers::Numbers;
-use crate::zero_position::Placed;
+use crate::measurement::{Maker, Measurement};
+use crate::zero_position::PlacedJoint;
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Mat3, Space};
 
@@ -13,7 +12,7 @@ use partita_math::spatial::{Mat3, Space};
 #[derive(Clone, Debug)]
 pub enum CutSight<G: Space> {
     /// A slide or an angle, and its rate.
-    Coordinate(Reading<G>),
+    Coordinate(Measurement<G>),
     /// A turn about all axes.
     Turn {
         /// Links of parent and child.
@@ -25,8 +24,7 @@ pub enum CutSight<G: Space> {
 
 impl<G: Space> CutSight<G> {
     /// The motions of a joint in their order; none of one whose coordinates are in the state.
-    pub(crate) fn all(placed: &Placed, numbers: &Numbers<G::S>, joint: &str) -> Result<Vec<Self>, DescriptionError> {
-        let p = &placed.joints[joint_index(placed, joint)];
+    pub(crate) fn all(p: &PlacedJoint, joint: &str, measurements: &Maker<G>) -> Result<Vec<Self>, DescriptionError> {
         if p.in_state().is_some() {
             return Ok(Vec::new());
         }
@@ -34,11 +32,11 @@ impl<G: Space> CutSight<G> {
         let plain = p.shape.freedoms() - if turns { 3 } else { 0 };
         let mut found = Vec::with_capacity(plain + usize::from(turns));
         for i in 0..plain {
-            found.push(Self::Coordinate(Reading::new(placed, numbers, joint, (joint, i), G::S::zero())?));
+            found.push(Self::Coordinate(measurements.joint(joint, i, "force", joint)?));
         }
         if turns {
             let axes = [&p.on_parent, &p.on_child].map(|r| Mat3::from_f64(r.0));
-            found.push(Self::Turn { links: [placed.link_of(p.parent), placed.link_of(p.child)], axes });
+            found.push(Self::Turn { links: measurements.links([p.parent, p.child]), axes });
         }
         Ok(found)
     }
@@ -46,7 +44,7 @@ impl<G: Space> CutSight<G> {
     /// Links that are looked at.
     pub(crate) fn links(&self) -> Vec<usize> {
         match self {
-            Self::Coordinate(reading) => reading.touches().1,
+            Self::Coordinate(reading) => reading.links.to_vec(),
             Self::Turn { links, .. } => links.to_vec(),
         }
     }
@@ -57,7 +55,7 @@ impl<G: Space> CutSight<G> {
         let none = [G::S::zero(); 9];
         match self {
             Self::Coordinate(reading) => {
-                let read = reading.read(at);
+                let read = reading.read(at.tree, at.s, at.instant.q, at.instant.v);
                 q.push(read.value);
                 v.push(read.rate);
             }

@@ -16,17 +16,21 @@ use std::collections::HashMap;
 pub struct Maker<'a, G: Space> {
     placed: &'a Placed,
     numbers: &'a Numbers<G::S>,
-    origins: Vec<Vec3<G::S>>,
+    pub(crate) origins: Vec<Vec3<G::S>>,
     links: &'a [Link<G>],
-    nodes: HashMap<&'a str, usize>,
+    pub(crate) nodes: HashMap<&'a str, usize>,
+}
+
+/// Number of a joint.
+fn joint_number(placed: &Placed, joint: &str, element: &'static str, name: &str) -> Result<usize, DescriptionError> {
+    let number = placed.joint_numbers.get(joint).copied();
+    number.ok_or_else(|| DescriptionError::new(element, name, format!("there is no joint \"{joint}\"")))
 }
 
 /// Refuse what cannot be read: names that nothing has, coordinates that a joint does not have.
 pub fn known(m: &Measure, placed: &Placed, element: &'static str, name: &str) -> Result<(), DescriptionError> {
     let Measure::Joint { joint, coordinate } = m else { return Ok(()) };
-    let Some(&j) = placed.joint_numbers.get(joint) else {
-        return Err(DescriptionError::new(element, name, format!("there is no joint \"{joint}\"")));
-    };
+    let j = joint_number(placed, joint, element, name)?;
     motion_of(&placed.joints[j], *coordinate, joint, element, name).map(|_| ())
 }
 
@@ -64,7 +68,7 @@ fn motion_of(
     if p.shape.motions[motion] == Motion::Ball {
         let message = format!(
             "coordinate {coordinate} of joint \"{joint}\" is part of a turn in space, which no single number measures; \
-             drive the joint by its pose, use joints with one axis in its place, or points of the bodies"
+             name a slide or an angle, measure between points of the bodies, or drive the joint by its pose"
         );
         return Err(DescriptionError::new(element, name, message));
     }
@@ -112,12 +116,7 @@ impl<'a, G: Space> Maker<'a, G> {
             None => Err(DescriptionError::new(element, name, format!("there is no body \"{body}\""))),
         };
         match m {
-            Measure::Joint { joint, coordinate } => {
-                known(m, self.placed, element, name)?;
-                let j = self.placed.joint_numbers[joint];
-                let motion = motion_of(&self.placed.joints[j], *coordinate, joint, element, name)?;
-                Ok(self.coordinate(j, motion))
-            }
+            Measure::Joint { joint, coordinate } => self.joint(joint, *coordinate, element, name),
             Measure::Distance { body1, point1, body2, point2 } => {
                 let nodes = [node(body1)?, node(body2)?];
                 Ok(self.distance(nodes, [Vec3::from_f64(*point1), Vec3::from_f64(*point2)]))
@@ -134,6 +133,49 @@ impl<'a, G: Space> Maker<'a, G> {
                 Ok(self.between(nodes, Quantity::Cosine(G::ang_from(u.0), G::ang_from(w.0))))
             }
         }
+    }
+
+    /// A slide or an angle of a joint.
+    pub(crate) fn joint(
+        &self,
+        joint: &str,
+        coordinate: usize,
+        element: &'static str,
+        name: &str,
+    ) -> Result<Measurement<G>, DescriptionError> {
+        let j = joint_number(self.placed, joint, element, name)?;
+        let motion = motion_of(&self.placed.joints[j], coordinate, joint, element, name)?;
+        Ok(self.coordinate(j, motion))
+    }
+
+    /// What an effort in a joint acts along: also the rate of turning in space about an axis of the child.
+    pub(crate) fn effort(
+        &self,
+        joint: &str,
+        coordinate: usize,
+        element: &'static str,
+        name: &str,
+    ) -> Result<Measurement<G>, DescriptionError> {
+        let p = &self.placed.joints[joint_number(self.placed, joint, element, name)?];
+        let (motion, component) = any_motion(p, coordinate, joint, element, name)?;
+        if p.shape.motions[motion] != Motion::Ball {
+            return self.joint(joint, coordinate, element, name);
+        }
+        // the velocities of a ball are not the joint's own where it is walked from child to parent, nor where the zero
+        // position has turned what is drawn
+        let own = !p.reversed && p.on_child.0 == self.placed.basis.0;
+        Ok(match p.links.as_ref().filter(|_| own) {
+            Some(links) => {
+                self.in_tree(links[motion], Quantity::Velocity(self.placed.links[links[motion]].v + component))
+            }
+            None => self.between([p.parent, p.child], Quantity::Spin(self.axes(&p.on_child)[component])),
+        })
+    }
+
+    /// What the tree does by itself.
+    fn in_tree(&self, link: usize, quantity: Quantity<G>) -> Measurement<G> {
+        let movers = vec![Mover { link, on_b: true, column: 0 }];
+        Measurement { quantity, links: [0, 0], nodes: [0, 0], movers, wraps: false, adds_up: Vec::new() }
     }
 
     /// What a drive reads: also a rate of turning in space, which is the rate of no position.
@@ -188,9 +230,7 @@ impl<'a, G: Space> Maker<'a, G> {
         let p = &self.placed.joints[j];
         if let Some(links) = &p.links {
             let link = &self.placed.links[links[motion]];
-            let movers = vec![Mover { link: links[motion], on_b: true, column: 0 }];
-            let quantity = Quantity::Coordinate { q: link.q, v: link.v };
-            return Measurement { quantity, links: [0, 0], nodes: [0, 0], movers, wraps: false, adds_up: Vec::new() };
+            return self.in_tree(links[motion], Quantity::Coordinate { q: link.q, v: link.v });
         }
         let nodes = [p.parent, p.child];
         match p.shape.motions[motion] {
@@ -202,13 +242,18 @@ impl<'a, G: Space> Maker<'a, G> {
             Motion::Turn(a) => {
                 let mut reading = self.between(nodes, Quantity::Turn(turn(p, a)));
                 if self.placed.planar {
-                    reading.adds_up = in_plane(self.placed, p, a);
+                    (reading.adds_up, reading.wraps) = (in_plane(self.placed, p, a), false);
                 }
                 reading
             }
             // nothing asks for one: `motion_of` refuses it
             Motion::Ball => self.twist(j),
         }
+    }
+
+    /// Links of two nodes.
+    pub(crate) fn links(&self, nodes: [usize; 2]) -> [usize; 2] {
+        nodes.map(|n| self.placed.link_of(n))
     }
 
     /// Number of a body that exists, 0 for the ground.
@@ -248,7 +293,7 @@ impl<'a, G: Space> Maker<'a, G> {
 
     /// Two points of the zero position on their nodes.
     pub(crate) fn ends(&self, nodes: [usize; 2], points: [Vec3<G::S>; 2]) -> Ends<G> {
-        let links = nodes.map(|n| self.placed.link_of(n));
+        let links = self.links(nodes);
         let reference = &self.numbers.reference;
         let (a, origin_a) = compile::anchor::<G>(links[0], points[0], reference, &self.origins);
         let (b, origin_b) = compile::anchor::<G>(links[1], points[1], reference, &self.origins);
@@ -257,7 +302,7 @@ impl<'a, G: Space> Maker<'a, G> {
 
     /// A quantity between two nodes, with the links that change it.
     pub(crate) fn between(&self, nodes: [usize; 2], quantity: Quantity<G>) -> Measurement<G> {
-        let links = nodes.map(|n| self.placed.link_of(n));
+        let links = self.links(nodes);
         // parents come before their children: the later one of the two is never an ancestor of the other
         let mut movers: Vec<Mover> = Vec::new();
         let [mut on_a, mut on_b] = links;
@@ -279,7 +324,7 @@ impl<'a, G: Space> Maker<'a, G> {
 }
 
 /// Turns of the tree between the two sides of a joint of a planar mechanism.
-pub(crate) fn in_plane(placed: &Placed, p: &PlacedJoint, axis: Vec3<f64>) -> Vec<(usize, f64)> {
+fn in_plane(placed: &Placed, p: &PlacedJoint, axis: Vec3<f64>) -> Vec<(usize, f64)> {
     let sign = p.on_parent.apply(axis).0[2].signum();
     let mut all: Vec<(usize, f64)> = Vec::new();
     for (node, sign) in [(p.child, sign), (p.parent, -sign)] {

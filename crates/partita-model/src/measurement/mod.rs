@@ -12,7 +12,6 @@
 
 mod build;
 
-pub(crate) use build::in_plane;
 pub use build::{drivable, is_angle, known, Maker};
 
 use crate::tree::{Anchor, LinkMotion, Tree, TreeScratch};
@@ -52,6 +51,8 @@ pub enum Quantity<G: Space> {
         /// Velocity.
         v: usize,
     },
+    /// A velocity of the tree that is the rate of no coordinate: of no position, which is read as 0.
+    Velocity(usize),
     /// Displacement of B from A along an axis fixed on A.
     Along(Ends<G>, G::Vec),
     /// Distance of two points; the constant part of it out of the plane, squared.
@@ -112,6 +113,15 @@ pub struct Unit<G: Space> {
     pub point: [G::Vec; 2],
     /// The point in the world of the tree.
     pub place: G::Vec,
+}
+
+/// Value, rate and gradient of a measurement.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Read<G: Space> {
+    pub value: G::S,
+    pub rate: G::S,
+    /// See [`Measurement::unit`].
+    pub unit: Option<Unit<G>>,
 }
 
 impl<G: Space> Ends<G> {
@@ -182,11 +192,11 @@ impl<G: Space> Measurement<G> {
                 half_of::<G>(G::dot_ang(ya, xb) - G::dot_ang(xa, yb))
             }
             Quantity::Cosine(u, w) => G::dot_ang(G::rotate_ang(a, *u), G::rotate_ang(b, *w)),
-            Quantity::Spin(_) => G::S::default(),
+            Quantity::Velocity(_) | Quantity::Spin(_) => G::S::default(),
         }
     }
 
-    /// The wrench on B whose power, with its opposite on A, is the reading's rate; none for a coordinate of the tree.
+    /// The wrench on B whose power, with its opposite on A, is the reading's rate; none for what the tree does by itself.
     #[inline(always)]
     pub fn unit(&self, tree: &Tree<G>, s: &TreeScratch<G>) -> Option<Unit<G>> {
         let (a, b) = (&s.links[self.links[0]].rot, &s.links[self.links[1]].rot);
@@ -204,7 +214,7 @@ impl<G: Space> Measurement<G> {
             Unit { moment, force: G::Vec::default(), point, place: tree.place(self.links[1], s) }
         };
         match &self.quantity {
-            Quantity::Coordinate { .. } => None,
+            Quantity::Coordinate { .. } | Quantity::Velocity(_) => None,
             Quantity::Along(ends, axis) => Some(push(ends, G::rotate(a, *axis))),
             Quantity::Distance(ends, out) => {
                 let gap = ends.now(tree, s).2;
@@ -223,13 +233,58 @@ impl<G: Space> Measurement<G> {
     /// Its rate at v and the last twists.
     #[inline(always)]
     pub fn rate(&self, tree: &Tree<G>, s: &TreeScratch<G>, v: &[G::S]) -> G::S {
-        if let Quantity::Coordinate { v: i, .. } = &self.quantity {
-            return v[*i];
+        match (self.velocity(), self.unit(tree, s)) {
+            (Some(i), _) => v[i],
+            (None, Some(unit)) => self.rate_along(&unit, s),
+            (None, None) => G::S::default(),
         }
-        let Some(unit) = self.unit(tree, s) else { return G::S::default() };
+    }
+
+    #[inline(always)]
+    fn rate_along(&self, unit: &Unit<G>, s: &TreeScratch<G>) -> G::S {
         let (xa, xb) = (&s.links[self.links[0]], &s.links[self.links[1]]);
         let at = |x: &crate::tree::LinkState<G>, p: G::Vec| x.u + G::cross(x.w, p - x.centre);
         G::dot_ang(unit.moment, xb.w - xa.w) + G::dot(unit.force, at(xb, unit.point[0]) - at(xa, unit.point[1]))
+    }
+
+    /// Value, rate and gradient at (q, v) and the last poses and twists.
+    #[inline(always)]
+    pub(crate) fn read(&self, tree: &Tree<G>, s: &TreeScratch<G>, q: &[G::S], v: &[G::S]) -> Read<G> {
+        match &self.quantity {
+            Quantity::Coordinate { q: i, v: k } => Read { value: q[*i], rate: v[*k], unit: None },
+            Quantity::Velocity(k) => Read { value: G::S::default(), rate: v[*k], unit: None },
+            _ => self.read_between(tree, s, q),
+        }
+    }
+
+    /// Of what is between two bodies.
+    #[inline(never)]
+    fn read_between(&self, tree: &Tree<G>, s: &TreeScratch<G>, q: &[G::S]) -> Read<G> {
+        let unit = self.unit(tree, s);
+        let rate = unit.as_ref().map_or(G::S::default(), |unit| self.rate_along(unit, s));
+        Read { value: self.value(tree, s, q), rate, unit }
+    }
+
+    /// The coordinate of the tree that it is.
+    pub fn coordinate(&self) -> Option<usize> {
+        match self.quantity {
+            Quantity::Coordinate { q, .. } => Some(q),
+            _ => None,
+        }
+    }
+
+    /// The velocity of the tree that its rate is.
+    #[inline(always)]
+    pub fn velocity(&self) -> Option<usize> {
+        match self.quantity {
+            Quantity::Coordinate { v, .. } | Quantity::Velocity(v) => Some(v),
+            _ => None,
+        }
+    }
+
+    /// Coordinates of the tree whose whole turns it counts.
+    pub fn counted(&self) -> impl Iterator<Item = usize> + '_ {
+        self.coordinate().into_iter().chain(self.adds_up.iter().map(|(q, _)| *q))
     }
 
     /// Its second derivative for v' = 0 at the last twists.
@@ -238,7 +293,7 @@ impl<G: Space> Measurement<G> {
         let (xa, xb) = (&s.links[self.links[0]], &s.links[self.links[1]]);
         let (w, alpha) = (xb.w - xa.w, xb.alpha - xa.alpha);
         match &self.quantity {
-            Quantity::Coordinate { .. } => G::S::default(),
+            Quantity::Coordinate { .. } | Quantity::Velocity(_) => G::S::default(),
             Quantity::Along(ends, axis) => {
                 let (rate, acc) = ends.rates(tree, s);
                 let d = G::rotate(&xa.rot, *axis);

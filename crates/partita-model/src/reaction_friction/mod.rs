@@ -14,13 +14,13 @@ mod respond;
 
 use crate::error::DescriptionError;
 use crate::evaluator::{Engine, Evaluator, Follow, Scratch};
-use crate::force::Element;
+use crate::force::{Bearing, Element, Friction, Load, LoadLaw};
 use crate::joint::Motion;
 use crate::planarity::needs_space;
 use crate::spec::{Force, Spec};
 use crate::zero_position::{Placed, PlacedJoint};
 use partita_math::elimination::Pattern;
-use partita_math::spatial::Vec3;
+use partita_math::spatial::{Space, Vec3};
 use partita_system::SystemError;
 
 /// Where the reaction of a joint is read.
@@ -68,12 +68,9 @@ impl Following {
         let placed = &own.placed;
         let mut frictions = Vec::new();
         for (element, e) in own.full.elements.iter().enumerate() {
-            let Element::Friction(e) = e else { continue };
-            if e.follows.is_none() {
-                continue;
-            }
+            let Some(Followed { load, .. }) = Followed::of(e) else { continue };
             let described = spec.forces.iter().find_map(|f| match f {
-                Force::Friction(x) if x.name == e.name => Some(x),
+                Force::Friction(x) if x.name == load.name => Some(x),
                 _ => None,
             });
             let Some(x) = described else { continue };
@@ -118,6 +115,22 @@ impl Following {
         let short_of_mass = !placed.massless.is_empty();
         let pattern = pattern.clone();
         Ok((!frictions.is_empty()).then_some(Self { frictions, pattern, dependent, short_of_mass }))
+    }
+}
+
+/// A friction that follows a reaction, and what it slides in.
+struct Followed<'a, G: Space> {
+    load: &'a Load<G>,
+    law: &'a Friction<G::S>,
+    bearing: &'a Bearing<G::S>,
+}
+
+impl<'a, G: Space> Followed<'a, G> {
+    /// The element, if it is one.
+    fn of(e: &'a Element<G>) -> Option<Self> {
+        let Element::Load(load) = e else { return None };
+        let LoadLaw::Friction(law) = &load.law else { return None };
+        law.follows.as_ref().map(|bearing| Self { load, law, bearing })
     }
 }
 

@@ -1,8 +1,8 @@
 //! Normal forces of the frictions: reactions without friction, and for a unit of each.
 
-use super::{Following, ReactionFriction, Read};
+use super::{Followed, Following, ReactionFriction, Read};
 use crate::evaluator::Evaluator;
-use crate::force::{AppliedWrench, At, Bearing, Effect, Element, ForceApplication, Friction, Room};
+use crate::force::{AppliedWrench, At, Bearing, Effect, ForceApplication, Room};
 use crate::friction_magnitudes::{Hold, Jam, Term};
 use crate::mechanics::Mechanics;
 use crate::tree::TreeScratch;
@@ -24,15 +24,9 @@ struct Cause<'a, G: Space> {
     application: Option<&'a ForceApplication<G>>,
 }
 
-/// The friction of a grip, with what it slides in.
-fn friction<'a, G: Space>(
-    tree: &'a Mechanics<G>,
-    entry: &ReactionFriction,
-) -> Option<(&'a Friction<G>, &'a Bearing<G::S>)> {
-    match tree.elements.get(entry.element) {
-        Some(Element::Friction(x)) => x.follows.as_ref().map(|b| (&**x, b)),
-        _ => None,
-    }
+/// The friction of an entry.
+fn friction<'a, G: Space>(tree: &'a Mechanics<G>, entry: &ReactionFriction) -> Option<Followed<'a, G>> {
+    tree.elements.get(entry.element).and_then(Followed::of)
 }
 
 /// Forces across the axis that press it, and those along it and about it where it slides on them: their number.
@@ -61,13 +55,14 @@ impl Following {
         tree.mass_matrix(s, &mut x.mass);
         tree.forces(s, &mut x.y[..n]);
         for (j, entry) in self.frictions.iter().enumerate() {
-            let Some((e, bearing)) = friction(tree, entry) else { continue };
-            let read = e.along.read(&At { tree, s, instant: again(at) });
+            let Some(Followed { load, law, bearing }) = friction(tree, entry) else { continue };
+            let now = At { tree, s, instant: again(at) };
+            let read = load.read(&now);
             x.magnitudes.kappa[j] =
-                e.law(bearing.coefficient, bearing.held).per_speed(read.rate * read.rate) * read.rate;
+                law.law(bearing.coefficient, bearing.held).per_speed(read.rate * read.rate) * read.rate;
             let arm = if entry.turn { bearing.radius.unwrap_or_default() } else { 1.0 };
             x.magnitudes.base[j] = bearing.preload * arm;
-            let unit = e.along.application(&read, 1.0);
+            let unit = load.application(&now, &read, 1.0);
             pull(tree, s, &unit, &mut x.y[(j + 1) * n..(j + 2) * n]);
         }
         if self.short_of_mass {
@@ -77,9 +72,9 @@ impl Following {
         for column in 0..=k {
             self.answer(n, m, rank, column, x);
             let unit = match column.checked_sub(1).and_then(|j| self.frictions.get(j)) {
-                Some(entry) => friction(tree, entry).map(|(e, _)| {
-                    let read = e.along.read(&At { tree, s, instant: again(at) });
-                    e.along.application(&read, 1.0)
+                Some(entry) => friction(tree, entry).map(|Followed { load, .. }| {
+                    let now = At { tree, s, instant: again(at) };
+                    load.application(&now, &load.read(&now), 1.0)
                 }),
                 None => None,
             };
@@ -111,12 +106,13 @@ impl Following {
         }
         x.magnitudes.solve().map_err(|jam| self.jammed(tree, at.t, jam))?;
         for (j, entry) in self.frictions.iter().enumerate() {
-            let Some((e, _)) = friction(tree, entry) else { continue };
+            let Some(Followed { load, .. }) = friction(tree, entry) else { continue };
             room.normal_forces[j] = x.magnitudes.normal[j];
-            let read = e.along.read(&At { tree, s, instant: again(at) });
+            let now = At { tree, s, instant: again(at) };
+            let read = load.read(&now);
             let effort = -(x.magnitudes.kappa[j] * x.magnitudes.normal[j]);
-            let effect =
-                Effect { application: e.along.application(&read, effort), potential: 0.0, power: effort * read.rate };
+            let application = load.application(&now, &read, effort);
+            let effect = Effect { application, potential: 0.0, power: effort * read.rate };
             tree.add_effect(s, &effect, room);
         }
         Ok(())
@@ -124,7 +120,7 @@ impl Following {
 
     fn jammed<G: Space<S = f64>>(&self, tree: &Mechanics<G>, t: f64, jam: Jam) -> SystemError {
         let Some(entry) = self.frictions.get(jam.which) else { return SystemError::Unchosen("friction") };
-        let coefficient = friction(tree, entry).map_or(f64::NAN, |(_, b)| b.coefficient.max(b.held));
+        let coefficient = friction(tree, entry).map_or(f64::NAN, |x| x.bearing.coefficient.max(x.bearing.held));
         SystemError::Jammed {
             friction: entry.name.as_str().into(),
             joint: entry.joint.as_str().into(),
@@ -154,7 +150,7 @@ impl Following {
             x.resize(size, 0.0);
         }
         x.perm.resize(m, 0);
-        let of = |g: &ReactionFriction| friction(tree, g).map_or(0, |(_, b)| terms(b, g.turn));
+        let of = |g: &ReactionFriction| friction(tree, g).map_or(0, |x| terms(x.bearing, g.turn));
         x.magnitudes.fit(k, self.frictions.iter().map(of).sum());
     }
 
@@ -262,7 +258,7 @@ impl Following {
         let links = tree.links.len();
         let mut t = 0;
         for (i, entry) in self.frictions.iter().enumerate() {
-            let Some((_, bearing)) = friction(tree, entry) else { continue };
+            let Some(Followed { bearing, .. }) = friction(tree, entry) else { continue };
             let (axis, moment, force) = match entry.read {
                 Read::Tree { outer, moved } => {
                     let (moment, force) = s.partial[links + outer];

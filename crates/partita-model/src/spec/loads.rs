@@ -1,66 +1,9 @@
-//! Forces that are described by records of their own: bushings, friction, stops, contacts, tyres, laws, weight.
-//!
-//! What a description does with any of them (names, parameters, tables, checks) it asks of [`Load`].
+//! Forces between bodies that are described by records of their own: bushings, contacts, tyres, laws, weight.
 
+use super::forces::{negative, no_direction, no_exponent, without_size, ForceRecord};
 use super::{Value, VectorValue};
 use serde::{Deserialize, Serialize};
 use std::slice::from_mut as one;
-
-/// What all of these forces can say of themselves.
-pub trait Load {
-    /// Its name.
-    fn name(&self) -> &str;
-    /// Bodies that it names.
-    fn bodies(&self) -> Vec<&str> {
-        Vec::new()
-    }
-    /// Joints that it names, with the coordinate.
-    fn joints(&self) -> Vec<(&str, usize)> {
-        Vec::new()
-    }
-    /// Values that may be tables or functions.
-    fn values(&self) -> Vec<&Value> {
-        Vec::new()
-    }
-    /// Its parameters: field and numbers.
-    fn numbers(&mut self) -> Vec<(&'static str, &mut [f64])> {
-        Vec::new()
-    }
-    /// What is wrong with its numbers, all of them finite.
-    fn fault(&self) -> Option<String> {
-        None
-    }
-}
-
-fn constant(v: &mut Value) -> Option<&mut [f64]> {
-    match v {
-        Value::Constant(x) => Some(one(x)),
-        Value::Table(_) | Value::Function(_) => None,
-    }
-}
-
-/// The first of these numbers that must not be negative and is.
-fn negative(all: &[(&str, f64)]) -> Option<String> {
-    all.iter().find(|x| x.1 < 0.0).map(|(what, x)| format!("{what} = {x} is negative; give 0 or more"))
-}
-
-/// The first of these numbers that must be above zero and is not.
-fn without_size(all: &[(&str, f64)]) -> Option<String> {
-    all.iter().find(|x| x.1 <= 0.0).map(|(what, x)| format!("{what} = {x} must be greater than 0"))
-}
-
-fn no_direction(what: &str, x: &[f64; 3]) -> Option<String> {
-    x.iter().all(|x| *x == 0.0).then(|| format!("{what} = {x:?} has no direction"))
-}
-
-fn no_exponent(x: f64) -> Option<String> {
-    (x < 1.0)
-        .then(|| format!("exponent = {x} would make a contact infinitely stiff at its first touch; give 1 or more"))
-}
-
-fn three_halves() -> f64 {
-    1.5
-}
 
 /// Stiffness and damping in all six directions between two frames.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -86,7 +29,7 @@ pub struct Bushing {
     pub damping: [[f64; 6]; 6],
 }
 
-impl Load for Bushing {
+impl ForceRecord for Bushing {
     fn name(&self) -> &str {
         &self.name
     }
@@ -116,157 +59,8 @@ impl Load for Bushing {
     }
 }
 
-/// Friction in a joint coordinate.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Friction {
-    /// Name.
-    pub name: String,
-    /// Joint.
-    pub joint: String,
-    /// Which of its coordinates.
-    #[serde(default)]
-    pub coordinate: usize,
-    /// Level while it slides (N) or (N m).
-    #[serde(default = "no_level")]
-    pub dynamic: Value,
-    /// Level that must be overcome; none: that of sliding.
-    #[serde(default, rename = "static")]
-    pub held: Option<Value>,
-    /// Speed at which it is reached [m/s] or [rad/s].
-    pub stick_velocity: f64,
-    /// The levels follow the reaction of the joint instead.
-    #[serde(default)]
-    pub follows: Option<Follows>,
-}
-
-fn no_level() -> Value {
-    Value::Constant(0.0)
-}
-
-/// How levels of friction follow the reaction of their joint.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Follows {
-    /// Coefficient while it slides.
-    pub coefficient: f64,
-    /// Coefficient to be overcome; none: that of sliding.
-    #[serde(default, rename = "static_coefficient")]
-    pub held: Option<f64>,
-    /// Where a turn slides, or what holds a slide from turning (m).
-    #[serde(default)]
-    pub radius: Option<f64>,
-    /// Length of the bearing (m).
-    #[serde(default)]
-    pub length: Option<f64>,
-    /// Where the force along the axis of a turn slides (m).
-    #[serde(default)]
-    pub collar: Option<f64>,
-    /// Constant normal force (N).
-    #[serde(default)]
-    pub preload: f64,
-}
-
-impl Load for Friction {
-    fn name(&self) -> &str {
-        &self.name
-    }
-    fn joints(&self) -> Vec<(&str, usize)> {
-        vec![(&self.joint, self.coordinate)]
-    }
-    fn values(&self) -> Vec<&Value> {
-        std::iter::once(&self.dynamic).chain(&self.held).collect()
-    }
-    fn numbers(&mut self) -> Vec<(&'static str, &mut [f64])> {
-        let mut all = vec![("stick_velocity", one(&mut self.stick_velocity))];
-        all.extend(constant(&mut self.dynamic).map(|x| ("dynamic", x)));
-        all.extend(self.held.as_mut().and_then(constant).map(|x| ("static", x)));
-        if let Some(f) = &mut self.follows {
-            all.retain(|(field, _)| *field != "dynamic");
-            all.push(("coefficient", one(&mut f.coefficient)));
-            all.push(("preload", one(&mut f.preload)));
-            let given = [
-                ("static_coefficient", &mut f.held),
-                ("radius", &mut f.radius),
-                ("length", &mut f.length),
-                ("collar", &mut f.collar),
-            ];
-            all.extend(given.into_iter().filter_map(|(field, x)| x.as_mut().map(|x| (field, one(x)))));
-        }
-        all
-    }
-    fn fault(&self) -> Option<String> {
-        let level = |what, v: &Value| match v {
-            Value::Constant(x) => negative(&[(what, *x)]),
-            Value::Table(_) | Value::Function(_) => None,
-        };
-        without_size(&[("stick_velocity", self.stick_velocity)])
-            .or_else(|| level("dynamic", &self.dynamic))
-            .or_else(|| self.held.as_ref().and_then(|v| level("static", v)))
-            .or_else(|| self.follows.as_ref().and_then(Follows::fault))
-    }
-}
-
-impl Follows {
-    fn fault(&self) -> Option<String> {
-        negative(&[
-            ("coefficient", self.coefficient),
-            ("static_coefficient", self.held.unwrap_or_default()),
-            ("collar", self.collar.unwrap_or_default()),
-            ("preload", self.preload),
-        ])
-        .or_else(|| without_size(&[("radius", self.radius.unwrap_or(1.0)), ("length", self.length.unwrap_or(1.0))]))
-    }
-}
-
-/// Compliant ends of a joint coordinate.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Stop {
-    /// Name.
-    pub name: String,
-    /// Joint.
-    pub joint: String,
-    /// Which of its coordinates.
-    #[serde(default)]
-    pub coordinate: usize,
-    /// Where it begins to push forward.
-    #[serde(default)]
-    pub lower: Option<f64>,
-    /// Where it begins to push back.
-    #[serde(default)]
-    pub upper: Option<f64>,
-    /// Effort at a unit of depth.
-    pub stiffness: f64,
-    /// Power of the depth.
-    pub exponent: f64,
-    /// Growth of the effort with the speed inward (s/m or s/rad).
-    pub damping: f64,
-}
-
-impl Load for Stop {
-    fn name(&self) -> &str {
-        &self.name
-    }
-    fn joints(&self) -> Vec<(&str, usize)> {
-        vec![(&self.joint, self.coordinate)]
-    }
-    fn numbers(&mut self) -> Vec<(&'static str, &mut [f64])> {
-        let mut all = vec![("stiffness", one(&mut self.stiffness)), ("damping", one(&mut self.damping))];
-        all.extend(self.lower.as_mut().map(|x| ("lower", one(x))));
-        all.extend(self.upper.as_mut().map(|x| ("upper", one(x))));
-        all
-    }
-    fn fault(&self) -> Option<String> {
-        let order = match (self.lower, self.upper) {
-            (None, None) => Some("it has neither a lower nor an upper end; give one".into()),
-            (Some(a), Some(b)) if a >= b => Some(format!("lower = {a} is not below upper = {b}")),
-            _ => None,
-        };
-        order
-            .or_else(|| negative(&[("stiffness", self.stiffness), ("damping", self.damping)]))
-            .or_else(|| no_exponent(self.exponent))
-    }
+fn three_halves() -> f64 {
+    1.5
 }
 
 /// A sphere on one body against a plane or a sphere on another.
@@ -309,7 +103,7 @@ pub struct Contact {
     pub stick_velocity: f64,
 }
 
-impl Load for Contact {
+impl ForceRecord for Contact {
     fn name(&self) -> &str {
         &self.name
     }
@@ -388,7 +182,7 @@ pub struct Tyre {
     pub slow_speed: f64,
 }
 
-impl Load for Tyre {
+impl ForceRecord for Tyre {
     fn name(&self) -> &str {
         &self.name
     }
@@ -460,7 +254,7 @@ pub struct Law {
     pub on: Vec<Spot>,
 }
 
-impl Load for Law {
+impl ForceRecord for Law {
     fn name(&self) -> &str {
         &self.name
     }
@@ -501,7 +295,7 @@ pub struct Weightless {
     pub body: String,
 }
 
-impl Load for Weightless {
+impl ForceRecord for Weightless {
     fn name(&self) -> &str {
         &self.name
     }
@@ -520,7 +314,7 @@ pub struct Gravity {
     pub value: VectorValue,
 }
 
-impl Load for Gravity {
+impl ForceRecord for Gravity {
     fn name(&self) -> &str {
         &self.name
     }

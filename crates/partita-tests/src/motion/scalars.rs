@@ -7,7 +7,7 @@ use crate::mechanisms::{
 use partita_math::scalar::{Dual, Lanes, Recorder, Recording, Scalar};
 use partita_model::clusters::{Plan, Preference};
 use partita_model::coupling::{Contact, Law, Says};
-use partita_model::force::Element;
+use partita_model::force::{Element, LoadLaw};
 use partita_model::measurement::Quantity;
 use partita_model::reduced::Reduced;
 use partita_model::spec::{Coupling, Force, Friction, Gravity, JointKind, Spec, Table, Value, VectorValue};
@@ -123,16 +123,18 @@ fn everywhere(seed: u64, plain: bool, mut check: impl FnMut(&mut fastrand::Rng, 
             kinds.extend(model.spec.joints.iter().map(|j| format!("{:?}", j.kind)));
             elements.extend(model.full.elements.iter().map(|e| match e {
                 Element::Spring(_) => "spring",
-                Element::Torsion(_) => "torsion",
-                Element::Effort(_) => "effort",
-                Element::CutEffort(_) => "cut effort",
-                Element::CutTorsion(_) => "cut torsion",
-                Element::EffortOver(_) => "effort over",
+                Element::Load(load) => match (&load.law, load.sides.is_some()) {
+                    (LoadLaw::SpringDamper(_), false) => "torsion",
+                    (LoadLaw::SpringDamper(_), true) => "cut torsion",
+                    (LoadLaw::Effort(_), false) => "effort",
+                    (LoadLaw::Effort(_), true) => "cut effort",
+                    (LoadLaw::Curve(_), _) => "effort over",
+                    (LoadLaw::Friction(_), _) => "friction",
+                    (LoadLaw::Stop(_), _) => "stop",
+                },
                 Element::Force(f) if f.turns => "force that turns",
                 Element::Force(_) => "force",
                 Element::Bushing(_) => "bushing",
-                Element::Friction(_) => "friction",
-                Element::Stop(_) => "stop",
                 Element::Contact(_) => "contact",
                 Element::Tyre(_) => "tyre",
                 Element::Law(_) => "law",

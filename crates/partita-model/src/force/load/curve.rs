@@ -1,0 +1,34 @@
+//! Effort by a curve over what is measured: gas force over crank angle.
+
+use super::{Asked, Response, ScalarLaw, KNOWN};
+use crate::spec::Table;
+use crate::value;
+use partita_math::scalar::Scalar;
+use partita_system::SystemError;
+use std::f64::consts::TAU;
+
+/// An effort that is a curve.
+#[derive(Clone, Debug)]
+pub struct Curve {
+    /// The curve.
+    pub curve: Table,
+    /// Does it repeat itself after its last break?
+    pub periodic: bool,
+}
+
+impl<S: Scalar> ScalarLaw<S> for Curve {
+    fn respond(&self, asked: &Asked<S>, _: &mut Vec<f64>) -> Result<Response<S>, SystemError> {
+        let [effort, _, _] = value::curve_at(&self.curve, self.periodic, asked.x, asked.name)?;
+        Ok(Response { effort, potential: S::zero(), power: effort * asked.rate })
+    }
+    fn turns(&self) -> Option<(S, f64)> {
+        (!(self.periodic && each_turn(&self.curve))).then_some((S::zero(), KNOWN))
+    }
+}
+
+/// Is a periodic curve the same after a whole turn?
+fn each_turn(curve: &Table) -> bool {
+    let (Some(first), Some(last)) = (curve.breaks.first(), curve.breaks.last()) else { return true };
+    let times = TAU / (last - first);
+    times >= 0.5 && (times - times.round()).abs() <= 1e-9 * times
+}

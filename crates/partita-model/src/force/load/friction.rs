@@ -1,0 +1,100 @@
+//! Friction.
+
+use super::{Asked, Response, ScalarLaw};
+use crate::force::resistance::Slide;
+use crate::numbers::DescribedForce;
+use crate::spec;
+use crate::value::Source;
+use partita_math::scalar::Scalar;
+use partita_system::SystemError;
+
+/// Resists the rate: see `Slide` in `resistance.rs`.
+#[derive(Clone, Debug)]
+pub struct Friction<S> {
+    /// Level while it slides, and that which must be overcome, if there is another.
+    pub levels: Vec<Source<S>>,
+    /// What presses instead of given levels.
+    pub follows: Option<Bearing<S>>,
+    /// Speed at which that is reached.
+    pub stick: S,
+}
+
+/// What slides where the level follows the reaction of the joint. With the axis a of the coordinate, F and M the force
+/// and the moment of the joint about its point,
+///
+/// - across: `|F_a|` of the part of F across a; with a length L it is that of two short bearings at the ends, which
+///   take the moment across a too, `|F_a/2 + M_a × a/L| + |F_a/2 − M_a × a/L|`;
+/// - on a turn that times the radius, and `collar |F · a|`;
+/// - on a slide that, and `|M · a| / radius`.
+#[derive(Clone, Copy, Debug)]
+pub struct Bearing<S> {
+    /// Coefficient while it slides.
+    pub coefficient: S,
+    /// Coefficient to be overcome.
+    pub held: S,
+    /// Where a turn slides; on a slide, the arm that holds it from turning.
+    pub radius: Option<S>,
+    /// Of the bearing along the axis.
+    pub length: Option<S>,
+    /// Where the force along the axis of a turn slides.
+    pub collar: Option<S>,
+    /// Constant normal force.
+    pub preload: S,
+    /// Its place among those that follow reactions.
+    pub place: usize,
+}
+
+impl<S: Scalar> Friction<S> {
+    pub(super) fn new(x: &spec::Friction, n: &DescribedForce<S>) -> Self {
+        let mut levels = vec![Source::new(&x.dynamic, n.number("dynamic"))];
+        levels.extend(x.held.as_ref().map(|v| Source::new(v, n.number("static"))));
+        let follows = x.follows.as_ref().map(|f| {
+            let given = |what: Option<f64>, field| what.map(|_| n.number(field));
+            let coefficient = n.number("coefficient");
+            Bearing {
+                coefficient,
+                held: given(f.held, "static_coefficient").unwrap_or(coefficient),
+                radius: given(f.radius, "radius"),
+                length: given(f.length, "length"),
+                collar: given(f.collar, "collar"),
+                preload: n.number("preload"),
+                place: 0,
+            }
+        });
+        Self { levels, follows, stick: n.number("stick_velocity") }
+    }
+
+    /// The law of the speed between these levels.
+    #[inline(always)]
+    pub(crate) fn law(&self, dynamic: S, held: S) -> Slide<S> {
+        Slide { dynamic, held, stick: self.stick }
+    }
+}
+
+impl<S: Scalar> ScalarLaw<S> for Friction<S> {
+    fn respond(&self, asked: &Asked<S>, plain: &mut Vec<f64>) -> Result<Response<S>, SystemError> {
+        let (dynamic, held) = match &self.follows {
+            Some(bearing) => {
+                // nothing before it is found
+                let pressed = asked.normal_forces.get(bearing.place).copied().unwrap_or_default();
+                (bearing.coefficient * pressed, bearing.held * pressed)
+            }
+            None => {
+                let dynamic = self.levels[0].at(asked.instant, asked.name, plain)?;
+                let held = match self.levels.get(1) {
+                    Some(level) => level.at(asked.instant, asked.name, plain)?,
+                    None => dynamic,
+                };
+                (dynamic, held)
+            }
+        };
+        let effort = -(self.law(dynamic, held).per_speed(asked.rate * asked.rate) * asked.rate);
+        Ok(Response { effort, potential: S::zero(), power: effort * asked.rate })
+    }
+    fn depends_on_value(&self) -> bool {
+        false
+    }
+    fn sources(&self) -> &[Source<S>] {
+        &self.levels
+    }
+}

@@ -1,0 +1,304 @@
+//! A load: one effort along a measurement, by a law. It acts on both sides along the gradient of the measurement, so that a
+//! law need not know whether its joint is in the tree, closes a loop or stands in absolute coordinates.
+//!
+//! ```text
+//! value x, rate x' ──► law ──► effort, potential, power          gradient, effort ──► what acts where
+//! ```
+
+mod curve;
+mod effort;
+mod friction;
+mod spring_damper;
+mod stop;
+
+pub use curve::Curve;
+pub use effort::Effort;
+pub use friction::{Bearing, Friction};
+pub use spring_damper::SpringDamper;
+pub use stop::Stop;
+
+use super::build::Maker;
+use super::{AppliedWrench, At, Effect, ForceApplication, Place, Room};
+use crate::error::DescriptionError;
+use crate::measurement::{Measurement, Quantity, Read};
+use crate::numbers::DescribedForce;
+use crate::spec::{Force, Value};
+use crate::value::{Instant, Source};
+use partita_math::scalar::Scalar;
+use partita_math::spatial::Space;
+use partita_system::SystemError;
+use std::f64::consts::{PI, TAU};
+
+/// A little less than half a turn (rad): up to here an angle read off the pose is known from the middle of what can be told,
+/// so that no step passes the place where it starts again unseen.
+const KNOWN: f64 = 3.0;
+
+/// What an effort may depend on.
+pub(crate) struct Asked<'a, S> {
+    /// Name of the load, for messages.
+    pub name: &'a str,
+    /// Value of what it depends on.
+    pub x: S,
+    /// Rate of what it acts along.
+    pub rate: S,
+    /// Time and state.
+    pub instant: &'a Instant<'a, S>,
+    /// Normal forces of the frictions that follow reactions.
+    pub normal_forces: &'a [S],
+}
+
+/// What a law answers.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Response<S> {
+    /// Along the measurement.
+    pub effort: S,
+    /// Its potential, 0 if it has none.
+    pub potential: S,
+    /// Power of the effort, so far as the potential does not account for it.
+    pub power: S,
+}
+
+/// One effort: the contract of a law.
+pub(crate) trait ScalarLaw<S: Scalar> {
+    /// The effort and its energies. `plain` is memory for arguments of functions known in `f64` alone.
+    fn respond(&self, asked: &Asked<S>, plain: &mut Vec<f64>) -> Result<Response<S>, SystemError>;
+    /// Does it do work that no potential accounts for?
+    fn is_dissipative(&self) -> bool {
+        true
+    }
+    /// Does the value matter to it, whole turns of an angle included?
+    fn depends_on_value(&self) -> bool {
+        true
+    }
+    /// The value about which an angle is looked at, and how far from it, where whole turns are not counted and matter.
+    fn turns(&self) -> Option<(S, f64)> {
+        None
+    }
+    /// Numbers, tables and functions that it asks for.
+    fn sources(&self) -> &[Source<S>] {
+        &[]
+    }
+}
+
+/// The laws.
+#[derive(Clone, Debug)]
+pub enum LoadLaw<S> {
+    /// Spring and damper.
+    SpringDamper(SpringDamper<S>),
+    /// A number, a table or a function.
+    Effort(Effort<S>),
+    /// A curve over what is measured.
+    Curve(Curve),
+    /// Friction.
+    Friction(Box<Friction<S>>),
+    /// Compliant ends.
+    Stop(Box<Stop<S>>),
+}
+
+impl<S: Scalar> LoadLaw<S> {
+    /// That of a force which acts along a joint coordinate; `in_state`: one of the state.
+    fn new(force: &Force, n: &DescribedForce<S>, in_state: bool) -> Option<Self> {
+        Some(match force {
+            Force::TorsionSpring { damping, .. } => Self::SpringDamper(SpringDamper::new(n, *damping != 0.0)),
+            Force::Torque { value: Value::Table(curve), over: Some(_), periodic, .. } => {
+                Self::Curve(Curve { curve: curve.clone(), periodic: *periodic })
+            }
+            Force::Torque { value, .. } => Self::Effort(Effort { value: Source::new(value, n.value.0[0]), in_state }),
+            Force::Friction(x) => Self::Friction(Box::new(Friction::new(x, n))),
+            Force::Stop(x) => Self::Stop(Box::new(Stop::new(x, n))),
+            _ => return None,
+        })
+    }
+
+    fn as_law(&self) -> &dyn ScalarLaw<S> {
+        match self {
+            Self::SpringDamper(x) => x,
+            Self::Effort(x) => x,
+            Self::Curve(x) => x,
+            Self::Friction(x) => &**x,
+            Self::Stop(x) => &**x,
+        }
+    }
+
+    /// The frequent ones in line.
+    #[inline(always)]
+    fn respond(&self, asked: &Asked<S>, plain: &mut Vec<f64>) -> Result<Response<S>, SystemError> {
+        match self {
+            Self::SpringDamper(x) => x.respond(asked, plain),
+            Self::Effort(x) => x.respond(asked, plain),
+            other => other.respond_rarely(asked, plain),
+        }
+    }
+
+    #[inline(never)]
+    fn respond_rarely(&self, asked: &Asked<S>, plain: &mut Vec<f64>) -> Result<Response<S>, SystemError> {
+        self.as_law().respond(asked, plain)
+    }
+}
+
+/// An effort along a measurement.
+#[derive(Clone, Debug)]
+pub struct Load<G: Space> {
+    /// Name, for messages.
+    pub name: String,
+    /// What it acts along.
+    pub along: Measurement<G>,
+    /// What the law depends on, if that is something else.
+    pub over: Option<Box<Measurement<G>>>,
+    /// Where it acts on A and B, both at the same point of space; none along a velocity of the tree.
+    pub sides: Option<[Place<G>; 2]>,
+    /// Of an angle whose whole turns matter and are not counted: the value about which they are known, and how far from it.
+    pub turns: Option<(G::S, f64)>,
+    /// The law.
+    pub law: LoadLaw<G::S>,
+}
+
+impl<G: Space> Load<G> {
+    /// What the effort depends on.
+    pub fn measured(&self) -> &Measurement<G> {
+        self.over.as_deref().unwrap_or(&self.along)
+    }
+
+    /// Value, rate and gradient of what it acts along.
+    #[inline(always)]
+    pub(crate) fn read(&self, at: &At<G>) -> Read<G> {
+        self.along.read(at.tree, at.s, at.instant.q, at.instant.v)
+    }
+
+    /// Along a coordinate of the tree on which alone it depends there is nothing to look up.
+    #[inline(always)]
+    pub(crate) fn wrench(&self, at: &At<G>, room: &mut Room<G>) -> Result<Effect<G>, SystemError> {
+        match (&self.along.quantity, &self.over) {
+            (&Quantity::Coordinate { q, v }, None) => {
+                let Response { effort, potential, power } = self.respond(at, at.instant.q[q], at.instant.v[v], room)?;
+                Ok(Effect { application: ForceApplication::Along(v, effort), potential, power })
+            }
+            _ => self.look(at, room),
+        }
+    }
+
+    #[inline(never)]
+    fn look(&self, at: &At<G>, room: &mut Room<G>) -> Result<Effect<G>, SystemError> {
+        let read = self.read(at);
+        let x = match &self.over {
+            None => read.value,
+            Some(over) => over.value(at.tree, at.s, at.instant.q),
+        };
+        let x = match self.turns {
+            None => x,
+            Some((middle, within)) => self.nearest(x, middle, within)?,
+        };
+        let Response { effort, potential, power } = self.respond(at, x, read.rate, room)?;
+        Ok(Effect { application: self.application(at, &read, effort), potential, power })
+    }
+
+    #[inline(always)]
+    fn respond(&self, at: &At<G>, x: G::S, rate: G::S, room: &mut Room<G>) -> Result<Response<G::S>, SystemError> {
+        let Room { normal_forces, plain, .. } = room;
+        self.law.respond(&Asked { name: &self.name, x, rate, instant: &at.instant, normal_forces }, plain)
+    }
+
+    /// The value of an angle closest to the middle; refused so far from it that the next one may be a full turn beside it.
+    fn nearest(&self, x: G::S, middle: G::S, within: f64) -> Result<G::S, SystemError> {
+        let x = x - (x - middle).scale(1.0 / TAU).round().scale(TAU);
+        match (x - middle).outside(-within, within) {
+            Some(by) => Err(SystemError::Wound { what: self.name.clone(), by }),
+            None => Ok(x),
+        }
+    }
+
+    /// An effort along the measurement: on B, its opposite on A.
+    #[inline(always)]
+    pub(crate) fn application(&self, at: &At<G>, read: &Read<G>, effort: G::S) -> ForceApplication<G> {
+        match (&self.sides, &read.unit) {
+            (Some([a, b]), Some(unit)) => {
+                let (moment, force) = (G::scale_ang(unit.moment, effort), G::scale(unit.force, effort));
+                let arm = at.arm(b);
+                // action equals reaction at the same point of space
+                let back = at.tree.place(b.link, at.s) + arm - at.tree.place(a.link, at.s);
+                let push =
+                    |e: &Place<G>, arm, moment, force| AppliedWrench { node: e.node, link: e.link, arm, moment, force };
+                ForceApplication::Between(push(b, arm, moment, force), push(a, back, -moment, -force))
+            }
+            _ => ForceApplication::Along(self.along.velocity().unwrap_or(0), effort),
+        }
+    }
+
+    /// How many unit efforts a push on B is.
+    pub(crate) fn effort(&self, at: &At<G>, on: &AppliedWrench<G>) -> Option<G::S> {
+        let unit = self.along.unit(at.tree, at.s)?;
+        let size = G::dot_ang(unit.moment, unit.moment) + G::dot(unit.force, unit.force);
+        Some((G::dot_ang(unit.moment, on.moment) + G::dot(unit.force, on.force)) / size)
+    }
+
+    /// Does it do work that no potential accounts for?
+    pub fn is_dissipative(&self) -> bool {
+        self.law.as_law().is_dissipative()
+    }
+
+    /// What it depends on, whole turns of an angle included.
+    pub fn depends_on(&self) -> Option<&Measurement<G>> {
+        self.law.as_law().depends_on_value().then(|| self.measured())
+    }
+
+    /// Numbers, tables and functions that it asks for.
+    pub fn sources(&self) -> &[Source<G::S>] {
+        self.law.as_law().sources()
+    }
+
+    /// Velocity that it acts along, or the links it acts on.
+    pub fn touches(&self) -> (Option<usize>, Vec<usize>) {
+        (self.along.velocity(), self.sides.iter().flatten().map(|p| p.link).collect())
+    }
+
+    /// Nodes of the bodies it acts on.
+    pub fn nodes(&self) -> Vec<usize> {
+        self.sides.iter().flatten().map(|p| p.node).collect()
+    }
+}
+
+impl<G: Space> Maker<'_, G> {
+    /// The load of a force that acts along a joint coordinate.
+    pub(super) fn load(&self, force: &Force, n: &DescribedForce<G::S>) -> Result<Option<Load<G>>, DescriptionError> {
+        let (name, Some((joint, coordinate))) = (force.name(), force.along()) else { return Ok(None) };
+        let along = match force {
+            Force::Torque { .. } => self.measurements.effort(joint, coordinate, "force", name)?,
+            _ => self.measurements.joint(joint, coordinate, "force", name)?,
+        };
+        let over = match force {
+            Force::Torque { value: Value::Table(_), over: Some(over), .. } => {
+                Some(Box::new(self.measurements.reading(over, "force", name)?))
+            }
+            _ => None,
+        };
+        let Some(law) = LoadLaw::new(force, n, along.coordinate().is_some()) else { return Ok(None) };
+        let turns = law.as_law().turns().filter(|_| over.as_deref().unwrap_or(&along).wraps);
+        if let Some(why) = turns.and_then(|(middle, within)| unknown_turns(middle, within)) {
+            let m = format!(
+                "the angle of joint \"{joint}\", which is cut, is read off the pose up to full turns, and \
+                 {why}; keep the joint in the tree (cut=\"never\", relative coordinates)"
+            );
+            return Err(DescriptionError::new("force", name, m));
+        }
+        let sides = along.velocity().is_none().then(|| self.sides(joint));
+        Ok(Some(Load { name: name.into(), along, over, sides, turns, law }))
+    }
+
+    /// The point of a joint on parent and child.
+    fn sides(&self, joint: &str) -> [Place<G>; 2] {
+        let j = self.placed.joint_numbers[joint];
+        let (p, points) = (&self.placed.joints[j], self.numbers.joints[j]);
+        [self.place(p.parent, points.0), self.place(p.child, points.1)]
+    }
+}
+
+/// Why an angle that is known up to whole turns is not known that far from there.
+fn unknown_turns<S: Scalar>(middle: S, within: f64) -> Option<String> {
+    match middle.outside(-PI, PI) {
+        Some(middle) => Some(format!("{middle:.3} rad is more than half a turn from the drawing")),
+        None if within >= PI => {
+            Some(format!("ends {:.3} rad apart cannot be told from ends a turn closer", 2.0 * (2.0 * within - PI)))
+        }
+        None => None,
+    }
+}

@@ -1,0 +1,44 @@
+//! Spring and damper.
+
+use super::{Asked, Response, ScalarLaw, KNOWN};
+use crate::force::stored;
+use crate::numbers::DescribedForce;
+use partita_math::scalar::Scalar;
+use partita_system::SystemError;
+
+/// Drives a value back to `free` by `stiffness (x − free) + damping x'`.
+#[derive(Clone, Copy, Debug)]
+pub struct SpringDamper<S> {
+    /// Stiffness.
+    pub stiffness: S,
+    /// Damping.
+    pub damping: S,
+    /// Free position.
+    pub free: S,
+    /// Has it a damper?
+    pub damped: bool,
+}
+
+impl<S: Scalar> SpringDamper<S> {
+    pub(super) fn new(n: &DescribedForce<S>, damped: bool) -> Self {
+        Self { stiffness: n.stiffness, damping: n.damping, free: n.rest, damped }
+    }
+}
+
+impl<S: Scalar> ScalarLaw<S> for SpringDamper<S> {
+    #[inline(always)]
+    fn respond(&self, asked: &Asked<S>, _: &mut Vec<f64>) -> Result<Response<S>, SystemError> {
+        let (stretch, speed) = (asked.x - self.free, asked.rate);
+        Ok(Response {
+            effort: -(self.stiffness * stretch + self.damping * speed),
+            potential: stored(self.stiffness, stretch),
+            power: -(self.damping * speed * speed),
+        })
+    }
+    fn is_dissipative(&self) -> bool {
+        self.damped
+    }
+    fn turns(&self) -> Option<(S, f64)> {
+        Some((self.free, KNOWN))
+    }
+}
