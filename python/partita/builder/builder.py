@@ -18,14 +18,14 @@ from . import laws as law_room
 from . import loads as load_room
 from . import primitives as primitive_room
 from . import sensors as sensor_room
-from .drawing import Drawing
 from .elements import Elements
+from .joint_loads import JointLoads
 from .records import Body, Coupling, Drive, Force, Handle, Joint
 from .sensors import Sensor
 from .spec import Writer
 
 
-class Builder(Drawing):
+class Builder(JointLoads):
     """All `add_...` methods."""
 
     add_body = body_room.add_body
@@ -66,8 +66,6 @@ class Builder(Drawing):
     add_torque = force_room.add_torque
     add_force = force_room.add_force
     add_bushing = load_room.add_bushing
-    add_friction = load_room.add_friction
-    add_stop = load_room.add_stop
     add_contact = contact_room.add_contact
     add_tyre = contact_room.add_tyre
     add_force_law = law_room.add_force_law

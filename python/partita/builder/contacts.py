@@ -12,7 +12,7 @@ from .bodies import resolve
 from .checks import direction, name_of, number, vector
 from .drawing import Drawing
 from .forces import store
-from .loads import per_power
+from .joint_loads import per_power
 from .records import GROUND, Body, Force, LoadRecord
 
 
@@ -78,6 +78,8 @@ def add_contact(
     if stick_velocity is None and (slides or held):
         element.fail("friction needs a stick_velocity: the sliding speed [m/s] below which it may count as sticking")
     power = number(element, "exponent", exponent, least=1.0)
+    units = {"stiffness": per_power("N", "m", power), "damping": "s/m", "stick_velocity": "m/s"}
+    units |= {"radius1": "m", "radius2": "m"}
     means = {
         "body1": first,
         "point1": vector(element, "point1", point1, "m"),
@@ -86,7 +88,7 @@ def add_contact(
         "radius1": number(element, "radius1", radius1, "m", least=0.0),
         "normal": None if normal is None else direction(element, "normal", normal),
         "radius2": None if radius2 is None else number(element, "radius2", radius2, "m", above=0.0),
-        "stiffness": number(element, "stiffness", stiffness, per_power("N", "m", power), least=0.0),
+        "stiffness": number(element, "stiffness", stiffness, units["stiffness"], least=0.0),
         "exponent": power,
         "damping": number(element, "damping", damping, "s/m", least=0.0),
         "friction": slides,
@@ -102,7 +104,7 @@ def add_contact(
         "static_friction": None if held == slides else held,
         "stick_velocity": None if stick_velocity is None else means["stick_velocity"],
     }
-    return store(self, LoadRecord(name, "contact", said, means))
+    return store(self, LoadRecord(name, "contact", said, means, units))
 
 
 def add_tyre(
@@ -188,4 +190,6 @@ def add_tyre(
         **{word: value or None for word, value in grips.items()},
         "slow_speed": None if slow_speed is None else slow,
     }
-    return store(self, LoadRecord(name, "tyre", said, {**where, **grips, "slow_speed": slow}))
+    units = {"stiffness": "N/m", "damping": "s/m", "longitudinal": "N", "lateral": "N", "slow_speed": "m/s"}
+    means = {**where, **grips, "slow_speed": slow}
+    return store(self, LoadRecord(name, "tyre", said, means, {**units, "radius": "m", "center": "m"}))

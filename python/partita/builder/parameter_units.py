@@ -5,21 +5,10 @@ from __future__ import annotations
 from ..units.door import SI
 from .couplings import factor_units
 from .joints import effort_of, unit_of
-from .loads import DAMPING, STIFFNESS, per_power
 from .measures import measure_unit
 from .records import CouplingRecord, Description, LoadRecord, SpringRecord, TorqueRecord, TorsionSpringRecord
 
 _OF_BODIES = {"mass": "kg", "com": "m", "inertia": "kg m^2"}
-_OF_CONTACTS = {"radius1": "m", "radius2": "m", "damping": "s/m", "stick_velocity": "m/s"}
-_OF_TYRES = {
-    "radius": "m",
-    "stiffness": "N/m",
-    "damping": "s/m",
-    "longitudinal": "N",
-    "lateral": "N",
-    "slow_speed": "m/s",
-    "center": "m",
-}
 
 
 def parameter_unit(d: Description, name: str) -> SI:
@@ -41,7 +30,7 @@ def parameter_unit(d: Description, name: str) -> SI:
             own = {"stiffness": f"{effort}/{unit}", "damping": f"{effort} s/{unit}", "angle": unit, "value": effort}
             return own.get(word, "")
         case LoadRecord() as load:
-            return _of_load(d, load, word)
+            return load.units.get(word, "")
         case None:
             return ""
     return "N" if word == "value" else ""
@@ -57,21 +46,3 @@ def _of_coupling(d: Description, coupling: CouplingRecord, word: str) -> SI | No
     factors = factor_units(units) if units else []
     own: dict[str, SI] = {"factors": factors, "offset": units[0], "ratio": factors[-1]} if units else {}
     return own.get(word)
-
-
-def _of_load(d: Description, load: LoadRecord, word: str) -> SI:
-    if load.kind == "bushing":
-        table = {"stiffness": STIFFNESS, "damping": DAMPING}.get(word)
-        return "" if table is None else [unit for row in table for unit in row]
-    if load.kind == "contact":
-        return per_power("N", "m", load.means["exponent"]) if word == "stiffness" else _OF_CONTACTS.get(word, "")
-    if load.kind == "tyre":
-        return _OF_TYRES.get(word, "")
-    if load.kind not in ("friction", "stop"):
-        return ""
-    joint, i = d.joints[load.means["joint"]], load.means["coordinate"]
-    unit, effort = unit_of(joint, i), effort_of(joint, i)
-    own = {"dynamic": effort, "static": effort, "stick_velocity": f"{unit}/s", "lower": unit, "upper": unit}
-    if load.kind == "stop":
-        own |= {"stiffness": per_power(effort, unit, load.means["exponent"]), "damping": f"s/{unit}"}
-    return own.get(word, "")

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ..sensing import SensorRecord
+from ..units.door import SI
 from .checks import Array
 from .poses import PoseValue
 from .values import Function, Value
@@ -231,13 +232,13 @@ LARGEST_DRAWING_TOLERANCE = 1e-2
 @dataclass(frozen=True)
 class LoadRecord:
     """Any other force: `said` is what the user gave, by argument, for files; `means` is what the core is told. Values
-    that
-    may be tables or functions stand in both as such."""
+    that may be tables or functions stand in both as such. `units` are those of its parameters."""
 
     name: str
     kind: str
     said: Mapping[str, Any]
     means: Mapping[str, Any]
+    units: Mapping[str, SI] = field(default_factory=dict)
 
 
 ForceLike = SpringRecord | TorsionSpringRecord | TorqueRecord | ForceRecord | LoadRecord

@@ -144,7 +144,7 @@ def add_sensor(
       side, or one of them by `coordinate`), "force", "moment" (3) on its child;
     - pt.Distance, pt.Along, pt.Cosine, pt.Coordinate: "position", "velocity", "acceleration" (a number);
     - a spring between points: "length", "rate", "force" (positive: it pulls them together), "power", "energy";
-    - a torque, torsion spring, friction or stop along a joint coordinate: "effort", "power", "energy";
+    - a torque, torsion spring or other load along a joint coordinate: "effort", "power", "energy";
     - any other force: "force", "moment" about the point where it acts, "position" of that point (3), on its first body
       (`coordinate` counts the others), "power", "energy";
     - a drive: "effort", and "power" where it drives one coordinate; a coupling: "effort";
@@ -282,7 +282,7 @@ def _form(record: Any) -> str:
         return "spring"
     if isinstance(record, TorsionSpringRecord | TorqueRecord):
         return "effort"
-    return "effort" if isinstance(record, LoadRecord) and record.kind in ("friction", "stop") else "load"
+    return "effort" if isinstance(record, LoadRecord) and "joint" in record.means else "load"
 
 
 _KEYS = ("body", "joint", "force", "drive", "coupling", "measure", "expression")

@@ -51,17 +51,15 @@ Maker = Callable[..., Builder]
 
 SEAL = "# as saved by partita (delete this line after editing): "
 
-# Tables that are made together, in the order of the file.
-_FORCES = ("spring", "torsion_spring", "torque", "force", "bushing", "friction", "stop", "contact", "tyre")
+# Tables that are made together, in the order of the file. Forces are all others that the schema has; sensors come last.
 _STAGES = (
     ("body", "rod"),
     ("joint",),
     ("compliance",),
     ("coupler", "gear", "belt", "rack", "distance", "cam", "rolling"),
     ("drive",),
-    _FORCES,
-    ("sensor",),
 )
+_LAST = ("mechanism", "sensor")
 
 
 def read(path: Path, make: Maker) -> Any:
@@ -129,7 +127,9 @@ class _File:
             make,
             {key: _argument(head[key]) for key in ("name", "gravity", "drawing_tolerance") if key in head},
         )
-        for tables in _STAGES:
+        others = {kind for kinds in (*_STAGES, _LAST) for kind in kinds}
+        forces = tuple(kind for kind in schema.load()["properties"] if kind not in others)
+        for tables in (*_STAGES, forces, ("sensor",)):
             for kind, pointer, item in self._in_order(tables):
                 method, arguments = _call_of(kind, item)
                 self._call(pointer, getattr(mechanism, method), arguments)

@@ -1,0 +1,237 @@
+"""Loads along a coordinate of a joint: friction, end stops.
+
+They follow smooth laws: friction one of the speed that has a steep slope in place of a jump, stops one of the depth.
+Both make a motion stiffer, and a run takes shorter steps, the smaller the stick velocity and the stiffer the stop.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from fractions import Fraction
+from typing import Any
+
+from numpy.typing import ArrayLike
+
+from . import callbacks
+from .checks import Element, number
+from .drawing import Drawing
+from .forces import named, store
+from .joints import coordinate_of, effort_of, joint_record, scalars, unit_of
+from .records import Force, Joint, LoadRecord
+from .values import Constant, Value, scalar
+
+
+def add_friction(
+    self: Drawing,
+    joint: Joint | str,
+    dynamic: float | tuple[ArrayLike, ArrayLike] | Callable[..., Any] | None = None,
+    *,
+    stick_velocity: float,
+    static: float | tuple[ArrayLike, ArrayLike] | Callable[..., Any] | None = None,
+    coefficient: float | None = None,
+    static_coefficient: float | None = None,
+    radius: float | None = None,
+    length: float | None = None,
+    collar: float | None = None,
+    preload: float = 0.0,
+    coordinate: int = 0,
+    name: str | None = None,
+) -> Force:
+    """Add dry friction along one coordinate of a joint, smoothed below the stick velocity.
+
+    With u = rate / stick_velocity the effort on the child is
+
+        -(dynamic 4u / sqrt(1 + 16 u^2) + (static - dynamic) u / (3/4 + u^2/4)^2).
+
+    The second part, 1 and level at u = 1, is that of Brown and McPhee (J. Comput. Nonlinear Dynam. 11, 2016). At rest
+    there is no effort: what should stick creeps, slower than the stick velocity as long as the load is below `static`
+    less 3 per cent of `dynamic`. A small stick velocity comes near to Coulomb's law and costs small steps.
+
+    Either the level is given (`dynamic`, `static`), or a `coefficient`, and it follows the reaction of this very joint,
+    on which the friction acts back: level = coefficient N. With F and M the force and the moment of the joint's
+    constraints (as `run.joint(...)` gives them), N is on a slide |F| across the axis, on a turn radius |F| across the
+    axis. Give the `length` L of the bearing where it carries a moment: two short bearings at its ends then share F
+    and take M across the axis, N = |F/2 + M x a / L| + |F/2 - M x a / L| (on a turn times the radius), a the axis.
+    `collar` adds collar |F along the axis| on a turn, `radius` adds |M about the axis| / radius on a slide.
+
+    Of a mechanism that moves in a plane the reaction in the plane counts where that is all: for a turn without collar
+    and length, for a slide as long as nothing is seen to push across the plane (gravity, forces; functions of forces
+    and contacts count as such) and, with a length, everything lies in one plane. Else its joints are taken in space,
+    where what they share may not be determined.
+
+    Prefer the coefficient where loads change along the motion. An evaluation then solves for the accelerations once
+    more, densely: (n + m)^3 / 6 multiplications for n velocities and m constraint rows.
+
+    Args:
+        joint: the joint or its name, in the tree or closing a loop; not a coordinate that is part of a quaternion.
+        dynamic: level while it slides, torque on a turn [N m], force on a slide [N]: a number that is not negative, a
+            table (times, values), or f(t, state).
+        stick_velocity: rate at which `static` is reached, above 0 [rad/s] or [m/s].
+        static: level to be overcome; None: that of sliding.
+        coefficient: instead of `dynamic`: friction over what presses, while it slides, not negative.
+        static_coefficient: the same to be overcome; None: that of sliding.
+        radius: on a turn, where it slides (needed with a coefficient); on a slide, the arm that holds it from turning;
+            above 0 [m].
+        length: of the bearing, above 0 [m]; None: moments do not press.
+        collar: mean radius of the collar that carries the force along the axis of a turn [m]; None: it does not press.
+        preload: constant normal force, not negative [N].
+        coordinate: which coordinate of the joint, from 0.
+        name: None: made from the joint's name.
+
+    Raises `DescriptionError` for what is said above. A run with a coefficient ends with an `OpenReactionError` that
+    names the joint where its reaction is not determined (a joint held twice), and with an `EvaluationError` where
+    friction and reaction have no values that agree or more than one: jamming, Painleve's paradox.
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("sledge", gravity=None)
+    >>> sledge = m.add_body("sledge", mass=2.0, inertia=(1, 1, 1))
+    >>> slide = m.add_prismatic("S", m.ground, sledge, axis=(1, 0, 0))
+    >>> _ = m.add_friction(slide, 4.0, stick_velocity=1e-3)
+    >>> run = m.simulate(0.5, initial=m.assemble(rates={"S": 3.0}))
+    >>> round(run.joint("S").velocity[-1].item(), 3)   # 3 - 4/2 * 0.5
+    2.0
+
+    A block on an incline of 30 degrees slides with g (sin 30 - 0.3 cos 30):
+
+    >>> m = pt.Mechanism("incline", gravity=(4.905, 0, -8.4957))
+    >>> block = m.add_body("block", mass=2.0, inertia=(1, 1, 1))
+    >>> slide = m.add_prismatic("S", m.ground, block, axis=(1, 0, 0))
+    >>> _ = m.add_friction(slide, coefficient=0.3, stick_velocity=1e-4)
+    >>> run = m.simulate(1.0, initial=m.assemble(rates={"S": 1.0}))
+    >>> round(run.joint("S").velocity[-1].item(), 3)   # 1 + 4.905 - 0.3 * 8.4957
+    3.356
+    """
+    element = named(self, name, "friction in", joint)
+    found = joint_record(self, element, joint)
+    where = coordinate_of(element, found, coordinate, scalars(found))
+    effort = effort_of(found, where)
+    speed = f"{unit_of(found, where)}/s"
+    stick = number(element, "stick_velocity", stick_velocity, speed, above=0.0)
+    units = {"dynamic": effort, "static": effort, "stick_velocity": speed, "preload": "N"}
+    units |= dict.fromkeys(("radius", "length", "collar"), "m")
+    given = {
+        "coefficient": coefficient,
+        "static_coefficient": static_coefficient,
+        "radius": radius,
+        "length": length,
+        "collar": collar,
+    }
+    pressed = number(element, "preload", preload, "N", least=0.0)
+    if coefficient is not None:
+        if dynamic is not None or static is not None:
+            element.fail(
+                "levels (dynamic, static) and a coefficient exclude one another; give levels, or a coefficient that "
+                "makes them from the reaction of the joint"
+            )
+        above = ("radius", "length")
+        follows = {
+            what: number(
+                element,
+                what,
+                value,
+                "" if what.endswith("coefficient") else "m",
+                **({"above": 0.0} if what in above else {"least": 0.0}),
+            )
+            for what, value in given.items()
+            if value is not None
+        }
+        follows["preload"] = pressed
+        said: dict[str, Any] = {"joint": found.name, "coordinate": where or None, "stick_velocity": stick, **follows}
+        said["preload"] = pressed or None
+        means = {"joint": found.name, "coordinate": where, "stick_velocity": stick, "follows": follows}
+        return store(self, LoadRecord(element.name, "friction", said, means, units))
+    if dynamic is None:
+        element.fail("give its level (dynamic), or a coefficient that makes it from the reaction of the joint")
+    idle = [what for what, value in given.items() if value is not None] + (["preload"] if pressed else [])
+    if idle:
+        element.fail(f"{', '.join(idle)} means nothing without a coefficient; give one instead of dynamic")
+    levels = {
+        "dynamic": _level(element, "dynamic", dynamic, effort),
+        "static": None if static is None else _level(element, "static", static, effort),
+        "stick_velocity": stick,
+    }
+    said = {"joint": found.name, "coordinate": where or None, **levels}
+    return store(self, LoadRecord(element.name, "friction", said, {**said, "coordinate": where}, units))
+
+
+def add_stop(
+    self: Drawing,
+    joint: Joint | str,
+    *,
+    stiffness: float,
+    lower: float | None = None,
+    upper: float | None = None,
+    damping: float = 0.0,
+    exponent: float = 1.0,
+    coordinate: int = 0,
+    name: str | None = None,
+) -> Force:
+    """Add end stops to one coordinate of a joint: springs that are there beyond the ends alone.
+
+    Past an end by the depth d the joint is pushed back by stiffness d^exponent (1 + damping dd/dt), never pulled (Hunt
+    and Crossley, J. Appl. Mech. 42, 1975): no jump at the first touch. For exponent 1 a damper of c [N s/m] at the
+    depth d is damping = c / (stiffness d).
+
+    Args:
+        joint: the joint or its name, in the tree or closing a loop; not a coordinate that is part of a quaternion. The
+            angle of a joint that closes a loop in space (or in absolute coordinates) is known up to full turns: it is
+            taken between half a turn below and above the middle of the ends, or the one end.
+        stiffness: effort at a depth of 1 rad or 1 m, not negative.
+        lower, upper: ends of the coordinate, from the drawn position [rad] or [m]; None: there is none.
+        damping: growth of the effort with the speed inward [s/rad] or [s/m], not negative.
+        exponent: power of the depth, at least 1.
+        coordinate: which coordinate of the joint, from 0.
+        name: None: made from the joint's name.
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("door", gravity=None)
+    >>> leaf = m.add_rod("leaf", start=(0, 0, 0), end=(1, 0, 0), mass=3.0)
+    >>> hinge = m.add_revolute("A", m.ground, leaf, point=(0, 0, 0))
+    >>> m.add_stop(hinge, lower=-1.5, upper=1.5, stiffness=1e4, damping=0.5).name
+    'stop of A'
+    """
+    element = named(self, name, "stop of", joint)
+    found = joint_record(self, element, joint)
+    where = coordinate_of(element, found, coordinate, scalars(found))
+    unit = unit_of(found, where)
+    low = None if lower is None else number(element, "lower", lower, unit)
+    high = None if upper is None else number(element, "upper", upper, unit)
+    if low is None and high is None:
+        element.fail("it has neither a lower nor an upper end; give one or both")
+    if low is not None and high is not None and low >= high:
+        element.fail(f"lower = {low:g} is not below upper = {high:g}")
+    power = number(element, "exponent", exponent, least=1.0)
+    units = {"stiffness": per_power(effort_of(found, where), unit, power), "damping": f"s/{unit}"}
+    law = {
+        "stiffness": number(element, "stiffness", stiffness, units["stiffness"], least=0.0),
+        "damping": number(element, "damping", damping, units["damping"], least=0.0),
+        "exponent": power,
+    }
+    ends = {"joint": found.name, "coordinate": where, "lower": low, "upper": high}
+    said = {**ends, "coordinate": where or None, **law, "damping": law["damping"] or None}
+    said["exponent"] = None if law["exponent"] == 1.0 else law["exponent"]
+    units |= {"lower": unit, "upper": unit}
+    return store(self, LoadRecord(element.name, "stop", said, {**ends, **law}, units))
+
+
+def per_power(effort: str, unit: str, power: float) -> str:
+    """Unit of a stiffness whose effort grows with a power of the depth."""
+    if power == 1.0:
+        return f"{effort}/{unit}"
+    power = min(power, 12.0)  # as far as exponents of units go
+    return f"{effort}/{unit}^({Fraction(power).limit_denominator(100)})"
+
+
+def _level(element: Element, what: str, value: Any, effort: str) -> Value:
+    """A level of friction: not negative where that can be told."""
+    level = scalar(element, what, value, "monotone", callbacks.number_of(element), ("s", effort))
+    if isinstance(level, Constant):
+        number(element, what, level.value, least=0.0)
+    return level
+
+
+class JointLoads(Drawing):
+    """The methods of this room."""
+
+    add_friction = add_friction
+    add_stop = add_stop
