@@ -166,6 +166,10 @@ CALLS: list[tuple[Call, dict[str, Any]]] = [
         {"upper": 0.7, "lower": -1, "exponent": 1.5, "damping": 1, "stiffness": 9},
     ),
     (
+        ("add_gas_spring", "air spring", {"joint": "C", "force": 3.0, "length": 0.5, "coordinate": 1}),
+        {"force": -4.0, "length": 0.7, "exponent": 1.4, "coordinate": 0},
+    ),
+    (
         ("add_contact", "floor", {"body1": "b", "point1": (0, 0, 0), "body2": "ground", "point2": (0, 0, -9)}
          | {"radius1": 0.1, "stiffness": 1e5, "normal": TILTED}),
         {"radius1": 0.2, "stiffness": 9, "normal": (0, 0, 1), "exponent": 1, "damping": 1, "stick_velocity": 2},

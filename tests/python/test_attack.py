@@ -242,6 +242,14 @@ def built() -> dict[str, Callable[[], Call]]:
             "coordinate": 0,
             "name": "st",
         },
+        "add_gas_spring": {
+            "joint": "A",
+            "force": 1.0,
+            "length": 0.5,
+            "exponent": 1.3,
+            "coordinate": 0,
+            "name": "gs",
+        },
         "add_contact": {
             "name": "co",
             "body1": "box",

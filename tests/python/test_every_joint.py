@@ -45,6 +45,7 @@ WISHES: dict[str, Callable[[pt.Mechanism, int], Any]] = {
     "torque by a function": lambda m, c: m.add_torque("J", effort("J", c), coordinate=c),
     "friction": lambda m, c: m.add_friction("J", 0.4, stick_velocity=0.1, coordinate=c),
     "stop": lambda m, c: m.add_stop("J", upper=0.05, stiffness=100.0, coordinate=c),
+    "gas spring": lambda m, c: m.add_gas_spring("J", force=-0.4, length=9.0, coordinate=c),
 }
 
 

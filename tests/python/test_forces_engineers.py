@@ -198,6 +198,43 @@ def test_an_elastic_stop_throws_back_with_all_energy() -> None:
     assert np.all(run.energy.work == 0.0)
 
 
+@pytest.mark.parametrize("where", ["tree", "loop", "absolute"])
+@pytest.mark.parametrize("force", [90.0, -90.0])
+def test_a_gas_spring_gives_back_the_work_of_its_polytropic_change(where: str, force: float) -> None:
+    """With V(c) = |F| L c^(1-n) / (n - 1), c the column over its length as drawn, m v^2 / 2 is V(1) - V(c); without a
+    mass that gives way the effort is F / c^n."""
+    m = slider(mass=2.0)
+    if where == "loop":
+        m.add_body("plate", mass=1e-3, inertia=(1.0, 1.0, 1.0))
+        m.add_prismatic("T", m.ground, "plate", axis=(0, 1, 0))
+        m.add_joint("R", "plate", "block", free=("x", "y", "rx"))
+        m.joints["S"].cut = "always"
+    length, exponent = 0.4, 1.35
+    m.add_gas_spring("S", force=force, length=length, exponent=exponent)
+    coordinates = "absolute" if where == "absolute" else "relative"
+    run = m.simulate(0.15, coordinates=coordinates, t_eval=np.linspace(0.0, 0.15, 7), **TIGHT)
+    x, v = run.joint("S").position[:, 0], run.joint("S").velocity[:, 0]
+    column = 1.0 + math.copysign(1.0, force) * x / length
+    energy = abs(force) * length / (exponent - 1.0) * (1.0 - column ** (1.0 - exponent))
+    assert column[-1] > 1.5
+    assert np.max(np.abs(0.5 * 2.0 * v**2 - energy)) < 1e-8 * energy[-1]
+    assert run.joint("S").acceleration[:, 0] * 2.0 == pytest.approx(force / column**exponent, rel=1e-7)
+    assert np.all(run.energy.work == 0.0)
+    balanced(run)
+
+
+def test_a_gas_spring_is_never_pressed_to_nothing() -> None:
+    """However fast the rod comes in, it is thrown back as fast."""
+    m = slider()
+    m.add_gas_spring("S", force=5.0, length=0.2, exponent=1.4)
+    run = m.simulate(0.2, initial=m.assemble(rates={"S": -8.0}), t_eval=np.linspace(0.0, 0.2, 401), **TIGHT)
+    x, v = run.joint("S").position[:, 0], run.joint("S").velocity[:, 0]
+    assert -0.2 < np.min(x) < -0.199
+    i = np.argmax(x[1:] > 0.0) + 1
+    assert i > 1 and v[i] == pytest.approx(8.0, abs=0.02)
+    balanced(run)
+
+
 def test_an_end_beyond_half_a_turn_is_felt_where_the_angle_is_read_off_the_pose() -> None:
     """In absolute coordinates and in space the angle comes out of the pose, up to whole turns: an end is known within
     half a turn of the drawing, and felt as far beyond as it gives way."""
@@ -463,6 +500,9 @@ def bad_law(function: Any = lambda t: (0, 0, 0), **given: Any) -> Callable[[pt.M
         (lambda m: m.add_stop("A", stiffness=1.0), "neither a lower nor an upper"),
         (lambda m: m.add_stop("A", lower=1.0, upper=0.0, stiffness=1.0), "not below"),
         (lambda m: m.add_stop("A", lower=1.0, stiffness=1.0, exponent=0.5), "at least 1"),
+        (lambda m: m.add_gas_spring("A", force=1.0, length=0.0), "greater than 0"),
+        (lambda m: m.add_gas_spring("A", force=1.0, length=1.0, exponent=1.0), "greater than 1"),
+        (lambda m: m.add_gas_spring("A", force=0.0, length=1.0), "never acts"),
         (lambda m: m.add_contact("C", "a", (0, 0, 0), "b", (0, 0, 0), radius1=1.0, stiffness=1.0), "one of the two"),
         (
             lambda m: m.add_contact(

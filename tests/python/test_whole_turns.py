@@ -99,6 +99,7 @@ WOUND: dict[str, Callable[[pt.Mechanism], Any]] = {
     "spring": lambda m: m.add_torsion_spring("A", stiffness=0.1),
     "stop": lambda m: m.add_stop("A", lower=-1.0, upper=2.0, stiffness=0.1),
     "table": lambda m: m.add_torque("A", ([-20.0, 20.0], [2.0, -2.0]), over="A"),
+    "gas": lambda m: m.add_gas_spring("A", force=-0.8 * 0.6**1.5, length=20.0, exponent=1.5),
 }
 
 

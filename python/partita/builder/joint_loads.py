@@ -1,4 +1,4 @@
-"""Loads along a coordinate of a joint: friction, end stops.
+"""Loads along a coordinate of a joint: friction, end stops, gas springs.
 
 They follow smooth laws: friction one of the speed that has a steep slope in place of a jump, stops one of the depth.
 Both make a motion stiffer, and a run takes shorter steps, the smaller the stick velocity and the stiffer the stop.
@@ -214,6 +214,56 @@ def add_stop(
     return store(self, LoadRecord(element.name, "stop", said, {**ends, **law}, units))
 
 
+def add_gas_spring(
+    self: Drawing,
+    joint: Joint | str,
+    *,
+    force: float,
+    length: float,
+    exponent: float = 1.3,
+    coordinate: int = 0,
+    name: str | None = None,
+) -> Force:
+    """Add a gas spring to one coordinate of a joint: a closed column of gas that pushes the two sides apart.
+
+    With x the coordinate from its drawn position the effort on the child is force / (1 + x / length)^exponent: the
+    column is `length` long as drawn and grows with x. A negative force pushes the coordinate back, and the column gets
+    shorter as x grows. No motion compresses it to nothing, where the effort would be infinite.
+
+    Args:
+        joint: the joint or its name, in the tree or closing a loop; not a coordinate that is part of a quaternion.
+        force: effort as drawn, not 0: force on a slide [N], torque on a turn [N m].
+        length: of the column as drawn, volume over area on a slide [m], volume over its change with the angle on a turn
+            [rad]; above 0.
+        exponent: of the polytropic change of state, above 1: 1.4 for fast motions in air, near 1 for slow ones.
+        coordinate: which coordinate of the joint, from 0.
+        name: None: made from the joint's name.
+
+    Raises `DescriptionError` for what is said above.
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("tailgate", gravity=None)
+    >>> rod = m.add_body("rod", mass=0.5, inertia=(1e-3, 1e-3, 1e-3))
+    >>> slide = m.add_prismatic("S", m.ground, rod, axis=(1, 0, 0))
+    >>> m.add_gas_spring(slide, force=400.0, length=0.3).name
+    'gas spring of S'
+    """
+    element = named(self, name, "gas spring of", joint)
+    found = joint_record(self, element, joint)
+    where = coordinate_of(element, found, coordinate, scalars(found))
+    units = {"force": effort_of(found, where), "length": unit_of(found, where)}
+    law = {
+        "force": number(element, "force", force, units["force"]),
+        "length": number(element, "length", length, units["length"], above=0.0),
+        "exponent": number(element, "exponent", exponent, above=1.0),
+    }
+    if law["force"] == 0.0:
+        element.fail("its force is 0, so that it never acts; give the force as drawn")
+    means = {"joint": found.name, "coordinate": where, **law}
+    said = {**means, "coordinate": where or None, "exponent": None if law["exponent"] == 1.3 else law["exponent"]}
+    return store(self, LoadRecord(element.name, "gas_spring", said, means, units))
+
+
 def per_power(effort: str, unit: str, power: float) -> str:
     """Unit of a stiffness whose effort grows with a power of the depth."""
     if power == 1.0:
@@ -235,3 +285,4 @@ class JointLoads(Drawing):
 
     add_friction = add_friction
     add_stop = add_stop
+    add_gas_spring = add_gas_spring

@@ -1,4 +1,4 @@
-//! Forces, and those along a joint coordinate that are described by records of their own: friction, stops.
+//! Forces, and those along a joint coordinate that are described by records of their own: friction, stops, gas springs.
 
 use super::loads::{Bushing, Contact, Gravity, Law, Tyre, Weightless};
 use super::{Axes, Measure, Value, VectorValue};
@@ -82,6 +82,8 @@ pub enum Force {
     Friction(Friction),
     /// Compliant ends of a joint coordinate.
     Stop(Stop),
+    /// A gas spring in a joint coordinate.
+    GasSpring(GasSpring),
     /// A sphere against a plane or a sphere.
     Contact(Contact),
     /// A wheel on a road.
@@ -113,6 +115,7 @@ impl Force {
             Self::Bushing(x) => Some(&**x),
             Self::Friction(x) => Some(x),
             Self::Stop(x) => Some(x),
+            Self::GasSpring(x) => Some(x),
             Self::Contact(x) => Some(x),
             Self::Tyre(x) => Some(x),
             Self::Law(x) => Some(x),
@@ -128,6 +131,7 @@ impl Force {
             Self::Bushing(x) => Some(&mut **x),
             Self::Friction(x) => Some(x),
             Self::Stop(x) => Some(x),
+            Self::GasSpring(x) => Some(x),
             Self::Contact(x) => Some(x),
             Self::Tyre(x) => Some(x),
             Self::Law(x) => Some(x),
@@ -368,5 +372,40 @@ impl ForceRecord for Stop {
         order
             .or_else(|| negative(&[("stiffness", self.stiffness), ("damping", self.damping)]))
             .or_else(|| no_exponent(self.exponent))
+    }
+}
+
+/// A closed column of gas in a joint coordinate.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GasSpring {
+    /// Name.
+    pub name: String,
+    /// Joint.
+    pub joint: String,
+    /// Which of its coordinates.
+    #[serde(default)]
+    pub coordinate: usize,
+    /// Effort as drawn; a negative one pushes back.
+    pub force: f64,
+    /// Length of the column as drawn (m) or (rad).
+    pub length: f64,
+    /// Exponent of the polytropic change of state.
+    pub exponent: f64,
+}
+
+impl ForceRecord for GasSpring {
+    fn name(&self) -> &str {
+        &self.name
+    }
+    fn along(&self) -> Option<(&str, usize)> {
+        Some((&self.joint, self.coordinate))
+    }
+    fn numbers(&mut self) -> Vec<(&'static str, &mut [f64])> {
+        vec![("force", one(&mut self.force)), ("length", one(&mut self.length))]
+    }
+    fn fault(&self) -> Option<String> {
+        without_size(&[("length", self.length)])
+            .or_else(|| (self.exponent <= 1.0).then(|| format!("exponent = {} must be greater than 1", self.exponent)))
     }
 }

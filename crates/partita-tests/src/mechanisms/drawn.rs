@@ -2,8 +2,8 @@
 
 use partita_math::spatial::{Mat3, Quaternion, Vec3};
 use partita_model::spec::{
-    Axes, Body, Bushing, Contact, Coupling, Cut, Drive, Force, Friction, Gravity, Joint, JointKind, Law, Level,
-    Measure, Sight, Spec, Spot, Stop, Table, Tyre, Value, VectorValue, Weightless, DRAWING_TOLERANCE, VERSION,
+    Axes, Body, Bushing, Contact, Coupling, Cut, Drive, Force, Friction, GasSpring, Gravity, Joint, JointKind, Law,
+    Level, Measure, Sight, Spec, Spot, Stop, Table, Tyre, Value, VectorValue, Weightless, DRAWING_TOLERANCE, VERSION,
 };
 
 pub fn between(rng: &mut fastrand::Rng, low: f64, high: f64) -> f64 {
@@ -348,6 +348,14 @@ pub fn loads(rng: &mut fastrand::Rng, spec: &mut Spec) {
             stiffness: 0.8,
             exponent: 1.2,
             damping: 0.05,
+        }));
+        all.push(Force::GasSpring(GasSpring {
+            name: format!("gas {}", j.name),
+            joint: j.name.clone(),
+            coordinate: coordinate(),
+            force: -1.1,
+            length: 20.0,
+            exponent: 1.3,
         }));
     }
     all.push(Force::Law(Law { name: "law".into(), value: Value::Function(1), sees, on: spots.to_vec() }));

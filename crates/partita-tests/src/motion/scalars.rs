@@ -130,6 +130,7 @@ fn everywhere(seed: u64, plain: bool, mut check: impl FnMut(&mut fastrand::Rng, 
                     (LoadLaw::Effort(_), true) => "cut effort",
                     (LoadLaw::Curve(_), _) => "effort over",
                     (LoadLaw::Friction(_), _) => "friction",
+                    (LoadLaw::GasSpring(_), _) => "gas spring",
                     (LoadLaw::Stop(_), _) => "stop",
                 },
                 Element::Force(f) if f.turns => "force that turns",
@@ -179,7 +180,7 @@ fn everywhere(seed: u64, plain: bool, mut check: impl FnMut(&mut fastrand::Rng, 
     for kind in [Revolute, Prismatic, Cylindrical, Universal, Spherical, Planar, Fixed, Free, Generic] {
         assert!(kinds.contains(&format!("{kind:?}")), "no {kind:?} joint was drawn");
     }
-    assert_eq!(elements.len(), if plain { 14 } else { 15 }, "{elements:?}");
+    assert_eq!(elements.len(), if plain { 15 } else { 16 }, "{elements:?}");
 }
 
 /// A choice of coordinates and the way to their accelerations: through one M_d, or over clusters.

@@ -8,12 +8,14 @@
 mod curve;
 mod effort;
 mod friction;
+mod gas_spring;
 mod spring_damper;
 mod stop;
 
 pub use curve::Curve;
 pub use effort::Effort;
 pub use friction::{Bearing, Friction};
+pub use gas_spring::GasSpring;
 pub use spring_damper::SpringDamper;
 pub use stop::Stop;
 
@@ -91,6 +93,8 @@ pub enum LoadLaw<S> {
     Curve(Curve),
     /// Friction.
     Friction(Box<Friction<S>>),
+    /// Gas spring.
+    GasSpring(GasSpring<S>),
     /// Compliant ends.
     Stop(Box<Stop<S>>),
 }
@@ -105,6 +109,7 @@ impl<S: Scalar> LoadLaw<S> {
             }
             Force::Torque { value, .. } => Self::Effort(Effort { value: Source::new(value, n.value.0[0]), in_state }),
             Force::Friction(x) => Self::Friction(Box::new(Friction::new(x, n))),
+            Force::GasSpring(x) => Self::GasSpring(GasSpring::new(x, n)),
             Force::Stop(x) => Self::Stop(Box::new(Stop::new(x, n))),
             _ => return None,
         })
@@ -116,6 +121,7 @@ impl<S: Scalar> LoadLaw<S> {
             Self::Effort(x) => x,
             Self::Curve(x) => x,
             Self::Friction(x) => &**x,
+            Self::GasSpring(x) => x,
             Self::Stop(x) => &**x,
         }
     }
