@@ -40,6 +40,14 @@ def calm(t: float, *seen: Any) -> tuple[float, float, float]:
     return 0.0, 0.0, 0.0
 
 
+def half(x: Any) -> Any:
+    return 0.5 * x
+
+
+def twice(x: Any) -> Any:
+    return 2.0 * x
+
+
 def condition(t: Any, x: Any) -> Any:
     return x - 0.1 * t
 
@@ -91,6 +99,10 @@ CALLS: list[tuple[Call, dict[str, Any]]] = [
     (
         ("add_joint", "G", {**CARRIED, "free": ("x", "rz"), "frame": TURN}),
         {**NEW_PLACE, "free": ("y", "rz"), "frame": BACK},
+    ),
+    (
+        ("add_custom_joint", "knee", {**CARRIED, "free": ("rz",), "follows": {"x": half}, "frame": TURN}),
+        {**NEW_PLACE, "free": ("ry",), "follows": {"z": twice}, "frame": BACK},
     ),
     (("add_screw", "W", {**CARRIED, "axis": TILTED, "pitch": 0.01}), {**NEW_PLACE, "pitch": -0.02}),
     (("add_constant_velocity", "V", {**CARRIED, "axis": TILTED}), {**NEW_PLACE, "axis": (0, 1, 0)}),

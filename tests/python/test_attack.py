@@ -115,6 +115,13 @@ def built() -> dict[str, Callable[[], Call]]:
         "add_fixed": {**two, "child_point": X, "cut": "auto"},
         "add_free": {**two, "cut": "auto"},
         "add_joint": {**two, "free": ("x", "rz"), "frame": np.eye(3), "child_point": X, "cut": "auto"},
+        "add_custom_joint": {
+            **two,
+            "free": ("rz",),
+            "follows": {"x": lambda rz: rz},
+            "frame": np.eye(3),
+            "cut": "auto",
+        },
         "add_screw": {**two, **axis, "pitch": 0.1},
         "add_constant_velocity": {**two, "axis": X, "child_point": X, "child_axis": X},
         "add_point_on_line": {**two, **axis},

@@ -148,7 +148,12 @@ impl<S: Scalar> Evaluator<S> {
             return Err(uncallable("force", name));
         }
         if let (false, Some(c)) = (S::CALLS, full.conditions.iter().find(|c| c.calls())) {
-            return Err(uncallable(if matches!(c.owner, Owner::Drive(_)) { "drive" } else { "coupling" }, &c.name));
+            let element = match c.owner {
+                Owner::Joint(_) => "joint",
+                Owner::Coupling(_) => "coupling",
+                Owner::Drive(_) => "drive",
+            };
+            return Err(uncallable(element, &c.name));
         }
         let (engine, rows) = if placed.planar {
             let (planar, rows) = mechanics::<Planar<S>>(spec, &placed, &numbers, &massive)?;

@@ -8,7 +8,7 @@ use crate::coupling::{self, Condition, Says};
 use crate::error::DescriptionError;
 use crate::evaluator::{with_engine, DriveRow, Engine, Evaluator, Follow, Scratch};
 use crate::force::Element;
-use crate::joint::{Motion, Own};
+use crate::joint::Motion;
 use crate::massless;
 use crate::measurement::{self, Measurement};
 use crate::mechanics::Mechanics;
@@ -639,13 +639,11 @@ impl Look<'_> {
     fn displacements<G: Space>(&self, tree: &Mechanics<G>) -> Vec<Option<f64>> {
         let mut displacements: Vec<Option<f64>> =
             closing_displacements(tree, self.placed).into_iter().map(Some).collect();
+        let is_angle = |c: &Condition<G>| c.readings().first().is_some_and(|x| x.is_angle(tree));
         for c in &tree.conditions {
             let of = match (c.owner, &c.says) {
                 (_, Says::Rolling(..)) => Some(self.placed.length),
-                (Owner::Joint(j), _) => Some(match self.placed.joints[j].shape.own {
-                    Some(Own::Advance(_)) => self.placed.length,
-                    _ => 1.0,
-                }),
+                (Owner::Joint(_), _) => Some(if is_angle(c) { 1.0 } else { self.placed.length }),
                 (Owner::Drive(i), _) => Some(self.characteristic_displacement(&self.spec.drives[i].measure)),
                 (Owner::Coupling(i), _) => match &self.spec.couplings[i] {
                     Coupling::Linear { terms, factors, .. } => Some(
@@ -673,7 +671,7 @@ impl Look<'_> {
         for c in &tree.conditions {
             let of = match (c.owner, &c.says) {
                 (_, Says::Rolling(..)) => false,
-                (Owner::Joint(j), _) => self.placed.joints[j].shape.own == Some(Own::Twist),
+                (Owner::Joint(_), _) => c.readings().first().is_some_and(|x| x.is_angle(tree)),
                 (Owner::Drive(i), _) => angle(&self.spec.drives[i].measure),
                 (Owner::Coupling(i), _) => match &self.spec.couplings[i] {
                     Coupling::Curve { terms, .. } | Coupling::Function { terms, like: Some(0), .. } => angle(&terms[0]),

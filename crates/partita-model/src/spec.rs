@@ -112,6 +112,8 @@ pub enum JointKind {
     Perpendicular,
     /// All axes stay parallel.
     Orientation,
+    /// Directions that are free, or functions of those.
+    Custom,
 }
 
 impl JointKind {
@@ -134,6 +136,7 @@ impl JointKind {
             Self::Parallel => "parallel",
             Self::Perpendicular => "perpendicular",
             Self::Orientation => "orientation",
+            Self::Custom => "custom",
         }
     }
 }
@@ -149,6 +152,16 @@ pub enum Cut {
     Always,
     /// Only if nothing else closes the loop.
     Never,
+}
+
+/// A direction of a joint whose displacement is a function of its free ones.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Follower {
+    /// x, y, z, rx, ry or rz.
+    pub direction: String,
+    /// Number of the relation that is 0: of this displacement, then of those of the free directions in the order above.
+    pub function: usize,
 }
 
 /// A joint in the drawing.
@@ -175,9 +188,12 @@ pub struct Joint {
     /// Joint axes x, y, z as columns (generic).
     #[serde(default)]
     pub frame: Option<[[f64; 3]; 3]>,
-    /// Free directions (generic): x, y, z, rx, ry, rz.
+    /// Free directions (generic, custom): x, y, z, rx, ry, rz.
     #[serde(default)]
     pub free: Option<Vec<String>>,
+    /// Directions that are functions of the free ones (custom).
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub followers: Vec<Follower>,
     /// Advance for a whole turn (m), positive for a right-hand thread (screw).
     #[serde(default)]
     pub pitch: Option<f64>,
@@ -214,6 +230,7 @@ impl Joint {
             axis2: None,
             frame: None,
             free: None,
+            followers: Vec::new(),
             pitch: None,
             child_point: None,
             child_axis: None,

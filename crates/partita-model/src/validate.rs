@@ -153,6 +153,9 @@ pub fn validate(spec: &Spec, functions: usize) -> Result<(), DescriptionError> {
             return fail(format!("it joins \"{}\" to itself", j.parent));
         }
         finite(&j.point, "joint", &j.name, "point")?;
+        for f in &j.followers {
+            value::check(&Value::Function(f.function), functions, "joint", &j.name)?;
+        }
         for (x, what) in
             [(j.axis, "axis"), (j.axis2, "axis2"), (j.child_point, "child_point"), (j.child_axis, "child_axis")]
         {

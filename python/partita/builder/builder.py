@@ -42,6 +42,7 @@ class Builder(JointLoads):
     add_joint = joint_room.add_joint
 
     add_screw = primitive_room.add_screw
+    add_custom_joint = primitive_room.add_custom_joint
     add_constant_velocity = primitive_room.add_constant_velocity
     add_point_on_line = primitive_room.add_point_on_line
     add_point_on_plane = primitive_room.add_point_on_plane

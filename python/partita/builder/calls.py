@@ -16,6 +16,7 @@ import numpy as np
 
 from ..sensing import SensorRecord, uses
 from .callbacks import Callback
+from .joints import CHOSEN
 from .laws import LawCall
 from .motion import Motion
 from .records import (
@@ -192,15 +193,23 @@ def _sensor(record: SensorRecord) -> dict[str, Any]:
 
 def _joint(record: JointRecord) -> Call:
     said: dict[str, Any] = {"parent": record.parent, "child": record.child, "point": record.point}
-    if record.kind == "generic":
-        said["free"] = record.free
+    if record.kind in CHOSEN:
+        said["free"] = tuple(direction for direction in record.free if direction not in record.follows)
+    if record.follows:
+        said["follows"] = {direction: _followed(relation.call) for direction, relation in record.follows.items()}
     if record.kind != "orientation":  # whose frame is that of the world
         said |= record.geometry
     more = ("child_point", "child_axis", "child_frame", "pitch")
     said |= {word: getattr(record, word) for word in more if getattr(record, word) is not None}
     if record.kind != "constant_velocity":
         said["cut"] = record.cut
-    return "add_joint" if record.kind == "generic" else f"add_{record.kind}", said
+    special = {"generic": "add_joint", "custom": "add_custom_joint"}
+    return special.get(record.kind, f"add_{record.kind}"), said
+
+
+def _followed(relation: Any) -> Any:
+    """The user's function of a direction that follows."""
+    return relation.function.law
 
 
 def _drive(record: DriveRecord) -> dict[str, Any]:

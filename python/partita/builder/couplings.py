@@ -23,7 +23,7 @@ from .checks import Element, choice, direction, name_of, number, numbers, switch
 from .drawing import Drawing
 from .measures import Along, BodyLike, Coordinate, Distance, drawn, measure, measured_in
 from .records import Coupling, CouplingRecord, Joint
-from .relations import Law, Profile, RateLaw
+from .relations import Follows, Law, Profile, RateLaw
 from .values import Function, is_table, table
 
 MOST = 12
@@ -244,7 +244,7 @@ def add_cam(
     element = _element(self, name)
     terms = _terms(self, element, [follower, cam])
     if callable(law):
-        function = Function(Law(element, _Follows(law), None))
+        function = Function(Law(element, Follows(law), None))
         data = {"function": function, "like": 0}
         made = _store(self, CouplingRecord(element.name, "function", str(word), tuple(terms), data))
         return _said_as(self, made, "add_cam", follower=terms[0], cam=terms[1], law=law, word=str(word))
@@ -433,16 +433,6 @@ def add_constraint(
     said = {"function": function, "of": terms, "gradient": gradient, "level": kind, "word": str(word)}
     record = CouplingRecord(element.name, "function", str(word), tuple(terms), data, ("add_constraint", said))
     return _store(self, record)
-
-
-class _Follows:
-    """The condition of a follower: y - law(x)."""
-
-    def __init__(self, law: Callable[..., Any]) -> None:
-        self.law = law
-
-    def __call__(self, t: Any, y: Any, x: Any) -> Any:
-        return y - self.law(x)
 
 
 def _element(mechanism: Drawing, name: str) -> Element:

@@ -14,7 +14,7 @@ exist.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -25,10 +25,13 @@ from .bodies import own_name, resolve
 from .checks import Array, Element, choice, direction, find, index, name_of, vector
 from .drawing import Drawing
 from .records import Body, Joint, JointRecord
+from .values import Function
 
 BodyLike = Body | str
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 CUTS = ("auto", "always", "never")
+CHOSEN = ("generic", "custom")
+"""Kinds whose directions are chosen."""
 # Below this sine two axes act as one, and the two turns could not be told apart.
 _PARALLEL = 2e-3
 _SPEEDS = {
@@ -316,14 +319,19 @@ def add_joint(
     'slot'
     """
     element = joint_element(self, name)
-    wanted = [choice(element, "free", item, DIRECTIONS) for item in _listed(element, free)]
-    if len(set(wanted)) < len(wanted):
-        element.fail(f"free names a direction twice: {', '.join(wanted)}")
-    ordered = tuple(item for item in DIRECTIONS if item in wanted)
+    ordered = directions(element, free)
     geometry = {"frame": frames.rotation(element, "frame", frame)}
     return store_joint(
         self, element, "generic", parent, child, point, geometry, cut, child_point, None, child_frame, ordered
     )
+
+
+def directions(element: Element, free: Any) -> tuple[str, ...]:
+    """Directions that are free, in the order of their coordinates."""
+    wanted = [choice(element, "free", item, DIRECTIONS) for item in _listed(element, free)]
+    if len(set(wanted)) < len(wanted):
+        element.fail(f"free names a direction twice: {', '.join(wanted)}")
+    return tuple(item for item in DIRECTIONS if item in wanted)
 
 
 def _listed(element: Element, free: Any) -> list[Any]:
@@ -350,6 +358,7 @@ def store_joint(
     child_frame: Any = None,
     free: tuple[str, ...] = (),
     pitch: float | None = None,
+    follows: Mapping[str, Function] | None = None,
 ) -> Joint:
     """Check what all joints have in common and keep the record."""
     first, second = resolve(mechanism, element, "parent", parent), resolve(mechanism, element, "child", child)
@@ -370,6 +379,7 @@ def store_joint(
         child_frame=None if child_frame is None else frames.rotation(element, "child_frame", child_frame),
         pitch=pitch,
         cut=choice(element, "cut", cut, CUTS),
+        follows=follows or {},
     )
     mechanism._description.store(mechanism._description.joints, record)
     return Joint(element.name, mechanism)
@@ -377,7 +387,7 @@ def store_joint(
 
 def speeds(joint: JointRecord) -> int:
     """Number of velocities of a joint: an effort can act along each."""
-    return len(joint.free) if joint.kind == "generic" else _SPEEDS[joint.kind]
+    return len(joint.free) if joint.kind in CHOSEN else _SPEEDS[joint.kind]
 
 
 _UNITS = {
@@ -396,7 +406,7 @@ _UNITS = {
 
 def unit_of(joint: JointRecord, coordinate: int) -> str:
     """Unit of a coordinate, of which there are as many as velocities: "m" of a slide, "rad" of a turn."""
-    if joint.kind == "generic":
+    if joint.kind in CHOSEN:
         return "rad" if joint.free[coordinate].startswith("r") else "m"
     slides = _UNITS.get(joint.kind, ())
     return slides[coordinate] if coordinate < len(slides) else "rad"

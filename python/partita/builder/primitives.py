@@ -5,15 +5,21 @@ What all joints share is said in `joints`.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from numpy.typing import ArrayLike
 
 from . import frames
-from .checks import direction, number
+from .checks import Element, choice, direction, number
 from .drawing import Drawing
-from .joints import BodyLike, joint_element, store_joint
+from .joints import DIRECTIONS, BodyLike, directions, joint_element, store_joint
 from .records import Joint
+from .relations import Follows, Law
+from .values import Function
+
+# What functions of a joint may be off where they are to be 0 (m, rad): round-off of their terms.
+_DRAWN = 1e-9
 
 
 def add_screw(
@@ -48,6 +54,89 @@ def add_screw(
     return store_joint(
         self, element, "screw", parent, child, point, geometry, cut, child_point, child_axis, child_frame, pitch=value
     )
+
+
+def add_custom_joint(
+    self: Drawing,
+    name: str,
+    parent: BodyLike,
+    child: BodyLike,
+    point: ArrayLike | None = None,
+    *,
+    free: Sequence[str],
+    follows: Mapping[str, Callable[..., Any]],
+    frame: Any = None,
+    child_point: ArrayLike | None = None,
+    child_frame: Any = None,
+    cut: str = "auto",
+) -> Joint:
+    """Add a joint of your own: each of six directions is locked, free, or a function of those that are free.
+
+    The child slides along the joint axes x, y, z and then turns about them, as with `add_joint`: a knee that rolls as
+    it bends, a roller in a curved slot, a screw of varying pitch. It may be in the tree, close a loop or stand in
+    absolute coordinates; its reaction is that of all its conditions.
+
+    Args:
+        free: the coordinates, some of "x", "y", "z", "rx", "ry", "rz".
+        follows: for each direction that follows, its function of the free coordinates in the order of this list:
+            {"x": lambda rz: ...} in m or rad, 0 where all are 0. It must be twice differentiable; derivatives are found
+            exactly where it takes numbers that carry them (arithmetic, NumPy functions), else by central differences,
+            and a note says so. At most two turns, free and following together.
+        point, frame, child_point, child_frame, cut: as in `add_joint`.
+
+    `run.joint(...)` has the coordinates of all directions that move, in the order of the list above. Of an angle of a
+    joint that closes a loop in space (or in absolute coordinates) whole turns are not known: where it comes to half a
+    turn, the functions must repeat themselves. Files cannot hold functions.
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("knee")
+    >>> shank = m.add_rod("shank", start=(0, 0, 0), end=(0, -0.4, 0), mass=3.0)
+    >>> knee = m.add_custom_joint(
+    ...     "knee", m.ground, shank, point=(0, 0, 0), free=["rz"], follows={"x": lambda rz: 0.02 * rz}
+    ... )
+    >>> m.simulate(0.1).joint("knee").position.shape[1]   # x, rz
+    2
+    """
+    element = joint_element(self, name)
+    chosen = directions(element, free)
+    if not chosen:
+        element.fail("free names no direction that the others could follow; name one or more")
+    if not isinstance(follows, Mapping) or not follows:
+        element.fail("follows must name a function for each direction that follows; use add_joint where none does")
+    named = [choice(element, "follows", direction, DIRECTIONS) for direction in follows]
+    if both := [direction for direction in named if direction in chosen]:
+        element.fail(f"{', '.join(both)} cannot be free and follow as well")
+    ordered = tuple(direction for direction in DIRECTIONS if direction in chosen or direction in named)
+    if sum(direction.startswith("r") for direction in ordered) > 2:
+        element.fail("it turns about all three axes, which no angles tell apart; let two turns move at the most")
+    laws = {direction: _follower(element, direction, follows[direction], len(chosen)) for direction in named}
+    geometry = {"frame": frames.rotation(element, "frame", frame)}
+    return store_joint(
+        self,
+        element,
+        "custom",
+        parent,
+        child,
+        point,
+        geometry,
+        cut,
+        child_point,
+        None,
+        child_frame,
+        ordered,
+        follows={direction: Function(law) for direction, law in laws.items()},
+    )
+
+
+def _follower(element: Element, direction: str, function: Any, count: int) -> Law:
+    """A function that can be evaluated as drawn, where it is 0."""
+    if not callable(function):
+        element.fail(f"{direction} must follow by a function of the free coordinates, not {function!r}")
+    law = Law(element, Follows(function), None)
+    value = law(0.0, [0.0] * (1 + count), [0.0] * (1 + count))[0]
+    if abs(value) > _DRAWN:
+        element.fail(f"{direction} is {-value:g} where the free coordinates are 0, as drawn; it must be 0 there")
+    return law
 
 
 def add_constant_velocity(

@@ -137,13 +137,14 @@ class JointRecord:
     child: str
     point: Array | None  # None: the child's origin as drawn
     geometry: Mapping[str, Array]
-    free: tuple[str, ...] = ()
+    free: tuple[str, ...] = ()  # all directions that move, where they are chosen
     child_point: Array | None = None
     child_axis: Array | None = None
     child_frame: Array | None = None
     pitch: float | None = None
     cut: str = "auto"
     compliance: Array | None = None  # (6,) along and about the joint axes
+    follows: Mapping[str, Function] = field(default_factory=dict)  # directions that are functions of the others
 
 
 @dataclass(frozen=True)

@@ -106,9 +106,9 @@ class Law:
             found = differences(lambda s: self._number(at(s, self.function), t), 0.0, scale)
         if not self.notes:
             self.notes.append(
-                f'coupling "{self.element.name}": the function could not be differentiated exactly, so its derivatives '
-                f"are central differences of order 8, good to about {found[3]:.0e} in the second derivative; use NumPy "
-                "functions (np.sin instead of math.sin)"
+                f'{self.element.kind} "{self.element.name}": the function could not be differentiated exactly, so its '
+                f"derivatives are central differences of order 8, good to about {found[3]:.0e} in the second "
+                "derivative; use NumPy functions (np.sin instead of math.sin)"
             )
         return found
 
@@ -144,7 +144,21 @@ class Law:
 
     def _error(self, t: float, sentence: str) -> EvaluationError:
         name = self.element.name
-        return EvaluationError(f'coupling "{name}" at t = {t:g} s: {sentence}', t=t, where=name)
+        return EvaluationError(f'{self.element.kind} "{name}" at t = {t:g} s: {sentence}', t=t, where=name)
+
+
+class Follows:
+    """The condition of a follower: y - law(x1, x2, ...)."""
+
+    def __init__(self, law: Callable[..., Any]) -> None:
+        self.law = law
+
+    def __call__(self, t: Any, y: Any, *x: Any) -> Any:
+        found = self.law(*x)
+        try:
+            return y - found
+        except TypeError:
+            return found  # no number: whoever asks for one says so
 
 
 class RateLaw(Law):

@@ -13,7 +13,7 @@ from ..sensing import Senses
 from ..state import Layout
 from .bodies import to_world
 from .integrals import rate_of
-from .joints import scalars
+from .joints import CHOSEN, scalars
 from .poses import Held, PoseFunction, PoseTable, PoseValue, slide_of, turning_of
 from .records import (
     GROUND,
@@ -96,8 +96,11 @@ class Writer:
         }
         for word, value in record.geometry.items():
             spec[_AXIS_WORDS[word]] = value.tolist() if word == "frame" else (value / np.linalg.norm(value)).tolist()
-        if record.kind == "generic":
-            spec["free"] = list(record.free)
+        if record.kind in CHOSEN:
+            spec["free"] = [direction for direction in record.free if direction not in record.follows]
+        if record.follows:
+            relations = {direction: self._value(relation) for direction, relation in record.follows.items()}
+            spec["followers"] = [{"direction": direction, **relation} for direction, relation in relations.items()]
         if record.child_point is not None:
             spec["child_point"] = record.child_point.tolist()
         if record.child_axis is not None:

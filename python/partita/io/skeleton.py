@@ -186,7 +186,7 @@ def axes_of(joint: JointRecord) -> tuple[tuple[str, Array], ...]:
     turn, slide = ("turn", axis), ("slide", axis)
     frame = unit.get("frame", np.eye(3))
     match joint.kind:
-        case "generic":
+        case "generic" | "custom":
             found = [("slide", frame[:, i]) for i in range(3) if "xyz"[i] in joint.free]
             turns = [("turn", frame[:, i]) for i in range(3) if f"r{'xyz'[i]}" in joint.free]
             return (*found, *(turns if len(turns) < 3 else [ball]))
@@ -316,6 +316,9 @@ def ties(d: Description, tree: Skeleton, report: Writing) -> list[tuple[str, str
                 factor = joint.pitch / (2.0 * np.pi)
                 found.append((tree.names.new(f"{joint.name} thread"), slide.name, turn.name, factor, 0.0))
                 report.changed.append(f"screw {joint.name} is a slide and a turn that follow each other")
+        if joint.kind == "custom":
+            what = f"joint {joint.name}: {', '.join(joint.follows)} follow no more"
+            report.dropped.append(f"{what}: functions of its other coordinates cannot be told here")
     for coupling in d.couplings.values():
         pair = _pair(coupling, tree)
         if pair is None:

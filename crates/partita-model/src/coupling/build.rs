@@ -2,7 +2,7 @@
 
 use super::{order, wraps, Condition, Contact, Law, Orientation, Place, Rolling, Says};
 use crate::error::DescriptionError;
-use crate::joint::Own;
+use crate::joint::{Follows, Own};
 use crate::measurement::{Maker, Measurement, Mover, Quantity};
 use crate::numbers::Numbers;
 use crate::rows::Owner;
@@ -61,7 +61,12 @@ fn own<G: Space>(
     measurements: &Maker<G>,
 ) -> Says<G> {
     let linear = |factors: Vec<G::S>, period| Law::Linear { factors, offset: G::S::zero(), period };
-    match placed.joints[j].shape.own {
+    match &placed.joints[j].shape.own {
+        Some(Own::Followers(all)) => {
+            let Follows { motions, function } = &all[place.part];
+            let readings = motions.iter().map(|&motion| measurements.coordinate(j, motion)).collect();
+            Says::Law(Law::Function(*function), readings)
+        }
         Some(Own::Advance(_)) => {
             let per_radian = numbers.pitches[j] / G::S::from_f64(TAU);
             let period = place.period.map(|_| per_radian.scale(TAU));

@@ -205,6 +205,10 @@ impl<G: Space> Condition<G> {
             (Owner::Drive(_), _) => vec![row(format!("drive {name}"))],
             (_, Says::Rolling(_, Contact::Touches)) => vec![row(format!("{name}.touch"))],
             (_, Says::Rolling(_, Contact::Rolls)) => [1, 2].map(|i| row(format!("{name}.roll{i}"))).into(),
+            (Owner::Joint(j), Says::Law(Law::Function(k), _)) => {
+                let follower = spec.joints[j].followers.iter().find(|f| f.function == *k);
+                vec![row(format!("{name}.{}", follower.map_or("", |f| f.direction.as_str())))]
+            }
             (Owner::Joint(_), Says::Law(_, readings)) if readings.len() == 2 => vec![row(format!("{name}.advance"))],
             (Owner::Joint(_), _) => vec![row(format!("{name}.twist"))],
             (Owner::Coupling(i), _) => vec![row(format!("{} {name}", spec.couplings[i].word()))],

@@ -12,6 +12,8 @@ use crate::zero_position::Placed;
 pub struct Place {
     /// What it belongs to.
     pub owner: Owner,
+    /// Which of the conditions of its owner.
+    pub part: usize,
     /// Does it hold positions?
     pub holonomic: bool,
     /// Rows.
@@ -52,17 +54,18 @@ pub fn order(spec: &Spec, placed: &Placed) -> Result<Vec<Place>, DescriptionErro
     let mut places: Vec<Place> = Vec::new();
     let turn = std::f64::consts::TAU;
     for (j, p) in placed.joints.iter().enumerate() {
-        let period = match p.shape.own {
-            None => continue,
-            Some(Own::Advance(per_radian)) => (p.links.is_none()).then_some((per_radian * turn).abs()),
-            Some(Own::Twist) => None,
+        let Some(own) = &p.shape.own else { continue };
+        let period = match own {
+            Own::Advance(per_radian) => (p.links.is_none()).then_some((per_radian * turn).abs()),
+            Own::Twist | Own::Followers(_) => None,
         };
-        places.push(Place { owner: Owner::Joint(j), holonomic: true, rows: 1, period });
+        let owner = Owner::Joint(j);
+        places.extend((0..own.count()).map(|part| Place { owner, part, holonomic: true, rows: 1, period }));
     }
     for (i, c) in spec.couplings.iter().enumerate() {
         let (owner, name) = (Owner::Coupling(i), c.name());
         c.terms().iter().try_for_each(|m| measurement::known(m, placed, "coupling", name))?;
-        let one = Place { owner, holonomic: true, rows: 1, period: None };
+        let one = Place { owner, part: 0, holonomic: true, rows: 1, period: None };
         match c {
             Coupling::Linear { terms, factors, .. } => {
                 let uncounted: Vec<f64> =
@@ -105,7 +108,7 @@ pub fn order(spec: &Spec, placed: &Placed) -> Result<Vec<Place>, DescriptionErro
     for (i, d) in spec.drives.iter().enumerate() {
         measurement::drivable(d, placed)?;
         let period = wraps(placed, &d.measure).then_some(turn);
-        places.push(Place { owner: Owner::Drive(i), holonomic: d.level == Level::Position, rows: 1, period });
+        places.push(Place { owner: Owner::Drive(i), part: 0, holonomic: d.level == Level::Position, rows: 1, period });
     }
     // conditions on rates alone come last, each kind in the order of description
     places.sort_by_key(|p| !p.holonomic);

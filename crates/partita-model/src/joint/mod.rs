@@ -4,6 +4,7 @@
 
 mod constant_velocity;
 mod coordinates;
+mod custom;
 mod cylindrical;
 mod fixed;
 mod free;
@@ -61,13 +62,34 @@ pub enum LockedSlides {
     Along(Vec<Vec3<f64>>),
 }
 
-/// A condition of a joint's own besides what it locks.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Conditions of a joint's own besides what it locks.
+#[derive(Clone, Debug, PartialEq)]
 pub enum Own {
     /// The first coordinate (a slide) is so many times the second (a turn).
     Advance(f64),
     /// The child is not twisted about z of the joint's axes.
     Twist,
+    /// Motions that are functions of others.
+    Followers(Vec<Follows>),
+}
+
+/// A motion that is a function of others: a relation between their coordinates.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Follows {
+    /// The motion, then those it depends on.
+    pub motions: Vec<usize>,
+    /// Number of the relation.
+    pub function: usize,
+}
+
+impl Own {
+    /// How many conditions.
+    pub fn count(&self) -> usize {
+        match self {
+            Self::Advance(_) | Self::Twist => 1,
+            Self::Followers(all) => all.len(),
+        }
+    }
 }
 
 /// A joint, ready for either use. Axes in the drawing.
@@ -83,7 +105,7 @@ pub struct Shape {
     pub locks: Vec<(Vec3<f64>, Vec3<f64>)>,
     /// Joint axes, columns.
     pub frame: Mat3<f64>,
-    /// A condition of its own.
+    /// Conditions of its own.
     pub own: Option<Own>,
 }
 
@@ -94,7 +116,7 @@ impl Shape {
     }
     /// Conditions it puts on its two bodies, in space.
     pub fn conditions(&self) -> usize {
-        self.rows() + usize::from(self.own.is_some())
+        self.rows() + self.own.as_ref().map_or(0, Own::count)
     }
     /// Rows it brings when it closes a loop, but for a condition of its own.
     pub fn rows(&self) -> usize {
@@ -155,6 +177,7 @@ pub fn shape(joint: &Joint) -> Result<Shape, DescriptionError> {
         JointKind::Parallel => primitive::parallel(joint),
         JointKind::Perpendicular => primitive::perpendicular(joint),
         JointKind::Orientation => primitive::orientation(joint),
+        JointKind::Custom => custom::shape(joint),
     }
 }
 

@@ -265,6 +265,17 @@ impl<G: Space> Measurement<G> {
         Read { value: self.value(tree, s, q), rate, unit }
     }
 
+    /// Is it an angle?
+    pub fn is_angle(&self, tree: &Tree<G>) -> bool {
+        match self.quantity {
+            Quantity::Coordinate { .. } | Quantity::Velocity(_) => {
+                !matches!(tree.links[self.movers[0].link].motion, LinkMotion::Slide(_))
+            }
+            Quantity::Turn(_) | Quantity::Twist { .. } | Quantity::Spin(_) => true,
+            Quantity::Along(..) | Quantity::Distance(..) | Quantity::Cosine(..) => false,
+        }
+    }
+
     /// The coordinate of the tree that it is.
     pub fn coordinate(&self) -> Option<usize> {
         match self.quantity {
