@@ -117,6 +117,11 @@ def messages_page() -> str:
     return str(scripts(TESTS, "messages").page())
 
 
+def tolerances_page() -> str:
+    """Every threshold of the core with its meaning, its scale and its reason."""
+    return str(scripts(TESTS, "tolerances").page())
+
+
 def trust_page() -> str:
     """The cases that the tests ask, class by class, with what comes out of them."""
     trust = scripts(TESTS, "trust")
@@ -170,6 +175,7 @@ GENERATED: dict[str, Callable[[], str]] = {
     "model-files": schema_page,
     "messages": messages_page,
     "trust": trust_page,
+    "tolerances": tolerances_page,
 }
 
 

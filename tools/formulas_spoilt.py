@@ -551,7 +551,7 @@ ERRORS = (
     Error(
         "redundant",
         "the threshold below which a row counts as redundant",
-        f"{SYSTEM}/reduction/rows.rs",
+        f"{MATH}/tolerance.rs",
         "pub const REDUNDANT: f64 = 1e-9;",
         "pub const REDUNDANT: f64 = 1e-30;",
         ("lib mobility determined", "whole closing::"),
@@ -576,8 +576,8 @@ ERRORS = (
         "branch-kept",
         "a crossing is believed whatever the velocities do in it",
         f"{SYSTEM}/singular/checkpoint.rs",
-        "norm(&missed) <= Self::MISSED * speed && !(0..s.len()).any(jumps)",
-        "norm(&missed) <= Self::MISSED * speed || !(0..s.len()).any(jumps)",
+        "norm(&missed) <= Self::MISSED_ON_BRANCH * speed && !(0..s.len()).any(jumps)",
+        "norm(&missed) <= Self::MISSED_ON_BRANCH * speed || !(0..s.len()).any(jumps)",
         ("lib singular",),
     ),
     Error(
@@ -738,8 +738,8 @@ ERRORS = (
         "shared-beside-the-plane",
         "nothing is shared in a plane although masses or forces stand beside it (R2)",
         f"{MODEL}/planarity.rs",
-        "&& lies_in_plane(spec, Vec3(normal), IN_PLANE)",
-        "&& (lies_in_plane(spec, Vec3(normal), IN_PLANE) || true)",
+        "&& lies_in_plane(spec, Vec3(normal), tolerance::PARALLEL)",
+        "&& (lies_in_plane(spec, Vec3(normal), tolerance::PARALLEL) || true)",
         ("lib sharing",),
     ),
     Error(

@@ -37,7 +37,7 @@ PARTS: dict[str, tuple[str, ...]] = {
         "messages",
         "trust",
     ),
-    "Theory": ("measure", "geometry", "formulations", "compare", "paper"),
+    "Theory": ("measure", "geometry", "formulations", "tolerances", "compare", "paper"),
     "Reference": (
         "reference/mechanism",
         "reference/elements",

@@ -3,6 +3,7 @@
 use crate::reason::names;
 use partita_math::dense::Matrix;
 use partita_math::factor::symmetric_eigen;
+use partita_math::tolerance;
 use partita_model::massless;
 use partita_model::spec::{Body, Force, Measure, Value};
 use partita_model::Model;
@@ -73,16 +74,17 @@ fn least_inertia(b: &Body) -> f64 {
     let Ok((values, _)) = symmetric_eigen(&m) else { return 0.0 };
     let largest = values.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
     let least = values.iter().copied().fold(f64::INFINITY, f64::min);
-    if least <= 1e-12 * largest {
+    if least <= tolerance::NO_INERTIA * largest {
         0.0
     } else {
         least
     }
 }
 
-/// An angle beyond this many radians, and whole, is likely to be meant in degrees.
+/// A whole angle beyond this is likely to be meant in degrees. Scale: rad. Reason: more than one and a half turns.
 const DEGREES: f64 = 10.0;
-/// A body so many times larger or smaller than the usual one is likely to have another unit.
+/// A body larger or smaller by this factor is likely to have another unit. Scale: ratio to the usual size. Reason:
+/// between centimetre and metre, millimetre and metre.
 const FAR_OFF: f64 = 100.0;
 
 /// Data that are possible and unlikely.

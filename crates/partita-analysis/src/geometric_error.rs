@@ -3,19 +3,21 @@
 use crate::reason::names;
 use crate::stress::Pose;
 use partita_math::spatial::Vec3;
+use partita_math::tolerance;
 use partita_model::joint::Motion;
 use partita_model::spec::LARGEST_TOLERANCE;
 use partita_model::{Geometry, Model, Verdict};
 use std::collections::BTreeSet;
 
-/// Axes this near to parallel were intended to be parallel (rad): ten times the largest drawing tolerance.
-const NEARLY_PARALLEL: f64 = 0.1;
-/// Angles below this are round-off of the drawing itself.
-const ROUND_OFF: f64 = 1e-13;
-/// Of those that are off, the ones that are off by at least this part of the worst are named.
-const NAMED: f64 = 0.5;
-/// Displacements of joint frames below this fraction of the rotations are not reported.
-const BESIDE: f64 = 0.1;
+/// Axes this near to parallel were intended to be parallel. Scale: rad. Reason: ten times the largest drawing
+/// tolerance.
+const MEANT_PARALLEL: f64 = 0.1;
+/// Of the joints that are off, those off by more are named. Scale: fraction of the worst. Reason: the others follow
+/// from it.
+const NAMED_ERROR: f64 = 0.5;
+/// Smaller displacements of joint frames are not reported. Scale: fraction of the rotations, times the length. Reason:
+/// the rotations say it all.
+const SMALL_DISPLACEMENT: f64 = 0.1;
 
 /// What of a drawing does not fit.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -58,7 +60,7 @@ fn sentences(drawn: &Model, geometry: &Geometry) -> Vec<String> {
         let mut all = out_of_parallel(&pose, &joints);
         let worst = block.changed.iter().zip(&block.joints).max_by(|a, b| a.0.total_cmp(b.0));
         if let Some((_, &joint)) =
-            worst.filter(|_| all.is_empty() || block.moved.0 > BESIDE * block.length * block.moved.1)
+            worst.filter(|_| all.is_empty() || block.moved.0 > SMALL_DISPLACEMENT * block.length * block.moved.1)
         {
             all.push(format!(
                 "the loops would close with joint frames moved by up to {:.2e} m and turned by up to {}, most at {}",
@@ -73,10 +75,12 @@ fn sentences(drawn: &Model, geometry: &Geometry) -> Vec<String> {
     said
 }
 
+/// Smaller angles are written with an exponent. Scale: degrees. Reason: three decimals would show nothing.
+const SMALL_ANGLE: f64 = 1e-3;
 /// An angle as people read it off a drawing.
 fn degrees(angle: f64) -> String {
     let angle = angle.to_degrees();
-    if angle >= 1e-3 {
+    if angle >= SMALL_ANGLE {
         format!("{angle:.3} deg")
     } else {
         format!("{angle:.1e} deg")
@@ -117,7 +121,7 @@ fn out_of_parallel(pose: &Pose, joints: &BTreeSet<usize>) -> Vec<String> {
     let sum = |x: &(usize, Vec3<f64>)| turns.iter().map(|y| angle(x.1, y.1)).sum::<f64>();
     let Some(&(_, normal)) = turns.iter().min_by(|x, y| sum(x).total_cmp(&sum(y))) else { return Vec::new() };
     let off: Vec<(usize, f64)> = turns.iter().map(|&(j, a)| (j, angle(a, normal))).collect();
-    if off.iter().any(|x| x.1 > NEARLY_PARALLEL) {
+    if off.iter().any(|x| x.1 > MEANT_PARALLEL) {
         return Vec::new();
     }
     let across: Vec<(usize, f64)> = slides.iter().map(|&(j, a)| (j, a.dot(normal).abs().min(1.0).asin())).collect();
@@ -125,10 +129,10 @@ fn out_of_parallel(pose: &Pose, joints: &BTreeSet<usize>) -> Vec<String> {
     let mut said = Vec::new();
     let mut say = |all: &[(usize, f64)], words: &str, than: &[(usize, f64)]| {
         let top = worst(all);
-        if top <= ROUND_OFF || top > NEARLY_PARALLEL {
+        if top <= tolerance::SOLUTION_ROUNDING || top > MEANT_PARALLEL {
             return;
         }
-        let mut which: Vec<usize> = all.iter().filter(|x| x.1 >= NAMED * top).map(|x| x.0).collect();
+        let mut which: Vec<usize> = all.iter().filter(|x| x.1 >= NAMED_ERROR * top).map(|x| x.0).collect();
         which.dedup();
         let mut others: Vec<&str> = than.iter().map(|x| x.0).filter(|j| !which.contains(j)).map(name).collect();
         others.dedup();

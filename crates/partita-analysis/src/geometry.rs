@@ -11,13 +11,17 @@
 use crate::error::AnalysisError;
 use partita_math::elimination::Pattern;
 use partita_math::spatial::{Quaternion, Vec3};
+use partita_math::tolerance;
 use partita_model::model::ModelScratch;
 use partita_model::tree::LinkMotion;
 use partita_model::Model;
-use partita_system::rank::EXACT;
-use partita_system::start::{Start, REDUNDANT};
+use partita_system::start::Start;
 use partita_system::system::Tangent;
 use partita_system::{ConstrainedSystem, Finite, Size, SystemError};
+
+/// Least size of a loop. Scale: size of the mechanism. Reason: a loop that shrinks to a point still has a size to
+/// compare rounding with.
+const LEAST_LOOP: f64 = 1e-6;
 
 /// The mechanism with all closing rows in space, and its coordinates there.
 ///
@@ -88,9 +92,8 @@ impl<'m> Geometry<'m> {
         let mut row_displacement = Vec::with_capacity(model.pattern().rows);
         for k in &model.full.closings {
             let point = model.placed.joints[k.joint].child_point;
-            // a loop shrunk to a point still has a size to compare rounding errors with
             let length =
-                k.path.iter().fold(1e-6 * model.placed.size, |m: f64, p| match model.full.links[p.link].motion {
+                k.path.iter().fold(LEAST_LOOP * model.placed.size, |m: f64, p| match model.full.links[p.link].motion {
                     LinkMotion::Slide(_) => model.placed.length,
                     _ => m.max((point - model.placed.links[p.link].point).norm()),
                 });
@@ -100,7 +103,7 @@ impl<'m> Geometry<'m> {
         row_displacement.extend((model.closing_rows..all.rows).map(|i| model.row_displacement(i).unwrap_or(0.0)));
         let row_displacement = rows.iter().map(|&i| row_displacement[i]).collect();
         // weak conditions of a drawing are not round-off
-        let nothing = if model.geometry().weak { EXACT } else { REDUNDANT };
+        let nothing = if model.geometry().weak { tolerance::LOST_PIVOT } else { tolerance::REDUNDANT };
         Self { model, pattern, rows, holonomic, scale2, row_displacement, nothing }
     }
 

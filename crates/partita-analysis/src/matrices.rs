@@ -4,6 +4,7 @@ use crate::error::AnalysisError;
 use partita_math::dense::{self, Matrix};
 use partita_math::elimination::Pattern;
 use partita_math::rank::independent_rows;
+use partita_math::tolerance;
 use partita_system::equations::{Equations, UserSystem};
 use partita_system::partition::criterion::Quality;
 use partita_system::partition::geometry::Geometry;
@@ -112,7 +113,7 @@ impl Matrices {
             for j in 0..i {
                 let (a, b) = (mass[(i, j)], mass[(j, i)]);
                 // what summing in another order can leave
-                if (a - b).abs() > 1e-9 * size {
+                if (a - b).abs() > tolerance::EQUAL * size {
                     let message = format!(
                         "mass is not symmetric: M[{i},{j}] = {a}, M[{j},{i}] = {b}; take the half sum with the transpose"
                     );
@@ -143,7 +144,7 @@ impl Matrices {
         probe.position(0.0, &q)?;
         probe.refresh_scales(0.0, &q)?;
         // no motion to test redundancy with: the rank is that of the matrix given
-        let rank = independent_rows(&Pattern::dense(c.rows(), n), c.data(), probe.scales(), start::REDUNDANT).rank;
+        let rank = independent_rows(&Pattern::dense(c.rows(), n), c.data(), probe.scales(), tolerance::REDUNDANT).rank;
         Ok((Reduction::new(&self.0, rank), q))
     }
 

@@ -7,8 +7,9 @@ use crate::reason::{names, reason};
 use crate::stress::{stresses, Pose};
 use partita_math::elimination::Pattern;
 use partita_math::rank::independent_rows;
+use partita_math::tolerance;
 use partita_model::Model;
-use partita_system::start::{analyse, REDUNDANT};
+use partita_system::start::analyse;
 use partita_system::{ConstrainedSystem, SystemError};
 use serde::Serialize;
 
@@ -140,7 +141,8 @@ fn superfluous_drives(driven: &Geometry, t: f64, q: &[f64], found: &mut Mobility
         let columns: Vec<Vec<usize>> = rows.iter().map(|&i| pattern.col_idx[pattern.row(i)].to_vec()).collect();
         let values: Vec<f64> = rows.iter().flat_map(|&i| &c[pattern.row(i)]).copied().collect();
         let rank =
-            independent_rows(&Pattern::from_rows(pattern.cols, &columns), &values, &displacement, REDUNDANT).rank;
+            independent_rows(&Pattern::from_rows(pattern.cols, &columns), &values, &displacement, tolerance::REDUNDANT)
+                .rank;
         if rank == rows.len() {
             before.push(&d.name);
             continue;

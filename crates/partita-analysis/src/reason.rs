@@ -2,10 +2,9 @@
 
 use crate::stress::{Pose, Stress};
 use partita_math::spatial::Vec3;
+use partita_math::tolerance;
 use partita_model::joint::Motion;
 
-/// Sine of the angle below which directions count as parallel; what ten printed digits of an axis can be off.
-const PARALLEL: f64 = 1e-8;
 /// Names listed before the rest is counted.
 const LISTED: usize = 8;
 
@@ -72,7 +71,7 @@ impl Motions {
     /// The point in which all turning axes meet.
     fn centre(&self, size: f64) -> Option<Vec3<f64>> {
         let &(p, a) = self.turns.first()?;
-        let &(r, b) = self.turns.iter().find(|(_, b)| a.cross(*b).norm() > 1e-3)?;
+        let &(r, b) = self.turns.iter().find(|(_, b)| a.cross(*b).norm() > tolerance::AXES_CROSS)?;
         // nearest point of the first axis to the second
         let n = a.cross(b);
         let centre = p + a.times((r - p).cross(b).dot(n) / n.dot(n));
@@ -110,7 +109,7 @@ pub(crate) fn reason(pose: &Pose, stress: &Stress) -> String {
     }
     let all = names(&all);
     let size = pose.model.placed.size;
-    let motions = Motions::of(pose, &joints, PARALLEL);
+    let motions = Motions::of(pose, &joints, tolerance::EQUAL);
     let wrenches = || stress.joints.iter().map(|(j, w)| (pose.points[*j], w));
     let small = |force: f64| force <= stress.zero;
     if motions.one_axis(size) {

@@ -7,6 +7,7 @@ use crate::error::AnalysisError;
 use crate::geometry::{in_space, Geometry};
 use crate::mobility::mobility;
 use crate::stress::{stresses, Pose};
+use partita_math::tolerance;
 use partita_model::spec::{Coupling, Force, Joint, JointKind, Measure, Spec};
 use partita_model::value::NoFunctions;
 use partita_model::zero_position::Coordinates;
@@ -24,8 +25,6 @@ const FEW: usize = 6;
 /// Joints replaced at the most in that search, and joints among which it chooses.
 const REPLACED: usize = 3;
 const AMONG: usize = 16;
-/// Part of a column that others do not explain below which it is none of its own.
-const INDEPENDENT: f64 = 1e-6;
 
 /// A joint to be replaced by another kind.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -101,7 +100,7 @@ impl Base {
                 }
             }
             let size = rest.iter().map(|x| x * x).sum::<f64>().sqrt();
-            if size <= INDEPENDENT {
+            if size <= tolerance::DEPENDENT {
                 self.0.truncate(before);
                 return false;
             }

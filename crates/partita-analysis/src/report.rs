@@ -7,6 +7,7 @@ use crate::geometry::Geometry;
 use crate::mobility::{mobility, Mobility, Redundant};
 use crate::reason::names;
 use crate::remedies::{remedies, Remedy};
+use partita_math::tolerance;
 use partita_model::evaluator::DriveRow;
 use partita_model::Model;
 use partita_system::branching::{self, Branch};
@@ -17,9 +18,9 @@ use partita_system::{weight, ConstrainedSystem, SystemError};
 use serde::Serialize;
 use std::collections::{BTreeMap, HashSet};
 
-/// Squared sine of the closing rows below which a position is called close to a singular one: closing errors are
-/// amplified a hundred times there.
-const CLOSE: f64 = 1e-4;
+/// A position is close to a singular one below this. Scale: squared sine of the closing rows. Reason: closing errors
+/// are amplified a hundred times there.
+const CLOSE_TO_SINGULAR: f64 = 1e-4;
 /// Reasons listed before the rest is counted.
 const REASONS: usize = 3;
 
@@ -351,10 +352,8 @@ fn regular(model: &Model, t: f64, q: &[f64], found: Mobility) -> Result<Report, 
     })
 }
 
-/// Measure below which a coordinate stands still: what round-off leaves of nothing.
-const STILL: f64 = 1e-6;
-/// The move, over its characteristic displacement, by which a coordinate that stands still here only is distinguished
-/// from one that always does.
+/// The move by which a coordinate that stands still here only is distinguished from one that always does. Scale:
+/// characteristic displacement. Reason: its square is far above [`tolerance::TAKES_PART`].
 const NUDGE: f64 = 0.02;
 
 /// Coordinates that cannot move: in any position, and in this one alone.
@@ -365,7 +364,7 @@ fn still(model: &Model, t: f64, q: &[f64], measured: Option<&Measured>, mobility
         return Default::default(); // what rolls comes to any position by manoeuvres, one nearby tells nothing
     }
     let driven: HashSet<usize> = model.drives.iter().filter_map(DriveRow::velocity).collect();
-    let stands = |rho: &[f64], i: usize| rho[i] < STILL && !driven.contains(&i);
+    let stands = |rho: &[f64], i: usize| rho[i] < tolerance::TAKES_PART && !driven.contains(&i);
     let all: Vec<usize> = (0..m.rho.len()).filter(|&i| stands(&m.rho, i)).collect();
     if all.is_empty() {
         return Default::default();
@@ -381,7 +380,7 @@ fn still(model: &Model, t: f64, q: &[f64], measured: Option<&Measured>, mobility
         if moved.is_empty() {
             return None;
         }
-        move_to(model, t, &mut near, &moved, 1e-12).ok()?;
+        move_to(model, t, &mut near, &moved, tolerance::CLOSED).ok()?;
         Some(self::measured(model, t, &near, mobility).ok()??.rho)
     };
     let Some(there) = nearby() else { return Default::default() };
@@ -409,7 +408,7 @@ fn notes(model: &Model, found: &Mobility) -> Vec<String> {
         notes.push(format!("{}{of} is superfluous: {}; remove it", d.row, d.why));
     }
     notes.extend(floating(model));
-    if found.smallest < CLOSE {
+    if found.smallest < CLOSE_TO_SINGULAR {
         notes.push(format!(
             "close to a singular position: a closing row is within {:.1e} rad of following from the others, and errors grow \
              as the inverse of that; start farther away if you can",

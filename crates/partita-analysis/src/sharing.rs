@@ -21,6 +21,7 @@ use partita_math::elimination::Pattern;
 use partita_math::factor;
 use partita_math::least_norm::LeastNorm;
 use partita_math::spatial::Mat3;
+use partita_math::tolerance;
 use partita_model::model::ModelScratch;
 use partita_model::reaction::Wrench;
 use partita_model::rows::Owner;
@@ -34,19 +35,11 @@ mod base;
 
 pub use base::{self_stresses, SelfStresses};
 
-/// Singular values of self-stresses of length 1 below this part of the largest are nothing.
-const SAME: f64 = 1e-10;
-/// Damping of the least-norm solution over the squared length of a self-stress; repetitions take its effect back.
-const DAMPING: f64 = 1e-10;
 /// Repetitions at the most: each leaves of the error the damping over the squared sine between self-stresses.
 const REPETITIONS: usize = 12;
-/// A correction below this part of the first is rounding.
-const SETTLED: f64 = 1e-14;
-/// What an elimination of another position may leave unbalanced, over what the reference left.
+/// What an elimination of another position may leave unbalanced. Scale: multiples of what the reference left, over the
+/// forces. Reason: more asks for a new elimination.
 const WORN: f64 = 1e-9;
-/// Compliance of what is not said to be elastic, over the least compliance that was: nothing, as far as six digits show
-/// it.
-const RIGID: f64 = 1e-6;
 
 /// Component i of a compliance as that of a force: a moment acts on an arm of a length.
 fn as_of_a_force(length: f64, i: usize, c: f64) -> f64 {
@@ -84,7 +77,7 @@ impl Metric {
             return Self { weights: vec![plain(1.0); joints.len()], alike: true };
         };
         let as_force = |i: usize, c: f64| as_of_a_force(length, i, c);
-        let rigid = RIGID * least;
+        let rigid = tolerance::EQUAL_IN_SIX_DIGITS * least;
         let of = |c: &Option<[f64; 6]>| {
             let scale = plain(1.0);
             std::array::from_fn(|i| c.map_or(rigid, |c| as_force(i, c[i]).max(rigid)).sqrt() * scale[i])
@@ -219,7 +212,7 @@ impl<'g, 'm> Sharing<'g, 'm> {
                 if work.iter().all(|x| *x == 0.0) {
                     return Ok(());
                 }
-                damping.resize(rows.scales.len(), DAMPING);
+                damping.resize(rows.scales.len(), tolerance::DAMPING);
                 y.resize(rows.cols, 0.0);
                 z.resize(rows.scales.len(), 0.0);
                 rows.solver(solver).factor(&rows.values, damping);
@@ -241,7 +234,7 @@ impl<'g, 'm> Sharing<'g, 'm> {
             if pass == 0 {
                 first = size;
             }
-            if size <= SETTLED * first {
+            if size <= tolerance::SUM_ROUNDING * first {
                 break;
             }
         }
@@ -467,7 +460,7 @@ pub fn multipliers(
         }
         stresses.push(n);
     }
-    let found = factor::least_squares_min_norm(&wrenches, &change, SAME);
+    let found = factor::least_squares_min_norm(&wrenches, &change, tolerance::NULL_VALUE);
     let (weights, _) = found.map_err(|e| AnalysisError::Argument {
         argument: "q",
         message: format!("how redundant rows share their load could not be computed here: {e}"),

@@ -8,19 +8,14 @@ use crate::error::AnalysisError;
 use crate::geometry::Geometry;
 use partita_math::elimination::{Plan, PlanOptions, SparseRoom};
 use partita_math::spatial::{Spatial, Vec3};
+use partita_math::tolerance;
 use partita_model::joint::Motion;
 use partita_model::model::Model;
 use partita_model::reaction::Wrench;
 use partita_model::rows::Owner;
 use partita_model::tree::TreeScratch;
-use partita_system::reduction::SINGULAR_PIVOT;
 use partita_system::start::Start;
 use partita_system::{ConstrainedSystem, SystemError};
-
-/// Multipliers below this fraction of the largest are rounding errors of the solution.
-const NEGLIGIBLE: f64 = 1e-13;
-/// A component below this fraction of the largest is zero.
-const ZERO: f64 = 1e-9;
 
 /// One self-stress.
 #[derive(Default)]
@@ -237,7 +232,7 @@ pub(crate) fn stresses(
 }
 
 fn singular(t: f64) -> SystemError {
-    SystemError::Singular { t, pivot: 0.0, limit: SINGULAR_PIVOT }
+    SystemError::Singular { t, pivot: 0.0, limit: tolerance::SINGULAR_PIVOT }
 }
 
 /// The elimination that balances dropped rows by those kept: made at one position, of use where its pivots last.
@@ -301,7 +296,7 @@ impl<'g, 'm> Balance<'g, 'm> {
             Self {
                 system,
                 dropped: start.dropped.clone(),
-                least: ZERO,
+                least: tolerance::NEGLIGIBLE,
                 plan,
                 step_of,
                 closing_of,
@@ -364,7 +359,7 @@ impl<'g, 'm> Balance<'g, 'm> {
             self.multipliers(row, c, room);
             let BalanceRoom { lambda, off, of_model, room_of_wrenches, .. } = &mut *room;
             let top = lambda.iter().fold(0.0, |m: f64, &(row, x)| m.max((x * self.unit[row]).abs()));
-            lambda.retain(|&(row, x)| (x * self.unit[row]).abs() > NEGLIGIBLE * top);
+            lambda.retain(|&(row, x)| (x * self.unit[row]).abs() > tolerance::SOLUTION_ROUNDING * top);
             // what the self-stress leaves unbalanced (nearly dependent rows, a position closed to a tolerance)
             let entries =
                 || lambda.iter().flat_map(|&(row, x)| pattern.row(row).map(move |e| (pattern.col_idx[e], e, x)));

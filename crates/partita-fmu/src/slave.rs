@@ -14,8 +14,9 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Times that differ by less than this part of a step are the same.
-const SAME: f64 = 1e-6;
+/// Times that differ by less are the same. Scale: fraction of a communication step. Reason: masters add up steps in
+/// double precision, some in six digits.
+const SAME_TIME: f64 = 1e-6;
 
 /// What changes: a copy of it is where to come back to.
 #[derive(Clone)]
@@ -179,7 +180,7 @@ impl Slave {
     /// From t over `step`; where it cannot go all the way it stays where it is.
     pub fn step(&mut self, t: f64, step: f64) -> Result<Stepped, String> {
         let now = self.state.t;
-        if !(step > 0.0 && step.is_finite() && (t - now).abs() <= SAME * step) {
+        if !(step > 0.0 && step.is_finite() && (t - now).abs() <= SAME_TIME * step) {
             return Err(format!("a step of {step} s from t = {t} s is asked for; the model stands at {now} s"));
         }
         let end = t + step;

@@ -1,6 +1,7 @@
 //! What the caller may ask of the stepper.
 
 use crate::tableau::{ErrorWeights, Tableau};
+use partita_math::tolerance;
 
 /// Absolute part of the error tolerance.
 #[derive(Debug, Clone, PartialEq)]
@@ -26,7 +27,7 @@ impl From<Vec<f64>> for AbsoluteTolerance {
 /// Settings of a [`Stepper`](crate::explicit_rk::Stepper).
 ///
 /// A step is accepted when `error / (atol s + rtol max(|y_old|, |y_new|))` is at most one in every controlled
-/// component, where `error` is the estimate times [`MARGIN`](crate::step_size::MARGIN) and s the natural size of the
+/// component, where `error` is the estimate times [`ERROR_MARGIN`](crate::step_size::ERROR_MARGIN) and s the natural size of the
 /// component: 1 unless
 /// [`set_sizes`](crate::explicit_rk::Stepper::set_sizes) tells another. Mechanisms tell their characteristic length for
 /// displacements and 1 for angles.
@@ -53,8 +54,8 @@ pub struct Options {
 impl Default for Options {
     fn default() -> Self {
         Self {
-            rtol: 1e-8,
-            atol: AbsoluteTolerance::Same(1e-10),
+            rtol: tolerance::RTOL,
+            atol: AbsoluteTolerance::Same(tolerance::ATOL),
             controlled: usize::MAX,
             max_step: f64::INFINITY,
             fixed_step: None,

@@ -6,6 +6,7 @@ use crate::failure::StepFailure;
 use crate::ode::{Ode, RhsError};
 use crate::options::{Options, OptionsError};
 use crate::tableau::{Tableau, METHODS};
+use partita_math::tolerance;
 use partita_system::formulation::{Formulation, Pace, Step, Verdict};
 use partita_system::record::Output;
 use partita_system::SystemError;
@@ -258,21 +259,18 @@ pub struct March {
 /// Attempts for each step of a tick: a choice of coordinates that has gone bad is renewed and the step taken again.
 const ATTEMPTS: u32 = 4;
 
-/// Nearer to a singular position than this, in parts of the characteristic displacements, no step of a tick may end:
-/// rates are quotients of what round-off leaves of the closing by the square of the distance, so that six digits of
-/// them are left here and none a little nearer.
-const NEAR: f64 = 1e-5;
+/// No step of a tick may end nearer to a singular position. Scale: characteristic displacement. Reason: rates are
+/// quotients of what rounding leaves of the closing by the square of the distance; six digits are left here, and none a
+/// little nearer.
+const TICK_TOO_NEAR: f64 = 1e-5;
 
-/// A crossing step that fails is tried again with these multiples of its length: the nodes of a method lie about a
-/// tenth of a step apart, so where a stage came close to the position, it lies between two stages then.
-const AGAIN: [f64; 3] = [1.25, 1.12, 1.06];
+/// A crossing step that fails is tried again with these lengths. Scale: multiples of its length. Reason: nodes lie
+/// about a tenth of a step apart, so where a stage came close to the position, it lies between two stages then.
+const CROSSING_AGAIN: [f64; 3] = [1.25, 1.12, 1.06];
 
-/// Outputs in singular positions are taken from others beside them, this part of the step apart: far enough for those
-/// to be exact, and so near that the polynomial through them is.
-const BESIDE: f64 = 1.0 / 80.0;
-
-/// Breakpoints that add less than this to a step are round-off.
-const FINEST: f64 = 1e-14;
+/// Outputs in singular positions are taken from others at this distance. Scale: fraction of the step. Reason: far
+/// enough for those to be exact, and so near that the polynomial through them is.
+const OUTPUTS_BESIDE: f64 = 1.0 / 80.0;
 
 /// What outputs are handed to.
 pub type Sink<'s> = &'s mut dyn FnMut(&Output) -> Result<(), SystemError>;
@@ -290,7 +288,7 @@ impl March {
         control: Control,
     ) -> Result<Self, OptionsError> {
         let dim = formulation.dim();
-        let (free, tolerance) = (options.fixed_step.is_none(), options.rtol.max(FINEST));
+        let (free, tolerance) = (options.fixed_step.is_none(), options.rtol.max(tolerance::SUM_ROUNDING));
         let options = Options { controlled: formulation.controlled(), ..options };
         Ok(Self {
             control,
@@ -446,7 +444,7 @@ impl March {
                 self.commit(formulation, verdict)?;
                 continue;
             }
-            let near = || formulation.margin().is_some_and(|m| m.abs() < NEAR);
+            let near = || formulation.margin().is_some_and(|m| m.abs() < TICK_TOO_NEAR);
             if matches!(self.control, Control::Ticks { .. }) && near() {
                 let t = stepper.t_new();
                 let message =
@@ -497,7 +495,7 @@ impl March {
             stepper.set_lenience(pace.floor, pace.limit);
             if pace.limit > 1.0 {
                 // half a crossing step would end next to the position; others across it have their stages elsewhere
-                stepper.set_other_sizes(AGAIN.map(|x| x * pace.next));
+                stepper.set_other_sizes(CROSSING_AGAIN.map(|x| x * pace.next));
             }
             stepper.set_goal(formulation.breakpoint_ahead(pace.next, self.tolerance));
         }
@@ -526,7 +524,7 @@ impl March {
         // In a singular position q_D and v_D are quotients of nothing by nothing, while the motion goes through
         // smoothly:
         // the polynomial through three positions on either side has them, to the sixth power of their distance.
-        let apart = ((t - from) / 3.0).min((to - t) / 3.0).min((to - from) * BESIDE);
+        let apart = ((t - from) / 3.0).min((to - t) / 3.0).min((to - from) * OUTPUTS_BESIDE);
         let (mut side, mut q, mut v, mut work) = (Output::default(), Vec::new(), Vec::new(), 0.0);
         for (i, weight) in [-3.0, -2.0, -1.0, 1.0, 2.0, 3.0].into_iter().zip([1.0, -6.0, 15.0, 15.0, -6.0, 1.0]) {
             if let Err(beside) = state(t + i * apart, &mut side) {

@@ -15,49 +15,51 @@
 
 use partita_math::dense::Matrix;
 use partita_math::factor::least_squares_min_norm;
+use partita_math::tolerance;
 use partita_system::manifold::kept_rows::close_kept;
 use partita_system::record::Output;
 use partita_system::reduction::Reduction;
 use partita_system::start::choose_partition;
 use partita_system::{ConstrainedSystem, SystemError, SystemRef};
 
-/// The fastest velocity moves by this part of its characteristic displacement (a radian) in the first step that is
-/// tried.
-const MOVE: f64 = 0.4;
-/// A step that moves less ends where rounding, over the square of the distance, is 1e-10.
-const LEAST: f64 = 1e-3;
+/// Collocation is settled below this. Scale: fraction of the agreement asked for. Reason: the iteration adds no error
+/// that is seen.
+const START_SETTLED: f64 = 1e-3;
+/// No tolerance of a singular start is looser. Scale: relative tolerance. Reason: the branch is to be told beyond
+/// doubt.
+const LOOSEST_START: f64 = 1e-4;
+/// Move of the fastest velocity in the first step that is tried. Scale: characteristic displacement (a radian). Reason:
+/// about half of what a crossing step takes.
+const START_MOVE: f64 = 0.4;
+/// The shortest step that is tried. Scale: characteristic displacement. Reason: at its end rounding, over the square of
+/// the distance, is 1e-10.
+const LEAST_START_MOVE: f64 = 1e-3;
 /// Halvings of the step.
 const HALVINGS: usize = 24;
 /// Nodes: of the step that is taken, of the other one.
 const NODES: (usize, usize) = (10, 8);
-/// The part of the tolerance that the two may differ by.
-const PART: f64 = 0.1;
-/// No tolerance is tighter: rounding in evaluations near the position.
-const TIGHTEST: f64 = 1e-11;
+/// Two solutions of a singular start may differ by this. Scale: fraction of the tolerance. Reason: the start adds no
+/// error that is seen.
+const START_AGREEMENT: f64 = 0.1;
+/// No tolerance of a singular start is tighter. Scale: relative tolerance. Reason: rounding in evaluations near the
+/// position.
+const TIGHTEST_START: f64 = 1e-11;
 /// Iterations, and how many of them the extrapolation remembers.
 const ITERATIONS: usize = 60;
 const REMEMBERED: usize = 12;
-/// Rounding, over the square of the distance, may keep the two from agreeing within the tolerance whatever the length:
-/// the step in which they agree best is taken where they do so within this many times of it.
-const LENIENT: f64 = 1e3;
-/// The velocities through the nodes lead back to those of the start within this part of the fastest: on another branch
-/// they differ by about as much as they are.
-const BACK: f64 = 1e-3;
-/// Start velocities below this part of those reached say nothing of where the motion leads.
-const SLOW: f64 = 1e-3;
-/// Accelerations through the nodes are those of the branch within this part of them and of the square of the rates: on
-/// another branch they differ by about as much as they are.
-const BENDS: f64 = 0.05;
-/// Part of the step over which the polynomial is differentiated.
-const BESIDE: f64 = 1e-3;
-/// An output whose distance from singularity is below this part of that at the end of the step takes q and v from the
-/// polynomial.
-const NOTHING: f64 = 1e-3;
-/// A start moved by less lies on its branch to round-off.
-const UNMOVED: f64 = 1e-12;
+/// Velocities through the nodes lead back to those of the start within this. Scale: fraction of the fastest. Reason: on
+/// another branch they differ by about their own size.
+const LEADS_BACK: f64 = 1e-3;
+/// Smaller start velocities do not decide where the motion leads. Scale: fraction of the velocities reached. Reason:
+/// the accelerations decide then.
+const SLOW_START: f64 = 1e-3;
+/// Accelerations through the nodes are those of the branch within this. Scale: fraction of them and of the square of
+/// the rates. Reason: on another branch they differ by about their own size.
+const START_BENDS: f64 = 0.05;
+/// Part of the step over which the polynomial is differentiated. Scale: fraction of the step. Reason: short against the
+/// motion, long against rounding.
+const START_BESIDE: f64 = 1e-3;
 const SHIFTS: usize = 4;
-/// Moves of the start that are more than the round-off of positions which are known to the root of it.
-const MOVED: f64 = 1e-10;
 
 /// The step that was taken.
 pub struct SingularStep<'s, S: ConstrainedSystem> {
@@ -198,7 +200,7 @@ impl Anderson {
         if self.steps.is_empty() {
             return next;
         }
-        if let Ok((parts, _)) = least_squares_min_norm(&slopes, f, 1e-10) {
+        if let Ok((parts, _)) = least_squares_min_norm(&slopes, f, tolerance::NULL_VALUE) {
             for (part, (dx, df)) in parts.iter().zip(&self.steps) {
                 next.iter_mut().zip(dx.iter().zip(df)).for_each(|(n, (x, f))| *n -= part * (x + f));
             }
@@ -303,7 +305,9 @@ impl<S: ConstrainedSystem> Attempt<'_, '_, S> {
             // at rest, or as still as rounding lets it be; whether that is still enough the other nodes tell
             since = if worst < 0.5 * least { 0 } else { since + 1 };
             least = least.min(worst);
-            if worst <= 1e-3 * self.tolerance || (worst <= LENIENT * self.tolerance && since > 3) {
+            if worst <= START_SETTLED * self.tolerance
+                || (worst <= tolerance::SINGULAR_LENIENCE * self.tolerance && since > 3)
+            {
                 return Ok(Some(stages));
             }
             if since > 12 {
@@ -368,11 +372,11 @@ pub fn singular_step<'s, S: ConstrainedSystem>(
     (limit, tolerance): (f64, f64),
 ) -> Result<SingularStep<'s, S>, SystemError> {
     let system = system.into();
-    let tolerance = PART * tolerance.clamp(TIGHTEST, 1e-4);
+    let tolerance = START_AGREEMENT * tolerance.clamp(TIGHTEST_START, LOOSEST_START);
     let speed = fastest(&*system, v);
-    // v h + a h^2 / 2 = MOVE
+    // v h + a h^2 / 2 = START_MOVE
     let strong = leaving.map_or(0.0, |a| fastest(&*system, a));
-    let mut h = (2.0 * MOVE / (speed + (speed * speed + 2.0 * MOVE * strong).sqrt())).min(limit - t);
+    let mut h = (2.0 * START_MOVE / (speed + (speed * speed + 2.0 * START_MOVE * strong).sqrt())).min(limit - t);
     let mut evaluations = 0;
     let mut why = String::from("the loops did not close along it");
     let (taken, other) = (Nodes::new(NODES.0), Nodes::new(NODES.1));
@@ -396,14 +400,14 @@ pub fn singular_step<'s, S: ConstrainedSystem>(
         }
         let done = best.as_ref().is_some_and(|best| best.error <= tolerance);
         h *= 0.5;
-        if done || worse > 1 || h * speed < 0.1 * LEAST {
+        if done || worse > 1 || h * speed < 0.1 * LEAST_START_MOVE {
             break;
         }
     }
     if let Some(best) = &best {
         why = format!("rounding next to the position leaves {:.1e} of the motion open", best.error);
     }
-    match best.filter(|best| best.error <= LENIENT * tolerance) {
+    match best.filter(|best| best.error <= tolerance::SINGULAR_LENIENCE * tolerance) {
         Some(best) => Ok(SingularStep { evaluations, error: best.error.max(0.0), lenient: best.error > tolerance, ..best }),
         None => Err(SystemError::SingularStart {
             t,
@@ -454,7 +458,7 @@ fn attempt<'s, S: ConstrainedSystem>(
         *evaluations += attempt.evaluations;
         let Some(found) = &less else { break };
         let shifted: Vec<f64> = q.iter().zip(&found.shift).map(|(q, s)| q + s).collect();
-        if system_move(&*system, &q, &shifted) <= UNMOVED {
+        if system_move(&*system, &q, &shifted) <= tolerance::CLOSED {
             break;
         }
         q = shifted;
@@ -469,19 +473,22 @@ fn attempt<'s, S: ConstrainedSystem>(
     let top = stages.v.iter().fold(fastest(&*system, v), |m, v| m.max(fastest(&*system, v)));
     let (back, speed) = (velocities(taken, &stages, 0.0), fastest(&*system, v));
     let off: Vec<f64> = back.iter().zip(v).map(|(a, b)| a - b).collect();
-    if fastest(&*system, &off) > BACK * top {
+    if fastest(&*system, &off) > LEADS_BACK * top {
         return Ok(Err("closed next to it the mechanism does not go on with these velocities".into()));
     }
     let ahead: Vec<f64> = (0..v.len())
-        .map(|i| (velocities(taken, &stages, BESIDE)[i] - velocities(taken, &stages, -BESIDE)[i]) / (2.0 * BESIDE * h))
+        .map(|i| {
+            (velocities(taken, &stages, START_BESIDE)[i] - velocities(taken, &stages, -START_BESIDE)[i])
+                / (2.0 * START_BESIDE * h)
+        })
         .collect();
     if let Some(a) = leaving {
         let off: Vec<f64> = ahead.iter().zip(a).map(|(x, a)| x - a).collect();
-        if fastest(&*system, &off) > BENDS * (fastest(&*system, a) + speed * speed) {
+        if fastest(&*system, &off) > START_BENDS * (fastest(&*system, a) + speed * speed) {
             return Ok(Err("it does not go on with the accelerations of the branch".into()));
         }
     }
-    if speed < SLOW * top {
+    if speed < SLOW_START * top {
         return Ok(Err("its velocities are small against those that forces and drives bring about at once".into()));
     }
     let moved = system_move(&*system, given, q);
@@ -514,7 +521,7 @@ fn attempt<'s, S: ConstrainedSystem>(
         end = Some((q_one, u_one, work));
     }
     // what the step is off by is no move of its start
-    let moved = if moved > MOVED.max(10.0 * error) { moved } else { 0.0 };
+    let moved = if moved > tolerance::SINGULAR_ROUNDING.max(tolerance::CLEARLY * error) { moved } else { 0.0 };
     let Some((q_end, u_end, work)) = end else { return Ok(Err("it has no end".into())) };
     let t_end = t + h;
     r.position(t_end, &q_end)?;
@@ -522,7 +529,7 @@ fn attempt<'s, S: ConstrainedSystem>(
     let distance = r.distance().0;
     r.spread(&u_end);
     let v_end = r.v.clone();
-    if system_move(&*system, q, &q_end) < LEAST {
+    if system_move(&*system, q, &q_end) < LEAST_START_MOVE {
         return Ok(Err(format!("it is still next to the position after {h:.1e} s")));
     }
     Ok(Ok(SingularStep {
@@ -579,7 +586,7 @@ impl<S: ConstrainedSystem> SingularStep<'_, S> {
         let mut closed = q.clone();
         let regular = close(&mut self.r, t, &mut closed)
             .and_then(|there| self.r.tangent(t).map(|()| there))
-            .is_ok_and(|there| there && self.r.distance().0 >= NOTHING * self.distance);
+            .is_ok_and(|there| there && self.r.distance().0 >= tolerance::AT_SINGULARITY * self.distance);
         match regular {
             true => {
                 self.r.spread(&u);

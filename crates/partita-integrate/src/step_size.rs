@@ -3,14 +3,26 @@
 use crate::combination::{Row, TILE};
 use crate::options::{AbsoluteTolerance, Options};
 use crate::tableau::Tableau;
+use partita_math::tolerance;
 
-/// Fraction of the theoretically right step that is dared.
+/// States and rates below this say nothing of the scale of a motion. Scale: multiples of the tolerance. Reason: the
+/// rule of Hairer, Norsett and Wanner for the first step.
+const MOVED_NOTHING: f64 = 1e-5;
+/// The first step where nothing else is known. Scale: s. Reason: the rule of Hairer, Norsett and Wanner for the first
+/// step.
+const FIRST_STEP: f64 = 1e-6;
+/// Fraction of the first guess that remains where nothing accelerates. Scale: ratio of steps. Reason: the rule of
+/// Hairer, Norsett and Wanner for the first step.
+const FIRST_GROWTH: f64 = 1e-3;
+/// Fraction of the theoretically right step that is taken. Scale: ratio of steps. Reason: refused steps cost more than
+/// shorter ones.
 pub const SAFETY: f64 = 0.9;
-/// A step is never shortened by more than this factor for its error.
+/// Largest shortening of a step for its error. Scale: ratio of steps. Reason: one estimate is not trusted any further.
 pub const SMALLEST_FACTOR: f64 = 0.2;
-/// A step is never lengthened by more than this factor.
+/// Largest lengthening of a step. Scale: ratio of steps. Reason: one estimate is not trusted any further.
 pub const LARGEST_FACTOR: f64 = 6.0;
-/// Errors below this are remembered as this: a lucky step must not forbid the next one.
+/// Smaller errors are remembered as this. Scale: multiples of the tolerance. Reason: a lucky step must not forbid the
+/// next one.
 const SMALLEST_REMEMBERED_ERROR: f64 = 1e-4;
 
 /// Proportional–integral control of the step, after Gustafsson, with the constants of Hairer and Wanner.
@@ -63,11 +75,10 @@ impl StepController {
     }
 }
 
-/// An estimated error is held against the tolerance this many times over.
-///
-/// Mechanisms pass positions where a motion nearly stops and what went wrong before is multiplied by thousands. At order
-/// eight the margin costs a fifth more steps and leaves a quarter of the error in the result.
-pub const MARGIN: f64 = 4.0;
+/// An estimated error is multiplied by this before it is compared with the tolerance. Scale: factor. Reason: mechanisms
+/// pass positions where a motion nearly stops, and earlier errors are multiplied by thousands; at order eight it costs
+/// a fifth more steps and leaves a quarter of the error.
+pub const ERROR_MARGIN: f64 = 4.0;
 
 /// The largest of the controlled components, each measured in its own tolerance.
 ///
@@ -171,8 +182,8 @@ impl ErrorNorm {
     pub(crate) fn first_guess(&self, y: &[f64], f: &[f64]) -> f64 {
         let (d0, d1) = (self.of(y, |i| y[i]), self.of(y, |i| f[i]));
         let guess = 0.01 * d0 / d1;
-        if d0 < 1e-5 || d1 < 1e-5 || !guess.is_finite() {
-            1e-6
+        if d0 < MOVED_NOTHING || d1 < MOVED_NOTHING || !guess.is_finite() {
+            FIRST_STEP
         } else {
             guess
         }
@@ -184,8 +195,11 @@ impl ErrorNorm {
         let d1 = self.of(y, |i| f0[i]);
         let d2 = self.of(y, |i| f1[i] - f0[i]) / h0;
         let largest = d1.max(d2);
-        let h1 =
-            if largest <= 1e-15 { (h0 * 1e-3).max(1e-6) } else { (0.01 / largest).powf(1.0 / (order as f64 + 1.0)) };
+        let h1 = if largest <= tolerance::ROUNDING {
+            (h0 * FIRST_GROWTH).max(FIRST_STEP)
+        } else {
+            (0.01 / largest).powf(1.0 / (order as f64 + 1.0))
+        };
         h1.min(100.0 * h0)
     }
 }

@@ -7,13 +7,11 @@ use faer::linalg::solvers::{PartialPivLu, Solve};
 use faer::{Mat, MatRef, Side};
 
 use crate::dense::{self, Matrix};
+use crate::tolerance;
 use crate::wide::Cleared;
 
 /// Up to this size the kernels of [`dense`] are used.
 const SMALL: usize = 40;
-
-/// Diagonal entries of R below this fraction of the largest count as zero in [`qr_null_space`].
-pub const QR_RANK_RTOL: f64 = 1e-10;
 
 /// Why a factorisation failed.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -126,9 +124,11 @@ fn decompose(a: &Matrix, full: bool) -> Result<Svd, FactorError> {
 
 /// Row and null space of C (m×n) by QR of Cᵀ with column pivoting; cheaper than [`svd_full`], nearly as reliable.
 ///
-/// The rank is decided at [`QR_RANK_RTOL`] of the largest pivot: scale rows of different units beforehand.
+/// The rank is decided at [`tolerance::NULL_VALUE`] of the largest pivot: scale rows of different units beforehand.
 pub fn qr_null_space(c: &Matrix) -> Result<QrNullSpace, FactorError> {
-    qr_null_space_by(c, |pivots| pivots.iter().take_while(|x| **x > QR_RANK_RTOL * pivots[0] && **x != 0.0).count())
+    qr_null_space_by(c, |pivots| {
+        pivots.iter().take_while(|x| **x > tolerance::NULL_VALUE * pivots[0] && **x != 0.0).count()
+    })
 }
 
 /// The same with the rank that `rank` says of the sizes of the pivots, which descend.
@@ -232,7 +232,7 @@ pub fn cholesky_large(a: &mut [f64], n: usize) -> Result<(), FactorError> {
     let l = f.L();
     for i in 0..n {
         let pivot = l[(i, i)] * l[(i, i)];
-        if pivot.is_nan() || pivot <= 1e-14 * a[i * n + i] {
+        if pivot.is_nan() || pivot <= tolerance::LOST_PIVOT * a[i * n + i] {
             return Err(FactorError::NotPositiveDefinite { index: i });
         }
     }

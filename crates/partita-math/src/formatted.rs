@@ -1,5 +1,9 @@
 //! Numbers formatted for messages.
 
+/// Numbers in this range are written without an exponent. Scale: SI units of the number. Reason: at most six digits
+/// before the point and three zeros behind it.
+const PLAIN: (f64, f64) = (1e-4, 1e6);
+
 /// Four significant digits: 1.44, 0.0002267, 2.5e-9; nothing that is not a number is hidden.
 ///
 /// ```
@@ -15,7 +19,7 @@ pub fn formatted(x: f64) -> String {
     if rounded == 0.0 {
         return "0".into();
     }
-    match (1e-4..1e6).contains(&rounded.abs()) || !rounded.is_finite() {
+    match (PLAIN.0..PLAIN.1).contains(&rounded.abs()) || !rounded.is_finite() {
         true => format!("{rounded}"),
         false => format!("{rounded:e}"),
     }

@@ -10,6 +10,7 @@ pub mod least_norm;
 pub mod rank;
 pub mod scalar;
 pub mod spatial;
+pub mod tolerance;
 mod wide;
 
 pub use formatted::formatted;

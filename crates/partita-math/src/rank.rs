@@ -37,10 +37,11 @@ pub struct RowRank {
 /// Up to this many rows the largest pivot is taken whatever it links.
 const FULL_SEARCH: usize = 200;
 
-/// Above, squared sines between two of these count as equal.
-const LEVELS: [f64; 4] = [1e-3, 1e-5, 1e-7, 1e-9];
+/// Squared sines between two of these count as equal in large matrices. Scale: squared sine. Reason: two digits are
+/// enough to order rows by, which leaves room for sparsity.
+const SINE_LEVELS: [f64; 4] = [1e-3, 1e-5, 1e-7, 1e-9];
 
-/// Squared cosines below this are rounding errors.
+/// Squared cosines below this are rounding. Scale: squared cosine. Reason: the square of the unit in the last place.
 const PERPENDICULAR: f64 = 1e-32;
 
 /// Finds independent rows of a sparse C (m×n) with column scales (n).
@@ -220,7 +221,7 @@ impl Gram {
         if self.rows.len() <= FULL_SEARCH {
             return Claim { first, sine2, neighbours: Reverse(0), row: Reverse(row) };
         }
-        let level = LEVELS.into_iter().find(|&level| sine2 >= level).unwrap_or(0.0);
+        let level = SINE_LEVELS.into_iter().find(|&level| sine2 >= level).unwrap_or(0.0);
         Claim { first, sine2: level, neighbours: Reverse(self.rows[row].len()), row: Reverse(row) }
     }
 

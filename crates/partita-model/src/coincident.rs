@@ -7,8 +7,9 @@
 
 use crate::spec::Spec;
 
-/// Coordinates nearer than this part of the largest are one: products of some ten frames are off by as much.
-const ROUNDING: f64 = 16.0 * f64::EPSILON;
+/// Coordinates nearer than this are one. Scale: fraction of the largest coordinate. Reason: products of some ten frames
+/// are off by as much.
+const COINCIDENT: f64 = 16.0 * f64::EPSILON;
 
 /// Where a point stands: its joint, and whether it is the one on the child.
 type Place = (usize, bool);
@@ -32,7 +33,7 @@ pub(crate) fn unite(spec: &mut Spec) {
 
 /// What is off by no more than this in each coordinate is one point of these.
 pub(crate) fn near(points: impl Iterator<Item = [f64; 3]>) -> f64 {
-    ROUNDING * points.flatten().fold(0.0, |m: f64, x| m.max(x.abs()))
+    COINCIDENT * points.flatten().fold(0.0, |m: f64, x| m.max(x.abs()))
 }
 
 /// The points that move, and where to.

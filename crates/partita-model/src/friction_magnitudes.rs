@@ -12,17 +12,18 @@
 //! number between −1 and 1, as soon as the determinant, which is affine in each of them, is positive in all corners.
 
 use partita_math::dense;
+use partita_math::tolerance;
 
-/// Lines that are distinguished by less than this part are one.
-const ONE_LINE: f64 = 1e-9;
 /// Corners are counted for so many terms at the most.
 const MOST_TERMS: usize = 12;
 /// Newton's steps at the most; where the answer is one, some ten suffice.
 const MOST_STEPS: usize = 200;
-/// What is nearer than this to having no solution has none: friction would be a thousand million times what presses.
-const MARGIN: f64 = 1e-9;
-/// What may stay open of (G1), in parts of what stands in it.
-const OPEN: f64 = 1e-12;
+/// Friction magnitudes nearer to having no solution have none. Scale: distance of the amplification from one. Reason:
+/// friction would be a thousand million times the normal force.
+const JAM_MARGIN: f64 = 1e-9;
+/// Residual of the friction magnitudes. Scale: fraction of the terms of (G1). Reason: ten thousand roundings, as for
+/// closed loops.
+const FRICTION_OPEN: f64 = 1e-12;
 
 /// Memory of an evaluation.
 #[derive(Clone, Debug, Default)]
@@ -206,12 +207,12 @@ impl FrictionMagnitudes {
             let along = dot(x, &e);
             size(&[x[0] - along * e[0], x[1] - along * e[1], x[2] - along * e[2]])
         };
-        all().all(|x| off(x) <= ONE_LINE * length).then_some(e)
+        all().all(|x| off(x) <= tolerance::EQUAL * length).then_some(e)
     }
 
     /// Is there one solution for every load?
     fn single(&mut self) -> bool {
-        self.fill(-1.0 - MARGIN, true, |_, b| size(b));
+        self.fill(-1.0 - JAM_MARGIN, true, |_, b| size(b));
         if !self.fails() {
             return true;
         }
@@ -229,7 +230,7 @@ impl FrictionMagnitudes {
         (0..1usize << terms).all(|corner| {
             let sign = |t: usize| if corner >> t & 1 == 1 { 1.0 } else { -1.0 };
             self.fill(1.0, false, |t, b| sign(t) * dot(&lines[t], b));
-            self.determinant() > MARGIN
+            self.determinant() > JAM_MARGIN
         })
     }
 
@@ -275,7 +276,7 @@ impl FrictionMagnitudes {
         let (mut worst, mut scale) = self.open();
         for _ in 0..MOST_STEPS {
             // exact to the last digits: one more step gains nothing
-            if worst <= 4.0 * f64::EPSILON * scale {
+            if worst <= tolerance::FEW_ROUNDINGS * scale {
                 break;
             }
             let f = std::mem::take(&mut self.f);
@@ -321,7 +322,7 @@ impl FrictionMagnitudes {
             }
             self.f.copy_from_slice(&self.tried);
         }
-        match worst <= OPEN * scale {
+        match worst <= FRICTION_OPEN * scale {
             true => Ok(()),
             false => Err(self.worst()), // NaN too
         }

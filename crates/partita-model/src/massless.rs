@@ -14,20 +14,15 @@ use crate::zero_position::{HeldSpin, Massless, Placed};
 use partita_math::dense::Matrix;
 use partita_math::factor::symmetric_eigen;
 use partita_math::spatial::{Mat3, Vec3};
+use partita_math::tolerance;
 
-/// Below this part of the heaviest a body is light: squared sines between rows of C shrink by it in the mass
-/// metric, and those below 1e-9 count as redundant.
+/// Lighter bodies, and smaller principal moments, are massless. Scale: fraction of the heaviest mass; of the mass times
+/// the square of the characteristic displacement. Reason: squared sines between rows shrink by it in the mass metric,
+/// and those below 1e-9 count as redundant; a bar a thousand times as long as thick has half of such a moment.
 const MASSLESS: f64 = 1e-6;
-/// Below this part of the body's mass times the square of its characteristic displacement a principal moment is light:
-/// a bar a thousand times as long as thick has half of it.
-const THIN: f64 = 1e-6;
-/// What is light counts with this part instead: no coordinate is then a hundred times as mobile as its neighbours
-/// for want of mass alone.
-const COUNTS: f64 = 1e-2;
-/// Inertia below this part of what a body has across is what rounding leaves of none.
-const NONE: f64 = 1e-12;
-/// Points closer to a line than this, in parts of the drawing, are on it.
-const ON_LINE: f64 = 1e-9;
+/// What is massless counts with this instead. Scale: fraction of the heaviest mass. Reason: no coordinate is then a
+/// hundred times as mobile as its neighbours for want of mass alone.
+const MASSLESS_COUNTS: f64 = 1e-2;
 
 /// A body that balls in one line hold, and nothing else does.
 #[derive(Clone, Debug)]
@@ -116,19 +111,19 @@ pub fn massless(placed: &Placed) -> Vec<Massless> {
             inertia = inertia.add(&b.inertia).add(&Mat3::steiner(b.mass, b.com - at));
             reach = points(placed, &around, i).fold(reach, |r, p| r.max((p - at).norm()));
         }
-        if reach <= ON_LINE * placed.size {
+        if reach <= tolerance::EQUAL * placed.size {
             reach = placed.length;
         }
-        let missing = if mass[link] < MASSLESS * heaviest { COUNTS * heaviest - mass[link] } else { 0.0 };
+        let missing = if mass[link] < MASSLESS * heaviest { MASSLESS_COUNTS * heaviest - mass[link] } else { 0.0 };
         let mut more = all_round(missing * reach * reach);
         let whole_round = (mass[link] + missing) * reach * reach;
         let whole = inertia.add(&more);
         let Ok((moments, axes)) = symmetric_eigen(&Matrix::from_vec(3, 3, whole.0.as_flattened().to_vec())) else {
             continue; // not finite: refused elsewhere
         };
-        for (j, moment) in moments.iter().enumerate().filter(|(_, m)| **m < THIN * whole_round) {
+        for (j, moment) in moments.iter().enumerate().filter(|(_, m)| **m < MASSLESS * whole_round) {
             let axis = Vec3([axes[(0, j)], axes[(1, j)], axes[(2, j)]]);
-            more = more.add(&along(axis, COUNTS * whole_round - moment));
+            more = more.add(&along(axis, MASSLESS_COUNTS * whole_round - moment));
         }
         if missing > 0.0 || more.0.as_flattened().iter().any(|x| *x != 0.0) {
             found.push(Massless { link, mass: missing, inertia: more });
@@ -145,7 +140,7 @@ fn along(e: Vec3<f64>, m: f64) -> Mat3<f64> {
 /// The line through points, none where they fall together; nothing where they are on no line.
 fn line_through(at: &[Vec3<f64>], placed: &Placed) -> Option<Option<Vec3<f64>>> {
     let &first = at.first()?;
-    let near = ON_LINE * placed.size;
+    let near = tolerance::EQUAL * placed.size;
     let far = at.iter().map(|x| *x - first).max_by(|a, b| a.norm().total_cmp(&b.norm()))?;
     let Some(line) = far.unit().filter(|_| far.norm() >= near) else { return Some(None) };
     at.iter().all(|x| (*x - first).cross(line).norm() < near).then_some(Some(line))
@@ -188,7 +183,7 @@ pub fn held(spec: &Spec, placed: &Placed) -> Vec<HeldSpin> {
         let point = at[0];
         let reach = at.iter().fold(0.0, |r: f64, p| r.max((*p - b.com).norm()));
         let (moments, axes) = symmetric_eigen(&Matrix::from_vec(3, 3, b.inertia.0.as_flattened().to_vec())).ok()?;
-        let nothing = NONE * moments[2].max(b.mass * reach * reach);
+        let nothing = tolerance::NO_INERTIA * moments[2].max(b.mass * reach * reach);
         if line.is_none() && moments[2] > nothing {
             // one point, and inertia: a thin rod on a ball at its centre, or floating
             line = Some(Vec3([axes[(0, 0)], axes[(1, 0)], axes[(2, 0)]]));
@@ -198,8 +193,8 @@ pub fn held(spec: &Spec, placed: &Placed) -> Vec<HeldSpin> {
         if own > nothing || is_seen(spec, placed, &turning) {
             return None;
         }
-        let length = if reach > ON_LINE * placed.size { reach } else { placed.length };
-        let inertia = (0.5 * (moments[0] + moments[1] + moments[2])).max(COUNTS * heaviest * length * length);
+        let length = if reach > tolerance::EQUAL * placed.size { reach } else { placed.length };
+        let inertia = (0.5 * (moments[0] + moments[1] + moments[2])).max(MASSLESS_COUNTS * heaviest * length * length);
         let inertia = line.map_or_else(|| all_round(inertia), |e| along(e, inertia));
         Some(HeldSpin { body, line, inertia })
     };
@@ -223,11 +218,11 @@ fn is_seen(spec: &Spec, placed: &Placed, x: &Turning) -> bool {
     let off = |body: &str, point: &[f64; 3]| {
         let from = b.origin + b.rot.apply(Vec3(*point)) - x.point;
         let by = x.line.map_or_else(|| from.norm(), |e| from.cross(e).norm());
-        body == name && by >= ON_LINE * placed.size
+        body == name && by >= tolerance::EQUAL * placed.size
     };
     let turned = |body: &str, axis: &[f64; 3]| {
         let axis = b.rot.apply(Vec3(*axis));
-        body == name && x.line.is_none_or(|e| axis.cross(e).norm() >= ON_LINE * axis.norm())
+        body == name && x.line.is_none_or(|e| axis.cross(e).norm() >= tolerance::EQUAL * axis.norm())
     };
     let joint = |j: &str| {
         let on = |i: usize| [placed.joints[i].parent, placed.joints[i].child].contains(&(x.body + 1));

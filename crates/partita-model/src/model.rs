@@ -531,7 +531,8 @@ impl Model {
     }
 }
 
-/// Some velocity is so many times as mobile as with the least masses that count: then they do.
+/// The least masses count where some velocity is more mobile than with them by this factor. Scale: ratio of mobilities.
+/// Reason: below, they change no choice.
 const LIGHTER: f64 = 2.0;
 
 /// What the links say of coordinates and velocities.
@@ -608,9 +609,9 @@ fn drives(spec: &Spec, placed: &Placed, first: usize) -> Result<Vec<DriveRow>, D
     Ok(drives)
 }
 
-/// Least reach of a closing row, in parts of the mechanism: its round-off is one of positions, which are as large as
-/// the mechanism, and must be small against what counts as closed (1e-12) of a loop whose joints lie next to each
-/// other.
+/// Least characteristic displacement of a closing row. Scale: size of the mechanism. Reason: its round-off is one of
+/// positions, which are as large as the mechanism, and must be small against
+/// [`CLOSED`](partita_math::tolerance::CLOSED) of a loop whose joints lie next to each other.
 const LEAST_DISPLACEMENT: f64 = 1e-3;
 
 /// Columns of every row.

@@ -29,6 +29,7 @@ use crate::spec::{Coupling, Force, JointKind, Spec, Value, VectorValue};
 use crate::validate;
 use crate::zero_position::{body_length, typical_length, Placed};
 use partita_math::scalar::Scalar;
+use partita_math::tolerance;
 use partita_system::ConstrainedSystem;
 use std::collections::HashSet;
 
@@ -303,7 +304,7 @@ impl Model {
                 let p = &placed.joints[j];
                 let off = (p.child_point - p.parent_point).0[2];
                 // as when the plane was found
-                if off.abs() >= 1e-9 * placed.size {
+                if off.abs() >= tolerance::EQUAL * placed.size {
                     let m = format!(
                         "its sides would miss each other by {} m out of the plane; compile anew",
                         partita_math::formatted(off)

@@ -3,11 +3,9 @@
 
 use crate::coupling::{Law, Says};
 use crate::model::Model;
+use partita_math::tolerance;
 use partita_system::{ConstrainedSystem, SystemError};
 use std::f64::consts::TAU;
-
-/// A sum that is off by this part of a large move slipped: far above round-off, below what a closing moves.
-const PHASE_LOST: f64 = 1e-9;
 
 impl Model {
     /// Refuse a path between two positions on which a coupling loses its phase.
@@ -36,7 +34,7 @@ impl Model {
                 phase += factors[i] * if r.wraps { moved - (moved / TAU).round() * TAU } else { moved };
                 size = size.max(factors[i].abs() * if r.wraps { 1.0 } else { self.placed.length });
             }
-            if phase.abs() > PHASE_LOST * size {
+            if phase.abs() > tolerance::CLOSED_IN_RUN * size {
                 let message = format!(
                     "\"{}\" is held by its rates alone in these coordinates, where whole turns of its joints are not known and \
                      its factors leave no common period: on the way to this position it would slip by {phase:.6}; assemble in \

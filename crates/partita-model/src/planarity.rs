@@ -3,12 +3,8 @@
 use crate::joint::Motion;
 use crate::spec::{Axes, Coupling, Force, Measure, Spec, Value, VectorValue};
 use partita_math::spatial::{Mat3, Vec3};
+use partita_math::tolerance;
 use std::collections::HashMap;
-
-/// Parts below this are the round-off of a drawing.
-const IN_PLANE: f64 = 1e-12;
-/// Heights closer than this part of the reach are one, as for joints that are to fit in a plane.
-const LEVEL: f64 = 1e-9;
 
 /// Are all reactions of a mechanism that moves across `normal` (world, unit) reactions in its plane, whatever the
 /// motion? Nothing pushes or turns a body out of it: masses, joints and forces stand in one plane to round-off, and
@@ -19,7 +15,7 @@ pub(crate) fn carries_in_plane(spec: &Spec, normal: [f64; 3]) -> bool {
     spec.couplings.iter().all(coupled)
         && spec.drives.iter().all(|d| along_coordinates(&d.measure))
         && !loaded_across(spec, Vec3(normal))
-        && lies_in_plane(spec, Vec3(normal), IN_PLANE)
+        && lies_in_plane(spec, Vec3(normal), tolerance::PARALLEL)
 }
 
 /// Does a friction need what a mechanism that moves across `normal` (world, unit) has no rows for? `motion` tells how a
@@ -36,7 +32,7 @@ pub(crate) fn needs_space(spec: &Spec, normal: [f64; 3], motion: impl Fn(&str, u
             Some(Motion::Slide(_)) => {
                 follows.radius.is_some()
                     || leaves()
-                    || (follows.length.is_some() && !lies_in_plane(spec, Vec3(normal), LEVEL))
+                    || (follows.length.is_some() && !lies_in_plane(spec, Vec3(normal), tolerance::EQUAL))
             }
             Some(Motion::Ball) | None => false,
         }),
@@ -84,17 +80,17 @@ fn lies_in_plane(spec: &Spec, normal: Vec3<f64>, level: f64) -> bool {
 
 /// May anything push a body across the plane?
 fn loaded_across(spec: &Spec, normal: Vec3<f64>) -> bool {
-    let across = |x: Vec3<f64>| normal.dot(x).abs() > IN_PLANE * x.norm();
+    let across = |x: Vec3<f64>| normal.dot(x).abs() > tolerance::PARALLEL * x.norm();
     let body = |name: &str| spec.bodies.iter().find(|b| b.name == name);
     let to_body = |name: &str| body(name).map_or(normal, |b| Mat3(b.orientation).apply_transposed(normal));
     let vector = |value: &VectorValue, normal: Vec3<f64>| match value {
         VectorValue::Whole(_) => true,
         VectorValue::Components(x) => {
-            let parts = || x.iter().zip(normal.0).filter(|(_, n)| n.abs() > IN_PLANE);
+            let parts = || x.iter().zip(normal.0).filter(|(_, n)| n.abs() > tolerance::PARALLEL);
             let constant = |(v, _): (&Value, f64)| if let Value::Constant(v) = v { Some(*v) } else { None };
             let size = parts().filter_map(constant).fold(0.0f64, |m, x| m.max(x.abs()));
             let sum: f64 = parts().filter_map(|(v, n)| constant((v, n)).map(|v| v * n)).sum();
-            parts().any(|part| constant(part).is_none()) || sum.abs() > IN_PLANE * size
+            parts().any(|part| constant(part).is_none()) || sum.abs() > tolerance::PARALLEL * size
         }
     };
     let height = |name: &str, point: [f64; 3]| {
@@ -110,7 +106,7 @@ fn loaded_across(spec: &Spec, normal: Vec3<f64>) -> bool {
             Force::Gravity(x) => vector(&x.value, normal),
             Force::Spring { body1, point1, body2, point2, .. } => {
                 let ((a, x), (b, y)) = (height(body1, *point1), height(body2, *point2));
-                (a - b).abs() > LEVEL * x.max(y)
+                (a - b).abs() > tolerance::EQUAL * x.max(y)
             }
             _ => true,
         })

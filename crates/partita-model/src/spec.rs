@@ -13,9 +13,10 @@ use serde::{Deserialize, Serialize};
 /// Version of the description that this build reads.
 pub const VERSION: u32 = 1;
 
-/// A drawing tolerance where none is said: four decimals, as drawings are dimensioned.
+/// The drawing tolerance unless one is given. Scale: lengths of a block; rad. Reason: four decimals, as drawings are
+/// dimensioned.
 pub const DRAWING_TOLERANCE: f64 = 1e-4;
-/// The largest drawing tolerance: beyond it what differs is another mechanism.
+/// The largest drawing tolerance. Scale: lengths of a block; rad. Reason: beyond it what differs is another mechanism.
 pub const LARGEST_TOLERANCE: f64 = 1e-2;
 fn drawing_tolerance() -> f64 {
     DRAWING_TOLERANCE

@@ -47,8 +47,8 @@ pub fn time_domain(spec: &Spec) -> Option<(f64, String)> {
     ends.reduce(|first, other| if other.0 < first.0 { other } else { first })
 }
 
-/// A point of a table is a corner if it lies off the straight line between its neighbours by more than this part of the
-/// table's range: of a curve with a hundred points a wave none is.
+/// A point of a table is a discontinuity of slope if it lies farther off the line between its neighbours. Scale: range
+/// of the table. Reason: of a curve with a hundred points a wave none is.
 const DISCONTINUITY: f64 = 1e-3;
 
 /// Ascending times at which a table is discontinuous: a pulse has some, and a step that saw none of them would pass it

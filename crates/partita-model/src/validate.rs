@@ -6,6 +6,7 @@ use crate::spec::{Body, Coupling, Force, ForceRecord, Measure, Spec, Value, Vect
 use crate::value;
 use partita_math::dense::Matrix;
 use partita_math::factor;
+use partita_math::tolerance;
 use std::collections::HashMap;
 
 /// Name of the ground.
@@ -60,8 +61,7 @@ fn body(b: &Body) -> Result<(), DescriptionError> {
     }
     let i = &b.inertia;
     let size = i.concat().iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-    // 1e-9 of the largest entry: what ten printed digits of a measured inertia can be off
-    let slack = 1e-9 * size;
+    let slack = tolerance::EQUAL * size;
     for (r, c) in [(0, 1), (0, 2), (1, 2)] {
         if (i[r][c] - i[c][r]).abs() > slack {
             return fail(format!("inertia is not symmetric: I{r}{c} = {}, I{c}{r} = {}", i[r][c], i[c][r]));
@@ -90,7 +90,7 @@ fn rotation(r: &[[f64; 3]; 3], element: &'static str, name: &str, what: &str) ->
     for a in 0..3 {
         for c in 0..3 {
             let dot: f64 = (0..3).map(|k| r[k][a] * r[k][c]).sum();
-            if (dot - f64::from(u8::from(a == c))).abs() > 1e-9 {
+            if (dot - f64::from(u8::from(a == c))).abs() > tolerance::EQUAL {
                 return fail(format!("{what} is no rotation: columns {a} and {c} have the product {dot:.12}"));
             }
         }

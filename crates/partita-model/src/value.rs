@@ -4,6 +4,7 @@ use crate::error::DescriptionError;
 use crate::spec::{Table, Turning, Value, VectorValue};
 use partita_math::scalar::{Arguments, Scalar};
 use partita_math::spatial::{Mat3, Quaternion, Vec3};
+use partita_math::tolerance;
 use partita_system::SystemError;
 use std::sync::Arc;
 
@@ -128,7 +129,7 @@ impl<S: Scalar> Instant<'_, S> {
 pub fn table_at<S: Scalar>(table: &Table, t: S, what: &str) -> Result<[S; 3], SystemError> {
     let (from, to) = (table.breaks[0], table.breaks[table.breaks.len() - 1]);
     // steps end on the last break up to round-off
-    let slack = 1e-9 * (to - from);
+    let slack = tolerance::EQUAL * (to - from);
     if let Some(t) = t.outside(from - slack, to + slack) {
         return Err(SystemError::OutsideTable { what: what.into(), t, from, to });
     }
@@ -161,7 +162,9 @@ pub(crate) fn curve_at<S: Scalar>(curve: &Table, periodic: bool, x: S, what: &st
         // the nearest whole number of periods around the middle
         let middle = S::from_f64(0.5 * (first + last));
         middle + up_to(x - middle, Some(S::from_f64(last - first)))
-    } else if let Some(x) = x.outside(first - 1e-9 * (last - first), last + 1e-9 * (last - first)) {
+    } else if let Some(x) =
+        x.outside(first - tolerance::EQUAL * (last - first), last + tolerance::EQUAL * (last - first))
+    {
         return Err(SystemError::OutsideCurve { what: what.into(), x, from: first, to: last });
     } else {
         x
@@ -359,7 +362,7 @@ pub(crate) fn turned_at<S: Scalar>(
 /// Refuse a turning that cannot be evaluated.
 pub fn check_turning(x: &Turning, functions: usize, name: &str) -> Result<(), DescriptionError> {
     let fail = |m: String| Err(DescriptionError::new("drive", name, m));
-    let unit = |norm: f64| (norm - 1.0).abs() < 1e-6;
+    let unit = |norm: f64| (norm - 1.0).abs() < tolerance::EQUAL_IN_SIX_DIGITS;
     match x {
         Turning::Held(r) => {
             let m = Mat3(*r);

@@ -13,6 +13,7 @@ use crate::topology::{Edge, Topology, TreeEdge, CUT};
 use crate::validate;
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Mat3, Vec3};
+use partita_math::tolerance;
 use std::collections::{HashMap, HashSet};
 
 /// Which coordinates the tree is made of.
@@ -217,13 +218,13 @@ pub(crate) fn alignment(joint: &Joint) -> Result<Mat3<f64>, DescriptionError> {
     }
 }
 
-/// Slides alone that are out of parallel by less (rad) were intended to be parallel, or may have been: twice the
-/// largest drawing tolerance.
-const NEARLY_PARALLEL: f64 = 0.02;
+/// Guides that are out of parallel by less were intended to be parallel, or may have been. Scale: rad. Reason: twice
+/// the largest drawing tolerance.
+const GUIDES_PARALLEL: f64 = 0.02;
 
 /// The plane of the mechanism, if all its motions lie in one: rows of the basis.
 fn plane(motions: &[Motion], shapes: &[(&Shape, Mat3<f64>)]) -> Option<Mat3<f64>> {
-    let parallel = |a: Vec3<f64>, b: Vec3<f64>| a.cross(b).norm() < 1e-12;
+    let parallel = |a: Vec3<f64>, b: Vec3<f64>| a.cross(b).norm() < tolerance::PARALLEL;
     let turn = |m: &Motion| if let Motion::Turn(a) = m { Some(*a) } else { None };
     let mut normal = motions.iter().find_map(turn);
     if normal.is_none() {
@@ -233,16 +234,16 @@ fn plane(motions: &[Motion], shapes: &[(&Shape, Mat3<f64>)]) -> Option<Mat3<f64>
         let first = *slides.first()?;
         let across = slides.iter().map(|a| first.cross(*a)).max_by(|x, y| x.norm().total_cmp(&y.norm()))?;
         normal = Some(match across.norm() {
-            sine if sine < 1e-12 => first.complement().0,
+            sine if sine < tolerance::PARALLEL => first.complement().0,
             // guides that were intended to be parallel say of no plane that it is theirs
-            sine if sine < NEARLY_PARALLEL => return None,
+            sine if sine < GUIDES_PARALLEL => return None,
             _ => across.unit()?,
         });
     }
     let n = normal?;
     let inside = |m: &Motion, r: &Mat3<f64>| match m {
         Motion::Turn(a) => parallel(r.apply(*a), n),
-        Motion::Slide(a) => r.apply(*a).dot(n).abs() < 1e-12,
+        Motion::Slide(a) => r.apply(*a).dot(n).abs() < tolerance::PARALLEL,
         Motion::Ball => false,
     };
     let identity = Mat3::identity();
@@ -254,17 +255,13 @@ fn plane(motions: &[Motion], shapes: &[(&Shape, Mat3<f64>)]) -> Option<Mat3<f64>
     if !shapes.iter().all(fits) {
         return None;
     }
-    let n = Vec3(n.0.map(|x| if x.abs() < 1e-15 { 0.0 } else { x }));
+    let n = Vec3(n.0.map(|x| if x.abs() < tolerance::ROUNDING { 0.0 } else { x }));
     if n.0[0] == 0.0 && n.0[1] == 0.0 {
         return Some(Mat3::identity());
     }
     let (e1, e2) = n.complement();
     Some(Mat3([e1.0, e2.0, n.0]))
 }
-
-/// The part of an axis out of the plane that is rounding: what it leaves out of a displacement is that part of it,
-/// below every tolerance of a closing.
-const IN_PLANE: f64 = 1e-12;
 
 /// All that is read besides coordinates of the joints themselves.
 fn measures(spec: &Spec) -> impl Iterator<Item = &Measure> {
@@ -336,11 +333,12 @@ impl Placed {
             let fits = topology.cuts.iter().all(|&j| {
                 let (p, c) = closing_points(&spec.joints[j], &edges[j], &moved);
                 let of_normal = alignment(&spec.joints[j]).map(|x| basis.mul(&x).mul(&basis.transpose()).column(2));
-                let in_plane = of_normal.is_ok_and(|n| n.0[0].abs().max(n.0[1].abs()) < IN_PLANE && n.0[2] > 0.0);
-                (basis.apply(c - p).0[2]).abs() < 1e-9 * size && in_plane
+                let in_plane =
+                    of_normal.is_ok_and(|n| n.0[0].abs().max(n.0[1].abs()) < tolerance::PARALLEL && n.0[2] > 0.0);
+                (basis.apply(c - p).0[2]).abs() < tolerance::EQUAL * size && in_plane
             });
-            let flat =
-                (0..count).all(|i| (basis.mul(&moved[i].rot).mul(&basis.transpose()).0[2][2] - 1.0).abs() < 1e-12);
+            let flat = (0..count)
+                .all(|i| (basis.mul(&moved[i].rot).mul(&basis.transpose()).0[2][2] - 1.0).abs() < tolerance::PARALLEL);
             // of a displacement along an axis that leaves the plane a part would be missing
             let along = measures(spec).all(|m| match m {
                 Measure::Along { body1, axis, .. } => {
@@ -349,7 +347,7 @@ impl Placed {
                         moved[i + 1].rot.mul(&Mat3(spec.bodies[i].orientation)).apply(Vec3(*axis))
                     });
                     let axis = basis.apply(turned);
-                    axis.0[2].abs() <= IN_PLANE * axis.norm()
+                    axis.0[2].abs() <= tolerance::PARALLEL * axis.norm()
                 }
                 _ => true,
             });
@@ -596,11 +594,8 @@ pub(crate) fn diameter(points: &[Vec3<f64>]) -> f64 {
     2.0 * points.iter().fold(0.0, |m: f64, p| m.max((*p - middle).norm()))
 }
 
-/// Smaller than this part of the whole mechanism a body is a point: its diameter is the round-off of the drawing.
-pub(crate) const POINT: f64 = 1e-9;
-
 /// The median, over the bodies that have one, of the diameter of a body's joints, held points and centre of mass about
-/// their mean. Bodies smaller than `POINT` parts of the whole have none.
+/// their mean. Bodies smaller than [`tolerance::EQUAL`] of the whole have none.
 pub(crate) fn body_length(spec: &Spec) -> Option<f64> {
     let index: HashMap<&str, usize> = spec.bodies.iter().enumerate().map(|(i, b)| (b.name.as_str(), i)).collect();
     let com = |b: &Body| Vec3(b.position) + Mat3(b.orientation).apply(Vec3(b.com));
@@ -617,7 +612,7 @@ pub(crate) fn body_length(spec: &Spec) -> Option<f64> {
             points[i].push(point);
         }
     }
-    let least = POINT * typical_length(spec);
+    let least = tolerance::EQUAL * typical_length(spec);
     let mut extents: Vec<f64> = points.iter().map(|x| diameter(x)).filter(|x| *x > least && x.is_finite()).collect();
     extents.sort_by(f64::total_cmp);
     extents.get(extents.len() / 2).copied()

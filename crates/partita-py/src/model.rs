@@ -14,10 +14,11 @@ use crate::waiting::heard;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use partita_analysis as analysis;
 use partita_analysis::instant::Levels;
+use partita_math::tolerance;
 use partita_model::spec::Spec;
 use partita_model::zero_position::Coordinates;
+use partita_system::manifold::orthogonal::dense_rows;
 use partita_system::ConstrainedSystem;
-use partita_system::{kinematics::assembly, manifold::orthogonal::dense_rows};
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
@@ -78,7 +79,7 @@ impl Model {
     fn structure(&self) -> &Structure {
         self.structure.get_or_init(|| {
             let mut q = self.inner.initial();
-            let closed = analysis::poses::closed(&self.inner, 0.0, &mut q, assembly::CLOSED, &[]);
+            let closed = analysis::poses::closed(&self.inner, 0.0, &mut q, tolerance::CLOSED, &[]);
             // where the loops stay open nothing follows from how the rows stand to each other
             if let Err(e) = closed {
                 let note = format!("mobility is that of an assembled position, and there is none: {e}");

@@ -11,32 +11,41 @@ pub mod branch_directions;
 use crate::manifold::scaled;
 use crate::manifold::truncated::{Along, Cut, Truncated};
 use crate::manifold::{leap, End, Visit};
-use crate::reduction::REDUNDANT;
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::dense::Matrix;
 use partita_math::factor::{least_squares_min_norm, svd, svd_full, symmetric_eigen};
 use partita_math::formatted;
+use partita_math::tolerance;
 
 /// Velocities beyond which nothing is looked at: dense decompositions would take minutes.
 const LARGEST: usize = 200;
-/// Singular values of rows and velocities in natural sizes below this are none: the sine whose square is [`REDUNDANT`].
-const NONE: f64 = 3.2e-5;
-const _: () = assert!(NONE * NONE > 0.9 * REDUNDANT && NONE * NONE < 1.1 * REDUNDANT);
-/// The least ratio between singular values kept and dropped: the square root of that of the squared sines.
-const GAP: f64 = 30.0;
-/// Second rates (in parts of sizes, at rates of one reach a second) below this are round-off of positions known to the
-/// root of round-off, 1e-8, as those closed in a singular position are.
-const FLAT: f64 = 1e-6;
-/// The fastest velocity moves by so much of its characteristic displacement, some three degrees: the rows lost here are
-/// open by the square of it elsewhere, and one lost rank has come back to a part of it, far above [`NONE`].
-const MOVE: f64 = 0.05;
-/// Closed there to this part of sizes; round-off over the move.
-const CLOSED: f64 = 1e-12;
+/// Slopes of the quadratic forms below this are null in a step towards the cone. Scale: fraction of the largest.
+/// Reason: at a double line all of them vanish with the distance, far above rounding.
+const NULL_SLOPE: f64 = 1e-9;
+/// A direction lies on the cone when its quadratic forms are below this. Scale: natural scales of rows and velocities.
+/// Reason: double lines are approached by halves, to the root of it.
+const ON_CONE: f64 = 1e-10;
+/// Singular values of C below this are null where branches meet. Scale: natural scales of rows and velocities. Reason:
+/// the sine whose square is [`tolerance::REDUNDANT`].
+const NULL_SINE: f64 = 3.2e-5;
+const _: () =
+    assert!(NULL_SINE * NULL_SINE > 0.9 * tolerance::REDUNDANT && NULL_SINE * NULL_SINE < 1.1 * tolerance::REDUNDANT);
+/// Least ratio between singular values kept and dropped. Scale: ratio. Reason: the root of
+/// [`RANK_GAP`](crate::start::RANK_GAP), which is one of squared sines.
+const SINGULAR_VALUE_GAP: f64 = 30.0;
+/// Second rates below this are rounding. Scale: natural scales, at rates of one characteristic displacement a second.
+/// Reason: positions closed in a singular position are known to the root of rounding, 1e-8.
+const SECOND_RATE_ROUNDING: f64 = 1e-6;
+/// Move along a branch by which it is verified. Scale: characteristic displacement of the fastest velocity. Reason:
+/// some three degrees; rows lost here are open by the square of it elsewhere, and a lost rank has come back far above
+/// [`NULL_SINE`].
+const BRANCH_MOVE: f64 = 0.05;
 /// Starts of the search for directions, and the most lines they may find: more are taken for a continuum.
 const STARTS: usize = 48;
 const LINES: usize = 8;
-/// Unit directions whose cosine is nearer to one are the same.
-const SAME: f64 = 1e-6;
+/// Unit directions are the same when their cosine is nearer to one. Scale: one minus the cosine. Reason: an angle of
+/// 1e-3, far below the angles between branches.
+const SAME_DIRECTION: f64 = 1e-6;
 
 /// One way to go on, in both senses where it has two.
 #[derive(Clone, Debug)]
@@ -91,9 +100,9 @@ struct Scaled<'s, S: ConstrainedSystem> {
 
 /// Rank by singular values; none where they leave no gap.
 fn rank_of(s: &[f64]) -> Option<usize> {
-    let rank = s.iter().filter(|&&x| x > NONE).count();
+    let rank = s.iter().filter(|&&x| x > NULL_SINE).count();
     let kept = if rank > 0 { s[rank - 1] } else { 1.0 };
-    s.get(rank).is_none_or(|x| x * GAP < kept).then_some(rank)
+    s.get(rank).is_none_or(|x| x * SINGULAR_VALUE_GAP < kept).then_some(rank)
 }
 
 impl<'s, S: ConstrainedSystem> Scaled<'s, S> {
@@ -155,13 +164,20 @@ impl<'s, S: ConstrainedSystem> Scaled<'s, S> {
     }
 }
 
-/// The position [`MOVE`] along `w`, closed by all rows looked at; none where it does not close next to there.
+/// The position [`BRANCH_MOVE`] along `w`, closed by all rows looked at; none where it does not close next to there.
 fn moved<S: ConstrainedSystem>(x: &Scaled<S>, t: f64, q: &[f64], w: &[f64]) -> Result<Option<Vec<f64>>, SystemError> {
     let scaled = scaled::Scaled::new(x.system, t, q, &[])?;
-    let mut rows = Truncated::new(scaled, t, Cut::Level(NONE));
+    let mut rows = Truncated::new(scaled, t, Cut::Level(NULL_SINE));
     rows.scaled.idle.iter_mut().enumerate().for_each(|(i, idle)| *idle = !x.rows.contains(&i));
     let mut there = q.to_vec();
-    let end = leap(&mut Along::new(&mut rows, CLOSED), &mut there, w, (0.0, MOVE), MOVE, &mut |_, _| Ok(Visit::On))?;
+    let end = leap(
+        &mut Along::new(&mut rows, tolerance::CLOSED),
+        &mut there,
+        w,
+        (0.0, BRANCH_MOVE),
+        BRANCH_MOVE,
+        &mut |_, _| Ok(Visit::On),
+    )?;
     Ok((end == End::There).then_some(there))
 }
 
@@ -176,7 +192,7 @@ impl Forms {
             rows.row_mut(i).copy_from_slice(f.data());
         }
         let f = svd(&rows).ok()?;
-        let rank = f.s.iter().filter(|&&s| s > FLAT).count();
+        let rank = f.s.iter().filter(|&&s| s > SECOND_RATE_ROUNDING).count();
         let form = |r: usize| {
             let column: Vec<f64> = (0..k * k).map(|e| f.v[(e, r)]).collect();
             let m = Matrix::from_vec(k, k, column);
@@ -192,7 +208,7 @@ impl Forms {
         let k = u.len();
         for _ in 0..60 {
             let length = u.iter().map(|x| x * x).sum::<f64>().sqrt();
-            if length.is_nan() || length < 1e-9 {
+            if length.is_nan() || length < tolerance::NEGLIGIBLE {
                 return None;
             }
             u.iter_mut().for_each(|x| *x /= length);
@@ -202,17 +218,17 @@ impl Forms {
                 values.push(fu.iter().zip(&u).map(|(a, b)| a * b).sum::<f64>());
                 slopes.row_mut(i).iter_mut().zip(&fu).for_each(|(s, x)| *s = 2.0 * x);
             }
-            if values.iter().all(|x| x.abs() < 1e-14) {
+            if values.iter().all(|x| x.abs() < tolerance::SUM_ROUNDING) {
                 return Some(u);
             }
-            let (back, _) = least_squares_min_norm(&slopes, &values, 1e-9).ok()?;
+            let (back, _) = least_squares_min_norm(&slopes, &values, NULL_SLOPE).ok()?;
             // far off a step may be no longer than the direction itself
             let long = back.iter().map(|x| x * x).sum::<f64>().sqrt();
             let part = (0.5 / long).min(1.0);
             u.iter_mut().zip(&back).for_each(|(x, y)| *x -= part * y);
         }
         // double lines are approached by halves
-        let flat = |f: &Matrix| f.matvec(&u).iter().zip(&u).map(|(a, b)| a * b).sum::<f64>().abs() < 1e-10;
+        let flat = |f: &Matrix| f.matvec(&u).iter().zip(&u).map(|(a, b)| a * b).sum::<f64>().abs() < ON_CONE;
         self.0.iter().all(flat).then_some(u)
     }
 
@@ -223,7 +239,7 @@ impl Forms {
             let start =
                 (0..k).map(|j| (1.0 + 1.7 * n as f64 + 2.3 * j as f64 * (1.0 + n as f64).sqrt()).sin()).collect();
             let Some(u) = self.zero_near(start) else { continue };
-            let same = |x: &Vec<f64>| 1.0 - x.iter().zip(&u).map(|(a, b)| a * b).sum::<f64>().abs() < SAME;
+            let same = |x: &Vec<f64>| 1.0 - x.iter().zip(&u).map(|(a, b)| a * b).sum::<f64>().abs() < SAME_DIRECTION;
             if !found.iter().any(same) {
                 found.push(u);
             }
@@ -255,7 +271,7 @@ pub fn look<S: ConstrainedSystem>(
     }
     let mut x = Scaled::new(system, t, q, drives)?;
     let rows = x.rows.len();
-    if x.open().iter().any(|x| x.abs() > FLAT) {
+    if x.open().iter().any(|x| x.abs() > SECOND_RATE_ROUNDING) {
         return Ok(None);
     }
     let Ok(f) = svd_full(&x.jacobian()) else { return Ok(None) };
@@ -301,7 +317,7 @@ pub fn look<S: ConstrainedSystem>(
     if let [form] = forms.0.as_slice() {
         let Ok((values, vectors)) = symmetric_eigen(form) else { return Ok(None) };
         let largest = values.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-        let acts = |x: f64| x.abs() > FLAT * largest;
+        let acts = |x: f64| x.abs() > SECOND_RATE_ROUNDING * largest;
         let mut signs = values.iter().filter(|x| acts(**x)).map(|x| x.signum());
         let first = signs.next();
         if signs.all(|sign| Some(sign) == first) {
@@ -320,7 +336,7 @@ pub fn look<S: ConstrainedSystem>(
         }
         let (fastest, ahead) = w.iter().fold((0.0, 1.0), |m: (f64, f64), x| {
             // of several that are as fast the first one goes ahead
-            if x.abs() > m.0 * (1.0 + 1e-9) {
+            if x.abs() > m.0 * (1.0 + tolerance::TIE) {
                 (x.abs(), x.signum())
             } else {
                 m
@@ -338,7 +354,11 @@ pub fn look<S: ConstrainedSystem>(
         x.position(t, &beside)?;
         let Ok(f) = svd(&x.jacobian()) else { continue };
         let Some(rank) = rank_of(&f.s) else { continue };
-        let rates = w.iter().zip(&x.displacement).map(|(w, r)| if w.abs() < 1e-9 { 0.0 } else { w * r }).collect();
+        let rates = w
+            .iter()
+            .zip(&x.displacement)
+            .map(|(w, r)| if w.abs() < tolerance::NEGLIGIBLE { 0.0 } else { w * r })
+            .collect();
         found.branches.push(Branch { rates, beside, mobility: all_free.unwrap_or(n - rank) });
     }
     if all_free.is_some_and(|free| found.branches.len() < free.min(LINES)) {
@@ -352,7 +372,8 @@ pub fn guess<S: ConstrainedSystem>(system: &S, q: &[f64], branch: &Branch) -> Ve
     let at = |v: usize| (0..q.len()).find(|&c| system.velocity_of_coordinate(c) == Some(v));
     let moved = |(v, c): (usize, usize)| {
         let (from, to) = (q[c], branch.beside[c]);
-        ((to - from).abs() > FLAT * system.characteristic_displacement(v)).then(|| (system.velocity_name(v), to))
+        ((to - from).abs() > SECOND_RATE_ROUNDING * system.characteristic_displacement(v))
+            .then(|| (system.velocity_name(v), to))
     };
     (0..system.size().nv).filter_map(|v| at(v).map(|c| (v, c))).filter_map(moved).collect()
 }

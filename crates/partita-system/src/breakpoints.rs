@@ -6,6 +6,8 @@
 //! breakpoints, wherever
 //! what a breakpoint adds is more than the tolerance.
 
+use partita_math::tolerance;
+
 /// At which level of the equations a curve enters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Enters {
@@ -17,16 +19,15 @@ pub enum Enters {
     Position,
 }
 
-/// What is left of a breakpoint in the middle of a step: the nodes of a method lie about a tenth of a step apart, and
-/// of what a kink adds between two of them a sum over the nodes misses about so much.
-const MISSED: f64 = 0.02;
-/// Steps over very many breakpoints see them as noise, which does not add up; this many tolerances of it are let pass.
-const NOISE: f64 = 100.0;
-/// A step that ends beside a breakpoint loses this part of the tolerance at the most: hundreds of breakpoints make one
-/// of it.
-const BESIDE: f64 = 1e-2;
-/// Jumps below this part of what jumps are round-off of the coefficients.
-const ROUND_OFF: f64 = 1e-9;
+/// What is left of a breakpoint in the middle of a step. Scale: fraction of its effect. Reason: the nodes of a method
+/// lie a tenth of a step apart, and a sum over them misses so much of a kink between two.
+const BREAKPOINT_MISSED: f64 = 0.02;
+/// Tolerances that steps over very many breakpoints may lose. Scale: multiples of the tolerance. Reason: they act as
+/// noise, which does not add up.
+const BREAKPOINT_NOISE: f64 = 100.0;
+/// What a step that ends beside a breakpoint may lose. Scale: fraction of the tolerance. Reason: hundreds of
+/// breakpoints add up to one tolerance.
+const BREAKPOINT_BESIDE: f64 = 1e-2;
 /// Halvings that find where a reading passes a breakpoint: to round-off.
 const HALVINGS: usize = 50;
 
@@ -96,7 +97,7 @@ impl Breakpoints {
             let right = derivatives(cubics[i], 0.0);
             for k in lowest..4 {
                 let jump = (right[k] - left[k]).abs();
-                if jump > ROUND_OFF * sizes[k] {
+                if jump > tolerance::EQUAL * sizes[k] {
                     found.jumps[i][k - lowest] = jump / measure;
                     found.largest[k - lowest] = found.largest[k - lowest].max(jump / measure);
                 }
@@ -142,7 +143,7 @@ impl Breakpoints {
                     *(if (at(middle) < breakpoint) == up { &mut low } else { &mut high }) = middle;
                 }
                 // next to an end it does no harm, and the step cannot end there
-                if lost(&self.jumps[i], travelled * low.min(1.0 - low)) > BESIDE * tolerance {
+                if lost(&self.jumps[i], travelled * low.min(1.0 - low)) > BREAKPOINT_BESIDE * tolerance {
                     return Some(low);
                 }
             }
@@ -155,7 +156,7 @@ impl Breakpoints {
         let breakpoints = travelled / self.spacing;
         // of many, each is seen over the distance to the next
         let each = lost(jumps, travelled.min(self.spacing)) * breakpoints.max(1.0);
-        MISSED * each > tolerance * breakpoints.clamp(1.0, NOISE)
+        BREAKPOINT_MISSED * each > tolerance * breakpoints.clamp(1.0, BREAKPOINT_NOISE)
     }
 
     /// The next breakpoint after x on the way up or down, and its number.

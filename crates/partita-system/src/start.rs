@@ -3,22 +3,19 @@
 use crate::branching;
 use crate::manifold::kept_rows;
 use crate::partition::criterion;
-use crate::rank::exact::{ranked as by_sizes, EXACT};
-use crate::reduction::closure_error::OPEN;
+use crate::rank::exact::ranked as by_sizes;
 use crate::reduction::Reduction;
-pub use crate::reduction::REDUNDANT;
 use crate::system::{ConstrainedSystem, Finite, SystemError};
 use partita_math::rank::{preferred_rows, RowRank};
+use partita_math::tolerance;
 
-/// Smallest accepted ratio between the last pivot kept and the first one dropped.
+/// Least ratio between the last pivot kept and the first one dropped. Scale: ratio of squared sines. Reason: one and a
+/// half digits of the sine.
 pub const RANK_GAP: f64 = 1e3;
 
-/// The move next door (in characteristic displacements) by which redundant rows are distinguished from rows that are
-/// dependent here only.
+/// The move by which redundant rows are distinguished from rows that are dependent here only. Scale: characteristic
+/// displacement. Reason: its square, 1e-6, is far above rounding.
 const NEXT_DOOR: f64 = 1e-3;
-/// Rows open by more than this there (in what a large move opens them by) are independent: an independent row opens by
-/// the square of the move, 1e-6, a redundant one by rounding.
-const OPENS: f64 = 1e-9;
 
 /// What was found at the start.
 #[derive(Clone, Debug, Default)]
@@ -40,13 +37,13 @@ fn rank_at_last<S: ConstrainedSystem>(r: &Reduction<S>) -> RowRank {
     let mut weakest: f64 = 1.0;
     for i in 0..pattern.rows {
         match r.strength(i) {
-            Some(s) if s < REDUNDANT => pattern.row(i).for_each(|e| c[e] = 0.0),
+            Some(s) if s < tolerance::REDUNDANT => pattern.row(i).for_each(|e| c[e] = 0.0),
             Some(s) => weakest = weakest.min(s),
             None => {}
         }
     }
     let drive = |i: usize| r.system.row_is_drive(i);
-    let mut rank = preferred_rows(pattern, &c, r.scales(), REDUNDANT, (REDUNDANT, &drive));
+    let mut rank = preferred_rows(pattern, &c, r.scales(), tolerance::REDUNDANT, (tolerance::REDUNDANT, &drive));
     rank.pivots.push(weakest);
     rank
 }
@@ -127,7 +124,7 @@ fn counted<S: ConstrainedSystem>(
     finite: Finite,
 ) -> Result<Start, SystemError> {
     let system = probe.system.clone();
-    let limit = if finite.weak { EXACT } else { REDUNDANT };
+    let limit = if finite.weak { tolerance::LOST_PIVOT } else { tolerance::REDUNDANT };
     let drive = |i: usize| system.row_is_drive(i);
     probe.weigh_reaches(true);
     probe.position(t, q)?;
@@ -148,7 +145,7 @@ fn counted<S: ConstrainedSystem>(
     if (0..is_kept.len()).any(drive) {
         let pattern = system.pattern();
         (0..is_kept.len()).filter(|&i| !is_kept[i] && !drive(i)).for_each(|i| probe.c[pattern.row(i)].fill(0.0));
-        let with_drives = by_sizes(probe, REDUNDANT, (0.0, &drive));
+        let with_drives = by_sizes(probe, tolerance::REDUNDANT, (0.0, &drive));
         with_drives.kept.iter().zip(&with_drives.pivots).filter(|x| drive(*x.0)).for_each(|(&i, &pivot)| {
             is_kept[i] = true;
             start.smallest = start.smallest.min(pivot);
@@ -242,7 +239,7 @@ fn check_neighbour<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], start: &
         return Ok(());
     }
     let (part, row) = r.dropped_gap();
-    if part > OPEN {
+    if part > tolerance::OPEN {
         return Err(r.contradiction(t, row, part, ""));
     }
     r.gamma.fill(0.0);
@@ -255,7 +252,7 @@ fn check_neighbour<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], start: &
     let part = |i: usize| r.phi[i].abs() / system.row_displacement(i).unwrap_or(1.0);
     let open = start.dropped.iter().filter(|&&i| i < r.phi.len()).fold(0.0, |m: f64, &i| m.max(part(i)));
     let there = rank_at_last(&r);
-    if there.rank > start.rank || open > OPENS {
+    if there.rank > start.rank || open > tolerance::CLOSED_IN_RUN {
         return Err(singular(system, (t, q), start, there.rank.max(start.rank + 1))?);
     }
     Ok(())
@@ -345,7 +342,7 @@ pub fn choose_partition<S: ConstrainedSystem>(
         }
         return r.tangent(t);
     }
-    choose_with_threshold(r, t, q, weights, 1.0 + 1e-6)
+    choose_with_threshold(r, t, q, weights, tolerance::LEAST_EXCHANGE)
 }
 
 /// As [`choose_partition`], but exchanges that gain less than `threshold` are left undone.
@@ -377,9 +374,9 @@ pub fn choose_with_threshold<S: ConstrainedSystem>(
         Some(w) => r.scales().iter().zip(w).map(|(s, w)| s / w).collect(),
         None => r.scales().to_vec(),
     };
-    // every exchange multiplies the volume by more than 1 + 1e-6, so the loop ends; the bound is for round-off
+    // every exchange multiplies the volume by more than that, so the loop ends; the bound is for round-off
     for _ in 0..10 * r.size().nv {
-        let pairs = r.best_exchanges(&scales, threshold.max(1.0 + 1e-6));
+        let pairs = r.best_exchanges(&scales, threshold.max(tolerance::LEAST_EXCHANGE));
         if pairs.is_empty() {
             break;
         }

@@ -3,14 +3,10 @@
 use crate::reduction::Reduction;
 use crate::system::{ConstrainedSystem, SystemError, Tangent};
 use partita_math::dense::{self, Matrix};
+use partita_math::tolerance;
 
-/// A freedom that carries less than this part of what massless bodies count with in the metric, a hundredth of the
-/// heaviest, carries nothing but rounding.
-const NOTHING: f64 = 1e-12;
 /// Steps of inverse iteration: each brings the least of the spectrum out by what separates nothing from something.
 const STEPS: usize = 4;
-/// Velocities below this part of the largest (in characteristic displacements per second) do not belong to the motion.
-const PART: f64 = 1e-6;
 /// Beyond so many velocities a dense look costs more than it is worth: the pivots of each evaluation tell as well.
 const MOST: usize = 2000;
 /// Coordinates named before the rest is counted.
@@ -52,7 +48,7 @@ pub fn unfelt<S: ConstrainedSystem>(
     }
     let share = half;
     let mut factor = share.data().to_vec();
-    (0..k).for_each(|i| factor[i * k + i] += NOTHING * 1e-2);
+    (0..k).for_each(|i| factor[i * k + i] += tolerance::LOST_PIVOT);
     let mut y: Vec<f64> = (0..k).map(|i| 1.0 + 0.3 * (i as f64 * 1.7).sin()).collect();
     if dense::cholesky(&mut factor, k).is_err() {
         return Ok(None);
@@ -62,7 +58,7 @@ pub fn unfelt<S: ConstrainedSystem>(
         let length = dense::dot(&y, &y).sqrt();
         y.iter_mut().for_each(|y| *y /= length);
     }
-    if dense::dot(&y, &share.matvec(&y)) > NOTHING {
+    if dense::dot(&y, &share.matvec(&y)) > tolerance::NO_INERTIA {
         return Ok(None);
     }
     dense::cholesky_backward(&metric, k, &mut y);
@@ -99,7 +95,7 @@ pub fn words<S: ConstrainedSystem>(
 ) -> Result<Option<(String, Vec<String>)>, SystemError> {
     let Some(v) = unfelt(system, t, q, rank)? else { return Ok(None) };
     let mut moving: Vec<usize> =
-        (0..v.len()).filter(|&i| v[i].abs() > PART * system.characteristic_displacement(i)).collect();
+        (0..v.len()).filter(|&i| v[i].abs() > tolerance::TAKES_PART * system.characteristic_displacement(i)).collect();
     moving.sort_by(|&i, &j| {
         (v[j].abs() / system.characteristic_displacement(j))
             .total_cmp(&(v[i].abs() / system.characteristic_displacement(i)))

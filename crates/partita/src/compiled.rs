@@ -4,12 +4,10 @@ use crate::error::Error;
 use crate::run::{Run, Simulation};
 use partita_analysis::poses::{self, Ask, Goal, Target};
 use partita_analysis::{AnalysisError, Mobility, mobility};
+use partita_math::tolerance;
 use partita_system::ConstrainedSystem;
 use std::ops::ControlFlow;
 use std::sync::Arc;
-
-/// Residual at which loops count as closed, relative.
-const CLOSED: f64 = 1e-10;
 
 /// A compiled mechanism. It never changes; clones share it, also among threads.
 ///
@@ -124,7 +122,7 @@ impl Model {
     /// # Ok::<(), partita::Error>(())
     /// ```
     pub fn assemble(&self, targets: &[(&str, f64)]) -> Result<State, Error> {
-        let ask = Ask { levels: vec![self.targets(targets)?], tolerance: CLOSED, ..Ask::default() };
+        let ask = Ask { levels: vec![self.targets(targets)?], tolerance: tolerance::CLOSED, ..Ask::default() };
         let found = poses::one(&self.inner, 0.0, &self.inner.initial(), &ask)?;
         let rest = vec![0.0; self.inner.size().nv];
         let v = match self.inner.rheonomic() {

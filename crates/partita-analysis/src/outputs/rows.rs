@@ -7,6 +7,8 @@ use std::time::{Duration, Instant};
 
 /// Below this expected duration a thread costs more than it brings.
 const WORTH_A_THREAD: Duration = Duration::from_micros(200);
+/// A row takes at least this. Scale: s. Reason: a tick of the clock.
+const CLOCK_TICK: f64 = 1e-9;
 /// How long the rows between two looks at the user's wish to stop should take.
 const PATIENCE: Duration = Duration::from_millis(50);
 
@@ -102,7 +104,7 @@ pub fn tables<S: Send, E: Send>(
         while scratches.len() < cores.min(wanted) {
             scratches.push(scratch());
         }
-        let patient = PATIENCE.as_secs_f64() * scratches.len() as f64 / a_row.as_secs_f64().max(1e-9);
+        let patient = PATIENCE.as_secs_f64() * scratches.len() as f64 / a_row.as_secs_f64().max(CLOCK_TICK);
         block = (patient as usize).max(1).next_multiple_of(chunk).min(count - done);
     }
     Ok(data)

@@ -11,24 +11,19 @@ use super::goal::Target;
 use partita_math::dense::{self, lu, lu_determinant, Matrix};
 use partita_math::factor::qr_null_space;
 use partita_math::rank::independent_rows;
+use partita_math::tolerance;
 use partita_model::Model;
 use partita_system::manifold::least_change::near_by;
 use partita_system::manifold::{follow, leap, Closed, Curve, End, Pace, Rule, Visit};
-use partita_system::start::REDUNDANT;
 use partita_system::SystemError;
 
 /// Corrections of one position: to residuals of 1e-12, and only to the solution next to it.
-const NEAR: Rule = near_by(CLOSED);
+const NEAR: Rule = near_by(tolerance::CLOSED);
 /// To round-off.
-const LAST: Rule = Rule::new(6, f64::EPSILON, CLOSED);
-/// Where steps that move the goals by this (in characteristic displacements) do not lead on, the way ends: six digits
-/// of where.
-const SHORTEST: f64 = 1e-6;
-/// Steps, in characteristic displacements, that are tried across a singular position: Newton's method needs some
-/// distance to it on both sides.
+const LAST: Rule = Rule::new(6, f64::EPSILON, tolerance::CLOSED);
+/// Steps that are tried across a singular position. Scale: characteristic displacement. Reason: Newton's method needs
+/// some distance to it on both sides.
 const LEAPS: [f64; 3] = [1e-3, 1e-2, 3e-2];
-/// Largest residual that counts as closed, in characteristic displacements.
-pub(super) const CLOSED: f64 = 1e-12;
 /// Velocities up to which the sign of the determinant is watched: its cost grows with their cube.
 const WATCHED: usize = 150;
 /// Steps of one way: three thousand radians.
@@ -99,18 +94,18 @@ impl<'m> Continuation<'m> {
         f.pattern.row_ptr[m..].windows(2).for_each(|e| c[e[0]..e[1]].fill(0.0));
         let strong = |c: &mut Vec<f64>, row: usize| {
             let entries = f.pattern.row(row);
-            if dense::dot(&c[entries.clone()], &c[entries.clone()]) < REDUNDANT {
+            if dense::dot(&c[entries.clone()], &c[entries.clone()]) < tolerance::REDUNDANT {
                 c[entries].fill(0.0);
             }
         };
         (0..m).for_each(|i| strong(&mut c, i));
-        let mut rank = independent_rows(&f.pattern, &c, &ones, REDUNDANT).rank;
+        let mut rank = independent_rows(&f.pattern, &c, &ones, tolerance::REDUNDANT).rank;
         let mut free = vec![false; y.len()];
         for (k, free) in free.iter_mut().enumerate() {
             let entries = f.pattern.row(m + k);
             c[entries.clone()].copy_from_slice(&f.c[entries.clone()]);
             strong(&mut c, m + k);
-            let now = independent_rows(&f.pattern, &c, &ones, REDUNDANT).rank;
+            let now = independent_rows(&f.pattern, &c, &ones, tolerance::REDUNDANT).rank;
             *free = now > rank;
             if !*free {
                 c[entries].fill(0.0);
@@ -277,7 +272,11 @@ impl<'m> Continuation<'m> {
         if far == 0.0 {
             return Ok(Ending::There);
         }
-        let pace = Pace { longest: follow::LONGEST, shortest: (SHORTEST / far).min(0.1), steps: STEPS };
+        let pace = Pace {
+            longest: follow::LONGEST_PREDICTION,
+            shortest: (tolerance::SHORTEST_STEP / far).min(0.1),
+            steps: STEPS,
+        };
         let (kept, none) = (self.field.y.clone(), vec![0.0; self.field.pattern.cols]);
         let mut curve = Straight { continuation: self, from, to, kept, is_fresh: false };
         let done = follow(&mut curve, q, &none, 1.0, &pace, &mut |curve, _| {

@@ -2,13 +2,14 @@
 
 use super::goal::{Goal, Target};
 use super::one::{one, Ask};
+use partita_math::tolerance;
 use partita_model::evaluator::DriveRow;
 use partita_model::spec::Level;
 use partita_model::Model;
 use partita_system::{ConstrainedSystem, SystemError};
 
-/// Parts of the time that was left at which the driven motion is asked for: the first at which it cannot be tells most
-/// closely where it ended; far beyond, it may have come back.
+/// Times at which the driven motion is asked for. Scale: fraction of the time that was left. Reason: the first at which
+/// it cannot be reached tells most closely where it ended; far beyond, it may have come back.
 const AHEAD: [f64; 4] = [0.01, 0.05, 0.2, 1.0];
 
 /// Why a run that stopped at `t` cannot go on to `until` as driven, from the closed position q shortly before; nothing if
@@ -33,7 +34,7 @@ pub fn driven_beyond(model: &Model, t: f64, q: &[f64], until: f64) -> Option<Str
             let wanted = Target::new(model, goal, name).ok()?.value(model, q, &rest, &mut s, 0.0) - phi[*row];
             targets.push((Target::new(&twin, goal, name).ok()?, wanted));
         }
-        let ask = Ask { levels: vec![targets], tolerance: 1e-12, ..Ask::default() };
+        let ask = Ask { levels: vec![targets], tolerance: tolerance::CLOSED, ..Ask::default() };
         if let Err(SystemError::Targets { message, .. }) = one(&twin, later, &from, &ask) {
             return Some(message);
         }

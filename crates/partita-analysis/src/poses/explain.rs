@@ -1,11 +1,12 @@
 //! Why targets cannot be met: which of them contradict each other, where a joint ends, and what is missing.
 
-use super::continuation::{Continuation, Ending, CLOSED};
+use super::continuation::{Continuation, Ending};
 use super::field::Duty;
 use super::goal::Target;
 use super::messages::{gap, listed, loop_of};
 use super::nearest::nearest;
 use super::one::Ask;
+use partita_math::tolerance;
 use partita_model::zero_position::Coordinates;
 use partita_model::Model;
 use partita_system::kinematics::assembly;
@@ -13,8 +14,6 @@ use partita_system::{ConstrainedSystem, SystemError};
 
 /// Values of a joint listed.
 const LISTED: usize = 6;
-/// Values closer than this (in characteristic displacements) are equal.
-const SAME: f64 = 1e-6;
 
 /// Distance of the goals from their aims at q, in characteristic displacements.
 pub(super) fn off(continuation: &mut Continuation, q: &[f64], aims: &[f64]) -> f64 {
@@ -101,7 +100,7 @@ fn explained(
         let start = continuation.start(&here)?;
         let mut there = here.clone();
         let ending = if start.free[k] { continuation.go(&start, &aims[..=k], &mut there)? } else { Ending::There };
-        if ending == Ending::There && off(&mut continuation, &there, &aims[..=k]) <= CLOSED.sqrt() {
+        if ending == Ending::There && off(&mut continuation, &there, &aims[..=k]) <= tolerance::CLOSED.sqrt() {
             here = there;
             continue;
         }
@@ -130,9 +129,9 @@ fn explained(
         f.duty[..m].fill(Duty::Soft);
         f.duty[m..].fill(Duty::Hard);
         nearest(f, &mut there, &aims[..=k])?;
-        let met = f.worst(Duty::Hard) <= CLOSED.sqrt();
+        let met = f.worst(Duty::Hard) <= tolerance::CLOSED.sqrt();
         let (worst, length, angle) = f.open();
-        let closes = met && f.worst(Duty::Soft) <= CLOSED.sqrt();
+        let closes = met && f.worst(Duty::Soft) <= tolerance::CLOSED.sqrt();
         let with = if k == 0 { String::new() } else { format!(" with {held}") };
         let so_far = format!("{turn} cannot be reached{with}: {} ends at {end:.6} {}", x.name, x.unit);
         let message = match ending {
@@ -180,7 +179,7 @@ fn possible(model: &Model, t: f64, q: &[f64], others: &[Target], x: &Target) -> 
     let all = inputs.and_then(|inputs| model.assemblies(t, q, Some(&inputs)).ok());
     for one in all.iter().flat_map(|all| &all.found) {
         let value = x.value(model, &one.q, &rest, &mut s, values[0]);
-        if values.iter().all(|v| (v - value).abs() > SAME * x.displacement) {
+        if values.iter().all(|v| (v - value).abs() > tolerance::EQUAL_IN_SIX_DIGITS * x.displacement) {
             values.push(value);
         }
     }

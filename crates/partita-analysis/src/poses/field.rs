@@ -4,13 +4,13 @@ use super::goal::Target;
 use crate::instant::Levels;
 use partita_math::elimination::Pattern;
 use partita_math::least_norm::LeastNorm;
+use partita_math::tolerance;
 use partita_model::Model;
 use partita_system::manifold::{close, Closed, Linearization, Open, Part, Room, Rule};
 use partita_system::{ConstrainedSystem, SystemError};
 
-/// Damping of rows that hold, in squares of singular values: rows weaker than its root, 1e-5, count as repeated.
-const HOLDS: f64 = 1e-10;
-/// Damping of rows that do not count.
+/// Damping of rows that do not count. Scale: squares of singular values in natural scales. Reason: they move nothing
+/// that is seen.
 const IGNORED: f64 = 1e12;
 
 /// What a row is to a move.
@@ -77,7 +77,7 @@ impl<'m> Field<'m> {
             next: vec![0.0; targets.len()],
             aims: vec![0.0; targets.len()],
             duty: vec![Duty::Hard; rows],
-            mu: vec![HOLDS; rows],
+            mu: vec![tolerance::DAMPING; rows],
             r: vec![0.0; rows],
             room: Room::default(),
             dv: vec![0.0; size.nv],
@@ -133,8 +133,8 @@ impl<'m> Field<'m> {
     fn factor(&mut self, damping: Option<f64>) {
         for (mu, duty) in self.mu.iter_mut().zip(&self.duty) {
             *mu = match (duty, damping) {
-                (Duty::Hard, _) => HOLDS,
-                (Duty::Soft, Some(damping)) => damping.max(HOLDS),
+                (Duty::Hard, _) => tolerance::DAMPING,
+                (Duty::Soft, Some(damping)) => damping.max(tolerance::DAMPING),
                 _ => IGNORED,
             };
         }
@@ -310,6 +310,6 @@ impl Linearization for Soft<'_, '_> {
         soft.map(|i| (f.phi[i] + f.along(i, &f.dv)).powi(2)).sum()
     }
     fn least_damping(&self, _part: usize) -> Option<f64> {
-        Some(HOLDS / self.open.square.clamp(f64::MIN_POSITIVE, 1.0))
+        Some(tolerance::DAMPING / self.open.square.clamp(f64::MIN_POSITIVE, 1.0))
     }
 }

@@ -1,31 +1,19 @@
 //! Thousands of positions for values of the goals, each on the branch of one state.
 
-use super::continuation::{Continuation, Ending, Start, CLOSED};
+use super::continuation::{Continuation, Ending, Start};
 use super::field::Duty;
 use super::goal::Target;
 use super::nearest::nearest;
 use crate::instant::Levels;
 use crate::outputs::{tables, Rows, Watch};
+use partita_math::tolerance;
 use partita_model::loop_closure::LoopClosing;
 use partita_model::Model;
 use partita_system::closing::Closing;
 use partita_system::{ConstrainedSystem, SystemError};
 
-/// Farthest a goal goes at once where closed forms serve, in characteristic displacements: no angle of a healthy loop
-/// turns by π meanwhile.
-const STRIDE: f64 = 0.1;
-/// Largest distance of a goal from the state, in characteristic displacements: more is taken for a typing error.
-const FARTHEST: f64 = 1e4;
-/// Largest |Φ| (in characteristic displacements) of a closed-form solution: round-off, amplified 1e5 times next to a
-/// limit.
-const CLOSES: f64 = 1e-10;
-/// Strides that move the goals by less than this (in characteristic displacements) do not count: six digits of where a
-/// way ends.
-const SHORTEST: f64 = 1e-6;
 /// Signs of so many blocks are tried where a pose does not close on its branch.
 const BLOCKS: usize = 6;
-/// Goals that depend on each other agree within this, in characteristic displacements.
-const AGREE: f64 = 1e-9;
 
 /// What became of a pose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -137,7 +125,7 @@ pub fn many<E: Send + From<SystemError>>(
     let start = Continuation::new(model, targets, t).start(q)?;
     for (i, &value) in values.iter().enumerate() {
         let (x, here) = (&targets[i % width], start.y[i % width]);
-        if (value - here).abs() > FARTHEST * x.displacement {
+        if (value - here).abs() > tolerance::FARTHEST * x.displacement {
             let message = format!(
                 "{} = {value} of pose {} is more than ten thousand radians, or lengths of the mechanism, away from the branch's \
                  state, in which it is {here:.6} {}",
@@ -288,7 +276,7 @@ impl<'m> Explicit<'m> {
         if !worst.is_finite() {
             return Err(SystemError::NotFinite { what: "a closing condition".into(), t: self.t });
         }
-        if worst > CLOSES {
+        if worst > tolerance::CLOSED_FORM {
             let raw = self.levels.phi.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
             return Ok(Some((raw, 0)));
         }
@@ -304,14 +292,14 @@ impl<'m> Explicit<'m> {
         for (x, &value) in self.targets.iter().zip(values) {
             far = x.own().map_or(far, |(at, _)| far.max((value - self.q[at]).abs() / x.displacement));
         }
-        let longest = STRIDE / far;
+        let longest = tolerance::STRIDE / far;
         let (mut done, mut stride) = (0.0f64, longest);
         // whole strides where nothing resists, so that the last one is no shorter than need be
         if longest < 1.0 {
             stride = 1.0 / (1.0 / longest).ceil();
         }
         while done < 1.0 {
-            let next = if done + stride > 1.0 - 1e-9 { 1.0 } else { done + stride };
+            let next = if done + stride > 1.0 - tolerance::EQUAL { 1.0 } else { done + stride };
             self.before.clone_from(&self.there);
             let limit = self.close(values, next)?.is_some();
             // a pivot that loses half of itself in a stride may have been, or may next be, at zero
@@ -331,7 +319,7 @@ impl<'m> Explicit<'m> {
                 std::mem::swap(&mut self.there, &mut self.before);
             }
             stride *= 0.5;
-            if stride * far < SHORTEST {
+            if stride * far < tolerance::SHORTEST_STEP {
                 return self.beyond(values, done, limit);
             }
         }
@@ -427,9 +415,9 @@ impl<'m> Numeric<'m> {
         let m = f.closings();
         f.duty[..m].fill(Duty::Soft);
         nearest(f, &mut self.there, values)?;
-        let goals_met = f.worst(Duty::Hard) <= CLOSED.sqrt();
+        let goals_met = f.worst(Duty::Hard) <= tolerance::CLOSED.sqrt();
         let (culprit, shortfall, angle) = f.open();
-        let closes = goals_met && f.worst(Duty::Soft) <= CLOSED.sqrt();
+        let closes = goals_met && f.worst(Duty::Soft) <= tolerance::CLOSED.sqrt();
         let outcome = match first {
             Ending::Crossing(_) => Outcome::Singular,
             _ if closes => Outcome::OtherBranch,
@@ -446,7 +434,7 @@ impl<'m> Numeric<'m> {
         let off = |k: usize| (f.y[k] - values[k]).abs() / f.targets[k].displacement;
         let dependent = (0..values.len()).filter(|&k| !self.start.free[k]);
         match dependent.max_by(|&i, &j| off(i).total_cmp(&off(j))) {
-            Some(k) if off(k) > AGREE => {
+            Some(k) if off(k) > tolerance::EQUAL => {
                 Found { outcome: Outcome::Contradiction, shortfall: f.y[k], angle: f64::NAN, culprit: k, detour }
             }
             _ => Found::closed(detour),

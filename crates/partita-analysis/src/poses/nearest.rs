@@ -1,16 +1,14 @@
 //! The nearest there is: soft rows as small as the hard ones let them be, by damped least squares.
 
 use super::field::{Field, Soft};
+use partita_math::tolerance;
 use partita_system::manifold::{close, Room, Rule};
 use partita_system::SystemError;
 
-/// Hard rows are kept to round-off, to this at least, in characteristic displacements: soft rows pull at them by the
-/// ratio of their dampings.
-const KEPT: f64 = 1e-11;
 /// Hard rows at the start, where they may be far away...
-const FAR: Rule = Rule::new(60, f64::EPSILON, KEPT).cut(0.5);
+const FAR: Rule = Rule::new(60, f64::EPSILON, tolerance::FITS).cut(0.5);
 /// ... and after each move, which keeps them nearly: more would be another branch.
-const NEAR: Rule = Rule::new(8, f64::EPSILON, KEPT).contracting(0.15, 1.0);
+const NEAR: Rule = Rule::new(8, f64::EPSILON, tolerance::FITS).contracting(0.15, 1.0);
 /// Soft rows to their least, by moves of 0.3 characteristic displacements: after one of 1e-9 what is left is below nine
 /// digits.
 const LEAST: Rule = Rule::new(200, 0.0, 0.0).cut(0.3).to_rest(1e-9);

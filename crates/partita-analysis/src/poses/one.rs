@@ -1,11 +1,12 @@
 //! One position: closed from a drawing or a guess, held where it is to be held, brought to its targets in their order.
 
 use super::closed::closed;
-use super::continuation::{Continuation, Ending, CLOSED};
+use super::continuation::{Continuation, Ending};
 use super::explain;
 use super::field::Duty;
 use super::goal::Target;
 use super::nearest::nearest;
+use partita_math::tolerance;
 use partita_model::Model;
 use partita_system::kinematics::assembly;
 use partita_system::{ConstrainedSystem, SystemError};
@@ -156,7 +157,7 @@ fn meet(model: &Model, t: f64, found: &mut One, wanted: &[(Target, f64)], tolera
             let start = continuation.start(&closed)?;
             let ending = continuation.go(&start, &aims, &mut found.q)?;
             let off = explain::off(&mut continuation, &found.q, &aims);
-            if ending != Ending::There || off > CLOSED.sqrt() {
+            if ending != Ending::There || off > tolerance::CLOSED.sqrt() {
                 let nothing = SystemError::Targets {
                     message: "the targets cannot be met".into(),
                     residual: f64::NAN,
@@ -207,7 +208,7 @@ fn wish(
     for (k, (_, value)) in kept.iter_mut().enumerate().skip(first) {
         *value = f.y[k];
     }
-    let last = assembly::close(model, t, &mut found.q, CLOSED, &own)?;
+    let last = assembly::close(model, t, &mut found.q, tolerance::CLOSED, &own)?;
     found.iterations += last.iterations;
     found.residual = last.residual;
     Ok(())

@@ -4,15 +4,13 @@ use super::goal::Target;
 use partita_math::dense;
 use partita_math::dense::Matrix;
 use partita_math::factor::least_squares_min_norm;
+use partita_math::tolerance;
 use partita_model::model::ModelScratch;
 use partita_model::Model;
 use partita_system::branching::branch_directions::{self, Asked};
 use partita_system::kinematics::velocity::{met, momentum, near_with_rates, possible, pushed_with_rates};
 use partita_system::reduction::Reduction;
 use partita_system::{start, ConstrainedSystem, SystemError};
-
-/// Singular values below this part of the largest belong to rates that follow from the others.
-const FOLLOWS: f64 = 1e-10;
 
 /// How the rate of a goal follows from velocities (n).
 fn gradient(model: &Model, q: &[f64], x: &Target, room: &mut [f64], s: &mut ModelScratch) -> Vec<f64> {
@@ -113,7 +111,7 @@ pub fn with_rates(
         }
         want[i] = (rows[i].1 - dense::dot(&gradients[i], &v)) / scale;
     }
-    let (mut parts, _) = least_squares_min_norm(&system, &want, FOLLOWS)
+    let (mut parts, _) = least_squares_min_norm(&system, &want, tolerance::NULL_VALUE)
         .map_err(|_| SystemError::NotFinite { what: "a rate".into(), t })?;
     for (part, (g, m)) in parts.iter_mut().zip(gradients.iter().zip(&moves)) {
         let scale = dense::dot(g, m).sqrt();

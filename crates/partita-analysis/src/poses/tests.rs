@@ -1,5 +1,6 @@
 use super::*;
 use crate::examples::{bricard, chain, compiled, four_bar, model, spherical_four_bar, tilted};
+use partita_math::tolerance;
 use partita_model::spec::JointKind::{Cylindrical, Revolute, Spherical, Universal};
 use partita_model::zero_position::Coordinates;
 use partita_model::Model;
@@ -8,7 +9,7 @@ use partita_system::{ConstrainedSystem, SystemError};
 
 fn closed(m: &Model) -> Vec<f64> {
     let mut q = m.initial();
-    assembly::close(m, 0.0, &mut q, assembly::CLOSED, &[]).unwrap();
+    assembly::close(m, 0.0, &mut q, tolerance::CLOSED, &[]).unwrap();
     q
 }
 
@@ -45,7 +46,7 @@ fn gradients_are_those_of_the_values() {
             let (n, mut s) = (m.size().nv, m.scratch());
             // away from the drawing, closed: coordinates of open joints are no more than nearly what their rates say
             let first = Target::new(&m, &Goal::Joint { joint: 0, coordinate: 0 }, "first").unwrap();
-            let ask = Ask { levels: vec![vec![(first, 0.3)]], tolerance: assembly::CLOSED, ..Ask::default() };
+            let ask = Ask { levels: vec![vec![(first, 0.3)]], tolerance: tolerance::CLOSED, ..Ask::default() };
             let q = one(&m, 0.0, &m.initial(), &ask).unwrap().q;
             let (rest, mut room) = (vec![0.0; n], vec![0.0; n]);
             let goals = all_goals(&m);
@@ -99,7 +100,7 @@ fn poses_are_where_continuation_leads() {
             let mut walked = q.clone();
             for part in 1..=20 {
                 let next = value * f64::from(part) / 20.0;
-                assembly::move_to(&m, 0.0, &mut walked, &[(at, next)], assembly::CLOSED).unwrap();
+                assembly::move_to(&m, 0.0, &mut walked, &[(at, next)], tolerance::CLOSED).unwrap();
             }
             // the spin of a link is arbitrary: compare points of the last body
             let (rest, mut s) = (vec![0.0; m.size().nv], m.scratch());

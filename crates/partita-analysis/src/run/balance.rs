@@ -2,6 +2,7 @@
 
 use super::verdict::Finding;
 use crate::{doubtful, poses};
+use partita_math::tolerance;
 use partita_model::spec::Spec;
 use partita_model::Model;
 use partita_system::equations::{derivatives, Equations, UserSystem};
@@ -10,20 +11,22 @@ use partita_system::positions::turns;
 use partita_system::record::{Output, Sample};
 use partita_system::{ConstrainedSystem, SystemError};
 
-/// Newton-Euler residual of a body over the largest force: what round-off leaves of it next to the worst position that is
-/// worked in (1e-16 times a condition of 1e9), and where no digit is safe.
-const NEWTON_EULER: (f64, f64) = (1e-7, 1e-3);
-/// Conditions that are not closed on purpose drift by so many tolerances, at least and at most this far.
-const DRIFT: (f64, f64, f64) = (1e4, 1e-6, 1e-3);
-/// Tolerances that the energy may be off by besides one for each step: errors grow with the motion.
-const ENERGY: f64 = 100.0;
-/// Part of the energy exchanged that round-off explains, over the steps of a run and past singular positions.
+/// The Newton-Euler residual that breaks a run. Scale: fraction of the largest force. Reason: no digit is safe there.
+const NO_BALANCE: f64 = 1e-3;
+/// Error of the energy besides one tolerance for each step. Scale: multiples of the tolerance. Reason: errors grow with
+/// the motion.
+const ENERGY_MARGIN: f64 = 100.0;
+/// Energy errors that rounding explains. Scale: fraction of the energy exchanged. Reason: the steps of a run, also past
+/// singular positions.
 const ENERGY_FLOOR: f64 = 1e-8;
-/// The same of the potential itself, which may be far larger than what is exchanged: a few thousand roundings of it.
-const ROUND_OFF: f64 = 1e-12;
-/// Part of the energy exchanged that no tolerance, however loose, and no fixed step explains in silence.
+/// Errors of the potential itself that rounding explains. Scale: fraction of the potential. Reason: a few thousand
+/// roundings; it may be far larger than what is exchanged.
+const POTENTIAL_ROUNDING: f64 = 1e-12;
+/// Energy errors that no tolerance, however loose, and no fixed step excuses. Scale: fraction of the energy exchanged.
+/// Reason: a twentieth is seen in every figure.
 const ENERGY_TAKEN: f64 = 5e-2;
-/// Part of the energy exchanged that breaks a run; with loose tolerances, ten times what they explain.
+/// Energy errors that break a run; with loose tolerances, ten times what these explain. Scale: fraction of the energy
+/// exchanged. Reason: a hundredth is no longer an error of rounding or of steps.
 const ENERGY_BROKEN: f64 = 1e-2;
 /// Outputs at which the end of a run looks at energies: enough to see what was exchanged and what is off, and so few that
 /// they cost nothing beside the run.
@@ -130,7 +133,7 @@ pub fn energy_floor(spec: &Spec, atol: f64) -> f64 {
     };
     let extent = if points().next().is_some() { (0..3).map(|i| spread(i).powi(2)).sum::<f64>().sqrt() } else { 0.0 };
     let pull = spec.gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
-    (0.5 * (mass + turning) * atol * atol + ROUND_OFF * pull * extent * mass) / ENERGY_FLOOR
+    (0.5 * (mass + turning) * atol * atol + POTENTIAL_ROUNDING * pull * extent * mass) / ENERGY_FLOOR
 }
 
 /// What a run was asked for, as far as its balances depend on it.
@@ -146,9 +149,9 @@ pub struct Asked {
 pub fn of_reactions(residuals: impl Iterator<Item = (f64, f64)>, asked: Asked) -> Option<Finding> {
     let known = residuals.filter(|x| x.1.is_finite());
     let (t, worst) = known.map(|(t, x)| (t, x.abs())).fold((0.0, -1.0), |m, x| if x.1 > m.1 { x } else { m });
-    let (mut doubtful, mut broken) = NEWTON_EULER;
+    let (mut doubtful, mut broken) = (tolerance::WORST_ROUNDING, NO_BALANCE);
     if asked.drifts {
-        let (times, least, most) = DRIFT;
+        let (times, least, most) = (tolerance::DRIFT, tolerance::OPEN, tolerance::OPEN_RATE);
         doubtful = (times * asked.tolerance).clamp(least, most);
         broken = broken.max(10.0 * doubtful);
     }
@@ -182,7 +185,7 @@ pub fn of_energy(at: &[Energy], asked: Asked, steps: u64, least: f64) -> Option<
     let first = at.first()?;
     let most = |of: &dyn Fn(&Energy) -> f64| at.iter().fold(0.0, |m: f64, x| m.max(of(x).abs()));
     let exchanged = most(&|x| x.kinetic).max(most(&|x| x.potential - first.potential)).max(most(&|x| x.work));
-    let scale = exchanged.max(least).max(ROUND_OFF / ENERGY_FLOOR * most(&|x| x.potential));
+    let scale = exchanged.max(least).max(POTENTIAL_ROUNDING / ENERGY_FLOOR * most(&|x| x.potential));
     if scale <= 0.0 {
         return None;
     }
@@ -197,7 +200,7 @@ pub fn of_energy(at: &[Energy], asked: Asked, steps: u64, least: f64) -> Option<
     };
     let (t, worst) = at.iter().map(|x| (x.t, off(x))).fold((first.t, 0.0), |m, x| if x.1 > m.1 { x } else { m });
     let tolerance = asked.tolerance;
-    let explained = ((ENERGY + steps as f64) * tolerance).clamp(ENERGY_FLOOR, ENERGY_TAKEN);
+    let explained = ((ENERGY_MARGIN + steps as f64) * tolerance).clamp(ENERGY_FLOOR, ENERGY_TAKEN);
     (worst > explained).then(|| Finding {
         broken: worst > ENERGY_BROKEN.max(10.0 * explained),
         t,

@@ -14,12 +14,13 @@ use std::time::Instant;
 
 /// Steps taken before the one whose stages are asked for: forms that look ahead from the last steps have them to look from.
 const BEFORE: u64 = 2;
-/// A batch of evaluations takes about this long (s): a thousand readings of the clock.
+/// Time of a batch of evaluations. Scale: s. Reason: a thousand readings of the clock.
 const BATCH: f64 = 4e-5;
 /// Batches of each contender at each place; the fastest counts, as the one that nothing else disturbed.
 const ROUNDS: usize = 25;
-/// No contender takes longer at one place (s), but for its first two batches.
-const PATIENCE: f64 = 0.15;
+/// No contender takes longer at one place, but for its first two batches. Scale: s. Reason: a comparison answers while
+/// one waits.
+const LONGEST_TIMING: f64 = 0.15;
 
 /// A formulation with its options, and a usual length of its steps (s).
 pub struct Contender {
@@ -191,7 +192,7 @@ pub fn evaluation_costs<S: Balance<Scratch: Send>>(
         for round in 0..ROUNDS {
             for trial in &mut trials {
                 let Some(x) = trial else { continue };
-                if round >= 2 && x.used > PATIENCE {
+                if round >= 2 && x.used > LONGEST_TIMING {
                     continue;
                 }
                 if !x.batch() {

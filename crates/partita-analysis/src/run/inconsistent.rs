@@ -2,20 +2,17 @@
 
 use crate::error::AnalysisError;
 use partita_math::formatted;
+use partita_math::tolerance;
 use partita_system::record::Output;
 use partita_system::reduction::{velocity_residuals, Reduction};
 use partita_system::ConstrainedSystem;
 
-/// Rows open by more than this many times their own round-off are open: what an assembly leaves is a thousandth of it.
-const OPEN: f64 = 1e4;
-/// Rates off by more than this part of what is added up in them are off, ...
-const OFF: f64 = 1e-9;
-/// ... unless a move at that rate (in characteristic displacements per second) would not be seen in an hour.
-const STANDING: f64 = 1e-13;
-
-/// Rows open by more than this part of the lengths added up in them stand somewhere else: no step closes them, and what
-/// is nearest is a question to an assembly.
-const ELSEWHERE: f64 = 1e-2;
+/// Rows open by more are open. Scale: multiples of their own round-off. Reason: what an assembly leaves is a thousandth
+/// of it.
+const OPEN_ROUNDINGS: f64 = 1e4;
+/// Slower rates are not seen. Scale: characteristic displacements per second. Reason: the move in an hour is below what
+/// a drawing shows.
+const UNSEEN_RATE: f64 = 1e-13;
 
 /// What a start leaves open.
 pub struct Seen {
@@ -38,7 +35,7 @@ pub(super) fn see<S: ConstrainedSystem>(
     r.position(t, q)?;
     r.refresh_scales(t, q)?;
     let (open, row) = r.closure_error();
-    if 4.0 * f64::EPSILON * open >= ELSEWHERE {
+    if tolerance::FEW_ROUNDINGS * open >= tolerance::FAR_OPEN {
         return Err(AnalysisError::Argument {
             argument: "initial",
             message: format!(
@@ -50,7 +47,7 @@ pub(super) fn see<S: ConstrainedSystem>(
     }
     let (open, row) = r.closure_error();
     let mut said = Vec::new();
-    if open > OPEN {
+    if open > OPEN_ROUNDINGS {
         said.push(format!("{} is open by {}", system.row_name(row), formatted(r.phi[row].abs())));
     }
     let pattern = system.pattern();
@@ -62,14 +59,14 @@ pub(super) fn see<S: ConstrainedSystem>(
             sum += (r.c[e] * v[pattern.col_idx[e]]).abs();
             arm = arm.max(r.c[e].abs() * system.characteristic_displacement(pattern.col_idx[e]));
         }
-        if x.abs() > OFF * sum && x.abs() > STANDING * arm && x.abs() / sum > worst.0 {
+        if x.abs() > tolerance::RATES_MET * sum && x.abs() > UNSEEN_RATE * arm && x.abs() / sum > worst.0 {
             worst = (x.abs() / sum, i, x.abs());
         }
     }
     if worst.0 > 0.0 {
         said.push(format!("{} opens by {} a second", system.row_name(worst.1), formatted(worst.2)));
     }
-    Ok(Seen { said, open: open > OPEN })
+    Ok(Seen { said, open: open > OPEN_ROUNDINGS })
 }
 
 /// What was seen of the start (t, q, v), and by how much `first`, the output there, was moved from it.

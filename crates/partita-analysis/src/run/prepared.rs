@@ -6,6 +6,7 @@ use super::singular_start::{self, BranchStart};
 use super::{some, Limits, Request};
 use crate::error::AnalysisError;
 use partita_integrate::simulate::Settings;
+use partita_math::tolerance;
 use partita_system::formulation::{registry, Formulation};
 use partita_system::options::{FormulationOptions, TangentMap};
 use partita_system::reduction::Reduction;
@@ -184,7 +185,7 @@ pub(super) fn explained<S: Balance>(system: &S, error: AnalysisError) -> Analysi
 
 /// Does what ends then end inside the run, by more than the round-off of its last step?
 fn within(end: f64, request: &Request) -> bool {
-    end > request.t0 && request.t_end - end > 1e-9 * (request.t_end - request.t0)
+    end > request.t0 && request.t_end - end > tolerance::EQUAL * (request.t_end - request.t0)
 }
 
 fn note_of_dropped<S: ConstrainedSystem>(system: &S, found: &Start) -> String {

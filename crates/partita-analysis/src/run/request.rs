@@ -4,6 +4,7 @@ use crate::error::AnalysisError;
 use partita_integrate::options::Options;
 use partita_integrate::simulate::Settings;
 use partita_integrate::tableau;
+use partita_math::tolerance;
 use partita_system::options::{FormulationOptions, Renew, TangentMap};
 use partita_system::partition::Selection;
 use partita_system::record::Correction;
@@ -96,8 +97,8 @@ impl Request {
         Self {
             t0,
             t_end,
-            rtol: 1e-8,
-            atol: 1e-10,
+            rtol: tolerance::RTOL,
+            atol: tolerance::ATOL,
             method: "dop853".into(),
             formulation: "projective".into(),
             step: None,

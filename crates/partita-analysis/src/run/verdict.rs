@@ -4,39 +4,30 @@
 use super::balance::{self, Asked, Balance, Energy};
 use super::{Request, SolutionLog};
 use partita_integrate::simulate::{Outcome, Status};
+use partita_math::tolerance;
 use partita_system::error::six_digits;
 use partita_system::formulation::Formulation;
 use partita_system::record::{Gap, Gaps, Output, Sample, StepChecks};
-use partita_system::reduction::closure_error::{CLOSED, OPEN, OPEN_RATE};
+
 use partita_system::{ConstrainedSystem, SystemError};
 
-/// Without correction, constraint violation stays below this many tolerances: the error of a step, over the steps of
-/// a motion and grown with it.
-const DRIFT: f64 = 1e4;
-/// What fixed steps may drift by, of whom no tolerance is asked: a hundredth can still be seen as small.
-const FIXED: f64 = 1e-2;
-/// Rates off by more than this part of the fastest are no round-off: 1e-16 times the worst condition that is worked
-/// with.
-const RATES_HOLD: f64 = 1e-7;
 /// Steps beyond the tolerance that one singular position explains: a crossing step and those that lead up to it.
 const LENIENT_EACH: u64 = 20;
 
-/// Accelerations off by more than these parts of the strongest leave a condition: tables through exact points err by
-/// the square of their spacing there.
-const BENDS: (f64, f64) = (1e-2, 1e-1);
-/// Velocities change by less than a tolerance where what is open of S4 is removed after a step; next to a singular
-/// position that is divided by the distance. Beyond the second, in parts of the speed, the motion goes on along another
-/// branch or has lost a hundredth of its energy at once.
+/// Accelerations off by more break a run. Scale: fraction of the strongest acceleration. Reason: ten times what tables
+/// through exact points explain.
+const BROKEN_ACCELERATION: f64 = 1e-1;
+/// Jumps of velocities that are doubtful, and those that break a run. Scale: fraction of the speed. Reason: what is
+/// open of (S4) changes velocities by less than a tolerance, next to a singular position over the distance; beyond the
+/// second the motion goes on along another branch or has lost a hundredth of its energy.
 const JUMPS: (f64, f64) = (1e-3, 1e-1);
-/// So many tolerances of a change are no jump, up to this part.
+/// Changes of velocity that tolerances explain, up to the second number. Scale: multiples of the tolerance; fraction of
+/// the speed. Reason: loose tolerances explain larger changes.
 const JUMPS_EXPLAINED: (f64, f64) = (100.0, 2e-2);
-/// Positions open by this part of the squared distance from a singular position, and the error decides between the
-/// branches there: two branches x y = 0 that are open by e are x y = e, whose arms lead from one to the other at the
-/// distance sqrt(2 e).
+/// Positions open by more let the error decide between branches. Scale: squared distance from the singular position.
+/// Reason: two branches x y = 0 that are open by e are x y = e, whose arms lead from one to the other at the distance
+/// sqrt(2 e).
 const BRANCH_BY_ERROR: f64 = 0.1;
-
-/// An output is faster than this many times what the ends of steps explain, and something acted between them.
-const SURGE: f64 = 10.0;
 
 /// One finding of a run.
 #[derive(Clone, Debug, PartialEq)]
@@ -72,16 +63,17 @@ impl Limits {
         let drifts = request.correction == "none" || request.formulation == "baumgarte";
         let explained = match (drifts, request.step) {
             (false, _) => 0.0,
-            (true, None) => (DRIFT * request.rtol).clamp(OPEN, OPEN_RATE),
-            (true, Some(_)) => FIXED, // nobody was asked how exact the steps are
+            (true, None) => (tolerance::DRIFT * request.rtol).clamp(tolerance::OPEN, tolerance::OPEN_RATE),
+            (true, Some(_)) => tolerance::FAR_OPEN, // nobody was asked how exact the steps are
         };
-        let (position, velocity) = (CLOSED.max(explained), RATES_HOLD.max(explained));
+        let (position, velocity) = (tolerance::CLOSED_IN_RUN.max(explained), tolerance::WORST_ROUNDING.max(explained));
         let tolerance = if request.step.is_some() { 1.0 } else { request.rtol };
         let (times, most) = JUMPS_EXPLAINED;
         Self {
-            position: (position, (10.0 * explained).max(OPEN)),
-            velocity: (velocity, (10.0 * explained).max(OPEN_RATE)),
-            acceleration: (request.formulation != "baumgarte").then_some(BENDS),
+            position: (position, (10.0 * explained).max(tolerance::OPEN)),
+            velocity: (velocity, (10.0 * explained).max(tolerance::OPEN_RATE)),
+            acceleration: (request.formulation != "baumgarte")
+                .then_some((tolerance::OPEN_ACCELERATION, BROKEN_ACCELERATION)),
             jump: (JUMPS.0.max((times * tolerance).min(most)), JUMPS.1),
             asked: Asked { tolerance, drifts },
             atol: request.atol,
@@ -113,7 +105,7 @@ impl Limits {
                 checks.jump.part, self.jump.0
             )
         });
-        look(checks.surge, (SURGE, SURGE), &|t| {
+        look(checks.surge, (tolerance::CLEARLY, tolerance::CLEARLY), &|t| {
             format!(
                 "the output at t = {t} s is {:.1e} times as fast as the ends of steps explain: something acts between two steps \
                  that they have not seen; give a max_step",

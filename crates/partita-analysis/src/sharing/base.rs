@@ -1,11 +1,12 @@
 //! A base of the self-stresses, for looking at.
 
-use super::{with_rule, Room, Rule, SAME};
+use super::{with_rule, Room, Rule};
 use crate::error::AnalysisError;
 use crate::geometry::lifted;
 use partita_math::dense::Matrix;
 use partita_math::factor;
 use partita_math::spatial::{Mat3, Vec3};
+use partita_math::tolerance;
 use partita_model::Model;
 
 /// Orthonormal self-stresses at one position: a base of all that can be added to the reactions there.
@@ -21,9 +22,6 @@ pub struct SelfStresses {
     /// What moments are divided by to be compared with forces.
     pub length: f64,
 }
-
-/// Squares of components within this part of each other are equal: the first joint is taken.
-const EQUAL: f64 = 1e-6;
 
 /// The self-stresses at (t, q), orthonormal in the metric of the rule, in an order that depends on the mechanism alone:
 /// the first loads some component as heavily as any can, the next loads it not at all and another one as heavily as is
@@ -56,7 +54,7 @@ pub fn self_stresses(model: &Model, t: f64, q: &[f64]) -> Result<SelfStresses, A
             argument: "state",
             message: format!("the self-stresses have no orthonormal base here: {e}"),
         })?;
-        let s = parts.rank(SAME);
+        let s = parts.rank(tolerance::NULL_VALUE);
         // weights of the rows given, per unit length of the base: base = weights given
         let mut weights = Matrix::new(s, given.rows());
         for (a, i) in (0..s).flat_map(|a| (0..given.rows()).map(move |i| (a, i))) {
@@ -99,7 +97,9 @@ fn turn_to_pivots(along: &mut Matrix, weights: &mut Matrix) {
     for a in 0..s {
         let size = |j: usize, along: &Matrix| (a..s).map(|i| along[(i, j)].powi(2)).sum::<f64>();
         let most = (0..n).fold(0.0, |m: f64, j| m.max(size(j, along)));
-        let Some(pivot) = (0..n).find(|&j| size(j, along) >= (1.0 - EQUAL) * most) else { return };
+        let Some(pivot) = (0..n).find(|&j| size(j, along) >= (1.0 - tolerance::EQUAL_IN_SIX_DIGITS) * most) else {
+            return;
+        };
         // rotate rows a.. so that row a takes all of column `pivot`, one pair after the other
         for i in a + 1..s {
             let (x, y) = (along[(a, pivot)], along[(i, pivot)]);

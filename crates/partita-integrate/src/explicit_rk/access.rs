@@ -4,9 +4,9 @@ use super::{Phase, Stepper};
 use crate::counters::Counters;
 use crate::tableau::Tableau;
 
-/// Steps shorter than this part of the time (of the run, near t = 0) are not shortened again: they are some hundred
+/// Shorter steps are not shortened again. Scale: fraction of the time (of the run, near t = 0). Reason: some hundred
 /// times the round-off of t.
-const SHORTEST: f64 = 1e-13;
+const SHORTEST_IN_TIME: f64 = 1e-13;
 
 impl Stepper {
     /// The method.
@@ -68,7 +68,7 @@ impl Stepper {
 
     /// Is the next step still long enough for half of it to be worth a try?
     pub fn may_shrink(&self) -> bool {
-        self.step > SHORTEST * self.t_new.abs().max(self.span)
+        self.step > SHORTEST_IN_TIME * self.t_new.abs().max(self.span)
     }
 
     /// Error of the attempted step in units of the tolerance, at most one; 0 with a fixed step.

@@ -1,6 +1,9 @@
 //! The times of an integration with a fixed step.
 
-/// A last step shorter than this fraction of the others is round-off and joins the step before it.
+use partita_math::tolerance;
+
+/// A shorter last step is rounding and joins the step before it. Scale: fraction of the other steps. Reason: the sum of
+/// a million steps.
 const SLIVER: f64 = 1e-8;
 
 /// The grid `origin + i h` up to `end`, which is met exactly.
@@ -18,7 +21,7 @@ impl FixedGrid {
     pub(super) fn new(h: f64, origin: f64, end: f64) -> Self {
         let span = end - origin;
         let steps = span.abs() / h;
-        let total = (steps - SLIVER.max(4.0 * f64::EPSILON * steps)).ceil().max(1.0);
+        let total = (steps - SLIVER.max(tolerance::FEW_ROUNDINGS * steps)).ceil().max(1.0);
         Self { h: h.copysign(span), origin, end, next: 1, total: total as u64 }
     }
 

@@ -1,7 +1,7 @@
 //! A table made ready for work: zeros left out, slots turned into places in memory.
 
 use crate::combination::Row;
-use crate::step_size::{ErrorNorm, MARGIN};
+use crate::step_size::{ErrorNorm, ERROR_MARGIN};
 use crate::tableau::{ErrorWeights, Tableau};
 
 #[derive(Debug)]
@@ -39,7 +39,7 @@ impl Method {
             Estimate::None => 0.0,
             Estimate::One(rows) => {
                 let [square] = norm.largest_squares(rows, stages, y_old, y_new);
-                MARGIN * h.abs() * square.sqrt()
+                ERROR_MARGIN * h.abs() * square.sqrt()
             }
             Estimate::FifthAndThird(rows) => {
                 let [fifth, third] = norm.largest_squares(rows, stages, y_old, y_new);
@@ -47,7 +47,7 @@ impl Method {
                 if sum == 0.0 {
                     0.0
                 } else {
-                    MARGIN * h.abs() * fifth / sum.sqrt()
+                    ERROR_MARGIN * h.abs() * fifth / sum.sqrt()
                 }
             }
         }

@@ -6,9 +6,10 @@ use super::Stepper;
 use crate::combination::first_not_finite;
 use crate::failure::StepFailure;
 
-/// Shortening after a point that is not evaluable.
+/// Shortening after a point that cannot be evaluated. Scale: ratio of steps. Reason: near the end of what can be
+/// evaluated a half would be too short.
 const RETRY_FACTOR: f64 = 0.6;
-/// Shortening after a number that is not finite.
+/// Shortening after a number that is not finite. Scale: ratio of steps. Reason: nothing is known of where it came from.
 const NOT_FINITE_FACTOR: f64 = 0.5;
 
 impl Stepper {
@@ -22,7 +23,7 @@ impl Stepper {
 
     /// The shortest step worth trying here.
     fn shortest_step(&self) -> f64 {
-        self.shortest.max(16.0 * f64::EPSILON * self.t_old.abs())
+        self.shortest.max(super::TIME_ROUNDING * self.t_old.abs())
     }
 
     /// Throw an attempt of length `h` away because f was not evaluable. The factor wanders a little from time to time,

@@ -1,10 +1,8 @@
 //! Cholesky factors of symmetric positive definite matrices, plain and with diagonal pivoting.
 
 use crate::scalar::{Real, Scalar};
+use crate::tolerance;
 use std::convert::Infallible;
-
-/// Pivots at or below this fraction of the diagonal entry they came from count as lost.
-const RELATIVE_GUARD: f64 = 1e-14;
 
 /// A symmetric matrix turned out not to be numerically positive definite.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -23,7 +21,7 @@ pub struct NotPositiveDefinite {
 #[inline(always)]
 fn root<T: Real>(index: usize, pivot: T, diagonal: T) -> Result<T, NotPositiveDefinite> {
     let (p, d) = (pivot.value(), diagonal.value());
-    if p > RELATIVE_GUARD * d && p > 0.0 && p < f64::INFINITY {
+    if p > tolerance::LOST_PIVOT * d && p > 0.0 && p < f64::INFINITY {
         Ok(pivot.sqrt())
     } else {
         Err(NotPositiveDefinite { index, pivot: p })

@@ -2,6 +2,7 @@
 
 use super::Singular;
 use crate::scalar::{Real, Scalar};
+use crate::tolerance;
 use std::convert::Infallible;
 
 /// Factors `A = L D Lᵀ` in place; n³/6 multiply–adds and no square root.
@@ -12,7 +13,7 @@ use std::convert::Infallible;
 pub fn ldlt<T: Real>(a: &mut [T], n: usize) -> Result<(), Singular> {
     factored(a, n, |index, pivot: T, reference: T| {
         let (pivot, reference) = (pivot.value(), reference.value());
-        if pivot.is_nan() || pivot.is_infinite() || pivot.abs() <= 1e-14 * reference {
+        if pivot.is_nan() || pivot.is_infinite() || pivot.abs() <= tolerance::LOST_PIVOT * reference {
             return Err(Singular { index, pivot });
         }
         Ok(())

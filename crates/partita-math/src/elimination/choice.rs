@@ -4,11 +4,11 @@
 //! to vanish. Rows that have lost most of their size wait until nothing stronger is left.
 
 use super::{Pattern, PlanError, PlanOptions};
+use crate::tolerance;
 
-/// Scaled entries below this do not count as pivots.
-const NEGLIGIBLE: f64 = 1e-10;
-/// What must be left of a row for it to be used; the next weaker level only when no row meets the present one.
-const LEVELS: [f64; 5] = [1e-2, 1e-4, 1e-6, 1e-8, NEGLIGIBLE];
+/// What must be left of a row for it to be used; the next weaker level only when no row meets the present one. Scale:
+/// scaled size of the row. Reason: two digits of growth a level, down to what counts as null.
+const PIVOT_LEVELS: [f64; 5] = [1e-2, 1e-4, 1e-6, 1e-8, tolerance::NULL_VALUE];
 /// Up to this rank every remaining entry is compared at each step.
 const FULL_SEARCH: usize = 64;
 /// Above it, this many rows and columns of lowest count.
@@ -128,12 +128,14 @@ impl Remainder {
 
     /// Whether row `i` may give a pivot at the present level.
     fn usable(&self, i: usize) -> bool {
-        self.row_live[i] && self.row_max[i] > NEGLIGIBLE && self.row_max[i] >= LEVELS[self.level] * self.reference[i]
+        self.row_live[i]
+            && self.row_max[i] > tolerance::NULL_VALUE
+            && self.row_max[i] >= PIVOT_LEVELS[self.level] * self.reference[i]
     }
 
     /// Admits weaker rows; false when there is no weaker level.
     fn lower_level(&mut self) -> bool {
-        if self.level + 1 == LEVELS.len() {
+        if self.level + 1 == PIVOT_LEVELS.len() {
             return false;
         }
         self.level += 1;
@@ -244,7 +246,7 @@ impl Remainder {
     /// Returns whether the entry passes the threshold within its row.
     fn consider(&self, row: usize, col: usize, s: f64, best: &mut Option<Candidate>) -> bool {
         let size = s.abs();
-        if size < self.threshold * self.row_max[row] || size <= NEGLIGIBLE {
+        if size < self.threshold * self.row_max[row] || size <= tolerance::NULL_VALUE {
             return false;
         }
         let candidate = Candidate { cost: (self.rows[row].len() - 1) * (self.col_count[col] - 1), size, row, col };

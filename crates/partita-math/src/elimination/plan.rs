@@ -18,9 +18,16 @@ pub struct PlanOptions {
     pub guard: f64,
 }
 
+/// Entries above this may be pivots. Scale: fraction of the largest entry of their row. Reason: the threshold of sparse
+/// elimination, which bounds the growth by ten in a step.
+const PIVOT_THRESHOLD: f64 = 0.1;
+/// A pivot that shrinks below this asks for a new plan. Scale: the pivot when the plan was made. Reason: two digits are
+/// lost then.
+const PIVOT_GUARD: f64 = 1e-2;
+
 impl Default for PlanOptions {
     fn default() -> Self {
-        Self { threshold: 0.1, guard: 1e-2 }
+        Self { threshold: PIVOT_THRESHOLD, guard: PIVOT_GUARD }
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::vector::Vec3;
 use crate::scalar::Scalar;
+use crate::tolerance;
 
 /// A 3x3 matrix, row by row; most often a rotation.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -124,7 +125,7 @@ impl<S: Scalar> Mat3<S> {
         ]);
         // more: about an axis, as long as the plane of the turn can be told
         let s = v.norm();
-        let turned = s - S::from_f64(1e-14);
+        let turned = s - S::from_f64(tolerance::SUM_ROUNDING);
         let axis = Vec3::where_positive(turned, v.direction(), a.across());
         let (sin, cos) = turned.where_positive(s, S::zero()).atan2(c).sin_cos();
         Self::where_positive(c, &near, &Self::about(axis, sin, cos))
@@ -207,6 +208,10 @@ impl<S: Scalar> Quaternion<S> {
     }
 }
 
+/// Rotation vectors shorter than this go by the series of the exponential. Scale: rad. Reason: what the series leaves
+/// out, the fourth power, is below round-off.
+const SHORT_ROTATION: f64 = 1e-4;
+
 impl<S: Scalar> Quaternion<S> {
     /// Exponential of a rotation vector.
     pub fn exp(w: Vec3<S>) -> Self {
@@ -214,7 +219,7 @@ impl<S: Scalar> Quaternion<S> {
         let n = square.sqrt();
         let (sin, cos) = n.scale(0.5).sin_cos();
         // by their series where sin(n/2)/n would lose digits, and the length has no slope at 0
-        let large = n - S::from_f64(1e-4);
+        let large = n - S::from_f64(SHORT_ROTATION);
         let k = large.where_positive(sin.over_or_zero(n), S::from_f64(0.5) - square.scale(1.0 / 48.0));
         let series = S::one() - square.scale(0.125) + (square * square).scale(1.0 / 384.0);
         Self([large.where_positive(cos, series), k * w.0[0], k * w.0[1], k * w.0[2]])

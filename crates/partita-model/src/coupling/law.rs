@@ -10,18 +10,12 @@ use crate::tree::{Tree, TreeScratch};
 use crate::value::{self, failed, finite, Callers, Instant};
 use partita_math::scalar::{Arguments, Scalar};
 use partita_math::spatial::Space;
+use partita_math::tolerance;
 use partita_system::SystemError;
 use std::f64::consts::TAU;
 
 /// Readings of a function at the most.
 const MOST: usize = value::READINGS;
-
-/// A little less than half a turn (rad): beyond, an angle whose turns nothing counts may come out a whole turn beside
-/// the next.
-const KNOWN: f64 = 3.0;
-/// A function is the same after a whole turn if it is so to this part of its numbers: more than round-off of sines and
-/// cosines.
-const SAME: f64 = 1e-9;
 
 /// A law.
 #[derive(Clone, Debug)]
@@ -206,13 +200,13 @@ fn called<S: Scalar>(
             finite(found, name, t)
         };
         let found = ask(x)?;
-        for i in (0..x.len()).filter(|&i| uncounted(i) && x[i].abs() > KNOWN) {
+        for i in (0..x.len()).filter(|&i| uncounted(i) && x[i].abs() > tolerance::HALF_TURN) {
             let mut beside = [0.0; MOST];
             beside[..x.len()].copy_from_slice(x);
             beside[i] -= TAU.copysign(x[i]);
             let other = ask(&beside[..x.len()])?;
             let size = found.iter().chain(&other).fold(0.0, |m: f64, y| m.max(y.abs()));
-            if found.iter().zip(&other).any(|(a, b)| (a - b).abs() > SAME * size) {
+            if found.iter().zip(&other).any(|(a, b)| (a - b).abs() > tolerance::EQUAL * size) {
                 return Err(SystemError::Uncounted { what: name.to_string(), by: x[i] });
             }
         }

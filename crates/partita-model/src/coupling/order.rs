@@ -6,6 +6,7 @@ use crate::measurement;
 use crate::rows::Owner;
 use crate::spec::{Coupling, Level, Measure, Spec};
 use crate::zero_position::Placed;
+use partita_math::tolerance;
 
 /// A condition in the order of the rows.
 #[derive(Clone, Copy, Debug)]
@@ -22,8 +23,8 @@ pub struct Place {
     pub period: Option<f64>,
 }
 
-/// Two angles whose whole turns nothing counts agree up to multiples of a common part of their factors; smaller parts
-/// than this (rad) are not distinguished from errors, and the rates alone are held.
+/// Shorter common periods of two angles whose turns are not counted are not distinguished from errors; the rates alone
+/// are held. Scale: rad. Reason: angles agree up to multiples of a common part of their factors.
 const SMALLEST_PERIOD: f64 = 0.1;
 
 /// The largest number of which all are multiples, up to rounding; 0 for none.
@@ -32,7 +33,7 @@ fn common(numbers: &[f64]) -> f64 {
     numbers.iter().fold(0.0, |a: f64, b| {
         let (mut a, mut b) = (a, b.abs());
         // ratios are given with nine digits and more
-        while b > 1e-9 * largest {
+        while b > tolerance::EQUAL * largest {
             (a, b) = (b, a % b);
         }
         a
@@ -82,7 +83,7 @@ pub fn order(spec: &Spec, placed: &Placed) -> Result<Vec<Place>, DescriptionErro
             Coupling::Curve { terms, periodic, curve, .. } => {
                 if wraps(placed, &terms[1]) && !periodic {
                     let span = curve.breaks.last().unwrap_or(&0.0) - curve.breaks.first().unwrap_or(&0.0);
-                    if span > turn * (1.0 + 1e-9) {
+                    if span > turn * (1.0 + tolerance::EQUAL) {
                         let joint = terms[1].of_joint().unwrap_or_default();
                         let message = format!(
                             "its curve counts turns of joint \"{joint}\", which closes a loop, so that whole turns of it \

@@ -18,10 +18,12 @@ use partita_math::scalar::Scalar;
 use partita_math::spatial::Space;
 use partita_system::SystemError;
 
-/// `1 + tr E = 4 cos²(θ/2)` at which B points the other way up to round-off, and no axis leads back: any will do.
+/// An axis points the other way below this, and any axis leads back. Scale: `1 + tr E = 4 cos²(θ/2)`. Reason: its root,
+/// 1e-6, is far above the rounding of E.
 const OPPOSITE: f64 = 1e-12;
-/// The Gibbs vector there, in each of its components.
-const FAR: f64 = 1e6;
+/// Each component of the Gibbs vector of opposite axes. Scale: tangent of half the angle. Reason: the reciprocal of the
+/// root of [`OPPOSITE`].
+const GIBBS_BOUND: f64 = 1e6;
 
 /// One of the three rows.
 #[derive(Clone, Debug)]
@@ -91,7 +93,7 @@ impl<G: Space> Orientation<G> {
         let past = spread - G::S::from_f64(OPPOSITE);
         let rho: [G::S; 3] = std::array::from_fn(|k| {
             let (i, j) = ((k + 1) % 3, (k + 2) % 3);
-            past.where_positive((e(j, i) - e(i, j)).over_or_zero(spread), G::S::from_f64(FAR))
+            past.where_positive((e(j, i) - e(i, j)).over_or_zero(spread), G::S::from_f64(GIBBS_BOUND))
         });
         let k = self.component;
         let (u, turned) = (self.unit_vector(), cross(self.unit_vector(), rho));

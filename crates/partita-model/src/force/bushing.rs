@@ -4,10 +4,12 @@ use super::spot::Spot;
 use super::{At, Effect};
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Mat3, Quaternion, Space, Vec3};
+use partita_math::tolerance;
 use partita_system::SystemError;
 
-/// A little less than half a turn (rad), beyond which the rotation vector points the other way: no step passes it unseen.
-const HALF_TURN: f64 = 3.0;
+/// The angle over its sine goes by a series below this. Scale: sine of half the angle. Reason: what the series leaves
+/// out, the sixth power, is below rounding.
+const SERIES_SINE: f64 = 1e-3;
 
 /// With `x = (d, θ)`, the displacement of frame 2 and the rotation vector of its turn, both in the axes of frame 1, body 2
 /// feels `−K x − C x'` along x, body 1 the opposite at the same point of space.
@@ -38,7 +40,7 @@ impl<G: Space> Bushing<G> {
         let point = at.spot(&self.ends[1]);
         let displaced = frame.apply_transposed(point - at.spot(&self.ends[0]));
         let (turn, curl) = rotation_vector(&turned);
-        if let (true, Some(by)) = (self.turns, turn.norm().outside(-HALF_TURN, HALF_TURN)) {
+        if let (true, Some(by)) = (self.turns, turn.norm().outside(-tolerance::HALF_TURN, tolerance::HALF_TURN)) {
             return Err(SystemError::Twisted { what: self.name.clone(), by });
         }
         // what frame 1 sees of the motion
@@ -86,11 +88,11 @@ fn rotation_vector<S: Scalar>(r: &Mat3<S>) -> (Vec3<S>, S) {
     let sin = sin2.sqrt();
     let angle = sin.atan2(cos).scale(2.0);
     // by series where quotients would lose digits: what is left out is below round-off of the sum
-    let near = S::from_f64(1e-6) - sin2;
+    let near = S::from_f64(SERIES_SINE * SERIES_SINE) - sin2;
     let series = S::from_f64(2.0) + sin2.scale(1.0 / 3.0) + (sin2 * sin2).scale(3.0 / 20.0);
     let turn = half.times(near.where_positive(series, angle.over_or_zero(sin)));
     let square = turn.dot(turn);
-    let small = S::from_f64(1e-2) - square;
+    let small = S::from_f64(tolerance::SERIES_ANGLE * tolerance::SERIES_ANGLE) - square;
     let mut series = square.scale(1.0 / 47_900_160.0);
     for term in [1.0 / 1_209_600.0, 1.0 / 30_240.0, 1.0 / 720.0] {
         series = (series + S::from_f64(term)) * square;

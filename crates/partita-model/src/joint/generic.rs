@@ -4,6 +4,7 @@ use super::{parallel, LockedSlides, Motion, Shape};
 use crate::error::DescriptionError;
 use crate::spec::Joint;
 use partita_math::spatial::{Mat3, Vec3};
+use partita_math::tolerance;
 
 const NAMES: [&str; 6] = ["x", "y", "z", "rx", "ry", "rz"];
 
@@ -24,8 +25,7 @@ pub(super) fn shape(joint: &Joint) -> Result<Shape, DescriptionError> {
     let product = frame.transpose().mul(&frame);
     let off = (0..9).fold(0.0, |m: f64, i| m.max((product.0[i / 3][i % 3] - f64::from(u8::from(i % 4 == 0))).abs()));
     let turned = frame.column(0).cross(frame.column(1)).dot(frame.column(2));
-    // written by hand with ten digits a frame is orthogonal to 1e-9
-    if !(off < 1e-9 && turned > 0.0) {
+    if !(off < tolerance::EQUAL && turned > 0.0) {
         return Err(fail(format!(
             "frame is no rotation (off by {off:.1e}, determinant {turned:.3}); orthogonalise it"
         )));

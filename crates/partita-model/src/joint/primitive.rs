@@ -4,9 +4,7 @@ use super::{axis_of, frame_about, generic, LockedSlides, Motion, Shape};
 use crate::error::DescriptionError;
 use crate::spec::{Joint, JointKind};
 use partita_math::spatial::Mat3;
-
-/// Cosine up to which two axes of a drawing stand at a right angle: what six digits can be off.
-const SQUARE: f64 = 1e-6;
+use partita_math::tolerance;
 
 /// The same joint with these directions free in a frame.
 fn freeing(joint: &Joint, free: &[&str], frame: &Mat3<f64>) -> Result<Shape, DescriptionError> {
@@ -33,7 +31,7 @@ pub(super) fn perpendicular(joint: &Joint) -> Result<Shape, DescriptionError> {
     let first = axis_of(joint, joint.axis, "an axis on the parent")?;
     let second = axis_of(joint, joint.axis2, "an axis on the child")?;
     let cosine = first.dot(second);
-    if cosine.abs() > SQUARE {
+    if cosine.abs() > tolerance::EQUAL_IN_SIX_DIGITS {
         let angle = cosine.acos().to_degrees();
         let message = format!("its axes are drawn at {angle:.4} deg; draw them at a right angle");
         return Err(DescriptionError::new("joint", &joint.name, message));

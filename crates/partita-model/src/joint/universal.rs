@@ -5,13 +5,13 @@ use super::{axis_of, LockedSlides, Motion, Shape};
 use crate::error::DescriptionError;
 use crate::spec::Joint;
 use partita_math::spatial::Mat3;
+use partita_math::tolerance;
 
 pub(super) fn shape(joint: &Joint) -> Result<Shape, DescriptionError> {
     let a = axis_of(joint, joint.axis, "axis1")?;
     let b = axis_of(joint, joint.axis2, "axis2")?;
     let z = a.cross(b);
-    // axes closer than 0.1 degree to parallel leave the second turn without effect
-    let Some(z) = z.unit().filter(|_| z.norm() > 2e-3) else {
+    let Some(z) = z.unit().filter(|_| z.norm() > tolerance::AXES_CROSS) else {
         let message = format!("axis1 and axis2 are parallel ({:?}, {:?}); cross them", a.0, b.0);
         return Err(DescriptionError::new("joint", &joint.name, message));
     };

@@ -3,17 +3,12 @@
 use super::instant::Instant;
 use super::{inputs, LoopClosing, Work};
 use crate::model::Model;
+use partita_math::tolerance;
 use partita_system::closing::Closing;
 use partita_system::{ConstrainedSystem, SystemError, SystemRef};
 
 /// Most combinations of branches that are looked at.
 const COMBINATIONS: usize = 4096;
-/// Farthest a target is approached at once, in characteristic displacements: no angle of a healthy loop turns by π
-/// meanwhile.
-const STRIDE: f64 = 0.1;
-/// Largest |Φ| (in characteristic displacements) that a closed form leaves: its round-off, multiplied a hundred
-/// thousand times next to a limit position. A branch that is open by more does not close.
-const CLOSES: f64 = 1e-10;
 
 /// One way to put the mechanism together.
 #[derive(Clone, Debug, PartialEq)]
@@ -155,7 +150,7 @@ impl Model {
                 Err(e) => return Err(e),
             }
             let residual = closing.residual(t, &there)?;
-            if closing.open() > CLOSES {
+            if closing.open() > tolerance::CLOSED_FORM {
                 skipped += 1;
                 continue;
             }
@@ -189,9 +184,8 @@ impl Model {
             .iter()
             .zip(&inputs)
             .fold(0.0, |m: f64, (&(i, value), &v)| m.max((value - q[i]).abs() / self.characteristic_displacement(v)));
-        let strides = (far / STRIDE).ceil().max(1.0);
-        // a target a hundred thousand strides away is a typing error, as for the walk
-        if strides > 1e5 {
+        let strides = (far / tolerance::STRIDE).ceil().max(1.0);
+        if far > tolerance::FARTHEST {
             return None;
         }
         let mut there = q.to_vec();
@@ -211,6 +205,6 @@ impl Model {
             }
         }
         closing.residual(t, &there).ok()?;
-        (closing.open() <= CLOSES).then_some(there)
+        (closing.open() <= tolerance::CLOSED_FORM).then_some(there)
     }
 }

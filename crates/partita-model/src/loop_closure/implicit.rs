@@ -10,18 +10,15 @@ use crate::evaluator::{Evaluator, Scratch};
 use crate::model::{Model, ModelScratch};
 use partita_math::dense::{lu, lu_in_order, lu_pivot_ratio, lu_solve};
 use partita_math::scalar::Scalar;
+use partita_math::tolerance;
 use partita_system::manifold::{self, close, Ending, Linearization, Open, Part, Rule};
 use partita_system::{ConstrainedSystem, SystemError};
 
-/// A move this small (in characteristic displacements) is the last: Newton's next one would be its square, below
-/// round-off.
-const LAST_MOVE: f64 = 1e-9;
 /// To round-off of what a large move opens a row by, or to rest, by moves of 0.3 characteristic displacements (radians
 /// for turns); more iterations than any start within a turn needs. Rows that follow from others close slowly next to a
 /// singular position: that they hardly fall is no sign that they are closed.
-const RULE: Rule = Rule::new(60, ROUND_OFF, ROUND_OFF).cut(0.3).to_rest(LAST_MOVE);
-/// Round-off of a closing, in parts of what a large move opens it by.
-const ROUND_OFF: f64 = 4.0 * f64::EPSILON;
+const RULE: Rule =
+    Rule::new(60, tolerance::FEW_ROUNDINGS, tolerance::FEW_ROUNDINGS).cut(0.3).to_rest(tolerance::LAST_MOVE);
 
 /// Iterations without a look at the moves: from a tenth of a reach each squares what is left, and the derivative
 /// follows
@@ -171,7 +168,7 @@ impl Implicit {
             e.normalise(q);
         }
         let open = room.phi.iter().fold(S::zero(), |m, x| m.max(x.abs()));
-        Ok(Fit { excess: largest - S::from_f64(LAST_MOVE), shortfall: open })
+        Ok(Fit { excess: largest - S::from_f64(tolerance::LAST_MOVE), shortfall: open })
     }
 
     /// Closes the rows by moving the unknowns of q; returns the ratio of the pivots.

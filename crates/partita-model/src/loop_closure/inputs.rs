@@ -19,8 +19,12 @@ const SETS: usize = 2000;
 const SMALL: usize = 40;
 /// Plans compared for their pivots; fewer for large mechanisms.
 const PLANS: usize = 40;
-/// Exchanges that shrink the volume of a choice below this part are not looked at: they lead to dead points.
-const WEAK: f64 = 0.05;
+/// A choice of inputs must lead by this. Scale: logarithm of the volume. Reason: rounding cannot decide between equal
+/// choices.
+const LARGER_VOLUME: f64 = 1e-6;
+/// Exchanges that shrink the volume of a choice below this are not tried. Scale: ratio of volumes. Reason: they lead to
+/// dead points.
+const WEAK_CHOICE: f64 = 0.05;
 
 /// A velocity that may be an input, the better the smaller its rank.
 struct Candidate {
@@ -93,7 +97,7 @@ fn by_exchange(at: &Instant, t: f64, q: &[f64], k: usize, graph: &Graph, mut bud
         'search: for (i, &enters) in r.partition.dependent.iter().enumerate() {
             for (j, &leaves) in r.partition.independent.iter().enumerate() {
                 let gain = r.a_matrix[i * k + j].abs() * r.scales()[leaves] / r.scales()[enters];
-                if gain.is_nan() || gain < WEAK {
+                if gain.is_nan() || gain < WEAK_CHOICE {
                     continue;
                 }
                 let mut next = r.partition.independent.clone();
@@ -155,7 +159,7 @@ pub(super) fn choose<'m>(at: &Instant<'m>, t: f64, q: &[f64]) -> Result<LoopClos
         }
         // log of the product, so that a thousand blocks do not vanish
         let volume: f64 = plan.state().iter().map(|s| s.pivot.max(f64::MIN_POSITIVE).ln()).sum();
-        if best.as_ref().is_none_or(|b| volume > b.1 + 1e-6) {
+        if best.as_ref().is_none_or(|b| volume > b.1 + LARGER_VOLUME) {
             best = Some((count, volume, plan));
         }
     }

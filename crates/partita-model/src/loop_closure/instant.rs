@@ -6,17 +6,12 @@ use crate::zero_position::Coordinates;
 use partita_math::dense::dot;
 use partita_math::elimination::Pattern;
 use partita_math::rank::independent_rows;
-use partita_system::start::REDUNDANT;
+use partita_math::tolerance;
 use partita_system::{ConstrainedSystem, SystemError, SystemRef};
 
-/// Closing residual (in characteristic displacements) up to which an explicit closing can be planned at a position: far
-/// below the angles by which branches differ, far above what an assembly leaves.
-pub(super) const NEARLY_CLOSED: f64 = 1e-6;
-
-/// Rows that stand out of the span of others by less than this, in natural sizes, follow from them; a closed position
-/// leaves
-/// round-off, a drawing that misfits by what matters some thousand times this.
-const EXACT: f64 = 1e-10;
+/// Rows that stand out of the span of others by less follow from them. Scale: natural scales. Reason: a closed position
+/// leaves rounding; a geometric error that matters is some thousand times larger.
+const EXACT_ROWS: f64 = 1e-10;
 
 /// C at a position.
 pub(super) struct Instant<'m> {
@@ -47,7 +42,7 @@ impl<'m> Instant<'m> {
             if !open.is_finite() {
                 return Err(SystemError::NotFinite { what: model.row_description(i), t });
             }
-            if open > NEARLY_CLOSED {
+            if open > tolerance::OPEN {
                 let message = format!(
                     "{} is open by {}: explicit closing starts from a closed position, assemble first",
                     model.row_description(i),
@@ -75,11 +70,11 @@ impl<'m> Instant<'m> {
             let size = self.model.row_displacement(i).unwrap_or(1.0);
             let sum: f64 =
                 self.pattern().row(i).map(|e| (c[e] * scale[self.pattern().col_idx[e]] / size).powi(2)).sum();
-            if sum < REDUNDANT {
+            if sum < tolerance::REDUNDANT {
                 self.pattern().row(i).for_each(|e| c[e] = 0.0);
             }
         }
-        let mut rows = independent_rows(self.pattern(), &c, &scale, REDUNDANT).kept;
+        let mut rows = independent_rows(self.pattern(), &c, &scale, tolerance::REDUNDANT).kept;
         rows.sort_unstable();
         rows
     }
@@ -114,7 +109,7 @@ impl<'m> Instant<'m> {
         }
         let follows = |&r: &usize| {
             let row = rest(&basis, natural(r));
-            dot(&row, &row).sqrt() < EXACT
+            dot(&row, &row).sqrt() < EXACT_ROWS
         };
         others.filter(follows).collect()
     }

@@ -9,6 +9,7 @@
 use super::graph::{Graph, Kind};
 use super::laws::{SolvedLaw, TreeLaw};
 use super::polygon::{Freedom, Polygon, Unknown};
+use partita_math::tolerance;
 use std::collections::VecDeque;
 
 /// What can be found next in closed form.
@@ -313,7 +314,7 @@ fn pair_of(g: &Graph, e: usize) -> Option<Freedom> {
     let freedom = match (a.kind, b.kind) {
         (Kind::Turn, Kind::Turn) => Freedom::Universal,
         // between two motions of one joint there is no constant turn: the axes can be compared
-        (Kind::Slide, Kind::Turn) | (Kind::Turn, Kind::Slide) if a.axis.cross(b.axis).norm() < 1e-12 => {
+        (Kind::Slide, Kind::Turn) | (Kind::Turn, Kind::Slide) if a.axis.cross(b.axis).norm() < tolerance::PARALLEL => {
             Freedom::Cylindrical
         }
         _ => return None,

@@ -4,7 +4,7 @@ use super::arm::{PlanarArm, Pose};
 use super::close::{planar_joints, planar_side};
 use super::graph::{Edge, Graph, Home, Kind};
 use super::implicit::{Implicit, Room};
-use super::instant::{Instant, NEARLY_CLOSED};
+use super::instant::Instant;
 use super::laws::{SolvedLaw, TreeLaw};
 use super::order::{Next, Order};
 use super::polygon::{Freedom, Polygon};
@@ -13,12 +13,13 @@ use crate::evaluator::DriveRow;
 use crate::joint;
 use crate::model::Model;
 use partita_math::spatial::{Mat3, Quaternion};
+use partita_math::tolerance;
 use partita_system::{ConstrainedSystem, SystemError, SystemRef};
 use std::f64::consts::TAU;
 
-/// How far (in radians and sizes) the closed forms may be from the position they are planned at. That position is
-/// closed to 1e-9 or better, of which a square root near a dead point leaves half the digits.
-const SAME: f64 = 1e-3;
+/// Distance of closed forms from the position at which they are planned. Scale: radians and sizes. Reason: that
+/// position is closed to 1e-9 or better, of which a square root near a dead point leaves half the digits.
+const SAME_ASSEMBLY: f64 = 1e-3;
 
 /// What the inputs leave to be found.
 pub(super) struct Task {
@@ -120,7 +121,7 @@ impl<'m> LoopClosing<'m> {
             entries: Vec::new(),
             given: Vec::new(),
             counted: Vec::new(),
-            tolerance: NEARLY_CLOSED * 1e-3 * model.placed.size,
+            tolerance: tolerance::CLOSED_IN_RUN * model.placed.size,
             pose: Pose::new(&graph, &model.numbers),
             old: q.to_vec(),
             scratch: model.scratch(),
@@ -281,7 +282,7 @@ impl<'m> LoopClosing<'m> {
             }
         }
         self.steps[step].signs = best.1;
-        best.0 <= SAME
+        best.0 <= SAME_ASSEMBLY
     }
 
     /// Largest difference of edge coordinates, in radians and sizes.

@@ -15,6 +15,7 @@
 
 use super::arm::{rotated, PlanarArm};
 use partita_math::scalar::Scalar;
+use partita_math::tolerance;
 
 /// An unknown joint of a polygon, as the walk around it crosses it.
 #[derive(Clone, Copy, Debug)]
@@ -75,10 +76,6 @@ impl Fit<f64> {
 
 /// Coordinates of the joints, the pivot over its largest possible value, and whether they are a solution at all.
 pub(super) type Solved<S> = ([S; 3], S, Fit<S>);
-
-/// Sides come out of sines and cosines with a few ulp each. At an exactly flat position that can make the sum of two
-/// sides fall short of the third by as much; up to this many ulp of all sides the polygon counts as flat.
-const FLAT: f64 = 4.0 * f64::EPSILON;
 
 fn cross<S: Scalar>(a: [S; 2], b: [S; 2]) -> S {
     a[0] * b[1] - a[1] * b[0]
@@ -144,7 +141,8 @@ fn triangle<S: Scalar>(joints: &[PlanarJoint], sides: &[PlanarArm<S>], frame: us
     let [r, l2, l3] = [0, 1, 2].map(|i| sides[at(i)].length);
     let missing = (r - (l2 + l3)).max((l2 - l3).abs() - r);
     // with a side of no length the triangle has no direction
-    let fit = Fit { excess: missing - (r + l2 + l3).scale(FLAT), shortfall: missing.max(S::zero()) };
+    let fit =
+        Fit { excess: missing - (r + l2 + l3).scale(tolerance::FEW_ROUNDINGS), shortfall: missing.max(S::zero()) };
     let fit = fit.unless_above_0(r).unless_above_0(l2).unless_above_0(l3);
     // height over the frame from the area in Kahan's order, which keeps its digits in flat triangles
     let (larger, smaller) = (r.max(l2), r.min(l2));
@@ -182,7 +180,7 @@ fn one_slide<S: Scalar>(joints: &[PlanarJoint], sides: &[PlanarArm<S>], first: u
     let w0 = sum(d2, rotated(d3, a2 + slide.rest()));
     let off = cross(along, w0);
     let missing = off.abs() - l;
-    let slack = (l + off.abs() + w0[0].hypot(w0[1])).scale(FLAT);
+    let slack = (l + off.abs() + w0[0].hypot(w0[1])).scale(tolerance::FEW_ROUNDINGS);
     let fit = Fit { excess: missing - slack, shortfall: missing.max(S::zero()) }.unless_above_0(l);
     let root = ((l - off.abs()).max(S::zero()) * (l + off.abs())).sqrt().scale(sign);
     let s = root - dot(along, w0);
@@ -217,7 +215,7 @@ fn two_slides<S: Scalar>(joints: &[PlanarJoint], sides: &[PlanarArm<S>], first: 
 fn lines<S: Scalar>(u2: [S; 2], u3: [S; 2], gap: [S; 2]) -> ([S; 2], S, Fit<S>) {
     let sine = cross(u2, u3);
     // below this the lines are parallel to the rounding of their directions
-    let fit = Fit { excess: S::from_f64(FLAT) - sine.abs(), shortfall: cross(u2, gap).abs() };
+    let fit = Fit { excess: S::from_f64(tolerance::FEW_ROUNDINGS) - sine.abs(), shortfall: cross(u2, gap).abs() };
     ([-cross(gap, u3) / sine, -cross(u2, gap) / sine], sine.abs().min(S::one()), fit)
 }
 

@@ -5,9 +5,7 @@ use super::graph::{Edge, Graph, Kind};
 use super::order::Order;
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Mat3, Vec3};
-
-/// Sine below which axes are parallel: they are given in double precision and turned a few times.
-const PARALLEL: f64 = 1e-12;
+use partita_math::tolerance;
 
 /// What an unknown joint lets free.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -135,8 +133,8 @@ impl Order<'_> {
         let g = self.graph;
         let edges = |i: usize| p.joints[i].edges.iter().map(|e| &g.edges[e.0]);
         let Some(n) = edges(0).next().map(|e| e.axis) else { return false };
-        let along = |e: &Edge| e.axis.cross(n).norm() < PARALLEL;
-        let fixed = |e: &Edge| (e.rest.apply(n) - n).norm() < PARALLEL;
+        let along = |e: &Edge| e.axis.cross(n).norm() < tolerance::PARALLEL;
+        let fixed = |e: &Edge| (e.rest.apply(n) - n).norm() < tolerance::PARALLEL;
         let side = p.sides[p.joints.len() - 1].path.iter().map(|e| &g.edges[e.0]);
         edges(0).chain(edges(p.joints.len() - 1)).all(|e| along(e) && fixed(e))
             && side.into_iter().all(|e| fixed(e) && (matches!(e.kind, Kind::Slide | Kind::Rigid) || along(e)))
@@ -153,18 +151,21 @@ impl Order<'_> {
         let turn = edges.iter().find(|&&e| g.edges[e].kind == Kind::Turn);
         let slides: Vec<Vec3<f64>> =
             edges.iter().filter(|&&e| g.edges[e].kind == Kind::Slide).map(|&e| g.edges[e].axis).collect();
-        let across =
-            || slides.iter().find_map(|a| slides[0].cross(*a).unit().filter(|_| slides[0].cross(*a).norm() > 1e-6));
+        let across = || {
+            slides
+                .iter()
+                .find_map(|a| slides[0].cross(*a).unit().filter(|_| slides[0].cross(*a).norm() > tolerance::DEPENDENT))
+        };
         let Some(n) = turn.map(|&e| g.edges[e].axis).or_else(across) else { return false };
         let fits = edges.iter().all(|&e| {
             let e = &g.edges[e];
             let moves = match e.kind {
-                Kind::Turn => e.axis.cross(n).norm() < PARALLEL,
-                Kind::Slide => e.axis.dot(n).abs() < PARALLEL,
+                Kind::Turn => e.axis.cross(n).norm() < tolerance::PARALLEL,
+                Kind::Slide => e.axis.dot(n).abs() < tolerance::PARALLEL,
                 Kind::Rigid => true,
                 Kind::Ball => false,
             };
-            moves && (e.rest.apply(n) - n).norm() < PARALLEL
+            moves && (e.rest.apply(n) - n).norm() < tolerance::PARALLEL
         });
         let (e1, e2) = n.complement();
         p.plane = Some([n, e1, e2]);

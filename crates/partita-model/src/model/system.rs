@@ -13,6 +13,7 @@ use partita_math::dense;
 use partita_math::elimination::Pattern;
 use partita_math::formatted;
 use partita_math::spatial::{Mat3, Quaternion};
+use partita_math::tolerance;
 use partita_system::breakpoints::{Breakpoints, Reading};
 use partita_system::closing::Closing;
 use partita_system::clusters::Clusters;
@@ -25,9 +26,6 @@ const FEW_FREEDOMS: usize = 6;
 fn by<'a>(t: &ClusterTangent<'a>) -> Tangents<'a, f64> {
     Tangents { dt: t.dt, delta: t.delta, c: t.c, b: t.b }
 }
-
-/// A spin below this part of the fastest turn is what closing and choosing leave of none.
-const SPINS: f64 = 1e-7;
 
 impl Model {
     /// Is what the recursion found a motion? Otherwise some velocity moves no inertia.
@@ -320,7 +318,7 @@ impl ConstrainedSystem for Model {
         };
         let all: Vec<f64> = self.placed.bodies.iter().map(|b| speed(b.link)).collect();
         let most = all.iter().copied().fold(0.0, f64::max);
-        let moving = self.spec.bodies.iter().zip(all).filter(|x| x.1 > 1e-6 * most);
+        let moving = self.spec.bodies.iter().zip(all).filter(|x| x.1 > tolerance::TAKES_PART * most);
         moving.map(|x| x.0.name.clone()).collect()
     }
 
@@ -334,7 +332,7 @@ impl ConstrainedSystem for Model {
         for x in &self.placed.held {
             let state = &s.full.links[self.placed.bodies[x.body].link];
             let spin = x.line.map_or_else(|| state.w.norm(), |e| state.w.dot(state.rot.apply(e)));
-            if spin.abs() > SPINS * fastest {
+            if spin.abs() > tolerance::WORST_ROUNDING * fastest {
                 let name = &self.spec.bodies[x.body].name;
                 let about = if x.line.is_some() { "about its own line" } else { "about itself" };
                 let message = format!(
@@ -408,7 +406,7 @@ impl ConstrainedSystem for Model {
         for l in self.full.links.iter().skip(1) {
             if matches!(l.motion, LinkMotion::Ball) {
                 let p = Quaternion([q[l.q], q[l.q + 1], q[l.q + 2], q[l.q + 3]]);
-                if (dense::dot(&p.0, &p.0) - 1.0).abs() > 1e-15 {
+                if (dense::dot(&p.0, &p.0) - 1.0).abs() > tolerance::ROUNDING {
                     q[l.q..l.q + 4].copy_from_slice(&p.normalised().0);
                     moved = true;
                 }

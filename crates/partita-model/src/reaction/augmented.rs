@@ -8,6 +8,7 @@
 use super::{with_along, Known, Wrench};
 use crate::model::{Model, ModelScratch};
 use partita_math::spatial::Vec3;
+use partita_math::tolerance;
 use partita_system::SystemError;
 
 /// One prohibited displacement of a joint: a turn about, or a slide along, a unit axis.
@@ -94,7 +95,7 @@ fn prohibited(free: &[(bool, Vec3<f64>)]) -> Vec<Prohibited> {
         let of_this_kind = free.iter().filter(|a| a.0 == turn).map(|a| a.1);
         let free_base: Vec<Vec3<f64>> = of_this_kind.fold(Vec::new(), |mut known, axis| {
             // two free axes in line (gimbal lock) span one direction only
-            known.extend(perpendicular(axis, &known, 1e-9));
+            known.extend(perpendicular(axis, &known, tolerance::EQUAL));
             known
         });
         base.extend(&free_base);

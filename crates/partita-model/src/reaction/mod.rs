@@ -16,6 +16,7 @@ use applied::Applied;
 use partita_math::dense;
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Mat3, Planar, Space, Spatial, Vec3};
+use partita_math::tolerance;
 use partita_system::SystemError;
 
 fn lift<S: Scalar>(x: Vec3<f64>) -> Vec3<S> {
@@ -96,9 +97,6 @@ struct Known<S> {
     largest: S,
 }
 
-/// Pivots below this part of a diagonal entry: axes in line.
-const IN_LINE: f64 = 1e-14;
-
 /// Along `axes` (three at the most): replace the components of x by `wanted`. Axes in line (gimbal lock) leave x alone:
 /// nothing distinguishes them.
 fn replace<S: Scalar>(x: Vec3<S>, axes: &[Vec3<S>], wanted: &[S]) -> Vec3<S> {
@@ -118,7 +116,7 @@ fn replace<S: Scalar>(x: Vec3<S>, axes: &[Vec3<S>], wanted: &[S]) -> Vec3<S> {
     let diagonal: [S; 3] = std::array::from_fn(|i| if i < n { gram[i * n + i] } else { S::one() });
     dense::cholesky_straight(&mut gram[..n * n], n);
     for i in 0..n {
-        let (root, least) = (gram[i * n + i], diagonal[i].scale(IN_LINE));
+        let (root, least) = (gram[i * n + i], diagonal[i].scale(tolerance::LOST_PIVOT));
         // NaN is not above 0
         apart = apart.where_positive(root * root - least, apart);
     }

@@ -59,8 +59,9 @@ pub(crate) struct Following {
     short_of_mass: bool,
 }
 
-/// Rows closer to those before them than this (rad) are taken as combinations of them.
-const DEPENDENT: f64 = 3e-6;
+/// Rows closer to those before them are combinations of them. Scale: rad. Reason: squared it is 1e-11, which sums of
+/// squares can still tell.
+const DEPENDENT_FRICTION: f64 = 3e-6;
 
 impl Following {
     /// Those of a mechanism, if there are any.
@@ -111,7 +112,7 @@ impl Following {
                            it anew with them";
             return Err(DescriptionError::new("mechanism", &spec.name, message));
         }
-        let dependent = DEPENDENT.max(10.0 * spec.drawing_tolerance).powi(2);
+        let dependent = DEPENDENT_FRICTION.max(10.0 * spec.drawing_tolerance).powi(2);
         let short_of_mass = !placed.massless.is_empty();
         let pattern = pattern.clone();
         Ok((!frictions.is_empty()).then_some(Self { frictions, pattern, dependent, short_of_mass }))

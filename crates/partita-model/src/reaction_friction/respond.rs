@@ -9,10 +9,8 @@ use crate::tree::TreeScratch;
 use crate::value::Instant;
 use partita_math::dense;
 use partita_math::spatial::{Space, Vec3};
+use partita_math::tolerance;
 use partita_system::SystemError;
-
-/// A self-stress that presses a friction by more than this part of its largest force is no round-off.
-const FELT: f64 = 1e-6;
 
 /// A motion and multipliers, whose reactions are asked for.
 struct Cause<'a, G: Space> {
@@ -92,7 +90,7 @@ impl Following {
             let largest = transmit(model, tree, at, s, &cause)?;
             let mut felt = None;
             self.press(model, tree, s, &x.lambda, |_, of, _, force| {
-                if Vec3(force).norm() > FELT * largest {
+                if Vec3(force).norm() > tolerance::TAKES_PART * largest {
                     felt = Some(of);
                 }
             });

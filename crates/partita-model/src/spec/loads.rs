@@ -2,6 +2,7 @@
 
 use super::forces::{negative, no_direction, no_exponent, without_size, ForceRecord};
 use super::{Value, VectorValue};
+use partita_math::tolerance;
 use serde::{Deserialize, Serialize};
 use std::slice::from_mut as one;
 
@@ -52,8 +53,7 @@ impl ForceRecord for Bushing {
             let (x, y, z) = (column(0), column(1), column(2));
             let turned = [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]];
             let off = [dot(x, x) - 1.0, dot(y, y) - 1.0, dot(x, y), dot(turned, z) - 1.0, dot(z, z) - 1.0];
-            // what ten printed digits can be off
-            let fits = off.iter().all(|x| x.abs() < 1e-9);
+            let fits = off.iter().all(|x| x.abs() < tolerance::EQUAL);
             (!fits).then(|| format!("{what} is no rotation; orthogonalise it"))
         })
     }

@@ -13,33 +13,30 @@
 
 mod messages;
 
-use super::{rank_of, Scaled, FLAT, LARGEST};
+use super::{rank_of, Scaled, LARGEST, SECOND_RATE_ROUNDING};
 use crate::system::{ConstrainedSystem, SystemError};
 use messages::{REST, TOUCH};
 use partita_math::dense::{self, Matrix};
 use partita_math::factor::{least_squares_min_norm, svd, svd_full, symmetric_eigen};
+use partita_math::tolerance;
 
-/// Velocities are on a branch when they are off by no more than this part of the fastest: what second rates are known
-/// to.
-const ON: f64 = FLAT;
-/// Rates are met to this part of the fastest.
-const MET: f64 = 1e-9;
-/// Rates asked for that miss a branch by this part of the fastest are taken for its own: numbers as refusals print them
-/// are off by half of it.
-pub const PRINTED: f64 = 2e-3;
-/// Another branch is to be this many times farther off.
-const CLEARLY: f64 = 10.0;
-/// Where drives leave no degree of freedom, a rate tells the way alone, the drives its value: it is taken for the way
-/// whose rate is between this part of it and as many times it.
+/// Velocities off by less are on a branch. Scale: fraction of the fastest. Reason: what second rates are known to.
+const ON_BRANCH: f64 = SECOND_RATE_ROUNDING;
+/// Given rates that miss a branch by less are taken for its own. Scale: fraction of the fastest. Reason: numbers as
+/// refusals print them are off by half of it.
+pub const PRINTED_RATES: f64 = 2e-3;
+/// Where drives leave no degree of freedom, a given rate selects the branch whose rate is between this fraction of it
+/// and as many times it. Scale: ratio. Reason: the drives set the value, the rate selects the sign.
 pub const SIGN_ONLY: f64 = 0.5;
-/// Gradients of F below this part of what they are elsewhere are those of velocities in which branches touch.
-const TOUCHES: f64 = 1e-3;
-/// Drives that ask for this part of the fastest rate in a dead centre may stand beside it by as much, see `NONE`.
-const BESIDE: f64 = 1e-4;
-/// Moves, in characteristic displacements, over which third orders are differences.
-const FAR: f64 = 0.03;
-/// Singular values below this part of the largest belong to rates that follow from the others.
-const FOLLOWS: f64 = 1e-8;
+/// Gradients of the quadratic form below this belong to velocities in which branches touch. Scale: fraction of the
+/// gradient elsewhere. Reason: branches apart have gradients of the size of the form.
+const BRANCHES_TOUCH: f64 = 1e-3;
+/// Drives that ask for this rate in a dead centre may stand beside it. Scale: fraction of the fastest rate. Reason:
+/// they may be off by as much as rows lost within [`NULL_SINE`].
+const BESIDE_DEAD_CENTRE: f64 = 1e-4;
+/// Moves over which third orders are differences. Scale: characteristic displacement. Reason: third powers stand out of
+/// rounding, fourth powers stay a hundredth of them.
+const THIRD_ORDER_MOVE: f64 = 0.03;
 
 /// The rate of something read off the mechanism: `row · v` is to be `rate`.
 #[derive(Clone, Debug)]
@@ -194,7 +191,7 @@ pub fn look<'s, S: ConstrainedSystem>(system: &'s S, t: f64, q: &[f64]) -> Resul
     }
     let mut x = Scaled::new(system, t, q, true)?;
     let rows = x.rows.len();
-    if x.open().iter().any(|x| x.abs() > FLAT) {
+    if x.open().iter().any(|x| x.abs() > SECOND_RATE_ROUNDING) {
         return Ok(Found::Nothing);
     }
     let Ok(f) = svd_full(&x.jacobian()) else { return Ok(Found::Nothing) };
@@ -233,7 +230,7 @@ pub fn look<'s, S: ConstrainedSystem>(system: &'s S, t: f64, q: &[f64]) -> Resul
         }
     }
     let Ok(found) = svd(&forms) else { return Ok(Found::Nothing) };
-    match found.s.iter().filter(|s| **s > FLAT).count() {
+    match found.s.iter().filter(|s| **s > SECOND_RATE_ROUNDING).count() {
         0 => return Ok(Found::Nothing),
         1 => {}
         lost => return Ok(Found::Several(lost)),
@@ -309,7 +306,7 @@ pub fn look<'s, S: ConstrainedSystem>(system: &'s S, t: f64, q: &[f64]) -> Resul
 fn planes(form: &Matrix) -> Option<[Vec<f64>; 2]> {
     let (values, vectors) = symmetric_eigen(form).ok()?;
     let top = largest(&values);
-    let acts: Vec<usize> = (0..values.len()).filter(|&i| values[i].abs() > FLAT * top).collect();
+    let acts: Vec<usize> = (0..values.len()).filter(|&i| values[i].abs() > SECOND_RATE_ROUNDING * top).collect();
     let [one, two] = acts[..] else { return None };
     if values[one] * values[two] > 0.0 {
         return None;
@@ -353,7 +350,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
     /// Do branches touch in this velocity?
     fn touches(&self, u: &[f64]) -> bool {
         let (_, slope) = self.bend(u);
-        dot(&slope, &slope).sqrt() <= TOUCHES * self.form.max_abs() * self.length(u)
+        dot(&slope, &slope).sqrt() <= BRANCHES_TOUCH * self.form.max_abs() * self.length(u)
     }
 
     fn natural(&self, w: &[f64]) -> Vec<f64> {
@@ -388,9 +385,9 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
         if asked.is_empty() {
             open.extend(basis.iter().cloned());
         } else {
-            y = least_squares_min_norm(&rows, &want, FOLLOWS).ok()?.0;
+            y = least_squares_min_norm(&rows, &want, tolerance::DIFFERENCE_ROUNDING).ok()?.0;
             let f = svd_full(&rows).ok()?;
-            let rank = f.rank(FOLLOWS);
+            let rank = f.rank(tolerance::DIFFERENCE_ROUNDING);
             for z in columns(&f.v).iter_mut().skip(rank) {
                 dense::cholesky_backward(&l, d, z);
                 open.push(combined(&vec![0.0; base.len()], basis, z));
@@ -412,7 +409,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
         let k = self.k;
         let slope = &plane[..k];
         let square = dot(slope, slope);
-        if square <= FLAT * FLAT * self.form.max_abs() {
+        if square <= SECOND_RATE_ROUNDING * SECOND_RATE_ROUNDING * self.form.max_abs() {
             return None;
         }
         let mut u: Vec<f64> = slope.iter().map(|s| -plane[k] / square * s).collect();
@@ -440,7 +437,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
         let (u, miss) = self.rates_of(&w);
         let (bend, slope) = self.bend(&u);
         let steep = dot(&slope, &slope).sqrt();
-        if miss <= ON * fastest && bend.abs() <= ON * steep * self.length(&u) {
+        if miss <= ON_BRANCH * fastest && bend.abs() <= ON_BRANCH * steep * self.length(&u) {
             return if self.touches(&u) { Err(TOUCH.into()) } else { Ok(()) };
         }
         if self.driven && fastest == 0.0 {
@@ -448,7 +445,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
         }
         // the nearest in all rates
         let asked: Vec<Asked> =
-            (0..v.len()).filter(|&i| w[i].abs() > ON * fastest).map(|i| self.own(i, v[i])).collect();
+            (0..v.len()).filter(|&i| w[i].abs() > ON_BRANCH * fastest).map(|i| self.own(i, v[i])).collect();
         Err(self.nearest(&w, &asked))
     }
 
@@ -462,7 +459,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
     /// The velocities on the branch that the rates single out, otherwise as near to `near` as can be in the mass
     /// metric.
     ///
-    /// Rates are met exactly, or within [`PRINTED`] where only one branch is that near; where drives leave no degree of
+    /// Rates are met exactly, or within [`PRINTED_RATES`] where only one branch is that near; where drives leave no degree of
     /// freedom they tell the way alone, each between half and twice what the drives make of it.
     ///
     /// # Errors
@@ -503,7 +500,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
             .collect();
         let within =
             |part: f64| -> Vec<usize> { (0..fits.len()).filter(|&i| fits[i].miss <= part * fastest).collect() };
-        let exact = within(MET);
+        let exact = within(tolerance::RATES_MET);
         match exact[..] {
             [one] => return Ok(fits[one].v.clone()),
             [_, _] => return Err(self.which(asked)),
@@ -513,7 +510,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
         order.sort_by(|&i, &j| fits[i].miss.total_cmp(&fits[j].miss));
         let Some(&first) = order.first() else { return Err(self.which(asked)) };
         let second = order.get(1).map_or(f64::INFINITY, |&i| fits[i].miss);
-        if fits[first].miss <= PRINTED * fastest && second > CLEARLY * fits[first].miss {
+        if fits[first].miss <= PRINTED_RATES * fastest && second > tolerance::CLEARLY * fits[first].miss {
             return Ok(fits[first].v.clone());
         }
         if self.k == 1 {
@@ -535,14 +532,14 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
     fn of_cone(&self, near: &[f64], asked: &[Asked], fastest: f64) -> Result<Vec<f64>, String> {
         let basis: Vec<Vec<f64>> = columns(&self.kernel);
         let Some(fit) = self.fit(&self.particular, &basis, near, asked) else { return Err(self.which(asked)) };
-        if fit.miss > PRINTED * fastest {
+        if fit.miss > PRINTED_RATES * fastest {
             return Err(self.none(asked, &self.projected(&fit.v)));
         }
         match &fit.open[..] {
             [] => {
                 let on = self.projected(&fit.v);
                 let off = on.iter().zip(&fit.v).fold(0.0, |m: f64, (a, b)| m.max((a - b).abs()));
-                match off <= PRINTED * fastest {
+                match off <= PRINTED_RATES * fastest {
                     true => Ok(on),
                     false => Err(self.none(asked, &on)),
                 }
@@ -557,8 +554,8 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
                 let along = self.form.matvec(&d);
                 let (a, b, c) = (dot(&along, &d), 2.0 * dot(&along, &u), self.bend(&u).0);
                 let scale = self.form.max_abs();
-                if a.abs() <= FLAT * scale {
-                    if b.abs() <= FLAT * scale * self.length(&u) {
+                if a.abs() <= SECOND_RATE_ROUNDING * scale {
+                    if b.abs() <= SECOND_RATE_ROUNDING * scale * self.length(&u) {
                         return Err(self.which(asked));
                     }
                     return Ok(self.velocity_of(&combined(&u, &[d], &[-c / b])));
@@ -628,8 +625,8 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
         let (u, _) = self.rates_of(&w);
         let slope: Vec<f64> = self.bend(&u).1.iter().map(|s| s * self.unit).collect();
         // the third order of n^T phi along v t + forced t^2 / 2, by its odd part
-        let apart =
-            (FAR / largest(&w).max(f64::MIN_POSITIVE)).min((FAR / largest(&forced).max(f64::MIN_POSITIVE)).sqrt());
+        let apart = (THIRD_ORDER_MOVE / largest(&w).max(f64::MIN_POSITIVE))
+            .min((THIRD_ORDER_MOVE / largest(&forced).max(f64::MIN_POSITIVE)).sqrt());
         let mut odd = |e: f64| -> Result<f64, SystemError> {
             let mut sum = 0.0;
             for sign in [1.0, -1.0] {

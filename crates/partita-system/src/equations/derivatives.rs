@@ -11,20 +11,21 @@ use super::Equations;
 use crate::system::SystemError;
 use partita_math::dense::{self, Matrix};
 use partita_math::factor;
+use partita_math::tolerance;
 
-/// Steps of the differences, in characteristic lengths, from the finest on.
-const STEPS: [f64; 6] = [3e-6, 2.4e-5, 2e-4, 1.6e-3, 1.3e-2, 0.1];
-/// Central differences of order six at offsets 1..3, and of order four at 1..2 to estimate the error.
-const HIGH: [f64; 3] = [3.0 / 4.0, -3.0 / 20.0, 1.0 / 60.0];
-const LOW: [f64; 3] = [2.0 / 3.0, -1.0 / 12.0, 0.0];
-/// A derivative off by a larger part is that of another function; one made of differences is not.
-const ANOTHER: f64 = 1e-4;
-/// What is smaller than this part of its row does not matter.
-const NOTHING: f64 = 1e-8;
+/// Steps of the differences, from the finest on. Scale: characteristic length. Reason: a factor of eight between them,
+/// from rounding to curvature.
+const DIFFERENCE_STEPS: [f64; 6] = [3e-6, 2.4e-5, 2e-4, 1.6e-3, 1.3e-2, 0.1];
+/// Central differences at offsets 1 to 3. Scale: factors of the differences. Reason: exact to order six.
+const CENTRAL_SIX: [f64; 3] = [3.0 / 4.0, -3.0 / 20.0, 1.0 / 60.0];
+/// Central differences at offsets 1 and 2. Scale: factors of the differences. Reason: exact to order four, to estimate
+/// the error.
+const CENTRAL_FOUR: [f64; 3] = [2.0 / 3.0, -1.0 / 12.0, 0.0];
+/// A derivative off by more belongs to another function. Scale: fraction of the derivative. Reason: one made of
+/// differences is nearer.
+const OTHER_DERIVATIVE: f64 = 1e-4;
 /// Velocities tried beside the one given: irregular, so that nothing cancels.
 const TRIED: usize = 2;
-/// Singular values below this part of the largest are of redundant rows.
-const REDUNDANT: f64 = 1e-8;
 
 /// The best difference so far, from fine steps to coarse ones.
 ///
@@ -42,7 +43,7 @@ impl Best {
 
     fn offer(&mut self, value: f64, error: f64) {
         let first = self.error.is_infinite();
-        self.closed |= !first && (value - self.value).abs() > 10.0 * (self.error + error);
+        self.closed |= !first && (value - self.value).abs() > tolerance::CLEARLY * (self.error + error);
         if !self.closed && (first || error < self.error) {
             (self.value, self.error) = (value, error);
         }
@@ -59,7 +60,7 @@ fn slopes(
 ) -> Vec<Best> {
     let mut best = vec![Best::NONE; count];
     let (mut ahead, mut behind) = (vec![0.0; count], vec![0.0; count]);
-    'steps: for step in STEPS {
+    'steps: for step in DIFFERENCE_STEPS {
         let h = step * unit;
         let (mut high, mut low, mut largest) = (vec![0.0; count], vec![0.0; count], vec![size; count]);
         for i in 0..3 {
@@ -70,8 +71,8 @@ fn slopes(
             }
             for j in 0..count {
                 let odd = (ahead[j] - behind[j]) / h;
-                high[j] += HIGH[i] * odd;
-                low[j] += LOW[i] * odd;
+                high[j] += CENTRAL_SIX[i] * odd;
+                low[j] += CENTRAL_FOUR[i] * odd;
                 largest[j] = largest[j].max(ahead[j].abs()).max(behind[j].abs());
             }
         }
@@ -163,7 +164,7 @@ fn off(given: f64, found: Best, nothing: f64) -> Option<f64> {
     if found.error.is_infinite() {
         return None;
     }
-    let allowed = ANOTHER * given.abs().max(found.value.abs()) + 10.0 * found.error + nothing;
+    let allowed = OTHER_DERIVATIVE * given.abs().max(found.value.abs()) + 10.0 * found.error + nothing;
     let miss = (given - found.value).abs();
     (miss > allowed).then(|| miss / allowed.max(f64::MIN_POSITIVE))
 }
@@ -211,7 +212,7 @@ fn check_jacobian<E: Equations>(
         let seen = (0..n).fold(rows[i], |m: f64, j| m.max(found[j][i].value.abs() * lengths[j]));
         for j in 0..n {
             let (c, d) = (given.c[i * n + j], found[j][i]);
-            worst.hear(off(c, d, NOTHING * seen / lengths[j]), || SystemError::Derivative {
+            worst.hear(off(c, d, tolerance::DIFFERENCE_ROUNDING * seen / lengths[j]), || SystemError::Derivative {
                 function: "jacobian",
                 row: i,
                 column: Some(j),
@@ -238,7 +239,7 @@ fn check_rate<E: Equations>(
     let mut worst = Worst::default();
     for (i, &d) in found.iter().enumerate() {
         let a = given.a[i];
-        worst.hear(off(a, d, NOTHING * rows[i] / time), || SystemError::Derivative {
+        worst.hear(off(a, d, tolerance::DIFFERENCE_ROUNDING * rows[i] / time), || SystemError::Derivative {
             function: "constraint_rate",
             row: i,
             column: None,
@@ -280,14 +281,16 @@ fn check_bias<E: Equations>(
     });
     let mut worst = Worst::default();
     for (i, &d) in found.iter().enumerate() {
-        worst.hear(off(b[i], d, NOTHING * rows[i] / (unit * unit)), || SystemError::Derivative {
-            function: "bias",
-            row: i,
-            column: None,
-            given: b[i],
-            found: d.value,
-            t,
-            of: format!("the change of (C v + a)[{i}] along the motion, at v = {}", listed(w)),
+        worst.hear(off(b[i], d, tolerance::DIFFERENCE_ROUNDING * rows[i] / (unit * unit)), || {
+            SystemError::Derivative {
+                function: "bias",
+                row: i,
+                column: None,
+                given: b[i],
+                found: d.value,
+                t,
+                of: format!("the change of (C v + a)[{i}] along the motion, at v = {}", listed(w)),
+            }
         });
     }
     worst.result()
@@ -316,7 +319,7 @@ fn admissible(given: &Given, lengths: &[f64], time: f64, tried: usize) -> Vec<f6
             open[i] /= length;
         }
     }
-    if let Ok((z, _)) = factor::least_squares_min_norm(&c, &open, REDUNDANT) {
+    if let Ok((z, _)) = factor::least_squares_min_norm(&c, &open, tolerance::DIFFERENCE_ROUNDING) {
         w.iter_mut().zip(&z).zip(lengths).for_each(|((w, z), l)| *w -= z * l);
     }
     w
@@ -348,7 +351,7 @@ pub fn lengths<E: Equations>(e: &E, t: f64, q: &[f64]) -> Result<Vec<f64>, Syste
         });
         x[j] = q[j];
         let slope: Vec<f64> =
-            slope.iter().map(|d| if d.value.abs() > 10.0 * d.error { d.value } else { 0.0 }).collect();
+            slope.iter().map(|d| if d.value.abs() > tolerance::CLEARLY * d.error { d.value } else { 0.0 }).collect();
         let (mut turning, mut count) = (0.0, 0.0);
         for i in 0..m {
             let (row, turn) = (size(&c[i * n..(i + 1) * n]), size(&slope[i * n..(i + 1) * n]));

@@ -22,7 +22,7 @@ use crate::positions::inverse_kinematics::InverseKinematics;
 use crate::positions::newton::Newton;
 use crate::positions::{needs_positions, Positions};
 use crate::record::{Gaps, History, Output, PartitionEvent, Sample, StepChecks};
-use crate::reduction::{Reduction, SINGULAR_PIVOT};
+use crate::reduction::Reduction;
 use crate::singular::consistency::Watch;
 use crate::system::{ConstrainedSystem, SystemError, SystemRef};
 use crate::tangent::all::Everything;
@@ -35,6 +35,7 @@ use crate::tangent::user::Given;
 use crate::tangent::{Occasion, Tangent};
 use checks::Checks;
 use crossing::CrossingMonitor;
+use partita_math::tolerance;
 
 /// A motion in the tangent T with the position coordinates P.
 pub struct Motion<'s, S: ConstrainedSystem + 's, T, P> {
@@ -255,7 +256,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             }
             if self.monitor.spoilt && serving.is_none() {
                 let (half_t, half) = self.half_way();
-                let singular = SystemError::Singular { t: half_t, pivot: 0.0, limit: SINGULAR_PIVOT };
+                let singular = SystemError::Singular { t: half_t, pivot: 0.0, limit: tolerance::SINGULAR_PIVOT };
                 // one that stays has no other to go on with
                 if let e @ SystemError::DeadPoint { .. } = self.tangent.blame(half_t, &half, singular) {
                     return Err(e);

@@ -18,16 +18,13 @@ use crate::manifold::Linearization;
 use crate::system::{ConstrainedSystem, SystemError};
 use descent::{to_round_off, Descent, Ending};
 
-/// Largest residual that counts as closed, in radians and parts of the characteristic length of each loop: ten thousand
-/// times the round-off of one number, which sums along loops of a thousand links stay below.
-pub const CLOSED: f64 = 1e-12;
-
-/// A drawing closed to this part of the tolerance is left as it is drawn: what remains is its own round-off.
+/// A drawing closed to this is left as it is drawn. Scale: fraction of the closing tolerance. Reason: what remains is
+/// its own round-off.
 const AS_DRAWN: f64 = 1e-3;
 
-/// What a drawing with twelve digits leaves open along its loops, and no motion closes: a tenth of what counts as
-/// closed.
-const LAST_DIGITS: f64 = 1e-10;
+/// What a drawing with twelve digits leaves open along its loops, and no motion closes. Scale: characteristic
+/// displacement. Reason: a tenth of what counts as closed in a run.
+const DRAWN_DIGITS: f64 = 1e-10;
 
 /// Starts around the drawing that are tried where the drawing itself leads to a position that is nearest to closing
 /// without closing: with a chance of one half each, one in ten million is missed.
@@ -77,7 +74,7 @@ pub fn close<S: ConstrainedSystem>(
         return Ok(report);
     }
     report.iterations += d.descend(q, &to_round_off(tolerance))?;
-    d.accept_last_digits(LAST_DIGITS);
+    d.accept_last_digits(DRAWN_DIGITS);
     let mut turned = d.turn_over(q);
     // the best of each part of the mechanism over the starts
     let mut best = q.to_vec();

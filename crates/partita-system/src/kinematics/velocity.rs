@@ -5,34 +5,34 @@ use crate::system::{ConstrainedSystem, SystemError, Tangent};
 use partita_math::dense::{self, Matrix};
 use partita_math::factor;
 use partita_math::formatted;
+use partita_math::tolerance;
 
-/// Rates that hold together are met to this part of the largest velocity asked for or forced (in characteristic
-/// displacements per second): what solutions with a condition up to a million leave of sixteen digits.
-const MET: f64 = 1e-9;
-/// Next to a singular position rates that hold together are known to this part over the square of the distance from it:
-/// of a position closed to round-off the directions of motion are off by the one over the distance, and what loops make
-/// of them by the other...
-const ROUNDED: f64 = 5e-15;
-/// ... but never to less than this part.
-const AT_MOST: f64 = 1e-5;
-/// Singular values below this part of the largest belong to rates that follow from the others.
-const FOLLOWS: f64 = 1e-10;
-/// A rate that takes others to this many times its own speed (in characteristic displacements per second) is that of a
-/// joint which is locked: what positions closed to round-off leave open of a dead point is the root of it, 1e-8.
+/// Rates that differ by less are printed with more digits. Scale: fraction of the rate, at least one. Reason: as many
+/// digits as a message usually shows.
+const FIVE_DIGITS: f64 = 1e-5;
+/// Next to a singular position rates are known to this. Scale: fraction of the fastest rate, over the square of the
+/// distance. Reason: directions of motion are off by rounding over the distance, and loops divide by it once more.
+const RATE_ROUNDING: f64 = 5e-15;
+/// Next to a singular position rates are met to this at least. Scale: fraction of the fastest rate. Reason: five digits
+/// are the least that counts as met.
+const RATES_MET_AT_WORST: f64 = 1e-5;
+/// A rate that drives others at this multiple of its own belongs to a locked joint. Scale: ratio of rates in
+/// characteristic displacements. Reason: positions closed to round-off leave the root of it, 1e-8, open of a dead
+/// point.
 const LOCKED: f64 = 1e7;
 
 /// To which part of the largest velocity rates that hold together are met at the last tangent.
 pub fn met<S: ConstrainedSystem>(r: &mut Reduction<S>) -> f64 {
     if r.rank() == 0 {
-        return MET;
+        return tolerance::RATES_MET;
     }
     let (distance, _) = r.distance();
-    (ROUNDED / (distance * distance)).clamp(MET, AT_MOST)
+    (RATE_ROUNDING / (distance * distance)).clamp(tolerance::RATES_MET, RATES_MET_AT_WORST)
 }
 
 /// A rate that was wanted and the one that is possible, with as many digits as it takes to distinguish them.
 pub fn possible(want: f64, got: f64) -> String {
-    let digits = match (got - want).abs() < 1e-5 * want.abs().max(1.0) {
+    let digits = match (got - want).abs() < FIVE_DIGITS * want.abs().max(1.0) {
         true => 12,
         false => 6,
     };
@@ -137,7 +137,7 @@ pub fn pushed_with_rates<S: ConstrainedSystem>(
         let freest = rates.iter().zip(&length).fold(0.0, |m: f64, (r, l)| m.max(l / displacement(r.0)));
         for (i, &(vi, _)) in rates.iter().enumerate() {
             // rates of turns and slides compare by what they are in the mass metric
-            if length[i] > FOLLOWS * freest * displacement(vi) {
+            if length[i] > tolerance::NULL_VALUE * freest * displacement(vi) {
                 want[i] /= length[i];
                 rows.row_mut(i).iter_mut().for_each(|x| *x /= length[i]);
             } else {
@@ -145,7 +145,7 @@ pub fn pushed_with_rates<S: ConstrainedSystem>(
                 length[i] = 1.0;
             }
         }
-        let (solution, _) = factor::least_squares_min_norm(&rows, &want, FOLLOWS)
+        let (solution, _) = factor::least_squares_min_norm(&rows, &want, tolerance::NULL_VALUE)
             .map_err(|_| SystemError::NotFinite { what: "a rate".into(), t })?;
         let got = rows.matvec(&solution);
         let miss: Vec<f64> = got.iter().zip(&want).zip(&length).map(|((g, w), s)| (g - w) * s).collect();

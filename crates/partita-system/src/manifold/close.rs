@@ -10,40 +10,49 @@
 
 use crate::error::Result;
 use crate::system::SystemError;
+use partita_math::tolerance;
 
-/// A step that gains less than this part of what its linear rows promise is refused.
-const GAINS: f64 = 1e-4;
-/// Steps that gain more than this part of the promise are damped less from then on, by the second factor...
-const GOOD: (f64, f64) = (0.75, 0.2);
-/// ... and those that gain less than this part are damped more.
-const POOR: (f64, f64) = (0.25, 3.0);
-/// A refused step: its damping grows by this, or its length falls by the other.
-const REFUSED: (f64, f64) = (4.0, 0.5);
-/// Damping at the start.
+/// A step that gains less is refused. Scale: fraction of the gain that its linear rows promise. Reason: the usual bound
+/// of sufficient decrease.
+const LEAST_GAIN: f64 = 1e-4;
+/// Steps that gain more than the first part are damped less by the second factor. Scale: fraction of the promised gain;
+/// factor of the damping. Reason: the usual rule of trust regions.
+const GOOD_STEP: (f64, f64) = (0.75, 0.2);
+/// Steps that gain less than the first part are damped more by the second factor. Scale: fraction of the promised gain;
+/// factor of the damping. Reason: the usual rule of trust regions.
+const POOR_STEP: (f64, f64) = (0.25, 3.0);
+/// After a refused step the damping grows by the first factor, or the length falls by the second. Scale: factors.
+/// Reason: the usual rule of trust regions.
+const REFUSED_STEP: (f64, f64) = (4.0, 0.5);
+/// Damping of the first step. Scale: squares of singular values in natural scales. Reason: rows weaker than a tenth are
+/// not yet followed.
 const FIRST_DAMPING: f64 = 1e-2;
-/// A damping above this moves nothing any more.
+/// A larger damping moves nothing. Scale: squares of singular values in natural scales. Reason: moves are below
+/// round-off then.
 const LARGEST_DAMPING: f64 = 1e10;
-/// A step shorter than this part of the linear one that still does not gain ends the loop.
-const SHORTEST: f64 = 1e-3;
-/// At rest: |Cᵀ Φ| below this part of |Φ|. A mechanism that closes at a singular position comes to √Φ, 1e-6 at the
-/// tolerance 1e-12.
+/// A step cut below this that still does not gain ends the loop. Scale: fraction of the linear step. Reason: ten
+/// halvings; a descent direction gains earlier.
+const SHORTEST_CUT: f64 = 1e-3;
+/// At rest: |Cᵀ Φ| below this. Scale: fraction of |Φ|. Reason: a mechanism that closes at a singular position comes to
+/// √Φ, 1e-6 at the tolerance 1e-12.
 const AT_REST: f64 = 1e-7;
-/// The same where [`PATIENCE`] iterations have gained nothing.
+/// At rest where [`PATIENCE`] iterations have gained nothing: |Cᵀ Φ| below this. Scale: fraction of |Φ|. Reason: slow
+/// progress and a small slope together.
 const NEARLY_AT_REST: f64 = 1e-3;
-/// An iteration that lowers |Φ|² by less than this part gains nothing...
-const GAIN: f64 = 1e-2;
-/// ... and this many of them in a row end the loop.
+/// An iteration that lowers |Φ|² by less gains nothing. Scale: fraction of |Φ|². Reason: a hundred such iterations
+/// would be needed for one digit.
+const SLOW_GAIN: f64 = 1e-2;
+/// So many iterations in a row that gain nothing end the loop.
 const PATIENCE: usize = 20;
-/// Rows that fall by less than this in an iteration do not close any further: Newton's method halves the error at
-/// least, also next to a singular position, where it falls to a quarter.
+/// Rows that fall by less do not close any further. Scale: ratio in one iteration. Reason: Newton's method halves the
+/// error at least, also next to a singular position, where it falls to a quarter.
 const STALLED: f64 = 0.5;
-/// Changes of |Φ|² below this part of it may be round-off: where rows stay open, at a least of |Φ|²...
-const FLAT: f64 = 1e-12;
-/// ... and then steps are good that become shorter by this.
+/// Changes of |Φ|² below this may be rounding. Scale: fraction of |Φ|². Reason: at a minimum with open rows |Φ|²
+/// changes by the square of the move.
+const FLAT_BOTTOM: f64 = 1e-12;
+/// Steps at a minimum with open rows are good when they become shorter by this factor. Scale: ratio of successive
+/// steps. Reason: linear convergence is all there is.
 const SHORTER: f64 = 0.7;
-/// Steps up to this (in characteristic displacements) need not become shorter: the error is its square, below
-/// round-off.
-const LAST: f64 = 1e-9;
 
 /// How far rows are open, in the scale of their linearization.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -306,7 +315,7 @@ impl Room {
             let slope = l.slope(i).map(|slope| (slope / p.open.square).sqrt());
             if slope.is_some_and(|x| x <= AT_REST || idle && x <= NEARLY_AT_REST) {
                 p.stall(rule, Ending::AtRest);
-            } else if idle || p.damping > LARGEST_DAMPING || p.fraction < SHORTEST {
+            } else if idle || p.damping > LARGEST_DAMPING || p.fraction < SHORTEST_CUT {
                 p.stall(rule, Ending::Unfinished);
             }
         }
@@ -316,7 +325,7 @@ impl Room {
     fn limit<L: Linearization + ?Sized>(&mut self, l: &mut L, rule: &Rule) {
         for (i, p) in self.parts.iter_mut().enumerate().filter(|(_, p)| p.is_active()) {
             p.length = l.length(i);
-            if !p.length.is_finite() || p.length > (rule.shrink * p.before).max(LAST) {
+            if !p.length.is_finite() || p.length > (rule.shrink * p.before).max(tolerance::LAST_MOVE) {
                 p.stall(rule, Ending::Elsewhere);
                 l.scale(i, 0.0);
                 continue;
@@ -340,25 +349,25 @@ impl Room {
         for (i, p) in self.parts.iter_mut().enumerate().filter(|(_, p)| p.is_active()) {
             let now = l.open(i);
             let gain = if finite && now.square.is_finite() { p.open.square - now.square } else { f64::NEG_INFINITY };
-            let flat = rule.rest > 0.0 && gain.abs() <= FLAT * p.open.square;
+            let flat = rule.rest > 0.0 && gain.abs() <= FLAT_BOTTOM * p.open.square;
             let shorter = p.length <= SHORTER * p.before;
             let takes = rule.undamped.is_some() && gain.is_finite();
-            if gain > GAINS * p.promised && gain > 0.0 || flat && shorter || takes {
+            if gain > LEAST_GAIN * p.promised && gain > 0.0 || flat && shorter || takes {
                 l.take(i);
                 p.damping *= match gain {
                     _ if flat || takes => 1.0,
-                    x if x > GOOD.0 * p.promised => GOOD.1,
-                    x if x < POOR.0 * p.promised => POOR.1,
+                    x if x > GOOD_STEP.0 * p.promised => GOOD_STEP.1,
+                    x if x < POOR_STEP.0 * p.promised => POOR_STEP.1,
                     _ => 1.0,
                 };
                 // where rows stay open their least is told by the length of steps
-                p.idle = if rule.rest > 0.0 || gain > GAIN * p.open.square { 0 } else { p.idle + 1 };
+                p.idle = if rule.rest > 0.0 || gain > SLOW_GAIN * p.open.square { 0 } else { p.idle + 1 };
                 let stalls = now.worst > STALLED * p.open.worst && now.worst <= rule.accepted;
                 let rounding = p.length <= rule.rounding && p.length >= STALLED * p.before;
                 let last = (p.length <= rule.rest || rounding) && p.fraction == 1.0;
                 // while the rule is graded lengths do not compare
                 (p.open, p.before) = (now, if l.is_settled() { p.length } else { f64::INFINITY });
-                p.fraction = (p.fraction / REFUSED.1).min(1.0);
+                p.fraction = (p.fraction / REFUSED_STEP.1).min(1.0);
                 p.moved += p.taken;
                 if (stalls || last) && l.is_settled() {
                     p.stall(rule, Ending::AtRest);
@@ -375,8 +384,8 @@ impl Room {
             }
             match least {
                 _ if flat && !l.is_settled() => {}
-                Some(least) => p.damping = (REFUSED.0 * p.damping).max(least),
-                None => p.fraction *= REFUSED.1,
+                Some(least) => p.damping = (REFUSED_STEP.0 * p.damping).max(least),
+                None => p.fraction *= REFUSED_STEP.1,
             }
         }
         refused

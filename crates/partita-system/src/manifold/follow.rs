@@ -13,15 +13,18 @@ use super::close::{Closed, Ending};
 use crate::error::Result;
 use crate::system::SystemError;
 
-/// Longest step, in characteristic displacements: a third of a radian is straight but for a twentieth.
-pub const LONGEST: f64 = 0.3;
-/// A position that closes by taking back more than this part of the predictor was thrown back: no motion leads on
-/// there.
+/// Longest step along a curve. Scale: characteristic displacement. Reason: a third of a radian is straight but for a
+/// twentieth.
+pub const LONGEST_PREDICTION: f64 = 0.3;
+/// A position whose correction takes back more was thrown back: no motion leads on there. Scale: fraction of the
+/// prediction. Reason: a motion that goes on keeps most of it.
 pub const THROWN_BACK: f64 = 0.5;
-/// A tangent may change by this part of itself in one step; one that doubles is that of a limit near by.
-const TURNS: f64 = 0.5;
-/// Changes below this part let the next step be longer.
-const EASY: f64 = 0.15;
+/// Largest change of the tangent in one step. Scale: fraction of the tangent. Reason: one that doubles belongs to a
+/// limit near by.
+const TANGENT_TURNS: f64 = 0.5;
+/// Changes of the tangent below this let the next step be longer. Scale: fraction of the tangent. Reason: a third of
+/// what is allowed.
+const EASY_STEP: f64 = 0.15;
 
 /// A curve of closed positions, by its parameter s.
 pub trait Curve {
@@ -146,7 +149,7 @@ fn step<C: Curve + ?Sized>(
         return Ok(Err(End::Limit));
     }
     let turned = turned(tangent, next);
-    if turned.is_nan() || turned > TURNS {
+    if turned.is_nan() || turned > TANGENT_TURNS {
         return Ok(Err(End::Limit));
     }
     Ok(match visit(curve, At { q, s: s + ds, tangent: next })? {
@@ -196,7 +199,7 @@ pub fn follow<C: Curve + ?Sized>(
                     _ if last => return Ok(found),
                     _ => {}
                 }
-                if turned < EASY {
+                if turned < EASY_STEP {
                     part *= 2.0;
                 }
             }

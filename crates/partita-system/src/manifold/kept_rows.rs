@@ -8,8 +8,9 @@ use crate::record::Correction;
 use crate::reduction::Reduction;
 use crate::system::{ConstrainedSystem, SystemError};
 
-/// A residual of more round-offs than this is no round-off even next to a singular position: an open loop.
-const UNDECIDED: f64 = 1e2;
+/// A larger residual is no rounding even next to a singular position: the loop is open. Scale: multiples of the
+/// rounding of the row. Reason: two digits are lost where rank is doubtful.
+const UNDECIDED_ROUNDINGS: f64 = 1e2;
 
 /// Residuals count in units of their own round-off. Near by two or three steps reach it; far off digits double late,
 /// and next to a singular position, where two solutions meet, each step only halves the distance: 26 for eight digits.
@@ -71,7 +72,7 @@ impl<S: ConstrainedSystem> Linearization for KeptRows<'_, '_, S> {
         }
         let step = self.r.dependent_step();
         self.length = step.length;
-        Ok(!(step.is_round_off() && self.open.worst <= UNDECIDED))
+        Ok(!(step.is_round_off() && self.open.worst <= UNDECIDED_ROUNDINGS))
     }
     fn length(&self, _part: usize) -> f64 {
         self.length

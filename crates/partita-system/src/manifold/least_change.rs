@@ -9,12 +9,10 @@ use super::scaled::Scaled;
 use crate::error::Result;
 use crate::system::ConstrainedSystem;
 use partita_math::least_norm::LeastNorm;
+use partita_math::tolerance;
 
-/// Damping of the last steps, in squares of singular values of C in natural scales. Rows weaker than its root, 1e-5,
-/// count as repeated; a loop at a singular position is closed by moves of no more than 5e4 times its residual.
-pub const LEAST_DAMPING: f64 = 1e-10;
-/// Largest move in one iteration, in characteristic displacements (radians for turns): half a radian turns a direction
-/// by less than its own linear prediction errs by an eighth.
+/// Largest move in one iteration. Scale: characteristic displacement (radians for turns). Reason: half a radian turns a
+/// direction by less than its own linear prediction errs by an eighth.
 const LARGEST_MOVE: f64 = 0.5;
 /// Iterations of one descent; half a radian each, so a hundred radians.
 pub const ITERATIONS: usize = 200;
@@ -24,16 +22,18 @@ pub const fn from_afar(tolerance: f64) -> Rule {
     Rule::new(ITERATIONS, f64::EPSILON, tolerance).cut(LARGEST_MOVE)
 }
 
-/// The first correction of a predicted position may be this large, in characteristic displacements...
-const BENT: f64 = 0.05;
-/// ... and each next one this part of the one before: Newton's method in its own neighbourhood has less than a half.
-const SHRINKS: f64 = 0.25;
+/// Largest first correction of a predicted position. Scale: characteristic displacement. Reason: the curvature over the
+/// longest prediction.
+const FIRST_CORRECTION: f64 = 0.05;
+/// Largest ratio of successive corrections. Scale: ratio. Reason: Newton's method in its own neighbourhood has less
+/// than a half.
+const CORRECTIONS_SHRINK: f64 = 0.25;
 /// Corrections of one position; a step that needs more is too long.
 const CORRECTIONS: usize = 8;
 
 /// From a predictor: to `tolerance`, by corrections that lead to the solution next to it and to no other.
 pub const fn near_by(tolerance: f64) -> Rule {
-    Rule::new(CORRECTIONS, tolerance, tolerance).contracting(BENT, SHRINKS)
+    Rule::new(CORRECTIONS, tolerance, tolerance).contracting(FIRST_CORRECTION, CORRECTIONS_SHRINK)
 }
 
 /// Rows and velocities that depend on each other.
@@ -145,7 +145,7 @@ impl<'s, S: ConstrainedSystem> LeastChange<'s, S> {
     /// to first order, where last evaluated, locked velocities left out.
     pub fn ahead(&mut self, ahead: &[f64], y: &mut [f64]) {
         let rows = self.scaled.rows();
-        self.mu.fill(LEAST_DAMPING);
+        self.mu.fill(tolerance::DAMPING);
         self.r.fill(0.0);
         for (k, x) in ahead.iter().enumerate() {
             self.r[rows + k] = *x;
@@ -192,7 +192,7 @@ impl<S: ConstrainedSystem> Linearization for LeastChange<'_, S> {
         self.mu.fill(1.0);
         self.r.fill(0.0);
         for (b, p) in self.blocks.iter().zip(parts).filter(|(_, p)| p.is_active()) {
-            let mu = (p.damping * p.open.worst.min(1.0).powi(2)).max(LEAST_DAMPING);
+            let mu = (p.damping * p.open.worst.min(1.0).powi(2)).max(tolerance::DAMPING);
             for &i in &b.rows {
                 self.mu[i] = mu;
                 self.r[i] = -self.scaled.phi[i];
@@ -225,7 +225,7 @@ impl<S: ConstrainedSystem> Linearization for LeastChange<'_, S> {
         self.blocks[part].rows.iter().map(|&i| (s.phi[i] + s.along(i, &self.y)).powi(2)).sum()
     }
     fn least_damping(&self, part: usize) -> Option<f64> {
-        Some(LEAST_DAMPING / self.blocks[part].open.worst.min(1.0).powi(2))
+        Some(tolerance::DAMPING / self.blocks[part].open.worst.min(1.0).powi(2))
     }
     fn slope(&self, part: usize) -> Option<f64> {
         Some(self.blocks[part].slope)

@@ -439,7 +439,7 @@ fn a_four_bar_is_followed_over_full_turns_on_its_branch() {
         let mut q = start;
         // three turns: the crank is the fastest link most of the time
         let (mut positions, mut least) = (0, f64::INFINITY);
-        let pace = Pace { longest: follow::LONGEST, shortest: 1e-6, steps: 10_000 };
+        let pace = Pace { longest: follow::LONGEST_PREDICTION, shortest: 1e-6, steps: 10_000 };
         let done = follow(&mut curve, &mut q, &[sign, 0.0, 0.0], 60.0, &pace, &mut |curve, at| {
             positions += 1;
             assert!(open(&system, at.q) < 1e-12);
@@ -477,7 +477,7 @@ fn halving_steps_lead_to_the_same_positions() {
 
 #[test]
 fn curves_end_with_their_reason() {
-    let pace = Pace { longest: follow::LONGEST, shortest: 1e-7, steps: 10_000 };
+    let pace = Pace { longest: follow::LONGEST_PREDICTION, shortest: 1e-7, steps: 10_000 };
     let on = |_: &mut Along<UserSystem<Chains>>, _: At| Ok(Visit::On);
     // three links in one line, as long as the base: free for an instant only
     let line = Chains::one(&[1.0, 1.5, 0.5], 3.0);

@@ -8,37 +8,39 @@
 //! afar the level is graded, strong rows first, else steps jump off along weak ones.                            (11.9)
 
 use super::close::{close, Closed, Ending, Linearization, Open, Part, Room, Rule};
-use super::follow::{Curve, LONGEST};
+use super::follow::{Curve, LONGEST_PREDICTION};
 use super::scaled::Scaled;
 use crate::error::Result;
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::dense::Matrix;
 use partita_math::factor::{pivoted_least_norm, qr_null_space_by};
+use partita_math::tolerance;
 
-/// First grade of the level.
-const COARSE: f64 = 0.03;
-/// Ratio between grades.
-const GRADE: f64 = 0.1;
-/// Moves below this (in characteristic displacements), or this part of the grade, are the end of it.
-const STILL: (f64, f64) = (1e-9, 1e-2);
+/// First grade of the level. Scale: singular values in natural scales. Reason: rows that are clearly alive.
+const FIRST_GRADE: f64 = 0.03;
+/// Ratio between grades. Scale: ratio. Reason: one digit at a time.
+const GRADE_RATIO: f64 = 0.1;
+/// Moves below this end a grade. Scale: fraction of the grade. Reason: null directions turn by no more than it.
+const GRADE_SETTLED: f64 = 1e-2;
 /// Longest steps at the most: guides that are out of parallel meet far away.
 const FARTHEST: usize = 400;
 /// Iterations besides: three or four of Newton's method for each grade.
 const ITERATIONS: usize = 60;
-/// A step this short is the last.
-const REST: f64 = 1e-14;
-/// Steps that become no shorter are rounding where they are shorter than this.
-const ROUNDING: f64 = 1e-11;
-/// Rows open by less are closed.
-const CLOSED: f64 = 2e-15;
-/// Rows open by less that close no further are closed.
-const ACCEPTED: f64 = 1e-14;
-/// A direction that loses more than this part of itself from one position to the next does not go on.
-const GOES_ON: f64 = 0.5;
+/// Steps that become no shorter are rounding below this. Scale: characteristic displacement. Reason: rounding over the
+/// weakest pivot that counts.
+const UNDAMPED_ROUNDING: f64 = 1e-11;
+/// Rows open by less need no further iteration. Scale: characteristic displacement. Reason: some units in the last
+/// place.
+const CLOSED_TO_REST: f64 = 2e-15;
+/// A direction that loses more of itself from one position to the next ends. Scale: fraction of the unit direction.
+/// Reason: more than half of it belongs to other directions then.
+const DIRECTION_ENDS: f64 = 0.5;
 
 /// To where the rows that count are closed: what stays open then no motion of the level closes.
-pub const TO_REST: Rule =
-    Rule::new(ITERATIONS, CLOSED, ACCEPTED).cut(LONGEST).to_rest(REST).undamped(ROUNDING, FARTHEST);
+pub const TO_REST: Rule = Rule::new(ITERATIONS, CLOSED_TO_REST, tolerance::SUM_ROUNDING)
+    .cut(LONGEST_PREDICTION)
+    .to_rest(tolerance::SUM_ROUNDING)
+    .undamped(UNDAMPED_ROUNDING, FARTHEST);
 
 /// Which pivots or singular values of C count.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -102,7 +104,7 @@ impl<'s, S: ConstrainedSystem> Truncated<'s, S> {
             cut,
             moved: vec![0.0; n],
             t,
-            grade: COARSE,
+            grade: FIRST_GRADE,
             open: Open::default(),
             y: vec![0.0; n],
             dv: vec![0.0; n],
@@ -115,7 +117,7 @@ impl<'s, S: ConstrainedSystem> Truncated<'s, S> {
     /// # Errors
     /// As [`close`].
     pub fn close(&mut self, q: &mut [f64], room: &mut Room) -> Result<Closed> {
-        (self.grade, self.length) = (COARSE, f64::INFINITY);
+        (self.grade, self.length) = (FIRST_GRADE, f64::INFINITY);
         self.moved.fill(0.0);
         close(self, q, &TO_REST, room)
     }
@@ -173,8 +175,8 @@ impl<S: ConstrainedSystem> Linearization for Truncated<'_, S> {
         self.open
     }
     fn solve(&mut self, _q: &[f64], _parts: &[Part]) -> Result<bool> {
-        if !self.is_settled() && self.length < STILL.0.max(STILL.1 * self.grade) {
-            self.grade *= GRADE;
+        if !self.is_settled() && self.length < tolerance::LAST_MOVE.max(GRADE_SETTLED * self.grade) {
+            self.grade *= GRADE_RATIO;
         }
         let (mut phi, c) = self.scaled.dense();
         phi.iter_mut().for_each(|x| *x = -*x);
@@ -232,7 +234,7 @@ impl<S: ConstrainedSystem> Curve for Along<'_, '_, S> {
         self.free = Some(found);
         let (after, fastest) = (norm(&on), self.travel(&on));
         tangent.iter_mut().zip(&on).for_each(|(t, x)| *t = x / fastest);
-        Ok(after > GOES_ON * before && fastest > 0.0 && fastest.is_finite())
+        Ok(after > DIRECTION_ENDS * before && fastest > 0.0 && fastest.is_finite())
     }
     fn predict(&mut self, q: &mut [f64], tangent: &[f64], ds: f64) {
         self.rows.step(q, ds, tangent);

@@ -5,6 +5,7 @@
 //! states in Modelica tools. Units decide what it takes, those of the rows as well as those of the coordinates.
 
 use partita_math::dense::Matrix;
+use partita_math::tolerance;
 
 /// The n − r velocities left over, ascending, and the last pivot over the first one. `None`: C has less than `rank`
 /// pivots that are not zero. Ties go to the first row, then the lower column. Cost: m n r.
@@ -17,7 +18,7 @@ pub fn choose(c: &Matrix, rank: usize) -> Option<(Vec<usize>, f64)> {
         let mut best = (0.0, 0, 0);
         for (p, &i) in rows.iter().enumerate() {
             for (o, &j) in free.iter().enumerate() {
-                if x[(i, j)].abs() > best.0 * (1.0 + 1e-9) {
+                if x[(i, j)].abs() > best.0 * (1.0 + tolerance::TIE) {
                     best = (x[(i, j)].abs(), p, o);
                 }
             }

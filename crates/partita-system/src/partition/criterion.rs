@@ -6,6 +6,7 @@
 
 use partita_math::dense::{self, Matrix};
 use partita_math::factor;
+use partita_math::tolerance;
 
 /// `ρ_i` from the tangent side (21): needs `Dᵀ` (n x k), the Cholesky factor of `M_d` and `s_i² = [M⁻¹]_ii`.
 ///
@@ -71,7 +72,7 @@ pub fn choose(dt: &[f64], k: usize, md_factor: &[f64], s2: &[f64], weights: Opti
     for _ in 0..k {
         // ties within round-off go to the lower index, so that units cannot decide them
         let best = (0..n).filter(|i| !chosen.contains(i)).fold(None, |best: Option<usize>, i| match best {
-            Some(b) if left[i] <= left[b] * (1.0 + 1e-9) => Some(b),
+            Some(b) if left[i] <= left[b] * (1.0 + tolerance::TIE) => Some(b),
             _ => Some(i),
         });
         let Some(best) = best else { break };

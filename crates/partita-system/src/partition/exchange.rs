@@ -1,6 +1,8 @@
 //! The exchange rule P6: by how much the volume of the choice grows when a dependent coordinate takes the place of an
 //! independent one.
 
+use partita_math::tolerance;
+
 /// One possible exchange.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Exchange {
@@ -21,7 +23,7 @@ pub fn best(a: &[f64], s: &[f64], dependent: &[usize], independent: &[usize]) ->
     for (p, &i) in dependent.iter().enumerate() {
         for (j, &c) in independent.iter().enumerate() {
             let gain = a[p * k + j].abs() * s[c] / s[i];
-            if best.is_none_or(|b| gain > b.gain * (1.0 + 1e-9)) {
+            if best.is_none_or(|b| gain > b.gain * (1.0 + tolerance::TIE)) {
                 best = Some(Exchange { enters: p, leaves: j, gain });
             }
         }

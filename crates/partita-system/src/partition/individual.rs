@@ -4,17 +4,20 @@
 //! same motion may both be large, and then their choice is poor or impossible (a pendulum at 45° beside three coupled
 //! carts: both coordinates of the pendulum lead, and nothing drives the carts).
 
+use partita_math::tolerance;
+
 /// The k largest `ρ_i w_i`, ascending; `weights` are preferences. Ties within round-off go to the lower index.
 /// Cost: n k.
 pub fn choose(rho: &[f64], k: usize, weights: Option<&[f64]>) -> Vec<usize> {
     let score = |i: usize| rho[i] * weights.map_or(1.0, |w| w[i]);
     let mut chosen: Vec<usize> = Vec::with_capacity(k);
     for _ in 0..k {
-        let best =
-            (0..rho.len()).filter(|i| !chosen.contains(i)).reduce(|b, i| match score(i) > score(b) * (1.0 + 1e-9) {
+        let best = (0..rho.len()).filter(|i| !chosen.contains(i)).reduce(|b, i| {
+            match score(i) > score(b) * (1.0 + tolerance::TIE) {
                 true => i,
                 false => b,
-            });
+            }
+        });
         chosen.extend(best);
     }
     chosen.sort_unstable();

@@ -14,14 +14,18 @@
 //! away. So an exchange loses nothing of the window.
 
 use super::volume;
+use partita_math::tolerance;
 use std::collections::VecDeque;
 
-/// Instants that represent a window; closer ones are left out.
+/// Instants that represent a window; closer ones are left out. Scale: count. Reason: many more than the exchanges in a
+/// window.
 const INSTANTS: f64 = 256.0;
-/// The least volume must grow by more than this: a dead band against round-off and the grid of the steps.
-const GAIN: f64 = 1.05;
-/// Above this |Â| the present choice has σ < 1/20, because `σ ≤ 1 / max |Â|`: it is left whatever the window says.
-const GUARD: f64 = 20.0;
+/// The least volume must grow by this factor. Scale: ratio of volumes. Reason: a dead band against rounding and the
+/// grid of the steps.
+const PERSISTENCE_GAIN: f64 = 1.05;
+/// Above this |Â| the present choice is left whatever the window says. Scale: scaled entries of A. Reason: it has σ
+/// below a twentieth then, because `σ ≤ 1 / max |Â|`.
+const PERSISTENCE_GUARD: f64 = 20.0;
 
 /// Dᵀ at one instant, and what it says about the present choice and its neighbours.
 struct Instant {
@@ -120,13 +124,13 @@ impl Persistence {
         let (n, k) = (rows.len() / self.independent.len().max(1), self.independent.len());
         let pairs = || (0..n).filter(|i| !self.independent.contains(i)).flat_map(|i| (0..k).map(move |j| (i, j)));
         let largest = pairs().fold(None, |best: Option<(usize, usize)>, (i, j)| match best {
-            Some((a, b)) if rows[i * k + j].abs() <= rows[a * k + b].abs() * (1.0 + 1e-9) => best,
+            Some((a, b)) if rows[i * k + j].abs() <= rows[a * k + b].abs() * (1.0 + tolerance::TIE) => best,
             _ => Some((i, j)),
         });
         let (enters, leaves) = largest?;
         let gain = rows[enters * k + leaves].abs();
         let full = self.instants.front().is_some_and(|first| first.t <= t - self.window);
-        let limit = if full { GUARD.max(self.exchange) } else { self.exchange };
+        let limit = if full { PERSISTENCE_GUARD.max(self.exchange) } else { self.exchange };
         if gain > limit {
             let why = if full { "the present choice goes bad" } else { "the window has not filled yet" };
             let reason = format!("the volume of the choice grows by {gain:.3}, and {why}");
@@ -138,9 +142,9 @@ impl Persistence {
         let (own, least) = self.least(n * k);
         let better = pairs()
             .filter(|(i, j)| rows[i * k + j].abs() > 1.0 / self.exchange)
-            .filter(|(i, j)| least[i * k + j] > own + GAIN.ln())
+            .filter(|(i, j)| least[i * k + j] > own + PERSISTENCE_GAIN.ln())
             .fold(None, |best: Option<(usize, usize)>, (i, j)| match best {
-                Some((a, b)) if least[i * k + j] <= least[a * k + b] + 1e-9 => best,
+                Some((a, b)) if least[i * k + j] <= least[a * k + b] + tolerance::TIE => best,
                 _ => Some((i, j)),
             });
         let (enters, leaves) = better?;

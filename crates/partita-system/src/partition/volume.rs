@@ -6,11 +6,10 @@
 //! are factors that belong to single coordinates, and enter as their logarithms.
 
 use partita_math::dense;
+use partita_math::tolerance;
 
 /// Up to this many partitions are all compared: 50 000 minors of a small matrix take some milliseconds.
 pub const LARGEST_ENUMERATION: usize = 50_000;
-/// What must be gained, relatively, so that round-off (and with it units) cannot decide between equals.
-const TIE: f64 = 1e-9;
 
 /// A choice with the largest determinant.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -62,7 +61,7 @@ pub fn largest(rows: &[f64], bias: &[f64], first: &[usize]) -> Largest {
     let mut best = (f64::NEG_INFINITY, which.clone());
     loop {
         let value = log_minor(rows, &which) + which.iter().map(|&i| bias[i]).sum::<f64>();
-        if value > best.0 + TIE || best.0 == f64::NEG_INFINITY && value > best.0 {
+        if value > best.0 + tolerance::TIE || best.0 == f64::NEG_INFINITY && value > best.0 {
             best = (value, which.clone());
         }
         // the next one in lexicographic order
@@ -87,11 +86,11 @@ fn by_exchanges(rows: &[f64], bias: &[f64], first: &[usize]) -> Vec<usize> {
     let Some(mut x) = relative_to(rows, &chosen) else { return chosen };
     // every exchange multiplies the determinant by more than one, so the loop ends; the bound is for round-off
     for _ in 0..10 * n {
-        let mut best = (TIE, None);
+        let mut best = (tolerance::TIE, None);
         for i in (0..n).filter(|i| !chosen.contains(i)) {
             for j in 0..k {
                 let gain = x[i * k + j].abs().ln() + bias[i] - bias[chosen[j]];
-                if gain > best.0 + TIE {
+                if gain > best.0 + tolerance::TIE {
                     best = (gain, Some((i, j)));
                 }
             }

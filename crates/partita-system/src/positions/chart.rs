@@ -29,16 +29,18 @@ use crate::system::{ConstrainedSystem, SystemError};
 use crate::tangent::frozen::Frozen;
 use crate::tangent::Tangent;
 use partita_math::dense;
+use partita_math::tolerance;
 
 /// To round-off. Newton's method squares the error: from a stage away (1e-2 of a large move) it is there after five.
 /// The first move is along the tangent; moves that do not halve from there lead to another solution, or none.
 const RULE: Rule = Rule { iterations: 12, ..TO_ROUND_OFF }.contracting(f64::INFINITY, 0.5);
 /// So many iterations are a sign that the chart is bent too much here.
 const MANY: u32 = 7;
-/// A ball that has turned this far from the base asks for a new chart: the rate of the rotation vector grows without
-/// bounds towards 2π, and a quarter of the way there it is still as good as straight ...
+/// A ball joint that has turned this far from the base asks for a new chart. Scale: rad. Reason: the rate of the
+/// rotation vector grows without bounds towards 2π; a quarter of the way it is as good as straight.
 const FAR_TURN: f64 = std::f64::consts::FRAC_PI_2;
-/// ... and one that turned this far inside a step spoils the step.
+/// A ball joint that has turned this far inside a step spoils the step. Scale: rad. Reason: three quarters of the way
+/// to where the rate is unbounded.
 const TOO_FAR_TURN: f64 = 1.5 * std::f64::consts::PI;
 
 /// Coordinates p (k states) of a tangent chart.
@@ -171,7 +173,7 @@ impl<S: ConstrainedSystem> Linearization for InChart<'_, '_, '_, S> {
         // what rounding leaves of S Δ, as of the rows
         let size = |row: &[f64]| row.iter().zip(&c.displacement).map(|(s, r)| (s * r).abs()).sum::<f64>();
         let missed = c.miss.iter().zip(self.x.orthonormal().chunks_exact(n.max(1)));
-        let missed = missed.map(|(miss, row)| miss / (4.0 * f64::EPSILON * far * size(row)));
+        let missed = missed.map(|(miss, row)| miss / (tolerance::FEW_ROUNDINGS * far * size(row)));
         self.open = Open::of(self.x.seen().closure_error_of_rows().chain(missed));
         Ok(())
     }
@@ -325,7 +327,7 @@ fn turn_rate(turn: [f64; 3], w: [f64; 3]) -> [f64; 3] {
     let square: f64 = turn.iter().map(|x| x * x).sum();
     let half = 0.5 * square.sqrt();
     // by its series where the quotient would lose digits: the next term is θ⁶/1209600
-    let c = if half < 0.05 {
+    let c = if half < 0.5 * tolerance::SERIES_ANGLE {
         1.0 / 12.0 + square * (1.0 / 720.0 + square / 30240.0)
     } else {
         (1.0 - half / half.tan()) / square

@@ -1,5 +1,7 @@
 //! Has the motion been thrown back at a dead point? A question only 2k forms have to ask.
 
+use partita_math::tolerance;
+
 /// What the last step ended with, to hold the next one against.
 ///
 /// At a dead point of its inputs the equations in 2k states have two solutions: the mechanism passes, and its dependent
@@ -33,28 +35,33 @@ struct End {
 }
 
 impl Continuity {
-    /// Part of the speed that the trapezoidal rule may miss in a step. A thrown back mechanism misses all of it, one
-    /// that turns round by itself less and less with shorter steps.
-    const MISSED: f64 = 0.75;
-    /// A change of velocity that accelerations do not account for by this part, in one velocity, ...
+    /// What the trapezoidal rule may miss in a step. Scale: fraction of the speed. Reason: a mechanism that is thrown
+    /// back misses all of it, one that reverses by itself less and less with shorter steps.
+    const MISSED_SPEED: f64 = 0.75;
+    /// A change of one velocity that accelerations do not account for. Scale: fraction of the change. Reason: on the
+    /// same branch they account for most of it.
     const UNEXPLAINED: f64 = 0.75;
-    /// ... counts if it is more than this part of the fastest: one block of many that goes over to its other branch.
-    const VISIBLE: f64 = 0.05;
-    /// Singular positions of the mechanism are near below this distance: crossing from there takes half a radian or so.
-    const DISTANCE: f64 = 0.3;
-    /// This close to a dead point (1 over the gain) the equations in 2k states are round-off and no step finds its way.
+    /// An unexplained change of one velocity counts above this. Scale: fraction of the fastest velocity. Reason: one
+    /// block of many that passes to its other branch is seen.
+    const VISIBLE_CHANGE: f64 = 0.05;
+    /// A singular position is near below this distance. Scale: distance in natural scales. Reason: crossing from there
+    /// takes about half a radian.
+    const SINGULAR_NEAR: f64 = 0.3;
+    /// At this nearness to a dead point no step succeeds. Scale: gain of the exchange. Reason: the equations in 2k
+    /// states are rounding there.
     const STUCK: f64 = 1e4;
-    /// Nearness from which on short steps are blamed on the dead point or singular position, ...
-    const CLOSE: f64 = 30.0;
-    /// ... short against the longest so far, ...
-    const SHORT: f64 = 0.03;
-    /// ... and against the time left: a healthy approach takes a good part of it in each step. One that takes less than
-    /// this has an error estimate of round-off alone, and thousands of steps would follow, ...
-    const ADVANCE: f64 = 0.03;
-    /// ... if so many did.
+    /// From this nearness on short steps are blamed on the dead point or singular position. Scale: gain of the
+    /// exchange. Reason: one and a half digits are lost there.
+    const BLAMED_NEARNESS: f64 = 30.0;
+    /// Steps shorter than this are short. Scale: fraction of the longest step so far. Reason: error control shortens
+    /// healthy steps less.
+    const BLAMED_STEP: f64 = 0.03;
+    /// Steps that cover less hardly advance. Scale: fraction of the time left to the position. Reason: a healthy
+    /// approach covers a good part in each step; less has an error estimate of rounding, and thousands of steps would
+    /// follow.
+    const BLAMED_ADVANCE: f64 = 0.03;
+    /// So many steps in a row that hardly advance end the run.
     const PATIENCE: u32 = 12;
-    /// Speeds below this part of the largest are rest.
-    const REST: f64 = 1e-9;
     /// After so many repetitions, each with half the step, it is no matter of the step any more.
     const MOST: u32 = 10;
 
@@ -63,7 +70,7 @@ impl Continuity {
     /// Where all dependent velocities are slower than the independent ones (`gain`, the largest of an exchange), no
     /// dead point is near. `distance` is the margin of the tangent.
     pub(super) fn nearness(gain: f64, distance: f64) -> f64 {
-        gain.max(Self::DISTANCE / distance)
+        gain.max(Self::SINGULAR_NEAR / distance)
     }
 
     /// Displacement (in velocities) from the end of the last step to t, ahead of it: how velocities and accelerations
@@ -112,13 +119,13 @@ impl Continuity {
         let speeds = norm(&|i| from.v[i]) + speed;
         let h = t - from.t;
         let missed = |i: usize| v[i] - from.v[i] - 0.5 * h * (from.vdot[i] + vdot[i]);
-        let moving = speeds > Self::REST * self.fastest;
+        let moving = speeds > tolerance::NEGLIGIBLE * self.fastest;
         let largest = (0..s.len()).fold(0.0, |m: f64, i| m.max(v[i].abs().max(from.v[i].abs()) / s[i]));
         let one_jumps = |i: usize| {
             let change = (v[i] - from.v[i]).abs();
-            change / s[i] > Self::VISIBLE * largest && missed(i).abs() > Self::UNEXPLAINED * change
+            change / s[i] > Self::VISIBLE_CHANGE * largest && missed(i).abs() > Self::UNEXPLAINED * change
         };
-        let jumps = || norm(&missed) > Self::MISSED * speeds || (0..s.len()).any(one_jumps);
+        let jumps = || norm(&missed) > Self::MISSED_SPEED * speeds || (0..s.len()).any(one_jumps);
         if h > 0.0 && from.near.max(near) > 1.0 && moving && jumps() {
             self.in_a_row += 1;
             return false;
@@ -126,8 +133,8 @@ impl Continuity {
         self.in_a_row = 0;
         // 1/nearness falls linearly: its relative growth is the step over the time left after it
         let growth = (near - from.near) / from.near;
-        let short = h < Self::SHORT * self.longest.max(h);
-        let creeps = near > Self::CLOSE && short && (0.0..Self::ADVANCE).contains(&growth);
+        let short = h < Self::BLAMED_STEP * self.longest.max(h);
+        let creeps = near > Self::BLAMED_NEARNESS && short && (0.0..Self::BLAMED_ADVANCE).contains(&growth);
         let creeping = if creeps { from.creeping + 1 } else { 0 };
         let next = &mut self.next;
         (next.t, next.near, next.creeping) = (t, near, creeping);

@@ -10,15 +10,14 @@ use crate::record::History;
 use crate::system::{ConstrainedSystem, SystemError};
 use crate::tangent::blocks::Blocks;
 use crate::tangent::Tangent;
+use partita_math::tolerance;
 
-/// The next step may be so many times as long as the last one.
+/// The next step may be longer by this factor. Scale: ratio. Reason: the prediction of the branch is extrapolated over
+/// it.
 const LONGEST_NEXT: f64 = 5.0;
-/// A branch is chosen by the motion where it is at least twice as near as the other: the prediction is then wrong by
-/// less than what lies between them.
+/// A branch is chosen by the motion below this ratio of distances to it and to the other. Scale: ratio. Reason: the
+/// prediction is then off by less than what lies between them.
 const MOST_DOUBT: f64 = 0.5;
-/// A closing that leaves more than this open (in characteristic displacements) does not close: closed forms leave
-/// round-off, a function that iterates what it was told to.
-const OPEN: f64 = 1e-6;
 
 /// The closing of a [`Blocks`] tangent, followed over change points.
 #[derive(Default)]
@@ -97,7 +96,7 @@ impl<'s, S: ConstrainedSystem> Dependent<'s, S, Blocks<'s, S>> for InverseKinema
             core.q.copy_from_slice(&self.good);
             return Err(e);
         }
-        tangent.check_closed(t, &core.q, OPEN)
+        tangent.check_closed(t, &core.q, tolerance::OPEN)
     }
 
     fn look(&mut self, tangent: &mut Blocks<'s, S>) {

@@ -18,8 +18,8 @@ use crate::system::{ConstrainedSystem, SystemError};
 use crate::tangent::partition::Chosen;
 use crate::tangent::Tangent;
 
-/// Where two solutions meet, Newton's method that multiplies or divides the distance from there by more than this
-/// started nearly half-way between them: which one it found is chance.
+/// Largest factor by which Newton's method may change the distance from where two solutions meet. Scale: ratio. Reason:
+/// beyond it the start was nearly half-way between them, and which one it found is chance.
 const MOST_CHANGE: f64 = 3.0;
 /// Newton's method for q_D.
 #[derive(Default)]

@@ -5,9 +5,10 @@
 use crate::system::ConstrainedSystem;
 use std::f64::consts::TAU;
 
-/// Angles beyond this are brought back to within half a turn: seldom, and before their round-off counts (2e-15).
-const LIMIT: f64 = 25.0;
-/// 2π is `TAU` + this.
+/// Angles beyond this are brought back to within half a turn. Scale: rad. Reason: seldom, and before their round-off
+/// (2e-15) counts.
+const WOUND: f64 = 25.0;
+/// The remainder of 2π beyond `TAU`. Scale: rad. Reason: turns are taken off to the last digit.
 const TAU_REST: f64 = 2.449_293_598_294_706_4e-16;
 
 /// Take whole turns off the angles of q that have grown beyond a few turns, count them; true if q changed.
@@ -21,7 +22,7 @@ pub fn reduce<S: ConstrainedSystem>(system: &S, q: &mut [f64], turns: &mut [i32]
 
 /// The same for coordinate i alone.
 pub fn reduce_one<S: ConstrainedSystem>(system: &S, i: usize, angle: &mut f64, turns: &mut i32) -> bool {
-    if angle.abs() <= LIMIT || !angle.is_finite() || !system.turns(i) {
+    if angle.abs() <= WOUND || !angle.is_finite() || !system.turns(i) {
         return false;
     }
     let n = (*angle / TAU).round();

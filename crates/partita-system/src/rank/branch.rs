@@ -8,24 +8,26 @@ use crate::reduction::largest;
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::dense::Matrix;
 use partita_math::factor::svd;
+use partita_math::tolerance;
 
-/// Step of a path, in characteristic displacements.
-const STEP: f64 = 0.1;
-/// Steps that would have to be shorter than this part of it end a path.
-const WHOLE: f64 = 0.9;
+/// Steps that would have to be shorter end a path. Scale: fraction of the step. Reason: positions of one path are
+/// compared at one distance.
+const WHOLE_STEP: f64 = 0.9;
 /// Length of a path: a short one does not distinguish order four from a geometric error.
 const FAR: usize = 25;
 /// Random directions in which paths leave the drawing, for each null direction.
 const MORE: usize = 1;
 /// Paths at the most, for drawings of many degrees of freedom.
 const PATHS: usize = 24;
-/// Where most ends have a larger kernel, a value up to so many levels counts as null too: in the tube of a lock values
-/// are as large as the level.
+/// Where most ends have a larger kernel, values up to so many levels count as null too. Scale: multiples of the level.
+/// Reason: in the tube of a lock values are as large as the level.
 const TUBE: f64 = 100.0;
-/// Half differences of probes above this part of the longest are motions; in the tube of a lock they are shorter.
-const MOVES: f64 = 0.25;
-/// Off a projection by so much, probes tell nothing clearly: curvature takes a twentieth of a long one.
-const BENT: f64 = 0.1;
+/// Half differences of probes above this are motions. Scale: fraction of the longest. Reason: in the tube of a lock
+/// they are shorter.
+const PROBE_MOVES: f64 = 0.25;
+/// Probes off a projection by more decide nothing. Scale: fraction of the probe. Reason: curvature takes a twentieth of
+/// a long one.
+const PROBE_BENT: f64 = 0.1;
 /// Sums of probes that are compared with the sum of what is kept of each.
 const SUMS: usize = 2;
 /// Lengths of probes at the most, each half the one before.
@@ -108,10 +110,10 @@ impl<S: ConstrainedSystem> Kernel<'_, S> {
     ) -> Result<(), SystemError> {
         let Some(direction) = self.unit(direction) else { return Ok(()) };
         let (mut q, mut taken) = (home.to_vec(), 0);
-        let pace = Pace { longest: STEP, shortest: WHOLE * STEP, steps };
+        let pace = Pace { longest: tolerance::RANK_MOVE, shortest: WHOLE_STEP * tolerance::RANK_MOVE, steps };
         self.closings.cut = cut;
         let mut curve = Along::new(&mut self.closings, f64::INFINITY);
-        follow(&mut curve, &mut q, &direction, steps as f64 * STEP, &pace, &mut |curve, at| {
+        follow(&mut curve, &mut q, &direction, steps as f64 * tolerance::RANK_MOVE, &pace, &mut |curve, at| {
             taken += 1;
             let open = largest(curve.rows.scaled.phi.iter().copied());
             let goes_on = curve.free.as_ref().is_some_and(|free| visit(taken, at.q, open, free));
@@ -177,12 +179,12 @@ impl<S: ConstrainedSystem> Kernel<'_, S> {
     /// is nearer than the shortest probe leaves it open. `None` where probes do not close.
     fn probed(&mut self, q: &[f64], cut: Cut) -> Result<Option<(usize, bool)>, SystemError> {
         let directions = mixed(&self.motions(q, cut)?.motions);
-        let (mut found, mut length) = (None, STEP);
+        let (mut found, mut length) = (None, tolerance::RANK_MOVE);
         for probe in 1..=PROBES {
             if let Some(kept) = self.kept(q, cut, (&directions, &directions), length)? {
                 let Ok(f) = svd(&kept) else { return Ok(None) };
-                let longest = f.s.first().copied().unwrap_or(0.0).max(MOVES);
-                let moves = f.s.iter().filter(|s| **s > MOVES * longest).count();
+                let longest = f.s.first().copied().unwrap_or(0.0).max(PROBE_MOVES);
+                let moves = f.s.iter().filter(|s| **s > PROBE_MOVES * longest).count();
                 let freedoms = found.map_or(moves, |before: usize| before.min(moves));
                 if is_projection(&kept) || probe == PROBES && self.is_linear(q, cut, (&directions, &kept), length)? {
                     return Ok(Some((freedoms, true)));
@@ -214,7 +216,7 @@ impl<S: ConstrainedSystem> Kernel<'_, S> {
         let sums: Vec<Vec<f64>> = (0..SUMS).map(|i| sum(directions, weights.row(i))).collect();
         let Some(of_sums) = self.kept(q, cut, (&sums, directions), length)? else { return Ok(false) };
         let expected = weights.matmul(kept);
-        Ok(of_sums.data().iter().zip(expected.data()).all(|(x, y)| (x - y).abs() <= BENT))
+        Ok(of_sums.data().iter().zip(expected.data()).all(|(x, y)| (x - y).abs() <= PROBE_BENT))
     }
 
     /// Half the differences of probes to both sides along unit directions, in parts of the probes and by their
@@ -247,7 +249,7 @@ impl<S: ConstrainedSystem> Kernel<'_, S> {
 fn is_projection(kept: &Matrix) -> bool {
     let mut off = kept.matmul(kept);
     off.data_mut().iter_mut().zip(kept.data()).for_each(|(x, a)| *x -= a);
-    svd(&off).is_ok_and(|f| f.s.iter().all(|s| *s <= BENT))
+    svd(&off).is_ok_and(|f| f.s.iter().all(|s| *s <= PROBE_BENT))
 }
 
 /// Finite motions as positions tell them: those where they are clear alone, of several branches the most.

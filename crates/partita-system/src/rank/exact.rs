@@ -5,21 +5,13 @@
 //! others open by nothing but rounding, or something else is the matter, which is not decided here.
 
 use crate::manifold::kept_rows::close_kept;
-use crate::reduction::closure_error::CLOSED;
-use crate::reduction::{largest, Reduction, FITS};
+use crate::reduction::{largest, Reduction};
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::rank::{weighed_rows, RowRank};
+use partita_math::tolerance;
 
-/// What adds less than this (squared, in natural sizes) cannot be distinguished from nothing: round-off of sums of
-/// squares.
-pub const EXACT: f64 = 1e-14;
-/// Rows kept are clear of those left out when they add so many times as much.
-const CLEAR: f64 = 10.0;
 /// Skip single degrees of freedom above this number: mixed directions still move each.
 const SINGLE: usize = 60;
-/// Length of the motion in characteristic displacements: a closure error of the order p in it is a power p of this, far
-/// above rounding.
-const MOVED: f64 = 0.1;
 /// Its steps, each closed.
 const STEPS: usize = 5;
 /// Mixed directions at the most.
@@ -46,7 +38,7 @@ pub fn exact<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], level: f64) ->
     let mut r = Reduction::geometric(system, 0);
     r.position(t, q)?;
     r.refresh_scales(t, q)?;
-    let found = ranked(&r, EXACT, (level * level, &drive));
+    let found = ranked(&r, tolerance::LOST_PIVOT, (level * level, &drive));
     let of_closings = || found.kept.iter().zip(&found.pivots).filter(|x| !drive(*x.0)).map(|x| *x.1);
     let (closings, smallest) = (of_closings().count(), of_closings().fold(1.0, f64::min));
     let all = (0..size.rows).filter(|&i| !drive(i)).count();
@@ -57,7 +49,8 @@ pub fn exact<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], level: f64) ->
     if closings == all {
         return Ok(Exact::Regular(freedoms, smallest));
     }
-    let clear = size.rows == size.holonomic && smallest >= CLEAR * CLEAR * found.largest_dropped;
+    let clear =
+        size.rows == size.holonomic && smallest >= tolerance::CLEARLY * tolerance::CLEARLY * found.largest_dropped;
     Ok(if clear && fits(system, t, q, closings)? { Exact::Redundant(freedoms, smallest) } else { Exact::Open })
 }
 
@@ -70,7 +63,7 @@ pub fn weakest<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], closings: us
     let mut r = Reduction::geometric(system, 0);
     r.position(t, q)?;
     r.refresh_scales(t, q)?;
-    let found = ranked(&r, EXACT, (0.0, &drive));
+    let found = ranked(&r, tolerance::LOST_PIVOT, (0.0, &drive));
     let of_closings = || found.kept.iter().zip(&found.pivots).filter(|x| !drive(*x.0)).map(|x| *x.1);
     Ok(if of_closings().count() < closings { 0.0 } else { of_closings().take(closings).fold(1.0, f64::min) })
 }
@@ -96,7 +89,7 @@ fn fits<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], closings: usize) ->
         Err(e) => return Err(e),
     }
     let mut home = q.to_vec();
-    if !closed(&mut r, t, &mut home)? || opened(&r) > FITS {
+    if !closed(&mut r, t, &mut home)? || opened(&r) > tolerance::FITS {
         return Ok(false);
     }
     let k = r.k();
@@ -151,14 +144,14 @@ fn moved<S: ConstrainedSystem>(
         if !(fastest.is_finite() && fastest > 0.0) {
             return Ok(false);
         }
-        let scale = sign * MOVED / (STEPS as f64 * fastest);
+        let scale = sign * tolerance::RANK_MOVE / (STEPS as f64 * fastest);
         let by: Vec<f64> = r.v.iter().map(|v| scale * v).collect();
         system.step(&mut there, &by);
         system.normalise(&mut there);
         if !closed(r, t, &mut there)? {
             return Ok(false);
         }
-        if opened(r) > FITS {
+        if opened(r) > tolerance::FITS {
             return Ok(false);
         }
         if r.tangent(t).is_err() {
@@ -171,7 +164,7 @@ fn moved<S: ConstrainedSystem>(
 /// Close the rows kept near q; leaves the position level there. False where they do not close.
 fn closed<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &mut [f64]) -> Result<bool, SystemError> {
     match close_kept(r, t, q) {
-        Ok(closed) => Ok(closed.is_closed() || r.gap_of_kept() < CLOSED),
+        Ok(closed) => Ok(closed.is_closed() || r.gap_of_kept() < tolerance::CLOSED_IN_RUN),
         Err(SystemError::Singular { .. }) => Ok(false),
         Err(e) => Err(e),
     }

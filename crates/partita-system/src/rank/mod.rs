@@ -11,5 +11,5 @@ mod tests;
 
 pub use crate::manifold::truncated::{Cut, Motions};
 pub use branch::{Branch, Place};
-pub use exact::{exact, weakest, Exact, EXACT};
+pub use exact::{exact, weakest, Exact};
 pub use kernel::{Closed, Kernel, Nulls};

@@ -1,13 +1,14 @@
 //! What is decided now and then, at a position: scales of velocities and rows, the choice and the plan of its
 //! elimination, the way through the clusters, and where everything of an evaluation has its place.
 
-use super::{choice, watch, Choice, Reduction, NONE, SINGULAR_PIVOT};
+use super::{choice, watch, Choice, Reduction, NONE};
 use crate::clusters::Clusters;
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::elimination::{Plan, PlanOptions};
+use partita_math::tolerance;
 
-/// Rows of C weaker than this (squared, against their characteristic displacement) hold round-off only, that of a
-/// repaired drawing included.
+/// Rows of C weaker than this hold rounding only. Scale: squared, against their characteristic displacement. Reason:
+/// the square of 1e-9, above the rounding of a repaired drawing.
 const EMPTY_ROW: f64 = 1e-18;
 
 impl<S: ConstrainedSystem> Reduction<'_, S> {
@@ -46,8 +47,8 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
             // entries of C are lever arms: the lengths that are added up in Φ
             let arm =
                 pattern.row(i).map(|e| self.c[e].abs() * self.displacement[pattern.col_idx[e]]).fold(0.0, f64::max);
-            self.noise[i] = self.noise[i].max(4.0 * f64::EPSILON * arm);
-            let arm = self.noise[i] / (4.0 * f64::EPSILON);
+            self.noise[i] = self.noise[i].max(tolerance::FEW_ROUNDINGS * arm);
+            let arm = self.noise[i] / tolerance::FEW_ROUNDINGS;
             self.row_size[i] = match self.row_displacement[i] {
                 Some(displacement) => displacement.max(arm),
                 None if arm > 0.0 => arm,
@@ -81,7 +82,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         }
         let plan =
             Plan::new(pattern, &self.c, rows, &eligible, &self.row_scale, &self.s, self.rank, PlanOptions::default())
-                .map_err(|_| SystemError::Singular { t, pivot: 0.0, limit: SINGULAR_PIVOT })?;
+                .map_err(|_| SystemError::Singular { t, pivot: 0.0, limit: tolerance::SINGULAR_PIVOT })?;
         self.take(t, plan, independent)
     }
 
@@ -103,7 +104,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     fn plan_freely(&mut self, t: f64, rows: &[bool]) -> Result<(), SystemError> {
         let (pattern, any) = (self.system.pattern(), vec![true; self.size.nv]);
         let plan = Plan::new(pattern, &self.c, rows, &any, &self.row_scale, &self.s, self.rank, PlanOptions::default())
-            .map_err(|_| SystemError::Singular { t, pivot: 0.0, limit: SINGULAR_PIVOT })?;
+            .map_err(|_| SystemError::Singular { t, pivot: 0.0, limit: tolerance::SINGULAR_PIVOT })?;
         let mut dependent = vec![false; self.size.nv];
         plan.pivot_cols().iter().for_each(|&c| dependent[c] = true);
         let independent: Vec<usize> = (0..self.size.nv).filter(|&i| !dependent[i]).collect();
@@ -113,8 +114,8 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     /// Take `independent` as the independent velocities and `plan`, made at the last position, for the others.
     pub(crate) fn take(&mut self, t: f64, plan: Plan, independent: &[usize]) -> Result<(), SystemError> {
         self.plans += 1;
-        if self.rank > 0 && plan.smallest_pivot() < SINGULAR_PIVOT {
-            return Err(SystemError::Singular { t, pivot: plan.smallest_pivot(), limit: SINGULAR_PIVOT });
+        if self.rank > 0 && plan.smallest_pivot() < tolerance::SINGULAR_PIVOT {
+            return Err(SystemError::Singular { t, pivot: plan.smallest_pivot(), limit: tolerance::SINGULAR_PIVOT });
         }
         self.adopt(plan, independent);
         Ok(())

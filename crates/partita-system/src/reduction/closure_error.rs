@@ -2,22 +2,11 @@
 
 use super::{largest, velocity_residuals, Reduction};
 use crate::system::{ConstrainedSystem, SystemError};
+use partita_math::tolerance;
 
-/// Conditions open by less than this part of their size count as closed: the accuracy asked of whole runs.
-pub const CLOSED: f64 = 1e-9;
-/// Conditions open by more than this part of their size are open: a thousand times what is called closed, so that what
-/// is merely badly conditioned stays below.
-pub const OPEN: f64 = 1e-6;
-/// Rates off by more than this part of the fastest are open. Of positions that are closed they may be the root of
-/// [`OPEN`] off next to a singular position; where conditions hold for rates alone [`OPEN`] is asked of these.
-pub const OPEN_RATE: f64 = 1e-3;
-
-/// A step drifts by its error; one that leaves a condition by more than this part of its size is too long, whatever it
-/// was allowed.
-const JUMP: f64 = 1e-3;
-
-/// What holds a dropped row takes part in its contradiction with at least this part of the row: less is round-off.
-const TAKES_PART: f64 = 1e-6;
+/// A step that leaves a condition by more is too long, whatever its tolerance. Scale: size of the row. Reason: a step
+/// drifts by its error, which is small.
+const LARGEST_DRIFT: f64 = 1e-3;
 
 impl<S: ConstrainedSystem> Reduction<'_, S> {
     /// What a large move opens row i by: 1 for an angle, a length for a displacement.
@@ -102,7 +91,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     pub fn jumped(&self, t: f64) -> Result<(), SystemError> {
         let given = (0..self.size.holonomic).filter(|&i| self.system.row_may_jump(i));
         let (part, row) = worst(given.map(|i| (i, self.phi[i] / self.row_size[i])));
-        if part <= JUMP {
+        if part <= LARGEST_DRIFT {
             return Ok(());
         }
         let (what, by) = (self.system.row_owner(row), part * self.row_size[row]);
@@ -122,7 +111,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         for (w, &kept) in w.iter().zip(&self.partition.rows) {
             let owner = (!self.system.row_is_drive(kept), self.system.row_owner(kept));
             let part = w.abs() * self.row_size[kept] / self.row_size[row];
-            if part > TAKES_PART && owner.1 != who && !whom.contains(&owner) {
+            if part > tolerance::TAKES_PART && owner.1 != who && !whom.contains(&owner) {
                 whom.push(owner);
             }
         }

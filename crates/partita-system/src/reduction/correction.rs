@@ -2,6 +2,7 @@
 
 use super::Reduction;
 use crate::system::ConstrainedSystem;
+use partita_math::tolerance;
 
 /// A step of the dependent coordinates, left in the reduction.
 #[derive(Clone, Copy, Debug)]
@@ -16,7 +17,7 @@ pub struct DependentStep {
 impl DependentStep {
     /// Would it move round-off about rather than close anything? Larger moves close what is really open.
     pub fn is_round_off(&self) -> bool {
-        self.amplifies && self.length < super::POSTPONED
+        self.amplifies && self.length < tolerance::OPEN
     }
 }
 
@@ -36,7 +37,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         // units cancel
         let known = self.row_displacement.iter().all(Option::is_some);
         let part = |i: usize| match known {
-            true if self.noise[i] > 0.0 => 4.0 * f64::EPSILON / self.noise[i],
+            true if self.noise[i] > 0.0 => tolerance::FEW_ROUNDINGS / self.noise[i],
             true => 0.0,
             false => self.row_scale[i],
         };
@@ -65,8 +66,8 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     pub fn closure_error_of_rows(&self) -> impl Iterator<Item = f64> + '_ {
         let rows = self.phi.iter().zip(&self.noise).enumerate().filter(|(i, _)| !self.left_out[*i]);
         rows.map(|(i, (x, n))| {
-            let least =
-                self.row_displacement[i].map_or(f64::MIN_POSITIVE, |displacement| 4.0 * f64::EPSILON * displacement);
+            let least = self.row_displacement[i]
+                .map_or(f64::MIN_POSITIVE, |displacement| tolerance::FEW_ROUNDINGS * displacement);
             x / n.max(least)
         })
     }

@@ -11,7 +11,6 @@ mod watch;
 
 pub use arithmetic::Choice;
 pub use correction::DependentStep;
-pub use rows::REDUNDANT;
 pub use watch::{largest, quality_of, velocity_residuals, Sides};
 
 use crate::clusters::Clusters;
@@ -19,25 +18,18 @@ use crate::partition::Partition;
 use crate::system::{ClusterTangent, ConstrainedSystem, Recursion, Size, SystemError, SystemRef, Tangent};
 use partita_math::dense;
 use partita_math::elimination::Plan;
-
-/// Scaled pivots below this mean that the constraints themselves have lost rank: rounding (1e-16) is then amplified to
-/// 1e-9 in one evaluation, the accuracy asked of whole runs.
-pub const SINGULAR_PIVOT: f64 = 1e-7;
+use partita_math::tolerance;
 
 /// No column.
 const NONE: u32 = u32::MAX;
 
-/// Rows left out that are open by less than this part of their size fit: it makes no difference which are left out.
-pub const FITS: f64 = 1e-11;
-
-/// Pivots of M_d below this part of the metric's are rounding: a degree of freedom that moves no mass. Far below any
-/// that does, with the worst choice of coordinates allowed for.
+/// Pivots of M_d below this are rounding: a degree of freedom that moves no mass. Scale: fraction of the pivot of the
+/// metric. Reason: far below any that moves mass, with the worst choice of coordinates allowed for.
 const UNFELT: f64 = 1e-13;
 
-/// A correction that moves coordinates by more than this many times the relative residual is round-off, not closing...
+/// A correction that moves coordinates by more is rounding, unless it is longer than [`tolerance::OPEN`]. Scale:
+/// multiples of the relative residual. Reason: three digits lost to a poor choice of coordinates.
 pub const LARGEST_AMPLIFICATION: f64 = 1e3;
-/// ... unless it is larger than this (in characteristic displacements): then the loops are really open.
-const POSTPONED: f64 = 1e-6;
 
 /// The choice of a reduction; a macro, so that its other fields stay free.
 macro_rules! choice {
@@ -329,7 +321,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         planned?;
         match self.plan.as_ref().map(|p| p.factor(&self.c, &mut self.factors)) {
             Some(Ok(())) => Ok(()),
-            _ => Err(SystemError::Singular { t, pivot: 0.0, limit: SINGULAR_PIVOT }),
+            _ => Err(SystemError::Singular { t, pivot: 0.0, limit: tolerance::SINGULAR_PIVOT }),
         }
     }
 

@@ -10,12 +10,12 @@ use super::{Reduction, NONE};
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::elimination::SparseRoom;
 
-/// Rows are exchanged where the volume of those kept grows by more than this: long before rounding suffers, and seldom,
-/// as distances from a singular position by other rows do not compare and foretell nothing together.
-const GAIN: f64 = 2.5;
-/// Closings count for so many times a drive, and drives for so many times a row that holds for velocities alone:
-/// closings kept close the positions, and what drives prescribe is distinguished from what the mechanism can do. A
-/// drive takes the place of a closing only where closings lose rank that the drive holds.
+/// Rows are exchanged where the volume of those kept grows by more. Scale: ratio of volumes. Reason: long before
+/// rounding suffers, and seldom, as distances by other rows do not compare.
+const ROW_GAIN: f64 = 2.5;
+/// Closings count for so many times a drive, and drives for so many times a row that holds for velocities alone. Scale:
+/// ratio of volumes. Reason: closings kept close the positions, and what drives prescribe is distinguished from what
+/// the mechanism can do; a drive takes the place of a closing only where closings lose rank that the drive holds.
 const PRECEDENCE: f64 = 8.0;
 
 /// A row left out that takes the place of one kept.
@@ -89,7 +89,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
                 let weight = self.row_weight(enters);
                 let gain = |&(step, w): &(usize, f64)| w.abs() * weight / self.row_weight(self.partition.rows[step]);
                 let best = room.weights.iter().map(|x| (x.0, gain(x))).max_by(|a, b| a.1.total_cmp(&b.1));
-                let Some((step, gain)) = best.filter(|x| x.1 > GAIN) else { continue };
+                let Some((step, gain)) = best.filter(|x| x.1 > ROW_GAIN) else { continue };
                 if room.weights.iter().any(|x| room.taken[x.0]) {
                     continue; // the next look sees what is left of its gain
                 }

@@ -4,14 +4,10 @@ use super::Reduction;
 use crate::system::ConstrainedSystem;
 use partita_math::rank::{preferred_rows, weighed_rows};
 
-/// Squared sine below which a row counts as a combination of the others (scaled, so free of units).
-///
-/// Rounding in the assembled position leaves about 1e-16 times the condition; true redundancy is seen at 1e-20..1e-25.
-pub const REDUNDANT: f64 = 1e-9;
-
-/// Squared sine above which a closing comes before drives, and before rows that hold for velocities only. A redundant closing
-/// stands out by less even where positions are closed to 1e-3 alone, as between the ends of a step.
-const CLEAR: f64 = 1e-6;
+/// A closing above this comes before drives, and before rows that hold for velocities only. Scale: squared sine.
+/// Reason: a redundant closing stands out by less even where positions are closed to 1e-3 alone, as between the ends of
+/// a step.
+const BEFORE_DRIVES: f64 = 1e-6;
 
 impl<S: ConstrainedSystem> Reduction<'_, S> {
     /// Rows a plan may keep: all, or of redundant ones those that are most independent of each other here. Closings come
@@ -31,14 +27,14 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         let last = |i: usize| i >= self.size.holonomic || self.system.row_is_drive(i);
         if self.row_displacement.iter().all(Option::is_some) {
             // a closing that is faint as a whole serves only where no other does: closed by it, others open by as much more
-            let found = weighed_rows(pattern, &c, (&self.displacement, &self.row_size), 0.0, (CLEAR, &last));
+            let found = weighed_rows(pattern, &c, (&self.displacement, &self.row_size), 0.0, (BEFORE_DRIVES, &last));
             if found.rank >= rank {
                 let mut kept = vec![false; rows];
                 found.kept.iter().take(rank).for_each(|&i| kept[i] = true);
                 (0..rows).filter(|&i| !kept[i] && !last(i)).for_each(|i| clear(&mut c, i));
             }
         }
-        let found = preferred_rows(pattern, &c, &self.s, 0.0, (CLEAR, &last));
+        let found = preferred_rows(pattern, &c, &self.s, 0.0, (BEFORE_DRIVES, &last));
         if found.rank < rank {
             return vec![true; rows];
         }

@@ -7,6 +7,7 @@ use crate::system::{ClusterTangent, ConstrainedSystem, SystemError};
 use partita_math::dense::{self, Matrix};
 use partita_math::elimination::{Pattern, Plan};
 use partita_math::factor;
+use partita_math::tolerance;
 
 impl<S: ConstrainedSystem> Reduction<'_, S> {
     /// Smallest scaled pivot of the current plan: how far C_D was from losing rank when it was made.
@@ -126,8 +127,8 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     pub fn closure_error(&self) -> (f64, usize) {
         let rows = self.phi.iter().zip(&self.noise).enumerate().filter(|(i, _)| !self.left_out[*i]);
         rows.fold((0.0, 0), |best: (f64, usize), (i, (x, n))| {
-            let least =
-                self.row_displacement[i].map_or(f64::MIN_POSITIVE, |displacement| 4.0 * f64::EPSILON * displacement);
+            let least = self.row_displacement[i]
+                .map_or(f64::MIN_POSITIVE, |displacement| tolerance::FEW_ROUNDINGS * displacement);
             let open = if x.is_nan() { f64::INFINITY } else { x.abs() / n.max(least) };
             if open > best.0 {
                 (open, i)
@@ -222,7 +223,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
                 normal[(a, b)] = answers[(b, i)] / (self.s[i] * self.s[j]);
             }
         }
-        let (efforts, _) = factor::least_squares_min_norm(&normal, &want, 1e-10)
+        let (efforts, _) = factor::least_squares_min_norm(&normal, &want, tolerance::NULL_VALUE)
             .map_err(|_| SystemError::NotFinite { what: "a rate".into(), t: 0.0 })?;
         for (b, &(j, _)) in rates.iter().enumerate() {
             for (v, x) in v.iter_mut().zip(answers.row(b)) {
@@ -256,7 +257,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         let best = &mut room.best;
         let mut see = |c: usize, enters: usize, leaves: usize, a: f64| {
             let gain = a.abs() * scales[p.independent[leaves]] / scales[p.dependent[enters]];
-            if gain > threshold && best[c].is_none_or(|b| gain > b.gain * (1.0 + 1e-9)) {
+            if gain > threshold && best[c].is_none_or(|b| gain > b.gain * (1.0 + tolerance::TIE)) {
                 best[c] = Some(exchange::Exchange { enters, leaves, gain });
             }
         };

@@ -1,5 +1,7 @@
 //! Change points foreseen and stepped over.
 
+use partita_math::tolerance;
+
 /// How a march continues: its plan for the next step, and the advice.
 #[derive(Clone, Copy, Debug)]
 pub struct Pace {
@@ -64,26 +66,23 @@ pub enum Advice {
 }
 
 impl Crossing {
-    /// A crossing step is this part of the usual one, so that its own error is far below the tolerance.
-    const PART: f64 = 0.6;
-    /// Around a crossing the estimate cannot fall below round-off divided by the square of the distance, and shorter
-    /// steps make it worse: about 1e-12 for a comfortable crossing, up to 1e-10 in one of a thousand crossings of forty
-    /// loops. Errors up to this (in natural sizes) are accepted there.
-    const ROUND_OFF: f64 = 1e-10;
-    /// The crossing step itself may not fail: where the position lay a little off the expected place a stage came close
-    /// to it. So many tolerances are accepted; its own error is small by its length.
-    const CROSSING: f64 = 1e3;
+    /// Length of a crossing step. Scale: fraction of the usual step. Reason: its own error is far below the tolerance.
+    const CROSSING_STEP: f64 = 0.6;
 
-    /// From this part of a usual step on a crossing would have its first stages next to the position.
+    /// From this distance on a crossing would have its first stages next to the position. Scale: fraction of the usual
+    /// step. Reason: the first nodes of the methods.
     const TOO_CLOSE: f64 = 0.15;
-    /// Steps shorter than this part of a usual one do not cross.
+    /// Shorter steps do not cross. Scale: fraction of the usual step. Reason: stages of so short a step all lie next to
+    /// the position.
     const CREEPING: f64 = 0.02;
-    /// Where to go back to, in usual steps before the position.
-    const BACK: f64 = 0.3;
-    /// Lengths to try, in multiples of the best: stages lie elsewhere with each.
-    const LENGTHS: [f64; 6] = [1.0, 1.25, 1.12, 0.9, 1.5, 1.06];
-    /// How far ahead the fall of the distance is probed, in steps.
-    const PROBE: f64 = 0.1;
+    /// Where to go back to before the position. Scale: fraction of the usual step. Reason: the middle of a crossing
+    /// step.
+    const STEP_BACK: f64 = 0.3;
+    /// Lengths of a crossing step to try. Scale: multiples of the best. Reason: stages lie elsewhere with each.
+    const CROSSING_LENGTHS: [f64; 6] = [1.0, 1.25, 1.12, 0.9, 1.5, 1.06];
+    /// How far ahead the fall of the distance is probed. Scale: fraction of a step. Reason: far enough for a
+    /// difference, near enough for a line.
+    const LOOK_AHEAD: f64 = 0.1;
 
     /// The usual step away from singular positions; 0 at first.
     pub fn usual(&self) -> f64 {
@@ -110,7 +109,7 @@ impl Crossing {
     /// The step under way failed to cross: another length from the same place, if there is one.
     pub fn again(&mut self, zero: f64, t: f64, pace: &mut Pace) -> bool {
         self.tries += 1;
-        if zero - t < Self::TOO_CLOSE * self.usual || self.tries >= Self::LENGTHS.len() {
+        if zero - t < Self::TOO_CLOSE * self.usual || self.tries >= Self::CROSSING_LENGTHS.len() {
             return false;
         }
         self.cross(zero, t, pace);
@@ -122,8 +121,9 @@ impl Crossing {
         self.planned = Some(zero);
         self.tried = Some(self.tried.map_or(zero, |z| zero.max(z)));
         self.expected = None;
-        pace.next = Self::LENGTHS[self.tries.min(Self::LENGTHS.len() - 1)] * pace.stretch * (zero - t);
-        (pace.floor, pace.limit) = (Self::ROUND_OFF, Self::CROSSING);
+        pace.next =
+            Self::CROSSING_LENGTHS[self.tries.min(Self::CROSSING_LENGTHS.len() - 1)] * pace.stretch * (zero - t);
+        (pace.floor, pace.limit) = (tolerance::SINGULAR_ROUNDING, tolerance::SINGULAR_LENIENCE);
     }
 
     /// There is nothing to cross at the time foreseen.
@@ -156,8 +156,8 @@ impl Crossing {
     /// Where to go back to before the position at `zero`; none where that was tried often enough.
     pub fn back(&self, zero: f64) -> Option<f64> {
         // each time from farther away
-        let far = Self::BACK * (1.0 + self.tries as f64 / 2.0);
-        (self.tries < Self::LENGTHS.len() && self.usual > 0.0).then_some(zero - far * self.usual)
+        let far = Self::STEP_BACK * (1.0 + self.tries as f64 / 2.0);
+        (self.tries < Self::CROSSING_LENGTHS.len() && self.usual > 0.0).then_some(zero - far * self.usual)
     }
 
     /// Look at the distance at the start of the next step and choose its length if a singular position lies ahead.
@@ -178,7 +178,7 @@ impl Crossing {
             Some(one) => self.expected = zero_ahead((t, distance), one, same(two)).filter(|z| z - t < displacement),
             // a choice just made has no past
             None => {
-                let ahead = Self::PROBE * pace.next.min(displacement);
+                let ahead = Self::LOOK_AHEAD * pace.next.min(displacement);
                 self.expected = match probe(ahead) {
                     Probe::Distance(there) if there < distance => {
                         Some(t + ahead * distance / (distance - there)).filter(|z| z - t < displacement)
@@ -192,7 +192,7 @@ impl Crossing {
             // leaving: as long as it is as close behind as a usual step, the estimate is not to be trusted yet
             let leaving = self.times.last().is_some_and(|passed| t - passed < 2.0 * self.usual);
             if leaving {
-                pace.floor = Self::ROUND_OFF;
+                pace.floor = tolerance::SINGULAR_ROUNDING;
                 pace.next = pace.next.min(self.usual);
                 return Advice::Crossing;
             }
@@ -214,7 +214,7 @@ impl Crossing {
         }
         let planned = pace.stretch * ahead;
         let mut sure = true;
-        if planned <= Self::PART * self.usual {
+        if planned <= Self::CROSSING_STEP * self.usual {
             if matches!(probe(ahead), Probe::Distance(there) if there > CONFIRMED * distance) {
                 // what fell was something else; look again from here
                 self.before = [None; 2];
@@ -222,7 +222,7 @@ impl Crossing {
                 return Advice::Free;
             }
             if ahead < Self::TOO_CLOSE * self.usual {
-                if self.tries >= Self::LENGTHS.len() {
+                if self.tries >= Self::CROSSING_LENGTHS.len() {
                     return Advice::GiveUp { zero };
                 }
                 if let Some(to) = self.back(zero) {
@@ -247,11 +247,11 @@ impl Crossing {
                 self.confirmed = Some(zero);
             }
             // leave the distance that one comfortable crossing needs
-            let approach = ahead - 0.9 * Self::PART * self.usual / pace.stretch;
+            let approach = ahead - 0.9 * Self::CROSSING_STEP * self.usual / pace.stretch;
             pace.next = approach.min(pace.next);
         }
         // a fall that may end is no reason to tolerate errors
-        pace.floor = if sure { Self::ROUND_OFF } else { 0.0 };
+        pace.floor = if sure { tolerance::SINGULAR_ROUNDING } else { 0.0 };
         Advice::Crossing
     }
 }
@@ -265,11 +265,12 @@ pub enum Probe {
     Unknown,
 }
 
-/// Where a singular position is expected, the distance must be below this part of what it is now: a little beside it
-/// the distance is small already, and a guess that is off by more than this is none.
+/// A singular position that is expected must lie below this distance. Scale: fraction of the present distance. Reason:
+/// beside it the distance is small already, and a guess off by more is none.
 const CONFIRMED: f64 = 0.3;
 
-/// From far away, where a look ahead is rough, it must have fallen to this part.
+/// From far away the distance must have fallen to this. Scale: fraction of the present distance. Reason: a look ahead
+/// is rough there.
 const FALLING: f64 = 0.7;
 
 /// Where a falling distance will be zero: by the parabola through the last three values, by the line through two.

@@ -91,12 +91,13 @@ pub struct StepBoundary {
 }
 
 impl StepBoundary {
-    /// Of the mean speed, what accelerations may leave unexplained over a step that keeps its branch. The trapezoidal
-    /// rule misses a twentieth over half a radian; where branches part their velocities differ by about as much as they
-    /// are.
-    const MISSED: f64 = 0.3;
-    /// In one velocity: of its change, and of the fastest.
-    const ONE: (f64, f64) = (0.75, 0.1);
+    /// What accelerations may leave unexplained over a step that keeps its branch. Scale: fraction of the mean speed.
+    /// Reason: the trapezoidal rule misses a twentieth over half a radian; where branches part, velocities differ by
+    /// about their own size.
+    const MISSED_ON_BRANCH: f64 = 0.3;
+    /// What accelerations may leave unexplained in one velocity. Scale: fraction of its change, and of the fastest
+    /// velocity. Reason: one block of many that passes to its other branch is seen.
+    const MISSED_IN_ONE: (f64, f64) = (0.75, 0.1);
 
     /// Room for nq coordinates and n velocities.
     pub fn new(nq: usize, n: usize) -> Self {
@@ -147,13 +148,13 @@ impl StepBoundary {
         let missed = |i: usize| v[i] - from[i] - 0.5 * h * (vdot[i] + end_vdot[i]);
         let speed = 0.5 * (norm(&|i| from[i]) + norm(&|i| v[i]));
         let fastest = (0..s.len()).fold(0.0, |m: f64, i| m.max(v[i].abs().max(from[i].abs()) / s[i]));
-        let (unexplained, visible) = Self::ONE;
+        let (unexplained, visible) = Self::MISSED_IN_ONE;
         let jumps = |i: usize| {
             let change = (v[i] - from[i]).abs();
             change / s[i] > visible * fastest && missed(i).abs() > unexplained * change
         };
         // NaN does not hold
-        norm(&missed) <= Self::MISSED * speed && !(0..s.len()).any(jumps)
+        norm(&missed) <= Self::MISSED_ON_BRANCH * speed && !(0..s.len()).any(jumps)
     }
 }
 

@@ -6,18 +6,18 @@
 
 use crate::manifold::kept_rows::close_kept;
 use crate::record::{Gap, Gaps};
-use crate::reduction::closure_error::{CLOSED, OPEN, OPEN_RATE};
+use partita_math::tolerance;
+
 use crate::reduction::Reduction;
 use crate::start::{choose_partition, Start};
 use crate::system::{ConstrainedSystem, SystemError};
 
-/// Kept rows that are open themselves tell nothing of the dropped ones unless those are open so many times more.
-const CLEARLY: f64 = 1e3;
-/// Length of the motion at the start, in the time the mechanism itself takes for a large move.
-const SHORT: f64 = 1e-3;
-/// Second rates off by more than this part are no round-off of tables (a cubic through exact points errs there by the square
-/// of its spacing): the condition leaves the motion.
-const BENDS: f64 = 1e-2;
+/// Dropped rows are judged only when they are open by more than kept ones by this factor. Scale: ratio of closure
+/// errors. Reason: kept rows that are open themselves decide nothing.
+const CLEARLY_OPEN: f64 = 1e3;
+/// Length of the motion at the start. Scale: time of a large move. Reason: long enough for second orders to stand out
+/// of rounding.
+const SHORT_MOTION: f64 = 1e-3;
 
 /// Do the dropped rows agree with the kept ones at the start, and for a short time after it?
 ///
@@ -40,7 +40,7 @@ pub fn check<S: ConstrainedSystem>(
         return Ok(());
     }
     let (part, row) = r.dropped_gap();
-    if part > OPEN {
+    if part > tolerance::OPEN {
         return Err(r.contradiction(t, row, part, ""));
     }
     let speeds: Vec<f64> = r.partition.independent.iter().map(|&i| v[i]).collect();
@@ -49,27 +49,27 @@ pub fn check<S: ConstrainedSystem>(
     }
     let (rate, row) = r.dropped_velocity_gap();
     let fastest = r.fastest();
-    if rate > OPEN_RATE * fastest {
+    if rate > tolerance::OPEN_RATE * fastest {
         return Err(r.contradiction(t, row, rate, "/s"));
     }
     let mut vdot = vec![0.0; v.len()];
     r.full_acceleration(&mut vdot);
     let (bend, row) = r.dropped_acceleration_gap(&vdot);
     let strongest = r.strongest(&vdot).max(fastest * fastest);
-    if bend > BENDS * strongest {
+    if bend > tolerance::OPEN_ACCELERATION * strongest {
         return Err(r.contradiction(t, row, bend, "/s^2"));
     }
     if strongest == 0.0 {
         return Ok(()); // at rest, and nothing that would end it
     }
-    let h = (SHORT / strongest.sqrt()).min(longest);
+    let h = (SHORT_MOTION / strongest.sqrt()).min(longest);
     let moved: Vec<f64> = r.v.iter().zip(&vdot).map(|(v, a)| h * (v + 0.5 * h * a)).collect();
     system.step(&mut here, &moved);
-    if close(&mut r, t + h, &mut here).is_err() || r.gap_of_kept() > CLOSED {
+    if close(&mut r, t + h, &mut here).is_err() || r.gap_of_kept() > tolerance::CLOSED_IN_RUN {
         return Ok(());
     }
     let (part, row) = r.dropped_gap();
-    match part > CLOSED {
+    match part > tolerance::CLOSED_IN_RUN {
         true => Err(r.contradiction(t + h, row, part, "")),
         false => Ok(()),
     }
@@ -135,8 +135,8 @@ impl Watch {
         let (kept, size) = (r.gap_of_kept(), r.size());
         let (part, (rate, _)) = (r.dropped_gap().0, r.dropped_velocity_gap());
         let fastest = self.trial_fastest;
-        let open = part > OPEN && part > CLEARLY * kept;
-        let limit = if size.rows == size.holonomic { OPEN_RATE } else { OPEN };
+        let open = part > tolerance::OPEN && part > CLEARLY_OPEN * kept;
+        let limit = if size.rows == size.holonomic { tolerance::OPEN_RATE } else { tolerance::OPEN };
         if !open && rate <= limit * fastest {
             return Ok(());
         }
@@ -147,7 +147,7 @@ impl Watch {
             return Ok(()); // next to a singular position: nothing can be said
         }
         let (part, row) = probe.dropped_gap();
-        if part > OPEN {
+        if part > tolerance::OPEN {
             return Err(probe.contradiction(t, row, part, ""));
         }
         let speeds: Vec<f64> = probe.partition.independent.iter().map(|&i| r.v[i]).collect();

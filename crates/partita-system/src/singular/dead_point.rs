@@ -4,9 +4,9 @@ use crate::reduction::{Reduction, Sides};
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError};
 
-/// Where even the best choice leaves a scaled pivot below this, the mechanism itself is next to a singular position.
-/// Sound ones have pivots of the order of 1; coordinates are given up within 1e-4 of their dead point at the latest, so
-/// what is above this is not the reason, with a margin of ten.
+/// Where the best choice leaves a smaller pivot, the mechanism is next to a singular position. Scale: scaled pivots.
+/// Reason: sound ones have pivots of the order of 1, and coordinates are given up within 1e-4 of their dead point; a
+/// margin of ten.
 const SOUND: f64 = 1e-3;
 
 /// What to say of `independent` coordinates that fail next to `(t, q)` for the reason `seen`: would others do, and

@@ -15,9 +15,7 @@ use crate::reduction::{velocity_residuals, Reduction};
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError, SystemRef};
 use partita_math::dense;
-
-/// Squared sine under which the kernels call a row dependent on the others: what remains of it is rounding.
-const DEPENDENT: f64 = 1e-14;
+use partita_math::tolerance;
 
 /// What the rule is given, with its own memory left free.
 macro_rules! instant {
@@ -152,7 +150,7 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> Everything<'s, S, R> {
         match failure {
             Failure::Mass { index, pivot } => SystemError::Mass { name: r.system.velocity_name(index), pivot },
             Failure::Rows { sine2 } if r.c.iter().all(|x| x.is_finite()) => {
-                SystemError::Singular { t, pivot: sine2, limit: DEPENDENT }
+                SystemError::Singular { t, pivot: sine2, limit: tolerance::LOST_PIVOT }
             }
             Failure::Rows { .. } => SystemError::NotFinite { what: "the constraint Jacobian".into(), t },
         }

@@ -82,7 +82,8 @@ impl Basis for Rule {
 /// removes.
 const PASSES: usize = 2;
 
-/// Less left of a direction than this is none: the space has turned by a right angle since it was frozen.
+/// Less left of a direction is none. Scale: fraction of the unit direction. Reason: the space has turned by a right
+/// angle since it was frozen.
 const NOTHING_LEFT: f64 = 1e-8;
 
 /// The rows of `last` without what the constraints prohibit, made orthonormal one after the other.

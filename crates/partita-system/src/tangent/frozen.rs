@@ -22,17 +22,20 @@ use crate::manifold::orthogonal::{dense_rows, orthogonal_step};
 use crate::options::Renew;
 use crate::partition::criterion::Quality;
 use crate::record::{Correction, History, PartitionEvent, Sample, Verdict};
-use crate::reduction::{Reduction, SINGULAR_PIVOT};
+use crate::reduction::Reduction;
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError, SystemRef};
 use partita_math::dense::{self, Matrix};
 use partita_math::factor::FactorError;
+use partita_math::tolerance;
 use std::sync::Arc;
 
-/// A basis whose quality fell to this part of its threshold within one step spoils the step, which is repeated.
+/// A basis whose quality fell to this within one step spoils the step, which is repeated. Scale: fraction of the
+/// threshold of renewal. Reason: three doublings within a step are no longer smooth.
 const HARD_PART: f64 = 0.125;
-/// The partition behind the basis is chosen anew when an exchange gains more than this.
-const POOR: f64 = 4.0;
+/// The partition behind the basis is chosen anew when an exchange gains more. Scale: ratio of volumes. Reason: rarely,
+/// as the basis itself does not suffer.
+const FROZEN_GAIN: f64 = 4.0;
 
 /// The reduced equations (36) of a system at one point, for a frozen S.
 ///
@@ -192,11 +195,12 @@ impl<'s, S: ConstrainedSystem> Frozen<'s, S> {
             Err(_) if r.dt.iter().all(|x| x.is_finite()) => 0.0,
             Err(_) => return Err(SystemError::NotFinite { what: "the constraint Jacobian".into(), t }),
         };
-        if k == 0 || ratio >= SINGULAR_PIVOT {
+        let limit = tolerance::SINGULAR_PIVOT;
+        if k == 0 || ratio >= limit {
             return Ok(());
         }
         let reason = format!(
-            "with the constraints it leaves a scaled pivot of {ratio:.2e} (limit {SINGULAR_PIVOT:.0e}) while the mechanism itself \
+            "with the constraints it leaves a scaled pivot of {ratio:.2e} (limit {limit:.0e}) while the mechanism itself \
              is regular: the motion has turned away from the directions it was frozen in; let it be renewed earlier (a larger \
              renew, at most 1)"
         );
@@ -315,7 +319,7 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Frozen<'s, S> {
             return Verdict::Keep;
         }
         let r = &mut self.base.r;
-        self.base.fading = r.rows_fade() || r.best_exchange().is_some_and(|x| x.gain > POOR);
+        self.base.fading = r.rows_fade() || r.best_exchange().is_some_and(|x| x.gain > FROZEN_GAIN);
         let Renew::Below(least) = self.renew else { return Verdict::Change };
         // a failure here would be met by the next evaluation too, which reports it
         let Ok(now) = self.quality_here(t, q) else { return Verdict::Keep };
@@ -429,7 +433,7 @@ fn made<S: ConstrainedSystem>(
         other => failed(basis.name(), t, &format!("it could not be computed ({other}); take another rule")),
     })?;
     if (new.rows(), new.cols()) != (k, n) {
-        return Err(SystemError::Singular { t, pivot: 0.0, limit: SINGULAR_PIVOT });
+        return Err(SystemError::Singular { t, pivot: 0.0, limit: tolerance::SINGULAR_PIVOT });
     }
     Ok((mass, new))
 }

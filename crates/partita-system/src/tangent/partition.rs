@@ -15,8 +15,10 @@ use crate::record::{Correction, History, PartitionEvent, Verdict};
 use crate::reduction::Reduction;
 use crate::singular::dead_point;
 use crate::system::{ConstrainedSystem, SystemError, SystemRef};
+use partita_math::tolerance;
 
-/// Inside a step the gain of an exchange may grow up to this before the step is repeated.
+/// Inside a step the gain of an exchange may grow up to this before the step is repeated. Scale: ratio of volumes.
+/// Reason: one digit is lost there.
 const HARD_LIMIT: f64 = 8.0;
 
 /// Independent velocities, chosen and exchanged by a rule.
@@ -195,7 +197,7 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Chosen<'s, S> {
         if why == Occasion::Decayed {
             self.choose_anew(t, q, v)?;
         } else {
-            let pairs = self.best_exchanges(1.0 + 1e-6);
+            let pairs = self.best_exchanges(tolerance::LEAST_EXCHANGE);
             if !pairs.is_empty() {
                 self.exchange(t, q, &pairs, |_| "the old choice went bad inside the step, which is repeated".into())?;
             }

@@ -18,19 +18,17 @@ use crate::reduction::Reduction;
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError, SystemRef};
 use partita_math::dense::{self, Matrix};
+use partita_math::tolerance;
 use std::sync::Arc;
 
-/// Products with C at the start may miss zero by this part of their natural size: what formulas with a few hundred operations
-/// and a position closed to 1e-12 leave, and far below any wrong sign.
-const FITS: f64 = 1e-8;
-/// The same for velocities, which people type with some digits, and for biases found by differences.
-const FITS_ROUGHLY: f64 = 1e-6;
-/// σ below which the tangent velocities count as dependent: M_d then keeps no more than four digits.
-const DEPENDENT: f64 = 1e-6;
-/// Half-width of the difference formula, in large moves of the fastest velocity: the sixth power is far below round-off.
-const MOVE: f64 = 1e-2;
-/// Disagreement of the fourth and the sixth order from which a shorter step is tried (the error of the sixth is about its
-/// three halves' power).
+/// Products with C at the start may miss zero by this. Scale: their natural size. Reason: what formulas with a few
+/// hundred operations and a position closed to 1e-12 leave, and far below any wrong sign.
+const TANGENT_FITS: f64 = 1e-8;
+/// Half-width of the difference formula. Scale: large moves of the fastest velocity. Reason: the sixth power is far
+/// below round-off.
+const TANGENT_MOVE: f64 = 1e-2;
+/// Disagreement of the fourth and the sixth order from which a shorter step is tried. Scale: natural size of the bias.
+/// Reason: the error of the sixth is about its three halves' power.
 const DISAGREEMENT: f64 = 1e-8;
 
 /// The user's D.
@@ -109,7 +107,7 @@ impl<'s, S: ConstrainedSystem> Given<'s, S> {
     fn bias_by_differences(&mut self, t: f64, q: &[f64], u: &[f64]) -> Result<()> {
         let rate = self.base.r.v.iter().zip(&self.displacement).fold(0.0, |m: f64, (v, r)| m.max(v.abs() / r));
         // a large move in the time of one unit where nothing moves (only t does)
-        let mut s = MOVE / (1.0 + rate);
+        let mut s = TANGENT_MOVE / (1.0 + rate);
         let mut least = f64::INFINITY;
         self.differences += 1;
         for _ in 0..3 {
@@ -180,7 +178,7 @@ impl<'s, S: ConstrainedSystem> Given<'s, S> {
             let words = || self.base.r.system.row_description(row);
             for j in 0..k {
                 let (sum, size) = self.along(row, |i| self.base.r.dt[i * k + j]);
-                if sum.abs() > FITS * size {
+                if sum.abs() > TANGENT_FITS * size {
                     return Err(SystemError::argument("tangent", format!(
                         "tangent velocity {j} breaks {}: C D^T is {sum:.3e} there (of {size:.3e}) instead of 0; check column {j} \
                          of the tangent and the position it is meant for",
@@ -190,7 +188,7 @@ impl<'s, S: ConstrainedSystem> Given<'s, S> {
             }
             let (sum, size) = self.along(row, |i| self.base.r.gamma[i]);
             let (left, size) = (sum + self.base.r.a[row], size + self.base.r.a[row].abs());
-            if left.abs() > FITS * size {
+            if left.abs() > TANGENT_FITS * size {
                 return Err(SystemError::argument("tangent", format!(
                     "the offset of the tangent velocities breaks {}: C gamma + a is {left:.3e} there (of {size:.3e}) instead of \
                      0; hand over offset(t, q) for constraints that move with time",
@@ -209,7 +207,7 @@ impl<'s, S: ConstrainedSystem> Given<'s, S> {
             let left = sum + self.base.r.b[row];
             // where the terms vanish by chance: what a velocity changing at the rate of the motion would give
             let size = size + self.base.r.b[row].abs() + self.along(row, |i| self.base.r.v[i]).1 * rate;
-            if left.abs() > FITS_ROUGHLY * size {
+            if left.abs() > tolerance::EQUAL_IN_SIX_DIGITS * size {
                 return Err(SystemError::argument("tangent", format!(
                     "the bias of the tangent velocities breaks {}: C delta + b is {left:.3e} there (of {size:.3e}) instead of 0; \
                      check bias(t, q, v), or leave it out to have it found by differences",
@@ -231,9 +229,10 @@ impl<'s, S: ConstrainedSystem> Given<'s, S> {
         let d = Matrix::from_vec(n, k, self.base.r.dt.clone());
         let mut md = d.transpose().matmul(&mass).matmul(&d).into_vec();
         let sigma = quality_of_exact(&md, k).sigma;
-        if sigma < DEPENDENT || dense::cholesky(&mut md, k).is_err() {
+        let least = tolerance::DEPENDENT;
+        if sigma < least || dense::cholesky(&mut md, k).is_err() {
             return Err(SystemError::argument("tangent", format!(
-                "the {k} tangent velocities depend on each other at the start (sigma = {sigma:.1e}, at least {DEPENDENT:.0e} is \
+                "the {k} tangent velocities depend on each other at the start (sigma = {sigma:.1e}, at least {least:.0e} is \
                  needed); the columns of the tangent must span all {k} degrees of freedom"
             )));
         }
@@ -243,7 +242,7 @@ impl<'s, S: ConstrainedSystem> Given<'s, S> {
         let off: Vec<f64> = d.matvec(&u).iter().zip(&rest).map(|(x, y)| x - y).collect();
         let length = |x: &[f64]| dense::dot(&mass.matvec(x), x).max(0.0).sqrt();
         let (off, size) = (length(&off), length(v) + length(&self.base.r.gamma));
-        if off > FITS_ROUGHLY * size {
+        if off > tolerance::EQUAL_IN_SIX_DIGITS * size {
             return Err(SystemError::argument("tangent", format!(
                 "the initial velocities are no combination of the tangent velocities: {off:.3e} of {size:.3e} is left over (in the \
                  mass metric); start with velocities that satisfy the constraints"

@@ -2,9 +2,10 @@
 
 use crate::families::*;
 use crate::linkages::*;
+use partita_math::tolerance;
 use partita_model::spec::JointKind::Revolute;
 use partita_model::Model;
-use partita_system::kinematics::assembly::{self, CLOSED};
+use partita_system::kinematics::assembly::{self};
 use partita_system::{ConstrainedSystem, SystemError};
 
 /// Largest |Φ| in parts of the rows' lengths.
@@ -52,13 +53,13 @@ fn rough_drawings_close() {
         let (mut closed, mut all, mut failed) = (0, 0, Vec::new());
         for (d, count) in &families {
             let model = d.clone().model();
-            assert!(open(&model, &model.initial()) < CLOSED, "{} is drawn closed", model.spec.name);
+            assert!(open(&model, &model.initial()) < tolerance::CLOSED, "{} is drawn closed", model.spec.name);
             all += count;
             for _ in 0..*count {
                 let mut q = rough(&model, &mut rng, part);
-                match assembly::close(&model, 0.0, &mut q, CLOSED, &[]) {
+                match assembly::close(&model, 0.0, &mut q, tolerance::CLOSED, &[]) {
                     Ok(report) => {
-                        assert!(open(&model, &q) <= CLOSED);
+                        assert!(open(&model, &q) <= tolerance::CLOSED);
                         // quadratic at the end, and no more iterations for a thousand loops than for one
                         assert!(report.iterations <= [10, 12, 20, 40][p], "{}: {report:?}", model.spec.name);
                         closed += 1;
@@ -84,7 +85,7 @@ fn lengths_that_do_not_fit_are_named_with_their_shortfall() {
         spec.joints.last_mut().unwrap().child_point = Some([unit, 0.1 * unit, 0.0]);
         let model = Drawing(spec).model();
         let mut q = model.initial();
-        match assembly::close(&model, 0.0, &mut q, CLOSED, &[]) {
+        match assembly::close(&model, 0.0, &mut q, tolerance::CLOSED, &[]) {
             Err(SystemError::Lengths { owner, shortfall, loop_description, angle, .. }) => {
                 assert!((shortfall / unit - 0.7).abs() < 1e-6, "{shortfall}");
                 assert_eq!((&*owner, angle), ("C", 0.0));
@@ -114,8 +115,8 @@ fn far_drawings_close_from_starts_around_them() {
         for _ in 0..200 {
             let mut q = rough(&model, &mut rng, 1.0);
             all += 1;
-            if let Ok(report) = assembly::close(&model, 0.0, &mut q, CLOSED, &[]) {
-                assert!(open(&model, &q) <= CLOSED);
+            if let Ok(report) = assembly::close(&model, 0.0, &mut q, tolerance::CLOSED, &[]) {
+                assert!(open(&model, &q) <= tolerance::CLOSED);
                 closed += 1;
                 again += usize::from(report.restarts > 0);
             }

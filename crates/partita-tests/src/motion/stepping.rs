@@ -3,6 +3,7 @@
 use crate::counting::allocations;
 use crate::mechanisms::{body, empty, joint};
 use partita_analysis::run::{Request, Stepping};
+use partita_math::tolerance;
 use partita_model::spec::{Force, JointKind, Spec, Value};
 use partita_model::value::Functions;
 use partita_model::zero_position::Coordinates;
@@ -78,7 +79,7 @@ fn motors(fails: f64) -> Arc<Motors> {
 fn started(motors: &Arc<Motors>) -> (Model, Vec<f64>, Vec<f64>) {
     let model = Model::new(five_bar(), motors.clone(), Coordinates::Relative).unwrap();
     let mut q = model.initial();
-    assembly::close(&model, 0.0, &mut q, assembly::CLOSED, &[]).unwrap();
+    assembly::close(&model, 0.0, &mut q, tolerance::CLOSED, &[]).unwrap();
     let v = vec![0.0; q.len()];
     (model, q, v)
 }

@@ -1,10 +1,8 @@
 //! The transposed substitution for a right-hand side with few entries, at the cost of what it touches.
 
 use super::Program;
+use crate::tolerance;
 use std::collections::BinaryHeap;
-
-/// An unknown below this fraction of the terms it is summed from is a rounding error of theirs.
-const CANCELLED: f64 = 1e-13;
 
 /// Memory of [`Plan::solve_transposed_sparse`](crate::elimination::Plan::solve_transposed_sparse), used again and again.
 #[derive(Clone, Debug, Default)]
@@ -49,7 +47,7 @@ impl SparseRoom {
     /// The unknown `k`; zero where its terms cancel.
     fn settled(&mut self, k: usize) -> f64 {
         self.waits[k] = false;
-        if self.value[k].abs() <= CANCELLED * self.magnitude[k] {
+        if self.value[k].abs() <= tolerance::SOLUTION_ROUNDING * self.magnitude[k] {
             self.value[k] = 0.0;
         }
         self.value[k]

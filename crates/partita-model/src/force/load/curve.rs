@@ -1,9 +1,10 @@
 //! Effort by a curve over what is measured: gas force over crank angle.
 
-use super::{Asked, Response, ScalarLaw, KNOWN};
+use super::{Asked, Response, ScalarLaw};
 use crate::spec::Table;
 use crate::value;
 use partita_math::scalar::Scalar;
+use partita_math::tolerance;
 use partita_system::SystemError;
 use std::f64::consts::TAU;
 
@@ -22,7 +23,7 @@ impl<S: Scalar> ScalarLaw<S> for Curve {
         Ok(Response { effort, potential: S::zero(), power: effort * asked.rate })
     }
     fn turns(&self) -> Option<(S, f64)> {
-        (!(self.periodic && each_turn(&self.curve))).then_some((S::zero(), KNOWN))
+        (!(self.periodic && each_turn(&self.curve))).then_some((S::zero(), tolerance::HALF_TURN))
     }
 }
 
@@ -30,5 +31,5 @@ impl<S: Scalar> ScalarLaw<S> for Curve {
 fn each_turn(curve: &Table) -> bool {
     let (Some(first), Some(last)) = (curve.breaks.first(), curve.breaks.last()) else { return true };
     let times = TAU / (last - first);
-    times >= 0.5 && (times - times.round()).abs() <= 1e-9 * times
+    times >= 0.5 && (times - times.round()).abs() <= tolerance::EQUAL * times
 }

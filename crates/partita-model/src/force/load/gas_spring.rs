@@ -4,6 +4,7 @@ use super::{Asked, Response, ScalarLaw};
 use crate::numbers::DescribedForce;
 use crate::spec;
 use partita_math::scalar::Scalar;
+use partita_math::tolerance;
 use partita_system::SystemError;
 
 /// With the column `c = 1 + x/length` of its length as drawn the effort is `force / c^exponent`; a negative force pushes back
@@ -37,6 +38,6 @@ impl<S: Scalar> ScalarLaw<S> for GasSpring<S> {
         false
     }
     fn turns(&self) -> Option<(S, f64)> {
-        Some((S::zero(), super::KNOWN))
+        Some((S::zero(), tolerance::HALF_TURN))
     }
 }

@@ -31,10 +31,6 @@ use partita_math::spatial::Space;
 use partita_system::SystemError;
 use std::f64::consts::{PI, TAU};
 
-/// A little less than half a turn (rad): up to here an angle read off the pose is known from the middle of what can be told,
-/// so that no step passes the place where it starts again unseen.
-const KNOWN: f64 = 3.0;
-
 /// What an effort may depend on.
 pub(crate) struct Asked<'a, S> {
     /// Name of the load, for messages.

@@ -1,9 +1,10 @@
 //! Spring and damper.
 
-use super::{Asked, Response, ScalarLaw, KNOWN};
+use super::{Asked, Response, ScalarLaw};
 use crate::force::stored;
 use crate::numbers::DescribedForce;
 use partita_math::scalar::Scalar;
+use partita_math::tolerance;
 use partita_system::SystemError;
 
 /// Drives a value back to `free` by `stiffness (x − free) + damping x'`.
@@ -39,6 +40,6 @@ impl<S: Scalar> ScalarLaw<S> for SpringDamper<S> {
         self.damped
     }
     fn turns(&self) -> Option<(S, f64)> {
-        Some((self.free, KNOWN))
+        Some((self.free, tolerance::HALF_TURN))
     }
 }

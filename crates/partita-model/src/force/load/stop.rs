@@ -1,10 +1,11 @@
 //! Compliant ends.
 
-use super::{Asked, Response, ScalarLaw, KNOWN};
+use super::{Asked, Response, ScalarLaw};
 use crate::force::resistance::Buffer;
 use crate::numbers::DescribedForce;
 use crate::spec;
 use partita_math::scalar::Scalar;
+use partita_math::tolerance;
 use partita_system::SystemError;
 use std::f64::consts::PI;
 
@@ -31,7 +32,7 @@ impl<S: Scalar> Stop<S> {
         };
         let half = x.lower.zip(x.upper).map_or(0.0, |(a, b)| 0.5 * (b - a));
         // beyond an end there is room for what it gives way
-        let within = KNOWN.max(0.5 * (half + PI));
+        let within = tolerance::HALF_TURN.max(0.5 * (half + PI));
         Self { lower, upper, buffer: Buffer::new(n, x.exponent, x.damping), middle: (middle, within) }
     }
 }

@@ -4,7 +4,7 @@
 //! p²: what opens has a double root, and says neither where it lies nor, below the root of rounding, that it is not
 //! there. Equal lengths between parallel axes, and axes of one body in one plane, are simple roots of the same drawing.
 
-use super::change::{is_sought, LARGEST, OWN, PARALLEL, ROUNDED};
+use super::change::{is_sought, LARGEST, NEARLY_PARALLEL, OWN};
 use super::{blocks, Drawing};
 use crate::model::Model;
 use crate::spec::JointKind;
@@ -12,15 +12,10 @@ use crate::zero_position::alignment;
 use partita_math::dense::Matrix;
 use partita_math::factor::svd;
 use partita_math::spatial::Vec3;
+use partita_math::tolerance;
 
-/// Axes this nearly parallel were made so.
-const SAME: f64 = 1e-9;
 /// Changes of lengths: each is quadratically better than the one before.
 const ROUNDS: usize = 8;
-/// Lengths that differ by less, in parts of the size, are equal to rounding.
-const EQUAL: f64 = 1e-15;
-/// Equations that add less than this part to the others say the same.
-const NOTHING: f64 = 1e-6;
 
 /// An axis where it sits on a body, as drawn.
 struct Pin {
@@ -63,7 +58,7 @@ impl Drawing {
     /// Axes of one body, parallel to each other, that are as far apart as others within a few tolerances, or lie in one
     /// plane.
     pub(super) fn alike(&self, tolerance: f64) -> Vec<Alike> {
-        alike(&pins(&self.model, 0..self.model.spec.joints.len()), PARALLEL * tolerance * self.length)
+        alike(&pins(&self.model, 0..self.model.spec.joints.len()), NEARLY_PARALLEL * tolerance * self.length)
     }
 
     /// What is alike as conditions on a change of this drawing.
@@ -83,7 +78,7 @@ impl Drawing {
         for _ in 0..ROUNDS {
             let lengths = alike.iter().filter(|x| !matches!(x, Alike::Parallel(..)));
             let conditions: Vec<Condition> = lengths.flat_map(|x| x.conditions(&pins, size)).collect();
-            if conditions.iter().all(|x| x.off.abs() <= EQUAL) {
+            if conditions.iter().all(|x| x.off.abs() <= tolerance::ROUNDING) {
                 break;
             }
             let by = shortest(&conditions, change.len())?;
@@ -100,10 +95,10 @@ impl Drawing {
 /// asked:
 /// what is alike grows with the third power of the axes in one line.
 pub(super) fn is_unlike(model: &Model, tolerance: f64) -> bool {
-    let (size, near) = (model.placed.size, PARALLEL * tolerance * model.placed.size);
+    let (size, near) = (model.placed.size, NEARLY_PARALLEL * tolerance * model.placed.size);
     blocks::joints_of_blocks(&model.spec).into_iter().filter(|joints| is_sought(joints.len())).any(|joints| {
         let pins = pins(model, joints);
-        let off = |x: &Alike| x.conditions(&pins, size).iter().any(|x| x.off.abs() > ROUNDED);
+        let off = |x: &Alike| x.conditions(&pins, size).iter().any(|x| x.off.abs() > tolerance::SUM_ROUNDING);
         alike(&pins, near).iter().any(off)
     })
 }
@@ -131,7 +126,7 @@ fn alike(pins: &[Pin], near: f64) -> Vec<Alike> {
     let mut lengths: Vec<(f64, [usize; 2])> = Vec::new();
     let one_body = |i: usize, j: usize| {
         let (a, b) = (&pins[i], &pins[j]);
-        a.node == b.node && a.axis.cross(b.axis).norm() <= SAME
+        a.node == b.node && a.axis.cross(b.axis).norm() <= tolerance::EQUAL
     };
     for i in 0..pins.len() {
         for j in (i + 1..pins.len()).filter(|&j| one_body(i, j)) {
@@ -223,7 +218,7 @@ fn shortest(conditions: &[Condition], numbers: usize) -> Option<Vec<f64>> {
     let mut rows = Matrix::new(conditions.len(), numbers);
     conditions.iter().enumerate().for_each(|(r, x)| x.set(rows.row_mut(r)));
     let f = svd(&rows).ok()?;
-    let least = NOTHING * f.s.first().copied()?;
+    let least = tolerance::DEPENDENT * f.s.first().copied()?;
     let mut by = vec![0.0; numbers];
     for (i, s) in f.s.iter().enumerate().filter(|x| *x.1 > least) {
         let part = -conditions.iter().enumerate().map(|(r, x)| f.u[(r, i)] * x.off).sum::<f64>() / s;

@@ -9,8 +9,9 @@ use crate::model::Model;
 use crate::spec::{Coupling, Measure, Spec};
 use crate::tree::LinkMotion;
 use crate::validate::GROUND;
-use crate::zero_position::{diameter, POINT};
+use crate::zero_position::diameter;
 use partita_math::spatial::{Mat3, Vec3};
+use partita_math::tolerance;
 use std::collections::{BTreeSet, HashMap};
 
 /// Where a body has gone from where it was drawn: x becomes `turn` x + `shift`.
@@ -222,7 +223,7 @@ fn length(spec: &Spec, is_rigid: impl Fn(usize) -> bool, moved: impl Fn(&str) ->
     }
     let mut extents: Vec<f64> = points[1..].iter().filter(|x| !x.is_empty()).map(|x| diameter(x)).collect();
     let largest = extents.iter().fold(0.0, |m: f64, x| m.max(*x));
-    extents.retain(|x| *x > POINT * largest && x.is_finite());
+    extents.retain(|x| *x > tolerance::EQUAL * largest && x.is_finite());
     extents.sort_by(f64::total_cmp);
     let mut left = 0.5 * extents.iter().sum::<f64>();
     extents.into_iter().find(|x| {

@@ -17,6 +17,7 @@ use crate::zero_position::alignment;
 use partita_math::dense::Matrix;
 use partita_math::factor::svd;
 use partita_math::spatial::{Mat3, Quaternion, Spatial, Vec3};
+use partita_math::tolerance;
 use partita_system::rank::{Cut, Kernel, Place};
 use partita_system::{ConstrainedSystem, SystemError};
 
@@ -28,32 +29,26 @@ const ROUNDS: usize = 14;
 const PLACES: usize = 14;
 /// Fewer say nothing.
 const FEWEST: usize = 3;
-/// What opens by less (parts of sizes) is rounding.
-const ROUNDING: f64 = 1e-15;
-/// The drawing fits when nothing opens by more.
-const FITS: f64 = 1e-12;
-/// Singular values of the conditions on p below so many openings say nothing...
-const NOTHING: f64 = 30.0;
-/// ... never below this part of the largest...
-const LEAST: f64 = 1e-9;
-/// ... nor above this one.
-const MOST: f64 = 1e-3;
-/// A round that gains less than this is near a double root: smaller values are asked.
-const GAINS: f64 = 0.1;
-/// Axes that are parallel within so many tolerances were intended to be.
-pub(super) const PARALLEL: f64 = 3.0;
+/// Singular values of the conditions below so many closure errors are null. Scale: multiples of the closure error.
+/// Reason: what is off in the conditions is as large as the closure error, times the length of a loop.
+const OPENINGS: f64 = 30.0;
+/// A round that gains less is near a double root: smaller singular values are taken in. Scale: fraction of the closure
+/// error. Reason: elsewhere the iteration is quadratic.
+const NEAR_DOUBLE_ROOT: f64 = 0.1;
+/// Axes that are parallel within this were intended to be. Scale: multiples of the drawing tolerance. Reason: both axes
+/// may be off by one, and the loop between them.
+pub(super) const NEARLY_PARALLEL: f64 = 3.0;
 /// Products of a decomposition beyond which nothing is sought.
 pub(super) const LARGEST: usize = 150_000_000;
-/// A fit that rests on singular values of less than this may be near a double root...
-const SURE: f64 = 1e-4;
-/// ... where some of those that say nothing are this part of the change that is left, or more...
-const DOUBLE: f64 = 1e-2;
-/// ... which is less than this, or what opens would show it.
-const LEFT: f64 = 1e-5;
-/// What is off by less was rounded.
-pub(super) const ROUNDED: f64 = 1e-14;
-/// Singular values below this part of the largest certainly say nothing.
-const WEAK: f64 = 1e-6;
+/// A fit that rests on smaller singular values may be near a double root. Scale: fraction of the largest singular
+/// value. Reason: the root of what a fit leaves open.
+const SURE_FIT: f64 = 1e-4;
+/// At a double root null singular values exceed this. Scale: fraction of the change that is left. Reason: at a double
+/// root they are as large as the change.
+const DOUBLE_ROOT: f64 = 1e-2;
+/// Near a double root the change that is left is below this. Scale: natural scales of the drawing. Reason: a larger one
+/// would be seen in the closure error.
+const CHANGE_LEFT: f64 = 1e-5;
 
 /// A change by which a drawing fits.
 pub(super) struct Change {
@@ -68,7 +63,8 @@ impl Change {
     /// Does the change rest on a double root in lengths that are `off` by so much? They say something then where they
     /// are off.
     pub(super) fn is_double(&self, off: f64) -> bool {
-        self.least < SURE || off < LEFT && self.weak.iter().any(|s| *s > (DOUBLE * off).max(ROUNDED))
+        self.least < SURE_FIT
+            || off < CHANGE_LEFT && self.weak.iter().any(|s| *s > (DOUBLE_ROOT * off).max(tolerance::SUM_ROUNDING))
     }
 }
 
@@ -95,23 +91,23 @@ impl Drawing {
         let Some(mut now) = self.changed(&change.numbers) else { return Ok(None) };
         let cut = Cut::Rank(self.model.size().nv.saturating_sub(kernel));
         let mut at: Vec<Vec<f64>> = spread(places, kernel).into_iter().map(|x| x.q.clone()).collect();
-        let (mut before, mut nothing) = (f64::INFINITY, MOST);
+        let (mut before, mut nothing) = (f64::INFINITY, super::WEAK_CONDITION);
         for _ in 0..ROUNDS {
             let (rows, open) = now.asked(&mut at, cut, &now.conditions(kept))?;
             if at.len() < FEWEST || rows.rows() * rows.cols().pow(2) > LARGEST {
                 return Ok(None);
             }
             let worst = open.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-            if worst < ROUNDING || worst < FITS && worst > 0.5 * before {
+            if worst < tolerance::ROUNDING || worst < tolerance::CLOSED && worst > 0.5 * before {
                 return Ok(Some(change));
             }
             if !worst.is_finite() {
                 return Ok(None);
             }
             // near a double root little is gained: values that rounding still tells are asked then
-            nothing = match worst > GAINS * before {
-                true => (nothing / NOTHING).max(LEAST),
-                false => (NOTHING * worst).clamp(LEAST, MOST),
+            nothing = match worst > NEAR_DOUBLE_ROOT * before {
+                true => (nothing / OPENINGS).max(super::FINEST_LEVEL),
+                false => (OPENINGS * worst).clamp(super::FINEST_LEVEL, super::WEAK_CONDITION),
             };
             before = worst;
             let Ok(f) = svd(&rows) else { return Ok(None) };
@@ -119,7 +115,7 @@ impl Drawing {
             // the least of the whole change, not of its last step: A p_new = A p - open
             let wanted: Vec<f64> = rows.matvec(&change.numbers).iter().zip(&open).map(|(a, open)| a - open).collect();
             change.numbers.fill(0.0);
-            change.weak = f.s.iter().map(|s| s / top).filter(|s| *s < WEAK).collect();
+            change.weak = f.s.iter().map(|s| s / top).filter(|s| *s < tolerance::DEPENDENT).collect();
             for (i, s) in f.s.iter().enumerate().take_while(|x| *x.1 > nothing * top) {
                 change.least = s / top;
                 let part = (0..rows.rows()).map(|r| f.u[(r, i)] * wanted[r]).sum::<f64>() / s;
@@ -233,10 +229,10 @@ impl Drawing {
             off = more.iter().fold(off, |m: f64, x| m.max(x.abs()));
             self.changed(&numbers)
         };
-        let parallel = add(&self.changed(change)?.parallel(q, PARALLEL * tolerance))?;
+        let parallel = add(&self.changed(change)?.parallel(q, NEARLY_PARALLEL * tolerance))?;
         let alike = parallel.alike(tolerance);
         add(&parallel.made_alike(&alike)?)?;
-        (off > ROUNDED).then_some((numbers, alike, off))
+        (off > tolerance::SUM_ROUNDING).then_some((numbers, alike, off))
     }
 
     /// The change of this drawing by which axes that are parallel within `near` where they stand at q are so exactly:

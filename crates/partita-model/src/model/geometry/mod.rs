@@ -14,42 +14,46 @@ use crate::value::Functions;
 use crate::zero_position::Coordinates;
 use blocks::Pose;
 use change::{is_sought, largest, Change, OWN};
+use partita_math::tolerance;
 use partita_system::kinematics::assembly;
-use partita_system::rank::{exact, weakest, Cut, Exact, Kernel, EXACT};
+use partita_system::rank::{exact, weakest, Cut, Exact, Kernel};
 use partita_system::{ConstrainedSystem, SystemError};
 use std::cell::OnceCell;
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// The coarsest level, in tolerances: singular values of random geometric errors are up to 0.9 of them, of longer loops
-/// more.
+/// The coarsest level of singular values. Scale: multiples of the drawing tolerance. Reason: those of random geometric
+/// errors are up to 0.9 of it, of longer loops more.
 const COARSEST: f64 = 10.0;
-/// No level is coarser, whatever the tolerance.
+/// No level is coarser, whatever the tolerance. Scale: singular values in natural scales. Reason: rows above it are
+/// alive in any mechanism.
 const WIDEST: f64 = 3e-2;
-/// Levels below it.
-const LEVELS: [f64; 2] = [1e-5, 1e-7];
-/// Conditions below this are distinguished from none by the verdict alone, not by pivots at a position.
-const WEAK: f64 = 1e-3;
-/// Below this values are rounding.
-const FINEST: f64 = 1e-9;
+/// Finer levels of singular values. Scale: singular values in natural scales. Reason: two digits apart.
+const FINER_LEVELS: [f64; 2] = [1e-5, 1e-7];
+/// Conditions above this count; weaker ones are distinguished from none by the verdict alone, not by pivots at a
+/// position. Scale: singular values in natural scales; fraction of the largest for the conditions of a change. Reason:
+/// its square is what sums of squares can still tell.
+const WEAK_CONDITION: f64 = 1e-3;
+/// Singular values below this are rounding. Scale: natural scales; fraction of the largest for the conditions of a
+/// change. Reason: a drawing in double precision, solved once.
+const FINEST_LEVEL: f64 = 1e-9;
 /// Velocities up to which singular values of the whole are no effort.
 const DENSE: usize = 150;
-/// A drawing open by less stands where it is drawn.
-const DRAWN: f64 = 1e-9;
-/// What opens by less along a path fits.
-const FITS: f64 = 1e-11;
-/// The largest change of a joint frame, in tolerances.
-const CHANGED: f64 = 2.0;
-/// Axes are parallel within so many tolerances in what was intended to be plane.
+/// The largest change of a joint frame. Scale: multiples of the drawing tolerance. Reason: one for the frame, one for
+/// what it is joined to.
+const LARGEST_CHANGE: f64 = 2.0;
+/// Axes are parallel within this in what was intended to be planar. Scale: multiples of the drawing tolerance. Reason:
+/// errors of several joints add up along a loop.
 const PLANE: f64 = 4.0;
-/// The part of the bodies' lengths by which the drawing of a block may be open for its decision to mean anything.
-const NEAR: f64 = 0.5;
-/// Finer levels with a change this much smaller are taken where a coarse one folds a length away.
+/// The drawing of a block may be open by this for its decision to mean anything. Scale: lengths of its bodies. Reason:
+/// a drawing open by more shows another assembly.
+const NEARLY_DRAWN: f64 = 0.5;
+/// Finer levels are taken where a coarse one folds a length away and their change is smaller by this factor. Scale:
+/// ratio of changes. Reason: one digit.
 const FOLDED: f64 = 0.1;
-/// Lengths above this (in parts of the block's) are lengths.
-const LENGTH: f64 = 1e-9;
-/// Decimals of a block's length to which equal blocks agree.
-const EQUAL: f64 = 1e-13;
+/// Blocks with lengths that agree to this are equal. Scale: length of the block. Reason: positions of a drawing, added
+/// up along a loop.
+const BLOCK_DECIMALS: f64 = 1e-13;
 
 /// What was decided about one block of loops.
 #[derive(Clone, Debug, PartialEq)]
@@ -178,7 +182,7 @@ pub(super) fn decide(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joi
         _ => None,
     };
     if let Some((freedoms, least)) = settled {
-        let weak = least < WEAK * WEAK;
+        let weak = least < WEAK_CONDITION * WEAK_CONDITION;
         return (Geometry { freedoms: Some(freedoms), weak, ..Geometry::default() }, None);
     }
     let parts = blocks::blocks(spec);
@@ -229,7 +233,8 @@ pub(super) fn decide(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joi
     if joints.is_none() && !singular {
         let weakest = weakest_of(model, drawn.as_deref(), found.freedoms);
         let conditions = found.blocks.iter().any(|x| x.verdict == Verdict::Conditions);
-        (found.weak, found.hidden) = (conditions || weakest < WEAK * WEAK, weakest <= EXACT);
+        (found.weak, found.hidden) =
+            (conditions || weakest < WEAK_CONDITION * WEAK_CONDITION, weakest <= tolerance::LOST_PIVOT);
     }
     (found, joints)
 }
@@ -240,14 +245,14 @@ pub(super) fn decide(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joi
 fn closed(model: &Model, level: f64) -> Option<Vec<f64>> {
     let mut q = model.initial();
     let mut kernel = Kernel::new(model, 0.0);
-    if kernel.open(&q).is_ok_and(|open| open < DRAWN) {
+    if kernel.open(&q).is_ok_and(|open| open < tolerance::CLOSED_IN_RUN) {
         return Some(q);
     }
     if model.size().nv > DENSE {
-        return assembly::close(model, 0.0, &mut q, assembly::CLOSED, &[]).ok().map(|_| q);
+        return assembly::close(model, 0.0, &mut q, tolerance::CLOSED, &[]).ok().map(|_| q);
     }
     let closed = kernel.close(&mut q, Cut::Level(level)).ok().flatten()?;
-    (closed.open < DRAWN && model.turned_over(&q).is_empty()).then_some(q)
+    (closed.open < tolerance::CLOSED_IN_RUN && model.turned_over(&q).is_empty()).then_some(q)
 }
 
 /// Where the loops close to the drawing tolerance, or come nearest to it, drives released.
@@ -267,7 +272,7 @@ fn at(model: &Model, q: Option<&[f64]>, level: f64) -> Exact {
 
 /// The coarsest level for a drawing tolerance.
 fn coarsest(tolerance: f64) -> f64 {
-    (COARSEST * tolerance).clamp(COARSEST * FINEST, WIDEST)
+    (COARSEST * tolerance).clamp(COARSEST * FINEST_LEVEL, WIDEST)
 }
 
 /// What the weakest condition of a mechanism of so many degrees of freedom adds where it is drawn, squared; 1 where
@@ -345,7 +350,7 @@ fn shape(spec: &Spec) -> Option<Vec<i64>> {
     let first = spec.joints.first()?.point;
     let far = |x: [f64; 3]| (0..3).fold(0.0f64, |m, i| m.max((x[i] - first[i]).abs()));
     let size = spec.joints.iter().fold(0.0f64, |m, j| m.max(far(j.point)).max(far(j.child_point.unwrap_or(j.point))));
-    let unit = EQUAL * if size > 0.0 { size } else { return None };
+    let unit = BLOCK_DECIMALS * if size > 0.0 { size } else { return None };
     let mut key: Vec<i64> = vec![spec.bodies.len() as i64, (size / unit) as i64, size.to_bits() as i64];
     let names: HashMap<&str, i64> = spec.bodies.iter().zip(1..).map(|(b, i)| (b.name.as_str(), i)).collect();
     let point = |x: [f64; 3], key: &mut Vec<i64>| key.extend((0..3).map(|i| ((x[i] - first[i]) / unit).round() as i64));
@@ -476,7 +481,7 @@ impl Drawing {
         }
         // a hinge that is out of parallel is half a matter of either body
         let most = |first: usize, limit: f64| most(&numbers, first) <= limit * tolerance;
-        (plane.model.is_planar() && most(0, CHANGED) && most(3, PLANE)).then_some((plane, numbers))
+        (plane.model.is_planar() && most(0, LARGEST_CHANGE) && most(3, PLANE)).then_some((plane, numbers))
     }
 
     /// What fits at the levels, coarsest first, and the null directions of the drawing. `None` where it does not close.
@@ -500,7 +505,7 @@ impl Drawing {
                 }
             }
         }
-        if open.is_none_or(|open| open > NEAR) {
+        if open.is_none_or(|open| open > NEARLY_DRAWN) {
             return Ok(None);
         }
         self.levels_at(home, tolerance)
@@ -513,7 +518,7 @@ impl Drawing {
         let n = self.model.size().nv;
         let values = kernel.values(&home)?;
         let null = |level: f64| n - Cut::Level(level).count(&values);
-        let seen = Seen { fine: null(FINEST), coarse: null(coarsest) };
+        let seen = Seen { fine: null(FINEST_LEVEL), coarse: null(coarsest) };
         if seen.coarse == 0 || seen.coarse == n.saturating_sub(kernel.rows.len()) {
             let fit = Fit {
                 freedoms: seen.coarse,
@@ -527,7 +532,7 @@ impl Drawing {
             return Ok(Some(((seen.coarse > 0).then_some(fit), seen)));
         }
         let mut levels = vec![coarsest];
-        levels.extend(LEVELS.into_iter().filter(|x| *x < coarsest));
+        levels.extend(FINER_LEVELS.into_iter().filter(|x| *x < coarsest));
         if seen.fine == seen.coarse {
             let finest = levels.pop().unwrap_or(coarsest);
             let fit = self.at_level(&home, finest, tolerance)?;
@@ -537,7 +542,7 @@ impl Drawing {
             levels.push(finest);
         }
         // a lock of order four is thrown back to where openings are rounding by this level alone
-        levels.push(FINEST);
+        levels.push(FINEST_LEVEL);
         let mut fits: Vec<Fit> = Vec::new();
         for (i, &level) in levels.iter().enumerate() {
             let next = levels.get(i + 1).map_or(seen.fine, |x| null(*x));
@@ -572,21 +577,22 @@ impl Drawing {
         };
         let open = branch.places.iter().fold(0.0, |m: f64, x| m.max(x.open));
         let unlike = self.alike_too(&vec![0.0; OWN * self.model.spec.joints.len()], &there, tolerance);
-        if open < FITS && unlike.is_none() {
+        if open < tolerance::FITS && unlike.is_none() {
             return Ok(Some(fit(None, &self.model.spec.joints)));
         }
         if !self.model.spec.couplings.is_empty() || branch.freedoms < branch.kernel {
             // conditions have no frames that could be moved; what is locked at a higher order is mended by no slope
-            return Ok((open < FITS).then(|| fit(None, &self.model.spec.joints)));
+            return Ok((open < tolerance::FITS).then(|| fit(None, &self.model.spec.joints)));
         }
         let nothing = vec![0.0; OWN * self.model.spec.joints.len()];
-        let plain = match open < FITS {
+        let plain = match open < tolerance::FITS {
             true => None,
             false => self.change(&branch.places, branch.kernel, (&nothing, &[]))?,
         };
         let begun = plain.as_ref().map_or(nothing.as_slice(), |x| &x.numbers);
         let alike = self.alike_too(begun, &there, tolerance);
-        let small = |x: &Change| largest(&x.numbers) <= CHANGED * tolerance && !self.folds_all(&x.numbers, tolerance);
+        let small =
+            |x: &Change| largest(&x.numbers) <= LARGEST_CHANGE * tolerance && !self.folds_all(&x.numbers, tolerance);
         let with = match &alike {
             // what opens had a double root, or none was found
             Some((numbers, kept, off)) if plain.as_ref().is_none_or(|x| x.is_double(*off)) => {
@@ -600,7 +606,7 @@ impl Drawing {
                 return Ok(Some(fit(Some(change.numbers), &changed.model.spec.joints)));
             }
         }
-        Ok((open < FITS).then(|| fit(None, &self.model.spec.joints)))
+        Ok((open < tolerance::FITS).then(|| fit(None, &self.model.spec.joints)))
     }
 
     /// Are values small at most of some generic positions, beside those that are null?
@@ -608,7 +614,7 @@ impl Drawing {
         let n = self.model.size().nv;
         let (mut weak, mut asked) = (0, 0);
         for place in branch.places.iter().step_by((branch.places.len() / ASKED).max(1)).take(ASKED) {
-            let small = n - Cut::Level(WEAK).count(&kernel.values(&place.q)?);
+            let small = n - Cut::Level(WEAK_CONDITION).count(&kernel.values(&place.q)?);
             weak += usize::from(small > branch.kernel);
             asked += 1;
         }
@@ -622,9 +628,9 @@ impl Drawing {
         let mut kernel = Kernel::new(&self.model, 0.0);
         let mut there = home.to_vec();
         let Some(place) = branch.places.get(branch.places.len() / 2) else { return Ok(false) };
-        if kernel.close(&mut there, cut)?.is_none_or(|x| x.open > FITS) {
+        if kernel.close(&mut there, cut)?.is_none_or(|x| x.open > tolerance::FITS) {
             there.clone_from(&place.q);
-            if kernel.close(&mut there, cut)?.is_none_or(|x| x.open > FITS) {
+            if kernel.close(&mut there, cut)?.is_none_or(|x| x.open > tolerance::FITS) {
                 return Ok(false);
             }
         }
@@ -635,18 +641,18 @@ impl Drawing {
                 kernel.path(&there, &along, cut, CHECKED, &mut |_, _, off, _| {
                     open = open.max(off);
                     count += 1;
-                    open <= FITS
+                    open <= tolerance::FITS
                 })?;
             }
         }
-        Ok(count >= CHECKED && open <= FITS)
+        Ok(count >= CHECKED && open <= tolerance::FITS)
     }
 
     /// Does a change fold a length of a body away?
     fn folds(&self, numbers: &[f64]) -> bool {
         let Some(changed) = self.changed(numbers) else { return false };
         let (before, after) = (self.lengths(), changed.lengths());
-        before.iter().zip(&after).any(|(d, now)| *d > LENGTH * self.length && *now < 0.5 * d)
+        before.iter().zip(&after).any(|(d, now)| *d > tolerance::EQUAL * self.length && *now < 0.5 * d)
     }
 
     /// Does it fold away a length that is no geometric error beside the others?

@@ -1,7 +1,7 @@
 //! What rates single out, and why they do not, in words.
 
-use super::{largest, Asked, BranchDirections, BESIDE, ON};
-use crate::branching::{FLAT, WRITTEN};
+use super::{largest, Asked, BranchDirections, BESIDE_DEAD_CENTRE, ON_BRANCH};
+use crate::branching::{SECOND_RATE_ROUNDING, WRITTEN};
 use crate::system::ConstrainedSystem;
 use partita_math::factor::symmetric_eigen;
 use partita_math::formatted;
@@ -18,7 +18,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
     pub(super) fn written(&self, w: &[f64]) -> String {
         let v = self.natural(w);
         let top = largest(w);
-        let moving: Vec<usize> = (0..v.len()).filter(|&i| w[i].abs() > ON * top).collect();
+        let moving: Vec<usize> = (0..v.len()).filter(|&i| w[i].abs() > ON_BRANCH * top).collect();
         if moving.is_empty() || moving.len() > WRITTEN {
             return "see the report for its rates".into();
         }
@@ -73,7 +73,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
     pub fn described(&self, v: &[f64]) -> String {
         let w: Vec<f64> = v.iter().zip(&self.displacement).map(|(v, r)| v / r).collect();
         let top = largest(&w);
-        let moving: Vec<usize> = (0..v.len()).filter(|&i| w[i].abs() > ON * top).collect();
+        let moving: Vec<usize> = (0..v.len()).filter(|&i| w[i].abs() > ON_BRANCH * top).collect();
         let all: Vec<String> = moving
             .iter()
             .take(WRITTEN)
@@ -86,7 +86,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
     pub(super) fn impossible(&self) -> Option<String> {
         let (off, row, _) = self.forbidden;
         let fastest = self.unit.max(largest(&self.particular));
-        if self.driven && off.abs() > BESIDE * fastest {
+        if self.driven && off.abs() > BESIDE_DEAD_CENTRE * fastest {
             let (what, speed) = (self.system.row_owner(row), self.drive_speed(row));
             return Some(format!(
                 "{what} asks for {speed} at t = {}, and nothing moves at that rate here: in a dead centre the rate has to \
@@ -99,9 +99,9 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
         }
         let (values, _) = symmetric_eigen(&self.form).ok()?;
         let top = largest(&values);
-        let acts: Vec<f64> = values.into_iter().filter(|x| x.abs() > FLAT * top).collect();
+        let acts: Vec<f64> = values.into_iter().filter(|x| x.abs() > SECOND_RATE_ROUNDING * top).collect();
         let (rest, whose) = (self.form[(self.k, self.k)].abs(), self.system.row_owner(row));
-        if acts.len() < 2 && rest <= FLAT * top {
+        if acts.len() < 2 && rest <= SECOND_RATE_ROUNDING * top {
             return Some(
                 "to second order the drives stand still here, and which way the joints go on is decided by higher orders, \
                  that are not looked at; let the course begin with an acceleration inwards"

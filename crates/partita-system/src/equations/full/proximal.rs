@@ -14,22 +14,22 @@
 use super::range_space::MassMetric;
 use super::{AccelerationRule, Failure, Instant};
 use partita_math::dense;
+use partita_math::tolerance;
 
-/// ε: far above the rounding of M_c (1e-16), far below squared sines between healthy rows, which are solved in three
-/// iterations then.
-const EPSILON: f64 = 1e-8;
-/// A change of v' this small against v' and the free acceleration is round-off.
-const SETTLED: f64 = 1e-13;
-/// A change that no longer falls is round-off too if it is below this: rows at squared sines near ε amplify it.
-const STAGNANT: f64 = 1e-9;
+/// Damping of the proximal iteration. Scale: squared sines, in natural scales. Reason: far above the rounding of M_c
+/// (1e-16), far below squared sines between healthy rows, which take three iterations then.
+const PROXIMAL_DAMPING: f64 = 1e-8;
+/// A change of v' that no longer falls is rounding below this. Scale: fraction of v' and the free acceleration. Reason:
+/// rows at squared sines near the damping amplify rounding.
+const STAGNANT_CHANGE: f64 = 1e-9;
 /// After so many iterations a direction of squared sine ε/4 has come to within 1e-8 of its end.
 const MOST: u64 = 80;
 
-/// Of redundant rows some direction is pumped by the same amount in each iteration where they contradict each other a
-/// little, as they do with every stage that is not quite closed: its squared sine is that of the opening, far below
-/// ε. A change that falls by less than this ...
-const PUMPED: f64 = 0.9;
-/// ... in so many iterations in a row is one (all others have died out by then), and what it has added is taken back.
+/// A change that falls by less is repeated without end. Scale: ratio of successive changes. Reason: redundant rows that
+/// contradict each other a little, as with every stage that is not quite closed, move one direction by the same amount
+/// in each iteration; its squared sine is far below the damping.
+const PUMPED_CHANGE: f64 = 0.9;
+/// After so many such changes in a row all others have died out, and what they have added is taken back.
 const IN_A_ROW: u32 = 3;
 
 /// `v'` and λ by proximal iteration.
@@ -74,7 +74,7 @@ impl AccelerationRule for Iteration {
         let (m, n) = (x.rows.len(), x.h.len());
         let metric = &mut self.metric;
         metric.set(x)?;
-        metric.gram(EPSILON, &mut self.factor);
+        metric.gram(PROXIMAL_DAMPING, &mut self.factor);
         dense::cholesky(&mut self.factor, m).map_err(|e| Failure::Rows { sine2: e.pivot })?;
         let free = dense::dot(&metric.y, &metric.y).sqrt();
         self.x.fill(0.0);
@@ -95,10 +95,10 @@ impl AccelerationRule for Iteration {
             // lengths of accelerations in the mass metric; without constraints nothing changes at all
             let size = free.max(dense::dot(&metric.y, &metric.y).sqrt());
             let now = dense::dot(&self.step, &self.step).sqrt();
-            if now <= SETTLED * size || (now >= last && now <= STAGNANT * size) {
+            if now <= tolerance::SOLUTION_ROUNDING * size || (now >= last && now <= STAGNANT_CHANGE * size) {
                 break;
             }
-            pumped = if self.redundant && now > PUMPED * last { pumped + 1 } else { 0 };
+            pumped = if self.redundant && now > PUMPED_CHANGE * last { pumped + 1 } else { 0 };
             if pumped == IN_A_ROW {
                 // geometric series with the quotient r: the sum of all changes from the last one
                 let r = (now / last).min(1.0);

@@ -11,17 +11,15 @@ use crate::singular::dead_point::{self, Loss};
 use crate::start::choose_partition;
 use crate::system::{ConstrainedSystem, Size, SystemError};
 use crate::tangent::Tangent;
+use partita_math::tolerance;
 
-/// Steps are no longer than this much motion, in radians or parts of a characteristic length: an error estimate that
-/// looks at a
-/// dozen places of a turn sees a circle, and singular positions lie half a turn apart.
-const LONGEST: f64 = 1.2;
+/// Longest step. Scale: characteristic displacement. Reason: an error estimate that looks at a dozen places of a turn
+/// sees a circle, and singular positions lie half a turn apart.
+const LONGEST_MARCH: f64 = 1.2;
 
-/// Of redundant rows, those kept are given up where they will be so many times nearer to dependence than others.
+/// Redundant rows that are kept are given up when they approach dependence by this factor. Scale: ratio to the distance
+/// of other rows. Reason: a factor of three outweighs the change of rows.
 const POOR_BESIDE: f64 = 0.3;
-
-/// This part of the distance at the ends of a step is none: v is exact to 1e-12 there, v' to 1e-8.
-const NOTHING: f64 = 1e-3;
 
 /// So often in a row is a step shortened in which the choice came to a dead point of its own; where it is not what is
 /// integrated
@@ -214,7 +212,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     /// off by round-off over the distance, v' by that over its square.
     pub(super) fn stands_in_a_singular_position(&mut self) -> bool {
         let at_ends = [self.monitor.margin_before, self.margin].into_iter().flatten().fold(0.0, |m: f64, x| m.max(x.0));
-        at_ends > 0.0 && self.tangent.margin().is_none_or(|(here, _)| here < NOTHING * at_ends)
+        at_ends > 0.0 && self.tangent.margin().is_none_or(|(here, _)| here < tolerance::AT_SINGULARITY * at_ends)
     }
 
     /// Half-way through the step that was judged.
@@ -295,7 +293,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         let Some(pace) = step.pace.take() else { return Ok(false) };
         self.monitor.paced = true;
         if self.tangent.seen().rank() > 0 && self.monitor.fastest > 0.0 {
-            pace.next = pace.next.min(LONGEST / self.monitor.fastest);
+            pace.next = pace.next.min(LONGEST_MARCH / self.monitor.fastest);
         }
         let mut crossing = std::mem::take(&mut self.monitor.crossing);
         let (t, y) = (step.t, &*step.y);

@@ -5,11 +5,10 @@ use super::{close, messages, Assembly};
 use crate::manifold::least_change::{near_by, LeastChange};
 use crate::manifold::{self, follow, Closed, Curve, End, Linearization, Pace, Room, Visit};
 use crate::system::{ConstrainedSystem, SystemError};
+use partita_math::tolerance;
 
-/// Where steps that move the targets by this (in characteristic displacements) do not lead on, the loops resist.
-const SHORTEST: f64 = 1e-6;
-/// What the linear conditions may take from a step: beyond that they forbid it. A part of the step that errors of the
-/// linear solution (its damping against a nearly singular loop) stay below.
+/// What the linear conditions may take from a step before they forbid it. Scale: fraction of the step. Reason: errors
+/// of the linear solution (its damping against a nearly singular loop) stay below.
 const YIELDS: f64 = 1e-3;
 /// Steps in all: thirty thousand radians.
 const LONGEST: usize = 100_000;
@@ -97,7 +96,11 @@ pub fn move_to<S: ConstrainedSystem>(
     if far > 0.0 {
         let (targets, locked, room) = (&targets[..], &locked[..], Room::default());
         let mut curve = Towards { rows: &mut rows, targets, from, ahead, locked, tolerance, room };
-        let pace = Pace { longest: manifold::follow::LONGEST, shortest: (SHORTEST / far).min(0.1), steps: LONGEST };
+        let pace = Pace {
+            longest: manifold::follow::LONGEST_PREDICTION,
+            shortest: (tolerance::SHORTEST_STEP / far).min(0.1),
+            steps: LONGEST,
+        };
         let done = follow(&mut curve, q, &vec![0.0; system.size().nv], 1.0, &pace, &mut |_, _| Ok(Visit::On))?;
         (report.iterations, report.target_steps) = (done.iterations, done.steps);
         match done.end {

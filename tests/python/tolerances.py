@@ -1,0 +1,116 @@
+"""The tolerances of the core, read from the sources: for docs/tolerances.md and for the test of their rules.
+
+A constant of floating-point numbers has a comment of three parts: what it separates, "Scale:" (what it is a fraction or
+a multiple of), and "Reason:" (why it has its size). What several rooms share stands in `partita-math/src/tolerance.rs`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from html import escape
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+CRATES = ROOT / "crates"
+SHARED = "math/tolerance"
+FLOORS = ("math", "system", "integrate", "model", "analysis", "fmu")
+
+CONSTANT = re.compile(
+    r"((?:^[ \t]*///[^\n]*\n)*)^[ \t]*(?:pub(?:\([^)]*\))? )?const ([A-Z][A-Z_0-9]*): ([^=]*?) =\s*([^;]*);",
+    flags=re.MULTILINE,
+)
+NUMBERS = re.compile(r"f64|\[f64; \d+\]|\((?:f64(?:, )?)+\)")
+PARTS = re.compile(r"(?P<meaning>.+?\.) Scale: (?P<scale>.+?)\. Reason: (?P<reason>.+)\.")
+UNIT_TESTS = re.compile(r"#\[cfg\(test\)\]\s*(?:pub(?:\(crate\))? )?mod \w+ \{")
+TEST_MODULE = re.compile(r"#\[cfg\(test\)\]\s*(?:pub(?:\(crate\))? )?mod (\w+);")
+SCIENTIFIC = re.compile(r"(?<![\w.])\d[\d_.]*e-?\d+")
+SMALL = re.compile(r"[<>]=?\s*-?(0\.0\d+)|\.(?:max|min)\((0\.0\d+)\)")
+GROUP = re.compile(r"^// ---- (.+)$", flags=re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class Constant:
+    """A constant of floating-point numbers with the parts of its comment."""
+
+    name: str
+    value: str
+    comment: str
+    where: str
+    group: str
+
+    @property
+    def parts(self) -> tuple[str, str, str] | None:
+        """Meaning, scale and reason; None where the comment lacks one of them."""
+        found = PARTS.fullmatch(self.comment)
+        return (found["meaning"], found["scale"], found["reason"]) if found else None
+
+
+def sources() -> Iterator[tuple[str, str]]:
+    """("system/rank/exact", its text without unit tests) for all files of the floors, in their order."""
+    for floor in FLOORS:
+        root = CRATES / f"partita-{floor}" / "src"
+        texts = {path: path.read_text("utf-8") for path in sorted(root.rglob("*.rs"))}
+        tests = {
+            (path.parent if path.name in ("lib.rs", "mod.rs") else path.with_suffix("")) / name
+            for path, text in texts.items()
+            for name in TEST_MODULE.findall(text)
+        }
+        for path, text in texts.items():
+            if not any(test == path.with_suffix("") or test in path.parents for test in tests):
+                yield f"{floor}/{path.relative_to(root).with_suffix('').as_posix()}", UNIT_TESTS.split(text)[0]
+
+
+@cache
+def constants() -> tuple[Constant, ...]:
+    """All constants of floating-point numbers, in the order of the floors and of their files."""
+    return tuple(found for where, text in sources() for found in in_text(where, text))
+
+
+def in_text(where: str, text: str) -> Iterator[Constant]:
+    """The constants of one file."""
+    for match in CONSTANT.finditer(text):
+        comment, name, kind, value = match.groups()
+        if NUMBERS.fullmatch(kind):
+            words = " ".join(line.strip().removeprefix("///").strip() for line in comment.splitlines())
+            groups = GROUP.findall(text[: match.start(2)])
+            yield Constant(name, " ".join(value.split()), words, where, groups[-1] if groups else "")
+
+
+def bare_literals(text: str) -> list[str]:
+    """Lines with a literal that is compared with or stands in scientific notation, constants and words left out."""
+    code = re.sub(r'"(?:[^"\\]|\\.)*"', '""', re.sub(r"//[^\n]*", "", text), flags=re.DOTALL)
+    code = re.sub(r"const [A-Z_0-9]+: [^=]*?=[^;]*;", "", code)
+    return [line.strip() for line in code.splitlines() if SCIENTIFIC.search(line) or SMALL.search(line)]
+
+
+def page() -> str:
+    """The generated part of docs/tolerances.md."""
+    shared = [c for c in constants() if c.where == SHARED]
+    lines = [f"{len(shared)} are shared, {len(constants()) - len(shared)} belong to one algorithm.", "", "## Shared"]
+    for group in dict.fromkeys(c.group for c in shared):
+        lines += ["", f"### {group[0].upper()}{group[1:]}", "", *table([c for c in shared if c.group == group])]
+    for floor in FLOORS:
+        own = [c for c in constants() if c.where.startswith(f"{floor}/") and c.where != SHARED]
+        if own:
+            lines += ["", f"## Of one algorithm: `partita-{floor}`"]
+        for where in dict.fromkeys(c.where for c in own):
+            lines += ["", f"### `{where.partition('/')[2]}`", "", *table([c for c in own if c.where == where])]
+    return "\n".join([*lines, ""])
+
+
+def table(rows: list[Constant]) -> list[str]:
+    """Rows of a table of constants."""
+    lines = ["| name | value | meaning | scale | reason |", "|---|---|---|---|---|"]
+    for c in rows:
+        meaning, scale, reason = (cell(part) for part in c.parts or (c.comment, "", ""))
+        lines.append(f"| `{c.name}` | `{c.value}` | {meaning} | {scale} | {reason} |")
+    return lines
+
+
+def cell(text: str) -> str:
+    """Words of a comment as they stand in a table: links to names as names."""
+    text = re.sub(r"\[`(?:\w+::)*(\w+)`\](?:\([^)]*\))?", r"`\1`", text)
+    return escape(text, quote=False).replace("|", "\\|").replace("*", "\\*")
