@@ -18,8 +18,9 @@ use partita_math::spatial::{Mat3, Vec3};
 use partita_model::rows::Owner;
 use partita_model::spec::Measure;
 use partita_model::Model;
+use partita_system::prelude::*;
 use partita_system::start::{analyse, rank_here, Start};
-use partita_system::{ConstrainedSystem, SystemError};
+use partita_system::SystemError;
 
 /// Directions in which self-stresses load a joint, the longest first, in units of what counts as zero.
 type Directions = [Vec3<f64>; 3];

@@ -17,7 +17,10 @@ use partita_model::tree::LinkMotion;
 use partita_model::Model;
 use partita_system::start::Start;
 use partita_system::system::Tangent;
-use partita_system::{ConstrainedSystem, Finite, Size, SystemError};
+use partita_system::system::{
+    Clustered, Conditions, Guards, InverseKinematics, Levels, Manifold, Metric, Names, Scales,
+};
+use partita_system::{Finite, Size, SystemError};
 
 /// Least size of a loop. Scale: size of the mechanism. Reason: a loop that shrinks to a point still has a size to
 /// compare rounding with.
@@ -144,9 +147,8 @@ impl<'m> Geometry<'m> {
     }
 }
 
-impl ConstrainedSystem for Geometry<'_> {
+impl Levels for Geometry<'_> {
     type Scratch = GeometryScratch;
-
     fn size(&self) -> Size {
         let placed = &self.model.placed;
         Size { nq: placed.nq, nv: placed.nv, rows: self.pattern.rows, holonomic: self.holonomic }
@@ -163,43 +165,9 @@ impl ConstrainedSystem for Geometry<'_> {
             a: vec![0.0; all.rows],
         }
     }
-    fn velocity_name(&self, i: usize) -> String {
-        self.model.velocity_name(i)
-    }
-    fn row_name(&self, i: usize) -> String {
-        self.model.row_name(self.rows[i])
-    }
-    fn row_is_drive(&self, i: usize) -> bool {
-        self.model.row_is_drive(self.rows[i])
-    }
-    fn row_may_jump(&self, i: usize) -> bool {
-        self.model.row_may_jump(self.rows[i])
-    }
-    fn finite(&self) -> Option<Finite> {
-        self.model.finite()
-    }
-    fn instantaneous(&self) -> String {
-        self.model.instantaneous()
-    }
-    fn travel(&self, v: &[f64]) -> f64 {
-        self.model.travel(v)
-    }
-    fn row_displacement(&self, i: usize) -> Option<f64> {
-        Some(self.row_displacement[i])
-    }
-    fn row_is_angle(&self, i: usize) -> bool {
-        self.model.row_is_angle(self.rows[i])
-    }
-    fn row_description(&self, i: usize) -> String {
-        self.model.row_description(self.rows[i])
-    }
-    fn row_owner(&self, i: usize) -> String {
-        self.model.row_owner(self.rows[i])
-    }
     fn rheonomic(&self) -> bool {
         self.model.rheonomic()
     }
-
     fn position(
         &self,
         t: f64,
@@ -291,6 +259,9 @@ impl ConstrainedSystem for Geometry<'_> {
         }
         Ok(())
     }
+}
+
+impl Metric for Geometry<'_> {
     fn inverse_mass_diagonal(
         &self,
         _t: f64,
@@ -315,7 +286,11 @@ impl ConstrainedSystem for Geometry<'_> {
         }
         Ok(())
     }
+}
 
+impl Clustered for Geometry<'_> {}
+
+impl Manifold for Geometry<'_> {
     fn rate(&self, q: &[f64], v: &[f64], qdot: &mut [f64]) {
         self.model.rate(q, v, qdot);
     }
@@ -328,7 +303,53 @@ impl ConstrainedSystem for Geometry<'_> {
     fn velocity_of_coordinate(&self, i: usize) -> Option<usize> {
         self.model.velocity_of_coordinate(i)
     }
+}
+
+impl Scales for Geometry<'_> {
+    fn travel(&self, v: &[f64]) -> f64 {
+        self.model.travel(v)
+    }
+    fn row_displacement(&self, i: usize) -> Option<f64> {
+        Some(self.row_displacement[i])
+    }
+    fn row_is_angle(&self, i: usize) -> bool {
+        self.model.row_is_angle(self.rows[i])
+    }
     fn characteristic_displacement(&self, i: usize) -> f64 {
         self.scale2[i].sqrt()
     }
 }
+
+impl Names for Geometry<'_> {
+    fn velocity_name(&self, i: usize) -> String {
+        self.model.velocity_name(i)
+    }
+    fn row_name(&self, i: usize) -> String {
+        self.model.row_name(self.rows[i])
+    }
+    fn instantaneous(&self) -> String {
+        self.model.instantaneous()
+    }
+    fn row_description(&self, i: usize) -> String {
+        self.model.row_description(self.rows[i])
+    }
+    fn row_owner(&self, i: usize) -> String {
+        self.model.row_owner(self.rows[i])
+    }
+}
+
+impl Conditions for Geometry<'_> {
+    fn row_is_drive(&self, i: usize) -> bool {
+        self.model.row_is_drive(self.rows[i])
+    }
+    fn row_may_jump(&self, i: usize) -> bool {
+        self.model.row_may_jump(self.rows[i])
+    }
+    fn finite(&self) -> Option<Finite> {
+        self.model.finite()
+    }
+}
+
+impl Guards for Geometry<'_> {}
+
+impl InverseKinematics for Geometry<'_> {}

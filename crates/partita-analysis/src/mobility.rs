@@ -9,8 +9,9 @@ use partita_math::elimination::Pattern;
 use partita_math::rank::independent_rows;
 use partita_math::tolerance;
 use partita_model::Model;
+use partita_system::prelude::*;
 use partita_system::start::analyse;
-use partita_system::{ConstrainedSystem, SystemError};
+use partita_system::SystemError;
 use serde::Serialize;
 
 /// A row that says nothing new.

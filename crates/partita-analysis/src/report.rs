@@ -12,9 +12,10 @@ use partita_model::evaluator::DriveRow;
 use partita_model::Model;
 use partita_system::branching::{self, Branch};
 use partita_system::kinematics::assembly::move_to;
+use partita_system::prelude::*;
 use partita_system::reduction::Reduction;
 use partita_system::start::{choose_partition, rank_here};
-use partita_system::{weight, ConstrainedSystem, SystemError};
+use partita_system::{weight, SystemError};
 use serde::Serialize;
 use std::collections::{BTreeMap, HashSet};
 

@@ -27,8 +27,9 @@ use partita_model::reaction::Wrench;
 use partita_model::rows::Owner;
 use partita_model::Model;
 use partita_system::partition::split::Split;
+use partita_system::prelude::*;
 use partita_system::start::{analyse, rank_here};
-use partita_system::{ConstrainedSystem, SystemError};
+use partita_system::SystemError;
 use std::collections::HashMap;
 
 mod base;

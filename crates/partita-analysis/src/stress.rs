@@ -14,8 +14,9 @@ use partita_model::model::Model;
 use partita_model::reaction::Wrench;
 use partita_model::rows::Owner;
 use partita_model::tree::TreeScratch;
+use partita_system::prelude::*;
 use partita_system::start::Start;
-use partita_system::{ConstrainedSystem, SystemError};
+use partita_system::SystemError;
 
 /// One self-stress.
 #[derive(Default)]

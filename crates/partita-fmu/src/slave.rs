@@ -9,7 +9,7 @@ use partita_integrate::simulate::Status;
 use partita_model::zero_position::Coordinates;
 use partita_model::Model;
 use partita_system::positions::turns;
-use partita_system::ConstrainedSystem;
+use partita_system::prelude::*;
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;

@@ -30,7 +30,7 @@ use crate::validate;
 use crate::zero_position::{body_length, typical_length, Placed};
 use partita_math::scalar::Scalar;
 use partita_math::tolerance;
-use partita_system::ConstrainedSystem;
+use partita_system::prelude::*;
 use std::collections::HashSet;
 
 /// Where a parameter lives in [`Described`].

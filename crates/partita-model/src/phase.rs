@@ -4,7 +4,8 @@
 use crate::coupling::{Law, Says};
 use crate::model::Model;
 use partita_math::tolerance;
-use partita_system::{ConstrainedSystem, SystemError};
+use partita_system::prelude::*;
+use partita_system::SystemError;
 use std::f64::consts::TAU;
 
 impl Model {

@@ -13,7 +13,8 @@ use crate::evaluator::{with_engine, Evaluator, Scratch};
 use crate::model::Model;
 use partita_math::scalar::{Module, Recorder, Recording, Scalar};
 use partita_math::spatial::Mat3;
-use partita_system::{ConstrainedSystem, SystemError};
+use partita_system::prelude::*;
+use partita_system::SystemError;
 use std::ops::Range;
 
 /// A mechanism's equations as a module, and where its numbers are.

@@ -4,7 +4,8 @@ use crate::joint::Motion;
 use crate::measurement::Measurement;
 use crate::model::{Model, ModelScratch};
 use partita_math::spatial::{Mat3, Quaternion, Vec3};
-use partita_system::{ConstrainedSystem, SystemError};
+use partita_system::prelude::*;
+use partita_system::SystemError;
 use std::f64::consts::TAU;
 
 impl Model {

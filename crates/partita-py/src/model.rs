@@ -18,7 +18,7 @@ use partita_math::tolerance;
 use partita_model::spec::Spec;
 use partita_model::zero_position::Coordinates;
 use partita_system::manifold::orthogonal::dense_rows;
-use partita_system::ConstrainedSystem;
+use partita_system::prelude::*;
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};

@@ -6,7 +6,8 @@ use crate::outputs::{watched, Stop};
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use partita_analysis::poses::{self, Ask, Goal, Target};
 use partita_model::Model;
-use partita_system::{ConstrainedSystem, SystemError};
+use partita_system::prelude::*;
+use partita_system::SystemError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 

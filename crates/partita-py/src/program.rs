@@ -4,7 +4,7 @@ use crate::failure;
 use partita_analysis::error::AnalysisError;
 use partita_analysis::run::Looked;
 use partita_model::{DescriptionError, Model};
-use partita_system::ConstrainedSystem;
+use partita_system::prelude::*;
 use pyo3::prelude::*;
 use serde_json::{json, Map, Value};
 

@@ -10,7 +10,7 @@ use partita_analysis::error::AnalysisError;
 use partita_analysis::run::{Request, Stepping};
 use partita_model::spec::{Force, Spec, Table, Value, VectorValue};
 use partita_model::Model;
-use partita_system::ConstrainedSystem;
+use partita_system::prelude::*;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};

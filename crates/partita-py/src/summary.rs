@@ -6,7 +6,7 @@ use partita_model::joint::Motion;
 use partita_model::rows::Owner;
 use partita_model::spec::JointKind;
 use partita_model::Model;
-use partita_system::ConstrainedSystem;
+use partita_system::prelude::*;
 use serde::Serialize;
 
 #[derive(Serialize)]

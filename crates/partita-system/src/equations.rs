@@ -5,7 +5,8 @@ pub mod derivatives;
 pub mod full;
 
 use crate::closing::Closing;
-use crate::system::{project_dense, ConstrainedSystem, Size, SystemError, SystemRef, Tangent};
+use crate::system::{project_dense, Size, SystemError, SystemRef, Tangent};
+use crate::system::{Clustered, Conditions, Guards, InverseKinematics, Levels, Manifold, Metric, Names, Scales};
 use closing::UserClosing;
 use partita_math::dense;
 use partita_math::elimination::Pattern;
@@ -131,9 +132,8 @@ impl<E: Equations> UserSystem<E> {
     }
 }
 
-impl<E: Equations> ConstrainedSystem for UserSystem<E> {
+impl<E: Equations> Levels for UserSystem<E> {
     type Scratch = UserScratch;
-
     fn size(&self) -> Size {
         let e = &self.equations;
         Size { nq: e.n(), nv: e.n(), rows: e.rows(), holonomic: e.holonomic() }
@@ -153,17 +153,8 @@ impl<E: Equations> ConstrainedSystem for UserSystem<E> {
             work: vec![0.0; n],
         }
     }
-    fn velocity_name(&self, i: usize) -> String {
-        self.equations.name(i)
-    }
-    fn row_name(&self, i: usize) -> String {
-        format!("constraint {i}")
-    }
     fn rheonomic(&self) -> bool {
         self.equations.rheonomic()
-    }
-    fn characteristic_displacement(&self, i: usize) -> f64 {
-        self.lengths[i]
     }
     fn position(
         &self,
@@ -239,17 +230,9 @@ impl<E: Equations> ConstrainedSystem for UserSystem<E> {
         }
         Ok(())
     }
-    fn closing<'s>(
-        system: SystemRef<'s, Self>,
-        t: f64,
-        q: &[f64],
-        inputs: Option<&[usize]>,
-    ) -> Result<Box<dyn Closing + Send + 's>, SystemError>
-    where
-        Self: 's,
-    {
-        Ok(Box::new(UserClosing::new(system, t, q, inputs)?))
-    }
+}
+
+impl<E: Equations> Metric for UserSystem<E> {
     fn inverse_mass_diagonal(
         &self,
         t: f64,
@@ -287,5 +270,42 @@ impl<E: Equations> ConstrainedSystem for UserSystem<E> {
             }
         }
         Ok(())
+    }
+}
+
+impl<E: Equations> Clustered for UserSystem<E> {}
+
+impl<E: Equations> Manifold for UserSystem<E> {}
+
+impl<E: Equations> Scales for UserSystem<E> {
+    fn characteristic_displacement(&self, i: usize) -> f64 {
+        self.lengths[i]
+    }
+}
+
+impl<E: Equations> Names for UserSystem<E> {
+    fn velocity_name(&self, i: usize) -> String {
+        self.equations.name(i)
+    }
+    fn row_name(&self, i: usize) -> String {
+        format!("constraint {i}")
+    }
+}
+
+impl<E: Equations> Conditions for UserSystem<E> {}
+
+impl<E: Equations> Guards for UserSystem<E> {}
+
+impl<E: Equations> InverseKinematics for UserSystem<E> {
+    fn closing<'s>(
+        system: SystemRef<'s, Self>,
+        t: f64,
+        q: &[f64],
+        inputs: Option<&[usize]>,
+    ) -> Result<Box<dyn Closing + Send + 's>, SystemError>
+    where
+        Self: 's,
+    {
+        Ok(Box::new(UserClosing::new(system, t, q, inputs)?))
     }
 }

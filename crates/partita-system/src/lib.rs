@@ -24,4 +24,12 @@ pub mod tangent;
 pub mod weight;
 
 pub use partition::Partition;
+/// The methods of all duties of a system, for where one is at hand.
+pub mod prelude {
+    pub use crate::system::{
+        Clustered as _, Conditions as _, ConstrainedSystem as _, Guards as _, InverseKinematics as _, Levels as _,
+        Manifold as _, Metric as _, Names as _, Scales as _,
+    };
+}
+
 pub use system::{ConstrainedSystem, Finite, Size, SystemError, SystemRef};

@@ -5,7 +5,7 @@ use crate::run::{Run, Simulation};
 use partita_analysis::poses::{self, Ask, Goal, Target};
 use partita_analysis::{AnalysisError, Mobility, mobility};
 use partita_math::tolerance;
-use partita_system::ConstrainedSystem;
+use partita_system::prelude::*;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
@@ -55,7 +55,7 @@ impl Model {
     /// # use partita::{GROUND, Mechanism};
     /// # let m = Mechanism::new("pendulum").rod("rod", [0.0; 3], [1.0, 0.0, 0.0], 1.0);
     /// # let model = m.revolute("pin", GROUND, "rod", [0.0; 3], [0.0, 0.0, 1.0]).compile()?;
-    /// use partita::system::ConstrainedSystem;
+    /// use partita::system::prelude::*;
     ///
     /// assert_eq!(model.inner().size().nv, 1);
     /// # Ok::<(), partita::Error>(())

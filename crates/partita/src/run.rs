@@ -6,8 +6,8 @@ use partita_analysis::AnalysisError;
 use partita_analysis::outputs::{self, BODY, Forces, States};
 use partita_analysis::run::{Described, Request};
 use partita_integrate::simulate::Status;
-use partita_system::ConstrainedSystem;
 use partita_system::positions::turns;
+use partita_system::prelude::*;
 use std::sync::OnceLock;
 
 /// Outputs of a run where none are said.

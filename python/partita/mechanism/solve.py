@@ -281,9 +281,7 @@ def _fitting(what: str, state: Any, model: CompiledModel) -> None:
         )
 
 
-def _drawn(
-    self: Modelled, model: CompiledModel, coordinates: str, parameters: Mapping[str, ArrayLike] | None
-) -> State:
+def _drawn(self: Modelled, model: CompiledModel, coordinates: str, parameters: Mapping[str, ArrayLike] | None) -> State:
     """The drawing, assembled, at rest; looked for once, unless functions of the user's have a say in it."""
     if model.core.calls_functions:
         return assemble(self, coordinates=coordinates, parameters=parameters)

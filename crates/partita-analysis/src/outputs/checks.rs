@@ -5,8 +5,9 @@ use super::rows::{tables, Rows, Watch};
 use super::{Forces, States};
 use crate::instant::Levels;
 use partita_model::Model;
+use partita_system::prelude::*;
 use partita_system::start::rank_here;
-use partita_system::{ConstrainedSystem, SystemError};
+use partita_system::SystemError;
 
 /// At each state: the largest |C v' + b|, its row, the worst row of Φ, the rank of C, and the smallest squared sine between a
 /// row that counts and the others. NaN where there is no row, or no acceleration.                                  (S5)

@@ -12,7 +12,7 @@ pub use reactions::{augmented, reaction, reactions, shares, JOINT_AXES};
 pub use rows::{tables, Rows, Watch};
 
 use partita_model::Model;
-use partita_system::ConstrainedSystem;
+use partita_system::prelude::*;
 
 /// Functions of the user are asked in order, on one core.
 fn chunk_of(model: &Model) -> usize {

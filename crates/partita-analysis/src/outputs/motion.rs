@@ -8,7 +8,8 @@ use crate::instant::Levels;
 use partita_model::model::ModelScratch;
 use partita_model::observe::{Freedom, JointState, TurnCounter};
 use partita_model::{Model, Part};
-use partita_system::{ConstrainedSystem, SystemError};
+use partita_system::prelude::*;
+use partita_system::SystemError;
 
 /// Widths of the tables of [`bodies`] for one body: position, rotation (row by row), velocity, angular velocity.
 pub const BODY: [usize; 4] = [3, 9, 3, 3];

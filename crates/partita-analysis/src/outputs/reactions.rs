@@ -8,7 +8,8 @@ use crate::sharing::{with_rule_for_loads, Room, Rule};
 use partita_model::model::ModelScratch;
 use partita_model::reaction::Wrench;
 use partita_model::Model;
-use partita_system::{ConstrainedSystem, SystemError};
+use partita_system::prelude::*;
+use partita_system::SystemError;
 
 /// Width of the axes of a joint (row by row) in the tables of this module.
 pub const JOINT_AXES: usize = 9;

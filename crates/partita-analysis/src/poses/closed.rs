@@ -3,7 +3,8 @@
 use partita_model::zero_position::Coordinates;
 use partita_model::Model;
 use partita_system::kinematics::assembly::{self, Assembly};
-use partita_system::{ConstrainedSystem, SystemError};
+use partita_system::prelude::*;
+use partita_system::SystemError;
 
 /// The nearest position to q in which the loops close; `locked` velocities keep their coordinates.                        (S3)
 ///

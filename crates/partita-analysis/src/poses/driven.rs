@@ -6,7 +6,8 @@ use partita_math::tolerance;
 use partita_model::evaluator::DriveRow;
 use partita_model::spec::Level;
 use partita_model::Model;
-use partita_system::{ConstrainedSystem, SystemError};
+use partita_system::prelude::*;
+use partita_system::SystemError;
 
 /// Times at which the driven motion is asked for. Scale: fraction of the time that was left. Reason: the first at which
 /// it cannot be reached tells most closely where it ended; far beyond, it may have come back.

@@ -10,7 +10,8 @@ use partita_math::tolerance;
 use partita_model::zero_position::Coordinates;
 use partita_model::Model;
 use partita_system::kinematics::assembly;
-use partita_system::{ConstrainedSystem, SystemError};
+use partita_system::prelude::*;
+use partita_system::SystemError;
 
 /// Values of a joint listed.
 const LISTED: usize = 6;

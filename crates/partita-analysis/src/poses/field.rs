@@ -7,7 +7,8 @@ use partita_math::least_norm::LeastNorm;
 use partita_math::tolerance;
 use partita_model::Model;
 use partita_system::manifold::{close, Closed, Linearization, Open, Part, Room, Rule};
-use partita_system::{ConstrainedSystem, SystemError};
+use partita_system::prelude::*;
+use partita_system::SystemError;
 
 /// Damping of rows that do not count. Scale: squares of singular values in natural scales. Reason: they move nothing
 /// that is seen.

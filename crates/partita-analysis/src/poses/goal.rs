@@ -4,7 +4,8 @@ use partita_math::spatial::Vec3;
 use partita_model::joint::Motion;
 use partita_model::model::ModelScratch;
 use partita_model::{Model, Part};
-use partita_system::{ConstrainedSystem, SystemError};
+use partita_system::prelude::*;
+use partita_system::SystemError;
 use std::collections::BTreeSet;
 use std::f64::consts::TAU;
 

@@ -10,7 +10,8 @@ use partita_math::tolerance;
 use partita_model::loop_closure::LoopClosing;
 use partita_model::Model;
 use partita_system::closing::Closing;
-use partita_system::{ConstrainedSystem, SystemError};
+use partita_system::prelude::*;
+use partita_system::SystemError;
 
 /// Signs of so many blocks are tried where a pose does not close on its branch.
 const BLOCKS: usize = 6;

@@ -2,7 +2,8 @@
 
 use partita_math::formatted;
 use partita_model::Model;
-use partita_system::{messages, ConstrainedSystem};
+use partita_system::messages;
+use partita_system::prelude::*;
 
 /// "a", "a and b", "a, b and c".
 pub(super) fn listed(words: &[String]) -> String {

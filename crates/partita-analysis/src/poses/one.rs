@@ -9,7 +9,8 @@ use super::nearest::nearest;
 use partita_math::tolerance;
 use partita_model::Model;
 use partita_system::kinematics::assembly;
-use partita_system::{ConstrainedSystem, SystemError};
+use partita_system::prelude::*;
+use partita_system::SystemError;
 
 /// What is asked of a position.
 #[derive(Clone, Debug, Default)]

@@ -9,8 +9,9 @@ use partita_model::model::ModelScratch;
 use partita_model::Model;
 use partita_system::branching::branch_directions::{self, Asked};
 use partita_system::kinematics::velocity::{met, momentum, near_with_rates, possible, pushed_with_rates};
+use partita_system::prelude::*;
 use partita_system::reduction::Reduction;
-use partita_system::{start, ConstrainedSystem, SystemError};
+use partita_system::{start, SystemError};
 
 /// How the rate of a goal follows from velocities (n).
 fn gradient(model: &Model, q: &[f64], x: &Target, room: &mut [f64], s: &mut ModelScratch) -> Vec<f64> {

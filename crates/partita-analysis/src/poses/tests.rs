@@ -5,7 +5,8 @@ use partita_model::spec::JointKind::{Cylindrical, Revolute, Spherical, Universal
 use partita_model::zero_position::Coordinates;
 use partita_model::Model;
 use partita_system::kinematics::assembly;
-use partita_system::{ConstrainedSystem, SystemError};
+use partita_system::prelude::*;
+use partita_system::SystemError;
 
 fn closed(m: &Model) -> Vec<f64> {
     let mut q = m.initial();

@@ -5,7 +5,9 @@ use super::{inputs, LoopClosing, Work};
 use crate::model::Model;
 use partita_math::tolerance;
 use partita_system::closing::Closing;
-use partita_system::{ConstrainedSystem, SystemError, SystemRef};
+use partita_system::prelude::*;
+use partita_system::system::InverseKinematics;
+use partita_system::{SystemError, SystemRef};
 
 /// Most combinations of branches that are looked at.
 const COMBINATIONS: usize = 4096;
@@ -75,6 +77,20 @@ impl<'m> LoopClosing<'m> {
             .iter()
             .enumerate()
             .fold(0.0, |m: f64, (i, x)| m.max(x.abs() / self.model.row_displacement(i).unwrap_or(1.0)))
+    }
+}
+
+impl InverseKinematics for Model {
+    fn closing<'s>(
+        system: SystemRef<'s, Self>,
+        t: f64,
+        q: &[f64],
+        inputs: Option<&[usize]>,
+    ) -> Result<Box<dyn Closing + Send + 's>, SystemError>
+    where
+        Self: 's,
+    {
+        Ok(Box::new(LoopClosing::of(system, t, q, inputs)?))
     }
 }
 

@@ -3,7 +3,8 @@
 use super::instant::Instant;
 use super::{btf, LoopClosing, Work};
 use partita_system::closing::{Block, BlockState};
-use partita_system::{ConstrainedSystem, SystemError};
+use partita_system::prelude::*;
+use partita_system::SystemError;
 
 impl LoopClosing<'_> {
     /// The first implicit block of what is missing: rows and velocities.

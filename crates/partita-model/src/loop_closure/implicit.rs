@@ -12,7 +12,8 @@ use partita_math::dense::{lu, lu_in_order, lu_pivot_ratio, lu_solve};
 use partita_math::scalar::Scalar;
 use partita_math::tolerance;
 use partita_system::manifold::{self, close, Ending, Linearization, Open, Part, Rule};
-use partita_system::{ConstrainedSystem, SystemError};
+use partita_system::prelude::*;
+use partita_system::SystemError;
 
 /// To round-off of what a large move opens a row by, or to rest, by moves of 0.3 characteristic displacements (radians
 /// for turns); more iterations than any start within a turn needs. Rows that follow from others close slowly next to a

@@ -9,8 +9,9 @@ use super::LoopClosing;
 use crate::model::Model;
 use crate::spec::Force;
 use partita_system::closing::Closing;
+use partita_system::prelude::*;
 use partita_system::reduction::Reduction;
-use partita_system::{start, ConstrainedSystem, SystemError};
+use partita_system::{start, SystemError};
 
 /// Sets of inputs that are looked at for mechanisms of up to [`SMALL`] motions; fewer for larger ones, so that the
 /// choice costs about as much as a thousand evaluations.

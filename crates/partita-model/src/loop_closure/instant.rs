@@ -7,7 +7,8 @@ use partita_math::dense::dot;
 use partita_math::elimination::Pattern;
 use partita_math::rank::independent_rows;
 use partita_math::tolerance;
-use partita_system::{ConstrainedSystem, SystemError, SystemRef};
+use partita_system::prelude::*;
+use partita_system::{SystemError, SystemRef};
 
 /// Rows that stand out of the span of others by less follow from them. Scale: natural scales. Reason: a closed position
 /// leaves rounding; a geometric error that matters is some thousand times larger.

@@ -15,7 +15,8 @@ use crate::measurement::Quantity;
 use crate::model::Model;
 use crate::value;
 use partita_math::scalar::Scalar;
-use partita_system::{ConstrainedSystem, SystemError};
+use partita_system::prelude::*;
+use partita_system::SystemError;
 
 /// A law and the edges whose coordinates it is about.
 #[derive(Clone, Debug)]

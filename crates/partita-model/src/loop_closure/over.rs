@@ -9,7 +9,8 @@ use crate::evaluator::Evaluator;
 use crate::value;
 use partita_math::scalar::Scalar;
 use partita_math::spatial::Mat3;
-use partita_system::{ConstrainedSystem, SystemError};
+use partita_system::prelude::*;
+use partita_system::SystemError;
 use std::sync::Arc;
 
 /// Memory of [`LoopClosing::close_over`].

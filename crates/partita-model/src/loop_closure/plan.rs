@@ -14,7 +14,8 @@ use crate::joint;
 use crate::model::Model;
 use partita_math::spatial::{Mat3, Quaternion};
 use partita_math::tolerance;
-use partita_system::{ConstrainedSystem, SystemError, SystemRef};
+use partita_system::prelude::*;
+use partita_system::{SystemError, SystemRef};
 use std::f64::consts::TAU;
 
 /// Distance of closed forms from the position at which they are planned. Scale: radians and sizes. Reason: that

@@ -5,7 +5,6 @@ use crate::clusters::{Plan, Preference, Route, Tangents};
 use crate::coupling::Condition;
 use crate::evaluator::{with_engine, Engine};
 use crate::joint::{Motion, Own};
-use crate::loop_closure::LoopClosing;
 use crate::rows::Owner;
 use crate::spec::Coupling;
 use crate::tree::LinkMotion;
@@ -15,10 +14,10 @@ use partita_math::formatted;
 use partita_math::spatial::{Mat3, Quaternion};
 use partita_math::tolerance;
 use partita_system::breakpoints::{Breakpoints, Reading};
-use partita_system::closing::Closing;
 use partita_system::clusters::Clusters;
 use partita_system::system::{project_dense, BlockSink, ClusterTangent, Recursion, Tangent};
-use partita_system::{ConstrainedSystem, Finite, Size, SystemError, SystemRef};
+use partita_system::system::{Clustered, Conditions, Guards, Levels, Manifold, Metric, Names, Scales};
+use partita_system::{Finite, Size, SystemError};
 
 /// Up to so many degrees of freedom one small M_d costs less than any recursion, and existing bases share its way.
 const FEW_FREEDOMS: usize = 6;
@@ -51,9 +50,8 @@ impl Model {
     }
 }
 
-impl ConstrainedSystem for Model {
+impl Levels for Model {
     type Scratch = ModelScratch;
-
     fn size(&self) -> Size {
         Size { nq: self.placed.nq, nv: self.placed.nv, rows: self.pattern.rows, holonomic: self.holonomic }
     }
@@ -65,80 +63,12 @@ impl ConstrainedSystem for Model {
         let (own, dense) = spare.unwrap_or_else(|| (Box::new(self.own.scratch()), Dense::default()));
         ModelScratch { own: Some(own), dense, recursion: Plan::default(), spare: self.spare.clone() }
     }
-    fn velocity_name(&self, i: usize) -> String {
-        self.placed.velocity_names[i].clone()
-    }
-    fn row_name(&self, i: usize) -> String {
-        self.row_names[i].name.clone()
-    }
-    fn row_description(&self, i: usize) -> String {
-        let row = &self.row_names[i];
-        match (row.owner, row.name.rsplit_once('.')) {
-            (Owner::Joint(_), Some((joint, what))) => format!("joint \"{joint}\" in {what}"),
-            _ => self.row_owner(i),
-        }
-    }
-    fn row_owner(&self, i: usize) -> String {
-        self.row_names[i].owner.words(&self.spec)
-    }
-    fn time_domain(&self) -> Option<(f64, String)> {
-        crate::time_domain::time_domain(&self.spec)
-    }
-    fn discontinuities(&self) -> Vec<f64> {
-        crate::time_domain::discontinuities(&self.spec)
-    }
-    fn breakpoints(&self) -> Vec<Breakpoints> {
-        self.curves().breakpoints.clone()
-    }
-    fn breakpoint_readings(&self, t: f64, q: &[f64], v: &[f64], s: &mut ModelScratch, out: &mut [Reading]) {
-        self.curves().read(&self.own, t, (q, v), s, out);
-    }
-    fn finite(&self) -> Option<Finite> {
-        let Geometry { freedoms, instantaneous, weak, hidden, .. } = *self.geometry;
-        freedoms.map(|freedoms| Finite { freedoms, instantaneous, weak, hidden })
-    }
-    fn instantaneous(&self) -> String {
-        let shaky = self.geometry.blocks.iter().filter(|x| x.verdict == Verdict::Shaky);
-        let names: Vec<String> =
-            shaky.flat_map(|x| &x.joints).map(|&j| format!("\"{}\"", self.spec.joints[j].name)).collect();
-        match names.as_slice() {
-            [] => self.spec.couplings.iter().take(6).map(|c| c.name().to_string()).collect::<Vec<_>>().join(", "),
-            few if few.len() <= 8 => format!("joints {}", few.join(", ")),
-            many => format!("joints {} and {} more", many[..8].join(", "), many.len() - 8),
-        }
-    }
-    fn travel(&self, v: &[f64]) -> f64 {
-        let (mut fastest, mut slide, mut slides) = (0.0f64, 0.0, 0);
-        for l in self.placed.links.iter().skip(1) {
-            // slides of one body or joint follow each other: together they are one displacement, whatever the axes
-            match l.motion {
-                Motion::Slide(_) if slides % 3 != 0 => slide += (v[l.v] / self.displacement[l.v]).powi(2),
-                Motion::Slide(_) => slide = (v[l.v] / self.displacement[l.v]).powi(2),
-                Motion::Turn(_) => fastest = fastest.max(v[l.v].abs()),
-                Motion::Ball => fastest = fastest.max(v[l.v..l.v + 3].iter().map(|x| x * x).sum::<f64>().sqrt()),
-            }
-            slides = if matches!(l.motion, Motion::Slide(_)) { slides + 1 } else { 0 };
-            fastest = fastest.max(slide.sqrt());
-        }
-        fastest
-    }
-    fn row_is_drive(&self, i: usize) -> bool {
-        matches!(self.row_names[i].owner, Owner::Drive(_))
-    }
-    fn row_may_jump(&self, i: usize) -> bool {
-        match self.row_names[i].owner {
-            Owner::Drive(_) => true,
-            Owner::Coupling(k) => matches!(self.spec.couplings[k], Coupling::Function { .. }),
-            Owner::Joint(_) => false,
-        }
-    }
     fn rheonomic(&self) -> bool {
         self.full.conditions.iter().any(Condition::is_rheonomic)
     }
     fn has_power(&self) -> bool {
         self.has_power
     }
-
     fn position(
         &self,
         t: f64,
@@ -150,11 +80,9 @@ impl ConstrainedSystem for Model {
     ) -> Result<(), SystemError> {
         self.own.position(t, q, s, phi, c, a)
     }
-
     fn velocity(&self, t: f64, q: &[f64], v: &[f64], s: &mut ModelScratch, b: &mut [f64]) -> Result<(), SystemError> {
         self.own.velocity(t, q, v, s, b)
     }
-
     fn dynamics(
         &self,
         t: f64,
@@ -166,23 +94,6 @@ impl ConstrainedSystem for Model {
     ) -> Result<(), SystemError> {
         self.own.dynamics(t, q, v, s, mass, h)
     }
-
-    fn mass_pattern(&self) -> Pattern {
-        self.mass_layout().pattern.clone()
-    }
-
-    fn sparse_dynamics(
-        &self,
-        t: f64,
-        q: &[f64],
-        v: &[f64],
-        s: &mut ModelScratch,
-        mass: &mut [f64],
-        h: &mut [f64],
-    ) -> Result<(), SystemError> {
-        self.own.sparse_dynamics(t, q, v, self.mass_layout(), s, mass, h)
-    }
-
     fn project(
         &self,
         t: f64,
@@ -210,11 +121,86 @@ impl ConstrainedSystem for Model {
         }
         self.own.project(t, q, v, (tangent.k, tangent.dt, tangent.delta), s, md, hd)
     }
+    fn inverse_dynamics(
+        &self,
+        t: f64,
+        q: &[f64],
+        v: &[f64],
+        vdot: &[f64],
+        s: &mut ModelScratch,
+        out: &mut [f64],
+    ) -> Result<(), SystemError> {
+        self.own.inverse_dynamics(t, q, v, vdot, s, out)
+    }
+    fn power(&self, t: f64, q: &[f64], v: &[f64], s: &mut ModelScratch) -> Result<f64, SystemError> {
+        if !self.has_power {
+            return Ok(0.0);
+        }
+        self.own.power(t, q, v, s)
+    }
+}
 
+impl Metric for Model {
+    fn mass_pattern(&self) -> Pattern {
+        self.mass_layout().pattern.clone()
+    }
+    fn sparse_dynamics(
+        &self,
+        t: f64,
+        q: &[f64],
+        v: &[f64],
+        s: &mut ModelScratch,
+        mass: &mut [f64],
+        h: &mut [f64],
+    ) -> Result<(), SystemError> {
+        self.own.sparse_dynamics(t, q, v, self.mass_layout(), s, mass, h)
+    }
+    fn lacks_mass(&self) -> bool {
+        !self.placed.massless.is_empty()
+    }
+    fn add_metric(&self, s: &mut ModelScratch, mass: &mut [f64]) {
+        with_engine!(self, s, |tree, x| tree.add_massless(x, mass));
+    }
+    fn inverse_mass_diagonal(
+        &self,
+        _t: f64,
+        _q: &[f64],
+        s: &mut ModelScratch,
+        out: &mut [f64],
+    ) -> Result<(), SystemError> {
+        with_engine!(self, s, |tree, x| {
+            tree.articulate(x).map_err(|e| self.mass_error(e))?;
+            tree.inverse_mass_diagonal(x, out);
+        });
+        Ok(())
+    }
+    fn inverse_mass_columns(
+        &self,
+        _t: f64,
+        _q: &[f64],
+        which: &[usize],
+        s: &mut ModelScratch,
+        out: &mut [f64],
+    ) -> Result<(), SystemError> {
+        let n = self.placed.nv;
+        let mut column = vec![0.0; n];
+        with_engine!(self, s, |tree, x| {
+            tree.articulate(x).map_err(|e| self.mass_error(e))?;
+            for (j, &c) in which.iter().enumerate() {
+                tree.inverse_mass_column(c, x, &mut column);
+                for i in 0..n {
+                    out[i * which.len() + j] = column[i];
+                }
+            }
+        });
+        Ok(())
+    }
+}
+
+impl Clustered for Model {
     fn clusters(&self) -> Clusters {
         self.clusters.clone()
     }
-
     fn plan_recursion(&self, kept: &[usize], s: &mut ModelScratch) -> Option<Recursion> {
         let k = self.placed.nv.saturating_sub(kept.len());
         let counted = self.preference == Preference::Counted;
@@ -231,7 +217,6 @@ impl ConstrainedSystem for Model {
         s.recursion = plan;
         Some(recursion)
     }
-
     fn accelerate(
         &self,
         t: f64,
@@ -247,7 +232,6 @@ impl ConstrainedSystem for Model {
         done?;
         self.felt(t, s, vdot)
     }
-
     fn respond(
         &self,
         tangent: &ClusterTangent,
@@ -260,7 +244,6 @@ impl ConstrainedSystem for Model {
         s.recursion = plan;
         self.felt(0.0, s, out)
     }
-
     fn mobility(
         &self,
         tangent: &ClusterTangent,
@@ -281,34 +264,102 @@ impl ConstrainedSystem for Model {
             }
         }
     }
-
     fn cluster_mass<'x>(&self, n: usize, s: &'x ModelScratch) -> &'x [f64] {
         match (&self.engine, &s.planar) {
             (Engine::Planar(tree), Some(x)) => tree.cluster_mass(&s.recursion, n, &x.clusters),
             _ => self.full.cluster_mass(&s.recursion, n, &s.full.clusters),
         }
     }
+}
 
-    fn inverse_dynamics(
-        &self,
-        t: f64,
-        q: &[f64],
-        v: &[f64],
-        vdot: &[f64],
-        s: &mut ModelScratch,
-        out: &mut [f64],
-    ) -> Result<(), SystemError> {
-        self.own.inverse_dynamics(t, q, v, vdot, s, out)
+impl Manifold for Model {
+    fn rate(&self, q: &[f64], v: &[f64], qdot: &mut [f64]) {
+        self.own.rate(q, v, qdot);
     }
-
-    fn lacks_mass(&self) -> bool {
-        !self.placed.massless.is_empty()
+    fn step(&self, q: &mut [f64], dv: &[f64]) {
+        self.own.step(q, dv);
     }
-
-    fn add_metric(&self, s: &mut ModelScratch, mass: &mut [f64]) {
-        with_engine!(self, s, |tree, x| tree.add_massless(x, mass));
+    fn normalise(&self, q: &mut [f64]) -> bool {
+        if self.placed.nq == self.placed.nv {
+            return false;
+        }
+        let mut moved = false;
+        for l in self.full.links.iter().skip(1) {
+            if matches!(l.motion, LinkMotion::Ball) {
+                let p = Quaternion([q[l.q], q[l.q + 1], q[l.q + 2], q[l.q + 3]]);
+                if (dense::dot(&p.0, &p.0) - 1.0).abs() > tolerance::ROUNDING {
+                    q[l.q..l.q + 4].copy_from_slice(&p.normalised().0);
+                    moved = true;
+                }
+            }
+        }
+        moved
     }
+    fn turns(&self, i: usize) -> bool {
+        self.turns[i]
+    }
+    fn coordinates_of(&self, i: usize) -> std::ops::Range<usize> {
+        self.coordinates_of[i].clone()
+    }
+    fn velocity_of_coordinate(&self, i: usize) -> Option<usize> {
+        self.velocity_of[i]
+    }
+}
 
+impl Scales for Model {
+    fn travel(&self, v: &[f64]) -> f64 {
+        let (mut fastest, mut slide, mut slides) = (0.0f64, 0.0, 0);
+        for l in self.placed.links.iter().skip(1) {
+            // slides of one body or joint follow each other: together they are one displacement, whatever the axes
+            match l.motion {
+                Motion::Slide(_) if slides % 3 != 0 => slide += (v[l.v] / self.displacement[l.v]).powi(2),
+                Motion::Slide(_) => slide = (v[l.v] / self.displacement[l.v]).powi(2),
+                Motion::Turn(_) => fastest = fastest.max(v[l.v].abs()),
+                Motion::Ball => fastest = fastest.max(v[l.v..l.v + 3].iter().map(|x| x * x).sum::<f64>().sqrt()),
+            }
+            slides = if matches!(l.motion, Motion::Slide(_)) { slides + 1 } else { 0 };
+            fastest = fastest.max(slide.sqrt());
+        }
+        fastest
+    }
+    fn characteristic_displacement(&self, i: usize) -> f64 {
+        self.displacement[i]
+    }
+    fn row_displacement(&self, i: usize) -> Option<f64> {
+        self.row_displacement[i]
+    }
+    fn row_is_angle(&self, i: usize) -> bool {
+        self.row_is_angle[i]
+    }
+}
+
+impl Names for Model {
+    fn velocity_name(&self, i: usize) -> String {
+        self.placed.velocity_names[i].clone()
+    }
+    fn row_name(&self, i: usize) -> String {
+        self.row_names[i].name.clone()
+    }
+    fn row_description(&self, i: usize) -> String {
+        let row = &self.row_names[i];
+        match (row.owner, row.name.rsplit_once('.')) {
+            (Owner::Joint(_), Some((joint, what))) => format!("joint \"{joint}\" in {what}"),
+            _ => self.row_owner(i),
+        }
+    }
+    fn row_owner(&self, i: usize) -> String {
+        self.row_names[i].owner.words(&self.spec)
+    }
+    fn instantaneous(&self) -> String {
+        let shaky = self.geometry.blocks.iter().filter(|x| x.verdict == Verdict::Shaky);
+        let names: Vec<String> =
+            shaky.flat_map(|x| &x.joints).map(|&j| format!("\"{}\"", self.spec.joints[j].name)).collect();
+        match names.as_slice() {
+            [] => self.spec.couplings.iter().take(6).map(|c| c.name().to_string()).collect::<Vec<_>>().join(", "),
+            few if few.len() <= 8 => format!("joints {}", few.join(", ")),
+            many => format!("joints {} and {} more", many[..8].join(", "), many.len() - 8),
+        }
+    }
     fn bodies_moved(&self, q: &[f64], v: &[f64]) -> Vec<String> {
         let mut s = self.own.scratch();
         self.look(q, v, &mut s);
@@ -321,7 +372,6 @@ impl ConstrainedSystem for Model {
         let moving = self.spec.bodies.iter().zip(all).filter(|x| x.1 > tolerance::TAKES_PART * most);
         moving.map(|x| x.0.name.clone()).collect()
     }
-
     fn start_notes(&self, q: &[f64], v: &[f64]) -> Result<Vec<String>, SystemError> {
         if self.placed.held.is_empty() {
             return Ok(Vec::new());
@@ -346,109 +396,23 @@ impl ConstrainedSystem for Model {
         }
         Ok(self.held_note().into_iter().collect())
     }
+}
 
-    fn inverse_mass_diagonal(
-        &self,
-        _t: f64,
-        _q: &[f64],
-        s: &mut ModelScratch,
-        out: &mut [f64],
-    ) -> Result<(), SystemError> {
-        with_engine!(self, s, |tree, x| {
-            tree.articulate(x).map_err(|e| self.mass_error(e))?;
-            tree.inverse_mass_diagonal(x, out);
-        });
-        Ok(())
+impl Conditions for Model {
+    fn finite(&self) -> Option<Finite> {
+        let Geometry { freedoms, instantaneous, weak, hidden, .. } = *self.geometry;
+        freedoms.map(|freedoms| Finite { freedoms, instantaneous, weak, hidden })
     }
-
-    fn inverse_mass_columns(
-        &self,
-        _t: f64,
-        _q: &[f64],
-        which: &[usize],
-        s: &mut ModelScratch,
-        out: &mut [f64],
-    ) -> Result<(), SystemError> {
-        let n = self.placed.nv;
-        let mut column = vec![0.0; n];
-        with_engine!(self, s, |tree, x| {
-            tree.articulate(x).map_err(|e| self.mass_error(e))?;
-            for (j, &c) in which.iter().enumerate() {
-                tree.inverse_mass_column(c, x, &mut column);
-                for i in 0..n {
-                    out[i * which.len() + j] = column[i];
-                }
-            }
-        });
-        Ok(())
+    fn row_is_drive(&self, i: usize) -> bool {
+        matches!(self.row_names[i].owner, Owner::Drive(_))
     }
-
-    fn power(&self, t: f64, q: &[f64], v: &[f64], s: &mut ModelScratch) -> Result<f64, SystemError> {
-        if !self.has_power {
-            return Ok(0.0);
+    fn row_may_jump(&self, i: usize) -> bool {
+        match self.row_names[i].owner {
+            Owner::Drive(_) => true,
+            Owner::Coupling(k) => matches!(self.spec.couplings[k], Coupling::Function { .. }),
+            Owner::Joint(_) => false,
         }
-        self.own.power(t, q, v, s)
     }
-
-    fn rate(&self, q: &[f64], v: &[f64], qdot: &mut [f64]) {
-        self.own.rate(q, v, qdot);
-    }
-
-    fn step(&self, q: &mut [f64], dv: &[f64]) {
-        self.own.step(q, dv);
-    }
-
-    fn normalise(&self, q: &mut [f64]) -> bool {
-        if self.placed.nq == self.placed.nv {
-            return false;
-        }
-        let mut moved = false;
-        for l in self.full.links.iter().skip(1) {
-            if matches!(l.motion, LinkMotion::Ball) {
-                let p = Quaternion([q[l.q], q[l.q + 1], q[l.q + 2], q[l.q + 3]]);
-                if (dense::dot(&p.0, &p.0) - 1.0).abs() > tolerance::ROUNDING {
-                    q[l.q..l.q + 4].copy_from_slice(&p.normalised().0);
-                    moved = true;
-                }
-            }
-        }
-        moved
-    }
-
-    fn turns(&self, i: usize) -> bool {
-        self.turns[i]
-    }
-    fn coordinates_of(&self, i: usize) -> std::ops::Range<usize> {
-        self.coordinates_of[i].clone()
-    }
-    fn closing<'s>(
-        system: SystemRef<'s, Self>,
-        t: f64,
-        q: &[f64],
-        inputs: Option<&[usize]>,
-    ) -> Result<Box<dyn Closing + Send + 's>, SystemError>
-    where
-        Self: 's,
-    {
-        Ok(Box::new(LoopClosing::of(system, t, q, inputs)?))
-    }
-
-    fn velocity_of_coordinate(&self, i: usize) -> Option<usize> {
-        self.velocity_of[i]
-    }
-
-    fn characteristic_displacement(&self, i: usize) -> f64 {
-        self.displacement[i]
-    }
-
-    fn row_displacement(&self, i: usize) -> Option<f64> {
-        self.row_displacement[i]
-    }
-
-    fn row_is_angle(&self, i: usize) -> bool {
-        self.row_is_angle[i]
-    }
-
     fn turned_over(&self, q: &[f64]) -> Vec<usize> {
         if self.is_planar() {
             return Vec::new(); // a turn in the plane is closed as an angle
@@ -471,5 +435,20 @@ impl ConstrainedSystem for Model {
             }
         });
         over.map(|k| k.row + k.slide_rows()).collect()
+    }
+}
+
+impl Guards for Model {
+    fn time_domain(&self) -> Option<(f64, String)> {
+        crate::time_domain::time_domain(&self.spec)
+    }
+    fn discontinuities(&self) -> Vec<f64> {
+        crate::time_domain::discontinuities(&self.spec)
+    }
+    fn breakpoints(&self) -> Vec<Breakpoints> {
+        self.curves().breakpoints.clone()
+    }
+    fn breakpoint_readings(&self, t: f64, q: &[f64], v: &[f64], s: &mut ModelScratch, out: &mut [Reading]) {
+        self.curves().read(&self.own, t, (q, v), s, out);
     }
 }

@@ -11,6 +11,7 @@ use super::close::{close, Closed, Ending, Linearization, Open, Part, Room, Rule}
 use super::follow::{Curve, LONGEST_PREDICTION};
 use super::scaled::Scaled;
 use crate::error::Result;
+use crate::reduction::largest;
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::dense::Matrix;
 use partita_math::factor::{pivoted_least_norm, qr_null_space_by};
@@ -129,6 +130,15 @@ impl<'s, S: ConstrainedSystem> Truncated<'s, S> {
     pub fn look(&mut self, q: &[f64]) -> Result<(Vec<f64>, Matrix)> {
         self.scaled.evaluate(self.t, q)?;
         Ok(self.scaled.dense())
+    }
+
+    /// Largest part of its size by which a row is open at q.
+    ///
+    /// # Errors
+    /// Where nothing can be evaluated at q.
+    pub fn open_at(&mut self, q: &[f64]) -> Result<f64> {
+        self.scaled.evaluate(self.t, q)?;
+        Ok(largest(self.scaled.phi.iter().copied()))
     }
 
     /// Pivots at q, and the motions that no row opposes: cheaper than singular values, for one position after the

@@ -3,7 +3,6 @@
 use crate::manifold::scaled::Scaled;
 use crate::manifold::truncated::{Cut, Motions, Truncated};
 use crate::manifold::{Ending, Room};
-use crate::reduction::largest;
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::dense::Matrix;
 use partita_math::factor::{svd, svd_full};
@@ -67,8 +66,7 @@ impl<'s, S: ConstrainedSystem> Kernel<'s, S> {
 
     /// Largest part of its size by which a row is open at q.
     pub fn open(&mut self, q: &[f64]) -> Result<f64, SystemError> {
-        let (phi, _) = self.closings.look(q)?;
-        Ok(largest(phi))
+        self.closings.open_at(q)
     }
 
     /// Singular values at q, and both null spaces.

@@ -6,8 +6,9 @@ use partita_system::equations::{Equations, UserSystem};
 use partita_system::formulation::motion::Projective;
 use partita_system::formulation::{Formulation, Step, Verdict};
 use partita_system::options::FormulationOptions;
+use partita_system::prelude::*;
 use partita_system::record::{Correction, History, Output, PartitionEvent, Sample};
-use partita_system::{ConstrainedSystem, SystemError};
+use partita_system::SystemError;
 
 const CORRECTIONS: [Correction; 3] = [Correction::None, Correction::MassOrthogonal, Correction::Partition];
 /// Steps in the range where the leading error term rules and round-off does not.

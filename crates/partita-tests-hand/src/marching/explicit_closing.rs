@@ -11,8 +11,11 @@ use partita_system::formulation::Formulation;
 use partita_system::kinematics::{assembly, velocity};
 use partita_system::options::FormulationOptions;
 use partita_system::record::Sample;
+use partita_system::system::{
+    Clustered, Conditions, Guards, InverseKinematics, Levels, Manifold, Metric, Names, Scales,
+};
 use partita_system::system::{Size, Tangent};
-use partita_system::{start, ConstrainedSystem, SystemError, SystemRef};
+use partita_system::{start, SystemError, SystemRef};
 use std::ops::ControlFlow;
 
 type Done = Result<(), SystemError>;
@@ -207,9 +210,8 @@ impl Closing for Dyads<'_> {
     }
 }
 
-impl ConstrainedSystem for Recognised {
+impl Levels for Recognised {
     type Scratch = UserScratch;
-
     fn size(&self) -> Size {
         self.user_system.size()
     }
@@ -218,12 +220,6 @@ impl ConstrainedSystem for Recognised {
     }
     fn scratch(&self) -> UserScratch {
         self.user_system.scratch()
-    }
-    fn velocity_name(&self, i: usize) -> String {
-        self.user_system.velocity_name(i)
-    }
-    fn row_name(&self, i: usize) -> String {
-        self.user_system.row_name(i)
     }
     fn rheonomic(&self) -> bool {
         self.user_system.rheonomic()
@@ -260,12 +256,37 @@ impl ConstrainedSystem for Recognised {
     ) -> Done {
         self.user_system.inverse_dynamics(t, q, v, vdot, s, out)
     }
+}
+
+impl Metric for Recognised {
     fn inverse_mass_diagonal(&self, t: f64, q: &[f64], s: &mut UserScratch, out: &mut [f64]) -> Done {
         self.user_system.inverse_mass_diagonal(t, q, s, out)
     }
     fn inverse_mass_columns(&self, t: f64, q: &[f64], which: &[usize], s: &mut UserScratch, out: &mut [f64]) -> Done {
         self.user_system.inverse_mass_columns(t, q, which, s, out)
     }
+}
+
+impl Clustered for Recognised {}
+
+impl Manifold for Recognised {}
+
+impl Scales for Recognised {}
+
+impl Names for Recognised {
+    fn velocity_name(&self, i: usize) -> String {
+        self.user_system.velocity_name(i)
+    }
+    fn row_name(&self, i: usize) -> String {
+        self.user_system.row_name(i)
+    }
+}
+
+impl Conditions for Recognised {}
+
+impl Guards for Recognised {}
+
+impl InverseKinematics for Recognised {
     /// The inputs asked for, or those with the largest product of pivots.
     fn closing<'s>(
         system: SystemRef<'s, Self>,

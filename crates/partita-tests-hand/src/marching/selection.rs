@@ -9,8 +9,9 @@ use partita_system::formulation::motion::Projective;
 use partita_system::formulation::Formulation;
 use partita_system::options::FormulationOptions;
 use partita_system::partition::{determinant, Selection};
+use partita_system::prelude::*;
 use partita_system::reduction::Reduction;
-use partita_system::{start, ConstrainedSystem, SystemError};
+use partita_system::{start, SystemError};
 use std::f64::consts::TAU;
 use std::ops::ControlFlow;
 

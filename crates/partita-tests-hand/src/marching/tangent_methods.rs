@@ -8,11 +8,12 @@ use partita_system::formulation::motion::TangentSpace;
 use partita_system::formulation::registry;
 use partita_system::formulation::Formulation;
 use partita_system::options::{FormulationOptions, Renew, TangentMap};
+use partita_system::prelude::*;
 use partita_system::record::{Correction, Sample};
 use partita_system::tangent::basis::Rule;
 use partita_system::tangent::frozen::Frozen;
 use partita_system::tangent::Tangent;
-use partita_system::{ConstrainedSystem, SystemError};
+use partita_system::SystemError;
 use std::sync::Arc;
 
 const NAMES: [&str; 6] = ["zero-eigenvalue", "svd", "qr", "liang-lance", "gram-schmidt", "tangent-space"];

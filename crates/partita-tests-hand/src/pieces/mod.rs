@@ -9,6 +9,7 @@ use partita_system::equations::{Equations, UserSystem};
 use partita_system::formulation::motion::Projective;
 use partita_system::formulation::Formulation;
 use partita_system::options::FormulationOptions;
+use partita_system::prelude::*;
 use partita_system::record::{Output, Sample};
 use partita_system::ConstrainedSystem;
 use std::ops::ControlFlow;

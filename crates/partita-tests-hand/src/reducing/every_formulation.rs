@@ -10,9 +10,10 @@ use partita_system::equations::{Equations, UserSystem};
 use partita_system::formulation::registry::{by_name, unread, NAMES};
 use partita_system::options::{FormulationOptions, Renew, TangentMap};
 use partita_system::partition::Selection;
+use partita_system::prelude::*;
 use partita_system::record::Correction;
 use partita_system::reduction::Reduction;
-use partita_system::{start, ConstrainedSystem, SystemError};
+use partita_system::{start, SystemError};
 use std::sync::Arc;
 
 /// What a formulation asks for besides the equations.

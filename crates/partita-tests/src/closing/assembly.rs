@@ -6,7 +6,8 @@ use partita_math::tolerance;
 use partita_model::spec::JointKind::Revolute;
 use partita_model::Model;
 use partita_system::kinematics::assembly::{self};
-use partita_system::{ConstrainedSystem, SystemError};
+use partita_system::prelude::*;
+use partita_system::SystemError;
 
 /// Largest |Φ| in parts of the rows' lengths.
 fn open(model: &Model, q: &[f64]) -> f64 {

@@ -5,7 +5,7 @@ use partita_model::spec::JointKind::{Prismatic, Revolute, Screw};
 use partita_model::spec::{Coupling, Measure, Table, Value};
 use partita_model::Model;
 use partita_system::closing::Closing;
-use partita_system::ConstrainedSystem;
+use partita_system::prelude::*;
 use std::f64::consts::TAU;
 
 fn linear(word: &str, terms: Vec<Measure>, factors: &[f64], offset: f64) -> Coupling {

@@ -2,7 +2,7 @@
 
 use crate::linkages::*;
 use partita_system::closing::Closing;
-use partita_system::ConstrainedSystem;
+use partita_system::prelude::*;
 use std::f64::consts::TAU;
 
 /// All inversions, all choices of the input: explicit wherever a four-bar loop contains the input, implicit otherwise.

@@ -4,7 +4,8 @@ use crate::linkages::*;
 use partita_model::spec::{Table, Value};
 use partita_model::Model;
 use partita_system::closing::Closing;
-use partita_system::{ConstrainedSystem, SystemError};
+use partita_system::prelude::*;
+use partita_system::SystemError;
 use std::f64::consts::TAU;
 
 /// Benchmark 11: Grashof's crank turns fully, the branch is kept; for every joint that may be cut.

@@ -4,7 +4,8 @@ use crate::linkages::{assert_tangent, branches, position};
 use crate::mechanisms::{between, on_coupled_mechanisms, on_random_mechanisms, Moment, Wishes};
 use partita_model::Model;
 use partita_system::closing::Closing;
-use partita_system::{start, ConstrainedSystem};
+use partita_system::prelude::*;
+use partita_system::start;
 
 /// Close near a closed position, for inputs chosen freely; returns (explicit, implicit) velocities.
 fn check(rng: &mut fastrand::Rng, model: &Model, m: &Moment) -> (usize, usize) {

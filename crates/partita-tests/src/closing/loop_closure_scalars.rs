@@ -11,7 +11,7 @@ use partita_model::value::NoFunctions;
 use partita_model::zero_position::Coordinates;
 use partita_model::{Evaluator, Model};
 use partita_system::closing::Closing;
-use partita_system::ConstrainedSystem;
+use partita_system::prelude::*;
 use std::sync::Arc;
 
 const KINDS: [Wishes; 2] =
@@ -46,7 +46,7 @@ fn everywhere(seed: u64, mut check: impl FnMut(&mut fastrand::Rng, &Model, &Mome
                 dv[i] = between(rng, -1.0, 1.0);
             }
             let (here, mut along) = (q.clone(), q.clone());
-            ConstrainedSystem::rate(model, &here, &dv, &mut along);
+            partita_system::system::Manifold::rate(model, &here, &dv, &mut along);
             *if closing.is_explicit() { &mut explicit } else { &mut implicit } += 1;
             check(rng, model, m, &mut closing, &here, &along);
         };

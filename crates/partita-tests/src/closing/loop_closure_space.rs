@@ -6,7 +6,8 @@ use partita_model::loop_closure::LoopClosing;
 use partita_model::spec::JointKind::{Cylindrical, Prismatic, Revolute, Spherical, Universal};
 use partita_model::Model;
 use partita_system::closing::Closing;
-use partita_system::{ConstrainedSystem, SystemError};
+use partita_system::prelude::*;
+use partita_system::SystemError;
 use std::f64::consts::TAU;
 
 fn by<'m>(model: &'m Model, names: &[&str]) -> LoopClosing<'m> {

@@ -13,9 +13,10 @@ use partita_system::formulation::motion::ExplicitClosing;
 use partita_system::formulation::Formulation;
 use partita_system::kinematics::velocity;
 use partita_system::options::FormulationOptions;
+use partita_system::prelude::*;
 use partita_system::record::{Output, Sample};
 use partita_system::reduction::Reduction;
-use partita_system::{start, ConstrainedSystem};
+use partita_system::start;
 use std::sync::Arc;
 
 /// All there is to know at (q, v), by explicit closing.

@@ -8,7 +8,8 @@ use partita_model::spec::JointKind::Revolute;
 use partita_model::Model;
 use partita_system::formulation::registry;
 use partita_system::options::FormulationOptions;
-use partita_system::{start, ConstrainedSystem};
+use partita_system::prelude::*;
+use partita_system::start;
 use std::ops::ControlFlow;
 
 /// Bricard's mechanism, six hinges along the edges of a cube: one row of six follows from the others.

@@ -15,8 +15,9 @@ use partita_model::Model;
 use partita_system::formulation::registry;
 use partita_system::kinematics::assembly::{self};
 use partita_system::options::FormulationOptions;
+use partita_system::prelude::*;
 use partita_system::record::Output;
-use partita_system::{start, ConstrainedSystem};
+use partita_system::start;
 use std::ops::ControlFlow;
 
 /// Lengths times s, accelerations too: moments of inertia and torques times s².

@@ -5,7 +5,7 @@ use crate::linkages::*;
 use partita_model::spec::JointKind::{Prismatic, Revolute, Spherical};
 use partita_model::tree::LinkMotion;
 use partita_model::Model;
-use partita_system::ConstrainedSystem;
+use partita_system::prelude::*;
 
 /// Four-bars on common uprights: one degree of freedom, as many loops as asked for.
 pub fn uprights(n: usize, coupler: impl Fn(usize) -> f64) -> Drawing {

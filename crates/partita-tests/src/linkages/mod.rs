@@ -13,9 +13,9 @@ use partita_model::value::NoFunctions;
 use partita_model::zero_position::Coordinates;
 use partita_model::Model;
 use partita_system::closing::Closing;
+use partita_system::prelude::*;
 use partita_system::record::Output;
 use partita_system::reduction::largest;
-use partita_system::ConstrainedSystem;
 use std::f64::consts::TAU;
 use std::sync::Arc;
 

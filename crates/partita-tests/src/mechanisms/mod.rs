@@ -13,6 +13,7 @@ use partita_model::value::{Functions, RELATION};
 use partita_model::zero_position::Coordinates;
 use partita_model::Model;
 use partita_system::kinematics::assembly;
+use partita_system::prelude::*;
 use partita_system::reduction::Reduction;
 use partita_system::{start, ConstrainedSystem};
 use std::sync::Arc;

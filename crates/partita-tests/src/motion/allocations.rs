@@ -11,7 +11,8 @@ use partita_system::formulation::motion::Projective;
 use partita_system::formulation::registry;
 use partita_system::formulation::{Formulation, Step, Verdict};
 use partita_system::options::FormulationOptions;
-use partita_system::{start, ConstrainedSystem};
+use partita_system::prelude::*;
+use partita_system::start;
 use std::ops::ControlFlow;
 
 const Z: Option<[f64; 3]> = Some([0.0, 0.0, 1.0]);

@@ -15,8 +15,9 @@ use partita_system::formulation::{registry, Formulation};
 use partita_system::kinematics::velocity;
 use partita_system::options::FormulationOptions;
 use partita_system::positions::turns;
+use partita_system::prelude::*;
 use partita_system::reduction::Reduction;
-use partita_system::{start, ConstrainedSystem};
+use partita_system::start;
 use std::ops::ControlFlow;
 
 /// What the uprights and couplers do at the outputs: largest error of all coordinates against the parallelograms.

@@ -14,8 +14,9 @@ use partita_system::formulation::motion::Projective;
 use partita_system::kinematics::velocity;
 use partita_system::options::FormulationOptions;
 use partita_system::positions::turns;
+use partita_system::prelude::*;
 use partita_system::reduction::Reduction;
-use partita_system::{start, ConstrainedSystem};
+use partita_system::start;
 use std::ops::ControlFlow;
 
 /// 180 runs of 10 s: 1 to 40 loops, ten initial rates (so that steps meet the singular positions at all distances),

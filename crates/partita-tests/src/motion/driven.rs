@@ -11,9 +11,10 @@ use partita_system::formulation::motion::Projective;
 use partita_system::formulation::Formulation;
 use partita_system::kinematics::velocity;
 use partita_system::options::FormulationOptions;
+use partita_system::prelude::*;
 use partita_system::record::{Output, Sample};
 use partita_system::reduction::Reduction;
-use partita_system::{start, ConstrainedSystem};
+use partita_system::start;
 use std::ops::ControlFlow;
 
 /// Samples at `at` after the moment; none if the motion runs into a singular position.

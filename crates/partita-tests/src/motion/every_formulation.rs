@@ -7,9 +7,10 @@ use partita_math::elimination::Pattern;
 use partita_model::Model;
 use partita_system::formulation::{registry, Formulation};
 use partita_system::options::{FormulationOptions, TangentMap};
+use partita_system::prelude::*;
 use partita_system::record::{Output, Sample};
 use partita_system::reduction::Reduction;
-use partita_system::{start, ConstrainedSystem, SystemError};
+use partita_system::{start, SystemError};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 

@@ -14,8 +14,8 @@ use partita_system::formulation::motion::WehageHaug;
 use partita_system::formulation::registry;
 use partita_system::formulation::Formulation;
 use partita_system::options::FormulationOptions;
+use partita_system::prelude::*;
 use partita_system::record::{Correction, Output, Sample};
-use partita_system::ConstrainedSystem;
 use std::ops::ControlFlow;
 
 const MASS: f64 = 3.0;

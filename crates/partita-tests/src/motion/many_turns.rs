@@ -10,9 +10,10 @@ use partita_system::formulation::registry;
 use partita_system::kinematics::velocity;
 use partita_system::options::FormulationOptions;
 use partita_system::positions::turns;
+use partita_system::prelude::*;
 use partita_system::record::Output;
 use partita_system::reduction::Reduction;
-use partita_system::{start, ConstrainedSystem};
+use partita_system::start;
 use std::f64::consts::TAU;
 use std::ops::ControlFlow;
 

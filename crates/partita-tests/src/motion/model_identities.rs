@@ -9,11 +9,11 @@ use partita_system::equations::full::saddle::Saddle;
 use partita_system::formulation::motion::{FullState, Projective};
 use partita_system::formulation::Formulation;
 use partita_system::options::FormulationOptions;
+use partita_system::prelude::*;
 use partita_system::record::{Correction, Output, Sample};
 use partita_system::reduction::Reduction;
 use partita_system::start;
 use partita_system::system::{project_dense, Tangent};
-use partita_system::ConstrainedSystem;
 
 const SPATIAL: Wishes = Wishes { planar: false, bound: true, drives: true };
 const PLANAR: Wishes = Wishes { planar: true, bound: true, drives: true };
@@ -44,7 +44,12 @@ fn position(model: &Model, t: f64, q: &[f64]) -> (Vec<f64>, Matrix, Vec<f64>) {
 }
 
 /// Scratch after `position` and `velocity`, and b.
-fn evaluated(model: &Model, t: f64, q: &[f64], v: &[f64]) -> (<Model as ConstrainedSystem>::Scratch, Vec<f64>) {
+fn evaluated(
+    model: &Model,
+    t: f64,
+    q: &[f64],
+    v: &[f64],
+) -> (<Model as partita_system::system::Levels>::Scratch, Vec<f64>) {
     let size = model.size();
     let (mut phi, mut c) = (vec![0.0; size.holonomic], vec![0.0; model.pattern().nnz()]);
     let (mut a, mut b, mut s) = (vec![0.0; size.rows], vec![0.0; size.rows], model.scratch());

@@ -5,9 +5,10 @@ use crate::mechanisms::{compile, empty, joint};
 use partita_model::spec::{Body, Cut, JointKind, Spec};
 use partita_model::zero_position::Coordinates;
 use partita_system::partition::Selection;
+use partita_system::prelude::*;
 use partita_system::reduction::Reduction;
 use partita_system::tangent::chooser;
-use partita_system::{start, ConstrainedSystem, SystemError};
+use partita_system::{start, SystemError};
 
 const BASE: f64 = 1.5;
 const PLATFORM: f64 = 0.5;

@@ -4,7 +4,7 @@ use crate::mechanisms::{apart, between, compile, derivative, drawing, on_random_
 use partita_math::scalar::{Dual, Scalar};
 use partita_model::zero_position::Coordinates;
 use partita_model::{Evaluator, Model};
-use partita_system::ConstrainedSystem;
+use partita_system::prelude::*;
 
 const KINDS: [Wishes; 2] =
     [Wishes { planar: false, bound: true, drives: true }, Wishes { planar: true, bound: true, drives: true }];

@@ -8,7 +8,7 @@ use partita_model::reaction::{Reactions, Wrench};
 use partita_model::spec::{Cut, Force, JointKind, Spec};
 use partita_model::zero_position::Coordinates;
 use partita_model::Model;
-use partita_system::ConstrainedSystem;
+use partita_system::prelude::*;
 use std::collections::BTreeSet;
 
 const ALL: Wishes = Wishes { planar: false, bound: true, drives: true };

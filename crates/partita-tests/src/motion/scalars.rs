@@ -14,9 +14,9 @@ use partita_model::spec::{Coupling, Force, Friction, Gravity, JointKind, Spec, T
 use partita_model::value::{table_at, Functions, RELATION};
 use partita_model::zero_position::Coordinates;
 use partita_model::{Evaluator, Model};
+use partita_system::prelude::*;
 use partita_system::reduction::Reduction;
 use partita_system::start;
-use partita_system::ConstrainedSystem;
 use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::Arc;

@@ -6,8 +6,9 @@ use partita_model::zero_position::Coordinates;
 use partita_model::Model;
 use partita_system::formulation::registry;
 use partita_system::options::{FormulationOptions, TangentMap};
+use partita_system::prelude::*;
 use partita_system::reduction::Reduction;
-use partita_system::{start, ConstrainedSystem, SystemError};
+use partita_system::{start, SystemError};
 use std::sync::{Arc, Mutex};
 
 /// The tangent of a partition, as a user might hand it over.

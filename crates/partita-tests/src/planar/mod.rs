@@ -4,9 +4,9 @@ use partita_model::spec::Spec;
 use partita_model::value::NoFunctions;
 use partita_model::zero_position::Coordinates;
 use partita_model::Model;
+use partita_system::prelude::*;
 use partita_system::record::Output;
 use partita_system::reduction::largest;
-use partita_system::ConstrainedSystem;
 use serde_json::{json, Value};
 use std::sync::Arc;
 

@@ -18,8 +18,9 @@ use partita_math::dense::Matrix;
 use partita_math::factor::svd;
 use partita_math::spatial::{Mat3, Quaternion, Spatial, Vec3};
 use partita_math::tolerance;
+use partita_system::prelude::*;
 use partita_system::rank::{Cut, Kernel, Place};
-use partita_system::{ConstrainedSystem, SystemError};
+use partita_system::SystemError;
 
 /// Numbers of a joint: displacement and turn on either side.
 pub(super) const OWN: usize = 12;

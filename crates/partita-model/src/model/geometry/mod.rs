@@ -16,8 +16,9 @@ use blocks::Pose;
 use change::{is_sought, largest, Change, OWN};
 use partita_math::tolerance;
 use partita_system::kinematics::assembly;
+use partita_system::prelude::*;
 use partita_system::rank::{exact, weakest, Cut, Exact, Kernel};
-use partita_system::{ConstrainedSystem, SystemError};
+use partita_system::SystemError;
 use std::cell::OnceCell;
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -535,7 +536,7 @@ impl Drawing {
         levels.extend(FINER_LEVELS.into_iter().filter(|x| *x < coarsest));
         if seen.fine == seen.coarse {
             let finest = levels.pop().unwrap_or(coarsest);
-            let fit = self.at_level(&home, finest, tolerance)?;
+            let fit = self.at_level(&home, finest, (tolerance, &seen))?;
             if let Some(fit) = fit.filter(|x| x.change.is_none() && x.freedoms == seen.coarse) {
                 return Ok(Some((Some(fit), seen)));
             }
@@ -546,7 +547,7 @@ impl Drawing {
         let mut fits: Vec<Fit> = Vec::new();
         for (i, &level) in levels.iter().enumerate() {
             let next = levels.get(i + 1).map_or(seen.fine, |x| null(*x));
-            let Some(fit) = self.at_level(&home, level, tolerance)? else { continue };
+            let Some(fit) = self.at_level(&home, level, (tolerance, &seen))? else { continue };
             let ends = fit.freedoms >= next && (fit.change.is_none() || seen.fine < fit.freedoms);
             fits.push(fit);
             if ends {
@@ -557,7 +558,7 @@ impl Drawing {
     }
 
     /// What this level makes of the drawing: a motion, and the change by which it fits. None where nothing does.
-    fn at_level(&self, home: &[f64], level: f64, tolerance: f64) -> Result<Option<Fit>, SystemError> {
+    fn at_level(&self, home: &[f64], level: f64, (tolerance, seen): (f64, &Seen)) -> Result<Option<Fit>, SystemError> {
         let cut = Cut::Level(level);
         let mut there = home.to_vec();
         let mut kernel = Kernel::new(&self.model, 0.0);
@@ -577,7 +578,8 @@ impl Drawing {
         };
         let open = branch.places.iter().fold(0.0, |m: f64, x| m.max(x.open));
         let unlike = self.alike_too(&vec![0.0; OWN * self.model.spec.joints.len()], &there, tolerance);
-        if open < tolerance::FITS && unlike.is_none() {
+        // what the drawing does as it stands needs no change, however much its axes look alike
+        if open < tolerance::FITS && (unlike.is_none() || branch.freedoms <= seen.fine) {
             return Ok(Some(fit(None, &self.model.spec.joints)));
         }
         if !self.model.spec.couplings.is_empty() || branch.freedoms < branch.kernel {

@@ -1,0 +1,324 @@
+//! What a constrained system does, duty by duty.
+
+use super::{BlockSink, ClusterTangent, Finite, Recursion, Size, SystemError, SystemRef, Tangent};
+use crate::breakpoints::{Breakpoints, Reading};
+use crate::closing::Closing;
+use crate::clusters::Clusters;
+use partita_math::elimination::Pattern;
+
+/// S1-S5 by level.
+///
+/// Evaluated in order: [`position`](Self::position), then [`velocity`](Self::velocity) at the same `(t, q)`, then the
+/// dynamics. What one level computes it leaves in the scratch for the next; the scratch is never an answer. The
+/// pattern of C is fixed. After set-up no level allocates.
+pub trait Levels: Send + Sync {
+    /// Memory reused between evaluations.
+    type Scratch;
+    /// Sizes.
+    fn size(&self) -> Size;
+    /// Sparsity of C (rows x nv).
+    fn pattern(&self) -> &Pattern;
+    /// New scratch.
+    fn scratch(&self) -> Self::Scratch;
+    /// Does any row depend on time (a ≠ 0)?
+    fn rheonomic(&self) -> bool;
+    /// Is work of non-conservative forces to be accounted?
+    fn has_power(&self) -> bool {
+        false
+    }
+    /// Position level: Φ (holonomic rows), the values of C in pattern order, and a.       (S3, S4)
+    fn position(
+        &self,
+        t: f64,
+        q: &[f64],
+        s: &mut Self::Scratch,
+        phi: &mut [f64],
+        c: &mut [f64],
+        a: &mut [f64],
+    ) -> Result<(), SystemError>;
+    /// Velocity level, at the `(t, q)` of the last `position`: b.                          (S5)
+    fn velocity(&self, t: f64, q: &[f64], v: &[f64], s: &mut Self::Scratch, b: &mut [f64]) -> Result<(), SystemError>;
+    /// Dense M (nv x nv) and h (nv), after `velocity`.                                     (S1)
+    fn dynamics(
+        &self,
+        t: f64,
+        q: &[f64],
+        v: &[f64],
+        s: &mut Self::Scratch,
+        mass: &mut [f64],
+        h: &mut [f64],
+    ) -> Result<(), SystemError>;
+    /// Tangential projection, after `velocity`: `M_d = D M Dᵀ`, `h_d = D (h − M [0; ξ])`.  (P3)
+    fn project(
+        &self,
+        t: f64,
+        q: &[f64],
+        v: &[f64],
+        tangent: &Tangent,
+        s: &mut Self::Scratch,
+        md: &mut [f64],
+        hd: &mut [f64],
+    ) -> Result<(), SystemError>;
+    /// `M v' − h` (nv), after `velocity`.
+    fn inverse_dynamics(
+        &self,
+        t: f64,
+        q: &[f64],
+        v: &[f64],
+        vdot: &[f64],
+        s: &mut Self::Scratch,
+        out: &mut [f64],
+    ) -> Result<(), SystemError>;
+    /// Power of the non-conservative applied forces, after `velocity` (see [`has_power`](Self::has_power)).
+    fn power(&self, _t: f64, _q: &[f64], _v: &[f64], _s: &mut Self::Scratch) -> Result<f64, SystemError> {
+        Ok(0.0)
+    }
+}
+
+/// M by its entries, and as a metric.
+pub trait Metric: Levels {
+    /// Pattern of M (nv x nv, both triangles); full by default.
+    fn mass_pattern(&self) -> Pattern {
+        Pattern::dense(self.size().nv, self.size().nv)
+    }
+    /// The entries of M in the order of [`mass_pattern`](Self::mass_pattern), and h (nv), after `velocity`.  (S1)
+    fn sparse_dynamics(
+        &self,
+        t: f64,
+        q: &[f64],
+        v: &[f64],
+        s: &mut Self::Scratch,
+        mass: &mut [f64],
+        h: &mut [f64],
+    ) -> Result<(), SystemError> {
+        self.dynamics(t, q, v, s, mass, h)
+    }
+    /// Is M short of mass somewhere, so that it is no metric? Then one stands beside it:
+    /// [`add_metric`](Self::add_metric) is what it has more, and `[M⁻¹]_ii` and columns of `M⁻¹` are its own. Equations
+    /// of motion are those of M.
+    fn lacks_mass(&self) -> bool {
+        false
+    }
+    /// Make a dense M (nv x nv) the metric, after `position`.
+    fn add_metric(&self, _s: &mut Self::Scratch, _mass: &mut [f64]) {}
+    /// `s_i² = [M⁻¹]_ii` after `position`: the squared lengths |k_i|².                     (19)
+    fn inverse_mass_diagonal(
+        &self,
+        t: f64,
+        q: &[f64],
+        s: &mut Self::Scratch,
+        out: &mut [f64],
+    ) -> Result<(), SystemError>;
+    /// Columns `which` of `M⁻¹` after `position` (nv x which.len(), row by row).
+    fn inverse_mass_columns(
+        &self,
+        t: f64,
+        q: &[f64],
+        which: &[usize],
+        s: &mut Self::Scratch,
+        out: &mut [f64],
+    ) -> Result<(), SystemError>;
+}
+
+/// Reduced accelerations cluster by cluster, where that is cheaper than one dense M_d.
+pub trait Clustered: Levels {
+    /// Blocks of velocities and rows connected through C; one block by default.
+    fn clusters(&self) -> Clusters {
+        let size = self.size();
+        Clusters::one(size.nv, size.rows)
+    }
+    /// Prepare the recursion over clusters with these rows kept; `None` where one dense M_d is cheaper, or all there
+    /// is.
+    fn plan_recursion(&self, _kept: &[usize], _s: &mut Self::Scratch) -> Option<Recursion> {
+        None
+    }
+    /// `v'` with `C v' + b = 0`, after `velocity` and [`plan_recursion`](Self::plan_recursion).     (P3 by clusters)
+    fn accelerate(
+        &self,
+        _t: f64,
+        _q: &[f64],
+        _v: &[f64],
+        _tangent: &ClusterTangent,
+        _s: &mut Self::Scratch,
+        _vdot: &mut [f64],
+    ) -> Result<(), SystemError> {
+        Err(SystemError::argument(
+            "formulation",
+            "this system offers no recursion over clusters; give its equations densely".into(),
+        ))
+    }
+    /// Motion that efforts (nv) alone cause from rest: as `accelerate`, without forces, gravity and the terms of
+    /// velocity. After `position` and [`plan_recursion`](Self::plan_recursion).
+    fn respond(
+        &self,
+        _tangent: &ClusterTangent,
+        _effort: &[f64],
+        _s: &mut Self::Scratch,
+        _out: &mut [f64],
+    ) -> Result<(), SystemError> {
+        Err(SystemError::argument(
+            "formulation",
+            "this system offers no recursion over clusters; give its equations densely".into(),
+        ))
+    }
+    /// Reduced mass (k_c x k_c, lower triangle) on a resting base of the n-th cluster that goes by partial velocities,
+    /// after `accelerate` or `respond`.
+    fn cluster_mass<'x>(&self, _n: usize, _s: &'x Self::Scratch) -> &'x [f64] {
+        &[]
+    }
+    /// `[Dᵀ M_d⁻¹ D]_ii` of all velocities, and `block(cluster, its independent velocities, their block of M_d⁻¹)` for each
+    /// cluster, after `accelerate` or `respond`.                                                (21)
+    fn mobility(
+        &self,
+        _tangent: &ClusterTangent,
+        _independent: &[usize],
+        _s: &mut Self::Scratch,
+        _diagonal: &mut [f64],
+        _block: BlockSink,
+    ) {
+    }
+}
+
+/// Positions: what q has to do with v, and how q moves.
+pub trait Manifold {
+    /// `q' = N(q) v`.                                                                      (S2)
+    fn rate(&self, q: &[f64], v: &[f64], qdot: &mut [f64]) {
+        let _ = q;
+        qdot.copy_from_slice(v);
+    }
+    /// Move `q` by the small velocity-like increment `dv` (an exponential for turns in space).
+    fn step(&self, q: &mut [f64], dv: &[f64]) {
+        for (q, d) in q.iter_mut().zip(dv) {
+            *q += d;
+        }
+    }
+    /// Remove the drift of redundant coordinates (unit quaternions); true if anything moved.
+    fn normalise(&self, _q: &mut [f64]) -> bool {
+        false
+    }
+    /// The coordinates that velocity `i` changes: its own integral, or the whole quaternion of a turn in space.
+    fn coordinates_of(&self, i: usize) -> std::ops::Range<usize> {
+        i..i + 1
+    }
+    /// Is coordinate `i` an angle that may lose whole turns without anything in S1-S5 noticing?
+    fn turns(&self, _i: usize) -> bool {
+        false
+    }
+    /// The velocity whose integral coordinate `i` is, if there is one.
+    fn velocity_of_coordinate(&self, i: usize) -> Option<usize> {
+        Some(i)
+    }
+}
+
+/// Natural sizes of moves and rows: they make everything free of units.
+pub trait Scales {
+    /// What a large move can open row `i` by (1 for an angle, a length for a displacement), if the system knows: a row
+    /// whose entries are all small against it is closed by nothing, which no comparison with other rows can tell.
+    fn row_displacement(&self, _i: usize) -> Option<f64> {
+        None
+    }
+    /// Size of velocities v, in characteristic displacements: the fastest coordinate, or its invariant over axes.
+    fn travel(&self, v: &[f64]) -> f64 {
+        v.iter().enumerate().fold(0.0, |m: f64, (i, v)| m.max(v.abs() / self.characteristic_displacement(i)))
+    }
+    /// Does row `i` close a direction (rad), not a length?
+    fn row_is_angle(&self, _i: usize) -> bool {
+        false
+    }
+    /// A typical magnitude of a large move of velocity `i` (1 for an angle, a length for a slide).
+    fn characteristic_displacement(&self, _i: usize) -> f64 {
+        1.0
+    }
+}
+
+/// What things are called, for messages and reports.
+pub trait Names {
+    /// Name of velocity `i`.
+    fn velocity_name(&self, i: usize) -> String;
+    /// Name of constraint row `i`.
+    fn row_name(&self, i: usize) -> String;
+    /// Where constraint row `i` comes from, in words.
+    fn row_description(&self, i: usize) -> String {
+        self.row_name(i)
+    }
+    /// Names of the bodies that move at these velocities.
+    fn bodies_moved(&self, _q: &[f64], _v: &[f64]) -> Vec<String> {
+        Vec::new()
+    }
+    /// What is to be said of a start with these velocities, or against it.
+    ///
+    /// # Errors
+    /// Velocities that nothing carries on.
+    fn start_notes(&self, _q: &[f64], _v: &[f64]) -> Result<Vec<String>, SystemError> {
+        Ok(Vec::new())
+    }
+    /// What holds motions that exist for an instant only, in words.
+    fn instantaneous(&self) -> String {
+        "its conditions".into()
+    }
+    /// What condition `i` belongs to, in words.
+    fn row_owner(&self, i: usize) -> String {
+        self.row_description(i)
+    }
+}
+
+/// What is known of the rows of S3 and S4 beforehand.
+pub trait Conditions {
+    /// The verdict on rank, where one was made once and for all; else each position is asked.
+    fn finite(&self) -> Option<Finite> {
+        None
+    }
+    /// Does row `i` prescribe a motion? Such rows are kept after all others: what closes a loop is no matter of choice.
+    fn row_is_drive(&self, _i: usize) -> bool {
+        false
+    }
+    /// May condition `i` hold in one place at one instant and in another at the next? What closes a loop cannot.
+    fn row_may_jump(&self, i: usize) -> bool {
+        self.row_is_drive(i)
+    }
+    /// Rows that are closed at q the wrong way round: the directions they compare are perpendicular as they should be,
+    /// but an axis points backwards. One row for each closing that is.
+    fn turned_over(&self, _q: &[f64]) -> Vec<usize> {
+        Vec::new()
+    }
+}
+
+/// Times and places that no step may pass unseen.
+pub trait Guards: Levels {
+    /// The time after which nothing can be evaluated, and what ends there, in words.
+    fn time_domain(&self) -> Option<(f64, String)> {
+        None
+    }
+    /// Ascending times of known discontinuities of loads and drives: steps end there.
+    fn discontinuities(&self) -> Vec<f64> {
+        Vec::new()
+    }
+    /// Curves with breakpoints: steps end where a breakpoint that matters is passed.
+    fn breakpoints(&self) -> Vec<Breakpoints> {
+        Vec::new()
+    }
+    /// What each of them is read at, and its rate, at the point (t, q, v) last evaluated.
+    fn breakpoint_readings(&self, _t: f64, _q: &[f64], _v: &[f64], _s: &mut Self::Scratch, _out: &mut [Reading]) {}
+}
+
+/// Loops closed by inverse kinematics, where the system can.
+pub trait InverseKinematics {
+    /// Explicit closing by inverse kinematics for these input velocities, on the branch of the closed position q. (37)
+    ///
+    /// `None` leaves the choice of inputs to the system: those that order the most loops into explicit blocks.
+    fn closing<'s>(
+        _system: SystemRef<'s, Self>,
+        _t: f64,
+        _q: &[f64],
+        _inputs: Option<&[usize]>,
+    ) -> Result<Box<dyn Closing + Send + 's>, SystemError>
+    where
+        Self: Sized + 's,
+    {
+        Err(SystemError::argument("formulation",
+            "explicit closing needs loops that can be recognised, or, for equations by hand, a function that closes them \
+             (closing=); use another formulation"
+                .into(),
+        ))
+    }
+}
