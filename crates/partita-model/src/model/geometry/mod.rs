@@ -413,6 +413,8 @@ fn judged(spec: &Spec, functions: Arc<dyn Functions>, floats: bool, (tolerance, 
 struct Seen {
     fine: usize,
     coarse: usize,
+    /// Degrees of freedom where all conditions are independent: then the drawing moves as it stands.
+    regular: Option<usize>,
 }
 
 impl Drawing {
@@ -519,8 +521,10 @@ impl Drawing {
         let n = self.model.size().nv;
         let values = kernel.values(&home)?;
         let null = |level: f64| n - Cut::Level(level).count(&values);
-        let seen = Seen { fine: null(FINEST_LEVEL), coarse: null(coarsest) };
-        if seen.coarse == 0 || seen.coarse == n.saturating_sub(kernel.rows.len()) {
+        let counted = n.saturating_sub(kernel.rows.len());
+        let fine = null(FINEST_LEVEL);
+        let seen = Seen { fine, coarse: null(coarsest), regular: (fine == counted).then_some(counted) };
+        if seen.coarse == 0 || seen.coarse == counted {
             let fit = Fit {
                 freedoms: seen.coarse,
                 kernel: seen.coarse,
@@ -579,7 +583,8 @@ impl Drawing {
         let open = branch.places.iter().fold(0.0, |m: f64, x| m.max(x.open));
         let unlike = self.alike_too(&vec![0.0; OWN * self.model.spec.joints.len()], &there, tolerance);
         // what the drawing does as it stands needs no change, however much its axes look alike
-        if open < tolerance::FITS && (unlike.is_none() || branch.freedoms <= seen.fine) {
+        let moves_as_drawn = seen.regular.is_some_and(|k| branch.freedoms <= k);
+        if open < tolerance::FITS && (unlike.is_none() || moves_as_drawn) {
             return Ok(Some(fit(None, &self.model.spec.joints)));
         }
         if !self.model.spec.couplings.is_empty() || branch.freedoms < branch.kernel {
