@@ -346,3 +346,27 @@ def test_every_room_that_the_pages_name_exists() -> None:
     missing = [name for name in named if not ((ROOT / name).exists() or (CRATES / name).exists())]
     assert len(named) > 20
     assert not missing
+
+
+LARGER = {"Scalar": 19, "Space": 35, "Equations": 13, "Linearization": 13}
+"""Traits of more methods: arithmetic of numbers and of vectors, equations by hand, the steps of one loop."""
+
+
+def methods(text: str) -> dict[str, int]:
+    """How many methods each trait of a source asks for or offers."""
+    found = {}
+    for head in re.finditer(r"^(?:pub(?:\(\w+\))? )?trait (\w+)[^{;]*\{", text, re.MULTILINE):
+        depth, end = 1, head.end()
+        while depth:
+            depth += {"{": 1, "}": -1}.get(text[end], 0)
+            end += 1
+        found[head[1]] = len(re.findall(r"^    (?:const )?fn ", text[head.end() : end], re.MULTILINE))
+    return found
+
+
+def test_a_trait_has_one_duty() -> None:
+    """Twelve methods at the most."""
+    counted = {}
+    for path in sorted((ROOT / "crates").glob("*/src/**/*.rs")):
+        counted |= methods(path.read_text(encoding="utf-8"))
+    assert {name: count for name, count in counted.items() if count > 12} == LARGER

@@ -4,6 +4,7 @@ use super::{Balance, Prepared, Request};
 use crate::error::AnalysisError;
 use partita_integrate::options::Options;
 use partita_integrate::simulate::{simulate, Settings, Status};
+use partita_system::formulation::FormulationSteps;
 use partita_system::formulation::{Formulation, Step, Verdict};
 use partita_system::options::TangentMap;
 use partita_system::record::{History, Output, PartitionEvent, Sample};
@@ -49,6 +50,25 @@ struct Noted<'s> {
     last_step: Vec<(f64, Vec<f64>)>,
 }
 
+impl FormulationSteps for Noted<'_> {
+    fn trial_end(
+        &mut self,
+        t: f64,
+        y: &mut [f64],
+        dy: &mut [f64],
+        known: bool,
+    ) -> Result<(Verdict, bool), SystemError> {
+        self.formulation.trial_end(t, y, dy, known)
+    }
+    fn commit(&mut self, verdict: Verdict, step: &mut Step) -> Result<bool, SystemError> {
+        self.last_step = std::mem::take(&mut self.asked);
+        self.formulation.commit(verdict, step)
+    }
+    fn history(&self) -> History {
+        self.formulation.history()
+    }
+}
+
 impl Formulation for Noted<'_> {
     fn dim(&self) -> usize {
         self.formulation.dim()
@@ -66,27 +86,11 @@ impl Formulation for Noted<'_> {
         self.asked.push((t, y.to_vec()));
         self.formulation.derivative(t, y, dy)
     }
-    fn trial_end(
-        &mut self,
-        t: f64,
-        y: &mut [f64],
-        dy: &mut [f64],
-        known: bool,
-    ) -> Result<(Verdict, bool), SystemError> {
-        self.formulation.trial_end(t, y, dy, known)
-    }
-    fn commit(&mut self, verdict: Verdict, step: &mut Step) -> Result<bool, SystemError> {
-        self.last_step = std::mem::take(&mut self.asked);
-        self.formulation.commit(verdict, step)
-    }
     fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<(), SystemError> {
         self.formulation.state_at(t, y, out)
     }
     fn describe(&mut self, at: &Output, within: Option<&PartitionEvent>, out: &mut Sample) -> Result<(), SystemError> {
         self.formulation.describe(at, within, out)
-    }
-    fn history(&self) -> History {
-        self.formulation.history()
     }
 }
 

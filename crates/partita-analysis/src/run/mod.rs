@@ -19,7 +19,6 @@ pub use verdict::{Finding, Limits};
 
 use crate::error::AnalysisError;
 use partita_integrate::simulate::{simulate, Outcome, Status};
-use partita_system::formulation::Formulation;
 use partita_system::options::TangentMap;
 use partita_system::positions::turns;
 use partita_system::record::{FormulationCounters, Gaps, Output};

@@ -37,26 +37,11 @@ fn sizes_of_coordinates<S: crate::ConstrainedSystem>(system: &S, out: &mut [f64]
     }
 }
 
-/// A rule that turns S1-S5 into `y' = f(t, y)` and back.
+/// The steps of a formulation: tried, judged and taken, and what they were held against.
 ///
-/// `derivative` is called at any point near the motion; `trial_end` at the end of a step that may be taken; `commit`
-/// when it is, after the outputs inside it. Before `commit` nothing changes what a later evaluation gives, so a step is
-/// given up by forgetting it.
-pub trait Formulation {
-    /// Length of y.
-    fn dim(&self) -> usize;
-    /// How many leading components of y the step size answers for.
-    fn controlled(&self) -> usize;
-    /// Natural size of each component of y: 1 for angles, a characteristic length for displacements, the same for their
-    /// rates [1/s]. Absolute tolerances are in these, so that they mean the same for a watch and for a crane. Asked
-    /// again after `start` and wherever `commit` rewrites.
-    fn natural_sizes(&self, out: &mut [f64]) {
-        out.fill(1.0);
-    }
-    /// Take over the assembled state and write y.
-    fn start(&mut self, t: f64, q: &[f64], v: &[f64], y: &mut [f64]) -> Result<()>;
-    /// `y' = f(t, y)`.
-    fn derivative(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<()>;
+/// `trial_end` is called at the end of a step that may be taken; `commit` when it is, after the outputs inside it.
+/// Before `commit` nothing changes what a later evaluation gives, so a step is given up by forgetting it.
+pub trait FormulationSteps {
     /// The end (t, y) of a step: removes the remainder of S3 from y, evaluates y' there and judges the step. `known`
     /// tells that dy holds `f(t, y)` from the last evaluation. The second answer is true where f was evaluated anew.
     fn trial_end(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], known: bool) -> Result<(Verdict, bool)>;
@@ -72,12 +57,6 @@ pub trait Formulation {
     fn breakpoint_ahead(&self, _h: f64, _tolerance: f64) -> Option<f64> {
         None
     }
-    /// Closed position, velocities and work at (t, y), y near the motion; about the cost of an evaluation.
-    fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<()>;
-    /// Everything else `at` a closed (t, q, v), with the choice of `within`, an event of this run or of one with the
-    /// same options (`None`: with the choice in use); turns and work are left to the caller. May be asked before
-    /// `start` and after the run.
-    fn describe(&mut self, at: &Output, within: Option<&PartitionEvent>, out: &mut Sample) -> Result<()>;
     /// What happened so far.
     fn history(&self) -> History;
     /// Times of singular positions that were stepped over.
@@ -101,6 +80,30 @@ pub trait Formulation {
     }
 }
 
+/// A rule that turns S1-S5 into `y' = f(t, y)` and back; `derivative` is called at any point near the motion.
+pub trait Formulation: FormulationSteps {
+    /// Length of y.
+    fn dim(&self) -> usize;
+    /// How many leading components of y the step size answers for.
+    fn controlled(&self) -> usize;
+    /// Natural size of each component of y: 1 for angles, a characteristic length for displacements, the same for their
+    /// rates [1/s]. Absolute tolerances are in these, so that they mean the same for a watch and for a crane. Asked
+    /// again after `start` and wherever `commit` rewrites.
+    fn natural_sizes(&self, out: &mut [f64]) {
+        out.fill(1.0);
+    }
+    /// Take over the assembled state and write y.
+    fn start(&mut self, t: f64, q: &[f64], v: &[f64], y: &mut [f64]) -> Result<()>;
+    /// `y' = f(t, y)`.
+    fn derivative(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<()>;
+    /// Closed position, velocities and work at (t, y), y near the motion; about the cost of an evaluation.
+    fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<()>;
+    /// Everything else `at` a closed (t, q, v), with the choice of `within`, an event of this run or of one with the
+    /// same options (`None`: with the choice in use); turns and work are left to the caller. May be asked before
+    /// `start` and after the run.
+    fn describe(&mut self, at: &Output, within: Option<&PartitionEvent>, out: &mut Sample) -> Result<()>;
+}
+
 impl Sample {
     /// An output with all that `formulation` can tell about it; `events` are those of its run.
     ///
@@ -116,6 +119,39 @@ impl Sample {
         sample.turns.clone_from(&output.turns);
         sample.work = output.work;
         Ok(sample)
+    }
+}
+
+impl<F: Formulation + ?Sized> FormulationSteps for Box<F> {
+    fn trial_end(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], known: bool) -> Result<(Verdict, bool)> {
+        (**self).trial_end(t, y, dy, known)
+    }
+    fn commit(&mut self, verdict: Verdict, step: &mut Step) -> Result<bool> {
+        (**self).commit(verdict, step)
+    }
+    fn breakpoint_within(&self, tolerance: f64) -> Option<f64> {
+        (**self).breakpoint_within(tolerance)
+    }
+    fn breakpoint_ahead(&self, h: f64, tolerance: f64) -> Option<f64> {
+        (**self).breakpoint_ahead(h, tolerance)
+    }
+    fn history(&self) -> History {
+        (**self).history()
+    }
+    fn crossings(&self) -> Vec<f64> {
+        (**self).crossings()
+    }
+    fn gaps(&self) -> Gaps {
+        (**self).gaps()
+    }
+    fn checks(&self) -> StepChecks {
+        (**self).checks()
+    }
+    fn forget_gaps(&mut self) {
+        (**self).forget_gaps();
+    }
+    fn margin(&self) -> Option<f64> {
+        (**self).margin()
     }
 }
 
@@ -136,40 +172,10 @@ impl<F: Formulation + ?Sized> Formulation for Box<F> {
     fn derivative(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<()> {
         (**self).derivative(t, y, dy)
     }
-    fn trial_end(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], known: bool) -> Result<(Verdict, bool)> {
-        (**self).trial_end(t, y, dy, known)
-    }
-    fn commit(&mut self, verdict: Verdict, step: &mut Step) -> Result<bool> {
-        (**self).commit(verdict, step)
-    }
-    fn breakpoint_within(&self, tolerance: f64) -> Option<f64> {
-        (**self).breakpoint_within(tolerance)
-    }
-    fn breakpoint_ahead(&self, h: f64, tolerance: f64) -> Option<f64> {
-        (**self).breakpoint_ahead(h, tolerance)
-    }
     fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<()> {
         (**self).state_at(t, y, out)
     }
     fn describe(&mut self, at: &Output, within: Option<&PartitionEvent>, out: &mut Sample) -> Result<()> {
         (**self).describe(at, within, out)
-    }
-    fn history(&self) -> History {
-        (**self).history()
-    }
-    fn crossings(&self) -> Vec<f64> {
-        (**self).crossings()
-    }
-    fn gaps(&self) -> Gaps {
-        (**self).gaps()
-    }
-    fn checks(&self) -> StepChecks {
-        (**self).checks()
-    }
-    fn forget_gaps(&mut self) {
-        (**self).forget_gaps();
-    }
-    fn margin(&self) -> Option<f64> {
-        (**self).margin()
     }
 }

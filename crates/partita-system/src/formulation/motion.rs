@@ -14,6 +14,7 @@ use super::{Formulation, Step, Verdict};
 use crate::breakpoints::Watched;
 use crate::equations::full::AccelerationRule;
 use crate::error::Result;
+use crate::formulation::FormulationSteps;
 use crate::options::FormulationOptions;
 use crate::positions::all::All;
 use crate::positions::chart::Chart;
@@ -32,6 +33,7 @@ use crate::tangent::frozen::Frozen;
 use crate::tangent::instant::{self, Describer};
 use crate::tangent::partition::Chosen;
 use crate::tangent::user::Given;
+use crate::tangent::TangentLevels;
 use crate::tangent::{Occasion, Tangent};
 use checks::Checks;
 use crossing::CrossingMonitor;
@@ -322,44 +324,9 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     }
 }
 
-impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> Formulation for Motion<'s, S, T, P> {
-    fn dim(&self) -> usize {
-        self.places().1 + usize::from(self.observes_work)
-    }
-
-    /// Where drives prescribe all motion, their work is what there is to integrate.
-    fn controlled(&self) -> usize {
-        self.places().1 + usize::from(self.observes_work && self.k == 0)
-    }
-
-    fn natural_sizes(&self, out: &mut [f64]) {
-        out.fill(1.0);
-        let (p, w) = self.places();
-        let mut of_q = vec![1.0; self.system.size().nq];
-        super::sizes_of_coordinates(&*self.system, &mut of_q);
-        self.positions.sizes(&of_q, &mut out[..p]);
-        if self.observes_work {
-            out[w] = self.tangent.seen().natural_energy();
-        }
-        out[p..w].iter_mut().enumerate().for_each(|(j, x)| *x = self.tangent.natural_size(j));
-    }
-
-    fn start(&mut self, t: f64, q: &[f64], v: &[f64], y: &mut [f64]) -> Result<()> {
-        let (p, w) = self.places();
-        let mut q = q.to_vec();
-        self.tangent.start(t, &mut q, v)?;
-        y.fill(0.0);
-        self.positions.start(&mut self.tangent, t, &q, y);
-        self.tangent.select(v, &mut y[p..w]);
-        Ok(())
-    }
-
-    fn derivative(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<()> {
-        self.moved = true;
-        self.evaluate(t, y)?;
-        self.rates(t, y, dy)
-    }
-
+impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> FormulationSteps
+    for Motion<'s, S, T, P>
+{
     fn trial_end(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], known: bool) -> Result<(Verdict, bool)> {
         let (p, w) = self.places();
         let mut evaluates = self.positions.settle(&mut self.tangent, t, y)? || !known;
@@ -393,20 +360,75 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         }
         Ok((verdict, evaluates))
     }
-
     fn breakpoint_within(&self, tolerance: f64) -> Option<f64> {
         // one that crosses a singular position has its place and length from there
         (!self.monitor.crosses_next).then(|| self.breakpoints.within(tolerance))?
     }
-
     fn breakpoint_ahead(&self, h: f64, tolerance: f64) -> Option<f64> {
         (!self.monitor.crosses_next).then(|| self.breakpoints.ahead(h, tolerance))?
     }
-
     fn commit(&mut self, verdict: Verdict, step: &mut Step) -> Result<bool> {
         self.conclude(verdict, step)
     }
+    fn crossings(&self) -> Vec<f64> {
+        self.monitor.crossing.times.clone()
+    }
+    fn gaps(&self) -> Gaps {
+        self.watch.gaps
+    }
+    fn checks(&self) -> StepChecks {
+        self.checks.taken
+    }
+    fn forget_gaps(&mut self) {
+        self.watch.gaps = Gaps::default();
+        self.checks.forget();
+    }
+    fn margin(&self) -> Option<f64> {
+        self.margin.map(|m| m.0)
+    }
+    fn history(&self) -> History {
+        let mut history = History { name: self.name, crossings: self.crossings(), ..History::default() };
+        (history.open, history.gaps, history.checks) = (self.watch.open, self.watch.gaps, self.checks.taken);
+        self.tangent.base().report(&mut history);
+        self.tangent.report(&mut history);
+        self.positions.report(&mut history);
+        history
+    }
+}
 
+impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> Formulation for Motion<'s, S, T, P> {
+    fn dim(&self) -> usize {
+        self.places().1 + usize::from(self.observes_work)
+    }
+    /// Where drives prescribe all motion, their work is what there is to integrate.
+    fn controlled(&self) -> usize {
+        self.places().1 + usize::from(self.observes_work && self.k == 0)
+    }
+    fn natural_sizes(&self, out: &mut [f64]) {
+        out.fill(1.0);
+        let (p, w) = self.places();
+        let mut of_q = vec![1.0; self.system.size().nq];
+        super::sizes_of_coordinates(&*self.system, &mut of_q);
+        self.positions.sizes(&of_q, &mut out[..p]);
+        if self.observes_work {
+            out[w] = self.tangent.seen().natural_energy();
+        }
+        out[p..w].iter_mut().enumerate().for_each(|(j, x)| *x = self.tangent.natural_size(j));
+    }
+    fn start(&mut self, t: f64, q: &[f64], v: &[f64], y: &mut [f64]) -> Result<()> {
+        let (p, w) = self.places();
+        let mut q = q.to_vec();
+        self.tangent.start(t, &mut q, v)?;
+        y.fill(0.0);
+        self.positions.start(&mut self.tangent, t, &q, y);
+        self.tangent.select(v, &mut y[p..w]);
+        Ok(())
+    }
+    fn derivative(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<()> {
+        self.moved = true;
+        self.evaluate(t, y)?;
+        self.rates(t, y, dy)
+    }
     fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<()> {
         let (p, w) = self.places();
         self.moved = true;
@@ -434,7 +456,6 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         }
         Ok(())
     }
-
     fn describe(&mut self, at: &Output, within: Option<&PartitionEvent>, out: &mut Sample) -> Result<()> {
         if self.has_levels_of(within) {
             // an evaluation like any other: nothing is chosen anew
@@ -444,35 +465,5 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         }
         let r = self.describer.describe(at, self.tangent.independent(within), out)?;
         self.tangent.describe(r, within, out)
-    }
-
-    fn crossings(&self) -> Vec<f64> {
-        self.monitor.crossing.times.clone()
-    }
-
-    fn gaps(&self) -> Gaps {
-        self.watch.gaps
-    }
-
-    fn checks(&self) -> StepChecks {
-        self.checks.taken
-    }
-
-    fn forget_gaps(&mut self) {
-        self.watch.gaps = Gaps::default();
-        self.checks.forget();
-    }
-
-    fn margin(&self) -> Option<f64> {
-        self.margin.map(|m| m.0)
-    }
-
-    fn history(&self) -> History {
-        let mut history = History { name: self.name, crossings: self.crossings(), ..History::default() };
-        (history.open, history.gaps, history.checks) = (self.watch.open, self.watch.gaps, self.checks.taken);
-        self.tangent.base().report(&mut history);
-        self.tangent.report(&mut history);
-        self.positions.report(&mut history);
-        history
     }
 }

@@ -7,6 +7,7 @@ use super::{turns, Positions};
 use crate::error::Result;
 use crate::manifold::kept_rows::TO_ROUND_OFF;
 use crate::manifold::{close, Linearization, Open, Part, Room};
+use crate::positions::PositionSteps;
 use crate::record::{Correction, History};
 use crate::reduction::Reduction;
 use crate::system::{ConstrainedSystem, Size};
@@ -93,7 +94,6 @@ impl All {
 
 impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> Positions<'s, S, T> for All {
     const CLOSED: bool = false;
-
     fn sizes(&self, of_q: &[f64], out: &mut [f64]) {
         out.copy_from_slice(of_q);
     }
@@ -125,6 +125,19 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> Positions<'s, S, T> for A
         let (nq, r) = (self.q.len(), tangent.reduction());
         r.system.rate(&self.q, &r.v, &mut dy[..nq]);
     }
+    fn output(&mut self, tangent: &mut T, t: f64, y: &[f64]) -> Result<bool> {
+        let nq = self.q.len();
+        self.q.copy_from_slice(&y[..nq]);
+        tangent.seen().system.normalise(&mut self.q);
+        match self.stays(tangent.seen()) {
+            true => tangent.reduction().position(t, &self.q)?,
+            false => self.close(tangent, t, self.correction)?,
+        }
+        Ok(false)
+    }
+}
+
+impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> PositionSteps<'s, S, T> for All {
     fn settle(&mut self, tangent: &mut T, t: f64, y: &mut [f64]) -> Result<bool> {
         let (q, r) = (&mut y[..self.q.len()], tangent.reduction());
         let moved = r.system.normalise(q);
@@ -139,16 +152,6 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> Positions<'s, S, T> for A
         tangent.seen().system.step(q, &self.dv);
         self.corrections += 1;
         Ok(true)
-    }
-    fn output(&mut self, tangent: &mut T, t: f64, y: &[f64]) -> Result<bool> {
-        let nq = self.q.len();
-        self.q.copy_from_slice(&y[..nq]);
-        tangent.seen().system.normalise(&mut self.q);
-        match self.stays(tangent.seen()) {
-            true => tangent.reduction().position(t, &self.q)?,
-            false => self.close(tangent, t, self.correction)?,
-        }
-        Ok(false)
     }
     fn wrap(&mut self, tangent: &T, y: &mut [f64], turns: &mut [i32]) -> bool {
         self.wraps && turns::reduce(&*tangent.seen().system, &mut y[..self.q.len()], turns)

@@ -23,11 +23,12 @@ use crate::error::Result;
 use crate::manifold::kept_rows::TO_ROUND_OFF;
 use crate::manifold::{close, Linearization, Open, Part, Room, Rule};
 use crate::options::Renew;
+use crate::positions::PositionSteps;
 use crate::record::History;
 use crate::record::Verdict;
 use crate::system::{ConstrainedSystem, SystemError};
 use crate::tangent::frozen::Frozen;
-use crate::tangent::Tangent;
+use crate::tangent::TangentLevels;
 use partita_math::dense;
 use partita_math::tolerance;
 
@@ -204,7 +205,6 @@ impl<S: ConstrainedSystem> Linearization for InChart<'_, '_, '_, S> {
 
 impl<'s, S: ConstrainedSystem> Positions<'s, S, Frozen<'s, S>> for Chart {
     const CLOSED: bool = true;
-
     fn places(&self) -> usize {
         self.w.len()
     }
@@ -231,11 +231,22 @@ impl<'s, S: ConstrainedSystem> Positions<'s, S, Frozen<'s, S>> for Chart {
             x.select(&self.rhs, &mut dy[..k]);
         }
     }
-    fn settle(&mut self, _x: &mut Frozen<'s, S>, _t: f64, _y: &mut [f64]) -> Result<bool> {
-        Ok(false) // closed at every evaluation
-    }
     fn output(&mut self, x: &mut Frozen<'s, S>, t: f64, y: &[f64]) -> Result<bool> {
         self.find(x, t, &y[..self.w.len()]).map(|()| true)
+    }
+    fn rewrite(&mut self, x: &mut Frozen<'s, S>, q: &[f64], y: &mut [f64]) {
+        self.base.copy_from_slice(q);
+        x.seen().system.normalise(&mut self.base);
+        self.q.copy_from_slice(&self.base);
+        self.accepted.fill(0.0);
+        self.delta.fill(0.0);
+        y[..self.w.len()].fill(0.0);
+    }
+}
+
+impl<'s, S: ConstrainedSystem> PositionSteps<'s, S, Frozen<'s, S>> for Chart {
+    fn settle(&mut self, _x: &mut Frozen<'s, S>, _t: f64, _y: &mut [f64]) -> Result<bool> {
+        Ok(false) // closed at every evaluation
     }
     fn judge(&mut self, _x: &mut Frozen<'s, S>, _t: f64, _margin: Option<f64>) -> Verdict {
         self.trial.copy_from_slice(&self.delta);
@@ -255,14 +266,6 @@ impl<'s, S: ConstrainedSystem> Positions<'s, S, Frozen<'s, S>> for Chart {
     }
     fn accept(&mut self, _x: &mut Frozen<'s, S>, _t: f64, _margin: Option<f64>) {
         self.accepted.copy_from_slice(&self.trial);
-    }
-    fn rewrite(&mut self, x: &mut Frozen<'s, S>, q: &[f64], y: &mut [f64]) {
-        self.base.copy_from_slice(q);
-        x.seen().system.normalise(&mut self.base);
-        self.q.copy_from_slice(&self.base);
-        self.accepted.fill(0.0);
-        self.delta.fill(0.0);
-        y[..self.w.len()].fill(0.0);
     }
     fn report(&self, history: &mut History) {
         history.counters.newton_iterations = self.sum;

@@ -12,6 +12,7 @@ use super::continuity::Continuity;
 use super::state_coordinates::StateCoordinates;
 use super::{turns, Positions};
 use crate::error::Result;
+use crate::positions::PositionSteps;
 use crate::record::History;
 use crate::record::Verdict;
 use crate::system::{ConstrainedSystem, SystemError};
@@ -117,7 +118,6 @@ impl<K> Independent<K> {
 
 impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, K: Dependent<'s, S, T>> Positions<'s, S, T> for Independent<K> {
     const CLOSED: bool = true;
-
     fn sizes(&self, of_q: &[f64], out: &mut [f64]) {
         self.core.states.gather(of_q, out);
     }
@@ -149,19 +149,6 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, K: Dependent<'s, S, T>> P
         r.system.rate(&self.core.q, &r.v, &mut self.rates);
         self.core.states.gather_rates(&self.rates, dy);
     }
-    fn settle(&mut self, tangent: &mut T, t: f64, y: &mut [f64]) -> Result<bool> {
-        if K::SOLVES {
-            self.by.solve(&mut self.core, tangent, t, y, Point::Stage)?;
-        } else {
-            self.core.states.scatter(y, &mut self.core.q);
-        }
-        tangent.seen().system.normalise(&mut self.core.q);
-        if self.core.states.agree(&self.core.q, y) {
-            return Ok(false);
-        }
-        self.core.states.gather(&self.core.q, y); // a quaternion was turned or brought to length 1
-        Ok(true)
-    }
     fn output(&mut self, tangent: &mut T, t: f64, y: &[f64]) -> Result<bool> {
         if K::SOLVES {
             self.by.solve(&mut self.core, tangent, t, y, Point::Inside)?;
@@ -174,6 +161,30 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, K: Dependent<'s, S, T>> P
         let found = settled.and_then(|_| self.by.solve(&mut self.core, tangent, t, &own, Point::Inside));
         self.y = own;
         found.map(|()| false)
+    }
+    fn rewrite(&mut self, tangent: &mut T, q: &[f64], y: &mut [f64]) {
+        self.core.q.copy_from_slice(q);
+        self.choose(tangent);
+        self.core.states.gather(q, y);
+        self.by.chosen_anew(tangent);
+    }
+}
+
+impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, K: Dependent<'s, S, T>> PositionSteps<'s, S, T>
+    for Independent<K>
+{
+    fn settle(&mut self, tangent: &mut T, t: f64, y: &mut [f64]) -> Result<bool> {
+        if K::SOLVES {
+            self.by.solve(&mut self.core, tangent, t, y, Point::Stage)?;
+        } else {
+            self.core.states.scatter(y, &mut self.core.q);
+        }
+        tangent.seen().system.normalise(&mut self.core.q);
+        if self.core.states.agree(&self.core.q, y) {
+            return Ok(false);
+        }
+        self.core.states.gather(&self.core.q, y); // a quaternion was turned or brought to length 1
+        Ok(true)
     }
     fn judge(&mut self, tangent: &mut T, t: f64, margin: Option<f64>) -> Verdict {
         tangent.full_acceleration(&mut self.vdot);
@@ -200,12 +211,6 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, K: Dependent<'s, S, T>> P
         self.core.home_t = t;
         self.core.continuity.accept();
         self.by.accept(tangent, t, margin);
-    }
-    fn rewrite(&mut self, tangent: &mut T, q: &[f64], y: &mut [f64]) {
-        self.core.q.copy_from_slice(q);
-        self.choose(tangent);
-        self.core.states.gather(q, y);
-        self.by.chosen_anew(tangent);
     }
     fn broken(&mut self, tangent: &mut T, t: f64) -> Option<SystemError> {
         self.core.continuity.is_broken().then(|| self.by.undecided(&self.core, tangent, t))

@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::record::History;
 use crate::system::{ConstrainedSystem, SystemError};
 use crate::tangent::blocks::Blocks;
-use crate::tangent::Tangent;
+use crate::tangent::TangentLevels;
 use partita_math::tolerance;
 
 /// The next step may be longer by this factor. Scale: ratio. Reason: the prediction of the branch is extrapolated over

@@ -16,9 +16,7 @@ use crate::system::{ConstrainedSystem, SystemError};
 use crate::tangent::Tangent;
 
 /// Position coordinates in use with the tangent T.
-///
-/// Only [`accept`](Self::accept) and what follows it move the place from which positions are found.
-pub trait Positions<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> {
+pub trait Positions<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>>: PositionSteps<'s, S, T> {
     /// Are the loops closed at every evaluation?
     const CLOSED: bool;
     /// How many leading components of y there are.
@@ -32,10 +30,25 @@ pub trait Positions<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> {
     fn q(&self) -> &[f64];
     /// Rates of the leading components at the last evaluation, with tangent velocities u.
     fn rates(&mut self, tangent: &mut T, u: &[f64], dy: &mut [f64]);
-    /// Remove what is open from y at the end of a step; true if y moved.
-    fn settle(&mut self, tangent: &mut T, t: f64, y: &mut [f64]) -> Result<bool>;
     /// As `locate`, closed to round-off.
     fn output(&mut self, tangent: &mut T, t: f64, y: &[f64]) -> Result<bool>;
+    /// The tangent has chosen anew at q: write y for it.
+    fn rewrite(&mut self, _tangent: &mut T, _q: &[f64], _y: &mut [f64]) {}
+    /// Do the leading components of y hold q itself?
+    fn holds_all(&self) -> bool {
+        false
+    }
+    /// Natural sizes of the leading components, from those of q.
+    fn sizes(&self, _of_q: &[f64], out: &mut [f64]) {
+        out.fill(1.0);
+    }
+}
+
+/// Position coordinates at the ends of steps. Only [`accept`](Self::accept) and what follows it move the place from
+/// which positions are found.
+pub trait PositionSteps<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> {
+    /// Remove what is open from y at the end of a step; true if y moved.
+    fn settle(&mut self, tangent: &mut T, t: f64, y: &mut [f64]) -> Result<bool>;
     /// Does the step that ends at the point last evaluated hold together?
     fn judge(&mut self, _tangent: &mut T, _t: f64, _margin: Option<f64>) -> Verdict {
         Verdict::Keep
@@ -50,22 +63,12 @@ pub trait Positions<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> {
     }
     /// The step that was judged is taken.
     fn accept(&mut self, _tangent: &mut T, _t: f64, _margin: Option<f64>) {}
-    /// The tangent has chosen anew at q: write y for it.
-    fn rewrite(&mut self, _tangent: &mut T, _q: &[f64], _y: &mut [f64]) {}
-    /// Do the leading components of y hold q itself?
-    fn holds_all(&self) -> bool {
-        false
-    }
     /// Has repeating the step been in vain too often? Then this is what to say.
     fn broken(&mut self, _tangent: &mut T, _t: f64) -> Option<SystemError> {
         None
     }
     /// Take whole turns off angles that have grown (see [`turns`]) and add them to `turns` (nq); true if y changed.
     fn wrap(&mut self, tangent: &T, y: &mut [f64], turns: &mut [i32]) -> bool;
-    /// Natural sizes of the leading components, from those of q.
-    fn sizes(&self, _of_q: &[f64], out: &mut [f64]) {
-        out.fill(1.0);
-    }
     /// Contribution to the history of a run.
     fn report(&self, _journal: &mut History) {}
 }

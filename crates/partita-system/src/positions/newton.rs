@@ -16,7 +16,7 @@ use crate::reduction::Reduction;
 use crate::singular::dead_point::dead_point;
 use crate::system::{ConstrainedSystem, SystemError};
 use crate::tangent::partition::Chosen;
-use crate::tangent::Tangent;
+use crate::tangent::{TangentChoice, TangentLevels};
 
 /// Largest factor by which Newton's method may change the distance from where two solutions meet. Scale: ratio. Reason:
 /// beyond it the start was nearly half-way between them, and which one it found is chance.

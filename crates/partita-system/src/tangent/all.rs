@@ -5,7 +5,7 @@
 //! alone (34), v always by (35), which keeps the momentum along the tangent. Prefer the reduced forms for everything
 //! but checking; prefer these where M is cheap to factor and a reference in all coordinates is wanted.
 
-use super::{Base, Tangent};
+use super::{Base, TangentChoice, TangentClosing, TangentLevels};
 use crate::equations::full::{AccelerationRule, Failure, Instant};
 use crate::error::Result;
 use crate::manifold::orthogonal::{dense_rows, orthogonal_step, MassProjection};
@@ -171,7 +171,7 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> Everything<'s, S, R> {
     }
 }
 
-impl<'s, S: ConstrainedSystem, R: AccelerationRule> Tangent<'s, S> for Everything<'s, S, R> {
+impl<'s, S: ConstrainedSystem, R: AccelerationRule> TangentLevels<'s, S> for Everything<'s, S, R> {
     fn base(&self) -> &Base<'s, S> {
         &self.base
     }
@@ -180,18 +180,6 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> Tangent<'s, S> for Everythin
     }
     fn count(&self) -> usize {
         self.base.r.size().nv
-    }
-    fn natural_size(&self, j: usize) -> f64 {
-        self.base.r.system.characteristic_displacement(j)
-    }
-    fn start(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<()> {
-        self.choose(t, q)?;
-        if self.correction == Correction::Partition {
-            self.base.evaluate(t, q, v)?;
-            let reason = "corrections leave the coordinates of largest projective measure untouched";
-            self.base.log(t, q, &[], reason.into())?;
-        }
-        Ok(())
     }
     fn select(&mut self, v: &[f64], u: &mut [f64]) {
         u.copy_from_slice(v);
@@ -217,6 +205,63 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> Tangent<'s, S> for Everythin
     fn driving(&mut self, _t: f64, _q: &[f64]) -> Result<f64> {
         Ok(-dense::dot(&self.lambda, &self.base.r.a))
     }
+}
+
+impl<'s, S: ConstrainedSystem, R: AccelerationRule> TangentChoice<'s, S> for Everything<'s, S, R> {
+    fn natural_size(&self, j: usize) -> f64 {
+        self.base.r.system.characteristic_displacement(j)
+    }
+    fn start(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<()> {
+        self.choose(t, q)?;
+        if self.correction == Correction::Partition {
+            self.base.evaluate(t, q, v)?;
+            let reason = "corrections leave the coordinates of largest projective measure untouched";
+            self.base.log(t, q, &[], reason.into())?;
+        }
+        Ok(())
+    }
+    /// v' and λ are the rule's own; nothing is chosen, so named is the best choice of coordinates of the moment.
+    fn describe(
+        &mut self,
+        _r: Option<&mut Reduction<'s, S>>,
+        _within: Option<&PartitionEvent>,
+        out: &mut Sample,
+    ) -> Result<()> {
+        if out.note.is_some() {
+            return Ok(()); // in a singular position none of them is determined
+        }
+        if self.rows.is_empty() && self.base.r.rank() > 0 {
+            self.choose(out.t, &out.q)?;
+        }
+        self.base.r.position(out.t, &out.q)?;
+        match self.solve(out.t, &out.q, &out.v) {
+            Ok(()) => {
+                out.vdot.clone_from(&self.vdot);
+                out.multipliers.clone_from(&self.lambda);
+                Ok(())
+            }
+            Err(e) => Err(e),
+        }
+    }
+    fn report(&self, history: &mut History) {
+        (history.counters.factorisations, history.counters.proximal_iterations) =
+            (self.factorisations, self.iterations);
+        history.counters.plans += self.rule.plans();
+        history.rows.clone_from(&self.rows);
+        history.notes.extend(self.rule.notes());
+        if self.correction == Correction::None && self.base.r.rank() > 0 {
+            history.notes.push(format!(
+                "the loops are not exactly closed, because \"{}\" was run without corrections: at the ends of steps |Phi| \
+                 reached {:.2e} and |C v + a| {:.2e}",
+                self.rule.name(),
+                history.open.0,
+                history.open.1
+            ));
+        }
+    }
+}
+
+impl<'s, S: ConstrainedSystem, R: AccelerationRule> TangentClosing<'s, S> for Everything<'s, S, R> {
     /// That of the partition, whose factors no evaluation needs. Positions that drift are no closer to it than they are open.
     fn margin(&mut self) -> Option<(f64, u64)> {
         let r = &mut self.base.r;
@@ -269,44 +314,5 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> Tangent<'s, S> for Everythin
             dense::axpy(1.0, &p.correction(&x), v);
         }
         Ok(true)
-    }
-    /// v' and λ are the rule's own; nothing is chosen, so named is the best choice of coordinates of the moment.
-    fn describe(
-        &mut self,
-        _r: Option<&mut Reduction<'s, S>>,
-        _within: Option<&PartitionEvent>,
-        out: &mut Sample,
-    ) -> Result<()> {
-        if out.note.is_some() {
-            return Ok(()); // in a singular position none of them is determined
-        }
-        if self.rows.is_empty() && self.base.r.rank() > 0 {
-            self.choose(out.t, &out.q)?;
-        }
-        self.base.r.position(out.t, &out.q)?;
-        match self.solve(out.t, &out.q, &out.v) {
-            Ok(()) => {
-                out.vdot.clone_from(&self.vdot);
-                out.multipliers.clone_from(&self.lambda);
-                Ok(())
-            }
-            Err(e) => Err(e),
-        }
-    }
-    fn report(&self, history: &mut History) {
-        (history.counters.factorisations, history.counters.proximal_iterations) =
-            (self.factorisations, self.iterations);
-        history.counters.plans += self.rule.plans();
-        history.rows.clone_from(&self.rows);
-        history.notes.extend(self.rule.notes());
-        if self.correction == Correction::None && self.base.r.rank() > 0 {
-            history.notes.push(format!(
-                "the loops are not exactly closed, because \"{}\" was run without corrections: at the ends of steps |Phi| \
-                 reached {:.2e} and |C v + a| {:.2e}",
-                self.rule.name(),
-                history.open.0,
-                history.open.1
-            ));
-        }
     }
 }

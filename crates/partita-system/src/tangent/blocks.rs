@@ -6,7 +6,7 @@
 //! is the system's own. (Woernle 1988; Hiller, Kecskeméthy; catalogue row 15.)
 
 use super::base::PERIOD;
-use super::{Base, Occasion, Tangent};
+use super::{Base, Occasion, TangentChoice, TangentClosing, TangentLevels};
 use crate::closing::Closing;
 use crate::error::Result;
 use crate::options::FormulationOptions;
@@ -187,13 +187,20 @@ impl<'s, S: ConstrainedSystem> Blocks<'s, S> {
     }
 }
 
-impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Blocks<'s, S> {
+impl<'s, S: ConstrainedSystem> TangentLevels<'s, S> for Blocks<'s, S> {
     fn base(&self) -> &Base<'s, S> {
         &self.base
     }
     fn base_mut(&mut self) -> &mut Base<'s, S> {
         &mut self.base
     }
+    fn tangent(&mut self, t: f64, q: &[f64], _factored: bool) -> Result<()> {
+        let evaluated = self.base.r.tangent(t);
+        evaluated.map_err(|e| self.pivotless(t, q, e))
+    }
+}
+
+impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Blocks<'s, S> {
     fn start(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<()> {
         let closing = S::closing(self.base.r.system.clone(), t, q, self.fixed.as_deref())?;
         self.adopt(t, q, closing)?;
@@ -203,14 +210,6 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Blocks<'s, S> {
             None => "inputs that close the loops explicitly",
         };
         self.base.log(t, q, &[], reason.into())
-    }
-    fn tangent(&mut self, t: f64, q: &[f64], _factored: bool) -> Result<()> {
-        let evaluated = self.base.r.tangent(t);
-        evaluated.map_err(|e| self.pivotless(t, q, e))
-    }
-    /// Closed by inverse kinematics: there is nothing to correct.
-    fn correction(&mut self, _t: f64, _q: &[f64], _rule: Correction, _dv: &mut [f64]) -> Result<bool> {
-        Ok(false)
     }
     fn judge(&mut self, t: f64, q: &[f64]) -> Verdict {
         self.next = None;
@@ -244,10 +243,6 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Blocks<'s, S> {
         self.base.log(t, q, &before, reason)?;
         Ok(true)
     }
-    fn margin(&mut self) -> Option<(f64, u64)> {
-        // with the same inputs and rows distances compare, whatever the order of elimination
-        (self.base.r.rank() > 0).then(|| (self.base.r.distance().0, self.base.r.choices()))
-    }
     fn independent<'a>(&'a self, within: Option<&'a PartitionEvent>) -> Option<&'a [usize]> {
         Some(within.map_or_else(|| self.inputs(), |event| &event.independent))
     }
@@ -265,5 +260,16 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Blocks<'s, S> {
             let all = words.join("; ");
             history.notes.push(format!("the loops are closed explicitly for the inputs {inputs}: {all}"));
         }
+    }
+}
+
+impl<'s, S: ConstrainedSystem> TangentClosing<'s, S> for Blocks<'s, S> {
+    /// Closed by inverse kinematics: there is nothing to correct.
+    fn correction(&mut self, _t: f64, _q: &[f64], _rule: Correction, _dv: &mut [f64]) -> Result<bool> {
+        Ok(false)
+    }
+    fn margin(&mut self) -> Option<(f64, u64)> {
+        // with the same inputs and rows distances compare, whatever the order of elimination
+        (self.base.r.rank() > 0).then(|| (self.base.r.distance().0, self.base.r.choices()))
     }
 }

@@ -16,7 +16,7 @@
 
 use super::basis::Basis;
 use super::instant::quality_of_selector;
-use super::{Base, Occasion, Tangent};
+use super::{Base, Occasion, TangentChoice, TangentClosing, TangentLevels};
 use crate::error::Result;
 use crate::manifold::orthogonal::{dense_rows, orthogonal_step};
 use crate::options::Renew;
@@ -242,29 +242,12 @@ impl<'s, S: ConstrainedSystem> Frozen<'s, S> {
     }
 }
 
-impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Frozen<'s, S> {
+impl<'s, S: ConstrainedSystem> TangentLevels<'s, S> for Frozen<'s, S> {
     fn base(&self) -> &Base<'s, S> {
         &self.base
     }
     fn base_mut(&mut self) -> &mut Base<'s, S> {
         &mut self.base
-    }
-    fn start(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<()> {
-        self.frozen = 0;
-        self.resume(t, q, v)
-    }
-    fn resume(&mut self, t: f64, q: &mut [f64], _v: &[f64]) -> Result<()> {
-        let name = self.basis.name();
-        let lasts = match self.renew {
-            Renew::EachStep => ", and made anew after each step, which is counted but not listed",
-            Renew::Below(_) => "",
-        };
-        self.freeze(t, q, |_| {
-            format!(
-                "tangent basis \"{name}\" frozen: its velocities are integrated; named is the best choice of coordinates at \
-                 this time{lasts}"
-            )
-        })
     }
     fn select(&mut self, v: &[f64], u: &mut [f64]) {
         u.iter_mut().enumerate().for_each(|(j, u)| *u = dense::dot(self.selector.row(j), v));
@@ -294,24 +277,25 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Frozen<'s, S> {
         self.select(&vdot, du);
         self.x = vdot;
     }
-    /// `q ← q − G Φ`: the tangent part S·Δ stays untouched, the analogue of (34); with nonholonomic rows by the least
-    /// move.
-    fn correction(&mut self, t: f64, q: &[f64], rule: Correction, dv: &mut [f64]) -> Result<bool> {
-        let size = self.base.r.size();
-        if rule == Correction::MassOrthogonal || size.rows != size.holonomic {
-            dv.copy_from_slice(&orthogonal_step(&mut self.base.r, t, q)?);
-            return Ok(true);
-        }
-        self.solve_levels(t, q, None)?;
-        let mut w = std::mem::take(&mut self.w);
-        w.fill(0.0);
-        self.solve(None, &mut w, dv);
-        self.w = w;
-        Ok(true)
+}
+
+impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Frozen<'s, S> {
+    fn start(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<()> {
+        self.frozen = 0;
+        self.resume(t, q, v)
     }
-    fn margin(&mut self) -> Option<(f64, u64)> {
-        let r = &mut self.base.r;
-        (r.rank() > 0).then(|| r.distance())
+    fn resume(&mut self, t: f64, q: &mut [f64], _v: &[f64]) -> Result<()> {
+        let name = self.basis.name();
+        let lasts = match self.renew {
+            Renew::EachStep => ", and made anew after each step, which is counted but not listed",
+            Renew::Below(_) => "",
+        };
+        self.freeze(t, q, |_| {
+            format!(
+                "tangent basis \"{name}\" frozen: its velocities are integrated; named is the best choice of coordinates at \
+                 this time{lasts}"
+            )
+        })
     }
     /// S is to be renewed when √μ_S falls below `renew` times its value when frozen; 0: never.
     fn judge(&mut self, t: f64, q: &[f64]) -> Verdict {
@@ -405,6 +389,28 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Frozen<'s, S> {
                 self.kept
             ));
         }
+    }
+}
+
+impl<'s, S: ConstrainedSystem> TangentClosing<'s, S> for Frozen<'s, S> {
+    /// `q ← q − G Φ`: the tangent part S·Δ stays untouched, the analogue of (34); with nonholonomic rows by the least
+    /// move.
+    fn correction(&mut self, t: f64, q: &[f64], rule: Correction, dv: &mut [f64]) -> Result<bool> {
+        let size = self.base.r.size();
+        if rule == Correction::MassOrthogonal || size.rows != size.holonomic {
+            dv.copy_from_slice(&orthogonal_step(&mut self.base.r, t, q)?);
+            return Ok(true);
+        }
+        self.solve_levels(t, q, None)?;
+        let mut w = std::mem::take(&mut self.w);
+        w.fill(0.0);
+        self.solve(None, &mut w, dv);
+        self.w = w;
+        Ok(true)
+    }
+    fn margin(&mut self) -> Option<(f64, u64)> {
+        let r = &mut self.base.r;
+        (r.rank() > 0).then(|| r.distance())
     }
 }
 

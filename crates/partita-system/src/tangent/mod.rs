@@ -28,12 +28,12 @@ pub enum Occasion {
     Positions(&'static str),
 }
 
-/// A tangent basis in use.
+/// A tangent basis, evaluated.
 ///
 /// Levels follow each other: the reduction's `position`, then [`tangent`](Self::tangent), [`spread`](Self::spread),
 /// [`accelerate`](Self::accelerate). What is not said otherwise is that of independent velocities, the reduction's
-/// partition; what a basis is chosen by, and when it is to be chosen anew, is its own.
-pub trait Tangent<'s, S: ConstrainedSystem + 's> {
+/// partition.
+pub trait TangentLevels<'s, S: ConstrainedSystem + 's> {
     /// What all tangents have.
     fn base(&self) -> &Base<'s, S>;
     /// The same, to work with.
@@ -49,16 +49,6 @@ pub trait Tangent<'s, S: ConstrainedSystem + 's> {
     /// Number of tangent velocities.
     fn count(&self) -> usize {
         self.seen().k()
-    }
-    /// Natural size of u_j; other bases than independent velocities are measured by the mass metric already.
-    fn natural_size(&self, j: usize) -> f64 {
-        self.independent(None).map_or(1.0, |i| self.seen().system.characteristic_displacement(i[j]))
-    }
-    /// The first choice, at the closed (t, q).
-    fn start(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<()>;
-    /// A choice at a position that was passed already, to go on from there.
-    fn resume(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<()> {
-        self.start(t, q, v)
     }
     /// u for v: `u = S v`.
     fn select(&mut self, v: &[f64], u: &mut [f64]) {
@@ -89,13 +79,19 @@ pub trait Tangent<'s, S: ConstrainedSystem + 's> {
     fn driving(&mut self, t: f64, q: &[f64]) -> Result<f64> {
         self.base_mut().driving(t, q)
     }
-    /// The move of one correction at the position last evaluated, in velocities; false where it would move nothing but
-    /// round-off.                                                                          (33, 34)
-    fn correction(&mut self, t: f64, q: &[f64], rule: Correction, dv: &mut [f64]) -> Result<bool>;
-    /// Remove what is open of S4 from u at the closed (t, q); true if u moved. Nothing is where v is computed, not
-    /// integrated.
-    fn settle(&mut self, _t: f64, _q: &[f64], _u: &mut [f64]) -> Result<bool> {
-        Ok(false)
+}
+
+/// What a basis is chosen by, and when it is chosen anew.
+pub trait TangentChoice<'s, S: ConstrainedSystem + 's>: TangentLevels<'s, S> {
+    /// Natural size of u_j; other bases than independent velocities are measured by the mass metric already.
+    fn natural_size(&self, j: usize) -> f64 {
+        self.independent(None).map_or(1.0, |i| self.seen().system.characteristic_displacement(i[j]))
+    }
+    /// The first choice, at the closed (t, q).
+    fn start(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<()>;
+    /// A choice at a position that was passed already, to go on from there.
+    fn resume(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<()> {
+        self.start(t, q, v)
     }
     /// How good the choice still is at the end of a step, the point last evaluated. Changes nothing an evaluation
     /// depends on.
@@ -115,20 +111,6 @@ pub trait Tangent<'s, S: ConstrainedSystem + 's> {
     /// A new choice at (t, q), the point last evaluated with velocities v; true if there is one.
     fn renew(&mut self, _t: f64, _q: &mut [f64], _v: &[f64], _why: Occasion) -> Result<bool> {
         Ok(false)
-    }
-    /// Distance from a singular position at the last evaluation, falling linearly to zero towards one, and the number
-    /// of the plan it was measured with. `None`: the basis does not suffer there.
-    fn margin(&mut self) -> Option<(f64, u64)> {
-        None
-    }
-    /// Are all velocities states of their own, from which what is open of S4 is removed after a step?
-    fn integrates_velocities(&self) -> bool {
-        false
-    }
-    /// Distance from a singular position at the last evaluation, as [`margin`](Self::margin) tells it, where conditions
-    /// are left open and nothing is paced by it.
-    fn distance_of_drift(&mut self) -> Option<f64> {
-        None
     }
     /// Distinguish a poor choice of coordinates from a singular configuration.
     fn blame(&self, _t: f64, _q: &[f64], e: SystemError) -> SystemError {
@@ -151,4 +133,41 @@ pub trait Tangent<'s, S: ConstrainedSystem + 's> {
     }
     /// Contribution to the history of a run besides that of all tangents.
     fn report(&self, history: &mut History);
+}
+
+/// What becomes of conditions that are open at the end of a step, and how far a singular position is.
+pub trait TangentClosing<'s, S: ConstrainedSystem + 's> {
+    /// The move of one correction at the position last evaluated, in velocities; false where it would move nothing but
+    /// round-off.                                                                          (33, 34)
+    fn correction(&mut self, t: f64, q: &[f64], rule: Correction, dv: &mut [f64]) -> Result<bool>;
+    /// Remove what is open of S4 from u at the closed (t, q); true if u moved. Nothing is where v is computed, not
+    /// integrated.
+    fn settle(&mut self, _t: f64, _q: &[f64], _u: &mut [f64]) -> Result<bool> {
+        Ok(false)
+    }
+    /// Distance from a singular position at the last evaluation, falling linearly to zero towards one, and the number
+    /// of the plan it was measured with. `None`: the basis does not suffer there.
+    fn margin(&mut self) -> Option<(f64, u64)> {
+        None
+    }
+    /// Are all velocities states of their own, from which what is open of S4 is removed after a step?
+    fn integrates_velocities(&self) -> bool {
+        false
+    }
+    /// Distance from a singular position at the last evaluation, as [`margin`](Self::margin) tells it, where conditions
+    /// are left open and nothing is paced by it.
+    fn distance_of_drift(&mut self) -> Option<f64> {
+        None
+    }
+}
+
+/// A tangent basis in use: all of it.
+pub trait Tangent<'s, S: ConstrainedSystem + 's>:
+    TangentLevels<'s, S> + TangentChoice<'s, S> + TangentClosing<'s, S>
+{
+}
+
+impl<'s, S: ConstrainedSystem + 's, T> Tangent<'s, S> for T where
+    T: TangentLevels<'s, S> + TangentChoice<'s, S> + TangentClosing<'s, S>
+{
 }

@@ -5,7 +5,7 @@
 
 use super::base::PERIOD;
 use super::chooser::{Change, Chooser};
-use super::{Base, Occasion, Tangent};
+use super::{Base, Occasion, TangentChoice, TangentClosing, TangentLevels};
 use crate::error::Result;
 use crate::manifold::orthogonal::orthogonal_step;
 use crate::options::FormulationOptions;
@@ -124,13 +124,16 @@ impl<'s, S: ConstrainedSystem> Chosen<'s, S> {
     }
 }
 
-impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Chosen<'s, S> {
+impl<'s, S: ConstrainedSystem> TangentLevels<'s, S> for Chosen<'s, S> {
     fn base(&self) -> &Base<'s, S> {
         &self.base
     }
     fn base_mut(&mut self) -> &mut Base<'s, S> {
         &mut self.base
     }
+}
+
+impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Chosen<'s, S> {
     fn start(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<()> {
         let o = &self.options;
         let mut chooser = Chooser::new(o.selection, o.exchange, o.weights.as_deref(), o.window)?;
@@ -146,15 +149,6 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Chosen<'s, S> {
             event.reason = "gone back to this time, to cross a singular position from farther away".into();
         }
         Ok(())
-    }
-    fn correction(&mut self, t: f64, q: &[f64], rule: Correction, dv: &mut [f64]) -> Result<bool> {
-        let (size, r) = (self.base.r.size(), &mut self.base.r);
-        if rule == Correction::MassOrthogonal || size.rows != size.holonomic {
-            dv.copy_from_slice(&orthogonal_step(r, t, q)?);
-            return Ok(true);
-        }
-        r.factor(t)?;
-        Ok(r.dependent_correction(dv))
     }
     fn judge(&mut self, t: f64, _q: &[f64]) -> Verdict {
         let r = &mut self.base.r;
@@ -204,9 +198,6 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Chosen<'s, S> {
         }
         Ok(self.base.exchanges > before)
     }
-    fn margin(&mut self) -> Option<(f64, u64)> {
-        (self.base.r.rank() > 0).then(|| self.base.r.distance())
-    }
     fn blame(&self, t: f64, q: &[f64], e: SystemError) -> SystemError {
         let stays = self.options.independent.is_some() || !self.options.exchange.is_finite();
         match &self.chooser {
@@ -220,5 +211,20 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Chosen<'s, S> {
     }
     fn report(&self, history: &mut History) {
         history.notes.extend(self.chooser.iter().flat_map(Chooser::notes));
+    }
+}
+
+impl<'s, S: ConstrainedSystem> TangentClosing<'s, S> for Chosen<'s, S> {
+    fn correction(&mut self, t: f64, q: &[f64], rule: Correction, dv: &mut [f64]) -> Result<bool> {
+        let (size, r) = (self.base.r.size(), &mut self.base.r);
+        if rule == Correction::MassOrthogonal || size.rows != size.holonomic {
+            dv.copy_from_slice(&orthogonal_step(r, t, q)?);
+            return Ok(true);
+        }
+        r.factor(t)?;
+        Ok(r.dependent_correction(dv))
+    }
+    fn margin(&mut self) -> Option<(f64, u64)> {
+        (self.base.r.rank() > 0).then(|| self.base.r.distance())
     }
 }

@@ -9,7 +9,7 @@
 //! coordinates that could stay untouched. Angles keep their whole turns: the user's functions may count them.
 
 use super::instant::{quality_of_exact, quality_of_tangent};
-use super::{Base, Tangent};
+use super::{Base, TangentChoice, TangentClosing, TangentLevels};
 use crate::error::Result;
 use crate::manifold::orthogonal::orthogonal_step;
 use crate::options::TangentMap;
@@ -252,13 +252,26 @@ impl<'s, S: ConstrainedSystem> Given<'s, S> {
     }
 }
 
-impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Given<'s, S> {
+impl<'s, S: ConstrainedSystem> TangentLevels<'s, S> for Given<'s, S> {
     fn base(&self) -> &Base<'s, S> {
         &self.base
     }
     fn base_mut(&mut self) -> &mut Base<'s, S> {
         &mut self.base
     }
+    /// The u that was fitted to the start; there is no other choice later.
+    fn select(&mut self, _v: &[f64], u: &mut [f64]) {
+        u.copy_from_slice(&self.first);
+    }
+    fn tangent(&mut self, t: f64, q: &[f64], _factored: bool) -> Result<()> {
+        self.basis_vectors(t, q)
+    }
+    fn accelerate(&mut self, t: f64, q: &[f64], u: &[f64]) -> Result<()> {
+        self.levels(t, q, u)
+    }
+}
+
+impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Given<'s, S> {
     fn start(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<()> {
         start::choose_partition(&mut self.base.r, t, q, None, None)?; // for the rows and the scales
         self.base.r.position(t, q)?;
@@ -274,21 +287,6 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Given<'s, S> {
         let (p, quality) = (&r.partition, quality_of_exact(&r.md, r.k()));
         self.base.events = vec![PartitionEvent::new(t, &p.independent, &p.independent, &p.dependent, reason, quality)];
         Ok(())
-    }
-    /// The u that was fitted to the start; there is no other choice later.
-    fn select(&mut self, _v: &[f64], u: &mut [f64]) {
-        u.copy_from_slice(&self.first);
-    }
-    fn tangent(&mut self, t: f64, q: &[f64], _factored: bool) -> Result<()> {
-        self.basis_vectors(t, q)
-    }
-    fn accelerate(&mut self, t: f64, q: &[f64], u: &[f64]) -> Result<()> {
-        self.levels(t, q, u)
-    }
-    /// Always by the least move: there are no coordinates that could stay untouched.
-    fn correction(&mut self, t: f64, q: &[f64], _rule: Correction, dv: &mut [f64]) -> Result<bool> {
-        dv.copy_from_slice(&orthogonal_step(&mut self.base.r, t, q)?);
-        Ok(true)
     }
     fn describe(
         &mut self,
@@ -310,6 +308,14 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Given<'s, S> {
                 self.differences, self.worst
             ));
         }
+    }
+}
+
+impl<'s, S: ConstrainedSystem> TangentClosing<'s, S> for Given<'s, S> {
+    /// Always by the least move: there are no coordinates that could stay untouched.
+    fn correction(&mut self, t: f64, q: &[f64], _rule: Correction, dv: &mut [f64]) -> Result<bool> {
+        dv.copy_from_slice(&orthogonal_step(&mut self.base.r, t, q)?);
+        Ok(true)
     }
 }
 

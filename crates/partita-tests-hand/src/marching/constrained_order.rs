@@ -4,6 +4,7 @@
 use crate::pieces::{any, distance, grid, march, reference, run, slope, times, Angles, FourBar, InUnits, Pendulum};
 use partita_system::equations::{Equations, UserSystem};
 use partita_system::formulation::motion::Projective;
+use partita_system::formulation::FormulationSteps;
 use partita_system::formulation::{Formulation, Step, Verdict};
 use partita_system::options::FormulationOptions;
 use partita_system::prelude::*;
@@ -159,19 +160,7 @@ impl<'s, E: Equations> Watched<'s, E> {
     }
 }
 
-impl<E: Equations> Formulation for Watched<'_, E> {
-    fn dim(&self) -> usize {
-        self.inner.dim()
-    }
-    fn controlled(&self) -> usize {
-        self.inner.controlled()
-    }
-    fn start(&mut self, t: f64, q: &[f64], v: &[f64], y: &mut [f64]) -> Result<(), SystemError> {
-        self.inner.start(t, q, v, y)
-    }
-    fn derivative(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<(), SystemError> {
-        self.inner.derivative(t, y, dy)
-    }
+impl<E: Equations> FormulationSteps for Watched<'_, E> {
     fn trial_end(
         &mut self,
         t: f64,
@@ -221,14 +210,29 @@ impl<E: Equations> Formulation for Watched<'_, E> {
         after.iter().zip(&before.1).for_each(|(x, y)| assert!((x - y).abs() < 1e-12 * (1.0 + y.abs()), "{x} {y}"));
         Ok(true)
     }
+    fn history(&self) -> History {
+        self.inner.history()
+    }
+}
+
+impl<E: Equations> Formulation for Watched<'_, E> {
+    fn dim(&self) -> usize {
+        self.inner.dim()
+    }
+    fn controlled(&self) -> usize {
+        self.inner.controlled()
+    }
+    fn start(&mut self, t: f64, q: &[f64], v: &[f64], y: &mut [f64]) -> Result<(), SystemError> {
+        self.inner.start(t, q, v, y)
+    }
+    fn derivative(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<(), SystemError> {
+        self.inner.derivative(t, y, dy)
+    }
     fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<(), SystemError> {
         self.inner.state_at(t, y, out)
     }
     fn describe(&mut self, at: &Output, within: Option<&PartitionEvent>, out: &mut Sample) -> Result<(), SystemError> {
         self.inner.describe(at, within, out)
-    }
-    fn history(&self) -> History {
-        self.inner.history()
     }
 }
 

@@ -5,7 +5,7 @@ use partita_integrate::simulate::Settings;
 use partita_system::equations::UserSystem;
 use partita_system::formulation::motion::Projective;
 use partita_system::formulation::registry::by_name;
-use partita_system::formulation::Formulation;
+use partita_system::formulation::FormulationSteps;
 use partita_system::options::FormulationOptions;
 use partita_system::record::{Correction, Sample};
 

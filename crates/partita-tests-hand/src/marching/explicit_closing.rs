@@ -8,6 +8,7 @@ use partita_system::equations::{Equations, UserScratch, UserSystem};
 use partita_system::formulation::motion::ExplicitClosing;
 use partita_system::formulation::motion::Projective;
 use partita_system::formulation::Formulation;
+use partita_system::formulation::FormulationSteps;
 use partita_system::kinematics::{assembly, velocity};
 use partita_system::options::FormulationOptions;
 use partita_system::record::Sample;

@@ -7,6 +7,7 @@ use partita_integrate::tableau::DOP853;
 use partita_system::equations::Equations;
 use partita_system::formulation::motion::Projective;
 use partita_system::formulation::Formulation;
+use partita_system::formulation::FormulationSteps;
 use partita_system::options::FormulationOptions;
 use partita_system::partition::{determinant, Selection};
 use partita_system::prelude::*;

@@ -4,7 +4,7 @@ use crate::pieces::{any, distance, grid, march, reference, run, slope, times};
 use partita_system::equations::Equations;
 use partita_system::formulation::motion::Projective;
 use partita_system::formulation::registry;
-use partita_system::formulation::Formulation;
+use partita_system::formulation::FormulationSteps;
 use partita_system::options::FormulationOptions;
 use partita_system::record::{Correction, Sample};
 use partita_system::SystemError;

@@ -12,7 +12,8 @@ use partita_system::prelude::*;
 use partita_system::record::{Correction, Sample};
 use partita_system::tangent::basis::Rule;
 use partita_system::tangent::frozen::Frozen;
-use partita_system::tangent::Tangent;
+use partita_system::tangent::TangentChoice;
+use partita_system::tangent::TangentLevels;
 use partita_system::SystemError;
 use std::sync::Arc;
 

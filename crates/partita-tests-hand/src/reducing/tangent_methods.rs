@@ -8,13 +8,15 @@ use partita_system::equations::UserSystem;
 use partita_system::formulation::motion::TangentVelocities;
 use partita_system::formulation::motion::UserTangent;
 use partita_system::formulation::registry::by_name;
+use partita_system::formulation::FormulationSteps;
 use partita_system::formulation::{Formulation, Verdict};
 use partita_system::options::FormulationOptions;
 use partita_system::record::Correction;
 use partita_system::reduction::Reduction;
 use partita_system::tangent::basis::{Basis, Rule};
 use partita_system::tangent::frozen::Frozen;
-use partita_system::tangent::Tangent;
+use partita_system::tangent::TangentChoice;
+use partita_system::tangent::TangentLevels;
 use partita_system::SystemError;
 use std::sync::Arc;
 

@@ -8,7 +8,7 @@ use partita_integrate::tableau::DOP853;
 use partita_model::spec::{Table, Value};
 use partita_model::Model;
 use partita_system::closing::Closing;
-use partita_system::formulation::{registry, Formulation};
+use partita_system::formulation::registry;
 use partita_system::kinematics::velocity;
 use partita_system::options::FormulationOptions;
 use partita_system::positions::turns;

@@ -9,6 +9,7 @@ use partita_model::zero_position::Coordinates;
 use partita_model::Model;
 use partita_system::formulation::motion::Projective;
 use partita_system::formulation::registry;
+use partita_system::formulation::FormulationSteps;
 use partita_system::formulation::{Formulation, Step, Verdict};
 use partita_system::options::FormulationOptions;
 use partita_system::prelude::*;

@@ -11,7 +11,7 @@ use partita_integrate::options::Options;
 use partita_integrate::simulate::{simulate, Outcome, Settings, Status};
 use partita_integrate::tableau;
 use partita_model::Model;
-use partita_system::formulation::{registry, Formulation};
+use partita_system::formulation::registry;
 use partita_system::kinematics::velocity;
 use partita_system::options::FormulationOptions;
 use partita_system::positions::turns;

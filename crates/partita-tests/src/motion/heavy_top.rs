@@ -13,6 +13,7 @@ use partita_system::formulation::motion::TangentSpace;
 use partita_system::formulation::motion::WehageHaug;
 use partita_system::formulation::registry;
 use partita_system::formulation::Formulation;
+use partita_system::formulation::FormulationSteps;
 use partita_system::options::FormulationOptions;
 use partita_system::prelude::*;
 use partita_system::record::{Correction, Output, Sample};
