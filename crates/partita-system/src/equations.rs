@@ -1,4 +1,4 @@
-//! S1-S5 written by hand: dense matrices from functions, as a [`ConstrainedSystem`].
+//! S1-S5 written by hand: dense matrices from functions, as a [`ConstrainedSystem`](crate::ConstrainedSystem).
 
 mod closing;
 pub mod derivatives;

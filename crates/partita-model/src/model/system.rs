@@ -1,4 +1,4 @@
-//! The compiled mechanism as a [`ConstrainedSystem`]: every level in the space of its engine.
+//! The compiled mechanism as a [`ConstrainedSystem`](partita_system::ConstrainedSystem): every level in the space of its engine.
 
 use super::{Dense, Geometry, Model, ModelScratch, Verdict};
 use crate::clusters::{Plan, Preference, Route, Tangents};

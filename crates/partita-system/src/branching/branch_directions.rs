@@ -32,7 +32,7 @@ pub const SIGN_ONLY: f64 = 0.5;
 /// gradient elsewhere. Reason: branches apart have gradients of the size of the form.
 const BRANCHES_TOUCH: f64 = 1e-3;
 /// Drives that ask for this rate in a dead centre may stand beside it. Scale: fraction of the fastest rate. Reason:
-/// they may be off by as much as rows lost within [`NULL_SINE`].
+/// they may be off by as much as rows lost within [`NULL_SINE`](super::NULL_SINE).
 const BESIDE_DEAD_CENTRE: f64 = 1e-4;
 /// Moves over which third orders are differences. Scale: characteristic displacement. Reason: third powers stand out of
 /// rounding, fourth powers stay a hundredth of them.
