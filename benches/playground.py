@@ -8,7 +8,7 @@ import shutil
 import subprocess
 from dataclasses import dataclass
 
-from many_freedoms import MECHANISMS
+from many_dof import MECHANISMS
 
 import partita as pt
 from partita.mechanism.playground import recorded

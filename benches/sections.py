@@ -14,7 +14,7 @@ from evaluations import AGREES, PROBLEMS, costs
 from limit import Figure, measured
 from loads import AIM as LOADS_AIM
 from loads import load_costs
-from many_freedoms import QUESTIONS, Cost, Question, apart
+from many_dof import QUESTIONS, Cost, Question, apart
 from outputs import FORCE_AIMS, OUTPUTS_AIM, first_forces, outputs_cost
 from playground import AIM as FRAME_AIM
 from playground import frame_costs
@@ -60,7 +60,7 @@ def building(_: Path) -> dict[str, Any]:
     return {"sizes": [asdict(cost) for cost in found.values()], "growth": growth}
 
 
-def freedoms(_: Path) -> dict[str, Any]:
+def dof(_: Path) -> dict[str, Any]:
     """An evaluation of mechanisms of many freedoms."""
     print("\nMany freedoms: one evaluation within a run, and per loop or link")
     found: dict[str, Any] = {}
@@ -71,7 +71,7 @@ def freedoms(_: Path) -> dict[str, Any]:
                 print(f"  {question.kind + ',':<16} N = {size:<6} {cost}", flush=True)
             else:
                 print(
-                    f"  {question.kind + ',':<16} N = {size:<6} k = {cost.freedoms:<5} {text(cost.seconds):>8}"
+                    f"  {question.kind + ',':<16} N = {size:<6} k = {cost.dof:<5} {text(cost.seconds):>8}"
                     f"   {text(cost.seconds / size):>8} each   closure {cost.closure:.0e}",
                     flush=True,
                 )
@@ -205,7 +205,7 @@ def _ratio(seconds: float, limit: Figure | None) -> float | None:
 SECTIONS = {
     "outputs": outputs,
     "building": building,
-    "freedoms": freedoms,
+    "freedoms": dof,
     "evaluations": evaluations,
     "face": face,
     "poses": poses,

@@ -96,7 +96,7 @@ def choice(result: Result) -> list[str]:
 def exchanges(result: Result) -> list[str]:
     """Every change of the choice, or why there was none."""
     changes = [change for change in result.partitions if change.is_switch]
-    threshold = result.options["exchange"]
+    threshold = result.options["switch_threshold"]
     if changes:
         return [f"  Exchanged {len(changes)} times:", *(f"    {change}" for change in changes)]
     own = result.measure[:, result.independent[0]].min(axis=1, keepdims=True)

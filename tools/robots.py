@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 DUMMY = 1e-9
 """A link of so little mass [kg] at the end of a fixed joint is a frame, no body."""
 SECONDS = 2.0
-HEAD = f"{'robot':<16}{'decimals':>9}{'mobility':>9}{'redundant':>10}{'misfit':>9}{'closure':>9}{'energy':>9}  outcome"
+HEAD = f"{'robot':<16}{'decimals':>9}{'mobility':>9}{'redundant':>10}{'error':>9}{'closure':>9}{'energy':>9}  outcome"
 
 
 @dataclass(frozen=True)
@@ -265,7 +265,7 @@ def row(folder: Path, decimals: int | None) -> tuple[str, list[str], bool]:
         report = m.report(still)
         robot.said += [line[2:] for line in report.splitlines() if line.startswith("- ") and "lengths" in line]
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", pt.errors.DoubtfulResultWarning)
+            warnings.simplefilter("ignore", pt.errors.SuspectResultWarning)
             run = m.simulate(SECONDS, initial=still, max_steps=20000)
         closed = float(run.closure.max(initial=0.0))
         balance = run.energy.relative_balance

@@ -14,7 +14,7 @@ import numpy as np
 from drawing import FOLDER, Numbers, finish, run
 from reference import FOUR_BAR, START, state
 
-from partita.errors import DoubtfulResultWarning
+from partita.errors import SuspectResultWarning
 from partita.plots.style import COLOURS, FLOOR, dressed, new_figure
 from partita.results import Result
 
@@ -27,7 +27,7 @@ METHODS = {"k + n": "projective", "accelerations": "multipliers"}
 def march(formulation: str, duration: float, step: float) -> Result:
     """From the crank at 0.8 rad and 6 rad/s, so that it turns over, with RK4 and no correction."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DoubtfulResultWarning)  # the drift is what is looked at
+        warnings.simplefilter("ignore", SuspectResultWarning)  # the drift is what is looked at
         return FOUR_BAR.simulate(
             duration, initial=state(START, RATE), method="rk4", step=step, formulation=formulation,
             correction="none", t_eval=np.linspace(0.0, duration, 161),

@@ -20,7 +20,7 @@ from reference import FOUR_BAR, START, geometry, instant, measures, state
 import partita as pt
 from partita.catalogue import reference_four_bar
 from partita.catalogue.dyad import FourBar
-from partita.errors import DoubtfulResultWarning
+from partita.errors import SuspectResultWarning
 from partita.plots.style import COLOURS, dressed, new_figure
 from partita.results import Result
 
@@ -61,7 +61,7 @@ def zero(s: Array, low: float, high: float) -> float:
 def frozen_run(tangent: str) -> Result:
     """The product's own frozen velocities, never renewed, while the crank turns by something more than TURNED."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DoubtfulResultWarning)  # how they fail is what is looked at
+        warnings.simplefilter("ignore", SuspectResultWarning)  # how they fail is what is looked at
         return FOUR_BAR.simulate(
             0.4, initial=state(START, RATE), coordinates="absolute", formulation=tangent, renew=0.0, rtol=1e-9
         )

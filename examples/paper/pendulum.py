@@ -44,7 +44,7 @@ def exchanges(short: bool) -> list[float]:
     )
     step = 0.005 if short else 0.001
     # an exchange threshold of 1: no margin, so that the places of the exchanges are those of the formula
-    result = pt.simulate(swing, 2.0, [1.0, 0.0], [0.0, 0.0], method="rk4", step=step, exchange=1.0)
+    result = pt.simulate(swing, 2.0, [1.0, 0.0], [0.0, 0.0], method="rk4", step=step, switch_threshold=1.0)
     at = [np.interp(change.t, result.t, np.arctan2(np.abs(result.q[:, 0]), -result.q[:, 1]))
           for change in result.partitions if change.is_switch]  # fmt: skip
     return np.degrees(at).tolist()

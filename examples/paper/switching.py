@@ -1,7 +1,7 @@
-"""Exchanging coordinates costs nothing and loses nothing: runs of the product on the reference four-bar.
+"""Switching coordinates costs nothing and loses nothing: runs of Partita on the reference four-bar.
 
-`exchange=` says by how much another coordinate must be better before it takes the place of one. Close to 1 it forces
-exchanges wherever two change places; "kept" is the crank's turn kept independent throughout, which serves all round.
+`switch_threshold=` is the factor by which another coordinate must be better before it replaces one. Close to 1 it
+forces a switch wherever two change places; "kept" is the crank's turn kept independent throughout.
 Absolute coordinates, in which six exchanges belong to a turn of the crank. Two motions: the crank turning, pushed by a
 force across it and held by two dashpots, so that errors die out; and the free swing of the catalogue, where they stay.
 """
@@ -20,7 +20,7 @@ from matplotlib.ticker import NullLocator
 from reference import ABSOLUTE, NAME
 
 import partita as pt
-from partita.errors import DoubtfulResultWarning
+from partita.errors import SuspectResultWarning
 from partita.plots.style import COLOURS, dressed, new_figure
 from partita.results import Result
 from partita.state import State
@@ -63,14 +63,14 @@ def march(name: str, **options: Any) -> Result:
     m, start, duration = motion(name)
     times = np.linspace(0.0, duration, round(duration / OUTPUT) + 1)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DoubtfulResultWarning)  # a run without exchanges fails, and that is counted
+        warnings.simplefilter("ignore", SuspectResultWarning)  # a run without exchanges fails, and that is counted
         return m.simulate(duration, **{"initial": start, "t_eval": times, "coordinates": "absolute", **options})
 
 
 def holds(done: Result) -> bool:
     """Whether a run succeeded; that it may be doubtful besides is what the error shows."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DoubtfulResultWarning)
+        warnings.simplefilter("ignore", SuspectResultWarning)
         return done.success
 
 
@@ -90,7 +90,7 @@ def error(name: str, done: Result) -> float:
 def choices() -> dict[str, dict[str, Any]]:
     """Options of the runs of the table."""
     return {
-        **{f"{threshold:g}": {"exchange": threshold} for threshold in (*THRESHOLDS, NEVER)},
+        **{f"{threshold:g}": {"switch_threshold": threshold} for threshold in (*THRESHOLDS, NEVER)},
         "kept": {"independent": [KEPT]},
     }
 
@@ -119,7 +119,7 @@ def table(rounds: int, method: str) -> dict[str, dict[str, float]]:
 def errors(method: str, threshold: float) -> tuple[list[float], int]:
     """Errors for the steps of ORDERS, and the least number of exchanges in a run."""
     _, name, rates = ORDERS[method]
-    runs = [march(name, method=method, step=1.0 / rate, exchange=threshold) for rate in rates]
+    runs = [march(name, method=method, step=1.0 / rate, switch_threshold=threshold) for rate in rates]
     least = min(sum(change.is_switch for change in done.partitions) for done in runs)
     return [error(name, done) for done in runs], least
 
@@ -132,13 +132,13 @@ def handed_over() -> dict[str, float]:
     """
     m, start, _ = motion("turning")
     step = 2.0**-9  # sums of it are exact, so that both runs step at the same times
-    first = m.simulate(8.0, initial=start, coordinates="absolute", method="dopri5", step=step, exchange=1.0001)
+    first = m.simulate(8.0, initial=start, coordinates="absolute", method="dopri5", step=step, switch_threshold=1.0001)
     log = [change for change in first.partitions if change.is_switch]
     jump, position, velocity, equal = 0.0, 0.0, 0.0, 0
     for change in log:
         both = np.array([change.t, change.t + step])
         through = m.simulate(both[1], initial=start, t_eval=both, coordinates="absolute", method="dopri5", step=step,
-                             exchange=1.0001)  # fmt: skip
+                             switch_threshold=1.0001)  # fmt: skip
         at = State(change.t, through.q[0], through.v[0], names=list(through.names.coordinates),
                    velocity_names=list(through.names.velocities))  # fmt: skip
         anew = m.simulate(step, initial=at, t_eval=both, coordinates="absolute", method="dopri5", step=step,

@@ -15,6 +15,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from . import deprecated
+
 __all__ = [
     "ArgumentError",
     "AssemblyError",
@@ -22,7 +24,7 @@ __all__ = [
     "ContradictionError",
     "DerivativeError",
     "DescriptionError",
-    "DoubtfulResultWarning",
+    "SuspectResultWarning",
     "EvaluationError",
     "FileFormatError",
     "IntegrationError",
@@ -68,8 +70,15 @@ def _rebuild(kind: type[PartitaError], message: str, fields: dict[str, Any]) -> 
     return kind(message, **fields)
 
 
-class DoubtfulResultWarning(UserWarning):
+class SuspectResultWarning(UserWarning):
     """A result stands on what the tolerances and the round-off of its run do not explain; its certificate says what."""
+
+
+def __getattr__(name: str) -> Any:
+    if name in deprecated.ERRORS:
+        deprecated.warn(name, deprecated.ERRORS[name])
+        return globals()[deprecated.ERRORS[name]]
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 class DescriptionError(PartitaError, ValueError):

@@ -85,7 +85,7 @@ def options(
     formulation: str = "projective",
     events: Iterable[Any] = (),
     correction: str = "partition",
-    exchange: float = 1.25,
+    switch_threshold: float = 1.25,
     step: float | None = None,
     max_step: float | None = None,
     max_steps: int = 10_000_000,
@@ -118,7 +118,7 @@ def options(
         "step": None if step is None else positive("step", step, "s"),
         "max_step": None if max_step is None else positive("max_step", max_step, "s"),
         "correction": one_of("correction", correction, CORRECTIONS),
-        "exchange": _exchange(exchange),
+        "switch_threshold": _switch_threshold(switch_threshold),
         "max_steps": count(max_steps),
         "independent": None if independent is None else velocities("independent", independent, velocity_names),
         "selection": one_of("selection", selection, SELECTIONS),
@@ -217,12 +217,12 @@ def yes_or_no(what: str, value: Any) -> bool:
     return bool(value)
 
 
-def _exchange(value: Any) -> float:
-    number = positive("exchange", value)
+def _switch_threshold(value: Any) -> float:
+    number = positive("switch_threshold", value)
     if number < 1.0:
         raise ArgumentError(
-            f"exchange is {number:g}; below 1 two choices would replace each other for ever; 1.25 is usual",
-            argument="exchange",
+            f"switch_threshold is {number:g}; below 1 two choices would replace each other for ever; 1.25 is usual",
+            argument="switch_threshold",
         )
     return number
 

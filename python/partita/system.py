@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import _core
+from . import _core, deprecated
 from . import options as run_options
 from .builder.compiled import Equations, checked
 from .errors import ArgumentError, DescriptionError, EvaluationError
@@ -194,7 +194,7 @@ def simulate(
     events: Iterable[Any] = (),
     progress: Any = False,
     correction: str = "partition",
-    exchange: float = 1.25,
+    switch_threshold: float = 1.25,
     step: float | None = None,
     max_step: float | None = None,
     max_steps: int = 10_000_000,
@@ -205,6 +205,7 @@ def simulate(
     baumgarte: tuple[float, float] | None = None,
     renew: float | str = 0.5,
     tangent: TangentVelocities | None = None,
+    exchange: float | None = None,
 ) -> Result:
     """Compute the motion of a `System` over `duration` seconds; for a mechanism call its own `simulate`.
 
@@ -240,7 +241,7 @@ def simulate(
         formulation=formulation,
         events=events,
         correction=correction,
-        exchange=exchange,
+        switch_threshold=deprecated.option("exchange", exchange, switch_threshold),
         step=step,
         max_step=max_step,
         max_steps=max_steps,

@@ -15,7 +15,7 @@ from oracle import chance
 from oracle.drawing import GROUND, Body, Drawing, Joint, Load, Spring
 
 import partita as pt
-from partita.errors import DoubtfulResultWarning, PartitaError
+from partita.errors import PartitaError, SuspectResultWarning
 
 Array = Any
 SAID = ("turned", "shifted", "millimetres", "kilometres and tonnes", "reversed", "swapped", "named anew")
@@ -122,12 +122,12 @@ def verdicts(m: pt.Mechanism, d: Drawing, back: bool, coordinates: str = "relati
     of_joint = {x["joint"]: x["determined"] for x in report["reactions"]}
     order = [j.name for j in d.joints][:: -1 if back else 1]
     singular = report["singular"]
-    found = {key: report[key] for key in ("mobility", "freedoms", "joint_rows", "joint_rank", "gruebler")}
+    found = {key: report[key] for key in ("mobility", "degrees_of_freedom", "joint_rows", "joint_rank", "gruebler")}
     found |= {
         "redundant": len(report["redundant"]),
         "determined": [freely(of_joint[name], kind) for name, kind in zip(order, kinds(d, back), strict=True)],
-        "misfit": report["misfit"],
-        "misfits": len(report["misfits"]),
+        "geometric_error": report["geometric_error"],
+        "geometric_errors": len(report["geometric_errors"]),
         "suspicious": len(report["suspicious"]),
         "singular": singular and tuple(singular[key] for key in ("here", "beside", "structure", "many")),
         "idle": len(report["idle"]),
@@ -164,7 +164,7 @@ def by_chance(seed: int) -> Drawing:
 
 def same(a: Any, b: Any, what: str) -> bool:
     """The opening over a short motion is measured to a percent: how far it goes depends on where coordinates point."""
-    if what == "misfit":
+    if what == "geometric_error":
         return abs(a - b) <= 2e-2 * max(a, b) + 1e-12
     return bool(a == b)
 
@@ -190,7 +190,7 @@ def differences(d: Drawing, seed: int) -> list[str]:
 
 def main(first: int, last: int) -> int:
     """Print what differs; 1 if anything does."""
-    warnings.simplefilter("ignore", DoubtfulResultWarning)
+    warnings.simplefilter("ignore", SuspectResultWarning)
     bad = 0
     for seed in range(first, last):
         for words in differences(by_chance(seed), seed):

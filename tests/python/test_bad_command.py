@@ -8,7 +8,7 @@ import pytest
 
 BROKEN = """\
 partita = 1
-name = "broken"
+name = "invalid"
 
 [[bodies]
 name = "rod"

@@ -21,7 +21,7 @@ def bench(monkeypatch: pytest.MonkeyPatch) -> Iterator[ModuleType]:
 
 
 @pytest.mark.parametrize(
-    "kind, size, freedoms",
+    "kind, size, dof",
     [
         ("side by side", 3, 3),
         ("in series", 3, 3),
@@ -31,9 +31,9 @@ def bench(monkeypatch: pytest.MonkeyPatch) -> Iterator[ModuleType]:
         ("four-bar chain", 3, 1),
     ],
 )
-def test_many_freedoms_have_as_many(bench: ModuleType, kind: str, size: int, freedoms: int) -> None:
-    m = sys.modules["many_freedoms"].MECHANISMS[kind](size)
-    assert m.compile().mobility == freedoms
+def test_mechanisms_have_as_many_degrees_of_freedom(bench: ModuleType, kind: str, size: int, dof: int) -> None:
+    m = sys.modules["many_dof"].MECHANISMS[kind](size)
+    assert m.compile().mobility == dof
     run = m.simulate(0.01, t_eval=[0.01])
     assert run.success and run.closure.max(initial=0.0) < 1e-12
 

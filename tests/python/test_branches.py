@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from branches import FAMILIES, FULL, trial
 
-pytestmark = pytest.mark.filterwarnings("ignore::partita.errors.DoubtfulResultWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::partita.errors.SuspectResultWarning")
 
 
 @pytest.mark.parametrize("rtol", [1e-4, 1e-8, 1e-12])

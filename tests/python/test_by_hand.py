@@ -361,5 +361,5 @@ def test_an_inconsistent_start_of_a_mechanism_is_told() -> None:
     q = state.q.copy()
     q[1] += 1e-5
     off = pt.State(state.t, q, state.v, names=state.names, velocity_names=state.velocity_names)
-    with pytest.warns(pt.errors.DoubtfulResultWarning, match="energy balance"):  # what closing it changes
+    with pytest.warns(pt.errors.SuspectResultWarning, match="energy balance"):  # what closing it changes
         assert "is open by" in reported(m.simulate(0.1, initial=off))

@@ -11,7 +11,7 @@ import pytest
 from trust.contradictions import by_hand
 
 import partita as pt
-from partita.errors import ContradictionError, DoubtfulResultWarning, PartitaError
+from partita.errors import ContradictionError, PartitaError, SuspectResultWarning
 
 A, B, C, D = (0.0, 0.0, 0.0), (0.5, 1.0, 0.0), (2.5, 1.6, 0.0), (2.2, 0.0, 0.0)
 OPEN = 1e-6
@@ -117,7 +117,7 @@ def test_drives_that_part_later_end_the_run() -> None:
     m.add_drive("A", position=lambda t: 0.1 * t**4)
     m.add_drive("D", position=lambda t: 0.1 * t**4)
     run = m.simulate(1.0)
-    assert not run.success and run.status == "contradiction" and run.certificate.verdict == "broken"
+    assert not run.success and run.status == "contradiction" and run.certificate.verdict == "invalid"
     assert "the drive of D contradicts the drive of A" in run.message
     assert len(run.t) >= 1 and np.max(run.closure) <= OPEN * 3.0  # the largest length of the loop
 
@@ -135,14 +135,14 @@ def followed(off: float) -> pt.Mechanism:
 def test_a_drive_that_follows_the_other_runs() -> None:
     # a cubic spline through 400 exact points of 1.2 s errs by (3e-3 s)^4 of the fourth derivative
     run = followed(0.0).simulate(1.0)
-    assert run.success and run.certificate.verdict == "holds"
+    assert run.success and run.certificate.verdict == "valid"
     assert np.max(run.closure) <= 1e-9
 
 
 def test_a_drive_that_follows_badly_is_doubtful_then_refused() -> None:
-    with pytest.warns(DoubtfulResultWarning, match="drive of D"):
+    with pytest.warns(SuspectResultWarning, match="drive of D"):
         run = followed(1e-8).simulate(1.0)
-    assert run.success and run.certificate.verdict == "doubtful"
+    assert run.success and run.certificate.verdict == "suspect"
     run = followed(1e-5).simulate(1.0)
     # 1e-5 t^2 is 1e-6 after 0.32 s; the step that saw it ends later
     assert not run.success and run.status == "contradiction" and run.t[-1] <= 0.33
@@ -154,7 +154,7 @@ def nothing(t: float) -> float:
 
 def test_redundant_rows_of_a_system_by_hand() -> None:
     run = pt.simulate(by_hand(nothing, nothing, nothing), 1.0, [0.0, 0.0], [0.0, 0.0])
-    assert run.success and run.certificate.verdict == "holds"
+    assert run.success and run.certificate.verdict == "valid"
     with pytest.raises(ContradictionError, match="constraint 1 contradicts constraint 0") as caught:
         pt.simulate(by_hand(lambda t: 0.1, nothing, nothing), 1.0, [0.0, 0.0], [0.0, 0.0])
     assert caught.value.gap == pytest.approx(0.1)
@@ -168,9 +168,9 @@ def test_redundant_rows_that_agree_run(coordinates: str) -> None:
     for name in ("four-bar", "bricard", "n-four-bar"):
         entry = pt.catalogue.entry(name)
         run = entry.mechanism().simulate(0.3, coordinates=coordinates)
-        assert run.success and run.certificate.verdict == "holds", name
+        assert run.success and run.certificate.verdict == "valid", name
     run = rockers(0.0).simulate(0.4, coordinates=coordinates)
-    assert run.success and run.certificate.verdict == "holds"
+    assert run.success and run.certificate.verdict == "valid"
 
 
 @pytest.mark.parametrize("coordinates", ["relative", "absolute"])
@@ -182,17 +182,17 @@ def test_a_rocker_of_slightly_wrong_length(off: float, coordinates: str) -> None
     """
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", DoubtfulResultWarning)
+            warnings.simplefilter("ignore", SuspectResultWarning)
             run = rockers(off).simulate(0.4, coordinates=coordinates)
     except PartitaError as error:
         assert off == 1e-3 and "dependent here but not next to it" in str(error)
         return
     verdict = run.certificate.verdict
     if run.success:
-        assert off <= 1e-6 and verdict in ("holds", "doubtful") and np.max(run.closure) <= 1.1 * off
-        assert off < 1e-6 or verdict == "doubtful"
+        assert off <= 1e-6 and verdict in ("valid", "suspect") and np.max(run.closure) <= 1.1 * off
+        assert off < 1e-6 or verdict == "suspect"
     else:
-        assert run.status == "contradiction" and verdict == "broken" and 'contradicts joint "' in run.message
+        assert run.status == "contradiction" and verdict == "invalid" and 'contradicts joint "' in run.message
 
 
 def random_loop(rng: np.random.Generator) -> tuple[pt.Mechanism, list[str]]:
@@ -221,9 +221,9 @@ def test_random_contradictions(seed: int) -> None:
     """One drive more than the loop has freedoms, or a weld and a drive of what it holds: refused, and rightly named."""
     rng = np.random.default_rng(seed)
     m, joints = random_loop(rng)
-    freedoms = len(joints) - 3
+    dof = len(joints) - 3
     # the last joint closes the loop in the drawing's tree; drives stand on others
-    driven = [str(name) for name in rng.permutation(joints[:-1])[: freedoms + 1]]
+    driven = [str(name) for name in rng.permutation(joints[:-1])[: dof + 1]]
     if rng.uniform() < 0.3:
         weld = driven[0]
         place = joints.index(weld)
@@ -245,7 +245,7 @@ def test_random_contradictions(seed: int) -> None:
         m.add_drive(name, position=motions[shape])
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", DoubtfulResultWarning)
+            warnings.simplefilter("ignore", SuspectResultWarning)
             run = m.simulate(1.0)
     except ContradictionError as error:
         said = str(error)

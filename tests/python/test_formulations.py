@@ -126,7 +126,7 @@ def test_absolute_coordinates_give_the_same(name: str) -> None:
 
 
 # the user's directions of this test lose digits where they go bad, and the run says so: 4e-7 of the path
-@pytest.mark.filterwarnings("ignore:.*the energy balance is off by [1-4]:partita.errors.DoubtfulResultWarning")
+@pytest.mark.filterwarnings("ignore:.*the energy balance is off by [1-4]:partita.errors.SuspectResultWarning")
 @pytest.mark.parametrize("formulation", [f for f in FORMULATIONS if f != "explicit-closing"])
 def test_every_formulation_in_absolute_coordinates(formulation: str) -> None:
     _, m, start, times = problem("four-bar")
@@ -311,8 +311,8 @@ def test_every_algorithm_has_a_name_a_file_and_a_test() -> None:
                 assert hasattr(where, word.split(".")[1]), word
                 continue
             asked: dict[str, Any] = dict(given)
-            if "exchange" in given:
-                asked["exchange"] = float(given["exchange"])
+            if "switch_threshold" in given:
+                asked["switch_threshold"] = float(given["switch_threshold"])
             if given.get("selection") == "persistence":
                 asked["window"] = 0.1
             if given.get("formulation") == "baumgarte":

@@ -1,4 +1,4 @@
-"""docs/messages.md: every message on the page is what its model says, names something, and its cure cures."""
+"""docs/messages.md: every message on the page is what its model says, names something, and its remedy works."""
 
 from __future__ import annotations
 

@@ -168,7 +168,7 @@ def test_it_is_read_reported_run_written_and_read_back(case: str, tmp_path: Path
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         run = m.simulate(0.1)
-    assert run.success and run.certificate.verdict == "holds"
+    assert run.success and run.certificate.verdict == "valid"
     for suffix in (".toml", ".urdf", ".mjcf"):
         if suffix == ".mjcf":
             pytest.importorskip("mujoco")

@@ -62,7 +62,9 @@ def test_measures_and_runs_are_the_same(name: str | int) -> None:
         if how != "swapped":  # another tree has other coordinates
             # which rows are left out of a drawing that misfits may differ, and the measures with it by as much
             assert again == pytest.approx(rho, abs=5.0 * d.build().drawing_tolerance), how
-        assert other.certificate.misfit == pytest.approx(run.certificate.misfit, rel=2e-1, abs=1e-12), how
+        assert other.certificate.geometric_error == pytest.approx(
+            run.certificate.geometric_error, rel=2e-1, abs=1e-12
+        ), how
 
 
 @pytest.mark.parametrize("how", SAID)

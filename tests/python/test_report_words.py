@@ -1,4 +1,4 @@
-"""The report: what it says in words is what the mechanism is, and what its cures promise holds."""
+"""The report: its sentences describe the mechanism, and its remedies remove what they promise to remove."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ def four_bar(kinds: str = "RRRR", mass: float = 0.5) -> pt.Mechanism:
 def test_the_cure_that_is_named_cures() -> None:
     said = four_bar().report()
     found = said.to_dict()
-    assert (found["gruebler"], found["freedoms"], found["mobility"]) == (-2, 1, 1)
+    assert (found["gruebler"], found["degrees_of_freedom"], found["mobility"]) == (-2, 1, 1)
     assert "6 x 3 - 20 = -2" in said and "larger by 3 redundant conditions" in said.replace("\n", " ")
     kinds = {"A": "R", "B": "R", "C": "R", "D": "R"}
-    for cure in found["cures"]:
-        kinds[cure["joint"]] = {"a ball joint": "S", "a cylindrical joint": "C"}[cure["by"]]
+    for remedy in found["remedies"]:
+        kinds[remedy["joint"]] = {"a ball joint": "S", "a cylindrical joint": "C"}[remedy["by"]]
     cured = four_bar("".join(kinds.values())).report()
     assert "all 17 conditions of the joints are independent" in cured
     assert cured.to_dict()["mobility"] == 1 and cured.to_dict()["redundancy"] == ""
@@ -82,7 +82,7 @@ def test_a_chain_of_forty_loops_is_a_page() -> None:
     said = pt.catalogue.load("n-four-bar", loops=40).report()
     assert len(said.splitlines()) < 90
     found = said.to_dict()
-    assert len(found["coordinates"]) == 81 and len(found["cures"]) == 80
+    assert len(found["coordinates"]) == 81 and len(found["remedies"]) == 80
     assert len(said.markdown.splitlines()) < 110
 
 
@@ -146,7 +146,7 @@ def test_the_certificate_says_who_and_when() -> None:
     assert [body[0] for body in found.bodies] == list(run.names.bodies)
     assert max(worst for _, worst, _ in found.bodies) == found.newton_euler
     assert found.worst_body in run.names.bodies and found.worst_body_t in run.t
-    assert found.rank == (2,) and 0.0 < found.margin < 1.0 and found.misfit == 0.0
+    assert found.rank == (2,) and 0.0 < found.margin < 1.0 and found.geometric_error == 0.0
     assert run.reactions["residuals"].shape == (21, 3)
     said = str(found)
     assert f"{found.worst_body} at t = " in said and "loops' rank       2; margin" in said

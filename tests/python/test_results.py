@@ -434,7 +434,7 @@ def test_every_part_travels_and_is_exported() -> None:
     run = m.simulate(0.1, t_eval=[0.0, 0.1])
     parts = [
         run, run.joint("A"), run.body("rod"), run.coupling("rope"), run.drive("motor"), run.energy, run.certificate,
-        run.names, run.partitions[0], run.self_stresses(), results.Finding(False, 0.0, "doubtful"),
+        run.names, run.partitions[0], run.self_stresses(), results.Finding(False, 0.0, "suspect"),
     ]  # fmt: skip
     for part in parts:
         other = pickle.loads(pickle.dumps(part))

@@ -119,7 +119,7 @@ def test_rates_that_nearly_hold_together_are_told_with_their_digits() -> None:
 def test_the_report_goes_on_beside_it() -> None:
     report = linkage(*line(*LINKAGES["parallelogram"])).report()
     found = report.to_dict()
-    assert (found["mobility"], found["freedoms"], found["joint_rank"]) == (1, 1, 17)
+    assert (found["mobility"], found["degrees_of_freedom"], found["joint_rank"]) == (1, 1, 17)
     assert found["singular"]["described"] and found["notes"] == []
     assert "2 degrees of freedom here and 1 next to it, where 2 branches meet" in " ".join(str(report).split())
     assert "on the first branch" in report.markdown
@@ -215,7 +215,7 @@ def test_a_drive_does_not_hide_the_branches() -> None:
     m.add_drive("A", position=lambda t: 0.3 * t)
     found = m.report().to_dict()
     assert len(found["singular"]["branches"]) == 2 and not found["singular"]["described"]
-    assert (found["freedoms"], found["mobility"]) == (1, 0)
+    assert (found["degrees_of_freedom"], found["mobility"]) == (1, 0)
     with pytest.raises(SingularityError, match="2 branches meet"):
         m.simulate(0.1)
 

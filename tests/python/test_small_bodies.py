@@ -15,7 +15,7 @@ import partita as pt
 TURN = np.array([[2.0, -2.0, 1.0], [1.0, 2.0, 2.0], [-2.0, -1.0, 2.0]]) / 3.0
 BASE, ARM, FORE, PLATFORM = 0.11, 0.07, 0.093, 0.031
 ORIGIN = np.array([0.4, -0.7, 1.3])
-MISFIT = 5e-13
+GEOMETRIC_ERROR = 5e-13
 
 
 def at(angle: float) -> np.ndarray:
@@ -52,7 +52,7 @@ def delta() -> pt.Mechanism:
                        orientation=TURN @ at(angle))  # fmt: skip
         m.add_revolute(f"A{leg}", m.ground, f"arm{leg}", point=foot, axis=axis)
         m.add_revolute(f"B{leg}", f"arm{leg}", f"fore{leg}", point=knee, axis=axis)
-        there = ORIGIN + TURN @ (centre + corner + MISFIT * np.array([1.0, -leg, 0.0]))
+        there = ORIGIN + TURN @ (centre + corner + GEOMETRIC_ERROR * np.array([1.0, -leg, 0.0]))
         if leg == 0:
             m.add_revolute("C0", "fore0", platform, point=again, child_point=there, axis=axis)
             continue

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from trust import CASES, CLASSES
-from trust.case import DOUBTFUL, NO_SUCCESS, REFUSED, RIGHT, UNHELD, WRONG, Case, Held, done, outcome, refused, right
+from trust.case import NO_SUCCESS, REFUSED, RIGHT, SUSPECT, UNHELD, WRONG, Case, Held, done, outcome, refused, right
 from trust.page import tables
 
 import partita as pt
-from partita.errors import ArgumentError, DoubtfulResultWarning
+from partita.errors import ArgumentError, SuspectResultWarning
 
 PAGE = Path(__file__).parents[2] / "docs" / "trust.md"
 
@@ -33,7 +33,7 @@ def test_names_and_titles_tell_cases_apart() -> None:
     assert len(CASES) == len(cases)
     titles = [(c.heading, case.title) for c in CLASSES for case in c.cases]
     assert len(set(titles)) == len(titles)
-    assert {case.kind for case in cases} <= {RIGHT, REFUSED, NO_SUCCESS, DOUBTFUL}
+    assert {case.kind for case in cases} <= {RIGHT, REFUSED, NO_SUCCESS, SUSPECT}
     assert all(case.words for case in cases)
 
 
@@ -101,5 +101,5 @@ def test_a_doubtful_run_is_not_right(monkeypatch: pytest.MonkeyPatch) -> None:
 
     case: Case = contradictions.hardly_off
     with warnings.catch_warnings():
-        warnings.simplefilter("error", DoubtfulResultWarning)
-        assert outcome(case).kind == DOUBTFUL
+        warnings.simplefilter("error", SuspectResultWarning)
+        assert outcome(case).kind == SUSPECT

@@ -116,7 +116,7 @@ def test_smooth_in_time_through_exchanges_and_renewals() -> None:
     start, tight = m.assemble(rates={"P0": 4.0}), {"rtol": 1e-11, "atol": 1e-13}
     bends: list[float] = []
     for nt in (201, 401):
-        run = m.simulate(2.0, initial=start, exchange=1.01, t_eval=np.linspace(0.0, 2.0, nt), **tight)
+        run = m.simulate(2.0, initial=start, switch_threshold=1.01, t_eval=np.linspace(0.0, 2.0, nt), **tight)
         assert run.certificate.switches > 0
         bends.append(np.abs(np.diff(wrenches(run), 2, axis=0)).max())
     assert 3.0 < bends[0] / bends[1] < 5.0

@@ -1,4 +1,4 @@
-"""The verdict on a run: what is right holds, what is not is doubtful or broken, and told everywhere."""
+"""The verdict on a run: what is right is valid, what is not is suspect or invalid, and this is reported everywhere."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from verdicts import judged
 import partita as pt
 from partita import results
 from partita.cli import main
-from partita.errors import DoubtfulResultWarning, PartitaError
+from partita.errors import PartitaError, SuspectResultWarning
 from partita.results import Result
 from partita.results.energy import EnergyResult
-from partita.results.verdict import Finding, of_arrays, of_energy, of_reactions, word_of
+from partita.results.verdict import Finding, of_arrays, of_energy, of_reactions, verdict_of
 
 CLOSED = ["projective", "wehage-haug", "explicit-closing", "zero-eigenvalue", "svd", "qr", "gram-schmidt"]
 PROBLEMS = [name for name in pt.catalogue.names() if pt.catalogue.entry(name).truth is None]
 CLOSED += ["tangent-space", "multipliers", "range-space", "proximal"]
 
 
-@pytest.mark.filterwarnings("ignore::partita.errors.DoubtfulResultWarning")
+@pytest.mark.filterwarnings("ignore::partita.errors.SuspectResultWarning")
 def test_mechanisms_by_chance_are_judged_rightly() -> None:
     """`make trust` judges a thousand of these, at tolerances from 1e-4 to 1e-12."""
     found = [judged(seed) for seed in range(60)]
@@ -44,7 +44,7 @@ def test_what_is_right_holds(name: str, formulation: str) -> None:
         run = m.simulate(
             span, initial=start, rtol=rtol, atol=1e-2 * rtol, formulation=formulation, t_eval=np.linspace(0, span, 21)
         )
-        assert run.success and run.certificate.verdict == "holds", (rtol, run.message, run.certificate.findings)
+        assert run.success and run.certificate.verdict == "valid", (rtol, run.message, run.certificate.findings)
         assert max(run.record.gaps) <= 1e-9
 
 
@@ -52,97 +52,97 @@ def test_what_is_right_holds(name: str, formulation: str) -> None:
 def test_drift_that_was_asked_for_holds(formulation: str) -> None:
     for rtol in (1e-4, 1e-8):
         run = pt.catalogue.entry("four-bar").simulate(rtol=rtol, formulation=formulation, correction="none")
-        assert run.success and run.certificate.verdict == "holds", run.certificate.findings
+        assert run.success and run.certificate.verdict == "valid", run.certificate.findings
 
 
 def four_bar_run() -> Result:
     return pt.catalogue.entry("four-bar").simulate(t_eval=np.linspace(0.0, 0.5, 6))
 
 
-def spoilt(run: Result, broken: bool) -> Result:
-    """As the core hands over a run that is found broken or doubtful at its end."""
-    finding = Finding(broken, 0.25, "the closing of C stands open by 0.1 m")
+def spoilt(run: Result, invalid: bool) -> Result:
+    """As the core hands over a run that is found invalid or suspect at its end."""
+    finding = Finding(invalid, 0.25, "the closing of C stands open by 0.1 m")
     record = replace(run.record, findings=[finding])
-    if broken:
-        words = f"{record.message}, but the result is broken: {finding.sentence}"
-        record = replace(record, success=False, status="broken", message=words)
+    if invalid:
+        words = f"{record.message}, but the result is invalid: {finding.sentence}"
+        record = replace(record, success=False, status="invalid", message=words)
     return Result(record, run._source)
 
 
-def test_a_broken_run_is_no_success() -> None:
+def test_an_invalid_run_is_no_success() -> None:
     run = spoilt(four_bar_run(), True)
-    assert not run.success and run.status == "broken"
-    assert run.message == "reached t = 10, but the result is broken: the closing of C stands open by 0.1 m"
-    assert run.certificate.verdict == "broken"
-    assert "verdict           broken" in str(run.certificate)
-    assert "broken: the closing of C" in str(run.certificate) and "BROKEN" in repr(run)
+    assert not run.success and run.status == "invalid"
+    assert run.message == "reached t = 10, but the result is invalid: the closing of C stands open by 0.1 m"
+    assert run.certificate.verdict == "invalid"
+    assert "verdict           invalid" in str(run.certificate)
+    assert "invalid: the closing of C" in str(run.certificate) and "INVALID" in repr(run)
 
 
-def test_a_doubtful_run_warns_once() -> None:
+def test_a_suspect_run_warns_once() -> None:
     run = spoilt(four_bar_run(), False)
-    with pytest.warns(DoubtfulResultWarning, match=r"the closing of C") as reported:
-        assert run.certificate.verdict == "doubtful"
+    with pytest.warns(SuspectResultWarning, match=r"the closing of C") as reported:
+        assert run.certificate.verdict == "suspect"
         assert run.success and run.status == "finished"
         str(run.certificate)
     assert len(reported) == 1
 
 
 @pytest.mark.parametrize("ending", ["json", "nc"])
-@pytest.mark.parametrize("broken", [True, False])
-def test_stored_results_keep_the_verdict(tmp_path: Path, ending: str, broken: bool) -> None:
-    run = spoilt(four_bar_run(), broken)
+@pytest.mark.parametrize("invalid", [True, False])
+def test_stored_results_keep_the_verdict(tmp_path: Path, ending: str, invalid: bool) -> None:
+    run = spoilt(four_bar_run(), invalid)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DoubtfulResultWarning)
+        warnings.simplefilter("ignore", SuspectResultWarning)
         run.save(tmp_path / f"run.{ending}")
         back = results.load_result(tmp_path / f"run.{ending}")
         assert back.success is run.success and back.status == run.status and back.message == run.message
         assert back.certificate.findings == run.certificate.findings
 
 
-def test_the_command_line_fails_where_the_run_is_broken(
+def test_the_command_line_fails_where_the_run_is_invalid(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     whole = pt.Mechanism.simulate
-    for broken, code, words in ((True, 1, "but the result is broken"), (False, 0, "the result is doubtful")):
-        monkeypatch.setattr(pt.Mechanism, "simulate", lambda *a, b=broken, **o: spoilt(whole(*a, **o), b))
+    for invalid, code, words in ((True, 1, "but the result is invalid"), (False, 0, "the result is suspect")):
+        monkeypatch.setattr(pt.Mechanism, "simulate", lambda *a, b=invalid, **o: spoilt(whole(*a, **o), b))
         assert main(["simulate", "four-bar", "--time", "0.1", "--outputs", "3", "--quiet"]) == code
         assert words in capsys.readouterr().err
 
 
 def test_words() -> None:
-    fine, doubtful, broken = [], [Finding(False, 0.0, "x")], [Finding(False, 0.0, "x"), Finding(True, 1.0, "y")]
-    assert [word_of(x) for x in (fine, doubtful, broken)] == ["holds", "doubtful", "broken"]
+    fine, suspect, invalid = [], [Finding(False, 0.0, "x")], [Finding(False, 0.0, "x"), Finding(True, 1.0, "y")]
+    assert [verdict_of(x) for x in (fine, suspect, invalid)] == ["valid", "suspect", "invalid"]
 
 
-@pytest.mark.parametrize(("residual", "word"), [(0.9e-7, "holds"), (1.1e-7, "doubtful"), (1.1e-3, "broken")])
+@pytest.mark.parametrize(("residual", "word"), [(0.9e-7, "valid"), (1.1e-7, "suspect"), (1.1e-3, "invalid")])
 def test_newton_euler_from_both_sides(residual: float, word: str) -> None:
     t = np.array([0.0, 1.0, 2.0])
     found = of_reactions(t, np.array([1e-15, residual, np.nan]), {})
-    assert word_of(found) == word and all(x.t == 1.0 for x in found)
+    assert verdict_of(found) == word and all(x.t == 1.0 for x in found)
 
 
 @pytest.mark.parametrize(
     ("off", "rtol", "steps", "word"),
     [
-        (0.9e-8, 1e-12, 100, "holds"),
-        (1.1e-8, 1e-12, 100, "doubtful"),
-        (3.9e-2, 1e-11, 2000, "broken"),
-        (1.9e-6, 1e-8, 100, "holds"),
-        (2.1e-6, 1e-8, 100, "doubtful"),
-        (1.1e-2, 1e-8, 100, "broken"),
-        (1.9e-1, 1e-4, 100, "doubtful"),
-        (2.1e-1, 1e-4, 100, "broken"),
-        (4.9e-2, 1e-2, 100, "holds"),
-        (5.1e-2, 1e-2, 100, "doubtful"),
-        (5.1e-1, 1e-2, 100, "broken"),
-        (5.1e-2, 1.0, 100, "doubtful"),
+        (0.9e-8, 1e-12, 100, "valid"),
+        (1.1e-8, 1e-12, 100, "suspect"),
+        (3.9e-2, 1e-11, 2000, "invalid"),
+        (1.9e-6, 1e-8, 100, "valid"),
+        (2.1e-6, 1e-8, 100, "suspect"),
+        (1.1e-2, 1e-8, 100, "invalid"),
+        (1.9e-1, 1e-4, 100, "suspect"),
+        (2.1e-1, 1e-4, 100, "invalid"),
+        (4.9e-2, 1e-2, 100, "valid"),
+        (5.1e-2, 1e-2, 100, "suspect"),
+        (5.1e-1, 1e-2, 100, "invalid"),
+        (5.1e-2, 1.0, 100, "suspect"),
     ],
 )
 def test_energy_from_both_sides(off: float, rtol: float, steps: int, word: str) -> None:
     for scale in (1e-9, 1.0, 1e9):
         kinetic = scale * np.array([1.0, 0.5, 0.2])
         energy = EnergyResult(kinetic, scale * np.array([0.0, 0.5, 0.8 - off]), np.zeros(3))
-        assert word_of(of_energy(np.arange(3.0), energy, rtol, steps)) == word
+        assert verdict_of(of_energy(np.arange(3.0), energy, rtol, steps)) == word
 
 
 def test_numbers_that_are_none() -> None:
@@ -198,7 +198,7 @@ def test_work_of_drives_where_nothing_else_moves(make: object, formulation: str)
     m.add_drive("A", position=lambda t: 2.0 * t + 0.5 * np.sin(3.0 * t))
     for rtol in (1e-4, 1e-8, 1e-12):
         run = m.simulate(2.0, initial=m.assemble(), rtol=rtol, atol=1e-2 * rtol, formulation=formulation)
-        assert run.success and run.certificate.verdict == "holds", run.certificate.findings
+        assert run.success and run.certificate.verdict == "valid", run.certificate.findings
         assert run.energy.relative_balance <= 20.0 * rtol + 1e-12
 
 
@@ -216,5 +216,5 @@ def test_a_start_that_misses_its_conditions_is_told() -> None:
 def test_what_rests_holds(name: str) -> None:
     """Rounding moves a mechanism at rest by nothing that anybody asked about: its energy balance breaks no run."""
     run = pt.catalogue.entry(name).mechanism().simulate(1.0)
-    assert run.success and run.certificate.verdict == "holds"
+    assert run.success and run.certificate.verdict == "valid"
     assert np.abs(run.q - run.q[0]).max() < 1e-12

@@ -1,7 +1,7 @@
 """`python -m verdicts 1000`: is what holds called so? Mechanisms drawn by chance, at tolerances from 1e-4 to 1e-12.
 
 Each runs at one tolerance and at the tightest. Where the paths agree as far as the one allows, the run is right: it
-shall say success, and its certificate "holds". Where they do not it shall not.
+shall say success, and its certificate "valid". Where they do not it shall not.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from oracle import chance
 from oracle.comparison import moving
 
 from partita import Mechanism, State, catalogue
-from partita.errors import DoubtfulResultWarning, PartitaError
+from partita.errors import PartitaError, SuspectResultWarning
 from partita.results import Result
 
 TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
@@ -81,7 +81,7 @@ def compared(m: Mechanism, start: State, end: float, size: float, rtol: float, w
     rows = len(run.t)
     off = np.abs(run.observed["body_position"] - known.observed["body_position"][:rows]).max() / size
     if not off <= ALLOWED * rtol + FLOOR:
-        word = "wrong" if run.success and run.certificate.verdict == "holds" else "off, and told"
+        word = "wrong" if run.success and run.certificate.verdict == "valid" else "off, and told"
         return Judged(word, f"{at}: off by {off:.1e}; {run.message}")
     if not run.success:
         return Judged("stopped", f"{at}: {run.message}")
@@ -91,7 +91,7 @@ def compared(m: Mechanism, start: State, end: float, size: float, rtol: float, w
 
 def main(count: int) -> int:
     """Print what was counted and the first that was misjudged; 1 if any was."""
-    warnings.simplefilter("ignore", DoubtfulResultWarning)
+    warnings.simplefilter("ignore", SuspectResultWarning)
     with Pool(os.cpu_count()) as pool:
         found = pool.map(judged, range(count), chunksize=16)
         entries = [(name, rtol) for name in catalogue.names() for rtol in TOLERANCES]

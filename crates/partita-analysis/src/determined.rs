@@ -141,14 +141,14 @@ pub fn flags<E: Send + From<AnalysisError>>(
 ) -> Result<Vec<Vec<f64>>, E> {
     let twin = model.in_space().map_err(AnalysisError::from)?;
     let (system, still) = (Geometry::new(&twin, true), vec![0.0; twin.placed.nv]);
-    let mut freedoms = 0;
+    let mut dof = 0;
     let first: Vec<usize> = twin
         .placed
         .joints
         .iter()
         .map(|p| {
-            freedoms += p.shape.freedoms();
-            freedoms - p.shape.freedoms()
+            dof += p.shape.dof();
+            dof - p.shape.dof()
         })
         .collect();
     let of_model = rows_between(model, &twin);
@@ -176,7 +176,7 @@ pub fn flags<E: Send + From<AnalysisError>>(
         Ok(())
     };
     let (width, conditions) = (6 * twin.placed.joints.len(), model.row_names.len() - model.closing_rows);
-    tables(states.len(), &[width, width, freedoms, conditions], 1, || twin.scratch(), row, watch)
+    tables(states.len(), &[width, width, dof, conditions], 1, || twin.scratch(), row, watch)
 }
 
 /// Directions in which self-stresses load joint `j` at each state ([`DIRECTIONS`] numbers, world axes): a component

@@ -38,9 +38,9 @@ pub(crate) fn of_drawing(model: &Model) -> GeometricError {
         let sentences = drawn.as_ref().map_or_else(Vec::new, |drawn| sentences(drawn, own));
         return GeometricError { sentences, size: own.geometric_error(), repaired_mobility: None };
     }
-    let freedoms = own.freedoms.unwrap_or(0);
+    let dof = own.dof.unwrap_or(0);
     let wide = model.geometry_within(LARGEST_TOLERANCE);
-    match wide.freedoms.filter(|x| *x > freedoms && wide.geometric_error() > 0.0) {
+    match wide.dof.filter(|x| *x > dof && wide.geometric_error() > 0.0) {
         Some(repaired_mobility) => GeometricError {
             sentences: sentences(model, &wide),
             size: wide.geometric_error(),

@@ -2,7 +2,6 @@
 //! reactions the motion determines, what it shows along a motion.
 
 pub mod determined;
-pub mod doubtful;
 pub mod error;
 #[cfg(test)]
 mod examples;
@@ -12,6 +11,7 @@ pub mod instant;
 pub mod matrices;
 pub mod mobility;
 pub mod outputs;
+pub mod plausibility;
 pub mod poses;
 mod reason;
 pub mod remedies;

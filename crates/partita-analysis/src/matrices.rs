@@ -163,7 +163,7 @@ impl Matrices {
     pub fn choose(&self, choice: &Choice) -> Result<Chosen, AnalysisError> {
         let n = self.n();
         if choice.threshold < 1.0 || choice.threshold.is_nan() {
-            let message = format!("threshold = {}; an exchange must gain something, give 1 or more", choice.threshold);
+            let message = format!("threshold = {}; a switch must gain something, give 1 or more", choice.threshold);
             return Err(AnalysisError::Argument { argument: "threshold", message });
         }
         if let Some(i) = choice.fixed.iter().flatten().find(|&&i| i >= n) {

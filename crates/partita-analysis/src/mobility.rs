@@ -51,9 +51,9 @@ pub struct Mobility {
     pub dropped: Vec<usize>,
     /// What of the drawing does not fit, in sentences: within its tolerance, and repaired, or beyond it, and a
     /// condition.
-    pub misfits: Vec<String>,
+    pub geometric_errors: Vec<String>,
     /// The largest change of a joint frame by which the drawing fits (rad, parts of lengths); 0 where it does as it is.
-    pub misfit: f64,
+    pub geometric_error: f64,
     /// Degrees of freedom that it would have, drives released, if its drawing were not off by more than its tolerance.
     pub repaired_mobility: Option<usize>,
     /// Squared sine of the angle between the weakest row and those it nearly follows from: 0 in a singular position.
@@ -72,7 +72,8 @@ pub fn mobility(model: &Model, t: f64, q: &[f64]) -> Result<Mobility, AnalysisEr
     let pose = Pose::new(&twin, t, &q);
     let mut redundant = Vec::with_capacity(free.dropped.len());
     let of_rows = stresses(&released, &pose, &free, t, &q)?;
-    let GeometricError { sentences: misfits, size: misfit, repaired_mobility } = geometric_error::of_drawing(model);
+    let GeometricError { sentences: geometric_errors, size: geometric_error, repaired_mobility } =
+        geometric_error::of_drawing(model);
     for (stress, &row) in of_rows.iter().zip(&free.dropped) {
         redundant.push(Redundant {
             row: released.row_name(row),
@@ -88,8 +89,8 @@ pub fn mobility(model: &Model, t: f64, q: &[f64]) -> Result<Mobility, AnalysisEr
         closing_rank: free.rank,
         velocities: nv,
         redundant,
-        misfits,
-        misfit,
+        geometric_errors,
+        geometric_error,
         repaired_mobility,
         smallest: released.distance(&free, t, &q)?,
         dropped: free.dropped.iter().map(|&i| released.row_of_model(i)).collect(),
@@ -110,10 +111,10 @@ pub fn mobility(model: &Model, t: f64, q: &[f64]) -> Result<Mobility, AnalysisEr
 impl Mobility {
     /// What of the drawing does not fit and what becomes of it, in one sentence; none where it fits.
     pub fn of_drawing(&self, tolerance: f64) -> Option<String> {
-        if self.misfits.is_empty() {
+        if self.geometric_errors.is_empty() {
             return None;
         }
-        let what = self.misfits.join("; ");
+        let what = self.geometric_errors.join("; ");
         Some(match self.repaired_mobility {
             None => format!(
                 "the drawing does not fit exactly, within its tolerance of {tolerance:.0e}: {what}; the mechanism is \

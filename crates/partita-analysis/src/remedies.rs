@@ -231,7 +231,7 @@ fn search(
 }
 
 /// Is the mechanism drawn with these replacements as mobile as it was, with nothing redundant?
-fn holds(model: &Model, chosen: &[Replacement], freedoms: usize) -> bool {
+fn holds(model: &Model, chosen: &[Replacement], dof: usize) -> bool {
     let mut spec = (*model.spec).clone();
     spec.drives.clear();
     spec.forces.clear();
@@ -248,7 +248,7 @@ fn holds(model: &Model, chosen: &[Replacement], freedoms: usize) -> bool {
     }
     let Ok(tried) = Model::new(spec, Arc::new(NoFunctions), Coordinates::Relative) else { return false };
     match mobility(&tried, 0.0, &tried.initial()) {
-        Ok(found) => found.mobility == freedoms && found.redundant.is_empty(),
+        Ok(found) => found.mobility == dof && found.redundant.is_empty(),
         Err(_) => false,
     }
 }

@@ -1,10 +1,10 @@
 //! The report: what a mechanism is, what can move, what is superfluous, what is determined, in words and numbers.
 
 use crate::determined::determined;
-use crate::doubtful::{idle, spins_unfelt, suspicious, without_inertia, Idle};
 use crate::error::AnalysisError;
 use crate::geometry::Geometry;
 use crate::mobility::{mobility, Mobility, Redundant};
+use crate::plausibility::{idle, spins_unfelt, suspicious, without_inertia, Idle};
 use crate::reason::names;
 use crate::remedies::{remedies, Remedy};
 use partita_math::tolerance;
@@ -66,13 +66,12 @@ pub struct Report {
     /// Degrees of freedom, driven ones not counted.
     pub mobility: usize,
     /// Degrees of freedom with all drives released.
-    pub freedoms: usize,
+    pub degrees_of_freedom: usize,
     /// Gruebler's count: 6 a body less all conditions of joints.
     pub gruebler: i64,
     /// Bodies that spin between their ball joints: a degree of freedom each.
     pub idle: Vec<Idle>,
     /// Joints to replace so that nothing is redundant.
-    #[serde(rename = "cures")]
     pub remedies: Vec<Remedy>,
     /// What is redundant, why and what to do, in one paragraph; empty where nothing is.
     pub redundancy: String,
@@ -93,9 +92,9 @@ pub struct Report {
     /// Do all motions lie in one plane?
     pub planar: bool,
     /// The largest change of a joint frame by which the drawing fits (rad, parts of lengths); 0 where it does as it is.
-    pub misfit: f64,
+    pub geometric_error: f64,
     /// What of the drawing does not fit, in sentences.
-    pub misfits: Vec<String>,
+    pub geometric_errors: Vec<String>,
     /// Rows that say nothing new.
     pub redundant: Vec<Redundant>,
     /// Joints of the spanning tree, from the ground outwards.
@@ -203,7 +202,7 @@ pub fn report(model: &Model, t: f64, q: &[f64]) -> Result<Report, AnalysisError>
         let free = model.placed.nv - rank_here(&joints, t, q)?.rank;
         let (many, structure, described, branches) = (false, false, false, Vec::new());
         let singular = Singular { here: free, beside: free, structure, many, branches, described, words };
-        return Ok(Report { freedoms: free, singular: Some(singular), ..unmoved(model)? });
+        return Ok(Report { degrees_of_freedom: free, singular: Some(singular), ..unmoved(model)? });
     };
     let named = |x: Vec<(String, f64)>| x.into_iter().collect::<BTreeMap<_, _>>();
     let way = |b: &Branch| BranchAccount {
@@ -229,7 +228,7 @@ pub fn report(model: &Model, t: f64, q: &[f64]) -> Result<Report, AnalysisError>
             regular(model, t, &b.beside, there)?
         }
     };
-    reported.freedoms = singular.beside;
+    reported.degrees_of_freedom = singular.beside;
     reported.mobility = match found.branches.first() {
         Some(b) if !model.drives.is_empty() => model.placed.nv - rank_here(&driven, t, &b.beside)?.rank,
         _ => singular.beside,
@@ -245,7 +244,7 @@ fn unmoved(model: &Model) -> Result<Report, AnalysisError> {
     let gruebler = 6 * placed.bodies.len() as i64 - joint_rows as i64;
     Ok(Report {
         mobility: 0,
-        freedoms: 0,
+        degrees_of_freedom: 0,
         gruebler,
         idle: idle(model),
         remedies: Vec::new(),
@@ -258,8 +257,8 @@ fn unmoved(model: &Model) -> Result<Report, AnalysisError> {
         closing_rows: 0,
         closing_rank: 0,
         planar: model.is_planar(),
-        misfit: 0.0,
-        misfits: Vec::new(),
+        geometric_error: 0.0,
+        geometric_errors: Vec::new(),
         redundant: Vec::new(),
         tree: tree(model),
         cuts: model.placed.topology.cuts.iter().map(|&j| joint_line(model, j)).collect(),
@@ -318,7 +317,7 @@ fn regular(model: &Model, t: f64, q: &[f64], found: Mobility) -> Result<Report, 
         });
     }
     notes.extend(model.held_note());
-    let cures = remedies(model, t, q)?;
+    let replacements = remedies(model, t, q)?;
     let (locked, dead) = still(model, t, q, measured.as_ref(), found.mobility);
     Ok(Report {
         tree: tree(model),
@@ -334,11 +333,11 @@ fn regular(model: &Model, t: f64, q: &[f64], found: Mobility) -> Result<Report, 
         reactions: reactions.map(|(j, determined)| ReactionLine { joint: j.name.clone(), determined }).collect(),
         notes,
         mobility: found.mobility,
-        freedoms: 6 * placed.bodies.len() - found.joint_rank,
+        degrees_of_freedom: 6 * placed.bodies.len() - found.joint_rank,
         gruebler: 6 * placed.bodies.len() as i64 - found.joint_rows as i64,
         idle,
-        redundancy: redundancy(&found, &cures),
-        remedies: cures,
+        redundancy: redundancy(&found, &replacements),
+        remedies: replacements,
         locked,
         dead,
         suspicious: suspicious(model),
@@ -347,8 +346,8 @@ fn regular(model: &Model, t: f64, q: &[f64], found: Mobility) -> Result<Report, 
         closing_rows: found.closing_rows,
         closing_rank: found.closing_rank,
         planar: model.is_planar(),
-        misfit: found.misfit,
-        misfits: found.misfits,
+        geometric_error: found.geometric_error,
+        geometric_errors: found.geometric_errors,
         redundant: found.redundant,
     })
 }
@@ -420,7 +419,7 @@ fn notes(model: &Model, found: &Mobility) -> Vec<String> {
 }
 
 /// How far the joints over-constrain the bodies, why, and what to do: one paragraph, empty where nothing is redundant.
-fn redundancy(found: &Mobility, cures: &[Remedy]) -> String {
+fn redundancy(found: &Mobility, replacements: &[Remedy]) -> String {
     let rows = &found.redundant[..found.closing_rows - found.closing_rank];
     if rows.is_empty() {
         return String::new();
@@ -453,8 +452,8 @@ fn redundancy(found: &Mobility, cures: &[Remedy]) -> String {
          the least sum of squares, or by the compliances given."
             .into(),
     );
-    if !cures.is_empty() {
-        let all: Vec<String> = cures.iter().map(|c| format!("{} {} by {}", c.is, c.joint, c.by)).collect();
+    if !replacements.is_empty() {
+        let all: Vec<String> = replacements.iter().map(|c| format!("{} {} by {}", c.is, c.joint, c.by)).collect();
         reported.push(format!("Replace {}: then nothing is superfluous, and nothing else moves.", names(&all)));
     }
     reported.join(" ")
@@ -520,7 +519,7 @@ mod tests {
         let sigma = r.sigma.unwrap();
         assert!((best.rho - sigma).abs() < 1e-12, "one coordinate: σ is its ρ");
         assert!((r.sqrt_mu.unwrap() - sigma).abs() < 1e-12);
-        assert_eq!((r.gruebler, r.freedoms, r.remedies.len()), (-2, 1, 2));
+        assert_eq!((r.gruebler, r.degrees_of_freedom, r.remedies.len()), (-2, 1, 2));
         assert!(r.coordinates.iter().all(|c| c.scale > 0.0));
         assert_eq!(r.cuts.len(), 1);
         assert_eq!(
@@ -568,7 +567,7 @@ mod tests {
         let r = of(spec.clone());
         assert_eq!(r.mobility, 0);
         assert!(r.independent.is_empty() && r.coordinates.iter().all(|c| c.rho == 0.0));
-        assert_eq!(r.freedoms, 1);
+        assert_eq!(r.degrees_of_freedom, 1);
         let c = spec.joints[2].point;
         spec.bodies.push(body("bob", c, [c[0], c[1] - 1.0, 0.0]));
         spec.joints.push(joint("pin", Revolute, "coupler", "bob", c, Z));
@@ -576,7 +575,7 @@ mod tests {
         let r = of(spec);
         assert_eq!((r.mobility, r.independent), (1, vec!["pin".to_string()]));
         assert!(r.notes.iter().any(|n| n.starts_with("drive second of D is superfluous")), "{:?}", r.notes);
-        assert_eq!(r.freedoms, 2);
+        assert_eq!(r.degrees_of_freedom, 2);
     }
 
     #[test]
@@ -585,7 +584,7 @@ mod tests {
         spec.joints[1].kind = partita_model::spec::JointKind::Fixed;
         let r = of(spec);
         assert_eq!((r.mobility, r.sigma, r.sqrt_mu), (0, Some(1.0), Some(1.0)));
-        assert_eq!(r.freedoms, 0);
+        assert_eq!(r.degrees_of_freedom, 0);
     }
 
     #[test]
@@ -616,7 +615,7 @@ mod tests {
         let mut spec = four_bar([Revolute, Spherical, Spherical, Revolute]);
         let m = model(spec.clone());
         let r = report(&m, 0.0, &m.initial()).unwrap();
-        assert_eq!((r.freedoms, r.gruebler), (2, 2));
+        assert_eq!((r.degrees_of_freedom, r.gruebler), (2, 2));
         assert_eq!(r.idle, [Idle { body: "coupler".into(), joints: vec!["B".into(), "C".into()], held: false }]);
         let line = [0, 1, 2].map(|i| spec.joints[2].point[i] - spec.joints[1].point[i]);
         let square: f64 = line.iter().map(|x| x * x).sum();

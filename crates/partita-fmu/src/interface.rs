@@ -309,7 +309,7 @@ pub extern "C" fn fmi2DoStep(component: *mut Component, t: c_double, step: c_dou
         in_phase(c, &[Phase::Stepping])?;
         let stepped = c.slave.step(t, step).map_err(|message| Failed(DISCARD, message))?;
         match stepped.doubts.first() {
-            Some(doubt) => Err(Failed(WARNING, format!("the step to t = {} is doubtful: {doubt}", t + step))),
+            Some(doubt) => Err(Failed(WARNING, format!("the step to t = {} is suspect: {doubt}", t + step))),
             None => Ok(OK),
         }
     })

@@ -224,11 +224,11 @@ impl Slave {
         let (q, v) = (&self.state.q[..], &self.state.v[..]);
         let found = run::run(&self.model, &options, None, t_eval, (q, v), &mut watch).map_err(words)?;
         let ended = found.outcome.status;
-        if !(matches!(ended, Status::Finished | Status::Broken) || (at_once && ended == Status::Interrupted)) {
+        if !(matches!(ended, Status::Finished | Status::Invalid) || (at_once && ended == Status::Interrupted)) {
             return Err(format!("it ends at t = {} ({}): {}", found.outcome.t, ended.word(), found.outcome.message));
         }
-        if let Some(broken) = found.findings.iter().find(|x| x.broken) {
-            return Err(format!("at t = {}: {}", broken.t, broken.sentence));
+        if let Some(invalid) = found.findings.iter().find(|x| x.invalid) {
+            return Err(format!("at t = {}: {}", invalid.t, invalid.sentence));
         }
         let doubts = found.findings.iter().map(|x| x.sentence.clone()).collect();
         Ok((self.shown(&found)?, doubts))

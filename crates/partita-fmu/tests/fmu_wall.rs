@@ -17,7 +17,7 @@ fn resource(inputs: &str) -> String {
         r#"{"name":"A","kind":"revolute","parent":"ground","child":"bob","point":[0,0,0],"axis":[0,0,1],"cut":"auto"}"#;
     let torque = r#"{"kind":"torque","name":"u","joint":"A","coordinate":0,"value":{"function":0}}"#;
     let options = r#"{"t0":0.0,"t_end":1.0,"rtol":1e-10,"atol":1e-12,"method":"dop853","formulation":"projective",
-        "correction":"partition","exchange":1.25,"max_steps":100000,"selection":"collective","renew":0.5}"#;
+        "correction":"partition","switch_threshold":1.25,"max_steps":100000,"selection":"collective","renew":0.5}"#;
     format!(
         r#"{{"fmu":1,"guid":"{GUID}","model":{{"partita":1,"name":"p","gravity":[0,0,0],"drawing_tolerance":1e-4,
         "bodies":[{body}],"joints":[{joint}],"couplings":[],"drives":[],"forces":[{torque}]}},"options":{options},
@@ -80,7 +80,7 @@ fn what_is_missing_is_an_error() {
         assert_eq!(fmi2GetReal(null_mut(), null(), 0, null_mut()), ERROR);
     }
     assert_eq!(fmi2DoStep(null_mut(), 0.0, 1.0, 0), ERROR);
-    assert!(instance("exchange", &resource(EFFORT), 0, GUID).is_null());
+    assert!(instance("switch_threshold", &resource(EFFORT), 0, GUID).is_null());
     assert!(instance("guid", &resource(EFFORT), 1, "{b}").is_null());
     assert!(instance("empty", "", 1, GUID).is_null());
     // a function that no input stands for

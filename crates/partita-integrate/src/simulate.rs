@@ -32,7 +32,7 @@ pub enum Status {
     /// At its end.
     Finished,
     /// At its end, with something against it that breaks it: success is decided by what was watched on the way.
-    Broken,
+    Invalid,
     /// By the user; what was computed is kept.
     Interrupted,
     /// No acceptable step was left.
@@ -52,7 +52,7 @@ impl Status {
     pub fn word(self) -> &'static str {
         match self {
             Self::Finished => "finished",
-            Self::Broken => "broken",
+            Self::Invalid => "invalid",
             Self::Interrupted => "interrupted",
             Self::StepTooSmall => "step-too-small",
             Self::Singular => "singular",

@@ -117,7 +117,7 @@ pub const TIE: f64 = 1e-9;
 pub const CLEARLY: f64 = 10.0;
 /// Exchanges of coordinates that gain less are left undone. Scale: ratio of volumes. Reason: rounding cannot exchange
 /// them for ever.
-pub const LEAST_EXCHANGE: f64 = 1.0 + 1e-6;
+pub const LEAST_SWITCH_GAIN: f64 = 1.0 + 1e-6;
 
 // ---- moves and steps
 

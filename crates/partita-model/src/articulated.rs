@@ -66,7 +66,7 @@ fn felt<S: Real>(v: usize, pivot: &mut [S], f: usize) -> Result<(), (usize, f64)
 }
 
 impl<G: Space> Tree<G> {
-    fn freedoms(&self, i: usize) -> usize {
+    fn dof(&self, i: usize) -> usize {
         if matches!(self.links[i].motion, LinkMotion::Ball) {
             3
         } else {
@@ -110,7 +110,7 @@ impl<G: Space> Tree<G> {
         }
     }
 
-    /// `factor(velocity, pivot, freedoms)` overwrites the pivot by its Cholesky factor.
+    /// `factor(velocity, pivot, dof)` overwrites the pivot by its Cholesky factor.
     fn sweep_inward<E>(
         &self,
         s: &mut TreeScratch<G>,
@@ -133,7 +133,7 @@ impl<G: Space> Tree<G> {
         }
         let mut failed = None;
         for i in (1..n).rev() {
-            let f = self.freedoms(i);
+            let f = self.dof(i);
             let axes = &mut a.axes[i * d * 3..(i + 1) * d * 3];
             for j in 0..f {
                 let v = self.links[i].v + j;
@@ -194,7 +194,7 @@ impl<G: Space> Tree<G> {
         a.compliance.resize(n * d * d, G::S::zero());
         a.compliance.fill(G::S::zero());
         for i in 1..n {
-            let f = self.freedoms(i);
+            let f = self.dof(i);
             let (p, v) = (self.links[i].parent, self.links[i].v);
             let mut x = [G::S::zero(); 36];
             shift::<G>(self.arm_from_parent(i, s), &mut x);
@@ -240,7 +240,7 @@ impl<G: Space> Tree<G> {
         a.motion.fill(o);
         let mut x = [o; 36];
         for i in (1..n).rev() {
-            let f = self.freedoms(i);
+            let f = self.dof(i);
             let v = self.links[i].v;
             let (axes, gain) = (&a.axes[i * d * 3..], &a.gain[i * d * 3..]);
             for j in 0..f {
@@ -260,7 +260,7 @@ impl<G: Space> Tree<G> {
             }
         }
         for i in 1..n {
-            let f = self.freedoms(i);
+            let f = self.dof(i);
             let (p, v) = (self.links[i].parent, self.links[i].v);
             let (axes, gain, inverse) = (&a.axes[i * d * 3..], &a.gain[i * d * 3..], &a.inverse[i * 9..]);
             shift::<G>(self.arm_from_parent(i, s), &mut x);

@@ -33,14 +33,14 @@ pub struct JointState {
 
 /// A freedom of a joint, in the tree or not: what is read of it, and the velocities that change it.
 #[derive(Clone, Debug)]
-pub struct Freedom {
+pub struct DegreeOfFreedom {
     reading: Measurement<Spatial<f64>>,
     velocities: Vec<usize>,
     /// Room for its row.
     row: Vec<f64>,
 }
 
-impl Freedom {
+impl DegreeOfFreedom {
     fn new(mut reading: Measurement<Spatial<f64>>, model: &Model) -> Self {
         let mut velocities = Vec::new();
         for m in &mut reading.movers {
@@ -66,15 +66,15 @@ impl Model {
     ///
     /// # Errors
     /// None for a model that could be compiled.
-    pub fn freedoms_of(&self, which: &[usize]) -> Result<Vec<Freedom>, DescriptionError> {
+    pub fn degrees_of_freedom_of(&self, which: &[usize]) -> Result<Vec<DegreeOfFreedom>, DescriptionError> {
         let measurements = Maker::<Spatial<f64>>::new(&self.spec, &self.placed, &self.numbers, &self.full)?;
         let mut found = Vec::new();
         for &j in which {
             let p = &self.placed.joints[j];
             for (i, motion) in p.shape.motions.iter().enumerate() {
                 match motion {
-                    Motion::Ball => found.extend((0..3).map(|c| Freedom::new(measurements.spin(p, c), self))),
-                    _ => found.push(Freedom::new(measurements.coordinate(j, i), self)),
+                    Motion::Ball => found.extend((0..3).map(|c| DegreeOfFreedom::new(measurements.spin(p, c), self))),
+                    _ => found.push(DegreeOfFreedom::new(measurements.coordinate(j, i), self)),
                 }
             }
         }
@@ -194,7 +194,7 @@ impl TurnCounter {
             .map(|p| {
                 let read = p.links.is_none() && p.shape.motions.contains(&Motion::Ball);
                 // slides come before it
-                read.then_some(p.shape.freedoms().saturating_sub(3))
+                read.then_some(p.shape.dof().saturating_sub(3))
             })
             .collect();
         Self { turns, quaternions, last: vec![None; model.placed.joints.len()] }

@@ -19,7 +19,7 @@ pub struct Edge {
     /// 0: must stay, 1: as it suits, 2: should be cut, [`CUT`]: is cut whatever it holds.
     pub class: u8,
     /// Velocities the joint allows.
-    pub freedoms: usize,
+    pub dof: usize,
 }
 
 /// An edge of the tree, walked away from the ground.
@@ -64,7 +64,7 @@ impl Topology {
             for &i in &incident[newest] {
                 let e = &edges[i];
                 if e.class < CUT && (depth[e.parent] == usize::MAX || depth[e.child] == usize::MAX) {
-                    open.insert((e.class, e.freedoms, depth[newest], i));
+                    open.insert((e.class, e.dof, depth[newest], i));
                 }
             }
             let mut grown = None;
@@ -106,7 +106,7 @@ mod tests {
     use super::*;
 
     fn edge(parent: usize, child: usize) -> Edge {
-        Edge { parent, child, class: 1, freedoms: 1 }
+        Edge { parent, child, class: 1, dof: 1 }
     }
 
     /// What every tree must satisfy, whatever the graph.
@@ -181,7 +181,7 @@ mod tests {
             let edges: Vec<Edge> = (0..rng.usize(0..20))
                 .filter_map(|_| {
                     let (a, b) = (rng.usize(0..nodes), rng.usize(0..nodes));
-                    (a != b).then(|| Edge { parent: a, child: b, class: rng.u8(0..4), freedoms: rng.usize(0..4) })
+                    (a != b).then(|| Edge { parent: a, child: b, class: rng.u8(0..4), dof: rng.usize(0..4) })
                 })
                 .collect();
             check(nodes, &edges, &Topology::new(nodes, &edges));

@@ -108,7 +108,7 @@ impl PlacedJoint {
     /// Its links, if its coordinates are those of the state, side by side: not of a joint that closes a loop, nor of
     /// one of several degrees of freedom that is walked backwards.
     pub fn in_state(&self) -> Option<&[usize]> {
-        self.links.as_deref().filter(|links| !(links.is_empty() || self.reversed && self.shape.freedoms() > 1))
+        self.links.as_deref().filter(|links| !(links.is_empty() || self.reversed && self.shape.dof() > 1))
     }
 }
 
@@ -198,7 +198,7 @@ fn edges(spec: &Spec, shapes: &[Shape]) -> Result<Vec<Edge>, DescriptionError> {
                 Cut::Auto if loaded.contains(j.name.as_str()) => 0,
                 Cut::Auto => 1,
             },
-            freedoms: shape.freedoms(),
+            dof: shape.dof(),
         })
         .collect())
 }

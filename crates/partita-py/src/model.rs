@@ -615,7 +615,7 @@ impl Model {
 
     /// Data that are possible and unlikely, in sentences.
     fn suspicious(&self) -> Vec<String> {
-        analysis::doubtful::suspicious(&self.inner)
+        analysis::plausibility::suspicious(&self.inner)
     }
 
     fn report(slf: &Bound<'_, Self>, t: f64, q: Vector<'_>) -> PyResult<String> {

@@ -169,7 +169,7 @@ pub fn joints<'py>(py: Python<'py>, m: &Model, x: &Motion, which: &[usize]) -> P
     let found = tables(py, |watch| outputs::joints(m, &states, which, watch))?;
     let shape = |j: &usize| &m.placed.joints[*j].shape;
     let nq = which.iter().flat_map(|j| &shape(j).motions).map(partita_model::joint::Motion::coordinates).sum();
-    let nv = which.iter().map(|j| shape(j).freedoms()).sum();
+    let nv = which.iter().map(|j| shape(j).dof()).sum();
     let shapes: [(&str, &[usize]); 3] =
         [("joint_position", &[nq]), ("joint_velocity", &[nv]), ("joint_point", &[nj, 3])];
     named(py, states.len(), found, &shapes)
@@ -187,7 +187,7 @@ pub fn joint_accelerations<'py>(
     let states = x.states();
     let vdot = rows_of(vdot, states.len(), m.size().nv, "vdot")?;
     let mut found = tables(py, |watch| outputs::joint_accelerations(m, &states, &vdot, which, watch))?;
-    let nv = which.iter().map(|&j| m.placed.joints[j].shape.freedoms()).sum();
+    let nv = which.iter().map(|&j| m.placed.joints[j].shape.dof()).sum();
     Ok(array(py, &[states.len(), nv], found.next().unwrap_or_default()))
 }
 
@@ -240,7 +240,7 @@ pub fn reaction<'py>(
     known(py, &[joint], m.spec.joints.len(), "joint")?;
     let (states, forces) = (x.states(), acting.forces());
     let found = tables(py, |watch| outputs::reaction(m, &states, &forces, joint, watch))?;
-    let nv = m.placed.joints[joint].shape.freedoms();
+    let nv = m.placed.joints[joint].shape.dof();
     let shapes: [(&str, &[usize]); 4] =
         [("force", &[3]), ("moment", &[3]), ("drive", &[nv]), ("joint_rotation", &[3, 3])];
     named(py, states.len(), found, &shapes)
@@ -250,7 +250,7 @@ pub fn reaction<'py>(
 pub fn reactions<'py>(py: Python<'py>, m: &Model, x: &Motion, acting: &Acting) -> PyResult<Bound<'py, PyDict>> {
     let (states, forces, nj) = (x.states(), acting.forces(), m.spec.joints.len());
     let found = tables(py, |watch| outputs::reactions(m, &states, &forces, watch))?;
-    let nv = m.placed.joints.iter().map(|p| p.shape.freedoms()).sum();
+    let nv = m.placed.joints.iter().map(|p| p.shape.dof()).sum();
     let shapes: [(&str, &[usize]); 7] = [
         ("force", &[nj, 3]),
         ("moment", &[nj, 3]),
@@ -302,7 +302,7 @@ pub type Flags<'py> = Bound<'py, PyArrayDyn<bool>>;
 /// degrees of freedom), and of the multipliers of couplings, drives and joints' own conditions (nt, conditions).
 pub fn determined<'py>(py: Python<'py>, m: &Model, x: &Motion) -> PyResult<[Flags<'py>; 4]> {
     let (states, nj) = (x.states(), m.spec.joints.len());
-    let freedoms = m.placed.joints.iter().map(|p| p.shape.freedoms()).sum();
+    let dof = m.placed.joints.iter().map(|p| p.shape.dof()).sum();
     let mut found = tables(py, |watch| determined::flags(m, &states, watch))?;
     let mut next = |shape: &[usize]| {
         let flags = found.next().unwrap_or_default().into_iter().map(|x| x != 0.0).collect();
@@ -310,7 +310,7 @@ pub fn determined<'py>(py: Python<'py>, m: &Model, x: &Motion) -> PyResult<[Flag
     };
     let wrench = [states.len(), nj, 6];
     let conditions = m.size().rows - m.closing_rows;
-    Ok([next(&wrench), next(&wrench), next(&[states.len(), freedoms]), next(&[states.len(), conditions])])
+    Ok([next(&wrench), next(&wrench), next(&[states.len(), dof]), next(&[states.len(), conditions])])
 }
 
 /// Directions in which self-stresses load a joint: (nt, 2, 3, 3) for force and moment, in units of what counts as zero.

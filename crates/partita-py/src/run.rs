@@ -38,7 +38,7 @@ trait Reported: Send + Sync {
 
 /// Findings as plain data: broken, t, sentence.
 pub fn reported(findings: &[Finding]) -> Vec<(bool, f64, String)> {
-    findings.iter().map(|x| (x.broken, x.t, x.sentence.clone())).collect()
+    findings.iter().map(|x| (x.invalid, x.t, x.sentence.clone())).collect()
 }
 
 struct Kept<S> {
@@ -284,7 +284,7 @@ fn dictionary<'py, S: ConstrainedSystem>(py: Python<'py>, system: &S, run: &Run)
         (intern!(py, "dense_evaluations"), c.dense_evaluations),
         (intern!(py, "factorisations"), f.factorisations),
         (intern!(py, "plans"), f.plans),
-        (intern!(py, "exchanges"), f.exchanges),
+        (intern!(py, "switches"), f.switches),
         (intern!(py, "corrections"), f.corrections),
         (intern!(py, "renewals"), f.renewals),
         (intern!(py, "newton_iterations"), f.newton_iterations),

@@ -33,7 +33,7 @@ struct Summary<'m> {
     rows_names: Vec<String>,
     removed: Vec<Removed<'m>>,
     /// What would let it move, or lets it: the largest change of a joint frame.
-    misfit: f64,
+    geometric_error: f64,
     /// The change that was made.
     repaired: f64,
     notes: Vec<String>,
@@ -104,7 +104,7 @@ pub fn summary(m: &Model, mobility: Option<&Mobility>, note: Option<&str>) -> se
         velocities: &m.placed.velocity_names,
         rows_names: (0..size.rows).map(|i| m.row_name(i)).collect(),
         removed: redundant.iter().map(|x| Removed { row: &x.row, why: &x.why }).collect(),
-        misfit: mobility.map_or(0.0, |x| x.misfit),
+        geometric_error: mobility.map_or(0.0, |x| x.geometric_error),
         repaired: m.geometry().geometric_error(),
         notes: note.map(str::to_string).into_iter().chain(of_drawing).collect(),
     };
@@ -125,7 +125,7 @@ fn joints(m: &Model) -> Vec<Joint<'_>> {
     let mut found = Vec::with_capacity(m.spec.joints.len());
     for (p, j) in m.placed.joints.iter().zip(&m.spec.joints) {
         let nq: usize = p.shape.motions.iter().map(|x| x.coordinates()).sum();
-        let nv = p.shape.freedoms();
+        let nv = p.shape.dof();
         let first = p.in_state().map(|l| &m.placed.links[l[0]]);
         let turns = p.shape.motions.contains(&Motion::Ball) && p.on_child.0 != Mat3::<f64>::identity().0;
         let mut axes: Vec<&str> = Vec::with_capacity(nv);

@@ -412,13 +412,13 @@ pub fn words<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<Opti
     }))
 }
 
-fn freedoms(k: usize) -> String {
+fn degrees(k: usize) -> String {
     format!("{k} degree{} of freedom", if k == 1 { "" } else { "s" })
 }
 
 /// What the joints alone, drives released, can do from here.
 pub fn of_joints<S: ConstrainedSystem>(system: &S, q: &[f64], found: &Branching) -> String {
-    let here = freedoms(found.here);
+    let here = degrees(found.here);
     if found.structure() {
         return format!(
             "it seems to have {here} here, but only for an instant: to second order its joints let nothing move, it is a \

@@ -51,7 +51,7 @@ pub struct FormulationOptions {
     /// Removal of the remainder of S3 (and of S4, where v is integrated).
     pub correction: Correction,
     /// Exchange of independent coordinates when one gains more than this; infinite: never.
-    pub exchange: f64,
+    pub switch_threshold: f64,
     /// The user's own independent velocities, kept through the run.
     pub independent: Option<Vec<usize>>,
     /// Preferences that multiply ρ.
@@ -75,10 +75,10 @@ impl FormulationOptions {
     /// `Argument`, with the option, what was given and what to give.
     pub fn check(&self, n: usize) -> Result<()> {
         let refuse = |argument: &str, message: String| Err(SystemError::argument(argument, message));
-        if self.exchange.is_nan() || self.exchange < 1.0 {
-            return refuse("exchange", format!(
-                "exchange is {}; below 1 two choices would replace each other for ever; give 1.25, or infinity for never",
-                self.exchange
+        if self.switch_threshold.is_nan() || self.switch_threshold < 1.0 {
+            return refuse("switch_threshold", format!(
+                "switch_threshold is {}; below 1 two choices would replace each other for ever; give 1.25, or infinity for never",
+                self.switch_threshold
             ));
         }
         if let Renew::Below(part) = self.renew {
@@ -113,7 +113,7 @@ impl Default for FormulationOptions {
     fn default() -> Self {
         Self {
             correction: Correction::Partition,
-            exchange: 1.25,
+            switch_threshold: 1.25,
             independent: None,
             weights: None,
             selection: Selection::Collective,

@@ -138,7 +138,7 @@ pub struct FormulationCounters {
     /// Elimination plans made.
     pub plans: u64,
     /// Exchanges of independent coordinates.
-    pub exchanges: u64,
+    pub switches: u64,
     /// Position corrections applied.
     pub corrections: u64,
     /// Tangent bases made, the first included: S of a frozen basis, of a tangent chart.

@@ -78,7 +78,7 @@ pub fn analyse_with<S: ConstrainedSystem>(probe: &mut Reduction<S>, t: f64, q: &
         return Err(shaky(t, finite, &system.instantaneous()));
     }
     let start = counted(probe, t, q, finite)?;
-    let wanted = system.size().nv.saturating_sub(finite.freedoms);
+    let wanted = system.size().nv.saturating_sub(finite.dof);
     let is_drive = |i: &usize| system.row_is_drive(*i);
     let closings = (0..system.size().rows).filter(|i| !is_drive(i)).count();
     let kept = closings - start.dropped.iter().filter(|i| !is_drive(i)).count();
@@ -102,7 +102,7 @@ const HIDDEN: &str = "conditions hold the mechanism that are so weak that what t
 
 /// Motions that exist for an instant only, wherever the mechanism goes.
 fn shaky(t: f64, finite: Finite, who: &str) -> SystemError {
-    let (k, more) = (finite.freedoms, finite.instantaneous);
+    let (k, more) = (finite.dof, finite.instantaneous);
     let message = format!(
         "{more} motion{} of the mechanism exist{} at every position, but for an instant only: beyond {k} degree{} of freedom \
          {who} lock at a higher order, where their forces are not determined; add a joint that holds {} (a guide, a leg that is \
@@ -129,7 +129,7 @@ fn counted<S: ConstrainedSystem>(
     probe.weigh_reaches(true);
     probe.position(t, q)?;
     probe.refresh_scales(t, q)?;
-    let wanted = system.size().nv.saturating_sub(finite.freedoms);
+    let wanted = system.size().nv.saturating_sub(finite.dof);
     let found = by_sizes(probe, 0.0, (0.0, &drive));
     let of_closings: Vec<(usize, f64)> =
         found.kept.iter().copied().zip(found.pivots.iter().copied()).filter(|x| !drive(x.0)).collect();
@@ -342,7 +342,7 @@ pub fn choose_partition<S: ConstrainedSystem>(
         }
         return r.tangent(t);
     }
-    choose_with_threshold(r, t, q, weights, tolerance::LEAST_EXCHANGE)
+    choose_with_threshold(r, t, q, weights, tolerance::LEAST_SWITCH_GAIN)
 }
 
 /// As [`choose_partition`], but exchanges that gain less than `threshold` are left undone.
@@ -376,7 +376,7 @@ pub fn choose_with_threshold<S: ConstrainedSystem>(
     };
     // every exchange multiplies the volume by more than that, so the loop ends; the bound is for round-off
     for _ in 0..10 * r.size().nv {
-        let pairs = r.best_exchanges(&scales, threshold.max(tolerance::LEAST_EXCHANGE));
+        let pairs = r.best_switches(&scales, threshold.max(tolerance::LEAST_SWITCH_GAIN));
         if pairs.is_empty() {
             break;
         }

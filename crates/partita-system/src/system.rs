@@ -12,7 +12,7 @@ use std::sync::Arc;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Finite {
     /// Degrees of freedom at generic positions.
-    pub freedoms: usize,
+    pub dof: usize,
     /// Further motions that exist at every position, but for an instant only.
     pub instantaneous: usize,
     /// May a condition be as weak as a drawing tolerance and hold all the same?

@@ -50,10 +50,10 @@ class Truth:
 
     def __str__(self) -> str:
         idle = f" Idle: {', '.join(self.idle)}." if self.idle else ""
-        freedoms = "1 degree" if self.mobility == 1 else f"{self.mobility} degrees"
+        dof = "1 degree" if self.mobility == 1 else f"{self.mobility} degrees"
         unique = "; ".join(f"{joint}: {words}" for joint, words in self.determined.items())
         return (
-            f"Theory: {freedoms} of freedom, {self.redundant} redundant conditions ({self.why}).{idle} Unique "
+            f"Theory: {dof} of freedom, {self.redundant} redundant conditions ({self.why}).{idle} Unique "
             f"reactions along {self.axes} axes: {unique}."
         )
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import DoubtfulResultWarning
+from ..errors import SuspectResultWarning
 from .models import length_of, open_model, start_of
 from .printing import print_json
 
@@ -51,7 +51,7 @@ def bench(arguments: argparse.Namespace) -> int:
     def run(rtol: float) -> Any:
         tolerances: dict[str, Any] = {"rtol": rtol, "atol": ATOL * rtol}
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", DoubtfulResultWarning)  # it stands in the column of states
+            warnings.simplefilter("ignore", SuspectResultWarning)  # it stands in the column of states
             return opened.mechanism.simulate(duration, t_eval=at, initial=start, **tolerances, **options)
 
     exact = run(max(min(arguments.tolerances) / REFERENCE, TIGHTEST))
@@ -67,7 +67,7 @@ def bench(arguments: argparse.Namespace) -> int:
         lines.append(
             Line(
                 rtol,
-                found.status if found.certificate.verdict != "doubtful" else "doubtful",
+                found.status if found.certificate.verdict != "suspect" else "suspect",
                 int(found.counters["steps"]),
                 evaluations,
                 seconds,

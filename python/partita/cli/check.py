@@ -39,10 +39,10 @@ def _words(found: dict[str, Any]) -> list[str]:
         words.append(f"  of which idle: {len(report['idle'])}")
     redundant = report["joint_rows"] - report["joint_rank"]
     words.append(f"redundant conditions: {redundant} of {report['joint_rows']}")
-    if report["misfits"]:
-        words.append(f"misfit: {report['misfit']:.2e} (radians, and parts of the size)")
-    if report["cures"]:
-        cures = ", ".join(f"{x['is']} {x['joint']} by {x['by']}" for x in report["cures"])
-        words.append(f"  nothing is redundant, and nothing else moves, with {cures} replaced")
+    if report["geometric_errors"]:
+        words.append(f"geometric error: {report['geometric_error']:.2e} (radians, and parts of the size)")
+    if report["remedies"]:
+        remedies = ", ".join(f"{x['is']} {x['joint']} by {x['by']}" for x in report["remedies"])
+        words.append(f"  nothing is redundant, and nothing else moves, with {remedies} replaced")
     words += [f"look at: {said}" for said in (*report["suspicious"], *report["notes"])]
     return words

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import DoubtfulResultWarning, MissingFileError
+from ..errors import MissingFileError, SuspectResultWarning
 from ..progress import has_bars
 from ..results.save import checked_path
 from .account import account
@@ -53,11 +53,11 @@ def simulate(arguments: argparse.Namespace) -> int:
         print(account(result, _measured(opened, result, arguments)))
         for path in written:
             print(f"wrote {path}")
-    if result.certificate.verdict == "doubtful":
-        print("partita: the result is doubtful; its certificate says why", file=sys.stderr)
+    if result.certificate.verdict == "suspect":
+        print("partita: the result is suspect; its certificate says why", file=sys.stderr)
     if result.success:
         return 0
-    if result.status == "broken":
+    if result.status == "invalid":
         print(f"partita: {result.message}", file=sys.stderr)
         return 1
     reached = f"t = {result.t[-1]:.6g} s" if len(result.t) else "the start"
@@ -87,7 +87,7 @@ def _run(opened: Opened, start: State | None, duration: float, arguments: argpar
         if getattr(arguments, name) is not None:
             options[name] = getattr(arguments, name)
     progress = not arguments.quiet and has_bars() and sys.stderr.isatty()
-    warnings.simplefilter("ignore", DoubtfulResultWarning)  # told in a line of its own
+    warnings.simplefilter("ignore", SuspectResultWarning)  # told in a line of its own
     times = _outputs(opened, start, duration, arguments)
     return so_far(
         lambda: opened.mechanism.simulate(duration, t_eval=times, initial=start, progress=progress, **options)

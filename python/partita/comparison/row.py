@@ -107,7 +107,7 @@ def measured(case: Case, bench: Bench, result: Result, time: float, bare: float 
         evaluations=counters.get("evaluations"),
         steps=counters.get("steps"),
         rejected=counters.get("rejected"),
-        switches=counters.get("exchanges") if case.formulation in _CHOOSING else None,
+        switches=counters.get("switches") if case.formulation in _CHOOSING else None,
         renewals=counters.get("renewals") if case.formulation in _RENEWING else None,
         dense_evaluations=counters.get("dense_evaluations"),
         newton_iterations=counters.get("newton_iterations") if case.formulation in _NEWTON else None,

@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from .. import deprecated
 from .. import options as run_options
 from ..builder.compiled import CompiledModel
 from ..builder.records import LoadRecord
@@ -63,7 +64,7 @@ class Report(str):
 
     def to_dict(self) -> dict[str, Any]:
         """The findings as plain data: numbers, names and sentences, complete where the text counts the rest."""
-        return copy.deepcopy(self._found)
+        return deprecated.RenamedKeys(copy.deepcopy(self._found), deprecated.REPORT)
 
     def __reduce__(self) -> tuple[Callable[..., Report], tuple[dict[str, Any], tuple[_Section, ...]]]:
         return _reported, (self._found, self._sections)
@@ -76,7 +77,7 @@ def _reported(found: dict[str, Any], sections: tuple[_Section, ...]) -> Report:
 
 
 def report(self: Modelled, state: State | None = None, *, coordinates: str = "relative") -> Report:
-    """Describe the mechanism in words: what moves and how freely, redundancy and its cures, coordinates and their
+    """Describe the mechanism in words: what moves and how freely, redundancy and its remedies, coordinates and their
     measure, reactions, data that look like a slip. At a singular position: which branches meet there, and how to be
     drawn on each.
 
@@ -150,9 +151,9 @@ def _singular(found: dict[str, Any]) -> _Section | None:
 
 
 def _mobility(found: dict[str, Any], bodies: int) -> _Section:
-    rows, rank, general, here = found["joint_rows"], found["joint_rank"], found["freedoms"], found["mobility"]
+    rows, rank, general, here = found["joint_rows"], found["joint_rank"], found["degrees_of_freedom"], found["mobility"]
     driven, redundant = general - here, rows - rank
-    first = f"The mechanism has {_freedoms(general)}"
+    first = f"The mechanism has {_degrees(general)}"
     if driven:
         prescribed = "all prescribed" if not here else f"{driven} of them prescribed"
         first += f", {prescribed} by {_named(found['drives'])}"
@@ -165,8 +166,8 @@ def _mobility(found: dict[str, Any], bodies: int) -> _Section:
         spins = [f"{item['body']} spins about its own line between {_named(item['joints'])}" for item in idle]
         more = general - len(idle)
         lines.append(
-            f"{_freedoms(len(idle), 'Of these ')} idle: {_named(spins)}, which moves nothing else{_held(idle)}; "
-            f"{_freedoms(more)} {'is' if more == 1 else 'are'} left to the rest."
+            f"{_degrees(len(idle), 'Of these ')} idle: {_named(spins)}, which moves nothing else{_held(idle)}; "
+            f"{_degrees(more)} {'is' if more == 1 else 'are'} left to the rest."
         )
     count = f"Gruebler's count is 6 x {bodies} - {rows} = {found['gruebler']}"
     if redundant:
@@ -339,7 +340,7 @@ def _shortened(rows: Sequence[Sequence[str]]) -> tuple[Sequence[Sequence[str]], 
     return rows[: _LINES - 1], f"and {len(rows) - _LINES + 1} more; to_dict() has all"
 
 
-def _freedoms(number: int, before: str = "") -> str:
+def _degrees(number: int, before: str = "") -> str:
     """'1 degree of freedom', '2 degrees of freedom'."""
     verb = "" if not before else " is" if number == 1 else " are"
     return f"{before}{_count(number, 'degree')} of freedom{verb}"

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .. import deprecated
 from .. import options as run_options
 from ..builder.compiled import CompiledModel
 from ..errors import ArgumentError, AssemblyError, UnknownNameError
@@ -323,7 +324,7 @@ def simulate(
     events: Iterable[Any] = (),
     progress: Any = False,
     correction: str = "partition",
-    exchange: float = 1.25,
+    switch_threshold: float = 1.25,
     step: float | None = None,
     max_step: float | None = None,
     max_steps: int = 10_000_000,
@@ -335,6 +336,7 @@ def simulate(
     renew: float | str = 0.5,
     tangent: TangentVelocities | None = None,
     parameters: Mapping[str, ArrayLike] | None = None,
+    exchange: float | None = None,
 ) -> Result:
     """Compute the motion over `duration` seconds. The loops stay closed to round-off; nothing needs tuning.
 
@@ -363,14 +365,15 @@ def simulate(
             the fraction done, 0 to 1.
         correction: how the remainder of the constraints is removed after each step: "partition" (dependent
             coordinates only), "mass-orthogonal" or "none" (a drift then remains, and the result shows it).
-        exchange: a coordinate choice is replaced when another is this much better; at least 1.
+        switch_threshold: independent coordinates are switched when others span a volume larger by this factor; at
+            least 1. (`exchange` is its old name.)
         step: fixed step [s]; None: adaptive.
         max_step: largest adaptive step [s].
         max_steps: the run stops with status "max-steps" after so many.
-        independent: names of velocities to be kept independent throughout; None: chosen, and exchanged when
+        independent: names of velocities to be kept independent throughout; None: chosen, and switched when
             others serve better. A fixed choice fails where it becomes singular.
         selection: the rule that chooses the independent coordinates of "projective": "collective" (the
-            projective criterion with lock and repeat, then exchanges), "greedy" (without exchanges),
+            projective criterion with lock and repeat, then switches), "greedy" (without switches),
             "normalised-determinant", "persistence" (the least volume over `window`), and those the criterion is held
             against: "individual", "determinant", "complete-pivoting".
         weights: preferences, velocity name -> factor on its measure; 1 for those not named.
@@ -414,7 +417,7 @@ def simulate(
         formulation=formulation,
         events=events,
         correction=correction,
-        exchange=exchange,
+        switch_threshold=deprecated.option("exchange", exchange, switch_threshold),
         step=step,
         max_step=max_step,
         max_steps=max_steps,

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .. import deprecated
 from .. import options as run_options
 from ..builder.compiled import CompiledModel
 from ..errors import ArgumentError
@@ -301,14 +302,15 @@ def stepper(
     method: str = "rk4",
     substeps: int = 2,
     coordinates: str = "relative",
-    exchange: float = 1.25,
+    switch_threshold: float = 1.25,
     parameters: Mapping[str, ArrayLike] | None = None,
     record: bool = True,
+    exchange: float | None = None,
 ) -> Stepper:
     """A motion to be stepped by `dt` from outside, for control loops: `sim.step(u)`.
 
     Each step takes `substeps` equal steps of an explicit method, with the inputs held; the loops are closed to
-    round-off after each of them, and coordinates are exchanged when the criterion says so, as in `simulate`. So the
+    round-off after each of them, and coordinates are switched when the criterion says so, as in `simulate`. So the
     work of a step is bounded, and its error is of the order of the method in dt / substeps: nothing controls it. Stiff
     mechanisms need short steps. Prefer `simulate` where what acts is known beforehand.
 
@@ -319,7 +321,7 @@ def stepper(
         initial: state to start from; None: the drawing, assembled, at rest.
         method: "rk4" (order 4, the default), "tsit5", "dopri5" (order 5), "dop853" (order 8).
         substeps: steps of the method in each dt, 1 to 1000.
-        coordinates, exchange, parameters: as in `simulate`.
+        coordinates, switch_threshold, parameters: as in `simulate`.
         record: keep every step for `result`; without, nothing grows however long it runs.
 
     Raises:
@@ -348,7 +350,14 @@ def stepper(
     start = start_of(self, initial, model, wanted, parameters)
     step = length / int(substeps)
     options = run_options.options(
-        start.t, length, model.velocity_names, method=method, exchange=exchange, step=step, rtol=1e-8, atol=1e-10
+        start.t,
+        length,
+        model.velocity_names,
+        method=method,
+        switch_threshold=deprecated.option("exchange", exchange, switch_threshold),
+        step=step,
+        rtol=1e-8,
+        atol=1e-10,
     )
     given = chosen(inputs_of(self._description), inputs)
     return Stepper(model, layout, start, given, options, length, int(substeps), bool(record))

@@ -155,7 +155,7 @@ const bars = about.names.slice(0, 40).map((name) => {
   $("bars").append(row);
   return { row, fill: row.querySelector(".fill"), value: row.querySelector(".value") };
 });
-const readouts = ["energy", "exchanges", "frames a second"].map((name) => {
+const readouts = ["energy", "switches", "frames a second"].map((name) => {
   const box = document.createElement("div"), dt = document.createElement("dt"), dd = document.createElement("dd");
   dt.textContent = name;
   box.append(dt, dd);

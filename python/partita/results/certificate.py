@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import deprecated
 from ..errors import PartitaError
 from ..result_view import ResultView
 from .notebook import lines
-from .verdict import Finding, findings_of, of_arrays, of_energy, of_reactions, tolerance, unnoticed, word_of
+from .verdict import Finding, findings_of, of_arrays, of_energy, of_reactions, tolerance, unnoticed, verdict_of
 
 NOTES = 12
 """Notes shown before the rest is counted."""
@@ -65,21 +66,28 @@ class Certificate:
     margin: float = float("nan")
     """Smallest squared sine between a condition that counts and the others, and when: 0 in a singular position."""
     margin_t: float = float("nan")
-    misfit: float = 0.0
+    geometric_error: float = 0.0
     """Largest change of a joint frame (rad, parts of the loop's length) by which the drawing was repaired; 0 where it
     fits. `notes` say what does not."""
     findings: tuple[Finding, ...] = ()
-    """What stands against the run: broken or doubtful, when [s], and a sentence. Those of its steps and ends decided
-    its `success`; those of all outputs are told here and leave it as it is."""
+    """Findings against the run: whether each makes it invalid or suspect, when [s], and a sentence. Those at the ends
+    of steps decided `success`; those of the outputs are reported here and do not change it."""
 
     @property
     def verdict(self) -> str:
-        """ "holds", "doubtful" or "broken": that of the worst finding."""
-        return word_of(self.findings)
+        """ "valid", "suspect" or "invalid": that of the worst finding."""
+        return deprecated.Verdict(verdict_of(self.findings))
+
+    @property
+    def misfit(self) -> float:
+        """The old name of `geometric_error`."""
+        deprecated.warn("misfit", deprecated.CERTIFICATE["misfit"])
+        return self.geometric_error
 
     @classmethod
     def from_account(cls, reported: Mapping[str, Any]) -> Certificate:
         """The inverse of `vars(certificate)` after a way through JSON."""
+        reported = deprecated.renamed(reported, deprecated.CERTIFICATE)
         known = {field.name for field in fields(cls)}
         own: dict[str, Any] = {
             "notes": tuple(map(str, reported["notes"])),
@@ -92,7 +100,7 @@ class Certificate:
     def __str__(self) -> str:
         reported = [
             _line("verdict", self.verdict),
-            *(f"{word_of([finding])}: {finding.sentence}" for finding in self.findings),
+            *(f"{verdict_of([finding])}: {finding.sentence}" for finding in self.findings),
             _line("loops open by", f"{_shown(self.closure)} m or rad{_who(self.closure_row, self.closure_t)}"),
             _line("rates off by", f"{_shown(self.velocity_closure)} m/s or rad/s"),
             _line(
@@ -103,8 +111,8 @@ class Certificate:
             _line("Newton-Euler", f"{_shown(self.newton_euler)} of the largest force"
                                   f"{_who(self.worst_body, self.worst_body_t)}"),
             *(
-                [_line("drawing misfit", f"{_shown(self.misfit)} (repaired within the drawing tolerance)")]
-                * bool(self.misfit)
+                [_line("geometric error", f"{_shown(self.geometric_error)} (repaired within the drawing tolerance)")]
+                * bool(self.geometric_error)
             ),
             *(
                 [_line("loops' rank", f"{_ranks(self.rank)}; margin to losing one "
@@ -166,7 +174,7 @@ def certify(result: ResultView) -> Certificate:
         corrections=result.counters.get("corrections", 0),
         notes=tuple(notes),
         **grown,
-        misfit=result.record.misfit,
+        geometric_error=result.record.geometric_error,
         findings=tuple(dict.fromkeys(findings)),
     )
 

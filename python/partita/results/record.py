@@ -11,13 +11,14 @@ from typing import Any
 
 import numpy as np
 
+from .. import deprecated
 from .._core import version as core_version
 from .tables import Tables
 from .verdict import Finding, findings_of
 
 ACCOUNT = (
-    "summary", "partitions", "notes", "counters", "status", "success", "message", "steps_open", "gaps", "misfit",
-    "findings", "options", "spec", "version",
+    "summary", "partitions", "notes", "counters", "status", "success", "message", "steps_open", "gaps",
+    "geometric_error", "findings", "options", "spec", "version",
 )  # fmt: skip
 
 
@@ -37,7 +38,7 @@ class Record:
     """Largest |Phi| and |C v + a| at the ends of the steps taken."""
     gaps: tuple[float, float] = (0.0, 0.0)
     """The same in parts of what a large move opens each condition by, and of the fastest rate."""
-    misfit: float = 0.0
+    geometric_error: float = 0.0
     """Largest change of a joint frame by which the drawing was repaired (rad, parts of lengths); 0 where none was."""
     findings: list[Finding] = field(default_factory=list)
     """What stands against the run at the ends of its steps."""
@@ -74,7 +75,7 @@ class Record:
             message=str(raw.get("message", "")),
             steps_open=_pair(raw.get("steps_open")),
             gaps=_pair(raw.get("gaps")),
-            misfit=float(summary.get("repaired") or 0.0),
+            geometric_error=float(summary.get("repaired") or 0.0),
             findings=findings_of(raw.get("findings", ())),
             options=plain(options, lambda number: number),  # as a file gives them back
             error=raw.get("error"),
@@ -95,12 +96,16 @@ class Record:
     @classmethod
     def from_account(cls, account: Mapping[str, Any], arrays: Mapping[str, Any]) -> Record:
         """The inverse of `account`, with the arrays put back."""
+        account = deprecated.renamed(account, deprecated.CERTIFICATE)
         spec = account["spec"]
-        own = ("spec", "steps_open", "gaps", "misfit", "findings", "version")
+        own = ("spec", "steps_open", "gaps", "geometric_error", "findings", "version")
         reported = {key: account[key] for key in ACCOUNT if key not in own}
         reported["steps_open"], reported["gaps"] = _pair(account.get("steps_open")), _pair(account.get("gaps"))
-        reported["misfit"] = _pair((account.get("misfit", 0.0), 0.0))[0]
+        reported["geometric_error"] = _pair((account.get("geometric_error", 0.0), 0.0))[0]
         reported["findings"] = findings_of(account.get("findings", ()))
+        reported["counters"] = deprecated.renamed(reported["counters"], deprecated.COUNTERS)
+        reported["options"] = deprecated.renamed(reported["options"], deprecated.OPTIONS)
+        reported["status"] = deprecated.VERDICTS.get(reported["status"], reported["status"])
         reported["version"] = str(account.get("version", ""))
         return cls(arrays=Tables(arrays), **reported, description=None if spec is None else json.dumps(spec))
 

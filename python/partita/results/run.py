@@ -10,7 +10,8 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import ArgumentError, DoubtfulResultWarning, Interrupted
+from .. import deprecated
+from ..errors import ArgumentError, Interrupted, SuspectResultWarning
 from ..naming import driven, listed
 from ..numeric import shown
 from ..sensing import SensorRecord
@@ -26,7 +27,7 @@ from .self_stress import SelfStresses, self_stresses_of
 from .sensor import LiveSensors, RunSignals, SensorResult, StoredSensors, account_of, result_of
 from .source import BODIES, Arrays, ModelSource, Source
 from .variables import units
-from .verdict import DOUBTFUL, Finding, word_of
+from .verdict import SUSPECT, Finding, verdict_of
 
 FloatArray = NDArray[np.float64]
 R = TypeVar("R", bound="Run")
@@ -55,8 +56,8 @@ class Run:
         self.error = record.error
         """What ended the run early, for instance an `EvaluationError` raised from what a function raised; None for a
         run that ended otherwise, and in a stored result. `raise run.error` shows where."""
-        self.counters = dict(record.counters)
-        self.options = dict(record.options)
+        self.counters: dict[str, int] = deprecated.RenamedKeys(record.counters, deprecated.COUNTERS)
+        self.options: dict[str, Any] = deprecated.RenamedKeys(record.options, deprecated.OPTIONS)
         self.summary = dict(record.summary)
         """What the compiled model says of itself: bodies, joints, sizes, removed rows."""
 
@@ -104,8 +105,8 @@ class Run:
 
     @property
     def status(self) -> str:
-        """How the run ended, in a word: "finished", "broken" (at its end, with a result that does not hold), ..."""
-        return self._record.status
+        """How the run ended, in a word: "finished", "invalid" (it reached its end, but its result is wrong), ..."""
+        return deprecated.Verdict(self._record.status)
 
     @property
     def message(self) -> str:
@@ -113,11 +114,11 @@ class Run:
         return self._record.message
 
     def _warn(self, findings: Sequence[Finding]) -> None:
-        """One warning for a result that is doubtful and not known to be broken."""
-        if self._record.success and word_of(findings) == DOUBTFUL and not self._warned:
+        """Warn once of a result that is suspect, unless it is known to be invalid."""
+        if self._record.success and verdict_of(findings) == SUSPECT and not self._warned:
             self._warned = True
             reported = "; ".join(finding.sentence for finding in findings)
-            warnings.warn(f"the result is doubtful: {reported}", DoubtfulResultWarning, stacklevel=4)
+            warnings.warn(f"the result is suspect: {reported}", SuspectResultWarning, stacklevel=4)
 
     @cached_property
     def names(self) -> Names:

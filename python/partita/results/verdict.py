@@ -1,6 +1,6 @@
-"""The verdict on a run: does what it returned hold, is it doubtful, is it broken; what, when and how much.
+"""The verdict on a run: valid, suspect or invalid, with what was found, when and how large.
 
-The core judges; here its findings become words."""
+The core judges; this module puts its findings into words."""
 
 from __future__ import annotations
 
@@ -10,32 +10,40 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import _core
+from .. import _core, deprecated
 from .energy import EnergyResult
 
-HOLDS, DOUBTFUL, BROKEN = "holds", "doubtful", "broken"
+VALID, SUSPECT, INVALID = "valid", "suspect", "invalid"
 
 
 class Finding(NamedTuple):
-    """One thing that stands against a run: is it broken or doubtful by it, when [s], and a sentence."""
+    """One finding against a run: whether it makes the run invalid or merely suspect, when [s], and a sentence."""
 
-    broken: bool
+    invalid: bool
     t: float
     sentence: str
+
+    @property
+    def broken(self) -> bool:
+        """The old name of `invalid`."""
+        deprecated.warn("broken", deprecated.FINDING["broken"])
+        return self.invalid
 
 
 def findings_of(reported: Iterable[Any]) -> list[Finding]:
     """Findings out of plain data."""
-    return [Finding(bool(broken), float("nan") if t is None else float(t), str(words)) for broken, t, words in reported]
+    return [
+        Finding(bool(invalid), float("nan") if t is None else float(t), str(words)) for invalid, t, words in reported
+    ]
 
 
-def word_of(findings: Iterable[Finding]) -> str:
-    """The verdict in a word: that of the worst finding."""
-    worst = HOLDS
+def verdict_of(findings: Iterable[Finding]) -> str:
+    """The verdict, which is that of the worst finding."""
+    worst = VALID
     for finding in findings:
-        if finding.broken:
-            return BROKEN
-        worst = DOUBTFUL
+        if finding.invalid:
+            return INVALID
+        worst = SUSPECT
     return worst
 
 

@@ -104,7 +104,7 @@ def _outcome(case: Case, coordinates: str, program: Program, truth: tuple[Array,
         start = m.assemble(coordinates=coordinates, rates=case.rates or None)
         run = m.simulate(case.span, t_eval=times(case), initial=start, coordinates=coordinates)
         verdict = run.certificate.verdict
-        if not run.success or verdict != "holds":
+        if not run.success or verdict != "valid":
             return refusal(case, said, " ".join([str(run.message), verdict, *map(str, run.certificate.findings)]))
         difference = compare(case, run, program, truth, said)
         if case.error or case.may_refuse:

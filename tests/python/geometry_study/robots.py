@@ -49,7 +49,7 @@ def study() -> bool:
                         run = m.simulate(0.2, initial=start, coordinates=coordinates)
                         if report != reported[-1]:
                             said.append(f"{digits or 'all'} digits: report {report}, model {reported[-1]}")
-                        if run.certificate.verdict != "holds" or not run.success:
+                        if run.certificate.verdict != "valid" or not run.success:
                             said.append(f"{digits or 'all'} digits: {run.certificate.verdict}, {run.message}"[:160])
                     except pt.errors.PartitaError as error:
                         said.append(f"{digits or 'all'} digits: {type(error).__name__}: {error}"[:200])

@@ -103,7 +103,7 @@ def pulse() -> Iterator[Held]:
 
 @no_success(
     "a drive that jerks for a hundredth of a second in a run of 10 s",
-    "broken",
+    "invalid",
     "times as fast as the ends of steps explain",
 )
 def jerk() -> Iterator[Held]:

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from partita.errors import DoubtfulResultWarning, PartitaError
+from partita.errors import PartitaError, SuspectResultWarning
 from partita.results import Result
 
-RIGHT, REFUSED, NO_SUCCESS, DOUBTFUL = "right", "refused", "not success", "doubtful"
+RIGHT, REFUSED, NO_SUCCESS, SUSPECT = "right", "refused", "not success", "suspect"
 WRONG = "success and wrong"
 UNHELD = "success, held against nothing"
 """What must never come out."""
@@ -76,7 +76,7 @@ def done(run: Result) -> Result:
     findings = "; ".join(finding.sentence for finding in run.certificate.findings)
     if not run.success:
         raise Ended(run.status, f"{run.message} {findings}")
-    if run.certificate.verdict == "doubtful":
+    if run.certificate.verdict == "suspect":
         raise Doubted(run.status, findings)
     return run
 
@@ -88,7 +88,7 @@ def outcome(case: Case) -> Outcome:
     try:
         with warnings.catch_warnings():
             # what is doubtful is asked for by `done`
-            warnings.simplefilter("ignore", DoubtfulResultWarning)
+            warnings.simplefilter("ignore", SuspectResultWarning)
             for one in case.ask():
                 held.append(one)
     except PartitaError as caught:
@@ -96,7 +96,7 @@ def outcome(case: Case) -> Outcome:
     except Ended as caught:
         kind, error, words = NO_SUCCESS, *caught.args
     except Doubted as caught:
-        kind, error, words = DOUBTFUL, *caught.args
+        kind, error, words = SUSPECT, *caught.args
     wrong = [f"{one.what} is off by {one.off:.2e}, more than {one.within:.0e}" for one in held if not one.right]
     if wrong:
         return Outcome(WRONG, "; ".join(wrong))
@@ -120,6 +120,6 @@ def no_success(title: str, status: str, words: str) -> Callable[[Ask], Case]:
     return lambda ask: Case(ask.__name__, title, NO_SUCCESS, words, ask, status)
 
 
-def doubtful(title: str, words: str) -> Callable[[Ask], Case]:
+def suspect(title: str, words: str) -> Callable[[Ask], Case]:
     """A case whose answer is right as far as it goes, and warned of with these words."""
-    return lambda ask: Case(ask.__name__, title, DOUBTFUL, words, ask, "finished")
+    return lambda ask: Case(ask.__name__, title, SUSPECT, words, ask, "finished")

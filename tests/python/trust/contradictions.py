@@ -16,7 +16,7 @@ from scipy.integrate import solve_ivp
 import partita as pt
 from partita.errors import AssemblyError, ContradictionError, DescriptionError
 
-from .case import Case, Held, done, doubtful, no_success, refused, right
+from .case import Case, Held, done, no_success, refused, right, suspect
 
 
 def driven(**rates: float) -> pt.Mechanism:
@@ -196,7 +196,7 @@ def nearly_alike() -> Iterator[Held]:
     done(run)
 
 
-@doubtful("the same, the second drive off by 1e-8 t^2", "the closing of the drive of D is off by")
+@suspect("the same, the second drive off by 1e-8 t^2", "the closing of the drive of D is off by")
 def hardly_off() -> Iterator[Held]:
     run = two_hinges(lambda t: 2.0 * t + 1e-8 * t**2).simulate(0.8)
     yield Held("A", run.joint("A").position[:, 0], 2.0 * run.t, 1e-7)

@@ -41,7 +41,7 @@ def jump_in_loop() -> Iterator[Held]:
 
 @no_success(
     "a drive whose rate jumps by 1 rad/s: the blow is no motion with finite forces",
-    "broken",
+    "invalid",
     "the energy balance is off",
 )
 def kink() -> Iterator[Held]:

@@ -14,7 +14,7 @@ from drawings import EVERY, G, four_bar, pendulum, swing
 
 import partita as pt
 
-from .case import Case, Held, done, doubtful, no_success, right
+from .case import Case, Held, done, no_success, right, suspect
 from .contradictions import rocker
 from .in_the_plane import double_known
 
@@ -192,7 +192,7 @@ def overdamped() -> Iterator[Held]:
 
 
 @right("a hundred carts on springs", "closed form: standing waves")
-def hundred_freedoms() -> Iterator[Held]:
+def hundred_dof() -> Iterator[Held]:
     n = 100
     m = pt.Mechanism("carts", gravity=(0, 0, 0))
     for i in range(n):
@@ -286,7 +286,7 @@ def moved_as_meant(off: float) -> Iterator[Held]:
     """Within the drawing tolerance it moves as the linkage that was meant, open by no more than it is off."""
     run = done(crooked(off).simulate(1.0))
     yield Held("opens by the misalignment", run.closure.max() < 3.0 * off, True, 0.0)
-    yield Held("misfit told", 0.0 < run.certificate.misfit < 3.0 * off, True, 0.0)
+    yield Held("geometric error reported", 0.0 < run.certificate.geometric_error < 3.0 * off, True, 0.0)
     gap = run.joint("D").position[:, 0] - rocker(run.joint("A").position[:, 0])
     yield Held("rocker", gap - 2 * np.pi * np.round(gap / (2 * np.pi)), 0.0, 3.0 * off)
 
@@ -322,13 +322,13 @@ def fixed_steps() -> Iterator[Held]:
     yield Held("angle", run.q[:, 0] + 1.5, swing(run.t, 1.5), 1e-6)
 
 
-@doubtful("fixed steps of 0.3 s, far too long", "the energy balance is off by")
+@suspect("fixed steps of 0.3 s, far too long", "the energy balance is off by")
 def long_steps() -> Iterator[Held]:
     done(pendulum(drawn=1.5).simulate(10.0, step=0.3, method="rk4"))
     yield from ()
 
 
-@no_success("fixed steps of 1 s, longer than half a swing", "broken", "the energy balance is off by")
+@no_success("fixed steps of 1 s, longer than half a swing", "invalid", "the energy balance is off by")
 def absurd_steps() -> Iterator[Held]:
     done(pendulum(drawn=1.5).simulate(10.0, step=1.0, method="rk4"))
     yield from ()

@@ -285,7 +285,7 @@ def choices() -> Iterator[Held]:
     t = np.linspace(0, 2, 21)
     first = done(m.simulate(2.0, initial=start, t_eval=t, rtol=1e-11, atol=1e-13)).joint("A").position[:, 0]
     ways = [{"selection": x} for x in ("greedy", "individual", "determinant", "normalised-determinant")]
-    ways += [{"selection": "complete-pivoting"}, {"selection": "persistence", "window": 0.3}, {"exchange": 1.0}]
+    ways += [{"selection": "complete-pivoting"}, {"selection": "persistence", "window": 0.3}, {"switch_threshold": 1.0}]
     ways += [{"method": x} for x in ("dopri5", "tsit5")] + [{"correction": "mass-orthogonal"}, {"max_step": 1e-2}]
     ways += [{"weights": {"D": 10.0}}, {"independent": ["A"]}]
     for way in ways:

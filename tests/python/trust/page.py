@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from inspect import cleandoc
 from types import ModuleType
 
-from .case import DOUBTFUL, NO_SUCCESS, REFUSED, RIGHT, Case
+from .case import NO_SUCCESS, REFUSED, RIGHT, SUSPECT, Case
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ def tables(found: Iterable[Class]) -> str:
     """Headings, sentences and a table each, after a count of all."""
     found = tuple(found)
     kinds = Counter(case.kind for c in found for case in c.cases)
-    counts = ", ".join(f"{kinds[kind]} {kind}" for kind in (RIGHT, REFUSED, NO_SUCCESS, DOUBTFUL))
+    counts = ", ".join(f"{kinds[kind]} {kind}" for kind in (RIGHT, REFUSED, NO_SUCCESS, SUSPECT))
     lines = [f"{sum(kinds.values())} cases: {counts}."]
     for c in found:
         lines += [

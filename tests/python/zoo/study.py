@@ -9,7 +9,7 @@ from oracle.drawing import Array
 
 import partita as pt
 from partita.catalogue import zoo
-from partita.errors import DoubtfulResultWarning, PartitaError
+from partita.errors import PartitaError, SuspectResultWarning
 from partita.results import Result
 
 from .judging import Judged, judge
@@ -33,7 +33,7 @@ def long_run(name: str, rtol: float | None = None) -> Judged:
     options = {} if rtol is None else {"rtol": rtol, "atol": 1e-2 * rtol}
     title = name if rtol is None else f"{name}, rtol {rtol:.0e}"
     with warnings.catch_warnings(record=True) as heard:
-        warnings.simplefilter("always", DoubtfulResultWarning)
+        warnings.simplefilter("always", SuspectResultWarning)
         try:
             result = entry.simulate(t_eval=np.linspace(0.0, entry.duration, OUTPUTS), **options)
             found = judge(name, result)
@@ -60,7 +60,7 @@ def both_coordinates(name: str) -> Judged:
         return run, np.stack([run.body(name).position for name in run.names.bodies], axis=1)
 
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DoubtfulResultWarning)
+        warnings.simplefilter("ignore", SuspectResultWarning)
         try:
             run, here = path(start, entry.duration)
             _, beside = path(nudged(m, start), entry.duration)

@@ -6,7 +6,7 @@ use super::States;
 use crate::error::AnalysisError;
 use crate::instant::Levels;
 use partita_model::model::ModelScratch;
-use partita_model::observe::{Freedom, JointState, TurnCounter};
+use partita_model::observe::{DegreeOfFreedom, JointState, TurnCounter};
 use partita_model::{Model, Part};
 use partita_system::prelude::*;
 use partita_system::SystemError;
@@ -58,7 +58,7 @@ pub fn joints<E: Send>(model: &Model, states: &States, which: &[usize], watch: W
     let part = part_of(model, which, |j| model.part_of_joint(j));
     let size = |j: usize| {
         let shape = &model.placed.joints[j].shape;
-        (shape.motions.iter().map(partita_model::joint::Motion::coordinates).sum::<usize>(), shape.freedoms())
+        (shape.motions.iter().map(partita_model::joint::Motion::coordinates).sum::<usize>(), shape.dof())
     };
     let (nq, nv) = which.iter().map(|&j| size(j)).fold((0, 0), |sum, x| (sum.0 + x.0, sum.1 + x.1));
     let row = |i: usize, s: &mut ModelScratch, rows: &mut super::Rows| {
@@ -105,9 +105,9 @@ pub fn joint_accelerations<E: Send + From<AnalysisError>>(
     watch: Watch<E>,
 ) -> Result<Vec<Vec<f64>>, E> {
     let part = part_of(model, which, |j| model.part_of_joint(j));
-    let freedoms = model.freedoms_of(which).map_err(AnalysisError::from)?;
+    let dof = model.degrees_of_freedom_of(which).map_err(AnalysisError::from)?;
     let nv = model.size().nv;
-    let row = |i: usize, (s, own): &mut (ModelScratch, Vec<Freedom>), rows: &mut super::Rows| {
+    let row = |i: usize, (s, own): &mut (ModelScratch, Vec<DegreeOfFreedom>), rows: &mut super::Rows| {
         let (_, q, v) = states.at(model, i);
         model.look_at(&part, q, v, s);
         for (to, freedom) in rows.row(0, i).iter_mut().zip(own) {
@@ -115,8 +115,8 @@ pub fn joint_accelerations<E: Send + From<AnalysisError>>(
         }
         Ok(())
     };
-    let room = || (model.scratch(), freedoms.clone());
-    tables(states.len(), &[freedoms.len()], 1, room, row, watch)
+    let room = || (model.scratch(), dof.clone());
+    tables(states.len(), &[dof.len()], 1, room, row, watch)
 }
 
 /// Kinetic and potential energy. Functions of the user that have a potential are asked once an output.

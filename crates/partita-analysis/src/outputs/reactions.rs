@@ -52,7 +52,7 @@ pub fn reaction<E: Send + From<SystemError> + From<AnalysisError>>(
     j: usize,
     watch: Watch<E>,
 ) -> Result<Vec<Vec<f64>>, E> {
-    let freedoms = model.placed.joints[j].shape.freedoms();
+    let dof = model.placed.joints[j].shape.dof();
     with_rule_for_loads(model, reference(model, states, forces), |rule| {
         let part = if rule.is_some() { model.whole().clone() } else { model.part_of_reaction(j) };
         let row = |i: usize, (s, room): &mut (ModelScratch, Option<Room>), rows: &mut Rows| {
@@ -74,7 +74,7 @@ pub fn reaction<E: Send + From<SystemError> + From<AnalysisError>>(
             rows.row(3, i).copy_from_slice(model.joint_frame(j, s).0.as_flattened());
             Ok(())
         };
-        tables(states.len(), &[3, 3, freedoms, JOINT_AXES], chunk_of(model), rooms(model, rule), row, watch)
+        tables(states.len(), &[3, 3, dof, JOINT_AXES], chunk_of(model), rooms(model, rule), row, watch)
     })
 }
 
@@ -90,7 +90,7 @@ pub fn reactions<E: Send + From<SystemError> + From<AnalysisError>>(
     watch: Watch<E>,
 ) -> Result<Vec<Vec<f64>>, E> {
     let (whole, nj) = (model.whole(), model.placed.joints.len());
-    let freedoms: usize = model.placed.joints.iter().map(|p| p.shape.freedoms()).sum();
+    let dof: usize = model.placed.joints.iter().map(|p| p.shape.dof()).sum();
     with_rule_for_loads(model, reference(model, states, forces), |rule| {
         let row = |i: usize, (s, room): &mut (ModelScratch, Option<Room>), rows: &mut Rows| {
             let ((t, q, v), (vdot, lambda)) = (states.at(model, i), forces.at(model, i));
@@ -120,7 +120,7 @@ pub fn reactions<E: Send + From<SystemError> + From<AnalysisError>>(
             Ok(())
         };
         let conditions = model.size().rows - model.closing_rows;
-        let widths = [3 * nj, 3 * nj, freedoms, JOINT_AXES * nj, 1, model.placed.bodies.len(), conditions];
+        let widths = [3 * nj, 3 * nj, dof, JOINT_AXES * nj, 1, model.placed.bodies.len(), conditions];
         tables(states.len(), &widths, chunk_of(model), rooms(model, rule), row, watch)
     })
 }

@@ -1,7 +1,7 @@
 //! Balances that a motion is held against: of energy over its outputs, of forces and moments at every body.
 
 use super::verdict::Finding;
-use crate::{doubtful, poses};
+use crate::{plausibility, poses};
 use partita_math::tolerance;
 use partita_model::spec::Spec;
 use partita_model::Model;
@@ -27,7 +27,7 @@ const POTENTIAL_ROUNDING: f64 = 1e-12;
 const ENERGY_TAKEN: f64 = 5e-2;
 /// Energy errors that break a run; with loose tolerances, ten times what these explain. Scale: fraction of the energy
 /// exchanged. Reason: a hundredth is no longer an error of rounding or of steps.
-const ENERGY_BROKEN: f64 = 1e-2;
+const ENERGY_INVALID: f64 = 1e-2;
 /// Outputs at which the end of a run looks at energies: enough to see what was exchanged and what is off, and so few that
 /// they cost nothing beside the run.
 const LOOKS: usize = 16;
@@ -88,9 +88,9 @@ impl Balance for Model {
 
     fn cause(&self, error: &SystemError) -> Option<String> {
         match error {
-            SystemError::Mass { .. } => doubtful::weightless(self),
+            SystemError::Mass { .. } => plausibility::weightless(self),
             // a motion that is named needs no more than the rod that spins
-            SystemError::Unfelt { .. } => doubtful::spins_unfelt(self, &doubtful::idle(self)),
+            SystemError::Unfelt { .. } => plausibility::spins_unfelt(self, &plausibility::idle(self)),
             _ => None,
         }
     }
@@ -149,18 +149,18 @@ pub struct Asked {
 pub fn of_reactions(residuals: impl Iterator<Item = (f64, f64)>, asked: Asked) -> Option<Finding> {
     let known = residuals.filter(|x| x.1.is_finite());
     let (t, worst) = known.map(|(t, x)| (t, x.abs())).fold((0.0, -1.0), |m, x| if x.1 > m.1 { x } else { m });
-    let (mut doubtful, mut broken) = (tolerance::WORST_ROUNDING, NO_BALANCE);
+    let (mut suspect, mut invalid) = (tolerance::WORST_ROUNDING, NO_BALANCE);
     if asked.drifts {
         let (times, least, most) = (tolerance::DRIFT, tolerance::OPEN, tolerance::OPEN_RATE);
-        doubtful = (times * asked.tolerance).clamp(least, most);
-        broken = broken.max(10.0 * doubtful);
+        suspect = (times * asked.tolerance).clamp(least, most);
+        invalid = invalid.max(10.0 * suspect);
     }
-    (worst > doubtful).then(|| Finding {
-        broken: worst > broken.max(10.0 * doubtful),
+    (worst > suspect).then(|| Finding {
+        invalid: worst > invalid.max(10.0 * suspect),
         t,
         sentence: format!(
             "Newton-Euler with the returned reactions is off by {worst:.1e} of the largest force at t = {} s; up to \
-             {doubtful:.0e} holds",
+             {suspect:.0e} holds",
             six_digits(t)
         ),
     })
@@ -202,7 +202,7 @@ pub fn of_energy(at: &[Energy], asked: Asked, steps: u64, least: f64) -> Option<
     let tolerance = asked.tolerance;
     let explained = ((ENERGY_MARGIN + steps as f64) * tolerance).clamp(ENERGY_FLOOR, ENERGY_TAKEN);
     (worst > explained).then(|| Finding {
-        broken: worst > ENERGY_BROKEN.max(10.0 * explained),
+        invalid: worst > ENERGY_INVALID.max(10.0 * explained),
         t,
         sentence: format!(
             "the energy balance is off by {worst:.1e} of the energy exchanged at t = {} s; the tolerance explains \

@@ -39,7 +39,7 @@ pub struct Request {
     /// Removal of the remainder of S3, by name.
     pub correction: String,
     /// Gain that an exchange must exceed.
-    pub exchange: f64,
+    pub switch_threshold: f64,
     /// Accepted steps at the most.
     pub max_steps: u64,
     /// Velocities to be kept independent, by name.
@@ -104,7 +104,7 @@ impl Request {
             step: None,
             max_step: None,
             correction: "partition".into(),
-            exchange: 1.25,
+            switch_threshold: 1.25,
             max_steps: 10_000_000,
             independent: None,
             selection: "collective".into(),
@@ -180,7 +180,7 @@ impl Request {
         };
         Ok(FormulationOptions {
             correction,
-            exchange: self.exchange,
+            switch_threshold: self.switch_threshold,
             independent,
             weights,
             selection,

@@ -232,7 +232,7 @@ impl<'s, S: Balance<Scratch: Send>> Stepping<'s, S> {
         let mut findings = Vec::new(); // which takes memory where there are some
         self.limits.judge(&*self.system, &self.formulation.gaps(), "the end of the step", &mut findings);
         self.limits.judge_checks(&*self.system, &self.formulation.checks(), &mut findings);
-        match findings.into_iter().find(|x| x.broken) {
+        match findings.into_iter().find(|x| x.invalid) {
             None => Ok(()),
             Some(found) => {
                 let message = format!(

@@ -16,7 +16,7 @@ const LENIENT_EACH: u64 = 20;
 
 /// Accelerations off by more break a run. Scale: fraction of the strongest acceleration. Reason: ten times what tables
 /// through exact points explain.
-const BROKEN_ACCELERATION: f64 = 1e-1;
+const INVALID_ACCELERATION: f64 = 1e-1;
 /// Jumps of velocities that are doubtful, and those that break a run. Scale: fraction of the speed. Reason: what is
 /// open of (S4) changes velocities by less than a tolerance, next to a singular position over the distance; beyond the
 /// second the motion goes on along another branch or has lost a hundredth of its energy.
@@ -33,7 +33,7 @@ const BRANCH_BY_ERROR: f64 = 0.1;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Finding {
     /// Does it break the run, or is it merely doubtful?
-    pub broken: bool,
+    pub invalid: bool,
     /// When (s).
     pub t: f64,
     /// What and how much, in a sentence.
@@ -73,7 +73,7 @@ impl Limits {
             position: (position, (10.0 * explained).max(tolerance::OPEN)),
             velocity: (velocity, (10.0 * explained).max(tolerance::OPEN_RATE)),
             acceleration: (request.formulation != "baumgarte")
-                .then_some((tolerance::OPEN_ACCELERATION, BROKEN_ACCELERATION)),
+                .then_some((tolerance::OPEN_ACCELERATION, INVALID_ACCELERATION)),
             jump: (JUMPS.0.max((times * tolerance).min(most)), JUMPS.1),
             asked: Asked { tolerance, drifts },
             atol: request.atol,
@@ -83,10 +83,10 @@ impl Limits {
     /// What was seen at the steps and outputs of a run says; `outputs` beside the ends of steps.
     pub fn judge_checks<S: ConstrainedSystem>(&self, system: &S, checks: &StepChecks, found: &mut Vec<Finding>) {
         self.judge(system, &checks.outputs, "the output", found);
-        let mut look = |gap: Gap, (doubtful, broken): (f64, f64), sentence: &dyn Fn(f64) -> String| {
-            if gap.part > doubtful || gap.part.is_nan() {
-                let broken = gap.part > broken || gap.part.is_nan();
-                found.push(Finding { broken, t: gap.t, sentence: sentence(six_digits(gap.t)) });
+        let mut look = |gap: Gap, (suspect, invalid): (f64, f64), sentence: &dyn Fn(f64) -> String| {
+            if gap.part > suspect || gap.part.is_nan() {
+                let invalid = gap.part > invalid || gap.part.is_nan();
+                found.push(Finding { invalid, t: gap.t, sentence: sentence(six_digits(gap.t)) });
             }
         };
         if let Some(limits) = self.acceleration {
@@ -123,14 +123,14 @@ impl Limits {
 
     /// What these gaps say of `what` (steps, outputs).
     pub fn judge<S: ConstrainedSystem>(&self, system: &S, gaps: &Gaps, what: &str, found: &mut Vec<Finding>) {
-        let mut look = |gap: Gap, (doubtful, broken): (f64, f64), kind: &str, of: &str| {
-            if gap.part > doubtful || gap.part.is_nan() {
+        let mut look = |gap: Gap, (suspect, invalid): (f64, f64), kind: &str, of: &str| {
+            if gap.part > suspect || gap.part.is_nan() {
                 let row = system.row_description(gap.row);
                 found.push(Finding {
-                    broken: gap.part > broken || gap.part.is_nan(),
+                    invalid: gap.part > invalid || gap.part.is_nan(),
                     t: gap.t,
                     sentence: format!(
-                        "{kind} of {row} is off by {:.1e} of {of} at {what} t = {} s; up to {doubtful:.0e} holds",
+                        "{kind} of {row} is off by {:.1e} of {of} at {what} t = {} s; up to {suspect:.0e} holds",
                         gap.part,
                         six_digits(gap.t)
                     ),
@@ -147,7 +147,7 @@ fn of_numbers(outputs: &[Output], found: &mut Vec<Finding>) {
     let spoilt = outputs.iter().find(|x| !x.q.iter().chain(&x.v).all(|x| x.is_finite()));
     if let Some(Output { t, .. }) = spoilt {
         let sentence = format!("the motion is not finite from t = {} s on", six_digits(*t));
-        found.push(Finding { broken: true, t: *t, sentence });
+        found.push(Finding { invalid: true, t: *t, sentence });
     }
 }
 
@@ -174,9 +174,9 @@ pub(super) fn conclude<S: Balance, F: Formulation + ?Sized>(
     let mut scratch = system.scratch();
     found.extend(of_ends(system, formulation, log, &mut scratch));
     found.extend(of_energies(system, log, outcome.counters.steps, &mut scratch));
-    if let Some(broken) = found.iter().find(|x| x.broken) {
-        outcome.status = Status::Broken;
-        outcome.message = format!("{}, but the result is broken: {}", outcome.message, broken.sentence);
+    if let Some(invalid) = found.iter().find(|x| x.invalid) {
+        outcome.status = Status::Invalid;
+        outcome.message = format!("{}, but the result is invalid: {}", outcome.message, invalid.sentence);
     }
 }
 
@@ -211,7 +211,7 @@ fn of_ends<S: Balance, F: Formulation + ?Sized>(
             Ok(()) => {
                 let t = six_digits(x.t);
                 let sentence = format!("accelerations and efforts are not finite at the output t = {t} s");
-                return Some(Finding { broken: true, t: x.t, sentence });
+                return Some(Finding { invalid: true, t: x.t, sentence });
             }
             Err(_) => continue, // a failure there is reported by the output that asks for it
         }
@@ -242,7 +242,7 @@ pub fn of_steps(outcome: &Outcome, found: &mut Vec<Finding>) {
     let explained = LENIENT_EACH * crossings.max(1);
     if lenient > explained {
         found.push(Finding {
-            broken: false,
+            invalid: false,
             t: outcome.t,
             sentence: format!(
                 "{lenient} of {} steps were accepted with an error beyond the tolerance, {crossings} singular positions \
@@ -264,7 +264,7 @@ mod tests {
     fn asked(correction: &str, rtol: f64) -> Request {
         let text = format!(
             "{{\"t_end\": 1.0, \"rtol\": {rtol:e}, \"atol\": 1e-10, \"method\": \"dop853\", \"formulation\": \"projective\", \
-             \"correction\": \"{correction}\", \"exchange\": 1.25, \"max_steps\": 100, \"selection\": \"collective\", \
+             \"correction\": \"{correction}\", \"switch_threshold\": 1.25, \"max_steps\": 100, \"selection\": \"collective\", \
              \"renew\": 0.5}}"
         );
         serde_json::from_str(&text).unwrap()
@@ -276,24 +276,24 @@ mod tests {
         let mut found = Vec::new();
         let gaps = Gaps { position: gap(position), velocity: gap(velocity) };
         Limits::of(request).judge(&m, &gaps, "the output", &mut found);
-        match (found.iter().any(|f| f.broken), found.is_empty()) {
-            (true, _) => "broken",
-            (false, true) => "holds",
-            (false, false) => "doubtful",
+        match (found.iter().any(|f| f.invalid), found.is_empty()) {
+            (true, _) => "invalid",
+            (false, true) => "valid",
+            (false, false) => "suspect",
         }
     }
 
     #[test]
     fn closed_conditions_from_both_sides() {
         let r = asked("partition", 1e-4); // what is closed does not depend on the tolerance
-        assert_eq!(word(&r, 0.9e-9, 0.9e-7), "holds");
-        assert_eq!(word(&r, 1.1e-9, 0.0), "doubtful");
-        assert_eq!(word(&r, 0.0, 1.1e-7), "doubtful");
-        assert_eq!(word(&r, 0.9e-6, 0.9e-3), "doubtful");
-        assert_eq!(word(&r, 1.1e-6, 0.0), "broken");
-        assert_eq!(word(&r, 0.0, 1.1e-3), "broken");
-        assert_eq!(word(&r, f64::INFINITY, 0.0), "broken");
-        assert_eq!(word(&r, f64::NAN, 0.0), "broken");
+        assert_eq!(word(&r, 0.9e-9, 0.9e-7), "valid");
+        assert_eq!(word(&r, 1.1e-9, 0.0), "suspect");
+        assert_eq!(word(&r, 0.0, 1.1e-7), "suspect");
+        assert_eq!(word(&r, 0.9e-6, 0.9e-3), "suspect");
+        assert_eq!(word(&r, 1.1e-6, 0.0), "invalid");
+        assert_eq!(word(&r, 0.0, 1.1e-3), "invalid");
+        assert_eq!(word(&r, f64::INFINITY, 0.0), "invalid");
+        assert_eq!(word(&r, f64::NAN, 0.0), "invalid");
     }
 
     /// Twenty steps beyond the tolerance are one crossing, sixty-one are more than three.
@@ -307,10 +307,10 @@ mod tests {
             of_steps(&outcome, &mut found);
             found
         };
-        for (lenient, crossings, doubtful) in [(0, 0, 0), (20, 0, 0), (21, 0, 1), (21, 1, 1), (60, 3, 0), (61, 3, 1)] {
+        for (lenient, crossings, suspect) in [(0, 0, 0), (20, 0, 0), (21, 0, 1), (21, 1, 1), (60, 3, 0), (61, 3, 1)] {
             let found = found(lenient, crossings);
-            assert_eq!(found.len(), doubtful, "{lenient} {crossings}");
-            assert!(found.iter().all(|f| !f.broken && f.t == 1.0 && f.sentence.starts_with(&lenient.to_string())));
+            assert_eq!(found.len(), suspect, "{lenient} {crossings}");
+            assert!(found.iter().all(|f| !f.invalid && f.t == 1.0 && f.sentence.starts_with(&lenient.to_string())));
         }
     }
 
@@ -322,7 +322,7 @@ mod tests {
         let words = |request: &Request, checks: StepChecks| {
             let mut found = Vec::new();
             Limits::of(request).judge_checks(&m, &checks, &mut found);
-            (found.len(), found.iter().any(|f| f.broken))
+            (found.len(), found.iter().any(|f| f.invalid))
         };
         let none = StepChecks::default();
         let (tight, loose) = (asked("partition", 1e-8), asked("partition", 1e-3));
@@ -353,8 +353,8 @@ mod tests {
     #[test]
     fn drift_that_was_asked_for_from_both_sides() {
         let r = asked("none", 1e-8);
-        assert_eq!(word(&r, 0.9e-4, 0.9e-4), "holds");
-        assert_eq!(word(&r, 1.1e-4, 0.0), "doubtful");
-        assert_eq!(word(&r, 1.1e-3, 0.0), "broken");
+        assert_eq!(word(&r, 0.9e-4, 0.9e-4), "valid");
+        assert_eq!(word(&r, 1.1e-4, 0.0), "suspect");
+        assert_eq!(word(&r, 1.1e-3, 0.0), "invalid");
     }
 }

@@ -3,8 +3,8 @@
 //! Outward, the compliance Ω of each link: its acceleration for a wrench on it. A joint or cluster sees that of the link it
 //! hangs on through its gain, and adds its own. Needs what [`Tree::accelerate`] has left behind.
 
+use super::dof;
 use super::few::solve;
-use super::freedoms;
 use super::plan::{Duty, FewPlan, Plan, RangePlan, NONE};
 use super::sweep::{add_force_at, add_times, dot, flat_length, shift_motion};
 use crate::memory::ClusterScratch;
@@ -108,7 +108,7 @@ impl<G: Space> Tree<G> {
     ) {
         let d = G::DIM;
         let link = &self.links[i];
-        let f = freedoms(&link.motion);
+        let f = dof(&link.motion);
         let arm = self.arm_from_parent_flat(i, s);
         let mut omega = [G::S::zero(); 36];
         if link.parent != 0 {
@@ -184,7 +184,7 @@ impl<G: Space> Tree<G> {
         for (n, &(i, _)) in f.links.iter().enumerate() {
             let i = i as usize;
             let link = &self.links[i];
-            for v in link.v..link.v + freedoms(&link.motion) {
+            for v in link.v..link.v + dof(&link.motion) {
                 let row = &dt[v * stride..v * stride + k];
                 diagonal[v] = (0..k).fold(o, |sum, j| sum + row[j] * dot(&inverse[j * k..(j + 1) * k], row));
             }
@@ -236,7 +236,7 @@ impl<G: Space> Tree<G> {
             .iter()
             .flat_map(|&i| {
                 let l = &self.links[i as usize];
-                l.v..l.v + freedoms(&l.motion)
+                l.v..l.v + dof(&l.motion)
             })
             .collect();
         let omega = room.compliance[p.base * d * d..(p.base + 1) * d * d].to_vec();
@@ -322,7 +322,7 @@ impl<G: Space> Tree<G> {
                 let own = &x.row_force[e.force as usize * d..][..d];
                 add_times(&mut room.force[i * d..(i + 1) * d], own, -left);
             }
-            for j in (0..freedoms(&link.motion)).rev() {
+            for j in (0..dof(&link.motion)).rev() {
                 let v = link.v + j;
                 let effort = if matches!(*unit, Unit::Effort(w) if w == v) { one } else { o };
                 let force = &mut room.force[i * d..(i + 1) * d];
@@ -372,7 +372,7 @@ impl<G: Space> Tree<G> {
             } else {
                 shift_motion::<G>(&arm, &room.motion[link.parent * d..(link.parent + 1) * d], &mut own[..d]);
             }
-            for j in 0..freedoms(&link.motion) {
+            for j in 0..dof(&link.motion) {
                 let v = link.v + j;
                 let mut left = room.left[v] - dot(&x.push[v * d..(v + 1) * d], &own[..d]);
                 for (a, row) in here.carried.clone().zip(&plan.carried[here.carried.start as usize..]) {

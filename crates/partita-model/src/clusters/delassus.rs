@@ -4,7 +4,7 @@
 //! eliminated: nothing further in acts on it any more. Rows that are complete at the same link go in the order of least
 //! degree. Any order is safe: the matrix is symmetric and positive definite for rows that are independent.
 
-use super::freedoms;
+use super::dof;
 use super::plan::{Carried, Plan, NONE};
 use crate::tree::Tree;
 use partita_math::elimination::Pattern;
@@ -60,7 +60,7 @@ pub(super) fn plan<G: Space>(plan: &mut Plan, tree: &Tree<G>, pattern: &Pattern,
     plan.rows = kept.iter().map(|&r| r as u32).collect();
     let mut link_of = vec![0usize; tree.nv];
     for (i, l) in tree.links.iter().enumerate().skip(1) {
-        link_of[l.v..l.v + freedoms(&l.motion)].fill(i);
+        link_of[l.v..l.v + dof(&l.motion)].fill(i);
     }
     // entries of each row by link; the links it passes on its way inward
     let mut passes: Vec<Vec<(u32, [u32; 3])>> = vec![Vec::new(); n];

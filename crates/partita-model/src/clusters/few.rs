@@ -1,6 +1,6 @@
 //! A cluster with few degrees of freedom, as one joint: its links move by `S_c = S D_cᵀ`.                       (48)
 
-use super::freedoms;
+use super::dof;
 use super::plan::{FewPlan, Plan, NONE};
 use super::sweep::{add_force_at, add_inertia_at, dot, flat_length, shift_motion, Given};
 use crate::memory::{ClusterScratch, FewScratch};
@@ -91,7 +91,7 @@ impl<G: Space> Tree<G> {
                 }
             }
             let link = &self.links[i];
-            for v in link.v..link.v + freedoms(&link.motion) {
+            for v in link.v..link.v + dof(&link.motion) {
                 for j in 0..k {
                     own[j] += given.tangents.dt[v * stride + j] * given.effort[v];
                 }
@@ -164,7 +164,7 @@ impl<G: Space> Tree<G> {
                     let from = (f.partial + parent as usize * k + j) * d;
                     shift_motion::<G>(&arm, &before[from..from + d], mine);
                 }
-                for v in link.v..link.v + freedoms(&link.motion) {
+                for v in link.v..link.v + dof(&link.motion) {
                     let rate = given.tangents.dt[v * stride + j];
                     for (m, a) in mine.iter_mut().zip(&x.axis[v * d..(v + 1) * d]) {
                         *m += *a * rate;
@@ -206,7 +206,7 @@ impl<G: Space> Tree<G> {
                 }
             }
             let link = &self.links[i];
-            for v in link.v..link.v + freedoms(&link.motion) {
+            for v in link.v..link.v + dof(&link.motion) {
                 vdot[v] = given.tangents.delta[v] + dot(&given.tangents.dt[v * stride..v * stride + k], own);
             }
             self.multipliers_of(plan, i, x);

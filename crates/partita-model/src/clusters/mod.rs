@@ -30,7 +30,7 @@ use partita_math::spatial::Space;
 use partita_system::clusters::Clusters;
 
 /// Own velocities of a link.
-pub(crate) fn freedoms<G: Space>(motion: &LinkMotion<G>) -> usize {
+pub(crate) fn dof<G: Space>(motion: &LinkMotion<G>) -> usize {
     match motion {
         LinkMotion::Ball => 3,
         _ => 1,

@@ -1,7 +1,7 @@
 //! Which way each cluster takes, and everything about it that does not change while the same rows are kept.
 
 use super::delassus::{self, Elimination};
-use super::freedoms;
+use super::dof;
 use crate::tree::Tree;
 use partita_math::elimination::Pattern;
 use partita_math::spatial::Space;
@@ -248,7 +248,7 @@ impl Plan {
             }
             local.push((i as u32, place.map_or(NONE, |p| p as u32)));
             self.links[i].duty = Duty::Other;
-            let own = freedoms(&tree.links[i].motion);
+            let own = dof(&tree.links[i].motion);
             velocities += own;
             self.starts_from_bias[tree.links[i].v..tree.links[i].v + own].fill(true);
         }

@@ -1,7 +1,7 @@
 //! The recursion itself: inward over the links, outward again. Straight-line given a plan; written over any number
 //! type.
 
-use super::freedoms;
+use super::dof;
 use super::plan::{Duty, Plan, NONE};
 use crate::memory::ClusterScratch;
 use crate::tree::{LinkMotion, Tree, TreeScratch};
@@ -210,7 +210,7 @@ impl<G: Space> Tree<G> {
             let arm = self.arm_from_parent_flat(i, s);
             let (before, rest) = x.motion.split_at_mut(i * d);
             shift_motion::<G>(&arm, &before[p * d..(p + 1) * d], rest);
-            for v in link.v..link.v + freedoms(&link.motion) {
+            for v in link.v..link.v + dof(&link.motion) {
                 let (w, u) =
                     self.propagate(i, s, G::Ang::default(), G::Vec::default(), |j| if j == v { one } else { o });
                 let axis = &mut x.axis[v * d..(v + 1) * d];
@@ -298,7 +298,7 @@ impl<G: Space> Tree<G> {
         let (link, here) = (&self.links[i], &plan.links[i]);
         let first = here.carried.start as usize;
         let carried = &plan.carried[first..here.carried.end as usize];
-        for j in (0..freedoms(&link.motion)).rev() {
+        for j in (0..dof(&link.motion)).rev() {
             let v = link.v + j;
             let (inertia, force) = (&mut x.inertia[i * d * d..(i + 1) * d * d], &mut x.force[i * d..(i + 1) * d]);
             let axis = &x.axis[v * d..(v + 1) * d];
@@ -363,7 +363,7 @@ impl<G: Space> Tree<G> {
         let (before, rest) = x.motion.split_at_mut(i * d);
         let own = &mut rest[..d];
         shift_motion::<G>(&arm, &before[link.parent * d..(link.parent + 1) * d], own);
-        for j in 0..freedoms(&link.motion) {
+        for j in 0..dof(&link.motion) {
             let v = link.v + j;
             let mut left = x.left[v] - dot(&x.push[v * d..(v + 1) * d], own);
             for (a, row) in carried.iter().enumerate() {

@@ -29,7 +29,7 @@ impl<G: Space> CutSight<G> {
             return Ok(Vec::new());
         }
         let turns = p.shape.motions.contains(&Motion::Ball);
-        let plain = p.shape.freedoms() - if turns { 3 } else { 0 };
+        let plain = p.shape.dof() - if turns { 3 } else { 0 };
         let mut found = Vec::with_capacity(plain + usize::from(turns));
         for i in 0..plain {
             found.push(Self::Coordinate(measurements.joint(joint, i, "force", joint)?));

@@ -127,7 +127,7 @@ impl Shape {
             }
     }
     /// Velocities it allows.
-    pub fn freedoms(&self) -> usize {
+    pub fn dof(&self) -> usize {
         self.motions.iter().map(Motion::velocities).sum()
     }
     /// The motion that velocity `i` belongs to.

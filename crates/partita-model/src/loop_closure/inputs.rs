@@ -87,7 +87,7 @@ fn implicit_count(model: &Model, graph: &Graph, laws: &[TreeLaw], inputs: &[usiz
 
 /// The choice of the projective criterion, then exchanges as long as they leave less to implicit blocks: for mechanisms
 /// with too many sets to look at them all.
-fn by_exchange(at: &Instant, t: f64, q: &[f64], k: usize, graph: &Graph, mut budget: usize) -> Option<Vec<usize>> {
+fn by_switches(at: &Instant, t: f64, q: &[f64], k: usize, graph: &Graph, mut budget: usize) -> Option<Vec<usize>> {
     let model = &*at.model;
     let mut r = Reduction::dense(model, model.size().nv - k);
     start::choose_partition(&mut r, t, q, None, None).ok()?;
@@ -143,7 +143,7 @@ pub(super) fn choose<'m>(at: &Instant<'m>, t: f64, q: &[f64]) -> Result<LoopClos
         ranked.len() < budget
     });
     if !complete {
-        if let Some(inputs) = by_exchange(at, t, q, k, &graph, budget) {
+        if let Some(inputs) = by_switches(at, t, q, k, &graph, budget) {
             ranked.insert(0, (implicit_count(model, &graph, &laws, &inputs), inputs));
         }
     }

@@ -8,7 +8,7 @@
 
 use super::graph::{Graph, Kind};
 use super::laws::{SolvedLaw, TreeLaw};
-use super::polygon::{Freedom, Polygon, Unknown};
+use super::polygon::{Pair, Polygon, Unknown};
 use partita_math::tolerance;
 use std::collections::VecDeque;
 
@@ -86,7 +86,7 @@ impl<'g> Order<'g> {
             }
             let pair = if self.planar || given.get(e + 1) != Some(&false) { None } else { pair_of(g, e) };
             let joint = match pair {
-                Some(freedom) => Unknown { ends: (edge.from, g.edges[e + 1].to), edges: vec![e, e + 1], freedom },
+                Some(pair) => Unknown { ends: (edge.from, g.edges[e + 1].to), edges: vec![e, e + 1], pair },
                 None => single(g, e, ball_inputs[e]),
             };
             e += joint.edges.len();
@@ -203,7 +203,7 @@ impl<'g> Order<'g> {
     }
 
     fn is_elementary(&self, j: usize) -> bool {
-        matches!(self.joints[j].freedom, Freedom::Turn | Freedom::Slide)
+        matches!(self.joints[j].pair, Pair::Turn | Pair::Slide)
     }
 
     fn triangle_with(&mut self, j: usize) -> Option<Polygon> {
@@ -268,7 +268,7 @@ impl<'g> Order<'g> {
 
     /// Is there a closed form for this triangle?
     fn recognised(&mut self, three: [usize; 3]) -> Option<Polygon> {
-        let slides = three.iter().filter(|&&j| self.joints[j].freedom == Freedom::Slide).count();
+        let slides = three.iter().filter(|&&j| self.joints[j].pair == Pair::Slide).count();
         if three.iter().all(|&j| self.is_elementary(j)) {
             let mut found = self.polygon(&three);
             return (slides < 3 && self.fits_a_plane(&mut found)).then_some(found);
@@ -277,11 +277,11 @@ impl<'g> Order<'g> {
         let elementary = *three.iter().find(|&&j| self.is_elementary(j))?;
         let centres: Vec<usize> = three.iter().copied().filter(|&j| j != elementary).collect();
         let [a, b] = centres[..] else { return None };
-        let (a, b) = if matches!(self.joints[a].freedom, Freedom::Ball { .. }) { (a, b) } else { (b, a) };
-        let closed_form = match (self.joints[a].freedom, self.joints[b].freedom) {
+        let (a, b) = if matches!(self.joints[a].pair, Pair::Ball { .. }) { (a, b) } else { (b, a) };
+        let closed_form = match (self.joints[a].pair, self.joints[b].pair) {
             // the spin of the link about the line of its centres is an input of one of the balls
-            (Freedom::Ball { inputs: i }, Freedom::Ball { inputs: j }) => i.count_ones() + j.count_ones() == 1,
-            (Freedom::Ball { inputs }, Freedom::Universal | Freedom::Cylindrical) => inputs == 0,
+            (Pair::Ball { inputs: i }, Pair::Ball { inputs: j }) => i.count_ones() + j.count_ones() == 1,
+            (Pair::Ball { inputs }, Pair::Universal | Pair::Cylindrical) => inputs == 0,
             _ => false,
         };
         if !closed_form {
@@ -289,8 +289,8 @@ impl<'g> Order<'g> {
         }
         let found = self.polygon(&[elementary, a, b]);
         // the distance from an axis is of the first order in cosine and sine for turns about a parallel one only
-        let first_order = self.joints[b].freedom != Freedom::Cylindrical
-            || self.joints[elementary].freedom == Freedom::Slide
+        let first_order = self.joints[b].pair != Pair::Cylindrical
+            || self.joints[elementary].pair == Pair::Slide
             || self.keeps_parallel(&found);
         first_order.then_some(found)
     }
@@ -299,26 +299,26 @@ impl<'g> Order<'g> {
 /// Edge e as a joint of its own, with these inputs among the velocities of a ball.
 fn single(g: &Graph, e: usize, inputs: u8) -> Unknown {
     let edge = &g.edges[e];
-    let freedom = match edge.kind {
-        Kind::Slide => Freedom::Slide,
-        Kind::Ball => Freedom::Ball { inputs },
-        _ => Freedom::Turn,
+    let pair = match edge.kind {
+        Kind::Slide => Pair::Slide,
+        Kind::Ball => Pair::Ball { inputs },
+        _ => Pair::Turn,
     };
-    Unknown { ends: (edge.from, edge.to), edges: vec![e], freedom }
+    Unknown { ends: (edge.from, edge.to), edges: vec![e], pair }
 }
 
 /// Are edge e and the next one a universal or a cylindrical joint, with nothing else on the part between them?
-fn pair_of(g: &Graph, e: usize) -> Option<Freedom> {
+fn pair_of(g: &Graph, e: usize) -> Option<Pair> {
     let (a, b) = (&g.edges[e], g.edges.get(e + 1)?);
     let joined = a.joint.is_some() && a.joint == b.joint && b.from == a.to && a.in_tree() == b.in_tree();
-    let freedom = match (a.kind, b.kind) {
-        (Kind::Turn, Kind::Turn) => Freedom::Universal,
+    let pair = match (a.kind, b.kind) {
+        (Kind::Turn, Kind::Turn) => Pair::Universal,
         // between two motions of one joint there is no constant turn: the axes can be compared
         (Kind::Slide, Kind::Turn) | (Kind::Turn, Kind::Slide) if a.axis.cross(b.axis).norm() < tolerance::PARALLEL => {
-            Freedom::Cylindrical
+            Pair::Cylindrical
         }
         _ => return None,
     };
     let alone = || g.edges.iter().filter(|x| x.from == a.to || x.to == a.to).count() == 2;
-    (joined && alone()).then_some(freedom)
+    (joined && alone()).then_some(pair)
 }

@@ -7,7 +7,7 @@ use super::implicit::{Implicit, Room};
 use super::instant::Instant;
 use super::laws::{SolvedLaw, TreeLaw};
 use super::order::{Next, Order};
-use super::polygon::{Freedom, Polygon};
+use super::polygon::{Pair, Polygon};
 use super::{planar, LoopClosing, Step, Work};
 use crate::evaluator::DriveRow;
 use crate::joint;
@@ -247,13 +247,13 @@ impl<'m> LoopClosing<'m> {
     fn push_polygon(&mut self, p: Polygon) -> bool {
         let edges: Vec<usize> = p.joints.iter().flat_map(|j| j.edges.iter().map(|e| e.0)).collect();
         let words = self.words(&p);
-        let elementary = p.joints.iter().all(|j| matches!(j.freedom, Freedom::Turn | Freedom::Slide));
+        let elementary = p.joints.iter().all(|j| matches!(j.pair, Pair::Turn | Pair::Slide));
         let (work, signs) = if elementary {
             let joints = planar_joints(&p, &self.graph);
             let signs = usize::from(planar::has_branch(&joints));
             (Work::Plane(p, joints), signs)
         } else {
-            let universal = p.joints[2].freedom == Freedom::Universal;
+            let universal = p.joints[2].pair == Pair::Universal;
             (Work::Space(p), 1 + usize::from(universal))
         };
         self.push(work, words, edges.clone(), signs);
@@ -304,17 +304,17 @@ impl<'m> LoopClosing<'m> {
 
     /// Kind and joints of a polygon in the words of the field.
     fn words(&self, p: &Polygon) -> String {
-        let letter = |f: Freedom| match f {
-            Freedom::Turn => 'R',
-            Freedom::Slide => 'P',
-            Freedom::Ball { .. } => 'S',
-            Freedom::Universal => 'U',
-            Freedom::Cylindrical => 'C',
+        let letter = |f: Pair| match f {
+            Pair::Turn => 'R',
+            Pair::Slide => 'P',
+            Pair::Ball { .. } => 'S',
+            Pair::Universal => 'U',
+            Pair::Cylindrical => 'C',
         };
         let n = p.joints.len();
         // from the frame around to the frame
         let mut order: Vec<usize> = (1..=n).map(|i| (p.frame + i) % n).collect();
-        let spelled = |order: &[usize]| order.iter().map(|&i| letter(p.joints[i].freedom)).collect::<String>();
+        let spelled = |order: &[usize]| order.iter().map(|&i| letter(p.joints[i].pair)).collect::<String>();
         let backward: Vec<usize> = order.iter().rev().copied().collect();
         // RRP and RPP rather than PRR and PPR
         if spelled(&backward) > spelled(&order) {
@@ -332,7 +332,7 @@ impl<'m> LoopClosing<'m> {
         };
         let names: Vec<String> = order.iter().map(|&i| name(i)).collect();
         let kind = match n {
-            3 if p.joints.iter().all(|j| matches!(j.freedom, Freedom::Turn | Freedom::Slide)) => "dyad",
+            3 if p.joints.iter().all(|j| matches!(j.pair, Pair::Turn | Pair::Slide)) => "dyad",
             3 => "loop",
             2 => "pair",
             _ => "joint",

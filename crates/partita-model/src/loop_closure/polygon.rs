@@ -9,7 +9,7 @@ use partita_math::tolerance;
 
 /// What an unknown joint lets free.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Freedom {
+pub(super) enum Pair {
     Turn,
     Slide,
     /// With those of its velocities that are inputs, one bit each.
@@ -27,7 +27,7 @@ pub(super) enum Freedom {
 pub(super) struct Unknown {
     pub ends: (usize, usize),
     pub edges: Vec<usize>,
-    pub freedom: Freedom,
+    pub pair: Pair,
 }
 
 /// A joint as the walk around a polygon crosses it.
@@ -35,7 +35,7 @@ pub(super) struct Unknown {
 pub(super) struct Crossed {
     /// Edges and their senses, in the order of the walk.
     pub edges: Vec<(usize, bool)>,
-    pub freedom: Freedom,
+    pub pair: Pair,
 }
 
 /// Joints and the sides between them: side i leads from joint i to joint i + 1.
@@ -71,7 +71,7 @@ impl Order<'_> {
                 if !forward {
                     edges.reverse();
                 }
-                Crossed { edges, freedom: u.freedom }
+                Crossed { edges, pair: u.pair }
             })
             .collect();
         let sides = (0..n)

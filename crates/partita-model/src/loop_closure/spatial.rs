@@ -21,7 +21,7 @@
 use super::arm::{crossing, lift, Pose};
 use super::graph::{Graph, Kind};
 use super::planar::Fit;
-use super::polygon::{Freedom, Polygon};
+use super::polygon::{Pair, Polygon};
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Mat3, Vec3};
 
@@ -104,7 +104,7 @@ pub(super) fn solve<S: Scalar>(g: &Graph, p: &Polygon, signs: [i8; 2], pose: &Po
     let (c, b, sense) = if forward { (rest.apply(d1), b, 1.0) } else { (d1, rest.apply(b), -1.0) };
     let axis = lift::<S>(edge.axis);
     let first = f64::from(signs[0]);
-    let (value, pivot, fit) = if p.joints[2].freedom == Freedom::Cylindrical {
+    let (value, pivot, fit) = if p.joints[2].pair == Pair::Cylindrical {
         // all seen along the axis of B
         let (before, behind) = axes_of(g, p.joints[2].edges[0], p.joints[2].edges[1]);
         let u = r3.apply_transposed(lift(behind));
@@ -139,13 +139,13 @@ pub(super) fn solve<S: Scalar>(g: &Graph, p: &Polygon, signs: [i8; 2], pose: &Po
     let centre_b = r_ef.apply_transposed(-r3.apply_transposed(d3)) + shift;
     let w = centre_b - d1;
     let r_b = r_ef.transpose().mul(&r3.transpose());
-    match p.joints[2].freedom {
-        Freedom::Universal => {
+    match p.joints[2].pair {
+        Pair::Universal => {
             let cross = universal(g, p, (w, d2), (&r_b, &r2), f64::from(signs[1]), &mut found);
             let r_z = r_b.mul(&cross.transpose()).mul(&r2.transpose());
             found.ball(g, p.joints[1].edges[0], &r1.transpose().mul(&r_z));
         }
-        Freedom::Cylindrical => {
+        Pair::Cylindrical => {
             let cross = cylindrical(g, p, (w, d2), (&r_b, &r2), &mut found);
             let r_z = r_b.mul(&cross.transpose()).mul(&r2.transpose());
             found.ball(g, p.joints[1].edges[0], &r1.transpose().mul(&r_z));
@@ -153,8 +153,8 @@ pub(super) fn solve<S: Scalar>(g: &Graph, p: &Polygon, signs: [i8; 2], pose: &Po
         _ => {
             let (a, a_forward) = p.joints[1].edges[0];
             let (b, b_forward) = p.joints[2].edges[0];
-            let spin = |joint: usize| match p.joints[joint].freedom {
-                Freedom::Ball { inputs } if inputs != 0 => Some(inputs.trailing_zeros() as usize),
+            let spin = |joint: usize| match p.joints[joint].pair {
+                Pair::Ball { inputs } if inputs != 0 => Some(inputs.trailing_zeros() as usize),
                 _ => None,
             };
             let old = if spin(1).is_some() {

@@ -92,7 +92,7 @@ fn any_motion(
     }
     let message = format!(
         "joint \"{joint}\" has {} coordinates, number {coordinate} was asked for (the first is 0)",
-        p.shape.freedoms()
+        p.shape.dof()
     );
     Err(DescriptionError::new(element, name, message))
 }

@@ -20,7 +20,7 @@ use partita_system::system::{Clustered, Conditions, Guards, Levels, Manifold, Me
 use partita_system::{Finite, Size, SystemError};
 
 /// Up to so many degrees of freedom one small M_d costs less than any recursion, and existing bases share its way.
-const FEW_FREEDOMS: usize = 6;
+const FEW_DOF: usize = 6;
 
 fn by<'a>(t: &ClusterTangent<'a>) -> Tangents<'a, f64> {
     Tangents { dt: t.dt, delta: t.delta, c: t.c, b: t.b }
@@ -204,7 +204,7 @@ impl Clustered for Model {
     fn plan_recursion(&self, kept: &[usize], s: &mut ModelScratch) -> Option<Recursion> {
         let k = self.placed.nv.saturating_sub(kept.len());
         let counted = self.preference == Preference::Counted;
-        if self.preference == Preference::Dense || counted && k <= FEW_FREEDOMS {
+        if self.preference == Preference::Dense || counted && k <= FEW_DOF {
             return None;
         }
         let plan = self.recursion(kept);
@@ -400,8 +400,8 @@ impl Names for Model {
 
 impl Conditions for Model {
     fn finite(&self) -> Option<Finite> {
-        let Geometry { freedoms, instantaneous, weak, hidden, .. } = *self.geometry;
-        freedoms.map(|freedoms| Finite { freedoms, instantaneous, weak, hidden })
+        let Geometry { dof, instantaneous, weak, hidden, .. } = *self.geometry;
+        dof.map(|dof| Finite { dof, instantaneous, weak, hidden })
     }
     fn row_is_drive(&self, i: usize) -> bool {
         matches!(self.row_names[i].owner, Owner::Drive(_))

@@ -142,7 +142,7 @@ impl<S: Scalar> Evaluator<S> {
     /// Free axes of a joint now (turns, slides), mechanism axes, in the order of its velocities.
     fn free_axes(&self, j: usize, s: &Scratch<S>) -> Vec<(bool, Vec3<S>)> {
         let p = &self.placed.joints[j];
-        let mut axes = Vec::with_capacity(p.shape.freedoms());
+        let mut axes = Vec::with_capacity(p.shape.dof());
         match &p.links {
             Some(links) => {
                 for (m, &link) in p.shape.motions.iter().zip(links) {
@@ -377,7 +377,7 @@ impl<S: Scalar> Evaluator<S> {
 
     /// Efforts of the drives along the velocities of joint `j`.
     pub fn drive_of(&self, j: usize, lambda: &[S]) -> Vec<S> {
-        let mut efforts = vec![S::zero(); self.placed.joints[j].shape.freedoms()];
+        let mut efforts = vec![S::zero(); self.placed.joints[j].shape.dof()];
         for d in &self.drives {
             match d.joint {
                 Some((joint, coordinate)) if joint == j => efforts[coordinate] = lambda[d.row],
@@ -448,7 +448,7 @@ impl<S: Scalar> Evaluator<S> {
         s: &mut Scratch<S>,
     ) -> Result<Reactions<S>, SystemError> {
         let Known { joints, needed, efforts, own, largest } = self.known(whole, t, q, v, vdot, lambda, s)?;
-        let mut drives: Vec<Vec<S>> = self.placed.joints.iter().map(|p| vec![S::zero(); p.shape.freedoms()]).collect();
+        let mut drives: Vec<Vec<S>> = self.placed.joints.iter().map(|p| vec![S::zero(); p.shape.dof()]).collect();
         for d in &self.drives {
             if let Some((joint, coordinate)) = d.joint {
                 drives[joint][coordinate] = lambda[d.row];

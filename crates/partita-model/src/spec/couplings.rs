@@ -133,7 +133,7 @@ impl Coupling {
     pub fn fault(&self) -> Option<String> {
         match self {
             Self::Linear { said: Some(said), terms, factors, offset, .. } => {
-                said.fault(*offset).or_else(|| said.misfit(terms, factors))
+                said.fault(*offset).or_else(|| said.does_not_fit(terms, factors))
             }
             Self::Roll { radius, .. } if *radius <= 0.0 => {
                 Some(format!("radius = {radius} m: a wheel has a positive radius"))
@@ -194,7 +194,7 @@ impl Said {
     }
 
     /// Factors and terms that these numbers do not make.
-    fn misfit(self, terms: &[Measure], factors: &[f64]) -> Option<String> {
+    fn does_not_fit(self, terms: &[Measure], factors: &[f64]) -> Option<String> {
         let made = match self {
             Self::Ratio(x) | Self::Radius(x) => self.factor(&[x]),
             Self::Radii { radius1, radius2, .. } => self.factor(&[radius1, radius2]),

@@ -83,7 +83,7 @@ impl<'s, S: ConstrainedSystem> Projective<'s, S> {
     /// For a system of the given rank (see [`crate::start::analyse`]).
     pub fn new(system: impl Into<SystemRef<'s, S>>, rank: usize, options: &FormulationOptions) -> Self {
         let system = system.into();
-        let name = if options.exchange.is_finite() { "projective" } else { "fixed" };
+        let name = if options.switch_threshold.is_finite() { "projective" } else { "fixed" };
         let positions = All::new(system.size(), options.correction);
         Self::with(name, Chosen::new(system, rank, options), positions)
     }
@@ -265,7 +265,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
                 }
             }
             self.evaluate(t, step.y)?;
-            if let Some(e) = self.positions.broken(&mut self.tangent, t) {
+            if let Some(e) = self.positions.failure(&mut self.tangent, t) {
                 return Err(e);
             }
             match serving {

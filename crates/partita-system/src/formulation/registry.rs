@@ -49,7 +49,7 @@ pub fn by_name<'s, S: ConstrainedSystem<Scratch: Send> + 's>(
     Ok(match name {
         "projective" => Box::new(Projective::new(system, rank, o)),
         "fixed" => {
-            let never = FormulationOptions { exchange: f64::INFINITY, ..o.clone() };
+            let never = FormulationOptions { switch_threshold: f64::INFINITY, ..o.clone() };
             Box::new(Projective::new(system, rank, &never))
         }
         "wehage-haug" => Box::new(WehageHaug::new(system, rank, o)?),
@@ -83,21 +83,21 @@ pub fn by_name<'s, S: ConstrainedSystem<Scratch: Send> + 's>(
 /// What differs from [`FormulationOptions::default`] counts as set.
 pub fn unread(name: &str, options: &FormulationOptions) -> Vec<&'static str> {
     let read: &[&str] = match name {
-        "projective" => &["correction", "exchange", "independent", "weights", "selection", "window"],
+        "projective" => &["correction", "switch_threshold", "independent", "weights", "selection", "window"],
         "fixed" => &["correction", "independent", "weights", "selection", "window"],
-        "wehage-haug" => &["exchange", "independent", "weights", "selection", "window"],
-        "explicit-closing" => &["exchange", "independent"],
+        "wehage-haug" => &["switch_threshold", "independent", "weights", "selection", "window"],
+        "explicit-closing" => &["switch_threshold", "independent"],
         "zero-eigenvalue" | "svd" | "qr" | "liang-lance" | "gram-schmidt" => &["correction", "renew"],
         "tangent-space" => &["renew"],
         "user-tangent" => &["correction", "tangent"],
-        "multipliers" | "sparse-multipliers" | "range-space" | "proximal" => &["correction", "exchange"],
-        "baumgarte" => &["baumgarte", "exchange"],
+        "multipliers" | "sparse-multipliers" | "range-space" | "proximal" => &["correction", "switch_threshold"],
+        "baumgarte" => &["baumgarte", "switch_threshold"],
         _ => &[],
     };
     let (o, usual) = (options, FormulationOptions::default());
     let set = [
         ("correction", o.correction != usual.correction),
-        ("exchange", o.exchange != usual.exchange),
+        ("switch_threshold", o.switch_threshold != usual.switch_threshold),
         ("independent", o.independent.is_some()),
         ("weights", o.weights.is_some()),
         ("selection", o.selection != usual.selection),

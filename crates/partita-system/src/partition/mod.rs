@@ -4,12 +4,12 @@
 pub mod complete_pivoting;
 pub mod criterion;
 pub mod determinant;
-pub mod exchange;
 pub mod geometry;
 pub mod individual;
 pub mod normalised_determinant;
 pub mod persistence;
 pub mod split;
+pub mod switch;
 pub mod volume;
 
 /// Rules that choose the independent coordinates.

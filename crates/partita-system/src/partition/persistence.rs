@@ -56,17 +56,17 @@ pub struct Proposal {
 /// The memory of one run.
 pub struct Persistence {
     window: f64,
-    exchange: f64,
+    switch_threshold: f64,
     independent: Vec<usize>,
     generation: u64,
     instants: VecDeque<Instant>,
 }
 
 impl Persistence {
-    /// Remembers `window` seconds. `exchange` is the threshold for exchanges until the window has filled, and how much
+    /// Remembers `window` seconds. `switch_threshold` is the threshold for exchanges until the window has filled, and how much
     /// worse a choice may be right now; infinite: nothing is ever exchanged.
-    pub fn new(window: f64, exchange: f64, independent: &[usize]) -> Self {
-        Self { window, exchange, independent: independent.to_vec(), generation: 0, instants: VecDeque::new() }
+    pub fn new(window: f64, switch_threshold: f64, independent: &[usize]) -> Self {
+        Self { window, switch_threshold, independent: independent.to_vec(), generation: 0, instants: VecDeque::new() }
     }
 
     /// Remember `rows`, Dᵀ of the present choice in natural units, and `base`, the ln of its volume, at the end of a
@@ -103,7 +103,7 @@ impl Persistence {
     /// The choice was exchanged for `next` at `t`, where `rows` and `base` were those of the one before.
     ///
     /// Cost: everything remembered is judged anew, k³/3 + n k² each.
-    pub fn exchanged(&mut self, t: f64, rows: Vec<f64>, base: f64, next: &[usize]) {
+    pub fn switched(&mut self, t: f64, rows: Vec<f64>, base: f64, next: &[usize]) {
         if self.instants.back().is_none_or(|last| last.t < t) {
             self.push(t, rows.clone(), base);
         }
@@ -130,18 +130,18 @@ impl Persistence {
         let (enters, leaves) = largest?;
         let gain = rows[enters * k + leaves].abs();
         let full = self.instants.front().is_some_and(|first| first.t <= t - self.window);
-        let limit = if full { PERSISTENCE_GUARD.max(self.exchange) } else { self.exchange };
+        let limit = if full { PERSISTENCE_GUARD.max(self.switch_threshold) } else { self.switch_threshold };
         if gain > limit {
             let why = if full { "the present choice goes bad" } else { "the window has not filled yet" };
             let reason = format!("the volume of the choice grows by {gain:.3}, and {why}");
             return Some(Proposal { enters, leaves, reason });
         }
-        if !full || !self.exchange.is_finite() {
+        if !full || !self.switch_threshold.is_finite() {
             return None;
         }
         let (own, least) = self.least(n * k);
         let better = pairs()
-            .filter(|(i, j)| rows[i * k + j].abs() > 1.0 / self.exchange)
+            .filter(|(i, j)| rows[i * k + j].abs() > 1.0 / self.switch_threshold)
             .filter(|(i, j)| least[i * k + j] > own + PERSISTENCE_GAIN.ln())
             .fold(None, |best: Option<(usize, usize)>, (i, j)| match best {
                 Some((a, b)) if least[i * k + j] <= least[a * k + b] + tolerance::TIE => best,

@@ -55,7 +55,7 @@ pub fn signed_log(block: &mut [f64], k: usize) -> (f64, f64) {
 pub fn largest(rows: &[f64], bias: &[f64], first: &[usize]) -> Largest {
     let (n, k) = (bias.len(), first.len());
     if partitions(n, k) > LARGEST_ENUMERATION {
-        return Largest { independent: by_exchanges(rows, bias, first), exact: false };
+        return Largest { independent: by_switches(rows, bias, first), exact: false };
     }
     let mut which: Vec<usize> = (0..k).collect();
     let mut best = (f64::NEG_INFINITY, which.clone());
@@ -80,7 +80,7 @@ fn partitions(n: usize, k: usize) -> usize {
 }
 
 /// The partition that no single exchange improves, from `first` on.
-fn by_exchanges(rows: &[f64], bias: &[f64], first: &[usize]) -> Vec<usize> {
+fn by_switches(rows: &[f64], bias: &[f64], first: &[usize]) -> Vec<usize> {
     let (n, k) = (bias.len(), first.len());
     let mut chosen = first.to_vec();
     let Some(mut x) = relative_to(rows, &chosen) else { return chosen };

@@ -166,7 +166,7 @@ impl Continuity {
     }
 
     /// Would repeating the step once more be in vain?
-    pub(super) fn is_broken(&self) -> bool {
+    pub(super) fn gave_up(&self) -> bool {
         self.in_a_row > Self::MOST
     }
 }

@@ -71,7 +71,7 @@ pub trait Dependent<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> {
     /// Message where two solutions cannot be distinguished.
     fn undecided(&mut self, core: &Core, tangent: &T, t: f64) -> SystemError;
     /// Contribution to the history of a run.
-    fn report(&self, _journal: &mut History) {}
+    fn report(&self, _history: &mut History) {}
 }
 
 /// Independent coordinates, the others by K.
@@ -212,8 +212,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, K: Dependent<'s, S, T>> P
         self.core.continuity.accept();
         self.by.accept(tangent, t, margin);
     }
-    fn broken(&mut self, tangent: &mut T, t: f64) -> Option<SystemError> {
-        self.core.continuity.is_broken().then(|| self.by.undecided(&self.core, tangent, t))
+    fn failure(&mut self, tangent: &mut T, t: f64) -> Option<SystemError> {
+        self.core.continuity.gave_up().then(|| self.by.undecided(&self.core, tangent, t))
     }
     fn wrap(&mut self, tangent: &T, y: &mut [f64], turns: &mut [i32]) -> bool {
         let wrapped = turns::reduce(&*tangent.seen().system, &mut self.core.home, turns);
@@ -230,5 +230,5 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, K: Dependent<'s, S, T>> P
 
 /// The largest gain an exchange of coordinates promises at the last evaluation.         (P6)
 fn best_gain<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>>(tangent: &mut T) -> f64 {
-    tangent.reduction().best_exchange().map_or(0.0, |x| x.gain)
+    tangent.reduction().best_switch().map_or(0.0, |x| x.gain)
 }

@@ -64,13 +64,13 @@ pub trait PositionSteps<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> {
     /// The step that was judged is taken.
     fn accept(&mut self, _tangent: &mut T, _t: f64, _margin: Option<f64>) {}
     /// Has repeating the step been in vain too often? Then this is what to say.
-    fn broken(&mut self, _tangent: &mut T, _t: f64) -> Option<SystemError> {
+    fn failure(&mut self, _tangent: &mut T, _t: f64) -> Option<SystemError> {
         None
     }
     /// Take whole turns off angles that have grown (see [`turns`]) and add them to `turns` (nq); true if y changed.
     fn wrap(&mut self, tangent: &T, y: &mut [f64], turns: &mut [i32]) -> bool;
     /// Contribution to the history of a run.
-    fn report(&self, _journal: &mut History) {}
+    fn report(&self, _history: &mut History) {}
 }
 
 /// Refuse constraints that have no positions, in the words of who needs them.

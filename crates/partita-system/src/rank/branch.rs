@@ -58,7 +58,7 @@ pub struct Branch {
     /// Null directions of C at generic positions of the motion, k_c.
     pub kernel: usize,
     /// Rank of the finite motions there, k_f.
-    pub freedoms: usize,
+    pub dof: usize,
     /// Positions on the paths.
     pub places: Vec<Place>,
 }
@@ -161,15 +161,15 @@ impl<S: ConstrainedSystem> Kernel<'_, S> {
         let Some(kernel) = agreed(&ends.iter().map(|&i| places[i].kernel).collect::<Vec<_>>()) else { return Ok(None) };
         let agrees = |place: &Place| place.kernel.0 <= kernel && kernel <= place.kernel.1;
         places.retain(agrees);
-        let mut freedoms = Freedoms::default();
+        let mut dof = DofCount::default();
         for place in tried(&places) {
-            freedoms.add(self.probed(&place.q, cut)?);
-            if freedoms.clear >= TRIED {
+            dof.add(self.probed(&place.q, cut)?);
+            if dof.clear >= TRIED {
                 break;
             }
         }
-        let freedoms = freedoms.most;
-        Ok((freedoms > 0).then_some(Branch { kernel, freedoms, places }))
+        let dof = dof.most;
+        Ok((dof > 0).then_some(Branch { kernel, dof, places }))
     }
 
     /// How many of the null directions at q are tangents of motions, and whether probes say so clearly.
@@ -185,15 +185,15 @@ impl<S: ConstrainedSystem> Kernel<'_, S> {
                 let Ok(f) = svd(&kept) else { return Ok(None) };
                 let longest = f.s.first().copied().unwrap_or(0.0).max(PROBE_MOVES);
                 let moves = f.s.iter().filter(|s| **s > PROBE_MOVES * longest).count();
-                let freedoms = found.map_or(moves, |before: usize| before.min(moves));
+                let dof = found.map_or(moves, |before: usize| before.min(moves));
                 if is_projection(&kept) || probe == PROBES && self.is_linear(q, cut, (&directions, &kept), length)? {
-                    return Ok(Some((freedoms, true)));
+                    return Ok(Some((dof, true)));
                 }
-                found = Some(freedoms);
+                found = Some(dof);
             }
             length *= 0.5;
         }
-        Ok(found.map(|freedoms| (freedoms, false)))
+        Ok(found.map(|dof| (dof, false)))
     }
 
     /// Are sums of probes kept as the sums of what is kept? So it is on one branch also where weak rows make it no
@@ -254,19 +254,19 @@ fn is_projection(kept: &Matrix) -> bool {
 
 /// Finite motions as positions tell them: those where they are clear alone, of several branches the most.
 #[derive(Default)]
-struct Freedoms {
+struct DofCount {
     most: usize,
     clear: usize,
 }
 
-impl Freedoms {
+impl DofCount {
     fn add(&mut self, probed: Option<(usize, bool)>) {
-        let Some((freedoms, is_clear)) = probed else { return };
+        let Some((dof, is_clear)) = probed else { return };
         self.most = match (is_clear, self.clear) {
-            (false, 0) if self.most > 0 => self.most.min(freedoms),
+            (false, 0) if self.most > 0 => self.most.min(dof),
             (false, 1..) => self.most,
-            (true, 1..) => self.most.max(freedoms),
-            _ => freedoms,
+            (true, 1..) => self.most.max(dof),
+            _ => dof,
         };
         self.clear += usize::from(is_clear);
     }

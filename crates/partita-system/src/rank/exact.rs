@@ -42,16 +42,16 @@ pub fn exact<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], level: f64) ->
     let of_closings = || found.kept.iter().zip(&found.pivots).filter(|x| !drive(*x.0)).map(|x| *x.1);
     let (closings, smallest) = (of_closings().count(), of_closings().fold(1.0, f64::min));
     let all = (0..size.rows).filter(|&i| !drive(i)).count();
-    let freedoms = size.nv - closings;
+    let dof = size.nv - closings;
     if smallest <= level * level {
         return Ok(Exact::Open);
     }
     if closings == all {
-        return Ok(Exact::Regular(freedoms, smallest));
+        return Ok(Exact::Regular(dof, smallest));
     }
     let clear =
         size.rows == size.holonomic && smallest >= tolerance::CLEARLY * tolerance::CLEARLY * found.largest_dropped;
-    Ok(if clear && fits(system, t, q, closings)? { Exact::Redundant(freedoms, smallest) } else { Exact::Open })
+    Ok(if clear && fits(system, t, q, closings)? { Exact::Redundant(dof, smallest) } else { Exact::Open })
 }
 
 /// What the last of so many closings adds at (t, q), squared and in natural sizes: as weak as that the conditions are.

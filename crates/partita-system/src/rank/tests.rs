@@ -67,7 +67,7 @@ fn what_is_locked_at_the_second_order_is_no_freedom_wherever_branches_cross() {
             // nowhere, along two lines, along a circle
             for f in [|_, _| [1.0, 0.0, 0.0], |x, y| [x * y, y, x], |x, y| [x * x + y * y - 1.0, 2.0 * x, 2.0 * y]] {
                 let found = branch(f, home, level);
-                assert_eq!((found.freedoms, found.kernel), (2, 3), "{home:?} at {level:e}");
+                assert_eq!((found.dof, found.kernel), (2, 3), "{home:?} at {level:e}");
             }
         }
     }
@@ -77,7 +77,7 @@ fn what_is_locked_at_the_second_order_is_no_freedom_wherever_branches_cross() {
 fn what_is_not_locked_is_free() {
     for level in [1e-3, 1e-7] {
         let found = branch(|_, _| [0.0; 3], [0.7, 0.4], level);
-        assert_eq!((found.freedoms, found.kernel), (3, 3));
+        assert_eq!((found.dof, found.kernel), (3, 3));
         assert!(found.places.iter().all(|x| x.open == 0.0));
     }
 }

@@ -2,7 +2,7 @@
 
 use super::Reduction;
 use crate::partition::criterion::{self, Quality};
-use crate::partition::exchange;
+use crate::partition::switch;
 use crate::system::{ClusterTangent, ConstrainedSystem, SystemError};
 use partita_math::dense::{self, Matrix};
 use partita_math::elimination::{Pattern, Plan};
@@ -235,9 +235,9 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     }
 
     /// The best exchange of all at the last tangent.                                       (P6)
-    pub fn best_exchange(&mut self) -> Option<exchange::Exchange> {
+    pub fn best_switch(&mut self) -> Option<switch::CoordinateSwitch> {
         let scales = std::mem::take(&mut self.s);
-        let all = self.best_exchanges(&scales, 0.0);
+        let all = self.best_switches(&scales, 0.0);
         self.s = scales;
         all.into_iter().reduce(|a, b| if b.gain > a.gain { b } else { a })
     }
@@ -246,10 +246,10 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     /// (P6)
     ///
     /// Cost: the entries of A; clusters that form no A have its columns solved for here.
-    pub fn best_exchanges(&mut self, scales: &[f64], threshold: f64) -> Vec<exchange::Exchange> {
+    pub fn best_switches(&mut self, scales: &[f64], threshold: f64) -> Vec<switch::CoordinateSwitch> {
         let p = &self.partition;
         if self.recursion.is_none() {
-            let best = exchange::best(&self.a_matrix, scales, &p.dependent, &p.independent);
+            let best = switch::best(&self.a_matrix, scales, &p.dependent, &p.independent);
             return best.into_iter().filter(|x| x.gain > threshold).collect();
         }
         let room = &mut self.room;
@@ -258,7 +258,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         let mut see = |c: usize, enters: usize, leaves: usize, a: f64| {
             let gain = a.abs() * scales[p.independent[leaves]] / scales[p.dependent[enters]];
             if gain > threshold && best[c].is_none_or(|b| gain > b.gain * (1.0 + tolerance::TIE)) {
-                best[c] = Some(exchange::Exchange { enters, leaves, gain });
+                best[c] = Some(switch::CoordinateSwitch { enters, leaves, gain });
             }
         };
         let k = self.columns;
@@ -415,7 +415,7 @@ pub(super) struct Room {
     place: Vec<usize>,
     /// Independent velocities of clusters that form no A: one of each cluster at a time.
     waves: Vec<Vec<usize>>,
-    best: Vec<Option<exchange::Exchange>>,
+    best: Vec<Option<switch::CoordinateSwitch>>,
     columns: Vec<f64>,
     column: Vec<usize>,
     here: Vec<usize>,

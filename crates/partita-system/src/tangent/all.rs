@@ -39,14 +39,14 @@ macro_rules! instant {
 
 /// All velocities of a system, v' and λ by the rule R.
 ///
-/// Of the options it reads `correction`, and `exchange` for the partition that (34) moves; it has no independent
+/// Of the options it reads `correction`, and `switch_threshold` for the partition that (34) moves; it has no independent
 /// coordinates of its own.
 pub struct Everything<'s, S: ConstrainedSystem, R> {
     base: Base<'s, S>,
     rule: R,
     /// How the remainders are removed.
     pub(crate) correction: Correction,
-    exchange: f64,
+    switch_threshold: f64,
     /// The rows the rule is given.
     rows: Vec<usize>,
     /// The choice they were taken from.
@@ -72,7 +72,7 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> Everything<'s, S, R> {
             correction: if rule.corrected() && rank > 0 { options.correction } else { Correction::None },
             mass: vec![0.0; rule.mass_pattern().map_or(size.nv * size.nv, |pattern| pattern.nnz())],
             rule,
-            exchange: options.exchange,
+            switch_threshold: options.switch_threshold,
             rows: Vec::with_capacity(size.rows),
             taken: 0,
             h: vec![0.0; size.nv],
@@ -282,10 +282,10 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> TangentClosing<'s, S> for Ev
             dv.copy_from_slice(&orthogonal_step(r, t, q)?);
             return Ok(true);
         }
-        if r.tangent(t).is_err() || r.best_exchange().is_some_and(|x| x.gain > self.exchange) {
+        if r.tangent(t).is_err() || r.best_switch().is_some_and(|x| x.gain > self.switch_threshold) {
             let (before, v) = (r.partition.independent.clone(), r.v.clone());
             self.choose(t, q)?;
-            self.base.exchanges += 1;
+            self.base.switches += 1;
             self.base.evaluate(t, q, &v)?;
             let reason = "corrections move other coordinates, those in use have become poor";
             self.base.log(t, q, &before, reason.into())?;

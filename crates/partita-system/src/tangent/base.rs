@@ -14,7 +14,7 @@ pub struct Base<'s, S: ConstrainedSystem> {
     /// The levels at the point last evaluated. D, γ, δ, M_d and u' of any tangent stand here.
     pub r: Reduction<'s, S>,
     pub(super) events: Vec<PartitionEvent>,
-    pub(super) exchanges: u64,
+    pub(super) switches: u64,
     /// Of redundant rows, do others serve better?
     pub(super) fading: bool,
     pub(super) steps_since_scales: u32,
@@ -26,7 +26,7 @@ impl<'s, S: ConstrainedSystem> Base<'s, S> {
     pub(super) fn new(r: Reduction<'s, S>) -> Self {
         let n = r.size().nv;
         let (vdot, residual) = (vec![0.0; n], vec![0.0; n]);
-        Self { r, events: Vec::new(), exchanges: 0, fading: false, steps_since_scales: 0, vdot, residual }
+        Self { r, events: Vec::new(), switches: 0, fading: false, steps_since_scales: 0, vdot, residual }
     }
 
     /// Choices so far.
@@ -98,8 +98,8 @@ impl<'s, S: ConstrainedSystem> Base<'s, S> {
 
     /// Choices, rows and counts of a run.
     pub fn report(&self, history: &mut History) {
-        let (factorisations, plans, exchanges) = (self.r.factorisations, self.r.plans, self.exchanges);
-        history.counters = FormulationCounters { factorisations, plans, exchanges, ..FormulationCounters::default() };
+        let (factorisations, plans, switches) = (self.r.factorisations, self.r.plans, self.switches);
+        history.counters = FormulationCounters { factorisations, plans, switches, ..FormulationCounters::default() };
         history.events.clone_from(&self.events);
         history.rows.clone_from(&self.r.partition.rows);
         history.rows.sort_unstable();

@@ -22,12 +22,12 @@ use partita_math::formatted;
 /// part of the cost of so many steps.
 const MOST_PATIENCE: u32 = 1024;
 
-/// The tangent of a closing in use. Of the options it reads `independent` (inputs that stay) and `exchange` (hysteresis
+/// The tangent of a closing in use. Of the options it reads `independent` (inputs that stay) and `switch_threshold` (hysteresis
 /// of a change of inputs).
 pub struct Blocks<'s, S: ConstrainedSystem> {
     base: Base<'s, S>,
     fixed: Option<Vec<usize>>,
-    exchange: f64,
+    switch_threshold: f64,
     /// None before the start.
     closing: Option<Box<dyn Closing + Send + 's>>,
     /// Steps to go before the system is asked for other inputs again, and how many there were after the last answer:
@@ -59,8 +59,8 @@ impl<'s, S: ConstrainedSystem> Blocks<'s, S> {
                 ));
             }
         }
-        let (base, exchange) = (Base::new(Reduction::dense(system, rank)), options.exchange);
-        Ok(Self { base, fixed, exchange, closing: None, patience: 0, waited: 0, asked_at: 0.0, next: None })
+        let (base, switch_threshold) = (Base::new(Reduction::dense(system, rank)), options.switch_threshold);
+        Ok(Self { base, fixed, switch_threshold, closing: None, patience: 0, waited: 0, asked_at: 0.0, next: None })
     }
 
     /// The closing in use.
@@ -181,7 +181,7 @@ impl<'s, S: ConstrainedSystem> Blocks<'s, S> {
         // what looks better by scales of some steps ago need not be; a failure here would be met by the next evaluation
         let better = next.inputs() != self.inputs()
             && self.base.r.refresh_scales(t, q).is_ok()
-            && self.growth(next.inputs()) > self.exchange;
+            && self.growth(next.inputs()) > self.switch_threshold;
         self.next = better.then_some(next);
         better
     }
@@ -217,8 +217,8 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Blocks<'s, S> {
         if self.base.is_rigid_or_free() || self.fixed.is_some() {
             return Verdict::Keep;
         }
-        let gain = self.base.r.best_exchange().map_or(0.0, |x| x.gain);
-        match gain > self.exchange && self.better_inputs(t, q, gain) {
+        let gain = self.base.r.best_switch().map_or(0.0, |x| x.gain);
+        match gain > self.switch_threshold && self.better_inputs(t, q, gain) {
             true => Verdict::Change,
             false => Verdict::Keep,
         }
@@ -237,7 +237,7 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Blocks<'s, S> {
         let (from, to) = (self.base.names(&before), self.base.names(next.inputs()));
         self.adopt(t, q, next)?;
         self.waited = 0;
-        self.base.exchanges += 1;
+        self.base.switches += 1;
         self.base.evaluate(t, q, v)?;
         let reason = format!("{to} in the place of {from} as inputs: the volume of the choice grows by {growth:.3}");
         self.base.log(t, q, &before, reason)?;

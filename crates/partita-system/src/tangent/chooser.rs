@@ -188,7 +188,7 @@ pub struct Change {
 /// Asking costs what the rule costs; a bad choice of the rule stays, with the numbers that it gives.
 pub struct Chooser {
     selection: Selection,
-    exchange: f64,
+    switch_threshold: f64,
     weights: Option<Vec<f64>>,
     window: f64,
     persistence: Option<Persistence>,
@@ -200,11 +200,16 @@ impl Chooser {
     ///
     /// # Errors
     /// As [`check`].
-    pub fn new(selection: Selection, exchange: f64, weights: Option<&[f64]>, window: Option<f64>) -> Result<Self> {
+    pub fn new(
+        selection: Selection,
+        switch_threshold: f64,
+        weights: Option<&[f64]>,
+        window: Option<f64>,
+    ) -> Result<Self> {
         check(selection, weights, window)?;
         let window = window.unwrap_or(0.0);
         let weights = weights.map(<[f64]>::to_vec);
-        Ok(Self { selection, exchange, weights, window, persistence: None, compared_all: true })
+        Ok(Self { selection, switch_threshold, weights, window, persistence: None, compared_all: true })
     }
 
     /// The first choice, at `(t, q)`, and its reason: the rule's own, or `fixed`, the user's.
@@ -228,7 +233,7 @@ impl Chooser {
         }
         self.compared_all = choose_by(r, t, q, self.selection, self.weights.as_deref())?.exact;
         self.persistence = (self.selection == Selection::Persistence)
-            .then(|| Persistence::new(self.window, self.exchange, &r.partition.independent));
+            .then(|| Persistence::new(self.window, self.switch_threshold, &r.partition.independent));
         Ok(match self.selection {
             Selection::Collective => "largest projective measure at the start".into(),
             Selection::Persistence => "collective choice at the start, persistence from here on".into(),
@@ -264,7 +269,7 @@ impl Chooser {
     /// # Errors
     /// As [`ask`].
     pub fn propose<S: ConstrainedSystem>(&mut self, r: &Reduction<S>, t: f64) -> Result<Option<Change>> {
-        if !self.exchange.is_finite() {
+        if !self.switch_threshold.is_finite() {
             return Ok(None);
         }
         let now = &r.partition.independent;
@@ -285,7 +290,7 @@ impl Chooser {
         let gain = gain(r, self.selection, weights, &choice.independent);
         let reason = format!("{} grows by {gain:.3}", measure_name(self.selection));
         // a NaN is no gain
-        Ok((gain > self.exchange).then_some(Change { independent: choice.independent, reason }))
+        Ok((gain > self.switch_threshold).then_some(Change { independent: choice.independent, reason }))
     }
 
     /// Carry out a change at the point last evaluated; leaves the tangent of the new partition.
@@ -296,7 +301,7 @@ impl Chooser {
         let before = self.persistence.is_some().then(|| self.volumes(r));
         adopt(r, t, self.selection, &change.independent)?;
         if let (Some(p), Some((rows, base))) = (&mut self.persistence, before) {
-            p.exchanged(t, rows, base, &change.independent);
+            p.switched(t, rows, base, &change.independent);
         }
         Ok(())
     }

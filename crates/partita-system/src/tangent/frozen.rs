@@ -303,7 +303,7 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Frozen<'s, S> {
             return Verdict::Keep;
         }
         let r = &mut self.base.r;
-        self.base.fading = r.rows_fade() || r.best_exchange().is_some_and(|x| x.gain > FROZEN_GAIN);
+        self.base.fading = r.rows_fade() || r.best_switch().is_some_and(|x| x.gain > FROZEN_GAIN);
         let Renew::Below(least) = self.renew else { return Verdict::Change };
         // a failure here would be met by the next evaluation too, which reports it
         let Ok(now) = self.quality_here(t, q) else { return Verdict::Keep };

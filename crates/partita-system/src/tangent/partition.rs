@@ -9,7 +9,7 @@ use super::{Base, Occasion, TangentChoice, TangentClosing, TangentLevels};
 use crate::error::Result;
 use crate::manifold::orthogonal::orthogonal_step;
 use crate::options::FormulationOptions;
-use crate::partition::exchange::Exchange;
+use crate::partition::switch::CoordinateSwitch;
 use crate::partition::Selection;
 use crate::record::{Correction, History, PartitionEvent, Verdict};
 use crate::reduction::Reduction;
@@ -33,7 +33,7 @@ pub struct Chosen<'s, S: ConstrainedSystem> {
 
 impl<'s, S: ConstrainedSystem> Chosen<'s, S> {
     /// For a system of the given rank (see [`crate::start::analyse`]). Of the options it reads `independent`,
-    /// `exchange`, `weights`, `selection` and `window`.
+    /// `switch_threshold`, `weights`, `selection` and `window`.
     pub fn new(system: impl Into<SystemRef<'s, S>>, rank: usize, options: &FormulationOptions) -> Self {
         let system = system.into();
         Self {
@@ -59,12 +59,18 @@ impl<'s, S: ConstrainedSystem> Chosen<'s, S> {
     }
 
     /// The best exchanges, one a cluster, that gain more than this.
-    fn best_exchanges(&mut self, threshold: f64) -> Vec<Exchange> {
-        self.base.r.best_exchanges(&self.weighted, threshold)
+    fn best_switches(&mut self, threshold: f64) -> Vec<CoordinateSwitch> {
+        self.base.r.best_switches(&self.weighted, threshold)
     }
 
     /// Swap one pair in each of some clusters at the point last evaluated; the position level must be that of `t`.
-    fn exchange(&mut self, t: f64, q: &[f64], pairs: &[Exchange], why: impl Fn(&Exchange) -> String) -> Result<()> {
+    fn switch(
+        &mut self,
+        t: f64,
+        q: &[f64],
+        pairs: &[CoordinateSwitch],
+        why: impl Fn(&CoordinateSwitch) -> String,
+    ) -> Result<()> {
         let before = self.base.r.partition.independent.clone();
         let name = |i: usize| self.base.r.system.velocity_name(i);
         let mut next = before.clone();
@@ -79,7 +85,7 @@ impl<'s, S: ConstrainedSystem> Chosen<'s, S> {
             // the exchange rule and the elimination disagree by round-off near a singular position: stay as we were
             return self.base.r.set_partition(t, &before);
         }
-        self.base.exchanges += pairs.len() as u64;
+        self.base.switches += pairs.len() as u64;
         self.base.r.tangent(t)?;
         self.base.log(t, q, &before, reasons.join("; "))
     }
@@ -93,7 +99,7 @@ impl<'s, S: ConstrainedSystem> Chosen<'s, S> {
             of.iter().filter(|i| !without.contains(i)).map(|&i| self.base.r.system.velocity_name(i)).collect()
         };
         let (enter, leave) = (name(&change.independent, &before), name(&before, &change.independent));
-        self.base.exchanges += enter.len() as u64;
+        self.base.switches += enter.len() as u64;
         let verb = if enter.len() == 1 { "takes" } else { "take" };
         let reason = format!("{} {verb} the place of {}: {}", enter.join(", "), leave.join(", "), change.reason);
         self.base.log(t, q, &before, reason)
@@ -109,11 +115,11 @@ impl<'s, S: ConstrainedSystem> Chosen<'s, S> {
                 self.base.evaluate(t, q, v)?;
                 continue;
             }
-            let pairs = self.best_exchanges(self.options.exchange);
+            let pairs = self.best_switches(self.options.switch_threshold);
             if pairs.is_empty() {
                 break;
             }
-            self.exchange(t, q, &pairs, |x| format!("the volume of the choice grows by {:.3}", x.gain))?;
+            self.switch(t, q, &pairs, |x| format!("the volume of the choice grows by {:.3}", x.gain))?;
         }
         Ok(())
     }
@@ -136,7 +142,7 @@ impl<'s, S: ConstrainedSystem> TangentLevels<'s, S> for Chosen<'s, S> {
 impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Chosen<'s, S> {
     fn start(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<()> {
         let o = &self.options;
-        let mut chooser = Chooser::new(o.selection, o.exchange, o.weights.as_deref(), o.window)?;
+        let mut chooser = Chooser::new(o.selection, o.switch_threshold, o.weights.as_deref(), o.window)?;
         let reason = chooser.start(&mut self.base.r, t, q, o.independent.as_deref())?;
         self.chooser = (o.selection != Selection::Collective).then_some(chooser);
         self.refresh_weighted();
@@ -162,8 +168,8 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Chosen<'s, S> {
                                   // a failure here recurs in `renew`, which reports it
             return if matches!(chooser.propose(r, t), Ok(None)) { Verdict::Keep } else { Verdict::Change };
         }
-        let best = self.best_exchanges(self.options.exchange);
-        let spoilt = best.iter().any(|x| x.gain > HARD_LIMIT) && self.options.exchange.is_finite();
+        let best = self.best_switches(self.options.switch_threshold);
+        let spoilt = best.iter().any(|x| x.gain > HARD_LIMIT) && self.options.switch_threshold.is_finite();
         if spoilt && self.rejects_in_a_row < 3 {
             self.rejects_in_a_row += 1;
             return Verdict::Repeat;
@@ -187,19 +193,19 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Chosen<'s, S> {
         // what looked better by scales of some steps ago need not be
         self.base.r.refresh_scales(t, q)?;
         self.refresh_weighted();
-        let before = self.base.exchanges;
+        let before = self.base.switches;
         if why == Occasion::Decayed {
             self.choose_anew(t, q, v)?;
         } else {
-            let pairs = self.best_exchanges(tolerance::LEAST_EXCHANGE);
+            let pairs = self.best_switches(tolerance::LEAST_SWITCH_GAIN);
             if !pairs.is_empty() {
-                self.exchange(t, q, &pairs, |_| "the old choice went bad inside the step, which is repeated".into())?;
+                self.switch(t, q, &pairs, |_| "the old choice went bad inside the step, which is repeated".into())?;
             }
         }
-        Ok(self.base.exchanges > before)
+        Ok(self.base.switches > before)
     }
     fn blame(&self, t: f64, q: &[f64], e: SystemError) -> SystemError {
-        let stays = self.options.independent.is_some() || !self.options.exchange.is_finite();
+        let stays = self.options.independent.is_some() || !self.options.switch_threshold.is_finite();
         match &self.chooser {
             Some(chooser) => chooser.blame(&self.base.r, t, q, e),
             None if stays => dead_point::blame(&self.base.r, t, q, e),

@@ -17,8 +17,8 @@ const PENDULUM_STEPS: [f64; 4] = [0.004, 0.002, 0.001, 0.0005];
 /// The same for the four-bar, which is stiffer (its crank whips round once).
 const FOUR_BAR_STEPS: [f64; 4] = [0.002, 0.001, 0.0005, 0.00025];
 
-fn options(correction: Correction, exchange: f64) -> FormulationOptions {
-    FormulationOptions { correction, exchange, ..FormulationOptions::default() }
+fn options(correction: Correction, switch_threshold: f64) -> FormulationOptions {
+    FormulationOptions { correction, switch_threshold, ..FormulationOptions::default() }
 }
 
 /// Errors over the steps, and how often the last run exchanged.
@@ -31,14 +31,14 @@ fn errors<E: Equations>(
 ) -> (Vec<f64>, u64) {
     let at = times(0.1 * t_end, 10);
     let exact = run(system, FormulationOptions::default(), start, &at, &reference(t_end));
-    let mut exchanges = 0;
+    let mut switches = 0;
     let errors = steps.iter().map(|&h| {
         let mut f = Projective::new(system, system.size().rows, options);
         let samples = march(&mut f, &start.0, &start.1, &at, &grid(t_end, h));
-        exchanges = f.history().counters.exchanges;
+        switches = f.history().counters.switches;
         distance(&samples, &exact)
     });
-    (errors.collect(), exchanges)
+    (errors.collect(), switches)
 }
 
 #[track_caller]
@@ -57,14 +57,14 @@ fn order_of_a_pendulum() {
     let system = any(Pendulum::RESTING_PIVOT);
     for correction in CORRECTIONS {
         // over the top x and y take turns
-        let (errors, exchanges) = errors(&system, &whirling(), 2.0, &PENDULUM_STEPS, &options(correction, 1.25));
-        assert!(exchanges >= 6, "{exchanges}");
-        assert_order(&PENDULUM_STEPS, &errors, &format!("{correction:?}, {exchanges} exchanges"));
+        let (errors, switches) = errors(&system, &whirling(), 2.0, &PENDULUM_STEPS, &options(correction, 1.25));
+        assert!(switches >= 6, "{switches}");
+        assert_order(&PENDULUM_STEPS, &errors, &format!("{correction:?}, {switches} exchanges"));
         // a swing of 0.64 rad: x alone serves
         let swing = (vec![0.6, -0.8], vec![0.0, 0.0]);
-        let (errors, exchanges) =
+        let (errors, switches) =
             self::errors(&system, &swing, 2.0, &PENDULUM_STEPS, &options(correction, f64::INFINITY));
-        assert_eq!(exchanges, 0);
+        assert_eq!(switches, 0);
         assert_order(&PENDULUM_STEPS, &errors, &format!("{correction:?}, x alone"));
     }
 }
@@ -73,12 +73,12 @@ fn order_of_a_pendulum() {
 fn order_of_a_four_bar() {
     let system = any(FourBar);
     for correction in CORRECTIONS {
-        let (errors, exchanges) = errors(&system, &FourBar::start(), 2.0, &FOUR_BAR_STEPS, &options(correction, 1.25));
-        assert!(exchanges >= 3, "{exchanges}");
-        assert_order(&FOUR_BAR_STEPS, &errors, &format!("{correction:?}, {exchanges} exchanges"));
+        let (errors, switches) = errors(&system, &FourBar::start(), 2.0, &FOUR_BAR_STEPS, &options(correction, 1.25));
+        assert!(switches >= 3, "{switches}");
+        assert_order(&FOUR_BAR_STEPS, &errors, &format!("{correction:?}, {switches} exchanges"));
         let crank = FormulationOptions { independent: Some(vec![2]), ..options(correction, 1.25) };
-        let (errors, exchanges) = self::errors(&system, &FourBar::start(), 2.0, &FOUR_BAR_STEPS, &crank);
-        assert_eq!(exchanges, 0);
+        let (errors, switches) = self::errors(&system, &FourBar::start(), 2.0, &FOUR_BAR_STEPS, &crank);
+        assert_eq!(switches, 0);
         assert_order(&FOUR_BAR_STEPS, &errors, &format!("{correction:?}, crank angle"));
     }
 }
@@ -263,8 +263,8 @@ fn exchanging_at_every_opportunity_costs_nothing() {
     let start = FourBar::start();
     let at = times(0.5, 8);
     let exact = run(&system, FormulationOptions::default(), &start, &at, &reference(4.0));
-    let error = |exchange: f64, fixed: Option<Vec<usize>>| {
-        let options = FormulationOptions { exchange, independent: fixed, ..FormulationOptions::default() };
+    let error = |switch_threshold: f64, fixed: Option<Vec<usize>>| {
+        let options = FormulationOptions { switch_threshold, independent: fixed, ..FormulationOptions::default() };
         let mut f = Watched::new(&system, options, None);
         let e = distance(&march(&mut f, &start.0, &start.1, &at, &grid(4.0, 0.005)), &exact);
         (e, f.changes)

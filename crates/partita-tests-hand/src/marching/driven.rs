@@ -29,7 +29,7 @@ fn order_with_a_moving_pivot() {
         let errors = STEPS.map(|h| {
             let mut f = Projective::new(&system, 1, &options);
             let samples = march(&mut f, &start.0, &start.1, &at, &grid(2.0, h));
-            assert!(f.history().counters.exchanges >= 4);
+            assert!(f.history().counters.switches >= 4);
             samples.iter().for_each(|s| assert!(s.velocity_closure < 1e-13));
             distance(&samples, &exact)
         });

@@ -333,17 +333,22 @@ fn at_rates(system: &Recognised, guess: &[f64], rates: &[(usize, f64)]) -> (Vec<
     (q, v)
 }
 
-fn explicit(system: &Recognised, inputs: Option<Vec<usize>>, exchange: f64) -> ExplicitClosing<'_, Recognised> {
-    let options = FormulationOptions { independent: inputs, exchange, ..FormulationOptions::default() };
+fn explicit(system: &Recognised, inputs: Option<Vec<usize>>, switch_threshold: f64) -> ExplicitClosing<'_, Recognised> {
+    let options = FormulationOptions { independent: inputs, switch_threshold, ..FormulationOptions::default() };
     ExplicitClosing::new(system, system.size().rows, &options).unwrap()
 }
 
-fn against_the_compact_form(system: &Recognised, (q, v): &(Vec<f64>, Vec<f64>), exchange: f64, least_changes: u64) {
+fn against_the_compact_form(
+    system: &Recognised,
+    (q, v): &(Vec<f64>, Vec<f64>),
+    switch_threshold: f64,
+    least_changes: u64,
+) {
     let at = times(0.25, 10);
     let settings = reference(at[9]);
     let mut projective = Projective::new(system, system.size().rows, &FormulationOptions::default());
     let exact = march(&mut projective, q, v, &at, &settings);
-    let mut f = explicit(system, None, exchange);
+    let mut f = explicit(system, None, switch_threshold);
     let samples = march(&mut f, q, v, &at, &settings);
     // tolerance 2e-14, about a thousand steps, growth of errors by some hundreds
     assert!(distance(&samples, &exact) < 1e-8, "{:e}", distance(&samples, &exact));
@@ -355,7 +360,7 @@ fn against_the_compact_form(system: &Recognised, (q, v): &(Vec<f64>, Vec<f64>), 
         x.measure.iter().zip(&y.measure).for_each(|(x, y)| assert!((x - y).abs() < 1e-7));
         assert!((energy(x) - energy(first)).abs() < 1e-8 * energy(first).abs().max(1.0));
     }
-    let changes = f.history().counters.exchanges;
+    let changes = f.history().counters.switches;
     assert!(changes >= least_changes, "{changes}");
     assert_eq!(f.history().events.len() as u64, 1 + changes);
     for e in &f.history().events[1..] {
@@ -394,7 +399,7 @@ fn a_dead_point_of_fixed_inputs_ends_the_run() {
         simulate(&mut f, 0.0, &q, &v, &[], &settings, &mut |_| Ok(()), &mut |_| ControlFlow::Continue(())).unwrap();
     assert_ne!(outcome.status, Status::Finished, "{}", outcome.message);
     assert!(outcome.message.contains("dyad of rods 0 and 1"), "{}", outcome.message);
-    assert!(f.history().counters.exchanges == 0 && f.history().events.len() == 1);
+    assert!(f.history().counters.switches == 0 && f.history().events.len() == 1);
     // the crank itself goes round
     let mut f = explicit(&system, Some(vec![0]), 1.25);
     march(&mut f, &q, &v, &[5.0], &reference(5.0));

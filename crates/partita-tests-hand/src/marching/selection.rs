@@ -55,8 +55,8 @@ fn the_motion_does_not_depend_on_the_rule() {
         for e in f.history().events {
             assert_eq!((e.independent.len(), e.dependent.len()), (1, 8));
         }
-        let exchanges: usize = f.history().events.iter().skip(1).map(|e| e.entering.len()).sum();
-        assert_eq!(exchanges as u64, f.history().counters.exchanges);
+        let switches: usize = f.history().events.iter().skip(1).map(|e| e.entering.len()).sum();
+        assert_eq!(switches as u64, f.history().counters.switches);
         if let Some(e) = f.history().events.get(1) {
             assert!(e.reason.contains("the place of") && e.quality.sigma > 0.0, "{}", e.reason);
         }
@@ -69,9 +69,10 @@ fn a_threshold_without_end_keeps_the_first_choice() {
     let q: Vec<f64> = pose(0.8, 0.0).0.iter().skip(2).step_by(3).copied().collect();
     let v = Angles::rates([q[0], q[1], q[2]], 10.0).to_vec();
     for selection in Selection::ALL {
-        let mut f = Projective::new(&system, 2, &FormulationOptions { exchange: f64::INFINITY, ..by(selection) });
+        let mut f =
+            Projective::new(&system, 2, &FormulationOptions { switch_threshold: f64::INFINITY, ..by(selection) });
         march(&mut f, &q, &v, &at, &crate::pieces::grid(1.0, 0.002));
-        assert_eq!((f.history().counters.exchanges, f.history().events.len()), (0, 1), "{}", selection.name());
+        assert_eq!((f.history().counters.switches, f.history().events.len()), (0, 1), "{}", selection.name());
     }
 }
 
@@ -105,23 +106,23 @@ fn one_turn(equations: impl Equations + 'static, at: impl Fn(f64) -> Vec<f64>, t
     let n = system.size().nv;
     let mut r = Reduction::new(&system, n - 1);
     start::choose_partition(&mut r, 0.0, &at(0.0), None, None).unwrap();
-    let (mut exchanges, mut least, mut rho) = (0, 1.0f64, vec![0.0; n]);
+    let (mut switches, mut least, mut rho) = (0, 1.0f64, vec![0.0; n]);
     for i in 0..2000 {
         let q = at(TAU * f64::from(i) / 2000.0);
         r.position(0.0, &q).unwrap();
         r.refresh_scales(0.0, &q).unwrap();
         r.evaluate(0.0, &q, &[0.0]).unwrap();
-        let x = r.best_exchange().unwrap();
+        let x = r.best_switch().unwrap();
         if x.gain > threshold {
             let enters = r.partition.dependent[x.enters];
             r.set_partition(0.0, &[enters]).unwrap();
             r.evaluate(0.0, &q, &[0.0]).unwrap();
-            exchanges += 1;
+            switches += 1;
         }
         r.measure(0.0, &q, &mut rho).unwrap();
         least = least.min(rho[r.partition.independent[0]]);
     }
-    (exchanges, least)
+    (switches, least)
 }
 
 /// Hysteresis: fewer exchanges for a higher threshold, at the price of quality.
@@ -129,8 +130,8 @@ fn one_turn(equations: impl Equations + 'static, at: impl Fn(f64) -> Vec<f64>, t
 fn exchanges_over_one_turn() {
     let rods = |f: f64| pose(f, 0.0).0;
     for (threshold, count, least) in [(1.2, 5, 0.43), (1.5, 5, 0.36), (2.0, 4, 0.28), (3.0, 4, 0.19)] {
-        let (exchanges, rho) = one_turn(FourBar, rods, threshold);
-        assert_eq!(exchanges, count, "threshold {threshold}");
+        let (switches, rho) = one_turn(FourBar, rods, threshold);
+        assert_eq!(switches, count, "threshold {threshold}");
         // two digits known, one step of the turn
         assert!((rho - least).abs() < 0.01, "threshold {threshold}: {rho}");
         // (32) with σ_min(B) = 1, k = 1, m = 8
@@ -141,8 +142,8 @@ fn exchanges_over_one_turn() {
             let [a, b] = Angles::close(f);
             vec![f, a - f, b - a]
         };
-        let (exchanges, rho) = one_turn(Joints, angles, threshold);
-        assert!(exchanges == 0 && (rho - 0.73).abs() < 0.005, "threshold {threshold}: {exchanges}, {rho}");
+        let (switches, rho) = one_turn(Joints, angles, threshold);
+        assert!(switches == 0 && (rho - 0.73).abs() < 0.005, "threshold {threshold}: {switches}, {rho}");
     }
 }
 

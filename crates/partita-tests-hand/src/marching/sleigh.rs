@@ -138,7 +138,7 @@ fn the_sleigh_against_its_closed_form() {
     let (q, v) = sleigh.start(u, w);
     let samples = march(&mut f, &q, &v, &times(0.1, 30), &reference(3.0));
     // x and y of the centre of mass take turns while the sleigh turns round
-    assert!(f.history().counters.exchanges >= 2, "{:?}", f.history().events);
+    assert!(f.history().counters.switches >= 2, "{:?}", f.history().events);
     assert_eq!(f.history().counters.corrections, 0, "there is no position to correct");
     for s in &samples {
         let x = kappa * s.t + beta;

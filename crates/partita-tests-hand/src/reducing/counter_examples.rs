@@ -117,7 +117,7 @@ fn the_start_reaches_the_guaranteed_quality() {
         let mut rho = vec![0.0; n];
         r.measure(0.0, &q, &mut rho).unwrap();
         assert!((rho.iter().map(|r| r * r).sum::<f64>() - k as f64).abs() < 1e-9 * k as f64);
-        let gain = r.best_exchange().unwrap().gain;
+        let gain = r.best_switch().unwrap().gain;
         assert!(gain <= 1.0 + 1e-6, "{gain}");
         // (32) with f = 1
         let bound = 1.0 / ((1 + k * m) as f64).sqrt();

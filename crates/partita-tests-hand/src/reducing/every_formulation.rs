@@ -288,9 +288,9 @@ fn senseless_options_are_refused() {
     let tangent = tangent_at(&system, 0.0, &q, &v);
     type Change = fn(&mut FormulationOptions);
     let senseless: [(&str, Change); 13] = [
-        ("exchange is NaN", |o| o.exchange = f64::NAN),
-        ("exchange is 0.5", |o| o.exchange = 0.5),
-        ("exchange is -inf", |o| o.exchange = f64::NEG_INFINITY),
+        ("switch_threshold is NaN", |o| o.switch_threshold = f64::NAN),
+        ("switch_threshold is 0.5", |o| o.switch_threshold = 0.5),
+        ("switch_threshold is -inf", |o| o.switch_threshold = f64::NEG_INFINITY),
         ("renew is NaN", |o| o.renew = f64::NAN.into()),
         ("renew is -0.1", |o| o.renew = (-0.1).into()),
         ("renew is 2", |o| o.renew = 2.0.into()),
@@ -330,7 +330,7 @@ fn unread_options_are_named() {
     let tangent = tangent_at(&any(Angles), 0.0, &q, &v);
     let all = FormulationOptions {
         correction: Correction::None,
-        exchange: 2.0,
+        switch_threshold: 2.0,
         independent: Some(vec![0]),
         weights: Some(vec![1.0; 3]),
         selection: Selection::Persistence,

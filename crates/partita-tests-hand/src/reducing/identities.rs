@@ -5,7 +5,7 @@ use partita_math::dense::{self, Matrix};
 use partita_math::factor;
 use partita_system::equations::UserSystem;
 use partita_system::manifold::orthogonal::MassProjection;
-use partita_system::partition::{criterion, exchange};
+use partita_system::partition::{criterion, switch};
 use partita_system::reduction::Reduction;
 
 /// Worst condition of M in its own units.
@@ -294,7 +294,7 @@ fn an_exchange_multiplies_the_volume_by_its_gain() {
         let hat_t =
             Matrix::from_vec(i.len(), d.len(), (0..i.len() * d.len()).map(|e| hat(e % d.len(), e / d.len())).collect());
         product_near(&block(&b, &rows, &d), &block(&b, &rows, &i), &hat_t, TOLERANCE);
-        let best = exchange::best(&case.r.a_matrix, s, &d, &i).unwrap();
+        let best = switch::best(&case.r.a_matrix, s, &d, &i).unwrap();
         let largest = hat_t.data().iter().fold(0.0, |m: f64, x| m.max(x.abs()));
         near(best.gain, largest, largest, 2e-9); // ties within 1e-9 go to the first
                                                  // a random exchange, not only the best; gains below 1e-3 lead to partitions that sixteen digits do not carry

@@ -287,7 +287,7 @@ fn bytes<R>(f: impl FnOnce() -> R) -> (R, usize) {
 #[test]
 fn memory_of_a_run_grows_as_the_loops_do() {
     let text = r#"{"t_end": 0.004, "rtol": 1e-8, "atol": 1e-10, "method": "rk4", "formulation": "projective", "step": 1e-3,
-        "correction": "partition", "exchange": 1.25, "max_steps": 100, "selection": "collective", "renew": 0.5}"#;
+        "correction": "partition", "switch_threshold": 1.25, "max_steps": 100, "selection": "collective", "renew": 0.5}"#;
     let request = serde_json::from_str(text).unwrap();
     for coordinates in [Coordinates::Relative, Coordinates::Absolute] {
         let [few, many] = [60, 240].map(|loops| {
@@ -298,7 +298,7 @@ fn memory_of_a_run_grows_as_the_loops_do() {
             }
             let (done, taken) = bytes(|| {
                 let model = compile(&spec, coordinates).expect("a chain compiles");
-                assert!(model.geometry().freedoms.is_some(), "it fits as it is drawn");
+                assert!(model.geometry().dof.is_some(), "it fits as it is drawn");
                 let (q, v) = (model.initial(), vec![0.0; model.size().nv]);
                 run(&model, &request, None, &[0.004], (&q, &v), &mut |_| ControlFlow::Continue(())).unwrap()
             });

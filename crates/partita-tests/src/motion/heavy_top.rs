@@ -118,7 +118,7 @@ fn order_rotation_and_invariants() {
         for h in STEPS {
             let mut f = Projective::new(&absolute, 3, &options);
             let samples = march(&mut f, &q, &v, &at, Some(h));
-            assert!(f.history().counters.exchanges >= 4, "{}", f.history().counters.exchanges);
+            assert!(f.history().counters.switches >= 4, "{}", f.history().counters.switches);
             for s in &samples {
                 let r = bodies(&absolute, &s.q, &s.v)[0].rotation;
                 let off = r.transpose().mul(&r).add(&Mat3(Mat3::<f64>::identity().0.map(|x| x.map(|x| -x))));
@@ -179,16 +179,16 @@ fn two_k_states_with_a_quaternion() {
     let ((q, v), _) = start(&absolute, &relative);
     let at: Vec<f64> = (1..=6).map(|i| 0.25 * f64::from(i)).collect();
     let exact = march(&mut Projective::new(&absolute, 3, &FormulationOptions::default()), &q, &v, &at, None);
-    for exchange in [1.05, 1.25, 2.0] {
-        let options = FormulationOptions { exchange, ..FormulationOptions::default() };
+    for switch_threshold in [1.05, 1.25, 2.0] {
+        let options = FormulationOptions { switch_threshold, ..FormulationOptions::default() };
         let mut f = WehageHaug::new(&absolute, 3, &options).unwrap();
         // three velocities of six; one of them may bring in the quaternion with three numbers more
         assert_eq!((f.dim(), f.controlled()), (9, 9));
         let samples = march(&mut f, &q, &v, &at, None);
         let off = largest(&states(&absolute, &samples), &states(&absolute, &exact));
-        assert!(off < 1e-9, "{exchange}: {off:e}");
+        assert!(off < 1e-9, "{switch_threshold}: {off:e}");
         samples.iter().for_each(|s| assert!(s.closure < 1e-14 && s.velocity_closure < 1e-13, "{:e}", s.closure));
-        assert!(f.history().counters.exchanges > 0);
+        assert!(f.history().counters.switches > 0);
         assert!(f.history().counters.newton_iterations > 0);
     }
 }

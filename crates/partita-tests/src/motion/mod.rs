@@ -6,7 +6,7 @@ mod crossings;
 mod driven;
 mod every_formulation;
 mod heavy_top;
-mod many_freedoms;
+mod many_dof;
 mod many_turns;
 mod model_identities;
 mod parallel_robot;

@@ -68,7 +68,7 @@ fn five_bar() -> Spec {
 
 fn request() -> Request {
     let text = r#"{"t_end": 1.0, "rtol": 1e-8, "atol": 1e-10, "method": "rk4", "formulation": "projective", "step": 5e-4,
-        "correction": "partition", "exchange": 1.25, "max_steps": 100, "selection": "collective", "renew": 0.5}"#;
+        "correction": "partition", "switch_threshold": 1.25, "max_steps": 100, "selection": "collective", "renew": 0.5}"#;
     serde_json::from_str(text).unwrap()
 }
 

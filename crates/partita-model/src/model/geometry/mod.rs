@@ -85,7 +85,7 @@ pub struct BlockVerdict {
     /// What was decided.
     pub verdict: Verdict,
     /// Degrees of freedom over a finite motion, those of a floating block as a whole not counted.
-    pub freedoms: Option<usize>,
+    pub dof: Option<usize>,
     /// Null directions of the closings at generic positions.
     pub kernel: Option<usize>,
     /// Largest change of each of its joints' frames (rad, parts of the block's length).
@@ -102,7 +102,7 @@ pub struct Geometry {
     /// The blocks that needed a look.
     pub blocks: Vec<BlockVerdict>,
     /// Degrees of freedom; `None` where a block is undecided.
-    pub freedoms: Option<usize>,
+    pub dof: Option<usize>,
     /// Motions that exist for an instant only, at every position.
     pub instantaneous: usize,
     /// May conditions be as weak as the drawing tolerance?
@@ -146,7 +146,7 @@ struct Drawing {
 
 /// What a level makes of a drawing.
 struct Fit {
-    freedoms: usize,
+    dof: usize,
     kernel: usize,
     /// Change of the frames; none where the drawing is exact.
     change: Option<Vec<f64>>,
@@ -178,18 +178,18 @@ pub(super) fn decide(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joi
     let spec = &model.spec;
     let drawn = closed(model, coarsest(tolerance));
     let settled = match at(model, drawn.as_deref(), coarsest(tolerance)) {
-        Exact::Regular(freedoms, least) => Some((freedoms, least)),
-        Exact::Redundant(freedoms, least) if !alike::is_unlike(model, tolerance) => Some((freedoms, least)),
+        Exact::Regular(dof, least) => Some((dof, least)),
+        Exact::Redundant(dof, least) if !alike::is_unlike(model, tolerance) => Some((dof, least)),
         _ => None,
     };
-    if let Some((freedoms, least)) = settled {
+    if let Some((dof, least)) = settled {
         let weak = least < WEAK_CONDITION * WEAK_CONDITION;
-        return (Geometry { freedoms: Some(freedoms), weak, ..Geometry::default() }, None);
+        return (Geometry { dof: Some(dof), weak, ..Geometry::default() }, None);
     }
     let parts = blocks::blocks(spec);
     let floating = if model.is_planar() { 3 } else { 6 };
-    let of_free = parts.free.iter().map(|&j| model.placed.joints[j].shape.freedoms()).sum::<usize>();
-    let mut found = Geometry { freedoms: Some(of_free + floating * parts.afloat), ..Geometry::default() };
+    let of_free = parts.free.iter().map(|&j| model.placed.joints[j].shape.dof()).sum::<usize>();
+    let mut found = Geometry { dof: Some(of_free + floating * parts.afloat), ..Geometry::default() };
     let mut joints: Option<Vec<Joint>> = None;
     let mut known: HashMap<Vec<i64>, Decided> = HashMap::new();
     let closed: OnceCell<Option<Pose>> = OnceCell::new();
@@ -212,9 +212,9 @@ pub(super) fn decide(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joi
             }
         };
         let verdict = &decided.verdict;
-        found.freedoms = found.freedoms.zip(decided.freedoms).map(|(a, b)| a + b);
+        found.dof = found.dof.zip(decided.dof).map(|(a, b)| a + b);
         if *verdict == Verdict::Shaky {
-            found.instantaneous += decided.kernel.unwrap_or(0).saturating_sub(decided.freedoms.unwrap_or(0));
+            found.instantaneous += decided.kernel.unwrap_or(0).saturating_sub(decided.dof.unwrap_or(0));
         }
         if *verdict == Verdict::Repaired {
             let all = joints.get_or_insert_with(|| spec.joints.clone());
@@ -225,14 +225,13 @@ pub(super) fn decide(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joi
         if !matches!(verdict, Verdict::Regular | Verdict::Redundant) {
             let moved = (decided.most(0) * decided.length, decided.most(3));
             let changed = decided.numbers.chunks(OWN).map(largest).collect();
-            let (freedoms, kernel, verdict, length) =
-                (decided.freedoms, decided.kernel, decided.verdict, decided.length);
-            found.blocks.push(BlockVerdict { joints: block.joints, verdict, freedoms, kernel, changed, moved, length });
+            let (dof, kernel, verdict, length) = (decided.dof, decided.kernel, decided.verdict, decided.length);
+            found.blocks.push(BlockVerdict { joints: block.joints, verdict, dof, kernel, changed, moved, length });
         }
     }
     let singular = found.blocks.iter().any(|x| matches!(x.verdict, Verdict::SingularHere | Verdict::Shaky));
     if joints.is_none() && !singular {
-        let weakest = weakest_of(model, drawn.as_deref(), found.freedoms);
+        let weakest = weakest_of(model, drawn.as_deref(), found.dof);
         let conditions = found.blocks.iter().any(|x| x.verdict == Verdict::Conditions);
         (found.weak, found.hidden) =
             (conditions || weakest < WEAK_CONDITION * WEAK_CONDITION, weakest <= tolerance::LOST_PIVOT);
@@ -278,8 +277,8 @@ fn coarsest(tolerance: f64) -> f64 {
 
 /// What the weakest condition of a mechanism of so many degrees of freedom adds where it is drawn, squared; 1 where
 /// nobody knows.
-fn weakest_of(model: &Model, q: Option<&[f64]>, freedoms: Option<usize>) -> f64 {
-    let closings = freedoms.map(|k| model.size().nv.saturating_sub(k));
+fn weakest_of(model: &Model, q: Option<&[f64]>, dof: Option<usize>) -> f64 {
+    let closings = dof.map(|k| model.size().nv.saturating_sub(k));
     q.zip(closings).and_then(|(q, m)| weakest(model, 0.0, q, m).ok()).unwrap_or(1.0)
 }
 
@@ -287,7 +286,7 @@ fn weakest_of(model: &Model, q: Option<&[f64]>, freedoms: Option<usize>) -> f64 
 #[derive(Clone)]
 struct Decided {
     verdict: Verdict,
-    freedoms: Option<usize>,
+    dof: Option<usize>,
     kernel: Option<usize>,
     numbers: Vec<f64>,
     length: f64,
@@ -296,8 +295,8 @@ struct Decided {
 }
 
 impl Decided {
-    fn plain(verdict: Verdict, freedoms: Option<usize>) -> Self {
-        Self { verdict, freedoms, kernel: None, numbers: Vec::new(), length: 1.0, joints: Vec::new() }
+    fn plain(verdict: Verdict, dof: Option<usize>) -> Self {
+        Self { verdict, dof, kernel: None, numbers: Vec::new(), length: 1.0, joints: Vec::new() }
     }
 
     /// The same of a drawing that was made `plane` first, by these numbers.
@@ -311,7 +310,7 @@ impl Decided {
         if self.verdict != Verdict::Shaky {
             self.verdict = Verdict::Repaired;
         }
-        Self { numbers, kernel: self.kernel.or(self.freedoms), ..self }
+        Self { numbers, kernel: self.kernel.or(self.dof), ..self }
     }
 
     /// The largest displacement (`first` 0) or turn (3) of a frame.
@@ -402,7 +401,7 @@ fn judged(spec: &Spec, functions: Arc<dyn Functions>, floats: bool, (tolerance, 
     if let Some((plane, numbers)) = drawing.flattened(tolerance) {
         let own = plane.afloat(floats);
         let decided = plane.settled(own, tolerance).or_else(|| plane.decided(own, (tolerance, pose)));
-        if let Some(decided) = decided.filter(|x| x.freedoms.is_some_and(|k| k > 0)) {
+        if let Some(decided) = decided.filter(|x| x.dof.is_some_and(|k| k > 0)) {
             return Decided { length: plane.length, ..decided.after(numbers, spec, &plane.model.spec.joints) };
         }
     }
@@ -446,7 +445,7 @@ impl Drawing {
         match fit {
             Some(fit) => {
                 let verdict = match () {
-                    () if fit.freedoms < fit.kernel => Verdict::Shaky,
+                    () if fit.dof < fit.kernel => Verdict::Shaky,
                     () if fit.change.is_some() => Verdict::Repaired,
                     () if fit.weak => Verdict::Conditions,
                     () if seen.coarse > fit.kernel => Verdict::SingularHere,
@@ -454,7 +453,7 @@ impl Drawing {
                 };
                 Some(Decided {
                     verdict,
-                    freedoms: Some(fit.freedoms.saturating_sub(own)),
+                    dof: Some(fit.dof.saturating_sub(own)),
                     kernel: Some(fit.kernel.saturating_sub(own)),
                     numbers: fit.change.unwrap_or_default(),
                     length: self.length,
@@ -526,7 +525,7 @@ impl Drawing {
         let seen = Seen { fine, coarse: null(coarsest), regular: (fine == counted).then_some(counted) };
         if seen.coarse == 0 || seen.coarse == counted {
             let fit = Fit {
-                freedoms: seen.coarse,
+                dof: seen.coarse,
                 kernel: seen.coarse,
                 change: None,
                 most: 0.0,
@@ -541,7 +540,7 @@ impl Drawing {
         if seen.fine == seen.coarse {
             let finest = levels.pop().unwrap_or(coarsest);
             let fit = self.at_level(&home, finest, (tolerance, &seen))?;
-            if let Some(fit) = fit.filter(|x| x.change.is_none() && x.freedoms == seen.coarse) {
+            if let Some(fit) = fit.filter(|x| x.change.is_none() && x.dof == seen.coarse) {
                 return Ok(Some((Some(fit), seen)));
             }
             levels.push(finest);
@@ -552,7 +551,7 @@ impl Drawing {
         for (i, &level) in levels.iter().enumerate() {
             let next = levels.get(i + 1).map_or(seen.fine, |x| null(*x));
             let Some(fit) = self.at_level(&home, level, (tolerance, &seen))? else { continue };
-            let ends = fit.freedoms >= next && (fit.change.is_none() || seen.fine < fit.freedoms);
+            let ends = fit.dof >= next && (fit.change.is_none() || seen.fine < fit.dof);
             fits.push(fit);
             if ends {
                 break;
@@ -573,7 +572,7 @@ impl Drawing {
         let weak = self.is_weak(&mut kernel, &branch)?;
         let fit = |change: Option<Vec<f64>>, joints: &[Joint]| Fit {
             weak,
-            freedoms: branch.freedoms,
+            dof: branch.dof,
             kernel: branch.kernel,
             most: change.as_deref().map_or(0.0, largest),
             folds: change.as_deref().is_some_and(|x| self.folds(x)),
@@ -583,11 +582,11 @@ impl Drawing {
         let open = branch.places.iter().fold(0.0, |m: f64, x| m.max(x.open));
         let unlike = self.alike_too(&vec![0.0; OWN * self.model.spec.joints.len()], &there, tolerance);
         // what the drawing does as it stands needs no change, however much its axes look alike
-        let moves_as_drawn = seen.regular.is_some_and(|k| branch.freedoms <= k);
+        let moves_as_drawn = seen.regular.is_some_and(|k| branch.dof <= k);
         if open < tolerance::FITS && (unlike.is_none() || moves_as_drawn) {
             return Ok(Some(fit(None, &self.model.spec.joints)));
         }
-        if !self.model.spec.couplings.is_empty() || branch.freedoms < branch.kernel {
+        if !self.model.spec.couplings.is_empty() || branch.dof < branch.kernel {
             // conditions have no frames that could be moved; what is locked at a higher order is mended by no slope
             return Ok((open < tolerance::FITS).then(|| fit(None, &self.model.spec.joints)));
         }
@@ -679,9 +678,9 @@ const CHECKED: usize = 10;
 /// The fit of the most degrees of freedom; of equal ones that of the least change, unless it folds a length that a
 /// finer level keeps.
 fn chosen(fits: Vec<Fit>) -> Option<Fit> {
-    let most = fits.iter().map(|x| x.freedoms).max()?;
-    let better = |a: &Fit, b: &Fit| b.freedoms.cmp(&a.freedoms).then(a.most.total_cmp(&b.most));
-    let (mut first, mut others): (Vec<Fit>, Vec<Fit>) = fits.into_iter().partition(|x| x.freedoms == most);
+    let most = fits.iter().map(|x| x.dof).max()?;
+    let better = |a: &Fit, b: &Fit| b.dof.cmp(&a.dof).then(a.most.total_cmp(&b.most));
+    let (mut first, mut others): (Vec<Fit>, Vec<Fit>) = fits.into_iter().partition(|x| x.dof == most);
     first.sort_by(better);
     let kept = first.into_iter().next()?;
     if kept.folds {

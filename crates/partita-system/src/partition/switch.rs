@@ -5,7 +5,7 @@ use partita_math::tolerance;
 
 /// One possible exchange.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Exchange {
+pub struct CoordinateSwitch {
     /// Position in the list of dependent velocities of the one that would come in.
     pub enters: usize,
     /// Position in the list of independent velocities of the one that would go.
@@ -17,14 +17,14 @@ pub struct Exchange {
 /// The best exchange for `A` (r x k), the scales `s` of all velocities and the lists D and I.
 ///
 /// Cost: r k comparisons, no factorisation: `A` is there from P1. Ties go to the first.
-pub fn best(a: &[f64], s: &[f64], dependent: &[usize], independent: &[usize]) -> Option<Exchange> {
+pub fn best(a: &[f64], s: &[f64], dependent: &[usize], independent: &[usize]) -> Option<CoordinateSwitch> {
     let k = independent.len();
-    let mut best: Option<Exchange> = None;
+    let mut best: Option<CoordinateSwitch> = None;
     for (p, &i) in dependent.iter().enumerate() {
         for (j, &c) in independent.iter().enumerate() {
             let gain = a[p * k + j].abs() * s[c] / s[i];
             if best.is_none_or(|b| gain > b.gain * (1.0 + tolerance::TIE)) {
-                best = Some(Exchange { enters: p, leaves: j, gain });
+                best = Some(CoordinateSwitch { enters: p, leaves: j, gain });
             }
         }
     }

@@ -1,6 +1,6 @@
 """Mechanisms of many freedoms, and what one evaluation of each costs.
 
-Each is measured in a process of its own (`python many_freedoms.py NAME SIZE` prints a line of JSON), so that one that
+Each is measured in a process of its own (`python many_dof.py NAME SIZE` prints a line of JSON), so that one that
 takes too long is ended and the others are told all the same.
 """
 
@@ -140,7 +140,7 @@ class Cost:
 
     seconds: float
     closure: float
-    freedoms: int
+    dof: int
 
 
 def cost(kind: str, size: int) -> Cost:
