@@ -205,7 +205,7 @@ def _ratio(seconds: float, limit: Figure | None) -> float | None:
 SECTIONS = {
     "outputs": outputs,
     "building": building,
-    "freedoms": dof,
+    "dof": dof,
     "evaluations": evaluations,
     "face": face,
     "poses": poses,

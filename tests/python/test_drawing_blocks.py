@@ -98,7 +98,7 @@ def drawn(make: Callable[..., str], off: float, what: str = "nothing", size: flo
     return m, beside(m, what, size, make(m, off, size))
 
 
-@pytest.mark.parametrize(("make", "freedoms"), [(guides, 1), (table, 2), (hinges, 1), (door, 1)])
+@pytest.mark.parametrize(("make", "dof"), [(guides, 1), (table, 2), (hinges, 1), (door, 1)])
 def test_one_verdict_whatever_else_there_is(make: Callable[..., str], dof: int) -> None:
     for off in (1e-6, 1e-4, 3e-3):
         known = drawn(make, off)[0].report().to_dict()
