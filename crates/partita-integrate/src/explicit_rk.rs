@@ -1,19 +1,6 @@
-//! The stepper: one engine for every explicit Runge–Kutta table.
+//! One engine for every explicit Runge–Kutta table, behind the contract of a [`Stepper`].
 //!
-//! It is driven step by step. All memory is taken in [`Stepper::new`]; nothing is allocated afterwards.
-//!
-//! ```text
-//! stepper.start(&mut ode, t, &y, t_end)?;
-//! while !stepper.finished() {
-//!     stepper.attempt(&mut ode)?;                  // an acceptable end, not yet final
-//!     let corrected = project(stepper.y_new_mut()); // the caller may correct it
-//!     if stepper.conclude(&mut ode, corrected)? == Conclusion::Rejected {
-//!         continue;                                // f is not evaluable there: a shorter step follows
-//!     }
-//!     stepper.interpolate(&mut ode, t_out, &mut out)?;
-//!     stepper.commit();
-//! }
-//! ```
+//! All memory is taken in [`ExplicitRungeKutta::new`]; nothing is allocated afterwards.
 
 mod access;
 mod fixed_grid;
@@ -29,7 +16,8 @@ use crate::failure::StepFailure;
 use crate::ode::{Ode, RhsError};
 use crate::options::{Options, OptionsError};
 use crate::step_size::{controller, ErrorNorm, StepController};
-use crate::tableau::Tableau;
+use crate::stepper::{Conclusion, StepEnd, Stepper};
+use crate::tableau::{ErrorWeights, Tableau};
 use std::fmt::Display;
 
 /// Times below this count as this where rounding of the time is asked. Scale: fraction of the run. Reason: near t = 0
@@ -42,15 +30,8 @@ const TIME_ROUNDING: f64 = 16.0 * f64::EPSILON;
 /// behind.
 const STRETCH: f64 = 1.01;
 
-/// What [`Stepper::conclude`] found at the end of the step.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[must_use]
-pub enum Conclusion {
-    /// The slope is known there; the step can be interpolated and committed.
-    Done,
-    /// The slope cannot be evaluated there. The step has been thrown away and shortened: attempt again.
-    Rejected,
-}
+/// Room for other lengths of the next step; more of them take memory once.
+const OTHERS: usize = 4;
 
 /// Position in the cycle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -63,9 +44,9 @@ enum Phase {
     Concluded,
 }
 
-/// Marches one equation with one method; see the [module](self) for the cycle of calls.
+/// An explicit Runge–Kutta method at work on one equation.
 #[derive(Debug)]
-pub struct Stepper {
+pub struct ExplicitRungeKutta {
     tableau: &'static Tableau,
     dim: usize,
     stride: usize,
@@ -86,10 +67,6 @@ pub struct Stepper {
     y_stage: Vec<f64>,
     /// Slopes, slot by slot; slot 0 is the slope at `y_old`, the tableau's end slot that at `y_new`.
     stages: Vec<f64>,
-    /// What replaces `y_new` and its slope at the commit, if `replaced`.
-    y_next: Vec<f64>,
-    f_next: Vec<f64>,
-    replaced: bool,
     phase: Phase,
     // the step
     step: f64,
@@ -107,13 +84,16 @@ pub struct Stepper {
     counters: Counters,
 }
 
-impl Stepper {
+impl ExplicitRungeKutta {
     /// Take all memory for an equation of dimension `dim`.
     ///
     /// # Errors
     /// Options that contradict themselves or the method, such as error control for a method without an estimate.
     pub fn new(tableau: &'static Tableau, dim: usize, options: Options) -> Result<Self, OptionsError> {
-        options.check(tableau, dim)?;
+        options.check(dim)?;
+        if options.fixed_step.is_none() && matches!(tableau.error, ErrorWeights::None) {
+            return Err(OptionsError::NeedsFixedStep { method: tableau.name });
+        }
         let stride = padded(dim);
         let vector = || vec![0.0; stride];
         Ok(Self {
@@ -123,14 +103,11 @@ impl Stepper {
             t_end: 0.0,
             span: 0.0,
             goal: None,
-            others: Vec::new(),
+            others: Vec::with_capacity(OTHERS),
             y_old: vector(),
             y_new: vector(),
             y_stage: vector(),
             stages: vec![0.0; tableau.slots() * stride],
-            y_next: vector(),
-            f_next: vector(),
-            replaced: false,
             phase: Phase::Ready,
             step: 0.0,
             direction: 1.0,
@@ -151,53 +128,8 @@ impl Stepper {
         })
     }
 
-    /// Set the state, evaluate f there and choose the first step towards `t_end`, which may lie on either side.
-    ///
-    /// Costs one evaluation, and a second one where the first step has to be chosen. The counters go on.
-    ///
-    /// # Errors
-    /// A start that is not finite, or where f cannot be evaluated.
-    ///
-    /// # Panics
-    /// If `y` has not the length given to [`new`](Stepper::new).
-    pub fn start<O: Ode + ?Sized>(
-        &mut self,
-        ode: &mut O,
-        t: f64,
-        y: &[f64],
-        t_end: f64,
-    ) -> Result<(), StepFailure<O::Error>> {
-        assert_eq!(ode.dim(), self.dim, "the stepper was made for another dimension");
-        self.t_old = t;
-        self.t_new = t;
-        self.y_old[..self.dim].copy_from_slice(y);
-        self.y_new[..self.dim].copy_from_slice(y);
-        self.replaced = false;
-        self.phase = Phase::Ready;
-        self.dense.ready = false;
-        self.controller.reset();
-        if let Some(component) = first_not_finite(&self.y_old) {
-            return Err(StepFailure::NotFinite { t, component });
-        }
-        self.counters.evaluations += 1;
-        match ode.rhs(t, &self.y_old[..self.dim], &mut self.stages[..self.dim]) {
-            Ok(()) => {}
-            Err(RhsError::Retry(error) | RhsError::Fatal(error)) => return Err(StepFailure::Rhs { t, error }),
-        }
-        if let Some(component) = first_not_finite(&self.stages[..self.dim]) {
-            return Err(StepFailure::NotFinite { t, component });
-        }
-        self.set_t_end(t_end);
-        self.step = match (self.options.fixed_step, self.options.first_step) {
-            (Some(h), _) => h,
-            (None, Some(h)) => h.min(self.options.max_step),
-            (None, None) => self.first_step(ode)?,
-        };
-        Ok(())
-    }
-
     /// Go on to another end. A fixed grid begins anew at `t_old`.
-    pub fn set_t_end(&mut self, t_end: f64) {
+    fn set_t_end(&mut self, t_end: f64) {
         let span = t_end - self.t_old;
         self.t_end = t_end;
         self.span = span.abs();
@@ -207,7 +139,7 @@ impl Stepper {
     }
 
     /// Hairer's choice of the first step: two slopes show how fast the motion and its slope change.
-    fn first_step<O: Ode + ?Sized>(&mut self, ode: &mut O) -> Result<f64, StepFailure<O::Error>> {
+    fn first_step<E: Display>(&mut self, ode: &mut dyn Ode<Error = E>) -> Result<f64, StepFailure<E>> {
         let longest = self.options.max_step.min((self.t_end - self.t_old).abs());
         let n = self.stride;
         let guess = self.norm.first_guess(&self.y_old, &self.stages[..n]).min(longest);
@@ -229,61 +161,6 @@ impl Stepper {
         }
         let better = self.norm.second_guess(guess, self.tableau.error_order, &self.y_old, f0, &rest[..n]);
         Ok(if better.is_finite() { better.min(longest) } else { guess })
-    }
-
-    /// Try steps, shorter and shorter, until one is acceptable. On return [`t_new`](Stepper::t_new) and
-    /// [`y_new`](Stepper::y_new) hold its end.
-    ///
-    /// # Errors
-    /// See [`StepFailure`]. The state at `t_old` is intact afterwards.
-    pub fn attempt<O: Ode + ?Sized>(&mut self, ode: &mut O) -> Result<(), StepFailure<O::Error>> {
-        assert_eq!(self.phase, Phase::Ready, "commit or reject the step before");
-        // what stands in the way from here, also where shorter steps end before it with too large an error
-        let mut obstacle = None;
-        loop {
-            let (h, t_new) = self.plan();
-            match self.stages(ode, h, t_new) {
-                Ok(()) => {}
-                Err((_, RhsError::Retry(error))) => {
-                    if let Some(length) = self.others.pop() {
-                        self.counters.rejected += 1;
-                        self.step = length;
-                        continue;
-                    }
-                    self.shorten_for_retry(h);
-                    obstacle = Some(error);
-                    self.check_length(h, &mut obstacle)?;
-                    continue;
-                }
-                Err((t, RhsError::Fatal(error))) => return Err(StepFailure::Rhs { t, error }),
-            }
-            let error = match self.grid {
-                Some(_) => 0.0,
-                None => self.method.error(&self.norm, h, &self.stages, &self.y_old, &self.y_new),
-            };
-            if let Some(component) = self.not_finite(error) {
-                self.shorten_not_finite(h);
-                self.check_finite(h, component)?;
-                continue;
-            }
-            if error <= self.lenience {
-                self.counters.lenient += u64::from(self.exceeds_tolerance(error, h));
-                self.t_new = t_new;
-                self.attempted_h = h;
-                self.error = error;
-                self.dense.ready = false;
-                self.replaced = false;
-                self.phase = Phase::Attempted;
-                return Ok(());
-            }
-            self.counters.rejected += 1;
-            if let Some(length) = self.others.pop() {
-                self.step = length;
-                continue;
-            }
-            self.step = h.abs() * self.controller.rejected(error);
-            self.check_length(h, &mut obstacle)?;
-        }
     }
 
     /// Was this accepted error above the tolerances as they were asked for?
@@ -323,7 +200,12 @@ impl Stepper {
     }
 
     /// All stages of a step and its end. An error comes with its time.
-    fn stages<O: Ode + ?Sized>(&mut self, ode: &mut O, h: f64, t_new: f64) -> Result<(), (f64, RhsError<O::Error>)> {
+    fn stages<E: Display>(
+        &mut self,
+        ode: &mut dyn Ode<Error = E>,
+        h: f64,
+        t_new: f64,
+    ) -> Result<(), (f64, RhsError<E>)> {
         let (n, dim, c) = (self.stride, self.dim, self.tableau.c);
         let inner = if self.tableau.fsal { self.tableau.stages - 1 } else { self.tableau.stages };
         for i in 1..inner {
@@ -340,37 +222,107 @@ impl Stepper {
         Ok(())
     }
 
-    /// Evaluate f at the end of the step: the first stage of the next step and part of dense output.
-    ///
-    /// `corrected` tells that `y_new` was changed through [`y_new_mut`](Stepper::y_new_mut); without a change, methods
-    /// whose last stage is that slope evaluate nothing. Where f is not evaluable, or not finite, the step is thrown
-    /// away and shortened: [`Conclusion::Rejected`].
-    ///
-    /// # Errors
-    /// See [`StepFailure`].
-    pub fn conclude<O: Ode + ?Sized>(
-        &mut self,
-        ode: &mut O,
-        corrected: bool,
-    ) -> Result<Conclusion, StepFailure<O::Error>> {
-        self.conclude_with(|t, y, dy, known| {
-            if known && !corrected {
-                return Ok(false);
+    fn prepare_dense_output<E: Display>(&mut self, ode: &mut dyn Ode<Error = E>) -> Result<(), StepFailure<E>> {
+        let (h, dim) = (self.attempted_h, self.dim);
+        for stage in &self.dense.extra {
+            stage.row.advance(&self.stages, h, &self.y_old, &mut self.y_stage);
+            let (t, begin) = (self.t_old + stage.node * h, stage.slot * self.stride);
+            self.counters.dense_evaluations += 1;
+            match ode.rhs(t, &self.y_stage[..dim], &mut self.stages[begin..begin + dim]) {
+                Ok(()) => {}
+                Err(RhsError::Retry(error)) => return Err(StepFailure::Interpolation { t, error }),
+                Err(RhsError::Fatal(error)) => return Err(StepFailure::Rhs { t, error }),
             }
-            ode.rhs(t, y, dy).map(|()| true)
-        })
+        }
+        self.dense.fill(&self.stages, self.tableau.end_slot(), h, &self.y_old, &self.y_new);
+        Ok(())
     }
 
-    /// As [`conclude`](Stepper::conclude), where `end(t, y, dy, known)` corrects the end y itself and leaves the slope
-    /// there in dy; `known` tells that dy holds the slope at y as it is, the last one evaluated. Its answer is whether
-    /// it evaluated f.
-    ///
-    /// # Errors
-    /// See [`StepFailure`].
-    pub fn conclude_with<E: Display>(
-        &mut self,
-        end: impl FnOnce(f64, &mut [f64], &mut [f64], bool) -> Result<bool, RhsError<E>>,
-    ) -> Result<Conclusion, StepFailure<E>> {
+    fn slot(&self, slot: usize) -> &[f64] {
+        &self.stages[slot * self.stride..slot * self.stride + self.dim]
+    }
+}
+
+impl<E: Display> Stepper<E> for ExplicitRungeKutta {
+    fn start(&mut self, ode: &mut dyn Ode<Error = E>, t: f64, y: &[f64], t_end: f64) -> Result<(), StepFailure<E>> {
+        assert_eq!(ode.dim(), self.dim, "the stepper was made for another dimension");
+        self.t_old = t;
+        self.t_new = t;
+        self.y_old[..self.dim].copy_from_slice(y);
+        self.y_new[..self.dim].copy_from_slice(y);
+        self.phase = Phase::Ready;
+        self.dense.ready = false;
+        self.controller.reset();
+        if let Some(component) = first_not_finite(&self.y_old) {
+            return Err(StepFailure::NotFinite { t, component });
+        }
+        self.counters.evaluations += 1;
+        match ode.rhs(t, &self.y_old[..self.dim], &mut self.stages[..self.dim]) {
+            Ok(()) => {}
+            Err(RhsError::Retry(error) | RhsError::Fatal(error)) => return Err(StepFailure::Rhs { t, error }),
+        }
+        if let Some(component) = first_not_finite(&self.stages[..self.dim]) {
+            return Err(StepFailure::NotFinite { t, component });
+        }
+        self.set_t_end(t_end);
+        self.step = match (self.options.fixed_step, self.options.first_step) {
+            (Some(h), _) => h,
+            (None, Some(h)) => h.min(self.options.max_step),
+            (None, None) => self.first_step(ode)?,
+        };
+        Ok(())
+    }
+
+    fn attempt(&mut self, ode: &mut dyn Ode<Error = E>) -> Result<(), StepFailure<E>> {
+        assert_eq!(self.phase, Phase::Ready, "commit or reject the step before");
+        // what stands in the way from here, also where shorter steps end before it with too large an error
+        let mut obstacle = None;
+        loop {
+            let (h, t_new) = self.plan();
+            match self.stages(ode, h, t_new) {
+                Ok(()) => {}
+                Err((_, RhsError::Retry(error))) => {
+                    if let Some(length) = self.others.pop() {
+                        self.counters.rejected += 1;
+                        self.step = length;
+                        continue;
+                    }
+                    self.shorten_for_retry(h);
+                    obstacle = Some(error);
+                    self.check_length(h, &mut obstacle)?;
+                    continue;
+                }
+                Err((t, RhsError::Fatal(error))) => return Err(StepFailure::Rhs { t, error }),
+            }
+            let error = match self.grid {
+                Some(_) => 0.0,
+                None => self.method.error(&self.norm, h, &self.stages, &self.y_old, &self.y_new),
+            };
+            if let Some(component) = self.not_finite(error) {
+                self.shorten_not_finite(h);
+                self.check_finite(h, component)?;
+                continue;
+            }
+            if error <= self.lenience {
+                self.counters.lenient += u64::from(self.exceeds_tolerance(error, h));
+                self.t_new = t_new;
+                self.attempted_h = h;
+                self.error = error;
+                self.dense.ready = false;
+                self.phase = Phase::Attempted;
+                return Ok(());
+            }
+            self.counters.rejected += 1;
+            if let Some(length) = self.others.pop() {
+                self.step = length;
+                continue;
+            }
+            self.step = h.abs() * self.controller.rejected(error);
+            self.check_length(h, &mut obstacle)?;
+        }
+    }
+
+    fn conclude(&mut self, end: StepEnd<'_, E>) -> Result<Conclusion, StepFailure<E>> {
         assert_eq!(self.phase, Phase::Attempted, "attempt a step first");
         let (h, t, dim) = (self.attempted_h, self.t_new, self.dim);
         let begin = self.tableau.end_slot() * self.stride;
@@ -397,22 +349,7 @@ impl Stepper {
         Ok(Conclusion::Done)
     }
 
-    /// The state at `t` inside the concluded step, into `out`.
-    ///
-    /// Exact at both ends. DOP853 evaluates its three additional stages at the first call in a step. A later
-    /// [`replace`](Stepper::replace) does not change what is interpolated.
-    ///
-    /// # Errors
-    /// [`StepFailure::Interpolation`] if such a stage cannot be evaluated.
-    ///
-    /// # Panics
-    /// If `out` has not the length given to [`new`](Stepper::new).
-    pub fn interpolate<O: Ode + ?Sized>(
-        &mut self,
-        ode: &mut O,
-        t: f64,
-        out: &mut [f64],
-    ) -> Result<(), StepFailure<O::Error>> {
+    fn interpolate(&mut self, ode: &mut dyn Ode<Error = E>, t: f64, out: &mut [f64]) -> Result<(), StepFailure<E>> {
         assert_eq!(self.phase, Phase::Concluded, "conclude the step first");
         if t == self.t_new {
             out.copy_from_slice(&self.y_new[..self.dim]);
@@ -424,104 +361,5 @@ impl Stepper {
         let out = &mut out[..self.dim];
         self.dense.evaluate((t - self.t_old) / self.attempted_h, &self.y_old, out);
         Ok(())
-    }
-
-    fn prepare_dense_output<O: Ode + ?Sized>(&mut self, ode: &mut O) -> Result<(), StepFailure<O::Error>> {
-        let (h, dim) = (self.attempted_h, self.dim);
-        for stage in &self.dense.extra {
-            stage.row.advance(&self.stages, h, &self.y_old, &mut self.y_stage);
-            let (t, begin) = (self.t_old + stage.node * h, stage.slot * self.stride);
-            self.counters.dense_evaluations += 1;
-            match ode.rhs(t, &self.y_stage[..dim], &mut self.stages[begin..begin + dim]) {
-                Ok(()) => {}
-                Err(RhsError::Retry(error)) => return Err(StepFailure::Interpolation { t, error }),
-                Err(RhsError::Fatal(error)) => return Err(StepFailure::Rhs { t, error }),
-            }
-        }
-        self.dense.fill(&self.stages, self.tableau.end_slot(), h, &self.y_old, &self.y_new);
-        Ok(())
-    }
-
-    /// Replace the state at `t_new` and its slope, evaluating nothing: after a change of independent coordinates.
-    /// The next step begins from it; the concluded step is still interpolated as it was.
-    ///
-    /// # Panics
-    /// If a slice has not the length given to [`new`](Stepper::new).
-    pub fn replace(&mut self, y: &[f64], dy: &[f64]) {
-        assert_eq!(self.phase, Phase::Concluded, "conclude the step first");
-        self.y_next[..self.dim].copy_from_slice(y);
-        self.f_next[..self.dim].copy_from_slice(dy);
-        self.replaced = true;
-    }
-
-    /// Replace the state at `t_old` and its slope, evaluating nothing: before a step is attempted, or after
-    /// [`reject`](Stepper::reject). The time `t` may be an earlier one, to march from there again.
-    ///
-    /// # Panics
-    /// If a slice has not the length given to [`new`](Stepper::new).
-    pub fn replace_start(&mut self, t: f64, y: &[f64], dy: &[f64]) {
-        assert_eq!(self.phase, Phase::Ready, "commit or reject the step before");
-        (self.t_old, self.t_new) = (t, t);
-        self.y_old[..self.dim].copy_from_slice(y);
-        self.stages[..self.dim].copy_from_slice(dy);
-    }
-
-    /// Make the concluded (and perhaps replaced) end the start of the next step, and choose its length.
-    pub fn commit(&mut self) {
-        assert_eq!(self.phase, Phase::Concluded, "conclude the step first");
-        let (n, end) = (self.stride, self.tableau.end_slot() * self.stride);
-        if self.replaced {
-            std::mem::swap(&mut self.y_old, &mut self.y_next);
-            self.stages[..n].copy_from_slice(&self.f_next);
-        } else {
-            std::mem::swap(&mut self.y_old, &mut self.y_new);
-            self.stages.copy_within(end..end + n, 0);
-        }
-        self.replaced = false;
-        self.t_old = self.t_new;
-        self.phase = Phase::Ready;
-        self.goal = None;
-        self.counters.steps += 1;
-        match &mut self.grid {
-            Some(grid) => {
-                grid.reached(self.t_old);
-                self.step = grid.step();
-            }
-            None => {
-                let h = self.attempted_h.abs();
-                // an error that was tolerated is no reason to take shorter steps
-                let next = h * self.controller.accepted(self.error.min(1.0));
-                // a step cut short by t_end says nothing against the length planned before
-                let planned = if h < self.step { self.step } else { 0.0 };
-                self.step = next.max(planned).min(self.options.max_step);
-            }
-        }
-    }
-
-    /// Throw the attempted or concluded step away; the next attempt starts from `t_old` again, `factor` times as long.
-    pub fn reject(&mut self, factor: f64) {
-        assert_ne!(self.phase, Phase::Ready, "there is no step to reject");
-        self.step = self.attempted_h.abs() * factor;
-        self.controller.hold();
-        self.replaced = false;
-        self.dense.ready = false;
-        self.phase = Phase::Ready;
-        self.counters.rejected += 1;
-    }
-
-    /// Throw the concluded step away: it ends at `t` inside it, and is taken anew. Its length stays the one that is
-    /// planned.
-    pub fn end_at(&mut self, t: f64) {
-        assert_eq!(self.phase, Phase::Concluded, "conclude the step first");
-        self.step = self.step.max(self.attempted_h.abs());
-        self.goal = Some(t);
-        self.replaced = false;
-        self.dense.ready = false;
-        self.phase = Phase::Ready;
-        self.counters.rejected += 1;
-    }
-
-    fn slot(&self, slot: usize) -> &[f64] {
-        &self.stages[slot * self.stride..slot * self.stride + self.dim]
     }
 }

@@ -1,6 +1,5 @@
 //! What the caller may ask of the stepper.
 
-use crate::tableau::{ErrorWeights, Tableau};
 use partita_math::tolerance;
 
 /// Absolute part of the error tolerance.
@@ -24,12 +23,12 @@ impl From<Vec<f64>> for AbsoluteTolerance {
     }
 }
 
-/// Settings of a [`Stepper`](crate::explicit_rk::Stepper).
+/// Settings of a [`Stepper`](crate::stepper::Stepper).
 ///
 /// A step is accepted when `error / (atol s + rtol max(|y_old|, |y_new|))` is at most one in every controlled
 /// component, where `error` is the estimate times [`ERROR_MARGIN`](crate::step_size::ERROR_MARGIN) and s the natural size of the
 /// component: 1 unless
-/// [`set_sizes`](crate::explicit_rk::Stepper::set_sizes) tells another. Mechanisms tell their characteristic length for
+/// [`set_sizes`](crate::stepper::StepControl::set_sizes) tells another. Mechanisms tell their characteristic length for
 /// displacements and 1 for angles.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
@@ -95,11 +94,11 @@ pub enum OptionsError {
 }
 
 impl Options {
-    /// Check these settings for `tableau` and an equation of dimension `dim`.
+    /// Check these settings for an equation of dimension `dim`.
     ///
     /// # Errors
     /// The first contradiction found.
-    pub fn check(&self, tableau: &Tableau, dim: usize) -> Result<(), OptionsError> {
+    pub fn check(&self, dim: usize) -> Result<(), OptionsError> {
         let positive = |x: f64| x > 0.0 && x.is_finite();
         let in_range = |name, value, holds, range| {
             if holds {
@@ -128,9 +127,6 @@ impl Options {
         };
         for &value in atol {
             in_range("atol", value, tolerance(value), "finite and not negative")?;
-        }
-        if self.fixed_step.is_none() && matches!(tableau.error, ErrorWeights::None) {
-            return Err(OptionsError::NeedsFixedStep { method: tableau.name });
         }
         Ok(())
     }

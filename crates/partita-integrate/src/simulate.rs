@@ -1,17 +1,16 @@
 //! Marching a mechanism: steps, corrections, changes of coordinates, outputs.
 
 use crate::counters::Counters;
-use crate::explicit_rk::{Conclusion, Stepper};
 use crate::failure::StepFailure;
+use crate::method::Method;
 use crate::ode::{Ode, RhsError};
 use crate::options::{Options, OptionsError};
-use crate::tableau::{Tableau, METHODS};
+use crate::stepper::{Conclusion, StepPlan, Stepper};
 use partita_math::tolerance;
 use partita_system::formulation::{Formulation, Pace, Step, Verdict};
 use partita_system::record::Output;
 use partita_system::SystemError;
 use std::ops::ControlFlow;
-use std::sync::OnceLock;
 
 /// Settings of a run.
 #[derive(Clone, Debug)]
@@ -19,7 +18,7 @@ pub struct Settings {
     /// End of the run.
     pub t_end: f64,
     /// Method.
-    pub tableau: &'static Tableau,
+    pub method: &'static dyn Method,
     /// Tolerances and steps; `controlled` is set by the run.
     pub options: Options,
     /// Accepted steps at the most.
@@ -101,16 +100,11 @@ fn sorted(e: SystemError) -> RhsError<SystemError> {
     }
 }
 
-/// The length that keeps all nodes of a step as far as can be from a point one unit after its start; found once.
-fn stretch(tableau: &'static Tableau) -> f64 {
-    static KNOWN: OnceLock<[f64; METHODS.len()]> = OnceLock::new();
-    let best = |tableau: &Tableau| {
-        let clearance = |r: f64| tableau.c.iter().fold(r - 1.0, |m: f64, c| m.min((c * r - 1.0).abs()));
-        let tried = (130..300).map(|i| f64::from(i) / 100.0).map(|r| (r, clearance(r)));
-        tried.fold((1.3, f64::NEG_INFINITY), |best, x| if x.1 > best.1 { x } else { best }).0
-    };
-    let known = KNOWN.get_or_init(|| METHODS.map(best)).iter().zip(METHODS);
-    known.into_iter().find(|x| std::ptr::eq(x.1, tableau)).map_or_else(|| best(tableau), |x| *x.0)
+/// The length that keeps all these nodes of a step as far as can be from a point one unit after its start.
+fn stretch(nodes: &[f64]) -> f64 {
+    let clearance = |r: f64| nodes.iter().fold(r - 1.0, |m: f64, c| m.min((c * r - 1.0).abs()));
+    let tried = (130..300).map(|i| f64::from(i) / 100.0).map(|r| (r, clearance(r)));
+    tried.fold((1.3, f64::NEG_INFINITY), |best, x| if x.1 > best.1 { x } else { best }).0
 }
 
 /// March from `(t, q, v)` to the end; `sink` gets an output at each time of `t_eval`, `watch` is asked after each step.
@@ -129,7 +123,7 @@ pub fn simulate<F: Formulation>(
     watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
 ) -> Result<Outcome, SystemError> {
     let control = Control::Free { max_steps: settings.max_steps };
-    let mut march = March::new(formulation, q.len(), settings.tableau, settings.options.clone(), control)
+    let mut march = March::new(formulation, q.len(), settings.method, settings.options.clone(), control)
         .map_err(|e| SystemError::argument("settings", format!("settings: {e}")))?;
     march.begin(formulation, t, (q, v), None)?;
     let mut outputs = Outputs::new(t_eval, sink);
@@ -241,7 +235,7 @@ impl<'o> Outputs<'o> {
 #[derive(Debug)]
 pub struct March {
     control: Control,
-    stepper: Stepper,
+    stepper: Box<dyn Stepper<SystemError>>,
     /// Are lengths of steps chosen by their error?
     free: bool,
     t: f64,
@@ -283,23 +277,23 @@ impl March {
     pub fn new<F: Formulation>(
         formulation: &F,
         nq: usize,
-        tableau: &'static Tableau,
+        method: &'static dyn Method,
         options: Options,
         control: Control,
     ) -> Result<Self, OptionsError> {
         let dim = formulation.dim();
         let (free, tolerance) = (options.fixed_step.is_none(), options.rtol.max(tolerance::SUM_ROUNDING));
-        let options = Options { controlled: formulation.controlled(), ..options };
+        let stepper = method.stepper(dim, Options { controlled: formulation.controlled(), ..options })?;
         Ok(Self {
             control,
-            stepper: Stepper::new(tableau, dim, options)?,
+            stretch: stretch(stepper.nodes()),
+            stepper,
             free,
             t: 0.0,
             y: vec![0.0; dim],
             buffer: vec![0.0; dim],
             slope: vec![0.0; dim],
             output: Output { turns: vec![0; nq], ..Output::default() },
-            stretch: stretch(tableau),
             tolerance,
         })
     }
@@ -374,8 +368,9 @@ impl March {
         watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
     ) -> Result<Status, StepFailure<SystemError>> {
         let ended = self.steps(formulation, outputs, watch);
-        self.t = self.stepper.t_old();
-        self.y.copy_from_slice(self.stepper.y_old());
+        let reached = self.stepper.current();
+        self.t = reached.t_old;
+        self.y.copy_from_slice(reached.y_old);
         ended
     }
 
@@ -389,14 +384,14 @@ impl March {
             Control::Free { .. } => u32::MAX,
             Control::Ticks { steps } => ATTEMPTS * steps,
         };
-        while !self.stepper.finished() {
+        while !self.stepper.current().finished() {
             if let Control::Free { max_steps } = self.control {
                 if self.stepper.counters().steps >= max_steps {
                     return Ok(Status::MaxSteps);
                 }
             }
             self.step(formulation, outputs, &mut attempts)?;
-            if watch(self.stepper.t_old()).is_break() {
+            if watch(self.stepper.current().t_old).is_break() {
                 return Ok(Status::Interrupted);
             }
         }
@@ -423,15 +418,15 @@ impl March {
         loop {
             if let Control::Ticks { .. } = self.control {
                 if *attempts == 0 {
-                    let (t, h) = (self.stepper.t_old(), self.stepper.step_size());
-                    return Err(StepFailure::TooSmall { t, h, last: None });
+                    let step = self.stepper.current();
+                    return Err(StepFailure::TooSmall { t: step.t_old, h: step.next, last: None });
                 }
                 *attempts -= 1;
             }
             let stepper = &mut self.stepper;
             stepper.attempt(&mut Adapter(formulation))?;
             let mut verdict = Verdict::Keep;
-            let concluded = stepper.conclude_with(|t, y, dy, known| {
+            let concluded = stepper.conclude(&mut |t, y, dy, known| {
                 let (judged, evaluated) = formulation.trial_end(t, y, dy, known).map_err(sorted)?;
                 verdict = judged;
                 Ok(evaluated)
@@ -446,7 +441,7 @@ impl March {
             }
             let near = || formulation.margin().is_some_and(|m| m.abs() < TICK_TOO_NEAR);
             if matches!(self.control, Control::Ticks { .. }) && near() {
-                let t = stepper.t_new();
+                let t = stepper.current().t_new;
                 let message =
                     "it would end next to a singular position, such as one in which links are in line and the motion can \
                                branch, from where rates cannot be told; step over it: another number of substeps, another \
@@ -459,7 +454,7 @@ impl March {
             }
             match self.outputs(formulation, outputs) {
                 Ok(()) => {}
-                Err(StepFailure::Interpolation { .. }) if self.stepper.may_shrink() => {
+                Err(StepFailure::Interpolation { .. }) if self.stepper.current().may_shrink => {
                     self.stepper.reject(0.5);
                     continue;
                 }
@@ -477,10 +472,11 @@ impl March {
         verdict: Verdict,
     ) -> Result<(), StepFailure<SystemError>> {
         let (free, stepper) = (self.free, &mut self.stepper);
-        let t = stepper.t_old();
-        self.buffer.copy_from_slice(stepper.y_old());
-        self.slope.copy_from_slice(stepper.dy_old());
-        let mut pace = Pace { next: stepper.step_size(), stretch: self.stretch, floor: 0.0, limit: 1.0 };
+        let step = stepper.current();
+        let t = step.t_old;
+        self.buffer.copy_from_slice(step.y_old);
+        self.slope.copy_from_slice(step.dy_old);
+        let mut pace = Pace { next: step.next, stretch: self.stretch, floor: 0.0, limit: 1.0 };
         let (y, dy, turns) = (&mut self.buffer[..], &mut self.slope[..], &mut self.output.turns[..]);
         let mut step = Step { t, y, dy, turns, pace: free.then_some(&mut pace) };
         let rewritten = formulation.commit(verdict, &mut step);
@@ -491,13 +487,15 @@ impl March {
             stepper.set_sizes(&self.buffer);
         }
         if free {
-            stepper.set_step_size(pace.next);
-            stepper.set_lenience(pace.floor, pace.limit);
-            if pace.limit > 1.0 {
-                // half a crossing step would end next to the position; others across it have their stages elsewhere
-                stepper.set_other_sizes(CROSSING_AGAIN.map(|x| x * pace.next));
-            }
-            stepper.set_goal(formulation.breakpoint_ahead(pace.next, self.tolerance));
+            // half a crossing step would end next to the position; others across it have their stages elsewhere
+            let others = CROSSING_AGAIN.map(|x| x * pace.next);
+            stepper.plan(&StepPlan {
+                length: pace.next,
+                others: if pace.limit > 1.0 { &others } else { &[] },
+                floor: pace.floor,
+                limit: pace.limit,
+                goal: formulation.breakpoint_ahead(pace.next, self.tolerance),
+            });
         }
         Ok(())
     }
@@ -510,7 +508,7 @@ impl March {
         y: &mut [f64],
     ) -> Result<(), StepFailure<SystemError>> {
         let stepper = &mut self.stepper;
-        let (from, to) = (stepper.t_old(), stepper.t_new());
+        let (from, to) = (stepper.current().t_old, stepper.current().t_new);
         let mut state = |t: f64, out: &mut Output| {
             stepper.interpolate(&mut Adapter(formulation), t, y)?;
             formulation.state_at(t, y, out).map_err(|error| StepFailure::Rhs { t, error })
@@ -546,7 +544,7 @@ impl March {
         formulation: &mut F,
         outputs: &mut Outputs,
     ) -> Result<(), StepFailure<SystemError>> {
-        while let Some(&t) = outputs.t_eval.get(outputs.next).filter(|t| **t <= self.stepper.t_new()) {
+        while let Some(&t) = outputs.t_eval.get(outputs.next).filter(|t| **t <= self.stepper.current().t_new) {
             let mut y = std::mem::take(&mut self.buffer);
             let done = self.output_at(formulation, t, &mut y);
             self.buffer = y;

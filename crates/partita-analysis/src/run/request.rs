@@ -1,9 +1,9 @@
 //! What is asked of a run, in words, and what it means.
 
 use crate::error::AnalysisError;
+use partita_integrate::method;
 use partita_integrate::options::Options;
 use partita_integrate::simulate::Settings;
-use partita_integrate::tableau;
 use partita_math::tolerance;
 use partita_system::options::{FormulationOptions, Renew, TangentMap};
 use partita_system::partition::Selection;
@@ -120,8 +120,8 @@ impl Request {
     /// # Errors
     /// `Argument` for an unknown method.
     pub(super) fn settings(&self) -> Result<Settings, AnalysisError> {
-        let tableau = tableau::by_name(&self.method).ok_or_else(|| {
-            let known: Vec<&str> = tableau::METHODS.iter().map(|m| m.name).collect();
+        let method = method::by_name(&self.method).ok_or_else(|| {
+            let known: Vec<&str> = method::all().map(|m| m.name()).collect();
             refuse("method", format!("there is no method \"{}\"; choose among {}", self.method, known.join(", ")))
         })?;
         let options = Options {
@@ -133,7 +133,7 @@ impl Request {
             first_step: None,
             discontinuities: Vec::new(),
         };
-        Ok(Settings { t_end: self.t_end, tableau, options, max_steps: self.max_steps })
+        Ok(Settings { t_end: self.t_end, method, options, max_steps: self.max_steps })
     }
 
     /// Options of the formulation, with the user's tangent velocities.

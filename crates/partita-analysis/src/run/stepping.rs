@@ -63,7 +63,7 @@ impl<'s, S: Balance<Scratch: Send>> Stepping<'s, S> {
         }
         let Prepared { formulation, recipe, settings, limits, notes, singular_start, .. } = prepared;
         let options = Options { fixed_step: Some(length / f64::from(steps)), ..Options::default() };
-        let march = March::new(&formulation, q.len(), settings.tableau, options, Control::Ticks { steps })
+        let march = March::new(&formulation, q.len(), settings.method, options, Control::Ticks { steps })
             .map_err(|e| AnalysisError::Argument { argument: "dt", message: e.to_string() })?;
         let now = Output { turns: vec![0; q.len()], ..Output::default() };
         let kept = keeps.then(Vec::new);

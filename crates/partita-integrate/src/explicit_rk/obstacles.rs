@@ -2,7 +2,7 @@
 
 use std::fmt::Display;
 
-use super::Stepper;
+use super::ExplicitRungeKutta;
 use crate::combination::first_not_finite;
 use crate::failure::StepFailure;
 
@@ -12,7 +12,7 @@ const RETRY_FACTOR: f64 = 0.6;
 /// Shortening after a number that is not finite. Scale: ratio of steps. Reason: nothing is known of where it came from.
 const NOT_FINITE_FACTOR: f64 = 0.5;
 
-impl Stepper {
+impl ExplicitRungeKutta {
     /// Some component that spoils the step, if its error or its end is not finite.
     pub(super) fn not_finite(&self, error: f64) -> Option<usize> {
         first_not_finite(&self.y_new).or_else(|| {

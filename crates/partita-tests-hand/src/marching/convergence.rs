@@ -1,25 +1,26 @@
 //! Measured orders on the Kepler problem, whose solution is known in closed form.
 
-use crate::problems::{distance, finish, Closure, Kepler};
-use partita_integrate::explicit_rk::{Conclusion, Stepper};
+use crate::problems::{conclude, distance, finish, Closure, Kepler};
+use partita_integrate::explicit_rk::ExplicitRungeKutta;
 use partita_integrate::options::Options;
+use partita_integrate::stepper::{Conclusion, StepControl, Stepper};
 use partita_integrate::tableau::{Tableau, METHODS};
 
-fn fixed(method: &'static Tableau, h: f64) -> Stepper {
-    Stepper::new(method, 4, Options { fixed_step: Some(h), ..Options::default() }).unwrap()
+fn fixed(method: &'static Tableau, h: f64) -> ExplicitRungeKutta {
+    ExplicitRungeKutta::new(method, 4, Options { fixed_step: Some(h), ..Options::default() }).unwrap()
 }
 
 /// Distance from the exact state at t = 4 after `steps` equal steps.
 fn error_at_the_end(method: &'static Tableau, steps: u32) -> f64 {
     let mut stepper = fixed(method, 4.0 / f64::from(steps));
     stepper.start(&mut Kepler, 0.0, &Kepler::at(0.0), 4.0).unwrap();
-    while !stepper.finished() {
+    while !stepper.current().finished() {
         stepper.attempt(&mut Kepler).unwrap();
-        assert_eq!(stepper.conclude(&mut Kepler, false), Ok(Conclusion::Done));
+        assert_eq!(conclude(&mut stepper, &mut Kepler), Ok(Conclusion::Done));
         stepper.commit();
     }
     assert_eq!(stepper.counters().steps, u64::from(steps));
-    distance(stepper.y_old(), &Kepler::at(4.0))
+    distance(stepper.current().y_old, &Kepler::at(4.0))
 }
 
 /// Largest error of dense output inside one single step of length `h` from the exact state at t = 3, where the
@@ -28,7 +29,7 @@ fn error_inside_a_step(method: &'static Tableau, h: f64) -> f64 {
     let mut stepper = fixed(method, h);
     stepper.start(&mut Kepler, 3.0, &Kepler::at(3.0), 3.0 + h).unwrap();
     stepper.attempt(&mut Kepler).unwrap();
-    assert_eq!(stepper.conclude(&mut Kepler, false), Ok(Conclusion::Done));
+    assert_eq!(conclude(&mut stepper, &mut Kepler), Ok(Conclusion::Done));
     let mut largest = 0.0_f64;
     let mut y = [0.0; 4];
     for i in 0..=20 {
@@ -70,15 +71,15 @@ fn global_error_follows_the_tolerance() {
     for method in METHODS.into_iter().filter(|method| method.error_order > 0) {
         for rtol in [1e-4, 1e-7, 1e-10] {
             let options = Options { rtol, atol: rtol.into(), ..Options::default() };
-            let mut stepper = Stepper::new(method, 4, options).unwrap();
+            let mut stepper = ExplicitRungeKutta::new(method, 4, options).unwrap();
             stepper.start(&mut Kepler, 0.0, &Kepler::at(0.0), 6.0).unwrap();
-            while !stepper.finished() {
+            while !stepper.current().finished() {
                 stepper.attempt(&mut Kepler).unwrap();
-                assert_eq!(stepper.conclude(&mut Kepler, false), Ok(Conclusion::Done));
+                assert_eq!(conclude(&mut stepper, &mut Kepler), Ok(Conclusion::Done));
                 stepper.commit();
             }
             // the orbit multiplies an early error by about the time that follows it, the steps add theirs
-            let error = distance(stepper.y_old(), &Kepler::at(6.0));
+            let error = distance(stepper.current().y_old, &Kepler::at(6.0));
             assert!(error < 100.0 * rtol, "{} at {rtol:e}: {error:e}", method.name);
         }
     }
@@ -95,11 +96,11 @@ fn integrals_of_polynomials_are_exact() {
         };
         let mut ode = Closure { dim: 1, f };
         let options = Options { fixed_step: Some(0.25), ..Options::default() };
-        let mut stepper = Stepper::new(method, 1, options).unwrap();
+        let mut stepper = ExplicitRungeKutta::new(method, 1, options).unwrap();
         stepper.start(&mut ode, 0.5, &[0.5_f64.powi(p)], 1.5).unwrap();
         finish(&mut stepper, &mut ode).unwrap();
         // coefficients of up to 12 with sixteen digits, twelve stages, four steps
-        let (y, exact) = (stepper.y_old()[0], 1.5_f64.powi(p));
+        let (y, exact) = (stepper.current().y_old[0], 1.5_f64.powi(p));
         assert!((y - exact).abs() < 1e-13 * exact, "{}: {y} instead of {exact}", method.name);
     }
 }

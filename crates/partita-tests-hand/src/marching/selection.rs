@@ -45,7 +45,7 @@ fn the_motion_does_not_depend_on_the_rule() {
     let exact = run(&system, FormulationOptions::default(), &start, &at, &reference(4.0));
     for selection in Selection::ALL {
         let options = Options { rtol: 1e-10, atol: 1e-12.into(), ..Options::default() };
-        let settings = Settings { t_end: 4.0, tableau: &DOP853, options, max_steps: 100_000 };
+        let settings = Settings { t_end: 4.0, method: &DOP853, options, max_steps: 100_000 };
         let mut f = Projective::new(&system, 8, &by(selection));
         let samples = march(&mut f, &start.0, &start.1, &at, &settings);
         let error = distance(&samples, &exact);

@@ -17,13 +17,13 @@ use std::ops::ControlFlow;
 /// Settings of RK4 on a grid.
 pub fn grid(t_end: f64, h: f64) -> Settings {
     let options = Options { fixed_step: Some(h), ..Options::default() };
-    Settings { t_end, tableau: &RK4, options, max_steps: u64::MAX }
+    Settings { t_end, method: &RK4, options, max_steps: u64::MAX }
 }
 
 /// Settings for reference solutions: the tolerance is a hundred times round-off.
 pub fn reference(t_end: f64) -> Settings {
     let options = Options { rtol: 2e-14, atol: 1e-14.into(), ..Options::default() };
-    Settings { t_end, tableau: &DOP853, options, max_steps: u64::MAX }
+    Settings { t_end, method: &DOP853, options, max_steps: u64::MAX }
 }
 
 /// Samples at `times`.

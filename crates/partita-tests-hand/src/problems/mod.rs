@@ -1,9 +1,10 @@
 //! Equations shared by the tests.
 #![allow(dead_code, reason = "each test file uses its own part")]
 
-use partita_integrate::explicit_rk::{Conclusion, Stepper};
 use partita_integrate::failure::StepFailure;
 use partita_integrate::ode::{Ode, RhsError};
+use partita_integrate::stepper::{Conclusion, Stepper};
+use std::fmt::Display;
 
 /// A planet on an ellipse of eccentricity 0.3: x, y and their rates.
 pub struct Kepler;
@@ -78,11 +79,19 @@ pub fn distance(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }
 
+/// Evaluate the slope at the end of an attempted step, where it is not known, without a correction.
+pub fn conclude<E: Display>(
+    stepper: &mut dyn Stepper<E>,
+    ode: &mut dyn Ode<Error = E>,
+) -> Result<Conclusion, StepFailure<E>> {
+    stepper.conclude(&mut |t, y, dy, known| if known { Ok(false) } else { ode.rhs(t, y, dy).map(|()| true) })
+}
+
 /// March to the end without corrections.
-pub fn finish<O: Ode>(stepper: &mut Stepper, ode: &mut O) -> Result<(), StepFailure<O::Error>> {
-    while !stepper.finished() {
+pub fn finish<E: Display>(stepper: &mut dyn Stepper<E>, ode: &mut dyn Ode<Error = E>) -> Result<(), StepFailure<E>> {
+    while !stepper.current().finished() {
         stepper.attempt(ode)?;
-        if stepper.conclude(ode, false)? == Conclusion::Done {
+        if conclude(stepper, ode)? == Conclusion::Done {
             stepper.commit();
         }
     }

@@ -44,7 +44,7 @@ impl Run<'_> {
         let mut f = registry::by_name(self.rule, model, rank, &options).unwrap();
         let settings = Settings {
             t_end: *self.t_eval.last().unwrap(),
-            tableau: &DOP853,
+            method: &DOP853,
             options: Options { rtol: self.rtol, atol: (0.01 * self.rtol).into(), ..Options::default() },
             max_steps: 1_000_000,
         };

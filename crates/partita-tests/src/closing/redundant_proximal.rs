@@ -37,7 +37,7 @@ fn redundant_rows_do_not_shorten_the_steps() {
             let mut f = registry::by_name(name, &model, rank, &FormulationOptions::default()).unwrap();
             let settings = Settings {
                 t_end: 3.0,
-                tableau: &DOP853,
+                method: &DOP853,
                 options: Options { rtol, atol: (0.01 * rtol).into(), ..Options::default() },
                 max_steps: 5000,
             };

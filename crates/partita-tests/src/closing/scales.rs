@@ -5,9 +5,9 @@
 
 use crate::families::*;
 use crate::linkages::*;
+use partita_integrate::method;
 use partita_integrate::options::Options;
 use partita_integrate::simulate::{simulate, Settings, Status};
-use partita_integrate::tableau;
 use partita_math::tolerance;
 use partita_model::spec::{Force, Spec};
 use partita_model::tree::LinkMotion;
@@ -80,7 +80,7 @@ fn answers(spec: &Spec, s: f64, formulation: &str) -> Answers {
     let mut f = registry::by_name(formulation, &model, found.rank, &options).unwrap();
     let settings = Settings {
         t_end: 1.0,
-        tableau: tableau::by_name("dop853").unwrap(),
+        method: method::by_name("dop853").unwrap(),
         options: Options::default(),
         max_steps: 10_000,
     };

@@ -7,9 +7,9 @@
 //! ```
 
 use crate::planar::{chain, closure_error, upright_angle};
+use partita_integrate::method;
 use partita_integrate::options::Options;
 use partita_integrate::simulate::{simulate, Outcome, Settings, Status};
-use partita_integrate::tableau;
 use partita_model::Model;
 use partita_system::formulation::registry;
 use partita_system::kinematics::velocity;
@@ -37,12 +37,8 @@ fn run(model: &Model, rule: &str, rate: f64, options: Options, times: &[f64], ex
     let v = velocity::with_rates(&mut r, 0.0, &q, &[(upright, -rate)]).unwrap();
     let mut f = registry::by_name(rule, model, rank, &FormulationOptions::default()).unwrap();
     let method = if options.fixed_step.is_some() { "rk4" } else { "dop853" };
-    let settings = Settings {
-        t_end: *times.last().unwrap(),
-        tableau: tableau::by_name(method).unwrap(),
-        options,
-        max_steps: 5000,
-    };
+    let settings =
+        Settings { t_end: *times.last().unwrap(), method: method::by_name(method).unwrap(), options, max_steps: 5000 };
     let (mut error, mut closure, mut next) = (0.0f64, 0.0f64, 0);
     let outcome = simulate(
         &mut f,

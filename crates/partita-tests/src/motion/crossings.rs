@@ -7,9 +7,9 @@
 //! ```
 
 use crate::planar::{chain, closure_error, upright_angle};
+use partita_integrate::method;
 use partita_integrate::options::Options;
 use partita_integrate::simulate::{simulate, Settings, Status};
-use partita_integrate::tableau;
 use partita_system::formulation::motion::Projective;
 use partita_system::kinematics::velocity;
 use partita_system::options::FormulationOptions;
@@ -41,7 +41,7 @@ fn chains_pass_all_their_singular_positions_on_their_branch() {
                 let mut f = Projective::new(&model, found.rank, &FormulationOptions::default());
                 let settings = Settings {
                     t_end,
-                    tableau: tableau::by_name("dop853").unwrap(),
+                    method: method::by_name("dop853").unwrap(),
                     options: Options { rtol, atol: (0.01 * rtol).into(), ..Options::default() },
                     max_steps: 5000,
                 };

@@ -25,7 +25,7 @@ fn march(model: &Model, m: &Moment, at: &[f64]) -> Option<Vec<Sample>> {
         Ok(())
     };
     let options = Options { rtol: 1e-12, atol: 1e-12.into(), ..Options::default() };
-    let settings = Settings { t_end: at[at.len() - 1], tableau: &DOP853, options, max_steps: 20_000 };
+    let settings = Settings { t_end: at[at.len() - 1], method: &DOP853, options, max_steps: 20_000 };
     let mut f = Projective::new(model, m.rank, &FormulationOptions::default());
     let go = &mut |_| ControlFlow::Continue(());
     let outcome = simulate(&mut f, m.t, &m.q, &m.v, at, &settings, &mut sink, go).ok()?;

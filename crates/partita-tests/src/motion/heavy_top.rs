@@ -1,9 +1,10 @@
 //! A heavy top on a spherical joint, in absolute coordinates: turns in space under a partition that changes.
 
 use crate::mechanisms::{bodies, compile, empty, joint};
+use partita_integrate::method::Method;
 use partita_integrate::options::Options;
 use partita_integrate::simulate::{simulate, Settings, Status};
-use partita_integrate::tableau::{Tableau, DOP853, RK4};
+use partita_integrate::tableau::{DOP853, RK4};
 use partita_math::spatial::{Mat3, Vec3};
 use partita_model::spec::{Body, JointKind, Spec};
 use partita_model::zero_position::Coordinates;
@@ -46,9 +47,9 @@ fn march<F: Formulation>(f: &mut F, q: &[f64], v: &[f64], at: &[f64], h: Option<
         outputs.push(s.clone());
         Ok(())
     };
-    let tableau: &'static Tableau = if h.is_some() { &RK4 } else { &DOP853 };
+    let method: &'static dyn Method = if h.is_some() { &RK4 } else { &DOP853 };
     let options = Options { rtol: 1e-13, atol: 1e-13.into(), fixed_step: h, ..Options::default() };
-    let settings = Settings { t_end: at[at.len() - 1], tableau, options, max_steps: u64::MAX };
+    let settings = Settings { t_end: at[at.len() - 1], method, options, max_steps: u64::MAX };
     let outcome = simulate(f, 0.0, q, v, at, &settings, &mut sink, &mut |_| ControlFlow::Continue(())).unwrap();
     assert_eq!(outcome.status, Status::Finished, "{}", outcome.message);
     let events = f.history().events;

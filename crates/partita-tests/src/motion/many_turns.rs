@@ -46,7 +46,7 @@ fn a_thousand_turns_leave_the_loop_closed() {
     let v = velocity::with_rates(f.reduction(), 0.0, &q, &[(crank, TAU)]).unwrap();
     let settings = Settings {
         t_end: 1100.0,
-        tableau: &DOP853,
+        method: &DOP853,
         options: Options { rtol: 1e-8, atol: 1e-10.into(), ..Options::default() },
         max_steps: 10_000_000,
     };
@@ -100,7 +100,7 @@ fn every_form_counts_the_same_turns() {
     start::choose_partition(&mut r, 0.0, &q, None, None).unwrap();
     let v = velocity::with_rates(&mut r, 0.0, &q, &[(crank, 2.0 * TAU)]).unwrap();
     let options = Options { rtol: 1e-11, atol: 1e-12.into(), ..Options::default() };
-    let settings = Settings { t_end: 15.0, tableau: &DOP853, options, max_steps: u64::MAX };
+    let settings = Settings { t_end: 15.0, method: &DOP853, options, max_steps: u64::MAX };
     let t_eval: Vec<f64> = (1..=30).map(|i| 0.5 * f64::from(i)).collect();
     let run = |name: &str| {
         let mut f = registry::by_name(name, &model, rank, &FormulationOptions::default()).unwrap();

@@ -2,6 +2,7 @@
 
 mod allocations;
 mod change_points;
+mod collocation;
 mod crossings;
 mod driven;
 mod every_formulation;

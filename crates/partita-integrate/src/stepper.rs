@@ -1,0 +1,147 @@
+//! The contract of a method of integration, in two duties.
+//!
+//! [`Stepper`] evaluates the equation: it attempts steps, concludes and interpolates them. [`StepControl`] is what a march
+//! reads and decides between evaluations. A march knows these two and no coefficients, so that an explicit Runge–Kutta
+//! method, an implicit one or one of several steps serves it alike.
+//!
+//! ```text
+//! start ── attempt ── [correct y_new] ── conclude ── [interpolate] ── commit ── [replace_start, plan] ─┐
+//!             ▲                                          │ reject, end_at                              │
+//!             └──────────────────────────────────────────┴─────────────────────────────────────────────┘
+//! ```
+//!
+//! A step that is rejected leaves no trace but in the counters: the state at `t_old` is intact.
+
+use crate::counters::Counters;
+use crate::failure::StepFailure;
+use crate::ode::{Ode, RhsError};
+use std::fmt::{Debug, Display};
+
+/// What [`Stepper::conclude`] found at the end of the step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[must_use]
+pub enum Conclusion {
+    /// The slope is known there; the step can be interpolated and committed.
+    Done,
+    /// The slope cannot be evaluated there. The step has been thrown away and shortened: attempt again.
+    Rejected,
+}
+
+/// The step at hand.
+#[derive(Debug, Clone, Copy)]
+pub struct CurrentStep<'s> {
+    /// Start of the step.
+    pub t_old: f64,
+    /// End of the attempted step; `t_old` before the first attempt.
+    pub t_new: f64,
+    /// End of the integration.
+    pub t_end: f64,
+    /// State at `t_old`.
+    pub y_old: &'s [f64],
+    /// Slope at `t_old`.
+    pub dy_old: &'s [f64],
+    /// State at `t_new`.
+    pub y_new: &'s [f64],
+    /// Slope at `t_new` of a concluded step.
+    pub dy_new: &'s [f64],
+    /// Length of the next attempt (positive), before it is cut to meet an end or a goal.
+    pub next: f64,
+    /// Is that long enough for half of it to be worth a try?
+    pub may_shrink: bool,
+}
+
+impl CurrentStep<'_> {
+    /// Is the end of the integration reached?
+    pub fn finished(&self) -> bool {
+        self.t_old == self.t_end
+    }
+}
+
+/// What the caller decides about the next step.
+#[derive(Debug, Clone, Copy)]
+pub struct StepPlan<'p> {
+    /// Length of the next attempt (positive). A fixed step returns with the step after it.
+    pub length: f64,
+    /// Should that attempt fail by its error, lengths to try before it is shortened, the last first: for where a shorter
+    /// step is no better.
+    pub others: &'p [f64],
+    /// Tolerances are not taken for smaller than this, in natural sizes; 0 is the rule.
+    pub floor: f64,
+    /// Errors up to so many tolerances are accepted; 1 is the rule. Steps that the tolerances themselves would have
+    /// refused are counted.
+    pub limit: f64,
+    /// The next step ends here if it would go beyond.
+    pub goal: Option<f64>,
+}
+
+impl StepPlan<'_> {
+    /// A step of this length under the tolerances that were asked for.
+    pub fn of(length: f64) -> Self {
+        Self { length, others: &[], floor: 0.0, limit: 1.0, goal: None }
+    }
+}
+
+/// What is read from a stepper and decided between its evaluations. None of it evaluates the equation.
+pub trait StepControl: Debug + Send + Sync {
+    /// The step at hand.
+    fn current(&self) -> CurrentStep<'_>;
+    /// The work done since the stepper was made.
+    fn counters(&self) -> &Counters;
+    /// Where in a step the method evaluates, as ascending fractions of it; the ends need not be among them.
+    fn nodes(&self) -> &[f64];
+    /// How the next step is to be taken; `commit` and `start` make plans of their own.
+    fn plan(&mut self, plan: &StepPlan);
+    /// Natural size of each component, in which absolute tolerances are meant from the next step on; 1 unless set.
+    fn set_sizes(&mut self, sizes: &[f64]);
+    /// Replace the state at `t_old` and its slope: before a step is attempted, or after `commit`, `reject` or `end_at`.
+    /// The time `t` may be an earlier one, to march from there again. What the method remembers of earlier steps ends here.
+    fn replace_start(&mut self, t: f64, y: &[f64], dy: &[f64]);
+    /// Make the end of the concluded step the start of the next one, and choose its length.
+    fn commit(&mut self);
+    /// Throw the attempted or concluded step away; the next attempt is `factor` times as long.
+    fn reject(&mut self, factor: f64);
+    /// Throw the concluded step away: it is taken anew and ends at `t` inside it. The length planned stays.
+    fn end_at(&mut self, t: f64);
+}
+
+/// Corrects the end of a step and leaves its slope: `end(t, y, dy, known)`, where `known` tells that dy holds the slope
+/// at y as it is, the last one evaluated. The answer is whether the equation was evaluated.
+pub type StepEnd<'e, E> = &'e mut dyn FnMut(f64, &mut [f64], &mut [f64], bool) -> Result<bool, RhsError<E>>;
+
+/// A method of integration at work on one equation, whose evaluations fail with `E`.
+///
+/// Memory is taken when the stepper is made; steps allocate nothing.
+pub trait Stepper<E: Display>: StepControl {
+    /// Set the state, evaluate f there and choose the first step towards `t_end`, which may lie on either side. The
+    /// counters go on.
+    ///
+    /// # Errors
+    /// A start that is not finite, or where f cannot be evaluated.
+    ///
+    /// # Panics
+    /// If `y` has not the dimension that the stepper was made for.
+    fn start(&mut self, ode: &mut dyn Ode<Error = E>, t: f64, y: &[f64], t_end: f64) -> Result<(), StepFailure<E>>;
+
+    /// Try steps, shorter and shorter, until one is acceptable; its end is `t_new`, `y_new` of
+    /// [`current`](StepControl::current).
+    ///
+    /// # Errors
+    /// See [`StepFailure`]. The state at `t_old` is intact afterwards.
+    fn attempt(&mut self, ode: &mut dyn Ode<Error = E>) -> Result<(), StepFailure<E>>;
+
+    /// Let `end` correct the end of the attempted step and evaluate the slope there, the start of the next step. Where f
+    /// is not evaluable, or not finite, the step is thrown away and shortened: [`Conclusion::Rejected`].
+    ///
+    /// # Errors
+    /// See [`StepFailure`].
+    fn conclude(&mut self, end: StepEnd<'_, E>) -> Result<Conclusion, StepFailure<E>>;
+
+    /// The state at `t` inside the concluded step, into `out`; exact at both ends, corrections included.
+    ///
+    /// # Errors
+    /// [`StepFailure::Interpolation`] if what dense output needs beside the step cannot be evaluated.
+    ///
+    /// # Panics
+    /// If `out` has not the dimension that the stepper was made for.
+    fn interpolate(&mut self, ode: &mut dyn Ode<Error = E>, t: f64, out: &mut [f64]) -> Result<(), StepFailure<E>>;
+}
