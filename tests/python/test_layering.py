@@ -348,10 +348,6 @@ def test_every_room_that_the_pages_name_exists() -> None:
     assert not missing
 
 
-LARGER = {"Scalar": 19, "Space": 35, "Equations": 13, "Linearization": 13}
-"""Traits of more methods: arithmetic of numbers and of vectors, equations by hand, the steps of one loop."""
-
-
 def methods(text: str) -> dict[str, int]:
     """How many methods each trait of a source asks for or offers."""
     found = {}
@@ -369,4 +365,5 @@ def test_a_trait_has_one_duty() -> None:
     counted = {}
     for path in sorted((ROOT / "crates").glob("*/src/**/*.rs")):
         counted |= methods(path.read_text(encoding="utf-8"))
-    assert {name: count for name, count in counted.items() if count > 12} == LARGER
+    assert counted
+    assert not {name: count for name, count in counted.items() if count > 12}

@@ -2,8 +2,10 @@
 //! eight numbers side by side, and a [`Recorder`] that writes down what is done to it.
 //!
 //! ```text
-//! Scalar      arithmetic, straight through: no value to look at, no order
-//!   Real      and a value: choices (pivots, limits, Newton's method) ask for it
+//! Cases       one of two numbers, taken without a branch
+//! Functions   tables, and functions that are known in f64 alone
+//!   Scalar    with these two, arithmetic, straight through: no value to look at, no order
+//!     Real    and a value: choices (pivots, limits, Newton's method) ask for it
 //! ```
 //!
 //! A recursion written once over [`Scalar`] gives values with `f64`, exact directional derivatives with [`Dual`], eight
@@ -40,10 +42,10 @@ pub struct Arguments<'a, S> {
 ///
 /// Implementers promise that every operation does to what they hold just what it does to `f64`, so that the value of any
 /// result is what `f64` would have given, to the bit. Where a formula has two cases, both are computed and
-/// [`where_positive`](Scalar::where_positive) (or [`max`](Scalar::max), ...) takes one.
+/// [`where_positive`](Cases::where_positive) (or [`max`](Cases::max), ...) takes one.
 pub trait Scalar:
-    Copy
-    + Clone
+    Cases
+    + Functions
     + Default
     + Debug
     + Add<Output = Self>
@@ -58,15 +60,14 @@ pub trait Scalar:
     + Sync
     + 'static
 {
-    /// Can functions known in `f64` alone be called (see [`call`](Scalar::call))?
-    const CALLS: bool;
-
     /// The constant `x`.
     fn from_f64(x: f64) -> Self;
     /// The constant 0.
     fn zero() -> Self;
     /// The constant 1.
     fn one() -> Self;
+    /// Product with a constant; cheaper than promoting the constant.
+    fn scale(self, factor: f64) -> Self;
     /// Square root; at 0 the derivative is infinite.
     fn sqrt(self) -> Self;
     /// A constant power, at least 1, of a number that is not negative.
@@ -77,6 +78,10 @@ pub trait Scalar:
     fn atan2(self, x: Self) -> Self;
     /// `√(self² + other²)` without overflow on the way.
     fn hypot(self, other: Self) -> Self;
+}
+
+/// One of several numbers, taken without a branch: the derivative is that of the number taken.
+pub trait Cases: Copy {
     /// Absolute value; at 0 it follows the sign bit.
     fn abs(self) -> Self;
     /// The nearest whole number; its derivative is 0.
@@ -89,8 +94,12 @@ pub trait Scalar:
     fn where_positive(self, yes: Self, no: Self) -> Self;
     /// Quotient, 0 where the divisor is 0.
     fn over_or_zero(self, divisor: Self) -> Self;
-    /// Product with a constant; cheaper than promoting the constant.
-    fn scale(self, factor: f64) -> Self;
+}
+
+/// Tables, and functions that are known in `f64` alone.
+pub trait Functions: Copy + Default {
+    /// Can functions known in `f64` alone be called (see [`call`](Functions::call))?
+    const CALLS: bool;
 
     /// Start and cubic of the interval of a table that this number is in: `breaks` ascend, interval i has row i, the first
     /// and the last one go on outside.
@@ -101,20 +110,20 @@ pub trait Scalar:
     ///
     /// Exact for values. A derivative is found by central differences along its own direction, two more calls: error
     /// about 1e-10 of the size of the function for arguments of the given sizes; none is looked for where the arguments
-    /// are constants. What cannot call (see [`CALLS`](Scalar::CALLS)) returns NaN.
+    /// are constants. What cannot call (see [`CALLS`](Functions::CALLS)) returns NaN.
     fn call<const N: usize, E>(
         at: Arguments<Self>,
         room: &mut Vec<f64>,
         mut f: impl FnMut(f64, &[f64], &[f64]) -> Result<[f64; N], E>,
     ) -> Result<[Self; N], E> {
-        let mut out = [Self::zero(); N];
+        let mut out = [Self::default(); N];
         Self::call_into(at, room, &mut out, |t, q, v, out| {
             out.copy_from_slice(&f(t, q, v)?);
             Ok(())
         })?;
         Ok(out)
     }
-    /// [`call`](Scalar::call) of a function that has as many values as it finds room for in its last argument.
+    /// [`call`](Functions::call) of a function that has as many values as it finds room for in its last argument.
     fn call_into<E>(
         at: Arguments<Self>,
         room: &mut Vec<f64>,

@@ -120,12 +120,13 @@ impl<G: Space> Tree<G> {
         let (n, d) = (self.links.len(), G::DIM);
         let mut a = std::mem::take(&mut s.articulated);
         let o = G::S::zero();
+        a.inertia.clear();
         a.inertia.resize(n * d * d, o);
         a.axes.resize(n * d * 3, o);
         a.gain.resize(n * d * 3, o);
         a.inverse.resize(n * 9, o);
         for i in 0..n {
-            G::inertia_matrix(&s.links[i].inertia, self.links[i].mass, &mut a.inertia[i * d * d..(i + 1) * d * d]);
+            G::add_inertia(&s.links[i].inertia, self.links[i].mass, &mut a.inertia[i * d * d..(i + 1) * d * d]);
         }
         for x in massless {
             let inertia = G::world_inertia(&s.links[x.link].rot, &x.inertia);
@@ -139,8 +140,7 @@ impl<G: Space> Tree<G> {
                 let v = self.links[i].v + j;
                 let one = |w: usize| if w == v { G::S::one() } else { o };
                 let (w, u) = self.propagate(i, s, G::Ang::default(), G::Vec::default(), one);
-                let mut twist = [o; 6];
-                G::twist_to(w, u, &mut twist);
+                let twist = G::flat(w, u);
                 for l in 0..d {
                     axes[l * 3 + j] = twist[l];
                 }

@@ -7,7 +7,7 @@ use crate::spec::Spec;
 use crate::tree::{Anchor, Closing, Link, LinkMotion, Locked, PathLink, Tree, Weight};
 use crate::zero_position::{Massless, Placed, PlacedJoint};
 use partita_math::scalar::Scalar;
-use partita_math::spatial::{Mat3, Planar, Space, Vec3};
+use partita_math::spatial::{Mat3, Planar, Space, Vec3, Vectors};
 
 /// Compile for the space G; also the names of the rows.
 pub fn compile<G: Space>(spec: &Spec, placed: &Placed, numbers: &Numbers<G::S>) -> (Tree<G>, Vec<Row>) {

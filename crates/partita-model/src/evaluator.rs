@@ -118,7 +118,7 @@ pub(crate) use with_engine;
 ///
 /// Levels go in order, as in [`ConstrainedSystem`](partita_system::ConstrainedSystem): [`position`](Self::position),
 /// [`velocity`](Self::velocity) at the same `(t, q)`, then everything else. Functions of the user's are known in `f64`
-/// alone: see [`Scalar::call`].
+/// alone: see [`Functions::call`](partita_math::scalar::Functions::call).
 pub struct Evaluator<S: Scalar> {
     pub(crate) engine: Engine<S>,
     /// The mechanism in space; outputs and reactions are computed with it.

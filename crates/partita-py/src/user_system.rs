@@ -7,7 +7,7 @@ use crate::run::{self, read_options, Places};
 use crate::state::{self, Array};
 use crate::tangent::TangentFunctions;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
-use partita_system::equations::{derivatives, Equations, UserSystem};
+use partita_system::equations::{derivatives, Equations, ExplicitClosing, UserSystem};
 use partita_system::SystemError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -98,14 +98,19 @@ impl Equations for Sized {
     fn bias(&self, t: f64, q: &[f64], v: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
         calls::fill(&self.f.bias, "bias", t, q, Some(v), out)
     }
-    fn closes(&self) -> Option<&[usize]> {
-        self.f.closing.as_ref().map(|c| c.dependent.as_slice())
+    fn explicit_closing(&self) -> Option<&dyn ExplicitClosing> {
+        self.f.closing.as_ref().map(|closing| closing as &dyn ExplicitClosing)
+    }
+}
+
+impl ExplicitClosing for Closing {
+    fn dependent(&self) -> &[usize] {
+        &self.dependent
     }
     fn close(&self, t: f64, q: &mut [f64]) -> Result<(), SystemError> {
-        let Some(closing) = &self.f.closing else { return Ok(()) };
-        let mut values = vec![0.0; closing.dependent.len()];
-        calls::fill(&closing.function, "closing", t, q, None, &mut values)?;
-        for (&i, x) in closing.dependent.iter().zip(values) {
+        let mut values = vec![0.0; self.dependent.len()];
+        calls::fill(&self.function, "closing", t, q, None, &mut values)?;
+        for (&i, x) in self.dependent.iter().zip(values) {
             q[i] = x;
         }
         Ok(())

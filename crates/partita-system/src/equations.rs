@@ -35,17 +35,24 @@ pub trait Equations: Send + Sync {
     fn rate(&self, t: f64, q: &[f64], out: &mut [f64]) -> Result<(), SystemError>;
     /// b(t, q, v) (rows).
     fn bias(&self, t: f64, q: &[f64], v: &[f64], out: &mut [f64]) -> Result<(), SystemError>;
-    /// Coordinates computed by `close`, if it is given: the dependent ones of the explicit closing.
-    fn closes(&self) -> Option<&[usize]> {
+    /// The function that closes the loops, if there is one.
+    fn explicit_closing(&self) -> Option<&dyn ExplicitClosing> {
         None
     }
-    /// Replace those coordinates in q by the ones that close the loops, explicitly.              (37)
+}
+
+/// A closed form of the positions of [`Equations`].                                                (37)
+pub trait ExplicitClosing {
+    /// The coordinates that [`close`](Self::close) computes: the dependent ones.
+    fn dependent(&self) -> &[usize];
+    /// Replace those coordinates in q by the ones that close the loops.
     ///
     /// q holds their last values on entry: an angle should come back as the nearest of its whole turns. Where the loops
     /// cannot close, fail with [`SystemError::Limit`] or return what is not finite: the step is then shortened.
-    fn close(&self, _t: f64, _q: &mut [f64]) -> Result<(), SystemError> {
-        Ok(())
-    }
+    ///
+    /// # Errors
+    /// `Limit`, and whatever the function fails with.
+    fn close(&self, t: f64, q: &mut [f64]) -> Result<(), SystemError>;
 }
 
 /// [`Equations`] as a constrained system.

@@ -6,7 +6,7 @@ use partita_math::elimination::Pattern;
 use partita_math::least_norm::LeastNorm;
 use partita_math::tolerance;
 use partita_model::Model;
-use partita_system::manifold::{close, Closed, Linearization, Open, Part, Room, Rule};
+use partita_system::manifold::{close, Closed, Linearization, Open, Part, Residuals, Room, Rule};
 use partita_system::prelude::*;
 use partita_system::SystemError;
 
@@ -231,13 +231,16 @@ impl<'m> Field<'m> {
 /// The hard rows alone.
 struct Hard<'f, 'm>(&'f mut Field<'m>);
 
-impl Linearization for Hard<'_, '_> {
+impl Residuals for Hard<'_, '_> {
     fn evaluate(&mut self, q: &[f64]) -> Result<(), SystemError> {
         self.0.evaluate(q)
     }
     fn open(&self, _part: usize) -> Open {
         self.0.open_of(Duty::Hard)
     }
+}
+
+impl Linearization for Hard<'_, '_> {
     fn solve(&mut self, _q: &[f64], _parts: &[Part]) -> Result<bool, SystemError> {
         self.0.newton(None);
         Ok(true)
@@ -272,7 +275,7 @@ impl<'f, 'm> Soft<'f, 'm> {
     }
 }
 
-impl Linearization for Soft<'_, '_> {
+impl Residuals for Soft<'_, '_> {
     fn evaluate(&mut self, q: &[f64]) -> Result<(), SystemError> {
         // what fails for good on the way back to the hard rows ends the loop; a step not kept is refused
         let kept = std::mem::replace(&mut self.kept, Ok(true))?;
@@ -287,6 +290,9 @@ impl Linearization for Soft<'_, '_> {
     fn open(&self, _part: usize) -> Open {
         self.open
     }
+}
+
+impl Linearization for Soft<'_, '_> {
     fn solve(&mut self, _q: &[f64], parts: &[Part]) -> Result<bool, SystemError> {
         self.home.copy_from_slice(&self.field.y);
         self.field.newton(Some(parts[0].damping * parts[0].open.square.min(1.0)));

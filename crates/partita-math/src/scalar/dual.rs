@@ -1,6 +1,6 @@
 //! A value with a derivative.
 
-use super::{interval_of, Arguments, Real, Scalar};
+use super::{interval_of, Arguments, Cases, Functions, Real, Scalar};
 use std::cmp::Ordering;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
@@ -115,8 +115,6 @@ impl MulAssign for Dual {
 }
 
 impl Scalar for Dual {
-    const CALLS: bool = true;
-
     #[inline(always)]
     fn from_f64(x: f64) -> Self {
         Self::constant(x)
@@ -158,6 +156,13 @@ impl Scalar for Dual {
         // As for the root: constants, and points that stay at 0 to the first order.
         Self::new(length, if along == 0.0 { 0.0 } else { along / length })
     }
+    #[inline(always)]
+    fn scale(self, factor: f64) -> Self {
+        Self::new(self.re * factor, self.eps * factor)
+    }
+}
+
+impl Cases for Dual {
     #[inline(always)]
     fn abs(self) -> Self {
         if self.re.is_sign_negative() {
@@ -203,11 +208,10 @@ impl Scalar for Dual {
             self / divisor
         }
     }
-    #[inline(always)]
-    fn scale(self, factor: f64) -> Self {
-        Self::new(self.re * factor, self.eps * factor)
-    }
+}
 
+impl Functions for Dual {
+    const CALLS: bool = true;
     fn interval(self, breaks: &[f64], rows: &[[f64; 4]]) -> (Self, [Self; 4]) {
         let i = interval_of(self.re, breaks, rows.len());
         (Self::constant(breaks[i]), rows[i].map(Self::constant))

@@ -1,6 +1,6 @@
 //! Eight numbers side by side.
 
-use super::{interval_of, Arguments, Scalar};
+use super::{interval_of, Arguments, Cases, Functions, Scalar};
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
 /// Eight independent numbers: one run through a function gives eight evaluations, each what `f64` gives, to the bit.
@@ -95,8 +95,6 @@ impl MulAssign for Lanes {
 }
 
 impl Scalar for Lanes {
-    const CALLS: bool = true;
-
     #[inline(always)]
     fn from_f64(x: f64) -> Self {
         Self([x; Self::COUNT])
@@ -134,6 +132,13 @@ impl Scalar for Lanes {
         self.with(other, f64::hypot)
     }
     #[inline(always)]
+    fn scale(self, factor: f64) -> Self {
+        self.map(|x| x * factor)
+    }
+}
+
+impl Cases for Lanes {
+    #[inline(always)]
     fn abs(self) -> Self {
         self.map(f64::abs)
     }
@@ -157,11 +162,10 @@ impl Scalar for Lanes {
     fn over_or_zero(self, divisor: Self) -> Self {
         self.with(divisor, f64::over_or_zero)
     }
-    #[inline(always)]
-    fn scale(self, factor: f64) -> Self {
-        self.map(|x| x * factor)
-    }
+}
 
+impl Functions for Lanes {
+    const CALLS: bool = true;
     fn interval(self, breaks: &[f64], rows: &[[f64; 4]]) -> (Self, [Self; 4]) {
         let at = self.0.map(|x| interval_of(x, breaks, rows.len()));
         (Self(at.map(|i| breaks[i])), std::array::from_fn(|k| Self(at.map(|i| rows[i][k]))))

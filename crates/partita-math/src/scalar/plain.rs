@@ -1,10 +1,8 @@
 //! `f64` itself.
 
-use super::{interval_of, Arguments, Real, Scalar};
+use super::{interval_of, Arguments, Cases, Functions, Real, Scalar};
 
 impl Scalar for f64 {
-    const CALLS: bool = true;
-
     #[inline(always)]
     fn from_f64(x: f64) -> Self {
         x
@@ -38,6 +36,13 @@ impl Scalar for f64 {
         f64::hypot(self, other)
     }
     #[inline(always)]
+    fn scale(self, factor: f64) -> Self {
+        self * factor
+    }
+}
+
+impl Cases for f64 {
+    #[inline(always)]
     fn abs(self) -> Self {
         f64::abs(self)
     }
@@ -69,11 +74,10 @@ impl Scalar for f64 {
             self / divisor
         }
     }
-    #[inline(always)]
-    fn scale(self, factor: f64) -> Self {
-        self * factor
-    }
+}
 
+impl Functions for f64 {
+    const CALLS: bool = true;
     #[inline]
     fn interval(self, breaks: &[f64], rows: &[[f64; 4]]) -> (Self, [Self; 4]) {
         let i = interval_of(self, breaks, rows.len());

@@ -11,7 +11,7 @@ mod module;
 
 pub use module::Module;
 
-use super::{Arguments, Scalar};
+use super::{Arguments, Cases, Functions, Scalar};
 use std::cell::RefCell;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
@@ -177,8 +177,6 @@ impl MulAssign for Recorder {
 }
 
 impl Scalar for Recorder {
-    const CALLS: bool = false;
-
     #[inline(always)]
     fn from_f64(x: f64) -> Self {
         Self(Kind::Constant(x))
@@ -204,6 +202,12 @@ impl Scalar for Recorder {
     fn hypot(self, other: Self) -> Self {
         self.two_of(other, f64::hypot, Operation::Hypot)
     }
+    fn scale(self, factor: f64) -> Self {
+        self.one_of(|x| x * factor, |x| Operation::Scale(x, factor))
+    }
+}
+
+impl Cases for Recorder {
     fn abs(self) -> Self {
         self.one_of(f64::abs, Operation::Abs)
     }
@@ -226,10 +230,10 @@ impl Scalar for Recorder {
     fn over_or_zero(self, divisor: Self) -> Self {
         self.two_of(divisor, f64::over_or_zero, Operation::OverOrZero)
     }
-    fn scale(self, factor: f64) -> Self {
-        self.one_of(|x| x * factor, |x| Operation::Scale(x, factor))
-    }
+}
 
+impl Functions for Recorder {
+    const CALLS: bool = false;
     /// One choice for each break: the recording serves every interval.
     fn interval(self, breaks: &[f64], rows: &[[f64; 4]]) -> (Self, [Self; 4]) {
         let (mut start, mut row) = (Self::from_f64(breaks[0]), rows[0].map(Self::from_f64));

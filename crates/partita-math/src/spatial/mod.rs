@@ -11,6 +11,6 @@ mod vector;
 
 pub use planar::{Planar, PlanarRotation};
 pub use rotation::{Mat3, Quaternion};
-pub use space::Space;
+pub use space::{Embedding, Inertias, Locks, Rotations, Space, Vectors};
 pub use three::Spatial;
 pub use vector::{Vec2, Vec3};

@@ -1,7 +1,7 @@
 //! A plane: one turn and two slides. The normal is z.
 
 use super::rotation::Mat3;
-use super::space::Space;
+use super::space::{Embedding, Inertias, Locks, Rotations, Vectors};
 use super::vector::{Vec2, Vec3};
 use crate::scalar::Scalar;
 use std::marker::PhantomData;
@@ -19,43 +19,13 @@ pub struct PlanarRotation<S> {
     cos: S,
 }
 
-impl<S: Scalar> Space for Planar<S> {
+impl<S: Scalar> Vectors for Planar<S> {
     type S = S;
     type Vec = Vec2<S>;
     type Ang = S;
-    type Rot = PlanarRotation<S>;
-    type Inertia = S;
-    type Lock = S;
     const DIM: usize = 3;
     const LENGTHS: usize = 2;
 
-    #[inline(always)]
-    fn identity() -> PlanarRotation<S> {
-        PlanarRotation { angle: S::zero(), sin: S::zero(), cos: S::one() }
-    }
-    #[inline(always)]
-    fn rotate(r: &PlanarRotation<S>, x: Vec2<S>) -> Vec2<S> {
-        let [a, b] = x.0;
-        Vec2([r.cos * a - r.sin * b, r.sin * a + r.cos * b])
-    }
-    #[inline(always)]
-    fn rotate_ang(_: &PlanarRotation<S>, x: S) -> S {
-        x
-    }
-    #[inline(always)]
-    fn turn(r: &PlanarRotation<S>, axis: S, angle: S) -> PlanarRotation<S> {
-        let angle = r.angle + axis * angle;
-        let (sin, cos) = angle.sin_cos();
-        PlanarRotation { angle, sin, cos }
-    }
-    /// A ball joint has no place in a plane; the planar recogniser never lets one in. As a rotation about z.
-    fn turn_quaternion(r: &PlanarRotation<S>, p: [S; 4]) -> PlanarRotation<S> {
-        Self::turn(r, S::one(), p[3].atan2(p[0]) * S::from_f64(2.0))
-    }
-    #[inline(always)]
-    fn body_axis(_: &PlanarRotation<S>, _: usize) -> S {
-        S::one()
-    }
     #[inline(always)]
     fn cross(w: S, x: Vec2<S>) -> Vec2<S> {
         Vec2([-(w * x.0[1]), w * x.0[0]])
@@ -95,6 +65,52 @@ impl<S: Scalar> Space for Planar<S> {
         x.0[i]
     }
     #[inline(always)]
+    fn flat(w: S, v: Vec2<S>) -> [S; 6] {
+        let o = S::zero();
+        [w, v.0[0], v.0[1], o, o, o]
+    }
+}
+
+impl<S: Scalar> Rotations for Planar<S> {
+    type Rot = PlanarRotation<S>;
+
+    #[inline(always)]
+    fn identity() -> PlanarRotation<S> {
+        PlanarRotation { angle: S::zero(), sin: S::zero(), cos: S::one() }
+    }
+    #[inline(always)]
+    fn rotate(r: &PlanarRotation<S>, x: Vec2<S>) -> Vec2<S> {
+        let [a, b] = x.0;
+        Vec2([r.cos * a - r.sin * b, r.sin * a + r.cos * b])
+    }
+    #[inline(always)]
+    fn rotate_ang(_: &PlanarRotation<S>, x: S) -> S {
+        x
+    }
+    #[inline(always)]
+    fn turn(r: &PlanarRotation<S>, axis: S, angle: S) -> PlanarRotation<S> {
+        let angle = r.angle + axis * angle;
+        let (sin, cos) = angle.sin_cos();
+        PlanarRotation { angle, sin, cos }
+    }
+    /// A ball joint has no place in a plane; the planar recogniser never lets one in. As a rotation about z.
+    fn turn_quaternion(r: &PlanarRotation<S>, p: [S; 4]) -> PlanarRotation<S> {
+        Self::turn(r, S::one(), p[3].atan2(p[0]) * S::from_f64(2.0))
+    }
+    #[inline(always)]
+    fn body_axis(_: &PlanarRotation<S>, _: usize) -> S {
+        S::one()
+    }
+    #[inline(always)]
+    fn turned(axis: S, _: [S; 2], a: &PlanarRotation<S>, b: &PlanarRotation<S>) -> S {
+        axis * (b.angle - a.angle)
+    }
+}
+
+impl<S: Scalar> Inertias for Planar<S> {
+    type Inertia = S;
+
+    #[inline(always)]
     fn world_inertia(_: &PlanarRotation<S>, i: &S) -> S {
         *i
     }
@@ -102,6 +118,20 @@ impl<S: Scalar> Space for Planar<S> {
     fn spin(i: &S, w: S) -> S {
         *i * w
     }
+    fn inertia_in(i: &Mat3<S>) -> S {
+        i.0[2][2]
+    }
+    #[inline(always)]
+    fn add_inertia(i: &S, mass: S, out: &mut [S]) {
+        out[0] += *i;
+        out[4] += mass;
+        out[8] += mass;
+    }
+}
+
+impl<S: Scalar> Locks for Planar<S> {
+    type Lock = S;
+
     /// In the plane the forbidden turn is the angle itself.
     #[inline(always)]
     fn lock_residual(lock: &S, a: &PlanarRotation<S>, b: &PlanarRotation<S>) -> S {
@@ -115,15 +145,14 @@ impl<S: Scalar> Space for Planar<S> {
     fn lock_bias(_: &S, _: &PlanarRotation<S>, _: &PlanarRotation<S>, _: S, _: S) -> S {
         S::zero()
     }
-    #[inline(always)]
-    fn turned(axis: S, _: [S; 2], a: &PlanarRotation<S>, b: &PlanarRotation<S>) -> S {
-        axis * (b.angle - a.angle)
-    }
     /// `u · w = 0` with `w` a quarter turn ahead of `u` when closed: the angle that B must keep from A.
     fn lock_from(u: [f64; 3], w: [f64; 3], _: f64) -> S {
         let ahead = (u[0] * w[1] - u[1] * w[0]).atan2(u[0] * w[0] + u[1] * w[1]);
         S::from_f64(std::f64::consts::FRAC_PI_2 - ahead)
     }
+}
+
+impl<S: Scalar> Embedding for Planar<S> {
     fn vec_from(x: [f64; 3]) -> Vec2<S> {
         Vec2::from_f64([x[0], x[1]])
     }
@@ -152,29 +181,5 @@ impl<S: Scalar> Space for Planar<S> {
     }
     fn out_of_space(x: Vec3<S>) -> S {
         x.0[2]
-    }
-    fn inertia_in(i: &Mat3<S>) -> S {
-        i.0[2][2]
-    }
-    fn inertia_matrix(i: &S, mass: S, out: &mut [S]) {
-        out.fill(S::zero());
-        out[0] = *i;
-        out[4] = mass;
-        out[8] = mass;
-    }
-    fn twist_to(w: S, v: Vec2<S>, out: &mut [S]) {
-        out[0] = w;
-        out[1..3].copy_from_slice(&v.0);
-    }
-    #[inline(always)]
-    fn flat(w: S, v: Vec2<S>) -> [S; 6] {
-        let o = S::zero();
-        [w, v.0[0], v.0[1], o, o, o]
-    }
-    #[inline(always)]
-    fn add_inertia(i: &S, mass: S, out: &mut [S]) {
-        out[0] += *i;
-        out[4] += mass;
-        out[8] += mass;
     }
 }

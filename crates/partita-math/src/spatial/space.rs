@@ -34,40 +34,27 @@ impl<T> Additive for T where
 {
 }
 
-/// A space for rigid bodies: all of it ([`super::Spatial`]) or a plane ([`super::Planar`]).
+/// A space for rigid bodies: all of it ([`super::Spatial`]) or a plane ([`super::Planar`]), the sum of its duties.
 ///
 /// Vectors are in world axes. A twist is (angular velocity, velocity of the body's reference point), a wrench is
 /// (moment about that point, force).
-pub trait Space: Copy + Clone + Debug + Default + Send + Sync + 'static {
+pub trait Space: Inertias + Locks + Embedding + Copy + Clone + Debug + Default + Send + Sync + 'static {}
+
+impl<G> Space for G where G: Inertias + Locks + Embedding + Copy + Clone + Debug + Default + Send + Sync + 'static {}
+
+/// Lengths, axes and their products.
+pub trait Vectors {
     /// The number type.
     type S: Scalar;
     /// Lengths, velocities, forces.
     type Vec: Additive;
     /// Angular velocities, moments, axes of turning.
     type Ang: Additive;
-    /// Orientation of a body.
-    type Rot: Copy + Debug + Send + Sync;
-    /// Inertia about the centre of mass.
-    type Inertia: Copy + Debug + Default + Send + Sync;
-    /// A forbidden relative turn between two bodies (a closing row on orientations).
-    type Lock: Copy + Debug + Send + Sync;
     /// Components of a twist.
     const DIM: usize;
     /// Components of a length.
     const LENGTHS: usize;
 
-    /// No rotation.
-    fn identity() -> Self::Rot;
-    /// `R x` for a length.
-    fn rotate(r: &Self::Rot, x: Self::Vec) -> Self::Vec;
-    /// `R x` for an axis.
-    fn rotate_ang(r: &Self::Rot, x: Self::Ang) -> Self::Ang;
-    /// `R exp(axis angle)`, `axis` a unit vector in body axes.
-    fn turn(r: &Self::Rot, axis: Self::Ang, angle: Self::S) -> Self::Rot;
-    /// `R R(p)` with the quaternion `p`.
-    fn turn_quaternion(r: &Self::Rot, p: [Self::S; 4]) -> Self::Rot;
-    /// Axis `i` of the body in the world.
-    fn body_axis(r: &Self::Rot, i: usize) -> Self::Ang;
     /// `w × x`.
     fn cross(w: Self::Ang, x: Self::Vec) -> Self::Vec;
     /// `a × b` of two axes.
@@ -86,28 +73,69 @@ pub trait Space: Copy + Clone + Debug + Default + Send + Sync + 'static {
     fn vec_of(x: impl Iterator<Item = Self::S>) -> Self::Vec;
     /// Component `i` of a length.
     fn component(x: Self::Vec, i: usize) -> Self::S;
-    /// Inertia in world axes, for [`Space::spin`].
+    /// A twist (or wrench) as DIM numbers, turns first; the rest is 0.
+    fn flat(w: Self::Ang, v: Self::Vec) -> [Self::S; 6];
+}
+
+/// Orientations of bodies.
+pub trait Rotations: Vectors {
+    /// Orientation of a body.
+    type Rot: Copy + Debug + Send + Sync;
+
+    /// No rotation.
+    fn identity() -> Self::Rot;
+    /// `R x` for a length.
+    fn rotate(r: &Self::Rot, x: Self::Vec) -> Self::Vec;
+    /// `R x` for an axis.
+    fn rotate_ang(r: &Self::Rot, x: Self::Ang) -> Self::Ang;
+    /// `R exp(axis angle)`, `axis` a unit vector in body axes.
+    fn turn(r: &Self::Rot, axis: Self::Ang, angle: Self::S) -> Self::Rot;
+    /// `R R(p)` with the quaternion `p`.
+    fn turn_quaternion(r: &Self::Rot, p: [Self::S; 4]) -> Self::Rot;
+    /// Axis `i` of the body in the world.
+    fn body_axis(r: &Self::Rot, i: usize) -> Self::Ang;
+    /// Angle by which B is turned from A about the unit `axis` (world axes), read off a direction that coincides on both
+    /// when it is 0; in space in (−π, π], in the plane not wrapped.
+    fn turned(axis: Self::Ang, probe: [Self::Ang; 2], a: &Self::Rot, b: &Self::Rot) -> Self::S;
+}
+
+/// Inertias of bodies.
+pub trait Inertias: Rotations {
+    /// Inertia about the centre of mass.
+    type Inertia: Copy + Debug + Default + Send + Sync;
+
+    /// Inertia from a matrix.
+    fn inertia_in(i: &Mat3<Self::S>) -> Self::Inertia;
+    /// Inertia in world axes, for [`Inertias::spin`].
     fn world_inertia(r: &Self::Rot, i: &Self::Inertia) -> Self::Inertia;
     /// `I w` with an inertia in world axes.
     fn spin(i: &Self::Inertia, w: Self::Ang) -> Self::Ang;
+    /// Add a world inertia (about the centre of mass) and mass to a DIM x DIM matrix, turns first.
+    fn add_inertia(i: &Self::Inertia, mass: Self::S, out: &mut [Self::S]);
+}
 
+/// Forbidden relative turns between two bodies: closing rows on orientations.
+pub trait Locks: Rotations {
+    /// A forbidden relative turn.
+    type Lock: Copy + Debug + Send + Sync;
+
+    /// The forbidden turn `u · w = const` of the axes `u` (on A) and `w` (on B), both given in body axes.
+    fn lock_from(u: [f64; 3], w: [f64; 3], residual: f64) -> Self::Lock;
     /// Residual of a forbidden turn between frames A and B.
     fn lock_residual(lock: &Self::Lock, a: &Self::Rot, b: &Self::Rot) -> Self::S;
     /// Its gradient: the residual's rate is `axis · (w_B − w_A)`.
     fn lock_axis(lock: &Self::Lock, a: &Self::Rot, b: &Self::Rot) -> Self::Ang;
     /// Rate of that axis times the relative angular velocity.
     fn lock_bias(lock: &Self::Lock, a: &Self::Rot, b: &Self::Rot, wa: Self::Ang, wb: Self::Ang) -> Self::S;
-    /// Angle by which B is turned from A about the unit `axis` (world axes), read off a direction that coincides on both
-    /// when it is 0; in space in (−π, π], in the plane not wrapped.
-    fn turned(axis: Self::Ang, probe: [Self::Ang; 2], a: &Self::Rot, b: &Self::Rot) -> Self::S;
-    /// The forbidden turn `u · w = const` of the axes `u` (on A) and `w` (on B), both given in body axes.
-    fn lock_from(u: [f64; 3], w: [f64; 3], residual: f64) -> Self::Lock;
+}
 
-    /// A length from three plain numbers (the plane is x-y).
+/// How the space lies in three dimensions; the plane is x-y.
+pub trait Embedding: Rotations {
+    /// A length from three plain numbers.
     fn vec_from(x: [f64; 3]) -> Self::Vec;
     /// An axis from three plain numbers.
     fn ang_from(x: [f64; 3]) -> Self::Ang;
-    /// A length from three numbers (the plane is x-y).
+    /// A length from three numbers.
     fn vec_in(x: Vec3<Self::S>) -> Self::Vec;
     /// An axis from three numbers.
     fn ang_in(x: Vec3<Self::S>) -> Self::Ang;
@@ -119,15 +147,4 @@ pub trait Space: Copy + Clone + Debug + Default + Send + Sync + 'static {
     fn rot_to(r: &Self::Rot) -> Mat3<Self::S>;
     /// The part of a length that this space does not carry (normal to the plane), as a constant.
     fn out_of_space(x: Vec3<Self::S>) -> Self::S;
-    /// Inertia from a matrix.
-    fn inertia_in(i: &Mat3<Self::S>) -> Self::Inertia;
-    /// Write a world inertia (about the centre of mass) and mass as a DIM x DIM matrix, turns first.
-    fn inertia_matrix(i: &Self::Inertia, mass: Self::S, out: &mut [Self::S]);
-    /// Write the twist (or wrench) as DIM numbers, turns first.
-    fn twist_to(w: Self::Ang, v: Self::Vec, out: &mut [Self::S]);
-
-    /// A twist (or wrench) as DIM numbers, turns first.
-    fn flat(w: Self::Ang, v: Self::Vec) -> [Self::S; 6];
-    /// Add a world inertia (about the centre of mass) and mass to a DIM x DIM matrix, turns first.
-    fn add_inertia(i: &Self::Inertia, mass: Self::S, out: &mut [Self::S]);
 }

@@ -1,7 +1,7 @@
 //! All of space: three turns and three slides.
 
 use super::rotation::{Mat3, Quaternion};
-use super::space::Space;
+use super::space::{Embedding, Inertias, Locks, Rotations, Vectors};
 use super::vector::Vec3;
 use crate::scalar::Scalar;
 use std::marker::PhantomData;
@@ -28,41 +28,13 @@ impl<S: Scalar> Default for Inertia3<S> {
     }
 }
 
-impl<S: Scalar> Space for Spatial<S> {
+impl<S: Scalar> Vectors for Spatial<S> {
     type S = S;
     type Vec = Vec3<S>;
     type Ang = Vec3<S>;
-    type Rot = Mat3<S>;
-    type Inertia = Inertia3<S>;
-    type Lock = Lock3<S>;
     const DIM: usize = 6;
     const LENGTHS: usize = 3;
 
-    #[inline(always)]
-    fn identity() -> Mat3<S> {
-        Mat3::identity()
-    }
-    #[inline(always)]
-    fn rotate(r: &Mat3<S>, x: Vec3<S>) -> Vec3<S> {
-        r.apply(x)
-    }
-    #[inline(always)]
-    fn rotate_ang(r: &Mat3<S>, x: Vec3<S>) -> Vec3<S> {
-        r.apply(x)
-    }
-    #[inline(always)]
-    fn turn(r: &Mat3<S>, axis: Vec3<S>, angle: S) -> Mat3<S> {
-        let (s, c) = angle.sin_cos();
-        r.mul(&Mat3::about(axis, s, c))
-    }
-    #[inline(always)]
-    fn turn_quaternion(r: &Mat3<S>, p: [S; 4]) -> Mat3<S> {
-        r.mul(&Quaternion(p).matrix())
-    }
-    #[inline(always)]
-    fn body_axis(r: &Mat3<S>, i: usize) -> Vec3<S> {
-        r.column(i)
-    }
     #[inline(always)]
     fn cross(w: Vec3<S>, x: Vec3<S>) -> Vec3<S> {
         w.cross(x)
@@ -102,6 +74,50 @@ impl<S: Scalar> Space for Spatial<S> {
         x.0[i]
     }
     #[inline(always)]
+    fn flat(w: Vec3<S>, v: Vec3<S>) -> [S; 6] {
+        [w.0[0], w.0[1], w.0[2], v.0[0], v.0[1], v.0[2]]
+    }
+}
+
+impl<S: Scalar> Rotations for Spatial<S> {
+    type Rot = Mat3<S>;
+
+    #[inline(always)]
+    fn identity() -> Mat3<S> {
+        Mat3::identity()
+    }
+    #[inline(always)]
+    fn rotate(r: &Mat3<S>, x: Vec3<S>) -> Vec3<S> {
+        r.apply(x)
+    }
+    #[inline(always)]
+    fn rotate_ang(r: &Mat3<S>, x: Vec3<S>) -> Vec3<S> {
+        r.apply(x)
+    }
+    #[inline(always)]
+    fn turn(r: &Mat3<S>, axis: Vec3<S>, angle: S) -> Mat3<S> {
+        let (s, c) = angle.sin_cos();
+        r.mul(&Mat3::about(axis, s, c))
+    }
+    #[inline(always)]
+    fn turn_quaternion(r: &Mat3<S>, p: [S; 4]) -> Mat3<S> {
+        r.mul(&Quaternion(p).matrix())
+    }
+    #[inline(always)]
+    fn body_axis(r: &Mat3<S>, i: usize) -> Vec3<S> {
+        r.column(i)
+    }
+    #[inline(always)]
+    fn turned(axis: Vec3<S>, probe: [Vec3<S>; 2], a: &Mat3<S>, b: &Mat3<S>) -> S {
+        let (p, q) = (a.apply(probe[0]), b.apply(probe[1]));
+        axis.dot(p.cross(q)).atan2(p.dot(q) - axis.dot(p) * axis.dot(q))
+    }
+}
+
+impl<S: Scalar> Inertias for Spatial<S> {
+    type Inertia = Inertia3<S>;
+
+    #[inline(always)]
     fn world_inertia(r: &Mat3<S>, i: &Inertia3<S>) -> Inertia3<S> {
         Inertia3(r.mul(&i.0).mul(&r.transpose()))
     }
@@ -109,6 +125,23 @@ impl<S: Scalar> Space for Spatial<S> {
     fn spin(i: &Inertia3<S>, w: Vec3<S>) -> Vec3<S> {
         i.0.apply(w)
     }
+    fn inertia_in(i: &Mat3<S>) -> Inertia3<S> {
+        Inertia3(*i)
+    }
+    #[inline(always)]
+    fn add_inertia(i: &Inertia3<S>, mass: S, out: &mut [S]) {
+        for r in 0..3 {
+            for c in 0..3 {
+                out[r * 6 + c] += i.0 .0[r][c];
+            }
+            out[(r + 3) * 6 + r + 3] += mass;
+        }
+    }
+}
+
+impl<S: Scalar> Locks for Spatial<S> {
+    type Lock = Lock3<S>;
+
     #[inline(always)]
     fn lock_residual(l: &Lock3<S>, a: &Mat3<S>, b: &Mat3<S>) -> S {
         a.apply(l.u).dot(b.apply(l.w)) - l.c
@@ -122,14 +155,12 @@ impl<S: Scalar> Space for Spatial<S> {
         let (u, w) = (a.apply(l.u), b.apply(l.w));
         (wb - wa).dot(wb.cross(w).cross(u) + w.cross(wa.cross(u)))
     }
-    #[inline(always)]
-    fn turned(axis: Vec3<S>, probe: [Vec3<S>; 2], a: &Mat3<S>, b: &Mat3<S>) -> S {
-        let (p, q) = (a.apply(probe[0]), b.apply(probe[1]));
-        axis.dot(p.cross(q)).atan2(p.dot(q) - axis.dot(p) * axis.dot(q))
-    }
     fn lock_from(u: [f64; 3], w: [f64; 3], c: f64) -> Lock3<S> {
         Lock3 { u: Vec3::from_f64(u), w: Vec3::from_f64(w), c: S::from_f64(c) }
     }
+}
+
+impl<S: Scalar> Embedding for Spatial<S> {
     fn vec_from(x: [f64; 3]) -> Vec3<S> {
         Vec3::from_f64(x)
     }
@@ -158,32 +189,5 @@ impl<S: Scalar> Space for Spatial<S> {
     }
     fn out_of_space(_: Vec3<S>) -> S {
         S::zero()
-    }
-    fn inertia_in(i: &Mat3<S>) -> Inertia3<S> {
-        Inertia3(*i)
-    }
-    fn inertia_matrix(i: &Inertia3<S>, mass: S, out: &mut [S]) {
-        out.fill(S::zero());
-        for r in 0..3 {
-            out[r * 6..r * 6 + 3].copy_from_slice(&i.0 .0[r]);
-            out[(r + 3) * 6 + r + 3] = mass;
-        }
-    }
-    fn twist_to(w: Vec3<S>, v: Vec3<S>, out: &mut [S]) {
-        out[..3].copy_from_slice(&w.0);
-        out[3..6].copy_from_slice(&v.0);
-    }
-    #[inline(always)]
-    fn flat(w: Vec3<S>, v: Vec3<S>) -> [S; 6] {
-        [w.0[0], w.0[1], w.0[2], v.0[0], v.0[1], v.0[2]]
-    }
-    #[inline(always)]
-    fn add_inertia(i: &Inertia3<S>, mass: S, out: &mut [S]) {
-        for r in 0..3 {
-            for c in 0..3 {
-                out[r * 6 + c] += i.0 .0[r][c];
-            }
-            out[(r + 3) * 6 + r + 3] += mass;
-        }
     }
 }

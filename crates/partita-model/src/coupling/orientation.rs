@@ -14,7 +14,7 @@ use crate::measurement::{power_columns, Mover, Unit};
 use crate::spec::Turning;
 use crate::tree::{Tree, TreeScratch};
 use crate::value::{self, Instant, Turned};
-use partita_math::scalar::Scalar;
+use partita_math::scalar::{Cases, Scalar};
 use partita_math::spatial::Space;
 use partita_system::SystemError;
 

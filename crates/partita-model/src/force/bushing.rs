@@ -2,7 +2,7 @@
 
 use super::spot::Spot;
 use super::{At, Effect};
-use partita_math::scalar::Scalar;
+use partita_math::scalar::{Functions, Scalar};
 use partita_math::spatial::{Mat3, Quaternion, Space, Vec3};
 use partita_math::tolerance;
 use partita_system::SystemError;

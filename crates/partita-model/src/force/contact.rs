@@ -3,7 +3,7 @@
 use super::resistance::{Buffer, Slide};
 use super::spot::{self, Spot};
 use super::{At, Effect};
-use partita_math::scalar::Scalar;
+use partita_math::scalar::{Cases, Scalar};
 use partita_math::spatial::{Space, Vec3};
 
 /// What the sphere meets.

@@ -4,7 +4,7 @@ use super::spot::Spot;
 use super::{At, Effect, ForceApplication, Room};
 use crate::measurement::Measurement;
 use crate::value::failed;
-use partita_math::scalar::{Arguments, Scalar};
+use partita_math::scalar::{Arguments, Functions, Scalar};
 use partita_math::spatial::{Mat3, Space, Vec3};
 use partita_system::SystemError;
 

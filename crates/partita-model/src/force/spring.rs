@@ -1,7 +1,7 @@
 //! Spring and damper between two points.
 
 use super::{stored, AppliedWrench, At, Effect, ForceApplication, Place};
-use partita_math::scalar::Scalar;
+use partita_math::scalar::{Cases, Scalar};
 use partita_math::spatial::Space;
 
 /// Pulls two points towards each other by `stiffness (length − free) + damping · rate`.

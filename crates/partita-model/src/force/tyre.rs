@@ -3,7 +3,7 @@
 use super::resistance::Buffer;
 use super::spot::Spot;
 use super::{At, Effect};
-use partita_math::scalar::Scalar;
+use partita_math::scalar::{Cases, Scalar};
 use partita_math::spatial::{Space, Vec3};
 
 /// A disc that presses on a plane, with forces against slip that saturate.

@@ -11,7 +11,7 @@ use crate::model::{Model, ModelScratch};
 use partita_math::dense::{lu, lu_in_order, lu_pivot_ratio, lu_solve};
 use partita_math::scalar::Scalar;
 use partita_math::tolerance;
-use partita_system::manifold::{self, close, Ending, Linearization, Open, Part, Rule};
+use partita_system::manifold::{self, close, Ending, Linearization, Open, Part, Residuals, Rule};
 use partita_system::prelude::*;
 use partita_system::SystemError;
 
@@ -203,7 +203,7 @@ struct Rows<'x, 'f> {
     length: f64,
 }
 
-impl Linearization for Rows<'_, '_> {
+impl Residuals for Rows<'_, '_> {
     fn evaluate(&mut self, q: &[f64]) -> Result<(), SystemError> {
         let f = &mut *self.f;
         f.model.position(self.t, q, f.scratch, f.phi, f.c, f.a)?;
@@ -217,6 +217,9 @@ impl Linearization for Rows<'_, '_> {
     fn open(&self, _part: usize) -> Open {
         self.open
     }
+}
+
+impl Linearization for Rows<'_, '_> {
     fn solve(&mut self, _q: &[f64], _parts: &[Part]) -> Result<bool, SystemError> {
         let (f, n) = (&mut *self.f, self.block.rows.len());
         let (jacobian, x) = (&mut f.room.jacobian[..n * n], &mut f.room.x[..n]);

@@ -15,7 +15,7 @@ use crate::tree::TreeScratch;
 use applied::Applied;
 use partita_math::dense;
 use partita_math::scalar::Scalar;
-use partita_math::spatial::{Mat3, Planar, Space, Spatial, Vec3};
+use partita_math::spatial::{Embedding, Mat3, Planar, Spatial, Vec3};
 use partita_math::tolerance;
 use partita_system::SystemError;
 

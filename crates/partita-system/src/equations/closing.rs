@@ -1,6 +1,6 @@
 //! Explicit closing of user-defined equations: one block, the user's function.                   (37)
 
-use super::{Equations, UserSystem};
+use super::{Equations, ExplicitClosing, UserSystem};
 use crate::closing::{Block, BlockState, Closing};
 use crate::reduction::Reduction;
 use crate::system::{SystemError, SystemRef};
@@ -28,7 +28,7 @@ impl<'e, E: Equations> UserClosing<'e, E> {
         let owner = user_system.clone();
         let e = &owner.equations;
         let refuse = |message: String| Err(SystemError::argument("closing", message));
-        let Some(closed) = e.closes() else {
+        let Some(closed) = e.explicit_closing().map(ExplicitClosing::dependent) else {
             return refuse(
                 "explicit closing of equations by hand needs a function that closes them (closing=) and the coordinates it \
                  computes; use another formulation"
@@ -114,7 +114,9 @@ impl<E: Equations> Closing for UserClosing<'_, E> {
     }
     fn close(&mut self, t: f64, q: &mut [f64]) -> Result<(), SystemError> {
         let e = &self.user_system.equations;
-        e.close(t, q)?;
+        if let Some(closing) = e.explicit_closing() {
+            closing.close(t, q)?;
+        }
         if let Some(i) = q.iter().position(|x| !x.is_finite()) {
             return Err(SystemError::NotFinite {
                 what: format!("{}, computed by the closing function,", e.name(i)),

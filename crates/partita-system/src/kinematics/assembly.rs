@@ -14,7 +14,7 @@ mod tests;
 
 pub use continuation::move_to;
 
-use crate::manifold::Linearization;
+use crate::manifold::Residuals;
 use crate::system::{ConstrainedSystem, SystemError};
 use descent::{to_round_off, Descent, Ending};
 

@@ -79,12 +79,8 @@ impl Open {
     }
 }
 
-/// The rows to be closed, linearized at one position, and the linear step that closes them.
-///
-/// The loop calls [`evaluate`](Self::evaluate), then [`solve`](Self::solve), [`length`](Self::length),
-/// [`scale`](Self::scale) and [`advance`](Self::advance). Positions are whatever `advance` moves. Rows and steps have
-/// one part where nothing else is said.
-pub trait Linearization {
+/// The rows to be closed. Rows that share nothing may be parts; where nothing else is said there is one.
+pub trait Residuals {
     /// Rows and their derivatives at q.
     ///
     /// # Errors
@@ -92,8 +88,27 @@ pub trait Linearization {
     fn evaluate(&mut self, q: &[f64]) -> Result<()>;
     /// How far the rows of a part are open where last evaluated; 0 for parts that are to be left as they are.
     fn open(&self, part: usize) -> Open;
-    /// The linear step at q, where last evaluated, for the parts under way. False: next to a singular position no step
-    /// closes what is open, which is round-off.
+    /// |Cᵀ Φ|² of a part where last evaluated, if rows that stay open are to be found by it.
+    fn slope(&self, _part: usize) -> Option<f64> {
+        None
+    }
+    /// Number of parts.
+    fn parts(&self) -> usize {
+        1
+    }
+    /// What of q belongs to a part, from one position to another.
+    fn keep(&self, _part: usize, from: &[f64], to: &mut [f64]) {
+        to.copy_from_slice(from);
+    }
+}
+
+/// The linear step that closes [`Residuals`], where they were last evaluated.
+///
+/// The loop calls [`evaluate`](Residuals::evaluate), then [`solve`](Self::solve), [`length`](Self::length),
+/// [`scale`](Self::scale) and [`advance`](Self::advance). Positions are whatever `advance` moves.
+pub trait Linearization: Residuals {
+    /// The linear step at q, for the parts under way. False: next to a singular position no step closes what is open,
+    /// which is round-off.
     ///
     /// # Errors
     /// Where there is no linear step.
@@ -106,24 +121,12 @@ pub trait Linearization {
     fn advance(&mut self, q: &mut [f64]);
     /// The step of a part was taken.
     fn take(&mut self, _part: usize) {}
-    /// Number of parts.
-    fn parts(&self) -> usize {
-        1
-    }
-    /// What of q belongs to a part, from one position to another.
-    fn keep(&self, _part: usize, from: &[f64], to: &mut [f64]) {
-        to.copy_from_slice(from);
-    }
     /// What the linear rows leave of Σ Φ² after the step of a part, shortened to `fraction`.
     fn left(&self, part: usize, fraction: f64) -> f64 {
         (1.0 - fraction) * (1.0 - fraction) * self.open(part).square
     }
     /// The damping of this part that is the first to matter, where `solve` damps its steps.
     fn least_damping(&self, _part: usize) -> Option<f64> {
-        None
-    }
-    /// |Cᵀ Φ|² of a part where last evaluated, if rows that stay open are to be told by it.
-    fn slope(&self, _part: usize) -> Option<f64> {
         None
     }
     /// Is the linear step found by its last rule? While a rule is graded, steps that gain nothing end nothing.

@@ -1,7 +1,7 @@
 //! The rows that a reduction keeps, closed by its dependent coordinates (34), or by the least move in the mass metric
 //! (33).
 
-use super::close::{close, Closed, Linearization, Open, Part, Room, Rule};
+use super::close::{close, Closed, Linearization, Open, Part, Residuals, Room, Rule};
 use super::orthogonal::orthogonal_step;
 use crate::error::Result;
 use crate::record::Correction;
@@ -48,7 +48,7 @@ impl<'a, 's, S: ConstrainedSystem> KeptRows<'a, 's, S> {
     }
 }
 
-impl<S: ConstrainedSystem> Linearization for KeptRows<'_, '_, S> {
+impl<S: ConstrainedSystem> Residuals for KeptRows<'_, '_, S> {
     fn evaluate(&mut self, q: &[f64]) -> Result<()> {
         self.r.position(self.t, q)?;
         self.open = Open::of(self.r.closure_error_of_rows());
@@ -60,6 +60,9 @@ impl<S: ConstrainedSystem> Linearization for KeptRows<'_, '_, S> {
     fn open(&self, _part: usize) -> Open {
         self.open
     }
+}
+
+impl<S: ConstrainedSystem> Linearization for KeptRows<'_, '_, S> {
     fn solve(&mut self, q: &[f64], _parts: &[Part]) -> Result<bool> {
         if let Some(step) = &mut self.step {
             *step = orthogonal_step(self.r, self.t, q)?;

@@ -4,7 +4,7 @@
 //! min |C y + Φ|² + Σ μ_i z_i²,   y = Cᵀ z,   y in characteristic displacements
 //! ```
 
-use super::close::{Linearization, Open, Part, Rule};
+use super::close::{Linearization, Open, Part, Residuals, Rule};
 use super::scaled::Scaled;
 use crate::error::Result;
 use crate::system::ConstrainedSystem;
@@ -161,7 +161,7 @@ impl<'s, S: ConstrainedSystem> LeastChange<'s, S> {
     }
 }
 
-impl<S: ConstrainedSystem> Linearization for LeastChange<'_, S> {
+impl<S: ConstrainedSystem> Residuals for LeastChange<'_, S> {
     fn evaluate(&mut self, q: &[f64]) -> Result<()> {
         self.scaled.evaluate(self.t, q)?;
         let s = &self.scaled;
@@ -188,6 +188,18 @@ impl<S: ConstrainedSystem> Linearization for LeastChange<'_, S> {
             b.open
         }
     }
+    fn keep(&self, part: usize, from: &[f64], to: &mut [f64]) {
+        for &v in &self.blocks[part].columns {
+            let range = self.scaled.system.coordinates_of(v);
+            to[range.clone()].copy_from_slice(&from[range]);
+        }
+    }
+    fn slope(&self, part: usize) -> Option<f64> {
+        Some(self.blocks[part].slope)
+    }
+}
+
+impl<S: ConstrainedSystem> Linearization for LeastChange<'_, S> {
     fn solve(&mut self, _q: &[f64], parts: &[Part]) -> Result<bool> {
         self.mu.fill(1.0);
         self.r.fill(0.0);
@@ -214,20 +226,11 @@ impl<S: ConstrainedSystem> Linearization for LeastChange<'_, S> {
     fn advance(&mut self, q: &mut [f64]) {
         self.scaled.advance(q, 1.0, &self.y, &mut self.dv);
     }
-    fn keep(&self, part: usize, from: &[f64], to: &mut [f64]) {
-        for &v in &self.blocks[part].columns {
-            let range = self.scaled.system.coordinates_of(v);
-            to[range.clone()].copy_from_slice(&from[range]);
-        }
-    }
     fn left(&self, part: usize, _fraction: f64) -> f64 {
         let s = &self.scaled;
         self.blocks[part].rows.iter().map(|&i| (s.phi[i] + s.along(i, &self.y)).powi(2)).sum()
     }
     fn least_damping(&self, part: usize) -> Option<f64> {
         Some(tolerance::DAMPING / self.blocks[part].open.worst.min(1.0).powi(2))
-    }
-    fn slope(&self, part: usize) -> Option<f64> {
-        Some(self.blocks[part].slope)
     }
 }

@@ -169,7 +169,7 @@ struct Noted<L> {
     open: Vec<f64>,
 }
 
-impl<L: Linearization> Linearization for Noted<L> {
+impl<L: Linearization> Residuals for Noted<L> {
     fn evaluate(&mut self, q: &[f64]) -> Result<()> {
         self.of.evaluate(q)?;
         self.open.push(self.of.open(0).worst);
@@ -178,6 +178,9 @@ impl<L: Linearization> Linearization for Noted<L> {
     fn open(&self, part: usize) -> Open {
         self.of.open(part)
     }
+}
+
+impl<L: Linearization> Linearization for Noted<L> {
     fn solve(&mut self, q: &[f64], parts: &[Part]) -> Result<bool> {
         self.of.solve(q, parts)
     }
@@ -326,7 +329,7 @@ fn scalar<F: Fn(f64) -> (f64, f64)>(f: F) -> Scalars<F> {
     scalars(vec![f])
 }
 
-impl<F: Fn(f64) -> (f64, f64)> Linearization for Scalars<F> {
+impl<F: Fn(f64) -> (f64, f64)> Residuals for Scalars<F> {
     fn evaluate(&mut self, q: &[f64]) -> Result<()> {
         self.evaluations += 1;
         self.at.iter_mut().zip(&self.f).zip(q).for_each(|((at, f), x)| *at = f(*x));
@@ -341,6 +344,12 @@ impl<F: Fn(f64) -> (f64, f64)> Linearization for Scalars<F> {
     fn open(&self, part: usize) -> Open {
         Open::of([self.at[part].0].into_iter())
     }
+    fn keep(&self, part: usize, from: &[f64], to: &mut [f64]) {
+        to[part] = from[part];
+    }
+}
+
+impl<F: Fn(f64) -> (f64, f64)> Linearization for Scalars<F> {
     fn solve(&mut self, _: &[f64], parts: &[Part]) -> Result<bool> {
         for ((step, at), p) in self.step.iter_mut().zip(&self.at).zip(parts) {
             *step = if p.is_active() { -at.0 / at.1 } else { 0.0 };
@@ -355,9 +364,6 @@ impl<F: Fn(f64) -> (f64, f64)> Linearization for Scalars<F> {
     }
     fn advance(&mut self, q: &mut [f64]) {
         q.iter_mut().zip(&self.step).for_each(|(q, d)| *q += d);
-    }
-    fn keep(&self, part: usize, from: &[f64], to: &mut [f64]) {
-        to[part] = from[part];
     }
 }
 

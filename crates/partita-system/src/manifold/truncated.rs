@@ -7,7 +7,7 @@
 //! Pivots (or singular values) up to the level s count as null: rows that are weaker are left open, where they are. From
 //! afar the level is graded, strong rows first, else steps jump off along weak ones.                            (11.9)
 
-use super::close::{close, Closed, Ending, Linearization, Open, Part, Room, Rule};
+use super::close::{close, Closed, Ending, Linearization, Open, Part, Residuals, Room, Rule};
 use super::follow::{Curve, LONGEST_PREDICTION};
 use super::scaled::Scaled;
 use crate::error::Result;
@@ -175,7 +175,7 @@ impl<'s, S: ConstrainedSystem> Truncated<'s, S> {
     }
 }
 
-impl<S: ConstrainedSystem> Linearization for Truncated<'_, S> {
+impl<S: ConstrainedSystem> Residuals for Truncated<'_, S> {
     fn evaluate(&mut self, q: &[f64]) -> Result<()> {
         self.scaled.evaluate(self.t, q)?;
         self.open = Open::of(self.scaled.phi.iter().copied());
@@ -184,6 +184,9 @@ impl<S: ConstrainedSystem> Linearization for Truncated<'_, S> {
     fn open(&self, _part: usize) -> Open {
         self.open
     }
+}
+
+impl<S: ConstrainedSystem> Linearization for Truncated<'_, S> {
     fn solve(&mut self, _q: &[f64], _parts: &[Part]) -> Result<bool> {
         if !self.is_settled() && self.length < tolerance::LAST_MOVE.max(GRADE_SETTLED * self.grade) {
             self.grade *= GRADE_RATIO;

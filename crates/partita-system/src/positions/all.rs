@@ -6,7 +6,7 @@
 use super::{turns, Positions};
 use crate::error::Result;
 use crate::manifold::kept_rows::TO_ROUND_OFF;
-use crate::manifold::{close, Linearization, Open, Part, Room};
+use crate::manifold::{close, Linearization, Open, Part, Residuals, Room};
 use crate::positions::PositionSteps;
 use crate::record::{Correction, History};
 use crate::reduction::Reduction;
@@ -34,7 +34,7 @@ struct Corrected<'a, S, T> {
     open: Open,
 }
 
-impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> Linearization for Corrected<'_, S, T> {
+impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> Residuals for Corrected<'_, S, T> {
     fn evaluate(&mut self, q: &[f64]) -> Result<()> {
         self.tangent.reduction().position(self.t, q)?;
         self.open = Open::of(self.tangent.seen().closure_error_of_rows());
@@ -43,6 +43,9 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> Linearization for Correct
     fn open(&self, _part: usize) -> Open {
         self.open
     }
+}
+
+impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> Linearization for Corrected<'_, S, T> {
     fn solve(&mut self, q: &[f64], _parts: &[Part]) -> Result<bool> {
         self.tangent.correction(self.t, q, self.rule, self.dv)
     }

@@ -21,7 +21,7 @@
 use super::{turns, Positions};
 use crate::error::Result;
 use crate::manifold::kept_rows::TO_ROUND_OFF;
-use crate::manifold::{close, Linearization, Open, Part, Room, Rule};
+use crate::manifold::{close, Linearization, Open, Part, Residuals, Room, Rule};
 use crate::options::Renew;
 use crate::positions::PositionSteps;
 use crate::record::History;
@@ -153,7 +153,7 @@ impl<S: ConstrainedSystem> InChart<'_, '_, '_, S> {
     }
 }
 
-impl<S: ConstrainedSystem> Linearization for InChart<'_, '_, '_, S> {
+impl<S: ConstrainedSystem> Residuals for InChart<'_, '_, '_, S> {
     fn evaluate(&mut self, delta: &[f64]) -> Result<()> {
         let far = 1.0 + self.large(delta);
         let (c, n) = (&mut *self.chart, delta.len());
@@ -181,6 +181,9 @@ impl<S: ConstrainedSystem> Linearization for InChart<'_, '_, '_, S> {
     fn open(&self, _part: usize) -> Open {
         self.open
     }
+}
+
+impl<S: ConstrainedSystem> Linearization for InChart<'_, '_, '_, S> {
     fn solve(&mut self, delta: &[f64], _parts: &[Part]) -> Result<bool> {
         let c = &mut *self.chart;
         c.turn_covectors(self.x, delta);

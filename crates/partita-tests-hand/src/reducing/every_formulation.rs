@@ -134,7 +134,7 @@ fn check<E: Equations>(what: &str, system: &UserSystem<E>, t: f64, q: &[f64], v:
     let mut done = 0;
     let tangent = tangent_at(system, t, q, v);
     for &(name, needs, full) in TABLE {
-        let Some(options) = options(needs, system.equations.closes().is_some(), &tangent) else { continue };
+        let Some(options) = options(needs, system.equations.explicit_closing().is_some(), &tangent) else { continue };
         let mut f = by_name(name, system, rank, &options).unwrap();
         assert_eq!(f.history().name, name);
         let mut y = vec![0.0; f.dim()];

@@ -1,7 +1,7 @@
 //! Small constrained user-defined systems.
 #![allow(dead_code, reason = "each test file uses the part it needs")]
 
-use partita_system::equations::{Equations, UserSystem};
+use partita_system::equations::{Equations, ExplicitClosing, UserSystem};
 use partita_system::record::Sample;
 use partita_system::SystemError;
 
@@ -74,8 +74,14 @@ impl Equations for Pendulum {
         out[0] = (v[0] - u).powi(2) + v[1].powi(2) - (q[0] - p) * a;
         Ok(())
     }
-    fn closes(&self) -> Option<&[usize]> {
-        Some(&[1])
+    fn explicit_closing(&self) -> Option<&dyn ExplicitClosing> {
+        Some(self)
+    }
+}
+
+impl ExplicitClosing for Pendulum {
+    fn dependent(&self) -> &[usize] {
+        &[1]
     }
     /// y from x, on the side where it was.
     fn close(&self, t: f64, q: &mut [f64]) -> Done {
@@ -200,8 +206,14 @@ impl Equations for FourBar {
         }
         Ok(())
     }
-    fn closes(&self) -> Option<&[usize]> {
-        Some(&[0, 1, 3, 4, 5, 6, 7, 8])
+    fn explicit_closing(&self) -> Option<&dyn ExplicitClosing> {
+        Some(self)
+    }
+}
+
+impl ExplicitClosing for FourBar {
+    fn dependent(&self) -> &[usize] {
+        &[0, 1, 3, 4, 5, 6, 7, 8]
     }
     fn close(&self, _: f64, q: &mut [f64]) -> Done {
         let [a, b] = Angles::close(q[2]);
@@ -319,8 +331,14 @@ impl Equations for Angles {
         out[1] = -(0..3).map(|i| LENGTHS[i] * q[i].sin() * v[i] * v[i]).sum::<f64>();
         Ok(())
     }
-    fn closes(&self) -> Option<&[usize]> {
-        Some(&[1, 2])
+    fn explicit_closing(&self) -> Option<&dyn ExplicitClosing> {
+        Some(self)
+    }
+}
+
+impl ExplicitClosing for Angles {
+    fn dependent(&self) -> &[usize] {
+        &[1, 2]
     }
     fn close(&self, _: f64, q: &mut [f64]) -> Done {
         let [a, b] = Self::close(q[0]);
@@ -399,8 +417,14 @@ impl Equations for Plate {
         out.copy_from_slice(&[Self::ARM * q[2].cos() * w2, Self::ARM * q[2].sin() * w2]);
         Ok(())
     }
-    fn closes(&self) -> Option<&[usize]> {
-        Some(&[0, 1])
+    fn explicit_closing(&self) -> Option<&dyn ExplicitClosing> {
+        Some(self)
+    }
+}
+
+impl ExplicitClosing for Plate {
+    fn dependent(&self) -> &[usize] {
+        &[0, 1]
     }
     fn close(&self, _: f64, q: &mut [f64]) -> Done {
         (q[0], q[1]) = (Self::ARM * q[2].cos(), Self::ARM * q[2].sin());
@@ -488,11 +512,8 @@ impl<E: Equations> Equations for Redundant<E> {
         Self::extend(out, m, 1);
         Ok(())
     }
-    fn closes(&self) -> Option<&[usize]> {
-        self.0.closes()
-    }
-    fn close(&self, t: f64, q: &mut [f64]) -> Done {
-        self.0.close(t, q)
+    fn explicit_closing(&self) -> Option<&dyn ExplicitClosing> {
+        self.0.explicit_closing()
     }
 }
 
@@ -563,10 +584,7 @@ impl Equations for Any {
     fn bias(&self, t: f64, q: &[f64], v: &[f64], out: &mut [f64]) -> Done {
         self.0.bias(t, q, v, out)
     }
-    fn closes(&self) -> Option<&[usize]> {
-        self.0.closes()
-    }
-    fn close(&self, t: f64, q: &mut [f64]) -> Done {
-        self.0.close(t, q)
+    fn explicit_closing(&self) -> Option<&dyn ExplicitClosing> {
+        self.0.explicit_closing()
     }
 }

@@ -1,6 +1,7 @@
 //! A recording without what it need not do: equal operations once, constants folded, what no output asks for left out.
 
 use super::{Operation, Recording};
+use crate::scalar::Cases;
 use crate::scalar::Scalar;
 use std::collections::HashMap;
 

@@ -26,7 +26,7 @@ use crate::measurement::{Measurement, Quantity, Read};
 use crate::numbers::DescribedForce;
 use crate::spec::{Force, Value};
 use crate::value::{Instant, Source};
-use partita_math::scalar::Scalar;
+use partita_math::scalar::{Cases, Functions, Scalar};
 use partita_math::spatial::Space;
 use partita_system::SystemError;
 use std::f64::consts::{PI, TAU};

@@ -3,7 +3,7 @@
 use super::descent::nearly;
 use super::{close, messages, Assembly};
 use crate::manifold::least_change::{near_by, LeastChange};
-use crate::manifold::{self, follow, Closed, Curve, End, Linearization, Pace, Room, Visit};
+use crate::manifold::{self, follow, Closed, Curve, End, Pace, Residuals, Room, Visit};
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::tolerance;
 

@@ -1,7 +1,7 @@
 //! Descents from one start after the other, each part of the mechanism by itself.
 
 use crate::manifold::least_change::{from_afar, LeastChange};
-use crate::manifold::{self, Linearization, Room, Rule};
+use crate::manifold::{self, Residuals, Room, Rule};
 use crate::system::{ConstrainedSystem, SystemError};
 
 /// How a part ended.
