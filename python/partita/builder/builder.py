@@ -13,33 +13,23 @@ from . import contacts as contact_room
 from . import couplings as coupling_room
 from . import drives as drive_room
 from . import forces as force_room
-from . import joints as joint_room
 from . import laws as law_room
 from . import loads as load_room
 from . import primitives as primitive_room
 from . import sensors as sensor_room
 from .elements import Elements
 from .joint_loads import JointLoads
+from .joints import NamedJoints
 from .records import Body, Coupling, Drive, Force, Handle, Joint
 from .sensors import Sensor
 from .spec import Writer
 
 
-class Builder(JointLoads):
+class Builder(NamedJoints, JointLoads):
     """All `add_...` methods."""
 
     add_body = body_room.add_body
     add_rod = body_room.add_rod
-
-    add_revolute = joint_room.add_revolute
-    add_prismatic = joint_room.add_prismatic
-    add_cylindrical = joint_room.add_cylindrical
-    add_spherical = joint_room.add_spherical
-    add_universal = joint_room.add_universal
-    add_planar = joint_room.add_planar
-    add_fixed = joint_room.add_fixed
-    add_free = joint_room.add_free
-    add_joint = joint_room.add_joint
 
     add_screw = primitive_room.add_screw
     add_custom_joint = primitive_room.add_custom_joint

@@ -34,25 +34,24 @@ CHOSEN = ("generic", "custom")
 """Kinds whose directions are chosen."""
 # Below this sine two axes act as one, and the two turns could not be told apart.
 _PARALLEL = 2e-3
-_SPEEDS = {
-    "revolute": 1,
-    "prismatic": 1,
-    "cylindrical": 2,
-    "universal": 2,
-    "planar": 3,
-    "spherical": 3,
-    "fixed": 0,
-    "free": 6,
-    "screw": 2,
-    "constant_velocity": 0,
-    "point_on_line": 4,
-    "point_on_plane": 5,
-    "parallel": 4,
-    "perpendicular": 5,
-    "orientation": 3,
+# Along and about the joint's axes x, y, z, its one axis along z; r1 and r2 are turns about axes of its own.
+_MOTIONS: dict[str, tuple[str, ...]] = {
+    "revolute": ("rz",),
+    "prismatic": ("z",),
+    "cylindrical": ("z", "rz"),
+    "universal": ("r1", "r2"),
+    "planar": ("x", "y", "rz"),
+    "spherical": ("rx", "ry", "rz"),
+    "fixed": (),
+    "free": DIRECTIONS,
+    "screw": ("z", "rz"),
+    "constant_velocity": (),
+    "point_on_line": ("z", "rx", "ry", "rz"),
+    "point_on_plane": ("x", "y", "rx", "ry", "rz"),
+    "parallel": ("x", "y", "z", "rz"),
+    "perpendicular": ("x", "y", "z", "r1", "r2"),
+    "orientation": ("x", "y", "z"),
 }
-# Leading coordinates that are slides, of kinds that turn in space.
-_SLIDES = {"spherical": 0, "free": 3, "point_on_line": 1, "point_on_plane": 2}
 
 
 def add_revolute(
@@ -385,31 +384,19 @@ def store_joint(
     return Joint(element.name, mechanism)
 
 
+def motions(joint: JointRecord) -> tuple[str, ...]:
+    """Directions in which a joint moves, in the order of its coordinates: slides "x", "y", "z", turns "r" and more."""
+    return joint.free if joint.kind in CHOSEN else _MOTIONS[joint.kind]
+
+
 def speeds(joint: JointRecord) -> int:
     """Number of velocities of a joint: an effort can act along each."""
-    return len(joint.free) if joint.kind in CHOSEN else _SPEEDS[joint.kind]
-
-
-_UNITS = {
-    "prismatic": ("m",),
-    "cylindrical": ("m", "rad"),
-    "planar": ("m", "m", "rad"),
-    "screw": ("m", "rad"),
-    "free": ("m", "m", "m"),
-    "point_on_line": ("m",),
-    "point_on_plane": ("m", "m"),
-    "parallel": ("m", "m", "m"),
-    "perpendicular": ("m", "m", "m"),
-    "orientation": ("m", "m", "m"),
-}
+    return len(motions(joint))
 
 
 def unit_of(joint: JointRecord, coordinate: int) -> str:
     """Unit of a coordinate, of which there are as many as velocities: "m" of a slide, "rad" of a turn."""
-    if joint.kind in CHOSEN:
-        return "rad" if joint.free[coordinate].startswith("r") else "m"
-    slides = _UNITS.get(joint.kind, ())
-    return slides[coordinate] if coordinate < len(slides) else "rad"
+    return "rad" if motions(joint)[coordinate].startswith("r") else "m"
 
 
 def effort_of(joint: JointRecord, coordinate: int) -> str:
@@ -419,10 +406,9 @@ def effort_of(joint: JointRecord, coordinate: int) -> str:
 
 def scalars(joint: JointRecord) -> int:
     """Number of leading coordinates that are a slide or an angle, not part of a quaternion."""
-    if joint.kind in _SLIDES:
-        return _SLIDES[joint.kind]
-    turns = sum(item.startswith("r") for item in joint.free)
-    return len(joint.free) - 3 if turns == 3 else speeds(joint)
+    moving = motions(joint)
+    turns = sum(item.startswith("r") for item in moving)
+    return len(moving) - 3 if turns == 3 else len(moving)
 
 
 def joint_record(mechanism: Drawing, element: Element, joint: Joint | str) -> JointRecord:
@@ -437,3 +423,17 @@ def coordinate_of(element: Element, joint: JointRecord, coordinate: Any, count: 
     if count == 0:
         element.fail(f'the {joint.kind} joint "{joint.name}" has no slide or angle that this could act along')
     return index(element, f'coordinate of the {joint.kind} joint "{joint.name}"', coordinate, count)
+
+
+class NamedJoints(Drawing):
+    """The methods of this room."""
+
+    add_revolute = add_revolute
+    add_prismatic = add_prismatic
+    add_cylindrical = add_cylindrical
+    add_spherical = add_spherical
+    add_universal = add_universal
+    add_planar = add_planar
+    add_fixed = add_fixed
+    add_free = add_free
+    add_joint = add_joint

@@ -14,6 +14,7 @@ import numpy as np
 from ..builder import Builder
 from ..builder.bodies import to_world
 from ..builder.checks import Array
+from ..builder.joints import motions
 from ..builder.records import GROUND, CouplingRecord, Description, JointRecord, SpringRecord, TorqueRecord
 from ..builder.records import TorsionSpringRecord as Torsion
 from .robot import nearest, placed
@@ -21,7 +22,7 @@ from .writing import Writing
 
 _ALWAYS_CUT = 6
 _LAST = 5
-_X, _Y, _Z = np.eye(3)
+_Z = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True)
@@ -178,34 +179,19 @@ def _tree(d: Description) -> list[JointRecord]:
 
 
 def axes_of(joint: JointRecord) -> tuple[tuple[str, Array], ...]:
-    """Motions of a joint from its parent to its child, in world axes as drawn on the side of the parent."""
+    """Motions of a joint from its parent to its child, in world axes as drawn on the side of the parent.
+
+    A joint that constrains nothing has none."""
+    if joint.kind == "free":
+        return ()
     unit = {word: axis if word == "frame" else axis / np.linalg.norm(axis) for word, axis in joint.geometry.items()}
-    axis = unit.get("axis", unit.get("normal", unit.get("axis1", _Z)))
-    x, y = _across(axis)
-    slides, ball = {"x": ("slide", x), "y": ("slide", y), "z": ("slide", axis)}, ("ball", _Z)
-    turn, slide = ("turn", axis), ("slide", axis)
-    frame = unit.get("frame", np.eye(3))
-    match joint.kind:
-        case "generic" | "custom":
-            found = [("slide", frame[:, i]) for i in range(3) if "xyz"[i] in joint.free]
-            turns = [("turn", frame[:, i]) for i in range(3) if f"r{'xyz'[i]}" in joint.free]
-            return (*found, *(turns if len(turns) < 3 else [ball]))
-        case "orientation":
-            return tuple(("slide", frame[:, i]) for i in range(3))
-        case "perpendicular":
-            return (*slides.values(), turn, ("turn", unit["axis2"]))
-    return {
-        "revolute": (turn,),
-        "prismatic": (slide,),
-        "cylindrical": (slide, turn),
-        "screw": (slide, turn),
-        "spherical": (ball,),
-        "universal": (turn, ("turn", unit.get("axis2", _Y))),
-        "planar": (slides["x"], slides["y"], turn),
-        "point_on_line": (slide, ball),
-        "point_on_plane": (slides["x"], slides["y"], ball),
-        "parallel": (*slides.values(), turn),
-    }.get(joint.kind, ())
+    axis = next((unit[word] for word in ("axis", "normal", "axis1") if word in unit), None)
+    frame = unit.get("frame", np.eye(3)) if axis is None else np.column_stack([*_across(axis), axis])
+    along = {**dict(zip("xyz", frame.T, strict=True)), "1": axis, "2": unit.get("axis2")}
+    moving = motions(joint)
+    slides = [("slide", along[item]) for item in moving if not item.startswith("r")]
+    turns = [("turn", along[item[1:]]) for item in moving if item.startswith("r")]
+    return (*slides, *(turns if len(turns) < 3 else [("ball", _Z)]))
 
 
 def _across(axis: Array) -> tuple[Array, Array]:
