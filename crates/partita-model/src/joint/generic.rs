@@ -2,11 +2,17 @@
 
 use super::{parallel, LockedSlides, Motion, Shape};
 use crate::error::DescriptionError;
-use crate::spec::Joint;
+use crate::spec::{Joint, JointKind};
 use partita_math::spatial::{Mat3, Vec3};
 use partita_math::tolerance;
 
 const NAMES: [&str; 6] = ["x", "y", "z", "rx", "ry", "rz"];
+
+/// A joint of another kind, given by its directions that are free in a frame.
+pub(super) fn freeing(joint: &Joint, free: &[&str], frame: &Mat3<f64>) -> Result<Shape, DescriptionError> {
+    let free = Some(free.iter().map(|f| f.to_string()).collect());
+    shape(&Joint { kind: JointKind::Generic, free, frame: Some(frame.0), ..joint.clone() })
+}
 
 pub(super) fn shape(joint: &Joint) -> Result<Shape, DescriptionError> {
     let fail = |message: String| DescriptionError::new("joint", &joint.name, message);

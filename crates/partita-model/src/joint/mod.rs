@@ -22,6 +22,7 @@ pub use coordinates::{position_of, rate_of};
 use crate::error::DescriptionError;
 use crate::spec::{Joint, JointKind};
 use partita_math::spatial::{Mat3, Vec3};
+use partita_math::tolerance;
 
 /// One free motion, its axis in the drawing.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -156,6 +157,17 @@ fn axis_of(joint: &Joint, axis: Option<[f64; 3]>, which: &str) -> Result<Vec3<f6
 fn frame_about(z: Vec3<f64>) -> Mat3<f64> {
     let (x, y) = z.complement();
     Mat3::from_columns(x, y, z)
+}
+
+/// Refuses two axes that are not drawn at a right angle.
+fn at_right_angle(joint: &Joint, first: Vec3<f64>, second: Vec3<f64>) -> Result<(), DescriptionError> {
+    let cosine = first.dot(second);
+    if cosine.abs() > tolerance::EQUAL_IN_SIX_DIGITS {
+        let angle = cosine.acos().to_degrees();
+        let message = format!("its axes are drawn at {angle:.4} deg; draw them at a right angle");
+        return Err(DescriptionError::new("joint", &joint.name, message));
+    }
+    Ok(())
 }
 
 /// The shape of a described joint.

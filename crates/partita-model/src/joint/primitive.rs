@@ -1,16 +1,10 @@
 //! Single conditions: a point on a line or in a plane, axes parallel or at a right angle, all axes parallel.
 
-use super::{axis_of, frame_about, generic, LockedSlides, Motion, Shape};
+use super::generic::freeing;
+use super::{at_right_angle, axis_of, frame_about, LockedSlides, Motion, Shape};
 use crate::error::DescriptionError;
-use crate::spec::{Joint, JointKind};
+use crate::spec::Joint;
 use partita_math::spatial::Mat3;
-use partita_math::tolerance;
-
-/// The same joint with these directions free in a frame.
-fn freeing(joint: &Joint, free: &[&str], frame: &Mat3<f64>) -> Result<Shape, DescriptionError> {
-    let free = Some(free.iter().map(|f| f.to_string()).collect());
-    generic::shape(&Joint { kind: JointKind::Generic, free, frame: Some(frame.0), ..joint.clone() })
-}
 
 pub(super) fn point_on_line(joint: &Joint) -> Result<Shape, DescriptionError> {
     let axis = axis_of(joint, joint.axis, "an axis: the direction of the line")?;
@@ -30,12 +24,7 @@ pub(super) fn parallel(joint: &Joint) -> Result<Shape, DescriptionError> {
 pub(super) fn perpendicular(joint: &Joint) -> Result<Shape, DescriptionError> {
     let first = axis_of(joint, joint.axis, "an axis on the parent")?;
     let second = axis_of(joint, joint.axis2, "an axis on the child")?;
-    let cosine = first.dot(second);
-    if cosine.abs() > tolerance::EQUAL_IN_SIX_DIGITS {
-        let angle = cosine.acos().to_degrees();
-        let message = format!("its axes are drawn at {angle:.4} deg; draw them at a right angle");
-        return Err(DescriptionError::new("joint", &joint.name, message));
-    }
+    at_right_angle(joint, first, second)?;
     let frame = frame_about(first);
     let [x, y, z] = [0, 1, 2].map(|i| frame.column(i));
     Ok(Shape {
