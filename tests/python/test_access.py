@@ -115,6 +115,10 @@ CALLS: list[tuple[Call, dict[str, Any]]] = [
     ),
     (("add_orientation", "O", {**CARRIED}), {**NEW_PLACE, "cut": "always"}),
     (
+        ("add_pin_slot", "pin", {**CARRIED, "axis1": (1, 0, 0), "axis2": (0, 2, 0)}),
+        {**NEW_PLACE, "axis1": (1, 0, 1), "axis2": (0, 1, 0), "child_frame": TURN},
+    ),
+    (
         ("add_coupler", "sum", {"terms": ["R", APART, ALONG], "factors": [1, 2, 3], "offset": 0.1}),
         {"terms": ["R", ALONG, APART], "factors": [1, 2, -3], "offset": 0.2, "word": "mix"},
     ),

@@ -21,6 +21,7 @@ KINDS: dict[str, tuple[str, dict[str, Any], int]] = {
     "cylindrical": ("add_cylindrical", {"axis": AXIS}, 2),
     "universal": ("add_universal", {"axis1": (1.0, 0.0, 0.5), "axis2": (0.0, 1.0, 0.2)}, 2),
     "planar": ("add_planar", {"normal": AXIS}, 3),
+    "pin_slot": ("add_pin_slot", {"axis1": AXIS, "axis2": (2.0, 1.0, -2.0)}, 2),
     "screw": ("add_screw", {"axis": AXIS, "pitch": 0.3}, 2),
     "generic": ("add_joint", {"free": ("x", "rz")}, 2),
 }

@@ -49,6 +49,7 @@ KINDS = {
     "parallel": {"axis": (1, 2, 2)},
     "perpendicular": {"axis1": (1, 2, 2), "axis2": (2, 1, -2)},
     "orientation": {},
+    "pin_slot": {"axis1": (1, 2, 2), "axis2": (2, 1, -2)},
 }
 
 

@@ -113,6 +113,8 @@ pub enum JointKind {
     Perpendicular,
     /// All axes stay parallel.
     Orientation,
+    /// A slide along a slot, then a turn about a pin across it.
+    PinSlot,
     /// Directions that are free, or functions of those.
     Custom,
 }
@@ -137,6 +139,7 @@ impl JointKind {
             Self::Parallel => "parallel",
             Self::Perpendicular => "perpendicular",
             Self::Orientation => "orientation",
+            Self::PinSlot => "pin slot",
             Self::Custom => "custom",
         }
     }

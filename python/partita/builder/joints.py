@@ -51,6 +51,7 @@ _MOTIONS: dict[str, tuple[str, ...]] = {
     "parallel": ("x", "y", "z", "rz"),
     "perpendicular": ("x", "y", "z", "r1", "r2"),
     "orientation": ("x", "y", "z"),
+    "pin_slot": ("z", "r2"),
 }
 
 
@@ -203,6 +204,37 @@ def add_universal(
         )
     axes = {"axis1": first, "axis2": second}
     return store_joint(self, element, "universal", parent, child, point, axes, cut, child_point, None, child_frame)
+
+
+def add_pin_slot(
+    self: Drawing,
+    name: str,
+    parent: BodyLike,
+    child: BodyLike,
+    point: ArrayLike,
+    axis1: ArrayLike = (1.0, 0.0, 0.0),
+    axis2: ArrayLike = (0.0, 0.0, 1.0),
+    *,
+    child_point: ArrayLike | None = None,
+    child_frame: Any = None,
+    cut: str = "auto",
+) -> Joint:
+    """Add a pin in a slot: a slide along the slot `axis1`, fixed in the parent, then a turn about the pin `axis2`,
+    fixed in the child, at a right angle to it.
+
+    Scotch yokes, slotted levers and Geneva wheels have one. Coordinates: slide [m], turn [rad]; its force is across
+    the slot. A pin that may also tilt or move along itself needs `add_point_on_line` or `add_joint`.
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("yoke")
+    >>> yoke = m.add_body("yoke", mass=1.0, inertia=(1, 1, 1))
+    >>> crank = m.add_rod("crank", start=(0, 0, 0), end=(0, 0.1, 0), mass=0.2)
+    >>> m.add_pin_slot("pin", yoke, crank, point=(0, 0.1, 0), axis1=(0, 1, 0)).name
+    'pin'
+    """
+    element = joint_element(self, name)
+    axes = {"axis1": direction(element, "axis1", axis1), "axis2": direction(element, "axis2", axis2)}
+    return store_joint(self, element, "pin_slot", parent, child, point, axes, cut, child_point, None, child_frame)
 
 
 def add_planar(
@@ -433,6 +465,7 @@ class NamedJoints(Drawing):
     add_cylindrical = add_cylindrical
     add_spherical = add_spherical
     add_universal = add_universal
+    add_pin_slot = add_pin_slot
     add_planar = add_planar
     add_fixed = add_fixed
     add_free = add_free

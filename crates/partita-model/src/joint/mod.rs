@@ -9,6 +9,7 @@ mod cylindrical;
 mod fixed;
 mod free;
 mod generic;
+mod pin_slot;
 mod planar;
 mod primitive;
 mod prismatic;
@@ -189,6 +190,7 @@ pub fn shape(joint: &Joint) -> Result<Shape, DescriptionError> {
         JointKind::Parallel => primitive::parallel(joint),
         JointKind::Perpendicular => primitive::perpendicular(joint),
         JointKind::Orientation => primitive::orientation(joint),
+        JointKind::PinSlot => pin_slot::shape(joint),
         JointKind::Custom => custom::shape(joint),
     }
 }
