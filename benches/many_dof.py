@@ -1,4 +1,4 @@
-"""Mechanisms of many freedoms, and what one evaluation of each costs.
+"""Mechanisms of many degrees of freedom, and what one evaluation of each costs.
 
 Each is measured in a process of its own (`python many_dof.py NAME SIZE` prints a line of JSON), so that one that
 takes too long is ended and the others are told all the same.
@@ -40,7 +40,7 @@ def _four_bar(m: pt.Mechanism, base: str, offset: tuple[float, float], number: i
 
 
 def side_by_side(size: int) -> pt.Mechanism:
-    """Four-bars that know nothing of each other: as many freedoms, as many clusters."""
+    """Four-bars that know nothing of each other: as many degrees of freedom, as many clusters."""
     m = pt.Mechanism(f"{size} four-bars side by side")
     for i in range(size):
         _four_bar(m, "ground", (2.0 * i, 0.0), i)
@@ -57,7 +57,7 @@ def in_series(size: int) -> pt.Mechanism:
 
 
 def ring(size: int) -> pt.Mechanism:
-    """A hanging ring of links: one loop with nearly as many freedoms."""
+    """A hanging ring of links: one loop with nearly as many degrees of freedom."""
     m = pt.Mechanism(f"ring of {size} links")
     turns = 2.0 * np.pi * np.arange(size + 1) / size
     corners: list[Point] = [(float(np.sin(t)), float(np.cos(t)), 0.0) for t in turns]
@@ -71,7 +71,7 @@ def ring(size: int) -> pt.Mechanism:
 
 
 def open_chain(size: int) -> pt.Mechanism:
-    """A hanging chain drawn at a slant: a tree of as many freedoms as links."""
+    """A hanging chain drawn at a slant: a tree of as many degrees of freedom as links."""
     m = pt.Mechanism(f"chain of {size} links")
     before = "ground"
     for i in range(size):
@@ -83,7 +83,7 @@ def open_chain(size: int) -> pt.Mechanism:
 
 
 def five_bars(size: int) -> pt.Mechanism:
-    """Five-bar loops that share their uprights: one cluster of size + 1 freedoms."""
+    """Five-bar loops that share their uprights: one cluster of size + 1 degrees of freedom."""
     m = pt.Mechanism(f"{size} five-bar loops")
     for i in range(size + 1):
         m.add_rod(f"upright {i}", start=(i, 0, 0), end=(i, 1, 0), mass=1.0)
@@ -99,7 +99,7 @@ def five_bars(size: int) -> pt.Mechanism:
 
 
 def four_bar_chain(size: int) -> pt.Mechanism:
-    """The catalogue's chain of parallelograms: one freedom."""
+    """The catalogue's chain of parallelograms: one degree of freedom."""
     return pt.catalogue.load("n-four-bar", loops=size)
 
 
@@ -136,7 +136,8 @@ QUESTIONS = (
 
 @dataclass(frozen=True)
 class Cost:
-    """Seconds of an evaluation, largest residual of the closing conditions at the end, freedoms; None: not in time."""
+    """Seconds of an evaluation, largest residual of the closing conditions at the end, degrees of freedom; None: not in
+    time."""
 
     seconds: float
     closure: float

@@ -1,5 +1,5 @@
-"""Accuracy and cost of whole runs, and how the cost grows with the mechanism; then outputs, building, many freedoms and
-the public face.
+"""Accuracy and cost of whole runs, and how the cost grows with the mechanism; then outputs, building, many degrees of
+freedom and the public face.
 
 Run it with `make bench`, best on a machine that does nothing else; `python benches/run.py FOLDER SECTION ...` runs
 some sections only (runs, outputs, building, dof, evaluations, face, poses, loads, playground). Tables are printed,

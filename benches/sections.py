@@ -1,4 +1,4 @@
-"""The parts of the bench beyond bare runs: outputs, building, many freedoms, the public face.
+"""The parts of the bench beyond bare runs: outputs, building, many degrees of freedom, the public face.
 
 Each prints what it measures and returns it as plain data.
 """
@@ -24,7 +24,7 @@ from public_face import AGAIN_AIM, RUNS, face_cost, second_run
 from timing import against, text
 
 ENOUGH = 180.0
-"""Seconds after which a mechanism of many freedoms is given up."""
+"""Seconds after which a mechanism of many degrees of freedom is given up."""
 
 
 def outputs(_: Path) -> dict[str, Any]:
@@ -61,8 +61,8 @@ def building(_: Path) -> dict[str, Any]:
 
 
 def dof(_: Path) -> dict[str, Any]:
-    """An evaluation of mechanisms of many freedoms."""
-    print("\nMany freedoms: one evaluation within a run, and per loop or link")
+    """An evaluation of mechanisms of many degrees of freedom."""
+    print("\nMany degrees of freedom: one evaluation within a run, and per loop or link")
     found: dict[str, Any] = {}
     for question in QUESTIONS:
         costs = {size: apart(question.kind, size, ENOUGH) for size in (question.small, question.large) if size}

@@ -42,7 +42,7 @@ def show(entry: Entry, outputs: int, folder: Path) -> bool:
     if not result.success:
         say(f"The run stopped early: {result.message}")
         return False
-    section("Which coordinates describe the motion", [*choice(result), *exchanges(result)])
+    section("Which coordinates describe the motion", [*choice(result), *switches(result)])
     section(*left_out(result))
     section("How far this run can be trusted", certificate(result))
     measured = entry.measure(result)
@@ -93,16 +93,16 @@ def choice(result: Result) -> list[str]:
     return lines
 
 
-def exchanges(result: Result) -> list[str]:
+def switches(result: Result) -> list[str]:
     """Every change of the choice, or why there was none."""
     changes = [change for change in result.partitions if change.is_switch]
     threshold = result.options["switch_threshold"]
     if changes:
-        return [f"  Exchanged {len(changes)} times:", *(f"    {change}" for change in changes)]
+        return [f"  Switched {len(changes)} times:", *(f"    {change}" for change in changes)]
     own = result.measure[:, result.independent[0]].min(axis=1, keepdims=True)
     gain = float(np.max(np.delete(result.measure, result.independent[0], axis=1) / own))
     return wrapped(
-        f"Exchanges during the run: none. At no output was another coordinate more than {gain:.2f} times as mobile as "
+        f"Switches during the run: none. At no output was another coordinate more than {gain:.2f} times as mobile as "
         f"the chosen one; they change places beyond {threshold:g}."
     )
 

@@ -43,10 +43,10 @@ class Table:
 
 def pendulum(m: pt.Mechanism, com: Array, start: Array, joint: ArrayLike) -> None:
     """The body: its frame is that of the table, its centre of mass the origin."""
-    way = com - np.asarray(joint)
+    offset = com - np.asarray(joint)
     axes = quaternion_rotation(start)
-    length = float(np.linalg.norm(way))
-    along = axes.T @ (way / length) if length > 0.0 else np.array([1.0, 0.0, 0.0])
+    length = float(np.linalg.norm(offset))
+    along = axes.T @ (offset / length) if length > 0.0 else np.array([1.0, 0.0, 0.0])
     inertia = ACROSS * np.eye(3) + (ALONG - ACROSS) * np.outer(along, along)
     m.add_body("body", mass=1.0, inertia=inertia, position=com, orientation=start)
 
@@ -165,8 +165,8 @@ def on_ground(run: Result, at: Array) -> dict[str, Array]:
 def of_distance(run: Result, at: Array) -> dict[str, Array]:
     """The rod's pull on the ground."""
     body = run.body("body")
-    way = at - body.position
-    pull = run.coupling("rod").tension[:, None] * way / np.linalg.norm(way, axis=1)[:, None]
+    offset = at - body.position
+    pull = run.coupling("rod").tension[:, None] * offset / np.linalg.norm(offset, axis=1)[:, None]
     zero = np.zeros_like(pull)
     return {**motion(run, pull, zero, body.position), "Rforce": -pull, "Rtorque": zero}
 

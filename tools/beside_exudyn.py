@@ -23,11 +23,11 @@ def main() -> None:
     print(f"Exudyn {exudyn.config.Version()}")
     for known in asked("mechanisms by Partita and by Exudyn", CASES):
         for step in STEPS:
-            for label, full in ways():
+            for label, full in variants():
                 reported(known, "Exudyn", f"{1e3 * step:g} ms, {label}", partial(once, known, step, full))
 
 
-def ways() -> Iterator[tuple[str, bool]]:
+def variants() -> Iterator[tuple[str, bool]]:
     """Settings: as delivered, and as its examples of redundant mechanisms set them."""
     yield "as delivered", False
     yield "redundancy allowed", True

@@ -82,7 +82,13 @@ def zoo_page() -> str:
     """Every mechanism of the zoo, theme by theme, with what theory says of it."""
     lines: list[str] = []
     for theme, members in catalogue.zoo.THEMES.items():
-        lines += ["", f"### {theme}", "", "| name | what | freedoms | redundant | why |", "|---|---|---|---|---|"]
+        lines += [
+            "",
+            f"### {theme}",
+            "",
+            "| name | what | degrees of freedom | redundant | why |",
+            "|---|---|---|---|---|",
+        ]
         for make in members.values():
             e = make()
             assert e.truth is not None

@@ -1,7 +1,7 @@
-"""The measure along a full turn of a four-bar, in joint and in absolute coordinates, with the exchanges.
+"""The measure along a full turn of a four-bar, in joint and in absolute coordinates, with the switches.
 
 In joint coordinates two of three are good all the way round. In absolute ones the most mobile changes again and again,
-and only the angle of the crank never fails, although it is never the most mobile: a margin saves some exchanges, a
+and only the angle of the crank never fails, although it is never the most mobile: a margin saves some switches, a
 look at the whole turn would save all.
 """
 
@@ -43,7 +43,7 @@ def main(short: bool = False, folder: Path = FOLDER) -> Numbers:
     for kind, rho in (("joint", joint), ("absolute", absolute)):
         for margin in MARGINS:
             chosen = follow(rho, margin)
-            found[f"{kind}: exchanges, margin {margin:g}"] = float(np.count_nonzero(np.diff(chosen)))
+            found[f"{kind}: switches, margin {margin:g}"] = float(np.count_nonzero(np.diff(chosen)))
             found[f"{kind}: least rho of the chosen, margin {margin:g}"] = float(
                 np.min(rho[np.arange(len(crank)), chosen])
             )

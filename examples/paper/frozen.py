@@ -90,21 +90,21 @@ def first(m: pt.Mechanism, tangent: str) -> float:
 
 
 def main(short: bool = False, folder: Path = FOLDER) -> Numbers:
-    """Freeze, turn the crank, watch the quality; renewed tangents and exchanged coordinates beside it; draw."""
+    """Freeze, turn the crank, watch the quality; renewed tangents and switched coordinates beside it; draw."""
     s0 = made(START)
     turned = np.linspace(0.0, 180.0, 61 if short else 361)
     crank = START + np.radians(turned)
     lasting = np.array([quality(s0, angle) for angle in crank])
     rho = measures(crank, "absolute")
     renewed, renewals, s = [], 0, s0
-    chosen, exchanges, i = [], 0, int(np.argmax(rho[0]))
+    chosen, switches, i = [], 0, int(np.argmax(rho[0]))
     for angle, row in zip(crank, rho, strict=True):
         if quality(s, angle) < 0.5:
             s, renewals = made(angle), renewals + 1
         renewed.append(quality(s, angle))
         best = int(np.argmax(row))
         if row[best] > 1.25 * row[i]:
-            i, exchanges = best, exchanges + 1
+            i, switches = best, switches + 1
         chosen.append(row[i])
     at_zero = zero(s0, 100.0, 140.0)
     marched = frozen_run("gram-schmidt")
@@ -121,8 +121,8 @@ def main(short: bool = False, folder: Path = FOLDER) -> Numbers:
             for value, angle in zip(marched.sqrt_mu[before], turn[before], strict=True)
         )),
         "renewals below 0.5, in half a turn": float(renewals),
-        "exchanges of coordinates with margin 1.25, in half a turn": float(exchanges),
-        "least quality of the exchanged coordinates": float(min(chosen)),
+        "switches of coordinates with margin 1.25, in half a turn": float(switches),
+        "least quality of the switched coordinates": float(min(chosen)),
     }  # fmt: skip
     millimetres = in_millimetres()
     for tangent in TANGENTS:
@@ -133,7 +133,7 @@ def main(short: bool = False, folder: Path = FOLDER) -> Numbers:
     dressed(ax, "Quality √μ of velocities made at 0°", "√μ", time_axis=False)
     ax.plot(turned, lasting, color=COLOURS[1], lw=1.6, label="tangent frozen at 0°")
     ax.plot(turned, renewed, color=COLOURS[4], lw=1.1, ls="--", label="tangent renewed below 0.5")
-    ax.plot(turned, chosen, color=COLOURS[0], lw=1.3, label="coordinate, exchanged")
+    ax.plot(turned, chosen, color=COLOURS[0], lw=1.3, label="coordinate, switched")
     ax.plot(0.0, found["svd: sqrt(mu) when made, drawn in m"], "s", color=COLOURS[2], ms=5, clip_on=False,
             label="svd when made, in m")  # fmt: skip
     ax.plot(0.0, found["svd: sqrt(mu) when made, drawn in mm"], "D", color=COLOURS[3], ms=5, clip_on=False,

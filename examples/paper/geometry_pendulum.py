@@ -37,11 +37,11 @@ def drawn(vector: Array) -> Array:
     return np.sqrt(MASS) * np.asarray(vector)
 
 
-def arrow(ax: Axes, start: Array, way: Array, colour: str, name: str, beside: tuple[float, float]) -> None:
+def arrow(ax: Axes, start: Array, direction: Array, colour: str, name: str, beside: tuple[float, float]) -> None:
     """An arrow from `start` with its name beside its tip."""
     shape = {"arrowstyle": "-|>", "color": colour, "lw": 1.7, "shrinkA": 0, "shrinkB": 0}
-    ax.annotate("", tuple(start + way), tuple(start), arrowprops=shape)
-    x, y = start + way + np.array(beside)
+    ax.annotate("", tuple(start + direction), tuple(start), arrowprops=shape)
+    x, y = start + direction + np.array(beside)
     ax.text(x, y, name, color=colour, fontsize=10, ha="center", va="center")
 
 

@@ -1,7 +1,7 @@
 """The k individually most mobile coordinates may be useless together; chosen one after the other they are not.
 
 Three exact failures of taking the k largest rho: two mechanisms side by side, a parallel robot whose base angles are
-in their singular position, and coupled inertia with a single condition. "Lock and repeat" with exchanges avoids them.
+in their singular position, and coupled inertia with a single condition. "Lock and repeat" with switches avoids them.
 """
 
 from __future__ import annotations

@@ -31,7 +31,7 @@ def rod(phi: float) -> np.ndarray:
     return pt.partition.measure(np.diag([MASS, MASS, INERTIA]), [[1.0, 0.0, -c], [0.0, 1.0, -s]])
 
 
-def exchanges(short: bool) -> list[float]:
+def switches(short: bool) -> list[float]:
     """Angles from the vertical [deg] at which a swing through a quarter turn on each side changed coordinates."""
     swing = pt.System(
         n=2,
@@ -43,7 +43,7 @@ def exchanges(short: bool) -> list[float]:
         names=["x", "y"],
     )
     step = 0.005 if short else 0.001
-    # an exchange threshold of 1: no margin, so that the places of the exchanges are those of the formula
+    # a switch threshold of 1: no margin, so that the places of the switches are those of the formula
     result = pt.simulate(swing, 2.0, [1.0, 0.0], [0.0, 0.0], method="rk4", step=step, switch_threshold=1.0)
     at = [np.interp(change.t, result.t, np.arctan2(np.abs(result.q[:, 0]), -result.q[:, 1]))
           for change in result.partitions if change.is_switch]  # fmt: skip
@@ -57,14 +57,14 @@ def main(short: bool = False, folder: Path = FOLDER) -> Numbers:
     formula = np.abs(np.column_stack([np.cos(phi), np.sin(phi)]))
     share = MASS * CENTRE**2 / (MASS * CENTRE**2 + INERTIA)
     slender = np.sqrt(np.column_stack([share * formula**2, np.full(len(phi), 1.0 - share)]))
-    places = exchanges(short)
+    places = switches(short)
     found = {
         "point: largest deviation from |cos|, |sin|": float(np.max(np.abs(points - formula))),
         "rod: largest deviation from the formulas": float(np.max(np.abs(rods - slender))),
         "rod: rho of the angle": float(rods[0, 2]),
-        "exchanges of x and y in two seconds": float(len(places)),
-        "first exchange at [deg]": places[0],
-        "farthest exchange from 45 [deg]": float(np.max(np.abs(np.array(places) - 45.0))),
+        "switches of x and y in two seconds": float(len(places)),
+        "first switch at [deg]": places[0],
+        "farthest switch from 45 [deg]": float(np.max(np.abs(np.array(places) - 45.0))),
     }
     figure = new_figure(9.0, 3.4)
     left, right = figure.subplots(1, 2, sharey=True)

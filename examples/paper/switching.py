@@ -2,7 +2,7 @@
 
 `switch_threshold=` is the factor by which another coordinate must be better before it replaces one. Close to 1 it
 forces a switch wherever two change places; "kept" is the crank's turn kept independent throughout.
-Absolute coordinates, in which six exchanges belong to a turn of the crank. Two motions: the crank turning, pushed by a
+Absolute coordinates, in which six switches belong to a turn of the crank. Two motions: the crank turning, pushed by a
 force across it and held by two dashpots, so that errors die out; and the free swing of the catalogue, where they stay.
 """
 
@@ -28,7 +28,7 @@ from partita.state import State
 Array = np.ndarray
 THRESHOLDS = (1.0001, 1.01, 1.1, 1.25, 1.5, 2.0, 3.0, 5.0)
 NEVER = 1e6
-"""A threshold that no exchange reaches: coordinates are left only when a step with them fails."""
+"""A threshold that no switch reaches: coordinates are left only when a step with them fails."""
 KEPT = "crank.turn"
 RATE, DAMPING = 3.0, 100.0  # of the crank [rad/s], of each dashpot [N s/m]
 OUTPUT = 0.25  # [s]: every step below ends there, so that no interpolation adds to the error
@@ -63,11 +63,11 @@ def march(name: str, **options: Any) -> Result:
     m, start, duration = motion(name)
     times = np.linspace(0.0, duration, round(duration / OUTPUT) + 1)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", SuspectResultWarning)  # a run without exchanges fails, and that is counted
+        warnings.simplefilter("ignore", SuspectResultWarning)  # a run without switches fails, and that is counted
         return m.simulate(duration, **{"initial": start, "t_eval": times, "coordinates": "absolute", **options})
 
 
-def holds(done: Result) -> bool:
+def succeeded(done: Result) -> bool:
     """Whether a run succeeded; that it may be doubtful besides is what the error shows."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SuspectResultWarning)
@@ -96,7 +96,7 @@ def choices() -> dict[str, dict[str, Any]]:
 
 
 def table(rounds: int, method: str) -> dict[str, dict[str, float]]:
-    """Per choice: exchanges, evaluations, least time of a run over evaluations [us], error [m], whether it succeeds.
+    """Per choice: switches, evaluations, least time of a run over evaluations [us], error [m], whether it succeeds.
 
     Runs are timed in turn, so that what slows the machine down for a while slows all of them.
     """
@@ -109,15 +109,15 @@ def table(rounds: int, method: str) -> dict[str, dict[str, float]]:
             row = rows.setdefault(name, {"cost": cost})
             row["cost"] = min(cost, row["cost"])
             if "error" not in row:
-                row["exchanges"] = float(sum(change.is_switch for change in done.partitions))
+                row["switches"] = float(sum(change.is_switch for change in done.partitions))
                 row["evaluations"] = float(done.counters["evaluations"])
-                row["success"] = float(holds(done))
-                row["error"] = error("turning", done) if holds(done) else float("nan")
+                row["success"] = float(succeeded(done))
+                row["error"] = error("turning", done) if succeeded(done) else float("nan")
     return rows
 
 
 def errors(method: str, threshold: float) -> tuple[list[float], int]:
-    """Errors for the steps of ORDERS, and the least number of exchanges in a run."""
+    """Errors for the steps of ORDERS, and the least number of switches in a run."""
     _, name, rates = ORDERS[method]
     runs = [march(name, method=method, step=1.0 / rate, switch_threshold=threshold) for rate in rates]
     least = min(sum(change.is_switch for change in done.partitions) for done in runs)
@@ -125,10 +125,10 @@ def errors(method: str, threshold: float) -> tuple[list[float], int]:
 
 
 def handed_over() -> dict[str, float]:
-    """What an exchange does to (q, v), looked at from outside, at every exchange of some turns.
+    """What a switch does to (q, v), looked at from outside, at every switch of some turns.
 
-    An output at the time of an exchange is told in the old coordinates. A new run starts from it with the new ones
-    kept: what it is then compared with is what the marching run goes on with behind the exchange.
+    An output at the time of a switch is told in the old coordinates. A new run starts from it with the new ones
+    kept: what it is then compared with is what the marching run goes on with behind the switch.
     """
     m, start, _ = motion("turning")
     step = 2.0**-9  # sums of it are exact, so that both runs step at the same times
@@ -149,7 +149,7 @@ def handed_over() -> dict[str, float]:
         position = max(position, float(np.max(np.abs(anew.q[1] - through.q[1]))))
         velocity = max(velocity, float(np.max(np.abs(anew.v[1] - through.v[1]))))
     return {
-        "handed over: exchanges looked at": float(len(log)),
+        "handed over: switches looked at": float(len(log)),
         "handed over: q and the new independent velocity equal in every bit": float(equal),
         "handed over: largest difference of the other velocities": jump,
         "handed over: one step later, largest difference of q": position,
@@ -158,16 +158,18 @@ def handed_over() -> dict[str, float]:
 
 
 def main(short: bool = False, folder: Path = FOLDER) -> Numbers:
-    """Table of thresholds, orders, what an exchange hands over; draw."""
+    """Table of thresholds, orders, what a switch hands over; draw."""
     found: Numbers = {}
     print("turning, 23 s, rk4, 2.5 ms; least time of interleaved runs over their evaluations")
-    print("threshold  exchanges  evaluations  us/evaluation  over kept  error [m]")
+    print("threshold  switches  evaluations  us/evaluation  over kept  error [m]")
     rows = table(2 if short else 9, "rk4")
     for name, row in rows.items():
         ratio = row["cost"] / rows["kept"]["cost"]
-        told = f"{row['error']:.1e}" if row["success"] else "does not hold"
-        print(f"{name:<11}{row['exchanges']:<11.0f}{row['evaluations']:<13.0f}{row['cost']:<15.3f}{ratio:<11.3f}{told}")
-        for what in ("exchanges", "evaluations", "error", "success"):
+        printed = f"{row['error']:.1e}" if row["success"] else "does not hold"
+        print(
+            f"{name:<11}{row['switches']:<11.0f}{row['evaluations']:<13.0f}{row['cost']:<15.3f}{ratio:<11.3f}{printed}"
+        )
+        for what in ("switches", "evaluations", "error", "success"):
             found[f"turning, threshold {name}: {what}"] = row[what]
         found[f"turning, threshold {name}: cost per evaluation over kept"] = ratio
     turned = march("turning", method="dop853", step=1.0 / REFERENCE["turning"], coordinates="relative")
@@ -183,7 +185,7 @@ def main(short: bool = False, folder: Path = FOLDER) -> Numbers:
             steps = 1.0 / np.array(ORDERS[method][2])
             slope = float(np.polyfit(np.log(steps), np.log(curves[method, threshold]), 1)[0])
             found[f"{method}, threshold {threshold:g}: order"] = slope
-            found[f"{method}, threshold {threshold:g}: least number of exchanges"] = float(least)
+            found[f"{method}, threshold {threshold:g}: least number of switches"] = float(least)
     found |= handed_over()
 
     figure = new_figure(9.6, 3.8)
@@ -193,10 +195,10 @@ def main(short: bool = False, folder: Path = FOLDER) -> Numbers:
     for n, (what, label) in enumerate((("cost", "cost of an evaluation"), ("error", "error"))):
         values = [rows[name][what] / rows["kept"][what] for name in names]
         left.semilogy(range(len(names)), values, "os"[n] + "-", color=COLOURS[n], ms=4, lw=1.2, label=label)
-    left.set_xticks(range(len(names)), [f"{name}\n{rows[name]['exchanges']:.0f}" for name in names], fontsize=7)
-    left.set_xlabel("exchange threshold, and number of exchanges", fontsize=9)
+    left.set_xticks(range(len(names)), [f"{name}\n{rows[name]['switches']:.0f}" for name in names], fontsize=7)
+    left.set_xlabel("switch threshold, and number of switches", fontsize=9)
     left.legend(fontsize=8, frameon=False, loc="upper left")
-    dressed(right, "Orders, with at least 50 exchanges in each run", "error [m]", time_axis=False)
+    dressed(right, "Orders, with at least 50 switches in each run", "error [m]", time_axis=False)
     for n, method in enumerate(ORDERS):
         _, name, rates = ORDERS[method]
         steps = 1.0 / np.array(rates)
@@ -209,7 +211,7 @@ def main(short: bool = False, folder: Path = FOLDER) -> Numbers:
     right.set_xlabel("step [ms]", fontsize=9)
     right.legend(fontsize=7, frameon=False, title="measured order", title_fontsize=7, alignment="left",
                  loc="upper left", bbox_to_anchor=(1.0, 1.0))  # fmt: skip
-    finish("Four-bar: the price of exchanging coordinates", figure, folder / "switching.png", found)
+    finish("Four-bar: the price of switching coordinates", figure, folder / "switching.png", found)
     return found
 
 

@@ -169,7 +169,7 @@ class Model:
         """Coordinates, velocities and points of the joints `which` at nt samples."""
 
     def joint_accelerations(self, t: Array, q: Array, v: Array, vdot: Array, which: list[int]) -> Array:
-        """Accelerations along the freedoms of the joints `which` (nt, freedoms), in the order of their velocities."""
+        """Accelerations of the degrees of freedom of the joints `which` (nt, dof), in the order of their velocities."""
 
     def body_accelerations(self, t: Array, q: Array, v: Array, vdot: Array, which: list[int]) -> dict[str, Array]:
         """Accelerations of the origins of the bodies `which` and of their turning at nt samples, world axes."""
@@ -198,8 +198,8 @@ class Model:
 
     def determined(self, t: Array, q: Array, v: Array) -> list[NDArray[np.bool_]]:
         """(nt, nj, 6) in world and in joint axes: which of fx fy fz mx my mz follow from the motion alone; the same of
-        the efforts of drives along the freedoms of all joints (nt, freedoms), and of the multipliers of all conditions
-        that are no closings (nt, conditions)."""
+        the efforts of drives along the degrees of freedom of all joints (nt, dof), and of the multipliers of all
+        conditions but the loop closures (nt, conditions)."""
 
     def self_stress_basis(self, t: float, q: Array) -> tuple[Array, Array, float]:
         """Orthonormal self-stresses: wrenches (s, nj, 6) in world axes, efforts of the drives (s, drives), and what

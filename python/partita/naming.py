@@ -123,7 +123,7 @@ def _unit_of(name: str) -> str:
 
 
 def column_names(name: str, words: list[str], count: int) -> list[str]:
-    """`A` for a joint with one freedom, `A.x`, `A.turn`, ... for more."""
+    """`A` for a joint with one degree of freedom, `A.x`, `A.turn`, ... for more."""
     if count == 1:
         return [name]
     if len(words) != count or len(set(words)) != count:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .errors import ArgumentError, UnknownNameError
 from .numeric import floats, real, shown
-from .progress import telling
+from .progress import reporting
 from .tangent import TangentVelocities
 from .units.door import SI, QuantityError, in_si
 
@@ -176,8 +176,8 @@ def run(
 ) -> dict[str, Any]:
     """March in the core; what it returns."""
     own = None if tangent is None else tangent_of(tangent, v.size)
-    with telling(progress, chosen["t_end"] - chosen["t0"], "s") as tell:
-        return core.simulate(json.dumps(chosen), t_eval, np.ascontiguousarray(q), np.ascontiguousarray(v), tell, own)
+    with reporting(progress, chosen["t_end"] - chosen["t0"], "s") as report:
+        return core.simulate(json.dumps(chosen), t_eval, np.ascontiguousarray(q), np.ascontiguousarray(v), report, own)
 
 
 def si(what: str, value: Any, unit: SI) -> Any:

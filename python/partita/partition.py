@@ -101,10 +101,10 @@ def choose(
         C: constraint Jacobian (m, n).
         selection: the rule. Free of units:
 
-            * "collective": greedily by the measure (P5), then by exchanges (P6). The one to take.
-            * "greedy": by the measure, each choice locked before the next (P5), without exchanges.
+            * "collective": greedily by the measure (P5), then by switches (P6). The one to take.
+            * "greedy": by the measure, each choice locked before the next (P5), without switches.
             * "normalised-determinant": largest volume of the choice. All partitions are compared up to 50 000 of
-              them (some milliseconds); beyond, no single exchange improves the answer.
+              them (some milliseconds); beyond, no single switch improves the answer.
             * "individual": the k largest measures, one by one; with k > 1 they may contradict each other.
 
             To compare with, decided by the units at hand:
@@ -112,7 +112,7 @@ def choose(
             * "determinant": largest determinant of C_D, searched as above.
             * "complete-pivoting": Gauss elimination with complete pivoting; the columns of the pivots are dependent.
         threshold: for "collective": a dependent coordinate replaces an independent one when this multiplies the
-            volume of the choice by more than `threshold`; at least 1. With 1 no single exchange can improve the
+            volume of the choice by more than `threshold`; at least 1. With 1 no single switch can improve the
             choice any more.
         weights: preference (n,) for coordinates, positive: the measure is multiplied by it; None: all equal. Not
             for "determinant" and "complete-pivoting", which do not measure.
@@ -153,7 +153,7 @@ def choose(
         )
     if limit > 1.0 and selection != "collective":
         raise ArgumentError(
-            f'threshold has no meaning for selection "{selection}", which makes no exchanges; leave it out',
+            f'threshold has no meaning for selection "{selection}", which makes no switches; leave it out',
             argument="threshold",
         )
     preference = None if weights is None else _weights(weights, mass.shape[0])

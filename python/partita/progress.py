@@ -11,7 +11,7 @@ from typing import Any
 from .errors import ArgumentError
 from .extras import extra
 
-Tell = Callable[[float], None]
+ReportProgress = Callable[[float], None]
 
 _BAR = (
     "{desc}{percentage:3.0f} %|{bar}| {n:.4g} of {total:.4g} {unit}, {elapsed} gone, {remaining} left, {rate_noinv_fmt}"
@@ -36,7 +36,7 @@ def has_bars() -> bool:
 
 
 @contextmanager
-def telling(progress: Any, total: float, unit: str, title: str = "") -> Iterator[Tell | None]:
+def reporting(progress: Any, total: float, unit: str, title: str = "") -> Iterator[ReportProgress | None]:
     """What is called with the part done, 0 to 1: nothing, the user's function, or a bar of `total` in `unit`.
 
     The bar tells the rate and the time that remains, and goes when all is done. It shows on a terminal and in a

@@ -13,7 +13,7 @@ import numpy as np
 
 from .errors import ArgumentError, Interrupted, MissingDependencyError
 from .numeric import shown
-from .progress import telling
+from .progress import reporting
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor, Future
@@ -81,8 +81,8 @@ def sweep(
     grid = _grid(parameters)
     work = _Work(model, grid)
     try:
-        with telling(progress, len(work.points), "points") as tell, _pool(executor, workers) as make:
-            work.tell = tell or work.tell
+        with reporting(progress, len(work.points), "points") as report, _pool(executor, workers) as make:
+            work.report = report or work.report
             if make is None:
                 work.in_turn()
             else:
@@ -152,7 +152,7 @@ class _Work:
 
     model: Callable[..., Any]
     grid: dict[str, list[Any]]
-    tell: Callable[[float], None] = lambda part: None
+    report: Callable[[float], None] = lambda part: None
     found: dict[Point, dict[str, Any]] = field(default_factory=dict)
     failed: dict[Point, str] = field(default_factory=dict)
 
@@ -170,7 +170,7 @@ class _Work:
             self.found[point] = {str(name): np.asarray(value) for name, value in answer.items()}
         except Exception as error:
             self.failed[point] = _words(error)
-        self.tell((len(self.found) + len(self.failed)) / len(self.points))
+        self.report((len(self.found) + len(self.failed)) / len(self.points))
 
     def in_turn(self) -> None:
         """One after the other."""

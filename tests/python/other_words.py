@@ -112,8 +112,14 @@ def said(d: Drawing, how: str, rng: Any) -> Drawing:
         return d.scaled(1e3, 1.0, 1.0)
     if how == "kilometres and tonnes":
         return d.scaled(1e-3, 1e-3, 1.0)
-    ways = {"turned": turned, "shifted": shifted, "reversed": reversed_, "swapped": swapped, "named anew": named_anew}
-    return ways[how](d, rng)
+    changes = {
+        "turned": turned,
+        "shifted": shifted,
+        "reversed": reversed_,
+        "swapped": swapped,
+        "named anew": named_anew,
+    }
+    return changes[how](d, rng)
 
 
 def verdicts(m: pt.Mechanism, d: Drawing, back: bool, coordinates: str = "relative") -> dict[str, Any]:

@@ -48,13 +48,13 @@ def pins(angles: Array, side: float) -> tuple[Array, Array]:
     b = p["a"] + turned(p["b"] - p["a"], angles[:, 0])
     d = p["e"] + turned(p["d"] - p["e"], angles[:, 1])
     r, s = np.linalg.norm(p["c"] - p["b"]), np.linalg.norm(p["c"] - p["d"])
-    way = d - b
-    far = np.linalg.norm(way, axis=1)
+    offset = d - b
+    far = np.linalg.norm(offset, axis=1)
     along = (far**2 + r**2 - s**2) / (2 * far)
     with np.errstate(invalid="ignore"):
         across = side * np.sqrt(r**2 - along**2)
-    normal = np.stack([-way[:, 1], way[:, 0]], axis=1)
-    c = b + (along[:, None] * way + across[:, None] * normal) / far[:, None]
+    normal = np.stack([-offset[:, 1], offset[:, 0]], axis=1)
+    c = b + (along[:, None] * offset + across[:, None] * normal) / far[:, None]
     return c, np.maximum(far - (r + s), abs(r - s) - far)
 
 
@@ -264,9 +264,9 @@ def test_joints_that_close_loops_and_points() -> None:
         np.testing.assert_allclose(by_joint.q[i], m.assemble({"C": angle, "A": 0.1}).q, rtol=0, atol=1e-10)
 
 
-def test_what_stands_in_the_way_is_told() -> None:
+def test_obstacles_are_reported() -> None:
     """Behind the position in which a parallelogram can fold over, by closed forms and by following; beyond a limit
-    of the only way; targets that one freedom cannot keep; a branch on which one loop of two cannot close."""
+    of the only way; targets that one degree of freedom cannot keep; a branch on which one loop of two cannot close."""
     m = parallelogram(1.0)
     for joint in ("A", "C"):  # by closed forms, and by following
         poses = m.assemble_many({joint: [-0.2, -1.5, 0.9]})

@@ -27,11 +27,11 @@ def four_bar(crank: float = CRANK) -> pt.Mechanism:
 
 def meet(p: np.ndarray, r: float, q: np.ndarray, s: float, side: float) -> np.ndarray:
     """Where the circles about p and q meet, left or right of the way from p to q."""
-    way = q - p
-    far = np.linalg.norm(way)
+    offset = q - p
+    far = np.linalg.norm(offset)
     along = (far**2 + r**2 - s**2) / (2 * far)
     across = side * np.sqrt(r**2 - along**2)
-    return p + (along * way + across * np.array([-way[1], way[0], 0.0])) / far
+    return p + (along * offset + across * np.array([-offset[1], offset[0], 0.0])) / far
 
 
 def pin(m: pt.Mechanism, state: pt.State) -> np.ndarray:
@@ -82,8 +82,8 @@ def test_a_branch_is_kept_through_full_turns() -> None:
             assert run.success, run.message
             assert np.ptp(run.joint("A").position) > 6 * np.pi
             b, c = run.body("2").point((0, 0, 0)), run.body("2").point((COUPLER, 0, 0))
-            way, link = np.array([GROUND, 0.0, 0.0]) - b, c - b
-            turn = way[:, 0] * link[:, 1] - way[:, 1] * link[:, 0]
+            offset, link = np.array([GROUND, 0.0, 0.0]) - b, c - b
+            turn = offset[:, 0] * link[:, 1] - offset[:, 1] * link[:, 0]
             assert np.all(np.sign(turn) == np.sign(turn[0]))
             assert run.closure.max() < 1e-14
         assert side in (-1, 1)
@@ -183,7 +183,7 @@ def test_what_is_not_given_stays_as_near_as_the_loops_allow() -> None:
     assert np.abs(changed.v - m.assemble(rates={"A1": 2.0}).v).max() > 0.1
 
 
-def test_equations_by_hand_start_as_near_as_they_can_to_the_velocities_given() -> None:
+def test_user_systems_start_nearest_to_the_velocities_given() -> None:
     ring = pt.System(
         n=2,
         mass=[[2.0, 0.0], [0.0, 1.0]],
@@ -212,7 +212,7 @@ def test_any_joint_has_targets_and_rates(coordinates: str) -> None:
         for other in "ABCD":
             assert again.joint(other).position == pytest.approx(run.joint(other).position, abs=1e-10)
             assert again.joint(other).velocity == pytest.approx(run.joint(other).velocity, abs=1e-10)
-    # with freedoms left the motion has the least energy: that which rates of the tree give
+    # with degrees of freedom left the motion has the least energy: that which rates of the tree give
     three = pt.catalogue.load("three-rrr")
     outside = next(j["name"] for j in three.compile().summary["joints"] if not j["tree"])
     state = three.assemble(rates={outside: 1.0, "A1": 0.3}, coordinates=coordinates)
@@ -271,7 +271,7 @@ def test_targets_in_order_of_priority() -> None:
     # what can be had is had exactly, level after level
     both = m.assemble([{}, {"shoulder": 0.2}, {"elbow": -0.3}, {"elbow": 5.0}])
     assert both.q == pytest.approx([0.2, -0.3], abs=1e-12)
-    # in a loop: one freedom goes to the first
+    # in a loop: one degree of freedom goes to the first
     bar = four_bar()
     assert bar.assemble([{"A": 0.5}, {"D": 2.0}]).q == pytest.approx(bar.assemble({"A": 0.5}).q, abs=1e-12)
     # nothing asked for with force: the crank goes to where the rocker's end is
@@ -321,7 +321,7 @@ def test_a_guess_is_a_start_by_names() -> None:
         m.assemble(guess=[1.0])  # type: ignore[arg-type]
 
 
-def test_targets_that_contradict_each_other_are_told() -> None:
+def test_targets_that_contradict_each_other_are_reported() -> None:
     m = four_bar()
     with pytest.raises(AssemblyError) as caught:
         m.assemble({"A": 0.5, "D": 2.0})

@@ -348,7 +348,7 @@ def asked() -> dict[str, Callable[[], Call]]:
     sim = motor.stepper(1e-3, record=False)
     sensed = tip.simulate(0.01, t_eval=[0.0, 0.01])
     s = ring()
-    hand_run = pt.simulate(s, 0.01, [1.0, 0.0], [0.0, 0.0], t_eval=[0.0, 0.01])
+    user_run = pt.simulate(s, 0.01, [1.0, 0.0], [0.0, 0.0], t_eval=[0.0, 0.01])
     q, v = state.q, state.v
     options: dict[str, Any] = {
         "duration": 0.01,
@@ -432,7 +432,7 @@ def asked() -> dict[str, Callable[[], Call]]:
         ),
         "compare": (  # what it shares with Mechanism.compare is attacked there, where a run takes less time
             lambda **given: pt.compare(**{**compare, **given}),
-            {"system": s, "q0": [1.0, 0.0], "v0": [0.0, 0.0], "initial": None, "t0": 0.0, "reference": hand_run},
+            {"system": s, "q0": [1.0, 0.0], "v0": [0.0, 0.0], "initial": None, "t0": 0.0, "reference": user_run},
         ),
         "Mechanism.simulate": (
             m.simulate,
@@ -497,7 +497,7 @@ def asked() -> dict[str, Callable[[], Call]]:
         "System.evaluation_costs": (
             lambda **given: Exact(s.evaluation_costs(**given)),
             {
-                "options": [hand_run.options],
+                "options": [user_run.options],
                 "steps": [0.01],
                 "t": [0.0],
                 "q": [[1.0, 0.0]],

@@ -159,7 +159,7 @@ CALLS: list[Case] = [
     ("t_eval outside the run", lambda: run(t_eval=[0.0, 2.0]), ArgumentError, "t_eval"),
     ("t_eval a matrix", lambda: run(t_eval=[[0.0, 1.0]]), ArgumentError, "t_eval"),
     ("step zero", lambda: run(step=0.0), ArgumentError, "step"),
-    ("exchange below one", lambda: run(switch_threshold=0.5), ArgumentError, "switch_threshold"),
+    ("switch below one", lambda: run(switch_threshold=0.5), ArgumentError, "switch_threshold"),
     ("unknown independent velocity", lambda: run(independent=["B"]), UnknownNameError, "A"),
     ("initial state an array", lambda: run(initial=np.zeros(2)), ArgumentError, "initial"),
     ("initial state of another mechanism", lambda: run(initial=four_bar(1.0).assemble()), ArgumentError, "initial"),
@@ -326,7 +326,7 @@ def test_the_mobility_of_loops_that_do_not_close_is_refused() -> None:
     assert four_bar(1.0).compile().mobility == 1
 
 
-def test_names_that_would_not_tell_which_is_meant_are_refused() -> None:
+def test_ambiguous_names_are_refused() -> None:
     for kind in ("revolute", "spherical"):
         m = pendulum()
         m.add_body("plate", mass=1.0, inertia=(1, 1, 1))

@@ -1,4 +1,5 @@
-"""What the bench measures is what it says: mechanisms of many freedoms, and programs that meet the known answers."""
+"""What the bench measures is what it says: mechanisms of many degrees of freedom, and programs that meet the known
+answers."""
 
 import importlib
 import sys

@@ -81,7 +81,7 @@ def test_limiting_inertias_are_possible(inertia: tuple[float, float, float]) -> 
     assert np.array_equal(body_spec(inertia=inertia)["inertia"], np.diag(inertia))
 
 
-def test_the_three_ways_to_orient_a_body_agree() -> None:
+def test_the_three_forms_of_an_orientation_agree() -> None:
     turn = Rotation.from_rotvec([0.3, -0.2, 0.9])
     x, y, z, w = turn.as_quat()
     for orientation in (turn, turn.as_matrix(), (w, x, y, z), (2 * w, 2 * x, 2 * y, 2 * z)):

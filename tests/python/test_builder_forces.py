@@ -77,7 +77,7 @@ def test_torsion_spring_needs_an_angle() -> None:
         m.add_torsion_spring("S", stiffness=1.0)
 
 
-def test_names_of_unnamed_forces_are_told_apart() -> None:
+def test_names_of_unnamed_forces_differ() -> None:
     m = pendulum()
     assert [m.add_torque("A", 1.0).name for _ in range(3)] == ["torque on A", "torque on A 2", "torque on A 3"]
     assert m.add_torque("A", 1.0, name="motor").name == "motor"

@@ -126,7 +126,7 @@ def test_names_are_sorted_and_loadable() -> None:
 
 
 @pytest.mark.parametrize("name", pt.catalogue.names())
-def test_about_tells_title_source_and_reasons(name: str) -> None:
+def test_about_reports_title_source_and_reasons(name: str) -> None:
     entry, text = entry_of(name), pt.catalogue.about(name)
     assert entry.title in text and entry.source in text
     assert all(check.name in text and check.reason in text for check in entry.checks)
@@ -137,7 +137,7 @@ def test_a_chain_of_three_meets_its_equation_of_motion() -> None:
     assert not [str(m) for m in entry.measure(run_of("n-four-bar", loops=3)) if not m.passed]
 
 
-def test_unknown_entry_tells_the_nearest_name() -> None:
+def test_unknown_entry_reports_the_nearest_name() -> None:
     with pytest.raises(pt.errors.UnknownNameError, match="andrews-squeezer"):
         pt.catalogue.load("andrew-squeezer")
 

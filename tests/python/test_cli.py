@@ -20,7 +20,7 @@ def run(*words: object) -> int:
     return main([str(word) for word in words])
 
 
-def test_run_of_the_catalogue_tells_what_it_found(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_run_of_the_catalogue_reports_what_it_found(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     files = {end: tmp_path / f"run{end}" for end in (".nc", ".png", ".html")}
     code = run(
         "simulate", "four-bar", "--time", 1, "--outputs", 51,
@@ -197,7 +197,7 @@ def test_length_of_a_file_must_be_given(tmp_path: Path, capsys: pytest.CaptureFi
     assert "--time" in capsys.readouterr().err
 
 
-def test_bad_model_file_tells_its_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_bad_model_file_reports_its_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "m.toml").write_text('name = "m"\n\nbodies = [\n')
     assert run("report", tmp_path / "m.toml") == 2
     assert "m.toml" in capsys.readouterr().err

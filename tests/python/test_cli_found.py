@@ -55,7 +55,7 @@ def test_assemble_prints_all_branches(capsys: pytest.CaptureFixture[str]) -> Non
     assert "assembly 1" in capsys.readouterr().out
 
 
-def test_bench_tells_errors_that_fall_with_the_tolerance(capsys: pytest.CaptureFixture[str]) -> None:
+def test_bench_reports_errors_that_fall_with_the_tolerance(capsys: pytest.CaptureFixture[str]) -> None:
     words = ("bench", "four-bar", "--time", "1", "--tolerances", "1e-4,1e-7,1e-10", "--repeat", "1")
     rows = found(capsys, *words)["rows"]
     assert [row["rtol"] for row in rows] == [1e-4, 1e-7, 1e-10]

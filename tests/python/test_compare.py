@@ -131,7 +131,7 @@ def test_cost_of_an_evaluation_knows_nothing_of_steps_and_outputs() -> None:
         ring.evaluation_costs([run.options], [0.01], [0.0], [[0.0, 0.0]], [[0.0, 0.0]])
 
 
-def test_only_exchanges_of_integrated_coordinates_are_switches() -> None:
+def test_only_integrated_coordinates_count_as_switches() -> None:
     """What moves when positions are corrected is no coordinate of `multipliers`."""
     entry = pt.catalogue.entry("three-rrr")
     m = entry.mechanism()
@@ -161,7 +161,7 @@ def test_condition_of_the_dependent_block_is_that_of_the_worst_output() -> None:
     """One equation: C_D is a number, of condition 1, whatever is chosen."""
     found = pt.compare(pendulum(), 1.0, [0.6, -0.8], [0.0, 0.0], formulations=SURE, selections=["collective"])
     assert found.row("projective").condition == 1.0
-    # k = 1 and two coordinates: the chosen one has rho = max(|x|, |y|) up to the margin of the exchange
+    # k = 1 and two coordinates: the chosen one has rho = max(|x|, |y|) up to the margin of the switch
     assert found.row("projective").sigma == found.row("projective").sqrt_mu >= np.sqrt(0.5) / 1.25
     whole = found.row("multipliers")
     assert (whole.condition, whole.sigma, whole.sqrt_mu) == (None, None, None)
@@ -169,10 +169,10 @@ def test_condition_of_the_dependent_block_is_that_of_the_worst_output() -> None:
 
 
 def test_rules_free_of_units_are_one_rule_for_one_degree_of_freedom() -> None:
-    """Greedy, one by one, by volume: all are the measure, so they exchange at the same instants as the default.
+    """Greedy, one by one, by volume: all are the measure, so they switch at the same instants as the default.
 
-    The pendulum exchanges x and y. The four-bar takes long steps and has inertias that change on the way: a rule that
-    measured with scales of an earlier step would exchange where nothing is to be gained.
+    The pendulum switches x and y. The four-bar takes long steps and has inertias that change on the way: a rule that
+    measured with scales of an earlier step would switch where nothing is to be gained.
     """
     m = pt.catalogue.load("four-bar")
     start = pt.catalogue.entry("four-bar").initial(m)
@@ -180,10 +180,10 @@ def test_rules_free_of_units_are_one_rule_for_one_degree_of_freedom() -> None:
         (lambda rule: pt.simulate(pendulum(), 3.0, [1.0, 0.0], [0.0, 0.0], selection=rule), True),
         (lambda rule: m.simulate(5.0, initial=start, selection=rule), False),
     )
-    for run, exchanged in runs:
+    for run, switched in runs:
         rules = ("collective", "greedy", "individual", "normalised-determinant")
         logs = [[(p.t, p.independent) for p in run(rule).partitions] for rule in rules]
-        assert all(log == logs[0] for log in logs) and (len(logs[0]) > 1) == exchanged
+        assert all(log == logs[0] for log in logs) and (len(logs[0]) > 1) == switched
     closed = m.simulate(5.0, initial=start, formulation="explicit-closing")  # asks now and then, by the same measure
     assert len(closed.partitions) == 1
 
@@ -243,7 +243,7 @@ def test_a_run_that_fails_leaves_the_others() -> None:
     assert found.rows[2].status == "failed" and found.rows[2].message in found.to_text()
 
 
-def test_a_run_that_creeps_is_stopped_and_told() -> None:
+def test_a_run_that_creeps_is_stopped_and_reported() -> None:
     m = pt.catalogue.load("four-bar")
     start = pt.catalogue.entry("four-bar").initial(m)
     found = m.compare(2.0, initial=start, formulations=SURE, selections=["collective"], max_steps=5)

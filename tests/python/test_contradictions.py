@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from trust.contradictions import by_hand
+from trust.contradictions import user_defined
 
 import partita as pt
 from partita.errors import ContradictionError, PartitaError, SuspectResultWarning
@@ -152,13 +152,13 @@ def nothing(t: float) -> float:
     return 0.0
 
 
-def test_redundant_rows_of_a_system_by_hand() -> None:
-    run = pt.simulate(by_hand(nothing, nothing, nothing), 1.0, [0.0, 0.0], [0.0, 0.0])
+def test_redundant_rows_of_a_user_system() -> None:
+    run = pt.simulate(user_defined(nothing, nothing, nothing), 1.0, [0.0, 0.0], [0.0, 0.0])
     assert run.success and run.certificate.verdict == "valid"
     with pytest.raises(ContradictionError, match="constraint 1 contradicts constraint 0") as caught:
-        pt.simulate(by_hand(lambda t: 0.1, nothing, nothing), 1.0, [0.0, 0.0], [0.0, 0.0])
+        pt.simulate(user_defined(lambda t: 0.1, nothing, nothing), 1.0, [0.0, 0.0], [0.0, 0.0])
     assert caught.value.gap == pytest.approx(0.1)
-    moving = by_hand(lambda t: 0.1 * t, lambda t: 0.1, nothing)
+    moving = user_defined(lambda t: 0.1 * t, lambda t: 0.1, nothing)
     with pytest.raises(ContradictionError, match="constraint 1 contradicts constraint 0"):
         pt.simulate(moving, 1.0, [0.0, 0.0], [0.0, 0.0])
 
@@ -218,7 +218,8 @@ def random_loop(rng: np.random.Generator) -> tuple[pt.Mechanism, list[str]]:
 
 @pytest.mark.parametrize("seed", range(150))
 def test_random_contradictions(seed: int) -> None:
-    """One drive more than the loop has freedoms, or a weld and a drive of what it holds: refused, and rightly named."""
+    """One drive more than the loop has degrees of freedom, or a weld and a drive of what it holds: refused, and rightly
+    named."""
     rng = np.random.default_rng(seed)
     m, joints = random_loop(rng)
     dof = len(joints) - 3

@@ -250,8 +250,8 @@ def test_a_periodic_cam_runs_on_as_smoothly_where_it_begins_anew() -> None:
     x = np.linspace(0.0, 2 * np.pi, 25)
     m.add_cam("A2", "A1", (x, 0.1 * np.sin(x)), periodic=True)
     m.add_drive("A1", velocity=1.0)
-    seam = 2 * np.pi
-    r = m.simulate(7.0, t_eval=[seam - 1e-6, seam + 1e-6], rtol=1e-10, atol=1e-12)
+    full_turn = 2 * np.pi
+    r = m.simulate(7.0, t_eval=[full_turn - 1e-6, full_turn + 1e-6], rtol=1e-10, atol=1e-12)
     rate, bend = r.joint("A2").velocity[:, 0], r.vdot[:, 1]
     assert np.allclose(rate, 0.1, atol=1e-5) and abs(rate[1] - rate[0]) < 1e-9
     assert abs(bend[1] - bend[0]) < 1e-6

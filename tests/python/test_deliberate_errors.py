@@ -33,7 +33,7 @@ def test_an_error_changes_one_place(error) -> None:
     assert not line.lstrip().startswith(("//", "#"))
 
 
-def test_errors_are_told_apart() -> None:
+def test_errors_are_distinguished() -> None:
     assert [name for name, count in Counter(error.name for error in ERRORS).items() if count > 1] == []
     assert all(re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", error.name) for error in ERRORS)
     assert len(ERRORS) >= 24

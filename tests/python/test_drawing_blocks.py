@@ -73,7 +73,7 @@ def chain(m: pt.Mechanism, on: Any, size: float) -> None:
 
 
 def beside(m: pt.Mechanism, what: str, size: float, on: str) -> int:
-    """What else there is, and its freedoms."""
+    """What else there is, and its degrees of freedom."""
     if what == "a pendulum":
         block(m, "pendulum", (1.5, 2.2, 0.0), size)
         m.add_revolute("pivot", m.ground, "pendulum", point=size * np.array((1.5, 3.0, 0.0)), axis=Z)

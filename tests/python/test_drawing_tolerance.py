@@ -40,7 +40,7 @@ def four_bar(off: float, scale: float = 1.0, **options: float) -> pt.Mechanism:
 
 
 def five_bar(off: float) -> pt.Mechanism:
-    """Two freedoms in the plane, as a spatial drawing with hinge C tilted."""
+    """Two degrees of freedom in the plane, as a spatial drawing with hinge C tilted."""
     m = pt.Mechanism("five-bar")
     points = [np.array(p) for p in ((0, 0, 0), (-0.3, 0.8, 0), (0.5, 1.5, 0), (1.3, 0.9, 0), (1.0, 0, 0))]
     for i in range(4):
@@ -98,19 +98,19 @@ def bennett(off: float) -> pt.Mechanism:
     ("make", "mobility", "named"),
     [(four_bar, 1, True), (five_bar, 2, True), (three_cranks, 1, True), (bennett, 1, False)],
 )
-def test_within_the_tolerance_it_moves_as_it_was_meant(
+def test_within_the_tolerance_it_moves_as_repaired(
     make: Callable[[float], pt.Mechanism], mobility: int, named: bool, coordinates: str
 ) -> None:
-    meant = make(0.0).simulate(0.4, coordinates=coordinates, rtol=1e-9)
+    nominal = make(0.0).simulate(0.4, coordinates=coordinates, rtol=1e-9)
     joint = next(name for name in make(0.0).joints if name.startswith("C"))
-    force, known = meant.joint(joint).force, meant.joint(joint).determined
+    force, known = nominal.joint(joint).force, nominal.joint(joint).determined
     for off in (1e-14, 1e-9, 1e-8, 1e-6, 1e-5, 1e-4):
         m = make(off)
         assert m.compile(coordinates=coordinates).mobility == mobility, off
         run = m.simulate(0.4, coordinates=coordinates, rtol=1e-9)
         certificate = run.certificate
         assert run.success and certificate.verdict == "valid", (off, certificate.findings)
-        body = run.body(next(iter(m.bodies))).position - meant.body(next(iter(m.bodies))).position
+        body = run.body(next(iter(m.bodies))).position - nominal.body(next(iter(m.bodies))).position
         # what a misfit moves others by, where rows and joints make the most of it; below, the error of the march
         assert np.abs(body).max() < 30.0 * off + 1e-7, off
         assert np.array_equal(run.joint(joint).determined, known), off
@@ -154,7 +154,7 @@ def test_a_tolerance_of_nothing_means_every_digit(off: float, coordinates: str) 
 
 
 @pytest.mark.parametrize("coordinates", BOTH)
-def test_a_structure_too_weak_for_its_reactions_is_told_as_one(coordinates: str) -> None:
+def test_a_structure_too_weak_for_its_reactions_is_reported_as_one(coordinates: str) -> None:
     """Held by a condition that adds 1e-6 to the others: the report knows; what cannot be computed is refused."""
     m = four_bar(1e-6, drawing_tolerance=1e-9)
     found = m.report(coordinates=coordinates).to_dict()
@@ -188,8 +188,8 @@ def test_one_verdict_in_both_kinds_of_coordinates(make: Callable[[float], pt.Mec
         assert found[0]["mobility"] == found[1]["mobility"], off
         assert found[0]["geometric_error"] == pytest.approx(found[1]["geometric_error"], rel=1e-6), off
         assert found[0]["geometric_error"] > 0.0 and found[0]["geometric_errors"], off
-    meant = make(0.0).compile().mobility
-    assert make(1e-4).compile().mobility == meant and make(1e-3).compile().mobility == meant - 1
+    nominal = make(0.0).compile().mobility
+    assert make(1e-4).compile().mobility == nominal and make(1e-3).compile().mobility == nominal - 1
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1e3])
@@ -202,10 +202,10 @@ def test_of_any_size(scale: float) -> None:
 
 @pytest.mark.parametrize("formulation", EVERY)
 def test_every_formulation(formulation: str) -> None:
-    meant = four_bar(0.0).simulate(0.3, formulation=formulation)
+    nominal = four_bar(0.0).simulate(0.3, formulation=formulation)
     run = four_bar(1e-5).simulate(0.3, formulation=formulation)
     assert run.success and run.certificate.verdict == "valid", run.certificate.findings
-    assert np.abs(run.body("rocker").position - meant.body("rocker").position).max() < 1e-4
+    assert np.abs(run.body("rocker").position - nominal.body("rocker").position).max() < 1e-4
 
 
 def rounded(digits: int) -> pt.Mechanism:
@@ -256,13 +256,13 @@ def test_a_rocker_of_slightly_wrong_length(coordinates: str) -> None:
 
 
 @pytest.mark.parametrize("coordinates", BOTH)
-def test_what_misfits_more_than_it_may_ends_the_run(coordinates: str) -> None:
+def test_a_geometric_error_beyond_the_tolerance_ends_the_run(coordinates: str) -> None:
     """As drawn, where it hardly shows; farther on the third rocker contradicts the others."""
     run = rockers(5e-3, 1e-4).simulate(2.0, coordinates=coordinates)
     assert run.status == "contradiction" and not run.success and "no motion keeps them all" in run.message
 
 
-def test_drives_are_never_bridged() -> None:
+def test_drives_are_never_relaxed() -> None:
     m = four_bar(1e-5)
     m.add_drive("A", position=lambda t: 0.1 * t)
     m.add_drive("D", position=lambda t: 0.1 * t)
@@ -307,8 +307,8 @@ def test_cranks_pass_their_flat_positions_on_their_branch(tilted: int, driven: b
     """Next to them the tilt says more than what closes the mechanism as it was meant: neither may it be taken for a
     condition, nor followed into the branch that nearly meets the one in use."""
     options = {"coordinates": coordinates, "t_eval": np.linspace(0.0, 2.0, 21)}
-    meant = cranks_to_lie_flat(0.0, tilted, driven).simulate(2.0, **options)
-    path = np.stack([meant.body(f"crank{i}").position for i in range(3)])
+    nominal = cranks_to_lie_flat(0.0, tilted, driven).simulate(2.0, **options)
+    path = np.stack([nominal.body(f"crank{i}").position for i in range(3)])
     assert np.abs(path[1] - path[0] - [1.0, 0.0, 0.0]).max() < 1e-7  # a parallelogram still
     assert path[0, :, 1].min() < -0.1  # through the flat position
     for off in (1e-14, 1e-8, 1e-6, 1e-4):
@@ -344,7 +344,7 @@ def hinged_delta(off: float, **options: float) -> pt.Mechanism:
 
 
 @pytest.mark.parametrize("coordinates", BOTH)
-def test_what_joints_share_balances_within_the_misfit(coordinates: str) -> None:
+def test_shared_reactions_balance_within_the_geometric_error(coordinates: str) -> None:
     """Self-stresses are those of the mechanism as it was meant; where nothing opens along the motion they still are."""
     for off in (0.0, 1e-7, 1e-4):
         run = hinged_delta(off).simulate(0.2, coordinates=coordinates, t_eval=np.linspace(0.0, 0.2, 9))
@@ -353,7 +353,7 @@ def test_what_joints_share_balances_within_the_misfit(coordinates: str) -> None:
 
 
 @pytest.mark.parametrize("coordinates", BOTH)
-def test_a_misfit_beyond_a_fine_tolerance_is_no_self_stress(coordinates: str) -> None:
+def test_a_geometric_error_beyond_a_fine_tolerance_is_no_self_stress(coordinates: str) -> None:
     """Too weak for the rank at one position, but a condition: what holds is not shared as if it were redundant. What
     rounding hides is refused, with the cure."""
     m = hinged_delta(1e-5, drawing_tolerance=1e-9)

@@ -210,7 +210,7 @@ def test_quaternions_do_not_jump() -> None:
 
 
 @pytest.mark.parametrize("where", ["tree", "cut", "absolute", "backwards"])
-def test_functions_see_every_joint_as_the_run_tells_it(where: str) -> None:
+def test_functions_see_every_joint_as_the_run_reports_it(where: str) -> None:
     for kind in ALL_KINDS:
         m = moving(kind, where)
         views: dict[float, list[Any]] = {}
@@ -321,7 +321,7 @@ def test_angles_in_the_plane_count_for_reactions_too() -> None:
 
 @pytest.mark.parametrize("coordinates", ["relative", "absolute"])
 def test_drives_that_contradict_are_refused_or_end_the_run(coordinates: str) -> None:
-    """Two drives of one freedom, of a joint and of a displacement, of positions and of rates."""
+    """Two drives of one degree of freedom, of a joint and of a displacement, of positions and of rates."""
 
     def slider(**second: Any) -> pt.Mechanism:
         m = pt.Mechanism("over-driven", gravity=(0, 0, -9.81))

@@ -157,7 +157,7 @@ def test_a_flipped_bit_in_a_model_file_is_noticed(tmp_path: Path) -> None:
     assert noticed > FLIPS // 2
 
 
-def test_a_model_file_edited_by_hand_is_read_with_a_warning_or_without_its_seal(tmp_path: Path) -> None:
+def test_an_edited_model_file_is_read_with_a_warning_or_without_its_seal(tmp_path: Path) -> None:
     path = tmp_path / "m.toml"
     pt.catalogue.load("four-bar").save(path)
     edited = path.read_text().replace("-9.81", "-1.62")
@@ -254,7 +254,7 @@ def test_a_full_disk_leaves_the_old_file(run: results.Result, tmp_path: Path, en
 
 
 @pytest.mark.parametrize("path", [None, 3, b"x.json", "", "x\0.json", object(), [], "y" * 5000 + ".json"])
-def test_what_is_no_path_is_told(run: results.Result, path: Any) -> None:
+def test_what_is_no_path_is_reported(run: results.Result, path: Any) -> None:
     for use in (run.save, run.to_html, pt.load_result, pt.load, pt.catalogue.load("four-bar").save):
         with pytest.raises(PartitaError):
             use(path)

@@ -49,7 +49,7 @@ def test_few_outputs_stand_as_long_as_they_last(tmp_path: Path) -> None:
     assert sum(lasts) == 5000
 
 
-def test_films_tell_what_is_not_unique(tmp_path: Path) -> None:
+def test_films_report_what_is_not_unique(tmp_path: Path) -> None:
     """Arrows of reactions that are not unique are hollow, and words below say so."""
     red = []
     for unique in (True, False):
@@ -97,7 +97,7 @@ def test_solids_and_meshes_are_filmed(tmp_path: Path) -> None:
     assert len(frames_of(path)) == 5
 
 
-def test_films_that_cannot_be_made_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_films_that_cannot_be_made_are_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "x.gif"
     for more, words in (
         ({"fps": 0}, "fps"), ({"fps": "fast"}, "fps"), ({"speed": -1.0}, "speed"), ({"size": (10, 10)}, "pixels"),

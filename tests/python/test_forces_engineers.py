@@ -259,7 +259,7 @@ def test_an_end_beyond_half_a_turn_is_felt_where_the_angle_is_read_off_the_pose(
         m.compile(coordinates="absolute")
 
 
-def test_ends_that_cannot_be_told_apart_are_refused() -> None:
+def test_ends_that_cannot_be_distinguished_are_refused() -> None:
     m = pt.Mechanism("turns", gravity=None)
     m.add_body("b", mass=1.0, inertia=(1, 1, 1))
     m.add_body("c", mass=1.0, inertia=(1, 1, 1))
@@ -361,14 +361,14 @@ def test_a_wheel_stands_on_its_static_deflection() -> None:
 def test_a_wheel_rolls_down_with_its_slip(planar: bool) -> None:
     """m v' = m g sin - F, I w' = F r with r the loaded radius; the slip e = (v - w r) / v with F = C e / sqrt(1 +
     (C e / mu N)^2) is constant, so (1 - e) v' = r w'. A small slow speed makes a difference at the start alone."""
-    slope, stiff, grip, k = 0.5, 300.0, 0.6, 1e5
+    slope, stiff, friction, k = 0.5, 300.0, 0.6, 1e5
     load = 20 * G * math.cos(slope)
     radius, drive = 0.3 - load / k, G * math.sin(slope)
-    law = {"stiffness": k, "friction": grip, "longitudinal": stiff, "slow_speed": 1e-3}
+    law = {"stiffness": k, "friction": friction, "longitudinal": stiff, "slow_speed": 1e-3}
     m = wheel(slope, planar, depth=load / k, **law)
 
     def force(e: float) -> float:
-        return stiff * e / math.sqrt(1 + (stiff * e / (grip * load)) ** 2)
+        return stiff * e / math.sqrt(1 + (stiff * e / (friction * load)) ** 2)
 
     e = brentq(lambda e: (1 - e) * (drive - force(e) / 20) - force(e) * radius**2 / 0.9, 0, 1.0)
     run = m.simulate(1.0, rtol=1e-8, t_eval=[0.0, 0.5, 1.0])

@@ -19,7 +19,7 @@ from partita.catalogue import Entry
 from partita.results import Result
 from partita.state import State
 
-# Part of the published run that the test marches: long enough for renewals and exchanges, short enough for all methods.
+# Part of the published run that the test marches: long enough for renewals and switches, short enough for all methods.
 MECHANISMS = {
     "planar-pendulum": 0.3,
     "four-bar": 0.2,
@@ -194,11 +194,11 @@ def test_corrections(formulation: str, correction: str) -> None:
 
 
 @pytest.mark.parametrize("formulation", FORMULATIONS)
-def test_every_formulation_takes_systems_by_hand(formulation: str) -> None:
+def test_every_formulation_takes_user_systems(formulation: str) -> None:
     """The reference four-bar in link angles, its loop closed explicitly by hand for the row that asks for it."""
-    run, times = by_hand(formulation)
+    run, times = user_defined(formulation)
     assert run.success, run.message
-    known, _ = by_hand("projective")
+    known, _ = user_defined("projective")
     assert np.abs(run.q - known.q).max() < 1e-7
     assert run.closure.max() < 1e-13
     assert len(run.t) == len(times)
@@ -234,7 +234,7 @@ def test_a_closing_that_does_not_close_is_refused() -> None:
 LENGTHS, GROUND = np.array([1.0, 2.5, 2.0]), 2.2
 
 
-def by_hand(formulation: str) -> tuple[Result, np.ndarray]:
+def user_defined(formulation: str) -> tuple[Result, np.ndarray]:
     """Links of 1 kg/m in angles against the ground."""
     mass = LENGTHS.copy()
     own, centre = mass * LENGTHS**2 / 12, LENGTHS / 2

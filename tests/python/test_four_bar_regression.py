@@ -151,7 +151,7 @@ def test_measure_in_absolute_coordinates() -> None:
     agree([absolute.k[2] ** 2, joint.k[0] ** 2], [12.0, FREE[0]])
 
 
-def test_both_coordinates_tell_one_motion() -> None:
+def test_both_coordinates_give_one_motion() -> None:
     """The turns of the links are the joint angles summed up: rates, accelerations, M_d and h_d for the crank."""
     i, j = instant("absolute"), instant()
     turns = [2, 5, 8]

@@ -73,7 +73,7 @@ def test_a_slide_whose_mass_is_beside_it_is_pressed_by_its_own_braking(share: fl
 
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])
-def test_a_slide_that_presses_itself_more_than_it_brakes_is_told(direction: float) -> None:
+def test_a_slide_that_presses_itself_more_than_it_brakes_is_reported(direction: float) -> None:
     """2 mu e / L = 1.2 (Painleve): the run ends with the joint and the coefficient, and no motion is made up."""
     m = pt.Mechanism("drawer", gravity=None)
     block = m.add_body("block", mass=2.0, inertia=(1.0, 1.0, 1.0), com=(0.0, 0.4, 0.0))
@@ -353,7 +353,7 @@ def test_units_of_length_are_no_matter(scale: float) -> None:
 
 
 def test_a_driven_mechanism_has_the_efforts_of_its_friction() -> None:
-    """A block driven along a rail: no freedom is left, and the drive takes what the friction takes."""
+    """A block driven along a rail: no degree of freedom is left, and the drive takes what the friction takes."""
     m = pt.Mechanism("driven", gravity=(0.0, 0.0, -G))
     m.add_body("block", mass=2.0, inertia=(1.0, 1.0, 1.0))
     m.add_prismatic("S", m.ground, "block", axis=(1, 0, 0))

@@ -87,7 +87,7 @@ def test_a_work_precision_that_is_interrupted_keeps_its_points(monkeypatch: pyte
     assert stopped.value.result.interrupted and len(stopped.value.result.points) == 2
 
 
-def test_the_bar_tells_rate_and_remaining_time_and_goes(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_bar_reports_rate_and_remaining_time_and_goes(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("tqdm")
     shown = Terminal()
     monkeypatch.setattr(sys, "stderr", shown)

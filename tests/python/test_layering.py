@@ -132,10 +132,10 @@ def circle(graph: Mapping[str, set[str]]) -> list[str]:
         left = {node: others for node, others in left.items() if node not in ends}
     if not left:
         return []
-    way = [min(left)]
-    while way[-1] not in way[:-1]:
-        way.append(min(left[way[-1]] & left.keys()))
-    return way[way.index(way[-1]) :]
+    path = [min(left)]
+    while path[-1] not in path[:-1]:
+        path.append(min(left[path[-1]] & left.keys()))
+    return path[path.index(path[-1]) :]
 
 
 def between_rooms(graph: Mapping[str, set[str]], room_of: Mapping[str, str]) -> dict[str, set[str]]:
@@ -327,7 +327,7 @@ def test_no_room_of_a_crate_uses_itself_by_way_of_others(crate: str) -> None:
     assert not circle(crate_graph(crate))
 
 
-def test_a_circle_is_found_and_a_way_is_none() -> None:
+def test_a_circle_is_found_and_a_path_is_not() -> None:
     assert circle({"a": {"b"}, "b": {"c"}, "c": set()}) == []
     assert circle({"a": {"b"}, "b": {"c", "d"}, "c": {"b"}, "d": set()}) == ["b", "c", "b"]
     assert circle({"a": {"a"}}) == []

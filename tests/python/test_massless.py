@@ -188,7 +188,7 @@ def test_what_moves_no_mass_is_named(coordinates: str, mass: float) -> None:
 
 
 def test_joints_that_turn_without_mass_are_named_with_their_ratio() -> None:
-    """A four-bar without any mass beside a pendulum that has some: its only freedom moves nothing."""
+    """A four-bar without any mass beside a pendulum that has some: its only degree of freedom moves nothing."""
     m = four_bar(0.0)
     bob = m.add_rod("bob", (5, 0, 0), (5, -1, 0), mass=1.0)
     m.add_revolute("E", m.ground, bob, point=(5, 0, 0))

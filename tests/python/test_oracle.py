@@ -29,7 +29,7 @@ def test_three_hundred_mechanisms_agree(seen: dict[int, Verdict]) -> None:
     assert not wrong, "\n\n".join(report(seed, seen[seed]) for seed in wrong[:2])
 
 
-def test_the_mechanisms_are_what_they_are_meant_to_be(seen: dict[int, Verdict]) -> None:
+def test_the_mechanisms_are_as_intended(seen: dict[int, Verdict]) -> None:
     """Nothing that agrees does so because it was passed over."""
     counts = sum((verdict.counts for verdict in seen.values()), Counter[str]())
     assert counts["relative run"] > 0.75 * len(SEEDS) and counts["absolute run"] > 0.75 * len(SEEDS)

@@ -125,7 +125,7 @@ def test_a_reaction_asks_only_what_acts_on_the_bodies_it_holds() -> None:
         before = calls["force"]
         assert np.isfinite(run.joint(name).force).all()
         assert run.joint(name).moment.shape == (11, 3)
-        assert calls["torque"] == 0  # what acts along a freedom is no reaction
+        assert calls["torque"] == 0  # what acts along a degree of freedom is no reaction
         assert calls["force"] - before in (0, 11)
 
 

@@ -34,7 +34,7 @@ def browser() -> Iterator[Chromium]:
 REPRESENTATIVE = {
     "double-wishbone": "in space, springs",
     "engine-inline-four": "a row of cylinders",
-    "jansen-pair": "flat, shared places, exchanges",
+    "jansen-pair": "flat, shared places, switches",
     "bennett": "reactions that are not unique",
     "agile-eye": "all hinges in one point",
     "belt-drive": "belts",
@@ -226,11 +226,11 @@ def test_wheels_of_a_gear_touch_and_mesh() -> None:
 
         for a, b in combinations(wheels, 2):
             for frame in (0, 7, 61):
-                way = at(b, frame, "center") - at(a, frame, "center")
-                apart, inside = float(np.linalg.norm(way)), a["ring"] or b["ring"]
+                offset = at(b, frame, "center") - at(a, frame, "center")
+                apart, inside = float(np.linalg.norm(offset)), a["ring"] or b["ring"]
                 if not np.isclose(apart, abs(a["radius"] - b["radius"]) if inside else a["radius"] + b["radius"]):
                     continue
-                out = way / apart * (-1.0 if inside and b["ring"] else 1.0)
+                out = offset / apart * (-1.0 if inside and b["ring"] else 1.0)
                 parts = []
                 for wheel, contact in ((a, out), (b, out if inside else -out)):
                     first, axis = at(wheel, frame, "first"), at(wheel, frame, "axis")

@@ -55,8 +55,8 @@ def test_pendulum() -> None:
     assert found["rod: largest deviation from the formulas"] < 1e-14
     assert found["rod: rho of the angle"] == pytest.approx(0.5, abs=1e-14)
     # seen at the end of a step: at most 6.2 rad/s times 0.005 s, 1.8 degrees, after 45 degrees
-    assert found["exchanges of x and y in two seconds"] >= 3
-    assert found["farthest exchange from 45 [deg]"] < 1.8
+    assert found["switches of x and y in two seconds"] >= 3
+    assert found["farthest switch from 45 [deg]"] < 1.8
 
 
 def test_four_bar_along_a_turn() -> None:
@@ -69,13 +69,13 @@ def test_four_bar_along_a_turn() -> None:
     others = [value for name, value in least.items() if not name.endswith("of crank.turn") and "chosen" not in name]
     # zeros between two positions 0.1 degrees apart; the measure rises by less than 4 per rad around them
     assert len([value for value in others if value < 0.004]) == 8
-    exchanges = {margin: found[f"absolute: exchanges, margin {margin}"] for margin in ("1", "1.2", "1.5", "2", "3")}
-    assert exchanges == {"1": 6, "1.2": 5, "1.5": 5, "2": 4, "3": 4}
+    switches = {margin: found[f"absolute: switches, margin {margin}"] for margin in ("1", "1.2", "1.5", "2", "3")}
+    assert switches == {"1": 6, "1.2": 5, "1.5": 5, "2": 4, "3": 4}
     for margin, least in (("1.2", 0.43), ("1.5", 0.36), ("2", 0.28), ("3", 0.19)):
         name = f"absolute: least rho of the chosen, margin {margin}"
         assert found[name] == pytest.approx(least, abs=0.006)  # two digits
         assert found[name] >= 1.0 / (1.0 + float(margin) ** 2 * 8.0) ** 0.5  # the bound for k = 1, m = 8
-    assert all(found[f"joint: exchanges, margin {margin}"] == 0 for margin in ("1.5", "2", "3"))
+    assert all(found[f"joint: switches, margin {margin}"] == 0 for margin in ("1.5", "2", "3"))
 
 
 def test_drift_is_linear_and_quadratic() -> None:
@@ -134,7 +134,7 @@ def test_frozen_tangent_fades() -> None:
     assert found["frozen tangent after 180 deg"] > 0.7
     # the run tells the quality of the same velocities, at positions closed to round-off
     assert found["run with frozen velocities: largest difference up to 100 deg"] < 1e-12
-    assert found["least quality of the exchanged coordinates"] > 0.5
+    assert found["least quality of the switched coordinates"] > 0.5
 
 
 def test_only_mass_orthonormal_velocities_are_perfect_when_made() -> None:
@@ -147,19 +147,19 @@ def test_only_mass_orthonormal_velocities_are_perfect_when_made() -> None:
         assert others[0] < 0.9
 
 
-def test_exchanges_neither_cost_evaluations_nor_lose_order() -> None:
+def test_switches_neither_cost_evaluations_nor_lose_order() -> None:
     found = numbers("switching", True)
     kept = found["turning, threshold kept: evaluations"]
     for threshold in ("1.0001", "1.01", "1.1", "1.25", "1.5", "2", "3", "5"):
         assert found[f"turning, threshold {threshold}: success"] == 1.0
         assert found[f"turning, threshold {threshold}: evaluations"] == kept
     for threshold in ("1.0001", "1.01", "1.1", "1.25"):
-        assert found[f"turning, threshold {threshold}: exchanges"] >= 50
-    assert found["turning, threshold kept: exchanges"] == 0
+        assert found[f"turning, threshold {threshold}: switches"] >= 50
+    assert found["turning, threshold kept: switches"] == 0
     cases = [(method, order, threshold) for method, order in (("rk4", 4), ("dopri5", 5), ("dop853", 8))
              for threshold in ("1.0001", "1.01", "1.25")]  # fmt: skip
     for method, order, threshold in cases:
-        assert found[f"{method}, threshold {threshold}: least number of exchanges"] >= 50
+        assert found[f"{method}, threshold {threshold}: least number of switches"] >= 50
         if (method, threshold) != ("dopri5", "1.25"):  # there the error changes its sign within these steps
             assert found[f"{method}, threshold {threshold}: order"] == pytest.approx(order, abs=0.2), (
                 method,
@@ -167,10 +167,10 @@ def test_exchanges_neither_cost_evaluations_nor_lose_order() -> None:
             )
 
 
-def test_exchanges_hand_over_every_bit() -> None:
+def test_switches_transfer_every_bit() -> None:
     """q and the velocity that becomes independent; the others follow from them by another elimination."""
     found = numbers("switching", True)
-    count = found["handed over: exchanges looked at"]
+    count = found["handed over: switches looked at"]
     assert count >= 15
     assert found["handed over: q and the new independent velocity equal in every bit"] == count
     for name in (

@@ -36,7 +36,7 @@ def margins() -> list[Claim]:
     return [
         Claim("four_bar_turn", f"\n| {margin} | # | # | # | # |", tuple(
             f"{kind}: {what}, margin {margin}"
-            for kind in ("absolute", "joint") for what in ("exchanges", "least rho of the chosen")
+            for kind in ("absolute", "joint") for what in ("switches", "least rho of the chosen")
         ))
         for margin in ("1", "1.2", "1.5", "2", "3")
     ]  # fmt: skip
@@ -59,7 +59,7 @@ def thresholds() -> list[Claim]:
     """Rows of the table of thresholds."""
     return [
         Claim("switching", f"\n| {threshold} | # | # | # |", tuple(
-            f"turning, threshold {threshold}: {what}" for what in ("exchanges", "evaluations", "error")
+            f"turning, threshold {threshold}: {what}" for what in ("switches", "evaluations", "error")
         ), rough=0.02)
         for threshold in ("1.0001", "1.01", "1.1", "1.25", "1.5", "2", "3", "5", "kept")
     ]  # fmt: skip
@@ -68,13 +68,13 @@ def thresholds() -> list[Claim]:
 FROZEN = "frozen tangent after {} deg"
 MADE = "svd: sqrt(mu) when made, drawn in {}"
 CLAIMS = (
-    Claim("pendulum", "at # degrees first", ("first exchange at [deg]",)),
-    Claim("pendulum", "never farther than # degrees away", ("farthest exchange from 45 [deg]",)),
+    Claim("pendulum", "at # degrees first", ("first switch at [deg]",)),
+    Claim("pendulum", "never farther than # degrees away", ("farthest switch from 45 [deg]",)),
     Claim("pendulum", "rho of the angle is # all the way round", ("rod: rho of the angle",)),
     Claim("four_bar_turn", "rho of the crank's joint A falls to # and that of B to #; C fails",
           ("joint: least rho of A", "joint: least rho of B")),
     Claim("four_bar_turn", "only the turn of the crank stays at # or more", ("absolute: least rho of crank.turn",)),
-    Claim("four_bar_turn", "needs # exchanges in a turn from", ("absolute: exchanges, margin 1",)),
+    Claim("four_bar_turn", "needs # switches in a turn from", ("absolute: switches, margin 1",)),
     *margins(),
     Claim("drift", "after 32 s they are open by # m, growing like t to the #, and with the step to the #.",
           ("k + n: largest |Phi|", "k + n: |Phi| grows like t to the", "k + n: |Phi| falls with the step to the")),
@@ -103,9 +103,9 @@ CLAIMS = (
     *thresholds(),
     Claim("four_bar_turn", "with rho of # to #, beats them all",
           ("absolute: least rho of crank.turn", "absolute: largest rho of crank.turn")),
-    Claim("switching", "behind each of # exchanges", ("handed over: exchanges looked at",)),
-    Claim("switching", "and # exchanges or more inside each run",
-          ("dop853, threshold 1.01: least number of exchanges",)),
+    Claim("switching", "behind each of # switches", ("handed over: switches looked at",)),
+    Claim("switching", "and # switches or more inside each run",
+          ("dop853, threshold 1.01: least number of switches",)),
     Claim("switching", "\n| rk4 | the eleven turns | # | # |",
           ("rk4, threshold 1.0001: order", "rk4, threshold 1.01: order")),
     Claim("switching", "\n| dopri5 | the free swing, 18 s | # | # |",
@@ -178,7 +178,7 @@ def test_no_other_number_stands_on_the_page() -> None:
 
 
 def test_words_for_numbers() -> None:
-    """Turns of the crank, zeros along a turn, how much worse late exchanges are, the same measure in all units."""
+    """Turns of the crank, zeros along a turn, how much worse late switches are, the same measure in all units."""
     switching, turn = numbers("switching", True), numbers("four_bar_turn", False)
     assert 10.5 < switching["turning: turns of the crank"] < 11.5
     least = [

@@ -28,7 +28,7 @@ from partita.state import State
 
 NODE = shutil.which("node")
 TIGHT = {"rtol": 1e-14, "atol": 1e-15}
-"""Both programs at this tolerance: the page needs it where freedoms amplify errors over 10 s."""
+"""Both programs at this tolerance: the page needs it where degrees of freedom amplify errors over 10 s."""
 needs_node = pytest.mark.skipif(NODE is None, reason="there is no Node to run the scripts of the page")
 
 
@@ -47,7 +47,7 @@ def page_runs(
         (async () => {{
             const m = makeMotion(await loadProgram("{base64.b64encode(made.module).decode()}"), about);
             m.accuracy.relative = {accuracy["rtol"]}; m.accuracy.absolute = {accuracy["atol"]};
-            const state = () => ({{ t: m.t, q: [...m.q], v: [...m.v], rho: [...m.rho], exchanges: m.exchanges }});
+            const state = () => ({{ t: m.t, q: [...m.q], v: [...m.v], rho: [...m.rho], switches: m.switches }});
             const bodies = () => [...m.look().bodies];
             console.log(JSON.stringify((() => {{ m.reset(about.start); {script} }})()));
         }})();
@@ -318,7 +318,7 @@ def test_flat_positions_are_passed_on_the_branch(drive: bool, tmp_path: Path) ->
 
 
 @needs_node
-def test_a_drive_into_the_flat_position_is_told(tmp_path: Path) -> None:
+def test_a_drive_into_the_stretched_position_is_reported(tmp_path: Path) -> None:
     """Told in words, with the last good position kept."""
     mechanism = parallelogram(False)
     mechanism.add_drive("A", position=0.0)
@@ -350,7 +350,7 @@ def four_bar() -> pt.Mechanism:
 
 
 @needs_node
-def test_a_length_that_cannot_close_is_told_by_how_much(tmp_path: Path) -> None:
+def test_a_length_that_cannot_close_is_reported_by_how_much(tmp_path: Path) -> None:
     """A crank of 2.9 m beside 1 m of ground, 0.9 m of coupler and 0.7 m of rocker: 0.3 m are missing at the least."""
     script = """
         const before = state(), b = m.get("B.point");
@@ -399,7 +399,7 @@ def test_a_drive_twice_as_fast_is_where_it_would_be_later(tmp_path: Path) -> Non
 
 
 @needs_node
-def test_a_table_that_ends_is_told(tmp_path: Path) -> None:
+def test_a_table_that_ends_is_reported(tmp_path: Path) -> None:
     mechanism = four_bar()
     mechanism.add_drive("A", position=([0, 1], [0, 0.3]))
     script = "try { m.advance(2); } catch (e) { return e.message; } return '';"

@@ -51,7 +51,7 @@ def test_few_outputs_on_a_turn_are_dots() -> None:
     assert reported["step"] == pytest.approx(np.radians(10.0) / 60.0, rel=0.1)
 
 
-def test_an_overview_tells_over_which_angle() -> None:
+def test_an_overview_reports_over_which_angle() -> None:
     """Where a crank turns, speeds and forces stand over its angle too; asked for x, all that can does."""
     run = run_of("four-bar")
     labels = [ax.get_xlabel() for ax in run.plot().axes]
@@ -72,7 +72,7 @@ def test_coordinates_that_turn_on_and_on_do_not_flatten_the_others() -> None:
     assert not ax.collections  # in no band either
 
 
-def test_alike_curves_are_told_apart() -> None:
+def test_alike_curves_are_distinguished() -> None:
     """Pistons of a four-cylinder engine move in pairs: of each pair one line is dashed."""
     entry = entry_of("engine-inline-four")
     m = entry.mechanism()
@@ -115,7 +115,7 @@ def test_own_axes_are_drawn_into() -> None:
     assert run_of("four-bar").plot("energy", ax=ax) is figure and len(ax.get_lines()) == 4
 
 
-def test_words_that_do_not_fit_are_told() -> None:
+def test_words_that_do_not_fit_are_reported() -> None:
     run, ax = run_of("four-bar"), Figure().subplots()
     refused: list[tuple[tuple[str, ...], dict[str, Any]]] = [
         (("closure",), {"x": "A"}),

@@ -83,7 +83,7 @@ def test_a_free_joint_goes_through_its_poses(coordinates: str, cut: str, form: s
     # of forces of some hundred newtons, round-off
     assert np.abs(read.force - [f for f, _ in wanted]).max() < 1e-10
     assert np.abs(read.moment - [n for _, n in wanted]).max() < 1e-10
-    # efforts along the freedoms: slides in the world, turns in the axes of the child
+    # efforts along the degrees of freedom: slides in the world, turns in the axes of the child
     assert np.abs(own.apply(read.drive[:, 3:]) - read.moment).max() < 1e-10
     assert np.abs(read.drive[:, :3] - read.force).max() < 1e-10
 

@@ -141,12 +141,12 @@ def test_units_multiply_as_numbers_do() -> None:
         ("5 m $", "m", "belongs to no quantity"),
     ],
 )
-def test_what_does_not_fit_is_told(text: str, unit: str, words: str) -> None:
+def test_what_does_not_fit_is_reported(text: str, unit: str, words: str) -> None:
     with pytest.raises(QuantityError, match=words):
         in_si("x", text, unit)
 
 
-def test_a_radian_may_be_left_out_where_it_tells_nothing() -> None:
+def test_a_radian_may_be_left_out_where_it_is_redundant() -> None:
     assert in_si("x", "5 N m", "N m/rad") == in_si("x", "5 N m/rad", "N m/rad") == 5.0
     assert in_si("x", "1 N m/deg", "N m/rad") == float(unit_of("1/deg").size)
     for text, unit in (("1 m/m", "rad"), ("1/s", "rad/s"), ("1/s^2", "rad/s^2"), ("1 rad", "")):

@@ -112,7 +112,7 @@ def test_tables_of_the_comparison_are_current(name: str, compared: Callable[[str
     assert module.outline(str(compared(name))) == shown
 
 
-def test_sentences_of_the_comparison_hold(compared: Callable[[str], Any]) -> None:
+def test_sentences_of_the_comparison_are_true(compared: Callable[[str], Any]) -> None:
     """What docs/compare.md says of its tables, but for times."""
 
     def row(table: str, name: str) -> Any:

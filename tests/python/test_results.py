@@ -45,7 +45,7 @@ def four_bar() -> results.Result:
 
 
 @pytest.fixture(scope="module")
-def by_hand() -> results.Result:
+def user_defined() -> results.Result:
     """A point on a circle of radius 1, as matrices."""
     s = pt.System(
         n=2,
@@ -208,13 +208,13 @@ def failing(t_eval: list[float]) -> results.Result:
 
 
 @pytest.fixture(scope="module")
-def hard(by_hand: results.Result) -> list[results.Result]:
+def hard(user_defined: results.Result) -> list[results.Result]:
     """Odd names and numbers that are none, a run without bodies, one without joints, one that failed, one without
     outputs, one with settings that are several numbers."""
     free = pt.Mechanism("free")
     free.add_body("b", mass=1.0, inertia=(1, 1, 1))
     drifting = pt.catalogue.load("slider-crank").simulate(0.05, formulation="baumgarte", baumgarte=(5.0, 5.0))
-    runs = [odd(), by_hand, free.simulate(0.1), failing([0.0, 0.2, 1.0]), failing([0.6]), drifting]
+    runs = [odd(), user_defined, free.simulate(0.1), failing([0.0, 0.2, 1.0]), failing([0.6]), drifting]
     assert not len(runs[4].t) and not runs[3].success
     return runs
 
@@ -300,14 +300,14 @@ def test_missing_package_is_named(
 ) -> None:
     package, extra, ending = MISSING[case]
     path = tmp_path / f"run{ending}"
-    ways: list[Callable[[], object]] = [getattr(pendulum, f"to_{extra}")] if not ending else []
+    actions: list[Callable[[], object]] = [getattr(pendulum, f"to_{extra}")] if not ending else []
     if ending:
         stored = pendulum.save(tmp_path / f"stored{ending}")
-        ways = [lambda: pendulum.save(path), lambda: pt.load_result(stored)]
+        actions = [lambda: pendulum.save(path), lambda: pt.load_result(stored)]
     monkeypatch.setitem(sys.modules, package, None)
-    for way in ways:
+    for action in actions:
         with pytest.raises(pt.errors.MissingDependencyError, match=rf"pip install 'partita\[{extra}\]'") as caught:
-            way()
+            action()
         assert caught.value.package == package
     assert not path.exists()
 
@@ -323,14 +323,14 @@ def test_unknown_names_suggest(four_bar: results.Result) -> None:
         four_bar.plot("enrgy")
 
 
-def test_system_has_no_joints_and_says_so(by_hand: results.Result, tmp_path: Path) -> None:
-    for ask in (by_hand.joint, by_hand.body):
+def test_system_has_no_joints_and_says_so(user_defined: results.Result, tmp_path: Path) -> None:
+    for ask in (user_defined.joint, user_defined.body):
         with pytest.raises(pt.errors.ArgumentError, match="System"):
             ask("A")
-    assert not by_hand.has_energy and by_hand.certificate.energy_balance is None
-    loaded = results.load_result(by_hand.save(tmp_path / "run.json"))
-    assert np.array_equal(loaded.q, by_hand.q) and not loaded.is_mechanism
-    by_hand.plot(path=tmp_path / "run.png")
+    assert not user_defined.has_energy and user_defined.certificate.energy_balance is None
+    loaded = results.load_result(user_defined.save(tmp_path / "run.json"))
+    assert np.array_equal(loaded.q, user_defined.q) and not loaded.is_mechanism
+    user_defined.plot(path=tmp_path / "run.png")
 
 
 @pytest.mark.parametrize(
@@ -350,7 +350,7 @@ def test_system_has_no_joints_and_says_so(by_hand: results.Result, tmp_path: Pat
         ("g.txt", "", "use one of .nc"),
     ],
 )
-def test_bad_files_are_told(tmp_path: Path, name: str, content: str, problem: str) -> None:
+def test_bad_files_are_reported(tmp_path: Path, name: str, content: str, problem: str) -> None:
     (tmp_path / name).write_text(content)
     with pytest.raises(pt.errors.FileFormatError, match=problem) as caught:
         pt.load_result(tmp_path / name)

@@ -364,7 +364,7 @@ def test_a_law_reads_what_parameters_make_of_a_mechanism() -> None:
         ),
     ],
 )
-def test_a_law_that_reads_what_follows_from_it_is_told_why_not(add: Any, words: str) -> None:
+def test_a_law_that_reads_its_own_effect_is_refused_with_the_reason(add: Any, words: str) -> None:
     m = pendulum()
     add(m)
     m.add_torque("A", lambda t, state: state.sensor("x"))
@@ -454,7 +454,7 @@ def test_a_stored_result_and_a_pickled_one_know_what_sensors_read(tmp_path: Path
         ('name = "s"\nreads = "position"', 'has no "of"'),
     ],
 )
-def test_a_bad_sensor_in_a_file_is_told_with_its_line(tmp_path: Path, text: str, words: str) -> None:
+def test_a_bad_sensor_in_a_file_is_reported_with_its_line(tmp_path: Path, text: str, words: str) -> None:
     pendulum().save(tmp_path / "x.toml")
     path = tmp_path / "bad.toml"
     path.write_text((tmp_path / "x.toml").read_text().split("# as saved")[0] + "[[sensor]]\n" + text + "\n")
@@ -490,7 +490,7 @@ def test_a_sensor_that_cannot_be_is_refused(add: Any, words: str) -> None:
         add(m)
 
 
-def test_what_has_no_sense_is_told_when_it_is_read() -> None:
+def test_what_has_no_sense_is_reported_when_it_is_read() -> None:
     m = pendulum()
     tip = m.add_sensor("tip", ("rod", (1, 0, 0)), "position")
     m.add_sensor("fourth", tip[3])

@@ -30,18 +30,18 @@ from partita.viewer.meshes import simplified
         ({"crank": {"kind": "plate", "points": [(0, 0, 0), (1, 0, 0)]}}, "three or more"),
     ],
 )
-def test_bad_shapes_are_told(shapes: Any, words: str) -> None:
+def test_bad_shapes_are_reported(shapes: Any, words: str) -> None:
     with pytest.raises(ArgumentError, match=words):
         viewer.html(four_bar(nt=3), shapes=shapes)
 
 
 @pytest.mark.parametrize("points", [3, {"P": "crank"}, {"P": ("crank", (0, 0))}, {"": ("crank", (0, 0, 0))}])
-def test_bad_points_are_told(points: Any) -> None:
+def test_bad_points_are_reported(points: Any) -> None:
     with pytest.raises(ArgumentError, match="points"):
         viewer.html(four_bar(nt=3), points=points)
 
 
-def test_unknown_bodies_are_told() -> None:
+def test_unknown_bodies_are_reported() -> None:
     for given in ({"shapes": {"crnk": {"kind": "ball", "radius": 1}}}, {"points": {"P": ("crnk", (0, 0, 0))}}):
         with pytest.raises(UnknownNameError, match="crank"):
             viewer.html(four_bar(nt=3), **given)
@@ -92,7 +92,7 @@ def test_large_meshes_become_small_and_keep_their_size() -> None:
     assert np.allclose(np.ptp(corners, axis=0), [2, 2, 2], atol=0.06)
 
 
-def test_meshes_that_cannot_be_read_are_told(part: Path, tmp_path: Path) -> None:
+def test_meshes_that_cannot_be_read_are_reported(part: Path, tmp_path: Path) -> None:
     def drawn(file: Any, **more: Any) -> str:
         return viewer.html(four_bar(nt=3), shapes={"crank": {"kind": "mesh", "file": file, **more}})
 

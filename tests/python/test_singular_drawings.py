@@ -54,7 +54,7 @@ def ahead(rates: list[float]) -> tuple[float, ...]:
     return tuple(float(x) for x in np.round(np.sign(x[np.nonzero(np.abs(x) > 1e-9)[0][0]]) * x, 5) + 0.0)
 
 
-def by_hand(places: tuple[float, ...]) -> set[tuple[float, ...]]:
+def user_defined(places: tuple[float, ...]) -> set[tuple[float, ...]]:
     """Rates of crank, rocker and coupler on both lines."""
     a, b, c = np.diff(places)
     # beta follows from the first equation and makes the second a quadratic form in alpha and gamma
@@ -75,7 +75,7 @@ def test_two_branches_meet_where_all_links_are_in_line(name: str, unit: float) -
     assert (found["here"], found["beside"], found["structure"], found["many"]) == (2, 1, False, False)
     rates = [branch["rates"] for branch in found["branches"]]
     turns = [(of.get("A", 0.0), of.get("Z", 0.0), of.get("A", 0.0) + of.get("B", 0.0)) for of in rates]
-    assert len(rates) == 2 and {ahead(list(x)) for x in turns} == by_hand(places)
+    assert len(rates) == 2 and {ahead(list(x)) for x in turns} == user_defined(places)
 
 
 @pytest.mark.parametrize("unit", [1e-6, 1.0, 1e3])
@@ -84,7 +84,7 @@ def test_three_links_that_just_reach_are_a_structure(unit: float) -> None:
     assert (found["here"], found["beside"], found["structure"]) == (2, 0, True)
 
 
-def test_each_branch_can_be_drawn_and_started_on_either_way() -> None:
+def test_each_branch_can_be_drawn_and_started_in_both_directions() -> None:
     for name in ("parallelogram", "rhombus", "folded rhombus", "deltoid"):
         m = linkage(*line(*LINKAGES[name]))
         for branch in singular(m)["branches"]:
@@ -99,8 +99,8 @@ def test_each_branch_can_be_drawn_and_started_on_either_way() -> None:
 @pytest.mark.parametrize("coordinates", ["relative", "absolute"])
 @pytest.mark.parametrize("apart", [1e-4, 3e-4, 1e-3, 1e-2])
 def test_rates_that_hold_together_beside_it(apart: float, coordinates: str) -> None:
-    """One rate more than freedoms: a parallelogram has its cranks turn alike however near it is to the flat position,
-    where the position is known to rounding and the rates to that over the square of the distance."""
+    """One rate more than degrees of freedom: a parallelogram has its cranks turn alike however near it is to the flat
+    position, where the position is known to rounding and the rates to that over the square of the distance."""
     m = linkage(*line(*LINKAGES["parallelogram"]))
     guess, rates = {"A": apart, "B": -apart, "Z": apart}, {"A": 2.0, "B": -2.0, "Z": 2.0}
     start = m.assemble(guess=guess, rates=rates, coordinates=coordinates)
@@ -109,7 +109,7 @@ def test_rates_that_hold_together_beside_it(apart: float, coordinates: str) -> N
         assert run.joint(joint).velocity[0].item() == pytest.approx(rate, abs=2e-13 / apart**2 + 1e-9)
 
 
-def test_rates_that_nearly_hold_together_are_told_with_their_digits() -> None:
+def test_rates_that_nearly_hold_together_are_reported_with_their_digits() -> None:
     m = linkage(*line(*LINKAGES["parallelogram"]))
     with pytest.raises(ArgumentError, match=r"A = 2 \(possible: 2\.00000\d*[1-9]\d*\)") as reported:
         m.assemble(guess={"A": 0.3, "B": -0.3, "Z": 0.3}, rates={"A": 2.0, "Z": 2.000001})
@@ -170,7 +170,7 @@ def test_an_inclined_plane_in_space() -> None:
     assert (found["here"], found["beside"], len(found["branches"])) == (2, 1, 2)
 
 
-def test_refusals_tell_the_branches() -> None:
+def test_refusals_report_the_branches() -> None:
     m = linkage(*line(*LINKAGES["rhombus"]))
     for coordinates in ("relative", "absolute"):
         with pytest.raises(SingularityError, match="2 branches meet: rates") as reported:
@@ -221,7 +221,7 @@ def test_a_drive_does_not_hide_the_branches() -> None:
 
 
 @pytest.mark.parametrize("angle", [0.003, 0.01, 0.02, 0.05, 0.08, 0.1, 0.15, 0.3])
-def test_near_a_change_point_no_misfit_is_told(angle: float) -> None:
+def test_near_a_change_point_no_geometric_error_is_reported(angle: float) -> None:
     """What is weak because a singular position is near is no fault of the drawing."""
     m, b = pt.Mechanism("parallelogram"), (np.cos(angle), np.sin(angle), 0.0)
     c = (3.0 + b[0], b[1], 0.0)

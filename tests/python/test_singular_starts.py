@@ -160,7 +160,7 @@ def test_rates_are_completed_on_their_branch(coordinates: str) -> None:
 
 
 @pytest.mark.parametrize("name", LINKAGES)
-def test_each_branch_starts_with_the_rates_told(name: str) -> None:
+def test_each_branch_starts_with_the_rates_reported(name: str) -> None:
     for unit in (1.0, 1e3):
         m = linkage(*line(*LINKAGES[name]), unit=unit)
         for branch in m.report().to_dict()["singular"]["branches"]:
@@ -198,7 +198,7 @@ def test_every_formulation_starts(formulation: str) -> None:
 @pytest.mark.parametrize("coordinates", BOTH)
 @pytest.mark.parametrize("rates", [ALONG, ACROSS])
 @pytest.mark.parametrize("beside", [1e-9, 1e-7])
-def test_beside_the_position_it_goes_the_same_way(coordinates: str, rates: dict[str, float], beside: float) -> None:
+def test_beside_the_position_it_takes_the_same_branch(coordinates: str, rates: dict[str, float], beside: float) -> None:
     exactly = started(flat(gravity=(0.0, -9.81)), rates, 0.1, coordinates)
     for sign in (1.0, -1.0):
         run = started(flat(gravity=(0.0, -9.81), beside=sign * beside), rates, 0.1, coordinates)
@@ -209,7 +209,7 @@ def test_beside_the_position_it_goes_the_same_way(coordinates: str, rates: dict[
 
 
 @pytest.mark.parametrize("coordinates", BOTH)
-def test_other_freedoms_beside_it(coordinates: str) -> None:
+def test_other_degrees_of_freedom_beside_it(coordinates: str) -> None:
     m = linkage(*line(*LINKAGES["parallelogram"]))
     bob = m.add_rod("bob", start=(0, 5, 0), end=(1, 5, 0), mass=1.0)
     m.add_revolute("P", m.ground, bob, point=(0, 5, 0))

@@ -114,7 +114,7 @@ def test_a_result_of_steps_has_reactions_and_sensors_with_the_inputs_held() -> N
 
 
 @pytest.mark.parametrize("coordinates", ["relative", "absolute"])
-def test_loads_drawn_as_numbers_act_until_they_are_told_otherwise(coordinates: str) -> None:
+def test_constant_loads_act_until_they_are_changed(coordinates: str) -> None:
     m = five_bar()
     m.forces["left"].value, m.forces["right"].value = 3.0, -2.0
     m.add_force("bar 1", (1.0, lambda t, state: 2.0, 0.0), name="push")
@@ -276,7 +276,7 @@ def driven(level: str) -> pt.Mechanism:
 
 @pytest.mark.parametrize("coordinates", ["relative", "absolute"])
 @pytest.mark.parametrize("level", ["position", "velocity", "acceleration"])
-def test_a_drive_moves_without_a_jump_as_it_is_told(level: str, coordinates: str) -> None:
+def test_a_drive_moves_without_a_jump_as_commanded(level: str, coordinates: str) -> None:
     """Positions are met, rates too, with what lies between them in closed form; and the effort is that of a run whose
     drive is the table of what was given."""
     m = driven(level)
@@ -406,7 +406,7 @@ def test_a_drive_past_the_reach_of_the_links_is_refused(level: str, coordinates:
     assert np.array_equal(sim.q, before.q)
 
 
-# ---------------------------------------------------------------- many freedoms, large and small
+# ---------------------------------------------------------------- many degrees of freedom, large and small
 
 
 @pytest.mark.parametrize("size", [1e-6, 1.0, 1e3])
@@ -426,7 +426,7 @@ def test_sensors_at_all_scales(size: float) -> None:
     assert sim.sensor("g") < 1e-9 and abs(sim.q).max() < 1e-12
 
 
-def test_sensors_of_a_chain_of_a_hundred_freedoms() -> None:
+def test_sensors_of_a_chain_of_a_hundred_dof() -> None:
     """What the stepper reads at its start is what a run says there, to round-off of a hundred links."""
     m = pt.Mechanism("chain")
     parent: Any = m.ground

@@ -58,7 +58,7 @@ def test_a_killed_worker_takes_nothing_along(tmp_path: Path) -> None:
     assert found.isel(marks=0).drop_vars("marks").identical(pt.sweep(four_bar, GRID))
 
 
-def test_points_that_fail_are_told() -> None:
+def test_points_that_fail_are_reported() -> None:
     found = pt.sweep(deadly, {"x": [1, 2, 3, 4]}, executor="processes", workers=2)
     assert np.array_equal(found.value.values, [10.0, np.nan, np.nan, 40.0], equal_nan=True)
     said = found.failed.values.tolist()
@@ -76,7 +76,7 @@ def test_ctrl_c_keeps_what_was_computed() -> None:
     assert reported.value.result.value.values[:2].tolist() == [1, 2]
 
 
-def test_progress_is_told() -> None:
+def test_progress_is_reported() -> None:
     parts: list[float] = []
     pt.sweep(lambda x: x, {"x": range(4)}, progress=parts.append)
     assert parts == [0.25, 0.5, 0.75, 1.0]

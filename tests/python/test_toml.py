@@ -78,17 +78,17 @@ def test_saved_files_satisfy_the_published_schema() -> None:
 
 
 def test_every_key_of_the_schema_is_described() -> None:
-    def walk(rule: Any, where: str) -> None:
+    def visit(rule: Any, where: str) -> None:
         if isinstance(rule, dict):
             for key, value in rule.get("properties", {}).items():
                 assert value.get("description"), f"{where}/{key} has no description"
             for key, value in rule.items():
-                walk(value, f"{where}/{key}")
+                visit(value, f"{where}/{key}")
         elif isinstance(rule, list):
             for item in rule:
-                walk(item, where)
+                visit(item, where)
 
-    walk(schema.load(), "")
+    visit(schema.load(), "")
 
 
 def test_every_key_of_the_schema_is_an_argument_of_its_method() -> None:
@@ -187,7 +187,7 @@ def test_our_check_agrees_with_jsonschema() -> None:
         (HEAD + "rod = 3\n", 4, '"rod" is no key of mechanism'),
     ],
 )
-def test_what_is_wrong_is_told_with_its_line(text: str, line: int | None, words: str, tmp_path: Path) -> None:
+def test_what_is_wrong_is_reported_with_its_line(text: str, line: int | None, words: str, tmp_path: Path) -> None:
     path = tmp_path / "model.toml"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(FileFormatError) as caught:

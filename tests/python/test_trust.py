@@ -28,7 +28,7 @@ def test_cases(name: str) -> None:
         assert found.error == case.error and case.words in found.words, (found.error, found.words)
 
 
-def test_names_and_titles_tell_cases_apart() -> None:
+def test_names_and_titles_of_cases_differ() -> None:
     cases = [case for c in CLASSES for case in c.cases]
     assert len(CASES) == len(cases)
     titles = [(c.heading, case.title) for c in CLASSES for case in c.cases]

@@ -37,9 +37,9 @@ def bricard(
         rods.append(f"rod{i}")
     ends = [(rods[i], rods[i + 1]) for i in range(5)] + [("ground", "rod5")]
     for i in order:
-        way = "auto" if cut is None else "always" if i == cut else "never"
+        cutting = "auto" if cut is None else "always" if i == cut else "never"
         point, axis = place + scale * rotation @ POINTS[i], rotation @ AXES[i]
-        m.add_revolute(f"P{i}", *ends[i], point=point, axis=axis, cut=way)
+        m.add_revolute(f"P{i}", *ends[i], point=point, axis=axis, cut=cutting)
     return m
 
 
@@ -110,8 +110,8 @@ def test_least_squares_over_all_joints(usual: pt.Result) -> None:
     assert usual.certificate.newton_euler is not None and usual.certificate.newton_euler < 1e-12
 
 
-def test_smooth_in_time_through_exchanges_and_renewals() -> None:
-    """Second differences fall with the square of the step: nothing jumps where a coordinate or a row is exchanged."""
+def test_smooth_in_time_through_switches_and_renewals() -> None:
+    """Second differences fall with the square of the step: nothing jumps where a coordinate or a row is switched."""
     m = bricard()
     start, tight = m.assemble(rates={"P0": 4.0}), {"rtol": 1e-11, "atol": 1e-13}
     bends: list[float] = []
@@ -220,9 +220,9 @@ def test_a_door_on_three_elastic_hinges(tmp_path: Path) -> None:
     stiffness[5, 5] = 1.0
     x = np.linalg.solve(stiffness, load)
     for name in soft:
-        by_hand = -maps[name] @ x
+        user_defined = -maps[name] @ x
         found = np.hstack([run.joint(name).force[0], run.joint(name).moment[0]])
-        np.testing.assert_allclose(found, by_hand, atol=1e-7)
+        np.testing.assert_allclose(found, user_defined, atol=1e-7)
     m.save(tmp_path / "door.toml")
     again = pt.load(tmp_path / "door.toml").simulate(0.1, t_eval=(0.0,))
     np.testing.assert_array_equal(again.reactions["force"], run.reactions["force"])
@@ -249,7 +249,7 @@ def test_bad_compliances() -> None:
         m.add_compliance("lov", translation=1.0)
 
 
-def test_two_motors_on_one_freedom() -> None:
+def test_two_motors_on_one_degree_of_freedom() -> None:
     """A shaft turned at both ends: which motor does the work is open, that together they do it is not."""
     m = pt.Mechanism("shaft", gravity=(0, 0, 0))
     m.add_body("shaft", mass=1.0, inertia=(1.0, 1.0, 0.5))
@@ -322,7 +322,7 @@ def test_multipliers_of_an_instant_follow_the_rule() -> None:
     np.testing.assert_allclose(np.linalg.norm(force), np.linalg.norm(run.joint("P2").force[0]), rtol=1e-9)
 
 
-def test_stored_results_tell_the_same(tmp_path: Path) -> None:
+def test_stored_results_report_the_same(tmp_path: Path) -> None:
     run = bricard().simulate(0.1)
     run.save(tmp_path / "run.json")
     again = pt.results.load_result(tmp_path / "run.json")

@@ -132,7 +132,7 @@ DIALECTS = {
 
 
 @pytest.mark.parametrize("dialect", DIALECTS)
-def test_a_dialect_is_the_mechanism_drawn_by_hand(dialect: str, tmp_path: Path) -> None:
+def test_a_dialect_is_the_mechanism_built_in_python(dialect: str, tmp_path: Path) -> None:
     more, sidecar, closing = DIALECTS[dialect]
     read, hand = pt.load(written(tmp_path, tree(more), sidecar)), drawn(closing)
     assert read.compile().mobility == hand.compile().mobility == 1

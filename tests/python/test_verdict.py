@@ -34,7 +34,7 @@ def test_mechanisms_by_chance_are_judged_rightly() -> None:
 
 @pytest.mark.parametrize("formulation", CLOSED)
 @pytest.mark.parametrize("name", PROBLEMS)
-def test_what_is_right_holds(name: str, formulation: str) -> None:
+def test_what_is_right_is_valid(name: str, formulation: str) -> None:
     """Short runs of the catalogue at loose, usual and tight tolerances; a warning would be an error here."""
     entry = pt.catalogue.entry(name)
     m = entry.mechanism()
@@ -49,7 +49,7 @@ def test_what_is_right_holds(name: str, formulation: str) -> None:
 
 
 @pytest.mark.parametrize("formulation", ["projective", "multipliers"])
-def test_drift_that_was_asked_for_holds(formulation: str) -> None:
+def test_drift_that_was_asked_for_is_valid(formulation: str) -> None:
     for rtol in (1e-4, 1e-8):
         run = pt.catalogue.entry("four-bar").simulate(rtol=rtol, formulation=formulation, correction="none")
         assert run.success and run.certificate.verdict == "valid", run.certificate.findings
@@ -193,7 +193,7 @@ def test_a_table_ends_where_it_ends() -> None:
 @pytest.mark.parametrize("formulation", ["projective", "multipliers", "wehage-haug"])
 @pytest.mark.parametrize("make", [pendulum, linkage])
 def test_work_of_drives_where_nothing_else_moves(make: object, formulation: str) -> None:
-    """Where no freedom is left the work is all there is to integrate: its error follows the tolerance."""
+    """Where no degree of freedom is left the work is all there is to integrate: its error follows the tolerance."""
     m = make()  # type: ignore[operator]
     m.add_drive("A", position=lambda t: 2.0 * t + 0.5 * np.sin(3.0 * t))
     for rtol in (1e-4, 1e-8, 1e-12):
@@ -202,7 +202,7 @@ def test_work_of_drives_where_nothing_else_moves(make: object, formulation: str)
         assert run.energy.relative_balance <= 20.0 * rtol + 1e-12
 
 
-def test_a_start_that_misses_its_conditions_is_told() -> None:
+def test_a_start_that_misses_its_conditions_is_reported() -> None:
     m = pendulum()
     m.add_drive("A", position=lambda t: math.pi * t)
     rest = m.assemble()
@@ -213,7 +213,7 @@ def test_a_start_that_misses_its_conditions_is_told() -> None:
 
 
 @pytest.mark.parametrize("name", ["three-rpr", "engine-boxer"])
-def test_what_rests_holds(name: str) -> None:
+def test_what_rests_is_valid(name: str) -> None:
     """Rounding moves a mechanism at rest by nothing that anybody asked about: its energy balance breaks no run."""
     run = pt.catalogue.entry(name).mechanism().simulate(1.0)
     assert run.success and run.certificate.verdict == "valid"

@@ -96,7 +96,7 @@ def test_spatial_mechanisms_are_seen_from_aside(gravity: Any) -> None:
     assert seen["elevation"] > 0 and abs(seen["azimuth"]) > 0.3
 
 
-def test_choices_and_exchanges() -> None:
+def test_choices_and_switches() -> None:
     independent = np.array([[0], [0], [2], [2], [1]])
     log = [
         SimpleNamespace(t=0.0, entering=(), leaving=(), reason="first"),
@@ -153,7 +153,7 @@ def test_system_without_bodies() -> None:
     assert scene["velocities"] == ["q0", "q1"]
 
 
-def test_early_stop_is_told() -> None:
+def test_early_stop_is_reported() -> None:
     scene = data(viewer.html(pendulum(success=False, message="step too small at t = 1.2 s")))
     assert "step too small" in scene["warning"]
 

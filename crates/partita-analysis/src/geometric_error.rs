@@ -11,7 +11,7 @@ use std::collections::BTreeSet;
 
 /// Axes this near to parallel were intended to be parallel. Scale: rad. Reason: ten times the largest drawing
 /// tolerance.
-const MEANT_PARALLEL: f64 = 0.1;
+const NOMINALLY_PARALLEL: f64 = 0.1;
 /// Of the joints that are off, those off by more are named. Scale: fraction of the worst. Reason: the others follow
 /// from it.
 const NAMED_ERROR: f64 = 0.5;
@@ -121,7 +121,7 @@ fn out_of_parallel(pose: &Pose, joints: &BTreeSet<usize>) -> Vec<String> {
     let sum = |x: &(usize, Vec3<f64>)| turns.iter().map(|y| angle(x.1, y.1)).sum::<f64>();
     let Some(&(_, normal)) = turns.iter().min_by(|x, y| sum(x).total_cmp(&sum(y))) else { return Vec::new() };
     let off: Vec<(usize, f64)> = turns.iter().map(|&(j, a)| (j, angle(a, normal))).collect();
-    if off.iter().any(|x| x.1 > MEANT_PARALLEL) {
+    if off.iter().any(|x| x.1 > NOMINALLY_PARALLEL) {
         return Vec::new();
     }
     let across: Vec<(usize, f64)> = slides.iter().map(|&(j, a)| (j, a.dot(normal).abs().min(1.0).asin())).collect();
@@ -129,7 +129,7 @@ fn out_of_parallel(pose: &Pose, joints: &BTreeSet<usize>) -> Vec<String> {
     let mut said = Vec::new();
     let mut say = |all: &[(usize, f64)], words: &str, than: &[(usize, f64)]| {
         let top = worst(all);
-        if top <= tolerance::SOLUTION_ROUNDING || top > MEANT_PARALLEL {
+        if top <= tolerance::SOLUTION_ROUNDING || top > NOMINALLY_PARALLEL {
             return;
         }
         let mut which: Vec<usize> = all.iter().filter(|x| x.1 >= NAMED_ERROR * top).map(|x| x.0).collect();

@@ -43,8 +43,8 @@ pub(crate) fn lifted(model: &Model, twin: &Model, q: &[f64]) -> Vec<f64> {
     }
     let mut lifted = twin.initial();
     let out = model.placed.basis;
-    for (flat, body) in model.placed.bodies.iter().zip(&twin.placed.bodies) {
-        let (turn, ball) = (model.placed.links[flat.link].q, twin.placed.links[body.link].q);
+    for (planar, body) in model.placed.bodies.iter().zip(&twin.placed.bodies) {
+        let (turn, ball) = (model.placed.links[planar.link].q, twin.placed.links[body.link].q);
         let shift = out.apply_transposed(Vec3([q[turn - 2], q[turn - 1], 0.0]));
         let rotation = Quaternion::exp(out.apply_transposed(Vec3([0.0, 0.0, q[turn]])));
         lifted[ball - 3..ball].copy_from_slice(&shift.0);

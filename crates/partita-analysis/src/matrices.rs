@@ -68,7 +68,7 @@ impl Equations for Frozen {
 pub struct Choice {
     /// The rule.
     pub rule: Selection,
-    /// Exchanges that gain less are left undone; 1 or more.
+    /// Switches that gain less are left undone; 1 or more.
     pub threshold: f64,
     /// Preferences that multiply ρ.
     pub weights: Option<Vec<f64>>,

@@ -158,7 +158,7 @@ mod tests {
     use partita_model::spec::JointKind::Revolute;
 
     #[test]
-    fn slips_of_the_pen() {
+    fn typing_errors() {
         let mut spec = stretched_slider_crank();
         let mut turned = spec.clone();
         turned.joints[1].kind = partita_model::spec::JointKind::Fixed;

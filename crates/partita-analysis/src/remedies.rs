@@ -179,7 +179,7 @@ pub fn remedies(model: &Model, t: f64, q: &[f64]) -> Result<Vec<Remedy>, Analysi
         }
     }
     chosen.sort_by_key(|w| w.joint);
-    if !holds(model, &chosen, twin.placed.nv - start.rank) {
+    if !restores(model, &chosen, twin.placed.nv - start.rank) {
         return Ok(Vec::new());
     }
     let remedy = |w: &Replacement| {
@@ -231,7 +231,7 @@ fn search(
 }
 
 /// Is the mechanism drawn with these replacements as mobile as it was, with nothing redundant?
-fn holds(model: &Model, chosen: &[Replacement], dof: usize) -> bool {
+fn restores(model: &Model, chosen: &[Replacement], dof: usize) -> bool {
     let mut spec = (*model.spec).clone();
     spec.drives.clear();
     spec.forces.clear();

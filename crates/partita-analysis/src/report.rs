@@ -205,7 +205,7 @@ pub fn report(model: &Model, t: f64, q: &[f64]) -> Result<Report, AnalysisError>
         return Ok(Report { degrees_of_freedom: free, singular: Some(singular), ..unmoved(model)? });
     };
     let named = |x: Vec<(String, f64)>| x.into_iter().collect::<BTreeMap<_, _>>();
-    let way = |b: &Branch| BranchAccount {
+    let account = |b: &Branch| BranchAccount {
         rates: named(branching::rates(&joints, b, &found.branches)),
         guess: named(branching::guess(&joints, q, b)),
         mobility: b.mobility,
@@ -217,7 +217,7 @@ pub fn report(model: &Model, t: f64, q: &[f64]) -> Result<Report, AnalysisError>
         beside: found.beside(),
         structure: found.structure(),
         many: found.many,
-        branches: found.branches.iter().map(way).collect(),
+        branches: found.branches.iter().map(account).collect(),
         described: on.is_some(),
         words: branching::of_joints(&joints, q, &found),
     };
@@ -309,7 +309,7 @@ fn regular(model: &Model, t: f64, q: &[f64], found: Mobility) -> Result<Report, 
         notes.push(match (unfelt, spins) {
             (_, Some(words)) => words,
             (Some((motion, bodies)), _) => format!(
-                "a freedom moves no mass: {motion} (rad/s, m/s) takes along {}, and nothing of it has mass or inertia in that \
+                "a degree of freedom moves no mass: {motion} (rad/s, m/s) takes along {}, and nothing of it has mass or inertia in that \
                  motion",
                 names(&bodies)
             ),

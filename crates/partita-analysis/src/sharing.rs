@@ -394,7 +394,7 @@ pub(crate) fn with_rule_for_loads<T, E: From<AnalysisError>>(
     f: impl FnOnce(Option<&Rule>) -> Result<T, E>,
 ) -> Result<T, E> {
     let independent = |(t, q): (f64, &[f64])| analyse(model, t, q).is_ok_and(|start| start.dropped.is_empty());
-    let within = || least_compliance(model).is_none() && model.carries_in_plane();
+    let within = || least_compliance(model).is_none() && model.loads_lie_in_plane();
     with_rule(model, reference.filter(|at| !(within() && independent(*at))), f)
 }
 
@@ -440,10 +440,10 @@ pub fn multipliers(
         None => Ok(()),
     })?;
     let length = model.placed.length;
-    let flat = |joints: &[Wrench]| -> Vec<f64> {
+    let components = |joints: &[Wrench]| -> Vec<f64> {
         joints.iter().flat_map(|w| w.force.0.into_iter().chain(w.moment.times(1.0 / length).0)).collect()
     };
-    let change: Vec<f64> = flat(&wanted).iter().zip(flat(&given.joints)).map(|(x, y)| x - y).collect();
+    let change: Vec<f64> = components(&wanted).iter().zip(components(&given.joints)).map(|(x, y)| x - y).collect();
     // a self-stress for each row left out, in multipliers of this model's rows
     let mut stresses = Vec::with_capacity(dropped.len());
     let mut wrenches = Matrix::new(change.len(), dropped.len());
@@ -453,7 +453,7 @@ pub fn multipliers(
         let mut n = vec![0.0; lambda.len()];
         n[row] = 1.0;
         split.rows.iter().zip(kept).for_each(|(&i, x)| n[i] = x);
-        let w = flat(&model.wrenches_of(q, &n, &mut s));
+        let w = components(&model.wrenches_of(q, &n, &mut s));
         let size = w.iter().map(|x| x * x).sum::<f64>().sqrt();
         if size > 0.0 {
             n.iter_mut().for_each(|x| *x /= size);

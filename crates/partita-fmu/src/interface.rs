@@ -56,7 +56,7 @@ pub struct Kept {
 }
 
 /// Tell the environment; `%` would be read as the place of an argument.
-fn tell(logger: Option<Logger>, environment: *mut c_void, name: &CStr, status: c_int, message: &str) {
+fn log(logger: Option<Logger>, environment: *mut c_void, name: &CStr, status: c_int, message: &str) {
     let Some(logger) = logger else { return };
     let clean = message.replace('\0', " ").replace('%', "%%");
     let category = if status == WARNING { c"logStatusWarning" } else { c"logStatusError" };
@@ -89,7 +89,7 @@ fn with(component: *mut Component, what: &str, f: impl FnOnce(&mut Component) ->
             Failed(ERROR, "an internal error; please report it with the model".into())
         }
     };
-    tell(component.logger, component.environment, &component.name, status, &format!("{what}: {message}"));
+    log(component.logger, component.environment, &component.name, status, &format!("{what}: {message}"));
     status
 }
 
@@ -187,7 +187,7 @@ pub unsafe extern "C" fn fmi2Instantiate(
         Ok(Err(message)) => message,
         Err(_) => "an internal error; please report it with the model".into(),
     };
-    tell(logger, environment, &name, ERROR, &format!("fmi2Instantiate: {message}"));
+    log(logger, environment, &name, ERROR, &format!("fmi2Instantiate: {message}"));
     ptr::null_mut()
 }
 

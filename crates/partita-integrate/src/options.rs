@@ -100,8 +100,8 @@ impl Options {
     /// The first contradiction found.
     pub fn check(&self, dim: usize) -> Result<(), OptionsError> {
         let positive = |x: f64| x > 0.0 && x.is_finite();
-        let in_range = |name, value, holds, range| {
-            if holds {
+        let in_range = |name, value, valid, range| {
+            if valid {
                 Ok(())
             } else {
                 Err(OptionsError::OutOfRange { name, value, range })

@@ -115,7 +115,7 @@ pub const SINGULAR_PIVOT: f64 = 1e-7;
 pub const TIE: f64 = 1e-9;
 /// Of two measures one is clearly larger by this factor. Scale: ratio. Reason: one digit.
 pub const CLEARLY: f64 = 10.0;
-/// Exchanges of coordinates that gain less are left undone. Scale: ratio of volumes. Reason: rounding cannot exchange
+/// Switches of coordinates that gain less are left undone. Scale: ratio of volumes. Reason: rounding cannot switch
 /// them for ever.
 pub const LEAST_SWITCH_GAIN: f64 = 1.0 + 1e-6;
 

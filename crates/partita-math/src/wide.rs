@@ -32,7 +32,7 @@ pub(crate) fn in_use() -> Option<u64> {
     // SAFETY: every x86-64 processor has the instruction
     let (highest, features) = unsafe { (__cpuid(0).eax, __cpuid(1).ecx) };
     // SAFETY: the leaf exists
-    let tells = highest >= 0xd && features & (1 << 27) != 0 && unsafe { __cpuid_count(0xd, 1) }.eax & (1 << 2) != 0;
+    let supported = highest >= 0xd && features & (1 << 27) != 0 && unsafe { __cpuid_count(0xd, 1) }.eax & (1 << 2) != 0;
     // SAFETY: the processor has the instruction and answers this question
-    tells.then(|| unsafe { asked() })
+    supported.then(|| unsafe { asked() })
 }

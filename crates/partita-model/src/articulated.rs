@@ -140,7 +140,7 @@ impl<G: Space> Tree<G> {
                 let v = self.links[i].v + j;
                 let one = |w: usize| if w == v { G::S::one() } else { o };
                 let (w, u) = self.propagate(i, s, G::Ang::default(), G::Vec::default(), one);
-                let twist = G::flat(w, u);
+                let twist = G::components(w, u);
                 for l in 0..d {
                     axes[l * 3 + j] = twist[l];
                 }

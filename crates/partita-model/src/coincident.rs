@@ -12,7 +12,7 @@ use crate::spec::Spec;
 const COINCIDENT: f64 = 16.0 * f64::EPSILON;
 
 /// Where a point stands: its joint, and whether it is the one on the child.
-type Place = (usize, bool);
+type JointPoint = (usize, bool);
 
 /// Make one of the points of joints that are one but for rounding: all of them the one that was drawn first.
 ///
@@ -37,7 +37,7 @@ pub(crate) fn near(points: impl Iterator<Item = [f64; 3]>) -> f64 {
 }
 
 /// The points that move, and where to.
-fn moved(mut points: Vec<(Place, [f64; 3])>) -> Vec<(Place, [f64; 3])> {
+fn moved(mut points: Vec<(JointPoint, [f64; 3])>) -> Vec<(JointPoint, [f64; 3])> {
     let near = near(points.iter().map(|x| x.1));
     let mut moved = Vec::new();
     join(&mut points, near, 0, &mut moved);
@@ -45,7 +45,7 @@ fn moved(mut points: Vec<(Place, [f64; 3])>) -> Vec<(Place, [f64; 3])> {
 }
 
 /// Split by one axis after the other wherever there is a gap; what is left together is one point.
-fn join(points: &mut [(Place, [f64; 3])], near: f64, axis: usize, moved: &mut Vec<(Place, [f64; 3])>) {
+fn join(points: &mut [(JointPoint, [f64; 3])], near: f64, axis: usize, moved: &mut Vec<(JointPoint, [f64; 3])>) {
     if points.len() < 2 {
         return;
     }

@@ -392,7 +392,7 @@ mod tests {
     }
 
     #[test]
-    fn what_returns_more_than_itself_is_told() {
+    fn what_returns_more_than_itself_is_reported() {
         for kappa in [0.6, -0.6] {
             // one direction has no solution, the other two
             let jam = one(kappa, [0.0, 1.0, 0.0], [0.0, 2.0, 0.0]).solve().unwrap_err();

@@ -105,18 +105,18 @@ pub fn massless(placed: &Placed) -> Vec<Massless> {
         if on.is_empty() {
             continue; // a step of a joint with several motions
         }
-        let (at, mut inertia, mut reach) = (centre(link), Mat3::zero(), 0.0f64);
+        let (at, mut inertia, mut radius) = (centre(link), Mat3::zero(), 0.0f64);
         for &i in on {
             let b = &placed.bodies[i];
             inertia = inertia.add(&b.inertia).add(&Mat3::steiner(b.mass, b.com - at));
-            reach = points(placed, &around, i).fold(reach, |r, p| r.max((p - at).norm()));
+            radius = points(placed, &around, i).fold(radius, |r, p| r.max((p - at).norm()));
         }
-        if reach <= tolerance::EQUAL * placed.size {
-            reach = placed.length;
+        if radius <= tolerance::EQUAL * placed.size {
+            radius = placed.length;
         }
         let missing = if mass[link] < MASSLESS * heaviest { MASSLESS_COUNTS * heaviest - mass[link] } else { 0.0 };
-        let mut more = all_round(missing * reach * reach);
-        let whole_round = (mass[link] + missing) * reach * reach;
+        let mut more = all_round(missing * radius * radius);
+        let whole_round = (mass[link] + missing) * radius * radius;
         let whole = inertia.add(&more);
         let Ok((moments, axes)) = symmetric_eigen(&Matrix::from_vec(3, 3, whole.0.as_flattened().to_vec())) else {
             continue; // not finite: refused elsewhere
@@ -181,9 +181,9 @@ pub fn held(spec: &Spec, placed: &Placed) -> Vec<HeldSpin> {
         }
         let mut line = line_through(&at, placed)?;
         let point = at[0];
-        let reach = at.iter().fold(0.0, |r: f64, p| r.max((*p - b.com).norm()));
+        let radius = at.iter().fold(0.0, |r: f64, p| r.max((*p - b.com).norm()));
         let (moments, axes) = symmetric_eigen(&Matrix::from_vec(3, 3, b.inertia.0.as_flattened().to_vec())).ok()?;
-        let nothing = tolerance::NO_INERTIA * moments[2].max(b.mass * reach * reach);
+        let nothing = tolerance::NO_INERTIA * moments[2].max(b.mass * radius * radius);
         if line.is_none() && moments[2] > nothing {
             // one point, and inertia: a thin rod on a ball at its centre, or floating
             line = Some(Vec3([axes[(0, 0)], axes[(1, 0)], axes[(2, 0)]]));
@@ -193,7 +193,7 @@ pub fn held(spec: &Spec, placed: &Placed) -> Vec<HeldSpin> {
         if own > nothing || is_seen(spec, placed, &turning) {
             return None;
         }
-        let length = if reach > tolerance::EQUAL * placed.size { reach } else { placed.length };
+        let length = if radius > tolerance::EQUAL * placed.size { radius } else { placed.length };
         let inertia = (0.5 * (moments[0] + moments[1] + moments[2])).max(MASSLESS_COUNTS * heaviest * length * length);
         let inertia = line.map_or_else(|| all_round(inertia), |e| along(e, inertia));
         Some(HeldSpin { body, line, inertia })

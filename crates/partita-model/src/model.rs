@@ -467,11 +467,11 @@ impl Model {
     }
 
     /// Does it move in one plane, with all that acts on it there, so that no reaction leaves the plane either?
-    pub fn carries_in_plane(&self) -> bool {
+    pub fn loads_lie_in_plane(&self) -> bool {
         let of_joint = |row: &Row| matches!(row.owner, Owner::Joint(_));
         self.is_planar()
             && !self.row_names[self.closing_rows..].iter().any(of_joint)
-            && planarity::carries_in_plane(&self.spec, self.placed.basis.0[2])
+            && planarity::loads_lie_in_plane(&self.spec, self.placed.basis.0[2])
     }
 
     /// Coordinates of the drawing: zero, and unit quaternions.

@@ -31,7 +31,7 @@ pub struct JointState {
     pub point: [f64; 3],
 }
 
-/// A freedom of a joint, in the tree or not: what is read of it, and the velocities that change it.
+/// A degree of freedom of a joint, in the tree or not: what is read of it, and the velocities that change it.
 #[derive(Clone, Debug)]
 pub struct DegreeOfFreedom {
     reading: Measurement<Spatial<f64>>,

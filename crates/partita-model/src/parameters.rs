@@ -17,7 +17,7 @@
 //! ```
 
 use crate::coincident;
-use crate::coupling::{self, Place};
+use crate::coupling::{self, ConditionRows};
 use crate::error::DescriptionError;
 use crate::evaluator::Evaluator;
 use crate::joint;
@@ -238,8 +238,8 @@ fn moved(placed: &Placed, spec: &Spec, n: &Numbers<f64>) -> Placed {
 }
 
 /// Refuse numbers by which a coupling would hold rates alone in place of positions, or positions in place of rates.
-fn same_rows(before: &[Place], spec: &Spec, placed: &Placed) -> Result<(), DescriptionError> {
-    let held = |x: &Place| (x.owner, x.rows, x.holonomic);
+fn same_rows(before: &[ConditionRows], spec: &Spec, placed: &Placed) -> Result<(), DescriptionError> {
+    let held = |x: &ConditionRows| (x.owner, x.rows, x.holonomic);
     let before: HashSet<_> = before.iter().map(held).collect();
     let after = coupling::order(spec, placed)?;
     match after.iter().find(|x| !before.contains(&held(x))).map(|x| x.owner) {

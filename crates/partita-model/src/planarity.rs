@@ -9,7 +9,7 @@ use std::collections::HashMap;
 /// Are all reactions of a mechanism that moves across `normal` (world, unit) reactions in its plane, whatever the
 /// motion? Nothing pushes or turns a body out of it: masses, joints and forces stand in one plane to round-off, and
 /// what couples and drives does so along coordinates.
-pub(crate) fn carries_in_plane(spec: &Spec, normal: [f64; 3]) -> bool {
+pub(crate) fn loads_lie_in_plane(spec: &Spec, normal: [f64; 3]) -> bool {
     let along_coordinates = |m: &Measure| matches!(m, Measure::Joint { .. });
     let coupled = |c: &Coupling| !matches!(c, Coupling::Roll { .. }) && c.terms().iter().all(along_coordinates);
     spec.couplings.iter().all(coupled)
@@ -73,9 +73,9 @@ fn lies_in_plane(spec: &Spec, normal: Vec3<f64>, level: f64) -> bool {
         let spun = Mat3(b.inertia).apply(own);
         straight &= (spun - own.times(own.dot(spun))).norm() <= level * spun.norm();
     }
-    let reach = heights.iter().fold(0.0f64, |m, x| m.max(x.1));
+    let extent = heights.iter().fold(0.0f64, |m, x| m.max(x.1));
     let (low, high) = heights.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x.0), b.max(x.0)));
-    straight && (heights.is_empty() || high - low <= level * reach)
+    straight && (heights.is_empty() || high - low <= level * extent)
 }
 
 /// May anything push a body across the plane?

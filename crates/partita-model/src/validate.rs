@@ -67,8 +67,8 @@ fn body(b: &Body) -> Result<(), DescriptionError> {
             return fail(format!("inertia is not symmetric: I{r}{c} = {}, I{c}{r} = {}", i[r][c], i[c][r]));
         }
     }
-    let flat = Matrix::from_vec(3, 3, i.concat());
-    if let Ok((p, _)) = factor::symmetric_eigen(&flat) {
+    let tensor = Matrix::from_vec(3, 3, i.concat());
+    if let Ok((p, _)) = factor::symmetric_eigen(&tensor) {
         if p[0] < -slack {
             return fail(format!("inertia is not positive: principal moments {p:?}"));
         }

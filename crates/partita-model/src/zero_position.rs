@@ -337,7 +337,7 @@ impl Placed {
                     of_normal.is_ok_and(|n| n.0[0].abs().max(n.0[1].abs()) < tolerance::PARALLEL && n.0[2] > 0.0);
                 (basis.apply(c - p).0[2]).abs() < tolerance::EQUAL * size && in_plane
             });
-            let flat = (0..count)
+            let planar = (0..count)
                 .all(|i| (basis.mul(&moved[i].rot).mul(&basis.transpose()).0[2][2] - 1.0).abs() < tolerance::PARALLEL);
             // of a displacement along an axis that leaves the plane a part would be missing
             let along = measures(spec).all(|m| match m {
@@ -353,7 +353,7 @@ impl Placed {
             });
             let motion = |joint: &str, i: usize| numbers.get(joint).and_then(|&j| shapes[j].motion_of(i));
             let pressed = planarity::needs_space(spec, basis.0[2], motion);
-            if !fits || !flat || !along || pressed {
+            if !fits || !planar || !along || pressed {
                 plane = None;
             }
         }
@@ -455,7 +455,7 @@ impl Placed {
 
     fn grow_links(&mut self, spec: &Spec, free: &Shape) {
         let mut rides = vec![0usize; spec.bodies.len() + 1];
-        let flat = [
+        let planar = [
             Motion::Slide(Vec3([1.0, 0.0, 0.0])),
             Motion::Slide(Vec3([0.0, 1.0, 0.0])),
             Motion::Turn(Vec3([0.0, 0.0, 1.0])),
@@ -472,7 +472,7 @@ impl Placed {
                     let com = self.bodies[e.to - 1].com;
                     let name = spec.bodies[e.to - 1].name.clone();
                     if self.planar {
-                        (flat.to_vec(), vec!["x", "y", "turn"], com, name)
+                        (planar.to_vec(), vec!["x", "y", "turn"], com, name)
                     } else {
                         (free.motions.clone(), free.names.clone(), com, name)
                     }

@@ -6,7 +6,7 @@ use crate::functions::Callables;
 use crate::outputs::{self, Acting, Flags, Motion};
 use crate::poses;
 use crate::program;
-use crate::run::{self, read_options, Places};
+use crate::run::{self, read_options, ClosedStates};
 use crate::state::{self, Array};
 use crate::summary::summary;
 use crate::tangent::TangentFunctions;
@@ -421,7 +421,7 @@ impl Model {
         tangent: Option<TangentFunctions>,
     ) -> PyResult<Vec<f64>> {
         guarded(py, || {
-            let places = Places { t: &t, q: &q, v: &v };
+            let places = ClosedStates { t: &t, q: &q, v: &v };
             run::costs(py, &*self.inner, &options, &steps, &places, run::tangent(self.nv(), tangent))
         })
     }

@@ -35,7 +35,7 @@ pub(crate) fn recorded(model: &Model, names: &[String], t: f64, q: &[f64]) -> Re
         .map(|i| {
             json!({
                 "words": model.row_description(i), "owner": model.row_owner(i), "angle": model.row_is_angle(i),
-                "drive": model.row_is_drive(i), "reach": model.row_displacement(i),
+                "drive": model.row_is_drive(i), "displacement": model.row_displacement(i),
             })
         })
         .collect();
@@ -52,7 +52,7 @@ pub(crate) fn recorded(model: &Model, names: &[String], t: f64, q: &[f64]) -> Re
         "parameters": places(parameters), "outputs": places(made.outputs.clone()),
         "row_start": pattern.row_ptr, "columns": pattern.col_idx, "conditions": rows, "dropped": dropped,
         "coordinates_of": coordinates,
-        "reach": (0..size.nv).map(|i| model.characteristic_displacement(i)).collect::<Vec<_>>(),
+        "displacement": (0..size.nv).map(|i| model.characteristic_displacement(i)).collect::<Vec<_>>(),
         "names": (0..size.nv).map(|i| model.velocity_name(i)).collect::<Vec<_>>(),
         "length": model.placed.length,
     });

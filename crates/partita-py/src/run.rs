@@ -5,7 +5,7 @@ use crate::failure::{self, guarded, raise};
 use crate::outputs::{assessed, described, watched, Stop};
 use crate::tangent::{TangentFunctions, UserTangent};
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
-use partita_analysis::run::cost::{evaluation_costs, Contender, Place};
+use partita_analysis::run::cost::{evaluation_costs, ClosedState, Contender};
 use partita_analysis::run::{self, Balance, Finding, Request, Run, SolutionLog};
 use partita_integrate::simulate::Status;
 use partita_system::options::TangentMap;
@@ -166,7 +166,7 @@ pub fn left<'py, S: ConstrainedSystem<Scratch: Send> + Send + Sync + 'static>(
 }
 
 /// States to evaluate at, a row each: t (nt), q (nt, nq), v (nt, nv).
-pub struct Places<'x, 'py> {
+pub struct ClosedStates<'x, 'py> {
     pub t: &'x PyReadonlyArray1<'py, f64>,
     pub q: &'x PyReadonlyArray2<'py, f64>,
     pub v: &'x PyReadonlyArray2<'py, f64>,
@@ -178,7 +178,7 @@ pub fn costs<S: Balance<Scratch: Send> + Send + Sync>(
     system: &S,
     options: &[String],
     steps: &[f64],
-    places: &Places<'_, '_>,
+    places: &ClosedStates<'_, '_>,
     tangent: Option<Arc<dyn TangentMap>>,
 ) -> PyResult<Vec<f64>> {
     if options.len() != steps.len() {
@@ -194,8 +194,8 @@ pub fn costs<S: Balance<Scratch: Send> + Send + Sync>(
     let (size, t) = (system.size(), entries_of(places.t));
     let (q, v) = (rows_of(places.q, t.len(), size.nq, "q")?, rows_of(places.v, t.len(), size.nv, "v")?);
     let row = |x: &[f64], n: usize, i: usize| x[i * n..(i + 1) * n].to_vec();
-    let place = |i: usize| Place { t: t[i], q: row(&q, size.nq, i), v: row(&v, size.nv, i) };
-    let places: Vec<Place> = (0..t.len()).map(place).collect();
+    let place = |i: usize| ClosedState { t: t[i], q: row(&q, size.nq, i), v: row(&v, size.nv, i) };
+    let places: Vec<ClosedState> = (0..t.len()).map(place).collect();
     let (mut stopped, mut last) = (None, Instant::now());
     let mut watch = || {
         if stopped.is_some() {

@@ -55,12 +55,12 @@ fn begins(item: &Item) -> Vec<usize> {
 }
 
 /// What a JSON pointer means, as far as the document has it: the place of the last key that is there.
-struct Walk<'t> {
+struct KeySearch<'t> {
     parts: std::str::Split<'t, char>,
     found: Option<usize>,
 }
 
-impl Walk<'_> {
+impl KeySearch<'_> {
     fn note(&mut self, span: Option<Range<usize>>) {
         if let Some(span) = span {
             self.found = Some(span.start);
@@ -141,9 +141,9 @@ fn line_of(text: &str, pointer: &str) -> Result<Option<usize>, TomlError> {
     let document = Document::parse(text)?;
     let mut parts = pointer.split('/');
     parts.next(); // a pointer begins with a slash
-    let mut walk = Walk { parts, found: None };
-    walk.table(document.as_table());
-    Ok(walk.found.map(|at| line(text, at)))
+    let mut search = KeySearch { parts, found: None };
+    search.table(document.as_table());
+    Ok(search.found.map(|at| line(text, at)))
 }
 
 /// JSON of the document, and JSON of {"body": [where each begins, in bytes]} for the lists in it.

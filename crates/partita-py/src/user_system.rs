@@ -3,7 +3,7 @@
 use crate::arrays::{any_vector, array, entries_of, rows_of, vector};
 use crate::calls;
 use crate::failure::{self, guarded, raise};
-use crate::run::{self, read_options, Places};
+use crate::run::{self, read_options, ClosedStates};
 use crate::state::{self, Array};
 use crate::tangent::TangentFunctions;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
@@ -337,7 +337,7 @@ impl System {
         tangent: Option<TangentFunctions>,
     ) -> PyResult<Vec<f64>> {
         guarded(py, || {
-            let places = Places { t: &t, q: &q, v: &v };
+            let places = ClosedStates { t: &t, q: &q, v: &v };
             let (n, times) = (self.f.n, entries_of(&t));
             let Some(first) = times.first() else { return Ok(vec![f64::NAN; options.len()]) };
             let all = rows_of(&q, times.len(), n, "q")?;

@@ -228,8 +228,8 @@ impl Forms {
             u.iter_mut().zip(&back).for_each(|(x, y)| *x -= part * y);
         }
         // double lines are approached by halves
-        let flat = |f: &Matrix| f.matvec(&u).iter().zip(&u).map(|(a, b)| a * b).sum::<f64>().abs() < ON_CONE;
-        self.0.iter().all(flat).then_some(u)
+        let vanishes = |f: &Matrix| f.matvec(&u).iter().zip(&u).map(|(a, b)| a * b).sum::<f64>().abs() < ON_CONE;
+        self.0.iter().all(vanishes).then_some(u)
     }
 
     /// Lines of the cone that irregular starts lead to, up to one more than can be listed.
@@ -317,11 +317,12 @@ pub fn look<S: ConstrainedSystem>(
     if let [form] = forms.0.as_slice() {
         let Ok((values, vectors)) = symmetric_eigen(form) else { return Ok(None) };
         let largest = values.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-        let acts = |x: f64| x.abs() > SECOND_RATE_ROUNDING * largest;
-        let mut signs = values.iter().filter(|x| acts(**x)).map(|x| x.signum());
+        let significant = |x: f64| x.abs() > SECOND_RATE_ROUNDING * largest;
+        let mut signs = values.iter().filter(|x| significant(**x)).map(|x| x.signum());
         let first = signs.next();
         if signs.all(|sign| Some(sign) == first) {
-            let free: Vec<Vec<f64>> = (0..k).filter(|&j| !acts(values[j])).map(|j| column(&vectors, j)).collect();
+            let free: Vec<Vec<f64>> =
+                (0..k).filter(|&j| !significant(values[j])).map(|j| column(&vectors, j)).collect();
             found.seeming = k - free.len();
             one_sign = Some(free);
         }
@@ -438,7 +439,7 @@ pub fn of_joints<S: ConstrainedSystem>(system: &S, q: &[f64], found: &Branching)
             found.seeming
         );
     }
-    let way = |(n, b): (usize, &Branch)| {
+    let line = |(n, b): (usize, &Branch)| {
         let list = |x: &[(String, f64)]| -> String {
             x.iter().map(|(name, x)| format!("\"{name}\": {}", formatted(*x))).collect::<Vec<_>>().join(", ")
         };
@@ -448,7 +449,7 @@ pub fn of_joints<S: ConstrainedSystem>(system: &S, q: &[f64], found: &Branching)
             false => format!("rates and guess as report().to_dict()[\"singular\"][\"branches\"][{n}] has them"),
         }
     };
-    let branches: Vec<String> = found.branches.iter().enumerate().take(BRANCHES_LISTED).map(way).collect();
+    let branches: Vec<String> = found.branches.iter().enumerate().take(BRANCHES_LISTED).map(line).collect();
     let meet = match (found.many, found.branches.len()) {
         (true, _) => "ways part in more directions than can be listed, such as".into(),
         (false, 1) => "one way leads on".into(),

@@ -117,8 +117,8 @@ impl Breakpoints {
             let start = to.x - 0.5 * h * (from.rate + to.rate);
             x0 += ((start - x0) / std::f64::consts::TAU).round() * std::f64::consts::TAU;
         }
-        let (way, r0, r1) = (to.x - x0, h * from.rate, h * to.rate);
-        let (b, c) = (3.0 * way - 2.0 * r0 - r1, r0 + r1 - 2.0 * way);
+        let (rise, r0, r1) = (to.x - x0, h * from.rate, h * to.rate);
+        let (b, c) = (3.0 * rise - 2.0 * r0 - r1, r0 + r1 - 2.0 * rise);
         let at = |s: f64| x0 + s * (r0 + s * (b + s * c));
         let [one, two] = turns(r0, b, c);
         let ends = [0.0, one, two, 1.0];

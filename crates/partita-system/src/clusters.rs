@@ -1,6 +1,6 @@
 //! Clusters: velocities and rows that hang together through C.
 //!
-//! C, C_D, A, D, η and ξ are block-diagonal over clusters, so each has its own choice of coordinates, its own exchanges
+//! C, C_D, A, D, η and ξ are block-diagonal over clusters, so each has its own choice of coordinates, its own switches
 //! and its own margin. What one cluster does, the others meet only through the reduced equations.
 
 use partita_math::elimination::Pattern;

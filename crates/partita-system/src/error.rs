@@ -33,9 +33,9 @@ pub enum SystemError {
         /// The pivot.
         pivot: f64,
     },
-    /// A freedom that moves no mass.
+    /// A degree of freedom that moves no mass.
     #[error(
-        "a freedom of the mechanism moves no mass at t = {t}: {motion} (rad/s, m/s) takes along {}, and nothing of it has mass or \
+        "a degree of freedom of the mechanism moves no mass at t = {t}: {motion} (rad/s, m/s) takes along {}, and nothing of it has mass or \
          inertia in that motion, so no force says how it goes; give one of them a mass or a moment of inertia, or drive it",
         names(bodies)
     )]

@@ -50,7 +50,7 @@ impl From<f64> for Renew {
 pub struct FormulationOptions {
     /// Removal of the remainder of S3 (and of S4, where v is integrated).
     pub correction: Correction,
-    /// Exchange of independent coordinates when one gains more than this; infinite: never.
+    /// Switch of independent coordinates when one gains more than this; infinite: never.
     pub switch_threshold: f64,
     /// The user's own independent velocities, kept through the run.
     pub independent: Option<Vec<usize>>,

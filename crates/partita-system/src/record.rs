@@ -137,7 +137,7 @@ pub struct FormulationCounters {
     pub factorisations: u64,
     /// Elimination plans made.
     pub plans: u64,
-    /// Exchanges of independent coordinates.
+    /// Switches of independent coordinates.
     pub switches: u64,
     /// Position corrections applied.
     pub corrections: u64,

@@ -126,7 +126,7 @@ fn counted<S: ConstrainedSystem>(
     let system = probe.system.clone();
     let limit = if finite.weak { tolerance::LOST_PIVOT } else { tolerance::REDUNDANT };
     let drive = |i: usize| system.row_is_drive(i);
-    probe.weigh_reaches(true);
+    probe.weigh_displacements(true);
     probe.position(t, q)?;
     probe.refresh_scales(t, q)?;
     let wanted = system.size().nv.saturating_sub(finite.dof);
@@ -209,7 +209,7 @@ pub fn rank_here<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<
 
 /// The rank at a position, and the largest squared sine of a row dropped.
 fn ranked<S: ConstrainedSystem>(probe: &mut Reduction<S>, t: f64, q: &[f64]) -> Result<(Start, f64), SystemError> {
-    probe.weigh_reaches(false);
+    probe.weigh_displacements(false);
     probe.position(t, q)?;
     probe.refresh_scales(t, q)?;
     let here = rank_at_last(probe);
@@ -297,7 +297,7 @@ pub(crate) fn distinct(named: &[usize], n: usize) -> Result<Vec<usize>, SystemEr
     Ok(sorted)
 }
 
-/// Choose independent coordinates at `(t, q)`: P5 on any admissible partition, then P6 until no exchange gains.
+/// Choose independent coordinates at `(t, q)`: P5 on any admissible partition, then P6 until no switch gains.
 ///
 /// `weights` multiply ρ (preferences); `fixed` is the user's own choice, taken as it is or refused with a reason.
 /// Leaves the reduction at `(t, q)` with the tangent of the new partition.
@@ -345,7 +345,7 @@ pub fn choose_partition<S: ConstrainedSystem>(
     choose_with_threshold(r, t, q, weights, tolerance::LEAST_SWITCH_GAIN)
 }
 
-/// As [`choose_partition`], but exchanges that gain less than `threshold` are left undone.
+/// As [`choose_partition`], but switches that gain less than `threshold` are left undone.
 pub fn choose_with_threshold<S: ConstrainedSystem>(
     r: &mut Reduction<S>,
     t: f64,
@@ -374,7 +374,7 @@ pub fn choose_with_threshold<S: ConstrainedSystem>(
         Some(w) => r.scales().iter().zip(w).map(|(s, w)| s / w).collect(),
         None => r.scales().to_vec(),
     };
-    // every exchange multiplies the volume by more than that, so the loop ends; the bound is for round-off
+    // every switch multiplies the volume by more than that, so the loop ends; the bound is for round-off
     for _ in 0..10 * r.size().nv {
         let pairs = r.best_switches(&scales, threshold.max(tolerance::LEAST_SWITCH_GAIN));
         if pairs.is_empty() {

@@ -159,15 +159,15 @@ def add_tyre(
     wheel, road = resolve(self, element, "body", body, ground=False), resolve(self, element, "ground", ground)
     if wheel == road:
         element.fail(f'wheel and road are on "{wheel}"; name two different bodies')
-    grips = {
+    coefficients = {
         "friction": number(element, "friction", friction, least=0.0),
         "longitudinal": number(element, "longitudinal", longitudinal, "N", least=0.0),
         "lateral": number(element, "lateral", lateral, "N", least=0.0),
     }
-    stiff = grips["longitudinal"] > 0.0 or grips["lateral"] > 0.0
-    if stiff and grips["friction"] == 0.0:
+    stiff = coefficients["longitudinal"] > 0.0 or coefficients["lateral"] > 0.0
+    if stiff and coefficients["friction"] == 0.0:
         element.fail("slip stiffness without friction has no effect; give the friction that limits the force")
-    if grips["friction"] > 0.0 and not stiff:
+    if coefficients["friction"] > 0.0 and not stiff:
         element.fail("friction limits a slip force, and there is none; give longitudinal or lateral slip stiffness")
     if stiff and slow_speed is None:
         element.fail("slip needs a slow_speed: the speed [m/s] below which it is counted as if at it")
@@ -187,9 +187,9 @@ def add_tyre(
         **where,
         "ground": None if road == GROUND else road,
         "damping": where["damping"] or None,
-        **{word: value or None for word, value in grips.items()},
+        **{word: value or None for word, value in coefficients.items()},
         "slow_speed": None if slow_speed is None else slow,
     }
     units = {"stiffness": "N/m", "damping": "s/m", "longitudinal": "N", "lateral": "N", "slow_speed": "m/s"}
-    means = {**where, **grips, "slow_speed": slow}
+    means = {**where, **coefficients, "slow_speed": slow}
     return store(self, LoadRecord(name, "tyre", said, means, {**units, "radius": "m", "center": "m"}))

@@ -126,7 +126,7 @@ class Motion:
         except Exception:  # whatever a user's function does when it meets a number of a kind it does not know
             result = self._differences(function, t)
         if not self.notes:
-            self._tell(function, t)
+            self._warn(function, t)
         return result[:3]
 
     def _differences(self, function: TimeFunction, t: float) -> tuple[float, float, float, float]:
@@ -143,7 +143,7 @@ class Motion:
                 where=self.element.name,
             ) from error
 
-    def _tell(self, function: TimeFunction, t: float) -> None:
+    def _warn(self, function: TimeFunction, t: float) -> None:
         """Say once that derivatives are not exact."""
         error = self._differences(function, t)[3]
         self.notes.append(

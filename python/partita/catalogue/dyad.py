@@ -17,12 +17,12 @@ def meet(p: ArrayLike, q: ArrayLike, to_p: float, to_q: float, side: int) -> Flo
     that do not meet give NaN.
     """
     first, second = np.asarray(p, dtype=float), np.asarray(q, dtype=float)
-    way = second - first
-    square = np.sum(way**2, axis=-1, keepdims=True)
+    offset = second - first
+    square = np.sum(offset**2, axis=-1, keepdims=True)
     along = (square + to_p**2 - to_q**2) / (2.0 * square)
     height = to_p**2 / square - along**2
     across = side * np.sqrt(np.where(height >= 0.0, height, np.nan))
-    return np.asarray(first + along * way + across * turned(way))
+    return np.asarray(first + along * offset + across * turned(offset))
 
 
 def turned(vector: FloatArray, angle: float = np.pi / 2) -> FloatArray:

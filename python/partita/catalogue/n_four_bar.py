@@ -33,7 +33,7 @@ B0 = {
 }
 MOST = 1_000_000
 TIMES = (1.0, 2.0, 5.0, 10.0)
-FIRST_SINGULAR_PASSAGE = {2: 0.714355529292960472, 40: 0.721581024825656828}  # [s]: all links in line
+FIRST_SINGULAR_CROSSING = {2: 0.714355529292960472, 40: 0.721581024825656828}  # [s]: all links in line
 
 
 def build(loops: int) -> Mechanism:

@@ -58,7 +58,7 @@ def crank(result: Result) -> float:
     return path_error(angle(result, "A", CRANK_ANGLE)[:, None], result, CRANK)
 
 
-def flatness(result: Result) -> float:
+def out_of_plane(result: Result) -> float:
     """Largest distance of the two moving pins from the plane."""
     normal = plane()[:, 2]
     pins = (result.body("crank").point((LENGTHS.crank, 0, 0)), result.body("rocker").point((LENGTHS.rocker, 0, 0)))
@@ -78,7 +78,7 @@ def entry() -> Entry:
         options={"rtol": 1e-11, "atol": 1e-12},
         checks=(
             Check("crank angle [rad]", 1e-7, "rtol 1e-11 over a few hundred steps with a hundredfold growth", crank),
-            Check("pins stay in the plane [m]", 1e-12, "round-off of the closure", flatness),
+            Check("pins stay in the plane [m]", 1e-12, "round-off of the closure", out_of_plane),
         ),
         notes="Of the 20 reaction components only the 8 forces in the plane are determined; the forces along the axes "
         "and the moments across them depend on the elasticity of the links.",

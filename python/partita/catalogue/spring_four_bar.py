@@ -42,7 +42,7 @@ def linear(t: FloatArray) -> FloatArray:
     return np.asarray(RATE / EIGENVALUE.imag * np.exp(EIGENVALUE.real * t) * np.sin(EIGENVALUE.imag * t))
 
 
-def departure(result: Result) -> float:
+def deviation(result: Result) -> float:
     """Largest difference from the linearised motion, relative to the largest displacement."""
     expected = linear(result.t)
     gap = np.max(np.abs(result.joint("D").position[:, 0] - expected))
@@ -64,7 +64,7 @@ def entry() -> Entry:
                 "motion from equilibrium, relative to the linearised one",
                 1e-5,
                 "the square of a motion of 5e-7 rad, and round-off of balanced forces of 10 N over it",
-                departure,
+                deviation,
             ),
         ),
         notes="Joint angles start at zero here, so atol must stay far below the motion of 5e-7 rad.",

@@ -38,16 +38,16 @@ def points(pose: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def base_angles(pose: FloatArray) -> FloatArray:
     """Angles (..., 3 legs) of the links on the ground from x [rad] for poses (..., 3) of the platform."""
-    way = points(pose)[0] - BASE
-    return np.arctan2(way[..., 1], way[..., 0])
+    offset = points(pose)[0] - BASE
+    return np.arctan2(offset[..., 1], offset[..., 0])
 
 
 def joints(pose: FloatArray) -> FloatArray:
     """Coordinates A1 A2 A3 B1 B2 B3 C1 (7,) of the closed robot in relative coordinates for one pose (3,)."""
     (elbows, pins), (drawn_elbows, drawn_pins) = points(pose), points(np.zeros(3))
     turns = base_angles(pose) - base_angles(np.zeros(3))
-    way, drawn = pins - elbows, drawn_pins - drawn_elbows
-    bends = np.arctan2(way[:, 1], way[:, 0]) - np.arctan2(drawn[:, 1], drawn[:, 0]) - turns
+    offset, drawn = pins - elbows, drawn_pins - drawn_elbows
+    bends = np.arctan2(offset[:, 1], offset[:, 0]) - np.arctan2(drawn[:, 1], drawn[:, 0]) - turns
     return np.array([*turns, *bends, pose[2] - turns[0] - bends[0]])
 
 

@@ -59,12 +59,12 @@ class Truth:
 
 
 def planar(links: int, joints: int, source: str, bridges: tuple[str, ...] = ()) -> Truth:
-    """A linkage in the x-y plane of `links` besides the ground and `joints` of one freedom (Gruebler, Chebyshev).
+    """A linkage in the x-y plane of `links` besides the ground and `joints` of one degree of freedom (Gruebler,
+    Chebyshev).
 
-    In the plane a link has three freedoms and a joint takes two. In space a joint takes five, and three of these say,
-    in each of the joints - links loops, once more that the loop is flat. `bridges` lie in no loop: nothing else holds
-    what they hold.
-    """
+    In the plane a link has three degrees of freedom and a joint takes two. In space a joint takes five, and three of
+    these say, in each of the joints - links loops, once more that the loop is flat. `bridges` lie in no loop: nothing
+    else holds what they hold."""
     loops = joints - links
     return Truth(
         mobility=3 * links - 2 * joints,

@@ -73,7 +73,7 @@ def _chooser(result: Result) -> str:
 
 
 def switches(result: Result) -> list[str]:
-    """The exchanges during the run."""
+    """The switches during the run."""
     changes = [change for change in result.partitions if change.is_switch]
     if not changes:
         return ["Switches: none"]

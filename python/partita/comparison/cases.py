@@ -97,7 +97,7 @@ def _rule(rule: str, given: Mapping[str, Any]) -> Case:
 
 def _correction(removal: str) -> Case:
     options = {"selection": SELECTIONS[0], "correction": removal}
-    variant = next(word for word, meant in _REMOVALS.items() if meant == removal)
+    variant = next(word for word, named in _REMOVALS.items() if named == removal)
     return Case(DEFAULT, SELECTIONS[0], variant, options)
 
 

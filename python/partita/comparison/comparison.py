@@ -128,12 +128,12 @@ def carry_out(bench: Bench, cases: Sequence[Case], reference: Result | None, pro
     what is there."""
     rows: list[Row] = []
     runs: dict[int, Result] = {}
-    tell = Progress(progress, len(cases) + 1)
+    report = Progress(progress, len(cases) + 1)
     stopped: KeyboardInterrupt | None = None
     try:
-        bench = bench.with_reference(reference, tell.part("reference"))
+        bench = bench.with_reference(reference, report.part("reference"))
         for case in cases:
-            row, result = _row(bench, case, tell.part(case.name))
+            row, result = _row(bench, case, report.part(case.name))
             rows.append(row)
             if result is not None and len(result.t) > 1 and row.steps:
                 runs[len(rows) - 1] = result
@@ -143,7 +143,7 @@ def carry_out(bench: Bench, cases: Sequence[Case], reference: Result | None, pro
     except KeyboardInterrupt as error:
         stopped = error
     finally:
-        tell.end()
+        report.end()
     left = [not_run(case, "interrupted before its end") for case in cases[len(rows) :]]
     found = Comparison(bench, cases, [*rows, *left], stopped is not None)
     if stopped is not None:

@@ -24,9 +24,9 @@ class Progress:
         if self._bar is not None:
             self._bar.set_description(name)
         begun = self._done
-        return lambda fraction: self._tell((begun + min(max(fraction, 0.0), 1.0)) / self._total)
+        return lambda fraction: self._report((begun + min(max(fraction, 0.0), 1.0)) / self._total)
 
-    def _tell(self, part: float) -> None:
+    def _report(self, part: float) -> None:
         if self._bar is not None:
             forward(self._bar, part)
         else:

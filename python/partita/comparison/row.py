@@ -45,7 +45,7 @@ class Row:
     steps: int | None = None
     rejected: int | None = None
     switches: int | None = None
-    """Exchanges of integrated coordinates; None where no coordinates are chosen to be integrated."""
+    """Switches of integrated coordinates; None where no coordinates are chosen to be integrated."""
     renewals: int | None = None
     """Tangent velocities made, the first included; None where there are none."""
     dense_evaluations: int | None = None

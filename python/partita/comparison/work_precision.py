@@ -95,16 +95,16 @@ def work_precision(bench: Bench, cases: Sequence[Case], tolerances: Sequence[flo
     if not wanted:
         raise ArgumentError("tolerances is empty; give some such as (1e-4, 1e-6, 1e-8)", argument="tolerances")
     points: list[Point] = []
-    tell = Progress(progress, len(cases) * len(wanted))
+    report = Progress(progress, len(cases) * len(wanted))
     stopped: KeyboardInterrupt | None = None
     try:
         for case in cases:
             for rtol in wanted:
-                points.append(_point(bench, case, rtol, tell.part(f"{case.name}, rtol {rtol:g}")))
+                points.append(_point(bench, case, rtol, report.part(f"{case.name}, rtol {rtol:g}")))
     except KeyboardInterrupt as error:
         stopped = error
     finally:
-        tell.end()
+        report.end()
     words = bench.reference.words if bench.reference is not None else "none: interrupted"
     found = WorkPrecision(bench.title, words, points, stopped is not None, bench.unit)
     if stopped is not None:

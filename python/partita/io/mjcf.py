@@ -62,8 +62,8 @@ class _Named:
                 element.fail(f'names the file "{name}", a link that leads out of the folder of the model')
 
 
-def _looked_at(path: Path, folder: Path, way: tuple[Path, ...], named: _Named) -> Element:
-    """The root of a file, once neither it nor what it includes leads out of the folder; `way` are the files that
+def _looked_at(path: Path, folder: Path, including: tuple[Path, ...], named: _Named) -> Element:
+    """The root of a file, once neither it nor what it includes leads out of the folder; `including` are the files that
     include it."""
     root = parse(path)
     try:
@@ -92,13 +92,13 @@ def _looked_at(path: Path, folder: Path, way: tuple[Path, ...], named: _Named) -
             inner = folder / name
             named.included += 1
             named.stay(folder)
-            if inner in (*way, path):
+            if inner in (*including, path):
                 element.fail(f'includes "{name}", which includes this file: they go in a circle')
             if named.included > _INCLUDES:
                 element.fail(f"is one of more than {_INCLUDES} files that are included")
             if not inner.is_file():
                 element.fail(f'includes "{name}", which does not exist')
-            _looked_at(inner, folder, (*way, path), named)
+            _looked_at(inner, folder, (*including, path), named)
     return root
 
 

@@ -1,4 +1,5 @@
-"""A mechanism as MJCF. Joints of several freedoms are several joints of a body; what closes loops are equalities.
+"""A mechanism as MJCF. Joints of several degrees of freedom are several joints of a body; what closes loops are
+equalities.
 
 A point held is a `connect`, a hinge two of them, a weld is a `weld`. Any other joint that closes a loop carries half of
 its body: the body is cut in two halves of half the mass, one of them carried by the joint, and these are welded.

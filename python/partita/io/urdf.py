@@ -254,7 +254,7 @@ def _coupling(robot: Robot, item: Element) -> Tie:
     name, ratio = item.must("name"), item.the("ratio").number("value")
     into = {joint.child: joint for joint in robot.joints.values()}
 
-    def way(tag: str) -> list[str]:
+    def joints_along(tag: str) -> list[str]:
         link, found = item.the(tag).must("link"), list[str]()
         if link not in robot.links:
             item.fail(f'names the link "{link}", which does not exist')
@@ -263,7 +263,7 @@ def _coupling(robot: Robot, item: Element) -> Tie:
             link = into[link].parent
         return found
 
-    before, after = way("predecessor"), way("successor")
+    before, after = joints_along("predecessor"), joints_along("successor")
     shared = set(before) & set(after)
     terms = [(joint, 1.0) for joint in after if joint not in shared]
     terms += [(joint, -ratio) for joint in before if joint not in shared]

@@ -3,9 +3,9 @@
 Springs, dampers other than those of hinges and slides, links that gravity leaves alone and the drawing tolerance stand
 in that file too: URDF has no words for them, and other programs go without.
 
-A joint of more than one freedom is a chain of slides and turns through links of no mass, which the reader makes one
-joint again. So is a joint that closes a loop: it carries a link of no mass, and that is welded to a frame of its child.
-"""
+A joint of more than one degree of freedom is a chain of slides and turns through links of no mass, which the reader
+makes one joint again. So is a joint that closes a loop: it carries a link of no mass, and that is welded to a frame of
+its child."""
 
 from __future__ import annotations
 

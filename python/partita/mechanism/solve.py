@@ -49,8 +49,8 @@ def assemble(
         rates: the same for velocities of joints [rad/s or m/s]. What is not given stays as near to rest (to `near`) as
             it can. In a change point, where branches meet, they are completed on the branch that they single out; they
             may miss it by 2e-3 (digits as refusals print them), and what comes out lies on it. Where drives leave no
-            freedom (a slider driven out of its dead centre) a rate tells the way alone: it is taken for the way whose
-            rate lies between half and twice of it, and the drive says its value.
+            degree of freedom (a slider driven out of its dead centre) a rate tells the way alone: it is taken for the
+            way whose rate lies between half and twice of it, and the drive says its value.
         near: where to start, for another branch; None: the drawing at rest.
         fixed: joints (or coordinates) that keep their position in the start, drawn or guessed, while loops are closed
             and targets met.
@@ -250,9 +250,9 @@ def _where(what: str, key: str, place: dict[str, int], span: Any, layout: Layout
 def _numbers(what: str, key: Any, value: Any, units: list[str]) -> list[float]:
     """As many finite numbers as the joint has coordinates."""
     count = len(units)
-    meant = units[0] if len(set(units)) == 1 else units
+    unit = units[0] if len(set(units)) == 1 else units
     try:
-        numbers = np.atleast_1d(floats(run_options.si(f"{what}[{str(key)!r}]", value, meant)))
+        numbers = np.atleast_1d(floats(run_options.si(f"{what}[{str(key)!r}]", value, unit)))
     except TypeError as error:
         sentence = f"{what}[{str(key)!r}] must be made of numbers, not {shown(value)}"
         raise ArgumentError(sentence, argument=what) from error
@@ -366,7 +366,7 @@ def simulate(
         correction: how the remainder of the constraints is removed after each step: "partition" (dependent
             coordinates only), "mass-orthogonal" or "none" (a drift then remains, and the result shows it).
         switch_threshold: independent coordinates are switched when others span a volume larger by this factor; at
-            least 1. (`exchange` is its old name.)
+            least 1. (`switch` is its old name.)
         step: fixed step [s]; None: adaptive.
         max_step: largest adaptive step [s].
         max_steps: the run stops with status "max-steps" after so many.

@@ -1,11 +1,11 @@
 // The choice of coordinates by the projective criterion (P4, P5): rho of each, and the best by Gram and Schmidt with pivoting.
 //
-//   rho_i^2 = d_i (D X D^T)^-1 d_i^T / (X^-1)_ii,  d_i row i of D^T, X the mass matrix with light links
+//   rho_i^2 = d_i (D X D^T)^-1 d_i^T / (X^-1)_ii,  d_i row i of D^T, X the mass matrix with massless bodies
 //
 // The rows of D^T, made orthonormal by the factor of D X D^T, stand for the tangential parts of unit velocities.
 
 function makeChoice(eq) {
-  const { w, n, m, k, kept, closing, dropped, holonomic, phi, reach, opening, all, light, metric, METRIC, adopt, tangent, projected, entriesOf } = eq;
+  const { w, n, m, k, kept, closing, dropped, holonomic, phi, displacement, closureScale, all, massless, metric, METRIC, adopt, tangent, projected, entriesOf } = eq;
   const rho = new Float64Array(n).fill(1);
   const unit = new Float64Array(n * k), length = new Float64Array(n), rest = new Float64Array(n * k), left = new Float64Array(n),
     taken = new Uint8Array(n), gram = new Float64Array(k * k), turned = new Float64Array(k * k);
@@ -13,7 +13,7 @@ function makeChoice(eq) {
   let spanned = 0;
   // at the position evaluated last, after `tangent`, with M there
   function measure() {
-    if (light) eq.run.metric();
+    if (massless) eq.run.metric();
     if (!metric.factor(w, METRIC)) throw new Fault("The mass matrix is not positive definite here.");
     projected(metric, METRIC, gram);
     if (!cholesky(gram, k)) return false;
@@ -78,14 +78,14 @@ function makeChoice(eq) {
     }
     return volume < enough ? null : chosen.sort((x, z) => x - z);
   }
-  const EXCHANGE = 0.7;
-  let exchanges = 0;
+  const SWITCH_RATIO = 0.7;
+  let switches = 0;
   // Any regular choice at the position evaluated last: what an elimination with the largest pivots leaves. Redundant rows
   // that agree with those in use may take their place: which are redundant depends on the position.
   function anyChoice() {
-    const agree = dropped.every((i) => i < holonomic && Math.abs(phi[i]) * opening[i] < 1e-9);
+    const agree = dropped.every((i) => i < holonomic && Math.abs(phi[i]) * closureScale[i] < 1e-9);
     const from = agree ? [...kept, ...dropped] : [...kept], numbers = from.map((i) => entriesOf(i, (j) => j).map(([j, at]) => [j, w[at]]));
-    const found = planElimination(m, numbers, true, [from.map((i) => opening[i]), reach]);
+    const found = planElimination(m, numbers, true, [from.map((i) => closureScale[i]), displacement]);
     const used = found && new Set(found.pivots.map(([, j]) => j));
     const rows = found && new Set(found.pivots.map(([r]) => from[r])), closes = closing.length;
     if (!found || !adopt(all.filter((i) => !used.has(i)), dropped.length ? rows : null) || closing.length !== closes) {
@@ -103,13 +103,13 @@ function makeChoice(eq) {
       anyChoice();
       if (!measure()) throw new Fault(NO_MASS);
     }
-    const chosen = best(any ? -Infinity : spanned - Math.log(EXCHANGE));
+    const chosen = best(any ? -Infinity : spanned - Math.log(SWITCH_RATIO));
     if (!chosen) return;
     const old = eq.independent;
-    if (!first && chosen.some((i, j) => i !== independent[j])) exchanges += 1;
+    if (!first && chosen.some((i, j) => i !== independent[j])) switches += 1;
     if (!adopt(chosen) || !measure()) adopt(old);
     regular = eq.regular;
   }
 
-  return { rho, choose, get exchanges() { return exchanges; }, set exchanges(x) { exchanges = x; } };
+  return { rho, choose, get switches() { return switches; }, set switches(x) { switches = x; } };
 }

@@ -2,12 +2,12 @@
 // number was changed, and what stays open in words.
 
 function makeClosing(eq) {
-  const { w, n, m, nq, C, rowStart, columns, kept, closing, holonomic, reach, opening, phi, all, about, position, move } = eq;
+  const { w, n, m, nq, C, rowStart, columns, kept, closing, holonomic, displacement, closureScale, phi, all, about, position, move } = eq;
   const mh = closing.length, right = new Float64Array(m);
   const dv = new Float64Array(n), size = new Float64Array(mh * mh), spread = new Float64Array(n);
   function closureError(list) {
     let worst = 0;
-    for (const i of list) if (i < holonomic) worst = Math.max(worst, Math.abs(phi[i]) * opening[i]);
+    for (const i of list) if (i < holonomic) worst = Math.max(worst, Math.abs(phi[i]) * closureScale[i]);
     return worst;
   }
   // Newton's method on the dependent coordinates; conditions on rates close nothing, so there the least move does
@@ -32,7 +32,7 @@ function makeClosing(eq) {
       }
       before = open;
       let far = 0;
-      for (let i = 0; i < n; i++) far = Math.max(far, Math.abs(dv[i]) / reach[i]);
+      for (let i = 0; i < n; i++) far = Math.max(far, Math.abs(dv[i]) / displacement[i]);
       move(at, dv);
       // with the matrix of the place itself the next remainder is the square of this one
       settled = far < (fresh ? 1e-8 : 1e-11);
@@ -42,7 +42,7 @@ function makeClosing(eq) {
   }
   // dv = -S^2 C^T (C S^2 C^T + damping)^-1 Phi over some velocities, S the reaches
   function least(which, damping) {
-    const weight = (j) => reach[j] * reach[j];
+    const weight = (j) => displacement[j] * displacement[j];
     spread.fill(0);
     dv.fill(0);
     for (const j of which) dv[j] = weight(j);
@@ -52,11 +52,11 @@ function makeClosing(eq) {
       for (let p = 0; p <= r; p++) {
         let z = 0;
         for (let e = rowStart[closing[p]]; e < rowStart[closing[p] + 1]; e++) z += w[C + e] * spread[columns[e]];
-        size[r * mh + p] = z * opening[closing[r]] * opening[closing[p]];
+        size[r * mh + p] = z * closureScale[closing[r]] * closureScale[closing[p]];
       }
       for (let e = r0; e < r1; e++) spread[columns[e]] = 0;
       size[r * mh + r] += damping + 1e-14 * size[r * mh + r];
-      right[r] = -phi[closing[r]] * opening[closing[r]];
+      right[r] = -phi[closing[r]] * closureScale[closing[r]];
     }
     dv.fill(0);
     if (!cholesky(size, mh)) return false;
@@ -64,7 +64,7 @@ function makeClosing(eq) {
     backward(size, mh, right);
     for (let r = 0; r < mh; r++) {
       const i = closing[r];
-      for (let e = rowStart[i]; e < rowStart[i + 1]; e++) dv[columns[e]] += w[C + e] * opening[i] * right[r];
+      for (let e = rowStart[i]; e < rowStart[i + 1]; e++) dv[columns[e]] += w[C + e] * closureScale[i] * right[r];
     }
     spread.fill(0);
     for (const j of which) spread[j] = dv[j] * weight(j);
@@ -76,7 +76,7 @@ function makeClosing(eq) {
     const from = new Float64Array(nq);
     const residual = () => {
       let z = 0;
-      for (const i of closing) z += (phi[i] * opening[i]) ** 2;
+      for (const i of closing) z += (phi[i] * closureScale[i]) ** 2;
       return z;
     };
     position(s, at);
@@ -85,7 +85,7 @@ function makeClosing(eq) {
       from.set(at);
       if (!least(all, damping)) { damping = damping ? damping * 10 : 1e-12; position(s, at); continue; }
       let far = 0;
-      for (let i = 0; i < n; i++) far = Math.max(far, Math.abs(dv[i]) / reach[i]);
+      for (let i = 0; i < n; i++) far = Math.max(far, Math.abs(dv[i]) / displacement[i]);
       if (far > 0.3) for (let i = 0; i < n; i++) dv[i] *= 0.3 / far;
       move(at, dv);
       position(s, at);
@@ -111,7 +111,7 @@ function makeClosing(eq) {
     for (let i = 0; i < holonomic; i++) {
       const { owner, angle } = about.conditions[i];
       const gap = found.get(owner) || { owner, length: 0, angle: 0, part: 0 };
-      const part = Math.abs(phi[i]) * opening[i];
+      const part = Math.abs(phi[i]) * closureScale[i];
       if (!(part > 1e-9)) continue;
       if (angle) gap.angle = Math.hypot(gap.angle, phi[i]); else gap.length = Math.hypot(gap.length, phi[i]);
       gap.part = Math.max(gap.part, part);
@@ -121,7 +121,7 @@ function makeClosing(eq) {
   }
 
   const digits = (x) => Number(x.toPrecision(3)).toString();
-  function told(list) {
+  function named(list) {
     if (list.length === 0) return "nothing stands open";
     return list.slice(0, 3).map((g) => {
       const by = [];
@@ -132,5 +132,5 @@ function makeClosing(eq) {
     }).join("; ");
   }
 
-  return { closureError, closeDependent, closeAll, gaps, told, digits };
+  return { closureError, closeDependent, closeAll, gaps, named, digits };
 }

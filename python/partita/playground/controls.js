@@ -103,9 +103,9 @@ const scalar = (parent, name, words, unit, positive) => {
   field(parent, words, unit, () => motion.get(name)[0], set, x > 0 ? [0.1 * x, 4 * x] : null);
 };
 if (has("gravity")) {
-  const drawn = about.values.gravity, g = Math.hypot(...drawn), way = g > 0 ? drawn.map((x) => x / g) : [0, -1, 0];
-  const size = () => motion.get("gravity").reduce((s, x, i) => s + x * way[i], 0);
-  field($("masses"), "gravity", "m/s²", size, (x) => motion.change({ gravity: way.map((w) => w * x) }), [0, g > 0 ? 2 * g : 20]);
+  const drawn = about.values.gravity, g = Math.hypot(...drawn), direction = g > 0 ? drawn.map((x) => x / g) : [0, -1, 0];
+  const size = () => motion.get("gravity").reduce((s, x, i) => s + x * direction[i], 0);
+  field($("masses"), "gravity", "m/s²", size, (x) => motion.change({ gravity: direction.map((w) => w * x) }), [0, g > 0 ? 2 * g : 20]);
 }
 const heavy = about.bodies.slice(0, 40).filter((body) => has(`${body}.mass`));
 heavy.forEach((body, i) => scalar(more($("masses"), i, heavy.length), `${body}.mass`, `${body}: mass`, "kg", true));
@@ -279,7 +279,7 @@ function show(energy) {
     value.textContent = motion.rho[i].toFixed(2);
   });
   readouts[0].textContent = `${(energy[0] + energy[1]).toPrecision(5)} J`;
-  readouts[1].textContent = motion.exchanges;
+  readouts[1].textContent = motion.switches;
   readouts[2].textContent = rate.toFixed(0);
   $("clock").textContent = `${motion.t.toFixed(3)} s`;
 }

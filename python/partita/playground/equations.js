@@ -9,7 +9,7 @@
 // each made when the choice is.
 
 class Fault extends Error {}
-const NO_MASS = "No mass moves with one of the freedoms: its acceleration is not determined.";
+const NO_MASS = "No mass moves with one of the degrees of freedom: its acceleration is not determined.";
 
 function makeEquations(run, about) {
   const w = new Float64Array(run.memory.buffer);
@@ -26,16 +26,16 @@ function makeEquations(run, about) {
   const m = kept.length, k = n - m;
   const place = (name) => about.outputs[name][0];
   const PHI = place("phi"), C = place("c"), A = place("a"), B = place("b"), H = place("h");
-  // what light links count with is in the metric alone
-  const light = about.outputs.metric[1] > 0, MASS = place("mass"), METRIC = light ? place("metric") : MASS;
+  // what massless bodies count with is in the metric alone
+  const massless = about.outputs.metric[1] > 0, MASS = place("mass"), METRIC = massless ? place("metric") : MASS;
   const Q = 1, V = 1 + nq;
   const balls = [], plain = [];
   for (let i = 0; i < n;) {
     const [from, to] = about.coordinates_of[i];
     if (to - from === 4) { balls.push([from, i]); i += 3; } else { plain.push([from, i]); i += 1; }
   }
-  const reach = about.reach, rowStart = Int32Array.from(about.row_start), columns = Int32Array.from(about.columns);
-  const opening = about.conditions.map((c) => 1 / (c.reach > 0 ? c.reach : c.angle ? 1 : about.length || 1));
+  const displacement = about.displacement, rowStart = Int32Array.from(about.row_start), columns = Int32Array.from(about.columns);
+  const closureScale = about.conditions.map((c) => 1 / (c.displacement > 0 ? c.displacement : c.angle ? 1 : about.length || 1));
 
   let independent = [], dependent = [], evaluations = 0;
   const all = Array.from({ length: n }, (_, i) => i);
@@ -43,7 +43,7 @@ function makeEquations(run, about) {
   const phi = new Float64Array(rows), a = new Float64Array(rows), b = new Float64Array(rows);
   const md = new Float64Array(k * k), hd = new Float64Array(k);
   const sides = new Float64Array(m * k), moved = new Float64Array(n * k);
-  const mass = makeSymmetric(n, about.patterns.mass), metric = light ? makeSymmetric(n, about.patterns.metric) : mass;
+  const mass = makeSymmetric(n, about.patterns.mass), metric = massless ? makeSymmetric(n, about.patterns.metric) : mass;
   const xi = new Float64Array(n), right = new Float64Array(m), force = new Float64Array(n), slope = new Float64Array(n);
 
   // ---- what the drives prescribe: value, rate and its rate at time s
@@ -94,7 +94,7 @@ function makeEquations(run, about) {
   let elimination = null;
   let dtColumn = new Int32Array(0), dt = new Float64Array(0);
   const dtStart = new Int32Array(n + 1);
-  const freedom = new Int32Array(n).fill(-1);
+  const dofIndex = new Int32Array(n).fill(-1);
   const entriesOf = (i, of) => {
     const list = [];
     for (let e = rowStart[i]; e < rowStart[i + 1]; e++) list.push([of(columns[e]), C + e]);
@@ -108,8 +108,8 @@ function makeEquations(run, about) {
     if (!elimination) return false;
     const over = new Array(n);
     dependent.forEach((j, i) => { over[j] = elimination.reach[i]; });
-    freedom.fill(-1);
-    independent.forEach((j, i) => { over[j] = [i]; freedom[j] = i; });
+    dofIndex.fill(-1);
+    independent.forEach((j, i) => { over[j] = [i]; dofIndex[j] = i; });
     for (let i = 0; i < n; i++) dtStart[i + 1] = dtStart[i] + over[i].length;
     dtColumn = Int32Array.from(over.flat());
     dt = new Float64Array(dtColumn.length);
@@ -118,7 +118,7 @@ function makeEquations(run, about) {
     wide = worthwhile();
     return true;
   }
-  // The accelerations solve  [M C^T; C 0] [v'; -lambda] = [h; -b]  as well, sparse however many freedoms there are: taken
+  // The accelerations solve  [M C^T; C 0] [v'; -lambda] = [h; -b]  as well, sparse however many degrees of freedom there are: taken
   // where that costs less than D M D^T. The order of its elimination does not depend on the choice.
   let whole = null, wide = false;
   function worthwhile() {
@@ -126,7 +126,7 @@ function makeEquations(run, about) {
     const over = (i) => dtStart[i + 1] - dtStart[i];
     for (let e = 0; e < mass.row.length; e++) projection += over(mass.row[e]) + over(mass.column[e]);
     projection += dt.length * k / 2;
-    if (light || projection < 10000) return false;
+    if (massless || projection < 10000) return false;
     if (!whole) {
       run.velocity();
       const entries = Array.from({ length: n + m }, () => []);
@@ -198,7 +198,7 @@ function makeEquations(run, about) {
       const i = kept[r];
       let z = a[i];
       for (let e = rowStart[i]; e < rowStart[i + 1]; e++) {
-        const f = freedom[columns[e]];
+        const f = dofIndex[columns[e]];
         if (f >= 0) z += w[C + e] * state[nq + f];
       }
       right[r] = -z;
@@ -323,8 +323,8 @@ function makeEquations(run, about) {
   }
 
   return {
-    run, about, w, nq, n, m, k, rows, holonomic, kept, closing, dropped, balls, plain, reach, opening, all, rates,
-    rowStart, columns, phi, mass, metric, light, slope, C, METRIC,
+    run, about, w, nq, n, m, k, rows, holonomic, kept, closing, dropped, balls, plain, displacement, closureScale, all, rates,
+    rowStart, columns, phi, mass, metric, massless, slope, C, METRIC,
     position, velocity, entriesOf, factor, tangent, evaluated, adopt, expand, derivative, accelerate, projected, move, normalise,
     // row i of D^T: columns and values from start[i] to start[i + 1]
     get tangents() { return { start: dtStart, column: dtColumn, value: dt }; },

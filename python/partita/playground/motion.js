@@ -4,9 +4,9 @@
 // for at once. At the end of each the dependent coordinates are closed by Newton's method, and the choice is looked at.
 
 function makeMotion(run, about) {
-  const eq = makeEquations(run, about), { closureError, closeDependent, closeAll, gaps, told, digits } = makeClosing(eq);
+  const eq = makeEquations(run, about), { closureError, closeDependent, closeAll, gaps, named, digits } = makeClosing(eq);
   const choice = makeChoice(eq), { rho, choose } = choice;
-  const { w, nq, n, k, plain, reach, rates, closing, position, velocity, expand, derivative, accelerate, evaluated, normalise } = eq;
+  const { w, nq, n, k, plain, displacement, rates, closing, position, velocity, expand, derivative, accelerate, evaluated, normalise } = eq;
   const ny = nq + k;
 
   let t = 0;
@@ -32,8 +32,8 @@ function makeMotion(run, about) {
   let h = 0, steps = 0;
   // a large move of an entry of the state: 1 for an angle, a length for a slide
   const sizes = new Float64Array(nq).fill(1);
-  for (const [i, j] of plain) sizes[i] = reach[j];
-  const typical = (j) => (j < nq ? sizes[j] : reach[eq.independent[j - nq]]);
+  for (const [i, j] of plain) sizes[i] = displacement[j];
+  const typical = (j) => (j < nq ? sizes[j] : displacement[eq.independent[j - nq]]);
   const accuracy = { relative: 1e-8, absolute: 1e-10 };
   const closed = new Float64Array(nq), next = new Float64Array(n), first = new Float64Array(n);
   // whether all levels have been evaluated at the state
@@ -81,8 +81,8 @@ function makeMotion(run, about) {
   function jumps(step) {
     let off = 0, whole = 0;
     for (let i = 0; i < n; i++) {
-      off = Math.max(off, Math.abs(next[i] - v[i] - step * first[i]) / reach[i]);
-      whole = Math.max(whole, Math.abs(next[i]) / reach[i], Math.abs(v[i]) / reach[i], Math.abs(step * first[i]) / reach[i]);
+      off = Math.max(off, Math.abs(next[i] - v[i] - step * first[i]) / displacement[i]);
+      whole = Math.max(whole, Math.abs(next[i]) / displacement[i], Math.abs(v[i]) / displacement[i], Math.abs(step * first[i]) / displacement[i]);
     }
     return off > 0.3 * whole;
   }
@@ -134,7 +134,7 @@ function makeMotion(run, about) {
         normalise(y1);
         for (let i = 0; i < nq; i++) closed[i] = y1[i];
         const open = closeDependent(t + step, closed);
-        if (!(open < 1e-8)) words = `the loops cannot be kept closed: ${told(gaps())}`;
+        if (!(open < 1e-8)) words = `the loops cannot be kept closed: ${named(gaps())}`;
         // too near to where branches meet rates are not accurate: a step ends before it or beyond
         if (!(open < 1e-8) || !evaluated() || eq.regular < 1e-3 * regularBefore) error = Infinity;
       } else if (error < Infinity) {
@@ -168,7 +168,7 @@ function makeMotion(run, about) {
       refused = beyond = 0;
       wary = Math.max(0, wary - 1);
       if (closureError(eq.dropped) > about.loose) {
-        const words = told(gaps());
+        const words = named(gaps());
         settle();
         throw new Fault(`A condition that was redundant as drawn is not with these lengths: ${words}.`);
       }
@@ -236,7 +236,7 @@ function makeMotion(run, about) {
       const open = closeAll(t, tried);
       const dropped = closureError(eq.dropped);
       let far = 0;
-      for (const [i, j] of plain) far = Math.max(far, Math.abs(tried[i] - at[i]) / reach[j]);
+      for (const [i, j] of plain) far = Math.max(far, Math.abs(tried[i] - at[i]) / displacement[j]);
       if (open < 1e-10 && dropped < about.loose && (far < 0.3 || part < 1e-3)) {
         at.set(tried);
         done = next;
@@ -247,7 +247,7 @@ function makeMotion(run, about) {
         names.forEach((name, i) => put(name, values[name]));
         run.prepare();
         closeAll(t, tried);
-        const words = told(gaps());
+        const words = named(gaps());
         names.forEach((name, i) => put(name, old[i]));
         run.prepare();
         q.set(oldQ);
@@ -279,9 +279,9 @@ function makeMotion(run, about) {
     eq.forget();
     h = 0;
     method = ORDER5;
-    choice.exchanges = 0;
+    choice.switches = 0;
     const open = closeAll(t, q);
-    if (!(open < 1e-9)) throw new Fault(`It cannot be assembled: ${told(gaps())}.`);
+    if (!(open < 1e-9)) throw new Fault(`It cannot be assembled: ${named(gaps())}.`);
     settle();
   }
 
@@ -291,7 +291,7 @@ function makeMotion(run, about) {
     Fault, q, v, rho, accuracy, put, get, change, lengthOf, lengthened, reset, advance, rates,
     get t() { return t; },
     get steps() { return steps; },
-    get exchanges() { return choice.exchanges; },
+    get switches() { return choice.switches; },
     get independent() { return eq.independent; },
     // loads that change nothing of the geometry
     load(values) {

@@ -194,10 +194,10 @@ def loops(summary: Mapping[str, Any]) -> dict[str, list[str]]:
                 if other not in came:
                     came[other] = body
                     waiting.append(other)
-        way = [joint["parent"]]
-        while came.get(way[-1]):
-            way.append(came[way[-1]])
-        found[joint["name"]] = way
+        path = [joint["parent"]]
+        while came.get(path[-1]):
+            path.append(came[path[-1]])
+        found[joint["name"]] = path
     return found
 
 

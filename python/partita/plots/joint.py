@@ -42,7 +42,7 @@ def _motion(
 ) -> None:
     dressed(ax, title, f"{title.lower()}{unit_label(units)}", time_axis=False)
     if values.shape[1] == 0:
-        empty(ax, "this joint has no freedom")
+        empty(ax, "this joint has no degree of freedom")
         return
     for i in range(values.shape[1]):
         x.plot(ax, values[:, i], color=COLOURS[i], lw=1.2, label=labels[i].lstrip(".") or "along the axis")

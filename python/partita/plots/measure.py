@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.gridspec import GridSpecFromSubplotSpec, SubplotSpec
 
 from ..result_view import ResultView
-from .style import COLOURS, Canvas, dressed, empty, legend, shortened, telling
+from .style import COLOURS, Canvas, dressed, empty, legend, reporting, shortened
 
 GREY = "#bbbbbb"
 STRIPS = 6
@@ -24,7 +24,7 @@ def draw_measure(result: ResultView, canvas: Canvas, place: SubplotSpec) -> None
         return
     grid = GridSpecFromSubplotSpec(2, 1, place, height_ratios=[0.09 * max(rows, 1.4), 1.0], hspace=0.04)
     strip, ax = canvas.add_subplot(grid[0]), canvas.add_subplot(grid[1])
-    columns = telling(result, result.measure)
+    columns = reporting(result, result.measure)
     colour = {i: COLOURS[n] for n, i in enumerate(columns)}
     dressed(ax, "", "ρ  (1 = free, 0 = locked)")
     for i in columns:
@@ -61,7 +61,7 @@ def _draw_strip(result: ResultView, ax: Axes, colour: dict[int, str], rows: int)
 def bands(result: ResultView) -> list[list[tuple[float, float, int]]]:
     """For each place among the independent: spans (from, to, column of v) between the outputs.
 
-    A coordinate that stays keeps its place when another one is exchanged.
+    A coordinate that stays keeps its place when another one is switched.
     """
     t, chosen = result.t, settled(result.independent)
     if len(t) < 2:

@@ -12,7 +12,7 @@ from ..naming import coordinate_units
 from ..result_view import ResultView
 from .abscissa import Abscissa, abscissa
 from .bundle import draw_bundle, is_length
-from .style import COLOURS, dressed, empty, legend, level, positive, shortened, telling, unit_label
+from .style import COLOURS, dressed, empty, legend, level, positive, reporting, shortened, unit_label
 
 MOST_TURNS = 3.0
 """A coordinate that turns more often is told, not drawn, beside others that do not."""
@@ -20,7 +20,7 @@ MOST_TURNS = 3.0
 
 def draw_coordinates(result: ResultView, ax: Axes, x: Abscissa | None = None) -> None:
     """q over time; where there are too many, the independent ones and those that move most."""
-    columns = telling(result, result.q) if result.q.shape[1] == result.v.shape[1] else _widest(result)
+    columns = reporting(result, result.q) if result.q.shape[1] == result.v.shape[1] else _widest(result)
     units, labels = coordinate_units(result.summary, result.names)[0], result.names.coordinates
     turning = [i for i in columns if units[i] == "rad" and float(np.ptp(result.q[:, i])) > MOST_TURNS * 2.0 * np.pi]
     if turning and len(turning) < len(columns):  # beside a crank that turns on and on, all others would look still
@@ -39,14 +39,14 @@ def draw_coordinates(result: ResultView, ax: Axes, x: Abscissa | None = None) ->
 def draw_velocities(result: ResultView, ax: Axes, x: Abscissa | None = None) -> None:
     """v over time: how fast."""
     units = coordinate_units(result.summary, result.names)[1]
-    _draw(result, ax, x, "Velocities", "v", result.v, telling(result, result.v), result.names.velocities, units)
+    _draw(result, ax, x, "Velocities", "v", result.v, reporting(result, result.v), result.names.velocities, units)
 
 
 def draw_accelerations(result: ResultView, ax: Axes, x: Abscissa | None = None) -> None:
     """dv/dt over time; gaps where a singular position leaves it open."""
     units = [f"{unit}^2" if unit.endswith("/s") else unit for unit in coordinate_units(result.summary, result.names)[1]]
     vdot = np.asarray(result.vdot)
-    _draw(result, ax, x, "Accelerations", "dv/dt", vdot, telling(result, vdot), result.names.velocities, units)
+    _draw(result, ax, x, "Accelerations", "dv/dt", vdot, reporting(result, vdot), result.names.velocities, units)
 
 
 def _draw(

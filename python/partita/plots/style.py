@@ -67,7 +67,7 @@ def positive(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.maximum(np.abs(values), FLOOR)
 
 
-def telling(result: ResultView, values: NDArray[np.float64], limit: int = LIMIT) -> list[int]:
+def reporting(result: ResultView, values: NDArray[np.float64], limit: int = LIMIT) -> list[int]:
     """Columns worth a line: those most often independent first, then the ones that move most; at most `limit`."""
     total = values.shape[1]
     if total <= limit:

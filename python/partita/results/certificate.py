@@ -44,7 +44,7 @@ class Certificate:
     """Smallest sqrt(mu), and where."""
     sqrt_mu_t: float
     switches: int
-    """Exchanges of independent coordinates."""
+    """Switches of independent coordinates."""
     corrections: int
     """Steps after which the remainder of the closure was removed."""
     notes: tuple[str, ...]
@@ -121,7 +121,7 @@ class Certificate:
             _line("coordinates", "all, since there are no constraints" if np.isnan(self.sigma) else
                   f"quality at worst: sigma {_placed(self.sigma, self.sigma_t)}, sqrt(mu) "
                   f"{_placed(self.sqrt_mu, self.sqrt_mu_t)} (1 is best, 0 singular)"),
-            _line("exchanged", f"{self.switches} times; {self.corrections} steps closed anew"),
+            _line("switched", f"{self.switches} times; {self.corrections} steps closed anew"),
         ]  # fmt: skip
         kept = _grouped(self.notes)
         notes = [f"note: {_cut(note)}" for note in kept[:NOTES]]

@@ -80,8 +80,8 @@ class DriveResult(_Efforts):
     turns. Of a slide, a `Distance` or an `Along` it is a force [N], of an angle or a `Cosine` a torque [N m], positive
     where it acts towards larger values; of a pose's turns it goes with the errors of the orientation, so read
     `run.joint(name).moment` there. Of a joint's slide or angle it is `run.joint(name).drive` as well. `determined`
-    (rows,) and `determined_at` (nt, rows) tell which are unique: two drives that agree on one freedom share its load
-    by the rule for redundant joints (docs/reactions.md), which looks at the wrenches of joints alone.
+    (rows,) and `determined_at` (nt, rows) tell which are unique: two drives that agree on one degree of freedom share
+    its load by the rule for redundant joints (docs/reactions.md), which looks at the wrenches of joints alone.
 
     >>> import partita as pt
     >>> m = pt.Mechanism("winch", gravity=(0, 0, -9.81))

@@ -16,7 +16,7 @@ FloatArray = NDArray[np.float64]
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 
 
-class JointPlace(NamedTuple):
+class JointIndices(NamedTuple):
     """Which joint it is: its number, and where its coordinates stand among those of all joints (first, count)."""
 
     number: int
@@ -33,7 +33,7 @@ class JointData(Protocol):
 
     @property
     def acceleration(self) -> FloatArray:
-        """(nt, dof): accelerations along its freedoms."""
+        """(nt, dof): accelerations along its degrees of freedom."""
 
     @property
     def reaction(self) -> Arrays:
@@ -55,7 +55,7 @@ class JointData(Protocol):
 class AskedJoint:
     """A joint of a result: everything comes from the result's source."""
 
-    def __init__(self, source: Source, place: JointPlace) -> None:
+    def __init__(self, source: Source, place: JointIndices) -> None:
         self._source, self._place = source, place
 
     @property
@@ -169,7 +169,7 @@ class JointResult:
 
     @property
     def drive(self) -> FloatArray:
-        """(nt, dof): effort of a drive along each freedom [N or N m]; zero where nothing drives."""
+        """(nt, dof): effort of a drive along each degree of freedom [N or N m]; zero where nothing drives."""
         return self._data.reaction["drive"]
 
     @property

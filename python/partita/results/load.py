@@ -98,7 +98,7 @@ def _restored(record: Record, arrays: dict[str, NDArray[Any]]) -> Result:
 
 
 def _empty(key: str, nt: int, summary: Mapping[str, Any]) -> tuple[int, ...]:
-    """Shape of an array that had no entries (a body without joints, joints without freedoms, no outputs)."""
+    """Shape of an array that had no entries (a body without joints, joints without degrees of freedom, no outputs)."""
     nb, nj = len(summary.get("bodies", ())), len(summary.get("joints", ()))
     if key.startswith("body"):
         return (nt, nb, 3, 3) if key == "body_rotation" else (nt, nb, 3)

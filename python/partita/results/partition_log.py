@@ -11,8 +11,8 @@ WORDS = {
     "start": "first choice by the projective measure",
     "fixed": "fixed by the user",
     "user": "fixed by the user",
-    "exchange": "an exchange enlarges the choice beyond the threshold",
-    "volume": "an exchange enlarges the choice beyond the threshold",
+    "switch": "a switch enlarges the choice beyond the threshold",
+    "volume": "a switch enlarges the choice beyond the threshold",
     "pivot": "a pivot of the dependent block became too small",
     "rank": "the number of independent constraints changed",
     "singular": "passage through a singular position",
@@ -39,7 +39,7 @@ class PartitionChange:
 
     @property
     def is_switch(self) -> bool:
-        """Whether coordinates were exchanged (not the first choice)."""
+        """Whether coordinates were switched (not the first choice)."""
         return bool(self.entering or self.leaving)
 
     def __str__(self) -> str:

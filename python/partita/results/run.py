@@ -19,7 +19,7 @@ from .body import BodyResult, resting
 from .certificate import Certificate, certify
 from .coupling import CouplingResult, DriveResult
 from .energy import EnergyResult
-from .joint import AskedJoint, JointPlace, JointResult
+from .joint import AskedJoint, JointIndices, JointResult
 from .names import Names, index_of
 from .partition_log import PartitionChange, partition_changes
 from .record import Record
@@ -234,7 +234,7 @@ class Run:
         source = self._source_for("joint", name)
         j = index_of(name, self.names.joints, "joint")
         about = self.summary["joints"][j]
-        data = AskedJoint(source, JointPlace(j, tuple(about["q"]), tuple(about["v"])))
+        data = AskedJoint(source, JointIndices(j, tuple(about["q"]), tuple(about["v"])))
         return JointResult(name, about["kind"], about["parent"], about["child"], data)
 
     def coupling(self, name: str) -> CouplingResult:
@@ -332,7 +332,7 @@ class Run:
 
     @property
     def joint_accelerations(self) -> FloatArray:
-        """Accelerations of all joints (nt, freedoms), as `joint_velocity` of `observed`; for tools."""
+        """Accelerations of all joints (nt, degrees of freedom), as `joint_velocity` of `observed`; for tools."""
         return self._source_for("joint", "all").joint_accelerations
 
     @property
@@ -342,7 +342,7 @@ class Run:
 
     @property
     def determined_drive(self) -> NDArray[np.bool_]:
-        """Uniqueness of the efforts of all drives: (nt, freedoms of all joints); for tools."""
+        """Uniqueness of the efforts of all drives: (nt, degrees of freedom of all joints); for tools."""
         return self._source_for("joint", "all").determined_drive
 
     def self_stresses(self, output: int = -1) -> SelfStresses:

@@ -31,11 +31,11 @@ class Source(Protocol):
         """The `JOINTS` arrays of one joint, whose coordinates are at `q` (first, count) among those of all joints."""
 
     def joint_acceleration(self, j: int, v: Span) -> NDArray[np.float64]:
-        """(nt, dof): accelerations along the freedoms of one joint."""
+        """(nt, dof): accelerations along the degrees of freedom of one joint."""
 
     @property
     def joint_accelerations(self) -> NDArray[np.float64]:
-        """(nt, freedoms of all joints)."""
+        """(nt, degrees of freedom of all joints)."""
 
     @property
     def efforts(self) -> NDArray[np.float64]:
@@ -73,7 +73,7 @@ class Source(Protocol):
 
     @property
     def determined_drive(self) -> NDArray[np.bool_]:
-        """Which efforts of drives are unique: (nt, freedoms of all joints)."""
+        """Which efforts of drives are unique: (nt, degrees of freedom of all joints)."""
 
     def self_stress_basis(self, i: int) -> tuple[NDArray[np.float64], NDArray[np.float64], float] | None:
         """Orthonormal self-stresses at output i: wrenches (s, nj, 6) in world axes, efforts of the drives, and
@@ -309,7 +309,7 @@ def alone(arrays: Arrays, keys: tuple[str, ...]) -> Arrays:
 
 
 def one_of(reactions: Arrays, j: int, v: Span) -> Arrays:
-    """The reaction of joint j, whose freedoms are at `v`, out of those of all joints."""
+    """The reaction of joint j, whose degrees of freedom are at `v`, out of those of all joints."""
     found = {key: reactions[key][:, j] for key in ("force", "moment", "joint_rotation")}
     return {**found, "drive": columns(reactions["drive"], v)}
 

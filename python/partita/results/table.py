@@ -61,7 +61,7 @@ GROUPS = (
 TOTAL = "energy.total"
 """A column that is computed from others, for convenience."""
 
-Place = tuple[str, str, str, tuple[int, ...]]
+ArrayPart = tuple[str, str, str, tuple[int, ...]]
 
 
 @dataclass(frozen=True)
@@ -108,12 +108,12 @@ def _column(at: tuple[int, ...]) -> Any:
     return (slice(None), *at)
 
 
-def _plan(header: Mapping[str, Any]) -> list[Place]:
+def _plan(header: Mapping[str, Any]) -> list[ArrayPart]:
     """Name, unit, array and place in it of every column."""
     arrays = header["arrays"]
     readable = [[name for name in group if name in arrays] for group in GROUPS]
     known = {name for group in readable for name in group}
-    plan: list[Place] = []
+    plan: list[ArrayPart] = []
     sensors = header["account"]["summary"].get("sensors", ())
     titles = {item["variable"]: f"sensor.{item['name']}" for item in sensors}
     for group in [*readable, *([name] for name in arrays if name not in known)]:
@@ -123,7 +123,7 @@ def _plan(header: Mapping[str, Any]) -> list[Place]:
     return _distinct(plan)
 
 
-def _columns_of(name: str, header: Mapping[str, Any], title: str | None) -> Iterator[Place]:
+def _columns_of(name: str, header: Mapping[str, Any], title: str | None) -> Iterator[ArrayPart]:
     """Columns of one array; `title` is the first word of each where it is a sensor's."""
     about = header["arrays"][name]
     along = about["axes"][1:]
@@ -148,7 +148,7 @@ def _units(name: str, about: Mapping[str, Any], header: Mapping[str, Any]) -> li
     return units
 
 
-def _together(found: Sequence[list[Place]]) -> list[Place]:
+def _together(found: Sequence[list[ArrayPart]]) -> list[ArrayPart]:
     """Columns of several arrays over the same axis, one joint or body after the other."""
     if len(found) < 2:
         return [column for group in found for column in group]
@@ -156,7 +156,7 @@ def _together(found: Sequence[list[Place]]) -> list[Place]:
     return [column for i in range(count) for group in found for column in group if column[3][0] == i]
 
 
-def _distinct(plan: list[Place]) -> list[Place]:
+def _distinct(plan: list[ArrayPart]) -> list[ArrayPart]:
     """The same with every name once: conditions may share a name, and a joint's may be made to look like another's."""
     seen: dict[str, int] = {}
     apart = []

@@ -68,7 +68,7 @@ ACCELERATIONS: dict[str, tuple[tuple[str, ...], str, str]] = {
 REACTIONS: dict[str, tuple[tuple[str, ...], str, str]] = {
     "force": (("joint", "axis"), "N", "force of the joint on its child body, world axes"),
     "moment": (("joint", "axis"), "N m", "moment of the joint on its child body about joint_point, world axes"),
-    "drive": (("joint_freedom",), "", "effort of the drive along each freedom, N for slides, N m for turns"),
+    "drive": (("joint_freedom",), "", "effort of the drive along each degree of freedom, N for slides, N m for turns"),
     "joint_rotation": (("joint", "axis", "joint_axis"), "1", "columns are the axes of the joint in the world"),
     "residual": ((), "1", "largest Newton-Euler residual of a body over the largest force"),
     "residuals": (("body",), "1", "Newton-Euler residual of each body over the largest force"),
@@ -103,7 +103,7 @@ def variables(result: ResultView) -> list[Variable]:
         found += _over_time(CHECKS, result.checks)
         flags = zip(DETERMINED.items(), result.determined, strict=True)
         found += [Variable(name, a, ("t", "joint", "component"), "1", text) for (name, text), a in flags]
-        text = "1 where the effort of the drive along the freedom is unique"
+        text = "1 where the effort of the drive along the degree of freedom is unique"
         found.append(Variable("determined_drive", result.determined_drive, ("t", "joint_freedom"), "1", text))
         text = "1 where the effort is unique"
         found.append(Variable("determined_effort", result.determined_efforts, ("t", "condition"), "1", text))

@@ -205,13 +205,14 @@ class _Artist:
         at: tuple[FloatArray, FloatArray],
         radii: tuple[float, float],
         axis: FloatArray,
-        way: FloatArray,
+        direction: FloatArray,
         inside: bool,
     ) -> None:
-        """Add two wheels in mesh; `way` points from the first centre to the second."""
+        """Add two wheels in mesh; `direction` points from the first centre to the second."""
         width = 0.22 * min(radii)
         large = 0 if radii[0] >= radii[1] else 1
-        contact = (way, -way) if not inside else (way, way) if large == 0 else (-way, -way)
+        side = direction if large == 0 else -direction
+        contact = (side, side) if inside else (direction, -direction)
         centres = list(at)
         if inside:  # the ring stands beside its wheel, wherever on its axis it is said to turn
             centres[large] = at[large] + ((at[1 - large] - at[large]) @ axis) * axis

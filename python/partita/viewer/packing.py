@@ -91,8 +91,8 @@ def _stray(table: FloatArray, kept: NDArray[np.int_]) -> FloatArray:
     found = np.zeros(len(table))
     part = (at - low) / (high - low)
     for column in table.T:  # one at a time: all at once would be as large as the run
-        way = column[low] + part * (column[high] - column[low])
-        found = np.fmax(found, np.abs(column - way))
+        between = column[low] + part * (column[high] - column[low])
+        found = np.fmax(found, np.abs(column - between))
     return np.nan_to_num(found)
 
 

@@ -1,4 +1,4 @@
-// The list of coordinates with their measure, the read-outs, and the log of exchanges.
+// The list of coordinates with their measure, the read-outs, and the log of switches.
 
 const FEW = 12; // up to this many coordinates are all shown
 const MATTER = 10; // of more, those that matter, until all are asked for
@@ -125,7 +125,7 @@ class Panel {
   makeLog(jumpTo) {
     const log = document.getElementById("log"), { switches, switchCount } = this.run.scene;
     const list = log.querySelector("ol");
-    log.querySelector("summary").textContent = `Exchanges of coordinates: ${switchCount}`;
+    log.querySelector("summary").textContent = `Switches of coordinates: ${switchCount}`;
     if (!switchCount) list.append(element("li", "", "The first choice served the whole run."));
     for (const s of switches.slice(0, MOST_LOG_ROWS).filter((one) => one.entering)) {
       const item = element("li"), button = element("button");
@@ -144,12 +144,12 @@ class Panel {
     this.frame = frame;
     for (const write of this.readouts) write(frame);
     const now = this.run.independent(frame);
-    if (now.length !== this.marked.length || now.some((v, i) => v !== this.marked[i]) || !this.told) this.mark(now);
+    if (now.length !== this.marked.length || now.some((v, i) => v !== this.marked[i]) || !this.wasMarked) this.mark(now);
     this.bars(frame);
   }
 
   mark(now) {
-    this.told = true;
+    this.wasMarked = true;
     const free = new Set(now);
     this.rows.forEach((r, i) => {
       if (r.free !== free.has(i)) r.row.classList.toggle("free", (r.free = free.has(i)));

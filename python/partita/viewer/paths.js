@@ -56,8 +56,8 @@ function strokesOf(points, times, least) {
     for (let k = 1; k < pieces; k++) { // Hermite: through both outputs, with the rates that their neighbours tell
       const s = k / pieces, r = 1 - s;
       const ends = add(scaled(points[i], r * r * (1 + 2 * s)), scaled(points[i + 1], s * s * (3 - 2 * s)));
-      const way = sub(scaled(rates[i], r * r * s * h), scaled(rates[i + 1], s * s * r * h));
-      stroke.push({ p: add(ends, way), t: times[i] + s * h });
+      const offset = sub(scaled(rates[i], r * r * s * h), scaled(rates[i + 1], s * s * r * h));
+      stroke.push({ p: add(ends, offset), t: times[i] + s * h });
     }
   }
   flush();

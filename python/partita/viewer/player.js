@@ -197,10 +197,10 @@ function onPointerMove(e) {
 
 /** Name, kind and reaction of the joint under the pointer. */
 function hover(x, y) {
-  tell(scene.pick(x, y), x, y);
+  describe(scene.pick(x, y), x, y);
 }
 
-function tell(hit, x, y) {
+function describe(hit, x, y) {
   const tip = byId("tip");
   tip.hidden = !hit;
   if (!hit) return;
@@ -218,15 +218,15 @@ function tell(hit, x, y) {
   tip.style.top = `${Math.max(4, Math.min(y + 14, scene.camera.height - tip.offsetHeight - 4))}px`;
 }
 
-let told = -1;
+let shownHit = -1;
 
 /** From joint to joint by the keyboard, each told as under the pointer. */
 function nextJoint(step) {
   const hits = scene.hits.filter((hit) => hit.kind !== "spring");
   if (!hits.length) return;
-  told = (told + step + hits.length) % hits.length;
-  const p = scene.camera.project(hits[told].point);
-  if (p) tell(hits[told], p.x, p.y);
+  shownHit = (shownHit + step + hits.length) % hits.length;
+  const p = scene.camera.project(hits[shownHit].point);
+  if (p) describe(hits[shownHit], p.x, p.y);
 }
 
 function bindPointer() {

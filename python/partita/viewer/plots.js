@@ -153,11 +153,11 @@ class Plots {
       c.fillStyle = COLOURS.lines[n % COLOURS.lines.length];
       c.beginPath(); c.arc(X(t[frame]), Y(line[frame]), 3, 0, 2 * Math.PI); c.fill();
     });
-    this.tell(plot, frame);
+    this.describe(plot, frame);
   }
 
   /** Name and values now, above the plot and for those who do not see it. */
-  tell(plot, frame) {
+  describe(plot, frame) {
     const { curve, values, caption } = plot;
     const said = values.map((line, n) => (curve.labels[n] ? `${curve.labels[n]} ` : "") + short(line[frame], 3)).join(", ");
     const text = `${curve.name}: ${said}${curve.unit ? ` ${curve.unit}` : ""}${curve.open ? " (not unique)" : ""}`;

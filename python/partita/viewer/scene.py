@@ -24,7 +24,7 @@ ENOUGH = np.radians(10.0)
 """A turn from output to output that is seen as motion."""
 MOST_SWITCHES = 2000
 MOST_FULL = 400
-"""Exchanges that are told in words; of more, the times are marked."""
+"""Switches that are told in words; of more, the times are marked."""
 
 
 @dataclass(frozen=True)
@@ -421,7 +421,7 @@ def _choices(independent: NDArray[Any]) -> list[list[Any]]:
 
 
 def _switches(result: ResultView) -> list[dict[str, Any]]:
-    """The log of exchanges; the first choice of a run is not one."""
+    """The log of switches; the first choice of a run is not one."""
     changes = [change for change in result.partitions if change.entering or change.leaving]
     return [{"t": float(c.t), "entering": list(c.entering), "leaving": list(c.leaving), "reason": str(c.reason)}
             for c in changes[:MOST_FULL]] + [{"t": float(c.t)} for c in changes[MOST_FULL:MOST_SWITCHES]]  # fmt: skip

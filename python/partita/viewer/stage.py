@@ -126,8 +126,8 @@ class Stage:
 
             def draw(ends: Any = ends, i: int = i) -> None:
                 pixels = self.at(ends)
-                way = pixels[1] - pixels[0]
-                unit = way / (np.hypot(*way) or 1.0)
+                offset = pixels[1] - pixels[0]
+                unit = offset / (np.hypot(*offset) or 1.0)
                 normal = np.array([-unit[1], unit[0]])
                 normal = -normal if normal.sum() > 0 else normal
                 outer = [end for end, last in ((pixels[0], i == 0), (pixels[1], i == pieces - 1)) if last]
@@ -346,15 +346,15 @@ class Stage:
 
             def draw(ends: Any = ends) -> None:
                 p, q = self.at(ends)
-                way = q - p
+                offset = q - p
                 across = (
-                    np.array([-way[1], way[0]])
-                    / (np.hypot(*way) or 1.0)
+                    np.array([-offset[1], offset[0]])
+                    / (np.hypot(*offset) or 1.0)
                     * max(2.5 * FINER, 1.5 * self.radius * self.scale)
                 )
-                steps = [p, p + 0.12 * way]
-                steps += [p + (0.12 + 0.76 * (i + 0.5) / 16) * way + (1 - 2 * (i % 2)) * -across for i in range(16)]
-                sheet.line([*steps, p + 0.88 * way, q], SPRING, 1.7 * FINER)
+                steps = [p, p + 0.12 * offset]
+                steps += [p + (0.12 + 0.76 * (i + 0.5) / 16) * offset + (1 - 2 * (i % 2)) * -across for i in range(16)]
+                sheet.line([*steps, p + 0.88 * offset, q], SPRING, 1.7 * FINER)
 
             sheet.add(self.depth(ends), draw)
 
@@ -371,16 +371,16 @@ class Stage:
 
     def hatch(self, sheet: Sheet, p: FloatArray, q: FloatArray, r: float) -> None:
         sheet.line([p, q], GROUND, 1.5 * FINER)
-        way = q - p
-        whole = float(np.hypot(*way))
+        offset = q - p
+        whole = float(np.hypot(*offset))
         if whole < FINER:
             return
-        along = way / whole
+        along = offset / whole
         side = 1.0 if along[0] >= 0 else -1.0
         count = max(2, min(60, round(whole / (0.4 * r))))
         turn = np.array([-side * (along[0] + along[1]), side * (along[0] - along[1])]) * 0.38 * r
         for i in range(count):
-            at = p + way * (i + 0.8) / count
+            at = p + offset * (i + 0.8) / count
             sheet.line([at, at + turn], GROUND, 1.0 * FINER)
 
     def joints(self, sheet: Sheet, frame: int) -> None:
@@ -398,8 +398,10 @@ class Stage:
                     p, q = self.at(ends)
                     sheet.line([p, q], GROUND, max(1.5 * FINER, 0.5 * r * self.scale))
                     if grounded:
-                        way = (q - p) / (np.hypot(*(q - p)) or 1.0)
-                        low = np.array([-way[1], way[0]]) * (1.0 if way[0] >= 0 else -1.0) * 1.6 * r * self.scale
+                        offset = (q - p) / (np.hypot(*(q - p)) or 1.0)
+                        low = (
+                            np.array([-offset[1], offset[0]]) * (1.0 if offset[0] >= 0 else -1.0) * 1.6 * r * self.scale
+                        )
                         self.hatch(sheet, p + low, q + low, 3.4 * r * self.scale)
 
                 sheet.add(self.depth(ends) - 2, rail)

@@ -188,8 +188,8 @@ def trial(family: str, seed: int, rtol: float, formulation: str = "projective") 
     turns = [np.arctan2(r[:, 1, 0], r[:, 0, 0]) for r in (run.body("crank").rotation, run.body("rocker").rotation)]
     angles = np.unwrap(np.array(turns).T, axis=0)
     angles += x - angles[0]
-    way = float(np.hypot(*np.diff(angles, axis=0).T).sum())
-    curve, gradients = branch(bars, tuple(x.tolist()), float(np.sign(rate)), math.ceil(1.02 * way + 0.1))
+    distance = float(np.hypot(*np.diff(angles, axis=0).T).sum())
+    curve, gradients = branch(bars, tuple(x.tolist()), float(np.sign(rate)), math.ceil(1.02 * distance + 0.1))
     at, beside = 0, 0.0
     for before, now in zip(angles[:1].tolist() + angles[:-1].tolist(), angles, strict=True):
         reach = at + int(3.0 * np.hypot(*(now - before)) / STEP) + 10

@@ -31,7 +31,7 @@ def cart(rng: np.random.Generator, axles: int) -> Drawing:
 
 
 def case(seed: int) -> Case:
-    """One axle leaves two freedoms, more of them go straight."""
+    """One axle leaves two degrees of freedom, more of them go straight."""
     rng = np.random.default_rng([2, seed])
     kind, axles = KINDS[seed % 5], 1 + seed // 5 % 3
     true = cart(rng, axles)

@@ -44,7 +44,7 @@ class Case:
     clear: bool = False
     """The span ends before the motion comes to a singular position."""
     by_energy: bool = False
-    """One freedom, no path needed: closings and energy tell the motion. For large ones."""
+    """One degree of freedom, no path needed: closings and energy tell the motion. For large ones."""
 
 
 @dataclass

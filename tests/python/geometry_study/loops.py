@@ -83,14 +83,14 @@ def with_balls(rng: Any, small: float) -> tuple[Drawing, int]:
 
 
 def legs(rng: Any, small: float) -> tuple[Drawing, int]:
-    """A platform on five bars whose lines all but meet two lines: one freedom."""
+    """A platform on five bars whose lines all but meet two lines: one degree of freedom."""
     d = Drawing((0, 0, -9.81))
     d.body("platform", (0, 0, 1.0), 2.0, (0.3, 0.4, 0.5))
     lower, upper = direction(rng), direction(rng)
     for i in range(5):
         foot = rng.uniform(-1.5, 1.5) * lower
-        way = unit([0, 0, 1.0] + rng.uniform(-1.0, 1.0) * upper - foot) + small * rng.uniform(-1, 1, 3)
-        d.bar(f"leg{i}", "ground", foot, "platform", foot + rng.uniform(0.8, 1.2) * way)
+        along = unit([0, 0, 1.0] + rng.uniform(-1.0, 1.0) * upper - foot) + small * rng.uniform(-1, 1, 3)
+        d.bar(f"leg{i}", "ground", foot, "platform", foot + rng.uniform(0.8, 1.2) * along)
     return d, 1
 
 

@@ -48,8 +48,8 @@ def case(seed: int) -> Case:
     rng = np.random.default_rng([1, seed])
     kind, number = KINDS[seed % 3], 3 + (seed // 3) % 4
     where, feet = feet_of(rng, number)
-    lean, way = rng.uniform(0.3, 0.9), rng.uniform(0.0, 2.0 * np.pi)
-    leg = turn(Z, way) @ np.array([np.sin(lean), 0.0, np.cos(lean)])
+    lean, angle = rng.uniform(0.3, 0.9), rng.uniform(0.0, 2.0 * np.pi)
+    leg = turn(Z, angle) @ np.array([np.sin(lean), 0.0, np.cos(lean)])
     drawn = platform(kind, feet, leg)
     pulled = seed // 12 % 3
     if pulled == 1:

@@ -212,7 +212,7 @@ class Program:
         return m.reshape(6 * self.n, 6 * self.n)
 
     def acceleration(self, x: Array, r: Array, v: Array, k: int) -> Array:
-        """v' of M v' + C^T lambda = h, C v' + b = 0, with k freedoms."""
+        """v' of M v' + C^T lambda = h, C v' + b = 0, with k degrees of freedom."""
         _, c, b = self.closing(x, r, v)
         u, s, vt = np.linalg.svd(c)
         rank = 6 * self.n - k

@@ -29,15 +29,15 @@ def chain(points: list[Any], axes: list[Any] | None = None, kinds: str = "", gra
 
 def eccentric(rng: Any) -> tuple[Drawing, int, dict[str, float]]:
     """A crank of 1.5e-4 of the size."""
-    way = rng.uniform(0, 2 * np.pi)
-    tip = 1.5e-4 * np.array([np.cos(way), np.sin(way), 0.0])
+    angle = rng.uniform(0, 2 * np.pi)
+    tip = 1.5e-4 * np.array([np.cos(angle), np.sin(angle), 0.0])
     d = chain([(0, 0, 0), tip, (*rng.uniform(0.6, 0.9, 2), 0), (rng.uniform(0.9, 1.1), 0, 0)])
     return d, 1, {"J0": 6.0}
 
 
 def eccentrics(rng: Any) -> tuple[Drawing, int, dict[str, float]]:
-    """A rod on an eccentric, and on the rod an eccentric with a rod of its own: two freedoms, small ones."""
-    tips = [1.5e-4 * (turn(Z, way) @ X) for way in rng.uniform(0, 2 * np.pi, 2)]
+    """A rod on an eccentric, and on the rod an eccentric with a rod of its own: two degrees of freedom, small ones."""
+    tips = [1.5e-4 * (turn(Z, angle) @ X) for angle in rng.uniform(0, 2 * np.pi, 2)]
     b = np.array([*rng.uniform(0.6, 0.9, 2), 0.0])
     return chain([(0, 0, 0), tips[0], b, b + tips[1], (rng.uniform(1.0, 1.3), 0, 0)]), 2, {}
 
@@ -45,9 +45,9 @@ def eccentrics(rng: Any) -> tuple[Drawing, int, dict[str, float]]:
 def short(rng: Any) -> tuple[Drawing, int, dict[str, float]]:
     """A slider and a crank that is shorter than four drawing tolerances."""
     crank = rng.uniform(1e-4, 4e-4)
-    way, end = rng.uniform(0.3, 1.2), np.array([0.8, 0.1, 0.0])
+    angle, end = rng.uniform(0.3, 1.2), np.array([0.8, 0.1, 0.0])
     d = Drawing()
-    tip = crank * np.array([np.cos(way), np.sin(way), 0.0])
+    tip = crank * np.array([np.cos(angle), np.sin(angle), 0.0])
     d.rod("crank", (0, 0, 0), tip)
     d.rod("rod", tip, end)
     d.body("slide", end)
@@ -59,14 +59,14 @@ def short(rng: Any) -> tuple[Drawing, int, dict[str, float]]:
 
 
 def near_hinges(rng: Any) -> tuple[Drawing, int, dict[str, float]]:
-    """Two hinges of one body 1e-4 apart: a five-bar of two freedoms."""
+    """Two hinges of one body 1e-4 apart: a five-bar of two degrees of freedom."""
     b = np.array([*rng.uniform(0.3, 0.5, 2), 0.0])
     away = 1e-4 * (turn(Z, rng.uniform(0, 6.28)) @ X)
     return chain([(0, 0, 0), b, b + away, (1.3, 0.8, 0), (1.1, 0, 0)]), 2, {}
 
 
 def flat(rng: Any) -> tuple[Drawing, int, dict[str, float]]:
-    """A parallelogram drawn flat: one freedom on each of two branches."""
+    """A parallelogram drawn flat: one degree of freedom on each of two branches."""
     a, c = rng.uniform(0.3, 0.6), rng.uniform(0.8, 1.2)
     return chain([(0, 0, 0), (a, 0, 0), (a + c, 0, 0), (c, 0, 0)]), 1, {}
 
@@ -74,8 +74,8 @@ def flat(rng: Any) -> tuple[Drawing, int, dict[str, float]]:
 def in_line(rng: Any) -> tuple[Drawing, int, dict[str, float]]:
     """Crank and coupler in line, dead but not singular; gravity moves it on."""
     a, b, c = 0.4, rng.uniform(0.7, 0.9), rng.uniform(0.6, 0.9)
-    way = rng.uniform(0.5, 1.0)
-    u = np.array([np.cos(way), np.sin(way), 0.0])
+    angle = rng.uniform(0.5, 1.0)
+    u = np.array([np.cos(angle), np.sin(angle), 0.0])
     d = np.array([rng.uniform(1.0, 1.2), 0.0, 0.0])
     top, gap = (a + b) * u, np.linalg.norm((a + b) * u - d)
     return chain([(0, 0, 0), a * u, top, d if gap > 1e-3 else d + c * X]), 1, {}

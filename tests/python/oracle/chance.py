@@ -176,7 +176,8 @@ def held_twice(rng: Any) -> Drawing:
 
 
 def many(rng: Any) -> Drawing:
-    """Bodies, parallelograms and loops in space, one carried by another: many freedoms, loops that share nothing."""
+    """Bodies, parallelograms and loops in space, one carried by another: many degrees of freedom, loops that share
+    nothing."""
     names: list[str] = []
     joints: list[Joint] = []
     flat = rng.random() < 0.4

@@ -89,19 +89,19 @@ def parameters() -> Iterator[Held]:
     yield Held("accelerations", found[0], known[0], 1e-12)
     # the mass alone was changed, not the moment of inertia: by hand, a rod of 5 kg with the moment of one of 0.5
     length = np.hypot(2.0, 0.6)
-    by_hand = pt.Mechanism("by hand", gravity=(0, -3.0, 0))
+    user_defined = pt.Mechanism("by hand", gravity=(0, -3.0, 0))
     a, b, c, d = [(*p, 0.0) for p in changed]
-    by_hand.add_rod("crank", a, b, 0.3)
+    user_defined.add_rod("crank", a, b, 0.3)
     along = np.array([2.0, 0.6]) / length
     moment = 0.5 * length**2 / 12
     turn = [[along[0], -along[1], 0], [along[1], along[0], 0], [0, 0, 1]]
-    by_hand.add_body("coupler", 5.0, (0, moment, moment), com=(length / 2, 0, 0), position=b, orientation=turn)
-    by_hand.add_rod("rocker", d, c, 0.4)
-    by_hand.add_revolute("A", "ground", "crank", point=a)
-    by_hand.add_revolute("B", "crank", "coupler", point=b)
-    by_hand.add_revolute("C", "coupler", "rocker", point=c)
-    by_hand.add_revolute("D", "ground", "rocker", point=d)
-    yield Held("by hand", found[0], by_hand.compile().acceleration(state.q, state.v)[0], 1e-11)
+    user_defined.add_body("coupler", 5.0, (0, moment, moment), com=(length / 2, 0, 0), position=b, orientation=turn)
+    user_defined.add_rod("rocker", d, c, 0.4)
+    user_defined.add_revolute("A", "ground", "crank", point=a)
+    user_defined.add_revolute("B", "crank", "coupler", point=b)
+    user_defined.add_revolute("C", "coupler", "rocker", point=c)
+    user_defined.add_revolute("D", "ground", "rocker", point=d)
+    yield Held("by hand", found[0], user_defined.compile().acceleration(state.q, state.v)[0], 1e-11)
 
 
 @right("a mechanism saved as a model file and loaded", "the same run, to the last bit")

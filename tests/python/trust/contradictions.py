@@ -91,7 +91,7 @@ def resting_truss() -> Iterator[Held]:
     yield Held("position", run.q, 0.0 * run.q, 1e-15)
 
 
-@refused("three drives on the two freedoms of a five-bar", ContradictionError, "the drive of B contradicts")
+@refused("three drives on the two degrees of freedom of a five-bar", ContradictionError, "the drive of B contradicts")
 def three_drives() -> Iterator[Held]:
     m = pt.Mechanism("five-bar")
     points = [(0.0, 0.0, 0.0), (-0.3, 1.0, 0.0), (1.0, 1.8, 0.0), (2.2, 1.0, 0.0), (2.0, 0.0, 0.0)]
@@ -109,7 +109,7 @@ def three_drives() -> Iterator[Held]:
 Of = Callable[[float], float]
 
 
-def by_hand(off: Of, rate: Of, bias: Of) -> pt.System:
+def user_defined(off: Of, rate: Of, bias: Of) -> pt.System:
     """x + y = 0, and its double with `off` on top."""
     return pt.System(
         n=2,
@@ -132,7 +132,7 @@ NOTHING = constant(0.0)
 def rows(name: str, title: str, off: Of, rate: Of, bias: Of) -> Case:
     @refused(title, ContradictionError, "constraint 1 contradicts constraint 0")
     def ask() -> Iterator[Held]:
-        done(pt.simulate(by_hand(off, rate, bias), 1.0, [0.0, 0.0], [0.0, 0.0]))
+        done(pt.simulate(user_defined(off, rate, bias), 1.0, [0.0, 0.0], [0.0, 0.0]))
         yield from ()
 
     return replace(ask, name=name)
@@ -153,7 +153,7 @@ CASES = [
 
 @right("rows by hand, the second twice the first", "closed form: x = -y = t^2 / 4")
 def rows_that_agree() -> Iterator[Held]:
-    run = done(pt.simulate(by_hand(NOTHING, NOTHING, NOTHING), 1.0, [0.0, 0.0], [0.0, 0.0]))
+    run = done(pt.simulate(user_defined(NOTHING, NOTHING, NOTHING), 1.0, [0.0, 0.0], [0.0, 0.0]))
     yield Held("x, y", run.q, 0.25 * run.t[:, None] ** 2 * [1.0, -1.0], 1e-9)
 
 

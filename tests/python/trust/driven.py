@@ -1,7 +1,7 @@
 """Drives
 
 What a drive prescribes happens, what it costs is the effort by Newton and Euler, and its work is under step control
-also where no freedom is left. A drive that jumps or whose table ends stops the run there.
+also where no degree of freedom is left. A drive that jumps or whose table ends stops the run there.
 """
 
 from __future__ import annotations
@@ -76,7 +76,8 @@ def table() -> Iterator[Held]:
 
 
 @right(
-    "work of a drive where no freedom is left, every formulation, rtol 1e-6 to 1e-12", "quadrature of torque times rate"
+    "work of a drive where no degree of freedom is left, every formulation, rtol 1e-6 to 1e-12",
+    "quadrature of torque times rate",
 )
 def work() -> Iterator[Held]:
     def power(t: float) -> float:

@@ -139,7 +139,7 @@ def light(mass: float) -> pt.Mechanism:
 @right(
     "a four-bar whose coupler and rocker weigh 1e-12 kg", "the crank alone is a pendulum; the coupler carries no force"
 )
-def light_coupler() -> Iterator[Held]:
+def light_bodies() -> Iterator[Held]:
     run = done(light(1e-12).simulate(2.0, rtol=1e-10, atol=1e-12))
     yield Held("angle", run.joint("A").position[:, 0] + 1.0, swing(run.t, 1.0, 0.5), 1e-6)
     yield Held("force", run.joint("B").force[:, :2], 0.0, 1e-9)
@@ -282,7 +282,7 @@ def crooked_truss() -> Iterator[Held]:
     yield Held("places", done(m.simulate(1.0)).q, 0.0, 1e-15)
 
 
-def moved_as_meant(off: float) -> Iterator[Held]:
+def moved_as_repaired(off: float) -> Iterator[Held]:
     """Within the drawing tolerance it moves as the linkage that was meant, open by no more than it is off."""
     run = done(crooked(off).simulate(1.0))
     yield Held("opens by the misalignment", run.closure.max() < 3.0 * off, True, 0.0)
@@ -295,12 +295,12 @@ def moved_as_meant(off: float) -> Iterator[Held]:
     "the same off by 1e-5 rad, within what a drawing may be off", "closed form of the rocker, within the misalignment"
 )
 def crooked_between() -> Iterator[Held]:
-    yield from moved_as_meant(1e-5)
+    yield from moved_as_repaired(1e-5)
 
 
 @right("the same off by 1e-6 rad", "closed form of the rocker, within the misalignment")
 def crooked_little() -> Iterator[Held]:
-    yield from moved_as_meant(1e-6)
+    yield from moved_as_repaired(1e-6)
 
 
 @right("the same off by 1e-5 rad, every digit meant: a structure", "it holds still")

@@ -47,11 +47,11 @@ def slider() -> Iterator[Held]:
 
     def inertia(x: float) -> float:
         turn = crank * np.cos(x) / (rod * np.sqrt(1 - sine(x) ** 2))
-        way = -crank * np.sin(x) - rod * sine(x) * turn
+        travel = -crank * np.sin(x) - rod * sine(x) * turn
         pin = np.array([-crank * np.sin(x), crank * np.cos(x)])
         # a rod by its ends: m (u^2 + u w + w^2) / 3
-        ends = pin @ pin + pin @ [way, 0] + way**2
-        return 0.5 * crank**2 / 3 + 0.8 * ends / 3 + way**2
+        ends = pin @ pin + pin @ [travel, 0] + travel**2
+        return 0.5 * crank**2 / 3 + 0.8 * ends / 3 + travel**2
 
     t = np.linspace(0, 2, 41)
     known = by_energy(height, inertia, 0.0, 10.0, t)
@@ -284,16 +284,20 @@ def choices() -> Iterator[Held]:
     start = m.assemble(rates={"A": 5.0})
     t = np.linspace(0, 2, 21)
     first = done(m.simulate(2.0, initial=start, t_eval=t, rtol=1e-11, atol=1e-13)).joint("A").position[:, 0]
-    ways = [{"selection": x} for x in ("greedy", "individual", "determinant", "normalised-determinant")]
-    ways += [{"selection": "complete-pivoting"}, {"selection": "persistence", "window": 0.3}, {"switch_threshold": 1.0}]
-    ways += [{"method": x} for x in ("dopri5", "tsit5")] + [{"correction": "mass-orthogonal"}, {"max_step": 1e-2}]
-    ways += [{"weights": {"D": 10.0}}, {"independent": ["A"]}]
-    for way in ways:
-        run = done(m.simulate(2.0, initial=start, t_eval=t, rtol=1e-10, atol=1e-12, **way))
+    choices = [{"selection": x} for x in ("greedy", "individual", "determinant", "normalised-determinant")]
+    choices += [
+        {"selection": "complete-pivoting"},
+        {"selection": "persistence", "window": 0.3},
+        {"switch_threshold": 1.0},
+    ]
+    choices += [{"method": x} for x in ("dopri5", "tsit5")] + [{"correction": "mass-orthogonal"}, {"max_step": 1e-2}]
+    choices += [{"weights": {"D": 10.0}}, {"independent": ["A"]}]
+    for choice in choices:
+        run = done(m.simulate(2.0, initial=start, t_eval=t, rtol=1e-10, atol=1e-12, **choice))
         crank = run.joint("A").position[:, 0]
         off = run.joint("D").position[:, 0] - rocker(crank)
-        yield Held(f"rocker, {way}", off - 2 * np.pi * np.round(off / (2 * np.pi)), 0.0, 1e-11)
-        yield Held(f"crank, {way}", crank, first, 1e-6)
+        yield Held(f"rocker, {choice}", off - 2 * np.pi * np.round(off / (2 * np.pi)), 0.0, 1e-11)
+        yield Held(f"crank, {choice}", crank, first, 1e-6)
 
 
 @right("two springs and a torque that swings, on a cart", "closed form: resonance grows linearly")
@@ -325,8 +329,8 @@ def rolling() -> Iterator[Held]:
     )
     for formulation in ("projective", "multipliers", "svd", "range-space"):
         run = pt.simulate(disc, 2.0, [0.0, 0.0], [0.0, 0.0], formulation=formulation)
-        way = 0.5 * run.t**2 * G * 0.5 * 2 / 3
-        yield Held(formulation, done(run).q, np.stack([way, way / 0.2], 1), 1e-8)
+        travel = 0.5 * run.t**2 * G * 0.5 * 2 / 3
+        yield Held(formulation, done(run).q, np.stack([travel, travel / 0.2], 1), 1e-8)
         yield Held("friction", run.multipliers[:, 0], -3.0 * G * 0.5 / 3, 1e-9)
 
 

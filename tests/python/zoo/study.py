@@ -17,7 +17,7 @@ from .judging import Judged, judge
 OUTPUTS = 21
 TOLERANCES = (1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11)
 MANY_TOLERANCES = ("stewart-ups", "delta", "double-cardan", "spherical-wrist", "goldberg", "myard")
-"""Many freedoms, or conditions that follow from others along the whole motion."""
+"""Many degrees of freedom, or conditions that follow from others along the whole motion."""
 
 # Two starts this far apart, in parts of the speed; paths are compared as long as they stay within this many times that.
 APART, GROWTH = 1e-7, 1e2

@@ -110,8 +110,8 @@ pub fn joint_accelerations<E: Send + From<AnalysisError>>(
     let row = |i: usize, (s, own): &mut (ModelScratch, Vec<DegreeOfFreedom>), rows: &mut super::Rows| {
         let (_, q, v) = states.at(model, i);
         model.look_at(&part, q, v, s);
-        for (to, freedom) in rows.row(0, i).iter_mut().zip(own) {
-            *to = freedom.acceleration(model, &vdot[i * nv..][..nv], s);
+        for (to, dof) in rows.row(0, i).iter_mut().zip(own) {
+            *to = dof.acceleration(model, &vdot[i * nv..][..nv], s);
         }
         Ok(())
     };

@@ -141,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn the_first_failure_is_told_and_a_wish_to_stop_heard() {
+    fn the_first_failure_is_reported_and_a_wish_to_stop_heard() {
         let f = |i: usize, (): &mut (), _: &mut Rows| if i >= 20 { Err(i) } else { Ok(()) };
         assert_eq!(tables(200, &[1], 1, || (), f, &mut || Ok(())), Err(20));
         let stop = tables(200, &[1], 1, || (), |_, (): &mut (), _: &mut Rows| Ok(()), &mut || Err(7));

@@ -34,7 +34,7 @@ pub struct Contender {
 }
 
 /// A closed state to evaluate at.
-pub struct Place {
+pub struct ClosedState {
     /// Time.
     pub t: f64,
     /// Coordinates.
@@ -111,7 +111,7 @@ impl<'s> Trial<'s> {
     fn new<S: Balance<Scratch: Send>>(
         system: &'s S,
         contender: &Contender,
-        place: &Place,
+        place: &ClosedState,
         watch: &mut dyn FnMut() -> ControlFlow<()>,
     ) -> Result<Option<Self>, AnalysisError> {
         // the same march twice: once to the end of a step, to see its stages, and once to its beginning
@@ -181,7 +181,7 @@ impl<'s> Trial<'s> {
 pub fn evaluation_costs<S: Balance<Scratch: Send>>(
     system: &S,
     contenders: &[Contender],
-    places: &[Place],
+    places: &[ClosedState],
     watch: &mut dyn FnMut() -> ControlFlow<()>,
 ) -> Result<Option<Vec<f64>>, AnalysisError> {
     let (mut sums, mut counts) = (vec![0.0; contenders.len()], vec![0_u32; contenders.len()]);

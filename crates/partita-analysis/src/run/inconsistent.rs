@@ -31,7 +31,7 @@ pub(super) fn see<S: ConstrainedSystem>(
     (t, q, v): (f64, &[f64], &[f64]),
 ) -> Result<Seen, AnalysisError> {
     let system = r.system.clone();
-    r.weigh_reaches(!system.lacks_mass()); // where all that moves has mass, masses have no say in it
+    r.weigh_displacements(!system.lacks_mass()); // where all that moves has mass, masses have no say in it
     r.position(t, q)?;
     r.refresh_scales(t, q)?;
     let (open, row) = r.closure_error();

@@ -38,7 +38,7 @@ pub struct Request {
     pub max_step: Option<f64>,
     /// Removal of the remainder of S3, by name.
     pub correction: String,
-    /// Gain that an exchange must exceed.
+    /// Gain that a switch must exceed.
     pub switch_threshold: f64,
     /// Accepted steps at the most.
     pub max_steps: u64,

@@ -1,4 +1,4 @@
-//! A motion taken tick by tick, for control loops: the same formulation, corrections and exchanges as a run.
+//! A motion taken tick by tick, for control loops: the same formulation, corrections and switches as a run.
 
 use super::prepared::CANNOT_MOVE;
 use super::singular_start::BranchStart;
@@ -87,7 +87,7 @@ impl<'s, S: Balance<Scratch: Send>> Stepping<'s, S> {
             gaps: Gaps::default(),
             checks: StepChecks::default(),
         };
-        stepping.stand((t, q, v), singular_start, || ())?;
+        stepping.start_at((t, q, v), singular_start, || ())?;
         Ok(stepping)
     }
 
@@ -108,7 +108,7 @@ impl<'s, S: Balance<Scratch: Send>> Stepping<'s, S> {
             Err(SystemError::Tick { t, message }.into())
         });
         match seen {
-            Ok(singular_start) => self.stand((t, q, v), singular_start, undo),
+            Ok(singular_start) => self.start_at((t, q, v), singular_start, undo),
             Err(e) => {
                 undo();
                 Err(e)
@@ -117,7 +117,7 @@ impl<'s, S: Balance<Scratch: Send>> Stepping<'s, S> {
     }
 
     /// See `begin`; at a position that was looked at.
-    fn stand(
+    fn start_at(
         &mut self,
         (t, q, v): (f64, &[f64], &[f64]),
         mut singular_start: Option<BranchStart<'s, S>>,
@@ -192,7 +192,7 @@ impl<'s, S: Balance<Scratch: Send>> Stepping<'s, S> {
             let before = (now.t, now.work);
             now.turns.copy_from_slice(self.march.turns());
             let reported = self.formulation.state_at(t, self.march.state(), &mut now);
-            match reported.and_then(|()| self.holds(t)) {
+            match reported.and_then(|()| self.check_end(t)) {
                 Ok(()) => {
                     now.work += self.work;
                     self.now = now;
@@ -219,7 +219,7 @@ impl<'s, S: Balance<Scratch: Send>> Stepping<'s, S> {
         Err(match error {
             Some(e) => e.into(),
             None if status == Status::StepTooSmall => {
-                let message = "coordinates cannot be kept or exchanged in it, as in a singular position or next to one; step over \
+                let message = "coordinates cannot be kept or switched in it, as in a singular position or next to one; step over \
                                it: another number of substeps, another length of steps, other inputs";
                 SystemError::Tick { t: self.now.t, message: message.into() }.into()
             }
@@ -228,7 +228,7 @@ impl<'s, S: Balance<Scratch: Send>> Stepping<'s, S> {
     }
 
     /// Does what the last tick left hold?
-    fn holds(&self, t: f64) -> Result<(), SystemError> {
+    fn check_end(&self, t: f64) -> Result<(), SystemError> {
         let mut findings = Vec::new(); // which takes memory where there are some
         self.limits.judge(&*self.system, &self.formulation.gaps(), "the end of the step", &mut findings);
         self.limits.judge_checks(&*self.system, &self.formulation.checks(), &mut findings);

@@ -93,8 +93,8 @@ impl Limits {
             let gap = checks.acceleration;
             look(gap, limits, &|t| {
                 let row = system.row_description(gap.row);
-                let (part, holds) = (gap.part, limits.0);
-                format!("the acceleration of {row} is off by {part:.1e} of the strongest at t = {t} s; up to {holds:.0e} holds")
+                let (part, limit) = (gap.part, limits.0);
+                format!("the acceleration of {row} is off by {part:.1e} of the strongest at t = {t} s; up to {limit:.0e} holds")
             });
         }
         look(checks.jump, self.jump, &|t| {

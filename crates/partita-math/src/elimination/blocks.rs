@@ -78,27 +78,27 @@ fn components<I: Iterator<Item = usize>>(n: usize, next: impl Fn(usize) -> I) ->
         if index[root] != NONE {
             continue;
         }
-        let mut way = Vec::new();
+        let mut path = Vec::new();
         let mut enter =
-            |k: usize, stack: &mut Vec<usize>, way: &mut Vec<(usize, I)>, low: &mut [usize], index: &mut [usize]| {
+            |k: usize, stack: &mut Vec<usize>, path: &mut Vec<(usize, I)>, low: &mut [usize], index: &mut [usize]| {
                 (index[k], low[k]) = (count, count);
                 count += 1;
                 stack.push(k);
-                way.push((k, next(k)));
+                path.push((k, next(k)));
             };
-        enter(root, &mut stack, &mut way, &mut low, &mut index);
-        while let Some((k, edges)) = way.last_mut() {
+        enter(root, &mut stack, &mut path, &mut low, &mut index);
+        while let Some((k, edges)) = path.last_mut() {
             let k = *k;
             match edges.next() {
-                Some(l) if index[l] == NONE => enter(l, &mut stack, &mut way, &mut low, &mut index),
+                Some(l) if index[l] == NONE => enter(l, &mut stack, &mut path, &mut low, &mut index),
                 Some(l) => {
                     if of[l] == NONE {
                         low[k] = low[k].min(index[l]);
                     }
                 }
                 None => {
-                    way.pop();
-                    if let Some((parent, _)) = way.last() {
+                    path.pop();
+                    if let Some((parent, _)) = path.last() {
                         low[*parent] = low[*parent].min(low[k]);
                     }
                     if low[k] == index[k] {

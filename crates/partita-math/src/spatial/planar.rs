@@ -65,7 +65,7 @@ impl<S: Scalar> Vectors for Planar<S> {
         x.0[i]
     }
     #[inline(always)]
-    fn flat(w: S, v: Vec2<S>) -> [S; 6] {
+    fn components(w: S, v: Vec2<S>) -> [S; 6] {
         let o = S::zero();
         [w, v.0[0], v.0[1], o, o, o]
     }

@@ -74,7 +74,7 @@ pub trait Vectors {
     /// Component `i` of a length.
     fn component(x: Self::Vec, i: usize) -> Self::S;
     /// A twist (or wrench) as DIM numbers, turns first; the rest is 0.
-    fn flat(w: Self::Ang, v: Self::Vec) -> [Self::S; 6];
+    fn components(w: Self::Ang, v: Self::Vec) -> [Self::S; 6];
 }
 
 /// Orientations of bodies.

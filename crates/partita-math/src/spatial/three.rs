@@ -74,7 +74,7 @@ impl<S: Scalar> Vectors for Spatial<S> {
         x.0[i]
     }
     #[inline(always)]
-    fn flat(w: Vec3<S>, v: Vec3<S>) -> [S; 6] {
+    fn components(w: Vec3<S>, v: Vec3<S>) -> [S; 6] {
         [w.0[0], w.0[1], w.0[2], v.0[0], v.0[1], v.0[2]]
     }
 }

@@ -6,7 +6,7 @@
 use super::dof;
 use super::few::solve;
 use super::plan::{Duty, FewPlan, Plan, RangePlan, NONE};
-use super::sweep::{add_force_at, add_times, dot, flat_length, shift_motion};
+use super::sweep::{add_force_at, add_times, arm_components, dot, shift_motion};
 use crate::memory::ClusterScratch;
 use crate::tree::{Tree, TreeScratch};
 use partita_math::scalar::Scalar;
@@ -109,7 +109,7 @@ impl<G: Space> Tree<G> {
         let d = G::DIM;
         let link = &self.links[i];
         let f = dof(&link.motion);
-        let arm = self.arm_from_parent_flat(i, s);
+        let arm = self.arm_from_parent_components(i, s);
         let mut omega = [G::S::zero(); 36];
         if link.parent != 0 {
             congruence::<G>(&arm, &room.compliance[link.parent * d * d..(link.parent + 1) * d * d], &mut omega);
@@ -189,7 +189,7 @@ impl<G: Space> Tree<G> {
                 diagonal[v] = (0..k).fold(o, |sum, j| sum + row[j] * dot(&inverse[j * k..(j + 1) * k], row));
             }
             // Ω = Ξ Ω Ξᵀ + W 𝒟⁻¹ Wᵀ, Ξ = X − W K
-            let arm = flat_length::<G>(s.links[i].centre - centre);
+            let arm = arm_components::<G>(s.links[i].centre - centre);
             let partial = &x.few.partial[(f.partial + n * k) * d..(f.partial + (n + 1) * k) * d];
             let mut xi = [o; 36];
             for c in 0..d {
@@ -330,12 +330,12 @@ impl<G: Space> Tree<G> {
                 room.left[v] = left;
                 let share = left * x.inverse[v];
                 add_times(force, &x.push[v * d..(v + 1) * d], share);
-                for (a, row) in here.carried.clone().zip(&plan.carried[here.carried.start as usize..]) {
+                for (a, row) in here.propagated.clone().zip(&plan.propagated[here.propagated.start as usize..]) {
                     room.row_left[row.row as usize] += x.row_effort[a as usize * 3 + j] * share;
                 }
             }
             if link.parent != p.base {
-                let arm = self.arm_from_parent_flat(i, s);
+                let arm = self.arm_from_parent_components(i, s);
                 let (before, rest) = room.force.split_at_mut(i * d);
                 add_force_at::<G>(&arm, rest, &mut before[link.parent * d..]);
             }
@@ -365,7 +365,7 @@ impl<G: Space> Tree<G> {
         for &i in &p.links {
             let i = i as usize;
             let (link, here) = (&self.links[i], &plan.links[i]);
-            let arm = self.arm_from_parent_flat(i, s);
+            let arm = self.arm_from_parent_components(i, s);
             let mut own = [o; 6];
             if link.parent == p.base {
                 shift_motion::<G>(&arm, &base[..d], &mut own[..d]);
@@ -375,7 +375,7 @@ impl<G: Space> Tree<G> {
             for j in 0..dof(&link.motion) {
                 let v = link.v + j;
                 let mut left = room.left[v] - dot(&x.push[v * d..(v + 1) * d], &own[..d]);
-                for (a, row) in here.carried.clone().zip(&plan.carried[here.carried.start as usize..]) {
+                for (a, row) in here.propagated.clone().zip(&plan.propagated[here.propagated.start as usize..]) {
                     left += x.row_effort[a as usize * 3 + j] * room.lambda[row.row as usize];
                 }
                 let rate = left * x.inverse[v];

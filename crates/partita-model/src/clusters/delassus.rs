@@ -5,7 +5,7 @@
 //! degree. Any order is safe: the matrix is symmetric and positive definite for rows that are independent.
 
 use super::dof;
-use super::plan::{Carried, Plan, NONE};
+use super::plan::{Plan, PropagatedRow, NONE};
 use crate::tree::Tree;
 use partita_math::elimination::Pattern;
 use partita_math::spatial::Space;
@@ -102,13 +102,13 @@ pub(super) fn plan<G: Space>(plan: &mut Plan, tree: &Tree<G>, pattern: &Pattern,
             break;
         }
         let parent = tree.links[i].parent;
-        let first = plan.carried.len() as u32;
+        let first = plan.propagated.len() as u32;
         for &(row, entry) in &passes[i] {
             let force = place[i][&row];
             let parent_force = if parent == 0 { NONE } else { place[parent][&row] };
-            plan.carried.push(Carried { row, force, parent_force, entry });
+            plan.propagated.push(PropagatedRow { row, force, parent_force, entry });
         }
-        plan.links[i].carried = first..plan.carried.len() as u32;
+        plan.links[i].propagated = first..plan.propagated.len() as u32;
         plan.links[i].pairs = plan.pairs.len() as u32;
         for (a, &(ra, _)) in passes[i].iter().enumerate() {
             for &(rb, _) in &passes[i][..=a] {

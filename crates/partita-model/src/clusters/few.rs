@@ -2,7 +2,7 @@
 
 use super::dof;
 use super::plan::{FewPlan, Plan, NONE};
-use super::sweep::{add_force_at, add_inertia_at, dot, flat_length, shift_motion, Given};
+use super::sweep::{add_force_at, add_inertia_at, arm_components, dot, shift_motion, Given};
 use crate::memory::{ClusterScratch, FewScratch};
 use crate::tree::{Tree, TreeScratch};
 use partita_math::scalar::Scalar;
@@ -75,7 +75,7 @@ impl<G: Space> Tree<G> {
             let force = &x.force[i * d..(i + 1) * d];
             let partial = &few.partial[(f.partial + n * k) * d..(f.partial + (n + 1) * k) * d];
             // from the base's reference point; on the ground nothing is handed over
-            let arm = flat_length::<G>(s.links[i].centre - centre);
+            let arm = arm_components::<G>(s.links[i].centre - centre);
             for j in 0..k {
                 let twist = &partial[j * d..(j + 1) * d];
                 let mut push = [o; 6];
@@ -153,7 +153,7 @@ impl<G: Space> Tree<G> {
         let (d, k) = (G::DIM, f.k);
         for (n, &(i, parent)) in f.links.iter().enumerate() {
             let i = i as usize;
-            let arm = self.arm_from_parent_flat(i, s);
+            let arm = self.arm_from_parent_components(i, s);
             let (before, rest) = x.few.partial.split_at_mut((f.partial + n * k) * d);
             let link = &self.links[i];
             for j in 0..k {
@@ -189,13 +189,13 @@ impl<G: Space> Tree<G> {
             base[..d].copy_from_slice(&x.motion[f.base * d..(f.base + 1) * d]);
         }
         for j in 0..k {
-            let carried = dot(&x.few.gain[(f.small + j) * d..(f.small + j + 1) * d], &base[..d]);
-            x.few.own[f.small + j] -= carried;
+            let propagated = dot(&x.few.gain[(f.small + j) * d..(f.small + j + 1) * d], &base[..d]);
+            x.few.own[f.small + j] -= propagated;
         }
         let centre = s.links[f.base].centre;
         for (n, &(i, _)) in f.links.iter().enumerate() {
             let i = i as usize;
-            let arm = flat_length::<G>(s.links[i].centre - centre);
+            let arm = arm_components::<G>(s.links[i].centre - centre);
             let own = &x.few.own[f.small..f.small + k];
             let motion = &mut x.motion[i * d..(i + 1) * d];
             shift_motion::<G>(&arm, &base, motion);

@@ -53,7 +53,7 @@ pub(super) enum Duty {
 
 /// A row of C that is carried through the joint of a link.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Carried {
+pub(super) struct PropagatedRow {
     /// Number of the row among those eliminated.
     pub row: u32,
     /// Place of its force on the link.
@@ -67,8 +67,8 @@ pub(super) struct Carried {
 #[derive(Clone, Debug)]
 pub(super) struct LinkPlan {
     pub duty: Duty,
-    /// Rows carried through the joint, among `Plan::carried`.
-    pub carried: Range<u32>,
+    /// Rows carried through the joint, among `Plan::propagated`.
+    pub propagated: Range<u32>,
     /// Place in `Plan::pairs` of the slots of their products, lower triangle row by row.
     pub pairs: u32,
     /// Rows that are complete here, among `Plan::eliminations`.
@@ -84,7 +84,7 @@ pub(super) struct FewPlan {
     pub base: usize,
     /// Its links, parents first, with the place of the parent among them (`NONE`: the base).
     pub links: Vec<(u32, u32)>,
-    /// Freedoms.
+    /// Degrees of freedom.
     pub k: usize,
     /// Place of its partial velocities.
     pub partial: usize,
@@ -119,7 +119,7 @@ pub struct Plan {
     pub(super) links: Vec<LinkPlan>,
     pub(super) few: Vec<FewPlan>,
     pub(super) ranged: Vec<RangePlan>,
-    pub(super) carried: Vec<Carried>,
+    pub(super) propagated: Vec<PropagatedRow>,
     pub(super) pairs: Vec<u32>,
     pub(super) eliminations: Vec<Elimination>,
     pub(super) neighbours: Vec<delassus::Neighbour>,
@@ -189,7 +189,7 @@ impl Plan {
         rows_of: &[Vec<usize>],
         route: impl Fn(usize) -> Route,
     ) -> Self {
-        let nothing = LinkPlan { duty: Duty::Own, carried: 0..0, pairs: 0, complete: 0..0 };
+        let nothing = LinkPlan { duty: Duty::Own, propagated: 0..0, pairs: 0, complete: 0..0 };
         let mut plan = Self {
             routes: (0..links_of.len()).map(route).collect(),
             links: vec![nothing; tree.links.len()],
@@ -228,7 +228,7 @@ impl Plan {
         let d = G::DIM;
         let own = plan.links.iter().skip(1).filter(|l| l.duty == Duty::Own).count();
         plan.cost = own * own_cost::<G>()
-            + plan.links.iter().map(|l| carried_cost(l.carried.len(), d)).sum::<usize>()
+            + plan.links.iter().map(|l| carried_cost(l.propagated.len(), d)).sum::<usize>()
             + plan.eliminations.iter().map(|e| delassus::cost(e, d)).sum::<usize>()
             + plan.few.iter().map(|f| few_cost::<G>(f.links.len(), f.k, 0, f.base == 0)).sum::<usize>();
         plan
@@ -274,7 +274,7 @@ impl Plan {
         let mut cost = vec![0; clusters.count];
         let of_link = |i: usize| clusters.of_velocity[tree.links[i].v] as usize;
         for (i, l) in self.links.iter().enumerate().skip(1) {
-            cost[of_link(i)] += own_cost::<G>() + carried_cost(l.carried.len(), G::DIM);
+            cost[of_link(i)] += own_cost::<G>() + carried_cost(l.propagated.len(), G::DIM);
         }
         for e in &self.eliminations {
             cost[clusters.of_row[self.rows[e.row as usize] as usize] as usize] += delassus::cost(e, G::DIM);

@@ -47,7 +47,7 @@ impl<S: Scalar> ClusterScratch<S> {
         room(&mut self.left, velocities);
         room(&mut self.pivots, velocities);
         room(&mut self.row_force, plan.forces * d);
-        room(&mut self.row_effort, plan.carried.len() * 3);
+        room(&mut self.row_effort, plan.propagated.len() * 3);
         room(&mut self.coupling, plan.slots);
         room(&mut self.row_left, plan.rows.len());
         room(&mut self.row_inverse, plan.rows.len());
@@ -149,9 +149,9 @@ fn add_outer<S: Scalar>(m: &mut [S], x: &[S], factor: S) {
 impl<G: Space> Tree<G> {
     /// From the parent's reference point to that of link i.
     #[inline(always)]
-    pub(super) fn arm_from_parent_flat(&self, i: usize, s: &TreeScratch<G>) -> [G::S; 3] {
+    pub(super) fn arm_from_parent_components(&self, i: usize, s: &TreeScratch<G>) -> [G::S; 3] {
         let x = &s.links[i];
-        flat_length::<G>(match self.links[i].motion {
+        arm_components::<G>(match self.links[i].motion {
             LinkMotion::Slide(_) => x.arm_in,
             _ => x.arm_in + x.arm_out,
         })
@@ -207,14 +207,14 @@ impl<G: Space> Tree<G> {
             let (link, l) = (&self.links[i], &s.links[i]);
             // the acceleration to start from, kept in `motion` until the way out: v' = ξ in clusters that need it
             let p = link.parent;
-            let arm = self.arm_from_parent_flat(i, s);
+            let arm = self.arm_from_parent_components(i, s);
             let (before, rest) = x.motion.split_at_mut(i * d);
             shift_motion::<G>(&arm, &before[p * d..(p + 1) * d], rest);
             for v in link.v..link.v + dof(&link.motion) {
                 let (w, u) =
                     self.propagate(i, s, G::Ang::default(), G::Vec::default(), |j| if j == v { one } else { o });
                 let axis = &mut x.axis[v * d..(v + 1) * d];
-                axis.copy_from_slice(&G::flat(w, u)[..d]);
+                axis.copy_from_slice(&G::components(w, u)[..d]);
                 if plan.starts_from_bias[v] {
                     add_times(&mut rest[..d], axis, given.tangents.delta[v]);
                 }
@@ -228,7 +228,7 @@ impl<G: Space> Tree<G> {
             if given.at_rest {
                 force.fill(o);
             } else {
-                force.copy_from_slice(&G::flat(moment, weight)[..d]);
+                force.copy_from_slice(&G::components(moment, weight)[..d]);
             }
             for r in 0..d {
                 force[r] += dot(&m[r * d..(r + 1) * d], &rest[..d]);
@@ -296,8 +296,8 @@ impl<G: Space> Tree<G> {
     ) {
         let d = G::DIM;
         let (link, here) = (&self.links[i], &plan.links[i]);
-        let first = here.carried.start as usize;
-        let carried = &plan.carried[first..here.carried.end as usize];
+        let first = here.propagated.start as usize;
+        let propagated = &plan.propagated[first..here.propagated.end as usize];
         for j in (0..dof(&link.motion)).rev() {
             let v = link.v + j;
             let (inertia, force) = (&mut x.inertia[i * d * d..(i + 1) * d * d], &mut x.force[i * d..(i + 1) * d]);
@@ -314,7 +314,7 @@ impl<G: Space> Tree<G> {
             add_outer(inertia, push, -inverse);
             add_times(force, push, inverse * left);
             let mut pair = here.pairs as usize;
-            for (a, row) in carried.iter().enumerate() {
+            for (a, row) in propagated.iter().enumerate() {
                 let on_link = &mut x.row_force[row.force as usize * d..][..d];
                 let mut effort = -dot(axis, on_link);
                 if row.entry[j] != NONE {
@@ -335,12 +335,12 @@ impl<G: Space> Tree<G> {
         if p == 0 {
             return;
         }
-        let arm = self.arm_from_parent_flat(i, s);
+        let arm = self.arm_from_parent_components(i, s);
         let (before, rest) = x.inertia.split_at_mut(i * d * d);
         add_inertia_at::<G>(&arm, rest, &mut before[p * d * d..]);
         let (before, rest) = x.force.split_at_mut(i * d);
         add_force_at::<G>(&arm, rest, &mut before[p * d..]);
-        for row in carried {
+        for row in propagated {
             let mut on_link = [G::S::zero(); 6];
             on_link[..d].copy_from_slice(&x.row_force[row.force as usize * d..][..d]);
             add_force_at::<G>(&arm, &on_link, &mut x.row_force[row.parent_force as usize * d..]);
@@ -357,16 +357,16 @@ impl<G: Space> Tree<G> {
     ) {
         let d = G::DIM;
         let (link, here) = (&self.links[i], &plan.links[i]);
-        let first = here.carried.start as usize;
-        let carried = &plan.carried[first..here.carried.end as usize];
-        let arm = self.arm_from_parent_flat(i, s);
+        let first = here.propagated.start as usize;
+        let propagated = &plan.propagated[first..here.propagated.end as usize];
+        let arm = self.arm_from_parent_components(i, s);
         let (before, rest) = x.motion.split_at_mut(i * d);
         let own = &mut rest[..d];
         shift_motion::<G>(&arm, &before[link.parent * d..(link.parent + 1) * d], own);
         for j in 0..dof(&link.motion) {
             let v = link.v + j;
             let mut left = x.left[v] - dot(&x.push[v * d..(v + 1) * d], own);
-            for (a, row) in carried.iter().enumerate() {
+            for (a, row) in propagated.iter().enumerate() {
                 left += x.row_effort[(first + a) * 3 + j] * x.lambda[row.row as usize];
             }
             vdot[v] = left * x.inverse[v];
@@ -378,7 +378,7 @@ impl<G: Space> Tree<G> {
 
 /// A length as three numbers.
 #[inline(always)]
-pub(super) fn flat_length<G: Space>(x: G::Vec) -> [G::S; 3] {
+pub(super) fn arm_components<G: Space>(x: G::Vec) -> [G::S; 3] {
     let third = if G::LENGTHS == 3 { G::component(x, 2) } else { G::S::zero() };
     [G::component(x, 0), G::component(x, 1), third]
 }

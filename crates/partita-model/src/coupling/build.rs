@@ -1,6 +1,6 @@
 //! The conditions of a description.
 
-use super::{order, wraps, Condition, Contact, Law, Orientation, Place, Rolling, Says};
+use super::{order, wraps, Condition, ConditionRows, Contact, Law, Orientation, Rolling, Says};
 use crate::error::DescriptionError;
 use crate::joint::{Follows, Own};
 use crate::measurement::{Maker, Measurement, Mover, Quantity};
@@ -57,7 +57,7 @@ fn own<G: Space>(
     j: usize,
     placed: &Placed,
     numbers: &Numbers<G::S>,
-    place: &Place,
+    place: &ConditionRows,
     measurements: &Maker<G>,
 ) -> Says<G> {
     let linear = |factors: Vec<G::S>, period| Law::Linear { factors, offset: G::S::zero(), period };
@@ -98,7 +98,7 @@ fn coupling<G: Space>(
     i: usize,
     placed: &Placed,
     numbers: &Numbers<G::S>,
-    place: &Place,
+    place: &ConditionRows,
     measurements: &Maker<G>,
 ) -> Result<Says<G>, DescriptionError> {
     let c = &spec.couplings[i];

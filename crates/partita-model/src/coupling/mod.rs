@@ -17,7 +17,7 @@ mod rolling;
 
 pub(crate) use build::all;
 pub use law::Law;
-pub use order::{order, wraps, Place};
+pub use order::{order, wraps, ConditionRows};
 pub use orientation::Orientation;
 pub use rolling::{Contact, Rolling};
 

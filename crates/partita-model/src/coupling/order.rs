@@ -10,7 +10,7 @@ use partita_math::tolerance;
 
 /// A condition in the order of the rows.
 #[derive(Clone, Copy, Debug)]
-pub struct Place {
+pub struct ConditionRows {
     /// What it belongs to.
     pub owner: Owner,
     /// Which of the conditions of its owner.
@@ -51,8 +51,8 @@ pub fn wraps(placed: &Placed, m: &Measure) -> bool {
 ///
 /// # Errors
 /// Readings that there are not, numbers that do not fit.
-pub fn order(spec: &Spec, placed: &Placed) -> Result<Vec<Place>, DescriptionError> {
-    let mut places: Vec<Place> = Vec::new();
+pub fn order(spec: &Spec, placed: &Placed) -> Result<Vec<ConditionRows>, DescriptionError> {
+    let mut places: Vec<ConditionRows> = Vec::new();
     let turn = std::f64::consts::TAU;
     for (j, p) in placed.joints.iter().enumerate() {
         let Some(own) = &p.shape.own else { continue };
@@ -61,12 +61,12 @@ pub fn order(spec: &Spec, placed: &Placed) -> Result<Vec<Place>, DescriptionErro
             Own::Twist | Own::Followers(_) => None,
         };
         let owner = Owner::Joint(j);
-        places.extend((0..own.count()).map(|part| Place { owner, part, holonomic: true, rows: 1, period }));
+        places.extend((0..own.count()).map(|part| ConditionRows { owner, part, holonomic: true, rows: 1, period }));
     }
     for (i, c) in spec.couplings.iter().enumerate() {
         let (owner, name) = (Owner::Coupling(i), c.name());
         c.terms().iter().try_for_each(|m| measurement::known(m, placed, "coupling", name))?;
-        let one = Place { owner, part: 0, holonomic: true, rows: 1, period: None };
+        let one = ConditionRows { owner, part: 0, holonomic: true, rows: 1, period: None };
         match c {
             Coupling::Linear { terms, factors, .. } => {
                 let uncounted: Vec<f64> =
@@ -74,7 +74,7 @@ pub fn order(spec: &Spec, placed: &Placed) -> Result<Vec<Place>, DescriptionErro
                 let period = common(&uncounted);
                 let largest = uncounted.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
                 let known_turns = uncounted.is_empty() || period > SMALLEST_PERIOD / turn * largest;
-                places.push(Place {
+                places.push(ConditionRows {
                     holonomic: known_turns,
                     period: (period > 0.0 && known_turns).then_some(period),
                     ..one
@@ -93,15 +93,15 @@ pub fn order(spec: &Spec, placed: &Placed) -> Result<Vec<Place>, DescriptionErro
                     }
                 }
                 let period = wraps(placed, &terms[0]).then_some(turn);
-                places.push(Place { period, ..one });
+                places.push(ConditionRows { period, ..one });
             }
             Coupling::Function { level, .. } => {
-                places.push(Place { holonomic: *level == Level::Position, ..one });
+                places.push(ConditionRows { holonomic: *level == Level::Position, ..one });
             }
             Coupling::Roll { slips, .. } => {
                 places.push(one);
                 if !slips {
-                    places.push(Place { holonomic: false, rows: 2, ..one });
+                    places.push(ConditionRows { holonomic: false, rows: 2, ..one });
                 }
             }
         }
@@ -109,7 +109,13 @@ pub fn order(spec: &Spec, placed: &Placed) -> Result<Vec<Place>, DescriptionErro
     for (i, d) in spec.drives.iter().enumerate() {
         measurement::drivable(d, placed)?;
         let period = wraps(placed, &d.measure).then_some(turn);
-        places.push(Place { owner: Owner::Drive(i), part: 0, holonomic: d.level == Level::Position, rows: 1, period });
+        places.push(ConditionRows {
+            owner: Owner::Drive(i),
+            part: 0,
+            holonomic: d.level == Level::Position,
+            rows: 1,
+            period,
+        });
     }
     // conditions on rates alone come last, each kind in the order of description
     places.sort_by_key(|p| !p.holonomic);

@@ -1,6 +1,6 @@
 //! The forces of a description as elements.
 
-use super::{CutSight, Element, LoadLaw, Place, PointForce, Seen, Spring};
+use super::{AttachmentPoint, CutSight, Element, LoadLaw, PointForce, Seen, Spring};
 use crate::error::DescriptionError;
 use crate::measurement;
 use crate::numbers::{DescribedForce, Numbers};
@@ -66,7 +66,7 @@ impl<'a, G: Space> Maker<'a, G> {
             },
             _ => None,
         });
-        followers.enumerate().for_each(|(i, bearing)| bearing.place = i);
+        followers.enumerate().for_each(|(i, bearing)| bearing.index = i);
         Ok(elements)
     }
 
@@ -85,7 +85,7 @@ impl<'a, G: Space> Maker<'a, G> {
         }
         let turns = axes == Axes::Body;
         let axes = if turns { self.placed.bodies[node - 1].rot } else { self.placed.basis };
-        let on = self.place(node, self.numbers.point_on(self.placed, node, point));
+        let on = self.attachment(node, self.numbers.point_on(self.placed, node, point));
         Ok(Element::Force(PointForce { name: name.into(), on, value, axes: Mat3::from_f64(axes.0), turns }))
     }
 
@@ -95,9 +95,9 @@ impl<'a, G: Space> Maker<'a, G> {
     }
 
     /// A point of the zero position on a node's link.
-    pub(super) fn place(&self, node: usize, point: Vec3<G::S>) -> Place<G> {
+    pub(super) fn attachment(&self, node: usize, point: Vec3<G::S>) -> AttachmentPoint<G> {
         let link = self.placed.link_of(node);
-        Place { node, link, at: G::vec_in(point - self.numbers.reference[link]) }
+        AttachmentPoint { node, link, at: G::vec_in(point - self.numbers.reference[link]) }
     }
 
     pub(super) fn spring(&self, nodes: [usize; 2], n: &DescribedForce<G::S>, damped: bool) -> Spring<G> {
@@ -105,12 +105,12 @@ impl<'a, G: Space> Maker<'a, G> {
             let (node, point) = (nodes[i], self.numbers.point_on(self.placed, nodes[i], n.points[i]));
             if self.placed.link_of(node) == 0 {
                 // on the ground the point is the origin itself
-                return (Place { node, link: 0, at: G::Vec::default() }, point, point);
+                return (AttachmentPoint { node, link: 0, at: G::Vec::default() }, point, point);
             }
-            (self.place(node, point), self.measurements.origins[self.placed.link_of(node)], point)
+            (self.attachment(node, point), self.measurements.origins[self.placed.link_of(node)], point)
         };
         let ((a, origin_a, pa), (b, origin_b, pb)) = (end(0), end(1));
-        let grounded = |e: &Place<G>, point| if e.link == 0 { G::vec_in(point) } else { G::Vec::default() };
+        let grounded = |e: &AttachmentPoint<G>, point| if e.link == 0 { G::vec_in(point) } else { G::Vec::default() };
         let out_of_plane = G::out_of_space(pb - pa);
         Spring {
             grounded: [grounded(&a, pa), grounded(&b, pb)],

@@ -34,7 +34,7 @@ pub struct Bushing<G: Space> {
 impl<G: Space> Bushing<G> {
     #[inline(always)]
     pub(crate) fn wrench(&self, at: &At<G>) -> Result<Effect<G>, SystemError> {
-        let [one, two] = [&self.ends[0].place, &self.ends[1].place];
+        let [one, two] = [&self.ends[0].attachment, &self.ends[1].attachment];
         let frame = at.axes(one.link).mul(&self.frames[0]);
         let turned = frame.transpose().mul(&at.axes(two.link).mul(&self.frames[1]));
         let point = at.spot(&self.ends[1]);

@@ -37,7 +37,7 @@ pub struct Contact<G: Space> {
 impl<G: Space> Contact<G> {
     #[inline(always)]
     pub(crate) fn wrench(&self, at: &At<G>) -> Effect<G> {
-        let (one, two) = (&self.centre.place, &self.other.place);
+        let (one, two) = (&self.centre.attachment, &self.other.attachment);
         let centre = at.spot(&self.centre);
         let gap = centre - at.spot(&self.other);
         let (normal, depth, inside) = match self.surface {

@@ -1,6 +1,6 @@
 //! Gravity that changes: one acceleration for all bodies.
 
-use super::{AppliedWrench, At, Effect, ForceApplication, Place, Room};
+use super::{AppliedWrench, At, AttachmentPoint, Effect, ForceApplication, Room};
 use crate::value::VectorSource;
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Mat3, Space};
@@ -16,7 +16,7 @@ pub struct Gravity<G: Space> {
     /// Mechanism axes from world axes.
     pub axes: Mat3<G::S>,
     /// Centres of mass, and masses.
-    pub on: Vec<(Place<G>, G::S)>,
+    pub on: Vec<(AttachmentPoint<G>, G::S)>,
 }
 
 impl<G: Space> Gravity<G> {

@@ -23,7 +23,7 @@ impl<G: Space> Seen<G> {
     /// Link that is looked at.
     pub fn links(&self) -> Vec<usize> {
         match self {
-            Self::Point(p) | Self::Body(p, _) => vec![p.place.link],
+            Self::Point(p) | Self::Body(p, _) => vec![p.attachment.link],
             Self::Joint(r) => r.links.to_vec(),
         }
     }
@@ -35,15 +35,15 @@ impl<G: Space> Seen<G> {
             Self::Point(p) => {
                 let x = at.spot(p);
                 numbers.extend(world(x));
-                numbers.extend(world(at.moving(p.place.link, x)));
+                numbers.extend(world(at.moving(p.attachment.link, x)));
             }
             Self::Body(p, axes) => {
                 let x = at.spot(p);
                 numbers.extend(world(x));
-                let axes = out.mul(&at.axes(p.place.link)).mul(axes);
+                let axes = out.mul(&at.axes(p.attachment.link)).mul(axes);
                 numbers.extend(axes.0.into_iter().flatten());
-                numbers.extend(world(at.moving(p.place.link, x)));
-                numbers.extend(world(at.spinning(p.place.link)));
+                numbers.extend(world(at.moving(p.attachment.link, x)));
+                numbers.extend(world(at.spinning(p.attachment.link)));
             }
             Self::Joint(reading) => {
                 let read = reading.read(at.tree, at.s, at.instant.q, at.instant.v);
@@ -94,10 +94,10 @@ impl<G: Space> Law<G> {
         for (p, w) in self.on.iter().zip(answers.chunks_exact(WRENCH)) {
             let own = |w: &[G::S]| self.out.apply_transposed(Vec3([w[0], w[1], w[2]]));
             let (force, moment, x) = (own(&w[..3]), own(&w[3..]), at.spot(p));
-            let push = at.wrench_at(&p.place, x, moment, force);
+            let push = at.wrench_at(&p.attachment, x, moment, force);
             // in the plane of a planar mechanism alone is there work
-            power += G::dot(push.force, at.velocity(p.place.link, push.arm));
-            power += G::dot_ang(push.moment, at.s.links[p.place.link].w);
+            power += G::dot(push.force, at.velocity(p.attachment.link, push.arm));
+            power += G::dot_ang(push.moment, at.s.links[p.attachment.link].w);
             wrenches.push(push);
         }
         Ok(Effect { application: ForceApplication::Listed, potential: G::S::zero(), power })

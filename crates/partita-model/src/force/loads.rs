@@ -76,8 +76,8 @@ impl<G: Space> Maker<'_, G> {
                     road: self.spot(&x.ground, n.vector("point")),
                     normal: self.direction(&x.ground, &x.normal),
                     buffer: Buffer::new(n, 1.0, x.damping),
-                    grip: ["friction", "longitudinal", "lateral", "slow_speed"].map(|field| n.number(field)),
-                    grips: x.friction != 0.0 && (x.longitudinal != 0.0 || x.lateral != 0.0),
+                    coefficients: ["friction", "longitudinal", "lateral", "slow_speed"].map(|field| n.number(field)),
+                    has_slip_forces: x.friction != 0.0 && (x.longitudinal != 0.0 || x.lateral != 0.0),
                 }))
             }
             Force::Law(x) => Element::Law(Box::new(self.law(x)?)),
@@ -87,7 +87,7 @@ impl<G: Space> Maker<'_, G> {
                     return Err(DescriptionError::new("force", &x.name, "the ground has no weight; name a body"));
                 }
                 let b = &numbers.bodies[node - 1];
-                Element::Weightless(Weightless { on: self.place(node, b.com), mass: b.mass })
+                Element::Weightless(Weightless { on: self.attachment(node, b.com), mass: b.mass })
             }
             Force::Gravity(x) => {
                 let massless: HashSet<&str> = self
@@ -99,7 +99,8 @@ impl<G: Space> Maker<'_, G> {
                 let heavy = (0..self.spec.bodies.len()).filter(|&i| {
                     self.spec.bodies[i].mass > 0.0 && !massless.contains(self.spec.bodies[i].name.as_str())
                 });
-                let on = heavy.map(|i| (self.place(i + 1, numbers.bodies[i].com), numbers.bodies[i].mass)).collect();
+                let on =
+                    heavy.map(|i| (self.attachment(i + 1, numbers.bodies[i].com), numbers.bodies[i].mass)).collect();
                 let axes = Mat3::from_f64(placed.basis.0);
                 Element::Gravity(Box::new(Gravity {
                     name: x.name.clone(),
@@ -136,7 +137,7 @@ impl<G: Space> Maker<'_, G> {
         let node = self.node(body);
         let zero = self.numbers.point_on(self.placed, node, point);
         // motions in the plane keep what is out of it
-        Spot { place: self.place(node, zero), out: Vec3([G::S::zero(), G::S::zero(), G::out_of_space(zero)]) }
+        Spot { attachment: self.attachment(node, zero), out: Vec3([G::S::zero(), G::S::zero(), G::out_of_space(zero)]) }
     }
 
     /// Axes of a body in the zero position, mechanism axes.

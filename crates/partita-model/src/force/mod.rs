@@ -104,7 +104,7 @@ impl<G: Space> Default for Room<G> {
 
 /// Where an element acts.
 #[derive(Clone, Copy, Debug)]
-pub struct Place<G: Space> {
+pub struct AttachmentPoint<G: Space> {
     /// Node of the body (0 is the ground).
     pub node: usize,
     /// Its link.
@@ -162,7 +162,7 @@ pub(crate) struct At<'a, G: Space> {
 impl<G: Space> At<'_, G> {
     /// Offset of a place from its link's reference point, world axes.
     #[inline(always)]
-    fn arm(&self, p: &Place<G>) -> G::Vec {
+    fn arm(&self, p: &AttachmentPoint<G>) -> G::Vec {
         G::rotate(&self.s.links[p.link].rot, p.at)
     }
 
@@ -218,7 +218,7 @@ impl<G: Space> Element<G> {
             Self::Force(e) => !e.is_conservative(),
             Self::Bushing(e) => e.damped,
             Self::Contact(e) => e.buffer.damped || e.rough,
-            Self::Tyre(e) => e.buffer.damped || e.grips,
+            Self::Tyre(e) => e.buffer.damped || e.has_slip_forces,
             Self::Weightless(_) => false,
         }
     }
@@ -276,7 +276,7 @@ impl<G: Space> Element<G> {
 
     /// Nodes of the bodies it acts on; 0 is the ground.
     pub(crate) fn nodes(&self) -> Vec<usize> {
-        let of = |all: &[Spot<G>]| all.iter().map(|p| p.place.node).collect();
+        let of = |all: &[Spot<G>]| all.iter().map(|p| p.attachment.node).collect();
         match self {
             Self::Spring(e) => vec![e.a.node, e.b.node],
             Self::Load(e) => e.nodes(),
@@ -292,7 +292,7 @@ impl<G: Space> Element<G> {
 
     /// Velocity that it acts along, or the links it acts on.
     pub(crate) fn touches(&self) -> (Option<usize>, Vec<usize>) {
-        let of = |all: &[Spot<G>]| (None, all.iter().map(|p| p.place.link).collect());
+        let of = |all: &[Spot<G>]| (None, all.iter().map(|p| p.attachment.link).collect());
         match self {
             Self::Spring(e) => (None, vec![e.a.link, e.b.link]),
             Self::Load(e) => e.touches(),

@@ -1,6 +1,6 @@
 //! Force at a point of a body.
 
-use super::{AppliedWrench, At, Effect, ForceApplication, Place};
+use super::{AppliedWrench, At, AttachmentPoint, Effect, ForceApplication};
 use crate::value::VectorSource;
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Mat3, Space};
@@ -12,7 +12,7 @@ pub struct PointForce<G: Space> {
     /// Name, for messages.
     pub name: String,
     /// Where it acts.
-    pub on: Place<G>,
+    pub on: AttachmentPoint<G>,
     /// Components.
     pub value: VectorSource<G::S>,
     /// Axes of the components: the body's, as its link carries them, if the force turns with it, else the world's.

@@ -1,6 +1,6 @@
 //! Places in space of things that ride on links, also of a planar mechanism: what lies out of the plane stays there.
 
-use super::{AppliedWrench, At, ForceApplication, Place};
+use super::{AppliedWrench, At, AttachmentPoint, ForceApplication};
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Mat3, Space, Vec3};
 
@@ -8,7 +8,7 @@ use partita_math::spatial::{Mat3, Space, Vec3};
 #[derive(Clone, Copy, Debug)]
 pub struct Spot<G: Space> {
     /// In the space of the engine.
-    pub place: Place<G>,
+    pub attachment: AttachmentPoint<G>,
     /// What that space does not carry.
     pub out: Vec3<G::S>,
 }
@@ -17,7 +17,7 @@ impl<G: Space> At<'_, G> {
     /// Where a spot is, mechanism axes.
     #[inline(always)]
     pub(super) fn spot(&self, p: &Spot<G>) -> Vec3<G::S> {
-        G::vec_to(self.tree.place(p.place.link, self.s) + self.arm(&p.place)) + p.out
+        G::vec_to(self.tree.place(p.attachment.link, self.s) + self.arm(&p.attachment)) + p.out
     }
 
     /// Orientation of a link as a matrix.
@@ -28,14 +28,14 @@ impl<G: Space> At<'_, G> {
 
     /// From a link's reference point to a point of space.
     #[inline(always)]
-    fn reach(&self, link: usize, x: Vec3<G::S>) -> G::Vec {
+    fn arm_to(&self, link: usize, x: Vec3<G::S>) -> G::Vec {
         G::vec_in(x) - self.tree.place(link, self.s)
     }
 
     /// Velocity of a link's material at a point of space.
     #[inline(always)]
     pub(super) fn moving(&self, link: usize, x: Vec3<G::S>) -> Vec3<G::S> {
-        G::vec_to(self.velocity(link, self.reach(link, x)))
+        G::vec_to(self.velocity(link, self.arm_to(link, x)))
     }
 
     /// Angular velocity of a link.
@@ -48,7 +48,7 @@ impl<G: Space> At<'_, G> {
     #[inline(always)]
     pub(super) fn wrench_at(
         &self,
-        on: &Place<G>,
+        on: &AttachmentPoint<G>,
         x: Vec3<G::S>,
         moment: Vec3<G::S>,
         force: Vec3<G::S>,
@@ -56,7 +56,7 @@ impl<G: Space> At<'_, G> {
         AppliedWrench {
             node: on.node,
             link: on.link,
-            arm: self.reach(on.link, x),
+            arm: self.arm_to(on.link, x),
             moment: G::ang_in(moment),
             force: G::vec_in(force),
         }
@@ -66,8 +66,8 @@ impl<G: Space> At<'_, G> {
     #[inline(always)]
     pub(super) fn pair(
         &self,
-        on: &Place<G>,
-        other: &Place<G>,
+        on: &AttachmentPoint<G>,
+        other: &AttachmentPoint<G>,
         x: Vec3<G::S>,
         moment: Vec3<G::S>,
         force: Vec3<G::S>,

@@ -1,6 +1,6 @@
 //! Spring and damper between two points.
 
-use super::{stored, AppliedWrench, At, Effect, ForceApplication, Place};
+use super::{stored, AppliedWrench, At, AttachmentPoint, Effect, ForceApplication};
 use partita_math::scalar::{Cases, Scalar};
 use partita_math::spatial::Space;
 
@@ -8,9 +8,9 @@ use partita_math::spatial::Space;
 #[derive(Clone, Copy, Debug)]
 pub struct Spring<G: Space> {
     /// One end.
-    pub a: Place<G>,
+    pub a: AttachmentPoint<G>,
     /// Other end.
-    pub b: Place<G>,
+    pub b: AttachmentPoint<G>,
     /// From the origin of a's branch to that of b's. On the ground an end is its own origin.
     pub offset: G::Vec,
     /// Where the ends are that stand on the ground, else 0.
@@ -40,7 +40,7 @@ impl<G: Space> Spring<G> {
         let stretch = length - self.length;
         let tension = stretch * self.stiffness + speed * self.damping;
         let pull = G::scale(gap, tension.over_or_zero(length));
-        let end = |e: &Place<G>, arm, force| AppliedWrench {
+        let end = |e: &AttachmentPoint<G>, arm, force| AppliedWrench {
             node: e.node,
             link: e.link,
             arm,

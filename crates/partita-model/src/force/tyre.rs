@@ -27,15 +27,15 @@ pub struct Tyre<G: Space> {
     /// Normal force over depth.
     pub buffer: Buffer<G::S>,
     /// Coefficient of friction, force over slip along the wheel and across it, slow speed.
-    pub grip: [G::S; 4],
+    pub coefficients: [G::S; 4],
     /// Has it slip forces?
-    pub grips: bool,
+    pub has_slip_forces: bool,
 }
 
 impl<G: Space> Tyre<G> {
     #[inline(always)]
     pub(crate) fn wrench(&self, at: &At<G>) -> Effect<G> {
-        let (wheel, road) = (&self.centre.place, &self.road.place);
+        let (wheel, road) = (&self.centre.attachment, &self.road.attachment);
         let normal = at.axes(road.link).apply(self.normal);
         let axis = at.axes(wheel.link).apply(self.axis);
         let centre = at.spot(&self.centre);
@@ -54,8 +54,8 @@ impl<G: Space> Tyre<G> {
         // on the road below
         let point = centre - down.times(height.over_or_zero(upright));
         let (mut force, mut power) = (push, pressed.power);
-        if self.grips {
-            let [friction, longitudinal, lateral, slow] = self.grip;
+        if self.has_slip_forces {
+            let [friction, longitudinal, lateral, slow] = self.coefficients;
             let forward = axis.cross(normal).direction();
             let across = normal.cross(forward);
             let slip = at.moving(wheel.link, point) - at.moving(road.link, point);
@@ -65,9 +65,9 @@ impl<G: Space> Tyre<G> {
             let y = lateral * across.dot(slip) * rolled;
             let limit = friction * pressed.push;
             let part = limit.over_or_zero((limit * limit + x * x + y * y).sqrt());
-            let grip = (forward.times(x) + across.times(y)).times(-part);
-            force += grip;
-            power += grip.dot(slip);
+            let tangential = (forward.times(x) + across.times(y)).times(-part);
+            force += tangential;
+            power += tangential.dot(slip);
         }
         let moment = (lowest - point).cross(push);
         Effect { application: at.pair(wheel, road, point, moment, force), potential: pressed.potential, power }

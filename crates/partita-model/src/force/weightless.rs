@@ -1,6 +1,6 @@
 //! No gravity on a body: its weight is taken off again.
 
-use super::{AppliedWrench, At, Effect, ForceApplication, Place};
+use super::{AppliedWrench, At, AttachmentPoint, Effect, ForceApplication};
 use partita_math::scalar::Scalar;
 use partita_math::spatial::Space;
 
@@ -8,7 +8,7 @@ use partita_math::spatial::Space;
 #[derive(Clone, Copy, Debug)]
 pub struct Weightless<G: Space> {
     /// Centre of mass.
-    pub on: Place<G>,
+    pub on: AttachmentPoint<G>,
     /// Mass.
     pub mass: G::S,
 }

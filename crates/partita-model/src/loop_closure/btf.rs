@@ -128,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn a_matrix_without_a_complete_matching_is_told() {
+    fn a_matrix_without_a_complete_matching_is_reported() {
         assert_eq!(matching(&[vec![0], vec![0]], 2), None);
         assert_eq!(matching(&[vec![0, 1], vec![0]], 2), Some(vec![1, 0]));
     }

@@ -80,7 +80,7 @@ impl LoopClosing<'_> {
     }
 
     /// States of the blocks from the steps.
-    fn tell(&mut self) {
+    fn update_states(&mut self) {
         for (state, &(step, k)) in self.states.iter_mut().zip(&self.entries) {
             let step = &self.steps[step];
             *state = BlockState { branch: step.signs[k], pivot: step.pivots[k] };
@@ -304,7 +304,7 @@ impl Closing for LoopClosing<'_> {
         self.old.copy_from_slice(q);
         self.given.iter().for_each(|&i| self.pose.read(&self.graph, i, q));
         self.advance_all(t, q)?;
-        self.tell();
+        self.update_states();
         Ok(())
     }
 
@@ -321,7 +321,7 @@ impl Closing for LoopClosing<'_> {
         if self.whole_turns(q)? && self.counts() {
             self.advance_all(t, q)?;
         }
-        self.tell();
+        self.update_states();
         Ok(doubt)
     }
 

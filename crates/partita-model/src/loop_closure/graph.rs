@@ -37,7 +37,7 @@ pub(super) enum Home {
 
 /// Where an edge is in the zero position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Place {
+pub(super) enum EdgePoint {
     /// At the point of a link.
     Link(usize),
     /// At the point of a cut joint; behind its last motion as the child carries it.
@@ -49,7 +49,7 @@ pub(super) enum Place {
     },
 }
 
-impl Place {
+impl EdgePoint {
     /// As `from` carries it, and as `to` does.
     pub fn points<S: Scalar>(self, numbers: &Numbers<S>) -> [Vec3<S>; 2] {
         match self {
@@ -77,7 +77,7 @@ pub(super) struct Edge {
     /// In the axes of `from`.
     pub axis: Vec3<f64>,
     /// The joint's point in the zero position.
-    pub place: Place,
+    pub place: EdgePoint,
     /// Constant turn: the identity but for cut joints of open drawings.
     pub rest: Mat3<f64>,
     /// Its turn about z: all of it where the mechanism is planar.
@@ -126,7 +126,7 @@ impl Graph {
                 to: i,
                 kind,
                 axis,
-                place: Place::Link(i),
+                place: EdgePoint::Link(i),
                 rest: Mat3::identity(),
                 turned: 0.0,
                 home: Home::Tree { q: l.q, v: l.v },
@@ -153,7 +153,7 @@ impl Graph {
             to,
             kind,
             axis,
-            place: Place::Cut { joint: j, last: false },
+            place: EdgePoint::Cut { joint: j, last: false },
             rest: Mat3::identity(),
             turned: 0.0,
             home,
@@ -176,7 +176,7 @@ impl Graph {
             from = to;
         }
         if let Some(e) = self.edges.last_mut() {
-            e.place = Place::Cut { joint: j, last: true };
+            e.place = EdgePoint::Cut { joint: j, last: true };
             (e.rest, e.turned) = (rest, turn_of(&rest));
         }
     }

@@ -36,7 +36,7 @@ pub(super) struct Implicit {
     /// Row and column in the block, place in the values of C; row by row.
     places: Vec<(usize, usize, usize)>,
     /// Exchanges of rows where the plan was made.
-    exchanges: Vec<usize>,
+    pivots: Vec<usize>,
 }
 
 /// Memory for the largest block.
@@ -91,14 +91,14 @@ impl Implicit {
             }
         }
         let n = rows.len();
-        let mut block = Self { rows, unknown, closed, places, exchanges: (0..n).collect() };
+        let mut block = Self { rows, unknown, closed, places, pivots: (0..n).collect() };
         if !others.is_empty() {
             return block; // least squares exchange no rows
         }
-        let (mut jacobian, mut exchanges) = (vec![0.0; n * n], vec![0; n]);
+        let (mut jacobian, mut pivots) = (vec![0.0; n * n], vec![0; n]);
         block.jacobian(&at.model, &at.c, &mut jacobian);
-        if lu(&mut jacobian, n, &mut exchanges).is_ok() {
-            block.exchanges = exchanges;
+        if lu(&mut jacobian, n, &mut pivots).is_ok() {
+            block.pivots = pivots;
         }
         block
     }
@@ -158,8 +158,8 @@ impl Implicit {
             e.position(t, q, &mut room.scratch, &mut room.phi, &mut room.c, &mut room.a)?;
             let (jacobian, x) = (&mut room.jacobian[..n * n], &mut room.x[..n]);
             self.equations(model, &room.c, &room.phi, jacobian, x);
-            lu_in_order(jacobian, n, &self.exchanges);
-            lu_solve(jacobian, n, &self.exchanges, x);
+            lu_in_order(jacobian, n, &self.pivots);
+            lu_solve(jacobian, n, &self.pivots, x);
             largest = x.iter().fold(S::zero(), |m, x| m.max(x.abs()));
             room.dv.fill(S::zero());
             for (x, &u) in x.iter().zip(&self.unknown) {

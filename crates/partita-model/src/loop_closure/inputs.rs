@@ -23,7 +23,7 @@ const PLANS: usize = 40;
 /// A choice of inputs must lead by this. Scale: logarithm of the volume. Reason: rounding cannot decide between equal
 /// choices.
 const LARGER_VOLUME: f64 = 1e-6;
-/// Exchanges that shrink the volume of a choice below this are not tried. Scale: ratio of volumes. Reason: they lead to
+/// Switches that shrink the volume of a choice below this are not tried. Scale: ratio of volumes. Reason: they lead to
 /// dead points.
 const WEAK_CHOICE: f64 = 0.05;
 
@@ -85,7 +85,7 @@ fn implicit_count(model: &Model, graph: &Graph, laws: &[TreeLaw], inputs: &[usiz
     missing.map(|(_, e)| e.velocities().filter(|v| inputs.binary_search(v).is_err()).count()).sum()
 }
 
-/// The choice of the projective criterion, then exchanges as long as they leave less to implicit blocks: for mechanisms
+/// The choice of the projective criterion, then switches as long as they leave less to implicit blocks: for mechanisms
 /// with too many sets to look at them all.
 fn by_switches(at: &Instant, t: f64, q: &[f64], k: usize, graph: &Graph, mut budget: usize) -> Option<Vec<usize>> {
     let model = &*at.model;

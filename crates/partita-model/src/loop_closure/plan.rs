@@ -99,8 +99,8 @@ impl<'m> LoopClosing<'m> {
         }
         let mut found = vec![false; closing.graph.edges.len()];
         // in space the spin of a link between two balls is taken as it stands
-        let flat = closing.steps.iter().filter(|s| matches!(s.work, Work::Plane(..)));
-        flat.flat_map(|s| &s.edges).for_each(|&e| found[e] = true);
+        let planar = closing.steps.iter().filter(|s| matches!(s.work, Work::Plane(..)));
+        planar.flat_map(|s| &s.edges).for_each(|&e| found[e] = true);
         closing.given = (0..found.len()).filter(|&e| !found[e] && closing.graph.edges[e].in_tree()).collect();
         closing.counted = (0..size.nv).map(|v| !dependent[v]).collect();
         for s in closing.steps.iter().filter(|s| matches!(s.work, Work::Drive(..) | Work::Law(_))) {

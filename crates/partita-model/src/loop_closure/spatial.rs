@@ -27,7 +27,7 @@ use partita_math::spatial::{Mat3, Vec3};
 
 /// Round-off that an exactly flat position may show. Scale: fraction of the terms of the equation. Reason: twice that
 /// of a polygon, for products of two rotations.
-const FLAT_EQUATION: f64 = 8.0 * f64::EPSILON;
+const DEGENERATE_EQUATION: f64 = 8.0 * f64::EPSILON;
 
 /// Coordinates that a step finds, before anybody uses them.
 #[derive(Clone, Copy, Debug)]
@@ -76,7 +76,7 @@ impl<S: Scalar> Found<S> {
 /// `a cos ψ + b sin ψ + c = 0`: ψ and the pivot `√(R² − c²)/R`; if there is none, how far |c| exceeds R.   (39)
 pub(super) fn characteristic<S: Scalar>(a: S, b: S, c: S, scale: S, sign: f64) -> (S, S, Fit<S>) {
     let r = a.hypot(b);
-    let fit = Fit { excess: c.abs() - r - scale.scale(FLAT_EQUATION), shortfall: c.abs() - r };
+    let fit = Fit { excess: c.abs() - r - scale.scale(DEGENERATE_EQUATION), shortfall: c.abs() - r };
     let fit = fit.unless_above_0(r - S::from_f64(f64::MIN_POSITIVE));
     let root = ((r - c.abs()).max(S::zero()) * (r + c.abs())).sqrt().scale(sign);
     (b.atan2(a) + root.atan2(-c), root.abs() / r, fit)
@@ -109,15 +109,16 @@ pub(super) fn solve<S: Scalar>(g: &Graph, p: &Polygon, signs: [i8; 2], pose: &Po
         let (before, behind) = axes_of(g, p.joints[2].edges[0], p.joints[2].edges[1]);
         let u = r3.apply_transposed(lift(behind));
         let u = if forward { u } else { rest.apply(u) };
-        let flat = |x: Vec3<S>, u: Vec3<S>| x - u.times(u.dot(x));
-        let distance = flat(r2.apply_transposed(d2), lift(before)).norm();
-        let (c, b) = (flat(c, u), flat(b, u));
+        let across = |x: Vec3<S>, u: Vec3<S>| x - u.times(u.dot(x));
+        let distance = across(r2.apply_transposed(d2), lift(before)).norm();
+        let (c, b) = (across(c, u), across(b, u));
         if edge.kind == Kind::Turn {
             on_circle(axis, c, b, distance, first)
         } else {
-            let across = flat(axis, u);
+            let across = across(axis, u);
             let part = across.norm();
-            let stuck = Fit { excess: S::from_f64(FLAT_EQUATION) - part, shortfall: ((c - b).norm() - distance).abs() };
+            let stuck =
+                Fit { excess: S::from_f64(DEGENERATE_EQUATION) - part, shortfall: ((c - b).norm() - distance).abs() };
             let (value, pivot, fit) = on_line(across.direction(), c, b, distance, first);
             (value / part, pivot, stuck.or(fit))
         }
@@ -202,8 +203,10 @@ fn on_line<S: Scalar>(axis: Vec3<S>, c: Vec3<S>, b: Vec3<S>, length: S, sign: f6
     let w0 = c - b;
     let along = axis.dot(w0);
     let off = (w0 - axis.times(along)).norm();
-    let fit =
-        Fit { excess: off - length - (off + length).scale(FLAT_EQUATION), shortfall: (off - length).max(S::zero()) };
+    let fit = Fit {
+        excess: off - length - (off + length).scale(DEGENERATE_EQUATION),
+        shortfall: (off - length).max(S::zero()),
+    };
     let root = ((length - off).max(S::zero()) * (length + off)).sqrt().scale(sign);
     (root - along, root.abs() / length, fit.unless_above_0(length))
 }

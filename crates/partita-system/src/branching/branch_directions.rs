@@ -150,7 +150,7 @@ pub fn along<'s, S: ConstrainedSystem>(
 ) -> Result<Box<BranchDirections<'s, S>>, SystemError> {
     let mut held = None;
     of_start(system, t, q, singular, |branch_directions| {
-        branch_directions.holds(v)?;
+        branch_directions.admits(v)?;
         held = Some(branch_directions);
         Ok(())
     })?;
@@ -306,8 +306,8 @@ pub fn look<'s, S: ConstrainedSystem>(system: &'s S, t: f64, q: &[f64]) -> Resul
 fn planes(form: &Matrix) -> Option<[Vec<f64>; 2]> {
     let (values, vectors) = symmetric_eigen(form).ok()?;
     let top = largest(&values);
-    let acts: Vec<usize> = (0..values.len()).filter(|&i| values[i].abs() > SECOND_RATE_ROUNDING * top).collect();
-    let [one, two] = acts[..] else { return None };
+    let significant: Vec<usize> = (0..values.len()).filter(|&i| values[i].abs() > SECOND_RATE_ROUNDING * top).collect();
+    let [one, two] = significant[..] else { return None };
     if values[one] * values[two] > 0.0 {
         return None;
     }
@@ -425,7 +425,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
     ///
     /// # Errors
     /// Why not, in words that end a sentence.
-    pub fn holds(&self, v: &[f64]) -> Result<(), String> {
+    pub fn admits(&self, v: &[f64]) -> Result<(), String> {
         if let Some(why) = self.impossible() {
             return Err(why);
         }
@@ -471,7 +471,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
         let near: Vec<f64> = near.iter().zip(&self.displacement).map(|(v, r)| v / r).collect();
         if asked.iter().all(|x| x.rate == 0.0) && !self.driven {
             let v = self.natural(&near);
-            return self.holds(&v).map(|()| v);
+            return self.admits(&v).map(|()| v);
         }
         let fastest =
             asked.iter().fold(0.0, |m: f64, x| m.max(x.rate.abs() / x.displacement)).max(largest(&self.particular));
@@ -584,7 +584,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
         self.velocity_of(&u)
     }
 
-    /// The accelerations with which the motion along `v`, one that [`holds`](Self::holds), leaves (t, q): the limit of
+    /// The accelerations with which the motion along `v`, one that [`admits`](Self::holds), leaves (t, q): the limit of
     /// those next to it. None where nothing can be said.
     ///
     /// To third order nᵀ Φ(q(t)) = 0 is linear in them; it takes the place of the row that says nothing here. Its

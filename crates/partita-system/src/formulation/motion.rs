@@ -437,7 +437,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
             Err(SystemError::Singular { .. }) => true,
             found => {
                 found?;
-                self.stands_in_a_singular_position()
+                self.is_at_a_singular_position()
             }
         };
         let u = &mut self.v[..w - p];

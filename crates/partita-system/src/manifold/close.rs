@@ -49,7 +49,7 @@ const PATIENCE: usize = 20;
 const STALLED: f64 = 0.5;
 /// Changes of |Φ|² below this may be rounding. Scale: fraction of |Φ|². Reason: at a minimum with open rows |Φ|²
 /// changes by the square of the move.
-const FLAT_BOTTOM: f64 = 1e-12;
+const STATIONARY_RESIDUAL: f64 = 1e-12;
 /// Steps at a minimum with open rows are good when they become shorter by this factor. Scale: ratio of successive
 /// steps. Reason: linear convergence is all there is.
 const SHORTER: f64 = 0.7;
@@ -352,13 +352,13 @@ impl Room {
         for (i, p) in self.parts.iter_mut().enumerate().filter(|(_, p)| p.is_active()) {
             let now = l.open(i);
             let gain = if finite && now.square.is_finite() { p.open.square - now.square } else { f64::NEG_INFINITY };
-            let flat = rule.rest > 0.0 && gain.abs() <= FLAT_BOTTOM * p.open.square;
+            let stationary = rule.rest > 0.0 && gain.abs() <= STATIONARY_RESIDUAL * p.open.square;
             let shorter = p.length <= SHORTER * p.before;
             let takes = rule.undamped.is_some() && gain.is_finite();
-            if gain > LEAST_GAIN * p.promised && gain > 0.0 || flat && shorter || takes {
+            if gain > LEAST_GAIN * p.promised && gain > 0.0 || stationary && shorter || takes {
                 l.take(i);
                 p.damping *= match gain {
-                    _ if flat || takes => 1.0,
+                    _ if stationary || takes => 1.0,
                     x if x > GOOD_STEP.0 * p.promised => GOOD_STEP.1,
                     x if x < POOR_STEP.0 * p.promised => POOR_STEP.1,
                     _ => 1.0,
@@ -381,12 +381,14 @@ impl Room {
             l.keep(i, &self.best, q);
             p.idle += 1;
             let least = l.least_damping(i);
-            if l.is_settled() && (p.open.worst <= rule.accepted || p.length <= rule.rest || flat && least.is_none()) {
+            if l.is_settled()
+                && (p.open.worst <= rule.accepted || p.length <= rule.rest || stationary && least.is_none())
+            {
                 p.stall(rule, Ending::AtRest);
                 continue;
             }
             match least {
-                _ if flat && !l.is_settled() => {}
+                _ if stationary && !l.is_settled() => {}
                 Some(least) => p.damping = (REFUSED_STEP.0 * p.damping).max(least),
                 None => p.fraction *= REFUSED_STEP.1,
             }

@@ -1,4 +1,4 @@
-//! Which coordinates are independent: the projective criterion, its collective extension and the exchange rule; and, to
+//! Which coordinates are independent: the projective criterion, its collective extension and the switch rule; and, to
 //! compare with or for special needs, other rules, one file each.
 
 pub mod complete_pivoting;
@@ -15,7 +15,7 @@ pub mod volume;
 /// Rules that choose the independent coordinates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Selection {
-    /// The projective criterion, each choice locked before the next, then exchanges: P5 and P6.
+    /// The projective criterion, each choice locked before the next, then switches: P5 and P6.
     #[default]
     Collective,
     /// The projective criterion with lock and repeat alone: P5.

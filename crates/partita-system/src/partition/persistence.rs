@@ -1,7 +1,7 @@
 //! Persistence: coordinates that stay good over a whole window of time, a turn of a machine for example.
 //!
 //! The measure of one instant prefers what moves most just then; a coordinate that is never the best, but never bad
-//! either (a crank angle), serves without exchanges. The rule remembers Dᵀ over the window and exchanges i for j where
+//! either (a crank angle), serves without switches. The rule remembers Dᵀ over the window and switches i for j where
 //! the *least* volume that the new choice had in the window exceeds that of the present one, provided it is not much
 //! worse right now. A choice whose determinant changed its sign between two instants has passed through zero, and
 //! counts as zero however far from it the instants lie.
@@ -11,13 +11,13 @@
 //! four-bar in absolute coordinates it is −0.7 for a place of the coupler that passes zero, −1.7 for the crank angle.
 //!
 //! What is remembered belongs to no partition: Dᵀ of a past instant relative to any other choice is one k x k solve
-//! away. So an exchange loses nothing of the window.
+//! away. So a switch loses nothing of the window.
 
 use super::volume;
 use partita_math::tolerance;
 use std::collections::VecDeque;
 
-/// Instants that represent a window; closer ones are left out. Scale: count. Reason: many more than the exchanges in a
+/// Instants that represent a window; closer ones are left out. Scale: count. Reason: many more than the switches in a
 /// window.
 const INSTANTS: f64 = 256.0;
 /// The least volume must grow by this factor. Scale: ratio of volumes. Reason: a dead band against rounding and the
@@ -30,7 +30,7 @@ const PERSISTENCE_GUARD: f64 = 20.0;
 /// Dᵀ at one instant, and what it says about the present choice and its neighbours.
 struct Instant {
     t: f64,
-    /// Number of exchanges before: signs compare between instants of one generation only.
+    /// Number of switches before: signs compare between instants of one generation only.
     generation: u64,
     /// ln of the volume of the partition the rows belong to.
     base: f64,
@@ -42,7 +42,7 @@ struct Instant {
     neighbours: Vec<(f64, f64)>,
 }
 
-/// An exchange and why.
+/// A switch and why.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Proposal {
     /// The velocity that comes in.
@@ -63,8 +63,8 @@ pub struct Persistence {
 }
 
 impl Persistence {
-    /// Remembers `window` seconds. `switch_threshold` is the threshold for exchanges until the window has filled, and how much
-    /// worse a choice may be right now; infinite: nothing is ever exchanged.
+    /// Remembers `window` seconds. `switch_threshold` is the threshold for switches until the window has filled, and
+    /// how much worse a choice may be right now; infinite: nothing is ever switched.
     pub fn new(window: f64, switch_threshold: f64, independent: &[usize]) -> Self {
         Self { window, switch_threshold, independent: independent.to_vec(), generation: 0, instants: VecDeque::new() }
     }
@@ -100,7 +100,7 @@ impl Persistence {
         self.instants.push_back(instant);
     }
 
-    /// The choice was exchanged for `next` at `t`, where `rows` and `base` were those of the one before.
+    /// The choice was switched for `next` at `t`, where `rows` and `base` were those of the one before.
     ///
     /// Cost: everything remembered is judged anew, k³/3 + n k² each.
     pub fn switched(&mut self, t: f64, rows: Vec<f64>, base: f64, next: &[usize]) {
@@ -119,7 +119,7 @@ impl Persistence {
         }
     }
 
-    /// What to exchange now, with `rows` those of the present choice. Cost: n k for each instant remembered.
+    /// What to switch now, with `rows` those of the present choice. Cost: n k for each instant remembered.
     pub fn propose(&self, t: f64, rows: &[f64]) -> Option<Proposal> {
         let (n, k) = (rows.len() / self.independent.len().max(1), self.independent.len());
         let pairs = || (0..n).filter(|i| !self.independent.contains(i)).flat_map(|i| (0..k).map(move |j| (i, j)));

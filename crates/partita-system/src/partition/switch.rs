@@ -1,9 +1,9 @@
-//! The exchange rule P6: by how much the volume of the choice grows when a dependent coordinate takes the place of an
+//! The switch rule P6: by how much the volume of the choice grows when a dependent coordinate takes the place of an
 //! independent one.
 
 use partita_math::tolerance;
 
-/// One possible exchange.
+/// One possible switch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CoordinateSwitch {
     /// Position in the list of dependent velocities of the one that would come in.
@@ -14,7 +14,7 @@ pub struct CoordinateSwitch {
     pub gain: f64,
 }
 
-/// The best exchange for `A` (r x k), the scales `s` of all velocities and the lists D and I.
+/// The best switch for `A` (r x k), the scales `s` of all velocities and the lists D and I.
 ///
 /// Cost: r k comparisons, no factorisation: `A` is there from P1. Ties go to the first.
 pub fn best(a: &[f64], s: &[f64], dependent: &[usize], independent: &[usize]) -> Option<CoordinateSwitch> {

@@ -16,7 +16,7 @@ pub const LARGEST_ENUMERATION: usize = 50_000;
 pub struct Largest {
     /// The k velocities, ascending.
     pub independent: Vec<usize>,
-    /// Every partition was compared. Otherwise: no single exchange makes the determinant larger.
+    /// Every partition was compared. Otherwise: no single switch makes the determinant larger.
     pub exact: bool,
 }
 
@@ -49,7 +49,7 @@ pub fn signed_log(block: &mut [f64], k: usize) -> (f64, f64) {
 
 /// The choice with the largest `|det of its rows| · exp(Σ bias)`, for rows (n x k) in natural units.
 ///
-/// Exact by enumeration as long as C(n, k) ≤ [`LARGEST_ENUMERATION`] (cost C(n, k) k³/3), otherwise by exchanges from
+/// Exact by enumeration as long as C(n, k) ≤ [`LARGEST_ENUMERATION`] (cost C(n, k) k³/3), otherwise by switches from
 /// `first` on until none gains (cost n k each): finding the largest of all is then out of reach for every method.
 /// Ties go to the lower indices.
 pub fn largest(rows: &[f64], bias: &[f64], first: &[usize]) -> Largest {
@@ -79,12 +79,12 @@ fn partitions(n: usize, k: usize) -> usize {
     (0..k).try_fold(1usize, |c, i| c.checked_mul(n - i).map(|c| c / (i + 1))).unwrap_or(usize::MAX)
 }
 
-/// The partition that no single exchange improves, from `first` on.
+/// The partition that no single switch improves, from `first` on.
 fn by_switches(rows: &[f64], bias: &[f64], first: &[usize]) -> Vec<usize> {
     let (n, k) = (bias.len(), first.len());
     let mut chosen = first.to_vec();
     let Some(mut x) = relative_to(rows, &chosen) else { return chosen };
-    // every exchange multiplies the determinant by more than one, so the loop ends; the bound is for round-off
+    // every switch multiplies the determinant by more than one, so the loop ends; the bound is for round-off
     for _ in 0..10 * n {
         let mut best = (tolerance::TIE, None);
         for i in (0..n).filter(|i| !chosen.contains(i)) {
@@ -116,7 +116,7 @@ pub fn relative_to(rows: &[f64], which: &[usize]) -> Option<Vec<f64>> {
     Some(out)
 }
 
-/// Make row i the unit row j of X (n x k): the principal pivot of an exchange.
+/// Make row i the unit row j of X (n x k): the principal pivot of a switch.
 fn pivot(x: &mut [f64], k: usize, i: usize, j: usize) {
     let with: Vec<f64> = x[i * k..(i + 1) * k].to_vec();
     for row in x.chunks_mut(k) {

@@ -118,7 +118,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> Positions<'s, S, T> for A
         }
         Ok(false)
     }
-    fn holds_all(&self) -> bool {
+    fn has_all(&self) -> bool {
         true
     }
     fn q(&self) -> &[f64] {

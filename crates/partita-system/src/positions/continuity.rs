@@ -47,11 +47,11 @@ impl Continuity {
     /// A singular position is near below this distance. Scale: distance in natural scales. Reason: crossing from there
     /// takes about half a radian.
     const SINGULAR_NEAR: f64 = 0.3;
-    /// At this nearness to a dead point no step succeeds. Scale: gain of the exchange. Reason: the equations in 2k
+    /// At this nearness to a dead point no step succeeds. Scale: gain of the switch. Reason: the equations in 2k
     /// states are rounding there.
     const STUCK: f64 = 1e4;
     /// From this nearness on short steps are blamed on the dead point or singular position. Scale: gain of the
-    /// exchange. Reason: one and a half digits are lost there.
+    /// switch. Reason: one and a half digits are lost there.
     const BLAMED_NEARNESS: f64 = 30.0;
     /// Steps shorter than this are short. Scale: fraction of the longest step so far. Reason: error control shortens
     /// healthy steps less.
@@ -67,7 +67,7 @@ impl Continuity {
 
     /// How near the inputs are to a dead point, or the mechanism to a singular position; far is below 1.
     ///
-    /// Where all dependent velocities are slower than the independent ones (`gain`, the largest of an exchange), no
+    /// Where all dependent velocities are slower than the independent ones (`gain`, the largest of a switch), no
     /// dead point is near. `distance` is the margin of the tangent.
     pub(super) fn nearness(gain: f64, distance: f64) -> f64 {
         gain.max(Self::SINGULAR_NEAR / distance)

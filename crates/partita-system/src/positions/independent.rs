@@ -78,7 +78,7 @@ pub trait Dependent<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> {
 pub struct Independent<K> {
     core: Core,
     by: K,
-    /// q, v' and the gain of an exchange at the end of the step that is judged.
+    /// q, v' and the gain of a switch at the end of the step that is judged.
     trial: Vec<f64>,
     vdot: Vec<f64>,
     gain: f64,
@@ -228,7 +228,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, K: Dependent<'s, S, T>> P
     }
 }
 
-/// The largest gain an exchange of coordinates promises at the last evaluation.         (P6)
+/// The largest gain a switch of coordinates promises at the last evaluation.         (P6)
 fn best_gain<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>>(tangent: &mut T) -> f64 {
     tangent.reduction().best_switch().map_or(0.0, |x| x.gain)
 }

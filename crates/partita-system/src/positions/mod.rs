@@ -35,7 +35,7 @@ pub trait Positions<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>>: PositionS
     /// The tangent has chosen anew at q: write y for it.
     fn rewrite(&mut self, _tangent: &mut T, _q: &[f64], _y: &mut [f64]) {}
     /// Do the leading components of y hold q itself?
-    fn holds_all(&self) -> bool {
+    fn has_all(&self) -> bool {
         false
     }
     /// Natural sizes of the leading components, from those of q.

@@ -39,7 +39,7 @@ const SHORTEST: usize = 3;
 
 /// A position on a path.
 #[derive(Clone, Debug)]
-pub struct Place {
+pub struct BranchPoint {
     /// Its path.
     pub path: usize,
     /// Steps from the drawing.
@@ -60,7 +60,7 @@ pub struct Branch {
     /// Rank of the finite motions there, k_f.
     pub dof: usize,
     /// Positions on the paths.
-    pub places: Vec<Place>,
+    pub points: Vec<BranchPoint>,
 }
 
 /// Takes steps from the start, the position, what stays open there, and the motions from there; false ends the path.
@@ -143,33 +143,33 @@ impl<S: ConstrainedSystem> Kernel<'_, S> {
             Cut::Rank(_) => cut,
         };
         let n = self.velocities();
-        let mut places: Vec<Place> = Vec::new();
+        let mut points: Vec<BranchPoint> = Vec::new();
         let mut ends: Vec<usize> = Vec::new();
         for (path, direction) in directions.iter().enumerate() {
-            let before = places.len();
+            let before = points.len();
             self.path(home, direction, cut, FAR, &mut |steps, q, open, nulls| {
                 // rank does not fall from a position to generic ones
                 let null = (n - cut.count(&nulls.pivots)).min(motions.len());
                 let kernel = (null, n - tube.count(&nulls.pivots));
-                places.push(Place { path, steps, q: q.to_vec(), kernel, open });
+                points.push(BranchPoint { path, steps, q: q.to_vec(), kernel, open });
                 true
             })?;
-            if places.len() >= before + SHORTEST {
-                ends.push(places.len() - 1);
+            if points.len() >= before + SHORTEST {
+                ends.push(points.len() - 1);
             }
         }
-        let Some(kernel) = agreed(&ends.iter().map(|&i| places[i].kernel).collect::<Vec<_>>()) else { return Ok(None) };
-        let agrees = |place: &Place| place.kernel.0 <= kernel && kernel <= place.kernel.1;
-        places.retain(agrees);
+        let Some(kernel) = agreed(&ends.iter().map(|&i| points[i].kernel).collect::<Vec<_>>()) else { return Ok(None) };
+        let agrees = |place: &BranchPoint| place.kernel.0 <= kernel && kernel <= place.kernel.1;
+        points.retain(agrees);
         let mut dof = DofCount::default();
-        for place in tried(&places) {
+        for place in tried(&points) {
             dof.add(self.probed(&place.q, cut)?);
             if dof.clear >= TRIED {
                 break;
             }
         }
         let dof = dof.most;
-        Ok((dof > 0).then_some(Branch { kernel, dof, places }))
+        Ok((dof > 0).then_some(Branch { kernel, dof, points }))
     }
 
     /// How many of the null directions at q are tangents of motions, and whether probes say so clearly.
@@ -273,11 +273,11 @@ impl DofCount {
 }
 
 /// Positions at which probes are tried: the ends of the paths, then what lies half-way.
-fn tried(places: &[Place]) -> impl Iterator<Item = &Place> {
-    let is_last = |i: usize| places.get(i + 1).is_none_or(|next| next.path != places[i].path);
-    let ends = (0..places.len()).filter(move |&i| is_last(i) && places[i].steps >= SHORTEST);
-    let halfway = places.iter().filter(|x| x.steps == FAR / 2);
-    ends.map(|i| &places[i]).chain(halfway)
+fn tried(points: &[BranchPoint]) -> impl Iterator<Item = &BranchPoint> {
+    let is_last = |i: usize| points.get(i + 1).is_none_or(|next| next.path != points[i].path);
+    let ends = (0..points.len()).filter(move |&i| is_last(i) && points[i].steps >= SHORTEST);
+    let halfway = points.iter().filter(|x| x.steps == FAR / 2);
+    ends.map(|i| &points[i]).chain(halfway)
 }
 
 /// The same space by directions that each mix all of it: along the axes of branches that cross, each by itself would

@@ -10,6 +10,6 @@ pub mod kernel;
 mod tests;
 
 pub use crate::manifold::truncated::{Cut, Motions};
-pub use branch::{Branch, Place};
+pub use branch::{Branch, BranchPoint};
 pub use exact::{exact, weakest, Exact};
 pub use kernel::{Closed, Kernel, Nulls};

@@ -61,7 +61,7 @@ fn branch(f: fn(f64, f64) -> [f64; 3], home: [f64; 2], level: f64) -> Branch {
 }
 
 #[test]
-fn what_is_locked_at_the_second_order_is_no_freedom_wherever_branches_cross() {
+fn what_is_locked_at_the_second_order_does_not_move_wherever_branches_cross() {
     for level in [1e-5, 1e-7, 1e-9] {
         for home in [[0.7, 0.4], [0.3, -0.5], [-0.02, 0.9], [0.4, 0.01]] {
             // nowhere, along two lines, along a circle
@@ -78,6 +78,6 @@ fn what_is_not_locked_is_free() {
     for level in [1e-3, 1e-7] {
         let found = branch(|_, _| [0.0; 3], [0.7, 0.4], level);
         assert_eq!((found.dof, found.kernel), (3, 3));
-        assert!(found.places.iter().all(|x| x.open == 0.0));
+        assert!(found.points.iter().all(|x| x.open == 0.0));
     }
 }

@@ -33,7 +33,7 @@ pub struct Choice<'a> {
 }
 
 impl Choice<'_> {
-    /// Freedoms.
+    /// Degrees of freedom.
     pub fn k(&self) -> usize {
         self.independent.len()
     }

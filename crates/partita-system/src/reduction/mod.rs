@@ -176,7 +176,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
     }
 
     /// Weigh velocities by their characteristic displacements, or by masses, from the next scales on.
-    pub fn weigh_reaches(&mut self, displacements: bool) {
+    pub fn weigh_displacements(&mut self, displacements: bool) {
         self.weighs_displacements = displacements;
     }
 

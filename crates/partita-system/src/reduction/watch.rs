@@ -153,7 +153,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     }
 
     /// P5 cluster by cluster at the last tangent: volumes are products over clusters, so each chooses for itself.
-    /// Clusters that form no D keep what they have; exchanges see to them.
+    /// Clusters that form no D keep what they have; switches see to them.
     pub fn choose_by_clusters(&mut self, weights: Option<&[f64]>) -> Result<Vec<usize>, SystemError> {
         let Some(recursion) = &self.recursion else { return Ok(self.partition.independent.clone()) };
         let n = self.size.nv;
@@ -234,7 +234,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         Ok((v, reached))
     }
 
-    /// The best exchange of all at the last tangent.                                       (P6)
+    /// The best switch of all at the last tangent.                                       (P6)
     pub fn best_switch(&mut self) -> Option<switch::CoordinateSwitch> {
         let scales = std::mem::take(&mut self.s);
         let all = self.best_switches(&scales, 0.0);
@@ -242,7 +242,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         all.into_iter().reduce(|a, b| if b.gain > a.gain { b } else { a })
     }
 
-    /// The best exchange of each cluster at the last tangent, for these scales, those that gain more than `threshold`.
+    /// The best switch of each cluster at the last tangent, for these scales, those that gain more than `threshold`.
     /// (P6)
     ///
     /// Cost: the entries of A; clusters that form no A have its columns solved for here.

@@ -169,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn a_smooth_motion_holds_at_every_step_and_a_jump_at_none() {
+    fn a_smooth_motion_passes_at_every_step_and_a_jump_at_none() {
         // x = sin t, y = cos t over the top: y goes on, or is thrown back
         for h in [1e-6, 1e-3, 0.1, 0.5, 1.0] {
             let (a, b) = (0.5 * (std::f64::consts::PI - h), 0.5 * (std::f64::consts::PI + h));

@@ -94,7 +94,7 @@ fn said<S: ConstrainedSystem>(
     let advice = match pivot >= SOUND && others != independent {
         true => format!(
             "the mechanism itself stands in no singular position, {} would do: give those, or none, and take a formulation \
-             that exchanges coordinates in time (\"projective\")",
+             that switches coordinates in time (\"projective\")",
             names(&others)
         ),
         false => format!(

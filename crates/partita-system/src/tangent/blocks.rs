@@ -34,7 +34,7 @@ pub struct Blocks<'s, S: ConstrainedSystem> {
     /// asking means planning, and an answer that was no better is likely to be given again.
     patience: u32,
     waited: u32,
-    /// The least gain of an exchange since it was last asked.
+    /// The least gain of a switch since it was last asked.
     asked_at: f64,
     next: Option<Box<dyn Closing + Send + 's>>,
 }

@@ -327,8 +327,8 @@ impl Chooser {
         match self.compared_all {
             true => Vec::new(),
             false => vec![format!(
-                "selection \"{}\": there are more than {} partitions; the largest determinant was looked for by exchanges, \
-                 and no single exchange improves it",
+                "selection \"{}\": there are more than {} partitions; the largest determinant was looked for by switches, \
+                 and no single switch improves it",
                 self.selection.name(),
                 volume::LARGEST_ENUMERATION
             )],

@@ -12,7 +12,7 @@
 //!
 //! [S; C] is solved for through the D of any partition: `D_Sᵀ = Dᵀ (S Dᵀ)⁻¹`, so `(S Dᵀ) v_I = u − S γ`, and v_I' (P3)
 //! gives `u' = S v'`. One elimination of C_D and one LU of S Dᵀ (k x k) per evaluation. Which partition is of no
-//! consequence: a better one takes its place when an exchange gains.
+//! consequence: a better one takes its place when a switch gains.
 
 use super::basis::Basis;
 use super::instant::quality_of_selector;
@@ -33,7 +33,7 @@ use std::sync::Arc;
 /// A basis whose quality fell to this within one step spoils the step, which is repeated. Scale: fraction of the
 /// threshold of renewal. Reason: three doublings within a step are no longer smooth.
 const HARD_PART: f64 = 0.125;
-/// The partition behind the basis is chosen anew when an exchange gains more. Scale: ratio of volumes. Reason: rarely,
+/// The partition behind the basis is chosen anew when a switch gains more. Scale: ratio of volumes. Reason: rarely,
 /// as the basis itself does not suffer.
 const FROZEN_GAIN: f64 = 4.0;
 

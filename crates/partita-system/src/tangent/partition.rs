@@ -1,7 +1,7 @@
-//! The partition as a tangent: independent velocities chosen by a rule, exchanged between steps.
+//! The partition as a tangent: independent velocities chosen by a rule, switched between steps.
 //!
 //! A change of independent coordinates costs nothing: it is the identity on (q, v).
-//! (Blajer, Schiehlen, Schirm 1994, with the collective choice P5 and the exchange rule P6.)
+//! (Blajer, Schiehlen, Schirm 1994, with the collective choice P5 and the switch rule P6.)
 
 use super::base::PERIOD;
 use super::chooser::{Change, Chooser};
@@ -17,11 +17,11 @@ use crate::singular::dead_point;
 use crate::system::{ConstrainedSystem, SystemError, SystemRef};
 use partita_math::tolerance;
 
-/// Inside a step the gain of an exchange may grow up to this before the step is repeated. Scale: ratio of volumes.
+/// Inside a step the gain of a switch may grow up to this before the step is repeated. Scale: ratio of volumes.
 /// Reason: one digit is lost there.
 const HARD_LIMIT: f64 = 8.0;
 
-/// Independent velocities, chosen and exchanged by a rule.
+/// Independent velocities, chosen and switched by a rule.
 pub struct Chosen<'s, S: ConstrainedSystem> {
     base: Base<'s, S>,
     options: FormulationOptions,
@@ -58,7 +58,7 @@ impl<'s, S: ConstrainedSystem> Chosen<'s, S> {
         }
     }
 
-    /// The best exchanges, one a cluster, that gain more than this.
+    /// The best switches, one a cluster, that gain more than this.
     fn best_switches(&mut self, threshold: f64) -> Vec<CoordinateSwitch> {
         self.base.r.best_switches(&self.weighted, threshold)
     }
@@ -82,7 +82,7 @@ impl<'s, S: ConstrainedSystem> Chosen<'s, S> {
         }
         next.sort_unstable();
         if self.base.r.set_partition(t, &next).is_err() {
-            // the exchange rule and the elimination disagree by round-off near a singular position: stay as we were
+            // the switch rule and the elimination disagree by round-off near a singular position: stay as we were
             return self.base.r.set_partition(t, &before);
         }
         self.base.switches += pairs.len() as u64;
@@ -105,7 +105,7 @@ impl<'s, S: ConstrainedSystem> Chosen<'s, S> {
         self.base.log(t, q, &before, reason)
     }
 
-    /// Exchange, or ask the rule, until nothing gains any more.
+    /// Switch, or ask the rule, until nothing gains any more.
     fn choose_anew(&mut self, t: f64, q: &[f64], v: &[f64]) -> Result<()> {
         for _ in 0..4 * self.base.r.k() {
             if let Some(chooser) = &mut self.chooser {

@@ -1,5 +1,5 @@
-//! Marching constrained systems: the order survives corrections and exchanges, drift is that of a first integral,
-//! exchanges carry the state over bit by bit.
+//! Marching constrained systems: the order survives corrections and switches, drift is that of a first integral,
+//! switches carry the state over bit by bit.
 
 use crate::pieces::{any, distance, grid, march, reference, run, slope, times, Angles, FourBar, InUnits, Pendulum};
 use partita_system::equations::{Equations, UserSystem};
@@ -21,7 +21,7 @@ fn options(correction: Correction, switch_threshold: f64) -> FormulationOptions 
     FormulationOptions { correction, switch_threshold, ..FormulationOptions::default() }
 }
 
-/// Errors over the steps, and how often the last run exchanged.
+/// Errors over the steps, and how often the last run switched.
 fn errors<E: Equations>(
     system: &UserSystem<E>,
     start: &(Vec<f64>, Vec<f64>),
@@ -59,7 +59,7 @@ fn order_of_a_pendulum() {
         // over the top x and y take turns
         let (errors, switches) = errors(&system, &whirling(), 2.0, &PENDULUM_STEPS, &options(correction, 1.25));
         assert!(switches >= 6, "{switches}");
-        assert_order(&PENDULUM_STEPS, &errors, &format!("{correction:?}, {switches} exchanges"));
+        assert_order(&PENDULUM_STEPS, &errors, &format!("{correction:?}, {switches} switches"));
         // a swing of 0.64 rad: x alone serves
         let swing = (vec![0.6, -0.8], vec![0.0, 0.0]);
         let (errors, switches) =
@@ -75,7 +75,7 @@ fn order_of_a_four_bar() {
     for correction in CORRECTIONS {
         let (errors, switches) = errors(&system, &FourBar::start(), 2.0, &FOUR_BAR_STEPS, &options(correction, 1.25));
         assert!(switches >= 3, "{switches}");
-        assert_order(&FOUR_BAR_STEPS, &errors, &format!("{correction:?}, {switches} exchanges"));
+        assert_order(&FOUR_BAR_STEPS, &errors, &format!("{correction:?}, {switches} switches"));
         let crank = FormulationOptions { independent: Some(vec![2]), ..options(correction, 1.25) };
         let (errors, switches) = self::errors(&system, &FourBar::start(), 2.0, &FOUR_BAR_STEPS, &crank);
         assert_eq!(switches, 0);
@@ -258,7 +258,7 @@ fn changing_after_every_step_costs_nothing() {
 }
 
 #[test]
-fn exchanging_at_every_opportunity_costs_nothing() {
+fn switching_at_every_opportunity_costs_nothing() {
     let system = any(FourBar);
     let start = FourBar::start();
     let at = times(0.5, 8);

@@ -76,7 +76,7 @@ fn run<E: Equations>(
 fn the_table_names_every_formulation() {
     let (mut named, mut all): (Vec<&str>, _) = (TABLE.iter().map(|row| row.0).collect(), NAMES.to_vec());
     // the one that runs nowhere without a tangent written for the mechanism is marched beside the tangent methods; the
-    // fixed choice is the compact form with its exchanges switched off
+    // fixed choice is the compact form with its switches disabled
     named.extend(["user-tangent", "fixed"]);
     named.sort_unstable();
     all.sort_unstable();

@@ -100,7 +100,7 @@ fn millimetres_and_degrees_turn_the_determinant_over() {
     assert_eq!(raw_ranking(1.0, 360.0 / TAU)[..3], ["angle1", "angle3", "angle2"]);
 }
 
-/// Exchanges over one turn of the crank in small steps, and the least measure met.
+/// Switches over one turn of the crank in small steps, and the least measure met.
 fn one_turn(equations: impl Equations + 'static, at: impl Fn(f64) -> Vec<f64>, threshold: f64) -> (usize, f64) {
     let system = any(equations);
     let n = system.size().nv;
@@ -125,9 +125,9 @@ fn one_turn(equations: impl Equations + 'static, at: impl Fn(f64) -> Vec<f64>, t
     (switches, least)
 }
 
-/// Hysteresis: fewer exchanges for a higher threshold, at the price of quality.
+/// Hysteresis: fewer switches for a higher threshold, at the price of quality.
 #[test]
-fn exchanges_over_one_turn() {
+fn switches_over_one_turn() {
     let rods = |f: f64| pose(f, 0.0).0;
     for (threshold, count, least) in [(1.2, 5, 0.43), (1.5, 5, 0.36), (2.0, 4, 0.28), (3.0, 4, 0.19)] {
         let (switches, rho) = one_turn(FourBar, rods, threshold);
@@ -222,7 +222,7 @@ fn persistence_finds_the_crank() {
         // the window of one second fills once; the crank may still have to wait till it is not much the worse
         assert!(last.t < 2.5, "{}", last.t);
         assert!(last.reason.starts_with("angle1 takes the place of"), "{}", last.reason);
-        // the collective rule goes on exchanging
+        // the collective rule goes on switching
         let mut collective = Projective::new(&system, 8, &FormulationOptions::default());
         march(&mut collective, &q, &v, &at, &crate::pieces::grid(10.0, h));
         let later = collective.history().events.iter().filter(|e| e.t > last.t).count();

@@ -15,7 +15,7 @@ fn one_by_one(rho: &[f64], k: usize) -> Vec<usize> {
     top
 }
 
-/// What P5 alone picks from a given first partition, and what the start picks with exchanges, each with its σ.
+/// What P5 alone picks from a given first partition, and what the start picks with switches, each with its σ.
 fn chosen(system: &Instant, first: &[usize]) -> [(Vec<usize>, f64); 2] {
     let system = system.clone().user_system();
     let (n, m) = (system.equations.mass.rows(), system.equations.c.rows());
@@ -90,7 +90,7 @@ fn a_coordinate_outside_the_only_constraint() {
     }
 }
 
-/// Whatever the system, the start ends at a partition that no single exchange improves, and so within the bound (32).
+/// Whatever the system, the start ends at a partition that no single switch improves, and so within the bound (32).
 #[test]
 fn the_start_reaches_the_guaranteed_quality() {
     let mut rng = fastrand::Rng::with_seed(31);

@@ -352,7 +352,7 @@ fn unread_options_are_named() {
 /// The side of a pendulum is a dead point of x: the choice is to blame, and the message names another. Where the length
 /// itself is lost no choice helps, and none is blamed.
 #[test]
-fn a_choice_that_stays_is_told_from_a_singular_mechanism() {
+fn a_fixed_choice_is_distinguished_from_a_singular_mechanism() {
     let system = any(Pendulum::RESTING_PIVOT);
     let fixed = FormulationOptions { independent: Some(vec![0]), ..FormulationOptions::default() };
     for name in ["projective", "fixed"] {
@@ -405,7 +405,7 @@ fn what_is_not_finite_is_refused() {
 
 /// Squared sines between rows far above ε take three iterations; far below, the iteration says that it did not settle.
 #[test]
-fn the_proximal_iteration_tells_what_it_could_not_settle() {
+fn the_proximal_iteration_reports_what_it_could_not_settle() {
     let nearly = |angle: f64| Instant {
         mass: Matrix::identity(3),
         c: Matrix::from_rows(&[&[1.0, 0.0, 0.0], &[1.0, angle, 0.0]]),

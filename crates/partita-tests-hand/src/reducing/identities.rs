@@ -282,7 +282,7 @@ fn quality_numbers() {
 }
 
 #[test]
-fn an_exchange_multiplies_the_volume_by_its_gain() {
+fn a_switch_multiplies_the_volume_by_its_gain() {
     let mut seen = 0;
     on_random_systems(7, |rng, mut case| {
         let (i, d) = (case.independent().to_vec(), case.r.partition.dependent.clone());
@@ -297,7 +297,8 @@ fn an_exchange_multiplies_the_volume_by_its_gain() {
         let best = switch::best(&case.r.a_matrix, s, &d, &i).unwrap();
         let largest = hat_t.data().iter().fold(0.0, |m: f64, x| m.max(x.abs()));
         near(best.gain, largest, largest, 2e-9); // ties within 1e-9 go to the first
-                                                 // a random exchange, not only the best; gains below 1e-3 lead to partitions that sixteen digits do not carry
+                                                 // a random switch, not only the best; gains below 1e-3 lead to
+                                                 // partitions that sixteen digits do not carry
         let (p, j) = (rng.usize(0..d.len()), rng.usize(0..i.len()));
         let gain = hat(p, j).abs();
         if gain < 1e-3 {

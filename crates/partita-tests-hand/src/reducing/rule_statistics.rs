@@ -169,6 +169,6 @@ fn quality_of_the_rules_over_many_poses() {
     // the dependent side optimises the same volume, one coordinate at a time: as good in the median, less sure
     assert!(other_side.0 > 0.2 && other_side.0 < collective.0, "{summary:.3?}");
     assert!(greedy.0 > 0.28 && collective.0 > 0.3, "{summary:.3?}");
-    // exchanges after greedy find what comparing all 1330 partitions finds, or as good
+    // switches after greedy find what comparing all 1330 partitions finds, or as good
     assert!((volume.1 - collective.1).abs() < 0.01, "{summary:.3?}");
 }

@@ -88,9 +88,9 @@ fn determinants_are_the_largest_there_are() {
     }
 }
 
-/// Too many partitions to compare: no single exchange helps, and the answer says that this is all.
+/// Too many partitions to compare: no single switch helps, and the answer says that this is all.
 #[test]
-fn many_partitions_are_searched_by_exchanges() {
+fn many_partitions_are_searched_by_switches() {
     let mut rng = fastrand::Rng::with_seed(42);
     for _ in 0..5 {
         let system = Instant::random(&mut rng, 20, 10, 10.0);

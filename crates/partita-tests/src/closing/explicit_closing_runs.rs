@@ -259,7 +259,7 @@ fn a_fixed_crank_stops_at_its_limit() {
 
 /// Driven beyond its limit the crank tells by how much the lengths miss each other where it stands: |BD| − (l2 + l3).
 #[test]
-fn a_driven_crank_tells_its_shortfall() {
+fn a_driven_crank_reports_its_shortfall() {
     let rate = 2.0;
     let table = Table { breaks: vec![0.0, 10.0], coefficients: vec![[0.0, 0.0, rate, 0.0]] };
     let model = four_bar(SWINGING, 0.6, 1.0).drive("A", Value::Table(table)).model();

@@ -148,7 +148,7 @@ fn three_legged_platform_is_one_implicit_block() {
 
 /// Many degrees of freedom, too many sets of inputs to look at them all: a long pendulum with loops along it.
 #[test]
-fn inputs_of_a_large_mechanism_are_found_by_exchange() {
+fn inputs_of_a_large_mechanism_are_found_by_switches() {
     let mut d = drawing("rope ladder");
     let mut last = "ground".to_string();
     for i in 0..14 {

@@ -235,7 +235,7 @@ fn assemblies_are_mirror_images() {
 
 /// At a limit the shortfall is what the lengths miss: |BD| − (l2 + l3).
 #[test]
-fn limits_tell_the_shortfall() {
+fn limits_report_the_shortfall() {
     // double rocker: the crank cannot pass the ground line on the far side
     let lengths = [1.0, 0.8, 0.5, 0.6];
     let model = four_bar(lengths, 0.6, 1.0).model();

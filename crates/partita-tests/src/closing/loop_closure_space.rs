@@ -174,7 +174,7 @@ fn spatial_slider_crank() {
 }
 
 #[test]
-fn spatial_limits_tell_the_shortfall() {
+fn spatial_limits_report_the_shortfall() {
     // a rod too short for the far side of the crank
     let model = drawing("short")
         .joint("crank", Revolute, "ground", "crank", [0.0; 3], [1.0, 0.0, 0.0])
@@ -328,12 +328,12 @@ fn ball_and_cylinder() {
             if cut == "D" {
                 continue;
             }
-            let (mut q, mut flat) = (model.initial(), planar.initial());
+            let (mut q, mut planar_q) = (model.initial(), planar.initial());
             q[coordinate(&model, "A")] = 0.4;
-            flat[coordinate(&planar, "A")] = 0.4;
+            planar_q[coordinate(&planar, "A")] = 0.4;
             closing.close(0.0, &mut q).unwrap();
-            reference.close(0.0, &mut flat).unwrap();
-            let (x, y) = (q[coordinate(&model, "D")], flat[coordinate(&planar, "D")]);
+            reference.close(0.0, &mut planar_q).unwrap();
+            let (x, y) = (q[coordinate(&model, "D")], planar_q[coordinate(&planar, "D")]);
             assert!((x - y).abs() < 1e-14, "{x} {y}");
         }
     }

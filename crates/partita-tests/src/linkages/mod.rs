@@ -277,20 +277,20 @@ pub fn assert_tangent(model: &Model, closing: &mut LoopClosing, t: f64, q: &[f64
     let inputs = closing.inputs().to_vec();
     let blocks = closing.blocks().to_vec();
     for &input in &inputs {
-        let mut way: [Vec<f64>; 5] = std::array::from_fn(|_| q.to_vec());
+        let mut samples: [Vec<f64>; 5] = std::array::from_fn(|_| q.to_vec());
         let mut differences = |h: f64| {
-            for (k, at) in way.iter_mut().enumerate() {
+            for (k, at) in samples.iter_mut().enumerate() {
                 at.copy_from_slice(q);
                 let mut dv = vec![0.0; model.size().nv];
                 dv[input] = h * (k as f64 - 2.0);
                 model.step(at, &dv);
                 closing.close(t, at).unwrap();
             }
-            velocities(model, &way, h)
+            velocities(model, &samples, h)
         };
         let h = 1e-3 * model.characteristic_displacement(input);
         let (coarse, found) = (differences(2.0 * h), differences(h));
-        let (_, c) = position(model, t, &way[2]);
+        let (_, c) = position(model, t, &samples[2]);
         let mut v = vec![0.0; found.len()];
         let mut solved = vec![false; v.len()];
         // a link that may spin between two balls takes its spin from its own input

@@ -392,7 +392,7 @@ pub fn couple(rng: &mut fastrand::Rng, spec: &mut Spec, planar: bool, kind: usiz
         Vec3(origin) + axes(node).apply(Vec3(p))
     };
     let gap = place(b, point2) - place(a, point1);
-    let flat = |x: Vec3<f64>| match plane.and_then(|n| Vec3(n).unit()) {
+    let in_plane = |x: Vec3<f64>| match plane.and_then(|n| Vec3(n).unit()) {
         Some(n) => x - n.times(n.dot(x)),
         None => x,
     };
@@ -421,7 +421,7 @@ pub fn couple(rng: &mut fastrand::Rng, spec: &mut Spec, planar: bool, kind: usiz
         }
         4 => linear(vec![Measure::Distance { body1, point1, body2, point2 }], vec![1.0], gap.norm()),
         5 => {
-            let world = flat(Vec3(point(rng, 1.0))).unit().unwrap();
+            let world = in_plane(Vec3(point(rng, 1.0))).unit().unwrap();
             let axis = axes(a).apply_transposed(world).0;
             let along = Measure::Along { body1, point1, axis, body2, point2 };
             linear(vec![along, coordinates[0].clone()], vec![1.0, 0.4 * second], world.dot(gap))

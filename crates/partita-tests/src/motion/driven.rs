@@ -125,7 +125,7 @@ fn a_driven_crank() {
         let model = compile(&driven_four_bar(loose), Coordinates::Relative).unwrap();
         let (q, n) = (model.initial(), model.size().nv);
         let rank = start::analyse(&model, 0.0, &q).unwrap().rank;
-        assert_eq!(n - rank, usize::from(loose), "the drive takes the crank's freedom");
+        assert_eq!(n - rank, usize::from(loose), "the drive takes the crank's degree of freedom");
         let m = Moment { t: 0.0, q, v: vec![0.0; n], vdot: vec![0.0; n], lambda: vec![], rank };
         let at: Vec<f64> = (0..=20).map(|i| 0.1 * f64::from(i)).collect();
         let samples = march(&model, &m, &at).unwrap();

@@ -41,8 +41,8 @@ fn agrees(model: &Model, m: &Moment, one_cluster: bool) {
     start::choose_partition(&mut dense, m.t, &m.q, None, None).unwrap();
     let independent = dense.partition.independent.clone();
     let expected = seen(&mut dense, m, &independent);
-    for way in [Preference::PartialVelocities, Preference::RangeSpace] {
-        let model = compile(&model.spec, model.coordinates()).unwrap().with_recursion(way);
+    for recursion in [Preference::PartialVelocities, Preference::RangeSpace] {
+        let model = compile(&model.spec, model.coordinates()).unwrap().with_recursion(recursion);
         let mut r = Reduction::new(&model, m.rank);
         let found = seen(&mut r, m, &independent);
         assert!(r.by_clusters());
@@ -52,12 +52,12 @@ fn agrees(model: &Model, m: &Moment, one_cluster: bool) {
             ("multipliers", &found.lambda, &expected.lambda),
             ("rho²", &found.rho2, &expected.rho2),
         ] {
-            assert!(apart(x, y) < CLOSE, "{way:?}: {what} differ by {:.1e}", apart(x, y));
+            assert!(apart(x, y) < CLOSE, "{recursion:?}: {what} differ by {:.1e}", apart(x, y));
         }
         if one_cluster && r.clusters.count == 1 {
             assert!(
                 apart(&found.quality, &expected.quality) < 1e-6,
-                "{way:?}: {:?} {:?}",
+                "{recursion:?}: {:?} {:?}",
                 found.quality,
                 expected.quality
             );
@@ -67,7 +67,7 @@ fn agrees(model: &Model, m: &Moment, one_cluster: bool) {
         }
         if m.rank > 0 {
             let (a, b) = (r.distance().0, dense.distance().0);
-            assert!(a > 0.0 && a.is_finite() && b > 0.0, "{way:?}: margins {a} and {b}");
+            assert!(a > 0.0 && a.is_finite() && b > 0.0, "{recursion:?}: margins {a} and {b}");
         }
     }
 }

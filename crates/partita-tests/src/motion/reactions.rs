@@ -207,9 +207,9 @@ fn augmented_joint_coordinates_give_the_reactions_of_the_recursion() {
             let recursion = reactions(model, m);
             let augmented =
                 model.augmented_reactions(m.t, &m.q, &m.v, &m.vdot, &m.lambda, &mut model.scratch()).unwrap();
-            let flat =
+            let components =
                 |x: &[Wrench]| -> Vec<f64> { x.iter().flat_map(|w| w.moment.0.into_iter().chain(w.force.0)).collect() };
-            let off = apart(&flat(&recursion.joints), &flat(&augmented));
+            let off = apart(&components(&recursion.joints), &components(&augmented));
             // round-off of sums over the bodies outboard
             assert!(off < 1e-11, "{off:e}");
         });

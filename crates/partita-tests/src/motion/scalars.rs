@@ -185,7 +185,7 @@ fn everywhere(seed: u64, plain: bool, mut check: impl FnMut(&mut fastrand::Rng, 
 
 /// A choice of coordinates and the way to their accelerations: through one M_d, or over clusters.
 struct Chosen<'m> {
-    way: &'static str,
+    recursion: &'static str,
     reduction: Reduction<'m, Model>,
     plan: Option<Plan>,
 }
@@ -195,24 +195,24 @@ fn choices<'m>(model: &'m Model, others: &'m [Model; 2], m: &Moment) -> Vec<Chos
     let mut dense = Reduction::dense(model, m.rank);
     start::choose_partition(&mut dense, m.t, &m.q, None, None).unwrap();
     let independent = dense.partition.independent.clone();
-    let mut all = vec![Chosen { way: "M_d", reduction: dense, plan: None }];
-    for (way, model) in ["partial velocities", "range space"].into_iter().zip(others) {
+    let mut all = vec![Chosen { recursion: "M_d", reduction: dense, plan: None }];
+    for (recursion, model) in ["partial velocities", "range space"].into_iter().zip(others) {
         let mut reduction = Reduction::new(model, m.rank);
         reduction.position(m.t, &m.q).unwrap();
         reduction.refresh_scales(m.t, &m.q).unwrap();
         reduction.set_partition(m.t, &independent).unwrap();
         let mut kept = reduction.partition.rows.clone();
         kept.sort_unstable();
-        all.push(Chosen { way, plan: Some(model.recursion(&kept)), reduction });
+        all.push(Chosen { recursion, plan: Some(model.recursion(&kept)), reduction });
     }
     all
 }
 
 /// The same mechanism, gone through by partial velocities and by range space.
 fn by_clusters(model: &Model) -> [Model; 2] {
-    [Preference::PartialVelocities, Preference::RangeSpace].map(|way| {
+    [Preference::PartialVelocities, Preference::RangeSpace].map(|recursion| {
         let again = Model::new((*model.spec).clone(), Arc::new(OfState), model.coordinates());
-        again.unwrap().with_recursion(way)
+        again.unwrap().with_recursion(recursion)
     })
 }
 
@@ -274,7 +274,7 @@ impl Layout {
                 e.fit(plan, &mut s);
             }
             e.reduced(&choice, chosen.plan.as_ref(), t, q, &speeds, &mut s, &mut x).unwrap();
-            reduced.push((chosen.way, [x.v, x.vdot, x.multipliers].concat()));
+            reduced.push((chosen.recursion, [x.v, x.vdot, x.multipliers].concat()));
         }
         let mut all = vec![
             ("Phi", phi),
@@ -297,7 +297,7 @@ impl Layout {
     }
 }
 
-fn flat<S>(all: Vec<(&'static str, Vec<S>)>) -> Vec<S> {
+fn components<S>(all: Vec<(&'static str, Vec<S>)>) -> Vec<S> {
     all.into_iter().flat_map(|x| x.1).collect()
 }
 
@@ -310,7 +310,7 @@ fn dual_numbers_agree_with_differences() {
         let x = layout.input(rng, m);
         let along: Vec<f64> = x.iter().map(|_| between(rng, -1.0, 1.0)).collect();
         let moved = |h: f64| -> Vec<f64> { x.iter().zip(&along).map(|(x, d)| x + h * d).collect() };
-        let differences = derivative(STEP, |h| flat(layout.everything(model, &choices, &moved(h))));
+        let differences = derivative(STEP, |h| components(layout.everything(model, &choices, &moved(h))));
         let duals: Vec<Dual> = x.iter().zip(&along).map(|(x, d)| Dual::new(*x, *d)).collect();
         let (plain, duals) = (layout.everything(model, &choices, &x), layout.everything(&dual, &choices, &duals));
         let mut differences = &differences[..];
@@ -353,7 +353,8 @@ fn a_recording_is_the_evaluation() {
         let others = by_clusters(model);
         let choices = choices(model, &others, m);
         let x = layout.input(rng, m);
-        let made = Recording::new(x.len(), |x| Ok::<_, ()>(flat(layout.everything(&recorder, &choices, x)))).unwrap();
+        let made =
+            Recording::new(x.len(), |x| Ok::<_, ()>(components(layout.everything(&recorder, &choices, x)))).unwrap();
         let (mut work, mut out) = (vec![0.0; made.len()], vec![0.0; made.outputs()]);
         let (lean, mut less) = (made.lean(), vec![0.0; made.outputs()]);
         assert!(lean.len() < made.len());
@@ -362,7 +363,7 @@ fn a_recording_is_the_evaluation() {
             let mut x: Vec<f64> = x.iter().map(|x| x + between(rng, -0.2, 0.2)).collect();
             x[0] = between(rng, 0.0, 0.6);
             made.evaluate(&x, &mut work, &mut out);
-            let expected = flat(layout.everything(model, &choices, &x));
+            let expected = components(layout.everything(model, &choices, &x));
             assert!(expected.iter().zip(&out).all(|(x, y)| x.to_bits() == y.to_bits()));
             // the same but for the sign of a zero
             lean.evaluate(&x, &mut work, &mut less);

@@ -101,7 +101,7 @@ fn a_tick_takes_no_memory_and_always_the_same_work() {
         taken.unwrap();
         let calls = motors.calls.load(Ordering::Relaxed) - before;
         let known = std::mem::replace(&mut changes, motion.reported(false).log.events.len());
-        // the first tick makes room, and an exchange is written down
+        // the first tick makes room, and a switch is written down
         if k > 0 && known == changes {
             work.push(calls);
             worst = worst.max(counted);

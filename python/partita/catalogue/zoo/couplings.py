@@ -67,7 +67,7 @@ def car_differential(m: Mechanism) -> None:
 
 
 @member(MEMBERS, "rack-steering", "rack and pinion steering: tie rods from the rack turn two knuckles",
-        Truth(1, 0, EVERYTHING, why="4 freedoms of the joints - the rack's mesh - 2 rods = 1",
+        Truth(1, 0, EVERYTHING, why="4 degrees of freedom of the joints - the rack's mesh - 2 rods = 1",
               source="W. Matschinsky, Road Vehicle Suspensions"), rates={"column": 3.0}, gravity=FALL)  # fmt: skip
 def rack_steering(m: Mechanism) -> None:
     """Inclined king pins; the rods, without mass, rise a little outwards. A spring brings the rack back."""
@@ -85,9 +85,9 @@ def rack_steering(m: Mechanism) -> None:
 
 
 @member(MEMBERS, "screw-press", "screw press: a flywheel turns the spindle in a nut that a guide keeps from turning",
-        Truth(1, 4, {"*": "fz mz"}, why="Kutzbach: 1 + 1 + 1 freedoms of the joints - 6 of the loop = -3; spindle, "
-              "thread and guide in one line say four times too much what does not concern that line: a self-stress "
-              "has any force across it and any moment across it", source=DUBBEL),
+        Truth(1, 4, {"*": "fz mz"}, why="Kutzbach: 1 + 1 + 1 degrees of freedom of the joints - 6 of the loop = -3; "
+              "spindle, thread and guide in one line say four times too much what does not concern that line: "
+              "a self-stress has any force across it and any moment across it", source=DUBBEL),
         rates={"bearing": 20.0}, gravity=FALL)  # fmt: skip
 def screw_press(m: Mechanism) -> None:
     """The thread does not lock itself: 60 mm for a turn. The ram works on a spring."""
@@ -114,7 +114,7 @@ def belt_drive(m: Mechanism) -> None:
 
 
 @member(MEMBERS, "cam-rocker", "plate cam by a table: it lifts a tappet, and a rod without mass rocks a valve lever",
-        Truth(1, 0, EVERYTHING, why="3 freedoms of the joints - the cam - the rod = 1",
+        Truth(1, 0, EVERYTHING, why="3 degrees of freedom of the joints - the cam - the rod = 1",
               source="R. L. Norton, Cam Design and Manufacturing Handbook"), rates={"camshaft": 6.0})  # fmt: skip
 def cam_rocker(m: Mechanism) -> None:
     """The lift, 12 mm, sampled at each tenth of a degree; a tappet, a push rod, a lever against a spring."""

@@ -26,9 +26,9 @@ def polar(length: float, degrees: float) -> complex:
 
 def meet(p: complex, q: complex, to_p: float, to_q: float, side: int = 1) -> complex:
     """Where circles about p and q meet: to the left of the way from p to q (side 1) or to its right (-1)."""
-    way = q - p
-    along = (abs(way) ** 2 + to_p**2 - to_q**2) / (2.0 * abs(way))
-    return p + way / abs(way) * complex(along, side * math.sqrt(to_p**2 - along**2))
+    offset = q - p
+    along = (abs(offset) ** 2 + to_p**2 - to_q**2) / (2.0 * abs(offset))
+    return p + offset / abs(offset) * complex(along, side * math.sqrt(to_p**2 - along**2))
 
 
 def beside(p: complex, q: complex, along: float, across: float = 0.0) -> complex:
@@ -36,7 +36,7 @@ def beside(p: complex, q: complex, along: float, across: float = 0.0) -> complex
     return p + (q - p) / abs(q - p) * complex(along, across)
 
 
-def flat(z: complex, height: float = 0.0) -> FloatArray:
+def in_space(z: complex, height: float = 0.0) -> FloatArray:
     """A point of the plane, in space."""
     return np.array([z.real, z.imag, height])
 
@@ -106,7 +106,7 @@ def linkage(
     slide". `turned` carries the plane somewhere else in space.
     """
     turn = np.eye(3) if turned is None else turned
-    place = {name: turn @ flat(z) for name, z in points.items()}
+    place = {name: turn @ in_space(z) for name, z in points.items()}
     width = 0.1 * max(abs(p - q) for p in points.values() for q in points.values())
     holders: dict[str, list[Body | str]] = {name: [] for name in points}
     for name in ground.split():
@@ -121,6 +121,6 @@ def linkage(
     for name, (first, *others) in holders.items():
         for i, other in enumerate(others):
             pin = name if i == 0 else f"{name}{i + 1}"
-            m.add_revolute(pin, first, other, point=place[name], axis=turn @ flat(0, 1.0))
+            m.add_revolute(pin, first, other, point=place[name], axis=turn @ in_space(0, 1.0))
     for name, slide in (slides or {}).items():
-        m.add_prismatic(f"{name} slide", slide.on, name, point=place[slide.at], axis=turn @ flat(slide.along))
+        m.add_prismatic(f"{name} slide", slide.on, name, point=place[slide.at], axis=turn @ in_space(slide.along))

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...mechanism import Mechanism
 from ..truth import EVERYTHING, Truth, planar
-from .drawing import FloatArray, around, block, disc, flat, link, polar
+from .drawing import FloatArray, around, block, disc, in_space, link, polar
 from .member import Theme, member
 
 MEMBERS: Theme = {}
@@ -27,18 +27,18 @@ def cylinder(m: Mechanism, name: str, pin: FloatArray, direction: complex, holde
              rod: float = ROD) -> None:  # fmt: skip
     """Rod and piston on a crank pin; the piston runs through the shaft's axis along `direction`."""
     z = complex(pin[0], pin[1]) / direction
-    wrist = flat(direction * (z.real + math.sqrt(rod**2 - z.imag**2)), pin[2])
+    wrist = in_space(direction * (z.real + math.sqrt(rod**2 - z.imag**2)), pin[2])
     link(m, f"rod {name}", pin, wrist, density=3.0)
     block(m, f"piston {name}", wrist, mass=0.4, width=0.06)
     m.add_revolute(f"big end {name}", holder, f"rod {name}", point=pin)
     m.add_revolute(f"wrist {name}", f"rod {name}", f"piston {name}", point=wrist)
-    m.add_prismatic(f"slide {name}", "ground", f"piston {name}", point=wrist, axis=flat(direction))
+    m.add_prismatic(f"slide {name}", "ground", f"piston {name}", point=wrist, axis=in_space(direction))
 
 
 def in_line(m: Mechanism, angles: tuple[float, ...], directions: tuple[complex, ...] = ()) -> None:
     """One cylinder behind the other, crank pins at these angles [deg]."""
     middle = (len(angles) - 1) / 2
-    pins = [flat(polar(THROW, angle), (i - middle) * SPACING) for i, angle in enumerate(angles)]
+    pins = [in_space(polar(THROW, angle), (i - middle) * SPACING) for i, angle in enumerate(angles)]
     shaft(m, pins)
     for i, pin in enumerate(pins):
         cylinder(m, str(i + 1), pin, directions[i] if directions else 1j)
@@ -76,7 +76,7 @@ def boxer(m: Mechanism) -> None:
         planar(5, 7, HEYWOOD), rates={"main": 60.0}, samples=1201)  # fmt: skip
 def v_twin(m: Mechanism) -> None:
     """Cylinders 45 degrees to either side of the upright."""
-    pin = flat(polar(THROW, 20.0))
+    pin = in_space(polar(THROW, 20.0))
     shaft(m, [pin])
     cylinder(m, "left", pin, polar(1.0, 135.0))
     cylinder(m, "right", pin, polar(1.0, 45.0))
@@ -87,25 +87,25 @@ def v_twin(m: Mechanism) -> None:
 def radial_five(m: Mechanism) -> None:
     """Knuckle pins 0.03 from the crank pin, in fifths about it; the other rods shorter by as much."""
     pin, up = polar(THROW, 25.0), 1j
-    shaft(m, [flat(pin)])
+    shaft(m, [in_space(pin)])
     z = pin / up
     wrist = up * (z.real + math.sqrt(ROD**2 - z.imag**2))
     along = (wrist - pin) / abs(wrist - pin)
     fifth = [cmath.exp(2j * math.pi * i / 5) for i in range(5)]
     knuckles = [pin + 0.03 * along * turn for turn in fifth]
-    link(m, "master rod", flat(pin), flat(wrist), *map(flat, knuckles[1:]), density=3.0)
-    block(m, "piston 1", flat(wrist), mass=0.4, width=0.06)
-    m.add_revolute("big end", "crankshaft", "master rod", point=flat(pin))
-    m.add_revolute("wrist 1", "master rod", "piston 1", point=flat(wrist))
-    m.add_prismatic("slide 1", "ground", "piston 1", point=flat(wrist), axis=flat(up))
+    link(m, "master rod", in_space(pin), in_space(wrist), *map(in_space, knuckles[1:]), density=3.0)
+    block(m, "piston 1", in_space(wrist), mass=0.4, width=0.06)
+    m.add_revolute("big end", "crankshaft", "master rod", point=in_space(pin))
+    m.add_revolute("wrist 1", "master rod", "piston 1", point=in_space(wrist))
+    m.add_prismatic("slide 1", "ground", "piston 1", point=in_space(wrist), axis=in_space(up))
     for i in range(1, 5):
-        cylinder(m, str(i + 1), flat(knuckles[i]), up * fifth[i], holder="master rod", rod=ROD - 0.03)
+        cylinder(m, str(i + 1), in_space(knuckles[i]), up * fifth[i], holder="master rod", rod=ROD - 0.03)
 
 
 @member(MEMBERS, "wobble-plate", "wobble plate: an inclined journal tilts a plate round and round, four pistons follow",
         Truth(1, 0, EVERYTHING,
-              why="shaft and plate have two turns, the plane of the peg takes one; a chain P-U-S has six freedoms and "
-              "takes none of the plate's", source="K. Kutzbach, Mechanische Leitungsverzweigung, 1929"),
+              why="shaft and plate have two turns, the plane of the peg takes one; a chain P-U-S has six degrees of "
+              "freedom and takes none of the plate's", source="K. Kutzbach, Mechanische Leitungsverzweigung, 1929"),
         rates={"main": 20.0})  # fmt: skip
 def wobble_plate(m: Mechanism) -> None:
     """Shaft along z, journal inclined by 15 degrees about a point of its axis; a peg of the plate stays in a plane."""

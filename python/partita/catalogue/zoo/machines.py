@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ...mechanism import Mechanism
 from ..truth import planar
-from .drawing import Slide, beside, flat, linkage, meet, polar
+from .drawing import Slide, beside, in_space, linkage, meet, polar
 from .member import FALL, Theme, member
 
 MEMBERS: Theme = {}
@@ -41,7 +41,7 @@ def hart_inversor(m: Mechanism) -> None:
     points = {"A": a, "B": b, "C": c, "D": d, "O": o, "P": p, "R": r, "Q": (o + p) / 2 + 0.1j}
     links = {"crank": "Q P", "long 1": "A O B", "long 2": "C D", "short 1": "A P D", "short 2": "C R B"}
     linkage(m, points, links, ground="O Q")
-    m.add_spring("hold", "ground", flat(d - 0.3j), "short 1", flat(d - a), stiffness=60.0)
+    m.add_spring("hold", "ground", in_space(d - 0.3j), "short 1", in_space(d - a), stiffness=60.0)
 
 
 @member(MEMBERS, "pantograph", "pantograph: its pen draws twice what its tracer is led along, two degrees of freedom",
@@ -75,7 +75,7 @@ def scissor_lift(m: Mechanism) -> None:
     links["platform"] = f"L{stages} edge"
     slides = {"foot": Slide("R0", 1.0), "shoe": Slide(f"R{stages}", 1.0, on="platform")}
     linkage(m, points, links, ground="L0", slides=slides)
-    m.add_spring("lift", "ground", flat(points["L0"] + 0.1), "platform", (0.1, 0, 0), stiffness=400.0, damping=0.0,
+    m.add_spring("lift", "ground", in_space(points["L0"] + 0.1), "platform", (0.1, 0, 0), stiffness=400.0, damping=0.0,
                  length=1.95)  # fmt: skip
 
 
@@ -110,10 +110,10 @@ def windscreen_wiper(m: Mechanism) -> None:
     """A crank-rocker moves the first blade, a parallelogram hands its motion on to the second."""
     pin, first = polar(0.05, 80.0), 0.3 + 0.02j
     arm = meet(pin, first, 0.29, 0.08) - first
-    way = 0.45 + 0j
+    offset = 0.45 + 0j
     blade = arm / abs(arm) * 0.4
     points = {"A": 0j, "B": pin, "C": first + arm, "D": first, "E": first - 0.8 * arm, "T": first + blade,
-              "F": first + way - 0.8 * arm, "G": first + way, "U": first + way + blade}  # fmt: skip
+              "F": first + offset - 0.8 * arm, "G": first + offset, "U": first + offset + blade}  # fmt: skip
     links = {"crank": "A B", "rod": "B C", "blade 1": "D C E T", "tie": "E F", "blade 2": "G F U"}
     linkage(m, points, links, ground="A D G")
 
@@ -152,8 +152,8 @@ def excavator(m: Mechanism) -> None:
         slides[f"{name} piston"] = Slide(head, points[head] - points[foot], on=f"{name} barrel", mass=2.0)
     linkage(m, points, links, ground="A G", slides=slides)
     for name, (foot, head, on, held) in cylinders.items():
-        near = flat(points[foot] - (points[links[on].split()[0]] if on != "ground" else 0))
-        far = flat(points[head] - points[links[held].split()[0]])
+        near = in_space(points[foot] - (points[links[on].split()[0]] if on != "ground" else 0))
+        far = in_space(points[head] - points[links[held].split()[0]])
         m.add_spring(f"{name} oil", on, near, held, far, stiffness=4e3, damping=60.0)
 
 
@@ -169,4 +169,4 @@ def landing_gear(m: Mechanism) -> None:
     links = {"strut": "A B E", "lower brace": "B C", "upper brace": "D C"}
     linkage(m, points, links, ground="A D", slides={"wheel": Slide("W", strut, on="strut", mass=3.0)})
     m.add_spring("shock", "strut", (0, 0, 0), "wheel", (0, 0, 0), stiffness=3e3, damping=10.0, length=0.99)
-    m.add_spring("retraction", "ground", flat(1.2 - 0.6j), "strut", flat(on_strut), stiffness=50.0)
+    m.add_spring("retraction", "ground", in_space(1.2 - 0.6j), "strut", in_space(on_strut), stiffness=50.0)

@@ -6,7 +6,7 @@ import numpy as np
 
 from ...mechanism import Mechanism
 from ..truth import EVERYTHING, Truth, planar
-from .drawing import FloatArray, Slide, around, block, flat, link, linkage, polar, unit
+from .drawing import FloatArray, Slide, around, block, in_space, link, linkage, polar, unit
 from .member import FALL, Theme, member
 
 MEMBERS: Theme = {}
@@ -16,7 +16,7 @@ UP = np.array([0.0, 0.0, 1.0])
 
 def ring(radius: float, degrees: tuple[float, ...], height: float = 0.0) -> list[FloatArray]:
     """Places on a circle about the z axis."""
-    return [flat(polar(radius, angle), height) for angle in degrees]
+    return [in_space(polar(radius, angle), height) for angle in degrees]
 
 
 def crossing(along: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -55,14 +55,16 @@ PUSHED = {"pose": (0.2, -0.1, 0.3, 0.5, 0.3, -0.8)}
 
 
 @member(MEMBERS, "stewart-ups", "Gough and Stewart's platform on six legs U-P-S: six degrees of freedom",
-        Truth(6, 0, EVERYTHING, why="a leg U-P-S has six freedoms and takes none of the platform's; Kutzbach: 6 x 13 - "
+        Truth(6, 0, EVERYTHING, why="a leg U-P-S has six degrees of freedom and takes none of the platform's; "
+                                    "Kutzbach: 6 x 13 - "
               "6 x (4 + 5 + 3) = 6", source=MERLET), rates=PUSHED, gravity=FALL)  # fmt: skip
 def stewart_ups(m: Mechanism) -> None:
     """Springs stand in for the actuators."""
     stewart(m, "universal")
 
 
-@member(MEMBERS, "stewart-sps", "Gough and Stewart's platform on six legs S-P-S: six more freedoms are idle spins",
+@member(MEMBERS, "stewart-sps", "Gough and Stewart's platform on six legs S-P-S: six more degrees of freedom are "
+                                "idle spins",
         Truth(12, 0, EVERYTHING, why="Kutzbach: 6 x 13 - 6 x (3 + 5 + 3) = 12; each leg spins about the line of its "
               "two balls", source=MERLET, idle=tuple(f"lower {i} + upper {i}" for i in range(1, 7))),
         rates=PUSHED, gravity=FALL)  # fmt: skip
@@ -84,7 +86,7 @@ def three_rpr(m: Mechanism) -> None:
         slides[f"piston {i + 1}"] = Slide(f"H{i + 1}", head - foot, on=f"barrel {i + 1}")
     linkage(m, points, links, ground="A1 A2 A3", slides=slides)
     for i, foot in enumerate(feet):
-        m.add_spring(f"actuator {i + 1}", "ground", flat(foot), f"piston {i + 1}", (0, 0, 0), stiffness=200.0)
+        m.add_spring(f"actuator {i + 1}", "ground", in_space(foot), f"piston {i + 1}", (0, 0, 0), stiffness=200.0)
 
 
 def bars(m: Mechanism, leg: str, near: FloatArray, far: FloatArray, across: FloatArray, base: str, spins: bool) -> None:

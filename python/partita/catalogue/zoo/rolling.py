@@ -45,8 +45,8 @@ def rolling_ball(m: Mechanism) -> None:
 
 
 @member(MEMBERS, "whipple-bicycle", "Whipple's bicycle with a rigid rider runs by itself at 4.6 m/s",
-        Truth(3, 0, EVERYTHING, why="4 bodies on 3 hinges have 9 freedoms; two wheels touch, two roll: 9 - 2 - 4 = 3 "
-              "rates, forward speed, roll and steer", source=WHIPPLE),
+        Truth(3, 0, EVERYTHING, why="4 bodies on 3 hinges have 9 degrees of freedom; two wheels touch, two roll: 9 - "
+              "2 - 4 = 3 rates, forward speed, roll and steer", source=WHIPPLE),
         rates={"frame": (SPEED, 0.0, 0.0, 0.05, 0.0, 0.0), "steer": 0.0, "rear axle": -SPEED / REAR,
                "front axle": -SPEED / FRONT}, gravity=(0.0, 0.0, 9.81),
         notes="The benchmark of the paper, z down. Started upright with a roll rate of 0.05 rad/s.")  # fmt: skip

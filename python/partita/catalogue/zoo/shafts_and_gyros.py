@@ -38,7 +38,7 @@ def double_cardan(m: Mechanism) -> None:
 
 
 @member(MEMBERS, "rscr", "spatial four-bar with a ball and a cylinder on its coupler (RSCR)",
-        Truth(1, 0, EVERYTHING, why="Kutzbach: 1 + 3 + 2 + 1 freedoms of the joints - 6 of the loop = 1",
+        Truth(1, 0, EVERYTHING, why="Kutzbach: 1 + 3 + 2 + 1 degrees of freedom of the joints - 6 of the loop = 1",
               source=DIMENTBERG), rates={"R1": 3.0}, gravity=FALL)  # fmt: skip
 def rscr(m: Mechanism) -> None:
     """Crank 0.3; the coupler slides and turns along a pin of the rocker."""
@@ -53,7 +53,7 @@ def rscr(m: Mechanism) -> None:
 
 
 @member(MEMBERS, "rccc", "spatial four-bar of a hinge and three cylinders (RCCC)",
-        Truth(1, 0, EVERYTHING, why="Kutzbach: 1 + 2 + 2 + 2 freedoms of the joints - 6 of the loop = 1",
+        Truth(1, 0, EVERYTHING, why="Kutzbach: 1 + 2 + 2 + 2 degrees of freedom of the joints - 6 of the loop = 1",
               source=DIMENTBERG), rates={"R": 3.0})  # fmt: skip
 def rccc(m: Mechanism) -> None:
     """Four skew axes, their directions the corners of a spherical crank-rocker."""

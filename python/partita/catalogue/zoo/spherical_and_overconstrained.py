@@ -33,7 +33,8 @@ def pole(polar: float, azimuth: float) -> FloatArray:
 
 
 @member(MEMBERS, "spherical-four-bar", "spherical four-bar: four hinges whose axes meet in one point",
-        Truth(1, 3, ABOUT_AXES, axes="joint", why="every link turns about one point: 3 x 3 freedoms - 4 x 2 = 1; the "
+        Truth(1, 3, ABOUT_AXES, axes="joint", why="every link turns about one point: 3 x 3 degrees of freedom - 4 x "
+                                                  "2 = 1; the "
               "point is held once more in the loop", source="C. H. Chiang, Kinematics of Spherical Mechanisms. "
               + SPHERICAL), rates={"A": 4.0}, gravity=FALL)  # fmt: skip
 def spherical_four_bar(m: Mechanism) -> None:
@@ -49,9 +50,9 @@ def meeting(b: FloatArray, d: FloatArray, to_b: float, to_d: float) -> FloatArra
     cosines, between = np.cos(np.radians((to_b, to_d))), float(b @ d)
     x = (cosines[0] - between * cosines[1]) / (1.0 - between**2)
     y = (cosines[1] - between * cosines[0]) / (1.0 - between**2)
-    flat = x * b + y * d
+    in_plane = x * b + y * d
     across = np.cross(b, d)
-    return np.asarray(flat + across * math.sqrt((1.0 - flat @ flat) / (across @ across)))
+    return np.asarray(in_plane + across * math.sqrt((1.0 - in_plane @ in_plane) / (across @ across)))
 
 
 def wrist(m: Mechanism, axes: list[tuple[FloatArray, FloatArray, FloatArray]], radius: float) -> None:
@@ -70,7 +71,8 @@ def wrist(m: Mechanism, axes: list[tuple[FloatArray, FloatArray, FloatArray]], r
 
 
 @member(MEMBERS, "spherical-wrist", "spherical wrist on three legs (3-RRR), all nine axes through one point",
-        Truth(3, 6, ABOUT_AXES, axes="joint", why="every link turns about one point: 3 x 7 freedoms - 9 x 2 = 3; the "
+        Truth(3, 6, ABOUT_AXES, axes="joint", why="every link turns about one point: 3 x 7 degrees of freedom - 9 x "
+                                                  "2 = 3; the "
               "point is held once more in each of two loops", source="C. M. Gosselin and J. Angeles, The optimum "
               "kinematic design of a spherical three-degree-of-freedom parallel manipulator, 1989. " + SPHERICAL),
         rates={"A1": 0.8}, gravity=FALL)  # fmt: skip

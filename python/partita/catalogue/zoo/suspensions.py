@@ -92,7 +92,8 @@ def trailing_arm(m: Mechanism) -> None:
     spring(m, p["top"], "arm", p["hub"] + (0.05, -0.1, 0.0))
 
 
-@member(MEMBERS, "five-link", "five-link suspension: five rods guide a wheel, each takes one of its six freedoms",
+@member(MEMBERS, "five-link", "five-link suspension: five rods guide a wheel, each takes one of its six degrees of "
+                              "freedom",
         Truth(1, 0, EVERYTHING, why="Kutzbach: 6 x 6 bodies - 5 x 4 (universal joints) - 5 x 3 (balls) = 1",
               source="W. Matschinsky, Road Vehicle Suspensions; J. Knapczyk and S. Dzierzek, displacement and force "
               "analysis of five-rod suspension, J. Mech. Des. 117 (1995)"), gravity=FALL)  # fmt: skip

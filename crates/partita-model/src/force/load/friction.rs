@@ -41,7 +41,7 @@ pub struct Bearing<S> {
     /// Constant normal force.
     pub preload: S,
     /// Its place among those that follow reactions.
-    pub place: usize,
+    pub index: usize,
 }
 
 impl<S: Scalar> Friction<S> {
@@ -58,7 +58,7 @@ impl<S: Scalar> Friction<S> {
                 length: given(f.length, "length"),
                 collar: given(f.collar, "collar"),
                 preload: n.number("preload"),
-                place: 0,
+                index: 0,
             }
         });
         Self { levels, follows, stick: n.number("stick_velocity") }
@@ -76,7 +76,7 @@ impl<S: Scalar> ScalarLaw<S> for Friction<S> {
         let (dynamic, held) = match &self.follows {
             Some(bearing) => {
                 // nothing before it is found
-                let pressed = asked.normal_forces.get(bearing.place).copied().unwrap_or_default();
+                let pressed = asked.normal_forces.get(bearing.index).copied().unwrap_or_default();
                 (bearing.coefficient * pressed, bearing.held * pressed)
             }
             None => {

@@ -20,7 +20,7 @@ pub use spring_damper::SpringDamper;
 pub use stop::Stop;
 
 use super::build::Maker;
-use super::{AppliedWrench, At, Effect, ForceApplication, Place, Room};
+use super::{AppliedWrench, At, AttachmentPoint, Effect, ForceApplication, Room};
 use crate::error::DescriptionError;
 use crate::measurement::{Measurement, Quantity, Read};
 use crate::numbers::DescribedForce;
@@ -148,7 +148,7 @@ pub struct Load<G: Space> {
     /// What the law depends on, if that is something else.
     pub over: Option<Box<Measurement<G>>>,
     /// Where it acts on A and B, both at the same point of space; none along a velocity of the tree.
-    pub sides: Option<[Place<G>; 2]>,
+    pub sides: Option<[AttachmentPoint<G>; 2]>,
     /// Of an angle whose whole turns matter and are not counted: the value about which they are known, and how far from it.
     pub turns: Option<(G::S, f64)>,
     /// The law.
@@ -218,8 +218,13 @@ impl<G: Space> Load<G> {
                 let arm = at.arm(b);
                 // action equals reaction at the same point of space
                 let back = at.tree.place(b.link, at.s) + arm - at.tree.place(a.link, at.s);
-                let push =
-                    |e: &Place<G>, arm, moment, force| AppliedWrench { node: e.node, link: e.link, arm, moment, force };
+                let push = |e: &AttachmentPoint<G>, arm, moment, force| AppliedWrench {
+                    node: e.node,
+                    link: e.link,
+                    arm,
+                    moment,
+                    force,
+                };
                 ForceApplication::Between(push(b, arm, moment, force), push(a, back, -moment, -force))
             }
             _ => ForceApplication::Along(self.along.velocity().unwrap_or(0), effort),
@@ -287,10 +292,10 @@ impl<G: Space> Maker<'_, G> {
     }
 
     /// The point of a joint on parent and child.
-    fn sides(&self, joint: &str) -> [Place<G>; 2] {
+    fn sides(&self, joint: &str) -> [AttachmentPoint<G>; 2] {
         let j = self.placed.joint_numbers[joint];
         let (p, points) = (&self.placed.joints[j], self.numbers.joints[j]);
-        [self.place(p.parent, points.0), self.place(p.child, points.1)]
+        [self.attachment(p.parent, points.0), self.attachment(p.child, points.1)]
     }
 }
 

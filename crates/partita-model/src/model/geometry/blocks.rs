@@ -283,10 +283,10 @@ fn taken_apart(nodes: usize, lines: &[[usize; 2]]) -> Taken {
         count += 1;
         let mut waiting: Vec<usize> = Vec::new();
         // node, the line that led there, and which of its lines is next: depth first, without recursion
-        let mut way: Vec<(usize, usize, usize)> = vec![(root, usize::MAX, 0)];
-        while let Some((node, by, next)) = way.pop() {
+        let mut path: Vec<(usize, usize, usize)> = vec![(root, usize::MAX, 0)];
+        while let Some((node, by, next)) = path.pop() {
             if let Some(&line) = at[node].get(next) {
-                way.push((node, by, next + 1));
+                path.push((node, by, next + 1));
                 let [a, b] = lines[line];
                 let other = a + b - node;
                 if line == by || order[other] != usize::MAX && order[other] > order[node] {
@@ -299,10 +299,10 @@ fn taken_apart(nodes: usize, lines: &[[usize; 2]]) -> Taken {
                 }
                 (order[other], lowest[other]) = (count, count);
                 count += 1;
-                way.push((other, line, 0));
+                path.push((other, line, 0));
                 continue;
             }
-            let Some(&(above, ..)) = way.last() else { continue };
+            let Some(&(above, ..)) = path.last() else { continue };
             lowest[above] = lowest[above].min(lowest[node]);
             if lowest[node] < order[above] {
                 continue;

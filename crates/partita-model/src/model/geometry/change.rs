@@ -19,7 +19,7 @@ use partita_math::factor::svd;
 use partita_math::spatial::{Mat3, Quaternion, Spatial, Vec3};
 use partita_math::tolerance;
 use partita_system::prelude::*;
-use partita_system::rank::{Cut, Kernel, Place};
+use partita_system::rank::{BranchPoint, Cut, Kernel};
 use partita_system::SystemError;
 
 /// Numbers of a joint: displacement and turn on either side.
@@ -32,7 +32,7 @@ const PLACES: usize = 14;
 const FEWEST: usize = 3;
 /// Singular values of the conditions below so many closure errors are null. Scale: multiples of the closure error.
 /// Reason: what is off in the conditions is as large as the closure error, times the length of a loop.
-const OPENINGS: f64 = 30.0;
+const CLOSURE_FACTOR: f64 = 30.0;
 /// A round that gains less is near a double root: smaller singular values are taken in. Scale: fraction of the closure
 /// error. Reason: elsewhere the iteration is quadratic.
 const NEAR_DOUBLE_ROOT: f64 = 0.1;
@@ -84,14 +84,14 @@ impl Drawing {
     /// through the places with `kernel` null directions. None where there is none.
     pub(super) fn change(
         &self,
-        places: &[Place],
+        points: &[BranchPoint],
         kernel: usize,
         (begun, kept): (&[f64], &[Alike]),
     ) -> Result<Option<Change>, SystemError> {
         let mut change = Change { numbers: begun.to_vec(), least: 1.0, weak: Vec::new() };
         let Some(mut now) = self.changed(&change.numbers) else { return Ok(None) };
         let cut = Cut::Rank(self.model.size().nv.saturating_sub(kernel));
-        let mut at: Vec<Vec<f64>> = spread(places, kernel).into_iter().map(|x| x.q.clone()).collect();
+        let mut at: Vec<Vec<f64>> = spread(points, kernel).into_iter().map(|x| x.q.clone()).collect();
         let (mut before, mut nothing) = (f64::INFINITY, super::WEAK_CONDITION);
         for _ in 0..ROUNDS {
             let (rows, open) = now.asked(&mut at, cut, &now.conditions(kept))?;
@@ -107,8 +107,8 @@ impl Drawing {
             }
             // near a double root little is gained: values that rounding still tells are asked then
             nothing = match worst > NEAR_DOUBLE_ROOT * before {
-                true => (nothing / OPENINGS).max(super::FINEST_LEVEL),
-                false => (OPENINGS * worst).clamp(super::FINEST_LEVEL, super::WEAK_CONDITION),
+                true => (nothing / CLOSURE_FACTOR).max(super::FINEST_LEVEL),
+                false => (CLOSURE_FACTOR * worst).clamp(super::FINEST_LEVEL, super::WEAK_CONDITION),
             };
             before = worst;
             let Ok(f) = svd(&rows) else { return Ok(None) };
@@ -317,9 +317,9 @@ impl Drawing {
 }
 
 /// Places of the right kernel, spread over the paths.
-fn spread(places: &[Place], kernel: usize) -> Vec<&Place> {
-    let right: Vec<&Place> = places.iter().filter(|x| x.kernel.0 == kernel).collect();
-    let all = if right.len() < FEWEST { places.iter().collect() } else { right };
+fn spread(points: &[BranchPoint], kernel: usize) -> Vec<&BranchPoint> {
+    let right: Vec<&BranchPoint> = points.iter().filter(|x| x.kernel.0 == kernel).collect();
+    let all = if right.len() < FEWEST { points.iter().collect() } else { right };
     let step = all.len() as f64 / PLACES.min(all.len()).max(1) as f64;
     (0..PLACES.min(all.len())).map(|i| all[((i as f64 + 0.5) * step) as usize]).collect()
 }

@@ -96,7 +96,7 @@ pub struct BlockVerdict {
     pub length: f64,
 }
 
-/// Freedoms of a mechanism as its drawing was decided, drives released.
+/// Degrees of freedom of a mechanism as its drawing was decided, drives released.
 #[derive(Clone, Debug, Default)]
 pub struct Geometry {
     /// The blocks that needed a look.
@@ -579,7 +579,7 @@ impl Drawing {
             change,
             joints: joints.to_vec(),
         };
-        let open = branch.places.iter().fold(0.0, |m: f64, x| m.max(x.open));
+        let open = branch.points.iter().fold(0.0, |m: f64, x| m.max(x.open));
         let unlike = self.alike_too(&vec![0.0; OWN * self.model.spec.joints.len()], &there, tolerance);
         // what the drawing does as it stands needs no change, however much its axes look alike
         let moves_as_drawn = seen.regular.is_some_and(|k| branch.dof <= k);
@@ -593,7 +593,7 @@ impl Drawing {
         let nothing = vec![0.0; OWN * self.model.spec.joints.len()];
         let plain = match open < tolerance::FITS {
             true => None,
-            false => self.change(&branch.places, branch.kernel, (&nothing, &[]))?,
+            false => self.change(&branch.points, branch.kernel, (&nothing, &[]))?,
         };
         let begun = plain.as_ref().map_or(nothing.as_slice(), |x| &x.numbers);
         let alike = self.alike_too(begun, &there, tolerance);
@@ -602,7 +602,7 @@ impl Drawing {
         let with = match &alike {
             // what opens had a double root, or none was found
             Some((numbers, kept, off)) if plain.as_ref().is_none_or(|x| x.is_double(*off)) => {
-                self.change(&branch.places, branch.kernel, (numbers, kept))?.filter(small)
+                self.change(&branch.points, branch.kernel, (numbers, kept))?.filter(small)
             }
             _ => None,
         };
@@ -619,7 +619,7 @@ impl Drawing {
     fn is_weak(&self, kernel: &mut Kernel<Model>, branch: &partita_system::rank::Branch) -> Result<bool, SystemError> {
         let n = self.model.size().nv;
         let (mut weak, mut asked) = (0, 0);
-        for place in branch.places.iter().step_by((branch.places.len() / ASKED).max(1)).take(ASKED) {
+        for place in branch.points.iter().step_by((branch.points.len() / ASKED).max(1)).take(ASKED) {
             let small = n - Cut::Level(WEAK_CONDITION).count(&kernel.values(&place.q)?);
             weak += usize::from(small > branch.kernel);
             asked += 1;
@@ -633,7 +633,7 @@ impl Drawing {
         let cut = Cut::Rank(self.model.size().nv - branch.kernel);
         let mut kernel = Kernel::new(&self.model, 0.0);
         let mut there = home.to_vec();
-        let Some(place) = branch.places.get(branch.places.len() / 2) else { return Ok(false) };
+        let Some(place) = branch.points.get(branch.points.len() / 2) else { return Ok(false) };
         if kernel.close(&mut there, cut)?.is_none_or(|x| x.open > tolerance::FITS) {
             there.clone_from(&place.q);
             if kernel.close(&mut there, cut)?.is_none_or(|x| x.open > tolerance::FITS) {

@@ -99,16 +99,16 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
         }
         let (values, _) = symmetric_eigen(&self.form).ok()?;
         let top = largest(&values);
-        let acts: Vec<f64> = values.into_iter().filter(|x| x.abs() > SECOND_RATE_ROUNDING * top).collect();
+        let significant: Vec<f64> = values.into_iter().filter(|x| x.abs() > SECOND_RATE_ROUNDING * top).collect();
         let (rest, whose) = (self.form[(self.k, self.k)].abs(), self.system.row_owner(row));
-        if acts.len() < 2 && rest <= SECOND_RATE_ROUNDING * top {
+        if significant.len() < 2 && rest <= SECOND_RATE_ROUNDING * top {
             return Some(
                 "to second order the drives stand still here, and which way the joints go on is decided by higher orders, \
                  that are not looked at; let the course begin with an acceleration inwards"
                     .to_owned(),
             );
         }
-        let one_sign = acts.iter().all(|x| x * acts[0] > 0.0);
+        let one_sign = significant.iter().all(|x| x * significant[0] > 0.0);
         one_sign.then(|| {
             format!(
                 "to second order the drives ask for what the joints cannot follow at t = {} ({whose}): the course bends \

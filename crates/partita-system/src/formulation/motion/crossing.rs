@@ -210,7 +210,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     /// Is the position last evaluated, inside the step that was judged, singular for all that can be computed? Next to
     /// one v is
     /// off by round-off over the distance, v' by that over its square.
-    pub(super) fn stands_in_a_singular_position(&mut self) -> bool {
+    pub(super) fn is_at_a_singular_position(&mut self) -> bool {
         let at_ends = [self.monitor.margin_before, self.margin].into_iter().flatten().fold(0.0, |m: f64, x| m.max(x.0));
         at_ends > 0.0 && self.tangent.margin().is_none_or(|(here, _)| here < tolerance::AT_SINGULARITY * at_ends)
     }

@@ -46,7 +46,7 @@ def path(run: pt.Result) -> Vector:
     return np.stack([run.body(f"crank{i}").position for i in range(3)])
 
 
-def holds(run: pt.Result) -> bool:
+def is_valid(run: pt.Result) -> bool:
     return bool(run.success and run.certificate.verdict == "valid")
 
 
@@ -54,14 +54,14 @@ def holds(run: pt.Result) -> bool:
 @pytest.mark.parametrize(("pins", "tilted"), [(pins, i) for pins in PINS for i in (0, 2)])
 def test_tilted_cranks_fall_through_their_flat_position_as_exact_ones(pins: str, tilted: int, coordinates: str) -> None:
     options: dict[str, Any] = {"coordinates": coordinates, "t_eval": np.linspace(0.0, 2.0, 9)}
-    meant = path(cranks(pins, {}).simulate(2.0, **options))
-    assert meant[0, :, 1].min() < -0.3  # well through it
+    nominal = path(cranks(pins, {}).simulate(2.0, **options))
+    assert nominal[0, :, 1].min() < -0.3  # well through it
     for off in (1e-14, 1e-8, 1e-5, 1e-4):
         m = cranks(pins, {f"B{tilted}": off * np.array([1.0, 0.3, 0.0])})
         assert m.compile(coordinates=coordinates).mobility == 1, off
         run = m.simulate(2.0, **options)
-        assert holds(run), (off, run.message, run.certificate.findings)
-        assert np.abs(path(run) - meant).max() < 10.0 * off + 1e-6, off
+        assert is_valid(run), (off, run.message, run.certificate.findings)
+        assert np.abs(path(run) - nominal).max() < 10.0 * off + 1e-6, off
         # the loops that run are closed to the last digit, and their reactions balance as if nothing had been wrong
         assert run.certificate.newton_euler < 1e-9 and run.certificate.closure < 1e-9
         assert run.certificate.geometric_error <= 5.0 * off + 1e-11
@@ -76,7 +76,7 @@ def test_of_any_size(unit: float) -> None:
     tilt = {"B0": np.array([1e-5, 0.0, 0.0])}
     for coordinates in BOTH:
         run = cranks("in line, in three planes", tilt, unit=unit).simulate(1.5, coordinates=coordinates)
-        assert holds(run), run.certificate.findings
+        assert is_valid(run), run.certificate.findings
         one = cranks("in line, in three planes", {}, unit=unit).simulate(1.5, coordinates=coordinates)
         assert np.abs(path(run) - path(one)).max() < 1e-4 * unit
 
@@ -85,9 +85,9 @@ def test_of_any_size(unit: float) -> None:
 def test_every_formulation(formulation: str) -> None:
     tilt = {"B0": np.array([1e-5, 0.0, 0.0])}
     run = cranks("in a triangle", tilt).simulate(0.3, formulation=formulation)
-    meant = cranks("in a triangle", {}).simulate(0.3, formulation=formulation)
-    assert holds(run), (run.message, run.certificate.findings)
-    assert np.abs(path(run) - path(meant)).max() < 1e-4
+    nominal = cranks("in a triangle", {}).simulate(0.3, formulation=formulation)
+    assert is_valid(run), (run.message, run.certificate.findings)
+    assert np.abs(path(run) - path(nominal)).max() < 1e-4
 
 
 @pytest.mark.parametrize("coordinates", BOTH)
@@ -96,11 +96,11 @@ def test_lengths_and_axes_off_together(coordinates: str) -> None:
     rng = np.random.default_rng(7)
     tilts = {f"{side}{i}": rng.uniform(-1.0, 1.0, 3) for side in "AB" for i in range(3)}
     options: dict[str, Any] = {"coordinates": coordinates, "t_eval": np.linspace(0.0, 2.0, 9)}
-    meant = path(cranks("in a triangle", {}).simulate(2.0, **options))
+    nominal = path(cranks("in a triangle", {}).simulate(2.0, **options))
     for off in (1e-8, 1e-5, 1e-4):
         run = cranks("in a triangle", {name: off * x for name, x in tilts.items()}, off).simulate(2.0, **options)
-        assert holds(run), (off, run.message, run.certificate.findings)
-        assert np.abs(path(run) - meant).max() < 10.0 * off + 1e-6, off
+        assert is_valid(run), (off, run.message, run.certificate.findings)
+        assert np.abs(path(run) - nominal).max() < 10.0 * off + 1e-6, off
         assert run.certificate.newton_euler < 1e-9 and run.certificate.closure < 1e-9
 
 
@@ -109,12 +109,12 @@ def test_lengths_and_axes_off_together(coordinates: str) -> None:
 def test_cranks_in_line_of_unequal_length_fall_as_equal_ones(pins: str, coordinates: str) -> None:
     """A crank off by x turns the coupler by x and opens the loop by its square: a double root, found by no slope."""
     options: dict[str, Any] = {"coordinates": coordinates, "t_eval": np.linspace(0.0, 2.0, 9)}
-    meant = path(cranks(pins, {}).simulate(2.0, **options))
+    nominal = path(cranks(pins, {}).simulate(2.0, **options))
     for off in (1e-14, 1e-12, 1e-9, 1e-7, 1e-5, 1e-4, 2e-4):
         run = cranks(pins, {}, off).simulate(2.0, **options)
-        assert holds(run), (off, run.message, run.certificate.findings)
+        assert is_valid(run), (off, run.message, run.certificate.findings)
         # rounding alone moves what falls through a flat position by 1e-7
-        assert np.abs(path(run) - meant).max() < 3.0 * off + 2e-6, off
+        assert np.abs(path(run) - nominal).max() < 3.0 * off + 2e-6, off
         assert run.certificate.geometric_error <= 1.1 * off
 
 
@@ -122,11 +122,11 @@ def test_cranks_in_line_of_unequal_length_fall_as_equal_ones(pins: str, coordina
 def test_a_rocker_that_is_off_falls_as_the_mean_of_all(coordinates: str) -> None:
     """To first order it is closed as drawn: a small one does not show, and turns the platform all the same."""
     options: dict[str, Any] = {"coordinates": coordinates, "t_eval": np.linspace(0.0, 2.0, 9)}
-    meant = rockers(0.0, 1e-4).simulate(2.0, **options).body("platform").position
+    nominal = rockers(0.0, 1e-4).simulate(2.0, **options).body("platform").position
     for off in (1e-12, 1e-9, 1e-6, 1e-4, 1e-3):
         run = rockers(off, 1e-4).simulate(2.0, **options)
-        assert holds(run), (off, run.message, run.certificate.findings)
-        assert np.abs(run.body("platform").position - meant).max() < 2.0 * off + 2e-6, off
+        assert is_valid(run), (off, run.message, run.certificate.findings)
+        assert np.abs(run.body("platform").position - nominal).max() < 2.0 * off + 2e-6, off
     assert not rockers(5e-3, 1e-4).simulate(2.0, **options).success
 
 
@@ -150,10 +150,10 @@ def test_more_cranks_than_three(number: int, tilt: float) -> None:
 
     for coordinates in BOTH:
         options: dict[str, Any] = {"coordinates": coordinates, "t_eval": np.linspace(0.0, 2.0, 9)}
-        meant = path(row(0.0).simulate(2.0, **options))
+        nominal = path(row(0.0).simulate(2.0, **options))
         run = row(1e-5).simulate(2.0, **options)
-        assert holds(run), (run.message, run.certificate.findings)
-        assert np.abs(path(run) - meant).max() < 1e-4
+        assert is_valid(run), (run.message, run.certificate.findings)
+        assert np.abs(path(run) - nominal).max() < 1e-4
 
 
 @pytest.mark.parametrize("coordinates", BOTH)
@@ -171,7 +171,7 @@ def test_lengths_that_nearly_agree_stay_what_they_are(coordinates: str) -> None:
         m.add_revolute("C", "b", "c", point=top[1], axis=Z)
         m.add_revolute("D", m.ground, "c", point=(2, 0, 0), axis=Z)
         run = m.simulate(0.4, coordinates=coordinates)
-        assert holds(run) and any("nearest drawing" in note for note in run.notes)
+        assert is_valid(run) and any("nearest drawing" in note for note in run.notes)
         assert run.certificate.geometric_error < 5e-6
         ends[length] = run.body("c").position[-1]
     assert np.abs(ends[1.0002] - ends[1.0]).max() > 5e-5
@@ -189,7 +189,7 @@ def test_what_was_changed_is_said(coordinates: str) -> None:
     here = pt.State(0.2, first.q[-1], first.v[-1], names=model.names, velocity_names=model.velocity_names)
     again = m.simulate(0.2, coordinates=coordinates, initial=here)
     whole = m.simulate(0.4, coordinates=coordinates)
-    assert holds(again) and not any("does not satisfy" in note for note in again.notes)
+    assert is_valid(again) and not any("does not satisfy" in note for note in again.notes)
     assert np.abs(again.body("link1").position[-1] - whole.body("link1").position[-1]).max() < 1e-4
 
 
@@ -202,12 +202,12 @@ def test_a_run_that_goes_on_is_of_the_same_drawing(begun: float, coordinates: st
     model, first = m.compile(coordinates=coordinates), m.simulate(begun, coordinates=coordinates)
     here = pt.State(begun, first.q[-1], first.v[-1], names=model.names, velocity_names=model.velocity_names)
     again = m.simulate(1.0 - begun, coordinates=coordinates, initial=here)
-    assert holds(again), (again.message, again.certificate.findings)
+    assert is_valid(again), (again.message, again.certificate.findings)
     assert np.abs(path(again)[:, -1] - whole).max() < 0.1 * off
 
 
 @pytest.mark.parametrize("coordinates", BOTH)
-def test_a_start_elsewhere_is_told_as_before(coordinates: str) -> None:
+def test_a_start_elsewhere_is_reported_as_before(coordinates: str) -> None:
     m = bennett(1e-5)
     start = m.assemble(coordinates=coordinates)
     rng = np.random.default_rng(1)
@@ -254,7 +254,7 @@ def test_a_delta_robot_that_was_rounded(digits: int, coordinates: str) -> None:
     found = m.report(coordinates=coordinates).to_dict()
     assert found["mobility"] == 3 and 0.0 < found["geometric_error"] < 20.0 * off and found["singular"] is None
     run = m.simulate(0.15, coordinates=coordinates, t_eval=np.linspace(0.0, 0.15, 4))
-    assert holds(run), (run.message, run.certificate.findings)
+    assert is_valid(run), (run.message, run.certificate.findings)
     exact = delta(15).simulate(0.15, coordinates=coordinates, t_eval=run.t)
     moved = exact.body("platform").position
     assert np.ptp(moved, axis=0).max() > 0.02
@@ -297,13 +297,13 @@ def test_what_is_drawn_far_from_closed_is_mended_where_it_closes(quarter: float,
         start = m.assemble(at, coordinates=coordinates)
         return m.simulate(0.3, initial=start, coordinates=coordinates, t_eval=[0.0, 0.1, 0.3])
 
-    meant = run_of(exact)
-    assert holds(meant)
+    nominal = run_of(exact)
+    assert is_valid(nominal)
     for off in (3e-7, 3e-6, 3e-5):
         m = drawn_apart(off, quarter)
         assert m.compile(coordinates=coordinates).mobility == exact.compile(coordinates=coordinates).mobility == 3
         run = run_of(m)
-        assert holds(run)
+        assert is_valid(run)
         assert 0.1 * off < run.summary["repaired"] < 10 * off
         for name in ("lower left", "lower right"):
-            np.testing.assert_allclose(run.body(name).position, meant.body(name).position, atol=30 * off)
+            np.testing.assert_allclose(run.body(name).position, nominal.body(name).position, atol=30 * off)

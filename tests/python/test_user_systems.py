@@ -124,7 +124,7 @@ def test_bad_options_of_the_choice() -> None:
     [
         ({"selection": "largest"}, "no selection 'largest'"),
         ({"selection": "persistence"}, "needs a history"),
-        ({"selection": "greedy", "threshold": 1.5}, "makes no exchanges"),
+        ({"selection": "greedy", "threshold": 1.5}, "makes no switches"),
         ({"selection": "determinant", "weights": [1.0, 2.0]}, "no use for weights"),
         ({"selection": "greedy", "fixed": [0]}, "no rule"),
         ({"fixed": [0], "weights": [1.0, 2.0]}, "no weights"),
@@ -339,7 +339,7 @@ def reported(run: pt.results.Result) -> str:
     return " ".join(note for note in run.notes if "start does not satisfy" in note)
 
 
-def test_an_inconsistent_start_is_told() -> None:
+def test_an_inconsistent_start_is_reported() -> None:
     assert not reported(pt.simulate(circle(), 1.0, [1.0, 0.0], [0.0, 1.0]))
     run = pt.simulate(circle(), 1.0, [1.0 + 1e-6, 0.0], [0.0, 1.0])
     assert "constraint 0 is open by 1e-6" in reported(run) and "positions by up to" in reported(run)
@@ -349,7 +349,7 @@ def test_an_inconsistent_start_is_told() -> None:
     assert "opens by 0.25 a second" in reported(run) and "velocities by up to 0.25 (x)" in reported(run)
 
 
-def test_an_inconsistent_start_of_a_mechanism_is_told() -> None:
+def test_an_inconsistent_start_of_a_mechanism_is_reported() -> None:
     m = pt.catalogue.load("four-bar")
     state = m.assemble(rates={"A": 1.0})
     assert not reported(m.simulate(0.1, initial=state))
