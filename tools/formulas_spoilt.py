@@ -117,10 +117,10 @@ ERRORS = (
     ),
     Error(
         "recursion-outward",
-        "the base of a cluster takes its dof along the wrong way (48)",
+        "the base of a cluster takes its degrees of freedom in the wrong direction (48)",
         f"{MODEL}/clusters/few.rs",
-        "x.few.own[f.small + j] -= carried;",
-        "x.few.own[f.small + j] += carried;",
+        "x.few.own[f.small + j] -= propagated;",
+        "x.few.own[f.small + j] += propagated;",
         ("whole motion::many_dof",),
     ),
     Error(
@@ -852,8 +852,8 @@ ERRORS = (
         "law-seen-velocity",
         "a law sees the velocity of a body's origin as that of another point",
         f"{MODEL}/force/spot.rs",
-        "G::vec_to(self.velocity(link, self.reach(link, x)))",
-        "G::vec_to(self.velocity(link, -self.reach(link, x)))",
+        "G::vec_to(self.velocity(link, self.arm_to(link, x)))",
+        "G::vec_to(self.velocity(link, -self.arm_to(link, x)))",
         ("python test_forces_engineers.py",),
     ),
     Error(
