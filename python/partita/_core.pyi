@@ -311,4 +311,9 @@ def energy_findings(
 def energy_floor(description: str, atol: float) -> float:
     """Energy [J] against which the balance of a mechanism is held at the least."""
 
+METHODS: tuple[str, ...]
+FORMULATIONS: tuple[str, ...]
+SELECTIONS: tuple[str, ...]
+"""Words that options may be, the default first."""
+
 def version() -> str: ...

@@ -11,6 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from . import _core
 from .errors import ArgumentError, UnknownNameError
 from .numeric import floats, real, shown
 from .progress import reporting
@@ -18,38 +19,12 @@ from .tangent import TangentVelocities
 from .units.door import SI, QuantityError, in_si
 
 Array = NDArray[np.float64]
-METHODS = ("dop853", "dopri5", "tsit5", "rk4")
-FORMULATIONS = (
-    "projective",
-    "fixed",
-    "wehage-haug",
-    "explicit-closing",
-    "zero-eigenvalue",
-    "svd",
-    "qr",
-    "liang-lance",
-    "gram-schmidt",
-    "tangent-space",
-    "user-tangent",
-    "multipliers",
-    "sparse-multipliers",
-    "range-space",
-    "proximal",
-    "baumgarte",
-)
+METHODS, FORMULATIONS, SELECTIONS = _core.METHODS, _core.FORMULATIONS, _core.SELECTIONS
+"""Words that the core knows, the default first."""
 TANGENTS = ("zero-eigenvalue", "svd", "qr", "liang-lance", "gram-schmidt")
 """Formulations with tangent velocities that are frozen, or made anew at each step."""
 WHOLE = ("multipliers", "sparse-multipliers", "range-space", "proximal", "baumgarte")
 """Formulations that integrate all velocities."""
-SELECTIONS = (
-    "collective",
-    "greedy",
-    "individual",
-    "determinant",
-    "normalised-determinant",
-    "complete-pivoting",
-    "persistence",
-)
 CORRECTIONS = ("partition", "mass-orthogonal", "none")
 # When frozen tangent velocities are made anew, if not by their quality.
 EACH_STEP = "each step"

@@ -22,14 +22,7 @@ __all__ = ["Geometry", "Partition", "choose", "geometry", "measure"]
 
 Array = NDArray[np.float64]
 # Rules that need one instant only.
-SELECTIONS = (
-    "collective",
-    "greedy",
-    "individual",
-    "determinant",
-    "normalised-determinant",
-    "complete-pivoting",
-)
+SELECTIONS = tuple(rule for rule in _core.SELECTIONS if rule != "persistence")
 # Entries of a mass matrix computed in two ways agree to round-off; a larger difference is a mistake in the
 # formulas.
 _SYMMETRY = 1e-10

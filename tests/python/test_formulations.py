@@ -204,15 +204,12 @@ def test_every_formulation_takes_user_systems(formulation: str) -> None:
     assert len(run.t) == len(times)
 
 
-@pytest.mark.parametrize("option", ["formulation", "selection"])
-def test_the_front_and_the_core_know_the_same_words(option: str) -> None:
-    """Each has its list: what the core offers when asked for what it has not is what the front lets pass."""
-    _, m, start, times = problem("four-bar")
-    chosen = options.options(0.0, 0.1, m.compile().velocity_names)
-    with pytest.raises(pt.errors.ArgumentError) as caught:
-        options.run(m.compile().core, {**chosen, option: "none of them"}, times[:1], start.q, start.v, None)
-    offered = str(caught.value).rsplit("choose among ", 1)[1].split(", ")
-    assert tuple(offered) == (options.FORMULATIONS if option == "formulation" else options.SELECTIONS)
+def test_the_front_sorts_words_that_the_core_knows() -> None:
+    """The words come from the core; what the front says of some of them is said of words that are there."""
+    assert {*options.TANGENTS, *options.WHOLE} < set(options.FORMULATIONS)
+    firsts = (options.METHODS[0], options.FORMULATIONS[0], options.SELECTIONS[0])
+    assert firsts == ("dop853", "projective", "collective")
+    assert set(options.SELECTIONS) - set(pt.partition.SELECTIONS) == {"persistence"}
 
 
 def test_a_closing_that_does_not_close_is_refused() -> None:

@@ -1,5 +1,6 @@
 //! What the caller may ask of the stepper.
 
+use crate::tableau::adaptive;
 use partita_math::tolerance;
 
 /// Absolute part of the error tolerance.
@@ -68,7 +69,10 @@ impl Default for Options {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum OptionsError {
     /// A method without an error estimate and no fixed step.
-    #[error("method {method} has no error estimate and runs with a fixed step only; give fixed_step, or choose dopri5, tsit5 or dop853")]
+    #[error(
+        "method {method} has no error estimate and runs with a fixed step only; give fixed_step, or choose among {}",
+        adaptive()
+    )]
     NeedsFixedStep {
         /// Name of the method.
         method: &'static str,

@@ -20,9 +20,15 @@ pub use tsit5::TSIT5;
 /// Every method of this crate, the recommended one first.
 pub static METHODS: [&Tableau; 4] = [&DOP853, &DOPRI5, &TSIT5, &RK4];
 
-/// The method called `name` ("dop853", "dopri5", "tsit5", "rk4"), if there is one.
+/// The method called `name`, if there is one.
 pub fn by_name(name: &str) -> Option<&'static Tableau> {
     METHODS.into_iter().find(|method| method.name == name)
+}
+
+/// Names of the methods that control their error, in words.
+pub(crate) fn adaptive() -> String {
+    let names: Vec<&str> = METHODS.iter().filter(|method| method.error_order > 0).map(|method| method.name).collect();
+    names.join(", ")
 }
 
 /// The coefficients of an explicit Runge–Kutta method.

@@ -20,6 +20,7 @@ mod user_system;
 mod waiting;
 
 use pyo3::prelude::*;
+use pyo3::types::PyTuple;
 
 /// Version of the core.
 #[pyfunction]
@@ -42,5 +43,10 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(balance::energy_findings, m)?)?;
     m.add_function(wrap_pyfunction!(balance::energy_floor, m)?)?;
     m.add_function(wrap_pyfunction!(version, m)?)?;
+    let methods: Vec<&str> = partita_integrate::method::all().map(|method| method.name()).collect();
+    let selections = partita_system::partition::Selection::ALL.map(|rule| rule.name());
+    m.add("METHODS", PyTuple::new(m.py(), methods)?)?;
+    m.add("FORMULATIONS", PyTuple::new(m.py(), partita_system::formulation::registry::NAMES)?)?;
+    m.add("SELECTIONS", PyTuple::new(m.py(), selections)?)?;
     Ok(())
 }

@@ -319,7 +319,7 @@ def stepper(
         inputs: which of `Mechanism.inputs` the steps are given; None: all but the drives. Drives that are not among
             them go on as drawn; of one that is, the start and the steps say how it moves (see `Stepper.step`).
         initial: state to start from; None: the drawing, assembled, at rest.
-        method: "rk4" (order 4, the default), "tsit5", "dopri5" (order 5), "dop853" (order 8).
+        method: "rk4" (order 4, the default), or another one of `simulate`.
         substeps: steps of the method in each dt, 1 to 1000.
         coordinates, switch_threshold, parameters: as in `simulate`.
         record: keep every step for `result`; without, nothing grows however long it runs.
