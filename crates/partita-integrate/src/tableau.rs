@@ -7,18 +7,20 @@
 //! The tests check every table against the order conditions of all rooted trees up to its order, for the step, for
 //! the error estimate and for dense output. A new method is a new file here and one entry in [`METHODS`].
 
+mod bs23;
 mod dop853;
 mod dopri5;
 mod rk4;
 mod tsit5;
 
+pub use bs23::BS23;
 pub use dop853::DOP853;
 pub use dopri5::DOPRI5;
 pub use rk4::RK4;
 pub use tsit5::TSIT5;
 
 /// Every method of this crate, the recommended one first.
-pub static METHODS: [&Tableau; 4] = [&DOP853, &DOPRI5, &TSIT5, &RK4];
+pub static METHODS: [&Tableau; 5] = [&DOP853, &DOPRI5, &TSIT5, &BS23, &RK4];
 
 /// The method called `name`, if there is one.
 pub fn by_name(name: &str) -> Option<&'static Tableau> {

@@ -349,7 +349,8 @@ def simulate(
         rtol, atol: tolerances of the step control on each integrated quantity. `atol` is in radians for angles and in
             parts of the characteristic length (the extent of a typical body) for displacements; the same per second
             for velocities.
-        method: "dop853" (order 8; best at small tolerances), "dopri5", "tsit5" (order 5), "rk4" (order 4).
+        method: "dop853" (order 8; best at small tolerances), "dopri5", "tsit5" (order 5), "bs23" (order 3; for
+            tolerances of 1e-3 and looser), "rk4" (order 4, fixed steps only).
         formulation: "projective" (equations without reactions in independent coordinates; the default and the
             fastest), or one of those it can be held against: "fixed" (the same, its coordinates kept throughout),
             "wehage-haug" (2k states, the dependent coordinates solved for at every stage), "explicit-closing" (2k

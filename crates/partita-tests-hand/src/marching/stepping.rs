@@ -13,6 +13,15 @@ fn adaptive() -> impl Iterator<Item = &'static Tableau> {
     METHODS.into_iter().filter(|method| method.error_order > 0)
 }
 
+/// A tolerance that a method is made for, at which steps are long enough for some to be refused.
+fn usual(method: &Tableau) -> f64 {
+    if method.order > 3 {
+        1e-6
+    } else {
+        1e-3
+    }
+}
+
 fn tolerance(rtol: f64) -> Options {
     Options { rtol, atol: rtol.into(), ..Options::default() }
 }
@@ -28,7 +37,7 @@ fn every_evaluation_is_counted() {
                 partita_integrate::ode::Ode::rhs(&mut Kepler, t, y, dy).map_err(|_| RhsError::Fatal("never"))
             },
         };
-        let mut stepper = ExplicitRungeKutta::new(method, 4, tolerance(1e-6)).unwrap();
+        let mut stepper = ExplicitRungeKutta::new(method, 4, tolerance(usual(method))).unwrap();
         stepper.start(&mut ode, 0.0, &Kepler::at(0.0), 20.0).unwrap();
         let mut out = [0.0; 4];
         while !stepper.current().finished() {
@@ -62,7 +71,7 @@ fn a_small_problem_costs_what_it_always_cost() {
         let done = stepper.counters();
         seen.push((method.name, done.steps, done.rejected, done.evaluations));
     }
-    assert_eq!(seen, [("dop853", 4, 0, 50), ("dopri5", 15, 0, 92), ("tsit5", 14, 0, 86)]);
+    assert_eq!(seen, [("dop853", 4, 0, 50), ("dopri5", 15, 0, 92), ("tsit5", 14, 0, 86), ("bs23", 169, 0, 509)]);
 }
 
 #[test]
@@ -407,7 +416,7 @@ fn a_replaced_start_is_where_the_next_step_begins() {
 fn a_rejected_step_is_repeated_shorter_from_the_same_or_a_replaced_start() {
     for method in adaptive() {
         let mut stepper =
-            ExplicitRungeKutta::new(method, 1, Options { first_step: Some(0.1), ..tolerance(1e-6) }).unwrap();
+            ExplicitRungeKutta::new(method, 1, Options { first_step: Some(0.1), ..tolerance(usual(method)) }).unwrap();
         let mut ode = Decay(1.0);
         stepper.start(&mut ode, 0.0, &[1.0], 1.0).unwrap();
         stepper.attempt(&mut ode).unwrap();
@@ -420,7 +429,7 @@ fn a_rejected_step_is_repeated_shorter_from_the_same_or_a_replaced_start() {
         assert_eq!(stepper.current().next, 0.05 * 0.1);
         finish(&mut stepper, &mut ode).unwrap();
         assert_eq!(stepper.counters().rejected, 2);
-        assert!((stepper.current().y_old[0] - 2.0 * (-1.0_f64).exp()).abs() < 1e-5, "{}", method.name);
+        assert!((stepper.current().y_old[0] - 2.0 * (-1.0_f64).exp()).abs() < 10.0 * usual(method), "{}", method.name);
     }
 }
 
