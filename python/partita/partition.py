@@ -99,6 +99,8 @@ def choose(
             * "normalised-determinant": largest volume of the choice. All partitions are compared up to 50 000 of
               them (some milliseconds); beyond, no single switch improves the answer.
             * "individual": the k largest measures, one by one; with k > 1 they may contradict each other.
+            * "geometric": as "greedy", each coordinate measured in its own unit instead of against its own inertia.
+              Of plain matrices that unit is 1, so that units decide here; of mechanisms and systems it is known.
 
             To compare with, decided by the units at hand:
 

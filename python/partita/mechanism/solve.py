@@ -375,8 +375,9 @@ def simulate(
             others serve better. A fixed choice fails where it becomes singular.
         selection: the rule that chooses the independent coordinates of "projective": "collective" (the
             projective criterion with lock and repeat, then switches), "greedy" (without switches),
-            "normalised-determinant", "persistence" (the least volume over `window`), and those the criterion is held
-            against: "individual", "determinant", "complete-pivoting".
+            "normalised-determinant", "persistence" (the least volume over `window`), "geometric" (as "greedy", but by
+            how far coordinates move alone), and those the criterion is held against: "individual",
+            "determinant", "complete-pivoting".
         weights: preferences, velocity name -> factor on its measure; 1 for those not named.
         window: length of the window of "persistence" [s].
         baumgarte: (alpha, beta) [1/s] of that formulation; there is no default, because no value fits all.

@@ -4,6 +4,7 @@
 pub mod complete_pivoting;
 pub mod criterion;
 pub mod determinant;
+pub mod geometric;
 pub mod geometry;
 pub mod individual;
 pub mod normalised_determinant;
@@ -26,6 +27,8 @@ pub enum Selection {
     Determinant,
     /// Largest normalised determinant (28): the volume of the choice.
     NormalisedDeterminant,
+    /// The projective criterion with lock and repeat, in characteristic displacements.
+    Geometric,
     /// LU with complete pivoting on C in the units at hand, which decide it.
     CompletePivoting,
     /// What stays good longest: largest least volume over a window of the past.
@@ -34,12 +37,13 @@ pub enum Selection {
 
 impl Selection {
     /// All rules, the default first.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::Collective,
         Self::Greedy,
         Self::Individual,
         Self::Determinant,
         Self::NormalisedDeterminant,
+        Self::Geometric,
         Self::CompletePivoting,
         Self::Persistence,
     ];
@@ -52,6 +56,7 @@ impl Selection {
             Self::Individual => "individual",
             Self::Determinant => "determinant",
             Self::NormalisedDeterminant => "normalised-determinant",
+            Self::Geometric => "geometric",
             Self::CompletePivoting => "complete-pivoting",
             Self::Persistence => "persistence",
         }

@@ -6,7 +6,7 @@ use crate::error::Result;
 use crate::manifold::orthogonal::dense_rows;
 use crate::partition::persistence::Persistence;
 use crate::partition::{
-    complete_pivoting, criterion, determinant, individual, normalised_determinant, volume, Selection,
+    complete_pivoting, criterion, determinant, geometric, individual, normalised_determinant, volume, Selection,
 };
 use crate::reduction::Reduction;
 use crate::start;
@@ -73,6 +73,7 @@ pub fn ask<S: ConstrainedSystem>(
         Selection::Individual => exact(individual::choose(&measures(r), k, weights)),
         Selection::Determinant => determinant::choose(&r.dt, now, r.scales()),
         Selection::NormalisedDeterminant => normalised_determinant::choose(&r.dt, now, r.scales(), weights),
+        Selection::Geometric => exact(geometric::choose(&r.dt, k, &r.md_factor, &displacements(r), weights)),
         Selection::CompletePivoting => {
             let rows: Vec<usize> = (0..r.size().rows).collect();
             let c = dense_rows(&*r.system, &r.c, &rows);
@@ -92,6 +93,7 @@ fn gain<S: ConstrainedSystem>(r: &Reduction<S>, selection: Selection, weights: O
     let now = &r.partition.independent;
     match selection {
         Selection::Determinant | Selection::CompletePivoting => determinant::ratio(&r.dt, now, r.scales(), next),
+        Selection::Geometric => geometric::ratio(&r.dt, now, &displacements(r), weights, next),
         Selection::Individual => individual::ratio(&measures(r), weights, now, next),
         _ => normalised_determinant::ratio(&r.dt, now, r.scales(), weights, next),
     }
@@ -103,8 +105,13 @@ fn measure_name(selection: Selection) -> &'static str {
         Selection::Determinant => "|det C_D| in the units at hand",
         Selection::CompletePivoting => "|det C_D| left by complete pivoting",
         Selection::Individual => "the measure of a single coordinate",
+        Selection::Geometric => "the volume of the choice in characteristic displacements",
         _ => "the volume of the choice",
     }
+}
+
+fn displacements<S: ConstrainedSystem>(r: &Reduction<S>) -> Vec<f64> {
+    (0..r.size().nv).map(|i| r.system.characteristic_displacement(i)).collect()
 }
 
 fn measures<S: ConstrainedSystem>(r: &Reduction<S>) -> Vec<f64> {

@@ -121,6 +121,35 @@ fn many_partitions_are_searched_by_switches() {
     assert!(!at(20, 10) && at(18, 6));
 }
 
+/// With one degree of freedom the geometric rule takes what moves most in its own displacement, whatever the masses; in
+/// displacements that are the lengths of the gradients it is the criterion itself.
+#[test]
+fn displacements_alone_decide_the_geometric_rule() {
+    let mut rng = fastrand::Rng::with_seed(44);
+    for _ in 0..200 {
+        let n = rng.usize(2..9);
+        let system = Instant::random(&mut rng, n, n - 1, 100.0);
+        let minv = inverse(&system.mass);
+        let gradients: Vec<f64> = (0..n).map(|i| minv[(i, i)].sqrt()).collect();
+        let lengths: Vec<f64> = gradients.iter().map(|s| s * 10f64.powf(rng.f64() - 0.5)).collect();
+        let mut heavier = system.clone();
+        let factors: Vec<f64> = (0..n).map(|_| 0.5 + rng.f64()).collect();
+        for (i, j) in (0..n * n).map(|e| (e / n, e % n)) {
+            heavier.mass[(i, j)] *= factors[i] * factors[j];
+        }
+        let by = |s: &Instant, l: &[f64], rule| {
+            let user_system = s.clone().user_system().with_lengths(l.to_vec());
+            let (choice, r) = choose(&user_system, rule, None).unwrap();
+            (choice.independent, r.partition.independent.clone(), r.dt.clone())
+        };
+        let (now, _, dt) = by(&system, &lengths, Selection::Geometric);
+        // v = D^T u with D^T = 1 for the coordinate taken
+        assert!((0..n).all(|i| dt[i].abs() / lengths[i] <= (1.0 + 1e-8) / lengths[now[0]]));
+        assert_eq!(now, by(&heavier, &lengths, Selection::Geometric).0);
+        assert_eq!(by(&system, &gradients, Selection::Geometric).0, by(&system, &[], Selection::Greedy).0);
+    }
+}
+
 #[test]
 fn units_decide_only_the_raw_rules() {
     let mut rng = fastrand::Rng::with_seed(43);
