@@ -79,13 +79,14 @@ test-rust: $(TOOLS)
 test-python: $(BUILT) $(FMU)
 	$(BIN)/python -m pytest
 
-## trust: N=5000 mechanisms drawn by chance against an independent program; RUNS=2000 keep their branch; verdicts; the zoo
+## trust: N=5000 mechanisms drawn by chance against an independent program; RUNS=2000 keep their branch; verdicts; kinks; the zoo
 N ?= 5000
 RUNS ?= 2000
 trust: $(BUILT)
 	PYTHONPATH=tests/python $(BIN)/python -m oracle $(N)
 	PYTHONPATH=tests/python $(BIN)/python -m branches $(RUNS)
 	PYTHONPATH=tests/python $(BIN)/python -m verdicts 1000
+	PYTHONPATH=tests/python $(BIN)/python -m kinks 2000
 	PYTHONPATH=tests/python $(BIN)/python -m zoo
 
 ## pages: animated pages of the whole catalogue opened in Chromium, desktop and phone, light and dark; pictures in out/pages

@@ -8,6 +8,7 @@
 mod combination;
 pub mod counters;
 mod dense_output;
+mod discontinuity;
 pub mod explicit_rk;
 pub mod failure;
 pub mod method;

@@ -1,13 +1,14 @@
 //! Marching a mechanism: steps, corrections, changes of coordinates, outputs.
 
 use crate::counters::Counters;
+use crate::discontinuity::{Place, Search};
 use crate::failure::StepFailure;
 use crate::method::Method;
 use crate::ode::{Ode, RhsError};
-use crate::options::{Options, OptionsError};
+use crate::options::{AbsoluteTolerance, Options, OptionsError};
 use crate::stepper::{Conclusion, StepPlan, Stepper};
 use partita_math::tolerance;
-use partita_system::formulation::{Formulation, Pace, Step, Verdict};
+use partita_system::formulation::{Formulation, Pace, PrescribedLevel, Step, Verdict};
 use partita_system::record::Output;
 use partita_system::SystemError;
 use std::ops::ControlFlow;
@@ -248,6 +249,8 @@ pub struct March {
     stretch: f64,
     /// Error that breakpoints may add to a step, relative to the velocities.
     tolerance: f64,
+    /// Absolute tolerance, in natural sizes.
+    absolute: f64,
 }
 
 /// Attempts for each step of a tick: a choice of coordinates that has gone bad is renewed and the step taken again.
@@ -283,6 +286,10 @@ impl March {
     ) -> Result<Self, OptionsError> {
         let dim = formulation.dim();
         let (free, tolerance) = (options.fixed_step.is_none(), options.rtol.max(tolerance::SUM_ROUNDING));
+        let absolute = match &options.atol {
+            AbsoluteTolerance::Same(x) => *x,
+            AbsoluteTolerance::Each(x) => x.iter().copied().fold(f64::INFINITY, f64::min),
+        };
         let stepper = method.stepper(dim, Options { controlled: formulation.controlled(), ..options })?;
         Ok(Self {
             control,
@@ -295,6 +302,7 @@ impl March {
             slope: vec![0.0; dim],
             output: Output { turns: vec![0; nq], ..Output::default() },
             tolerance,
+            absolute: absolute.clamp(f64::MIN_POSITIVE, f64::MAX),
         })
     }
 
@@ -426,8 +434,14 @@ impl March {
             let stepper = &mut self.stepper;
             stepper.attempt(&mut Adapter(formulation))?;
             let mut verdict = Verdict::Keep;
+            let free = self.free;
             let concluded = stepper.conclude(&mut |t, y, dy, known| {
-                let (judged, evaluated) = formulation.trial_end(t, y, dy, known).map_err(sorted)?;
+                let judged = formulation.trial_end(t, y, dy, known).map_err(|e| match e {
+                    // no shorter step is allowed that could tell a jump from a drift
+                    SystemError::Jump { .. } if !free => RhsError::Fatal(e),
+                    e => sorted(e),
+                });
+                let (judged, evaluated) = judged?;
                 verdict = judged;
                 Ok(evaluated)
             })?;
@@ -452,6 +466,15 @@ impl March {
                 stepper.end_at(t);
                 continue;
             }
+            match self.shortened(formulation) {
+                Ok(false) => {}
+                Ok(true) => continue,
+                Err(StepFailure::Interpolation { .. }) if self.free && self.stepper.current().may_shrink => {
+                    self.stepper.reject(0.5);
+                    continue;
+                }
+                Err(failure) => return Err(failure),
+            }
             match self.outputs(formulation, outputs) {
                 Ok(()) => {}
                 Err(StepFailure::Interpolation { .. }) if self.stepper.current().may_shrink => {
@@ -463,6 +486,37 @@ impl March {
             self.stepper.commit();
             return self.commit(formulation, verdict);
         }
+    }
+
+    /// Where a prescribed row misses the integral of its derivative over the concluded step: refuse a jump, and end the
+    /// step where a derivative jumps or changes fast. True if the step was thrown away.
+    fn shortened<F: Formulation>(&mut self, formulation: &mut F) -> Result<bool, StepFailure<SystemError>> {
+        let step = self.stepper.current();
+        let (from, to, may) = (step.t_old, step.t_new, self.free && step.may_shrink);
+        // a rate that jumps leaves a gap of positions as well
+        for level in [PrescribedLevel::Rate, PrescribedLevel::Position] {
+            let Some(gap) = formulation.prescribed_gap(level, (self.tolerance, self.absolute)) else { continue };
+            let search = Search::new(from, to);
+            let mut at = |t: f64| {
+                self.stepper.interpolate(&mut Adapter(formulation), t, &mut self.buffer)?;
+                formulation.prescribed_at(t, &self.buffer, &gap).map_err(|error| StepFailure::Rhs { t, error })
+            };
+            let mut place = search.jump(&mut at, gap.by)?;
+            if may && gap.shorten && place == Place::Smooth && level == PrescribedLevel::Rate {
+                place = search.kink(&mut at, gap.by)?;
+            }
+            match place {
+                Place::Jump { t, by } => {
+                    return Err(StepFailure::Rhs { t, error: formulation.prescribed_jump(t, &gap, by) })
+                }
+                _ if !(may && gap.shorten) => continue,
+                Place::Within { before, .. } if before > from => self.stepper.end_at(before),
+                Place::Within { after, .. } if after < to => self.stepper.end_at(after),
+                _ => self.stepper.reject(0.5),
+            }
+            return Ok(true);
+        }
+        Ok(false)
     }
 
     /// Carry out a verdict where the stepper stands: at the end of an accepted step, or back at its start.

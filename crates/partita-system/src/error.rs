@@ -273,11 +273,8 @@ pub enum SystemError {
         /// Is one of them a drive?
         drive: bool,
     },
-    /// A condition is left in a step, however short.
-    #[error(
-        "{what} jumps by {} at t = {}: no body follows a step; what is prescribed must be continuous with its rate",
-        formatted(*by), six_digits(*t)
-    )]
+    /// A condition, or its rate, is left in a step, however short.
+    #[error("{}", jump(what, *by, *t, *rate))]
     Jump {
         /// What the condition belongs to.
         what: Box<str>,
@@ -285,6 +282,8 @@ pub enum SystemError {
         t: f64,
         /// By how much it is left.
         by: f64,
+        /// Is it the rate that jumps?
+        rate: bool,
     },
     /// A tangent basis no longer spans the motion, or a position cannot be found from its tangent coordinates.
     #[error("the tangent basis \"{name}\" fails at t = {t}: {reason}")]
@@ -426,6 +425,19 @@ impl SystemError {
                 | Self::Jump { .. }
                 | Self::Jammed { .. }
         )
+    }
+}
+
+fn jump(what: &str, by: f64, t: f64, rate: bool) -> String {
+    let (by, t) = (formatted(by), six_digits(t));
+    match rate {
+        true => format!(
+            "the rate of {what} jumps by {by}/s at t = {t}: a jump of velocities takes a blow, which no finite force is; what \
+             is prescribed must be continuous with its rate: round the corner off over a short time or length"
+        ),
+        false => format!(
+            "{what} jumps by {by} at t = {t}: no body follows a step; what is prescribed must be continuous with its rate"
+        ),
     }
 }
 

@@ -5,7 +5,7 @@ use crate::error::AnalysisError;
 use partita_integrate::options::Options;
 use partita_integrate::simulate::{simulate, Settings, Status};
 use partita_system::formulation::FormulationSteps;
-use partita_system::formulation::{Formulation, Step, Verdict};
+use partita_system::formulation::{Formulation, PrescribedRows, Step, Verdict};
 use partita_system::options::TangentMap;
 use partita_system::record::{History, Output, PartitionEvent, Sample};
 use partita_system::SystemError;
@@ -68,6 +68,8 @@ impl FormulationSteps for Noted<'_> {
         self.formulation.history()
     }
 }
+
+impl PrescribedRows for Noted<'_> {}
 
 impl Formulation for Noted<'_> {
     fn dim(&self) -> usize {

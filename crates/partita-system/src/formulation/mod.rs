@@ -5,7 +5,7 @@ pub mod registry;
 
 use crate::record::{Gaps, History, Output, PartitionEvent, Sample, StepChecks};
 
-use crate::error::Result;
+use crate::error::{Result, SystemError};
 pub use crate::record::Verdict;
 
 pub use crate::singular::change_point::Pace;
@@ -80,8 +80,50 @@ pub trait FormulationSteps {
     }
 }
 
+/// At which level a row that prescribes a motion is held against its derivatives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PrescribedLevel {
+    /// Φ, against the integral of velocities.
+    Position = 0,
+    /// C v + a, against the integral of accelerations.
+    Rate = 1,
+}
+
+/// A row that prescribes a motion and misses the integral of its derivative over a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PrescribedGap {
+    /// Which row.
+    pub row: usize,
+    /// At which level.
+    pub level: PrescribedLevel,
+    /// How far it stood open at the start of the step.
+    pub before: f64,
+    /// By how much it misses the integral.
+    pub by: f64,
+    /// Is that more than a smooth function would, so that the step cannot be taken?
+    pub shorten: bool,
+}
+
+/// Rows that prescribe a motion, such as drives: a step may end only where they agree with their own derivatives.
+pub trait PrescribedRows {
+    /// The row that at this level misses the integral of its derivative most over the step of the last `trial_end`, if
+    /// one misses it by more than these tolerances, relative and absolute.
+    fn prescribed_gap(&self, _level: PrescribedLevel, _tolerances: (f64, f64)) -> Option<PrescribedGap> {
+        None
+    }
+    /// By how much it misses the integral at a state (t, y) inside that step, and its second derivative b there.
+    fn prescribed_at(&mut self, _t: f64, _y: &[f64], _of: &PrescribedGap) -> Result<[f64; 2]> {
+        Ok([0.0; 2])
+    }
+    /// The error of a row that jumps by so much.
+    fn prescribed_jump(&self, t: f64, of: &PrescribedGap, by: f64) -> SystemError {
+        let what = format!("row {}", of.row);
+        SystemError::Jump { what: what.into(), t, by, rate: of.level == PrescribedLevel::Rate }
+    }
+}
+
 /// A rule that turns S1-S5 into `y' = f(t, y)` and back; `derivative` is called at any point near the motion.
-pub trait Formulation: FormulationSteps {
+pub trait Formulation: FormulationSteps + PrescribedRows {
     /// Length of y.
     fn dim(&self) -> usize;
     /// How many leading components of y the step size answers for.
@@ -152,6 +194,18 @@ impl<F: Formulation + ?Sized> FormulationSteps for Box<F> {
     }
     fn margin(&self) -> Option<f64> {
         (**self).margin()
+    }
+}
+
+impl<F: Formulation + ?Sized> PrescribedRows for Box<F> {
+    fn prescribed_gap(&self, level: PrescribedLevel, tolerances: (f64, f64)) -> Option<PrescribedGap> {
+        (**self).prescribed_gap(level, tolerances)
+    }
+    fn prescribed_at(&mut self, t: f64, y: &[f64], of: &PrescribedGap) -> Result<[f64; 2]> {
+        (**self).prescribed_at(t, y, of)
+    }
+    fn prescribed_jump(&self, t: f64, of: &PrescribedGap, by: f64) -> SystemError {
+        (**self).prescribed_jump(t, of, by)
     }
 }
 

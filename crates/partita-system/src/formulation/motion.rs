@@ -9,6 +9,7 @@
 
 mod checks;
 mod crossing;
+mod prescribed;
 
 use super::{Formulation, Step, Verdict};
 use crate::breakpoints::Watched;
@@ -38,6 +39,7 @@ use crate::tangent::{Occasion, Tangent};
 use checks::Checks;
 use crossing::CrossingMonitor;
 use partita_math::tolerance;
+use prescribed::Prescribed;
 
 /// A motion in the tangent T with the position coordinates P.
 pub struct Motion<'s, S: ConstrainedSystem + 's, T, P> {
@@ -56,6 +58,8 @@ pub struct Motion<'s, S: ConstrainedSystem + 's, T, P> {
     monitor: CrossingMonitor,
     /// Breakpoints of curves on its way.
     breakpoints: Watched,
+    /// Rows that prescribe a motion, held against their derivatives.
+    prescribed: Prescribed<S>,
     /// What is open at the ends of steps.
     watch: Watch,
     /// What else steps and outputs are held against.
@@ -177,6 +181,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             moved: true,
             monitor: CrossingMonitor::new(system.size()),
             breakpoints: Watched::new(system.breakpoints()),
+            prescribed: Prescribed::new(&*system),
             watch: Watch::default(),
             checks: Checks::default(),
             v: vec![0.0; n],
@@ -234,6 +239,12 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         if self.observes_work {
             dy[w] = self.power(t)?;
         }
+        if !self.prescribed.is_empty() {
+            self.tangent.full_acceleration(&mut self.vdot);
+            let beside = self.place_of_prescribed();
+            let v = &self.tangent.seen().v;
+            self.prescribed.rates(&self.system, self.positions.q(), v, &self.vdot, &mut dy[beside..]);
+        }
         Ok(())
     }
 
@@ -289,7 +300,10 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         }
         let why = self.positions.wants_change().map_or(Occasion::Decayed, Occasion::Positions);
         self.positions.accept(&mut self.tangent, t, self.margin.map(|m| m.0));
-        let mut rewritten = verdict == Verdict::Change && self.choose_anew(t, step.y, step.dy, why)?;
+        let beside = self.place_of_prescribed();
+        self.prescribed.accept(&mut step.y[beside..]);
+        let mut rewritten = !self.prescribed.is_empty();
+        rewritten |= verdict == Verdict::Change && self.choose_anew(t, step.y, step.dy, why)?;
         self.tangent.accept(t, self.positions.q())?;
         if self.monitor.crossing.crossed(t, self.flip(t)) {
             self.monitor.checkpoints.clear();
@@ -329,6 +343,10 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
 {
     fn trial_end(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], known: bool) -> Result<(Verdict, bool)> {
         let (p, w) = self.places();
+        if !self.prescribed.is_empty() {
+            let beside = self.place_of_prescribed();
+            self.prescribed.look(self.tangent.seen(), t, &y[beside..], self.positions.q())?;
+        }
         let mut evaluates = self.positions.settle(&mut self.tangent, t, y)? || !known;
         let (of_q, rest) = y.split_at_mut(p);
         if self.tangent.integrates_velocities() {
@@ -339,6 +357,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
             self.derivative(t, y, dy)?;
         }
         self.moved = false;
+        self.prescribed.look_at_end(self.tangent.seen(), self.positions.q());
         self.watch.look(t, self.tangent.seen());
         self.watch.check(t, self.positions.q(), self.tangent.seen())?;
         self.margin = self.tangent.margin();
@@ -398,7 +417,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
 
 impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> Formulation for Motion<'s, S, T, P> {
     fn dim(&self) -> usize {
-        self.places().1 + usize::from(self.observes_work)
+        self.place_of_prescribed() + self.prescribed.count()
     }
     /// Where drives prescribe all motion, their work is what there is to integrate.
     fn controlled(&self) -> usize {
@@ -422,6 +441,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         y.fill(0.0);
         self.positions.start(&mut self.tangent, t, &q, y);
         self.tangent.select(v, &mut y[p..w]);
+        let beside = self.place_of_prescribed();
+        self.prescribed.start(&q, v, &mut y[beside..]);
         Ok(())
     }
     fn derivative(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<()> {

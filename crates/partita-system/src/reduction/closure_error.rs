@@ -95,7 +95,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
             return Ok(());
         }
         let (what, by) = (self.system.row_owner(row), part * self.row_size[row]);
-        Err(SystemError::Jump { what: what.into(), t, by })
+        Err(SystemError::Jump { what: what.into(), t, by, rate: false })
     }
 
     /// The dropped row i against the kept rows it follows from: who contradicts whom. Needs the factors of C_D.

@@ -5,7 +5,7 @@ use crate::pieces::{any, distance, grid, march, reference, run, slope, times, An
 use partita_system::equations::{Equations, UserSystem};
 use partita_system::formulation::motion::Projective;
 use partita_system::formulation::FormulationSteps;
-use partita_system::formulation::{Formulation, Step, Verdict};
+use partita_system::formulation::{Formulation, PrescribedRows, Step, Verdict};
 use partita_system::options::FormulationOptions;
 use partita_system::prelude::*;
 use partita_system::record::{Correction, History, Output, PartitionEvent, Sample};
@@ -214,6 +214,8 @@ impl<E: Equations> FormulationSteps for Watched<'_, E> {
         self.inner.history()
     }
 }
+
+impl<E: Equations> PrescribedRows for Watched<'_, E> {}
 
 impl<E: Equations> Formulation for Watched<'_, E> {
     fn dim(&self) -> usize {

@@ -84,6 +84,11 @@ impl CrossingMonitor {
 }
 
 impl CrossingMonitor {
+    /// Does the step that was judged pass a singular position?
+    pub(super) fn passes_a_singular_position(&self) -> bool {
+        self.flipped || self.crosses_next || self.crossing.zero().is_some()
+    }
+
     /// Length of the step that was judged; none before the first.
     pub(super) fn length(&self) -> Option<f64> {
         let (from, to) = (&self.step_start, &self.step_end);
@@ -263,6 +268,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         if self.observes_work {
             step.y[w] = checkpoint.work;
         }
+        let beside = self.place_of_prescribed();
+        self.prescribed.start(&q, &checkpoint.v, &mut step.y[beside..]);
         step.turns.copy_from_slice(&checkpoint.turns);
         step.t = t;
         self.monitor.crossing.put_back(zero, t, pace);

@@ -1,0 +1,111 @@
+//! Where, inside a step, a function of time jumps or its derivative does: by halving the step.
+
+use partita_math::tolerance;
+
+/// Where what was looked for lies.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Place {
+    /// Nowhere: it changes smoothly over the step.
+    Smooth,
+    /// Between these two times, in which it changes far more than elsewhere.
+    Within {
+        /// Before it.
+        before: f64,
+        /// After it.
+        after: f64,
+    },
+    /// Here, by so much.
+    Jump {
+        /// When.
+        t: f64,
+        /// By how much.
+        by: f64,
+    },
+}
+
+/// A half that keeps more of a change than this holds what changes. Scale: fraction of the change. Reason: a smooth
+/// function shares its change out evenly; a jump lies in one half.
+const KEPT_BY_A_HALF: f64 = 0.75;
+/// So many halves that keep less tell a smooth function. Reason: one half may keep less by chance, where the rest of a
+/// change counts against a jump.
+const SMOOTH_HALVES: u32 = 3;
+/// What is left at the end is a jump from here on. Scale: fraction of the change over the step. Reason: what is smooth
+/// has changed by a billionth in so short a time.
+const JUMPS_BY: f64 = 0.5;
+/// Length down to which a jump is located. Scale: fraction of the step. Reason: far below any time in which a smooth
+/// motion changes, and above what is lost in rounding.
+const LOCATED: f64 = 1e-9;
+/// A change in less than this is ended at before it is stepped into. Scale: fraction of the step. Reason: nodes of
+/// methods lie a tenth of a step apart.
+const ABRUPT: f64 = 0.1;
+
+/// Halving of a step.
+pub(crate) struct Search {
+    from: f64,
+    to: f64,
+}
+
+impl Search {
+    pub(crate) fn new(from: f64, to: f64) -> Self {
+        Self { from, to }
+    }
+
+    /// Where what `at` tells first, 0 at the start of the step and `end` at its end, jumps.
+    pub(crate) fn jump<E>(&self, at: &mut impl FnMut(f64) -> Result<[f64; 2], E>, end: f64) -> Result<Place, E> {
+        let found = self.halve(&mut |t| Ok(at(t)?[0]), (0.0, end), JUMPS_BY * end.abs())?;
+        Ok(match found {
+            (Place::Within { after, .. }, by, true) => Place::Jump { t: after, by },
+            (place, ..) => place,
+        })
+    }
+
+    /// Where what `at` tells second jumps by so much that its integral over the step may miss `missed`.
+    pub(crate) fn kink<E>(&self, at: &mut impl FnMut(f64) -> Result<[f64; 2], E>, missed: f64) -> Result<Place, E> {
+        let ends = (at(self.from)?[1], at(self.to)?[1]);
+        Ok(self.halve(&mut |t| Ok(at(t)?[1]), ends, (missed / (self.to - self.from)).abs())?.0)
+    }
+
+    /// The part in which a change of `least` at least is concentrated, the change in it, and whether that is as short as
+    /// can be told.
+    fn halve<E>(
+        &self,
+        at: &mut impl FnMut(f64) -> Result<f64, E>,
+        (one, two): (f64, f64),
+        least: f64,
+    ) -> Result<(Place, f64, bool), E> {
+        let (mut low, mut high, mut smooth) = ((self.from, one), (self.to, two), 0);
+        let length = self.to - self.from;
+        let shortest = (LOCATED * length.abs()).max(tolerance::SOLUTION_ROUNDING * self.to.abs());
+        // as long as a half keeps the change
+        let mut within = (low.0, high.0, high.1 - low.1);
+        while (high.0 - low.0).abs() > shortest {
+            let t = 0.5 * (low.0 + high.0);
+            let middle = (t, at(t)?);
+            let change = (high.1 - low.1).abs();
+            let first = (middle.1 - low.1).abs() >= (high.1 - middle.1).abs();
+            if first {
+                high = middle;
+            } else {
+                low = middle;
+            }
+            if (high.1 - low.1).abs() >= KEPT_BY_A_HALF * change {
+                within = (low.0, high.0, high.1 - low.1);
+                smooth = 0;
+            } else {
+                smooth += 1;
+            }
+            if smooth == SMOOTH_HALVES || (high.1 - low.1).abs() < least {
+                break;
+            }
+        }
+        let located = (high.0 - low.0).abs() <= shortest;
+        if located {
+            within = (low.0, high.0, high.1 - low.1);
+        }
+        let place = match (within.1 - within.0).abs() < ABRUPT * length.abs() && within.2.abs() >= least {
+            true => Place::Within { before: within.0, after: within.1 },
+            false => Place::Smooth,
+        };
+        Ok((place, within.2, located))
+    }
+}
