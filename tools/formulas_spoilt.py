@@ -688,7 +688,7 @@ ERRORS = (
     Error(
         "change-of-coordinates",
         "after a switch of coordinates the step goes on with the old slope",
-        f"{INTEGRATE}/explicit_rk.rs",
+        f"{INTEGRATE}/explicit_rk/access.rs",
         "self.stages[..self.dim].copy_from_slice(dy);",
         "let _ = dy;",
         ("marching constrained_order", "marching stepping"),

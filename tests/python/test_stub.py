@@ -15,6 +15,8 @@ STUB = Path(partita.__file__).with_name("_core.pyi")
 TREE = ast.parse(STUB.read_text("utf-8"), filename=str(STUB))
 CLASSES = {node.name: node for node in TREE.body if isinstance(node, ast.ClassDef)}
 FUNCTIONS = {node.name: node for node in TREE.body if isinstance(node, ast.FunctionDef)}
+WORDS = {node.target.id for node in TREE.body if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name)}
+"""Lists of words that the core hands out."""
 
 
 def is_property(node: ast.FunctionDef) -> bool:
@@ -45,7 +47,11 @@ def public(thing: ModuleType | type) -> set[str]:
 
 
 def test_same_names_in_the_module() -> None:
-    assert public(_core) == set(CLASSES) | set(FUNCTIONS)
+    assert public(_core) == set(CLASSES) | set(FUNCTIONS) | WORDS
+    for name in WORDS:
+        words = getattr(_core, name)
+        assert isinstance(words, tuple)
+        assert all(isinstance(word, str) for word in words)
 
 
 @pytest.mark.parametrize("name", sorted(FUNCTIONS))

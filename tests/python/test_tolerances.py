@@ -22,6 +22,14 @@ def test_every_constant_says_its_meaning_its_scale_and_its_reason() -> None:
     assert not [f"{c.where}: {c.name}: {c.comment}" for c in tolerances.constants() if c.parts is None]
 
 
+def test_settings_separate_nothing() -> None:
+    """What an algorithm goes on by is compared with nothing; what is compared is a threshold, with a scale."""
+    settings = [c.name for c in tolerances.constants() if c.is_setting]
+    assert len(settings) > 20
+    compared = [found for _, text in tolerances.sources() for found in tolerances.comparisons(settings, text)]
+    assert not compared
+
+
 def test_a_name_stands_for_one_constant() -> None:
     twice = {name for name, count in Counter(c.name for c in tolerances.constants()).items() if count > 1}
     assert not [f"{c.where}: {c.name}" for c in tolerances.constants() if c.name in twice]
@@ -61,4 +69,9 @@ def test_the_rules_find_what_they_look_for() -> None:
     assert tolerances.bare_literals("x.max(0.05) // 1e-3") == ["x.max(0.05)"]
     (found,) = tolerances.in_text("a", text)
     assert (found.name, found.value, found.parts) == ("WORST", "1e-3", ("Largest error.", "m", "a guess"))
+    assert not found.is_setting
+    (step,) = tolerances.in_text("a", "/// A step. Unit: s. Reason: short.\nconst STEP: f64 = 1e-3;")
+    assert step.is_setting
+    assert tolerances.comparisons(["STEP"], "if t > STEP * h && x.len() { STEP } // STEP < 1") == ["if t > STEP * h"]
+    assert tolerances.comparisons(["STEP"], "let f: Vec<f64> = x.map(|x| x -> STEP); i < STEP.len()") == []
     assert next(tolerances.in_text("a", "/// Largest error.\nconst WORST: f64 = 1e-3;")).parts is None

@@ -1,7 +1,9 @@
 """The tolerances of the core, read from the sources: for docs/tolerances.md and for the test of their rules.
 
-A constant of floating-point numbers has a comment of three parts: what it separates, "Scale:" (what it is a fraction or
-a multiple of), and "Reason:" (why it has its size). What several rooms share stands in `partita-math/src/tolerance.rs`.
+A constant of floating-point numbers has a comment of three parts. Of a threshold: what it separates, "Scale:" (what it
+is a fraction or a multiple of), and "Reason:" (why it has its size). Of a setting, by which an algorithm goes on and
+which is compared with nothing (the length of a step, a factor, a damping, a coefficient, a default): what it is,
+"Unit:", "Reason:". What several rooms share stands in `partita-math/src/tolerance.rs`.
 """
 
 from __future__ import annotations
@@ -23,11 +25,13 @@ CONSTANT = re.compile(
     flags=re.MULTILINE,
 )
 NUMBERS = re.compile(r"f64|\[f64; \d+\]|\((?:f64(?:, )?)+\)")
-PARTS = re.compile(r"(?P<meaning>.+?\.) Scale: (?P<scale>.+?)\. Reason: (?P<reason>.+)\.")
+PARTS = re.compile(r"(?P<meaning>.+?\.) (?P<kind>Scale|Unit): (?P<scale>.+?)\. Reason: (?P<reason>.+)\.")
 UNIT_TESTS = re.compile(r"#\[cfg\(test\)\]\s*(?:pub(?:\(crate\))? )?mod \w+ \{")
 TEST_MODULE = re.compile(r"#\[cfg\(test\)\]\s*(?:pub(?:\(crate\))? )?mod (\w+);")
 SCIENTIFIC = re.compile(r"(?<![\w.])\d[\d_.]*e-?\d+")
 SMALL = re.compile(r"[<>]=?\s*-?(0\.0\d+)|\.(?:max|min)\((0\.0\d+)\)")
+COMPARISON = re.compile(r"(?<![-=<>])\s[<>]=?\s")
+CLAUSE = re.compile(r"&&|\|\||[{}?,;]")
 GROUP = re.compile(r"^// ---- (.+)$", flags=re.MULTILINE)
 
 
@@ -43,9 +47,15 @@ class Constant:
 
     @property
     def parts(self) -> tuple[str, str, str] | None:
-        """Meaning, scale and reason; None where the comment lacks one of them."""
+        """Meaning, scale or unit, and reason; None where the comment lacks one of them."""
         found = PARTS.fullmatch(self.comment)
         return (found["meaning"], found["scale"], found["reason"]) if found else None
+
+    @property
+    def is_setting(self) -> bool:
+        """Does an algorithm go on by it, so that it separates nothing?"""
+        found = PARTS.fullmatch(self.comment)
+        return found is not None and found["kind"] == "Unit"
 
 
 def sources() -> Iterator[tuple[str, str]]:
@@ -86,24 +96,44 @@ def bare_literals(text: str) -> list[str]:
     return [line.strip() for line in code.splitlines() if SCIENTIFIC.search(line) or SMALL.search(line)]
 
 
+def comparisons(names: list[str], text: str) -> list[str]:
+    """Clauses of a source in which one of these constants stands beside a comparison."""
+    used = re.compile(rf"\b(?:{'|'.join(names)})\b(?!\.len)")
+    lines = (line for line in re.sub(r"//[^\n]*", "", text).splitlines() if used.search(line))
+    clauses = (part.strip() for line in lines for part in CLAUSE.split(line))
+    return [part for part in clauses if used.search(part) and COMPARISON.search(f" {part} ")]
+
+
 def page() -> str:
     """The generated part of docs/tolerances.md."""
-    shared = [c for c in constants() if c.where == SHARED]
-    lines = [f"{len(shared)} are shared, {len(constants()) - len(shared)} belong to one algorithm.", "", "## Shared"]
+    thresholds = [c for c in constants() if not c.is_setting]
+    settings = [c for c in constants() if c.is_setting]
+    shared = [c for c in thresholds if c.where == SHARED]
+    own = len(thresholds) - len(shared)
+    count = f"{len(shared)} thresholds are shared, {own} belong to one algorithm; {len(settings)} are settings."
+    lines = [count, "", "## Shared thresholds"]
     for group in dict.fromkeys(c.group for c in shared):
         lines += ["", f"### {group[0].upper()}{group[1:]}", "", *table([c for c in shared if c.group == group])]
-    for floor in FLOORS:
-        own = [c for c in constants() if c.where.startswith(f"{floor}/") and c.where != SHARED]
-        if own:
-            lines += ["", f"## Of one algorithm: `partita-{floor}`"]
-        for where in dict.fromkeys(c.where for c in own):
-            lines += ["", f"### `{where.partition('/')[2]}`", "", *table([c for c in own if c.where == where])]
+    for floor, found in by_floor([c for c in thresholds if c.where != SHARED]):
+        lines += ["", f"## Thresholds of one algorithm: `partita-{floor}`"]
+        for where in dict.fromkeys(c.where for c in found):
+            lines += ["", f"### `{where.partition('/')[2]}`", "", *table([c for c in found if c.where == where])]
+    lines += ["", "## Settings"]
+    for floor, found in by_floor(settings):
+        lines += ["", f"### Settings of `partita-{floor}`", "", *table(found, "unit")]
     return "\n".join([*lines, ""])
 
 
-def table(rows: list[Constant]) -> list[str]:
+def by_floor(found: list[Constant]) -> Iterator[tuple[str, list[Constant]]]:
+    """Constants floor by floor, floors without any left out."""
+    for floor in FLOORS:
+        if own := [c for c in found if c.where.startswith(f"{floor}/")]:
+            yield floor, own
+
+
+def table(rows: list[Constant], measure: str = "scale") -> list[str]:
     """Rows of a table of constants."""
-    lines = ["| name | value | meaning | scale | reason |", "|---|---|---|---|---|"]
+    lines = [f"| name | value | meaning | {measure} | reason |", "|---|---|---|---|---|"]
     for c in rows:
         meaning, scale, reason = (cell(part) for part in c.parts or (c.comment, "", ""))
         lines.append(f"| `{c.name}` | `{c.value}` | {meaning} | {scale} | {reason} |")

@@ -22,7 +22,7 @@ use partita_system::system::{
 };
 use partita_system::{Finite, Size, SystemError};
 
-/// Least size of a loop. Scale: size of the mechanism. Reason: a loop that shrinks to a point still has a size to
+/// Least size of a loop. Unit: size of the mechanism. Reason: a loop that shrinks to a point still has a size to
 /// compare rounding with.
 const LEAST_LOOP: f64 = 1e-6;
 

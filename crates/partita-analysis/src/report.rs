@@ -352,7 +352,7 @@ fn regular(model: &Model, t: f64, q: &[f64], found: Mobility) -> Result<Report, 
     })
 }
 
-/// The move by which a coordinate that stands still here only is distinguished from one that always does. Scale:
+/// The move by which a coordinate that stands still here only is distinguished from one that always does. Unit:
 /// characteristic displacement. Reason: its square is far above [`tolerance::TAKES_PART`].
 const NUDGE: f64 = 0.02;
 

@@ -18,14 +18,12 @@ use crate::options::{Options, OptionsError};
 use crate::step_size::{controller, ErrorNorm, StepController};
 use crate::stepper::{Conclusion, StepEnd, Stepper};
 use crate::tableau::{ErrorWeights, Tableau};
+use partita_math::tolerance;
 use std::fmt::Display;
 
-/// Times below this count as this where rounding of the time is asked. Scale: fraction of the run. Reason: near t = 0
+/// Times below this count as this where rounding of the time is asked. Unit: fraction of the run. Reason: near t = 0
 /// the time itself has no size.
 const NEAR_ZERO_TIME: f64 = 1e-6;
-/// No step is shorter. Scale: fraction of the time. Reason: nodes of a method are some units in the last place apart
-/// then.
-const TIME_ROUNDING: f64 = 16.0 * f64::EPSILON;
 /// A step as long as the rest up to this factor goes to the end. Scale: ratio of steps. Reason: no sliver is left
 /// behind.
 const STRETCH: f64 = 1.01;
@@ -134,7 +132,7 @@ impl ExplicitRungeKutta {
         self.t_end = t_end;
         self.span = span.abs();
         self.direction = if span < 0.0 { -1.0 } else { 1.0 };
-        self.shortest = TIME_ROUNDING * (NEAR_ZERO_TIME * span.abs());
+        self.shortest = tolerance::TEN_ROUNDINGS * (NEAR_ZERO_TIME * span.abs());
         self.grid = self.options.fixed_step.map(|h| FixedGrid::new(h, self.t_old, t_end));
     }
 

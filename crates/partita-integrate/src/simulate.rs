@@ -261,12 +261,12 @@ const ATTEMPTS: u32 = 4;
 /// little nearer.
 const TICK_TOO_NEAR: f64 = 1e-5;
 
-/// A crossing step that fails is tried again with these lengths. Scale: multiples of its length. Reason: nodes lie
-/// about a tenth of a step apart, so where a stage came close to the position, it lies between two stages then.
+/// A crossing step that fails is tried again with these lengths. Unit: multiples of its length. Reason: nodes lie about
+/// a tenth of a step apart, so where a stage came close to the position, it lies between two stages then.
 const CROSSING_AGAIN: [f64; 3] = [1.25, 1.12, 1.06];
 
-/// Outputs in singular positions are taken from others at this distance. Scale: fraction of the step. Reason: far
-/// enough for those to be exact, and so near that the polynomial through them is.
+/// Outputs in singular positions are taken from others at this distance. Unit: fraction of the step. Reason: far enough
+/// for those to be exact, and so near that the polynomial through them is.
 const OUTPUTS_BESIDE: f64 = 1.0 / 80.0;
 
 /// What outputs are handed to.

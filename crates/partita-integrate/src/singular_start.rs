@@ -25,10 +25,9 @@ use partita_system::{ConstrainedSystem, SystemError, SystemRef};
 /// Collocation is settled below this. Scale: fraction of the agreement asked for. Reason: the iteration adds no error
 /// that is seen.
 const START_SETTLED: f64 = 1e-3;
-/// No tolerance of a singular start is looser. Scale: relative tolerance. Reason: the branch is to be told beyond
-/// doubt.
+/// No tolerance of a singular start is looser. Unit: relative tolerance. Reason: the branch is to be told beyond doubt.
 const LOOSEST_START: f64 = 1e-4;
-/// Move of the fastest velocity in the first step that is tried. Scale: characteristic displacement (a radian). Reason:
+/// Move of the fastest velocity in the first step that is tried. Unit: characteristic displacement (a radian). Reason:
 /// about half of what a crossing step takes.
 const START_MOVE: f64 = 0.4;
 /// The shortest step that is tried. Scale: characteristic displacement. Reason: at its end rounding, over the square of
@@ -41,7 +40,7 @@ const NODES: (usize, usize) = (10, 8);
 /// Two solutions of a singular start may differ by this. Scale: fraction of the tolerance. Reason: the start adds no
 /// error that is seen.
 const START_AGREEMENT: f64 = 0.1;
-/// No tolerance of a singular start is tighter. Scale: relative tolerance. Reason: rounding in evaluations near the
+/// No tolerance of a singular start is tighter. Unit: relative tolerance. Reason: rounding in evaluations near the
 /// position.
 const TIGHTEST_START: f64 = 1e-11;
 /// Iterations, and how many of them the extrapolation remembers.
@@ -56,7 +55,7 @@ const SLOW_START: f64 = 1e-3;
 /// Accelerations through the nodes are those of the branch within this. Scale: fraction of them and of the square of
 /// the rates. Reason: on another branch they differ by about their own size.
 const START_BENDS: f64 = 0.05;
-/// Part of the step over which the polynomial is differentiated. Scale: fraction of the step. Reason: short against the
+/// Part of the step over which the polynomial is differentiated. Unit: fraction of the step. Reason: short against the
 /// motion, long against rounding.
 const START_BESIDE: f64 = 1e-3;
 const SHIFTS: usize = 4;

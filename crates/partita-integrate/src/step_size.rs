@@ -8,20 +8,20 @@ use partita_math::tolerance;
 /// States and rates below this say nothing of the scale of a motion. Scale: multiples of the tolerance. Reason: the
 /// rule of Hairer, Norsett and Wanner for the first step.
 const MOVED_NOTHING: f64 = 1e-5;
-/// The first step where nothing else is known. Scale: s. Reason: the rule of Hairer, Norsett and Wanner for the first
+/// The first step where nothing else is known. Unit: s. Reason: the rule of Hairer, Norsett and Wanner for the first
 /// step.
 const FIRST_STEP: f64 = 1e-6;
-/// Fraction of the first guess that remains where nothing accelerates. Scale: ratio of steps. Reason: the rule of
+/// Fraction of the first guess that remains where nothing accelerates. Unit: ratio of steps. Reason: the rule of
 /// Hairer, Norsett and Wanner for the first step.
 const FIRST_GROWTH: f64 = 1e-3;
-/// Fraction of the theoretically right step that is taken. Scale: ratio of steps. Reason: refused steps cost more than
+/// Fraction of the theoretically right step that is taken. Unit: ratio of steps. Reason: refused steps cost more than
 /// shorter ones.
 pub const SAFETY: f64 = 0.9;
-/// Largest shortening of a step for its error. Scale: ratio of steps. Reason: one estimate is not trusted any further.
+/// Largest shortening of a step for its error. Unit: ratio of steps. Reason: one estimate is not trusted any further.
 pub const SMALLEST_FACTOR: f64 = 0.2;
-/// Largest lengthening of a step. Scale: ratio of steps. Reason: one estimate is not trusted any further.
+/// Largest lengthening of a step. Unit: ratio of steps. Reason: one estimate is not trusted any further.
 pub const LARGEST_FACTOR: f64 = 6.0;
-/// Smaller errors are remembered as this. Scale: multiples of the tolerance. Reason: a lucky step must not forbid the
+/// Smaller errors are remembered as this. Unit: multiples of the tolerance. Reason: a lucky step must not forbid the
 /// next one.
 const SMALLEST_REMEMBERED_ERROR: f64 = 1e-4;
 
@@ -75,7 +75,7 @@ impl StepController {
     }
 }
 
-/// An estimated error is multiplied by this before it is compared with the tolerance. Scale: factor. Reason: mechanisms
+/// An estimated error is multiplied by this before it is compared with the tolerance. Unit: factor. Reason: mechanisms
 /// pass positions where a motion nearly stops, and earlier errors are multiplied by thousands; at order eight it costs
 /// a fifth more steps and leaves a quarter of the error.
 pub const ERROR_MARGIN: f64 = 4.0;

@@ -1,6 +1,6 @@
 //! Numbers formatted for messages.
 
-/// Numbers in this range are written without an exponent. Scale: SI units of the number. Reason: at most six digits
+/// Numbers in this range are written without an exponent. Unit: SI units of the number. Reason: at most six digits
 /// before the point and three zeros behind it.
 const PLAIN: (f64, f64) = (1e-4, 1e6);
 

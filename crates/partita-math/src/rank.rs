@@ -41,9 +41,6 @@ const FULL_SEARCH: usize = 200;
 /// enough to order rows by, which leaves room for sparsity.
 const SINE_LEVELS: [f64; 4] = [1e-3, 1e-5, 1e-7, 1e-9];
 
-/// Squared cosines below this are rounding. Scale: squared cosine. Reason: the square of the unit in the last place.
-const PERPENDICULAR: f64 = 1e-32;
-
 /// Finds independent rows of a sparse C (m×n) with column scales (n).
 ///
 /// Up to 200 rows, the row at the largest angle to those accepted is accepted next, ties going to the lower index; above,
@@ -275,7 +272,7 @@ impl Gram {
 
     /// Unlinks row `i` from rows it is perpendicular to within rounding, as distant loops are.
     fn forget_negligible(&mut self, i: usize) {
-        let (diagonal, least) = (&self.diagonal, PERPENDICULAR * self.diagonal[i]);
+        let (diagonal, least) = (&self.diagonal, f64::EPSILON * f64::EPSILON * self.diagonal[i]);
         self.rows[i].retain(|&(j, g)| g * g > least * diagonal[j]);
     }
 

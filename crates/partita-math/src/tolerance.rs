@@ -11,8 +11,9 @@
 pub const ROUNDING: f64 = 1e-15;
 /// Sums that come out smaller are rounding. Scale: fraction of their terms. Reason: some tens of terms, each rounded.
 pub const SUM_ROUNDING: f64 = 1e-14;
-/// Solutions of linear equations that come out smaller are rounding. Scale: fraction of the terms that they are made
-/// of. Reason: a thousand units in the last place, for equations of moderate condition.
+/// Solutions of linear equations, and places at the end of a chain of frames, that come out smaller are rounding. Scale:
+/// fraction of the terms that they are made of. Reason: a thousand units in the last place, for equations of moderate
+/// condition.
 pub const SOLUTION_ROUNDING: f64 = 1e-13;
 /// Rounding next to the worst position that is worked in. Scale: fraction of the quantities that are added up. Reason:
 /// 1e-16 times a condition of 1e9, the reciprocal of [`REDUNDANT`].
@@ -20,6 +21,12 @@ pub const WORST_ROUNDING: f64 = 1e-7;
 /// Rounding of a sum of a few terms, each rounded. Scale: fraction of the largest term. Reason: a unit in the last
 /// place for each of four; an exactly flat polygon misses by as much, and a closed loop.
 pub const FEW_ROUNDINGS: f64 = 4.0 * f64::EPSILON;
+/// Numbers nearer than this are one after some ten operations. Scale: fraction of the largest of them. Reason: a unit
+/// in the last place or two for each; products of some ten frames, and nodes of a step, are off by as much.
+pub const TEN_ROUNDINGS: f64 = 16.0 * f64::EPSILON;
+/// Results of thousands of operations that come out smaller are rounding. Scale: fraction of their terms. Reason: ten
+/// thousand roundings, as for closed loops.
+pub const LONG_ROUNDING: f64 = 1e-12;
 
 // ---- numbers that were given
 
@@ -41,6 +48,9 @@ pub const NO_INERTIA: f64 = 1e-12;
 /// Below this angle series take the place of quotients. Scale: rad. Reason: quotients lose two digits there, and what
 /// the series leaves out is below rounding.
 pub const SERIES_ANGLE: f64 = 0.1;
+/// Below this a turn goes by two terms of its series. Scale: rad. Reason: what they leave out, the sixth power, is below
+/// rounding.
+pub const SHORT_TURN: f64 = 1e-3;
 /// An angle read off a pose is known up to here. Scale: rad. Reason: a little less than half a turn, so that no step
 /// passes the place unseen where the angle jumps by a turn.
 pub const HALF_TURN: f64 = 3.0;
@@ -86,6 +96,9 @@ pub const LOST_PIVOT: f64 = 1e-14;
 /// Rows below this are combinations of the others. Scale: squared sine, in natural scales. Reason: rounding in an
 /// assembled position leaves about 1e-16 times the condition; true redundancy is seen at 1e-20 to 1e-25.
 pub const REDUNDANT: f64 = 1e-9;
+/// Least ratio between the last pivot kept and the first one dropped. Scale: ratio of squared sines. Reason: one and a
+/// half digits of the sine.
+pub const RANK_GAP: f64 = 1e3;
 /// Singular values below this are null. Scale: fraction of the largest. Reason: what a condition of a million leaves of
 /// sixteen digits.
 pub const NULL_VALUE: f64 = 1e-10;
@@ -101,7 +114,7 @@ pub const TAKES_PART: f64 = 1e-6;
 /// Components below this are zero. Scale: fraction of the largest. Reason: far above rounding, and below every digit
 /// that is shown.
 pub const NEGLIGIBLE: f64 = 1e-9;
-/// Damping of least-change and least-norm steps. Scale: squares of singular values in natural scales. Reason: rows
+/// Damping of least-change and least-norm steps. Unit: squares of singular values in natural scales. Reason: rows
 /// weaker than its root, 1e-5, count as repeated; a singular loop is closed by moves of at most 5e4 residuals.
 pub const DAMPING: f64 = 1e-10;
 /// A position stands in a singular one below this distance from it. Scale: fraction of the distance at the ends of the
@@ -121,16 +134,19 @@ pub const LEAST_SWITCH_GAIN: f64 = 1.0 + 1e-6;
 
 // ---- moves and steps
 
+/// Slower rates stand still. Scale: characteristic displacements per second. Reason: in a run of hours nothing is moved
+/// that is seen.
+pub const STANDING: f64 = 1e-10;
 /// A move this small is the last. Scale: characteristic displacement. Reason: Newton's next move would be its square,
 /// below round-off.
 pub const LAST_MOVE: f64 = 1e-9;
 /// A continuation ends where steps of this length do not succeed. Scale: characteristic displacement. Reason: six
 /// digits of where it ends.
 pub const SHORTEST_STEP: f64 = 1e-6;
-/// Step of a finite motion by which rank is verified. Scale: characteristic displacement. Reason: short enough to stay
+/// Step of a finite motion by which rank is verified. Unit: characteristic displacement. Reason: short enough to stay
 /// on its branch; a closure error of order p is a power p of it, far above rounding.
 pub const RANK_MOVE: f64 = 0.1;
-/// Longest approach to a target in one step where closed forms serve. Scale: characteristic displacement. Reason: no
+/// Longest approach to a target in one step where closed forms serve. Unit: characteristic displacement. Reason: no
 /// angle of a healthy loop turns by pi meanwhile.
 pub const STRIDE: f64 = 0.1;
 /// Targets farther away are taken for a typing error. Scale: characteristic displacement. Reason: a thousand turns.
@@ -144,9 +160,9 @@ pub const SINGULAR_ROUNDING: f64 = 1e-10;
 /// Errors that a step out of or across a singular position may have. Scale: multiples of the tolerance. Reason:
 /// rounding over the square of the distance adds to its estimate; its own error is small by its length.
 pub const SINGULAR_LENIENCE: f64 = 1e3;
-/// Relative tolerance of a run unless one is given. Scale: fraction of each coordinate and velocity. Reason: a
+/// Relative tolerance of a run unless one is given. Unit: fraction of each coordinate and velocity. Reason: a
 /// thousandth of what a figure shows, over the steps of a run.
 pub const RTOL: f64 = 1e-8;
-/// Absolute tolerance of a run unless one is given. Scale: characteristic displacements, and those a second. Reason: a
+/// Absolute tolerance of a run unless one is given. Unit: characteristic displacements, and those a second. Reason: a
 /// hundredth of the relative one, for what is small or passes zero.
 pub const ATOL: f64 = 1e-10;

@@ -6,10 +6,7 @@
 //! coordinates themselves says nothing: such points are taken as one.
 
 use crate::spec::Spec;
-
-/// Coordinates nearer than this are one. Scale: fraction of the largest coordinate. Reason: products of some ten frames
-/// are off by as much.
-const COINCIDENT: f64 = 16.0 * f64::EPSILON;
+use partita_math::tolerance;
 
 /// Where a point stands: its joint, and whether it is the one on the child.
 type JointPoint = (usize, bool);
@@ -33,7 +30,7 @@ pub(crate) fn unite(spec: &mut Spec) {
 
 /// What is off by no more than this in each coordinate is one point of these.
 pub(crate) fn near(points: impl Iterator<Item = [f64; 3]>) -> f64 {
-    COINCIDENT * points.flatten().fold(0.0, |m: f64, x| m.max(x.abs()))
+    tolerance::TEN_ROUNDINGS * points.flatten().fold(0.0, |m: f64, x| m.max(x.abs()))
 }
 
 /// The points that move, and where to.

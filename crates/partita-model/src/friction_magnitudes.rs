@@ -21,9 +21,6 @@ const MOST_STEPS: usize = 200;
 /// Friction magnitudes nearer to having no solution have none. Scale: distance of the amplification from one. Reason:
 /// friction would be a thousand million times the normal force.
 const JAM_MARGIN: f64 = 1e-9;
-/// Residual of the friction magnitudes. Scale: fraction of the terms of (G1). Reason: ten thousand roundings, as for
-/// closed loops.
-const FRICTION_OPEN: f64 = 1e-12;
 
 /// Memory of an evaluation.
 #[derive(Clone, Debug, Default)]
@@ -322,7 +319,7 @@ impl FrictionMagnitudes {
             }
             self.f.copy_from_slice(&self.tried);
         }
-        match worst <= FRICTION_OPEN * scale {
+        match worst <= tolerance::LONG_ROUNDING * scale {
             true => Ok(()),
             false => Err(self.worst()), // NaN too
         }

@@ -20,7 +20,7 @@ use partita_math::tolerance;
 /// the square of the characteristic displacement. Reason: squared sines between rows shrink by it in the mass metric,
 /// and those below 1e-9 count as redundant; a bar a thousand times as long as thick has half of such a moment.
 const MASSLESS: f64 = 1e-6;
-/// What is massless counts with this instead. Scale: fraction of the heaviest mass. Reason: no coordinate is then a
+/// What is massless counts with this instead. Unit: fraction of the heaviest mass. Reason: no coordinate is then a
 /// hundred times as mobile as its neighbours for want of mass alone.
 const MASSLESS_COUNTS: f64 = 1e-2;
 

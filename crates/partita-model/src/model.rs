@@ -609,7 +609,7 @@ fn drives(spec: &Spec, placed: &Placed, first: usize) -> Result<Vec<DriveRow>, D
     Ok(drives)
 }
 
-/// Least characteristic displacement of a closing row. Scale: size of the mechanism. Reason: its round-off is one of
+/// Least characteristic displacement of a closing row. Unit: size of the mechanism. Reason: its round-off is one of
 /// positions, which are as large as the mechanism, and must be small against
 /// [`CLOSED`](partita_math::tolerance::CLOSED) of a loop whose joints lie next to each other.
 const LEAST_DISPLACEMENT: f64 = 1e-3;

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 /// Version of the description that this build reads.
 pub const VERSION: u32 = 1;
 
-/// The drawing tolerance unless one is given. Scale: lengths of a block; rad. Reason: four decimals, as drawings are
+/// The drawing tolerance unless one is given. Unit: lengths of a block; rad. Reason: four decimals, as drawings are
 /// dimensioned.
 pub const DRAWING_TOLERANCE: f64 = 1e-4;
 /// The largest drawing tolerance. Scale: lengths of a block; rad. Reason: beyond it what differs is another mechanism.

@@ -25,20 +25,16 @@ const NULL_SLOPE: f64 = 1e-9;
 /// A direction lies on the cone when its quadratic forms are below this. Scale: natural scales of rows and velocities.
 /// Reason: double lines are approached by halves, to the root of it.
 const ON_CONE: f64 = 1e-10;
-/// Singular values of C below this are null where branches meet. Scale: natural scales of rows and velocities. Reason:
-/// the sine whose square is [`tolerance::REDUNDANT`].
-const NULL_SINE: f64 = 3.2e-5;
-const _: () =
-    assert!(NULL_SINE * NULL_SINE > 0.9 * tolerance::REDUNDANT && NULL_SINE * NULL_SINE < 1.1 * tolerance::REDUNDANT);
-/// Least ratio between singular values kept and dropped. Scale: ratio. Reason: the root of
-/// [`RANK_GAP`](crate::start::RANK_GAP), which is one of squared sines.
-const SINGULAR_VALUE_GAP: f64 = 30.0;
+/// Singular values of C below this are null where branches meet: sines whose squares are [`tolerance::REDUNDANT`].
+fn null_sine() -> f64 {
+    tolerance::REDUNDANT.sqrt()
+}
 /// Second rates below this are rounding. Scale: natural scales, at rates of one characteristic displacement a second.
 /// Reason: positions closed in a singular position are known to the root of rounding, 1e-8.
 const SECOND_RATE_ROUNDING: f64 = 1e-6;
-/// Move along a branch by which it is verified. Scale: characteristic displacement of the fastest velocity. Reason:
-/// some three degrees; rows lost here are open by the square of it elsewhere, and a lost rank has come back far above
-/// [`NULL_SINE`].
+/// Move along a branch by which it is verified. Unit: characteristic displacement of the fastest velocity. Reason: some
+/// three degrees; rows lost here are open by the square of it elsewhere, and a lost rank has come back far above
+/// [`null_sine`].
 const BRANCH_MOVE: f64 = 0.05;
 /// Starts of the search for directions, and the most lines they may find: more are taken for a continuum.
 const STARTS: usize = 48;
@@ -100,9 +96,9 @@ struct Scaled<'s, S: ConstrainedSystem> {
 
 /// Rank by singular values; none where they leave no gap.
 fn rank_of(s: &[f64]) -> Option<usize> {
-    let rank = s.iter().filter(|&&x| x > NULL_SINE).count();
+    let rank = s.iter().filter(|&&x| x > null_sine()).count();
     let kept = if rank > 0 { s[rank - 1] } else { 1.0 };
-    s.get(rank).is_none_or(|x| x * SINGULAR_VALUE_GAP < kept).then_some(rank)
+    s.get(rank).is_none_or(|x| x * x * tolerance::RANK_GAP < kept * kept).then_some(rank)
 }
 
 impl<'s, S: ConstrainedSystem> Scaled<'s, S> {
@@ -167,7 +163,7 @@ impl<'s, S: ConstrainedSystem> Scaled<'s, S> {
 /// The position [`BRANCH_MOVE`] along `w`, closed by all rows looked at; none where it does not close next to there.
 fn moved<S: ConstrainedSystem>(x: &Scaled<S>, t: f64, q: &[f64], w: &[f64]) -> Result<Option<Vec<f64>>, SystemError> {
     let scaled = scaled::Scaled::new(x.system, t, q, &[])?;
-    let mut rows = Truncated::new(scaled, t, Cut::Level(NULL_SINE));
+    let mut rows = Truncated::new(scaled, t, Cut::Level(null_sine()));
     rows.scaled.idle.iter_mut().enumerate().for_each(|(i, idle)| *idle = !x.rows.contains(&i));
     let mut there = q.to_vec();
     let end = leap(

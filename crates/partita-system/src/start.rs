@@ -9,11 +9,7 @@ use crate::system::{ConstrainedSystem, Finite, SystemError};
 use partita_math::rank::{preferred_rows, RowRank};
 use partita_math::tolerance;
 
-/// Least ratio between the last pivot kept and the first one dropped. Scale: ratio of squared sines. Reason: one and a
-/// half digits of the sine.
-pub const RANK_GAP: f64 = 1e3;
-
-/// The move by which redundant rows are distinguished from rows that are dependent here only. Scale: characteristic
+/// The move by which redundant rows are distinguished from rows that are dependent here only. Unit: characteristic
 /// displacement. Reason: its square, 1e-6, is far above rounding.
 const NEXT_DOOR: f64 = 1e-3;
 
@@ -182,7 +178,7 @@ fn persists<S: ConstrainedSystem>(
     start: &Start,
     largest_dropped: f64,
 ) -> Result<(), SystemError> {
-    if start.gap < RANK_GAP {
+    if start.gap < tolerance::RANK_GAP {
         let message = format!(
             "the rank of the constraints is not clear, the last row kept has the squared sine {:.2e}, the first one \
              dropped {largest_dropped:.2e} (of {}); start a little away from it, or draw them as they are meant",

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 /// Below this expected duration a thread costs more than it brings.
 const WORTH_A_THREAD: Duration = Duration::from_micros(200);
-/// A row takes at least this. Scale: s. Reason: a tick of the clock.
+/// A row takes at least this. Unit: s. Reason: a tick of the clock.
 const CLOCK_TICK: f64 = 1e-9;
 /// How long the rows between two looks at the user's wish to stop should take.
 const PATIENCE: Duration = Duration::from_millis(50);

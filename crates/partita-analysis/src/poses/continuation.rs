@@ -21,7 +21,7 @@ use partita_system::SystemError;
 const NEAR: Rule = near_by(tolerance::CLOSED);
 /// To round-off.
 const LAST: Rule = Rule::new(6, f64::EPSILON, tolerance::CLOSED);
-/// Steps that are tried across a singular position. Scale: characteristic displacement. Reason: Newton's method needs
+/// Steps that are tried across a singular position. Unit: characteristic displacement. Reason: Newton's method needs
 /// some distance to it on both sides.
 const LEAPS: [f64; 3] = [1e-3, 1e-2, 3e-2];
 /// Velocities up to which the sign of the determinant is watched: its cost grows with their cube.

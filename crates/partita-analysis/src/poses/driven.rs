@@ -9,7 +9,7 @@ use partita_model::Model;
 use partita_system::prelude::*;
 use partita_system::SystemError;
 
-/// Times at which the driven motion is asked for. Scale: fraction of the time that was left. Reason: the first at which
+/// Times at which the driven motion is asked for. Unit: fraction of the time that was left. Reason: the first at which
 /// it cannot be reached tells most closely where it ended; far beyond, it may have come back.
 const AHEAD: [f64; 4] = [0.01, 0.05, 0.2, 1.0];
 

@@ -10,7 +10,7 @@ use partita_system::manifold::{close, Closed, Linearization, Open, Part, Residua
 use partita_system::prelude::*;
 use partita_system::SystemError;
 
-/// Damping of rows that do not count. Scale: squares of singular values in natural scales. Reason: they move nothing
+/// Damping of rows that do not count. Unit: squares of singular values in natural scales. Reason: they move nothing
 /// that is seen.
 const IGNORED: f64 = 1e12;
 

@@ -19,9 +19,6 @@ const ENERGY_MARGIN: f64 = 100.0;
 /// Energy errors that rounding explains. Scale: fraction of the energy exchanged. Reason: the steps of a run, also past
 /// singular positions.
 const ENERGY_FLOOR: f64 = 1e-8;
-/// Errors of the potential itself that rounding explains. Scale: fraction of the potential. Reason: a few thousand
-/// roundings; it may be far larger than what is exchanged.
-const POTENTIAL_ROUNDING: f64 = 1e-12;
 /// Energy errors that no tolerance, however loose, and no fixed step excuses. Scale: fraction of the energy exchanged.
 /// Reason: a twentieth is seen in every figure.
 const ENERGY_TAKEN: f64 = 5e-2;
@@ -133,7 +130,7 @@ pub fn energy_floor(spec: &Spec, atol: f64) -> f64 {
     };
     let extent = if points().next().is_some() { (0..3).map(|i| spread(i).powi(2)).sum::<f64>().sqrt() } else { 0.0 };
     let pull = spec.gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
-    (0.5 * (mass + turning) * atol * atol + POTENTIAL_ROUNDING * pull * extent * mass) / ENERGY_FLOOR
+    (0.5 * (mass + turning) * atol * atol + tolerance::LONG_ROUNDING * pull * extent * mass) / ENERGY_FLOOR
 }
 
 /// What a run was asked for, as far as its balances depend on it.
@@ -185,7 +182,7 @@ pub fn of_energy(at: &[Energy], asked: Asked, steps: u64, least: f64) -> Option<
     let first = at.first()?;
     let most = |of: &dyn Fn(&Energy) -> f64| at.iter().fold(0.0, |m: f64, x| m.max(of(x).abs()));
     let exchanged = most(&|x| x.kinetic).max(most(&|x| x.potential - first.potential)).max(most(&|x| x.work));
-    let scale = exchanged.max(least).max(POTENTIAL_ROUNDING / ENERGY_FLOOR * most(&|x| x.potential));
+    let scale = exchanged.max(least).max(tolerance::LONG_ROUNDING / ENERGY_FLOOR * most(&|x| x.potential));
     if scale <= 0.0 {
         return None;
     }

@@ -15,7 +15,7 @@ use std::time::Instant;
 
 /// Steps taken before the one whose stages are asked for: forms that look ahead from the last steps have them to look from.
 const BEFORE: u64 = 2;
-/// Time of a batch of evaluations. Scale: s. Reason: a thousand readings of the clock.
+/// Time of a batch of evaluations. Unit: s. Reason: a thousand readings of the clock.
 const BATCH: f64 = 4e-5;
 /// Batches of each contender at each place; the fastest counts, as the one that nothing else disturbed.
 const ROUNDS: usize = 25;

@@ -10,9 +10,6 @@ use partita_system::ConstrainedSystem;
 /// Rows open by more are open. Scale: multiples of their own round-off. Reason: what an assembly leaves is a thousandth
 /// of it.
 const OPEN_ROUNDINGS: f64 = 1e4;
-/// Slower rates are not seen. Scale: characteristic displacements per second. Reason: the move in an hour is below what
-/// a drawing shows.
-const UNSEEN_RATE: f64 = 1e-13;
 
 /// What a start leaves open.
 pub struct Seen {
@@ -59,7 +56,7 @@ pub(super) fn see<S: ConstrainedSystem>(
             sum += (r.c[e] * v[pattern.col_idx[e]]).abs();
             arm = arm.max(r.c[e].abs() * system.characteristic_displacement(pattern.col_idx[e]));
         }
-        if x.abs() > tolerance::RATES_MET * sum && x.abs() > UNSEEN_RATE * arm && x.abs() / sum > worst.0 {
+        if x.abs() > tolerance::RATES_MET * sum && x.abs() > tolerance::STANDING * arm && x.abs() / sum > worst.0 {
             worst = (x.abs() / sum, i, x.abs());
         }
     }

@@ -1,15 +1,16 @@
 //! What the stepper does about points where f cannot be evaluated or is not finite.
 
+use partita_math::tolerance;
 use std::fmt::Display;
 
 use super::ExplicitRungeKutta;
 use crate::combination::first_not_finite;
 use crate::failure::StepFailure;
 
-/// Shortening after a point that cannot be evaluated. Scale: ratio of steps. Reason: near the end of what can be
+/// Shortening after a point that cannot be evaluated. Unit: ratio of steps. Reason: near the end of what can be
 /// evaluated a half would be too short.
 const RETRY_FACTOR: f64 = 0.6;
-/// Shortening after a number that is not finite. Scale: ratio of steps. Reason: nothing is known of where it came from.
+/// Shortening after a number that is not finite. Unit: ratio of steps. Reason: nothing is known of where it came from.
 const NOT_FINITE_FACTOR: f64 = 0.5;
 
 impl ExplicitRungeKutta {
@@ -23,7 +24,7 @@ impl ExplicitRungeKutta {
 
     /// The shortest step worth trying here.
     fn shortest_step(&self) -> f64 {
-        self.shortest.max(super::TIME_ROUNDING * self.t_old.abs())
+        self.shortest.max(tolerance::TEN_ROUNDINGS * self.t_old.abs())
     }
 
     /// Throw an attempt of length `h` away because f was not evaluable. The factor wanders a little from time to time,

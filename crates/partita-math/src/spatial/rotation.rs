@@ -208,10 +208,6 @@ impl<S: Scalar> Quaternion<S> {
     }
 }
 
-/// Rotation vectors shorter than this go by the series of the exponential. Scale: rad. Reason: what the series leaves
-/// out, the fourth power, is below round-off.
-const SHORT_ROTATION: f64 = 1e-4;
-
 impl<S: Scalar> Quaternion<S> {
     /// Exponential of a rotation vector.
     pub fn exp(w: Vec3<S>) -> Self {
@@ -219,8 +215,9 @@ impl<S: Scalar> Quaternion<S> {
         let n = square.sqrt();
         let (sin, cos) = n.scale(0.5).sin_cos();
         // by their series where sin(n/2)/n would lose digits, and the length has no slope at 0
-        let large = n - S::from_f64(SHORT_ROTATION);
-        let k = large.where_positive(sin.over_or_zero(n), S::from_f64(0.5) - square.scale(1.0 / 48.0));
+        let large = n - S::from_f64(tolerance::SHORT_TURN);
+        let short = S::from_f64(0.5) - square.scale(1.0 / 48.0) + (square * square).scale(1.0 / 3840.0);
+        let k = large.where_positive(sin.over_or_zero(n), short);
         let series = S::one() - square.scale(0.125) + (square * square).scale(1.0 / 384.0);
         Self([large.where_positive(cos, series), k * w.0[0], k * w.0[1], k * w.0[2]])
     }

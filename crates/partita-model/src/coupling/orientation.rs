@@ -21,9 +21,6 @@ use partita_system::SystemError;
 /// An axis points the other way below this, and any axis leads back. Scale: `1 + tr E = 4 cos²(θ/2)`. Reason: its root,
 /// 1e-6, is far above the rounding of E.
 const OPPOSITE: f64 = 1e-12;
-/// Each component of the Gibbs vector of opposite axes. Scale: tangent of half the angle. Reason: the reciprocal of the
-/// root of [`OPPOSITE`].
-const GIBBS_BOUND: f64 = 1e6;
 
 /// One of the three rows.
 #[derive(Clone, Debug)]
@@ -93,7 +90,7 @@ impl<G: Space> Orientation<G> {
         let past = spread - G::S::from_f64(OPPOSITE);
         let rho: [G::S; 3] = std::array::from_fn(|k| {
             let (i, j) = ((k + 1) % 3, (k + 2) % 3);
-            past.where_positive((e(j, i) - e(i, j)).over_or_zero(spread), G::S::from_f64(GIBBS_BOUND))
+            past.where_positive((e(j, i) - e(i, j)).over_or_zero(spread), G::S::from_f64(1.0 / OPPOSITE.sqrt()))
         });
         let k = self.component;
         let (u, turned) = (self.unit_vector(), cross(self.unit_vector(), rho));

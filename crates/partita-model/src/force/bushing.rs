@@ -7,10 +7,6 @@ use partita_math::spatial::{Mat3, Quaternion, Space, Vec3};
 use partita_math::tolerance;
 use partita_system::SystemError;
 
-/// The angle over its sine goes by a series below this. Scale: sine of half the angle. Reason: what the series leaves
-/// out, the sixth power, is below rounding.
-const SERIES_SINE: f64 = 1e-3;
-
 /// With `x = (d, θ)`, the displacement of frame 2 and the rotation vector of its turn, both in the axes of frame 1, body 2
 /// feels `−K x − C x'` along x, body 1 the opposite at the same point of space.
 #[derive(Clone, Debug)]
@@ -88,7 +84,7 @@ fn rotation_vector<S: Scalar>(r: &Mat3<S>) -> (Vec3<S>, S) {
     let sin = sin2.sqrt();
     let angle = sin.atan2(cos).scale(2.0);
     // by series where quotients would lose digits: what is left out is below round-off of the sum
-    let near = S::from_f64(SERIES_SINE * SERIES_SINE) - sin2;
+    let near = S::from_f64(tolerance::SHORT_TURN * tolerance::SHORT_TURN) - sin2;
     let series = S::from_f64(2.0) + sin2.scale(1.0 / 3.0) + (sin2 * sin2).scale(3.0 / 20.0);
     let turn = half.times(near.where_positive(series, angle.over_or_zero(sin)));
     let square = turn.dot(turn);

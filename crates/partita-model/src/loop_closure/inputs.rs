@@ -8,6 +8,7 @@ use super::plan::Task;
 use super::LoopClosing;
 use crate::model::Model;
 use crate::spec::Force;
+use partita_math::tolerance;
 use partita_system::closing::Closing;
 use partita_system::prelude::*;
 use partita_system::reduction::Reduction;
@@ -20,9 +21,6 @@ const SETS: usize = 2000;
 const SMALL: usize = 40;
 /// Plans compared for their pivots; fewer for large mechanisms.
 const PLANS: usize = 40;
-/// A choice of inputs must lead by this. Scale: logarithm of the volume. Reason: rounding cannot decide between equal
-/// choices.
-const LARGER_VOLUME: f64 = 1e-6;
 /// Switches that shrink the volume of a choice below this are not tried. Scale: ratio of volumes. Reason: they lead to
 /// dead points.
 const WEAK_CHOICE: f64 = 0.05;
@@ -160,7 +158,7 @@ pub(super) fn choose<'m>(at: &Instant<'m>, t: f64, q: &[f64]) -> Result<LoopClos
         }
         // log of the product, so that a thousand blocks do not vanish
         let volume: f64 = plan.state().iter().map(|s| s.pivot.max(f64::MIN_POSITIVE).ln()).sum();
-        if best.as_ref().is_none_or(|b| volume > b.1 + LARGER_VOLUME) {
+        if best.as_ref().is_none_or(|b| volume > b.1 + tolerance::LEAST_SWITCH_GAIN.ln()) {
             best = Some((count, volume, plan));
         }
     }

@@ -10,10 +10,6 @@ use partita_math::tolerance;
 use partita_system::prelude::*;
 use partita_system::{SystemError, SystemRef};
 
-/// Rows that stand out of the span of others by less follow from them. Scale: natural scales. Reason: a closed position
-/// leaves rounding; a geometric error that matters is some thousand times larger.
-const EXACT_ROWS: f64 = 1e-10;
-
 /// C at a position.
 pub(super) struct Instant<'m> {
     pub model: SystemRef<'m, Model>,
@@ -110,7 +106,7 @@ impl<'m> Instant<'m> {
         }
         let follows = |&r: &usize| {
             let row = rest(&basis, natural(r));
-            dot(&row, &row).sqrt() < EXACT_ROWS
+            dot(&row, &row).sqrt() < tolerance::NULL_VALUE
         };
         others.filter(follows).collect()
     }

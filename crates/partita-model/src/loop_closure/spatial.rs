@@ -24,10 +24,13 @@ use super::planar::Fit;
 use super::polygon::{Pair, Polygon};
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Mat3, Vec3};
+use partita_math::tolerance;
 
-/// Round-off that an exactly flat position may show. Scale: fraction of the terms of the equation. Reason: twice that
-/// of a polygon, for products of two rotations.
-const DEGENERATE_EQUATION: f64 = 8.0 * f64::EPSILON;
+/// Round-off that an exactly flat position may show in terms of this size: twice that of a polygon, for products of two
+/// rotations.
+fn flat_within<S: Scalar>(terms: S) -> S {
+    terms.scale(2.0 * tolerance::FEW_ROUNDINGS)
+}
 
 /// Coordinates that a step finds, before anybody uses them.
 #[derive(Clone, Copy, Debug)]
@@ -76,7 +79,7 @@ impl<S: Scalar> Found<S> {
 /// `a cos ψ + b sin ψ + c = 0`: ψ and the pivot `√(R² − c²)/R`; if there is none, how far |c| exceeds R.   (39)
 pub(super) fn characteristic<S: Scalar>(a: S, b: S, c: S, scale: S, sign: f64) -> (S, S, Fit<S>) {
     let r = a.hypot(b);
-    let fit = Fit { excess: c.abs() - r - scale.scale(DEGENERATE_EQUATION), shortfall: c.abs() - r };
+    let fit = Fit { excess: c.abs() - r - flat_within(scale), shortfall: c.abs() - r };
     let fit = fit.unless_above_0(r - S::from_f64(f64::MIN_POSITIVE));
     let root = ((r - c.abs()).max(S::zero()) * (r + c.abs())).sqrt().scale(sign);
     (b.atan2(a) + root.atan2(-c), root.abs() / r, fit)
@@ -117,8 +120,7 @@ pub(super) fn solve<S: Scalar>(g: &Graph, p: &Polygon, signs: [i8; 2], pose: &Po
         } else {
             let across = across(axis, u);
             let part = across.norm();
-            let stuck =
-                Fit { excess: S::from_f64(DEGENERATE_EQUATION) - part, shortfall: ((c - b).norm() - distance).abs() };
+            let stuck = Fit { excess: flat_within(S::one()) - part, shortfall: ((c - b).norm() - distance).abs() };
             let (value, pivot, fit) = on_line(across.direction(), c, b, distance, first);
             (value / part, pivot, stuck.or(fit))
         }
@@ -203,10 +205,7 @@ fn on_line<S: Scalar>(axis: Vec3<S>, c: Vec3<S>, b: Vec3<S>, length: S, sign: f6
     let w0 = c - b;
     let along = axis.dot(w0);
     let off = (w0 - axis.times(along)).norm();
-    let fit = Fit {
-        excess: off - length - (off + length).scale(DEGENERATE_EQUATION),
-        shortfall: (off - length).max(S::zero()),
-    };
+    let fit = Fit { excess: off - length - flat_within(off + length), shortfall: (off - length).max(S::zero()) };
     let root = ((length - off).max(S::zero()) * (length + off)).sqrt().scale(sign);
     (root - along, root.abs() / length, fit.unless_above_0(length))
 }

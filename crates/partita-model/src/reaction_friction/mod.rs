@@ -21,6 +21,7 @@ use crate::spec::{Force, Spec};
 use crate::zero_position::{Placed, PlacedJoint};
 use partita_math::elimination::Pattern;
 use partita_math::spatial::{Space, Vec3};
+use partita_math::tolerance;
 use partita_system::SystemError;
 
 /// Where the reaction of a joint is read.
@@ -58,10 +59,6 @@ pub(crate) struct Following {
     /// Is M singular by itself?
     short_of_mass: bool,
 }
-
-/// Rows closer to those before them are combinations of them. Scale: rad. Reason: squared it is 1e-11, which sums of
-/// squares can still tell.
-const DEPENDENT_FRICTION: f64 = 3e-6;
 
 impl Following {
     /// Those of a mechanism, if there are any.
@@ -112,7 +109,7 @@ impl Following {
                            it anew with them";
             return Err(DescriptionError::new("mechanism", &spec.name, message));
         }
-        let dependent = DEPENDENT_FRICTION.max(10.0 * spec.drawing_tolerance).powi(2);
+        let dependent = tolerance::DEPENDENT.max(10.0 * spec.drawing_tolerance).powi(2);
         let short_of_mass = !placed.massless.is_empty();
         let pattern = pattern.clone();
         Ok((!frictions.is_empty()).then_some(Self { frictions, pattern, dependent, short_of_mass }))

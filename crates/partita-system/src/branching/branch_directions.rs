@@ -20,8 +20,6 @@ use partita_math::dense::{self, Matrix};
 use partita_math::factor::{least_squares_min_norm, svd, svd_full, symmetric_eigen};
 use partita_math::tolerance;
 
-/// Velocities off by less are on a branch. Scale: fraction of the fastest. Reason: what second rates are known to.
-const ON_BRANCH: f64 = SECOND_RATE_ROUNDING;
 /// Given rates that miss a branch by less are taken for its own. Scale: fraction of the fastest. Reason: numbers as
 /// refusals print them are off by half of it.
 pub const PRINTED_RATES: f64 = 2e-3;
@@ -32,9 +30,9 @@ pub const SIGN_ONLY: f64 = 0.5;
 /// gradient elsewhere. Reason: branches apart have gradients of the size of the form.
 const BRANCHES_TOUCH: f64 = 1e-3;
 /// Drives that ask for this rate in a dead centre may stand beside it. Scale: fraction of the fastest rate. Reason:
-/// they may be off by as much as rows lost within [`NULL_SINE`](super::NULL_SINE).
+/// they may be off by as much as rows lost within [`null_sine`](super::null_sine).
 const BESIDE_DEAD_CENTRE: f64 = 1e-4;
-/// Moves over which third orders are differences. Scale: characteristic displacement. Reason: third powers stand out of
+/// Moves over which third orders are differences. Unit: characteristic displacement. Reason: third powers stand out of
 /// rounding, fourth powers stay a hundredth of them.
 const THIRD_ORDER_MOVE: f64 = 0.03;
 
@@ -437,7 +435,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
         let (u, miss) = self.rates_of(&w);
         let (bend, slope) = self.bend(&u);
         let steep = dot(&slope, &slope).sqrt();
-        if miss <= ON_BRANCH * fastest && bend.abs() <= ON_BRANCH * steep * self.length(&u) {
+        if miss <= SECOND_RATE_ROUNDING * fastest && bend.abs() <= SECOND_RATE_ROUNDING * steep * self.length(&u) {
             return if self.touches(&u) { Err(TOUCH.into()) } else { Ok(()) };
         }
         if self.driven && fastest == 0.0 {
@@ -445,7 +443,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
         }
         // the nearest in all rates
         let asked: Vec<Asked> =
-            (0..v.len()).filter(|&i| w[i].abs() > ON_BRANCH * fastest).map(|i| self.own(i, v[i])).collect();
+            (0..v.len()).filter(|&i| w[i].abs() > SECOND_RATE_ROUNDING * fastest).map(|i| self.own(i, v[i])).collect();
         Err(self.nearest(&w, &asked))
     }
 

@@ -13,12 +13,12 @@ use partita_math::dense::{self, Matrix};
 use partita_math::factor;
 use partita_math::tolerance;
 
-/// Steps of the differences, from the finest on. Scale: characteristic length. Reason: a factor of eight between them,
+/// Steps of the differences, from the finest on. Unit: characteristic length. Reason: a factor of eight between them,
 /// from rounding to curvature.
 const DIFFERENCE_STEPS: [f64; 6] = [3e-6, 2.4e-5, 2e-4, 1.6e-3, 1.3e-2, 0.1];
-/// Central differences at offsets 1 to 3. Scale: factors of the differences. Reason: exact to order six.
+/// Central differences at offsets 1 to 3. Unit: factors of the differences. Reason: exact to order six.
 const CENTRAL_SIX: [f64; 3] = [3.0 / 4.0, -3.0 / 20.0, 1.0 / 60.0];
-/// Central differences at offsets 1 and 2. Scale: factors of the differences. Reason: exact to order four, to estimate
+/// Central differences at offsets 1 and 2. Unit: factors of the differences. Reason: exact to order four, to estimate
 /// the error.
 const CENTRAL_FOUR: [f64; 3] = [2.0 / 3.0, -1.0 / 12.0, 0.0];
 /// A derivative off by more belongs to another function. Scale: fraction of the derivative. Reason: one made of

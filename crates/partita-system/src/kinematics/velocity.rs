@@ -16,10 +16,6 @@ const RATE_ROUNDING: f64 = 5e-15;
 /// Next to a singular position rates are met to this at least. Scale: fraction of the fastest rate. Reason: five digits
 /// are the least that counts as met.
 const RATES_MET_AT_WORST: f64 = 1e-5;
-/// A rate that drives others at this multiple of its own belongs to a locked joint. Scale: ratio of rates in
-/// characteristic displacements. Reason: positions closed to round-off leave the root of it, 1e-8, open of a dead
-/// point.
-const LOCKED: f64 = 1e7;
 
 /// To which part of the largest velocity rates that hold together are met at the last tangent.
 pub fn met<S: ConstrainedSystem>(r: &mut Reduction<S>) -> f64 {
@@ -196,7 +192,7 @@ fn unlocked<S: ConstrainedSystem>(
 ) -> Result<Vec<f64>, SystemError> {
     let speed = |i: usize| v[i].abs() / system.characteristic_displacement(i);
     let Some(top) = (0..v.len()).max_by(|&i, &j| speed(i).total_cmp(&speed(j))) else { return Ok(v) };
-    if fastest == 0.0 || speed(top) <= LOCKED * fastest {
+    if fastest == 0.0 || tolerance::SINGULAR_PIVOT * speed(top) <= fastest {
         return Ok(v);
     }
     let asked: Vec<String> = rates.iter().map(|&(i, rate)| format!("{} = {rate}", system.velocity_name(i))).collect();

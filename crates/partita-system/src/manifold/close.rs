@@ -21,10 +21,10 @@ const GOOD_STEP: (f64, f64) = (0.75, 0.2);
 /// Steps that gain less than the first part are damped more by the second factor. Scale: fraction of the promised gain;
 /// factor of the damping. Reason: the usual rule of trust regions.
 const POOR_STEP: (f64, f64) = (0.25, 3.0);
-/// After a refused step the damping grows by the first factor, or the length falls by the second. Scale: factors.
+/// After a refused step the damping grows by the first factor, or the length falls by the second. Unit: factors.
 /// Reason: the usual rule of trust regions.
 const REFUSED_STEP: (f64, f64) = (4.0, 0.5);
-/// Damping of the first step. Scale: squares of singular values in natural scales. Reason: rows weaker than a tenth are
+/// Damping of the first step. Unit: squares of singular values in natural scales. Reason: rows weaker than a tenth are
 /// not yet followed.
 const FIRST_DAMPING: f64 = 1e-2;
 /// A larger damping moves nothing. Scale: squares of singular values in natural scales. Reason: moves are below
@@ -47,9 +47,6 @@ const PATIENCE: usize = 20;
 /// Rows that fall by less do not close any further. Scale: ratio in one iteration. Reason: Newton's method halves the
 /// error at least, also next to a singular position, where it falls to a quarter.
 const STALLED: f64 = 0.5;
-/// Changes of |Φ|² below this may be rounding. Scale: fraction of |Φ|². Reason: at a minimum with open rows |Φ|²
-/// changes by the square of the move.
-const STATIONARY_RESIDUAL: f64 = 1e-12;
 /// Steps at a minimum with open rows are good when they become shorter by this factor. Scale: ratio of successive
 /// steps. Reason: linear convergence is all there is.
 const SHORTER: f64 = 0.7;
@@ -352,7 +349,7 @@ impl Room {
         for (i, p) in self.parts.iter_mut().enumerate().filter(|(_, p)| p.is_active()) {
             let now = l.open(i);
             let gain = if finite && now.square.is_finite() { p.open.square - now.square } else { f64::NEG_INFINITY };
-            let stationary = rule.rest > 0.0 && gain.abs() <= STATIONARY_RESIDUAL * p.open.square;
+            let stationary = rule.rest > 0.0 && gain.abs() <= tolerance::LONG_ROUNDING * p.open.square;
             let shorter = p.length <= SHORTER * p.before;
             let takes = rule.undamped.is_some() && gain.is_finite();
             if gain > LEAST_GAIN * p.promised && gain > 0.0 || stationary && shorter || takes {

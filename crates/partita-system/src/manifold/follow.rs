@@ -13,7 +13,7 @@ use super::close::{Closed, Ending};
 use crate::error::Result;
 use crate::system::SystemError;
 
-/// Longest step along a curve. Scale: characteristic displacement. Reason: a third of a radian is straight but for a
+/// Longest step along a curve. Unit: characteristic displacement. Reason: a third of a radian is straight but for a
 /// twentieth.
 pub const LONGEST_PREDICTION: f64 = 0.3;
 /// A position whose correction takes back more was thrown back: no motion leads on there. Scale: fraction of the

@@ -11,7 +11,7 @@ use crate::system::ConstrainedSystem;
 use partita_math::least_norm::LeastNorm;
 use partita_math::tolerance;
 
-/// Largest move in one iteration. Scale: characteristic displacement (radians for turns). Reason: half a radian turns a
+/// Largest move in one iteration. Unit: characteristic displacement (radians for turns). Reason: half a radian turns a
 /// direction by less than its own linear prediction errs by an eighth.
 const LARGEST_MOVE: f64 = 0.5;
 /// Iterations of one descent; half a radian each, so a hundred radians.

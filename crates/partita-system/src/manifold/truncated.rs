@@ -17,9 +17,9 @@ use partita_math::dense::Matrix;
 use partita_math::factor::{pivoted_least_norm, qr_null_space_by};
 use partita_math::tolerance;
 
-/// First grade of the level. Scale: singular values in natural scales. Reason: rows that are clearly alive.
+/// First grade of the level. Unit: singular values in natural scales. Reason: rows that are clearly alive.
 const FIRST_GRADE: f64 = 0.03;
-/// Ratio between grades. Scale: ratio. Reason: one digit at a time.
+/// Ratio between grades. Unit: ratio. Reason: one digit at a time.
 const GRADE_RATIO: f64 = 0.1;
 /// Moves below this end a grade. Scale: fraction of the grade. Reason: null directions turn by no more than it.
 const GRADE_SETTLED: f64 = 1e-2;

@@ -8,7 +8,7 @@ use std::f64::consts::TAU;
 /// Angles beyond this are brought back to within half a turn. Scale: rad. Reason: seldom, and before their round-off
 /// (2e-15) counts.
 const WOUND: f64 = 25.0;
-/// The remainder of 2π beyond `TAU`. Scale: rad. Reason: turns are taken off to the last digit.
+/// The remainder of 2π beyond `TAU`. Unit: rad. Reason: turns are taken off to the last digit.
 const TAU_REST: f64 = 2.449_293_598_294_706_4e-16;
 
 /// Take whole turns off the angles of q that have grown beyond a few turns, count them; true if q changed.

@@ -7,10 +7,6 @@ use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::elimination::{Plan, PlanOptions};
 use partita_math::tolerance;
 
-/// Rows of C weaker than this hold rounding only. Scale: squared, against their characteristic displacement. Reason:
-/// the square of 1e-9, above the rounding of a repaired drawing.
-const EMPTY_ROW: f64 = 1e-18;
-
 impl<S: ConstrainedSystem> Reduction<'_, S> {
     /// Refresh the scales `s_i² = [M⁻¹]_ii` and the row scales at the last position.
     pub fn refresh_scales(&mut self, t: f64, q: &[f64]) -> Result<(), SystemError> {
@@ -42,7 +38,9 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         for i in 0..self.size.rows {
             let norm = pattern.row(i).map(|e| (self.c[e] * self.s[pattern.col_idx[e]]).powi(2)).sum::<f64>().sqrt();
             // a row of round-off alone has no direction to pivot on
-            let empty = norm == 0.0 || self.strength(i).is_some_and(|s| s < EMPTY_ROW);
+            // strengths are squares
+            let nothing = tolerance::NEGLIGIBLE * tolerance::NEGLIGIBLE;
+            let empty = norm == 0.0 || self.strength(i).is_some_and(|s| s < nothing);
             self.row_scale[i] = if empty { 0.0 } else { 1.0 / norm };
             // entries of C are lever arms: the lengths that are added up in Φ
             let arm =

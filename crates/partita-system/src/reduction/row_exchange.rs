@@ -13,7 +13,7 @@ use partita_math::elimination::SparseRoom;
 /// Rows are exchanged where the volume of those kept grows by more. Scale: ratio of volumes. Reason: long before
 /// rounding suffers, and seldom, as distances by other rows do not compare.
 const ROW_GAIN: f64 = 2.5;
-/// Closings count for so many times a drive, and drives for so many times a row that holds for velocities alone. Scale:
+/// Closings count for so many times a drive, and drives for so many times a row that holds for velocities alone. Unit:
 /// ratio of volumes. Reason: closings kept close the positions, and what drives prescribe is distinguished from what
 /// the mechanism can do; a drive takes the place of a closing only where closings lose rank that the drive holds.
 const PRECEDENCE: f64 = 8.0;

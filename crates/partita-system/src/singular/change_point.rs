@@ -75,13 +75,13 @@ impl Crossing {
     /// Shorter steps do not cross. Scale: fraction of the usual step. Reason: stages of so short a step all lie next to
     /// the position.
     const CREEPING: f64 = 0.02;
-    /// Where to go back to before the position. Scale: fraction of the usual step. Reason: the middle of a crossing
+    /// Where to go back to before the position. Unit: fraction of the usual step. Reason: the middle of a crossing
     /// step.
     const STEP_BACK: f64 = 0.3;
-    /// Lengths of a crossing step to try. Scale: multiples of the best. Reason: stages lie elsewhere with each.
+    /// Lengths of a crossing step to try. Unit: multiples of the best. Reason: stages lie elsewhere with each.
     const CROSSING_LENGTHS: [f64; 6] = [1.0, 1.25, 1.12, 0.9, 1.5, 1.06];
-    /// How far ahead the fall of the distance is probed. Scale: fraction of a step. Reason: far enough for a
-    /// difference, near enough for a line.
+    /// How far ahead the fall of the distance is probed. Unit: fraction of a step. Reason: far enough for a difference,
+    /// near enough for a line.
     const LOOK_AHEAD: f64 = 0.1;
 
     /// The usual step away from singular positions; 0 at first.

@@ -15,8 +15,8 @@ use crate::system::{ConstrainedSystem, SystemError};
 /// Dropped rows are judged only when they are open by more than kept ones by this factor. Scale: ratio of closure
 /// errors. Reason: kept rows that are open themselves decide nothing.
 const CLEARLY_OPEN: f64 = 1e3;
-/// Length of the motion at the start. Scale: time of a large move. Reason: long enough for second orders to stand out
-/// of rounding.
+/// Length of the motion at the start. Unit: time of a large move. Reason: long enough for second orders to stand out of
+/// rounding.
 const SHORT_MOTION: f64 = 1e-3;
 
 /// Do the dropped rows agree with the kept ones at the start, and for a short time after it?

@@ -24,12 +24,9 @@ use std::sync::Arc;
 /// Products with C at the start may miss zero by this. Scale: their natural size. Reason: what formulas with a few
 /// hundred operations and a position closed to 1e-12 leave, and far below any wrong sign.
 const TANGENT_FITS: f64 = 1e-8;
-/// Half-width of the difference formula. Scale: large moves of the fastest velocity. Reason: the sixth power is far
+/// Half-width of the difference formula. Unit: large moves of the fastest velocity. Reason: the sixth power is far
 /// below round-off.
 const TANGENT_MOVE: f64 = 1e-2;
-/// Disagreement of the fourth and the sixth order from which a shorter step is tried. Scale: natural size of the bias.
-/// Reason: the error of the sixth is about its three halves' power.
-const DISAGREEMENT: f64 = 1e-8;
 
 /// The user's D.
 pub struct Given<'s, S: ConstrainedSystem> {
@@ -129,7 +126,8 @@ impl<'s, S: ConstrainedSystem> Given<'s, S> {
                 least = apart;
                 self.best.copy_from_slice(&self.step);
             }
-            if apart <= DISAGREEMENT {
+            // the error of the sixth order is about the three halves' power of what the two disagree by
+            if apart <= tolerance::DIFFERENCE_ROUNDING {
                 break;
             }
             s *= 0.25;

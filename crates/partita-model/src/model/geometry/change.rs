@@ -33,9 +33,6 @@ const FEWEST: usize = 3;
 /// Singular values of the conditions below so many closure errors are null. Scale: multiples of the closure error.
 /// Reason: what is off in the conditions is as large as the closure error, times the length of a loop.
 const CLOSURE_FACTOR: f64 = 30.0;
-/// A round that gains less is near a double root: smaller singular values are taken in. Scale: fraction of the closure
-/// error. Reason: elsewhere the iteration is quadratic.
-const NEAR_DOUBLE_ROOT: f64 = 0.1;
 /// Axes that are parallel within this were intended to be. Scale: multiples of the drawing tolerance. Reason: both axes
 /// may be off by one, and the loop between them.
 pub(super) const NEARLY_PARALLEL: f64 = 3.0;
@@ -105,8 +102,9 @@ impl Drawing {
             if !worst.is_finite() {
                 return Ok(None);
             }
-            // near a double root little is gained: values that rounding still tells are asked then
-            nothing = match worst > NEAR_DOUBLE_ROOT * before {
+            // elsewhere the iteration is quadratic; near a double root little is gained: values that rounding still
+            // tells are asked then
+            nothing = match tolerance::CLEARLY * worst > before {
                 true => (nothing / CLOSURE_FACTOR).max(super::FINEST_LEVEL),
                 false => (CLOSURE_FACTOR * worst).clamp(super::FINEST_LEVEL, super::WEAK_CONDITION),
             };

@@ -23,7 +23,7 @@ use std::cell::OnceCell;
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// The coarsest level of singular values. Scale: multiples of the drawing tolerance. Reason: those of random geometric
+/// The coarsest level of singular values. Unit: multiples of the drawing tolerance. Reason: those of random geometric
 /// errors are up to 0.9 of it, of longer loops more.
 const COARSEST: f64 = 10.0;
 /// No level is coarser, whatever the tolerance. Scale: singular values in natural scales. Reason: rows above it are
@@ -49,12 +49,6 @@ const PLANE: f64 = 4.0;
 /// The drawing of a block may be open by this for its decision to mean anything. Scale: lengths of its bodies. Reason:
 /// a drawing open by more shows another assembly.
 const NEARLY_DRAWN: f64 = 0.5;
-/// Finer levels are taken where a coarse one folds a length away and their change is smaller by this factor. Scale:
-/// ratio of changes. Reason: one digit.
-const FOLDED: f64 = 0.1;
-/// Blocks with lengths that agree to this are equal. Scale: length of the block. Reason: positions of a drawing, added
-/// up along a loop.
-const BLOCK_DECIMALS: f64 = 1e-13;
 
 /// What was decided about one block of loops.
 #[derive(Clone, Debug, PartialEq)]
@@ -350,7 +344,7 @@ fn shape(spec: &Spec) -> Option<Vec<i64>> {
     let first = spec.joints.first()?.point;
     let far = |x: [f64; 3]| (0..3).fold(0.0f64, |m, i| m.max((x[i] - first[i]).abs()));
     let size = spec.joints.iter().fold(0.0f64, |m, j| m.max(far(j.point)).max(far(j.child_point.unwrap_or(j.point))));
-    let unit = BLOCK_DECIMALS * if size > 0.0 { size } else { return None };
+    let unit = tolerance::SOLUTION_ROUNDING * if size > 0.0 { size } else { return None };
     let mut key: Vec<i64> = vec![spec.bodies.len() as i64, (size / unit) as i64, size.to_bits() as i64];
     let names: HashMap<&str, i64> = spec.bodies.iter().zip(1..).map(|(b, i)| (b.name.as_str(), i)).collect();
     let point = |x: [f64; 3], key: &mut Vec<i64>| key.extend((0..3).map(|i| ((x[i] - first[i]) / unit).round() as i64));
@@ -684,7 +678,7 @@ fn chosen(fits: Vec<Fit>) -> Option<Fit> {
     first.sort_by(better);
     let kept = first.into_iter().next()?;
     if kept.folds {
-        others.retain(|x| !x.folds && x.most <= FOLDED * kept.most);
+        others.retain(|x| !x.folds && tolerance::CLEARLY * x.most <= kept.most);
         others.sort_by(better);
         if let Some(other) = others.into_iter().next() {
             return Some(other);

@@ -1,6 +1,6 @@
 //! What rates single out, and why they do not, in words.
 
-use super::{largest, Asked, BranchDirections, BESIDE_DEAD_CENTRE, ON_BRANCH};
+use super::{largest, Asked, BranchDirections, BESIDE_DEAD_CENTRE};
 use crate::branching::{SECOND_RATE_ROUNDING, WRITTEN};
 use crate::system::ConstrainedSystem;
 use partita_math::factor::symmetric_eigen;
@@ -18,7 +18,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
     pub(super) fn written(&self, w: &[f64]) -> String {
         let v = self.natural(w);
         let top = largest(w);
-        let moving: Vec<usize> = (0..v.len()).filter(|&i| w[i].abs() > ON_BRANCH * top).collect();
+        let moving: Vec<usize> = (0..v.len()).filter(|&i| w[i].abs() > SECOND_RATE_ROUNDING * top).collect();
         if moving.is_empty() || moving.len() > WRITTEN {
             return "see the report for its rates".into();
         }
@@ -73,7 +73,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
     pub fn described(&self, v: &[f64]) -> String {
         let w: Vec<f64> = v.iter().zip(&self.displacement).map(|(v, r)| v / r).collect();
         let top = largest(&w);
-        let moving: Vec<usize> = (0..v.len()).filter(|&i| w[i].abs() > ON_BRANCH * top).collect();
+        let moving: Vec<usize> = (0..v.len()).filter(|&i| w[i].abs() > SECOND_RATE_ROUNDING * top).collect();
         let all: Vec<String> = moving
             .iter()
             .take(WRITTEN)

@@ -16,7 +16,7 @@ use super::{AccelerationRule, Failure, Instant};
 use partita_math::dense;
 use partita_math::tolerance;
 
-/// Damping of the proximal iteration. Scale: squared sines, in natural scales. Reason: far above the rounding of M_c
+/// Damping of the proximal iteration. Unit: squared sines, in natural scales. Reason: far above the rounding of M_c
 /// (1e-16), far below squared sines between healthy rows, which take three iterations then.
 const PROXIMAL_DAMPING: f64 = 1e-8;
 /// A change of v' that no longer falls is rounding below this. Scale: fraction of v' and the free acceleration. Reason:

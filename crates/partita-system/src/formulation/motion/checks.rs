@@ -7,10 +7,7 @@ use crate::reduction::Reduction;
 use crate::singular::consistency::gaps;
 use crate::system::ConstrainedSystem;
 use crate::tangent::Tangent;
-
-/// Rates below this stand still. Scale: characteristic displacements per second. Reason: in a run of hours nothing is
-/// moved that is seen.
-const RATE_OF_STANDING: f64 = 1e-10;
+use partita_math::tolerance;
 
 /// Checks of the step that is judged, of those taken, and of the outputs.
 #[derive(Default)]
@@ -113,7 +110,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         gaps.in_parts_of(fastest.max(r.fastest()));
         // before the first step nothing is known of the speed
         let explained = match self.monitor.length() {
-            Some(h) => fastest + h * self.checks.trial_sizes.1 + RATE_OF_STANDING,
+            Some(h) => fastest + h * self.checks.trial_sizes.1 + tolerance::STANDING,
             None => f64::INFINITY,
         };
         self.checks.output(t, r, gaps, explained);

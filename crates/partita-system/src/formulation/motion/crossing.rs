@@ -13,7 +13,7 @@ use crate::system::{ConstrainedSystem, Size, SystemError};
 use crate::tangent::Tangent;
 use partita_math::tolerance;
 
-/// Longest step. Scale: characteristic displacement. Reason: an error estimate that looks at a dozen places of a turn
+/// Longest step. Unit: characteristic displacement. Reason: an error estimate that looks at a dozen places of a turn
 /// sees a circle, and singular positions lie half a turn apart.
 const LONGEST_MARCH: f64 = 1.2;
 
