@@ -383,7 +383,7 @@ ERRORS = (
     Error(
         "reach-of-a-slide",
         "the characteristic length is no measure of slides any more",
-        f"{MODEL}/model.rs",
+        f"{MODEL}/model/scales.rs",
         "new.displacement[l.v] = placed.length;",
         "new.displacement[l.v] = 1.0;",
         ("whole closing::scales",),
@@ -729,7 +729,7 @@ ERRORS = (
     Error(
         "shared-metric",
         "moments weigh L^2 in place of 1 / L^2 when redundant joints share their load (R2)",
-        f"{ANALYSIS}/sharing.rs",
+        f"{ANALYSIS}/sharing/weighed.rs",
         "let plain = |x: f64| [x, x, x, x / length, x / length, x / length];",
         "let plain = |x: f64| [x, x, x, x * length, x * length, x * length];",
         ("lib sharing", "python test_undetermined.py"),

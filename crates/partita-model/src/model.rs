@@ -4,13 +4,12 @@ use crate::breakpoints::Curves;
 use crate::clusters::{self, Preference};
 use crate::coincident;
 use crate::compile;
-use crate::coupling::{self, Condition, Says};
+use crate::coupling::{self, Condition};
 use crate::error::DescriptionError;
-use crate::evaluator::{with_engine, DriveRow, Engine, Evaluator, Follow, Scratch};
+use crate::evaluator::{with_engine, DriveRow, Engine, Evaluator, Follow};
 use crate::force::Element;
-use crate::joint::Motion;
 use crate::massless;
-use crate::measurement::{self, Measurement};
+use crate::measurement::Measurement;
 use crate::mechanics::Mechanics;
 use crate::names;
 use crate::numbers::Numbers;
@@ -19,8 +18,8 @@ use crate::planarity;
 use crate::reaction_friction::Following;
 use crate::rows::{Owner, Row};
 use crate::sparse_mass::MassLayout;
-use crate::spec::{Coupling, JointKind, Measure, Spec};
-use crate::tree::{LinkMotion, Tree};
+use crate::spec::{JointKind, Measure, Spec};
+use crate::tree::LinkMotion;
 use crate::validate;
 use crate::value::{Callers, Functions};
 use crate::zero_position::{Coordinates, Placed};
@@ -30,66 +29,8 @@ use partita_math::spatial::Space;
 use partita_system::clusters::Clusters;
 use partita_system::SystemError;
 use std::collections::HashSet;
-use std::ops::{Deref, DerefMut};
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
-
-/// Memory of the evaluations of a model.
-pub struct ModelScratch {
-    /// Gone once it is dropped.
-    own: Option<Box<Scratch<f64>>>,
-    dense: Dense,
-    recursion: clusters::Plan,
-    spare: Arc<Spare>,
-}
-
-/// Memory of evaluations that was used before. What stands in it is never an answer.
-#[derive(Default)]
-struct Spare(Mutex<Vec<Memory>>);
-
-type Memory = (Box<Scratch<f64>>, Dense);
-
-impl Spare {
-    /// Kept at the most: as many as one run uses at a time.
-    const MOST: usize = 4;
-
-    fn all(&self) -> MutexGuard<'_, Vec<Memory>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
-impl Drop for ModelScratch {
-    fn drop(&mut self) {
-        let Some(mut own) = self.own.take() else { return };
-        own.forces_at = false;
-        let mut spare = self.spare.all();
-        if spare.len() < Spare::MOST {
-            spare.push((own, std::mem::take(&mut self.dense)));
-        }
-    }
-}
-
-/// Why the memory of a scratch is there.
-const LENT: &str = "memory is given back when its scratch is dropped";
-
-impl Deref for ModelScratch {
-    type Target = Scratch<f64>;
-    fn deref(&self) -> &Scratch<f64> {
-        self.own.as_deref().expect(LENT)
-    }
-}
-
-impl DerefMut for ModelScratch {
-    fn deref_mut(&mut self) -> &mut Scratch<f64> {
-        self.own.as_deref_mut().expect(LENT)
-    }
-}
-
-#[derive(Default)]
-struct Dense {
-    mass: Vec<f64>,
-    h: Vec<f64>,
-    work: Vec<f64>,
-}
+use std::ops::Deref;
+use std::sync::{Arc, OnceLock};
 
 /// A compiled mechanism: an [`Evaluator`] over `f64`, and what belongs to the structure. It never changes; threads
 /// share it.
@@ -143,9 +84,14 @@ impl Deref for Model {
 }
 
 mod geometry;
+mod scales;
+mod scratch;
 mod system;
 
 pub use geometry::{BlockVerdict, Geometry, Verdict};
+use scales::{Links, RowMeasures};
+pub use scratch::ModelScratch;
+use scratch::Spare;
 
 /// Do fixed joints alone hold every body? Then there is no coordinate in any tree, and the verdict is the same in all.
 fn all_welded(spec: &Spec) -> bool {
@@ -302,7 +248,7 @@ impl Model {
         let placed = Arc::new(placed);
         let (mut own, [row_names, full_rows]) =
             Evaluator::new(&spec, placed.clone(), numbers, drives.clone(), callers)?;
-        let look = Look { spec: &spec, placed: &placed };
+        let look = RowMeasures { spec: &spec, placed: &placed };
         let (columns, row_displacement, row_is_angle, (_, holonomic, _), closing_rows) = match &own.engine {
             Engine::Planar(tree) => {
                 (all_columns(tree), look.displacements(tree), look.angles(tree), tree.sizes(), tree.rows)
@@ -535,44 +481,6 @@ impl Model {
 /// Reason: below, they change no choice.
 const LIGHTER: f64 = 2.0;
 
-/// What the links say of coordinates and velocities.
-struct Links {
-    velocity_of: Vec<Option<usize>>,
-    coordinates_of: Vec<std::ops::Range<usize>>,
-    turns: Vec<bool>,
-    displacement: Vec<f64>,
-    q_displacement: Vec<f64>,
-}
-
-impl Links {
-    fn new(placed: &Placed) -> Self {
-        let mut new = Self {
-            velocity_of: vec![None; placed.nq],
-            coordinates_of: vec![0..0; placed.nv],
-            turns: vec![false; placed.nq],
-            displacement: vec![1.0; placed.nv],
-            q_displacement: vec![1.0; placed.nq],
-        };
-        for l in placed.links.iter().skip(1) {
-            match l.motion {
-                Motion::Ball => new.coordinates_of[l.v..l.v + 3].fill(l.q..l.q + 4),
-                Motion::Turn(_) => {
-                    new.coordinates_of[l.v] = l.q..l.q + 1;
-                    new.velocity_of[l.q] = Some(l.v);
-                    new.turns[l.q] = true;
-                }
-                Motion::Slide(_) => {
-                    new.velocity_of[l.q] = Some(l.v);
-                    new.coordinates_of[l.v] = l.q..l.q + 1;
-                    new.displacement[l.v] = placed.length;
-                    new.q_displacement[l.q] = placed.length;
-                }
-            }
-        }
-        new
-    }
-}
-
 /// The rows of the drives, behind `first` closing rows.
 fn drives(spec: &Spec, placed: &Placed, first: usize) -> Result<Vec<DriveRow>, DescriptionError> {
     let mut drives: Vec<DriveRow> = Vec::with_capacity(spec.drives.len());
@@ -609,103 +517,9 @@ fn drives(spec: &Spec, placed: &Placed, first: usize) -> Result<Vec<DriveRow>, D
     Ok(drives)
 }
 
-/// Least characteristic displacement of a closing row. Unit: size of the mechanism. Reason: its round-off is one of
-/// positions, which are as large as the mechanism, and must be small against
-/// [`CLOSED`](partita_math::tolerance::CLOSED) of a loop whose joints lie next to each other.
-const LEAST_DISPLACEMENT: f64 = 1e-3;
-
 /// Columns of every row.
 fn all_columns<G: Space>(tree: &Mechanics<G>) -> Vec<Vec<usize>> {
     let mut columns = compile::columns(tree);
     columns.extend(tree.conditions.iter().flat_map(|c| vec![c.columns.clone(); c.rows()]));
     columns
-}
-
-/// What rows measure, and how much of it a large move makes.
-struct Look<'a> {
-    spec: &'a Spec,
-    placed: &'a Placed,
-}
-
-impl Look<'_> {
-    /// What a large move of a reading is: a length, or 1 for angles and cosines.
-    fn characteristic_displacement(&self, m: &Measure) -> f64 {
-        match measurement::is_angle(self.placed, m) || matches!(m, Measure::Cosine { .. }) {
-            true => 1.0,
-            false => self.placed.length,
-        }
-    }
-
-    /// What a large move can open each row by; not known of functions of the user's.
-    fn displacements<G: Space>(&self, tree: &Mechanics<G>) -> Vec<Option<f64>> {
-        let mut displacements: Vec<Option<f64>> =
-            closing_displacements(tree, self.placed).into_iter().map(Some).collect();
-        let is_angle = |c: &Condition<G>| c.readings().first().is_some_and(|x| x.is_angle(tree));
-        for c in &tree.conditions {
-            let of = match (c.owner, &c.says) {
-                (_, Says::Rolling(..)) => Some(self.placed.length),
-                (Owner::Joint(_), _) => Some(if is_angle(c) { 1.0 } else { self.placed.length }),
-                (Owner::Drive(i), _) => Some(self.characteristic_displacement(&self.spec.drives[i].measure)),
-                (Owner::Coupling(i), _) => match &self.spec.couplings[i] {
-                    Coupling::Linear { terms, factors, .. } => Some(
-                        terms
-                            .iter()
-                            .zip(factors)
-                            .fold(0.0, |m: f64, (t, f)| m.max(f.abs() * self.characteristic_displacement(t))),
-                    ),
-                    Coupling::Curve { terms, .. } => Some(self.characteristic_displacement(&terms[0])),
-                    Coupling::Function { terms, like, .. } => {
-                        like.and_then(|i| terms.get(i)).map(|m| self.characteristic_displacement(m))
-                    }
-                    Coupling::Roll { .. } => None,
-                },
-            };
-            displacements.extend(vec![of; c.rows()]);
-        }
-        displacements
-    }
-
-    /// Which rows close directions.
-    fn angles<G: Space>(&self, tree: &Mechanics<G>) -> Vec<bool> {
-        let mut angles = closing_angles(tree);
-        let angle = |m: &Measure| measurement::is_angle(self.placed, m);
-        for c in &tree.conditions {
-            let of = match (c.owner, &c.says) {
-                (_, Says::Rolling(..)) => false,
-                (Owner::Joint(_), _) => c.readings().first().is_some_and(|x| x.is_angle(tree)),
-                (Owner::Drive(i), _) => angle(&self.spec.drives[i].measure),
-                (Owner::Coupling(i), _) => match &self.spec.couplings[i] {
-                    Coupling::Curve { terms, .. } | Coupling::Function { terms, like: Some(0), .. } => angle(&terms[0]),
-                    other => other.terms().iter().all(angle),
-                },
-            };
-            angles.extend(vec![of; c.rows()]);
-        }
-        angles
-    }
-}
-
-/// What a large move can open each closing row by: 1 for turns; for displacements the longest lever arm between the
-/// closing point and the joints of its loop, or the characteristic length where something slides.
-fn closing_displacements<G: Space>(tree: &Tree<G>, placed: &Placed) -> Vec<f64> {
-    let mut displacements = Vec::with_capacity(tree.rows);
-    for k in &tree.closings {
-        let p = &placed.joints[k.joint];
-        let mut length = LEAST_DISPLACEMENT * placed.size;
-        for path in &k.path {
-            let point = if path.on_b { p.child_point } else { p.parent_point };
-            length = match tree.links[path.link].motion {
-                LinkMotion::Slide(_) => placed.length,
-                _ => length.max((point - placed.links[path.link].point).norm()),
-            }
-            .max(length);
-        }
-        displacements.extend((0..k.rows()).map(|i| if i < k.slide_rows() { length } else { 1.0 }));
-    }
-    displacements
-}
-
-/// Which closing rows are turns.
-fn closing_angles<G: Space>(tree: &Tree<G>) -> Vec<bool> {
-    tree.closings.iter().flat_map(|k| (0..k.rows()).map(|i| i >= k.slide_rows())).collect()
 }

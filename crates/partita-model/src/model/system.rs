@@ -1,6 +1,7 @@
 //! The compiled mechanism as a [`ConstrainedSystem`](partita_system::ConstrainedSystem): every level in the space of its engine.
 
-use super::{Dense, Geometry, Model, ModelScratch, Verdict};
+use super::scratch::{Dense, ModelScratch};
+use super::{Geometry, Model, Verdict};
 use crate::clusters::{Plan, Preference, Route, Tangents};
 use crate::coupling::Condition;
 use crate::evaluator::{with_engine, Engine};

@@ -582,7 +582,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
         self.velocity_of(&u)
     }
 
-    /// The accelerations with which the motion along `v`, one that [`admits`](Self::holds), leaves (t, q): the limit of
+    /// The accelerations with which the motion along `v`, one that [`admits`](Self::admits), leaves (t, q): the limit of
     /// those next to it. None where nothing can be said.
     ///
     /// To third order nᵀ Φ(q(t)) = 0 is linear in them; it takes the place of the row that says nothing here. Its

@@ -1,0 +1,143 @@
+//! What a large move is: of each velocity, and of what each row measures.
+
+use crate::coupling::{Condition, Says};
+use crate::joint::Motion;
+use crate::measurement;
+use crate::mechanics::Mechanics;
+use crate::rows::Owner;
+use crate::spec::{Coupling, Measure, Spec};
+use crate::tree::{LinkMotion, Tree};
+use crate::zero_position::Placed;
+use partita_math::spatial::Space;
+
+/// Least characteristic displacement of a closing row. Unit: size of the mechanism. Reason: its round-off is one of
+/// positions, which are as large as the mechanism, and must be small against
+/// [`CLOSED`](partita_math::tolerance::CLOSED) of a loop whose joints lie next to each other.
+const LEAST_DISPLACEMENT: f64 = 1e-3;
+
+/// What the links say of coordinates and velocities.
+pub(super) struct Links {
+    pub(super) velocity_of: Vec<Option<usize>>,
+    pub(super) coordinates_of: Vec<std::ops::Range<usize>>,
+    pub(super) turns: Vec<bool>,
+    pub(super) displacement: Vec<f64>,
+    pub(super) q_displacement: Vec<f64>,
+}
+
+impl Links {
+    pub(super) fn new(placed: &Placed) -> Self {
+        let mut new = Self {
+            velocity_of: vec![None; placed.nq],
+            coordinates_of: vec![0..0; placed.nv],
+            turns: vec![false; placed.nq],
+            displacement: vec![1.0; placed.nv],
+            q_displacement: vec![1.0; placed.nq],
+        };
+        for l in placed.links.iter().skip(1) {
+            match l.motion {
+                Motion::Ball => new.coordinates_of[l.v..l.v + 3].fill(l.q..l.q + 4),
+                Motion::Turn(_) => {
+                    new.coordinates_of[l.v] = l.q..l.q + 1;
+                    new.velocity_of[l.q] = Some(l.v);
+                    new.turns[l.q] = true;
+                }
+                Motion::Slide(_) => {
+                    new.velocity_of[l.q] = Some(l.v);
+                    new.coordinates_of[l.v] = l.q..l.q + 1;
+                    new.displacement[l.v] = placed.length;
+                    new.q_displacement[l.q] = placed.length;
+                }
+            }
+        }
+        new
+    }
+}
+
+/// What rows measure, and how much of it a large move makes.
+pub(super) struct RowMeasures<'a> {
+    pub(super) spec: &'a Spec,
+    pub(super) placed: &'a Placed,
+}
+
+impl RowMeasures<'_> {
+    /// What a large move of a reading is: a length, or 1 for angles and cosines.
+    fn characteristic_displacement(&self, m: &Measure) -> f64 {
+        match measurement::is_angle(self.placed, m) || matches!(m, Measure::Cosine { .. }) {
+            true => 1.0,
+            false => self.placed.length,
+        }
+    }
+
+    /// What a large move can open each row by; not known of functions of the user's.
+    pub(super) fn displacements<G: Space>(&self, tree: &Mechanics<G>) -> Vec<Option<f64>> {
+        let mut displacements: Vec<Option<f64>> =
+            closing_displacements(tree, self.placed).into_iter().map(Some).collect();
+        let is_angle = |c: &Condition<G>| c.readings().first().is_some_and(|x| x.is_angle(tree));
+        for c in &tree.conditions {
+            let of = match (c.owner, &c.says) {
+                (_, Says::Rolling(..)) => Some(self.placed.length),
+                (Owner::Joint(_), _) => Some(if is_angle(c) { 1.0 } else { self.placed.length }),
+                (Owner::Drive(i), _) => Some(self.characteristic_displacement(&self.spec.drives[i].measure)),
+                (Owner::Coupling(i), _) => match &self.spec.couplings[i] {
+                    Coupling::Linear { terms, factors, .. } => Some(
+                        terms
+                            .iter()
+                            .zip(factors)
+                            .fold(0.0, |m: f64, (t, f)| m.max(f.abs() * self.characteristic_displacement(t))),
+                    ),
+                    Coupling::Curve { terms, .. } => Some(self.characteristic_displacement(&terms[0])),
+                    Coupling::Function { terms, like, .. } => {
+                        like.and_then(|i| terms.get(i)).map(|m| self.characteristic_displacement(m))
+                    }
+                    Coupling::Roll { .. } => None,
+                },
+            };
+            displacements.extend(vec![of; c.rows()]);
+        }
+        displacements
+    }
+
+    /// Which rows close directions.
+    pub(super) fn angles<G: Space>(&self, tree: &Mechanics<G>) -> Vec<bool> {
+        let mut angles = closing_angles(tree);
+        let angle = |m: &Measure| measurement::is_angle(self.placed, m);
+        for c in &tree.conditions {
+            let of = match (c.owner, &c.says) {
+                (_, Says::Rolling(..)) => false,
+                (Owner::Joint(_), _) => c.readings().first().is_some_and(|x| x.is_angle(tree)),
+                (Owner::Drive(i), _) => angle(&self.spec.drives[i].measure),
+                (Owner::Coupling(i), _) => match &self.spec.couplings[i] {
+                    Coupling::Curve { terms, .. } | Coupling::Function { terms, like: Some(0), .. } => angle(&terms[0]),
+                    other => other.terms().iter().all(angle),
+                },
+            };
+            angles.extend(vec![of; c.rows()]);
+        }
+        angles
+    }
+}
+
+/// What a large move can open each closing row by: 1 for turns; for displacements the longest lever arm between the
+/// closing point and the joints of its loop, or the characteristic length where something slides.
+fn closing_displacements<G: Space>(tree: &Tree<G>, placed: &Placed) -> Vec<f64> {
+    let mut displacements = Vec::with_capacity(tree.rows);
+    for k in &tree.closings {
+        let p = &placed.joints[k.joint];
+        let mut length = LEAST_DISPLACEMENT * placed.size;
+        for path in &k.path {
+            let point = if path.on_b { p.child_point } else { p.parent_point };
+            length = match tree.links[path.link].motion {
+                LinkMotion::Slide(_) => placed.length,
+                _ => length.max((point - placed.links[path.link].point).norm()),
+            }
+            .max(length);
+        }
+        displacements.extend((0..k.rows()).map(|i| if i < k.slide_rows() { length } else { 1.0 }));
+    }
+    displacements
+}
+
+/// Which closing rows are turns.
+fn closing_angles<G: Space>(tree: &Tree<G>) -> Vec<bool> {
+    tree.closings.iter().flat_map(|k| (0..k.rows()).map(|i| i >= k.slide_rows())).collect()
+}
