@@ -112,3 +112,36 @@ def test_control_c_is_heard_within_a_second(what: str, large: tuple[pt.Mechanism
         while True:  # ends by Ctrl-C alone
             call()
     assert time.monotonic() - when[0] < 1.0
+
+
+def side_by_side(size: int) -> pt.Mechanism:
+    """Four-bars that share the ground alone."""
+    m = pt.Mechanism(f"{size} four-bars")
+    for i in range(size):
+        a, b, c, d = ((x, y, float(i)) for x, y in ((0.0, 0.0), (0.3, 0.4), (1.1, 0.7), (1.0, 0.0)))
+        for name, start, end in (("crank", a, b), ("coupler", b, c), ("rocker", d, c)):
+            m.add_rod(f"{name} {i}", start=start, end=end, mass=1.0)
+        m.add_revolute(f"A{i}", m.ground, f"crank {i}", point=a)
+        m.add_revolute(f"B{i}", f"crank {i}", f"coupler {i}", point=b)
+        m.add_revolute(f"C{i}", f"coupler {i}", f"rocker {i}", point=c)
+        m.add_revolute(f"D{i}", m.ground, f"rocker {i}", point=d)
+    return m
+
+
+def test_the_start_of_a_run_costs_in_proportion_to_the_loops() -> None:
+    """Ten times the loops side by side: a run of one step costs some 10 times as much; busy machines are allowed 30.
+
+    Looking at each loop in a copy of the whole cost 500 times as much.
+    """
+
+    def seconds(size: int) -> float:
+        m = side_by_side(size)
+        start = m.assemble()
+        spent = []
+        for _ in range(7):
+            began = time.process_time()
+            assert m.simulate(1e-4, initial=start, t_eval=[0.0, 1e-4]).success
+            spent.append(time.process_time() - began)
+        return min(spent)
+
+    assert seconds(1000) < 30.0 * seconds(100)

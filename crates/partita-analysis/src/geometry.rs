@@ -348,6 +348,9 @@ impl Conditions for Geometry<'_> {
     fn finite(&self) -> Option<Finite> {
         self.model.finite()
     }
+    fn ambiguous(&self) -> Option<String> {
+        self.model.ambiguous()
+    }
 }
 
 impl Guards for Geometry<'_> {}

@@ -63,6 +63,9 @@ pub fn analyse<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<St
 /// See [`analyse`].
 pub fn analyse_with<S: ConstrainedSystem>(probe: &mut Reduction<S>, t: f64, q: &[f64]) -> Result<Start, SystemError> {
     let system = probe.system.clone();
+    if let Some(who) = system.ambiguous() {
+        return Err(SystemError::argument("drawing_tolerance", format!("{who} {AMBIGUOUS}")));
+    }
     let Some(finite) = system.finite() else {
         let (start, largest_dropped) = ranked(probe, t, q)?;
         if !start.dropped.is_empty() {
@@ -95,6 +98,11 @@ pub fn analyse_with<S: ConstrainedSystem>(probe: &mut Reduction<S>, t: f64, q: &
 const HIDDEN: &str = "conditions hold the mechanism that are so weak that what they carry is lost in rounding: its drawing is off by \
                       more than its drawing_tolerance, but by little; draw its joints exactly as they are meant, or give a larger \
                       drawing_tolerance for the play they have";
+
+/// Message for a condition on rates that is off by about the drawing tolerance.
+const AMBIGUOUS: &str = "nearly follows from the other conditions, by a difference of about the drawing_tolerance: if it is meant to \
+                         follow from them (wheels on one axis, or in line), draw its axis, centre and radius exactly so; if it is \
+                         meant as it is drawn, give a smaller drawing_tolerance";
 
 /// Motions that exist for an instant only, wherever the mechanism goes.
 fn shaky(t: f64, finite: Finite, who: &str) -> SystemError {

@@ -404,6 +404,9 @@ impl Conditions for Model {
         let Geometry { dof, instantaneous, weak, hidden, .. } = *self.geometry;
         dof.map(|dof| Finite { dof, instantaneous, weak, hidden })
     }
+    fn ambiguous(&self) -> Option<String> {
+        self.geometry.ambiguous.clone()
+    }
     fn row_is_drive(&self, i: usize) -> bool {
         matches!(self.row_names[i].owner, Owner::Drive(_))
     }

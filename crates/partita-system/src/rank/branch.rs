@@ -12,7 +12,7 @@ use partita_math::tolerance;
 
 /// Steps that would have to be shorter end a path. Scale: fraction of the step. Reason: positions of one path are
 /// compared at one distance.
-const WHOLE_STEP: f64 = 0.9;
+pub(super) const WHOLE_STEP: f64 = 0.9;
 /// Length of a path: a short one does not distinguish order four from a geometric error.
 const FAR: usize = 25;
 /// Random directions in which paths leave the drawing, for each null direction.

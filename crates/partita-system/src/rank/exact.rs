@@ -4,7 +4,9 @@
 //! Sparse, so that it serves a thousand loops as well as one. Rows kept close the motion; where it is closed so, the
 //! others open by nothing but rounding, or something else is the matter, which is not decided here.
 
+use super::branch::WHOLE_STEP;
 use crate::manifold::kept_rows::close_kept;
+use crate::manifold::{follow, Closed, Curve, End, Pace, Visit};
 use crate::reduction::{largest, Reduction};
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::rank::{weighed_rows, RowRank};
@@ -59,13 +61,28 @@ pub fn exact<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], level: f64) ->
 /// # Errors
 /// Where nothing can be evaluated there.
 pub fn weakest<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], closings: usize) -> Result<f64, SystemError> {
-    let drive = |i: usize| system.row_is_drive(i);
+    let found = pivots(system, t, q, &|_| false)?;
+    Ok(if found.len() < closings { 0.0 } else { found.iter().take(closings).fold(1.0, |m: f64, x| m.min(x.1)) })
+}
+
+/// The closings that say something at (t, q), each with what it adds to those before it, squared and in natural sizes;
+/// those of which `late` is true come after the others.
+///
+/// # Errors
+/// Where nothing can be evaluated there.
+pub fn pivots<S: ConstrainedSystem>(
+    system: &S,
+    t: f64,
+    q: &[f64],
+    late: &dyn Fn(usize) -> bool,
+) -> Result<Vec<(usize, f64)>, SystemError> {
     let mut r = Reduction::geometric(system, 0);
     r.position(t, q)?;
     r.refresh_scales(t, q)?;
-    let found = ranked(&r, tolerance::LOST_PIVOT, (0.0, &drive));
-    let of_closings = || found.kept.iter().zip(&found.pivots).filter(|x| !drive(*x.0)).map(|x| *x.1);
-    Ok(if of_closings().count() < closings { 0.0 } else { of_closings().take(closings).fold(1.0, f64::min) })
+    let last = |i: usize| late(i) || system.row_is_drive(i);
+    let found = ranked(&r, tolerance::LOST_PIVOT, (tolerance::LOST_PIVOT, &last));
+    let rows = found.kept.into_iter().zip(found.pivots);
+    Ok(rows.filter(|x| !system.row_is_drive(x.0)).collect())
 }
 
 /// Rows of the last position by what they add to those before them, in natural sizes.
@@ -122,7 +139,47 @@ fn rates<S: ConstrainedSystem>(r: &Reduction<S>, (direction, mixed): (usize, usi
     (0..r.k()).map(|j| sign(j) * (1.0 + 0.37 * wave(j)) * displacement(j)).collect()
 }
 
-/// Move along a direction from `home`, as far as it goes. False where a row left out opens.
+/// The motion of the rows kept, by independent rates that stay the same.
+struct Own<'r, 's, S: ConstrainedSystem> {
+    r: &'r mut Reduction<'s, S>,
+    t: f64,
+    rates: Vec<f64>,
+    dv: Vec<f64>,
+}
+
+impl<S: ConstrainedSystem> Curve for Own<'_, '_, S> {
+    /// Where last evaluated; its fastest move is 1.
+    fn direct(&mut self, _q: &[f64], _s: f64, tangent: &mut [f64]) -> Result<bool, SystemError> {
+        if self.r.tangent(self.t).is_err() {
+            return Ok(false);
+        }
+        self.r.gamma.fill(0.0);
+        self.r.spread(&self.rates);
+        let fastest = self.r.system.travel(&self.r.v);
+        let scale = |(i, v): (usize, &f64)| v / (fastest * self.r.system.characteristic_displacement(i));
+        tangent.iter_mut().zip(self.r.v.iter().enumerate().map(scale)).for_each(|(to, x)| *to = x);
+        Ok(fastest.is_finite() && fastest > 0.0)
+    }
+    fn predict(&mut self, q: &mut [f64], tangent: &[f64], ds: f64) {
+        let system = &self.r.system;
+        let by = tangent.iter().enumerate().map(|(i, x)| ds * x * system.characteristic_displacement(i));
+        self.dv.iter_mut().zip(by).for_each(|(to, x)| *to = x);
+        system.step(q, &self.dv);
+        system.normalise(q);
+    }
+    fn close(&mut self, q: &mut [f64], _s: f64) -> Result<Closed, SystemError> {
+        close_kept(self.r, self.t, q)
+    }
+    fn accepts(&self, closed: &Closed) -> bool {
+        is_closed(self.r, closed)
+    }
+    fn travel(&self, _tangent: &[f64]) -> f64 {
+        1.0
+    }
+}
+
+/// Move along a direction from `home`, as far as it goes. False where a row left out opens, or the rows kept lead no
+/// further.
 fn moved<S: ConstrainedSystem>(
     r: &mut Reduction<S>,
     t: f64,
@@ -130,42 +187,32 @@ fn moved<S: ConstrainedSystem>(
     direction: (usize, usize),
     sign: f64,
 ) -> Result<bool, SystemError> {
-    let system = r.system.clone();
     let mut there = home.to_vec();
     r.position(t, &there)?;
-    if r.tangent(t).is_err() {
-        return Ok(false);
+    let rates: Vec<f64> = rates(r, direction).iter().map(|x| sign * x).collect();
+    let n = r.v.len();
+    let longest = tolerance::RANK_MOVE / STEPS as f64;
+    let pace = Pace { longest, shortest: WHOLE_STEP * longest, steps: STEPS };
+    let mut curve = Own { r, t, rates, dv: vec![0.0; n] };
+    let followed = follow(&mut curve, &mut there, &vec![0.0; n], tolerance::RANK_MOVE, &pace, &mut |curve, _| {
+        Ok(if opened(curve.r) > tolerance::FITS { Visit::Back } else { Visit::On })
+    });
+    match followed {
+        Ok(followed) => Ok(followed.end == End::There),
+        Err(SystemError::Singular { .. }) => Ok(false),
+        Err(e) => Err(e),
     }
-    let rates = rates(r, direction);
-    for _ in 0..STEPS {
-        r.gamma.fill(0.0);
-        r.spread(&rates);
-        let fastest = system.travel(&r.v);
-        if !(fastest.is_finite() && fastest > 0.0) {
-            return Ok(false);
-        }
-        let scale = sign * tolerance::RANK_MOVE / (STEPS as f64 * fastest);
-        let by: Vec<f64> = r.v.iter().map(|v| scale * v).collect();
-        system.step(&mut there, &by);
-        system.normalise(&mut there);
-        if !closed(r, t, &mut there)? {
-            return Ok(false);
-        }
-        if opened(r) > tolerance::FITS {
-            return Ok(false);
-        }
-        if r.tangent(t).is_err() {
-            return Ok(false);
-        }
-    }
-    Ok(true)
 }
 
 /// Close the rows kept near q; leaves the position level there. False where they do not close.
 fn closed<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &mut [f64]) -> Result<bool, SystemError> {
     match close_kept(r, t, q) {
-        Ok(closed) => Ok(closed.is_closed() || r.gap_of_kept() < tolerance::CLOSED_IN_RUN),
+        Ok(closed) => Ok(is_closed(r, &closed)),
         Err(SystemError::Singular { .. }) => Ok(false),
         Err(e) => Err(e),
     }
+}
+
+fn is_closed<S: ConstrainedSystem>(r: &Reduction<S>, closed: &Closed) -> bool {
+    closed.is_closed() || r.gap_of_kept() < tolerance::CLOSED_IN_RUN
 }

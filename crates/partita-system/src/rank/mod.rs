@@ -11,5 +11,5 @@ mod tests;
 
 pub use crate::manifold::truncated::{Cut, Motions};
 pub use branch::{Branch, BranchPoint};
-pub use exact::{exact, weakest, Exact};
+pub use exact::{exact, pivots, weakest, Exact};
 pub use kernel::{Closed, Kernel, Nulls};

@@ -268,6 +268,10 @@ pub trait Conditions {
     fn finite(&self) -> Option<Finite> {
         None
     }
+    /// A condition, in words, of which nobody can say whether it was meant to hold: then the mechanism is not run.
+    fn ambiguous(&self) -> Option<String> {
+        None
+    }
     /// Does row `i` prescribe a motion? Such rows are kept after all others: what closes a loop is no matter of choice.
     fn row_is_drive(&self, _i: usize) -> bool {
         false

@@ -7,6 +7,7 @@
 mod alike;
 mod blocks;
 mod change;
+mod rates;
 
 use super::Model;
 use crate::spec::{Joint, Spec};
@@ -19,6 +20,7 @@ use partita_system::kinematics::assembly;
 use partita_system::prelude::*;
 use partita_system::rank::{exact, weakest, Cut, Exact, Kernel};
 use partita_system::SystemError;
+use rates::Rates;
 use std::cell::OnceCell;
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -67,6 +69,9 @@ pub enum Verdict {
     Repaired,
     /// As drawn: weak conditions hold what a change beyond the tolerance would free.
     Conditions,
+    /// Conditions on rates alone that are off by about the drawing tolerance: they are not repaired, and as drawn they
+    /// are another mechanism than what may be intended.
+    Ambiguous,
     /// Not decided: too large, or conditions on rates alone.
     Undecided,
 }
@@ -103,6 +108,8 @@ pub struct Geometry {
     pub weak: bool,
     /// Are some so weak that rounding hides them?
     pub hidden: bool,
+    /// The weakest condition that leaves a block ambiguous, in words.
+    pub ambiguous: Option<String>,
     /// The description as it was drawn, where it was repaired.
     pub drawn: Option<Arc<Spec>>,
 }
@@ -210,6 +217,7 @@ pub(super) fn decide(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joi
         if *verdict == Verdict::Shaky {
             found.instantaneous += decided.kernel.unwrap_or(0).saturating_sub(decided.dof.unwrap_or(0));
         }
+        found.ambiguous = found.ambiguous.or(decided.ambiguous.clone());
         if *verdict == Verdict::Repaired {
             let all = joints.get_or_insert_with(|| spec.joints.clone());
             for (k, &j) in block.joints.iter().enumerate() {
@@ -286,11 +294,14 @@ struct Decided {
     length: f64,
     /// Joints as drawn and as repaired.
     joints: Vec<(Joint, Joint)>,
+    /// The weakest condition of an ambiguous block, in words.
+    ambiguous: Option<String>,
 }
 
 impl Decided {
     fn plain(verdict: Verdict, dof: Option<usize>) -> Self {
-        Self { verdict, dof, kernel: None, numbers: Vec::new(), length: 1.0, joints: Vec::new() }
+        let (numbers, joints) = (Vec::new(), Vec::new());
+        Self { verdict, dof, kernel: None, numbers, length: 1.0, joints, ambiguous: None }
     }
 
     /// The same of a drawing that was made `plane` first, by these numbers.
@@ -381,10 +392,17 @@ type Wanted<'p> = (f64, &'p dyn Fn() -> Option<&'p Pose>);
 fn judged(spec: &Spec, functions: Arc<dyn Functions>, floats: bool, (tolerance, pose): Wanted) -> Decided {
     let undecided = || Decided::plain(Verdict::Undecided, None);
     let Some(drawing) = Drawing::new(spec.clone(), functions, None, true) else { return undecided() };
-    if !drawing.is_holonomic() {
-        return undecided();
-    }
     let own = drawing.afloat(floats);
+    if !drawing.is_holonomic() {
+        return match is_sought(spec.joints.len()).then(|| drawing.rates(tolerance)) {
+            Some(Ok(Rates::Independent(k))) => Decided::plain(Verdict::Regular, Some(k.saturating_sub(own))),
+            Some(Ok(Rates::Ambiguous(row))) => {
+                let ambiguous = Some(drawing.model.row_owner(row));
+                Decided { ambiguous, ..Decided::plain(Verdict::Ambiguous, None) }
+            }
+            _ => undecided(),
+        };
+    }
     if let Some(decided) = drawing.settled(own, tolerance) {
         return decided;
     }
@@ -452,6 +470,7 @@ impl Drawing {
                     numbers: fit.change.unwrap_or_default(),
                     length: self.length,
                     joints: drawn.iter().cloned().zip(fit.joints).collect(),
+                    ambiguous: None,
                 })
             }
             None if seen.fine <= own => {
