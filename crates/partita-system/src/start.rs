@@ -99,10 +99,10 @@ const HIDDEN: &str = "conditions hold the mechanism that are so weak that what t
                       more than its drawing_tolerance, but by little; draw its joints exactly as they are meant, or give a larger \
                       drawing_tolerance for the play they have";
 
-/// Message for a condition on rates that is off by about the drawing tolerance.
+/// Message for a condition that is off by about the drawing tolerance.
 const AMBIGUOUS: &str = "nearly follows from the other conditions, by a difference of about the drawing_tolerance: if it is meant to \
-                         follow from them (wheels on one axis, or in line), draw its axis, centre and radius exactly so; if it is \
-                         meant as it is drawn, give a smaller drawing_tolerance";
+                         follow from them (wheels on one axis, equal bars, a ring of gears), give its axis, radius, length or \
+                         ratio exactly; if it is meant as it is drawn, give a smaller drawing_tolerance";
 
 /// Motions that exist for an instant only, wherever the mechanism goes.
 fn shaky(t: f64, finite: Finite, who: &str) -> SystemError {

@@ -69,8 +69,8 @@ pub enum Verdict {
     Repaired,
     /// As drawn: weak conditions hold what a change beyond the tolerance would free.
     Conditions,
-    /// Conditions on rates alone that are off by about the drawing tolerance: they are not repaired, and as drawn they
-    /// are another mechanism than what may be intended.
+    /// Couplings (rolling, distances, gears) that are off by about the drawing tolerance: they are not repaired, and as
+    /// drawn it is another mechanism than what may be intended.
     Ambiguous,
     /// Not decided: too large, or conditions on rates alone.
     Undecided,
@@ -156,6 +156,8 @@ struct Fit {
     folds: bool,
     /// Do conditions hold it that are weak at generic positions too?
     weak: bool,
+    /// It would fit by a change of couplings within the tolerance, which is not sought: the row that opens most.
+    ambiguous: Option<usize>,
 }
 
 impl Drawing {
@@ -304,6 +306,11 @@ impl Decided {
         Self { verdict, dof, kernel: None, numbers, length: 1.0, joints, ambiguous: None }
     }
 
+    /// One that this row of a block leaves open.
+    fn ambiguous(of: &Model, row: usize) -> Self {
+        Self { ambiguous: Some(of.row_owner(row)), ..Self::plain(Verdict::Ambiguous, None) }
+    }
+
     /// The same of a drawing that was made `plane` first, by these numbers.
     fn after(mut self, mut numbers: Vec<f64>, drawn: &Spec, plane: &[Joint]) -> Self {
         let last: Vec<Joint> = match self.joints.is_empty() {
@@ -396,10 +403,7 @@ fn judged(spec: &Spec, functions: Arc<dyn Functions>, floats: bool, (tolerance, 
     if !drawing.is_holonomic() {
         return match is_sought(spec.joints.len()).then(|| drawing.rates(tolerance)) {
             Some(Ok(Rates::Independent(k))) => Decided::plain(Verdict::Regular, Some(k.saturating_sub(own))),
-            Some(Ok(Rates::Ambiguous(row))) => {
-                let ambiguous = Some(drawing.model.row_owner(row));
-                Decided { ambiguous, ..Decided::plain(Verdict::Ambiguous, None) }
-            }
+            Some(Ok(Rates::Ambiguous(row))) => Decided::ambiguous(&drawing.model, row),
             _ => undecided(),
         };
     }
@@ -455,6 +459,7 @@ impl Drawing {
         let (fit, seen) = self.levels(wanted).ok().flatten()?;
         let drawn = &self.model.spec.joints;
         match fit {
+            Some(Fit { ambiguous: Some(row), .. }) => Some(Decided::ambiguous(&self.model, row)),
             Some(fit) => {
                 let verdict = match () {
                     () if fit.dof < fit.kernel => Verdict::Shaky,
@@ -545,6 +550,7 @@ impl Drawing {
                 joints: self.model.spec.joints.clone(),
                 folds: false,
                 weak: false,
+                ambiguous: None,
             };
             return Ok(Some(((seen.coarse > 0).then_some(fit), seen)));
         }
@@ -564,7 +570,8 @@ impl Drawing {
         for (i, &level) in levels.iter().enumerate() {
             let next = levels.get(i + 1).map_or(seen.fine, |x| null(*x));
             let Some(fit) = self.at_level(&home, level, (tolerance, &seen))? else { continue };
-            let ends = fit.dof >= next && (fit.change.is_none() || seen.fine < fit.dof);
+            let as_drawn = fit.change.is_none() && fit.ambiguous.is_none();
+            let ends = fit.dof >= next && (as_drawn || seen.fine < fit.dof);
             fits.push(fit);
             if ends {
                 break;
@@ -591,6 +598,7 @@ impl Drawing {
             folds: change.as_deref().is_some_and(|x| self.folds(x)),
             change,
             joints: joints.to_vec(),
+            ambiguous: None,
         };
         let open = branch.points.iter().fold(0.0, |m: f64, x| m.max(x.open));
         let unlike = self.alike_too(&vec![0.0; OWN * self.model.spec.joints.len()], &there, tolerance);
@@ -601,7 +609,16 @@ impl Drawing {
         }
         if !self.model.spec.couplings.is_empty() || branch.dof < branch.kernel {
             // conditions have no frames that could be moved; what is locked at a higher order is mended by no slope
-            return Ok((open < tolerance::FITS).then(|| fit(None, &self.model.spec.joints)));
+            let found = || fit(None, &self.model.spec.joints);
+            if open < tolerance::FITS {
+                return Ok(Some(found()));
+            }
+            // what a whole run leaves open is decided there, and what opens by more than the tolerance is as drawn
+            let doubtful = open > tolerance::CLOSED_IN_RUN && open <= LARGEST_CHANGE * tolerance;
+            let far = branch.places.iter().filter(|x| x.steps >= CHECKED).max_by(|a, b| a.open.total_cmp(&b.open));
+            let Some(place) = far.filter(|_| doubtful && branch.dof == branch.kernel) else { return Ok(None) };
+            let ambiguous = Some(self.most_open(&mut kernel, &place.q)?);
+            return Ok(Some(Fit { most: open, ambiguous, ..found() }));
         }
         let nothing = vec![0.0; OWN * self.model.spec.joints.len()];
         let plain = match open < tolerance::FITS {
@@ -626,6 +643,16 @@ impl Drawing {
             }
         }
         Ok((open < tolerance::FITS).then(|| fit(None, &self.model.spec.joints)))
+    }
+
+    /// The coupling whose row is open by most at q; where there are none, the joint.
+    fn most_open(&self, kernel: &mut Kernel<Model>, q: &[f64]) -> Result<usize, SystemError> {
+        kernel.open(q)?;
+        let open = |k: usize| kernel.raw_phi()[kernel.rows[k]].abs() / kernel.sizes[k];
+        let is_coupling = |k: usize| self.model.joint_of_row(kernel.rows[k]).is_none();
+        let most = (0..kernel.rows.len())
+            .max_by(|&a, &b| is_coupling(a).cmp(&is_coupling(b)).then(open(a).total_cmp(&open(b))));
+        Ok(most.map_or(0, |k| kernel.rows[k]))
     }
 
     /// Are values small at most of some generic positions, beside those that are null?
