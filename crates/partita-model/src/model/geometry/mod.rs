@@ -615,7 +615,7 @@ impl Drawing {
             }
             // what a whole run leaves open is decided there, and what opens by more than the tolerance is as drawn
             let doubtful = open > tolerance::CLOSED_IN_RUN && open <= LARGEST_CHANGE * tolerance;
-            let far = branch.places.iter().filter(|x| x.steps >= CHECKED).max_by(|a, b| a.open.total_cmp(&b.open));
+            let far = branch.points.iter().filter(|x| x.steps >= CHECKED).max_by(|a, b| a.open.total_cmp(&b.open));
             let Some(place) = far.filter(|_| doubtful && branch.dof == branch.kernel) else { return Ok(None) };
             let ambiguous = Some(self.most_open(&mut kernel, &place.q)?);
             return Ok(Some(Fit { most: open, ambiguous, ..found() }));
