@@ -220,6 +220,7 @@ pub(super) fn decide(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joi
             found.instantaneous += decided.kernel.unwrap_or(0).saturating_sub(decided.dof.unwrap_or(0));
         }
         found.ambiguous = found.ambiguous.or(decided.ambiguous.clone());
+        found.weak |= decided.weak;
         if *verdict == Verdict::Repaired {
             let all = joints.get_or_insert_with(|| spec.joints.clone());
             for (k, &j) in block.joints.iter().enumerate() {
@@ -234,11 +235,14 @@ pub(super) fn decide(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joi
         }
     }
     let singular = found.blocks.iter().any(|x| matches!(x.verdict, Verdict::SingularHere | Verdict::Shaky));
-    if joints.is_none() && !singular {
+    let conditions = found.blocks.iter().any(|x| x.verdict == Verdict::Conditions);
+    // what is repaired is weak in the drawing alone, unless it is weak along the motion too
+    let asked = !singular && (joints.is_none() || found.weak);
+    found.weak = asked && (conditions || found.weak);
+    if asked {
         let weakest = weakest_of(model, drawn.as_deref(), found.dof);
-        let conditions = found.blocks.iter().any(|x| x.verdict == Verdict::Conditions);
-        (found.weak, found.hidden) =
-            (conditions || weakest < WEAK_CONDITION * WEAK_CONDITION, weakest <= tolerance::LOST_PIVOT);
+        found.weak |= weakest < WEAK_CONDITION * WEAK_CONDITION;
+        found.hidden = weakest <= tolerance::LOST_PIVOT;
     }
     (found, joints)
 }
@@ -298,12 +302,14 @@ struct Decided {
     joints: Vec<(Joint, Joint)>,
     /// The weakest condition of an ambiguous block, in words.
     ambiguous: Option<String>,
+    /// Do conditions hold it that are weak at generic positions too?
+    weak: bool,
 }
 
 impl Decided {
     fn plain(verdict: Verdict, dof: Option<usize>) -> Self {
         let (numbers, joints) = (Vec::new(), Vec::new());
-        Self { verdict, dof, kernel: None, numbers, length: 1.0, joints, ambiguous: None }
+        Self { verdict, dof, kernel: None, numbers, length: 1.0, joints, ambiguous: None, weak: false }
     }
 
     /// One that this row of a block leaves open.
@@ -476,6 +482,7 @@ impl Drawing {
                     length: self.length,
                     joints: drawn.iter().cloned().zip(fit.joints).collect(),
                     ambiguous: None,
+                    weak: fit.weak,
                 })
             }
             None if seen.fine <= own => {
