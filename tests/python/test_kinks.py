@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -9,7 +10,9 @@ import numpy as np
 import pytest
 from drawings import four_bar
 from kinks import POINTS, trial
+from scipy.interpolate import CubicSpline
 
+from partita.builder.motion import differences
 from partita.errors import EvaluationError
 
 
@@ -58,3 +61,73 @@ def test_a_smooth_drive_is_not_taken_for_a_jump_however_steep() -> None:
     m.add_drive("A", position=lambda t: t + 1e-3 * np.tanh(2e3 * (t - 0.4)))
     run = m.simulate(1.0, t_eval=[0.0, 1.0])
     assert run.success, run.message
+
+
+def _counted(f: Callable[[float], float], calls: list[int]) -> Callable[[float], float]:
+    def counted(t: float) -> float:
+        calls.append(1)
+        return f(t)
+
+    return counted
+
+
+def _single(t: float) -> float:
+    return float(np.float32(math.sin(3.0 * t)))
+
+
+KNOTS = np.linspace(-1.0, 4.0, 26)
+
+
+@pytest.mark.parametrize(
+    "f",
+    [
+        lambda t: round(math.sin(3.0 * t), 6),
+        lambda t: 0.2 + round(math.sin(3.0 * t), 9),
+        _single,
+        lambda t: math.fabs(t - 0.3),
+        lambda t: float(np.interp(t, KNOTS, np.sin(3.0 * KNOTS))),
+        lambda t: math.sin(t) + (1e-6 if t > 0.3 else 0.0),
+    ],
+    ids=["six digits", "nine digits", "single precision", "kink", "straight lines", "jump"],
+)
+def test_rough_functions_are_refused_at_once(f: Callable[[float], float]) -> None:
+    m, calls = four_bar(POINTS), list[int]()
+    with pytest.raises(EvaluationError, match=r"drive of A.*(cannot be differentiated|jumps by)"):
+        m.add_drive("A", position=_counted(f, calls))
+        run = m.simulate(1.0)
+        assert not run.success
+        raise EvaluationError(run.message, t=run.t[-1], where="A")
+    assert len(calls) < 100_000
+
+
+def test_functions_that_only_python_knows_are_differentiated_within_their_noise() -> None:
+    """Twelve digits are left: derivatives from the step that fits them. A jump of the second derivative is no kink."""
+    for f, second in (
+        (lambda t: round(math.sin(3.0 * t), 12), lambda t: -9.0 * math.sin(3.0 * t)),
+        (lambda t: math.fabs(t - 0.3) ** 3, lambda t: 6.0 * math.fabs(t - 0.3)),
+    ):
+        for t in (1e-7, 5e-5, 1e-3, 0.1, 0.29, 0.7):
+            assert differences(f, t)[2] == pytest.approx(second(t), abs=1e-6)
+    m = four_bar(POINTS)
+    m.add_drive("A", position=lambda t: t + math.fabs(t - 0.3) * (t - 0.3))
+    assert m.simulate(1.0).success
+
+
+def test_a_spline_of_scipy_is_taken_as_the_cubics_it_is_made_of() -> None:
+    spline = CubicSpline(KNOTS, np.sin(3.0 * KNOTS))
+    runs = []
+    for position in (spline, (KNOTS, np.sin(3.0 * KNOTS))):
+        m = four_bar(POINTS)
+        m.add_drive("A", position=position)
+        runs.append(m.simulate(1.0, t_eval=[0.0, 0.5, 1.0]))
+    for run in runs:
+        assert run.success and run.counters["evaluations"] == runs[0].counters["evaluations"] < 1000
+        assert np.allclose(run.joint("A").position[:, 0], spline(run.t), atol=1e-12)
+
+
+def test_a_jump_of_an_acceleration_is_integrated_over() -> None:
+    m, calls = four_bar(POINTS), list[int]()
+    m.add_drive("A", acceleration=_counted(lambda t: 1.0 if t > 0.3 else 0.0, calls))
+    run = m.simulate(1.0, t_eval=[0.0, 1.0])
+    assert run.success and run.joint("A").position[-1, 0] == pytest.approx(0.5 * 0.7**2, abs=1e-9)
+    assert len(calls) < 100_000

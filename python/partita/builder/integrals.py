@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 
 import numpy as np
 
 from ..state import Layout
-from .motion import Motion
+from .motion import Motion, RoughError
 from .values import Constant, Cubics, Function, Table, Value
 
 _PANEL = 0.125
 """Length of the pieces [s] whose integrals are kept: long against an evaluation, short against a run."""
+_EXACT = 1e-15
+"""Error of a cell, in parts of the integral of the largest value over its panel: round-off."""
+_SHORTEST = 2.0**-44
+"""Length of the cell around a jump, in parts of its panel: what it adds is round-off."""
+_CELLS = 4000
+"""Cells of a panel: of forty jumps. Who needs more is rough everywhere."""
+_RULES = tuple((0.5 * (1.0 + x), 0.5 * w) for x, w in map(np.polynomial.legendre.leggauss, (12, 8)))
+"""Nodes and weights on (0, 1) of Gauss's rules of twelve and of eight nodes."""
 
 
 class Integral:
@@ -22,9 +29,10 @@ class Integral:
     so that the answer does not depend on what was asked before.
     """
 
-    def __init__(self, acceleration: Callable[[float], tuple[float, float, float]], rate: float) -> None:
+    def __init__(self, acceleration: Motion | _Steady, rate: float) -> None:
         self.acceleration, self.rate = acceleration, rate
         self._ahead, self._behind = [0.0], [0.0]
+        self._panels: dict[float, _Panel] = {}
 
     @property
     def notes(self) -> list[str]:
@@ -39,20 +47,57 @@ class Integral:
         pieces, step = (self._ahead, _PANEL) if t >= 0.0 else (self._behind, -_PANEL)
         whole = int(t / step)
         while len(pieces) <= whole:
-            begin = (len(pieces) - 1) * step
-            pieces.append(pieces[-1] + self._integral(begin, begin + step))
+            pieces.append(pieces[-1] + _Panel(self.acceleration.alone, (len(pieces) - 1) * step, step).whole())
         acceleration, jerk, _ = self.acceleration(t)
-        return self.rate + pieces[whole] + self._integral(whole * step, t), acceleration, jerk
+        begin = whole * step
+        if begin not in self._panels:
+            self._panels = {begin: _Panel(self.acceleration.alone, begin, step)}
+        return self.rate + pieces[whole] + self._panels[begin].up_to(t), acceleration, jerk
 
-    def _integral(self, begin: float, end: float) -> float:
-        from scipy.integrate import IntegrationWarning, quad
 
-        if begin == end:
-            return 0.0
-        with warnings.catch_warnings():
-            # the tolerance is at round-off, which quad remarks upon
-            warnings.simplefilter("ignore", IntegrationWarning)
-            return float(quad(lambda t: self.acceleration(t)[0], begin, end, epsabs=0.0, epsrel=1e-13, limit=200)[0])
+class _Panel:
+    """The integral of a function from the start of a panel. Cells are halved until Gauss's rule is exact to round-off;
+    around a jump they get short, and all are kept."""
+
+    def __init__(self, function: Callable[[float], float], begin: float, length: float) -> None:
+        self.function, self.begin, self.length = function, begin, length
+        self.cells: dict[tuple[float, float], tuple[float, bool]] = {}
+        self.size = max(abs(function(begin + length * float(x))) for x in _RULES[0][0])
+
+    def whole(self) -> float:
+        """Over all of it."""
+        return self._over(self.begin, self.length)
+
+    def up_to(self, t: float) -> float:
+        """From its start to t."""
+        total, begin, length = 0.0, self.begin, self.length
+        while t != begin:
+            if self._cell(begin, length)[1]:
+                return total + self._rule(begin, t - begin)[0]
+            length *= 0.5
+            if abs(t - begin) >= abs(length):
+                total += self._over(begin, length)
+                begin += length
+        return total
+
+    def _over(self, begin: float, length: float) -> float:
+        value, exact = self._cell(begin, length)
+        return value if exact else self._over(begin, 0.5 * length) + self._over(begin + 0.5 * length, 0.5 * length)
+
+    def _cell(self, begin: float, length: float) -> tuple[float, bool]:
+        """Its integral by the rule, and whether that is exact."""
+        found = self.cells.get((begin, length))
+        if found is None:
+            if len(self.cells) >= _CELLS:
+                raise RoughError("its values do not vary smoothly enough to be integrated")
+            value, error = self._rule(begin, length)
+            exact = not error > _EXACT * self.size * abs(self.length) or abs(length) < _SHORTEST * abs(self.length)
+            found = self.cells[begin, length] = value, exact
+        return found
+
+    def _rule(self, begin: float, length: float) -> tuple[float, float]:
+        fine, coarse = (float(w @ [self.function(begin + length * float(s)) for s in x]) for x, w in _RULES)
+        return length * fine, abs(length * (fine - coarse))
 
 
 def rate_of(acceleration: Value, rate: float) -> Value:
@@ -81,6 +126,10 @@ class _Steady:
 
     def __init__(self, value: float) -> None:
         self.value = value
+
+    def alone(self, t: float) -> float:
+        """Without derivatives."""
+        return self.value
 
     def __call__(self, t: float) -> tuple[float, float, float]:
         return self.value, 0.0, 0.0

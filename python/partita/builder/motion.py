@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from typing import Any
 
@@ -12,14 +13,28 @@ from ..state import Layout
 from .checks import Element
 from .taylor import Jet
 from .travelling import check_picklable
-from .values import finite, one_number
+from .values import Cubics, finite, one_number
 
 TimeFunction = Callable[[Any], Any]
 
 # Central differences of order eight at offsets 1..4, and of order six at 1..3 to estimate the error.
 _FIRST_8, _FIRST_6 = (4 / 5, -1 / 5, 4 / 105, -1 / 280), (3 / 4, -3 / 20, 1 / 60)
 _SECOND_8, _SECOND_6 = (-205 / 72, 8 / 5, -1 / 5, 8 / 315, -1 / 560), (-49 / 18, 3 / 2, -3 / 20, 1 / 90)
-_STEPS = tuple(0.1 / 8.0**power for power in range(5, -1, -1))  # 3 microseconds to 0.1 s: fast and slow machines
+# 3 microseconds to 0.1 s: fast and slow machines; no round numbers, that rounded values may not follow a pattern.
+_STEPS = tuple(0.0977 / 8.0**power for power in range(5, -1, -1))
+# Seventh and eighth differences over neighbours, and what unit noise makes of them.
+_SEVENTH, _SEVENTH_OF_NOISE = (-1.0, 7.0, -21.0, 35.0, -35.0, 21.0, -7.0, 1.0), 58.6
+_EIGHTH, _EIGHTH_OF_NOISE = (1.0, -8.0, 28.0, -56.0, 70.0, -56.0, 28.0, -8.0, 1.0), 113.4
+# Growth of these from a step to the next, eight times as long, in the mean over two: scatter does not grow, around a
+# kink they grow eightfold, where a second derivative jumps by 64.
+_STEADY, _KINK = 4.0, 22.0
+# Coarser steps see more than what is next to t.
+_FINE = 3
+# Parts of the function: beyond the first, derivatives lose the digits that a run asks for; a kink of 1e-5 per second
+# comes to the second at the finest step.
+_ROUGH, _BROKEN = 1e-9, 1e-11
+# What is larger at two steps is a fast oscillation seen through steps as long as its period.
+_NOISE = 1e-4
 # Where a function is tried at the door; the second avoids the zeros that functions like to have at round times.
 _PROBES = (0.0, 0.7310585786)
 # A derivative typed with five digits is meant for its function; a larger part off, it is that of another.
@@ -41,6 +56,25 @@ class Motion:
     def bind(self, layout: Layout) -> Callable[[float], tuple[float, float, float]]:
         """Itself: a prescribed motion looks at no state."""
         return self
+
+    def cubics(self) -> Cubics | None:
+        """The same as cubics between breaks, where the function is made of such (SciPy's `CubicSpline`,
+        `PchipInterpolator`, `PPoly`, ...): exact derivatives, and steps that end at the breaks."""
+        breaks, pieces = (getattr(self.position, name, None) for name in ("x", "c"))
+        if self.velocity is not None or self.acceleration is not None:
+            return None
+        if not (isinstance(breaks, np.ndarray) and isinstance(pieces, np.ndarray) and pieces.ndim == 2):
+            return None
+        fits = pieces.shape[0] <= 4 and breaks.shape == (pieces.shape[1] + 1,) and bool(np.all(np.diff(breaks) > 0.0))
+        if not fits or getattr(self.position, "extrapolate", None) == "periodic" or pieces.dtype != np.float64:
+            return None
+        coefficients = np.zeros((pieces.shape[1], 4))
+        coefficients[:, 4 - pieces.shape[0] :] = pieces.T
+        middle = 0.5 * (breaks[0] + breaks[1])
+        told = float(np.polyval(coefficients[0], middle - breaks[0]))
+        # another class may mean something else by these two names
+        same = bool(np.isclose(self._plain(self.position, middle), told, rtol=1e-12, atol=1e-300))
+        return Cubics(breaks, coefficients) if same else None
 
     def __getstate__(self) -> dict[str, Any]:
         for what in ("position", "velocity", "acceleration"):
@@ -75,8 +109,14 @@ class Motion:
             )
         return motion
 
+    def alone(self, t: float) -> float:
+        """The first of them, without derivatives."""
+        return self._plain(self.position, t)
+
     def _probe(self) -> None:
         """Try the functions: errors show at the door, and given derivatives are compared with the function."""
+        if self.cubics() is not None:
+            return
         self._plain(self.position, _PROBES[0])
         if self.velocity is not None:
             self._compare("velocity", self.position, self.velocity)
@@ -134,6 +174,13 @@ class Motion:
         self._plain(function, t)
         try:
             return differences(lambda s: self._plain(function, s), t)
+        except RoughError as error:
+            raise EvaluationError(
+                f'drive "{self.element.name}" at t = {t:g} s: the function cannot be differentiated: {error}; give a '
+                "smooth function of unrounded numbers, a table (times, values), or velocity= and acceleration=",
+                t=t,
+                where=self.element.name,
+            ) from error
         except Exception as error:
             raise EvaluationError(
                 f'drive "{self.element.name}": the function works at t = {t:g} s but not slightly before or after, '
@@ -160,25 +207,55 @@ def _as_jet(value: Any) -> Jet:
     return value if isinstance(value, Jet) else Jet(one_number(value))
 
 
+class RoughError(ValueError):
+    """A function whose values do not vary smoothly enough for differences; the text says how it is rough."""
+
+
 def differences(f: Callable[[float], float], t: float, scale: float = 0.0) -> tuple[float, float, float, float]:
     """f, f', f'' at `t` and the estimated error of f''. Costs 49 evaluations. `scale`: numbers of this size were
     subtracted to make f, so that it carries their round-off.
 
     Six step sizes, from the finest on. A coarser one is taken for its smaller error, but only if its answer lies within
     the error of the finer one: a fast oscillation seen through a coarse step looks like a slow one, perfectly smooth.
-    The choice depends on `t` alone, never on earlier calls.
+    What the values scatter by is seen in their seventh and eighth differences. The choice depends on `t` alone, never
+    on earlier calls.
+
+    Raises:
+        RoughError: the values scatter, or have a kink or a jump next to t.
     """
     middle = f(t)
+    samples = [([f(t + i * h) for i in range(1, 5)], [f(t - i * h) for i in range(1, 5)]) for h in _STEPS]
+    scatter = _scatter(middle, samples, scale)
     slope, bend = _Best(), _Best()
-    for h in _STEPS:
-        ahead, behind = [f(t + i * h) for i in range(1, 5)], [f(t - i * h) for i in range(1, 5)]
+    for h, (ahead, behind) in zip(_STEPS, samples, strict=True):
         odd = [(a - b) / h for a, b in zip(ahead, behind, strict=True)]
         even = [value / h**2 for value in (middle, *(a + b for a, b in zip(ahead, behind, strict=True)))]
         size = max(scale, *map(abs, [*ahead, *behind, middle])) + abs(t) * max(map(abs, odd))
-        noise = 4.0 * np.finfo(float).eps * size  # round-off of f and of its argument
+        noise = max(4.0 * np.finfo(float).eps * size, scatter)  # round-off of f and of its argument
         slope.offer(_dot(_FIRST_8, odd), _dot(_FIRST_6, odd), noise / h)
         bend.offer(_dot(_SECOND_8, even), _dot(_SECOND_6, even), noise / h**2)
     return middle, slope.value, bend.value, bend.error
+
+
+def _scatter(middle: float, samples: list[tuple[list[float], list[float]]], scale: float) -> float:
+    """What the values scatter by. High differences of a smooth function fall to rounding at fine steps; those of one
+    that scatters do not depend on the step, those around a kink are proportional to it."""
+    size = max(scale, abs(middle), *(abs(x) for pair in samples for side in pair for x in side))
+    seen = []
+    for ahead, behind in samples:
+        line = [*reversed(behind), middle, *ahead]
+        even = abs(_dot(_EIGHTH, line)) / _EIGHTH_OF_NOISE
+        seen.append(max(even, abs(_dot(_SEVENTH, line[:8])) / _SEVENTH_OF_NOISE))
+    fine = seen[:_FINE]
+    first = next((i for i, x in enumerate(fine) if x > np.finfo(float).eps * size), 0)
+    growth = (seen[first + 2] / seen[first]) ** 0.5 if seen[first] > 0.0 else _KINK
+    if growth < _KINK and seen[first] > (_BROKEN if growth >= _STEADY else _ROUGH) * size:
+        how = "do not vary smoothly" if growth < _STEADY else "have a kink or a jump there, or are rounded"
+        raise RoughError(
+            f"its values {how}: within {8.0 * _STEPS[first]:.0e} s they miss a smooth curve by {seen[first]:.0e}"
+        )
+    steady = (max(pair) for pair in itertools.pairwise(seen[: _FINE + 1]) if pair[1] < _STEADY * pair[0])
+    return max((x for x in steady if x < _NOISE * size), default=0.0)
 
 
 class _Best:

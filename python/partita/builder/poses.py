@@ -14,7 +14,7 @@ from ..numeric import floats, shown
 from ..state import Layout
 from .checks import Array, Element, shape_of, vector
 from .frames import ORTHONORMAL, is_rotation, rotation, transform
-from .motion import differences
+from .motion import RoughError, differences
 from .taylor import Jet
 from .travelling import check_picklable
 from .values import Constant, Cubics, Function, Table, finite, one_number, table
@@ -266,6 +266,8 @@ class Pose:
             found = [differences(component(i), t, size) for i, size in enumerate(scales)]
         except _Misshaped:
             raise
+        except RoughError as error:
+            raise self._error(t, f"the pose cannot be differentiated: {error}; give one that is smooth") from error
         except Exception as error:
             raise self._error(
                 t,

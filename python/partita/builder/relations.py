@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import EvaluationError
 from ..state import Layout
 from .checks import Element
-from .motion import differences
+from .motion import RoughError, differences
 from .taylor import Jet
 from .travelling import check_picklable
 from .values import finite, one_number
@@ -103,7 +103,10 @@ class Law:
             found = found if isinstance(found, Jet) else Jet(one_number(found))
             return found.x, found.d1, found.d2, 0.0
         except Exception:  # whatever a user's function does when it meets a number of a kind it does not know
-            found = differences(lambda s: self._number(at(s, self.function), t), 0.0, scale)
+            try:
+                found = differences(lambda s: self._number(at(s, self.function), t), 0.0, scale)
+            except RoughError as rough:
+                raise self._error(t, f"the function is not smooth here: {rough}") from rough
         if not self.notes:
             self.notes.append(
                 f'{self.element.kind} "{self.element.name}": the function could not be differentiated exactly, so its '

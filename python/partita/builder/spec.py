@@ -14,6 +14,7 @@ from ..state import Layout
 from .bodies import to_world
 from .integrals import rate_of
 from .joints import CHOSEN, scalars
+from .motion import Motion
 from .poses import Held, PoseFunction, PoseTable, PoseValue, slide_of, turning_of
 from .records import (
     GROUND,
@@ -135,7 +136,9 @@ class Writer:
         yield {
             "name": record.name,
             "measure": dict(record.measure),
-            "motion": self._value(rate_of(motion, record.rate) if record.level == "acceleration" else motion),
+            "motion": self._value(
+                _as_cubics(rate_of(motion, record.rate) if record.level == "acceleration" else motion)
+            ),
             "level": "position" if record.level == "position" else "velocity",
         }
 
@@ -239,6 +242,13 @@ class Writer:
                 self.notes.append(value.call.notes)
                 self.functions.append(value.call.bind(self.layout))
                 return {"function": len(self.functions) - 1}
+
+
+def _as_cubics(motion: Value) -> Value:
+    """A function that is made of cubics as what it is."""
+    if isinstance(motion, Function) and isinstance(motion.call, Motion):
+        return motion.call.cubics() or motion
+    return motion
 
 
 def _body(record: BodyRecord) -> dict[str, Any]:
