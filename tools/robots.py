@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 DUMMY = 1e-9
 """A link of so little mass [kg] at the end of a fixed joint is a frame, no body."""
 SECONDS = 2.0
-HEAD = f"{'robot':<16}{'decimals':>9}{'mobility':>9}{'redundant':>10}{'error':>9}{'closure':>9}{'energy':>9}  outcome"
+HEAD = f"{'robot':<16}{'decimals':>9}{'mobility':>9}{'redundant':>10}{'open':>9}{'closure':>9}{'energy':>9}  outcome"
 
 
 @dataclass(frozen=True)

@@ -367,3 +367,44 @@ def test_a_trait_has_one_duty() -> None:
         counted |= methods(path.read_text(encoding="utf-8"))
     assert counted
     assert not {name: count for name, count in counted.items() if count > 12}
+
+
+def core_sources() -> dict[str, str]:
+    """The core's sources without their tests, by their paths below `crates`."""
+    paths = sorted(
+        p for p in CRATES.glob("*/src/**/*.rs") if not p.relative_to(CRATES).parts[0].startswith("partita-tests")
+    )
+    kept = [p for p in paths if p.name != "tests.rs"]
+    return {p.relative_to(CRATES).as_posix(): without_tests(p.read_text("utf-8")) for p in kept}
+
+
+def test_one_loop_closes_positions_and_one_follows_curves() -> None:
+    """Who needs a closed position hands its linear step to `close`, who needs a path its tangent to `follow`."""
+    sources = core_sources()
+    loops = r"fn \w+<[^>]*: (?:\w+::)*(Linearization|Curve)\b"
+    homes = {(name, found) for name, text in sources.items() for found in re.findall(loops, text)}
+    manifold = "partita-system/src/manifold"
+    assert homes == {(f"{manifold}/close.rs", "Linearization"), (f"{manifold}/follow.rs", "Curve")}
+    # linear steps of whole systems: asked for by what the loop calls, or once by what corrects a step
+    steps = r"\.(?:dependent_step|move_dependent|pivoted_least_norm)\(|\bpivoted_least_norm\("
+    defined = ("partita-math/src/factor.rs", "partita-system/src/reduction/")
+    asked = {name for name, text in sources.items() if re.search(steps, text) and not name.startswith(defined)}
+    assert asked == {f"{manifold}/kept_rows.rs", f"{manifold}/truncated.rs"}
+
+
+RANKED = {
+    "partita-system/src/rank/exact.rs": "the verdict on a mechanism",
+    "partita-system/src/start.rs": "systems of which none was made: equations by hand, rolling",
+    "partita-system/src/reduction/rows.rs": "which of the rows serve, their number known",
+    "partita-model/src/loop_closure/instant.rs": "rows within the columns of one block of explicit closing",
+    "partita-analysis/src/mobility.rs": "which of several drives come too late, their number known",
+    "partita-analysis/src/poses/continuation.rs": "which goals of a pose are free of each other",
+    "partita-analysis/src/matrices.rs": "a matrix handed in without a mechanism",
+}
+"""Who asks for independent rows, and of what."""
+
+
+def test_rank_is_decided_in_one_room() -> None:
+    ranks = r"\b(?:independent_rows|preferred_rows|weighed_rows)\("
+    asked = {name for name, text in core_sources().items() if re.search(ranks, text)}
+    assert asked - {"partita-math/src/rank.rs"} == set(RANKED)
