@@ -9,6 +9,7 @@ use crate::options::{AbsoluteTolerance, Options, OptionsError};
 use crate::stepper::{Conclusion, StepPlan, Stepper};
 use partita_math::tolerance;
 use partita_system::formulation::{Formulation, Pace, PrescribedLevel, Step, Verdict};
+use partita_system::guards::Look;
 use partita_system::record::Output;
 use partita_system::SystemError;
 use std::ops::ControlFlow;
@@ -462,6 +463,10 @@ impl March {
                                length of steps";
                 return Err(StepFailure::Rhs { t, error: SystemError::Tick { t, message: message.into() } });
             }
+            if !self.guards_hold(formulation)? {
+                continue;
+            }
+            let stepper = &mut self.stepper;
             if let Some(t) = self.free.then(|| formulation.breakpoint_within(self.tolerance)).flatten() {
                 stepper.end_at(t);
                 continue;
@@ -517,6 +522,36 @@ impl March {
             return Ok(true);
         }
         Ok(false)
+    }
+
+    /// Look at the guards along the concluded step. False where it was thrown away, to end where it crosses one.
+    fn guards_hold<F: Formulation>(&mut self, formulation: &mut F) -> Result<bool, StepFailure<SystemError>> {
+        loop {
+            let t = match formulation.guard(self.tolerance, self.free) {
+                Look::Clear => return Ok(true),
+                Look::Crossed { t, .. } => {
+                    self.stepper.end_at(t);
+                    return Ok(false);
+                }
+                Look::At(t) => t,
+            };
+            let seen = match self.stepper.interpolate(&mut Adapter(formulation), t, &mut self.buffer) {
+                Ok(()) => formulation.look_at(t, &self.buffer).map_err(|error| StepFailure::Rhs { t, error }),
+                Err(failure) => Err(failure),
+            };
+            match seen {
+                Ok(()) => {}
+                Err(StepFailure::Interpolation { .. }) if self.stepper.current().may_shrink => {
+                    self.stepper.reject(0.5);
+                    return Ok(false);
+                }
+                Err(StepFailure::Rhs { error, .. }) if error.is_local() && self.stepper.current().may_shrink => {
+                    self.stepper.reject(0.5);
+                    return Ok(false);
+                }
+                Err(failure) => return Err(failure),
+            }
+        }
     }
 
     /// Carry out a verdict where the stepper stands: at the end of an accepted step, or back at its start.

@@ -12,6 +12,7 @@ pub mod error;
 pub mod evaluator;
 pub mod force;
 mod friction_magnitudes;
+mod guards;
 pub mod joint;
 pub mod loop_closure;
 pub mod massless;

@@ -149,6 +149,11 @@ impl<G: Space> Mechanics<G> {
         (q, v)
     }
 
+    /// What elements look things up in, at the last poses and twists.
+    pub(crate) fn at<'a>(&'a self, s: &'a TreeScratch<G>, instant: Instant<'a, G::S>) -> At<'a, G> {
+        At { tree: &self.tree, s, instant }
+    }
+
     /// Kinetic and potential energy, and the power of what has no potential, at the last twists.
     pub(crate) fn energies(
         &self,

@@ -29,7 +29,7 @@ const BREAKPOINT_NOISE: f64 = 100.0;
 /// breakpoints add up to one tolerance.
 const BREAKPOINT_BESIDE: f64 = 1e-2;
 /// Halvings that find where a reading passes a breakpoint: to round-off.
-const HALVINGS: usize = 50;
+pub(crate) const HALVINGS: usize = 50;
 
 /// The breakpoints of one curve, and what the velocities of a mechanism lose at each.
 #[derive(Clone, Debug)]

@@ -8,6 +8,7 @@ pub mod clusters;
 pub mod equations;
 pub mod error;
 pub mod formulation;
+pub mod guards;
 pub mod kinematics;
 pub mod manifold;
 pub mod messages;

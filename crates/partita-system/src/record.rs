@@ -233,9 +233,18 @@ pub struct StepChecks {
     /// The fastest rate at an output, over what speeds and accelerations at the ends of the steps so far explain. It has no
     /// row.
     pub surge: Gap,
+    /// 1 where a step that could not be shortened crossed a guard and came back; the row is the number of the guard.
+    pub hidden: Gap,
+    /// The largest velocity at the ends of steps, in scales: half its square is at most the kinetic energy.
+    pub speed: f64,
 }
 
 impl StepChecks {
+    /// Energy that was exchanged at the least.
+    pub fn exchanged(&self) -> f64 {
+        0.5 * self.speed * self.speed
+    }
+
     /// Take over what is worse in `other`.
     pub fn raise(&mut self, other: &Self) {
         self.acceleration = self.acceleration.worse(other.acceleration);
@@ -243,6 +252,8 @@ impl StepChecks {
         self.branch = self.branch.worse(other.branch);
         self.outputs.raise(&other.outputs);
         self.surge = self.surge.worse(other.surge);
+        self.hidden = self.hidden.worse(other.hidden);
+        self.speed = self.speed.max(other.speed);
     }
 }
 

@@ -154,7 +154,7 @@ def certify(result: ResultView) -> Certificate:
             result.energy,
             tolerance(result.record.options),
             int(result.counters.get("steps", 0)),
-            unnoticed(result.record.description, result.record.options),
+            max(result.record.exchanged, unnoticed(result.record.description, result.record.options)),
         )
     grown: dict[str, Any] = _of_outputs(result) if result.names.bodies and len(result.t) else {}
     if newton_euler is not None:

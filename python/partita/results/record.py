@@ -18,7 +18,7 @@ from .verdict import Finding, findings_of
 
 ACCOUNT = (
     "summary", "partitions", "notes", "counters", "status", "success", "message", "steps_open", "gaps",
-    "geometric_error", "findings", "options", "spec", "version",
+    "exchanged", "geometric_error", "findings", "options", "spec", "version",
 )  # fmt: skip
 
 
@@ -38,6 +38,8 @@ class Record:
     """Largest |Phi| and |C v + a| at the ends of the steps taken."""
     gaps: tuple[float, float] = (0.0, 0.0)
     """The same in parts of what a large move opens each condition by, and of the fastest rate."""
+    exchanged: float = 0.0
+    """Energy [J] that was exchanged at the least, from the speeds at the ends of the steps taken."""
     geometric_error: float = 0.0
     """Largest change of a joint frame by which the drawing was repaired (rad, parts of lengths); 0 where none was."""
     findings: list[Finding] = field(default_factory=list)
@@ -75,6 +77,7 @@ class Record:
             message=str(raw.get("message", "")),
             steps_open=_pair(raw.get("steps_open")),
             gaps=_pair(raw.get("gaps")),
+            exchanged=float(raw.get("exchanged", 0.0)),
             geometric_error=float(summary.get("repaired") or 0.0),
             findings=findings_of(raw.get("findings", ())),
             options=plain(options, lambda number: number),  # as a file gives them back
@@ -98,9 +101,10 @@ class Record:
         """The inverse of `account`, with the arrays put back."""
         account = deprecated.renamed(account, deprecated.CERTIFICATE)
         spec = account["spec"]
-        own = ("spec", "steps_open", "gaps", "geometric_error", "findings", "version")
+        own = ("spec", "steps_open", "gaps", "exchanged", "geometric_error", "findings", "version")
         reported = {key: account[key] for key in ACCOUNT if key not in own}
         reported["steps_open"], reported["gaps"] = _pair(account.get("steps_open")), _pair(account.get("gaps"))
+        reported["exchanged"] = _pair((account.get("exchanged", 0.0), 0.0))[0]
         reported["geometric_error"] = _pair((account.get("geometric_error", 0.0), 0.0))[0]
         reported["findings"] = findings_of(account.get("findings", ()))
         reported["counters"] = deprecated.renamed(reported["counters"], deprecated.COUNTERS)

@@ -42,6 +42,8 @@ pub struct Run {
     pub gaps: Gaps,
     /// What the user should know, in sentences.
     pub notes: Vec<String>,
+    /// Energy that was exchanged at the least, from the speeds at the ends of the steps.
+    pub exchanged: f64,
     /// Findings of a run at the ends of its steps.
     pub findings: Vec<Finding>,
 }
@@ -143,5 +145,6 @@ pub fn run<S: Balance<Scratch: Send>>(
     limits.judge(system, &gaps, "the end of the step", &mut findings);
     limits.judge_checks(system, &reported.checks, &mut findings);
     verdict::conclude(system, &mut f, &log, &mut outcome, &mut findings);
-    Ok(Run { outcome, log, counters, rows, open, gaps, notes, findings })
+    let exchanged = reported.checks.exchanged();
+    Ok(Run { outcome, log, counters, rows, open, gaps, notes, exchanged, findings })
 }

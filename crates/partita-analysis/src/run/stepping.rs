@@ -281,6 +281,7 @@ impl<'s, S: Balance<Scratch: Send>> Stepping<'s, S> {
             verdict::conclude(&*self.system, &mut self.formulation, &log, &mut outcome, &mut findings);
         }
         let (counters, rows, open, gaps) = (reported.counters, reported.rows, reported.open, self.gaps);
-        Run { outcome, log, counters, rows, open, gaps, notes, findings }
+        let exchanged = self.checks.exchanged();
+        Run { outcome, log, counters, rows, open, gaps, notes, exchanged, findings }
     }
 }

@@ -112,6 +112,13 @@ impl Limits {
                 checks.surge.part
             )
         });
+        look(checks.hidden, (0.0, 0.0), &|t| {
+            let name = system.guards().get(checks.hidden.row).map_or_else(String::new, |x| x.name.clone());
+            format!(
+                "{name} is passed and left again at t = {t} s within one step, which saw nothing of it: take shorter steps, or \
+                 steps of free length (no `step`)"
+            )
+        });
         look(checks.branch, (BRANCH_BY_ERROR, BRANCH_BY_ERROR), &|t| {
             format!(
                 "the motion passes a singular position at t = {t} s with its conditions open by {:.1e} of the squared distance \
@@ -173,7 +180,8 @@ pub(super) fn conclude<S: Balance, F: Formulation + ?Sized>(
     }
     let mut scratch = system.scratch();
     found.extend(of_ends(system, formulation, log, &mut scratch));
-    found.extend(of_energies(system, log, outcome.counters.steps, &mut scratch));
+    let exchanged = formulation.checks().exchanged();
+    found.extend(of_energies(system, log, outcome.counters.steps, exchanged, &mut scratch));
     if let Some(invalid) = found.iter().find(|x| x.invalid) {
         outcome.status = Status::Invalid;
         outcome.message = format!("{}, but the result is invalid: {}", outcome.message, invalid.sentence);
@@ -224,7 +232,13 @@ fn of_ends<S: Balance, F: Formulation + ?Sized>(
 }
 
 /// The energy over some outputs.
-fn of_energies<S: Balance>(system: &S, log: &SolutionLog, steps: u64, scratch: &mut S::Scratch) -> Option<Finding> {
+fn of_energies<S: Balance>(
+    system: &S,
+    log: &SolutionLog,
+    steps: u64,
+    exchanged: f64,
+    scratch: &mut S::Scratch,
+) -> Option<Finding> {
     let some = balance::some(&log.outputs);
     if some.len() < 2 {
         return None; // a balance is between two
@@ -233,7 +247,7 @@ fn of_energies<S: Balance>(system: &S, log: &SolutionLog, steps: u64, scratch: &
     let at =
         some.iter().zip(energies).map(|(x, (kinetic, potential))| Energy { t: x.t, kinetic, potential, work: x.work });
     let at: Vec<Energy> = at.collect();
-    balance::of_energy(&at, log.limits.asked, steps, system.energy_floor(log.limits.atol))
+    balance::of_energy(&at, log.limits.asked, steps, exchanged.max(system.energy_floor(log.limits.atol)))
 }
 
 /// Steps accepted beyond the tolerance: reported where no singular position explains them.

@@ -27,6 +27,19 @@ pub struct Bushing<G: Space> {
     pub damped: bool,
 }
 
+impl<G: Space<S = f64>> Bushing<G> {
+    /// The angle of its twist, the rate of that, and the speed at which it turns.
+    pub(crate) fn twist(&self, at: &At<G>) -> [f64; 3] {
+        let [one, two] = [&self.ends[0].attachment, &self.ends[1].attachment];
+        let frame = at.axes(one.link).mul(&self.frames[0]);
+        let (turn, _) = rotation_vector(&frame.transpose().mul(&at.axes(two.link).mul(&self.frames[1])));
+        let spin = frame.apply_transposed(at.spinning(two.link) - at.spinning(one.link));
+        let angle = turn.norm();
+        let rate = if angle > 0.0 { turn.dot(spin) / angle } else { spin.norm() };
+        [angle, rate, spin.norm()]
+    }
+}
+
 impl<G: Space> Bushing<G> {
     #[inline(always)]
     pub(crate) fn wrench(&self, at: &At<G>) -> Result<Effect<G>, SystemError> {

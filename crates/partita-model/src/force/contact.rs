@@ -5,6 +5,7 @@ use super::spot::{self, Spot};
 use super::{At, Effect};
 use partita_math::scalar::{Cases, Scalar};
 use partita_math::spatial::{Space, Vec3};
+use partita_system::error::six_digits;
 
 /// What the sphere meets.
 #[derive(Clone, Copy, Debug)]
@@ -32,6 +33,45 @@ pub struct Contact<G: Space> {
     pub friction: [G::S; 3],
     /// Has it any?
     pub rough: bool,
+}
+
+impl<G: Space<S = f64>> Contact<G> {
+    /// Gap, its rate, the distance of the surfaces and the speed at which they move. The gap of spheres is
+    /// `(d² − ρ²) / 2ρ` with the distance d of the centres and the sum ρ of the radii: a smooth function of the motion
+    /// where the distance has a corner, with the same sign.
+    pub(crate) fn gap(&self, at: &At<G>) -> [f64; 4] {
+        let (one, two) = (&self.centre.attachment, &self.other.attachment);
+        let centre = at.spot(&self.centre);
+        let apart = centre - at.spot(&self.other);
+        match self.surface {
+            Surface::Plane(n) => {
+                let n = at.axes(two.link).apply(n);
+                let moving = at.moving(one.link, centre) - at.moving(two.link, centre);
+                let gap = n.dot(apart) - self.radius;
+                [gap, n.dot(moving), gap, moving.norm()]
+            }
+            Surface::Sphere(radius) => {
+                let sum = self.radius + radius;
+                let other = at.spot(&self.other);
+                let moving = at.moving(one.link, centre) - at.moving(two.link, other);
+                let gap = (apart.dot(apart) - sum * sum) / (2.0 * sum);
+                [gap, apart.dot(moving) / sum, apart.norm() - sum, moving.norm()]
+            }
+        }
+    }
+
+    /// The gap of spheres that overlap almost wholly, and what is to be said then.
+    pub(crate) fn passed_through(&self) -> Option<(f64, String)> {
+        let Surface::Sphere(radius) = self.surface else { return None };
+        let (sum, smaller) = (self.radius + radius, self.radius.min(radius));
+        let distance = (sum - 2.0 * smaller).max(0.5 * smaller);
+        let energy = six_digits(self.buffer.pressed(sum, 0.0).potential);
+        let sentence = format!(
+            "its spheres overlap almost wholly, and can leave each other on the far side; it holds {energy} J before that, so \
+             give it more stiffness where bodies meet with more"
+        );
+        Some(((distance * distance - sum * sum) / (2.0 * sum), sentence))
+    }
 }
 
 impl<G: Space> Contact<G> {

@@ -32,22 +32,52 @@ pub struct Tyre<G: Space> {
     pub has_slip_forces: bool,
 }
 
+/// Where a wheel meets its road.
+struct Meeting<S> {
+    normal: Vec3<S>,
+    axis: Vec3<S>,
+    centre: Vec3<S>,
+    height: S,
+    /// Cosine of the camber.
+    upright: S,
+    /// Steepest direction in the plane of the wheel.
+    down: Vec3<S>,
+    depth: S,
+    /// The lowest point of the free disc, and its velocity in the axes of the road.
+    lowest: Vec3<S>,
+    sinking: Vec3<S>,
+}
+
+impl<G: Space<S = f64>> Tyre<G> {
+    /// Gap, its rate, and the speed at which the disc's lowest point moves over the road.
+    pub(crate) fn gap(&self, at: &At<G>) -> [f64; 3] {
+        let meeting = self.meet(at);
+        [-meeting.depth, meeting.normal.dot(meeting.sinking), meeting.sinking.norm()]
+    }
+}
+
 impl<G: Space> Tyre<G> {
     #[inline(always)]
-    pub(crate) fn wrench(&self, at: &At<G>) -> Effect<G> {
+    fn meet(&self, at: &At<G>) -> Meeting<G::S> {
         let (wheel, road) = (&self.centre.attachment, &self.road.attachment);
         let normal = at.axes(road.link).apply(self.normal);
         let axis = at.axes(wheel.link).apply(self.axis);
         let centre = at.spot(&self.centre);
         let height = normal.dot(centre - at.spot(&self.road));
-        // steepest direction in the plane of the wheel; its length is the cosine of the camber
         let steep = normal - axis.times(axis.dot(normal));
         let upright = steep.norm();
-        let depth = self.radius * upright - height;
         let down = Vec3(steep.0.map(|x| x.over_or_zero(upright)));
         // the disc's lowest point sinks as the depth grows, also where the wheel leans
         let lowest = centre - down.times(self.radius);
         let sinking = at.moving(wheel.link, lowest) - at.moving(road.link, lowest);
+        let depth = self.radius * upright - height;
+        Meeting { normal, axis, centre, height, upright, down, depth, lowest, sinking }
+    }
+
+    #[inline(always)]
+    pub(crate) fn wrench(&self, at: &At<G>) -> Effect<G> {
+        let (wheel, road) = (&self.centre.attachment, &self.road.attachment);
+        let Meeting { normal, axis, centre, height, upright, down, depth, lowest, sinking } = self.meet(at);
         let speed = -normal.dot(sinking);
         let pressed = self.buffer.pressed(depth, speed);
         let push = normal.times(pressed.push);

@@ -16,6 +16,7 @@ use partita_math::spatial::{Mat3, Quaternion};
 use partita_math::tolerance;
 use partita_system::breakpoints::{Breakpoints, Reading};
 use partita_system::clusters::Clusters;
+use partita_system::guards::{Guard, GuardReading};
 use partita_system::system::{project_dense, BlockSink, ClusterTangent, Recursion, Tangent};
 use partita_system::system::{Clustered, Conditions, Guards, Levels, Manifold, Metric, Names, Scales};
 use partita_system::{Finite, Size, SystemError};
@@ -454,5 +455,11 @@ impl Guards for Model {
     }
     fn breakpoint_readings(&self, t: f64, q: &[f64], v: &[f64], s: &mut ModelScratch, out: &mut [Reading]) {
         self.curves().read(&self.own, t, (q, v), s, out);
+    }
+    fn guards(&self) -> Vec<Guard> {
+        self.guarded()
+    }
+    fn guard_readings(&self, t: f64, q: &[f64], v: &[f64], s: &mut ModelScratch, out: &mut [GuardReading]) {
+        self.own.read_guards(t, (q, v), s, out);
     }
 }

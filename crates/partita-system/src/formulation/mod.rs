@@ -3,6 +3,7 @@
 pub mod motion;
 pub mod registry;
 
+use crate::guards::Look;
 use crate::record::{Gaps, History, Output, PartitionEvent, Sample, StepChecks};
 
 use crate::error::{Result, SystemError};
@@ -56,6 +57,15 @@ pub trait FormulationSteps {
     /// When a step of length h from the last `commit` would, by what is known yet.
     fn breakpoint_ahead(&self, _h: f64, _tolerance: f64) -> Option<f64> {
         None
+    }
+    /// Does the step of the last `trial_end` cross a guard, where motions are as exact as `tolerance`? Where it cannot
+    /// end there, what neither end shows is counted among the checks.
+    fn guard(&mut self, _tolerance: f64, _may_end: bool) -> Look {
+        Look::Clear
+    }
+    /// The guards at (t, y), inside that step.
+    fn look_at(&mut self, _t: f64, _y: &[f64]) -> Result<()> {
+        Ok(())
     }
     /// What happened so far.
     fn history(&self) -> History;
@@ -176,6 +186,12 @@ impl<F: Formulation + ?Sized> FormulationSteps for Box<F> {
     }
     fn breakpoint_ahead(&self, h: f64, tolerance: f64) -> Option<f64> {
         (**self).breakpoint_ahead(h, tolerance)
+    }
+    fn guard(&mut self, tolerance: f64, may_end: bool) -> Look {
+        (**self).guard(tolerance, may_end)
+    }
+    fn look_at(&mut self, t: f64, y: &[f64]) -> Result<()> {
+        (**self).look_at(t, y)
     }
     fn history(&self) -> History {
         (**self).history()

@@ -16,6 +16,7 @@ use crate::breakpoints::Watched;
 use crate::equations::full::AccelerationRule;
 use crate::error::Result;
 use crate::formulation::FormulationSteps;
+use crate::guards::{GuardMonitor, Look};
 use crate::options::FormulationOptions;
 use crate::positions::all::All;
 use crate::positions::chart::Chart;
@@ -60,6 +61,10 @@ pub struct Motion<'s, S: ConstrainedSystem + 's, T, P> {
     breakpoints: Watched,
     /// Rows that prescribe a motion, held against their derivatives.
     prescribed: Prescribed<S>,
+    /// Functions of the state that no step crosses unseen.
+    guards: GuardMonitor,
+    /// Is what is evaluated the dense output at which guards are looked at?
+    looking: bool,
     /// What is open at the ends of steps.
     watch: Watch,
     /// What else steps and outputs are held against.
@@ -182,6 +187,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             monitor: CrossingMonitor::new(system.size()),
             breakpoints: Watched::new(system.breakpoints()),
             prescribed: Prescribed::new(&*system),
+            guards: GuardMonitor::new(system.guards()),
+            looking: false,
             watch: Watch::default(),
             checks: Checks::default(),
             v: vec![0.0; n],
@@ -342,6 +349,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
     for Motion<'s, S, T, P>
 {
     fn trial_end(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], known: bool) -> Result<(Verdict, bool)> {
+        self.looking = false;
         let (p, w) = self.places();
         if !self.prescribed.is_empty() {
             let beside = self.place_of_prescribed();
@@ -386,6 +394,28 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
     fn breakpoint_ahead(&self, h: f64, tolerance: f64) -> Option<f64> {
         (!self.monitor.crosses_next).then(|| self.breakpoints.ahead(h, tolerance))?
     }
+    fn guard(&mut self, tolerance: f64, may_end: bool) -> Look {
+        let look = self.guards.look(tolerance);
+        self.looking = matches!(look, Look::At(_));
+        match look {
+            // one that crosses a singular position has its place and length from there
+            Look::Crossed { t, guard, hidden } if !may_end || self.monitor.crosses_next => {
+                if hidden {
+                    self.checks.hidden(t, guard);
+                }
+                Look::Clear
+            }
+            _ => look,
+        }
+    }
+    fn look_at(&mut self, t: f64, y: &[f64]) -> Result<()> {
+        (self.moved, self.looking) = (true, false);
+        self.evaluate(t, y)?;
+        let r = self.tangent.reduction();
+        let (q, fastest) = (self.positions.q(), r.fastest());
+        self.guards.inside(t, fastest, |out| r.system.guard_readings(t, q, &r.v, &mut r.scratch, out));
+        Ok(())
+    }
     fn commit(&mut self, verdict: Verdict, step: &mut Step) -> Result<bool> {
         self.conclude(verdict, step)
     }
@@ -411,6 +441,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         self.tangent.base().report(&mut history);
         self.tangent.report(&mut history);
         self.positions.report(&mut history);
+        history.notes.extend(self.guards.notes());
         history
     }
 }
@@ -438,6 +469,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         let (p, w) = self.places();
         let mut q = q.to_vec();
         self.tangent.start(t, &mut q, v)?;
+        self.guards.forget();
         y.fill(0.0);
         self.positions.start(&mut self.tangent, t, &q, y);
         self.tangent.select(v, &mut y[p..w]);
@@ -448,6 +480,14 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
     fn derivative(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<()> {
         self.moved = true;
         self.evaluate(t, y)?;
+        if self.guards.waits() {
+            let r = self.tangent.reduction();
+            let out = self.guards.start(t, r.fastest());
+            r.system.guard_readings(t, self.positions.q(), &r.v, &mut r.scratch, out);
+        } else if self.looking {
+            let (r, q) = (self.tangent.reduction(), self.positions.q());
+            self.guards.beside(t, |out| r.system.guard_readings(t, q, &r.v, &mut r.scratch, out));
+        }
         self.rates(t, y, dy)
     }
     fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<()> {

@@ -4,6 +4,7 @@ use super::{BlockSink, ClusterTangent, Finite, Recursion, Size, SystemError, Sys
 use crate::breakpoints::{Breakpoints, Reading};
 use crate::closing::Closing;
 use crate::clusters::Clusters;
+use crate::guards::{Guard, GuardReading};
 use partita_math::elimination::Pattern;
 
 /// S1-S5 by level.
@@ -303,6 +304,12 @@ pub trait Guards: Levels {
     }
     /// What each of them is read at, and its rate, at the point (t, q, v) last evaluated.
     fn breakpoint_readings(&self, _t: f64, _q: &[f64], _v: &[f64], _s: &mut Self::Scratch, _out: &mut [Reading]) {}
+    /// Functions of the state that change sides: no step crosses one unseen.
+    fn guards(&self) -> Vec<Guard> {
+        Vec::new()
+    }
+    /// Their readings at the point (t, q, v) last evaluated.
+    fn guard_readings(&self, _t: f64, _q: &[f64], _v: &[f64], _s: &mut Self::Scratch, _out: &mut [GuardReading]) {}
 }
 
 /// Loops closed by inverse kinematics, where the system can.

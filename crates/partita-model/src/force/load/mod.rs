@@ -155,6 +155,32 @@ pub struct Load<G: Space> {
     pub law: LoadLaw<G::S>,
 }
 
+impl<G: Space<S = f64>> Load<G> {
+    /// What the effort depends on, and its rate.
+    pub(crate) fn value_and_rate(&self, at: &At<G>) -> (f64, f64) {
+        let measured = self.measured();
+        let (x, rate) = (measured.value(at.tree, at.s, at.instant.q), measured.rate(at.tree, at.s, at.instant.v));
+        let near = |(middle, within)| self.nearest(x, middle, within).ok();
+        (self.turns.map_or(x, |turns| near(turns).unwrap_or(x)), rate)
+    }
+
+    /// Both ends of a stop; none of another load.
+    pub(crate) fn ends(&self) -> [Option<f64>; 2] {
+        match &self.law {
+            LoadLaw::Stop(stop) => [stop.lower, stop.upper],
+            _ => [None; 2],
+        }
+    }
+
+    /// Natural size of the values between them: how far they are apart, one radian or metre where there is one alone.
+    pub(crate) fn stop_range(&self) -> f64 {
+        match self.ends() {
+            [Some(lower), Some(upper)] if upper > lower => upper - lower,
+            _ => 1.0,
+        }
+    }
+}
+
 impl<G: Space> Load<G> {
     /// What the effort depends on.
     pub fn measured(&self) -> &Measurement<G> {

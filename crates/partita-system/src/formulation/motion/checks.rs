@@ -58,6 +58,8 @@ impl Checks {
         self.trial.jump = self.jump(t, r);
         let part = drift.map_or(0.0, |(open, distance)| in_parts(open, distance * distance));
         self.trial.branch = Gap { part, t, row: 0 };
+        self.trial.hidden = Gap::default();
+        self.trial.speed = s.iter().zip(&r.v).fold(0.0, |m, (s, v)| m.max((v / s).abs()));
     }
 
     /// How far velocities are from what was integrated, in parts of the speed.
@@ -72,6 +74,11 @@ impl Checks {
         };
         self.integrated.clear();
         Gap { part, t, row: 0 }
+    }
+
+    /// The step that is judged crosses a guard and comes back, and cannot be shortened.
+    pub(super) fn hidden(&mut self, t: f64, guard: usize) {
+        self.trial.hidden = Gap { part: 1.0, t, row: guard };
     }
 
     /// The step that was looked at is taken.

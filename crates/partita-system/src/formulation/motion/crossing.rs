@@ -17,6 +17,14 @@ use partita_math::tolerance;
 /// sees a circle, and singular positions lie half a turn apart.
 const LONGEST_MARCH: f64 = 1.2;
 
+/// What acts anew changes velocities by no more over the first step in it. Scale: fraction of the velocities. Reason: an
+/// error estimate is asked over a tenth of what acts.
+const FELT: f64 = 0.1;
+/// So often is a shorter first step tried.
+const MOST_TRIED: u32 = 30;
+/// And shortened at a time. Scale: ratio of lengths. Reason: what acts grows with a power of the length that is not known.
+const SHORTER: f64 = 0.1;
+
 /// Redundant rows that are kept are given up when they approach dependence by this factor. Scale: ratio to the distance
 /// of other rows. Reason: a factor of three outweighs the change of rows.
 const POOR_BESIDE: f64 = 0.3;
@@ -162,6 +170,11 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             let r = self.tangent.reduction();
             r.system.breakpoint_readings(t, self.positions.q(), &r.v, &mut r.scratch, self.breakpoints.ends(t));
         }
+        if !self.guards.is_empty() {
+            let r = self.tangent.reduction();
+            let out = self.guards.end(t, r.fastest());
+            r.system.guard_readings(t, self.positions.q(), &r.v, &mut r.scratch, out);
+        }
         self.tangent.full_acceleration(&mut self.vdot);
         let r = self.tangent.seen();
         self.monitor.fastest =
@@ -284,6 +297,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     /// The next step begins where the one that was judged ended.
     pub(super) fn begin(&mut self) {
         self.breakpoints.accept();
+        self.guards.accept();
         std::mem::swap(&mut self.monitor.step_start, &mut self.monitor.step_end);
         std::mem::swap(&mut self.monitor.sides, &mut self.monitor.sides_ahead);
         self.monitor.margin_before = self.margin;
@@ -295,12 +309,40 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         }
     }
 
+    /// Length, not above `longest`, of the first step on the other side of a guard: over it what acts anew changes the
+    /// velocities by a part of them. Stages of a longer one would lie beyond all that acts there, and agree.
+    fn first_inside(&mut self, step: &Step, longest: f64) -> Result<f64> {
+        let (p, w) = self.places();
+        let size = |j: usize, motion: &Self| motion.tangent.natural_size(j);
+        let norm = |motion: &Self, x: &dyn Fn(usize) -> f64| {
+            (0..w - p).map(|j| (x(j) / size(j, motion)).powi(2)).sum::<f64>().sqrt()
+        };
+        let speed = norm(self, &|j| step.y[p + j]);
+        let (mut y, mut dy, mut h) = (step.y.to_vec(), step.dy.to_vec(), longest);
+        for _ in 0..MOST_TRIED {
+            y.iter_mut().zip(step.y.iter().zip(&*step.dy)).for_each(|(y, (from, rate))| *y = from + h * rate);
+            let change = match self.derivative(step.t + h, &y, &mut dy) {
+                Ok(()) => h * norm(self, &|j| dy[p + j] - step.dy[p + j]),
+                Err(e) if e.is_local() => f64::INFINITY,
+                Err(e) => return Err(e),
+            };
+            if change <= FELT * speed {
+                break;
+            }
+            h *= (0.5 * FELT * speed / change).sqrt().max(SHORTER);
+        }
+        Ok(h)
+    }
+
     /// How the march goes on from (t, y).
     pub(super) fn plan_ahead(&mut self, step: &mut Step) -> Result<bool, SystemError> {
         let Some(pace) = step.pace.take() else { return Ok(false) };
         self.monitor.paced = true;
         if self.tangent.seen().rank() > 0 && self.monitor.fastest > 0.0 {
             pace.next = pace.next.min(LONGEST_MARCH / self.monitor.fastest);
+        }
+        if let Some(longest) = self.guards.entered() {
+            pace.next = self.first_inside(step, pace.next.min(longest))?;
         }
         let mut crossing = std::mem::take(&mut self.monitor.crossing);
         let (t, y) = (step.t, &*step.y);

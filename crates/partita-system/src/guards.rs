@@ -1,0 +1,481 @@
+//! Guards: scalar functions of the state that no step may cross unseen, such as gaps of contacts and ends of stops.
+//!
+//! The force of a contact is zero on one side and has a corner at the other's edge. An error estimate looks at a dozen
+//! places of a step: a contact between two of them is not there for it. So the guards are followed over the whole of an
+//! accepted step, by their values and rates at its ends and, where these leave a doubt, at places inside it, on its dense
+//! output. A step that crosses one is taken anew and ends there.
+
+use crate::breakpoints::HALVINGS;
+use crate::error::six_digits;
+use partita_math::tolerance;
+
+/// Two speeds of a step, one at either end, explain a motion as fast as this. Scale: multiples of the speed at the ends.
+/// Reason: within a step of the longest length that the error allows a speed doubles.
+const FASTER_INSIDE: f64 = 2.0;
+/// A cubic is taken for a guard over no more than this. Scale: characteristic displacement. Reason: a third of a turn has
+/// one minimum, a full turn comes back to its values and hides what lies in it.
+const LONGEST_CUBIC: f64 = 2.0;
+/// An end of a step that was shortened to meet a guard meets it. Scale: fraction of the tolerance. Reason: what a contact
+/// stores at this depth is the square of it.
+const MEETS: f64 = 1e-3;
+/// Crossings are not located more closely. Scale: fraction of the time. Reason: some units in its last place.
+const CLOSEST: f64 = 64.0 * f64::EPSILON;
+/// Places inside a step that are looked at before it is shortened instead. Scale: a number. Reason: a step over which
+/// more are in doubt goes over many turns.
+const MOST_PLACES: usize = 120;
+/// Where a cubic has no minimum of its own, a place is looked at here. Scale: fraction of the interval. Reason: the golden
+/// section, so that no period of the motion is met by halves of halves.
+const INSIDE: f64 = 0.381_966;
+/// A guard whose rate explains no more of its way than this was at rest. Scale: fraction of the way. Reason: six digits of a
+/// rate are told from none.
+const AT_REST: f64 = 1e-6;
+/// A crossing is not looked for nearer to an end of its interval. Scale: fraction of the interval. Reason: the interval gets
+/// shorter by that at the least.
+const NEAR_AN_END: f64 = 1e-9;
+/// The first step on the other side of a guard goes no farther. Scale: fraction of the natural size of the guard. Reason: a
+/// contact is still felt there, whatever it does.
+const FIRST_INSIDE: f64 = 0.1;
+/// No minimum is looked at nearer to an end of its interval. Scale: fraction of the interval. Reason: two looks at one place
+/// say no more than one.
+const EDGE: f64 = 0.01;
+
+/// A guard.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Guard {
+    /// What is guarded, in words: `contact "tip"`.
+    pub name: String,
+    /// Natural size of its values.
+    pub size: f64,
+    /// The value below which it was passed through, with what is to be said then.
+    pub through: Option<(f64, String)>,
+}
+
+/// What a guard says at an instant.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct GuardReading {
+    /// Its value: positive on one side, negative on the other.
+    pub x: f64,
+    /// x'.
+    pub rate: f64,
+    /// How far what is guarded is from changing sides, in the unit of the speed.
+    pub apart: f64,
+    /// The speed at which that can change at the most.
+    pub speed: f64,
+}
+
+/// What is to become of a step for its guards.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Look {
+    /// None is crossed within it.
+    Clear,
+    /// The dense output at this time is to be looked at.
+    At(f64),
+    /// The first crossing, and the number of the guard; `hidden` where neither end of the step shows it.
+    Crossed {
+        /// When.
+        t: f64,
+        /// Which.
+        guard: usize,
+        /// Is the guard on the same side at both ends of the step?
+        hidden: bool,
+    },
+}
+
+/// An instant of the step, with the bounds of the interval that begins there.
+#[derive(Clone, Debug)]
+struct Place {
+    t: f64,
+    /// The fastest rate of the mechanism [1/s].
+    fastest: f64,
+    readings: Vec<GuardReading>,
+    /// How far cubics over the interval may be off; none where nothing is known of it yet.
+    off: Vec<Option<f64>>,
+}
+
+/// The guards along the step under way.
+#[derive(Clone, Debug, Default)]
+pub struct GuardMonitor {
+    guards: Vec<Guard>,
+    /// Start, places inside, end; `used` of them.
+    places: Vec<Place>,
+    used: usize,
+    /// First time at which each was passed through.
+    passed: Vec<Option<f64>>,
+    /// The largest speed of each at both ends of the step before.
+    recent: Vec<f64>,
+    /// How close to zero a guard is met, in parts of its size.
+    meets: f64,
+    /// Readings where the dense output evaluates besides the step, and where one of them met a guard that neither end
+    /// shows: what is interpolated then is not the motion.
+    beside: Vec<GuardReading>,
+    met: Option<(f64, usize)>,
+}
+
+/// The cubic that values and rates at both ends give, over a part s of the interval.
+#[derive(Clone, Copy)]
+struct Cubic([f64; 4]);
+
+impl Cubic {
+    fn new(h: f64, from: GuardReading, to: GuardReading, sign: f64) -> Self {
+        let (x0, x1, r0, r1) = (sign * from.x, sign * to.x, sign * h * from.rate, sign * h * to.rate);
+        Self([x0, r0, 3.0 * (x1 - x0) - 2.0 * r0 - r1, r0 + r1 - 2.0 * (x1 - x0)])
+    }
+
+    fn at(&self, s: f64) -> f64 {
+        let [a, b, c, d] = self.0;
+        a + s * (b + s * (c + s * d))
+    }
+
+    /// How far it is from its straight part.
+    fn bend(&self) -> f64 {
+        self.0[2].abs() + self.0[3].abs()
+    }
+
+    /// Where it has its minimum inside, and that.
+    fn minimum(&self) -> Option<(f64, f64)> {
+        let [_, b, c, d] = self.0;
+        let under_root = c * c - 3.0 * d * b;
+        // the root with the positive second derivative
+        let s = -b / (c + under_root.max(0.0).sqrt());
+        (under_root >= 0.0 && s > 0.0 && s < 1.0).then(|| (s, self.at(s)))
+    }
+
+    /// Where it is zero, if its ends have different signs.
+    fn zero(&self) -> f64 {
+        let (mut low, mut high, ends) = (0.0, 1.0, [self.at(0.0), self.at(1.0)]);
+        // one of the ends may be a zero already
+        let falls = if ends[0].abs() > ends[1].abs() { ends[0] > 0.0 } else { ends[1] < 0.0 };
+        for _ in 0..HALVINGS {
+            let middle = 0.5 * (low + high);
+            *(if (self.at(middle) > 0.0) == falls { &mut low } else { &mut high }) = middle;
+        }
+        0.5 * (low + high)
+    }
+}
+
+/// What an interval shows of a guard.
+#[derive(Clone, Copy, PartialEq)]
+enum Shown {
+    /// It is not crossed.
+    Clear,
+    /// This part of the interval is to be looked at.
+    Doubtful(f64),
+    /// It is crossed here.
+    Crossed(f64),
+}
+
+impl GuardMonitor {
+    /// Of these guards.
+    pub fn new(guards: Vec<Guard>) -> Self {
+        Self { passed: vec![None; guards.len()], recent: vec![0.0; guards.len()], guards, ..Self::default() }
+    }
+
+    /// Is there none?
+    pub fn is_empty(&self) -> bool {
+        self.guards.is_empty()
+    }
+
+    /// Is nothing known of a start yet?
+    pub fn waits(&self) -> bool {
+        self.used == 0 && !self.guards.is_empty()
+    }
+
+    /// Forget where it stands.
+    pub fn forget(&mut self) {
+        self.used = 0;
+    }
+
+    /// A place behind those in use, to be filled.
+    fn next(&mut self, t: f64, fastest: f64) -> &mut Place {
+        let n = self.guards.len();
+        if self.used == self.places.len() {
+            let place = Place { t, fastest, readings: vec![GuardReading::default(); n], off: vec![None; n] };
+            self.places.push(place);
+        }
+        self.used += 1;
+        let place = &mut self.places[self.used - 1];
+        (place.t, place.fastest) = (t, fastest);
+        place.off.fill(None);
+        place
+    }
+
+    /// A march begins at t; the readings there are to be written. `fastest` is the fastest rate there [1/s].
+    pub fn start(&mut self, t: f64, fastest: f64) -> &mut [GuardReading] {
+        self.used = 0;
+        self.recent.fill(0.0);
+        &mut self.next(t, fastest).readings
+    }
+
+    /// A step ends at t; the readings there are to be written.
+    pub fn end(&mut self, t: f64, fastest: f64) -> &mut [GuardReading] {
+        self.used = self.used.min(1);
+        self.met = None;
+        self.places[..self.used].iter_mut().for_each(|x| x.off.fill(None));
+        &mut self.next(t, fastest).readings
+    }
+
+    /// An instant inside the step that is judged; `read` writes the readings there.
+    pub fn inside(&mut self, t: f64, fastest: f64, read: impl FnOnce(&mut [GuardReading])) {
+        let at = self.places[..self.used].partition_point(|x| x.t < t).clamp(1, self.used - 1);
+        read(&mut self.next(t, fastest).readings);
+        self.places[at..self.used].rotate_right(1);
+        let (before, rest) = self.places.split_at_mut(at);
+        let (from, (here, to)) = (&mut before[at - 1], rest.split_first_mut().expect("a place was put there"));
+        let (h, s) = (to[0].t - from.t, (t - from.t) / (to[0].t - from.t));
+        for g in 0..self.guards.len() {
+            let cubic = Cubic::new(h, from.readings[g], to[0].readings[g], 1.0);
+            let off = (cubic.at(s) - here.readings[g].x).abs();
+            (from.off[g], here.off[g]) = (Some(off), Some(off));
+        }
+    }
+
+    /// An evaluation of the dense output at t; `read` writes the readings there.
+    pub fn beside(&mut self, t: f64, read: impl FnOnce(&mut [GuardReading])) {
+        self.beside.resize(self.guards.len(), GuardReading::default());
+        read(&mut self.beside);
+        let met = (0..self.guards.len()).find(|g| {
+            let (x, size) = (self.beside[*g].x, self.guards[*g].size);
+            x.abs() > self.meets * size
+                && self.is_hidden(*g, self.meets)
+                && (x > 0.0) != self.sides(*g, &self.places[0], self.meets).1
+        });
+        self.met = self.met.or(met.map(|g| (t, g)));
+    }
+
+    /// The step that was judged is taken.
+    pub fn accept(&mut self) {
+        if self.used == 0 {
+            return;
+        }
+        for (i, guard) in self.guards.iter().enumerate() {
+            let Some((limit, _)) = guard.through else { continue };
+            let beyond = |x: &&Place| x.readings[i].x < limit;
+            let first = self.places[..self.used].iter().find(beyond).map(|x| x.t);
+            self.passed[i] = self.passed[i].or(first);
+        }
+        let (from, to) = (&self.places[0].readings, &self.places[self.used - 1].readings);
+        self.recent.iter_mut().zip(from.iter().zip(to)).for_each(|(x, (a, b))| *x = a.speed.max(b.speed));
+        self.places.swap(0, self.used - 1);
+        self.used = 1;
+    }
+
+    /// How long the next step may be, where it begins at a guard that the last one met.
+    pub fn entered(&self) -> Option<f64> {
+        let start = self.places[..self.used].first()?;
+        let all = self.guards.iter().enumerate().filter(|(g, _)| {
+            let (before, after) = self.sides(*g, start, self.meets);
+            before != after
+        });
+        all.map(|(g, guard)| FIRST_INSIDE * guard.size / start.readings[g].speed).reduce(f64::min)
+    }
+
+    /// What was passed through, in sentences.
+    pub fn notes(&self) -> impl Iterator<Item = String> + '_ {
+        self.guards.iter().zip(&self.passed).filter_map(|(guard, passed)| {
+            let ((_, sentence), t) = (guard.through.as_ref()?, six_digits((*passed)?));
+            Some(format!("{} is too soft at t = {t} s: {sentence}", guard.name))
+        })
+    }
+
+    /// Does the step that is judged cross one, where motions are as exact as `rtol`?
+    pub fn look(&mut self, rtol: f64) -> Look {
+        self.meets = tolerance::CLOSED.max(MEETS * rtol);
+        let meets = self.meets;
+        let places = &self.places[..self.used];
+        if let Some((t, guard)) = self.met {
+            return Look::Crossed { t, guard, hidden: true };
+        }
+        for (i, ends) in places.windows(2).enumerate() {
+            let mut first: Option<(f64, usize, bool)> = None;
+            for g in 0..self.guards.len() {
+                let (at, crossed) = match self.shown(g, ends, (i > 0, i + 2 < self.used), meets) {
+                    Shown::Clear => continue,
+                    Shown::Doubtful(t) => (t, false),
+                    Shown::Crossed(t) => (t, true),
+                };
+                if first.is_none_or(|(t, ..)| at < t) {
+                    first = Some((at, g, crossed));
+                }
+            }
+            match first {
+                None => {}
+                Some((t, guard, true)) => return Look::Crossed { t, guard, hidden: self.is_hidden(guard, meets) },
+                Some((t, ..)) if self.used < MOST_PLACES => return Look::At(t),
+                Some((_, guard, _)) => {
+                    let t = ends[usize::from(i == 0)].t;
+                    return Look::Crossed { t, guard, hidden: self.is_hidden(guard, meets) };
+                }
+            }
+        }
+        Look::Clear
+    }
+
+    /// What the name of a guard is.
+    pub fn name(&self, guard: usize) -> &str {
+        &self.guards[guard].name
+    }
+
+    /// On which side it is before and after an instant, positive or not.
+    fn sides(&self, g: usize, at: &Place, meets: f64) -> (bool, bool) {
+        let GuardReading { x, rate, .. } = at.readings[g];
+        match x.abs() > meets * self.guards[g].size || rate == 0.0 {
+            true => (x >= 0.0, x >= 0.0),
+            false => (rate < 0.0, rate > 0.0),
+        }
+    }
+
+    fn is_hidden(&self, g: usize, meets: f64) -> bool {
+        let (from, to) = (&self.places[0], &self.places[self.used - 1]);
+        self.sides(g, from, meets).1 == self.sides(g, to, meets).0
+    }
+
+    /// Guard g over an interval, and at its start where that lies inside the step; `inside` says it of both ends.
+    fn shown(&self, g: usize, ends: &[Place], inside: (bool, bool), meets: f64) -> Shown {
+        let (from, to) = (&ends[0], &ends[1]);
+        let (before, after) = self.sides(g, from, meets);
+        if inside.0 && before != after {
+            return Shown::Crossed(from.t);
+        }
+        let (h, (one, two), ahead) = (to.t - from.t, (from.readings[g], to.readings[g]), self.sides(g, to, meets).0);
+        // at rest on a guard it is on the side to which it goes
+        let small = meets * self.guards[g].size;
+        let rests = one.x.abs() <= small && (h * one.rate).abs() <= small + AT_REST * two.x.abs();
+        let after = if rests { ahead } else { after };
+        let crosses = after != ahead;
+        if h <= CLOSEST * from.t.abs().max(to.t.abs()) {
+            // too short to be parted: a jump, unless the step ends here anyway
+            return if crosses && inside.1 { Shown::Crossed(to.t) } else { Shown::Clear };
+        }
+        let sign = if after { 1.0 } else { -1.0 };
+        let cubic = Cubic::new(h, one, two, sign);
+        if crosses {
+            let zero = cubic.zero().clamp(NEAR_AN_END, 1.0 - NEAR_AN_END);
+            return Shown::Doubtful(from.t + h * zero);
+        }
+        let speed = one.speed.max(two.speed).max(self.recent[g]);
+        if one.apart + two.apart > FASTER_INSIDE * h * speed {
+            return Shown::Clear;
+        }
+        let off = from.off[g].unwrap_or(cubic.bend());
+        let smooth = h * from.fastest.max(to.fastest) <= LONGEST_CUBIC;
+        let minimum = cubic.minimum();
+        let clear = match minimum {
+            Some((_, lowest)) => lowest > off || lowest.abs().max(off) <= meets * self.guards[g].size,
+            None => off < (two.x - one.x).abs().max((sign * one.x).min(sign * two.x)),
+        };
+        match smooth && clear {
+            true => Shown::Clear,
+            false => Shown::Doubtful(from.t + h * minimum.map_or(INSIDE, |x| x.0).clamp(EDGE, 1.0 - EDGE)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A step from 0 to h over a guard x(t) with its rate and speed, the places looked at on x itself.
+    fn judge(h: f64, fastest: f64, read: impl Fn(f64) -> GuardReading) -> (Look, usize) {
+        let guard = Guard { name: "gap".into(), size: 1.0, through: None };
+        let mut monitor = GuardMonitor::new(vec![guard]);
+        monitor.start(0.0, fastest)[0] = read(0.0);
+        monitor.end(h, fastest)[0] = read(h);
+        for n in 0..200 {
+            match monitor.look(1e-10) {
+                Look::At(t) => monitor.inside(t, fastest, |out| out[0] = read(t)),
+                found => return (found, n),
+            }
+        }
+        panic!("no end of places");
+    }
+
+    fn at(x: f64, rate: f64, speed: f64) -> GuardReading {
+        GuardReading { x, rate, apart: x.abs(), speed }
+    }
+
+    fn crossed(look: Look) -> (f64, bool) {
+        match look {
+            Look::Crossed { t, hidden, .. } => (t, hidden),
+            other => panic!("{other:?}"),
+        }
+    }
+
+    /// A ball that flies past another one at the distance b from its centre, radii adding up to 1.
+    fn flight(b: f64) -> impl Fn(f64) -> GuardReading {
+        move |t| {
+            let (x, v) = (10.0 * t - 50.0, 10.0);
+            let d2 = x * x + b * b;
+            GuardReading { x: 0.5 * (d2 - 1.0), rate: x * v, apart: (d2.sqrt() - 1.0).abs(), speed: v }
+        }
+    }
+
+    #[test]
+    fn a_contact_between_two_ends_is_found_where_it_begins() {
+        for b in [0.0, 0.5, 0.9, 0.999, 1.0 - 1e-9] {
+            let (found, places) = judge(10.0, 10.0, flight(b));
+            let (t, hidden) = crossed(found);
+            assert!(hidden && (t - (5.0 - 0.1 * (1.0 - b * b).sqrt())).abs() < 1e-6, "{b}: {t}");
+            assert!(places < 60, "{b}: {places}");
+        }
+        for b in [1.0 + 1e-9, 1.001, 1.5, 20.0] {
+            assert_eq!(judge(10.0, 10.0, flight(b)).0, Look::Clear, "{b}");
+        }
+    }
+
+    #[test]
+    fn what_is_far_away_needs_no_look() {
+        assert_eq!(judge(1.0, 10.0, flight(0.0)), (Look::Clear, 0));
+    }
+
+    /// A bump on a disc that passes close by once a turn, in steps of many turns.
+    #[test]
+    fn a_contact_once_a_turn_is_found_in_steps_of_whole_turns() {
+        let bump = |depth: f64| {
+            move |t: f64| {
+                let turn = std::f64::consts::TAU * t;
+                at(1.0 - depth + (turn + 0.3).cos(), -std::f64::consts::TAU * (turn + 0.3).sin(), std::f64::consts::TAU)
+            }
+        };
+        for h in [1.0, 2.0, 3.0, 2.5] {
+            let (t, _) = crossed(judge(h, std::f64::consts::TAU, bump(1e-4)).0);
+            assert!((t - ((1e-4f64 - 1.0).acos() - 0.3) / std::f64::consts::TAU).abs() < 1e-9, "{h}: {t}");
+        }
+        assert_eq!(judge(1.0, std::f64::consts::TAU, bump(-1e-4)).0, Look::Clear);
+    }
+
+    #[test]
+    fn a_side_that_is_left_at_the_start_is_no_crossing() {
+        // touches at 0 and comes back at 1
+        let fall = |t: f64| at(t * (t - 1.0), 2.0 * t - 1.0, 1.0);
+        assert_eq!(judge(0.7, 1.0, fall).0, Look::Clear);
+        let (t, hidden) = crossed(judge(1.5, 1.0, fall).0);
+        assert!(!hidden && (t - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn the_first_of_several_ends_the_step() {
+        let guard = |name: &str| Guard { name: name.into(), size: 1.0, through: None };
+        let mut monitor = GuardMonitor::new(vec![guard("late"), guard("early")]);
+        let read = |t: f64, out: &mut [GuardReading]| {
+            out[0] = at(0.8 - t, -1.0, 1.0);
+            out[1] = at(0.3 - t * t, -2.0 * t, 2.0);
+        };
+        read(0.0, monitor.start(0.0, 1.0));
+        read(1.0, monitor.end(1.0, 1.0));
+        let found = loop {
+            match monitor.look(1e-10) {
+                Look::At(t) => monitor.inside(t, 1.0, |out| read(t, out)),
+                found => break found,
+            }
+        };
+        assert!(matches!(found, Look::Crossed { t, guard: 1, hidden: false } if (t - 0.3f64.sqrt()).abs() < 1e-9));
+    }
+
+    /// A jump through zero, which has no root, is met within a few units in the last place of the time.
+    #[test]
+    fn a_jump_is_located() {
+        let jump = |t: f64| at(if t < 0.6 { 1.0 } else { -1.0 }, 0.0, 1.0);
+        let found = judge(1.0, 0.1, jump).0;
+        assert!(matches!(found, Look::Crossed { t, .. } if (t - 0.6).abs() < 1e-9), "{found:?}");
+    }
+}

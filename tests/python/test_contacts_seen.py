@@ -1,0 +1,154 @@
+"""Contacts and stops between evaluations: none is stepped over, whatever the tolerance and the outputs.
+
+The reference takes steps of a twentieth of the time of a contact, so that no step could miss one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import pi, sqrt
+
+import numpy as np
+import pytest
+
+import partita as pt
+
+
+@dataclass
+class Case:
+    """A drawing, its start, how long it moves, and a time that no contact undercuts."""
+
+    mechanism: pt.Mechanism
+    start: pt.State
+    time: float
+    contact: float
+
+
+def duration(mass: float, stiffness: float, speed: float) -> float:
+    """Of an elastic contact with the exponent 3/2."""
+    return float(3.2 * (mass / stiffness) ** 0.4 / speed**0.2)
+
+
+def ball(m: pt.Mechanism, name: str, mass: float, radius: float, position: tuple[float, float, float]) -> pt.Body:
+    """A free solid ball."""
+    body = m.add_body(name, mass=mass, inertia=[0.4 * mass * radius**2] * 3, position=position)
+    m.add_free(f"free {name}", m.ground, body)
+    return body
+
+
+def balls(rng: np.random.Generator, beside: float | None = None) -> Case:
+    """One ball flies onto another."""
+    m = pt.Mechanism("balls", gravity=(0, 0, 0))
+    (r1, r2), (m1, m2) = rng.uniform(0.02, 0.08, 2), rng.uniform(0.05, 1.0, 2)
+    distance, speed, stiffness = rng.uniform(0.3, 2.0), rng.uniform(0.5, 20.0), 10 ** rng.uniform(5, 8)
+    offset = rng.uniform(-1.2, 1.2) * (r1 + r2) if beside is None else beside * (r1 + r2)
+    a, b = ball(m, "a", m1, r1, (-distance, offset, 0.0)), ball(m, "b", m2, r2, (0.0, 0.0, 0.0))
+    m.add_contact("c", a, (0, 0, 0), b, (0, 0, 0), radius1=r1, radius2=r2, stiffness=stiffness)
+    start = m.assemble(rates={"free a": [speed, 0, 0, 0, 0, 0]})
+    return Case(m, start, 2 * distance / speed, duration(m1 * m2 / (m1 + m2), stiffness, speed))
+
+
+def pin(rng: np.random.Generator) -> Case:
+    """A pendulum swings onto a pin."""
+    m = pt.Mechanism("pin", gravity=(0, -9.81, 0))
+    length, angle, at = rng.uniform(0.3, 1.5), rng.uniform(0.3, 2.5), rng.uniform(-1.0, 0.2)
+    ball_radius, pin_radius = rng.uniform(0.01, 0.05), rng.uniform(0.005, 0.03)
+    rod = m.add_rod("rod", start=(0, 0, 0), end=(length * np.sin(angle), -length * np.cos(angle), 0), mass=1.0)
+    m.add_revolute("A", m.ground, rod, point=(0, 0, 0), axis=(0, 0, 1))
+    far = length + rng.uniform(-0.9, 0.9) * (ball_radius + pin_radius)
+    stiffness = 10 ** rng.uniform(4.5, 7.5)
+    m.add_contact(
+        "c",
+        rod,
+        (length, 0, 0),
+        m.ground,
+        (far * np.sin(at), -far * np.cos(at), 0),
+        radius1=ball_radius,
+        radius2=pin_radius,
+        stiffness=stiffness,
+    )
+    return Case(m, m.assemble(), rng.uniform(1.0, 3.0), duration(0.3, stiffness, sqrt(2 * 9.81 * length)))
+
+
+def glancing(rng: np.random.Generator) -> Case:
+    """Three balls, the first of which may touch both others."""
+    m = pt.Mechanism("three", gravity=(0, 0, 0))
+    stiffness, speed, radii = 10 ** rng.uniform(5, 7.5), rng.uniform(1, 15), rng.uniform(0.03, 0.08, 3)
+    places = [(-1.0, rng.uniform(-0.08, 0.08), 0.0), (0.0, 0.0, 0.0), (rng.uniform(0.3, 0.8), rng.uniform(-0.15, 0.15), 0.0)]
+    bodies = [ball(m, str(i), rng.uniform(0.05, 0.5), radii[i], places[i]) for i in range(3)]
+    for i, j in ((1, 0), (2, 0), (2, 1)):
+        of = {"radius1": radii[i], "radius2": radii[j], "stiffness": stiffness}
+        m.add_contact(f"{i} {j}", bodies[i], (0, 0, 0), bodies[j], (0, 0, 0), **of)
+    start = m.assemble(rates={"free 0": [speed, 0, 0, 0, 0, 0]})
+    return Case(m, start, 4 / speed, duration(0.1, stiffness, speed))
+
+
+@pytest.mark.parametrize("draw", [balls, pin, glancing], ids=lambda f: f.__name__)
+def test_no_contact_is_stepped_over(draw: Callable[[np.random.Generator], Case]) -> None:
+    for seed in range(6):
+        case = draw(np.random.default_rng(seed))
+        m, start, end = case.mechanism, case.start, case.time
+        tight = {"rtol": 1e-11, "atol": 1e-13, "max_step": case.contact / 20}
+        reference = m.simulate(end, t_eval=[end], initial=start, **tight)
+        for rtol in (1e-4, 1e-7):
+            for outputs in (2, 21, 201):
+                run = m.simulate(end, t_eval=np.linspace(0, end, outputs), initial=start, rtol=rtol, atol=rtol / 100)
+                assert run.success and run.certificate.verdict != "invalid", (seed, rtol, outputs, run.message)
+                error = np.abs(run.v[-1] - reference.v[-1]).max() / np.abs(reference.v).max()
+                assert error < 300 * rtol, (seed, rtol, outputs, error)  # what glancing contacts make of a tolerance
+
+
+def test_balls_that_meet_head_on_exchange_their_momentum() -> None:
+    for seed in range(3):
+        case = balls(np.random.default_rng(seed), beside=0.0)
+        run = case.mechanism.simulate(case.time, t_eval=[0.0, case.time], initial=case.start, rtol=1e-9, atol=1e-12)
+        m1, m2 = (case.mechanism.bodies[name].mass for name in ("a", "b"))
+        before = run.v[0, 0]
+        after = np.array([(m1 - m2) * before, 2 * m1 * before]) / (m1 + m2)
+        assert np.allclose(run.v[-1][[0, 6]], after, rtol=1e-7)
+
+
+def bouncing_disc(**stop: float) -> pt.Mechanism:
+    """A disc that turns freely between two stiff ends."""
+    m = pt.Mechanism("disc", gravity=(0, 0, 0))
+    disc = m.add_body("disc", mass=1.0, inertia=(1e-2, 1e-2, 2e-2))
+    m.add_revolute("A", m.ground, disc, point=(0, 0, 0), axis=(0, 0, 1))
+    m.add_stop("A", name="ends", **stop)
+    return m
+
+
+def test_a_stop_is_met_where_it_is() -> None:
+    """Free between the ends, half a swing of the stiffness 4e4 N m/rad on 2e-2 kg m^2 in each (7 ms)."""
+    m = bouncing_disc(lower=-1.0, upper=1.0, stiffness=4e4, exponent=1.0)
+    start = m.assemble(rates={"A": 10.0})
+    half = pi * sqrt(2e-2 / 4e4)
+    period = 2 * (0.2 + half)
+    for outputs in (2, 21, 201):
+        t = np.linspace(0.0, 7 * period, outputs)
+        run = m.simulate(t[-1], t_eval=t, initial=start, rtol=1e-6, atol=1e-8)
+        assert run.success
+        assert abs(run.joint("A").position[-1, 0]) < 1e-4
+        assert abs(run.joint("A").velocity[-1, 0] - 10.0) < 1e-3
+
+
+def test_a_step_of_fixed_length_that_hides_a_contact_is_told() -> None:
+    case = balls(np.random.default_rng(1), beside=0.0)
+    run = case.mechanism.simulate(case.time, t_eval=[case.time], initial=case.start, method="rk4", step=case.time / 3)
+    assert not run.success
+    assert 'contact "c"' in run.message and "within one step" in run.message
+    sim = case.mechanism.stepper(case.time / 1.5, initial=case.start)
+    with pytest.raises(pt.errors.PartitaError, match='contact "c"'):
+        for _ in range(2):
+            sim.step()
+
+
+def test_a_contact_too_soft_for_its_bodies_is_noted() -> None:
+    m = pt.Mechanism("soft", gravity=(0, 0, 0))
+    a, b = ball(m, "a", 1.0, 0.05, (-0.5, 0.0, 0.0)), ball(m, "b", 1.0, 0.05, (0.0, 0.0, 0.0))
+    m.add_contact("c", a, (0, 0, 0), b, (0, 0, 0), radius1=0.05, radius2=0.05, stiffness=1e3)
+    held = 1e3 * 0.1**2.5 / 2.5  # all it can store; at 1 m/s the relative motion has 0.25 J
+    fast = m.simulate(1.0, initial=m.assemble(rates={"free a": [3.0, 0, 0, 0, 0, 0]}))
+    assert fast.success and any("too soft" in note and f"{held:.5f}"[:6] in note for note in fast.notes)
+    slow = m.simulate(1.0, initial=m.assemble(rates={"free a": [1.0, 0, 0, 0, 0, 0]}))
+    assert slow.success and not any("too soft" in note for note in slow.notes)
