@@ -28,7 +28,7 @@ const MOST_PLACES: usize = 120;
 const INSIDE: f64 = 0.381_966;
 /// A guard whose rate explains no more of its way than this was at rest. Scale: fraction of the way. Reason: six digits of a
 /// rate are told from none.
-const AT_REST: f64 = 1e-6;
+const GUARD_AT_REST: f64 = 1e-6;
 /// A crossing is not looked for nearer to an end of its interval. Scale: fraction of the interval. Reason: the interval gets
 /// shorter by that at the least.
 const NEAR_AN_END: f64 = 1e-9;
@@ -339,7 +339,7 @@ impl GuardMonitor {
         let (h, (one, two), ahead) = (to.t - from.t, (from.readings[g], to.readings[g]), self.sides(g, to, meets).0);
         // at rest on a guard it is on the side to which it goes
         let small = meets * self.guards[g].size;
-        let rests = one.x.abs() <= small && (h * one.rate).abs() <= small + AT_REST * two.x.abs();
+        let rests = one.x.abs() <= small && (h * one.rate).abs() <= small + GUARD_AT_REST * two.x.abs();
         let after = if rests { ahead } else { after };
         let crosses = after != ahead;
         if h <= CLOSEST * from.t.abs().max(to.t.abs()) {

@@ -23,7 +23,7 @@ const FELT: f64 = 0.1;
 /// So often is a shorter first step tried.
 const MOST_TRIED: u32 = 30;
 /// And shortened at a time. Scale: ratio of lengths. Reason: what acts grows with a power of the length that is not known.
-const SHORTER: f64 = 0.1;
+const FELT_SHORTER: f64 = 0.1;
 
 /// Redundant rows that are kept are given up when they approach dependence by this factor. Scale: ratio to the distance
 /// of other rows. Reason: a factor of three outweighs the change of rows.
@@ -329,7 +329,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             if change <= FELT * speed {
                 break;
             }
-            h *= (0.5 * FELT * speed / change).sqrt().max(SHORTER);
+            h *= (0.5 * FELT * speed / change).sqrt().max(FELT_SHORTER);
         }
         Ok(h)
     }

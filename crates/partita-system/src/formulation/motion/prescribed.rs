@@ -189,7 +189,9 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> P
             let allowed = relative * x.trial_size[place] + (absolute + rounding) * r.row_size(x.row);
             x.missed[place].abs() / allowed
         };
-        let worst = self.prescribed.rows.iter().max_by(|x, y| part(x).total_cmp(&part(y)))?;
+        // rows left out as redundant are judged by how far they stand open
+        let kept = self.prescribed.rows.iter().filter(|x| r.partition.rows.contains(&x.row));
+        let worst = kept.max_by(|x, y| part(x).total_cmp(&part(y)))?;
         (part(worst) > 1.0).then(|| PrescribedGap {
             row: worst.row,
             level,
