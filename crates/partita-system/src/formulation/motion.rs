@@ -475,7 +475,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         self.tangent.select(v, &mut y[p..w]);
         let beside = self.place_of_prescribed();
         self.prescribed.start(&q, v, &mut y[beside..]);
-        Ok(())
+        self.prescribed.open_at_start(&self.system, t, &y[beside..], (&q, v))
     }
     fn derivative(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<()> {
         self.moved = true;

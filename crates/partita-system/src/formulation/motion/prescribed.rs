@@ -129,6 +129,18 @@ impl<S: ConstrainedSystem> Prescribed<S> {
         sizes
     }
 
+    /// What stands open where the motion starts: rates that were not made consistent are no jump.
+    pub(super) fn open_at_start(&mut self, system: &S, t: f64, integrated: &[f64], at: (&[f64], &[f64])) -> Result<()> {
+        if self.is_empty() {
+            return Ok(());
+        }
+        self.evaluate(system, t, integrated, at)?;
+        for k in 0..self.rows.len() {
+            self.rows[k].open = self.open(system, self.rows[k].row);
+        }
+        Ok(())
+    }
+
     /// Hold the raw end (t, y) of a step against the quadratures.
     pub(super) fn look(&mut self, r: &Reduction<S>, t: f64, integrated: &[f64], q: &[f64]) -> Result<()> {
         self.evaluate(&*r.system, t, integrated, (q, &r.v))?;
