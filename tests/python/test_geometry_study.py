@@ -32,6 +32,12 @@ def test_the_core_moves_it_as_it_does_or_refuses_by_name(family: str, seed: int)
         assert found.verdict in ("right", "refused"), (case.name, coordinates, found.words)
 
 
+@pytest.mark.parametrize("seed", [170, 258, 291])
+def test_exact_platforms_on_five_bars_move(seed: int) -> None:
+    """Independent conditions with small singular values: as drawn, and not refused."""
+    assert {found.verdict for found in judge(loops.case(seed)).values()} == {"right"}
+
+
 @pytest.mark.parametrize("name", [name for name in redundant.MAKERS if name not in ("delta", "train")])
 def test_the_program_counts_what_theory_says(name: str) -> None:
     """Exact drawings close to the last digit and have as many null directions, along their motion too."""

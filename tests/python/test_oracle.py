@@ -29,6 +29,14 @@ def test_three_hundred_mechanisms_agree(seen: dict[int, Verdict]) -> None:
     assert not wrong, "\n\n".join(report(seed, seen[seed]) for seed in wrong[:2])
 
 
+@pytest.mark.parametrize("seed", [3587, 4740])
+def test_exact_hinges_on_two_sets_of_parallel_axes_stay_as_drawn(seed: int) -> None:
+    """Axes that are nearly alike by chance are no reason to change a drawing that moves as it stands."""
+    drawing = chance.mechanism(seed)
+    verdict = compare(drawing)
+    assert not verdict.wrong, report(seed, verdict)
+
+
 def test_the_mechanisms_are_as_intended(seen: dict[int, Verdict]) -> None:
     """Nothing that agrees does so because it was passed over."""
     counts = sum((verdict.counts for verdict in seen.values()), Counter[str]())

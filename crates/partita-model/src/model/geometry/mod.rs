@@ -436,6 +436,8 @@ struct Seen {
     coarse: usize,
     /// Degrees of freedom where all conditions are independent: then the drawing moves as it stands.
     regular: Option<usize>,
+    /// Those of the whole, if nothing holds it.
+    afloat: usize,
 }
 
 impl Drawing {
@@ -462,7 +464,7 @@ impl Drawing {
 
     /// What finite motions decide; None where they do not.
     fn decided(&self, own: usize, wanted: Wanted) -> Option<Decided> {
-        let (fit, seen) = self.levels(wanted).ok().flatten()?;
+        let (fit, seen) = self.levels(own, wanted).ok().flatten()?;
         let drawn = &self.model.spec.joints;
         match fit {
             Some(Fit { ambiguous: Some(row), .. }) => Some(Decided::ambiguous(&self.model, row)),
@@ -512,7 +514,7 @@ impl Drawing {
     }
 
     /// What fits at the levels, coarsest first, and the null directions of the drawing. `None` where it does not close.
-    fn levels(&self, (tolerance, pose): Wanted) -> Result<Option<(Option<Fit>, Seen)>, SystemError> {
+    fn levels(&self, own: usize, (tolerance, pose): Wanted) -> Result<Option<(Option<Fit>, Seen)>, SystemError> {
         let near = Cut::Level(coarsest(tolerance));
         let mut home = self.model.initial();
         let closed = Kernel::new(&self.model, 0.0).close(&mut home, near)?;
@@ -528,18 +530,23 @@ impl Drawing {
                 let closed = Kernel::new(&there.model, 0.0).close(&mut q, near)?;
                 let fits = there.model.turned_over(&q).is_empty();
                 if fits && closed.is_some_and(|x| open.is_none_or(|open| x.open < open)) {
-                    return there.levels_at(q, tolerance);
+                    return there.levels_at(q, own, tolerance);
                 }
             }
         }
         if open.is_none_or(|open| open > NEARLY_DRAWN) {
             return Ok(None);
         }
-        self.levels_at(home, tolerance)
+        self.levels_at(home, own, tolerance)
     }
 
     /// The same at a position that is closed as far as it will.
-    fn levels_at(&self, home: Vec<f64>, tolerance: f64) -> Result<Option<(Option<Fit>, Seen)>, SystemError> {
+    fn levels_at(
+        &self,
+        home: Vec<f64>,
+        afloat: usize,
+        tolerance: f64,
+    ) -> Result<Option<(Option<Fit>, Seen)>, SystemError> {
         let coarsest = coarsest(tolerance);
         let mut kernel = Kernel::new(&self.model, 0.0);
         let n = self.model.size().nv;
@@ -547,7 +554,7 @@ impl Drawing {
         let null = |level: f64| n - Cut::Level(level).count(&values);
         let counted = n.saturating_sub(kernel.rows.len());
         let fine = null(FINEST_LEVEL);
-        let seen = Seen { fine, coarse: null(coarsest), regular: (fine == counted).then_some(counted) };
+        let seen = Seen { fine, coarse: null(coarsest), regular: (fine == counted).then_some(counted), afloat };
         if seen.coarse == 0 || seen.coarse == counted {
             let fit = Fit {
                 dof: seen.coarse,
@@ -596,7 +603,7 @@ impl Drawing {
             return Ok(None);
         }
         let Some(branch) = kernel.branch(&there, cut)? else { return Ok(None) };
-        let weak = self.is_weak(&mut kernel, &branch)?;
+        let (weak, exact) = self.conditions_along(&mut kernel, &branch)?;
         let fit = |change: Option<Vec<f64>>, joints: &[Joint]| Fit {
             weak,
             dof: branch.dof,
@@ -610,7 +617,9 @@ impl Drawing {
         let open = branch.points.iter().fold(0.0, |m: f64, x| m.max(x.open));
         let unlike = self.alike_too(&vec![0.0; OWN * self.model.spec.joints.len()], &there, tolerance);
         // what the drawing does as it stands needs no change, however much its axes look alike
-        let moves_as_drawn = seen.regular.is_some_and(|k| branch.dof <= k);
+        // an exact drawing opens by rounding; one that is off by less than is seen in its null directions, by more
+        let exact = exact && open <= tolerance::SUM_ROUNDING;
+        let moves_as_drawn = exact || seen.regular.is_some_and(|k| branch.dof <= k);
         if open < tolerance::FITS && (unlike.is_none() || moves_as_drawn) {
             return Ok(Some(fit(None, &self.model.spec.joints)));
         }
@@ -621,7 +630,9 @@ impl Drawing {
                 return Ok(Some(found()));
             }
             // what a whole run leaves open is decided there, and what opens by more than the tolerance is as drawn
-            let doubtful = open > tolerance::CLOSED_IN_RUN && open <= LARGEST_CHANGE * tolerance;
+            let within = open > tolerance::CLOSED_IN_RUN && open <= LARGEST_CHANGE * tolerance;
+            // independent conditions that leave a motion are taken as they are, however weak
+            let doubtful = within && seen.regular.is_none_or(|k| k <= seen.afloat);
             let far = branch.points.iter().filter(|x| x.steps >= CHECKED).max_by(|a, b| a.open.total_cmp(&b.open));
             let Some(place) = far.filter(|_| doubtful && branch.dof == branch.kernel) else { return Ok(None) };
             let ambiguous = Some(self.most_open(&mut kernel, &place.q)?);
@@ -662,16 +673,23 @@ impl Drawing {
         Ok(most.map_or(0, |k| kernel.rows[k]))
     }
 
-    /// Are values small at most of some generic positions, beside those that are null?
-    fn is_weak(&self, kernel: &mut Kernel<Model>, branch: &partita_system::rank::Branch) -> Result<bool, SystemError> {
+    /// Are values small at most of some generic positions, beside those that are null? And are these null to rounding at
+    /// all of them, as in a drawing that is exact?
+    fn conditions_along(
+        &self,
+        kernel: &mut Kernel<Model>,
+        branch: &partita_system::rank::Branch,
+    ) -> Result<(bool, bool), SystemError> {
         let n = self.model.size().nv;
-        let (mut weak, mut asked) = (0, 0);
+        let (mut weak, mut exact, mut asked) = (0, 0, 0);
         for place in branch.points.iter().step_by((branch.points.len() / ASKED).max(1)).take(ASKED) {
-            let small = n - Cut::Level(WEAK_CONDITION).count(&kernel.values(&place.q)?);
-            weak += usize::from(small > branch.kernel);
+            let values = kernel.values(&place.q)?;
+            let small = |level: f64| n - Cut::Level(level).count(&values);
+            weak += usize::from(small(WEAK_CONDITION) > branch.kernel);
+            exact += usize::from(small(FINEST_LEVEL) >= branch.kernel);
             asked += 1;
         }
-        Ok(2 * weak > asked)
+        Ok((2 * weak > asked, exact == asked))
     }
 
     /// Does this drawing, with its closings taken at their word, go along all its motions with the kernel of the
