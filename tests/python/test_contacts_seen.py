@@ -113,6 +113,21 @@ def test_balls_that_meet_head_on_exchange_their_momentum() -> None:
         assert np.allclose(run.v[-1][[0, 6]], after, rtol=1e-7)
 
 
+def test_a_driven_body_strikes_one_at_rest() -> None:
+    """All that is independent stands still at the touch; off what is driven at v a block leaves with 2 v."""
+    m = pt.Mechanism("ram", gravity=(0, 0, 0))
+    ram = m.add_body("ram", mass=1.0, inertia=(1e-3, 1e-3, 1e-3), position=(-1.0, 0, 0))
+    block = m.add_body("block", mass=1.0, inertia=(1e-3, 1e-3, 1e-3))
+    for name, body in (("R", ram), ("B", block)):
+        m.add_prismatic(name, m.ground, body, point=(0, 0, 0), axis=(1, 0, 0))
+    m.add_drive("R", velocity=3.0)
+    m.add_contact("c", ram, (0, 0, 0), block, (0, 0, 0), radius1=0.05, radius2=0.05, stiffness=1e8)
+    for outputs in (2, 101):
+        run = m.simulate(0.6, t_eval=np.linspace(0, 0.6, outputs), initial=m.assemble(rates={"R": 3.0}))
+        assert run.success, run.message
+        assert run.joint("B").velocity[-1, 0] == pytest.approx(6.0, rel=1e-6)
+
+
 def bouncing_disc(**stop: float) -> pt.Mechanism:
     """A disc that turns freely between two stiff ends."""
     m = pt.Mechanism("disc", gravity=(0, 0, 0))

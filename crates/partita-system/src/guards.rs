@@ -310,11 +310,6 @@ impl GuardMonitor {
         Look::Clear
     }
 
-    /// What the name of a guard is.
-    pub fn name(&self, guard: usize) -> &str {
-        &self.guards[guard].name
-    }
-
     /// On which side it is before and after an instant, positive or not.
     fn sides(&self, g: usize, at: &Place, meets: f64) -> (bool, bool) {
         let GuardReading { x, rate, .. } = at.readings[g];

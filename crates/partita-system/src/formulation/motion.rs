@@ -65,6 +65,8 @@ pub struct Motion<'s, S: ConstrainedSystem + 's, T, P> {
     guards: GuardMonitor,
     /// Is what is evaluated the dense output at which guards are looked at?
     looking: bool,
+    /// Memory for a state ahead and its rates.
+    ahead: (Vec<f64>, Vec<f64>),
     /// What is open at the ends of steps.
     watch: Watch,
     /// What else steps and outputs are held against.
@@ -189,6 +191,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             prescribed: Prescribed::new(&*system),
             guards: GuardMonitor::new(system.guards()),
             looking: false,
+            ahead: (Vec::new(), Vec::new()),
             watch: Watch::default(),
             checks: Checks::default(),
             v: vec![0.0; n],

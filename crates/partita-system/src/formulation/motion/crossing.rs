@@ -313,25 +313,32 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     /// velocities by a part of them. Stages of a longer one would lie beyond all that acts there, and agree.
     fn first_inside(&mut self, step: &Step, longest: f64) -> Result<f64> {
         let (p, w) = self.places();
-        let size = |j: usize, motion: &Self| motion.tangent.natural_size(j);
         let norm = |motion: &Self, x: &dyn Fn(usize) -> f64| {
-            (0..w - p).map(|j| (x(j) / size(j, motion)).powi(2)).sum::<f64>().sqrt()
+            (0..w - p).map(|j| (x(j) / motion.tangent.natural_size(j)).powi(2)).sum::<f64>().sqrt()
         };
-        let speed = norm(self, &|j| step.y[p + j]);
-        let (mut y, mut dy, mut h) = (step.y.to_vec(), step.dy.to_vec(), longest);
+        // what is driven moves as well, where the independent velocities may stand still
+        let speed = norm(self, &|j| step.y[p + j]).max(self.monitor.fastest);
+        let ((mut y, mut dy), mut h) = (std::mem::take(&mut self.ahead), longest);
+        y.resize(step.y.len(), 0.0);
+        dy.resize(step.dy.len(), 0.0);
+        let mut found = Ok(());
         for _ in 0..MOST_TRIED {
             y.iter_mut().zip(step.y.iter().zip(&*step.dy)).for_each(|(y, (from, rate))| *y = from + h * rate);
             let change = match self.derivative(step.t + h, &y, &mut dy) {
                 Ok(()) => h * norm(self, &|j| dy[p + j] - step.dy[p + j]),
                 Err(e) if e.is_local() => f64::INFINITY,
-                Err(e) => return Err(e),
+                Err(e) => {
+                    found = Err(e);
+                    break;
+                }
             };
             if change <= FELT * speed {
                 break;
             }
             h *= (0.5 * FELT * speed / change).sqrt().max(FELT_SHORTER);
         }
-        Ok(h)
+        self.ahead = (y, dy);
+        found.map(|()| h)
     }
 
     /// How the march goes on from (t, y).
