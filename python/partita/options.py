@@ -6,6 +6,7 @@ import difflib
 import json
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import cached_property, lru_cache
 from typing import Any, Protocol
 
 import numpy as np
@@ -49,6 +50,16 @@ class Core(Protocol):
         """Outputs, logs and counters of a run."""
 
 
+class Options(dict[str, Any]):
+    """Checked options of a run as plain data, and the text of them that the core reads. Equal runs share one, so it is
+    never changed."""
+
+    @cached_property
+    def text(self) -> str:
+        """As JSON."""
+        return json.dumps(self)
+
+
 def options(
     t0: float,
     duration: float,
@@ -70,38 +81,78 @@ def options(
     window: float | None = None,
     baumgarte: tuple[float, float] | None = None,
     renew: float | str = 0.5,
-) -> dict[str, Any]:
-    """Checked options of a run from t0, as the core reads them. Raises `ArgumentError`."""
+) -> Options:
+    """Checked options of a run from t0. Those of numbers and words alone are checked once for all runs that ask the
+    same. Raises `ArgumentError`."""
     if not isinstance(events, Sequence) or len(events) > 0:
         raise ArgumentError(
             "this version does not offer events; simulate without them and look for the instant in the outputs",
             argument="events",
         )
+    asked = (
+        t0, duration, rtol, atol, method, formulation, correction, switch_threshold, step, max_step, max_steps,
+        selection, window, renew,
+    )  # fmt: skip
+    if independent is None and weights is None and baumgarte is None and _WORDS.issuperset(map(type, asked)):
+        return _checked_once(tuple(map(type, asked)), asked)
+    named = None if independent is None else velocities("independent", independent, velocity_names)
+    preferred = None if weights is None else _weights(weights, velocity_names)
+    return _checked(*asked, named, preferred, None if baumgarte is None else _baumgarte(baumgarte))
+
+
+_WORDS = frozenset({float, int, bool, str, type(None)})
+
+
+@lru_cache(maxsize=64)
+def _checked_once(types: tuple[type, ...], asked: tuple[Any, ...]) -> Options:
+    """`types` tell what is equal and not the same, such as True and 1."""
+    return _checked(*asked)
+
+
+def _checked(
+    t0: float,
+    duration: float,
+    rtol: float,
+    atol: float,
+    method: str,
+    formulation: str,
+    correction: str,
+    switch_threshold: float,
+    step: float | None,
+    max_step: float | None,
+    max_steps: int,
+    selection: str,
+    window: float | None,
+    renew: float | str,
+    independent: list[str] | None = None,
+    weights: list[list[Any]] | None = None,
+    baumgarte: list[float] | None = None,
+) -> Options:
     span = positive("duration", duration, "s")
     if step is not None and max_step is not None:
         raise ArgumentError(
             f"step = {step} fixes every step and leaves nothing to max_step = {max_step}; give one",
             argument="step",
         )
-    return {
-        "t0": t0,
-        "t_end": t0 + span,
-        "rtol": positive("rtol", rtol),
-        "atol": positive("atol", atol),
-        "method": one_of("method", method, METHODS),
-        "formulation": one_of("formulation", formulation, FORMULATIONS),
-        "step": None if step is None else positive("step", step, "s"),
-        "max_step": None if max_step is None else positive("max_step", max_step, "s"),
-        "correction": one_of("correction", correction, CORRECTIONS),
-        "switch_threshold": _switch_threshold(switch_threshold),
-        "max_steps": count(max_steps),
-        "independent": None if independent is None else velocities("independent", independent, velocity_names),
-        "selection": one_of("selection", selection, SELECTIONS),
-        "weights": None if weights is None else _weights(weights, velocity_names),
-        "window": None if window is None else positive("window", window, "s"),
-        "baumgarte": None if baumgarte is None else _baumgarte(baumgarte),
-        "renew": _renew(renew),
-    }
+    return Options(
+        t0=float(t0),
+        t_end=t0 + span,
+        rtol=positive("rtol", rtol),
+        atol=positive("atol", atol),
+        method=one_of("method", method, METHODS),
+        formulation=one_of("formulation", formulation, FORMULATIONS),
+        step=None if step is None else positive("step", step, "s"),
+        max_step=None if max_step is None else positive("max_step", max_step, "s"),
+        correction=one_of("correction", correction, CORRECTIONS),
+        switch_threshold=_switch_threshold(switch_threshold),
+        max_steps=count(max_steps),
+        independent=independent,
+        selection=one_of("selection", selection, SELECTIONS),
+        weights=weights,
+        window=None if window is None else positive("window", window, "s"),
+        baumgarte=baumgarte,
+        renew=_renew(renew),
+    )
 
 
 def output_times(t_eval: ArrayLike | None, t0: float, t_end: float) -> Array:
@@ -142,7 +193,7 @@ def output_times(t_eval: ArrayLike | None, t0: float, t_end: float) -> Array:
 
 def run(
     core: Core,
-    chosen: dict[str, Any],
+    chosen: Options,
     t_eval: Array,
     q: Array,
     v: Array,
@@ -151,8 +202,11 @@ def run(
 ) -> dict[str, Any]:
     """March in the core; what it returns."""
     own = None if tangent is None else tangent_of(tangent, v.size)
+    q, v = np.ascontiguousarray(q), np.ascontiguousarray(v)
+    if progress is False:
+        return core.simulate(chosen.text, t_eval, q, v, None, own)
     with reporting(progress, chosen["t_end"] - chosen["t0"], "s") as report:
-        return core.simulate(json.dumps(chosen), t_eval, np.ascontiguousarray(q), np.ascontiguousarray(v), report, own)
+        return core.simulate(chosen.text, t_eval, q, v, report, own)
 
 
 def si(what: str, value: Any, unit: SI) -> Any:
@@ -217,17 +271,17 @@ def _renew(value: Any) -> float | str:
     return number
 
 
-def _weights(weights: Mapping[Any, float], velocity_names: list[str]) -> list[tuple[str, float]]:
+def _weights(weights: Mapping[Any, float], velocity_names: list[str]) -> list[list[Any]]:
     """Preferences by name, above zero."""
     if not isinstance(weights, Mapping):
         raise ArgumentError(f"weights must be a dict such as {{'A': 10.0}}, not {shown(weights)}", argument="weights")
     names = velocities("weights", weights, velocity_names)
     return [
-        (name, positive(f"weights[{name!r}]", weight)) for name, weight in zip(names, weights.values(), strict=True)
+        [name, positive(f"weights[{name!r}]", weight)] for name, weight in zip(names, weights.values(), strict=True)
     ]
 
 
-def _baumgarte(value: Any) -> tuple[float, float]:
+def _baumgarte(value: Any) -> list[float]:
     """alpha and beta [1/s]."""
     given = si("baumgarte", value, "1/s")
     try:
@@ -240,7 +294,7 @@ def _baumgarte(value: Any) -> tuple[float, float]:
         raise ArgumentError(
             f"baumgarte is ({alpha:g}, {beta:g}); both must be finite and not negative", argument="baumgarte"
         )
-    return alpha, beta
+    return [alpha, beta]
 
 
 def tangent_of(value: Any, n: int) -> TangentVelocities:

@@ -42,7 +42,7 @@ def test_renew_takes_a_part_or_the_words() -> None:
         with pytest.raises(pt.errors.ArgumentError, match=r"renew is .*0 to 1, or 'each step'"):
             m.simulate(0.1, initial=start, formulation="qr", renew=wrong)
     # the core, asked without the front
-    chosen = {**options.options(0.0, 0.1, m.compile().velocity_names), "renew": "now and then"}
+    chosen = options.Options(options.options(0.0, 0.1, m.compile().velocity_names), renew="now and then")
     with pytest.raises(pt.errors.ArgumentError, match=r"renew is \"now and then\""):
         options.run(m.compile().core, chosen, np.array([0.1]), start.q, start.v, None)
 

@@ -9,6 +9,7 @@ import pytest
 
 import partita as pt
 from partita.results import Result
+from partita.results.source import ModelSource
 
 ASKED_ONE_BY_ONE = ("bodies", "joints", "joint_accelerations", "reaction")
 
@@ -31,8 +32,8 @@ def watched(m: pt.Mechanism, run: Result) -> tuple[Result, Counting]:
     """The same result, over a model that notes what it is asked for."""
     model = m.compile()
     counting = Counting(model.core)
-    raw = {**run.record.arrays, "counters": run.counters, "partitions": run.record.partitions}
-    return Result.from_run(raw, model=counting, summary=model.summary, spec=model.description), counting
+    counts = len(model.summary["bodies"]), len(model.summary["joints"]), int(model.summary["closing_rows"])
+    return Result(run.record, ModelSource(counting, run.record.arrays, *counts)), counting
 
 
 def loaded(name: str) -> tuple[pt.Mechanism, dict[str, int]]:

@@ -263,8 +263,10 @@ fn dictionary<'py, S: ConstrainedSystem>(py: Python<'py>, system: &S, run: &Run)
         p.set_item(intern!(py, "entering"), if first { Vec::new() } else { e.entering.clone() })?;
         p.set_item(intern!(py, "leaving"), &e.leaving)?;
         p.set_item(intern!(py, "reason"), &e.reason)?;
-        p.set_item(intern!(py, "sigma"), e.quality.sigma)?;
-        p.set_item(intern!(py, "sqrt_mu"), e.quality.sqrt_mu)?;
+        // as plain data, which knows no infinite numbers
+        let finite = |x: f64| x.is_finite().then_some(x);
+        p.set_item(intern!(py, "sigma"), finite(e.quality.sigma))?;
+        p.set_item(intern!(py, "sqrt_mu"), finite(e.quality.sqrt_mu))?;
         partitions.append(p)?;
     }
     d.set_item(intern!(py, "partitions"), partitions)?;

@@ -433,7 +433,7 @@ def simulate(
     times = run_options.output_times(t_eval, start.t, chosen["t_end"])
     raw = run_options.run(model.core, chosen, times, start.q, start.v, progress, tangent)
     raw["notes"] = [*(note for note in model.notes if note not in raw["notes"]), *raw["notes"]]
-    chosen["coordinates"] = coordinates
+    options = {**chosen, "coordinates": coordinates}
     return Result.from_run(
-        raw, model=model.core, summary=model.summary, spec=model.description, options=chosen, sensors=model.sensors
+        raw, model=model.core, summary=model.summary, spec=model.description, options=options, sensors=model.sensors
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
@@ -58,7 +57,7 @@ class Stepper:
         layout: Layout,
         start: State,
         inputs: Mapping[str, Input],
-        options: dict[str, Any],
+        options: run_options.Options,
         dt: float,
         substeps: int,
         record: bool,
@@ -68,7 +67,7 @@ class Stepper:
         self._inputs, self._courses = tuple(inputs), Courses(inputs, model)
         self._numbers, self._held = self._courses.first(self._signals(start))
         self._core = model._stepping(
-            json.dumps(options),
+            options.text,
             dt,
             substeps,
             self._courses.places,

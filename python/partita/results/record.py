@@ -65,25 +65,25 @@ class Record:
         options: Mapping[str, Any],
         description: str | None,
     ) -> Record:
-        """From the dictionary that the core returns."""
+        """From the dictionary that the core returns, and options as plain data."""
         return cls(
-            arrays=Tables(raw, raw.get("log")),
-            summary=dict(summary),
-            partitions=[{key: plain(value) for key, value in entry.items()} for entry in raw.get("partitions", ())],
-            notes=[str(note) for note in raw.get("notes", ())],
-            counters={str(key): int(value) for key, value in raw.get("counters", {}).items()},
-            status=str(raw.get("status", "finished")),
-            success=bool(raw.get("success", True)),
-            message=str(raw.get("message", "")),
-            steps_open=_pair(raw.get("steps_open")),
-            gaps=_pair(raw.get("gaps")),
-            exchanged=float(raw.get("exchanged", 0.0)),
-            geometric_error=float(summary.get("repaired") or 0.0),
-            findings=findings_of(raw.get("findings", ())),
-            options=plain(options, lambda number: number),  # as a file gives them back
-            error=raw.get("error"),
-            description=description,
-            version=core_version(),
+            Tables.of_run(raw),
+            dict(summary),
+            raw["partitions"],
+            raw["notes"],
+            raw["counters"],
+            raw["status"],
+            raw["success"],
+            raw["message"],
+            raw["steps_open"],
+            raw["gaps"],
+            raw["exchanged"],
+            float(summary.get("repaired") or 0.0),
+            findings_of(raw["findings"]),
+            dict(options),
+            raw["error"],
+            description,
+            core_version(),
         )
 
     def account(self) -> dict[str, Any]:

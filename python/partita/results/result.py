@@ -78,7 +78,7 @@ class Result(Run):
                 f"outputs, such as {self.t[i]:.12g} s, or simulate with t there in t_eval",
                 argument="t",
             )
-        chosen.update(t0=float(self.t[i]), t_end=t)
+        chosen = run_options.Options(chosen, t0=float(self.t[i]), t_end=t)
         raw = run_options.run(model, chosen, np.array([t]), self.q[i], self.v[i], False)
         if not raw["success"] or not len(raw["q"]):
             raise raw["error"] or ArgumentError(

@@ -56,10 +56,18 @@ class Run:
         self.error = record.error
         """What ended the run early, for instance an `EvaluationError` raised from what a function raised; None for a
         run that ended otherwise, and in a stored result. `raise run.error` shows where."""
-        self.counters: dict[str, int] = deprecated.RenamedKeys(record.counters, deprecated.COUNTERS)
-        self.options: dict[str, Any] = deprecated.RenamedKeys(record.options, deprecated.OPTIONS)
         self.summary = dict(record.summary)
         """What the compiled model says of itself: bodies, joints, sizes, removed rows."""
+
+    @cached_property
+    def counters(self) -> dict[str, int]:
+        """How often what was done: steps, evaluations, switches and what else costs time."""
+        return deprecated.RenamedKeys(self._record.counters, deprecated.COUNTERS)
+
+    @cached_property
+    def options(self) -> dict[str, Any]:
+        """What the run was asked for, defaults included."""
+        return deprecated.RenamedKeys(self._record.options, deprecated.OPTIONS)
 
     def __copy__(self: R) -> R:
         return type(self)(self._record, self._source, self._sensors)

@@ -56,10 +56,6 @@ class RunSignals:
 
     def __init__(self, source: ModelSource, model: Any, run: Mapping[str, Array], summary: Mapping[str, Any]) -> None:
         self._source, self._model, self._run, self._summary = source, model, run, summary
-        self._names = {
-            kind: tuple(item["name"] for item in summary.get(key, ()))
-            for kind, key in (("body", "bodies"), ("joint", "joints"))
-        }
         self._loads: dict[str, Mapping[str, Array]] = {}
         self._accelerations: dict[str, tuple[Array, Array]] = {}
 
@@ -123,6 +119,11 @@ class RunSignals:
         else:
             rows = next(item["rows"] for item in self._summary.get("couplings", ()) if item["name"] == name)
         return np.asarray(self._source.efforts[:, [row - first for row in rows]])
+
+    @cached_property
+    def _names(self) -> dict[str, tuple[str, ...]]:
+        of = (("body", "bodies"), ("joint", "joints"))
+        return {kind: tuple(item["name"] for item in self._summary.get(key, ())) for kind, key in of}
 
     @cached_property
     def _forces(self) -> dict[str, tuple[int, dict[str, Any]]]:

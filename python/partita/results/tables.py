@@ -44,6 +44,14 @@ class Tables(Mapping[str, NDArray[Any]]):
             self._describe(arrays)
             self._assess(arrays)
 
+    @classmethod
+    def of_run(cls, raw: Mapping[str, Any]) -> Tables:
+        """Those of the dictionary that the core returns, whose types and ranks are right."""
+        found = cls.__new__(cls)
+        found._log, found._notes, found._findings = raw["log"], [], []
+        found._arrays = {name: raw[name] for name in ("t", *KEPT_2D, *KEPT_1D)}
+        return found
+
     @property
     def notes(self) -> list[str]:
         """What the description had to tell: outputs in which something is not determined."""
