@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -35,6 +36,20 @@ def test_exact_hinges_on_two_sets_of_parallel_axes_stay_as_drawn(seed: int) -> N
     drawing = chance.mechanism(seed)
     verdict = compare(drawing)
     assert not verdict.wrong, report(seed, verdict)
+
+
+@pytest.mark.parametrize("part", [0.1, 0.3, 1.0, 2.0])
+def test_a_loop_that_closes_nowhere_is_not_repaired_where_a_slide_ran_far_off(part: float) -> None:
+    """A body that slides in a plane, and whose ball joint is drawn up to a quarter of the size beside that plane.
+
+    Assembly without success sends the slide a hundred lengths away; lengths there allow no larger repair.
+    """
+    drawing = chance.mechanism(3301)
+    ball = next(j for j in drawing.joints if j.child_point is not None)
+    shifted = replace(ball, child_point=ball.point + part * (ball.child_point - ball.point))
+    drawing = replace(drawing, drives=(), joints=tuple(shifted if j is ball else j for j in drawing.joints))
+    with pytest.raises(pt.errors.AssemblyError):
+        drawing.build().assemble()
 
 
 def test_the_mechanisms_are_as_intended(seen: dict[int, Verdict]) -> None:

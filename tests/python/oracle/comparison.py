@@ -56,6 +56,10 @@ def compare(drawing: Drawing) -> Verdict:
         if drawing.drives and contradictory(drawing, run):
             verdict.counts["contradiction"] += 1
             verdict.counts["contradiction that succeeds"] += run.success
+            if run.success:
+                verdict.wrong.append(
+                    f"{coordinates}: the joints allow no motion at the rates of the drives, and the run succeeds"
+                )
             continue
         verdict.counts[f"{coordinates} {'run' if run.success else 'stopped'}"] += 1
         look(drawing, mechanism, run, coordinates, verdict, rng)

@@ -152,6 +152,8 @@ struct Fit {
     /// Change of the frames; none where the drawing is exact.
     change: Option<Vec<f64>>,
     most: f64,
+    /// What displacements of the change are parts of.
+    length: f64,
     joints: Vec<Joint>,
     folds: bool,
     /// Do conditions hold it that are weak at generic positions too?
@@ -317,18 +319,19 @@ impl Decided {
         Self { ambiguous: Some(of.row_owner(row)), ..Self::plain(Verdict::Ambiguous, None) }
     }
 
-    /// The same of a drawing that was made `plane` first, by these numbers.
-    fn after(mut self, mut numbers: Vec<f64>, drawn: &Spec, plane: &[Joint]) -> Self {
+    /// The same of a drawing that was made `plane` first, by these numbers in parts of `length`.
+    fn after(mut self, mut numbers: Vec<f64>, length: f64, drawn: &Spec, plane: &[Joint]) -> Self {
         let last: Vec<Joint> = match self.joints.is_empty() {
             true => plane.to_vec(),
             false => self.joints.into_iter().map(|x| x.1).collect(),
         };
-        numbers.iter_mut().zip(&self.numbers).for_each(|(x, more)| *x += more);
+        let in_length = |i: usize| if i % (OWN / 2) < 3 { self.length / length } else { 1.0 };
+        numbers.iter_mut().zip(&self.numbers).enumerate().for_each(|(i, (x, more))| *x += more * in_length(i));
         self.joints = drawn.joints.iter().cloned().zip(last).collect();
         if self.verdict != Verdict::Shaky {
             self.verdict = Verdict::Repaired;
         }
-        Self { numbers, kernel: self.kernel.or(self.dof), ..self }
+        Self { numbers, length, kernel: self.kernel.or(self.dof), ..self }
     }
 
     /// The largest displacement (`first` 0) or turn (3) of a frame.
@@ -424,7 +427,7 @@ fn judged(spec: &Spec, functions: Arc<dyn Functions>, floats: bool, (tolerance, 
         let own = plane.afloat(floats);
         let decided = plane.settled(own, tolerance).or_else(|| plane.decided(own, (tolerance, pose)));
         if let Some(decided) = decided.filter(|x| x.dof.is_some_and(|k| k > 0)) {
-            return Decided { length: plane.length, ..decided.after(numbers, spec, &plane.model.spec.joints) };
+            return decided.after(numbers, plane.length, spec, &plane.model.spec.joints);
         }
     }
     drawing.decided(own, (tolerance, pose)).unwrap_or_else(undecided)
@@ -481,7 +484,7 @@ impl Drawing {
                     dof: Some(fit.dof.saturating_sub(own)),
                     kernel: Some(fit.kernel.saturating_sub(own)),
                     numbers: fit.change.unwrap_or_default(),
-                    length: self.length,
+                    length: fit.length,
                     joints: drawn.iter().cloned().zip(fit.joints).collect(),
                     ambiguous: None,
                     weak: fit.weak,
@@ -522,10 +525,16 @@ impl Drawing {
         let open = closed.filter(|_| self.model.turned_over(&home).is_empty()).map(|x| x.open);
         let there = if open.is_none_or(|x| x > tolerance) { pose() } else { None };
         if let Some(pose) = there {
-            // what no change within the tolerance closes here closes elsewhere: then lengths are those there
+            // what no change within the tolerance closes here closes elsewhere: then lengths are those there. Where it does
+            // not close either, a slide may have run far off, which would raise the tolerance: none is longer than drawn
             let mut q = self.model.coordinates_in(pose);
-            let (spec, length) = ((*self.model.spec).clone(), self.model.length_at(&q));
-            let there = Self::new(spec, self.model.functions(), length, self.model.is_planar());
+            let there = self.model.length_at(&q);
+            let closed = Kernel::new(&self.model, 0.0).close(&mut q.clone(), Cut::Level(FINEST_LEVEL))?;
+            let length = match closed.is_some_and(|x| x.open <= tolerance::CLOSED_IN_RUN) {
+                true => there,
+                false => there.map(|x| x.min(self.length)),
+            };
+            let there = Self::new((*self.model.spec).clone(), self.model.functions(), length, self.model.is_planar());
             if let Some(there) = there.filter(|x| x.model.is_planar() == self.model.is_planar()) {
                 let closed = Kernel::new(&there.model, 0.0).close(&mut q, near)?;
                 let fits = there.model.turned_over(&q).is_empty();
@@ -561,6 +570,7 @@ impl Drawing {
                 kernel: seen.coarse,
                 change: None,
                 most: 0.0,
+                length: self.length,
                 joints: self.model.spec.joints.clone(),
                 folds: false,
                 weak: false,
@@ -609,6 +619,7 @@ impl Drawing {
             dof: branch.dof,
             kernel: branch.kernel,
             most: change.as_deref().map_or(0.0, largest),
+            length: self.length,
             folds: change.as_deref().is_some_and(|x| self.folds(x)),
             change,
             joints: joints.to_vec(),
