@@ -111,8 +111,8 @@ class Chain:
             speed = pin.getVelocity(self.model, self.data, joint, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
             arm = turn @ (at.position[0] - self.places[name])
             rotation = turn @ at.rotation[0]
-            reach = arm + rotation @ np.array(body.com)
-            bodies[name] = (place + arm, rotation, speed.linear + np.cross(speed.angular, reach), speed.angular)
+            arm_now = arm + rotation @ np.array(body.com)
+            bodies[name] = (place + arm, rotation, speed.linear + np.cross(speed.angular, arm_now), speed.angular)
         forces = {}
         for name, (joint, sign) in self.signs.items():
             force = world.linear if joint < 0 else self.data.oMi[joint].act(self.data.f[joint]).linear

@@ -46,8 +46,8 @@ def main() -> None:
     if arguments.render:
         render(arguments.render)
     if arguments.links:
-        broken = scripts(TOOLS, "website.links").broken(arguments.links)
-        sys.exit("\n".join(broken) if broken else None)
+        broken_links = scripts(TOOLS, "website.links").broken_links(arguments.links)
+        sys.exit("\n".join(broken_links) if broken_links else None)
     if arguments.look:
         look(arguments.look, arguments.shots)
 

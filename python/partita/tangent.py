@@ -60,7 +60,7 @@ class TangentVelocities:
     def checked(self, n: int) -> TangentVelocities:
         """The same functions, their results checked at each call: shape (k, n) or (n,), finite."""
 
-        def check(name: str, function: Callable[..., Any], flat: bool) -> Callable[..., Array]:
+        def check(name: str, function: Callable[..., Any], is_vector: bool) -> Callable[..., Array]:
             def call(t: float, *arguments: Array) -> Array:
                 returned = function(t, *arguments)
                 try:
@@ -72,9 +72,9 @@ class TangentVelocities:
                         t=t,
                         where=name,
                     ) from error
-                fits = array.shape == (n,) if flat else array.ndim == 2 and array.shape[1] == n
+                fits = array.shape == (n,) if is_vector else array.ndim == 2 and array.shape[1] == n
                 if not fits or not np.isfinite(array).all():
-                    wanted = f"({n},)" if flat else f"(k, {n})"
+                    wanted = f"({n},)" if is_vector else f"(k, {n})"
                     finite = "all finite" if np.isfinite(array).all() else "not all finite"
                     raise EvaluationError(
                         f"tangent velocities: {name} at t = {t:g} s returned shape {array.shape}, {finite}; "

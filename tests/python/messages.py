@@ -29,7 +29,7 @@ class Said:
     title: str
     ask: Callable[[], Any]
     cause: str
-    cure: str
+    remedy: str
     cured: Callable[[], Any] | None = None
 
     def words(self) -> str:
@@ -328,9 +328,8 @@ def page() -> str:
             lines += ["", f"## {room}"]
         title = case.title[0].upper() + case.title[1:]
         lines += ["", f"### {title}", "", "```text", *wrapped(case.words()), "```", ""]
-        lines += [
-            f"{case.cause} *Cure:* {case.cure[0].lower() if case.cure[:2].istitle() else case.cure[0]}{case.cure[1:]}"
-        ]
+        remedy = case.remedy[0].lower() + case.remedy[1:] if case.remedy[:2].istitle() else case.remedy
+        lines += [f"{case.cause} *Remedy:* {remedy}"]
     return "\n".join([*lines, ""])
 
 

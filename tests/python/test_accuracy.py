@@ -100,8 +100,8 @@ def test_spatial_and_planar_four_bar_have_equal_reactions_in_the_plane() -> None
         m.add_revolute(name, parent, child, point=point)
     spatial = run_of("spatial-four-bar")
     rows = spatial.t <= 1.0
-    flat = m.simulate(1.0, t_eval=spatial.t[rows], **TIGHT)
+    planar_run = m.simulate(1.0, t_eval=spatial.t[rows], **TIGHT)
     for name, *_ in ends:
         force = spatial.joint(name).force[rows] @ tilt
         # Two integrations at 1e-10 and 1e-11; forces of 50 N follow positions with slopes up to 1e2.
-        np.testing.assert_allclose(force[:, :2], flat.joint(name).force[:, :2], rtol=0.0, atol=1e-6)
+        np.testing.assert_allclose(force[:, :2], planar_run.joint(name).force[:, :2], rtol=0.0, atol=1e-6)

@@ -342,8 +342,8 @@ def test_where_a_joint_ends_and_what_is_missing() -> None:
         return float(np.hypot(-crank * np.sin(angle) - GROUND, crank * np.cos(angle)))
 
     # where B is as far from D as the links reach
-    reach = COUPLER + ROCKER
-    end = np.arcsin((reach**2 - crank**2 - GROUND**2) / (2 * crank * GROUND))
+    stretched = COUPLER + ROCKER
+    end = np.arcsin((stretched**2 - crank**2 - GROUND**2) / (2 * crank * GROUND))
     assert f"A ends at {end:.5f}" in str(caught.value)[: str(caught.value).index(" rad")]
-    assert caught.value.residual == pytest.approx(far(1.5) - reach, rel=1e-6)
+    assert caught.value.residual == pytest.approx(far(1.5) - stretched, rel=1e-6)
     assert "the loop through A, D, B closed by joint" in caught.value.loops

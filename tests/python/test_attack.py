@@ -637,8 +637,8 @@ def wrong(answer: Any) -> str:
     if isinstance(answer, results.Result):
         if answer.success and not (np.isfinite(answer.q).all() and np.isfinite(answer.v).all()):
             return "a run that is not finite says success"
-        reach = 1.0 + float(np.max(np.abs(answer.q), initial=0.0))
-        if answer.success and not float(np.max(answer.closure, initial=0.0)) <= 1e-6 * reach:
+        scale = 1.0 + float(np.max(np.abs(answer.q), initial=0.0))
+        if answer.success and not float(np.max(answer.closure, initial=0.0)) <= 1e-6 * scale:
             return f"a run that is open by {np.max(answer.closure):.1e} says success"
     elif isinstance(answer, Comparison | Exact):
         return ""

@@ -139,7 +139,7 @@ def test_a_drive_that_follows_the_other_runs() -> None:
     assert np.max(run.closure) <= 1e-9
 
 
-def test_a_drive_that_follows_badly_is_doubtful_then_refused() -> None:
+def test_a_drive_that_follows_badly_is_suspect_then_refused() -> None:
     with pytest.warns(SuspectResultWarning, match="drive of D"):
         run = followed(1e-8).simulate(1.0)
     assert run.success and run.certificate.verdict == "suspect"
@@ -204,8 +204,10 @@ def random_loop(rng: np.random.Generator) -> tuple[pt.Mechanism, list[str]]:
     angles = np.sort(rng.uniform(0.0, 2.0 * math.pi, rods + 1))
     while np.min(np.diff(np.append(angles, angles[0] + 2.0 * math.pi))) < 0.3:
         angles = np.sort(rng.uniform(0.0, 2.0 * math.pi, rods + 1))
-    flat = np.stack([np.cos(angles), np.sin(angles), np.zeros(rods + 1)], axis=1) * rng.uniform(0.7, 1.3, (rods + 1, 1))
-    points = scale * flat @ turn.T
+    in_plane = np.stack([np.cos(angles), np.sin(angles), np.zeros(rods + 1)], axis=1) * rng.uniform(
+        0.7, 1.3, (rods + 1, 1)
+    )
+    points = scale * in_plane @ turn.T
     m = pt.Mechanism("loop", gravity=tuple(9.81 * scale * turn[:, 1]))
     bodies = [m.add_rod(f"rod{i}", start=points[i], end=points[i + 1], mass=1.0) for i in range(rods)]
     names = [f"J{i}" for i in range(rods + 1)]

@@ -59,8 +59,8 @@ def test_a_slider_driven_beyond_its_rod() -> None:
     assert not run.success
     where = re.search(r"S ends at (\S+) m;", run.message)
     assert where is not None, run.message
-    reach = 0.1 + np.hypot(0.1, 0.3) - 0.3  # crank and rod in one line
-    assert abs(float(where[1]) - reach) < 1e-5
+    stretched = 0.1 + np.hypot(0.1, 0.3) - 0.3  # crank and rod in one line
+    assert abs(float(where[1]) - stretched) < 1e-5
 
 
 def test_a_stop_that_no_drive_explains_keeps_its_words() -> None:

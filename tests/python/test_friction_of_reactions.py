@@ -153,7 +153,7 @@ def test_a_wedge_locks_itself_where_the_angle_is_below_that_of_friction(mu: floa
 
 
 @pytest.mark.parametrize("coordinates", ["relative", "absolute"])
-def test_a_pendulum_in_a_journal_bearing_decays_as_an_independent_integration_says(coordinates: str) -> None:
+def test_a_pendulum_in_a_plain_bearing_decays_as_an_independent_integration_says(coordinates: str) -> None:
     mass, length, mu, radius, stick = 3.0, 1.2, 0.25, 0.06, 0.2
     i = mass * length**2 / 3.0
     arm = 0.5 * length

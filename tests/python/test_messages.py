@@ -22,11 +22,11 @@ def test_each_is_said_and_names_what_it_is_about(case: Any) -> None:
     # an error has its type, a run its status, a report a sentence
     assert kind.endswith("Error") or kind.startswith("success is False") or words.count(" ") > 5
     assert "Traceback" not in words and "0x" not in words and "panick" not in words
-    assert case.cause.endswith(".") and case.cure.endswith(".")
+    assert case.cause.endswith(".") and case.remedy.endswith(".")
 
 
 @pytest.mark.parametrize("case", CURED, ids=lambda case: case.title)
-def test_cures_cure(case: Any) -> None:
+def test_remedies_work(case: Any) -> None:
     case.cured()  # raises nothing
 
 

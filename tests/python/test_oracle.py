@@ -58,8 +58,8 @@ def test_the_mechanisms_are_as_intended(seen: dict[int, Verdict]) -> None:
     assert counts["relative run"] > 0.75 * len(SEEDS) and counts["absolute run"] > 0.75 * len(SEEDS)
     assert counts["instants"] > 3 * len(SEEDS) and counts["redundant"] > 0.5 * counts["instants"]
     assert counts["acceleration"] > 3000 and counts["reaction"] > 4000 and counts["flags"] > 80_000
-    for doubtful in ("unclear rank", "unclear component", "marked as not determined", "relative stopped"):
-        assert counts[doubtful] <= 0.01 * counts["flags" if "component" in doubtful else "instants"], doubtful
+    for rare in ("unclear rank", "unclear component", "marked as not determined", "relative stopped"):
+        assert counts[rare] <= 0.01 * counts["flags" if "component" in rare else "instants"], rare
     drawings = [chance.mechanism(seed) for seed in SEEDS]
     assert {d.words for d in drawings} == set(chance.WORDS)
     kinds = Counter(j.kind for d in drawings for j in d.joints)

@@ -92,8 +92,8 @@ def test_a_free_joint_goes_through_its_poses(coordinates: str, cut: str, form: s
 def test_a_body_is_driven_in_the_world(coordinates: str) -> None:
     drawn = Rotation.from_rotvec(TILT)
     m = pt.Mechanism("hand", gravity=(0, 0, -9.81))
-    hand = m.add_body("hand", mass=MASS, inertia=INERTIA, com=COM, position=(1, 2, 3), orientation=drawn)
-    m.add_drive(hand, pose=lambda t: (place(t), Rotation.from_rotvec(np.array(turn(float(t)))) * drawn))
+    gripper = m.add_body("hand", mass=MASS, inertia=INERTIA, com=COM, position=(1, 2, 3), orientation=drawn)
+    m.add_drive(gripper, pose=lambda t: (place(t), Rotation.from_rotvec(np.array(turn(float(t)))) * drawn))
     run = m.simulate(0.5, t_eval=TIMES[:3], coordinates=coordinates)
     assert run.success and any("differences" in str(note) for note in run.notes)
     assert np.abs(run.body("hand").position - np.array([place(t) for t in TIMES[:3]])).max() < 1e-12

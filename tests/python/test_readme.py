@@ -245,9 +245,9 @@ def test_broken_links_are_found(tmp_path: Path) -> None:
         encoding="utf-8",
     )
     (tmp_path / "b.html").write_text('<p id="there"></p>', encoding="utf-8")
-    assert links.broken(tmp_path) == [
+    assert links.broken_links(tmp_path) == [
         "a.html: c.html leads nowhere",
         "a.html: b.html#gone names a place that is not there",
         "a.html: fetches https://example.org/x.js",
     ]
-    assert links.broken(tmp_path / "none")
+    assert links.broken_links(tmp_path / "none")

@@ -26,7 +26,7 @@ def four_bar(kinds: str = "RRRR", mass: float = 0.5) -> pt.Mechanism:
     return m
 
 
-def test_the_cure_that_is_named_cures() -> None:
+def test_the_remedy_that_is_named_works() -> None:
     said = four_bar().report()
     found = said.to_dict()
     assert (found["gruebler"], found["degrees_of_freedom"], found["mobility"]) == (-2, 1, 1)
@@ -163,5 +163,5 @@ def test_the_certificate_of_a_chain_and_of_a_file(tmp_path: Path) -> None:
         run.certificate.closure_row,
     )
     assert again.acceleration_closure == run.certificate.acceleration_closure
-    hand = pt.simulate(pt.System(n=1, mass=np.eye(1), forces=(0.0,)), 0.1, [0.0], [1.0]).certificate
-    assert hand.acceleration_closure is None and hand.bodies == () and hand.rank == ()
+    certificate = pt.simulate(pt.System(n=1, mass=np.eye(1), forces=(0.0,)), 0.1, [0.0], [1.0]).certificate
+    assert certificate.acceleration_closure is None and certificate.bodies == () and certificate.rank == ()

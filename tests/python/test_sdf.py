@@ -42,9 +42,9 @@ def loaded(folder: Path, text: str) -> pt.Mechanism:
 
 
 def test_a_four_bar_is_the_one_built_in_python(tmp_path: Path) -> None:
-    read, hand = loaded(tmp_path, model()), drawn("revolute")
+    read, expected = loaded(tmp_path, model()), drawn("revolute")
     assert read.compile().mobility == 1
-    a, b = (m.simulate(1.0, initial=m.assemble(rates={"A": 2.0}), rtol=1e-11, atol=1e-13) for m in (read, hand))
+    a, b = (m.simulate(1.0, initial=m.assemble(rates={"A": 2.0}), rtol=1e-11, atol=1e-13) for m in (read, expected))
     assert a.success and b.success
     for joint in ("A", "B", "D"):
         assert np.abs(a.joint(joint).position - b.joint(joint).position).max() < 1e-10

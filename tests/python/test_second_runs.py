@@ -106,15 +106,15 @@ def test_no_verdict_is_kept_for_another_state() -> None:
     first = reported(m.simulate(0.1, initial=start(m, "double-four-bar")))
     state = start(m, "double-four-bar")
     assert state is not None
-    broken = state.copy()
-    broken.q[0] += 0.3
+    inconsistent = state.copy()
+    inconsistent.q[0] += 0.3
     opened = state.copy()
     opened.v[0] += 0.3
     fresh = made("double-four-bar")
     noted = reported(fresh.simulate(0.1, initial=opened))
     for _ in range(2):
         with pytest.raises(PartitaError, match="does not satisfy the constraints"):
-            m.simulate(0.1, initial=broken)
+            m.simulate(0.1, initial=inconsistent)
         assert reported(m.simulate(0.1, initial=opened)) == noted
         assert reported(m.simulate(0.1, initial=state)) == first
     assert "does not satisfy" in noted["plain"] and "does not satisfy" not in first["plain"]

@@ -20,7 +20,7 @@ ALONG, ACROSS = {"A": 2.0, "D": 2.0}, {"A": 2.0, "D": -4.0}
 """The parallelogram goes on as one, or its rocker turns back."""
 
 
-def flat(unit: float = 1.0, gravity: tuple[float, float] = (0.0, 0.0), beside: float = 0.0) -> pt.Mechanism:
+def stretched(unit: float = 1.0, gravity: tuple[float, float] = (0.0, 0.0), beside: float = 0.0) -> pt.Mechanism:
     """A parallelogram drawn in line, crank and rocker a tenth and coupler three tenths of the unit long."""
     m = pt.Mechanism("flat", gravity=(unit * gravity[0], unit * gravity[1], 0.0))
     lift = unit * 0.1 * np.array([math.cos(beside), math.sin(beside), 0.0])
@@ -62,7 +62,7 @@ def test_a_flat_parallelogram_goes_as_a_pendulum(coordinates: str, unit: float, 
     t = np.linspace(0.0, 0.15, 31)
     angle, rate = pendulum(gravity, 2.0, t)
     for rtol in (1e-6, 1e-8, 1e-10):
-        run = started(flat(unit, gravity), ALONG, t[-1], coordinates, rtol=rtol, atol=1e-2 * rtol, t_eval=t)
+        run = started(stretched(unit, gravity), ALONG, t[-1], coordinates, rtol=rtol, atol=1e-2 * rtol, t_eval=t)
         for joint in ("A", "D"):
             # 20 steps, of a motion that doubles its errors
             assert np.abs(run.joint(joint).position[:, 0] - angle).max() < 20 * rtol + 1e-11
@@ -73,7 +73,7 @@ def test_a_flat_parallelogram_goes_as_a_pendulum(coordinates: str, unit: float, 
 @pytest.mark.parametrize("coordinates", BOTH)
 @pytest.mark.parametrize("rates", [ALONG, ACROSS])
 def test_it_goes_on_as_a_run_that_passes_through(coordinates: str, rates: dict[str, float]) -> None:
-    m = flat(gravity=(3.0, -9.81))
+    m = stretched(gravity=(3.0, -9.81))
     back = {name: -rate for name, rate in rates.items()}
     away = started(m, back, 0.1, coordinates, rtol=1e-11, atol=1e-13)
     # turned round it comes back to the position at 0.1 s and goes through
@@ -90,7 +90,7 @@ def test_it_goes_on_as_a_run_that_passes_through(coordinates: str, rates: dict[s
 
 def test_signs_mirror_each_other() -> None:
     for rates in (ALONG, ACROSS):
-        m = flat(gravity=(3.0, 0.0))
+        m = stretched(gravity=(3.0, 0.0))
         one = started(m, rates, 0.2, "relative")
         two = started(m, {name: -rate for name, rate in rates.items()}, 0.2, "relative")
         for joint in ("A", "B", "D"):
@@ -99,7 +99,7 @@ def test_signs_mirror_each_other() -> None:
 
 def test_the_other_branch_keeps_its_energy_and_its_lengths() -> None:
     for coordinates in BOTH:
-        run = started(flat(gravity=(0.0, -9.81)), ACROSS, 0.25, coordinates)
+        run = started(stretched(gravity=(0.0, -9.81)), ACROSS, 0.25, coordinates)
         assert run.energy.relative_balance < 1e-7 and run.certificate.verdict == "valid"
         # coupler from the end of the crank to that of the rocker
         a, d = run.joint("A").position[:, 0], run.joint("D").position[:, 0]
@@ -110,7 +110,7 @@ def test_the_other_branch_keeps_its_energy_and_its_lengths() -> None:
 
 
 def test_outputs_in_the_first_step() -> None:
-    m, t = flat(gravity=(0.0, -9.81)), np.array([0.0, 1e-9, 1e-6, 1e-4, 1e-3, 0.01, 0.04, 0.05])
+    m, t = stretched(gravity=(0.0, -9.81)), np.array([0.0, 1e-9, 1e-6, 1e-4, 1e-3, 0.01, 0.04, 0.05])
     run = started(m, ALONG, 0.05, "relative", t_eval=t)
     angle, rate = pendulum((0.0, -9.81), 2.0, t)
     assert np.abs(run.joint("A").position[:, 0] - angle).max() < 1e-9
@@ -124,7 +124,7 @@ def test_outputs_in_the_first_step() -> None:
 
 
 def test_work_of_the_first_step_counts() -> None:
-    m = flat()
+    m = stretched()
     m.add_torque("A", lambda t, state: 0.05 * math.cos(3.0 * t))
     for coordinates in BOTH:
         run = started(m, ALONG, 0.2, coordinates)
@@ -142,7 +142,7 @@ def test_work_of_the_first_step_counts() -> None:
     ],
 )
 def test_what_singles_out_no_branch_is_refused(coordinates: str, rates: dict[str, float], words: str) -> None:
-    m = flat()
+    m = stretched()
     with pytest.raises(SingularityError, match="2 branches meet") as reported:
         m.simulate(0.1, initial=m.assemble(rates=rates, coordinates=coordinates), coordinates=coordinates)
     assert words in str(reported.value)
@@ -151,8 +151,8 @@ def test_what_singles_out_no_branch_is_refused(coordinates: str, rates: dict[str
 @pytest.mark.parametrize("coordinates", BOTH)
 def test_rates_are_completed_on_their_branch(coordinates: str) -> None:
     for rates in (ALONG, ACROSS, {"B": -2.0, "D": 2.0}, {"A": 2.0001, "D": -4.0}):
-        state = flat().assemble(rates=rates, coordinates=coordinates)
-        run = flat().simulate(0.01, initial=state, coordinates=coordinates, t_eval=[0.0, 0.01])
+        state = stretched().assemble(rates=rates, coordinates=coordinates)
+        run = stretched().simulate(0.01, initial=state, coordinates=coordinates, t_eval=[0.0, 0.01])
         a, b, d = (run.joint(joint).velocity[0, 0] for joint in "ABD")
         assert (b, d) == pytest.approx((-a, a)) or (b, d) == pytest.approx((-2.0 * a, -2.0 * a))
         for name, rate in rates.items():
@@ -174,7 +174,7 @@ def test_each_branch_starts_with_the_rates_reported(name: str) -> None:
 
 
 def test_velocities_on_no_branch_do_not_start() -> None:
-    m = flat()
+    m = stretched()
     state = m.assemble(rates=ALONG)
     off = pt.State(0.0, state.q, state.v * [1.0, 1.0, 1.001], names=state.names)
     with pytest.raises(SingularityError, match="lie on no branch; on the nearest one"):
@@ -189,7 +189,7 @@ FORMULATIONS = [
 
 @pytest.mark.parametrize("formulation", FORMULATIONS)
 def test_every_formulation_starts(formulation: str) -> None:
-    m, t = flat(gravity=(0.0, -9.81)), np.linspace(0.0, 0.1, 11)
+    m, t = stretched(gravity=(0.0, -9.81)), np.linspace(0.0, 0.1, 11)
     angle, _ = pendulum((0.0, -9.81), 2.0, t)
     run = started(m, ALONG, t[-1], "relative", formulation=formulation, t_eval=t)
     assert np.abs(run.joint("A").position[:, 0] - angle).max() < 1e-6
@@ -199,9 +199,9 @@ def test_every_formulation_starts(formulation: str) -> None:
 @pytest.mark.parametrize("rates", [ALONG, ACROSS])
 @pytest.mark.parametrize("beside", [1e-9, 1e-7])
 def test_beside_the_position_it_takes_the_same_branch(coordinates: str, rates: dict[str, float], beside: float) -> None:
-    exactly = started(flat(gravity=(0.0, -9.81)), rates, 0.1, coordinates)
+    exactly = started(stretched(gravity=(0.0, -9.81)), rates, 0.1, coordinates)
     for sign in (1.0, -1.0):
-        run = started(flat(gravity=(0.0, -9.81), beside=sign * beside), rates, 0.1, coordinates)
+        run = started(stretched(gravity=(0.0, -9.81), beside=sign * beside), rates, 0.1, coordinates)
         for joint in ("A", "D"):
             # the drawing has its zero there: angles count from it, and rates change with accelerations of some hundred
             assert np.abs(run.joint(joint).position - exactly.joint(joint).position).max() < 10 * beside + 1e-8

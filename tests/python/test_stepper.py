@@ -373,12 +373,12 @@ def test_change_points_are_stepped_over_or_refused(coordinates: str, is_driven: 
 
 def test_a_start_in_a_change_point_is_refused() -> None:
     m = parallelogram(False)
-    flat = m.assemble({"A": -math.pi / 2})
+    stretched = m.assemble({"A": -math.pi / 2})
     with pytest.raises(SingularityError, match="2 branches meet"):
-        m.stepper(0.1, initial=flat)
+        m.stepper(0.1, initial=stretched)
     sim = m.stepper(0.1)
     with pytest.raises(SingularityError):
-        sim.reset(flat)
+        sim.reset(stretched)
     assert abs(sim.q).max() < 1e-15
 
 

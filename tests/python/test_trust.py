@@ -96,7 +96,7 @@ def test_errors_of_others_go_through() -> None:
         outcome(mistake)
 
 
-def test_a_doubtful_run_is_not_right(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_suspect_run_is_not_right(monkeypatch: pytest.MonkeyPatch) -> None:
     from trust import contradictions
 
     case: Case = contradictions.hardly_off

@@ -134,15 +134,15 @@ DIALECTS = {
 @pytest.mark.parametrize("dialect", DIALECTS)
 def test_a_dialect_is_the_mechanism_built_in_python(dialect: str, tmp_path: Path) -> None:
     more, sidecar, closing = DIALECTS[dialect]
-    read, hand = pt.load(written(tmp_path, tree(more), sidecar)), drawn(closing)
-    assert read.compile().mobility == hand.compile().mobility == 1
-    for m in (read, hand):
+    read, expected = pt.load(written(tmp_path, tree(more), sidecar)), drawn(closing)
+    assert read.compile().mobility == expected.compile().mobility == 1
+    for m in (read, expected):
         m.add_torque("A", value=0.7)
-    a, b = (m.simulate(1.0, initial=m.assemble(rates={"A": 2.0}), rtol=1e-11, atol=1e-13) for m in (read, hand))
+    a, b = (m.simulate(1.0, initial=m.assemble(rates={"A": 2.0}), rtol=1e-11, atol=1e-13) for m in (read, expected))
     assert a.success and b.success
     for joint in ("A", "B", "D"):
         assert np.abs(a.joint(joint).position - b.joint(joint).position).max() < 1e-9
-    places = [[m.compile().velocity_names.index(joint) for joint in ("A", "B", "D")] for m in (read, hand)]
+    places = [[m.compile().velocity_names.index(joint) for joint in ("A", "B", "D")] for m in (read, expected)]
     there, here = a.vdot[0, places[0]], b.vdot[0, places[1]]
     assert np.abs(there - here).max() < 1e-12 * np.abs(here).max()
 

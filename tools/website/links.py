@@ -32,7 +32,7 @@ class Page(HTMLParser):
                 self.links.append((given[key], loaded or (tag, key) in FETCHED))
 
 
-def broken(site: Path) -> list[str]:
+def broken_links(site: Path) -> list[str]:
     """A line for each link that leads nowhere, or that a browser would need a network for."""
     paths = [path for path in sorted(site.rglob("*.html")) if path.relative_to(site).parts[0] != OTHERS]
     if not paths:

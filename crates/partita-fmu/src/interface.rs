@@ -6,7 +6,7 @@
 #![allow(unsafe_code)]
 #![allow(missing_docs)] // what the functions do is said in the standard
 
-use crate::place;
+use crate::resources;
 use crate::slave::{Slave, State};
 use std::ffi::{c_char, c_double, c_int, c_uint, c_void, CStr, CString};
 use std::panic::{catch_unwind, AssertUnwindSafe};
@@ -177,7 +177,7 @@ pub unsafe extern "C" fn fmi2Instantiate(
             return Err("this FMU is for co-simulation alone".to_string());
         }
         let location = location.ok_or("the location of the resources is missing")?;
-        Slave::open(&place::path(location)?, guid.unwrap_or_default())
+        Slave::open(&resources::path(location)?, guid.unwrap_or_default())
     }));
     let message = match made {
         Ok(Ok(slave)) => {

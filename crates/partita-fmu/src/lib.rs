@@ -5,6 +5,6 @@
 
 mod inputs;
 pub mod interface;
-mod place;
 mod resource;
+mod resources;
 mod slave;

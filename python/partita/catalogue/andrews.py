@@ -78,9 +78,9 @@ def build() -> Mechanism:
     at_h = AT_A + ahead(heading["AH"], 0.04)
 
     def link(name: str, origin: FloatArray, mass: float, x: float, y: float, inertia: float) -> Body:
-        flat = (inertia / 2, inertia / 2, inertia)  # a thin plate; only the last one matters in the plane
+        plate = (inertia / 2, inertia / 2, inertia)  # a thin plate; only the last one matters in the plane
         return m.add_body(
-            name, mass=mass, inertia=flat, com=(x, y, 0), position=origin, orientation=turned(heading[name])
+            name, mass=mass, inertia=plate, com=(x, y, 0), position=origin, orientation=turned(heading[name])
         )
 
     of = link("OF", AT_O, 0.04325, 0.00092, 0.0, 2.194e-6)

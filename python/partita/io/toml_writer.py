@@ -278,9 +278,9 @@ def _items(value: list[Any] | Array) -> list[Any]:
 
 def _list(items: list[str]) -> str:
     """On one line if it fits, else wrapped; line breaks are allowed inside lists, even in inline tables."""
-    flat = "[" + ", ".join(items) + "]"
-    if len(flat) <= _WIDTH:
-        return flat
+    one_line = "[" + ", ".join(items) + "]"
+    if len(one_line) <= _WIDTH:
+        return one_line
     lines, line = [], ""
     for item in items:
         if line and len(line) + len(item) > _WIDTH:

@@ -107,7 +107,7 @@ function makeEquations(run, about) {
     elimination = makeElimination(m, kept.map((i) => entriesOf(i, (j) => place[j])), w);
     if (!elimination) return false;
     const over = new Array(n);
-    dependent.forEach((j, i) => { over[j] = elimination.reach[i]; });
+    dependent.forEach((j, i) => { over[j] = elimination.reaching[i]; });
     dofIndex.fill(-1);
     independent.forEach((j, i) => { over[j] = [i]; dofIndex[j] = i; });
     for (let i = 0; i < n; i++) dtStart[i + 1] = dtStart[i] + over[i].length;

@@ -100,12 +100,12 @@ function makeElimination(m, entries, w) {
     for (const i of plan.multipliers[p]) union(reached[i], reached[r]);
   });
   for (let p = m - 1; p >= 0; p--) for (let e = uStart[p]; e < uStart[p + 1]; e++) union(reached[pivotRow[p]], reached[uRow[e]]);
-  const flat = (lists) => {
+  const concatenated = (lists) => {
     const start = new Int32Array(lists.length + 1);
     lists.forEach((list, i) => { start[i + 1] = start[i] + list.length; });
     return [start, Int32Array.from(lists.flat())];
   };
-  const [downStart, downOf] = flat(down), [upStart, upOf] = flat(plan.pivots.map(([r]) => [...reached[r]].sort((x, y) => x - y)));
+  const [downStart, downOf] = concatenated(down), [upStart, upOf] = concatenated(plan.pivots.map(([r]) => [...reached[r]].sort((x, y) => x - y)));
   const sideRow = [], sideOf = [], sideFrom = [];
   sides.forEach((list, r) => list.forEach(([j, at]) => { sideRow.push(r); sideOf.push(j - m); sideFrom.push(at); }));
 
@@ -167,9 +167,9 @@ function makeElimination(m, entries, w) {
   }
   const rowOf = Int32Array.from({ length: m }, (_, j) => pivotRow[step[j]]);
   // of each unknown the right-hand sides that reach it
-  const reach = Array.from({ length: m }, (_, j) => [...reached[rowOf[j]]].sort((x, y) => x - y));
+  const reaching = Array.from({ length: m }, (_, j) => [...reached[rowOf[j]]].sort((x, y) => x - y));
   const operations = Target.length + lAt.length + uAt.length + m + upOf.length + downOf.length;
-  return { factor, solve, solveSides, rowOf, reach, operations, get sign() { return sign; }, get steep() { return steep; } };
+  return { factor, solve, solveSides, rowOf, reaching, operations, get sign() { return sign; }, get steep() { return steep; } };
 }
 
 // A symmetric positive matrix by the places of its lower triangle that are not always 0, factored from the last row to the

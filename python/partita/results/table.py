@@ -111,12 +111,12 @@ def _column(at: tuple[int, ...]) -> Any:
 def _plan(header: Mapping[str, Any]) -> list[ArrayPart]:
     """Name, unit, array and place in it of every column."""
     arrays = header["arrays"]
-    readable = [[name for name in group if name in arrays] for group in GROUPS]
-    known = {name for group in readable for name in group}
+    present = [[name for name in group if name in arrays] for group in GROUPS]
+    known = {name for group in present for name in group}
     plan: list[ArrayPart] = []
     sensors = header["account"]["summary"].get("sensors", ())
     titles = {item["variable"]: f"sensor.{item['name']}" for item in sensors}
-    for group in [*readable, *([name] for name in arrays if name not in known)]:
+    for group in [*present, *([name] for name in arrays if name not in known)]:
         plan += _together([list(_columns_of(name, header, titles.get(name))) for name in group])
         if group == ["potential"] and "kinetic" in arrays:
             plan.append((TOTAL, "J", TOTAL, ()))

@@ -104,9 +104,9 @@ class Tables(Mapping[str, NDArray[Any]]):
     def _assess(self, arrays: Mapping[str, Any]) -> None:
         self._take(arrays, ASSESSED_1D, ASSESSED_2D)
 
-    def _take(self, arrays: Mapping[str, Any], flat: tuple[str, ...], wide: tuple[str, ...]) -> None:
+    def _take(self, arrays: Mapping[str, Any], vectors: tuple[str, ...], wide: tuple[str, ...]) -> None:
         """Arrays with their types and ranks; those a file or a system left out are empty."""
-        for key in flat:
+        for key in vectors:
             self._arrays[key] = np.asarray(arrays.get(key, ()), dtype=float).reshape(-1)
         for key in wide:
             self._arrays[key] = rows_of(arrays.get(key, ()), len(self._arrays["t"]), float)

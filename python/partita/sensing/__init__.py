@@ -8,11 +8,11 @@ A sensor is a dict: `of` says what it looks at ("point", "body", "joint", "measu
 from __future__ import annotations
 
 from .instant import StateSignals
+from .labels import text_of, unit_of
 from .laws import Senses, at_once
 from .quantities import Moving, Signals, measured
 from .reader import Reader, plain
 from .records import OPERATIONS, READS, SensorRecord, known, uses
-from .words import text_of, unit_of
 
 __all__ = [
     "OPERATIONS",

@@ -283,11 +283,11 @@ class _Artist:
         apex = a.point + along * a.axis
         line = factors[1] * a.axis + factors[0] * b.axis
         line /= np.linalg.norm(line)
-        reach = [turn.point - apex for turn in (a, b)]
-        if line @ (reach[0] + reach[1]) < 0:
+        arms = [turn.point - apex for turn in (a, b)]
+        if line @ (arms[0] + arms[1]) < 0:
             line = -line
         lengths = [float(np.linalg.norm(np.cross(line, turn.axis))) for turn in (a, b)]
-        far = max(float(np.linalg.norm(r)) for r in reach) or 0.3 * self.size
+        far = max(float(np.linalg.norm(r)) for r in arms) or 0.3 * self.size
         scale = 0.6 * far / max(lengths)
         tips = []
         for turn, radius in zip((a, b), lengths, strict=True):
@@ -414,14 +414,14 @@ class _Artist:
         """The outline that a pointed follower on its slide feels, and the follower."""
         if abs(slide.axis @ turn.axis) > 1e-6 or len(lift) < 8 or not np.isfinite(lift + angle).all():
             return False
-        reach = slide.point - turn.point
-        up = slide.axis * (1.0 if reach @ slide.axis >= 0 else -1.0)
-        beside = reach - (reach @ up) * up - (reach @ turn.axis) * turn.axis
+        arms = slide.point - turn.point
+        up = slide.axis * (1.0 if arms @ slide.axis >= 0 else -1.0)
+        beside = arms - (arms @ up) * up - (arms @ turn.axis) * turn.axis
         stroke = float(np.ptp(lift))
         if np.linalg.norm(beside) > 1e-6 * self.size or stroke == 0.0:
             return False
         rise = lift * float(np.sign(up @ slide.axis))
-        base = max(2.0 * stroke, 0.3 * float(reach @ up)) - float(rise.min())
+        base = max(2.0 * stroke, 0.3 * float(arms @ up)) - float(rise.min())
         side = np.cross(turn.axis, up)
         order = np.argsort(angle % (2.0 * np.pi))
         turned = -(angle % (2.0 * np.pi))[order]

@@ -72,11 +72,11 @@ def outline(points: FloatArray, com: FloatArray, size: float) -> dict[str, Any]:
     cloud = np.array(distinct)
     middle = cloud.mean(axis=0)
     _, extent, axes = np.linalg.svd(cloud - middle, full_matrices=False)
-    flat = 1e-3 * extent[0]
-    if len(distinct) == 2 or extent[1] <= flat:
+    thin = 1e-3 * extent[0]
+    if len(distinct) == 2 or extent[1] <= thin:
         along = (cloud - middle) @ axes[0]
         return {"kind": "rod", "points": [plain(cloud[along.argmin()]), plain(cloud[along.argmax()])]}
-    if len(extent) < 3 or extent[2] <= flat:
+    if len(extent) < 3 or extent[2] <= thin:
         ring = hull((cloud - middle) @ axes[:2].T)
         return {"kind": "plate", "points": [plain(cloud[i]) for i in ring]}
     return {"kind": "star", "points": [plain(middle), *(plain(p) for p in cloud)]}
@@ -150,8 +150,8 @@ def _up(gravity: FloatArray | None, back: FloatArray | None) -> FloatArray:
         return next(_unit(w) for w in wanted if np.linalg.norm(w) > 0)
     y, z = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
     wanted += [y, z] if abs(back[2]) > 0.9 else [z, y]
-    flat = [w - (w @ back) * back for w in wanted]
-    return next(_unit(f) for f, w in zip(flat, wanted, strict=True) if np.linalg.norm(f) > 0.1 * np.linalg.norm(w))
+    thin = [w - (w @ back) * back for w in wanted]
+    return next(_unit(f) for f, w in zip(thin, wanted, strict=True) if np.linalg.norm(f) > 0.1 * np.linalg.norm(w))
 
 
 def _area(
@@ -174,15 +174,15 @@ def _seen(
     return across, towards
 
 
-def hull(flat: FloatArray) -> list[int]:
+def hull(thin: FloatArray) -> list[int]:
     """Indices of the convex hull of points (np, 2), around (Andrew's monotone chain)."""
-    order = np.lexsort((flat[:, 1], flat[:, 0]))
+    order = np.lexsort((thin[:, 1], thin[:, 0]))
 
     def half(indices: list[int]) -> list[int]:
         chain: list[int] = []
         for i in indices:
             while len(chain) > 1:
-                a, b = flat[chain[-1]] - flat[chain[-2]], flat[i] - flat[chain[-1]]
+                a, b = thin[chain[-1]] - thin[chain[-2]], thin[i] - thin[chain[-1]]
                 if a[0] * b[1] - a[1] * b[0] > 0:
                     break
                 chain.pop()

@@ -249,8 +249,8 @@ def _seats(spec: Mapping[str, Any], motion: Motion, joints: list[dict[str, Any]]
         }
         turning = [np.sqrt(2.5 * np.trace(np.array(records[b]["inertia"])) / 3.0 / max(records[b]["mass"], 1e-300))
                    for b in bodies]  # fmt: skip
-        reach = float(np.median([np.linalg.norm(com) for com in around.values()]))
-        radius = 1.4 * reach if reach > 0.3 * max(turning) else 1.3 * max(turning)
+        typical = float(np.median([np.linalg.norm(com) for com in around.values()]))
+        radius = 1.4 * typical if typical > 0.3 * max(turning) else 1.3 * max(turning)
         for j in group:
             joint = joints[j]
             lean = sum((around[b] for b in _ends(joint) if b >= 0), np.zeros(3))

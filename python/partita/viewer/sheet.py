@@ -43,19 +43,19 @@ class Sheet:
         self.items.clear()
 
     def line(self, points: Any, colour: Colour, width: float) -> None:
-        flat = [(float(x), float(y)) for x, y in points]
+        pairs = [(float(x), float(y)) for x, y in points]
         w = max(1, round(width))
-        self.draw.line(flat, fill=colour, width=w, joint="curve")
+        self.draw.line(pairs, fill=colour, width=w, joint="curve")
         if w > 2:  # round ends
-            for x, y in (flat[0], flat[-1]):
+            for x, y in (pairs[0], pairs[-1]):
                 self.draw.ellipse((x - w / 2 + 0.5, y - w / 2 + 0.5, x + w / 2 - 0.5, y + w / 2 - 0.5), fill=colour)
 
     def polygon(self, points: Any, fill: Colour | None, edge: Colour | None = None, width: float = 1.0) -> None:
-        flat = [(float(x), float(y)) for x, y in points]
+        pairs = [(float(x), float(y)) for x, y in points]
         if fill is not None:
-            self.draw.polygon(flat, fill=fill)
+            self.draw.polygon(pairs, fill=fill)
         if edge is not None:
-            self.draw.line([*flat, flat[0]], fill=edge, width=max(1, round(width)), joint="curve")
+            self.draw.line([*pairs, pairs[0]], fill=edge, width=max(1, round(width)), joint="curve")
 
     def circle(
         self, at: Any, radius: float, fill: Colour | None, edge: Colour | None = None, width: float = 1.0

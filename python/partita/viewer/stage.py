@@ -169,7 +169,7 @@ class Stage:
             if light > 1e-3:
                 sheet.add(
                     self.depth([middle]) + 2 * lift / self.radius,
-                    partial(self.flat, sheet, ring, shade(colour, -0.25 + 0.45 * light), EDGE),
+                    partial(self.disc, sheet, ring, shade(colour, -0.25 + 0.45 * light), EDGE),
                 )
 
     def box(self, sheet: Sheet, centre: FloatArray, axes: Any, half: Any, colour: Colour, lift: float = 0.0) -> None:
@@ -307,11 +307,11 @@ class Stage:
             deep = self.depth([centre]) + 2 * back / self.radius
             if wheel["ring"]:
                 rim = pose.rim(wheel, centre, axis, first)
-                sheet.add(deep - 20, partial(self.flat, sheet, rim, colour, EDGE))
-                sheet.add(deep - 20, partial(self.flat, sheet, outline, PAPER, EDGE))
+                sheet.add(deep - 20, partial(self.disc, sheet, rim, colour, EDGE))
+                sheet.add(deep - 20, partial(self.disc, sheet, outline, PAPER, EDGE))
                 continue
-            sheet.add(deep, partial(self.flat, sheet, outline - 2.0 * (face - centre), shade(colour, -0.3), None))
-            sheet.add(deep, partial(self.flat, sheet, outline, colour, EDGE))
+            sheet.add(deep, partial(self.disc, sheet, outline - 2.0 * (face - centre), shade(colour, -0.3), None))
+            sheet.add(deep, partial(self.disc, sheet, outline, colour, EDGE))
             self.spokes(sheet, centre, face, axis, first, 0.8 * wheel["radius"], 1 if wheel["teeth"] else 5, back)
         for line in scene["lines"]:
             points = pose.placed(frame, line["body"], np.array(line["points"]))
@@ -334,7 +334,7 @@ class Stage:
             for s in np.arange(0.0, 1.0, 0.04):
                 sheet.line([p + s * (q - p), p + (s + 0.012) * (q - p)], QUIET, 1.3 * FINER)
 
-    def flat(self, sheet: Sheet, points: FloatArray, fill: Colour, edge: Colour | None) -> None:
+    def disc(self, sheet: Sheet, points: FloatArray, fill: Colour, edge: Colour | None) -> None:
         sheet.polygon(self.at(points), fill, edge, FINER)
 
     def springs(self, sheet: Sheet, frame: int) -> None:

@@ -112,7 +112,7 @@ class Drawing:
         points = np.array([j.point for j in self.joints] + [b.position for b in self.bodies])
         return float(np.ptp(points, axis=0).max())
 
-    def reach(self) -> float:
+    def extent(self) -> float:
         """The size over the least distance between joints of one body: what a point's error comes to as an angle."""
         least = self.size()
         for b in self.bodies:

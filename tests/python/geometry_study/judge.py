@@ -135,7 +135,7 @@ def compare(
 ) -> float:
     """Adds what differs from the true motion; returns the largest difference of places over the allowed one."""
     size = case.drawn.size()
-    factor = FACTOR * max(1.0, case.true.reach() / 3.0)
+    factor = FACTOR * max(1.0, case.true.extent() / 3.0)
     allowed = case.tolerance + factor * case.error
     x, r, v = poses(case, run)
     if len(x) != len(times(case)):

@@ -65,7 +65,7 @@ def near_hinges(rng: Any) -> tuple[Drawing, int, dict[str, float]]:
     return chain([(0, 0, 0), b, b + away, (1.3, 0.8, 0), (1.1, 0, 0)]), 2, {}
 
 
-def flat(rng: Any) -> tuple[Drawing, int, dict[str, float]]:
+def folded_parallelogram(rng: Any) -> tuple[Drawing, int, dict[str, float]]:
     """A parallelogram drawn flat: one degree of freedom on each of two branches."""
     a, c = rng.uniform(0.3, 0.6), rng.uniform(0.8, 1.2)
     return chain([(0, 0, 0), (a, 0, 0), (a + c, 0, 0), (c, 0, 0)]), 1, {}
@@ -89,7 +89,7 @@ def nearly_parallel(rng: Any) -> tuple[Drawing, int, dict[str, float]]:
     return chain(points, [Z, Z, Z, tilt], "RSSR"), 2, {}
 
 
-MAKERS = (eccentric, eccentrics, short, near_hinges, flat, in_line, nearly_parallel)
+MAKERS = (eccentric, eccentrics, short, near_hinges, folded_parallelogram, in_line, nearly_parallel)
 
 
 def case(seed: int) -> Case:
@@ -105,7 +105,7 @@ def case(seed: int) -> Case:
         mobility,
         rates=rates,
         span=0.2,
-        may_refuse=make is flat,
+        may_refuse=make is folded_parallelogram,
         tolerance=1e-5,
-        by_energy=make is flat,
+        by_energy=make is folded_parallelogram,
     )

@@ -83,7 +83,7 @@ def in_plane(rng: Any) -> Drawing:
     points = {name: rng.normal(size=3) for name in names}
     joints = []
 
-    def flat(kind: str) -> Array:
+    def axes_of(kind: str) -> Array:
         if kind == "prismatic":
             angle = rng.uniform(0.0, 2.0 * np.pi)
             return np.column_stack([[np.cos(angle), np.sin(angle), 0.0], *np.eye(3)[1:]])
@@ -92,10 +92,10 @@ def in_plane(rng: Any) -> Drawing:
         return np.eye(3)[:, [2, 0, 1]] * rng.choice([-1.0, 1.0])
 
     def add(name: str, kind: str, ends: tuple[str, str]) -> None:
-        made = joint(rng, name, kind, ends, rng.normal(size=3), flat(kind))
+        made = joint(rng, name, kind, ends, rng.normal(size=3), axes_of(kind))
         if kind == "generic":
             free = tuple(d for d in ("x", "y", "rz") if rng.random() < 0.5)
-            made = replace(made, axes=flat(kind), free=free)
+            made = replace(made, axes=axes_of(kind), free=free)
         joints.append(made)
 
     for i, name in enumerate(names):
@@ -180,7 +180,7 @@ def many(rng: Any) -> Drawing:
     nothing."""
     names: list[str] = []
     joints: list[Joint] = []
-    flat = rng.random() < 0.4
+    is_planar = rng.random() < 0.4
 
     def new() -> str:
         names.append(f"b{len(names)}")
@@ -191,15 +191,17 @@ def many(rng: Any) -> Drawing:
 
     for _ in range(int(rng.integers(4, 9))):
         base = str(rng.choice([GROUND, *names]))
-        axes = np.eye(3)[:, [2, 0, 1]] if flat else rng.normal(size=(3, 3))
+        axes = np.eye(3)[:, [2, 0, 1]] if is_planar else rng.normal(size=(3, 3))
         feet, arm = rng.normal(size=(2, 3)), rng.normal(size=3) * [1.0, 1.0, 0.3]
         what = rng.random()
         if what < 0.5:
             kinds = (
-                ["revolute", "revolute", "prismatic"] if flat else ["revolute", "spherical", "universal", "cylindrical"]
+                ["revolute", "revolute", "prismatic"]
+                if is_planar
+                else ["revolute", "spherical", "universal", "cylindrical"]
             )
             kind = str(rng.choice(kinds))
-            if flat and kind == "prismatic":
+            if is_planar and kind == "prismatic":
                 axes = axes[:, [1, 2, 0]]
             link(kind, (base, new()), feet[0], axes)
         elif what < 0.8:
@@ -210,11 +212,11 @@ def many(rng: Any) -> Drawing:
             link("revolute", (other, coupler), feet[1] + arm, axes)
         else:
             crank, rod, rocker = new(), new(), new()
-            second = axes if flat else rng.normal(size=(3, 3))
+            second = axes if is_planar else rng.normal(size=(3, 3))
             link("revolute", (base, crank), feet[0], axes)
             link("revolute", (base, rocker), feet[1], second)
-            link("revolute" if flat else "spherical", (crank, rod), feet[0] + arm, axes)
-            link("revolute" if flat else "universal", (rod, rocker), feet[1] + rng.normal(size=3), axes)
+            link("revolute" if is_planar else "spherical", (crank, rod), feet[0] + arm, axes)
+            link("revolute" if is_planar else "universal", (rod, rocker), feet[1] + rng.normal(size=3), axes)
     points = {name: rng.normal(size=3) for name in names}
     return drawn(rng, names, joints, "many", points)
 
@@ -273,7 +275,7 @@ def driven(rng: Any, d: Drawing) -> Drawing:
 
 def opened(rng: Any, d: Drawing) -> Drawing:
     """With a closing joint drawn a little elsewhere on its child, so that it takes an assembly to close it."""
-    flat = d.words == "in a plane"
+    is_planar = d.words == "in a plane"
     if d.words not in ("in space", "in a plane") or rng.random() < 0.6:
         return d
     joints = []
@@ -286,9 +288,9 @@ def opened(rng: Any, d: Drawing) -> Drawing:
             "planar",
             "generic",
         ):
-            shift = 0.2 * rng.normal(size=3) * ([1.0, 1.0, 0.0] if flat else 1.0)
+            shift = 0.2 * rng.normal(size=3) * ([1.0, 1.0, 0.0] if is_planar else 1.0)
             j = replace(j, child_point=j.point + shift)
-            if not flat and j.kind in ("revolute", "cylindrical", "prismatic", "planar"):
+            if not is_planar and j.kind in ("revolute", "cylindrical", "prismatic", "planar"):
                 j = replace(j, child_axis=unit(unit(j.axes[:, 0]) + 0.2 * rng.normal(size=3)))
         joints.append(j)
     return replace(d, joints=tuple(joints))

@@ -75,7 +75,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
 
     /// Exchanges of rows that gain, with the factors at hand: at most one of each row left out, such that none changes
     /// the gain of another. Cost: the rows of the factors that rows left out touch.
-    fn row_exchanges(&mut self) -> &[RowExchange] {
+    fn profitable_row_swaps(&mut self) -> &[RowExchange] {
         let mut room = std::mem::take(&mut self.row_room);
         room.found.clear();
         room.taken.fill(false);
@@ -105,7 +105,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     ///
     /// Rows kept lose rank in positions where nothing is wrong with the mechanism; others take their place before.
     pub fn rows_fade(&mut self) -> bool {
-        !self.dropped.is_empty() && !self.row_exchanges().is_empty()
+        !self.dropped.is_empty() && !self.profitable_row_swaps().is_empty()
     }
 
     /// Exchange redundant rows at the last position until nothing gains any more; the partition stays. True if rows
@@ -114,7 +114,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         let before = self.choices;
         // each exchange multiplies the volume, so the loop ends; the bound is for round-off
         for _ in 0..4 * self.dropped.len() {
-            let pairs = self.row_exchanges().to_vec();
+            let pairs = self.profitable_row_swaps().to_vec();
             if pairs.is_empty() {
                 break;
             }

@@ -339,7 +339,7 @@ fn steps_chosen_by_another_estimate_change_coordinates_and_keep_the_tolerance() 
 }
 
 #[test]
-fn singular_positions_are_crossed_by_nodes_that_the_march_was_told() {
+fn singular_positions_are_crossed_by_nodes_reported_to_the_march() {
     let loops = 2;
     let model = chain(loops);
     let (t_end, rate) = (3.0, 1.237);
