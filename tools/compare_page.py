@@ -62,7 +62,7 @@ class Asked:
     mechanism: Callable[[], Mechanism] | None = None
     """Where the catalogue has none of that name."""
     stabilised: bool = True
-    """Are the loops to be closed after Baumgarte, too? It takes thousands of steps."""
+    """Whether the loops are to be closed after Baumgarte, too. It takes thousands of steps."""
 
     def compare(self, **options: Any) -> Comparison:
         """What `partita compare NAME` prints, with the coordinates and with what rows need that ask for it."""

@@ -40,7 +40,7 @@ def without_units(values: Any) -> NDArray[np.float64]:
 
 
 def is_quantity(value: Any) -> bool:
-    """Is it a quantity of pint, or of what is made like it? Nothing is imported for the question."""
+    """Whether it is a quantity of pint, or of what is made like it. Nothing is imported for the question."""
     return hasattr(type(value), "to_base_units") and hasattr(type(value), "magnitude")
 
 
@@ -53,7 +53,7 @@ def foreign(value: Any) -> str | None:
 
 
 def _holds_quantity(values: Any) -> bool:
-    """Is there a quantity in it?"""
+    """Whether there is a quantity in it."""
     kind = type(values)
     if kind in _NUMBERS or (kind is np.ndarray and values.dtype.kind != "O"):
         return False

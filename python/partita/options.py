@@ -250,7 +250,7 @@ def _switch_threshold(value: Any) -> float:
     number = positive("switch_threshold", value)
     if number < 1.0:
         raise ArgumentError(
-            f"switch_threshold is {number:g}; below 1 two choices would replace each other for ever; 1.25 is usual",
+            f"switch_threshold is {number:g}; below 1 two choices would alternate forever; 1.25 is usual",
             argument="switch_threshold",
         )
     return number

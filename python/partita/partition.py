@@ -136,12 +136,12 @@ def choose(
     limit = positive("threshold", threshold)
     if limit < 1.0:
         raise ArgumentError(
-            f"threshold is {limit:g}; below 1 two choices would replace each other for ever",
+            f"threshold is {limit:g}; below 1 two choices would alternate forever",
             argument="threshold",
         )
     if not isinstance(selection, str) or selection not in SELECTIONS:
         persists = isinstance(selection, str) and selection == "persistence"
-        more = "; persistence needs a history, so it serves runs only" if persists else ""
+        more = "; persistence needs a history, so it is available for runs only" if persists else ""
         raise ArgumentError(
             f"there is no selection {shown(selection)} for one instant; choose among {', '.join(SELECTIONS)}{more}",
             argument="selection",

@@ -144,7 +144,7 @@ def test_what_closes_backwards_only_is_refused() -> None:
     m.add_body("b", mass=1.0, inertia=(1, 2, 2.5))
     m.add_prismatic("slide", m.ground, "b", point=(0, 0, 0), axis=(0, 0, 1), cut="never")
     m.add_cylindrical("guide", m.ground, "b", point=(0, 0, 1), axis=(0, 0, 1), cut="always", child_axis=(0, 0, -1))
-    with pytest.raises(pt.errors.AssemblyError, match=r"guide.* the wrong way round"):
+    with pytest.raises(pt.errors.AssemblyError, match=r"guide.* with opposed axes"):
         m.assemble()
 
 
@@ -222,7 +222,7 @@ def test_any_joint_has_targets_and_rates(coordinates: str) -> None:
     rest = three.assemble(rates={outside: 1.0, "A1": 0.3, "A2": run.joint("A2").velocity[0, 0] + 0.05})
     more = three.simulate(0.01, initial=rest, t_eval=[0.0])
     assert run.energy.kinetic[0] < more.energy.kinetic[0]
-    with pytest.raises(ArgumentError, match="cannot hold together"):
+    with pytest.raises(ArgumentError, match="are incompatible"):
         m.assemble(rates={"C": 1.0, "A": 5.0}, coordinates=coordinates)
 
 
@@ -235,7 +235,7 @@ def test_points_are_targets(scale: float) -> None:
             state = m.assemble(target, coordinates=coordinates)
             run = m.simulate(1e-3, initial=state, t_eval=[0.0], coordinates=coordinates)
             assert run.body("2").point((scale, 0, 0))[0, :2] / scale == pytest.approx(place, abs=1e-11)
-    with pytest.raises(AssemblyError, match=r"point .* of 2 in x ends at .* no position of the bodies brings it there"):
+    with pytest.raises(AssemblyError, match=r"point .* of 2 in x ends at .* no configuration reaches the target"):
         m.assemble({("2", (scale, 0, 0), "xy"): (2.5 * scale, 0.0)})
 
 

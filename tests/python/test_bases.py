@@ -26,7 +26,7 @@ def test_a_basis_made_anew_at_each_step_is_counted(formulation: str) -> None:
     run = m.simulate(duration, initial=start, t_eval=[duration], rtol=1e-10, formulation=formulation, renew="each step")
     assert run.success, run.message
     assert run.counters["renewals"] == 1 + run.counters["steps"] > 40
-    assert len(run.partitions) == 1 and "anew after each step" in run.partitions[0].reason
+    assert len(run.partitions) == 1 and "renewed after each step" in run.partitions[0].reason
     assert np.abs(run.q - known.q).max() < 1e-7
     assert run.closure.max() < 1e-13
     # the quality told of an output is that of a basis made there: in the metric of kinetic energy it is 1

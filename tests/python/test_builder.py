@@ -46,7 +46,7 @@ def body_spec(**change: Any) -> dict[str, Any]:
         ({"position": [[0], [0, 1]]}, "real numbers"),
         ({"inertia": 1.0}, "(Ixx, Iyy, Izz)"),
         ({"inertia": [[1, 0], [0]]}, "(Ixx, Iyy, Izz)"),
-        ({"inertia": (1, 1, -1)}, "below zero"),
+        ({"inertia": (1, 1, -1)}, "not negative"),
         ({"inertia": [[1, 0.1, 0], [0, 1, 0], [0, 0, 1]]}, "not symmetric"),
         ({"inertia": (0, 0, 2.0)}, "give (1, 1, 2)"),
         ({"orientation": 2 * np.eye(3)}, "not a rotation"),

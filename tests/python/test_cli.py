@@ -32,7 +32,7 @@ def test_run_of_the_catalogue_reports_what_it_found(tmp_path: Path, capsys: pyte
         "independent",
         "rho",
         "Switches",
-        "loops open by",
+        "closure error",
         "energy balance",
         "steps",
         *map(str, files.values()),
@@ -229,7 +229,7 @@ def test_run_that_stops_early_is_saved(
     assert run("simulate", "four-bar", "--time", 0.1, "--outputs", 3, "--save", path) == code
     said = capsys.readouterr()
     assert "it could not go on" in said.err and said.err.count("\n") == 1
-    assert "loops open by" in said.out and path.exists()
+    assert "closure error" in said.out and path.exists()
 
 
 def test_control_c_keeps_what_was_computed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -108,7 +108,7 @@ def test_drives_that_nothing_can_follow_are_refused(
     error = caught.value
     assert error.who == who and all(words in error.whom for words in whom), str(error)
     assert error.t == 0.0 and error.gap > 0.1
-    assert f"{who} contradicts" in str(error) and "take a drive away" in str(error)
+    assert f"{who} contradicts" in str(error) and "remove one drive" in str(error)
 
 
 def test_drives_that_part_later_end_the_run() -> None:

@@ -262,7 +262,7 @@ def test_rates_that_cannot_be_else_may_be_given() -> None:
     m = pt.catalogue.load("whipple-bicycle")
     state = m.assemble(rates={"frame.wx": 0.05, "frame.y": 0.0, "steer": 0.0})
     assert state.v[m.compile().velocity_names.index("frame.wx")] == pytest.approx(0.05, rel=1e-12)
-    with pytest.raises(ArgumentError, match="cannot hold together"):
+    with pytest.raises(ArgumentError, match="are incompatible"):
         m.assemble(rates={"frame.wx": 0.05, "frame.y": 0.01, "steer": 0.0, "rear axle": 0.0})
 
 
@@ -407,7 +407,7 @@ def test_a_spring_wound_beyond_what_is_known_says_so() -> None:
     m.add_drive("A", velocity=2.0)
     assert run(m, "relative", 4.0).joint("A").drive[-1, 0] == pytest.approx(8.0)
     r = m.simulate(4.0, coordinates="absolute")
-    assert not r.success and "wound by" in r.message and "in the tree" in r.message
+    assert not r.success and "its angle is" in r.message and "in the tree" in r.message
 
 
 def test_closing_through_a_gear() -> None:
@@ -433,5 +433,5 @@ def test_closing_through_a_gear() -> None:
         turned = [runs["explicit-closing"].joint(name).position[:, 0] for name in "AE"]
         assert np.abs(turned[1] - 2.0 * turned[0]).max() < 1e-13
     m.add_drive("B", velocity=1.0)
-    with pytest.raises(ArgumentError, match="holds rates alone"):
+    with pytest.raises(ArgumentError, match="constrains rates only"):
         m.assemblies(inputs=[])

@@ -37,8 +37,8 @@ def limit() -> float:
 def test_a_crank_driven_too_far(coordinates: str, scale: float) -> None:
     run = rocker_driven_on(scale).simulate(10.0, coordinates=coordinates)
     assert not run.success and run.status == "singular"
-    assert "driven further than the joints allow" in run.message
-    where = re.search(r"A ends at (\S+) rad; at the target the loop .* stays open by (\S+) m", run.message)
+    assert "a drive exceeds what the joints allow" in run.message
+    where = re.search(r"A ends at (\S+) rad; at the target, the loop .* keeps a closure error of (\S+) m", run.message)
     assert where is not None, run.message
     assert abs(-float(where[1]) - limit()) < 1e-5  # six decimals are printed
     assert 0.0 < float(where[2]) < scale
@@ -66,4 +66,4 @@ def test_a_slider_driven_beyond_its_rod() -> None:
 def test_a_stop_that_no_drive_explains_keeps_its_words() -> None:
     m = rocker_driven_on()
     run = m.simulate(1.0, max_steps=3)
-    assert run.status == "max-steps" and "driven further" not in run.message
+    assert run.status == "max-steps" and "a drive exceeds" not in run.message

@@ -266,7 +266,7 @@ def test_ends_that_cannot_be_distinguished_are_refused() -> None:
     m.add_revolute("A", m.ground, "b", point=(0, 0, 0))
     m.add_stop("A", lower=-10.0, upper=10.0, stiffness=1.0)
     m.compile()
-    with pytest.raises(DescriptionError, match=r'"A", which is cut, .* up to full turns'):
+    with pytest.raises(DescriptionError, match=r'cut joint "A" .* without full turns'):
         m.compile(coordinates="absolute")
 
 

@@ -83,7 +83,7 @@ def test_a_run_with_other_parameters_is_the_run_of_another_mechanism(coordinates
 def test_a_start_that_the_parameters_open_is_refused_and_unknown_ones_are_refused() -> None:
     m = driven_crank()
     start = m.assemble(targets={"A": 0.5})
-    with pytest.raises(ArgumentError, match=r"start does not satisfy .* C\.y is open"):
+    with pytest.raises(ArgumentError, match=r"initial state violates .* C\.y has a closure error"):
         m.simulate(0.01, initial=start, parameters={"C.point": (3.2, 1.5, 0)})
     with pytest.raises(DescriptionError, match=r"rod\.mass"):
         m.simulate(0.1, parameters={"rod.mass": 1.0})
@@ -225,6 +225,6 @@ def test_what_drawing_refuses_of_couplings_is_refused(name: str, value: Any) -> 
 def test_a_ratio_that_takes_whole_turns_away_is_refused() -> None:
     """In absolute coordinates in space two turns are told by what they have in common: of 1 and 0.31416 too little."""
     model = coupled().compile(coordinates="absolute")
-    with pytest.raises(DescriptionError, match=r'coupling "gear": .* rates in place of positions.* draw'):
+    with pytest.raises(DescriptionError, match=r'coupling "gear": .* rates instead of positions.* build'):
         model.with_parameters({"gear.ratio": 0.31416})
     assert coupled().compile().with_parameters({"gear.ratio": 0.31416}).parameters["gear.ratio"] == 0.31416

@@ -53,7 +53,7 @@ def test_moves_as_driven_is_not_cannot_move() -> None:
         frame.add_rod(name, start=start, end=end, mass=1.0)
         frame.add_revolute(f"foot of {name}", "ground", name, point=start)
     frame.add_revolute("top", "left", "right", point=(0.3, 0.8, 0))
-    assert "it cannot move" in frame.report()
+    assert "cannot move" in frame.report()
 
 
 def test_idle_spin_of_a_rod_between_balls() -> None:
@@ -74,7 +74,7 @@ def test_idle_spin_of_a_rod_between_balls() -> None:
     m.add_force("coupler", (0, 0, 1), point=(0, 0.1, 0))
     said = " ".join(m.report().split())
     assert "held" not in said
-    assert "no inertia: coupler about its own line between B and C can spin but resists nothing" in said
+    assert "no inertia: coupler about its own line between B and C can spin without resistance" in said
     assert "axial inertia" in said
 
 
@@ -101,10 +101,10 @@ def test_text_markdown_dictionary_and_copies() -> None:
 def test_suspicious_data() -> None:
     m = four_bar()
     m.add_torsion_spring("A", stiffness=1.0, angle=90.0)
-    assert "90 degrees are meant, that is 1.570796 rad" in " ".join(m.report().split())
+    assert "90 degrees would be 1.570796 rad" in " ".join(m.report().split())
     m = four_bar()
     m.add_drive("D", position=90.0)
-    with pytest.raises(pt.errors.AssemblyError, match=r"if 90 degrees are meant, that is 1\.570796 rad"):
+    with pytest.raises(pt.errors.AssemblyError, match=r"90 degrees would be 1\.570796 rad"):
         m.report()
     m = four_bar()
     m.add_rod("mast", start=(0, 0, 0), end=(0, 300, 0), mass=1.0)

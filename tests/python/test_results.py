@@ -134,7 +134,7 @@ def test_certificate_gathers_the_run(four_bar: results.Result) -> None:
     assert found.newton_euler is not None and found.newton_euler <= 1e-9
     assert found.sigma == four_bar.sigma.min()
     assert found.switches == sum(bool(p.entering) for p in four_bar.partitions)
-    assert "loops open by" in str(found) and "note:" in str(found)
+    assert "closure error" in str(found) and "note:" in str(found)
 
 
 def test_log_of_choices_agrees_with_the_outputs(four_bar: results.Result) -> None:

@@ -113,7 +113,7 @@ def test_rates_that_nearly_hold_together_are_reported_with_their_digits() -> Non
     m = linkage(*line(*LINKAGES["parallelogram"]))
     with pytest.raises(ArgumentError, match=r"A = 2 \(possible: 2\.00000\d*[1-9]\d*\)") as reported:
         m.assemble(guess={"A": 0.3, "B": -0.3, "Z": 0.3}, rates={"A": 2.0, "Z": 2.000001})
-    assert "cannot hold together" in str(reported.value)
+    assert "are incompatible" in str(reported.value)
 
 
 def test_the_report_goes_on_beside_it() -> None:
@@ -131,14 +131,14 @@ def test_a_structure_that_only_seems_mobile() -> None:
     report = m.report()
     found = report.to_dict()["singular"]
     assert (found["here"], found["beside"], found["structure"], found["branches"]) == (1, 0, True, [])
-    assert "only for an instant" in " ".join(str(report).split()) and "independent" not in str(report)
+    assert "instantaneous" in " ".join(str(report).split()) and "independent" not in str(report)
     # with a pendulum that does move
     rod = m.add_rod("bob", start=(0, 5, 0), end=(1, 5, 0), mass=1.0)
     m.add_revolute("P", m.ground, rod, point=(0, 5, 0))
     found = singular(m)
     assert (found["here"], found["beside"], found["structure"]) == (2, 1, False)
-    assert "1 of them only for an instant" in found["words"]
-    with pytest.raises(SingularityError, match="only for an instant"):
+    assert "1 of them instantaneous" in found["words"]
+    with pytest.raises(SingularityError, match="instantaneous"):
         m.simulate(0.1)
 
 
@@ -198,7 +198,7 @@ def crank_slider(**drive: Any) -> pt.Mechanism:
 @pytest.mark.parametrize("course", [lambda t: -0.2 * t, lambda t: -0.2 * t * t, lambda t: 0.2 * t])
 def test_a_slider_driven_in_dead_centre(course: Any) -> None:
     m = crank_slider(position=course)
-    with pytest.raises(SingularityError, match=r"a dead centre: .* cannot say from here which way") as reported:
+    with pytest.raises(SingularityError, match=r"a dead centre: .* does not determine here in which direction") as reported:
         m.simulate(0.1)
     assert "drive a joint that is not in its dead centre" in str(reported.value)
     report = m.report()
@@ -232,4 +232,4 @@ def test_near_a_change_point_no_geometric_error_is_reported(angle: float) -> Non
     m.add_revolute("C", "coupler", "rocker", point=c)
     m.add_revolute("D", m.ground, "rocker", point=(3, 0, 0))
     said = " ".join(m.report().split())
-    assert "drawing does not fit" not in said and "1 degree of freedom" in said
+    assert "geometric error" not in said and "1 degree of freedom" in said

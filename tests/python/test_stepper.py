@@ -519,7 +519,7 @@ def test_a_function_may_not_step_the_stepper_that_calls_it() -> None:
     sim.step()
     stood = sim.state.q
     steppers.append(sim)
-    with pytest.raises(ArgumentError, match="a function of its model steps the stepper"):
+    with pytest.raises(ArgumentError, match="a function of the model steps the stepper"):
         sim.step()
     steppers.clear()
     assert np.array_equal(sim.state.q, stood)

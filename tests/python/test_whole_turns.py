@@ -58,7 +58,7 @@ def test_a_function_of_an_angle_need_not_count_turns_where_nothing_does(coordina
     m.add_constraint("thread", lambda t, x, y: y - 0.1 * x, of=["A", "P"])
     start = m.assemble(rates={"A": 6.0, "B": 0.0}, coordinates=coordinates)
     run = m.simulate(1.0, initial=start, coordinates=coordinates)
-    assert not run.success and "not the same after a whole turn" in run.message
+    assert not run.success and "not periodic in an angle" in run.message
     assert run.t[-1] < np.pi / 6.0 and np.ptp(run.joint("P").position) < 0.1 * np.pi
     # one that repeats itself goes round: the angle follows from the energy
     m = slide(cut=True)
@@ -91,7 +91,7 @@ def test_a_gear_held_by_its_rates_does_not_slip_on_the_way_to_a_target() -> None
     m = shafts()
     m.add_gear("A", "B", ratio=math.sqrt(2.0))
     start = m.assemble(coordinates="absolute")
-    with pytest.raises(ArgumentError, match="would slip by"):
+    with pytest.raises(ArgumentError, match="phase would change by"):
         m.assemble({"A": 1.0}, near=start, coordinates="absolute")
 
 
@@ -115,9 +115,9 @@ def test_what_is_wound_is_not_unwound_by_other_coordinates(what: str) -> None:
             again = m.simulate(0.1, initial=start, coordinates="absolute")
             assert again.joint("A").acceleration[0, 0] == pytest.approx(found)
             continue
-        with pytest.raises(EvaluationError, match="it is wound by"):
+        with pytest.raises(EvaluationError, match="its angle is .* within half a turn"):
             m.convert(start, "absolute")
-        with pytest.raises(EvaluationError, match="it is wound by"):
+        with pytest.raises(EvaluationError, match="its angle is .* within half a turn"):
             m.assemble({"A": 8.0}, coordinates="absolute")
 
 

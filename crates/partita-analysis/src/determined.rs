@@ -4,9 +4,10 @@
 //! determined; any other depends on elasticity and clearances, which rigid bodies do not have (Wojtyra 2005).
 
 //!
-//! What a self-stress does to a joint changes with the position: a hinge that is loaded across only, as drawn, may be loaded
-//! along too when the frame has turned. So the question is asked at each position of its own, and answered by directions:
-//! those in which self-stresses can load the joint. A component along any axis is determined if the axis is perpendicular
+//! The load of a self-stress on a joint changes with the position: a hinge loaded only across its axis in the zero
+//! position may also be loaded along it when the frame has rotated. Therefore determinacy is evaluated at each
+//! position, by the directions in which self-stresses can load the joint. A component along any axis is determined if
+//! the axis is perpendicular
 //! to them.                                                                                          (R2)
 
 use crate::error::AnalysisError;
@@ -48,7 +49,7 @@ impl Open {
     }
 }
 
-/// Directions that span the vectors, each perpendicular to those before it; what is no longer than 1 is nothing.
+/// An orthogonal basis of the span of the vectors; lengths up to 1 count as zero.
 fn spanned(mut vectors: Vec<Vec3<f64>>) -> Directions {
     let mut found = Directions::default();
     for direction in &mut found {
@@ -98,7 +99,7 @@ fn here(system: &Geometry, start: &Start, t: f64, q: &[f64]) -> Result<(Vec<Open
     Ok((open(placed.joints.len(), placed.size, &found), open_rows(system.model, &found)))
 }
 
-/// The same at any position, a singular one too: what is open there for an instant only is open.
+/// The same at any position, including a singular one, where instantaneous indeterminacy counts.
 fn anywhere(system: &Geometry, t: f64, q: &[f64]) -> Result<(Vec<Open>, Vec<bool>), AnalysisError> {
     match rank_here(system, t, q).map_err(Into::into).and_then(|start| here(system, &start, t, q)) {
         // not even that many conditions are independent: nothing is claimed
@@ -130,7 +131,7 @@ fn open_rows(model: &Model, stresses: &[Stress]) -> Vec<bool> {
 /// [`determined`] of all joints at each state: 6 flags a joint (1 or 0) in world axes, the same in joint axes, one for
 /// the effort along each velocity of each joint, and one for each multiplier of a condition that is no closing.
 ///
-/// In a singular position more is open than next to it, and is said to be.
+/// At a singular position more components are undetermined than next to it, and they are reported.
 ///
 /// # Errors
 /// Where the mechanism cannot be compiled in space, and those of `watch`.

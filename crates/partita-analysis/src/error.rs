@@ -10,7 +10,7 @@ pub enum AnalysisError {
     /// The mechanism could not be compiled with all its closings in space.
     #[error(transparent)]
     Description(#[from] DescriptionError),
-    /// A question that makes no sense as asked.
+    /// An invalid request.
     #[error("{message}")]
     Argument {
         /// What was given wrongly.
@@ -26,7 +26,7 @@ pub enum AnalysisError {
         /// What there is.
         message: String,
     },
-    /// It could not be evaluated at this position, for a reason that the whole mechanism tells.
+    /// The evaluation failed at this position; the reason is a property of the whole mechanism.
     #[error("{error}; {cause}")]
     Explained {
         /// What failed.

@@ -138,7 +138,7 @@ pub fn compiled(spec: Spec, coordinates: Coordinates) -> Model {
     Model::new(spec, Arc::new(NoFunctions), coordinates).unwrap()
 }
 
-/// A slider-crank stretched out: its slider stands still.
+/// A stretched slider-crank: the velocity of its slider is zero.
 pub fn stretched_slider_crank() -> Spec {
     let mut spec = empty("slider-crank");
     let (b, c) = ([1.0, 0.0, 0.0], [3.0, 0.0, 0.0]);

@@ -102,7 +102,7 @@ impl<'m> Geometry<'m> {
                 });
             row_displacement.extend((0..k.rows()).map(|i| if i < k.slide_rows() { length } else { 1.0 }));
         }
-        // conditions that are no closings say themselves what they measure; 0 where nothing is known
+        // conditions other than loop closures define their own scale; 0 if unknown
         row_displacement.extend((model.closing_rows..all.rows).map(|i| model.row_displacement(i).unwrap_or(0.0)));
         let row_displacement = rows.iter().map(|&i| row_displacement[i]).collect();
         // weak conditions of a drawing are not round-off

@@ -61,7 +61,7 @@ impl<'s, S: ConstrainedSystem> Levels<'s, S> {
 /// The equations at one instant, reduced by the best partition there; dense, to be looked at.
 #[derive(Clone, Debug)]
 pub struct Instant {
-    /// Velocities (n): those asked for, or rest in the independent ones.
+    /// Velocities (n): those requested, or zero independent velocities.
     pub v: Vec<f64>,
     /// M (n x n).
     pub mass: Matrix,
@@ -85,7 +85,7 @@ pub struct Instant {
     pub hd: Vec<f64>,
     /// v' (n).
     pub vdot: Vec<f64>,
-    /// λ (m), zero on rows that say nothing of their own.
+    /// λ (m), zero on redundant rows.
     pub multipliers: Vec<f64>,
     /// P4 (n).
     pub rho: Vec<f64>,

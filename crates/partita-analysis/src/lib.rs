@@ -1,5 +1,5 @@
-//! Questions asked of a model: how many ways it can move, which of its joints' rows are superfluous and why, which
-//! reactions the motion determines, what it shows along a motion.
+//! Analysis of a model: its degrees of freedom, which constraint rows of its joints are redundant and why, which
+//! reactions the motion determines, and the outputs along a motion.
 
 pub mod determined;
 pub mod error;

@@ -76,7 +76,7 @@ pub struct Choice {
     pub fixed: Option<Vec<usize>>,
 }
 
-/// A partition with what can be said of it.
+/// A partition and its properties.
 #[derive(Clone, Debug)]
 pub struct Chosen {
     /// Indices, A and D.
@@ -100,7 +100,11 @@ impl Matrices {
             return refuse("mass", format!("mass is {n} x {}; it must be square and not empty", mass.cols()));
         }
         if c.cols() != n {
-            let message = format!("jacobian has {} columns, mass is {n} x {n}; both belong to q", c.cols());
+            let message = format!(
+                "jacobian has {} columns, mass is {n} x {n}; both must have one column for each \
+                coordinate",
+                c.cols()
+            );
             return refuse("jacobian", message);
         }
         for (what, x) in [("mass", &mass), ("jacobian", &c)] {
@@ -115,7 +119,7 @@ impl Matrices {
                 // what summing in another order can leave
                 if (a - b).abs() > tolerance::EQUAL * size {
                     let message = format!(
-                        "mass is not symmetric: M[{i},{j}] = {a}, M[{j},{i}] = {b}; take the half sum with the transpose"
+                        "mass is not symmetric: M[{i},{j}] = {a}, M[{j},{i}] = {b}; symmetrise it as (M + M^T) / 2"
                     );
                     return refuse("mass", message);
                 }
@@ -124,7 +128,7 @@ impl Matrices {
         let mut l = mass.data().to_vec();
         if let Err(e) = dense::cholesky(&mut l, n) {
             let message = format!(
-                "mass is not positive definite: pivot {:.3e} at coordinate {}; every motion needs inertia",
+                "mass is not positive definite: pivot {:.3e} at coordinate {}; every coordinate needs inertia",
                 e.pivot, e.index
             );
             return refuse("mass", message);
@@ -163,7 +167,7 @@ impl Matrices {
     pub fn choose(&self, choice: &Choice) -> Result<Chosen, AnalysisError> {
         let n = self.n();
         if choice.threshold < 1.0 || choice.threshold.is_nan() {
-            let message = format!("threshold = {}; a switch must gain something, give 1 or more", choice.threshold);
+            let message = format!("threshold = {}; a switch must enlarge the volume: give 1 or more", choice.threshold);
             return Err(AnalysisError::Argument { argument: "threshold", message });
         }
         if let Some(i) = choice.fixed.iter().flatten().find(|&&i| i >= n) {

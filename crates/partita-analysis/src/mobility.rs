@@ -1,4 +1,5 @@
-//! Mobility and redundancy: how many ways the mechanism can move, and which rows of its joints say nothing new.
+//! Mobility and redundancy: the degrees of freedom of the mechanism, and which constraint rows of its joints are
+//! redundant.
 
 use crate::error::AnalysisError;
 use crate::geometric_error::{self, GeometricError};
@@ -14,7 +15,7 @@ use partita_system::start::analyse;
 use partita_system::SystemError;
 use serde::Serialize;
 
-/// A row that says nothing new.
+/// A redundant row.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Redundant {
     /// Its name.
@@ -25,7 +26,7 @@ pub struct Redundant {
     pub why: String,
 }
 
-/// What can move, and what holds it. Joints are counted in space, whether or not the mechanism is planar.
+/// Degrees of freedom and constraints. Joints are counted in space, whether or not the mechanism is planar.
 ///
 /// ```text
 /// joint_rows − joint_rank = closing_rows − closing_rank = redundant rows of joints
@@ -117,13 +118,13 @@ impl Mobility {
         let what = self.geometric_errors.join("; ");
         Some(match self.repaired_mobility {
             None => format!(
-                "the drawing does not fit exactly, within its tolerance of {tolerance:.0e}: {what}; the mechanism is \
-                 the nearest drawing that fits"
+                "the geometry is inexact, within the drawing tolerance of {tolerance:.0e}: {what}; the model is the \
+                 nearest geometry that closes"
             ),
             Some(repaired_mobility) => format!(
-                "{} only because the drawing does not fit, by more than its tolerance of {tolerance:.0e}: {what}; without that \
-                 it would have {repaired_mobility} degree{} of freedom: draw that joint more exactly, or give a larger drawing_tolerance \
-                 if it has that much play",
+                "{} only because of a geometric error beyond the drawing tolerance of {tolerance:.0e}: {what}; \
+                 without this error it would have {repaired_mobility} degree{} of freedom: place that joint more \
+                 accurately, or give a larger drawing_tolerance if the joint has that much play",
                 if self.closing_rank == self.velocities { "a structure" } else { "less mobile" },
                 if repaired_mobility == 1 { "" } else { "s" }
             ),
@@ -152,9 +153,9 @@ fn superfluous_drives(driven: &Geometry, t: f64, q: &[f64], found: &mut Mobility
         rows.pop();
         found.dropped.push(d.row);
         let why = match (has_motion, before.as_slice()) {
-            (false, _) => "the mechanism has no motion that could be driven".into(),
-            (true, []) => "the closed loops leave this coordinate no motion that could be driven".into(),
-            (true, before) => format!("with {} driven, this coordinate follows already", names(before)),
+            (false, _) => "the mechanism has no degree of freedom that could be driven".into(),
+            (true, []) => "the closed loops lock this coordinate, so it cannot be driven".into(),
+            (true, before) => format!("this coordinate is already determined by driving {}", names(before)),
         };
         let joint = d.joint.map_or(&d.name, |(j, _)| &model.spec.joints[j].name).clone();
         found.redundant.push(Redundant { row: driven.row_name(d.row), joint, why });

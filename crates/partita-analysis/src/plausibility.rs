@@ -9,14 +9,14 @@ use partita_model::spec::{Body, Force, Measure, Value};
 use partita_model::Model;
 use serde::Serialize;
 
-/// A body that can spin by itself and nothing else notices.
+/// A body that can spin about its own axis without moving anything else.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Idle {
     /// The body.
     pub body: String,
     /// The ball joints that it spins between.
     pub joints: Vec<String>,
-    /// Is the spin held? It is where the body has no inertia about its line and nobody asks for the spin.
+    /// Whether the spin is held: the body has no inertia about its axis and no initial spin is given.
     pub held: bool,
 }
 
@@ -31,8 +31,7 @@ pub(crate) fn idle(model: &Model) -> Vec<Idle> {
     massless::idle(&model.spec, &model.placed).into_iter().map(line).collect()
 }
 
-/// Which body it is whose mass or inertia is missing, for one who met a mass matrix that is not definite; none where
-/// all have both.
+/// The body without mass or inertia that makes the mass matrix indefinite; none if all bodies have both.
 pub fn weightless(model: &Model) -> Option<String> {
     let massless = |b: &Body| b.mass <= 0.0 || least_inertia(b) <= 0.0;
     model.spec.bodies.iter().any(massless).then(|| without_inertia(model, &idle(model)))
@@ -50,7 +49,7 @@ pub(crate) fn without_inertia(model: &Model, idle: &[Idle]) -> String {
         .filter(|b| b.mass <= 0.0 || least_inertia(b) <= 0.0)
         .map(|b| b.name.as_str())
         .collect();
-    format!("a motion meets no inertia; look at {}, whose mass or an inertia is 0", names(&massless))
+    format!("one motion has no inertia; check {}, where the mass or a moment of inertia is 0", names(&massless))
 }
 
 /// Rods that can spin between balls without inertia, and are not held because something sees the spin.
@@ -61,8 +60,8 @@ pub(crate) fn spins_unfelt(model: &Model, idle: &[Idle]) -> Option<String> {
         spins.map(|x| format!("{} about its own line between {}", x.body, names(&x.joints))).collect();
     (!said.is_empty()).then(|| {
         format!(
-            "no inertia: {} can spin but resists nothing; give it an axial inertia (add_body with the inertia of a round \
-             bar, m r^2 / 2 about its line), or a universal joint for one of the balls",
+            "no inertia: {} can spin without resistance; give it an axial inertia (add_body; a round bar has m r^2 \
+             / 2 about its axis), or replace one ball joint by a universal joint",
             names(&said)
         )
     })
@@ -87,7 +86,7 @@ const DEGREES: f64 = 10.0;
 /// between centimetre and metre, millimetre and metre.
 const FAR_OFF: f64 = 100.0;
 
-/// Data that are possible and unlikely.
+/// Data that are possible but unlikely.
 pub fn suspicious(model: &Model) -> Vec<String> {
     let mut found = Vec::new();
     let turns = |joint: &str, coordinate: usize| {
@@ -96,7 +95,7 @@ pub fn suspicious(model: &Model) -> Vec<String> {
     let mut angle = |what: String, x: f64| {
         if x.abs() >= DEGREES && x.fract() == 0.0 {
             found.push(format!(
-                "{what} is {x} rad, {:.1} full turns; if {x} degrees are meant, that is {:.6} rad",
+                "{what} is {x} rad, {:.1} full turns; {x} degrees would be {:.6} rad",
                 x / std::f64::consts::TAU,
                 x.to_radians()
             ));
@@ -126,7 +125,8 @@ pub fn suspicious(model: &Model) -> Vec<String> {
     if let Some(&usual) = sizes.get(sizes.len() / 2).filter(|_| sizes.len() > 2) {
         for (i, x) in extents.iter().filter(|(_, x)| *x > FAR_OFF * usual || *x * FAR_OFF < usual) {
             found.push(format!(
-                "{} reaches over {x:.3} m among bodies of some {usual:.3} m; if another unit is meant, see partita.units",
+                "{} extends over {x:.3} m, where bodies typically measure {usual:.3} m; check the unit (see \
+                 partita.units)",
                 model.spec.bodies[*i].name
             ));
         }

@@ -59,7 +59,7 @@ impl Motions {
         fits.then_some(normal)
     }
 
-    /// Do all turns share one axis, along which the slides go?
+    /// Whether all rotations share one axis, parallel to all translations.
     fn one_axis(&self, size: f64) -> bool {
         let Some(&(p, axis)) = self.turns.first() else { return false };
         let on_axis = |x: Vec3<f64>| (x - p).cross(axis).norm() < self.parallel * size;
@@ -103,8 +103,8 @@ pub(crate) fn reason(pose: &Pose, stress: &Stress) -> String {
     if all.is_empty() {
         let who = if stress.drives.is_empty() { "couplings" } else { "drives" };
         return format!(
-            "the efforts of {who} can balance one another without a load on any joint: with these ratios the row follows from the \
-             others, with slightly different ones it may lock the mechanism"
+            "the efforts of {who} can balance one another without loading any joint: with these ratios the row is \
+             redundant, with slightly different ones it may lock the mechanism"
         );
     }
     let all = names(&all);
@@ -113,7 +113,7 @@ pub(crate) fn reason(pose: &Pose, stress: &Stress) -> String {
     let wrenches = || stress.joints.iter().map(|(j, w)| (pose.points[*j], w));
     let small = |force: f64| force <= stress.zero;
     if motions.one_axis(size) {
-        return format!("{all} move about one and the same axis, so each of them holds what the others hold already");
+        return format!("{all} share one axis, so each constrains what the others constrain already");
     }
     let plane = motions.plane();
     let out_of_plane =
@@ -122,23 +122,27 @@ pub(crate) fn reason(pose: &Pose, stress: &Stress) -> String {
         let in_plane = |w: Vec3<f64>| plane.map_or(w, |n| n.cross(w));
         if wrenches().all(|(_, w)| small(in_plane(w.force).norm())) {
             return format!(
-                "{all} only slide, so what they join cannot turn or leave their slides even without this row"
+                "{all} are prismatic, so the bodies they connect cannot rotate or leave their directions even \
+                 without this row"
             );
         }
     }
     if plane.is_some_and(out_of_plane) {
         return if motions.slides.is_empty() && motions.balls.is_empty() {
-            format!("all turning axes of {all} are parallel, so what they join cannot leave its plane even without this row")
+            format!(
+                "all axes of rotation of {all} are parallel, so the motion stays in its plane even without this \
+                row"
+            )
         } else {
-            format!("all motions of {all} lie in one plane, which what they join cannot leave even without this row")
+            format!("all motions of {all} lie in one plane and stay there even without this row")
         };
     }
     let through = |o: Vec3<f64>| wrenches().all(|(p, w)| small(((p - o).cross(w.force) + w.moment).norm() / size));
     if motions.centre(size).is_some_and(through) {
-        return format!("all turning axes of {all} meet in one point, which stays in place even without this row");
+        return format!("all axes of rotation of {all} meet in one point, which stays fixed even without this row");
     }
     format!(
-        "the reactions of {all} can balance one another without any load: with these dimensions the row follows from the \
-         others, with slightly different ones it may lock the mechanism"
+        "the reactions of {all} can balance one another without any load: with these dimensions the row is \
+         redundant, with slightly different ones it may lock the mechanism"
     )
 }

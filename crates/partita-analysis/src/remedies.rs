@@ -37,7 +37,7 @@ pub struct Remedy {
     pub by: String,
 }
 
-/// One way to free a joint.
+/// One replacement that frees a joint.
 struct Replacement {
     joint: usize,
     kind: JointKind,
@@ -189,7 +189,7 @@ pub fn remedies(model: &Model, t: f64, q: &[f64]) -> Result<Vec<Remedy>, Analysi
     Ok(chosen.iter().map(remedy).collect())
 }
 
-/// Joints whose coordinates something is said about: with another kind these would be others.
+/// Joints whose coordinates are referred to elsewhere, so that their kind cannot be changed.
 fn worked(spec: &Spec) -> HashSet<&str> {
     let measures = spec.drives.iter().map(|d| &d.measure).chain(spec.couplings.iter().flat_map(Coupling::terms));
     let drives = measures.filter_map(Measure::of_joint);
@@ -230,7 +230,7 @@ fn search(
     false
 }
 
-/// Is the mechanism drawn with these replacements as mobile as it was, with nothing redundant?
+/// Whether the mechanism with these replacements keeps its mobility and has no redundancy.
 fn restores(model: &Model, chosen: &[Replacement], dof: usize) -> bool {
     let mut spec = (*model.spec).clone();
     spec.drives.clear();

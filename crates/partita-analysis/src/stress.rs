@@ -33,7 +33,7 @@ pub(crate) struct Stress {
     pub(crate) unbalanced: f64,
 }
 
-/// Poses of the tree and the way from each body to the ground.
+/// Poses of the tree and the path from each body to the ground.
 pub(crate) struct Pose<'m> {
     /// The mechanism in space.
     pub(crate) model: &'m Model,
@@ -123,8 +123,8 @@ impl<'m> Pose<'m> {
         }
     }
 
-    /// What a condition that is no closing passes through the joints: its own joint, those on the way between the bodies it
-    /// pushes, and, of couplings, not through the coordinates it acts along.
+    /// Joints loaded by a condition other than a loop closure: its own joint and those on the path between the bodies
+    /// it acts on, except, for couplings, the coordinates along which it acts.
     fn pass_condition(&self, (row, x): (usize, f64), origin: Vec3<f64>, sums: &mut Sums) -> Result<(), SystemError> {
         let (model, (t, q)) = (self.model, &self.at);
         let owner = model.row_names[row].owner;
@@ -203,7 +203,7 @@ impl<'m> Pose<'m> {
         }
         lambda.iter().for_each(|&(row, _)| dense[row] = 0.0);
         for &(row, x) in lambda.iter().filter(|(row, _)| *row >= self.model.closing_rows) {
-            // a function that fails here fails in every evaluation, which says so
+            // a function that fails here fails in every evaluation, where it is reported
             let _ = self.pass_condition((row, x), origin, sums);
         }
         sums.touched.sort_unstable();
@@ -342,7 +342,7 @@ impl<'g, 'm> Balance<'g, 'm> {
         self.stresses_into(pose, c, &mut self.room(), &mut found).then_some(found)
     }
 
-    /// The same in place of those `found` before; false where the elimination has worn out.
+    /// The same, replacing those `found` before; false where the elimination plan no longer applies.
     pub(crate) fn stresses_into(
         &self,
         pose: &Pose,

@@ -63,7 +63,7 @@ impl Functions for Inputs {
         self.at(i, t).map(|x| x[0])
     }
     fn vector(&self, i: usize, _: f64, _: &[f64], _: &[f64]) -> Result<[f64; 3], Failure> {
-        Err(format!("input {i} is no force of three components").into())
+        Err(format!("input {i} is not a force with three components").into())
     }
     fn motion(&self, i: usize, t: f64) -> Result<[f64; 3], Failure> {
         self.at(i, t)

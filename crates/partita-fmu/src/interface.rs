@@ -49,13 +49,13 @@ pub struct Component {
     slave: Slave,
 }
 
-/// A state that was asked for, with its phase.
+/// A requested state, with its phase.
 pub struct Kept {
     state: State,
     phase: Phase,
 }
 
-/// Tell the environment; `%` would be read as the place of an argument.
+/// Log a message to the environment; `%` would be read as a format specifier.
 fn log(logger: Option<Logger>, environment: *mut c_void, name: &CStr, status: c_int, message: &str) {
     let Some(logger) = logger else { return };
     let clean = message.replace('\0', " ").replace('%', "%%");
@@ -115,7 +115,7 @@ unsafe fn text<'a>(pointer: *const c_char) -> Option<&'a str> {
 /// So many items; None where there is no array for them.
 ///
 /// # Safety
-/// Null, or an array of that length that nobody changes meanwhile.
+/// Null, or an array of that length that is not modified during the call.
 unsafe fn items<'a, T>(pointer: *const T, count: usize) -> Option<&'a [T]> {
     match (count, pointer.is_null()) {
         (0, _) => Some(&[]),
@@ -153,7 +153,7 @@ pub extern "C" fn fmi2SetDebugLogging(
 }
 
 /// # Safety
-/// As FMI 2.0 says.
+/// As specified by FMI 2.0.
 #[no_mangle]
 pub unsafe extern "C" fn fmi2Instantiate(
     name: *const c_char,
@@ -317,7 +317,7 @@ pub extern "C" fn fmi2DoStep(component: *mut Component, t: c_double, step: c_dou
 
 #[no_mangle]
 pub extern "C" fn fmi2CancelStep(component: *mut Component) -> c_int {
-    with(component, "fmi2CancelStep", |_| Err(Failed(ERROR, "steps end before they return".into())))
+    with(component, "fmi2CancelStep", |_| Err(Failed(ERROR, "steps complete before they return".into())))
 }
 
 /// # Safety
@@ -384,7 +384,7 @@ pub unsafe extern "C" fn fmi2GetRealStatus(component: *mut Component, kind: c_in
     })
 }
 
-/// Functions that this FMU has no use for: it says so in its description, or has nothing of that type.
+/// Functions that this FMU does not support, as its description states, or whose variable type it does not have.
 macro_rules! nothing {
     ($($name:ident($($argument:ident: $kind:ty),*);)*) => {$(
         #[no_mangle]

@@ -1,4 +1,4 @@
-//! Where the resources lie: the URI that an environment hands over, as a path.
+//! The location of the resources: the URI given by the environment, as a path.
 
 use std::path::PathBuf;
 
@@ -6,7 +6,7 @@ use std::path::PathBuf;
 pub fn path(uri: &str) -> Result<PathBuf, String> {
     let Some(rest) = uri.strip_prefix("file:") else {
         return match uri.contains("://") {
-            true => Err(format!("the resources lie at {uri}, which is no file: URI")),
+            true => Err(format!("the resources lie at {uri}, which is not a file: URI")),
             false => Ok(PathBuf::from(uri)),
         };
     };

@@ -46,7 +46,7 @@ pub struct Slave {
 
 /// How a step ended.
 pub struct Stepped {
-    /// What is doubtful about it, in sentences.
+    /// Findings that make it suspect, in sentences.
     pub doubts: Vec<String>,
 }
 
@@ -62,7 +62,10 @@ impl Slave {
         let resource: Resource =
             serde_json::from_str(&text).map_err(|e| format!("{} cannot be read: {e}", path.display()))?;
         if resource.guid != guid {
-            return Err(format!("the environment expects the model {guid}, the resources hold {}", resource.guid));
+            return Err(format!(
+                "the environment expects the model {guid}, but the resources contain {}",
+                resource.guid
+            ));
         }
         Self::new(resource)
     }
@@ -70,7 +73,10 @@ impl Slave {
     /// The mechanism of a resource.
     pub fn new(resource: Resource) -> Result<Self, String> {
         if resource.fmu != VERSION {
-            return Err(format!("the resources are of version {}, this binary reads {VERSION}", resource.fmu));
+            return Err(format!(
+                "the resources have version {}, but this binary reads version {VERSION}",
+                resource.fmu
+            ));
         }
         let start = resource.start;
         let courses = resource.inputs.iter().map(|input| match *input {
@@ -146,7 +152,12 @@ impl Slave {
         }
         let known = self.kinds.len();
         let input = self.state.inputs.get_mut(reference);
-        let input = input.ok_or_else(|| format!("value reference {reference} is no input; those are below {known}"))?;
+        let input = input.ok_or_else(|| {
+            format!(
+                "value reference {reference} is not an input; inputs are numbered \
+            below {known}"
+            )
+        })?;
         *input = value;
         Ok(())
     }
@@ -169,7 +180,8 @@ impl Slave {
         if let Some(value) = self.state.inputs.get(reference) {
             return Ok(*value);
         }
-        let unknown = || format!("there is no value reference {reference}; those are below {}", inputs + outputs);
+        let unknown =
+            || format!("there is no value reference {reference}; they are numbered below {}", inputs + outputs);
         let place = reference.checked_sub(inputs).filter(|i| *i < outputs).ok_or_else(unknown)?;
         if self.state.outputs.is_none() {
             self.look()?;
@@ -177,11 +189,11 @@ impl Slave {
         self.state.outputs.as_ref().and_then(|x| x.get(place)).copied().ok_or_else(unknown)
     }
 
-    /// From t over `step`; where it cannot go all the way it stays where it is.
+    /// Advance from t by `step`; on failure the state is unchanged.
     pub fn step(&mut self, t: f64, step: f64) -> Result<Stepped, String> {
         let now = self.state.t;
         if !(step > 0.0 && step.is_finite() && (t - now).abs() <= SAME_TIME * step) {
-            return Err(format!("a step of {step} s from t = {t} s is asked for; the model stands at {now} s"));
+            return Err(format!("a step of {step} s from t = {t} s was requested, but the model is at t = {now} s"));
         }
         let end = t + step;
         let before = self.state.courses.clone();
@@ -217,7 +229,7 @@ impl Slave {
         Ok(())
     }
 
-    /// March to the one output asked for; `at_once` stops there.
+    /// Integrate to the one requested output; `at_once` stops there.
     fn marched(&self, now: f64, end: f64, t_eval: &[f64], at_once: bool) -> Result<(State, Vec<String>), String> {
         let options = Request { t0: now, t_end: end, ..self.options.clone() };
         let mut watch = |_: f64| if at_once { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
@@ -234,7 +246,7 @@ impl Slave {
         Ok((self.shown(&found)?, doubts))
     }
 
-    /// The state at the first output of a run, with what is shown there.
+    /// The state at the first output of a run, with its outputs.
     fn shown(&self, found: &Run) -> Result<State, String> {
         let output = found.log.outputs.first().ok_or("the run has no output")?;
         let q: Vec<f64> = output.q.iter().zip(&output.turns).map(|(q, n)| turns::whole(*q, *n)).collect();
@@ -289,7 +301,7 @@ impl Slave {
                 }
             };
             let value = tables.get(table).and_then(|row| row.get(i)).copied();
-            values.push(value.ok_or_else(|| format!("an output asks for component {i}, which there is not"))?);
+            values.push(value.ok_or_else(|| format!("an output names component {i}, which does not exist"))?);
         }
         Ok(State { t, q, v, inputs: Vec::new(), courses: Vec::new(), outputs: Some(values) })
     }

@@ -153,7 +153,7 @@ impl ExplicitRungeKutta {
         let t = self.t_old + h;
         match ode.rhs(t, &self.y_stage[..self.dim], &mut rest[..self.dim]) {
             Ok(()) => {}
-            // not evaluable even there: begin with the short guess, the first attempts will find their way
+            // not evaluable even there: begin with the short guess, which the first attempts will adapt
             Err(RhsError::Retry(_)) => return Ok(guess),
             Err(RhsError::Fatal(error)) => return Err(StepFailure::Rhs { t, error }),
         }
@@ -161,7 +161,7 @@ impl ExplicitRungeKutta {
         Ok(if better.is_finite() { better.min(longest) } else { guess })
     }
 
-    /// Was this accepted error above the tolerances as they were asked for?
+    /// Whether this accepted error exceeds the requested tolerances.
     fn exceeds_tolerance(&mut self, error: f64, h: f64) -> bool {
         if error > 1.0 || !self.norm.has_floor() {
             return error > 1.0;
@@ -273,7 +273,7 @@ impl<E: Display> Stepper<E> for ExplicitRungeKutta {
 
     fn attempt(&mut self, ode: &mut dyn Ode<Error = E>) -> Result<(), StepFailure<E>> {
         assert_eq!(self.phase, Phase::Ready, "commit or reject the step before");
-        // what stands in the way from here, also where shorter steps end before it with too large an error
+        // the obstacle ahead, also where shorter steps end before it with too large an error
         let mut obstacle = None;
         loop {
             let (h, t_new) = self.plan();

@@ -2,7 +2,7 @@
 
 use std::fmt::Display;
 
-/// Why the stepper cannot go on; `E` is the right-hand side's own error.
+/// Why the stepper cannot continue; `E` is the error type of the right-hand side.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum StepFailure<E: Display> {
     /// The step became shorter than the time can resolve.
@@ -16,12 +16,13 @@ pub enum StepFailure<E: Display> {
         t: f64,
         /// The step size that would have come next (positive).
         h: f64,
-        /// What the right-hand side said last, if it was the obstacle.
+        /// The last error of the right-hand side, if it was the obstacle.
         last: Option<E>,
     },
     /// The right-hand side cannot be evaluated where no shorter step would help.
     #[error(
-        "the right-hand side failed at t = {t}: {error}; correct the model or the start there, no step size avoids it"
+        "the right-hand side failed at t = {t}: {error}; correct the model or the initial state; no step size \
+         avoids this"
     )]
     Rhs {
         /// Time of the evaluation.

@@ -27,20 +27,19 @@ impl From<Vec<f64>> for AbsoluteTolerance {
 /// Settings of a [`Stepper`](crate::stepper::Stepper).
 ///
 /// A step is accepted when `error / (atol s + rtol max(|y_old|, |y_new|))` is at most one in every controlled
-/// component, where `error` is the estimate times [`ERROR_MARGIN`](crate::step_size::ERROR_MARGIN) and s the natural size of the
-/// component: 1 unless
-/// [`set_sizes`](crate::stepper::StepControl::set_sizes) tells another. Mechanisms tell their characteristic length for
-/// displacements and 1 for angles.
+/// component, where `error` is the estimate times [`ERROR_MARGIN`](crate::step_size::ERROR_MARGIN) and s the natural
+/// size of the component: 1 unless [`set_sizes`](crate::stepper::StepControl::set_sizes) sets another. Mechanisms set
+/// their characteristic length for displacements and 1 for angles.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
     /// Relative tolerance.
     pub rtol: f64,
     /// Absolute tolerance.
     pub atol: AbsoluteTolerance,
-    /// Number of leading components whose error is controlled; the rest (accumulated work, say) is carried along.
-    /// Anything from the dimension upwards means all.
+    /// Number of leading components whose error is controlled; the rest (accumulated work, say) is integrated without
+    /// error control. The dimension or more means all.
     pub controlled: usize,
-    /// Longest step allowed under error control; one that leads to the end may be a hundredth longer.
+    /// Longest step allowed under error control; the last one may be a hundredth longer.
     pub max_step: f64,
     /// March with this step, without error control: on the grid `t_start + i h`, ending exactly on `t_end`.
     pub fixed_step: Option<f64>,
@@ -77,7 +76,7 @@ pub enum OptionsError {
         /// Name of the method.
         method: &'static str,
     },
-    /// A number outside its range.
+    /// A value is out of range.
     #[error("{name} = {value} is out of range; it must be {range}")]
     OutOfRange {
         /// Name of the option.

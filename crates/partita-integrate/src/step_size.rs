@@ -5,7 +5,7 @@ use crate::options::{AbsoluteTolerance, Options};
 use crate::tableau::Tableau;
 use partita_math::tolerance;
 
-/// States and rates below this say nothing of the scale of a motion. Scale: multiples of the tolerance. Reason: the
+/// States and rates below this do not indicate the scale of a motion. Scale: multiples of the tolerance. Reason: the
 /// rule of Hairer, Norsett and Wanner for the first step.
 const MOVED_NOTHING: f64 = 1e-5;
 /// The first step where nothing else is known. Unit: s. Reason: the rule of Hairer, Norsett and Wanner for the first
@@ -87,12 +87,12 @@ pub const ERROR_MARGIN: f64 = 4.0;
 #[derive(Debug)]
 pub(crate) struct ErrorNorm {
     rtol: f64,
-    /// As asked for, in natural sizes.
+    /// As requested, in natural sizes.
     asked: Vec<f64>,
     /// Natural sizes of the components.
     sizes: Vec<f64>,
     atol: Vec<f64>,
-    /// No tolerance is smaller, in natural sizes.
+    /// Smallest tolerance, in natural sizes.
     floor: f64,
     controlled: usize,
 }
@@ -123,7 +123,7 @@ impl ErrorNorm {
         self.floor = floor.max(f64::MIN_POSITIVE);
     }
 
-    /// Is a floor in force?
+    /// Whether a lower bound applies.
     pub(crate) fn has_floor(&self) -> bool {
         self.floor > f64::MIN_POSITIVE
     }

@@ -46,12 +46,12 @@ pub struct CurrentStep<'s> {
     pub dy_new: &'s [f64],
     /// Length of the next attempt (positive), before it is cut to meet an end or a goal.
     pub next: f64,
-    /// Is that long enough for half of it to be worth a try?
+    /// Whether half of it is still long enough to be tried.
     pub may_shrink: bool,
 }
 
 impl CurrentStep<'_> {
-    /// Is the end of the integration reached?
+    /// Whether the end of the integration is reached.
     pub fn finished(&self) -> bool {
         self.t_old == self.t_end
     }
@@ -75,7 +75,7 @@ pub struct StepPlan<'p> {
 }
 
 impl StepPlan<'_> {
-    /// A step of this length under the tolerances that were asked for.
+    /// A step of this length under the requested tolerances.
     pub fn of(length: f64) -> Self {
         Self { length, others: &[], floor: 0.0, limit: 1.0, goal: None }
     }
@@ -104,8 +104,8 @@ pub trait StepControl: Debug + Send + Sync {
     fn end_at(&mut self, t: f64);
 }
 
-/// Corrects the end of a step and leaves its slope: `end(t, y, dy, known)`, where `known` tells that dy holds the slope
-/// at y as it is, the last one evaluated. The answer is whether the equation was evaluated.
+/// Corrects the end of a step and leaves its slope: `end(t, y, dy, known)`, where `known` states that dy contains the
+/// slope at y, the last one evaluated. The answer is whether the equation was evaluated.
 pub type StepEnd<'e, E> = &'e mut dyn FnMut(f64, &mut [f64], &mut [f64], bool) -> Result<bool, RhsError<E>>;
 
 /// A method of integration at work on one equation, whose evaluations fail with `E`.
@@ -113,7 +113,7 @@ pub type StepEnd<'e, E> = &'e mut dyn FnMut(f64, &mut [f64], &mut [f64], bool) -
 /// Memory is taken when the stepper is made; steps allocate nothing.
 pub trait Stepper<E: Display>: StepControl {
     /// Set the state, evaluate f there and choose the first step towards `t_end`, which may lie on either side. The
-    /// counters go on.
+    /// counters are kept.
     ///
     /// # Errors
     /// A start that is not finite, or where f cannot be evaluated.

@@ -5,8 +5,8 @@
 //!                          once per partition                                     every evaluation
 //! ```
 //!
-//! A [`Plan`] stays valid while its pivots keep their size; when one shrinks under the guard, [`Plan::factor`] says so and
-//! a new plan is due. Everything executed is a flat list, so that the cost is the count of multiplications.
+//! A [`Plan`] stays valid while its pivots keep their size; when one falls below the guard, [`Plan::factor`] reports it
+//! and a new plan is needed. Everything executed is a flat list, so that the cost is the count of multiplications.
 
 mod blocks;
 mod choice;

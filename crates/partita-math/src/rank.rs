@@ -69,7 +69,7 @@ pub fn preferred_rows(
 }
 
 /// The same for rows of known sizes: each is divided by its own, not by its length, so that a pivot is the square of what
-/// a row adds to those before it, and a row that hardly says anything counts for as little as it says.
+/// a row adds to those before it, and a row with a small size has little weight.
 ///
 /// # Panics
 /// If a length contradicts the pattern.

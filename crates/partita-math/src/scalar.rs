@@ -1,5 +1,5 @@
 //! Numbers that arithmetic is written over: plain `f64`, [`Dual`] numbers that carry a derivative along, [`Lanes`] of
-//! eight numbers side by side, and a [`Recorder`] that writes down what is done to it.
+//! eight numbers side by side, and a [`Recorder`] that records the operations.
 //!
 //! ```text
 //! Cases       one of two numbers, taken without a branch
@@ -98,11 +98,11 @@ pub trait Cases: Copy {
 
 /// Tables, and functions that are known in `f64` alone.
 pub trait Functions: Copy + Default {
-    /// Can functions known in `f64` alone be called (see [`call`](Functions::call))?
+    /// Whether functions known in `f64` only can be called (see [`call`](Functions::call)).
     const CALLS: bool;
 
-    /// Start and cubic of the interval of a table that this number is in: `breaks` ascend, interval i has row i, the first
-    /// and the last one go on outside.
+    /// Start and cubic of the interval of a table that this number is in: `breaks` ascend, interval i has row i, the
+    /// first and the last one extend beyond the table.
     fn interval(self, breaks: &[f64], rows: &[[f64; 4]]) -> (Self, [Self; 4]);
     /// A value that this number has outside [low, high], if there is one. A recording cannot know and has none.
     fn outside(self, low: f64, high: f64) -> Option<f64>;

@@ -1,8 +1,8 @@
 //! The tolerances that several rooms share: one constant for one meaning, free of units.
 //!
-//! What belongs to one algorithm alone stays beside it. Every constant says what it separates, the scale it is
-//! a fraction of, and the reason for its size. Lengths are measured in characteristic lengths, coordinates in
-//! characteristic displacements, rows of C and velocities in natural scales.
+//! A constant of a single algorithm stays in its file. Every constant states its meaning, its scale, and the reason for
+//! its size. Lengths are measured in characteristic lengths, coordinates in characteristic displacements, rows of C and
+//! velocities in natural scales.
 
 // ---- rounding of numbers
 
@@ -66,17 +66,17 @@ pub const FITS: f64 = 1e-11;
 /// Largest residual of a position computed in closed form. Scale: characteristic displacement. Reason: round-off,
 /// amplified a hundred thousand times next to a limit position; a branch that is open by more does not close.
 pub const CLOSED_FORM: f64 = 1e-10;
-/// Conditions open by less are closed over a whole run. Scale: size of the row. Reason: the accuracy asked of whole
-/// runs.
+/// Constraint violations below this count as closed over a whole run. Scale: size of the row. Reason: the accuracy
+/// asked of whole runs.
 pub const CLOSED_IN_RUN: f64 = 1e-9;
 /// Conditions open by more belong to another position. Scale: size of the row. Reason: a hundredth can still be seen as
 /// small; no step closes more.
 pub const FAR_OPEN: f64 = 1e-2;
-/// Conditions open by more are open. Scale: size of the row. Reason: a thousand times [`CLOSED_IN_RUN`], so that what
-/// is merely badly conditioned stays below.
+/// Constraint violations above this count as open. Scale: size of the row. Reason: a thousand times [`CLOSED_IN_RUN`],
+/// so that what is merely badly conditioned stays below.
 pub const OPEN: f64 = 1e-6;
-/// Rates of conditions off by more are open. Scale: fraction of the fastest velocity. Reason: next to a singular
-/// position the root of [`OPEN`]; where conditions hold for rates alone, [`OPEN`] is asked of these.
+/// Violations of constraint rates above this count as open. Scale: fraction of the fastest velocity. Reason: next to a
+/// singular position the root of [`OPEN`]; where conditions hold for rates alone, [`OPEN`] is asked of these.
 pub const OPEN_RATE: f64 = 1e-3;
 /// Accelerations off by more leave a condition. Scale: fraction of the strongest acceleration. Reason: tables through
 /// exact points err there by the square of their spacing.
@@ -117,8 +117,8 @@ pub const NEGLIGIBLE: f64 = 1e-9;
 /// Damping of least-change and least-norm steps. Unit: squares of singular values in natural scales. Reason: rows
 /// weaker than its root, 1e-5, count as repeated; a singular loop is closed by moves of at most 5e4 residuals.
 pub const DAMPING: f64 = 1e-10;
-/// A position stands in a singular one below this distance from it. Scale: fraction of the distance at the ends of the
-/// step. Reason: beside it velocities are exact to 1e-12 and accelerations to 1e-8.
+/// A position counts as singular below this distance from a singular one. Scale: fraction of the distance at the ends
+/// of the step. Reason: beside it velocities are exact to 1e-12 and accelerations to 1e-8.
 pub const AT_SINGULARITY: f64 = 1e-3;
 /// Pivots below this mean that the constraints have lost rank. Scale: natural scales. Reason: rounding (1e-16) is then
 /// amplified to 1e-9 in one evaluation, the accuracy asked of whole runs.

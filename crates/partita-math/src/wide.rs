@@ -19,7 +19,8 @@ impl Drop for Cleared {
     }
 }
 
-/// Which upper halves are in use, of registers of 256 and of 512 bits, as the processor tells; `None` where it does not.
+/// Which upper halves are in use, of registers of 256 and of 512 bits, as reported by the processor; `None` if it does
+/// not report them.
 #[cfg(all(test, target_arch = "x86_64"))]
 #[allow(unused_unsafe, reason = "older compilers call the question what processor this is unsafe")]
 pub(crate) fn in_use() -> Option<u64> {

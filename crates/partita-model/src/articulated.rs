@@ -98,7 +98,7 @@ impl<G: Space> Tree<G> {
         self.sweep_inward(s, &[], felt)
     }
 
-    /// [`articulate`](Self::articulate) straight through, without a look at the pivots.
+    /// [`articulate`](Self::articulate) without inspecting the pivots.
     pub fn articulate_straight(&self, s: &mut TreeScratch<G>) {
         let straight = |_, pivot: &mut [G::S], f| {
             dense::cholesky_straight(pivot, f);

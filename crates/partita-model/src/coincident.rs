@@ -1,17 +1,17 @@
 //! Points of a drawing that are one but for rounding.
 //!
-//! A small body between two joints in one point, as in a gimbal or a ball of three hinges, has no arm between them. Where its
-//! points were computed along different ways they differ in their last digits, and a force through them turns the body by that
-//! arm: over an inertia of 1e-11 kg m² some 1e-17 m are as much as 1e-8 rad/s². What is nearer than the rounding of the
-//! coordinates themselves says nothing: such points are taken as one.
+//! A small body between two joints in one point, as in a gimbal or a ball of three hinges, has no arm between them.
+//! Where its points were computed in different ways they differ in their last digits, and a force through them turns
+//! the body by that arm: over an inertia of 1e-11 kg m² some 1e-17 m are as much as 1e-8 rad/s². Distances below the
+//! rounding of the coordinates carry no information, so such points are merged.
 
 use crate::spec::Spec;
 use partita_math::tolerance;
 
-/// Where a point stands: its joint, and whether it is the one on the child.
+/// A point of a joint: its joint, and whether it is the one on the child.
 type JointPoint = (usize, bool);
 
-/// Make one of the points of joints that are one but for rounding: all of them the one that was drawn first.
+/// Merge joint points that coincide up to rounding: all take the coordinates of the first.
 ///
 /// Cost: n log n.
 pub(crate) fn unite(spec: &mut Spec) {
@@ -41,7 +41,7 @@ fn moved(mut points: Vec<(JointPoint, [f64; 3])>) -> Vec<(JointPoint, [f64; 3])>
     moved
 }
 
-/// Split by one axis after the other wherever there is a gap; what is left together is one point.
+/// Split along one axis after the other at each gap; what remains together is one point.
 fn join(points: &mut [(JointPoint, [f64; 3])], near: f64, axis: usize, moved: &mut Vec<(JointPoint, [f64; 3])>) {
     if points.len() < 2 {
         return;

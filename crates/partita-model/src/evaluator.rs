@@ -509,6 +509,6 @@ fn massive(placed: &Placed) -> Vec<bool> {
 }
 
 fn uncallable(element: &'static str, name: &str) -> DescriptionError {
-    let message = "it calls a function, which a recording cannot; give a table or a number";
+    let message = "it calls a function, which cannot be recorded; give a table or a number";
     DescriptionError::new(element, name, message)
 }

@@ -207,7 +207,7 @@ impl FrictionMagnitudes {
         all().all(|x| off(x) <= tolerance::EQUAL * length).then_some(e)
     }
 
-    /// Is there one solution for every load?
+    /// Whether there is one solution for every load.
     fn single(&mut self) -> bool {
         self.fill(-1.0 - JAM_MARGIN, true, |_, b| size(b));
         if !self.fails() {

@@ -4,10 +4,10 @@
 //! M itself is then singular and no metric any more. Where a metric is wanted (scales of coordinates, rank,
 //! corrections) such bodies count with a least share of the heaviest. No equation of motion contains it.
 //!
-//! One motion is different: the turn of a body about a line that holds its mass and the balls it hangs on, a thin
-//! rod's own spin. It moves nothing else, and without inertia nothing says how it goes; where nobody asks for it
-//! either, it is held. Any inertia about the line does that, for it never turns: none of its moments, and none of
-//! its energy, is ever felt. A point mass, or what hangs on one ball without mass, is held from all turns alike.
+//! One motion is special: the spin of a body about a line that contains its centre of mass and its ball joints, as of a
+//! thin rod. It moves nothing else and is indeterminate without inertia; unless an initial spin is given, it is held by
+//! a fictitious inertia about the line, which has no effect because the body never spins. A point mass, or a massless
+//! body on one ball joint, is held about all axes in the same way.
 
 use crate::spec::{Coupling, Force, JointKind, Measure, Spec};
 use crate::zero_position::{HeldSpin, Massless, Placed};
@@ -164,7 +164,7 @@ pub fn idle(spec: &Spec, placed: &Placed) -> Vec<Idle> {
     (0..spec.bodies.len()).filter_map(of).collect()
 }
 
-/// Bodies without inertia about what their balls and their mass leave them to turn about, if nobody asks for the turn.
+/// Bodies without inertia about the axis that their ball joints and their mass leave free, if no spin is prescribed.
 pub fn held(spec: &Spec, placed: &Placed) -> Vec<HeldSpin> {
     if placed.planar {
         return Vec::new();

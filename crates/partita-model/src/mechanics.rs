@@ -60,7 +60,7 @@ impl<G: Space> Mechanics<G> {
         self
     }
 
-    /// Do functions of the state see no more than the tree's coordinates?
+    /// Whether functions of the state depend on the coordinates of the tree only.
     pub(crate) fn sees_tree_alone(&self) -> bool {
         self.sights.is_empty() && self.sensed.is_empty()
     }

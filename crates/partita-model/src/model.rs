@@ -93,7 +93,8 @@ use scales::{Links, RowMeasures};
 pub use scratch::ModelScratch;
 use scratch::Spare;
 
-/// Do fixed joints alone hold every body? Then there is no coordinate in any tree, and the verdict is the same in all.
+/// Whether every body is held by fixed joints alone. Then there is no coordinate in any tree, and the verdict is the
+/// same in all.
 fn all_welded(spec: &Spec) -> bool {
     let mut held = vec![validate::GROUND];
     let welds = || spec.joints.iter().filter(|j| j.kind == JointKind::Fixed);
@@ -126,7 +127,7 @@ impl Model {
         Self::build(spec, functions, coordinates)
     }
 
-    /// The functions handed along with its description.
+    /// The functions given with its description.
     pub fn functions(&self) -> Arc<dyn Functions> {
         self.callers.functions.clone()
     }
@@ -353,7 +354,8 @@ impl Model {
     /// Fails where a function of the user's would have to be called and cannot (a recording).
     pub fn over<S: Scalar>(&self) -> Result<Evaluator<S>, DescriptionError> {
         if self.own.following.is_some() {
-            let message = "the levels of a friction follow a reaction, which is found in plain numbers; give levels";
+            let message = "a reaction-dependent friction cannot be evaluated here; give the friction magnitudes \
+                (dynamic=)";
             return Err(DescriptionError::new("mechanism", &self.spec.name, message));
         }
         let numbers = Numbers::new(&self.spec, &self.placed);
@@ -412,7 +414,7 @@ impl Model {
         self.placed.planar
     }
 
-    /// Does it move in one plane, with all that acts on it there, so that no reaction leaves the plane either?
+    /// Whether it moves in one plane under loads in this plane, so that all reactions lie in the plane.
     pub fn loads_lie_in_plane(&self) -> bool {
         let of_joint = |row: &Row| matches!(row.owner, Owner::Joint(_));
         self.is_planar()
@@ -466,8 +468,8 @@ impl Model {
         let more = if names.len() > 6 { ", ..." } else { "" };
         let named = names.iter().take(6).copied().collect::<Vec<_>>().join(", ");
         Some(format!(
-            "{named}{more} {is} held from spinning: without inertia about what the joints leave {} to turn about, nothing \
-             says how that would go, and nothing else depends on it",
+            "{named}{more} {is} held from spinning: without inertia about the axis that the joints leave {} free, \
+             this motion is indeterminate, and nothing else depends on it",
             if names.len() == 1 { "it" } else { "them" }
         ))
     }

@@ -11,7 +11,7 @@ pub fn distinct(spec: &Spec, placed: &Placed) -> Result<(), DescriptionError> {
         let mut taken = HashMap::with_capacity(names.len());
         for (i, name) in names.iter().enumerate() {
             if taken.insert(name.as_str(), i).is_some() {
-                return Err(clash(name, "two coordinates of the mechanism would be called so"));
+                return Err(clash(name, "two coordinates of the mechanism would have this name"));
             }
         }
     }
@@ -23,7 +23,7 @@ pub fn distinct(spec: &Spec, placed: &Placed) -> Result<(), DescriptionError> {
             for name in of_q.iter().chain(of_v) {
                 if placed.joint_numbers.get(name).is_some_and(|&j| j != owner) {
                     let of = &spec.joints[owner].name;
-                    return Err(clash(name, &format!("a coordinate of joint \"{of}\" is called so too")));
+                    return Err(clash(name, &format!("a coordinate of joint \"{of}\" has the same name")));
                 }
             }
         }
@@ -32,5 +32,5 @@ pub fn distinct(spec: &Spec, placed: &Placed) -> Result<(), DescriptionError> {
 }
 
 fn clash(name: &str, why: &str) -> DescriptionError {
-    DescriptionError::new("joint", name, format!("{why}, so that the name would not tell which is meant; rename one"))
+    DescriptionError::new("joint", name, format!("{why}, so the name would be ambiguous; rename one"))
 }

@@ -200,7 +200,7 @@ impl TurnCounter {
         Self { turns, quaternions, last: vec![None; model.placed.joints.len()] }
     }
 
-    /// Does joint `j` have turns of which more than one reading is right?
+    /// Whether the rotation of joint `j` has more than one valid reading.
     pub fn counts(&self, j: usize) -> bool {
         self.turns[j].contains(&true) || self.quaternions[j].is_some()
     }

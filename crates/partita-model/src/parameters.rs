@@ -245,9 +245,9 @@ fn same_rows(before: &[ConditionRows], spec: &Spec, placed: &Placed) -> Result<(
     match after.iter().find(|x| !before.contains(&held(x))).map(|x| x.owner) {
         Some(Owner::Coupling(i)) => {
             let message =
-                "whole turns of its joints are not known, and these factors have another common part than those \
-                           it was compiled with: it would hold rates in place of positions, or positions in place of \
-                           rates; draw the mechanism with these numbers";
+                "the whole turns of its joints are not known, and these factors have another common divisor than \
+                 the compiled ones, so it would constrain rates instead of positions or the reverse; build the \
+                 mechanism with these numbers";
             Err(DescriptionError::new("coupling", spec.couplings[i].name(), message))
         }
         _ => Ok(()),
@@ -261,7 +261,7 @@ impl Model {
         Slot::all(&self.spec).into_iter().map(|(name, slot)| (name, slot.of(&mut described).to_vec())).collect()
     }
 
-    /// Is this number one of those by which a coupling of several joints tells whole turns?
+    /// Whether this number determines the period by which a coupling of several joints counts whole turns.
     fn counts_turns(&self, slot: Slot) -> bool {
         let Slot::OfCoupling(i, _) = slot else { return false };
         self.spec.couplings[i].terms().iter().filter(|m| coupling::wraps(&self.placed, m)).count() > 1
@@ -306,7 +306,7 @@ impl Model {
                 // as when the plane was found
                 if off.abs() >= tolerance::EQUAL * placed.size {
                     let m = format!(
-                        "its sides would miss each other by {} m out of the plane; compile anew",
+                        "its sides would be {} m apart across the plane; compile a new model",
                         partita_math::formatted(off)
                     );
                     return Err(DescriptionError::new("joint", &spec.joints[j].name, m));
@@ -323,7 +323,8 @@ impl Model {
         if made.size() == self.size() && made.is_planar() == self.is_planar() {
             return Ok(made);
         }
-        let m = "with these numbers its drawing is repaired otherwise, and it has other coordinates; compile anew";
+        let m = "with these numbers its geometry is repaired differently and has other coordinates; compile a new \
+            model";
         Err(DescriptionError::new("mechanism", &self.spec.name, m))
     }
 
@@ -337,9 +338,8 @@ impl Model {
         let (described, slots) = changed(&self.spec, changes)?;
         for (slot, (name, _)) in slots.iter().zip(changes) {
             if self.counts_turns(*slot) {
-                let m =
-                    "whole turns of its joints are told by what its factors have in common, which changes by jumps; \
-                         give such numbers by with_parameters";
+                let m = "the whole turns of its joints follow from the common divisor of its factors, which is not \
+                     continuous; set these numbers by with_parameters";
                 return Err(DescriptionError::new("parameter", name, m));
             }
             let (Slot::Mass(i) | Slot::Com(i) | Slot::Inertia(i)) = *slot else { continue };

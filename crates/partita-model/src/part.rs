@@ -87,7 +87,7 @@ fn seen<S: Scalar>(model: &Evaluator<S>) -> impl Iterator<Item = usize> + '_ {
 }
 
 impl<S: Scalar> Evaluator<S> {
-    /// Are there functions of the user among the forces and motions?
+    /// Whether forces or motions contain functions of the user.
     pub fn calls_functions(&self) -> bool {
         self.callers.functions.count() > 0
     }

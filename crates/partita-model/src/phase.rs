@@ -37,9 +37,10 @@ impl Model {
             }
             if phase.abs() > tolerance::CLOSED_IN_RUN * size {
                 let message = format!(
-                    "\"{}\" is held by its rates alone in these coordinates, where whole turns of its joints are not known and \
-                     its factors leave no common period: on the way to this position it would slip by {phase:.6}; assemble in \
-                     relative coordinates with its joints in the tree (cut = \"never\"), a run takes that state over",
+                    "\"{}\" constrains only rates in these coordinates, because the whole turns of its joints are \
+                     not known and its factors have no common period: up to this position its phase would change by \
+                     {phase:.6}; assemble in relative coordinates with its joints in the tree (cut = \"never\") and \
+                     start the run from that state",
                     c.name
                 );
                 return Err(SystemError::argument("coordinates", message));
@@ -48,7 +49,7 @@ impl Model {
         Ok(())
     }
 
-    /// Refuse the value x of a joint's angle at which something is wound farther than the pose tells.
+    /// Refuse the value x of a joint angle at which an element is wound beyond the half turn known from the pose.
     ///
     /// # Errors
     /// `Wound`.

@@ -6,9 +6,9 @@ use partita_math::spatial::{Mat3, Vec3};
 use partita_math::tolerance;
 use std::collections::HashMap;
 
-/// Are all reactions of a mechanism that moves across `normal` (world, unit) reactions in its plane, whatever the
-/// motion? Nothing pushes or turns a body out of it: masses, joints and forces stand in one plane to round-off, and
-/// what couples and drives does so along coordinates.
+/// Whether all reactions of a mechanism that moves in the plane with this `normal` (world, unit) lie in the plane for
+/// every motion: masses, joints and forces lie in one plane up to round-off, and couplings and drives act along
+/// coordinates.
 pub(crate) fn loads_lie_in_plane(spec: &Spec, normal: [f64; 3]) -> bool {
     let along_coordinates = |m: &Measure| matches!(m, Measure::Joint { .. });
     let coupled = |c: &Coupling| !matches!(c, Coupling::Roll { .. }) && c.terms().iter().all(along_coordinates);
@@ -18,8 +18,8 @@ pub(crate) fn loads_lie_in_plane(spec: &Spec, normal: [f64; 3]) -> bool {
         && lies_in_plane(spec, Vec3(normal), tolerance::PARALLEL)
 }
 
-/// Does a friction need what a mechanism that moves across `normal` (world, unit) has no rows for? `motion` tells how a
-/// coordinate of a joint moves.
+/// Whether a friction needs reactions out of the plane with this `normal` (world, unit), which a planar model does not
+/// have. `motion` tells how a coordinate of a joint moves.
 ///
 /// A turn is pressed in the plane, unless it has a collar or a length. A slide is, as long as nothing pushes any body
 /// out of the plane, and it has no arm to be turned about its axis by; one with a length, which moments press, if all
@@ -78,7 +78,7 @@ fn lies_in_plane(spec: &Spec, normal: Vec3<f64>, level: f64) -> bool {
     straight && (heights.is_empty() || high - low <= level * extent)
 }
 
-/// May anything push a body across the plane?
+/// Whether any load may act on a body out of the plane.
 fn loaded_across(spec: &Spec, normal: Vec3<f64>) -> bool {
     let across = |x: Vec3<f64>| normal.dot(x).abs() > tolerance::PARALLEL * x.norm();
     let body = |name: &str| spec.bodies.iter().find(|b| b.name == name);

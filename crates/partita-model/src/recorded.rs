@@ -68,8 +68,8 @@ impl<S: Scalar> Evaluator<S> {
 
 impl Model {
     /// The equations as a program whose inputs are time, state and these parameters (see
-    /// [`parameters`](crate::parameters)), but for those that [`over_with`](Self::over_with) cannot take as they tell
-    /// whole turns: those stay as they are.
+    /// [`parameters`](crate::parameters)), but for those that [`over_with`](Self::over_with) cannot take because they
+    /// determine whole turns: those stay constant.
     ///
     /// # Errors
     /// Parameters that do not exist or are given twice; elements that call functions of the user's, and frictions that

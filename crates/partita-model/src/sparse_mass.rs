@@ -10,7 +10,7 @@ use partita_math::scalar::Scalar;
 use partita_math::spatial::Space;
 use std::ops::Range;
 
-/// Where the entries of M stand, and on which ways through the tree they are found.
+/// Positions of the entries of M, and the paths through the tree that produce them.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct MassLayout {
     /// Of M (nv x nv), both triangles.

@@ -145,7 +145,7 @@ impl JointKind {
     }
 }
 
-/// May this joint be cut when loops are opened?
+/// Whether this joint may be cut when loops are opened.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Cut {
@@ -211,7 +211,7 @@ pub struct Joint {
     /// coordinates are 0.
     #[serde(default)]
     pub child_frame: Option<[[f64; 3]; 3]>,
-    /// May it be cut?
+    /// Whether it may be cut.
     #[serde(default)]
     pub cut: Cut,
     /// How far it gives along and about the joint axes x, y, z [m/N], [rad/(N m)]: by this redundant joints share
@@ -253,7 +253,7 @@ pub enum Value {
     Constant(f64),
     /// Piecewise cubic in time.
     Table(Table),
-    /// Function number i of those handed along.
+    /// Index i among the functions given.
     Function(usize),
 }
 
@@ -330,7 +330,7 @@ impl Measure {
     }
 }
 
-/// Does a condition hold positions, or their rates alone?
+/// Whether a condition constrains positions, or only rates.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Level {
@@ -367,7 +367,7 @@ impl Drive {
     }
 }
 
-/// An orientation over time: of the child seen from the parent, as the coordinates of the joint tell it.
+/// An orientation over time: of the child seen from the parent, as given by the coordinates of the joint.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase", deny_unknown_fields)]
 pub enum Turning {

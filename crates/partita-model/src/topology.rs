@@ -22,7 +22,7 @@ pub struct Edge {
     pub dof: usize,
 }
 
-/// An edge of the tree, walked away from the ground.
+/// An edge of the tree, directed away from the ground.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TreeEdge {
     /// Joint, or `None` for a body that no joint holds: it floats.

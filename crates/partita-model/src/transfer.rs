@@ -37,8 +37,8 @@ impl Model {
         turned
     }
 
-    /// Refuse a state of another model of the same mechanism in which something is wound farther than this one can tell: in
-    /// its coordinates it would be another state.
+    /// Refuse a state of another model of the same mechanism in which an element is wound beyond the range of this
+    /// model: in its coordinates it would be another state.
     ///
     /// # Errors
     /// `Wound`.

@@ -19,8 +19,8 @@ fn drawing_tolerance(spec: &Spec) -> Result<(), DescriptionError> {
         return Ok(());
     }
     let message = format!(
-        "drawing_tolerance = {x}; give a number from 0 (what is drawn is meant to the last digit) to {LARGEST_TOLERANCE} \
-         (radians, and parts of lengths): beyond that the drawing is one of another mechanism"
+        "drawing_tolerance = {x}; give a number from 0 (the geometry is exact) to {LARGEST_TOLERANCE} (radians, and \
+         fractions of lengths); beyond that the drawing describes another mechanism"
     );
     Err(DescriptionError::new("mechanism", &spec.name, message))
 }
@@ -74,8 +74,8 @@ fn body(b: &Body) -> Result<(), DescriptionError> {
         }
         if p[2] > p[0] + p[1] + slack {
             return fail(format!(
-                "inertia belongs to no distribution of mass: the largest principal moment {} exceeds the sum of the others \
-                 {}; check the order of the entries",
+                "no distribution of mass has this inertia: the largest principal moment {} exceeds the sum of the \
+                 others {}; check the order of the entries",
                 p[2],
                 p[0] + p[1]
             ));
@@ -91,7 +91,7 @@ fn rotation(r: &[[f64; 3]; 3], element: &'static str, name: &str, what: &str) ->
         for c in 0..3 {
             let dot: f64 = (0..3).map(|k| r[k][a] * r[k][c]).sum();
             if (dot - f64::from(u8::from(a == c))).abs() > tolerance::EQUAL {
-                return fail(format!("{what} is no rotation: columns {a} and {c} have the product {dot:.12}"));
+                return fail(format!("{what} is not a rotation: columns {a} and {c} have the product {dot:.12}"));
             }
         }
     }
@@ -170,12 +170,12 @@ pub fn validate(spec: &Spec, functions: usize) -> Result<(), DescriptionError> {
             }
         }
         if j.child_frame.is_some() && j.child_axis.is_some() {
-            return fail("child_axis and child_frame both say how it sits on its child; give one of them".into());
+            return fail("child_axis and child_frame both orient the joint on its child; give one of them".into());
         }
         if let Some(c) = j.compliance {
             finite(&c, "joint", &j.name, "compliance")?;
             if let Some(x) = c.iter().find(|x| **x < 0.0) {
-                return fail(format!("its compliance has the entry {x}; nothing gives against the load, 0 is rigid"));
+                return fail(format!("its compliance has the entry {x}; it must not be negative (0 is rigid)"));
             }
         }
     }
@@ -237,8 +237,8 @@ pub fn validate(spec: &Spec, functions: usize) -> Result<(), DescriptionError> {
             Coupling::Function { function, .. } => {
                 if count == 0 || count > value::READINGS {
                     return fail(format!(
-                        "a function looks at 1 to {} readings, {count} are given; hold sums of many by a coupling of kind \
-                         linear, which takes any number",
+                        "a function takes 1 to {} readings, but {count} are given; use a linear coupling for a sum \
+                         of any number",
                         value::READINGS
                     ));
                 }
@@ -277,7 +277,7 @@ pub fn validate(spec: &Spec, functions: usize) -> Result<(), DescriptionError> {
                 if let Some(over) = over {
                     measure(over, "force", name)?;
                     if !matches!(v, Value::Table(_)) {
-                        let m = "what it is over is said, but its value is no table";
+                        let m = "an abscissa is given, but its value is not a table";
                         return Err(DescriptionError::new("force", name, m));
                     }
                 }

@@ -16,7 +16,7 @@ pub const RELATION: usize = 3 + READINGS;
 /// Numbers of a user's turning: a rotation row by row, its spin and the growth of that, in the axes it turns.
 pub const TURNING: usize = 15;
 
-/// The functions handed along with a description.
+/// The functions given with a description.
 pub trait Functions: Send + Sync {
     /// Number of functions.
     fn count(&self) -> usize;
@@ -34,7 +34,7 @@ pub trait Functions: Send + Sync {
     fn motion(&self, i: usize, t: f64) -> Result<[f64; 3], Box<dyn std::error::Error + Send + Sync>>;
     /// Turning number `i` at t: the rotation row by row, its angular velocity and acceleration in the axes it turns.
     fn turning(&self, i: usize, _t: f64) -> Result<[f64; TURNING], Box<dyn std::error::Error + Send + Sync>> {
-        Err(format!("function {i} is no turning in space").into())
+        Err(format!("function {i} is not a spatial rotation").into())
     }
     /// Law number `i` at t for what it sees: three forces and three moments for each point it acts on.
     fn law(
@@ -44,7 +44,7 @@ pub trait Functions: Send + Sync {
         _seen: &[f64],
         _out: &mut [f64],
     ) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
-        Err(format!("function {i} is no law of force").into())
+        Err(format!("function {i} is not a force law").into())
     }
     /// Relation number `i` at t, readings x and their rates: F, F_t, F'' for x'' = 0, and the gradient.
     fn relation(
@@ -54,7 +54,7 @@ pub trait Functions: Send + Sync {
         _x: &[f64],
         _rates: &[f64],
     ) -> Result<[f64; RELATION], Box<dyn std::error::Error + Send + Sync>> {
-        Err(format!("function {i} is no relation of readings").into())
+        Err(format!("function {i} is not a relation between readings").into())
     }
 }
 
@@ -136,7 +136,7 @@ pub fn table_at<S: Scalar>(table: &Table, t: S, what: &str) -> Result<[S; 3], Sy
     Ok(cubic_at(table, t))
 }
 
-/// Value, first and second derivative of a piecewise cubic at x; the outer pieces go on outside.
+/// Value, first and second derivative of a piecewise cubic at x; the outer pieces extend beyond the table.
 #[inline(always)]
 pub(crate) fn cubic_at<S: Scalar>(table: &Table, x: S) -> [S; 3] {
     let (start, [a, b, c, d]) = x.interval(&table.breaks, &table.coefficients);
@@ -370,9 +370,10 @@ pub fn check_turning(x: &Turning, functions: usize, name: &str) -> Result<(), De
                 (0..3).all(|i| unit(m.column(i).norm())) && unit(m.column(0).cross(m.column(1)).dot(m.column(2)));
             match rows {
                 true => Ok(()),
-                false => {
-                    fail(format!("{r:?} is no rotation; give a matrix whose columns are unit axes at right angles"))
-                }
+                false => fail(format!(
+                    "{r:?} is not a rotation; give a matrix whose columns are unit axes at right \
+                        angles"
+                )),
             }
         }
         Turning::Function(i) => check(&Value::Function(*i), functions, "drive", name),
@@ -380,11 +381,11 @@ pub fn check_turning(x: &Turning, functions: usize, name: &str) -> Result<(), De
             vectors.iter().try_for_each(|v| check(&Value::Table(v.clone()), functions, "drive", name))?;
             let same = vectors.iter().all(|v| v.breaks == vectors[0].breaks);
             if !same || rotations.len() + 1 != vectors[0].breaks.len() {
-                return fail("its table of turns needs the same breaks for all and one quaternion an interval".into());
+                return fail("its table of rotations needs common breakpoints and one quaternion per interval".into());
             }
             match rotations.iter().all(|q| unit(q.iter().map(|x| x * x).sum::<f64>())) {
                 true => Ok(()),
-                false => fail("its table of turns needs unit quaternions".into()),
+                false => fail("its table of rotations needs unit quaternions".into()),
             }
         }
     }
@@ -401,7 +402,8 @@ pub fn check(v: &Value, functions: usize, element: &'static str, name: &str) -> 
             let finite = t.breaks.iter().chain(t.coefficients.iter().flatten()).all(|x| x.is_finite());
             if t.breaks.len() < 2 || t.breaks.len() != t.coefficients.len() + 1 || !ascending || !finite {
                 return fail(format!(
-                    "its table needs ascending, finite break points and one cubic an interval ({} breaks, {} cubics)",
+                    "its table needs increasing, finite breakpoints and one cubic per interval ({} breaks, {} \
+                     cubics)",
                     t.breaks.len(),
                     t.coefficients.len()
                 ));
@@ -409,7 +411,7 @@ pub fn check(v: &Value, functions: usize, element: &'static str, name: &str) -> 
             Ok(())
         }
         Value::Function(i) if *i >= functions => {
-            fail(format!("it names function {i}, but {functions} functions were handed along"))
+            fail(format!("it names function {i}, but {functions} functions were given"))
         }
         Value::Function(_) => Ok(()),
     }

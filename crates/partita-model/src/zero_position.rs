@@ -100,13 +100,13 @@ pub struct PlacedJoint {
     pub child: usize,
     /// Its links in the order of its motions, if it is in the tree; empty for a fixed joint.
     pub links: Option<Vec<usize>>,
-    /// Is it walked from child to parent?
+    /// Whether it is traversed from child to parent.
     pub reversed: bool,
 }
 
 impl PlacedJoint {
     /// Its links, if its coordinates are those of the state, side by side: not of a joint that closes a loop, nor of
-    /// one of several degrees of freedom that is walked backwards.
+    /// one with several degrees of freedom that is traversed from child to parent.
     pub fn in_state(&self) -> Option<&[usize]> {
         self.links.as_deref().filter(|links| !(links.is_empty() || self.reversed && self.shape.dof() > 1))
     }

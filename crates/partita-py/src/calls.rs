@@ -36,7 +36,7 @@ pub fn fill(
         return Err(SystemError::argument(
             what,
             format!(
-                "{what} returned {} numbers at t = {t}, {} were expected; it must keep its shape",
+                "{what} returned {} numbers at t = {t}, {} were expected; the shape must not change",
                 x.len(),
                 out.len()
             ),

@@ -179,7 +179,7 @@ pub fn guarded<T>(py: Python<'_>, f: impl FnOnce() -> PyResult<T>) -> PyResult<T
                 .or_else(|| payload.downcast_ref::<&str>().map(|s| (*s).to_string()))
                 .unwrap_or_default();
             let message =
-                format!("internal error: {said}; this is a mistake in Partita, please report it with the model");
+                format!("internal error: {said}; this is a bug in Partita, please report it together with the model");
             Err(raise(py, "PartitaError", &message, &[]))
         }
     }

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 type Fault = Box<dyn std::error::Error + Send + Sync>;
 
-/// The callables handed along with a description.
+/// The callables given with a description.
 pub struct Callables(pub Vec<Py<PyAny>>);
 
 impl Callables {
@@ -41,7 +41,8 @@ impl Functions for Callables {
             Some(x) => Ok(x),
             None => x.extract::<Vec<f64>>(),
         })?;
-        x.try_into().map_err(|x: Vec<f64>| format!("a force needs three components, {} came", x.len()).into())
+        x.try_into()
+            .map_err(|x: Vec<f64>| format!("a force needs three components, but {} were returned", x.len()).into())
     }
     fn relation(&self, i: usize, t: f64, x: &[f64], rates: &[f64]) -> Result<[f64; RELATION], Fault> {
         let found = self.call(i, t, x, rates, |x| match entries(x) {
@@ -51,7 +52,7 @@ impl Functions for Callables {
         let mut law = [0.0; RELATION];
         if found.len() != 3 + x.len() {
             return Err(format!(
-                "a relation of {} readings gives {} numbers, {} came",
+                "a relation of {} readings must return {} numbers, not {}",
                 x.len(),
                 3 + x.len(),
                 found.len()
@@ -71,7 +72,7 @@ impl Functions for Callables {
         })
         .map_err(|e: PyErr| Box::new(e) as Fault)?;
         if x.len() != out.len() {
-            return Err(format!("a law of force needs {} numbers, {} came", out.len(), x.len()).into());
+            return Err(format!("a force law must return {} numbers, not {}", out.len(), x.len()).into());
         }
         out.copy_from_slice(&x);
         Ok(())
@@ -85,7 +86,9 @@ impl Functions for Callables {
             }
         })
         .map_err(|e: PyErr| Box::new(e) as Fault)?;
-        x.try_into().map_err(|x: Vec<f64>| format!("an orientation has {TURNING} numbers, {} came", x.len()).into())
+        x.try_into().map_err(|x: Vec<f64>| {
+            format!("an orientation has {TURNING} numbers, but {} were returned", x.len()).into()
+        })
     }
     fn motion(&self, i: usize, t: f64) -> Result<[f64; 3], Fault> {
         Python::attach(|py| {

@@ -28,14 +28,14 @@ use std::sync::{Arc, OnceLock};
 type Vector<'py> = PyReadonlyArray1<'py, f64>;
 type Table<'py> = PyReadonlyArray2<'py, f64>;
 
-/// A compiled mechanism: constant; states are handed in.
+/// A compiled mechanism. It is constant; states are arguments.
 #[pyclass(frozen, module = "partita._core")]
 pub struct Model {
     inner: Arc<Inner>,
     structure: OnceLock<Structure>,
 }
 
-/// What the closed drawing tells of the mechanism.
+/// Properties of the mechanism in its assembled zero position.
 struct Structure {
     mobility: Option<analysis::mobility::Mobility>,
     note: Option<String>,
@@ -60,12 +60,12 @@ impl Model {
         Self { inner, structure: OnceLock::new() }
     }
 
-    /// May questions to the whole model take long?
+    /// Whether an analysis of the whole model may take long.
     fn is_large(&self) -> bool {
         self.inner.size().nv > MANY
     }
 
-    /// What the closed drawing tells, found when first asked for.
+    /// Properties of the assembled zero position, computed when first needed.
     fn known<'m>(slf: &'m Bound<'_, Self>) -> PyResult<&'m Structure> {
         let (model, own) = (slf.get(), slf.clone().unbind());
         if model.structure.get().is_none() {
@@ -82,7 +82,7 @@ impl Model {
             let closed = analysis::poses::closed(&self.inner, 0.0, &mut q, tolerance::CLOSED, &[]);
             // where the loops stay open nothing follows from how the rows stand to each other
             if let Err(e) = closed {
-                let note = format!("mobility is that of an assembled position, and there is none: {e}");
+                let note = format!("the mobility needs an assembled position, but the loops do not close: {e}");
                 return Structure { mobility: None, note: Some(note) };
             }
             match analysis::mobility::mobility(&self.inner, 0.0, &q) {

@@ -1,4 +1,4 @@
-//! What a mechanism shows along sampled states, handed over as arrays.
+//! Outputs of a mechanism along sampled states, as arrays.
 
 use crate::arrays::{array, entries_of, rows_of, shaped};
 use crate::failure::{self, raise};
@@ -15,7 +15,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::borrow::Cow;
 
-/// Why outputs could not be computed: the mechanism's reason, or the user's wish to stop.
+/// Why outputs could not be computed: an error of the mechanism, or an interrupt by the user.
 pub enum Stop {
     /// Of the system.
     System(SystemError),
@@ -276,7 +276,7 @@ pub fn augmented_reactions<'py>(
     Ok((next(), next()))
 }
 
-/// Do self-stresses leave reactions of this motion open?
+/// Whether self-stresses leave reactions of this motion open.
 pub fn shares(py: Python<'_>, m: &Model, x: &Motion, acting: &Acting) -> PyResult<bool> {
     watched(py, |_| Ok(outputs::shares(m, &x.states(), &acting.forces())?))
 }

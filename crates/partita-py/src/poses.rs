@@ -78,7 +78,7 @@ impl Wanted {
 /// The goals of a model.
 pub fn targets(py: Python<'_>, m: &Model, named: &[Named]) -> PyResult<Vec<Target>> {
     let refuse = |name: &str| {
-        let message = format!("{name} is no coordinate and no point of this model");
+        let message = format!("{name} is neither a coordinate nor a point of this model");
         raise(py, "ArgumentError", &message, &[("argument", "targets".into())])
     };
     let read = |(name, kind, of, part, point): &Named| {

@@ -141,13 +141,14 @@ impl Stepper {
         work: impl FnOnce(&mut Stepping<'static, Model>) -> Result<T, AnalysisError> + Send,
     ) -> PyResult<T> {
         if *locked(&self.busy) == Some(thread::current().id()) {
-            let message = "a function of its model steps the stepper that calls it; give what it computes as an input";
+            let message = "a function of the model steps the stepper that calls it; pass what it computes as an \
+                input";
             return Err(raise(py, "ArgumentError", message, &[("argument", "stepper".into())]));
         }
         let done = py.detach(|| {
             let mut motion = self.motion.lock().map_err(|_| AnalysisError::Argument {
                 argument: "stepper",
-                message: "the stepper has ended by an error inside; make a new one".into(),
+                message: "the stepper has failed; make a new one".into(),
             })?;
             let _busy = Busy::new(&self.busy);
             let done = work(&mut motion);

@@ -79,7 +79,7 @@ struct Removed<'m> {
     why: &'m str,
 }
 
-/// Of a model with what its closed drawing tells.
+/// The summary of a model with the properties of its assembled zero position.
 pub fn summary(m: &Model, mobility: Option<&Mobility>, note: Option<&str>) -> serde_json::Result<String> {
     let size = m.size();
     let of_drawing = mobility.and_then(|x| x.of_drawing(m.spec.drawing_tolerance));

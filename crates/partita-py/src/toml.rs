@@ -107,10 +107,10 @@ fn refused(py: Python<'_>, text: &str, path: &str, e: &TomlError) -> PyErr {
     let dots = |x: &str| x.bytes().filter(|b| *b == b'.').count();
     let longest =
         text.lines().enumerate().max_by_key(|(i, x)| (dots(x), usize::MAX - i)).map(|(i, x)| (i + 1, dots(x) + 1));
-    // the parser tells the place of every error but that of a name of too many parts
+    // the parser locates every error except a key with too many parts
     if let (None, Some((line, parts))) = (e.span(), longest.filter(|x| x.1 > PARTS)) {
         let message =
-            format!("{path}, line {line}: a name of {parts} parts nests tables without end ({})", e.message().trim());
+            format!("{path}, line {line}: a key with {parts} parts nests tables too deeply ({})", e.message().trim());
         return raise(py, "FileFormatError", &message, &[("path", path.into()), ("line", line.into())]);
     }
     let line = e.span().map(|s| line(text, s.start));

@@ -123,7 +123,7 @@ pub struct System {
     f: Callables,
     /// Characteristic lengths; `None`: estimated at the start of a run.
     lengths: Option<Vec<f64>>,
-    /// Are derivatives compared with differences?
+    /// Whether derivatives are compared with differences.
     checked: bool,
 }
 
@@ -183,7 +183,7 @@ impl System {
             return Err(raise(
                 py,
                 "ArgumentError",
-                "n is 0; a system has a coordinate at least",
+                "n is 0; a system needs at least one coordinate",
                 &[("argument", "n".into())],
             ));
         }

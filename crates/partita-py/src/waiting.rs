@@ -10,8 +10,8 @@ use std::time::Duration;
 /// How often signals are looked for.
 const PULSE: Duration = Duration::from_millis(50);
 
-/// What `work` returns. Meanwhile signals are heard: what a signal's handler raises (Ctrl-C) is returned at once, and the
-/// work, which owns all it uses, goes on unheard until it ends.
+/// Run `work` on another thread and return its result, while this thread handles signals: an exception raised by a
+/// signal handler (Ctrl-C) is returned at once, and the work, which owns its data, runs to its end unobserved.
 ///
 /// `long` says whether it may take long; what does not is done here, for a thread has its price too.
 pub fn heard<T: Send + 'static>(py: Python<'_>, long: bool, work: impl FnOnce() -> T + Send + 'static) -> PyResult<T> {

@@ -43,7 +43,7 @@ const LINES: usize = 8;
 /// 1e-3, far below the angles between branches.
 const SAME_DIRECTION: f64 = 1e-6;
 
-/// One way to go on, in both senses where it has two.
+/// One branch, in both senses where it has two.
 #[derive(Clone, Debug)]
 pub struct Branch {
     /// Velocities along it, the fastest of them 1 in its characteristic displacement.
@@ -375,7 +375,8 @@ pub fn guess<S: ConstrainedSystem>(system: &S, q: &[f64], branch: &Branch) -> Ve
     (0..system.size().nv).filter_map(|v| at(v).map(|c| (v, c))).filter_map(moved).collect()
 }
 
-/// The rates along one of all branches, of all coordinates that go on any: one that stands tells it from others, too.
+/// The rates along one branch of all coordinates that move on any branch: a rate of zero distinguishes branches as
+/// well.
 pub fn rates<S: ConstrainedSystem>(system: &S, branch: &Branch, all: &[Branch]) -> Vec<(String, f64)> {
     let goes = |i: usize| all.iter().chain([branch]).any(|b| b.rates[i] != 0.0);
     let moving = branch.rates.iter().enumerate().filter(|x| goes(x.0));
@@ -401,9 +402,9 @@ pub fn words<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<Opti
     Ok(look(system, t, q, true)?.filter(Branching::structure).map(|_| {
         let names: Vec<String> = drives.iter().take(WRITTEN).map(|&i| system.row_owner(i)).collect();
         format!(
-            "a dead centre: {} cannot say from here which way the joints are to go on, the joints alone would move freely; start a \
-             little away from it, with a joint bent a few degrees and the drive beginning there, or drive a joint that is not in \
-             its dead centre",
+            "a dead centre: {} does not determine here in which direction the joints continue, although the joints \
+             alone could move; start a little away from it, with a joint bent by a few degrees and the drive \
+             starting there, or drive a joint that is not at its dead centre",
             names.join(" and ")
         )
     }))
@@ -418,20 +419,20 @@ pub fn of_joints<S: ConstrainedSystem>(system: &S, q: &[f64], found: &Branching)
     let here = degrees(found.here);
     if found.structure() {
         return format!(
-            "it seems to have {here} here, but only for an instant: to second order its joints let nothing move, it is a \
-             structure in which play grows large; change a length or a joint"
+            "it appears to have {here} here, but the mobility is instantaneous: to second order its joints lock it, \
+             so it is a structure that amplifies play; change a length or a joint"
         );
     }
     if found.branches.is_empty() {
         return format!(
-            "it seems to have {here} here, but no way was found on which it moves by a few degrees: it may be a structure that \
-             is mobile for an instant only; change a length or a joint, or start a little away from it"
+            "it appears to have {here} here, but no branch was found on which it moves by a few degrees: its \
+             mobility may be instantaneous; change a length or a joint, or start a little away from this position"
         );
     }
     if found.seeming > 0 {
         return format!(
-            "it seems to have {here} here, {} of them only for an instant: to second order its joints let nothing move there, \
-             that part of it is a structure in which play grows large; change a length or a joint",
+            "it appears to have {here} here, {} of them instantaneous: to second order its joints lock that part, \
+             which is a structure that amplifies play; change a length or a joint",
             found.seeming
         );
     }
@@ -441,20 +442,20 @@ pub fn of_joints<S: ConstrainedSystem>(system: &S, q: &[f64], found: &Branching)
         };
         let (rates, guess) = (rates(system, b, &found.branches), guess(system, q, b));
         match rates.len().max(guess.len()) <= WRITTEN {
-            true => format!("rates as {{{}}}, to be had by assemble(guess={{{}}})", list(&rates), list(&guess)),
-            false => format!("rates and guess as report().to_dict()[\"singular\"][\"branches\"][{n}] has them"),
+            true => format!("rates {{{}}}, reached by assemble(guess={{{}}})", list(&rates), list(&guess)),
+            false => format!("rates and guess in report().to_dict()[\"singular\"][\"branches\"][{n}]"),
         }
     };
     let branches: Vec<String> = found.branches.iter().enumerate().take(BRANCHES_LISTED).map(line).collect();
     let meet = match (found.many, found.branches.len()) {
-        (true, _) => "ways part in more directions than can be listed, such as".into(),
-        (false, 1) => "one way leads on".into(),
+        (true, _) => "more branches meet than can be listed, such as".into(),
+        (false, 1) => "one branch continues".into(),
         (false, n) if n > BRANCHES_LISTED => format!("{n} branches meet, such as"),
         (false, n) => format!("{n} branches meet"),
     };
     format!(
-        "it has {here} here and {} next to it, where {meet}: {}; start a little away from it, with joints bent a few degrees \
-         either way, on the branch you mean",
+        "it has {here} here and {} next to it, where {meet}: {}; start a little away from it, with the joints bent \
+         by a few degrees onto the branch you want",
         found.beside(),
         branches.join("; or ")
     )

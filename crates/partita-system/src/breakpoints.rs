@@ -41,7 +41,7 @@ pub struct Breakpoints {
     /// The largest of each.
     largest: [f64; 4],
     period: Option<f64>,
-    /// Is what is read an angle, known up to whole turns?
+    /// Whether the reading is an angle, known up to whole turns.
     angle: bool,
     /// Mean distance of two.
     spacing: f64,
@@ -151,7 +151,7 @@ impl Breakpoints {
         None
     }
 
-    /// Does a breakpoint within a step over so much of the curve matter?
+    /// Whether a breakpoint matters within a step over this part of the curve.
     fn matter(&self, jumps: &[f64; 4], travelled: f64, tolerance: f64) -> bool {
         let breakpoints = travelled / self.spacing;
         // of many, each is seen over the distance to the next
@@ -225,7 +225,7 @@ impl Watched {
         Self { bend: vec![0.0; breakpoints.len()], start: ends.clone(), end: ends, breakpoints }
     }
 
-    /// Is there none?
+    /// Whether there is none.
     pub fn is_empty(&self) -> bool {
         self.breakpoints.is_empty()
     }

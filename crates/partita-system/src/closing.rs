@@ -5,8 +5,8 @@ use crate::error::SystemError;
 /// One step of an explicit closing. The rows of a block contain, besides its own unknown velocities, only inputs and
 /// unknowns of earlier blocks: C_D is block-triangular, its diagonal blocks are regular.
 ///
-/// A step may have no rows and no unknowns: steps that the rows of C cannot tell apart (a loop cut where two of them
-/// meet, the two signs of a loop in space) stand one behind the other, and the last carries the rows of all.
+/// A step may have no rows and no unknowns: steps that are coupled in C (a loop cut where two of them meet, the two
+/// signs of a spatial loop) are consecutive, and the last one contains the rows of all.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Block {
     /// Rows of C that determine the unknowns (as many as unknowns).
@@ -39,8 +39,8 @@ pub trait Closing {
     /// The dependent values found in q decide only how many whole turns an angle has made (the result is the nearest
     /// one), and where implicit blocks start. Fails with [`SystemError::Limit`] where a block cannot close.
     fn close(&mut self, t: f64, q: &mut [f64]) -> Result<(), SystemError>;
-    /// The same on the branches nearest to the dependent coordinates found in q, which become the kept ones: for where
-    /// the motion passes a change point, beyond which a block goes on with the other sign.
+    /// The same on the branches nearest to the dependent coordinates found in q, which become the kept ones: for a
+    /// change point, beyond which a block continues with the other sign.
     ///
     /// Returns the doubt about it: the largest ratio, over the blocks, of the distances of the solution taken and of
     /// the next one from q; 0 where there was nothing to choose, 1 where both are as near. A closing without branches

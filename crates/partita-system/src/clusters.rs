@@ -1,4 +1,4 @@
-//! Clusters: velocities and rows that hang together through C.
+//! Clusters: velocities and rows that are connected through C.
 //!
 //! C, C_D, A, D, η and ξ are block-diagonal over clusters, so each has its own choice of coordinates, its own switches
 //! and its own margin. What one cluster does, the others meet only through the reduced equations.

@@ -21,7 +21,7 @@ pub trait Equations: Send + Sync {
     fn holonomic(&self) -> usize;
     /// Name of coordinate i.
     fn name(&self, i: usize) -> String;
-    /// Does a differ from zero?
+    /// Whether a is not zero.
     fn rheonomic(&self) -> bool;
     /// M(t, q) (n x n).
     fn mass(&self, t: f64, q: &[f64], out: &mut [f64]) -> Result<(), SystemError>;
@@ -62,7 +62,7 @@ pub struct UserSystem<E: Equations> {
     pattern: Pattern,
     /// Characteristic lengths of the coordinates.
     lengths: Vec<f64>,
-    /// Are derivatives to be compared with differences?
+    /// Whether derivatives are to be compared with differences.
     checked: bool,
 }
 
@@ -92,7 +92,7 @@ impl<E: Equations> UserSystem<E> {
         self
     }
 
-    /// Are derivatives to be compared with differences?
+    /// Whether derivatives are to be compared with differences.
     pub fn is_checked(&self) -> bool {
         self.checked
     }

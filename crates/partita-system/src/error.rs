@@ -11,8 +11,8 @@ pub type Result<T, E = SystemError> = std::result::Result<T, E>;
 pub enum SystemError {
     /// The constraint matrix lost rank here.
     #[error(
-        "the constraints lose rank at t = {t}: the smallest scaled pivot is {pivot:.2e} (limit {limit:.0e}); \
-         this is a singular position of the mechanism, start or step elsewhere"
+        "the constraints lose rank at t = {t}: the smallest scaled pivot is {pivot:.2e} (limit {limit:.0e}); this \
+         is a singular position of the mechanism; start elsewhere, or step over it"
     )]
     Singular {
         /// Time.
@@ -35,8 +35,9 @@ pub enum SystemError {
     },
     /// A degree of freedom that moves no mass.
     #[error(
-        "a degree of freedom of the mechanism moves no mass at t = {t}: {motion} (rad/s, m/s) takes along {}, and nothing of it has mass or \
-         inertia in that motion, so no force says how it goes; give one of them a mass or a moment of inertia, or drive it",
+        "a degree of freedom moves no mass at t = {t}, so its motion is indeterminate: the motion {motion} (rad/s, \
+         m/s) involves only {}, without mass or inertia in that direction; give one of them a mass or a moment of \
+         inertia, or drive it",
         names(bodies)
     )]
     Unfelt {
@@ -48,7 +49,7 @@ pub enum SystemError {
         bodies: Vec<String>,
     },
     /// A number that is not finite.
-    #[error("{what} is not finite at t = {t}; look at the forces and functions that enter it")]
+    #[error("{what} is not finite at t = {t}; check the forces and functions that enter it")]
     NotFinite {
         /// What.
         what: String,
@@ -67,10 +68,11 @@ pub enum SystemError {
         /// End of the table.
         to: f64,
     },
-    /// A spring was wound farther than its angle can be told.
+    /// A spring was wound beyond the range in which its angle is unique.
     #[error(
-        "{what}: it is wound by {by:.3} rad, or turned so far from the middle of its range, and the turns of a joint that closes a \
-         loop in space are known within half a turn only; keep the joint in the tree (cut = \"never\", relative coordinates)"
+        "{what}: its angle is {by:.3} rad (or that far from the middle of its range), but the angle of a joint that \
+         closes a spatial loop is known only within half a turn; keep the joint in the tree (cut = \"never\", \
+         relative coordinates)"
     )]
     Wound {
         /// Which element.
@@ -80,9 +82,9 @@ pub enum SystemError {
     },
     /// A function of an angle came where it would have to count whole turns.
     #[error(
-        "{what}: its function is not the same after a whole turn of an angle that stands at {by:.3} rad, and the turns of a joint \
-         that closes a loop in space are known within half a turn only; keep the joint in the tree (cut = \"never\", relative \
-         coordinates), or give a function that repeats itself"
+        "{what}: its function is not periodic in an angle that is {by:.3} rad, but the angle of a joint that closes \
+         a spatial loop is known only within half a turn; keep the joint in the tree (cut = \"never\", relative \
+         coordinates), or give a periodic function"
     )]
     Uncounted {
         /// Which element.
@@ -92,8 +94,8 @@ pub enum SystemError {
     },
     /// A bushing was turned farther than it can hold.
     #[error(
-        "{what}: its frames are turned by {by:.3} rad against each other; a bushing holds less than half a turn: let a joint \
-         turn that much"
+        "{what}: its frames are rotated by {by:.3} rad relative to each other; a bushing allows less than half a \
+         turn: use a joint for larger rotations"
     )]
     Twisted {
         /// Which element.
@@ -102,7 +104,7 @@ pub enum SystemError {
         by: f64,
     },
     /// A curve over a coordinate was left.
-    #[error("{what}: its curve is asked for at {x}, outside [{from}, {to}]; extend the curve, or make it periodic")]
+    #[error("{what}: its curve is evaluated at {x}, outside [{from}, {to}]; extend the curve, or make it periodic")]
     OutsideCurve {
         /// Which element.
         what: String,
@@ -115,9 +117,10 @@ pub enum SystemError {
     },
     /// A friction depends on a reaction that rigid bodies leave open.
     #[error(
-        "{friction:?} depends on the reaction of joint {joint:?}, which is not determined at t = {}: rigid bodies leave open how the \
-         joints share it (see `determined` of the joint), so the friction has no one value; give the level itself (dynamic=), \
-         or replace joints so that nothing is held twice (see the report)",
+        "{friction:?} depends on the reaction of joint {joint:?}, which is not determined at t = {}: with rigid \
+         bodies its distribution over redundant joints is indeterminate (see `determined` of the joint), and so is \
+         the friction; give the friction magnitude itself (dynamic=), or replace joints to remove the redundancy \
+         (see the report)",
         six_digits(*t)
     )]
     OpenReaction {
@@ -139,7 +142,7 @@ pub enum SystemError {
         coefficient: f64,
         /// What a unit of its effort returns by way of the reaction, at this speed.
         returned: f64,
-        /// Are there other frictions that act on it?
+        /// Whether there are other frictions that act on it.
         several: bool,
         /// Time.
         t: f64,
@@ -154,8 +157,8 @@ pub enum SystemError {
     },
     /// Closing the loops failed.
     #[error(
-        "assembly did not converge in {iterations} iterations: |Phi| = {residual:.3e}, tolerance {tolerance:.1e} (rad, or \
-         parts of the loop's length); open: {loops}; {advice}"
+        "assembly did not converge in {iterations} iterations: |Phi| = {residual:.3e}, tolerance {tolerance:.1e} \
+         (rad, or fractions of the loop's length); not closed: {loops}; {advice}"
     )]
     Assembly {
         /// Iterations done.
@@ -183,9 +186,9 @@ pub enum SystemError {
     },
     /// The loops come to rest open, wherever they start from: |Φ| cannot be lowered.
     #[error(
-        "the lengths do not fit: {} stays open by {}, and no small motion lowers that (at rest after {iterations} \
-         iterations from {starts} starts); open there: {loops}; change a length of this loop by at least as much, or draw \
-         it on the branch meant",
+        "the lengths do not fit: {} keeps a closure error of {}, a local minimum ({iterations} iterations, {starts} \
+         starts); not closed: {loops}; change a length of this loop by at least that much, or place it on the \
+         intended branch",
         loop_description, gap(*shortfall, *angle)
     )]
     Lengths {
@@ -193,7 +196,7 @@ pub enum SystemError {
         owner: Box<str>,
         /// The loop, in words.
         loop_description: Box<str>,
-        /// By how much its lengths miss each other (in the unit of lengths, m).
+        /// Closure error (m).
         shortfall: f64,
         /// By how much its directions do (rad).
         angle: f64,
@@ -207,14 +210,14 @@ pub enum SystemError {
         loops: Box<str>,
     },
     /// The start is a singular position: the motion from there is not unique.
-    #[error("at t = {t} the mechanism stands in a singular position: {message}")]
+    #[error("the mechanism is at a singular position at t = {t}: {message}")]
     SingularStart {
         /// Time.
         t: f64,
         /// What was seen and what to try.
         message: String,
     },
-    /// A step of the length asked for ends where the motion cannot be told.
+    /// The requested step ends where the motion is not unique.
     #[error("the step fails at t = {}: {message}", six_digits(*t))]
     Tick {
         /// Time.
@@ -224,9 +227,9 @@ pub enum SystemError {
     },
     /// No step led across a singular position on the branch of the motion.
     #[error(
-        "at t = {t} the mechanism passes a singular position, in which its motions branch, and none of {tries} steps across \
-         it went on with the velocities from before; loosen the tolerances, start a little elsewhere, or take another \
-         formulation"
+        "the mechanism crosses a singular position at t = {t}, where branches meet, and none of {tries} steps \
+         across it continued the velocities; loosen the tolerances, start from a slightly different state, or use \
+         another formulation"
     )]
     Crossing {
         /// Time.
@@ -241,12 +244,12 @@ pub enum SystemError {
         block: String,
         /// Time.
         t: f64,
-        /// By how much the lengths miss each other (m); 0 where they just meet and the inputs lead no further.
+        /// Closure error (m); 0 at the limit position itself.
         shortfall: f64,
     },
     /// Independent coordinates that stay do not determine the others here; a matter of the choice, not of a loop's
     /// lengths.
-    #[error("the independent coordinates {coordinates} stand at a dead point at t = {t}: {seen}; {advice}")]
+    #[error("the independent coordinates {coordinates} are at a dead point at t = {t}: {seen}; {advice}")]
     DeadPoint {
         /// Names of the coordinates.
         coordinates: String,
@@ -266,11 +269,11 @@ pub enum SystemError {
         who: Box<str>,
         /// The others, in words, drives first.
         whom: Vec<String>,
-        /// By how much they miss each other there.
+        /// Their residual there.
         gap: f64,
         /// Its unit.
         unit: Box<str>,
-        /// Is one of them a drive?
+        /// Whether one of them is a drive.
         drive: bool,
     },
     /// A condition, or its rate, is left in a step, however short.
@@ -297,8 +300,8 @@ pub enum SystemError {
     },
     /// A rule chose coordinates that cannot be independent.
     #[error(
-        "selection \"{rule}\" takes {coordinates} as independent at t = {t}, from which the others do not follow: {reason}; \
-         take selection \"collective\", which heeds what was chosen before"
+        "selection \"{rule}\" chooses {coordinates} as independent at t = {t}, which do not determine the others: \
+         {reason}; use selection \"collective\", which accounts for the coordinates already chosen"
     )]
     Choice {
         /// Name of the rule.
@@ -370,24 +373,25 @@ fn contradiction(who: &str, whom: &[String], t: f64, gap: f64, unit: &str, drive
         [first @ .., last] => format!("{} and {last}", first.join(", ")),
     };
     let advice = match drive {
-        true => "take a drive away, or prescribe motions that agree",
-        false => "take one of them away, or give lengths and directions that agree",
+        true => "remove one drive, or prescribe compatible motions",
+        false => "remove one of them, or give compatible lengths and directions",
     };
     format!(
-        "{who} contradicts {others}: no motion keeps them all; at t = {} s it is off by {} {unit} where the others \
-         hold; {advice}",
+        "{who} contradicts {others}: no motion satisfies them all; at t = {} s it is violated by {} {unit} when the \
+         others are satisfied; {advice}",
         six_digits(t),
         formatted(gap)
     )
 }
 
 fn jammed(friction: &str, joint: &str, coefficient: f64, returned: f64, several: bool, t: f64) -> String {
-    let others = if several { ", together with the other frictions that follow reactions," } else { "" };
+    let others = if several { ", together with the other reaction-dependent frictions," } else { "" };
     format!(
-        "joint \"{joint}\" jams at t = {} s: with the coefficient {coefficient} its friction{others} presses it so much more \
-         that {:.3} of each newton comes back as friction (\"{friction}\"); from 1 on rigid bodies have no motion with \
-         this friction or more than one (Painleve's paradox), and none is to be told from the others; take a lower \
-         coefficient or a longer bearing, load it nearer to its axis, or give the level itself (dynamic=)",
+        "joint \"{joint}\" jams at t = {} s: with the coefficient {coefficient} its friction{others} increases the \
+         reaction so much that each newton of friction produces a further {:.3} N (\"{friction}\"); from 1 on the \
+         motion of rigid bodies with this friction does not exist or is not unique (Painleve's paradox); use a lower \
+         coefficient or a longer bearing, load it nearer to its axis, or give the friction magnitude itself \
+         (dynamic=)",
         six_digits(t),
         returned
     )
@@ -399,13 +403,13 @@ pub fn six_digits(x: f64) -> f64 {
 }
 
 fn limit(block: &str, t: f64, shortfall: f64) -> String {
-    let advice = "stop the inputs before it, or take other coordinates as inputs";
+    let advice = "stop the inputs before it, or use other coordinates as inputs";
     if shortfall == 0.0 {
-        return format!("{block} cannot close beyond the limit position it has come to at t = {t}; {advice}");
+        return format!("{block} has reached a limit position at t = {t} and cannot close beyond it; {advice}");
     }
     format!(
-        "{block} cannot close at t = {t}: its lengths miss each other by {} m (a limit position of the \
-         mechanism); {advice}",
+        "{block} cannot close at t = {t}: its lengths miss closing by {} m (a limit position of the mechanism); \
+         {advice}",
         formatted(shortfall)
     )
 }
@@ -432,11 +436,12 @@ fn jump(what: &str, by: f64, t: f64, rate: bool) -> String {
     let (by, t) = (formatted(by), six_digits(t));
     match rate {
         true => format!(
-            "the rate of {what} jumps by {by}/s at t = {t}: a jump of velocities takes a blow, which no finite force is; what \
-             is prescribed must be continuous with its rate: round the corner off over a short time or length"
+            "the rate of {what} jumps by {by}/s at t = {t}, which would need an infinite force; the prescribed \
+             motion and its rate must be continuous: smooth the discontinuity over a short time or length"
         ),
         false => format!(
-            "{what} jumps by {by} at t = {t}: no body follows a step; what is prescribed must be continuous with its rate"
+            "{what} jumps by {by} at t = {t}, which no body can follow; the prescribed motion and its rate must be \
+             continuous"
         ),
     }
 }

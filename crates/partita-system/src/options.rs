@@ -33,7 +33,7 @@ pub enum Renew {
 }
 
 impl Renew {
-    /// Does a basis that was frozen stay frozen?
+    /// Whether a frozen basis is never renewed.
     pub fn never(self) -> bool {
         matches!(self, Self::Below(part) if part <= 0.0)
     }
@@ -76,10 +76,14 @@ impl FormulationOptions {
     pub fn check(&self, n: usize) -> Result<()> {
         let refuse = |argument: &str, message: String| Err(SystemError::argument(argument, message));
         if self.switch_threshold.is_nan() || self.switch_threshold < 1.0 {
-            return refuse("switch_threshold", format!(
-                "switch_threshold is {}; below 1 two choices would replace each other for ever; give 1.25, or infinity for never",
-                self.switch_threshold
-            ));
+            return refuse(
+                "switch_threshold",
+                format!(
+                    "switch_threshold is {}; below 1 two choices would alternate forever; give 1.25, or infinity to \
+                 disable switching",
+                    self.switch_threshold
+                ),
+            );
         }
         if let Renew::Below(part) = self.renew {
             if !(0.0..=1.0).contains(&part) {

@@ -87,7 +87,7 @@ pub struct Output {
     pub work: f64,
     /// Number, among the events of the run, of the choice in use.
     pub choice: usize,
-    /// Does the mechanism stand in a singular position here? Then accelerations and multipliers do not follow from it.
+    /// Whether the mechanism is at a singular position here. Then accelerations and multipliers do not follow from it.
     pub singular: bool,
 }
 
@@ -225,8 +225,8 @@ pub struct StepChecks {
     /// Change of v between what was integrated and what satisfies S4, at the ends of steps and outputs, in the mass metric, in parts of the
     /// largest speed so far. It has no row.
     pub jump: Gap,
-    /// Where conditions are left open: Φ in parts of its sizes, over the squared distance from a singular position. From
-    /// 1 on it is the error that decides on which branch a motion goes on. It has no row.
+    /// Where conditions are left open: Φ in parts of its sizes, over the squared distance from a singular position.
+    /// From 1 on this error decides the branch on which the motion continues. It has no row.
     pub branch: Gap,
     /// Φ and C v + a at the outputs, in parts as at the ends of steps.
     pub outputs: Gaps,

@@ -46,9 +46,9 @@ fn rank_at_last<S: ConstrainedSystem>(r: &Reduction<S>) -> RowRank {
 
 /// Rank of the constraints at an assembled position, and the rows to be kept.
 ///
-/// Where the geometry was decided its verdict is taken: of so many closings the strongest here. Else pivots with a gap
-/// tell (scaled Delassus matrix), and a small move along the own motion tells a row that is dependent only here (a
-/// singular position) from a redundant one: redundant rows stay closed and stay dependent.
+/// If the geometry has been decided, its rank is used, with the strongest rows here. Otherwise a gap in the pivots of
+/// the scaled Delassus matrix decides, and a small move along the motion distinguishes a row that is dependent only
+/// here (a singular position) from a redundant one: redundant rows stay closed and stay dependent.
 ///
 /// # Errors
 /// `SingularStart` in a singular position, and of a mechanism some motions of which exist for an instant only,
@@ -95,9 +95,9 @@ pub fn analyse_with<S: ConstrainedSystem>(probe: &mut Reduction<S>, t: f64, q: &
 }
 
 /// Message for constraints hidden by round-off.
-const HIDDEN: &str = "conditions hold the mechanism that are so weak that what they carry is lost in rounding: its drawing is off by \
-                      more than its drawing_tolerance, but by little; draw its joints exactly as they are meant, or give a larger \
-                      drawing_tolerance for the play they have";
+const HIDDEN: &str = "the mechanism is locked by constraints so weak that their forces are lost in rounding: its \
+    geometric error slightly exceeds the drawing_tolerance; give the joint positions with all digits, or a larger \
+    drawing_tolerance for the play they have";
 
 /// Message for a condition that is off by about the drawing tolerance.
 const AMBIGUOUS: &str = "nearly follows from the other conditions, by a difference of about the drawing_tolerance: if it is meant to \
@@ -108,9 +108,9 @@ const AMBIGUOUS: &str = "nearly follows from the other conditions, by a differen
 fn shaky(t: f64, finite: Finite, who: &str) -> SystemError {
     let (k, more) = (finite.dof, finite.instantaneous);
     let message = format!(
-        "{more} motion{} of the mechanism exist{} at every position, but for an instant only: beyond {k} degree{} of freedom \
-         {who} lock at a higher order, where their forces are not determined; add a joint that holds {} (a guide, a leg that is \
-         not parallel to the others), or free one",
+        "{more} motion{} of the mechanism exist{} only instantaneously, at every position: beyond {k} degree{} of \
+         freedom {who} lock at a higher order, where their forces are not determined; add a joint that constrains {} \
+         (a guide, a leg that is not parallel to the others), or free one",
         if more == 1 { "" } else { "s" },
         if more == 1 { "s" } else { "" },
         if k == 1 { "" } else { "s" },
@@ -179,7 +179,7 @@ fn singular<S: ConstrainedSystem>(
     Ok(SystemError::SingularStart { t, message })
 }
 
-/// Are the rows dropped redundant next door too?
+/// Whether the removed rows are redundant at neighbouring positions too.
 fn persists<S: ConstrainedSystem>(
     system: &S,
     (t, q): (f64, &[f64]),
@@ -189,7 +189,8 @@ fn persists<S: ConstrainedSystem>(
     if start.gap < tolerance::RANK_GAP {
         let message = format!(
             "the rank of the constraints is not clear, the last row kept has the squared sine {:.2e}, the first one \
-             dropped {largest_dropped:.2e} (of {}); start a little away from it, or draw them as they are meant",
+             dropped {largest_dropped:.2e} (of {}); start a little away from it, or give the joint positions with \
+             all digits",
             start.smallest,
             start.dropped.iter().take(3).map(|&i| system.row_owner(i)).collect::<Vec<_>>().join(", ")
         );
@@ -265,7 +266,8 @@ fn check_neighbour<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], start: &
 /// Close the rows kept, near q. False where the probe itself runs into a singular position: no verdict from it.
 fn all_closed<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &mut [f64]) -> Result<bool, SystemError> {
     match kept_rows::close_kept(r, t, q) {
-        // next to a singular position little may be left open: dropped rows are told by far more
+        // next to a singular position the residuals must be small, because contradictory rows are detected by far
+        // larger ones
         Ok(_) => Ok(r.factor(t).is_ok()),
         Err(SystemError::Singular { .. }) => Ok(false),
         Err(e) => Err(e),
@@ -337,8 +339,8 @@ pub fn choose_partition<S: ConstrainedSystem>(
             return Err(SystemError::argument(
                 "independent",
                 format!(
-                "the coordinates {} cannot be independent here: the others do not follow from them (C_D is singular), \
-                 though the mechanism stands in no singular position; {} would do",
+                "the coordinates {} cannot be independent here: they do not determine the others (C_D is singular), \
+                 although the mechanism is not singular; {} would serve",
                 names(&sorted),
                 names(&r.partition.independent)
             ),

@@ -15,9 +15,9 @@ pub struct Finite {
     pub dof: usize,
     /// Further motions that exist at every position, but for an instant only.
     pub instantaneous: usize,
-    /// May a condition be as weak as a drawing tolerance and hold all the same?
+    /// Whether a constraint may be as weak as the drawing tolerance and still count.
     pub weak: bool,
-    /// Is one so weak that rounding hides it?
+    /// Whether one is so weak that rounding hides it.
     pub hidden: bool,
 }
 
@@ -49,7 +49,7 @@ pub struct Tangent<'a> {
 pub struct Recursion {
     /// Columns of the packed `Dᵀ` it wants: the most degrees of freedom of a cluster that goes by partial velocities.
     pub columns: usize,
-    /// Does this cluster go by partial velocities? The others need no D.
+    /// Whether this cluster uses partial velocities. The others need no D.
     pub by_partial_velocities: Vec<bool>,
 }
 

@@ -1,4 +1,4 @@
-//! Does every motion that the constraints leave move mass? M itself may be singular; `D M Dᵀ` may not.
+//! Whether every motion that the constraints allow moves mass. M itself may be singular; `D M Dᵀ` may not.
 
 use crate::reduction::Reduction;
 use crate::system::{ConstrainedSystem, SystemError, Tangent};
@@ -7,7 +7,7 @@ use partita_math::tolerance;
 
 /// Steps of inverse iteration: each brings the least of the spectrum out by what separates nothing from something.
 const STEPS: usize = 4;
-/// Beyond so many velocities a dense look costs more than it is worth: the pivots of each evaluation tell as well.
+/// Above this number of velocities the dense check is skipped, because the pivots of each evaluation show the same.
 const MOST: usize = 2000;
 /// Coordinates named before the rest is counted.
 const NAMED: usize = 8;

@@ -202,7 +202,7 @@ impl Model {
         Ok(Run::of(self.clone(), found))
     }
 
-    /// Is it a state of this model?
+    /// Whether it is a state of this model.
     fn fits(&self, state: &State) -> Result<(), Error> {
         let size = self.inner.size();
         let finite = state.t.is_finite() && state.q.iter().chain(&state.v).all(|x| x.is_finite());

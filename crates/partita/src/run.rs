@@ -1,4 +1,4 @@
-//! Runs and what they tell.
+//! Runs and their results.
 
 use crate::compiled::{Model, State};
 use crate::error::Error;
@@ -79,11 +79,11 @@ impl Simulation {
         (0..self.outputs).map(at).collect()
     }
 
-    /// Does it make sense?
+    /// Whether the options are valid.
     pub(crate) fn check(&self) -> Result<(), AnalysisError> {
         let tolerated = |x: f64| x.is_finite() && x > 0.0;
         let (argument, message) = if !tolerated(self.duration) {
-            ("duration", format!("a duration of {} s is none; give a positive, finite number", self.duration))
+            ("duration", format!("the duration is {} s; give a positive, finite number", self.duration))
         } else if !(tolerated(self.request.rtol) && tolerated(self.request.atol)) {
             let both = (self.request.rtol, self.request.atol);
             ("tolerances", format!("rtol = {} and atol = {} must be positive and finite", both.0, both.1))
@@ -258,7 +258,7 @@ impl Run {
         &self.times
     }
 
-    /// The last output as a state, from which another run can go on.
+    /// The last output as a state, from which another run can continue.
     ///
     /// ```
     /// # let model = partita::Mechanism::new("pendulum").rod("rod", [0.0; 3], [1.0, 0.0, 0.0], 1.0)
@@ -274,7 +274,7 @@ impl Run {
         Some(State { t, q: self.q[q..].to_vec(), v: self.v[v..].to_vec() })
     }
 
-    /// The run behind this face: journal, counters, findings.
+    /// The underlying run: log, counters, findings.
     ///
     /// ```
     /// # let model = partita::Mechanism::new("pendulum").rod("rod", [0.0; 3], [1.0, 0.0, 0.0], 1.0)

@@ -68,9 +68,9 @@ def change(mechanism: Drawing, handle: Handle, arguments: Mapping[str, Any]) -> 
     derived, known = _derived(record), words_of(type(mechanism), record)
     for word in arguments:
         if word in ("kind", "name", "mechanism", "table"):
-            element.fail(f"its {word} stays what it is; remove it and add another")
+            element.fail(f"its {word} cannot be changed; remove the element and add another")
         if word in derived and word != "compliance":
-            element.fail(f"its {word} is made of start, end and mass; set these")
+            element.fail(f"its {word} follows from start, end and mass; set these")
         if word not in known and word not in derived:
             _unknown(handle, kind_of(record), word, [*known, *derived])
     new = {word: value for word, value in arguments.items() if word in known}
@@ -204,7 +204,7 @@ def _check_order(mechanism: Drawing, element: Element) -> None:
     names = list(sensors)
     for other in uses(sensors[element.name]):
         if names.index(other) > names.index(element.name):
-            element.fail(f'it was added before "{other}", so it cannot be made of it; add another sensor for that')
+            element.fail(f'it was added before "{other}", so it cannot refer to it; add another sensor for that')
 
 
 def _give(mechanism: Drawing, element: Element, name: str, value: Any) -> None:

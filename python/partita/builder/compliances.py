@@ -46,9 +46,7 @@ def add_compliance(self: Drawing, joint: Joint | str, translation: ArrayLike = 0
         [_three(element, "translation", translation, "m/N"), _three(element, "rotation", rotation, "rad/(N m)")]
     )
     if not both.any():
-        element.fail(
-            "all of it is 0, which is a rigid joint; give how far it gives [m/N], [rad/(N m)], or leave it out"
-        )
+        element.fail("all entries are 0, which is a rigid joint; give compliances [m/N], [rad/(N m)], or omit it")
     self._description.store(self._description.joints, replace(record, compliance=both))
     return Joint(record.name, self)
 

@@ -70,13 +70,13 @@ def add_contact(
     element = name_of("force", name, self._description.forces)
     first, second = resolve(self, element, "body1", body1), resolve(self, element, "body2", body2)
     if first == second:
-        element.fail(f'both sides are on "{first}", which cannot meet itself; name two different bodies')
+        element.fail(f'both sides are on "{first}", which cannot touch itself; name two different bodies')
     if (normal is None) == (radius2 is None):
         element.fail("the other side is a plane (normal) or a sphere (radius2); give one of the two")
     slides = number(element, "friction", friction, least=0.0)
     held = slides if static_friction is None else number(element, "static_friction", static_friction, least=0.0)
     if stick_velocity is None and (slides or held):
-        element.fail("friction needs a stick_velocity: the sliding speed [m/s] below which it may count as sticking")
+        element.fail("friction needs a stick_velocity: the sliding speed [m/s] below which it counts as sticking")
     power = number(element, "exponent", exponent, least=1.0)
     units = {"stiffness": per_power("N", "m", power), "damping": "s/m", "stick_velocity": "m/s"}
     units |= {"radius1": "m", "radius2": "m"}
@@ -170,7 +170,7 @@ def add_tyre(
     if coefficients["friction"] > 0.0 and not stiff:
         element.fail("friction limits a slip force, and there is none; give longitudinal or lateral slip stiffness")
     if stiff and slow_speed is None:
-        element.fail("slip needs a slow_speed: the speed [m/s] below which it is counted as if at it")
+        element.fail("slip needs a slow_speed: the speed [m/s] below which the slip is computed as at this speed")
     where = {
         "body": wheel,
         "center": vector(element, "center", center, "m"),

@@ -108,7 +108,7 @@ def add_gear(
     units = [measured_in(self, measure(self, element, x)) for x in terms]
     value = number(element, "ratio", ratio, factor_units(units)[1])
     if value == 0.0:
-        element.fail("ratio is 0: joint2 would stand still; weld it (add_fixed) in its place")
+        element.fail("ratio is 0: joint2 would stand still; use add_fixed instead")
     made = add_coupler(self, name, terms, [1.0, -value], word="gear")
     return _said_as(self, made, "add_gear", joint1=str(joint1), joint2=str(joint2), ratio=value, **_which(self, made))
 

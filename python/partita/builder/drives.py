@@ -100,7 +100,7 @@ def add_drive(
     units = {"position": unit, "velocity": f"{unit or '1'}/s", "acceleration": f"{unit or '1'}/s^2"}
     start = number(element, "rate", rate, units["velocity"])
     if start != 0.0 and level != "acceleration":
-        element.fail("rate is where an acceleration begins; positions and velocities have their own")
+        element.fail("rate is the initial rate of a prescribed acceleration; positions and velocities define their own")
 
     def wrap(function: Callable[..., Any]) -> Function:
         given = (velocity, acceleration) if level == "position" else (None, None)
@@ -169,7 +169,7 @@ def _alone(mechanism: Drawing, element: Element, found: dict[str, Any]) -> None:
     """Refuse what is driven already."""
     if (other := mechanism._description.driven.get(driven_key(found))) is not None:
         said = f'coordinate {found["coordinate"]} of joint "{found["joint"]}"' if found["of"] == "joint" else "it"
-        element.fail(f'{said} is driven already by "{other}"; remove one of the two')
+        element.fail(f'{said} is driven already by "{other}"; remove one of them')
 
 
 def _coordinate(
@@ -198,7 +198,7 @@ def _level(element: Element, position: Any, velocity: Any, acceleration: Any) ->
             return "velocity", velocity
         if acceleration is not None:
             return "acceleration", acceleration
-        element.fail("it prescribes nothing; give position, velocity or acceleration")
+        element.fail("no motion is prescribed; give position, velocity or acceleration")
     for what, derivative in (("velocity", velocity), ("acceleration", acceleration)):
         if derivative is None:
             continue

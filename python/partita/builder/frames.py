@@ -27,7 +27,7 @@ def transform() -> Any:
 
 
 def is_rotation(value: Any) -> bool:
-    """Is it a SciPy `Rotation`? Not imported for the question: whoever has one has the module."""
+    """Whether it is a SciPy `Rotation`. Not imported for the question: whoever has one has the module."""
     module = sys.modules.get("scipy.spatial.transform")
     return module is not None and isinstance(value, module.Rotation)
 
@@ -54,7 +54,7 @@ def rotation(element: Element, what: str, value: Any) -> Array:
 def _from_quaternion(element: Element, what: str, quaternion: Array) -> Array:
     """Scalar first; any length but zero, since only the direction of a quaternion matters."""
     if not np.any(quaternion):
-        element.fail(f"{what} is the zero quaternion, which is no rotation; no rotation is (1, 0, 0, 0)")
+        element.fail(f"{what} is the zero quaternion, which is not a rotation; the identity is (1, 0, 0, 0)")
     return np.asarray(transform().Rotation.from_quat(quaternion[[1, 2, 3, 0]]).as_matrix(), dtype=float)
 
 
@@ -63,7 +63,7 @@ def _orthonormal(element: Element, what: str, rows: Array) -> Array:
     error = float(np.max(np.abs(rows.T @ rows - np.eye(3))))
     if error > ORTHONORMAL:
         element.fail(
-            f"{what} is not a rotation: its columns miss being orthonormal by {error:.1e} (allowed "
+            f"{what} is not a rotation: its columns are not orthonormal, by {error:.1e} (allowed "
             f"{ORTHONORMAL:.0e}); "
             "give more digits, or a quaternion"
         )
@@ -127,7 +127,7 @@ def inertia(element: Element, value: Any) -> Array:
     unit = size if size > 0.0 else 1.0  # numbers near the ends of their range have squares beyond it
     small, middle, large = (unit * float(value) for value in np.linalg.eigvalsh(tensor / unit))
     if small < -INERTIA * size:
-        element.fail(f"inertia has the principal value {small:.6g}; a body has none below zero")
+        element.fail(f"inertia has the principal value {small:.6g}; moments of inertia are not negative")
     if small + middle < large - INERTIA * size:
         element.fail(
             f"inertia has the principal values {small:.6g}, {middle:.6g}, {large:.6g}: no body has one "

@@ -43,16 +43,16 @@ def add_friction(
 
         -(dynamic 4u / sqrt(1 + 16 u^2) + (static - dynamic) u / (3/4 + u^2/4)^2).
 
-    The second part, 1 and level at u = 1, is that of Brown and McPhee (J. Comput. Nonlinear Dynam. 11, 2016). At rest
-    there is no effort: what should stick creeps, slower than the stick velocity as long as the load is below `static`
-    less 3 per cent of `dynamic`. A small stick velocity comes near to Coulomb's law and costs small steps.
+    The second part, whose maximum 1 is at u = 1, is that of Brown and McPhee (J. Comput. Nonlinear Dynam. 11, 2016). At
+    rest there is no effort: what should stick creeps, slower than the stick velocity as long as the load is below
+    `static` less 3 per cent of `dynamic`. A small stick velocity comes near to Coulomb's law and costs small steps.
 
-    Either the level is given (`dynamic`, `static`), or a `coefficient`, and it follows the reaction of this very joint,
-    on which the friction acts back: level = coefficient N. With F and M the force and the moment of the joint's
-    constraints (as `run.joint(...)` gives them), N is on a slide |F| across the axis, on a turn radius |F| across the
-    axis. Give the `length` L of the bearing where it carries a moment: two short bearings at its ends then share F
-    and take M across the axis, N = |F/2 + M x a / L| + |F/2 - M x a / L| (on a turn times the radius), a the axis.
-    `collar` adds collar |F along the axis| on a turn, `radius` adds |M about the axis| / radius on a slide.
+    Either the magnitude is given (`dynamic`, `static`), or a `coefficient`, and it depends on the reaction of this
+    joint, which the friction affects in turn: magnitude = coefficient N. With F and M the force and the moment of the
+    joint's constraints (as `run.joint(...)` gives them), N is on a slide |F| across the axis, on a turn radius |F|
+    across the axis. Give the `length` L of the bearing where it carries a moment: two short bearings at its ends then
+    share F and take M across the axis, N = |F/2 + M x a / L| + |F/2 - M x a / L| (on a turn times the radius), a the
+    axis. `collar` adds collar |F along the axis| on a turn, `radius` adds |M about the axis| / radius on a slide.
 
     Of a mechanism that moves in a plane the reaction in the plane counts where that is all: for a turn without collar
     and length, for a slide as long as nothing is seen to push across the plane (gravity, forces; functions of forces
@@ -64,10 +64,10 @@ def add_friction(
 
     Args:
         joint: the joint or its name, in the tree or closing a loop; not a coordinate that is part of a quaternion.
-        dynamic: level while it slides, torque on a turn [N m], force on a slide [N]: a number that is not negative, a
-            table (times, values), or f(t, state).
+        dynamic: magnitude while it slides, torque on a turn [N m], force on a slide [N]: a number that is not negative,
+        a table (times, values), or f(t, state).
         stick_velocity: rate at which `static` is reached, above 0 [rad/s] or [m/s].
-        static: level to be overcome; None: that of sliding.
+        static: magnitude to be overcome; None: that of sliding.
         coefficient: instead of `dynamic`: friction over what presses, while it slides, not negative.
         static_coefficient: the same to be overcome; None: that of sliding.
         radius: on a turn, where it slides (needed with a coefficient); on a slide, the arm that holds it from turning;
@@ -120,7 +120,8 @@ def add_friction(
     if coefficient is not None:
         if dynamic is not None or static is not None:
             element.fail(
-                "levels (dynamic, static) and a coefficient exclude one another; give levels, or a coefficient that "
+                "magnitudes (dynamic, static) and a coefficient exclude one another; give magnitudes, or a "
+                "coefficient that "
                 "makes them from the reaction of the joint"
             )
         above = ("radius", "length")
@@ -141,16 +142,16 @@ def add_friction(
         means = {"joint": found.name, "coordinate": where, "stick_velocity": stick, "follows": follows}
         return store(self, LoadRecord(element.name, "friction", said, means, units))
     if dynamic is None:
-        element.fail("give its level (dynamic), or a coefficient that makes it from the reaction of the joint")
+        element.fail("give its magnitude (dynamic), or a coefficient that multiplies the reaction of the joint")
     idle = [what for what, value in given.items() if value is not None] + (["preload"] if pressed else [])
     if idle:
-        element.fail(f"{', '.join(idle)} means nothing without a coefficient; give one instead of dynamic")
-    levels = {
-        "dynamic": _level(element, "dynamic", dynamic, effort),
-        "static": None if static is None else _level(element, "static", static, effort),
+        element.fail(f"{', '.join(idle)} needs a coefficient; give one instead of dynamic")
+    magnitudes = {
+        "dynamic": _magnitude(element, "dynamic", dynamic, effort),
+        "static": None if static is None else _magnitude(element, "static", static, effort),
         "stick_velocity": stick,
     }
-    said = {"joint": found.name, "coordinate": where or None, **levels}
+    said = {"joint": found.name, "coordinate": where or None, **magnitudes}
     return store(self, LoadRecord(element.name, "friction", said, {**said, "coordinate": where}, units))
 
 
@@ -258,7 +259,7 @@ def add_gas_spring(
         "exponent": number(element, "exponent", exponent, above=1.0),
     }
     if law["force"] == 0.0:
-        element.fail("its force is 0, so that it never acts; give the force as drawn")
+        element.fail("its force is 0, so it never acts; give the force in the zero position")
     means = {"joint": found.name, "coordinate": where, **law}
     said = {**means, "coordinate": where or None, "exponent": None if law["exponent"] == 1.3 else law["exponent"]}
     return store(self, LoadRecord(element.name, "gas_spring", said, means, units))
@@ -272,12 +273,12 @@ def per_power(effort: str, unit: str, power: float) -> str:
     return f"{effort}/{unit}^({Fraction(power).limit_denominator(100)})"
 
 
-def _level(element: Element, what: str, value: Any, effort: str) -> Value:
-    """A level of friction: not negative where that can be told."""
-    level = scalar(element, what, value, "monotone", callbacks.number_of(element), ("s", effort))
-    if isinstance(level, Constant):
-        number(element, what, level.value, least=0.0)
-    return level
+def _magnitude(element: Element, what: str, value: Any, effort: str) -> Value:
+    """A friction magnitude, which is checked to be not negative where it is a constant."""
+    magnitude = scalar(element, what, value, "monotone", callbacks.number_of(element), ("s", effort))
+    if isinstance(magnitude, Constant):
+        number(element, what, magnitude.value, least=0.0)
+    return magnitude
 
 
 class JointLoads(Drawing):

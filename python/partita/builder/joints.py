@@ -396,7 +396,7 @@ def store_joint(
     if first == second:
         element.fail(f'parent and child are both "{first}"; a joint needs two different bodies')
     if child_axis is not None and child_frame is not None:
-        element.fail("child_axis and child_frame both say how it sits on its child; give one of them")
+        element.fail("child_axis and child_frame both orient the joint on its child; give one of them")
     record = JointRecord(
         name=element.name,
         kind=kind,

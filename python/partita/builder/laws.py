@@ -148,7 +148,7 @@ def _sight(mechanism: Drawing, element: Element, what: str, item: Any) -> tuple[
     d = mechanism._description
     if isinstance(item, Joint) or (isinstance(item, str) and item in d.joints):
         if isinstance(item, str) and item in d.bodies:
-            element.fail(f'{what} is "{item}", which is a body and a joint; give the handle of the one that is meant')
+            element.fail(f'{what} is "{item}", which names a body and a joint; give the handle of one of them')
         record = joint_record(mechanism, element, item)
         count = scalars(record)
         if count == 0:

@@ -107,7 +107,7 @@ def measure(mechanism: Drawing, element: Element, value: Any) -> Spec:
         case Joint() | str():
             return measure(mechanism, element, Coordinate(value))
     element.fail(
-        f"{value!r} is nothing that can be read off a mechanism; give a joint or its name, pt.Coordinate(joint, "
+        f"{value!r} cannot be measured; give a joint or its name, pt.Coordinate(joint, "
         "number), pt.Distance, pt.Along or pt.Cosine"
     )
 

@@ -265,7 +265,7 @@ def _named(m: Drawing, element: Element, name: str) -> dict[str, Any]:
 def _element(m: Drawing, element: Element, kind: str, name: Any) -> dict[str, Any]:
     """A named element of a kind."""
     if not isinstance(name, str):
-        element.fail(f"a {kind} is meant by its name, not by {shown(name)}")
+        element.fail(f"a {kind} is given by its name, not by {shown(name)}")
     find(kind, name, _tables(m)[kind], where=f'sensor "{element.name}": ')
     data: dict[str, Any] = {"of": kind, kind: name}
     if kind == "force":

@@ -40,9 +40,9 @@ def _words(found: dict[str, Any]) -> list[str]:
     redundant = report["joint_rows"] - report["joint_rank"]
     words.append(f"redundant conditions: {redundant} of {report['joint_rows']}")
     if report["geometric_errors"]:
-        words.append(f"geometric error: {report['geometric_error']:.2e} (radians, and parts of the size)")
+        words.append(f"geometric error: {report['geometric_error']:.2e} (radians, and fractions of the size)")
     if report["remedies"]:
         remedies = ", ".join(f"{x['is']} {x['joint']} by {x['by']}" for x in report["remedies"])
-        words.append(f"  nothing is redundant, and nothing else moves, with {remedies} replaced")
+        words.append(f"  remedy: with {remedies} replaced nothing is redundant, and nothing else moves")
     words += [f"look at: {said}" for said in (*report["suspicious"], *report["notes"])]
     return words

@@ -84,6 +84,6 @@ def _placed(shape: dict[str, Any], place: Array) -> dict[str, Any]:
 
 
 def _has_size(shape: dict[str, Any]) -> bool:
-    """Is it larger than nothing in every direction? A mesh may be mirrored."""
+    """Whether its size is positive in every direction. A mesh may be mirrored."""
     sizes = [*shape.get("size", ()), *(shape[word] for word in ("radius", "length") if word in shape)]
     return all(size > 0.0 for size in sizes) and 0.0 not in shape.get("scale", ())

@@ -236,7 +236,7 @@ def fold_hinges(robot: Robot) -> None:
         carried.setdefault(joint.parent, []).append(joint)
 
     def between(name: str) -> bool:
-        """Is this link no more than what holds two hinges through one point together?"""
+        """Whether this link only connects two hinges through one point."""
         link, after = robot.links[name], carried.get(name, [])
         if name in held or name not in carrying or len(after) != 1 or link.mass > MASSLESS or np.any(link.inertia):
             return False
@@ -351,7 +351,7 @@ def fold_ends(robot: Robot) -> None:
 
 
 def _nothing(robot: Robot, link: str) -> bool:
-    """Has this link neither mass nor inertia?"""
+    """Whether this link has neither mass nor inertia."""
     return robot.links[link].mass == 0.0 and not np.any(robot.links[link].inertia)
 
 

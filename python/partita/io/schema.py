@@ -143,7 +143,7 @@ def _resolved(schema: Schema) -> Schema:
 
 
 def _is_of(value: Any, kind: str | list[str]) -> bool:
-    """Is it of this type, or of one of these?"""
+    """Whether it is of this type, or of one of these."""
     return any(_TYPES[word][1](value) for word in ([kind] if isinstance(kind, str) else kind))
 
 

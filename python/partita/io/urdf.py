@@ -81,7 +81,7 @@ def read(path: Path) -> Robot:
 def _why(tag: str) -> str:
     if tag == "transmission":
         return "how a motor drives a joint is no mechanics; prescribe motions with add_drive, efforts with add_torque"
-    return "it says nothing about mechanics" if tag in _SHOWN else "this tag is not known"
+    return "it contains no mechanics" if tag in _SHOWN else "this tag is not known"
 
 
 def _link(robot: Robot, item: Element, left: Counter[str], lines: dict[str, int]) -> None:

@@ -303,7 +303,7 @@ class _Writer:
 
 
 def _closes(path: Path) -> bool:
-    """Is there a file that would be read as one that closes loops? Another file of that name stays as it is."""
+    """Whether there is a file that would be read as one that closes loops. Another file of that name stays as it is."""
     try:
         with path.open("rb") as file:
             content = file.read(sidecar.SIZE)

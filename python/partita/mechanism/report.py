@@ -144,7 +144,7 @@ def _singular(found: dict[str, Any]) -> _Section | None:
     singular = found["singular"]
     if not singular:
         return None
-    lines = [f"The mechanism stands in a singular position: {singular['words']}."]
+    lines = [f"The mechanism is at a singular position: {singular['words']}."]
     if singular["described"]:
         lines.append("What follows describes the mechanism next to this position, on the first branch.")
     return _Section("Singular position", lines)
@@ -159,7 +159,7 @@ def _mobility(found: dict[str, Any], bodies: int) -> _Section:
         first += f", {prescribed} by {_named(found['drives'])}"
         first += ": it moves as driven." if not here else f"; {here} to integrate."
     else:
-        first += "." if general else ": it cannot move, the joints make a structure of the bodies."
+        first += "." if general else ": it is a structure and cannot move."
     lines = [first]
     idle = found["idle"]
     if idle:
@@ -230,8 +230,8 @@ def _coordinates(found: dict[str, Any]) -> _Section | None:
     if not rows:
         return None
     lead = (
-        "The measure rho says how mobile a coordinate is with the loops closed, relative to the loops opened: 1 = they "
-        "do not hinder it, 0 = locked. It has no units. The most mobile ones are chosen as independent."
+        "The measure rho is the mobility of a coordinate with the loops closed, relative to the loops opened: 1 = not "
+        "hindered, 0 = locked. It is dimensionless. The most mobile coordinates are chosen as independent."
     )
     below = []
     if found["sigma"] is not None:
@@ -258,8 +258,9 @@ def _reactions(found: dict[str, Any]) -> _Section | None:
 def _open_frictions(
     m: Modelled, where: State, model: CompiledModel
 ) -> tuple[list[dict[str, str]], CompiledModel, State]:
-    """Frictions whose level follows a reaction that is not determined here, found by asking what a run would ask with
-    one after the other of them given a level; and the model with these, which has answers, and where it stands."""
+    """Frictions whose magnitude depends on a reaction that is not determined here, found by asking what a run would "
+      "ask with
+    one after the other of them given a magnitude; and the model with these, which has answers, and where it stands."""
     follow: dict[str, LoadRecord] = {
         name: record
         for name, record in m._description.forces.items()
@@ -274,8 +275,8 @@ def _open_frictions(
         except OpenReactionError as error:
             name = error.where
             found.append({"friction": name, "joint": error.joint})
-            level = {"stick_velocity": follow[name].said["stick_velocity"], "dynamic": 1.0}
-            given.forces[name].change(**level, **dict.fromkeys(_FOLLOWS), preload=0.0)
+            given_magnitude = {"stick_velocity": follow[name].said["stick_velocity"], "dynamic": 1.0}
+            given.forces[name].change(**given_magnitude, **dict.fromkeys(_FOLLOWS), preload=0.0)
             other, layout = layout_of(given, model.coordinates)
             where = State(where.t, *other.core.transferred(model.core, where.q, where.v), layout=layout)
             model = other
@@ -295,9 +296,10 @@ def _frictions(found: dict[str, Any]) -> _Section | None:
     return _Section(
         "Friction",
         [
-            f"The level of {each} follows {'a reaction' if one else 'reactions'} not determined here: "
+            f"The magnitude of {each} depends on {'a reaction' if one else 'reactions'} not determined here: "
             f"{'it has' if one else 'they have'} no one value, and a run would be refused. Replace joints so that "
-            "nothing is held twice (see Redundancy), or give the level itself (dynamic=) in place of the coefficient."
+            "nothing is redundant (see Redundancy), or give the magnitude itself (dynamic=) in place of the "
+            "coefficient."
         ],
     )
 

@@ -153,7 +153,7 @@ def _rates(
 
 
 def _is_outside(key: str, model: CompiledModel, layout: Layout) -> bool:
-    """Is it a joint, or one of its coordinates, that is no part of the state?"""
+    """Whether it is a joint, or a coordinate of one, that is not part of the state."""
     if key in layout.velocity_names:
         return False
     names = {joint["name"] for joint in model.summary["joints"] if joint["state_v"] is None and joint["v"][1] > 0}

@@ -61,7 +61,7 @@ class Drawn:
     panel: Callable[[ResultView, Axes, Wanted], object] | None = None
     """How it is drawn into given axes; None for several panels."""
     over: bool = False
-    """Can it stand over something else than time?"""
+    """Whether its abscissa may be something else than time."""
 
 
 @dataclass(frozen=True)

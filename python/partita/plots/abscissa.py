@@ -35,7 +35,7 @@ class Abscissa:
     breaks: NDArray[np.bool_]  # (nt,): no line from the output before to this one
     is_time: bool = False
     apart: bool = False
-    """Do outputs lie so far apart in time that lines between them would show a motion that was not?"""
+    """Whether outputs lie so far apart in time that lines between them would show a motion that was not."""
 
     def plot(self, ax: Axes, y: FloatArray, *form: str, **style: Any) -> None:
         """A line of `y` (nt,) over these numbers, broken where a turn begins anew; dots where outputs lie far apart."""
@@ -58,7 +58,7 @@ class Abscissa:
 
     @property
     def is_sparse(self) -> bool:
-        """Do so few outputs fall on a turn that lines between them would cut its curve short?"""
+        """Whether so few outputs fall on a turn that lines between them would cut its curve short."""
         if self.is_time:
             return self.apart
         steps = np.abs(np.diff(self.values))[~self.breaks[1:]]

@@ -28,7 +28,7 @@ def draw_reactions(result: ResultView, canvas: Canvas, x: Abscissa | None = None
 
 
 def carries(result: ResultView, key: str) -> bool:
-    """Does any joint carry a force, or a moment, that is more than rounding?"""
+    """Whether any joint carries a force, or a moment, that is more than rounding."""
     if not result.names.joints:
         return False
     most, force = (float(np.nanmax(np.abs(result.reactions[what]), initial=0.0)) for what in (key, "force"))

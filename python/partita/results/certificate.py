@@ -101,8 +101,8 @@ class Certificate:
         reported = [
             _line("verdict", self.verdict),
             *(f"{verdict_of([finding])}: {finding.sentence}" for finding in self.findings),
-            _line("loops open by", f"{_shown(self.closure)} m or rad{_who(self.closure_row, self.closure_t)}"),
-            _line("rates off by", f"{_shown(self.velocity_closure)} m/s or rad/s"),
+            _line("closure error", f"{_shown(self.closure)} m or rad{_who(self.closure_row, self.closure_t)}"),
+            _line("velocity error", f"{_shown(self.velocity_closure)} m/s or rad/s"),
             _line(
                 "accelerations",
                 f"{_shown(self.acceleration_closure)}{_who(self.acceleration_row, self.acceleration_t)}",
@@ -121,7 +121,7 @@ class Certificate:
             _line("coordinates", "all, since there are no constraints" if np.isnan(self.sigma) else
                   f"quality at worst: sigma {_placed(self.sigma, self.sigma_t)}, sqrt(mu) "
                   f"{_placed(self.sqrt_mu, self.sqrt_mu_t)} (1 is best, 0 singular)"),
-            _line("switched", f"{self.switches} times; {self.corrections} steps closed anew"),
+            _line("switches", f"{self.switches} of coordinates; {self.corrections} corrected steps"),
         ]  # fmt: skip
         kept = _grouped(self.notes)
         notes = [f"note: {_cut(note)}" for note in kept[:NOTES]]
@@ -228,7 +228,7 @@ def _grouped(notes: tuple[str, ...]) -> list[str]:
         return list(notes)
     rest = [note for note in notes if note not in rows and "closing rows are redundant" not in note]
     others = len(rows) - 1
-    more = [f"and the like of {others} other group{'s' * (others > 1)} of joints, in certificate.notes"] * (others > 0)
+    more = [f"and similarly {others} other group{'s' * (others > 1)} of joints, in certificate.notes"] * (others > 0)
     return [rows[0], *more, *rest]
 
 

@@ -15,7 +15,7 @@ WORDS = {
     "volume": "a switch enlarges the choice beyond the threshold",
     "pivot": "a pivot of the dependent block became too small",
     "rank": "the number of independent constraints changed",
-    "singular": "passage through a singular position",
+    "singular": "crossing of a singular position",
 }
 
 
@@ -44,7 +44,7 @@ class PartitionChange:
 
     def __str__(self) -> str:
         if self.is_switch:
-            what = f"{', '.join(self.entering)} in the place of {', '.join(self.leaving)}"
+            what = f"{', '.join(self.entering)} for {', '.join(self.leaving)}"
         else:
             what = f"independent: {', '.join(self.independent) or 'none'}"
         return f"t = {self.t:.6g} s: {what} ({self.reason}; sigma {self.sigma:.2e})"

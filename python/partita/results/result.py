@@ -53,7 +53,7 @@ class Result(Run):
         True
         """
         if not len(self.t):
-            raise ArgumentError("the run has no outputs, so there is no state to be had", argument="t")
+            raise ArgumentError("the run has no outputs, so there is no state", argument="t")
         time = float(self.t[-1]) if t is None else finite_time(t)
         if not self.t[0] <= time <= self.t[-1]:
             raise ArgumentError(

@@ -147,7 +147,7 @@ class ModelSource:
 
     @cached_property
     def _shares_loads(self) -> bool:
-        """Are there loads that redundant joints share, so that the reaction of one depends on all?"""
+        """Whether there are loads that redundant joints share, so that the reaction of one depends on all."""
         return bool(self._model.shares_loads(*self._motion, *self._acting))
 
     @cached_property

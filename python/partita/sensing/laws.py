@@ -25,16 +25,16 @@ def refusal(record: SensorRecord, sensors: Mapping[str, SensorRecord]) -> str | 
         return None
     if of in ("force", "drive", "coupling") or data["reads"] in ("force", "moment", "drive"):
         return (
-            f'"{record.name}" reads a force, and forces follow from what laws like this one answer; read positions and '
+            f'"{record.name}" reads a force, and forces depend on the value of this law; read positions and '
             "velocities (the length and rate of a spring as pt.Distance of its points)"
         )
     if data["reads"] not in AT_ONCE:
-        return f'"{record.name}" reads an acceleration, which follows from what laws like this one answer'
+        return f'"{record.name}" reads an acceleration, which depends on the value of this law'
     return None
 
 
 def at_once(record: SensorRecord, sensors: Mapping[str, SensorRecord]) -> bool:
-    """Does a sensor follow from q and v alone?"""
+    """Whether a sensor follows from q and v alone."""
     return refusal(record, sensors) is None
 
 
@@ -87,7 +87,7 @@ class Unseen:
     @staticmethod
     def _unseen(name: str) -> ArgumentError:
         return ArgumentError(
-            f"what acts at {name!r} follows from what laws answer; they cannot read it", argument="name"
+            f"what acts at {name!r} depends on the values of force laws, so they cannot read it", argument="name"
         )
 
 

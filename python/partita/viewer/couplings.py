@@ -99,7 +99,7 @@ class _Artist:
         return self.found
 
     def drawn(self, coupling: Mapping[str, Any]) -> bool:
-        """Is there a picture of a coupling between joints? If so it is drawn."""
+        """Whether there is a picture of a coupling between joints. If so it is drawn."""
         terms, word = coupling["terms"], coupling.get("word")
         joints = [term["joint"] for term in terms if term["of"] == "joint"]
         if len(joints) != len(terms):

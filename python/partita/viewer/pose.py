@@ -86,7 +86,7 @@ class Pose:
         return points if len(points) else np.zeros((1, 3))
 
     def travels(self) -> bool:
-        """Does it stand on nothing, and go farther than twice its own extent?"""
+        """Whether it is not connected to the ground and moves farther than twice its own extent."""
         ends = [(joint["parent"], joint["child"]) for joint in self.scene["joints"] if joint["kind"] != "free"]
         if any(-1 in pair for pair in ends) or not self.scene["bodies"]:
             return False

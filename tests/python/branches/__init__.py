@@ -203,5 +203,5 @@ def trial(family: str, seed: int, rtol: float, formulation: str = "projective") 
     wrong = beside > BESIDE or lost > LOST
     outcome = "stopped" if not run.success else "wrong" if wrong else "right"
     words = f"{family} {seed}, rtol {rtol:g}, {formulation}: {beside:.1e} beside, {lost:.1e} lost; {run.message}"
-    reported = sum(int(note.split()[0]) for note in run.notes if "were stepped over" in note)
+    reported = sum(int(note.split()[0]) for note in run.notes if "were crossed" in note)
     return Seen(outcome, reported, int(least.sum()), words, steady)

@@ -67,7 +67,7 @@ def compare(drawing: Drawing) -> Verdict:
 
 
 def contradictory(drawing: Drawing, run: Any) -> bool:
-    """Do the joints allow no velocities with the rates that the drives ask for at the start?"""
+    """Whether the joints allow no velocities with the rates that the drives ask for at the start."""
     seen = {b.name: run.body(b.name) for b in drawing.bodies}
     still = {name: Pose(b.position[0], b.rotation[0], np.zeros(3), np.zeros(3)) for name, b in seen.items()}
     return Maximal(drawing, frames_of(drawing, run)).open_rate(still) > 1e-9

@@ -214,7 +214,7 @@ def welded() -> Iterator[Held]:
     yield from ()
 
 
-@refused("a start at rest at another time than its drive allows", ArgumentError, "is open by")
+@refused("a start at rest at another time than its drive allows", ArgumentError, "has a closure error of")
 def wrong_time() -> Iterator[Held]:
     m = pendulum()
     m.add_drive("A", position=lambda t: 0.5 * t)

@@ -72,7 +72,7 @@ def crossed_run(formulation: str, rtol: float, coordinates: str = "relative") ->
     yield Held("rocker", np.sin(angles[1] - crossed_angle(angles[0])), 0.0, 1e-7)
     done(run)
     passed = np.sum(np.abs(np.diff(np.floor(known / np.pi))))
-    reported = sum(int(note.split()[0]) for note in run.notes if "were stepped over" in note)
+    reported = sum(int(note.split()[0]) for note in run.notes if "were crossed" in note)
     if formulation == "projective":
         yield Held("positions told", reported, passed, 0.0)
 
@@ -97,7 +97,7 @@ def stopping(formulation: str) -> Case:
     @no_success(
         f"the same with `{formulation}`, which cannot step across",
         "singular",
-        "the mechanism passes a singular position",
+        "the mechanism crosses a singular position",
     )
     def ask() -> Iterator[Held]:
         yield from crossed_run(formulation, 1e-8)

@@ -160,7 +160,7 @@ def out_of_reach() -> Iterator[Held]:
 
 
 @no_success(
-    "a crank driven towards where the loop does not reach", "singular", "driven further than the joints allow: A = "
+    "a crank driven towards where the loop does not reach", "singular", "a drive exceeds what the joints allow: A = "
 )
 def towards_the_limit() -> Iterator[Held]:
     m = four_bar([(0, 0), (1, 0.0), (1.3, 0.52), (2.0, 0)])

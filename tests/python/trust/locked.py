@@ -98,7 +98,7 @@ def too_short() -> pt.Mechanism:
     return m
 
 
-@refused("mobility of a loop whose lengths cannot close", AssemblyError, "mobility is that of an assembled position")
+@refused("mobility of a loop whose lengths cannot close", AssemblyError, "the mobility needs an assembled position")
 def mobility() -> Iterator[Held]:
     yield Held("mobility", too_short().compile().mobility, 1, 0.0)
 

@@ -1,4 +1,4 @@
-//! What a certificate holds a motion against besides its closures: accelerations, and the rank of the conditions.
+//! Further checks of a certificate besides the closure errors: accelerations, and the rank of the constraints.
 
 use super::chunk_of;
 use super::rows::{tables, Rows, Watch};

@@ -1,5 +1,5 @@
-//! What a mechanism shows along a motion: bodies, joints, reactions, energies. Each is computed when it is asked for, at
-//! all outputs at once, and looks at no more of the mechanism than it depends on.
+//! Outputs of a mechanism along a motion: bodies, joints, reactions, energies. Each is computed on request, at all
+//! outputs at once, from the part of the mechanism on which it depends.
 
 mod checks;
 mod motion;
@@ -14,7 +14,7 @@ pub use rows::{tables, Rows, Watch};
 use partita_model::Model;
 use partita_system::prelude::*;
 
-/// Functions of the user are asked in order, on one core.
+/// User functions are called in order, on one thread.
 fn chunk_of(model: &Model) -> usize {
     if model.calls_functions() {
         usize::MAX

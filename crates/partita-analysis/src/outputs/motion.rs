@@ -16,7 +16,7 @@ pub const BODY: [usize; 4] = [3, 9, 3, 3];
 /// Width of the last table of [`joints`] for one joint.
 pub const JOINT_POINT: usize = 3;
 
-/// The part that several answers depend on: that of the one asked, or everything.
+/// The part of the mechanism on which the requested outputs depend.
 fn part_of(model: &Model, which: &[usize], one: impl Fn(usize) -> Part) -> Part {
     match which {
         [i] => one(*i),
@@ -119,7 +119,7 @@ pub fn joint_accelerations<E: Send + From<AnalysisError>>(
     tables(states.len(), &[dof.len()], 1, room, row, watch)
 }
 
-/// Kinetic and potential energy. Functions of the user that have a potential are asked once an output.
+/// Kinetic and potential energy. User functions that have a potential are called once per output.
 ///
 /// # Errors
 /// What such a function raises, and those of `watch`.

@@ -26,7 +26,7 @@ fn reference<'a>(model: &Model, states: &States<'a>, forces: &Forces) -> Option<
     })
 }
 
-/// Is there anything that the rule of [`sharing`](crate::sharing) chooses? Then one reaction costs as much as all.
+/// Whether the rule of [`sharing`](crate::sharing) determines anything. Then one reaction costs as much as all.
 ///
 /// # Errors
 /// Where the mechanism cannot be compiled in space.
@@ -41,10 +41,10 @@ fn rooms<'a>(model: &'a Model, rule: Option<&'a Rule>) -> impl Fn() -> (ModelScr
 
 /// Force, moment, efforts of the drives and axes of one joint, for a motion with its accelerations and multipliers.
 ///
-/// What is not determined is chosen by the rule of [`sharing`](crate::sharing), for which all joints are asked.
+/// Undetermined components are chosen by the rule of [`sharing`](crate::sharing), which involves all joints.
 ///
 /// # Errors
-/// What a user's function raises on the bodies that the joint holds, and those of `watch`.
+/// Errors of user functions on the bodies that the joint connects, and those of `watch`.
 pub fn reaction<E: Send + From<SystemError> + From<AnalysisError>>(
     model: &Model,
     states: &States,

@@ -9,10 +9,10 @@ use std::time::{Duration, Instant};
 const WORTH_A_THREAD: Duration = Duration::from_micros(200);
 /// A row takes at least this. Unit: s. Reason: a tick of the clock.
 const CLOCK_TICK: f64 = 1e-9;
-/// How long the rows between two looks at the user's wish to stop should take.
+/// Time between two checks for an interrupt by the user.
 const PATIENCE: Duration = Duration::from_millis(50);
 
-/// Asked from time to time, on the calling thread, whether to go on.
+/// Called at intervals on the calling thread; its answer is whether to continue.
 pub type Watch<'w, E> = &'w mut dyn FnMut() -> Result<(), E>;
 
 /// Some rows of several tables, to be filled.

@@ -8,7 +8,8 @@ use partita_system::SystemError;
 
 /// The nearest position to q in which the loops close; `locked` velocities keep their coordinates.                        (S3)
 ///
-/// Free bodies may come to rest open where the joints of the same drawing, kept on the way, close: then these lead there.
+/// Free bodies may converge to an open position where the joints of the same drawing would close; then the joints are
+/// kept closed during the iteration.
 ///
 /// # Errors
 /// As [`assembly::close`].

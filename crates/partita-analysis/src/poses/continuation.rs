@@ -26,7 +26,7 @@ const LAST: Rule = Rule::new(6, f64::EPSILON, tolerance::CLOSED);
 const LEAPS: [f64; 3] = [1e-3, 1e-2, 3e-2];
 /// Velocities up to which the sign of the determinant is watched: its cost grows with their cube.
 const WATCHED: usize = 150;
-/// Steps of one way: three thousand radians.
+/// Number of steps of one continuation: three thousand radians.
 const STEPS: usize = 10_000;
 
 /// How a way ended.
@@ -34,9 +34,9 @@ const STEPS: usize = 10_000;
 pub(super) enum Ending {
     /// There.
     There,
-    /// At a limit, this part of the way done.
+    /// At a limit, after this fraction of the path.
     Limit(f64),
-    /// Where branches meet, likewise.
+    /// At a position where branches meet, likewise.
     Crossing(f64),
 }
 
@@ -50,7 +50,7 @@ struct Signed {
     sign: f64,
 }
 
-/// From where ways start: the same for many.
+/// The common starting point of many continuations.
 #[derive(Clone, Debug)]
 pub(super) struct Start {
     pub q: Vec<f64>,
@@ -58,12 +58,12 @@ pub(super) struct Start {
     pub y: Vec<f64>,
     /// Which goals are independent there.
     pub free: Vec<bool>,
-    /// Does anything move besides the goals?
+    /// Whether anything besides the goals moves.
     pub rest: usize,
     signed: Option<Signed>,
 }
 
-/// Room for ways of one mechanism.
+/// Work arrays for continuations of one mechanism.
 pub(super) struct Continuation<'m> {
     pub field: Field<'m>,
     r: Vec<f64>,
@@ -77,7 +77,7 @@ impl<'m> Continuation<'m> {
         Self { r: vec![0.0; field.pattern.rows], matrix: Vec::new(), pivots: Vec::new(), field }
     }
 
-    /// What ways from the closed position q start with.
+    /// Initial data of continuations from the closed position q.
     ///
     /// # Errors
     /// `NotFinite` where q is no position.
@@ -217,7 +217,7 @@ impl<'m> Continuation<'m> {
         }
     }
 
-    /// From the start to where the goals have the values `to`; q and `self.field.y` are left where the way ended.
+    /// From the start to where the goals have the values `to`; q and `self.field.y` are left at the end of the path.
     ///
     /// # Errors
     /// Those of functions that the conditions call.
@@ -233,7 +233,7 @@ impl<'m> Continuation<'m> {
         Ok(ending)
     }
 
-    /// The same by way of other values of the goals, straight from each to the next.
+    /// The same via intermediate values of the goals, linearly from each to the next.
     ///
     /// # Errors
     /// As [`go`](Self::go).
@@ -292,7 +292,7 @@ impl<'m> Continuation<'m> {
         if done.end == End::There {
             return Ok(Ending::There);
         }
-        // next to a singular position no step is good; does a longer one lead across?
+        // next to a singular position no step succeeds; a longer one may lead across
         let Some(before) = signed else { return Ok(Ending::Limit(done.s)) };
         for part in LEAPS {
             let (mut there, mut crossed) = (q.to_vec(), false);
@@ -335,7 +335,7 @@ struct Straight<'a, 'm> {
     to: &'a [f64],
     /// Values of the goals at the position last taken.
     kept: Vec<f64>,
-    /// Are the conditions evaluated at the position that was closed last?
+    /// Whether the conditions are evaluated at the position that was closed last.
     is_fresh: bool,
 }
 
@@ -387,7 +387,7 @@ impl Straight<'_, '_> {
     }
 }
 
-/// Gram and Schmidt; what is lost has no length.
+/// Gram-Schmidt; dependent vectors become zero.
 fn orthonormalise(rows: &mut [Vec<f64>]) {
     for i in 0..rows.len() {
         let (done, rest) = rows.split_at_mut(i);

@@ -1,4 +1,4 @@
-//! Why targets cannot be met: which of them contradict each other, where a joint ends, and what is missing.
+//! Why targets cannot be reached: which of them contradict each other, the limit of a joint, and the closure error.
 
 use super::continuation::{Continuation, Ending};
 use super::field::Duty;
@@ -24,7 +24,7 @@ pub(super) fn off(continuation: &mut Continuation, q: &[f64], aims: &[f64]) -> f
     far.fold(0.0, f64::max)
 }
 
-/// Why a drawing does not close with some joints held: is it they?
+/// Whether held joints are the reason why a drawing does not close.
 pub(super) fn held(model: &Model, t: f64, drawn: &[f64], ask: &Ask, e: SystemError) -> SystemError {
     let own: Vec<&Target> = ask.fixed.iter().filter(|x| x.own().is_some()).collect();
     if own.is_empty() || !matches!(e, SystemError::Assembly { .. } | SystemError::Lengths { .. }) {
@@ -37,8 +37,8 @@ pub(super) fn held(model: &Model, t: f64, drawn: &[f64], ask: &Ask, e: SystemErr
         &own.iter().map(|x| format!("{} = {:.6}", x.name, drawn[x.own().unwrap_or((0, 0)).0])).collect::<Vec<_>>(),
     );
     let message = format!(
-        "the loops do not close with {names} held, but they do without: hold fewer joints, or give a guess in \
-         which the held ones are where they can stay; {e}"
+        "the loops close only if {names} may move; hold fewer joints, or give a guess in which the held joints \
+         already fit ({e})"
     );
     targets_error(&e, message, f64::NAN, String::new())
 }
@@ -71,7 +71,7 @@ pub(super) fn targets(model: &Model, t: f64, q: &[f64], wanted: &[(Target, f64)]
     }
 }
 
-/// A model, a closed position of it, and what is wanted of it.
+/// A model, a closed position of it, and the targets.
 type Asked = (Model, Vec<f64>, Vec<(Target, f64)>);
 
 /// The same question in joint coordinates, where a gap shows in one joint instead of a little in all of them.
@@ -111,10 +111,10 @@ fn explained(
             let (values, others) = possible(model, t, &here, &all[..k], x);
             let can = listed_or(&values.iter().map(|v| format!("{v:.6}")).collect::<Vec<_>>());
             let message = match k {
-                0 => format!("{turn} cannot be met: nothing moves {} from {can} {} here", x.name, x.unit),
+                0 => format!("{turn} cannot be reached: {} cannot move from {can} {} here", x.name, x.unit),
                 _ => format!(
-                    "the targets {} contradict each other: with {held} {} can be {can} {}{others}, not {:.6}; leave one of them \
-                     away, or give it a lower priority",
+                    "the targets {} contradict each other: with {held} {} can be {can} {}{others}, not {:.6}; drop \
+                     one of them, or give it a lower priority",
                     listed(&[held.clone(), turn.clone()]),
                     x.name,
                     x.unit,
@@ -136,19 +136,19 @@ fn explained(
         let with = if k == 0 { String::new() } else { format!(" with {held}") };
         let so_far = format!("{turn} cannot be reached{with}: {} ends at {end:.6} {}", x.name, x.unit);
         let message = match ending {
-            Ending::Crossing(_) => format!(
-                "{so_far}, where the mechanism passes a singular position, in which branches meet; give `near` beyond it"
-            ),
+            Ending::Crossing(_) => {
+                format!("{so_far}, at a singular position where branches meet; give `near` beyond it")
+            }
             _ if closes => format!(
                 "{so_far}; another branch closes there, but no motion leads to it from here; give `near` on that branch"
             ),
             _ if met => format!(
-                "{so_far}; at the target {} stays open by {}; ask for less, or change a length of this loop by at least as \
-                 much",
+                "{so_far}; at the target, {} keeps a closure error of {}; choose a nearer target, or change a \
+                 length of this loop by at least that much",
                 loop_of(model, worst),
                 gap(length, angle)
             ),
-            _ => format!("{so_far}; no position of the bodies brings it there; ask for less"),
+            _ => format!("{so_far}; no configuration reaches the target; choose a nearer one"),
         };
         return Ok(Some(targets_error(
             e,
@@ -171,8 +171,8 @@ fn listed_or(words: &[String]) -> String {
     }
 }
 
-/// Values of x in the assemblies for the other targets as they stand in q, at least the one in q; and which assemblies
-/// these are, where they are not all.
+/// Values of x in the assemblies for the other targets at q, at least that of q itself; and which assemblies these are,
+/// if not all.
 fn possible(model: &Model, t: f64, q: &[f64], others: &[Target], x: &Target) -> (Vec<f64>, &'static str) {
     let (rest, mut s) = (vec![0.0; model.size().nv], model.scratch());
     let mut values = vec![x.value(model, q, &rest, &mut s, 0.0)];
@@ -186,5 +186,5 @@ fn possible(model: &Model, t: f64, q: &[f64], others: &[Target], x: &Target) -> 
     }
     let whole = all.is_some_and(|all| all.found.len() > 1 || all.notes.is_empty()) && values.len() <= LISTED;
     values.truncate(LISTED);
-    (values, if whole { "" } else { " on this branch, or what other branches allow" })
+    (values, if whole { "" } else { " on this branch, or a value that another branch allows" })
 }

@@ -167,7 +167,7 @@ impl<'m> Field<'m> {
         self.dv.iter().fold(0.0, |m: f64, x| m.max(x.abs()))
     }
 
-    /// Goals that are to be met and are coordinates stand where they are to be.
+    /// Goals that are coordinates are set to their targets.
     pub fn set_own(&self, q: &mut [f64]) {
         let m = self.closings();
         for (k, x) in self.targets.iter().enumerate().filter(|(k, _)| self.duty[m + k] == Duty::Hard) {
@@ -213,7 +213,8 @@ impl<'m> Field<'m> {
         self.open_of(duty).worst
     }
 
-    /// The closing row that is open most, and by how much its joint's points and directions miss each other [m, rad].
+    /// The loop-closure row with the largest closure error, and the gap between the points [m] and directions [rad] of
+    /// its joint.
     pub fn open(&self) -> (usize, f64, f64) {
         let m = self.closings();
         let Some(worst) = (0..m).max_by(|&i, &j| self.phi[i].abs().total_cmp(&self.phi[j].abs())) else {
@@ -277,7 +278,7 @@ impl<'f, 'm> Soft<'f, 'm> {
 
 impl Residuals for Soft<'_, '_> {
     fn evaluate(&mut self, q: &[f64]) -> Result<(), SystemError> {
-        // what fails for good on the way back to the hard rows ends the loop; a step not kept is refused
+        // a permanent failure while returning to the hard rows ends the loop; a rejected step is undone
         let kept = std::mem::replace(&mut self.kept, Ok(true))?;
         self.field.y.copy_from_slice(&self.home);
         self.field.evaluate(q)?;

@@ -1,4 +1,4 @@
-//! What can be asked of a position: a coordinate of any joint, or where a point of a body is.
+//! Goals of a position: a coordinate of any joint, or the position of a point of a body.
 
 use partita_math::spatial::Vec3;
 use partita_model::joint::Motion;
@@ -87,8 +87,8 @@ impl Target {
     pub fn new(model: &Model, goal: &Goal, name: &str) -> Result<Self, SystemError> {
         let refuse = || {
             let message = format!(
-                "{name} is one of the numbers that describe a turn in space together; none of them can be a target by itself: \
-                 take points of the body as targets"
+                "{name} is one component of a spatial rotation and cannot be a target by itself; use points of the \
+                 body as targets"
             );
             SystemError::argument("targets", message)
         };
@@ -147,7 +147,7 @@ impl Target {
         }
     }
 
-    /// Is it an angle that is read off a pose, which whole turns do not change?
+    /// Whether it is an angle measured from a pose, which is unchanged by whole turns.
     pub fn wraps(&self) -> bool {
         matches!(self.source, Source::Joint { wraps: true, .. })
     }
@@ -163,7 +163,7 @@ impl Target {
         }
     }
 
-    /// Its value at q; an angle read off a pose comes within half a turn of `near`.
+    /// Its value at q; an angle measured from a pose is taken within half a turn of `near`.
     pub fn value(&self, model: &Model, q: &[f64], rest: &[f64], s: &mut ModelScratch, near: f64) -> f64 {
         match &self.source {
             Source::Own { q: i, .. } => q[*i],

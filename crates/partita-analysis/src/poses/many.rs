@@ -25,7 +25,7 @@ pub enum Outcome {
     Open,
     /// It closes, but not on this branch.
     OtherBranch,
-    /// A position in which branches meet stands in the way.
+    /// A position where branches meet blocks the path.
     Singular,
     /// The goals contradict each other.
     Contradiction,
@@ -53,13 +53,13 @@ pub struct Poses {
     pub q: Vec<f64>,
     /// What became of each.
     pub outcomes: Vec<Outcome>,
-    /// How far the goals came on the straight way.
+    /// Fraction of the direct path that the goals covered.
     pub reached: Vec<f64>,
     /// Closure error of the nearest position (m); NaN where it is not known.
     pub shortfall: Vec<f64>,
     /// The same for directions (rad).
     pub angle: Vec<f64>,
-    /// Was the straight way left?
+    /// Whether the direct continuation was abandoned.
     pub detour: Vec<bool>,
     /// Why the others were not assembled: number and sentence.
     pub reasons: Vec<(usize, String)>,
@@ -100,10 +100,10 @@ fn put(found: &Found, reached: &[f64], q: &[f64], i: usize, rows: &mut Rows) {
 
 /// Positions in which the goals have the values of each row of `values`, on the branch of the closed position q.
 ///
-/// The branch is what the straight way of the goals leads to from q without meeting a limit or a singular position.
-/// Where several goals are inputs from which all loops follow in closed form, it is the signs of their blocks: a pose
-/// is found wherever it closes with them, whatever stands in the straight way. Each pose depends on its own values and
-/// on q alone.
+/// The branch contains the positions reached from q by linear variation of the goals without meeting a limit or a
+/// singular position. Where several goals are inputs from which all loops follow in closed form, it is the signs of
+/// their blocks: a pose is found wherever it closes with them, whatever stands in the straight way. Each pose depends
+/// on its own values and on q alone.
 ///
 /// # Errors
 /// `Argument` where the values do not fit; those of functions that the model calls, and of `watch`.
@@ -128,8 +128,8 @@ pub fn many<E: Send + From<SystemError>>(
         let (x, here) = (&targets[i % width], start.y[i % width]);
         if (value - here).abs() > tolerance::FARTHEST * x.displacement {
             let message = format!(
-                "{} = {value} of pose {} is more than ten thousand radians, or lengths of the mechanism, away from the branch's \
-                 state, in which it is {here:.6} {}",
+                "{} = {value} of pose {} is more than ten thousand radians, or lengths of the mechanism, away from \
+                 its value {here:.6} {} in the state of the branch",
                 x.name,
                 i / width,
                 x.unit
@@ -143,7 +143,8 @@ pub fn many<E: Send + From<SystemError>>(
         Some(explicit) => {
             let row = |i: usize, room: &mut Option<Explicit>, rows: &mut Rows| {
                 let Some(room) = room else {
-                    let message = "the loops could not be ordered a second time; give a state away from a limit";
+                    let message = "no second order of solution was found for the loops; give a state farther from a \
+                        limit position";
                     return Err(SystemError::argument("near", message.into()).into());
                 };
                 let (found, reached) = room.pose(of(i))?;
@@ -197,7 +198,7 @@ struct Explicit<'m> {
     there: Vec<f64>,
     before: Vec<f64>,
     trial: Vec<f64>,
-    /// Pivots in q, and where the way has come to.
+    /// Pivots at q, and the position reached on the path.
     first: Vec<f64>,
     pivots: Vec<f64>,
     levels: Levels<'m, Model>,
@@ -259,7 +260,8 @@ impl<'m> Explicit<'m> {
         }
     }
 
-    /// Close with the goals this part of the way; by how much which block misses otherwise.
+    /// Close the loops with the goals at this fraction of the path; otherwise the block that fails and its closure
+    /// error.
     fn close(&mut self, values: &[f64], part: f64) -> Result<Option<(f64, usize)>, SystemError> {
         self.trial.clone_from(&self.there);
         self.set(values, part);
@@ -327,10 +329,10 @@ impl<'m> Explicit<'m> {
         Ok((Found::closed(false), values.to_vec()))
     }
 
-    /// The straight way ends here, this part of it done: at a limit, or where branches meet.
+    /// The direct path ends here, after this fraction: at a limit, or where branches meet.
     fn beyond(&mut self, values: &[f64], done: f64, limit: bool) -> Result<(Found, Vec<f64>), SystemError> {
         let missing = self.close(values, 1.0)?;
-        // one goal has one way only; of several the signs are the branch, no matter which way leads there
+        // a single goal has only one path; with several goals the signs define the branch, whatever the path
         if missing.is_none() && values.len() > 1 {
             return Ok((Found::closed(true), values.to_vec()));
         }
@@ -346,7 +348,7 @@ impl<'m> Explicit<'m> {
         Ok((Found { outcome, shortfall, angle: 0.0, culprit, detour: false }, reached))
     }
 
-    /// Do other signs close it?
+    /// Whether it closes with other signs.
     fn other_branch(&mut self, values: &[f64]) -> Result<bool, SystemError> {
         let free: Vec<usize> = (0..self.signs.len()).filter(|&i| self.signs[i] != 0).collect();
         if free.len() > BLOCKS {
@@ -409,7 +411,7 @@ impl<'m> Numeric<'m> {
                 }
             }
         }
-        // from where the straight way ended: how open are the loops with the goals there?
+        // from the end of the direct path: the closure error with the goals at their targets
         self.there.clone_from(&here);
         let f = &mut self.continuation.field;
         f.y.copy_from_slice(&reached);
@@ -428,7 +430,7 @@ impl<'m> Numeric<'m> {
         Ok((Found { outcome, shortfall, angle, culprit, detour: false }, reached))
     }
 
-    /// Goals that follow from the others must have come out as they were asked for.
+    /// Goals that depend on the others must have reached their targets.
     fn agreeing(&mut self, values: &[f64], detour: bool) -> Found {
         self.continuation.field.look(&self.there);
         let f = &self.continuation.field;
@@ -443,7 +445,7 @@ impl<'m> Numeric<'m> {
     }
 }
 
-/// What was asked of one pose, for words about it.
+/// The goals of one pose, for messages.
 struct Asked<'a> {
     model: &'a Model,
     targets: &'a [Target],
@@ -481,20 +483,20 @@ impl Asked<'_> {
         match found.outcome {
             Outcome::Closed => String::new(),
             Outcome::Open => format!(
-                "{goals} cannot be reached: the straight way from the branch's state ends with {ends}; at the target {place} \
-                 stays open by {open}"
+                "{goals} cannot be reached: the continuation from the state of the branch stops at {ends}; at the \
+                 target, {place} keeps a closure error of {open}"
             ),
             Outcome::OtherBranch if found.shortfall > 0.0 && explicit.is_some() => format!(
-                "{goals} closes on another branch only: on this one {place} misses by {open}, and the straight way ends with \
-                 {ends}"
+                "{goals} is reached on another branch only: on this one {place} misses by {open}, and the \
+                 continuation stops at {ends}"
             ),
             Outcome::OtherBranch => format!(
-                "{goals} closes, but no motion leads there on this branch: the straight way from its state meets a limit with \
-                 {ends}"
+                "the loops close at {goals}, but no motion on this branch leads there: the continuation meets a \
+                 limit at {ends}"
             ),
             Outcome::Singular => format!(
-                "{goals} lies behind a singular position, in which branches meet, on the way from the branch's state: it comes \
-                 with {ends}; give a state of the branch meant beyond it"
+                "a singular position, where branches meet, lies between the state of the branch and {goals}, at \
+                 {ends}; give a state of the wanted branch beyond it"
             ),
             Outcome::Contradiction => {
                 let (k, x) = (found.culprit, &self.targets[found.culprit]);

@@ -9,8 +9,8 @@ use partita_system::SystemError;
 const FAR: Rule = Rule::new(60, f64::EPSILON, tolerance::FITS).cut(0.5);
 /// ... and after each move, which keeps them nearly: more would be another branch.
 const NEAR: Rule = Rule::new(8, f64::EPSILON, tolerance::FITS).contracting(0.15, 1.0);
-/// Soft rows to their least, by moves of 0.3 characteristic displacements: after one of 1e-9 what is left is below nine
-/// digits.
+/// Steps that minimise the soft rows, at most 0.3 characteristic displacements each: after a step of 1e-9 the remainder
+/// is below nine digits.
 const LEAST: Rule = Rule::new(200, 0.0, 0.0).cut(0.3).to_rest(1e-9);
 
 /// Move q to where the soft rows have their least sum of squares with the hard rows kept.

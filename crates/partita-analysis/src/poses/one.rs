@@ -12,7 +12,7 @@ use partita_system::kinematics::assembly;
 use partita_system::prelude::*;
 use partita_system::SystemError;
 
-/// What is asked of a position.
+/// The goals of a position.
 #[derive(Clone, Debug, Default)]
 pub struct Ask {
     /// Coordinates from which closing starts, instead of those of the drawing.
@@ -33,13 +33,13 @@ pub struct Met {
     pub name: String,
     /// Its level, from 0.
     pub level: usize,
-    /// What was asked for.
+    /// The goals.
     pub asked: f64,
     /// Its value.
     pub value: f64,
 }
 
-/// A position that was asked for.
+/// The resulting position.
 #[derive(Clone, Debug, Default)]
 pub struct One {
     /// Coordinates.
@@ -48,7 +48,7 @@ pub struct One {
     pub iterations: usize,
     /// Largest |Φ| at the end.
     pub residual: f64,
-    /// Steps on the way to the targets.
+    /// Number of steps to the targets.
     pub steps: usize,
     /// By closed forms?
     pub explicit: bool,
@@ -56,7 +56,7 @@ pub struct One {
     pub met: Vec<Met>,
 }
 
-/// The loops of the model closed from q, and what is asked met.
+/// Close the loops of the model from q and satisfy the goals.
 ///
 /// # Errors
 /// `Assembly`, `Lengths` and `Targets` where that cannot be; `Argument` where it makes no sense, or where a coupling
@@ -99,7 +99,7 @@ pub fn one(model: &Model, t: f64, q: &[f64], ask: &Ask) -> Result<One, SystemErr
 fn stopped(level: usize, e: &SystemError) -> SystemError {
     SystemError::argument(
         "targets",
-        format!("the targets of priority {level} lead where nothing can be evaluated: {e}"),
+        format!("the equations cannot be evaluated at the targets of priority {level}: {e}"),
     )
 }
 

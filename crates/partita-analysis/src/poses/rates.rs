@@ -132,7 +132,7 @@ pub fn with_rates(
             .chain(own.iter().map(|&(i, rate)| format!("{} = {rate}", model.velocity_name(i))))
             .collect();
         let message = format!(
-            "the rates {} cannot hold together: the loops leave {} degrees of freedom here",
+            "the rates {} are incompatible: the loops leave {} degrees of freedom here",
             words.join(", "),
             r.k()
         );

@@ -25,8 +25,8 @@ const ENERGY_TAKEN: f64 = 5e-2;
 /// Energy errors that break a run; with loose tolerances, ten times what these explain. Scale: fraction of the energy
 /// exchanged. Reason: a hundredth is no longer an error of rounding or of steps.
 const ENERGY_INVALID: f64 = 1e-2;
-/// Outputs at which the end of a run looks at energies: enough to see what was exchanged and what is off, and so few that
-/// they cost nothing beside the run.
+/// Outputs at which the end of a run looks at energies: enough to show the energy exchanged and its error, and few
+/// enough to cost little.
 const LOOKS: usize = 16;
 
 /// A system whose motions can be held against more than its conditions.
@@ -43,16 +43,17 @@ pub trait Balance: ConstrainedSystem {
     fn energies(&self, at: &[&Output], scratch: &mut Self::Scratch) -> Result<Option<Vec<(f64, f64)>>, SystemError>;
     /// Energy against which a balance is held at the least, for this absolute tolerance.
     fn energy_floor(&self, atol: f64) -> f64;
-    /// Do functions of the user agree with each other at (t, q, v), as far as that is to be checked?
+    /// Whether user functions agree with their derivatives at (t, q, v), as far as this is to be checked.
     ///
     /// # Errors
     /// `Derivative`, and what the functions raise.
     fn agree(&self, t: f64, q: &[f64], v: &[f64]) -> Result<(), SystemError>;
-    /// What is behind an error, where the whole system tells more than its equations.
+    /// The cause of an error, where the whole system reveals more than its equations.
     fn cause(&self, _error: &SystemError) -> Option<String> {
         None
     }
-    /// Why a motion that stopped at t cannot go on to `until` as it is driven, from the closed position q shortly before.
+    /// The reason why a motion that stopped at t cannot continue to `until` as driven, from the closed position q
+    /// shortly before.
     fn driven_beyond(&self, _t: f64, _q: &[f64], _until: f64) -> Option<String> {
         None
     }
@@ -118,8 +119,8 @@ impl<E: Equations> Balance for UserSystem<E> {
     }
 }
 
-/// Energy (J) against which a balance is held at the least. That of all bodies at speeds of the absolute tolerance is below
-/// what anybody asked about; and weights that balance each other are added up with the round-off of each.
+/// Smallest reference energy (J) of a balance: the kinetic energy of all bodies at speeds of the absolute tolerance,
+/// and the round-off of the potential of weights that balance each other.
 pub fn energy_floor(spec: &Spec, atol: f64) -> f64 {
     let mass: f64 = spec.bodies.iter().map(|b| b.mass).sum();
     let turning: f64 = spec.bodies.iter().flat_map(|b| (0..3).map(|i| b.inertia[i][i])).sum();
@@ -133,16 +134,17 @@ pub fn energy_floor(spec: &Spec, atol: f64) -> f64 {
     (0.5 * (mass + turning) * atol * atol + tolerance::LONG_ROUNDING * pull * extent * mass) / ENERGY_FLOOR
 }
 
-/// What a run was asked for, as far as its balances depend on it.
+/// The options of a run on which its balances depend.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Asked {
-    /// Relative tolerance; 1 for fixed steps, of which nobody knows it.
+    /// Relative tolerance; 1 for fixed steps, whose tolerance is unknown.
     pub tolerance: f64,
-    /// Are conditions left open on purpose?
+    /// Whether constraints are left uncorrected on purpose.
     pub drifts: bool,
 }
 
-/// What Newton-Euler residuals with the returned reactions say, each with its time; NaN where a reaction has no value.
+/// Findings from Newton-Euler residuals with the returned reactions, each with its time; NaN where a reaction has no
+/// value.
 pub fn of_reactions(residuals: impl Iterator<Item = (f64, f64)>, asked: Asked) -> Option<Finding> {
     let known = residuals.filter(|x| x.1.is_finite());
     let (t, worst) = known.map(|(t, x)| (t, x.abs())).fold((0.0, -1.0), |m, x| if x.1 > m.1 { x } else { m });
@@ -156,8 +158,8 @@ pub fn of_reactions(residuals: impl Iterator<Item = (f64, f64)>, asked: Asked) -
         invalid: worst > invalid.max(10.0 * suspect),
         t,
         sentence: format!(
-            "Newton-Euler with the returned reactions is off by {worst:.1e} of the largest force at t = {} s; up to \
-             {suspect:.0e} holds",
+            "the Newton-Euler residual of the returned reactions is {worst:.1e} of the largest force at t = {} s; \
+             at most {suspect:.0e} is expected",
             six_digits(t)
         ),
     })
@@ -176,8 +178,8 @@ pub struct Energy {
     pub work: f64,
 }
 
-/// What the energy balance over some outputs says, held against the energy exchanged, `least` at the least, and against
-/// what the tolerance explains over so many steps.
+/// The finding from the energy balance over the outputs, relative to the energy exchanged (at least `least`) and
+/// compared with what the tolerance explains over the number of steps.
 pub fn of_energy(at: &[Energy], asked: Asked, steps: u64, least: f64) -> Option<Finding> {
     let first = at.first()?;
     let most = |of: &dyn Fn(&Energy) -> f64| at.iter().fold(0.0, |m: f64, x| m.max(of(x).abs()));
@@ -202,8 +204,8 @@ pub fn of_energy(at: &[Energy], asked: Asked, steps: u64, least: f64) -> Option<
         invalid: worst > ENERGY_INVALID.max(10.0 * explained),
         t,
         sentence: format!(
-            "the energy balance is off by {worst:.1e} of the energy exchanged at t = {} s; the tolerance explains \
-             {explained:.0e}",
+            "the energy balance is off by {worst:.1e} of the energy exchanged at t = {} s; the tolerances explain \
+             at most {explained:.0e}",
             six_digits(t)
         ),
     })

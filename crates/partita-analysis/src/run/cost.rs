@@ -13,7 +13,7 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Steps taken before the one whose stages are asked for: forms that look ahead from the last steps have them to look from.
+/// Steps taken before the one whose stages are measured, for formulations that extrapolate from earlier steps.
 const BEFORE: u64 = 2;
 /// Time of a batch of evaluations. Unit: s. Reason: a thousand readings of the clock.
 const BATCH: f64 = 4e-5;
@@ -25,7 +25,7 @@ const LONGEST_TIMING: f64 = 0.15;
 
 /// A formulation with its options, and a usual length of its steps (s).
 pub struct Contender {
-    /// What is asked of it.
+    /// Its options.
     pub request: Request,
     /// The user's tangent velocities.
     pub tangent: Option<Arc<dyn TangentMap>>,
@@ -43,7 +43,7 @@ pub struct ClosedState {
     pub v: Vec<f64>,
 }
 
-/// Notes what a march asks of a formulation: times and states of the evaluations since the last step.
+/// Records the times and states of the evaluations since the last step.
 struct Noted<'s> {
     formulation: Box<dyn Formulation + Send + 's>,
     asked: Vec<(f64, Vec<f64>)>,
@@ -172,7 +172,7 @@ impl<'s> Trial<'s> {
     }
 }
 
-/// Seconds of one evaluation of each contender, the mean over the places; NaN for one that fails at all of them.
+/// Seconds of one evaluation of each contender, the mean over the states; NaN for one that fails at all of them.
 ///
 /// Evaluations are those that the stages of a step ask for. At each place the contenders take turns in short batches, and the
 /// fastest batch of each counts. Takes about a millisecond a contender and place, longer where one evaluation does. `watch`

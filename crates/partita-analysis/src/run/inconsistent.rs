@@ -1,4 +1,4 @@
-//! A start that does not satisfy the constraints: told, with what became of it.
+//! An initial state that violates the constraints: how it is corrected and reported.
 
 use crate::error::AnalysisError;
 use partita_math::formatted;
@@ -36,7 +36,8 @@ pub(super) fn see<S: ConstrainedSystem>(
         return Err(AnalysisError::Argument {
             argument: "initial",
             message: format!(
-                "the start does not satisfy the constraints: {} is open by {}; start from what assemble() makes of it",
+                "the initial state violates the constraints: {} has a closure error of {}; start from the state \
+                 that assemble() returns",
                 system.row_name(row),
                 formatted(r.phi[row].abs())
             ),
@@ -77,16 +78,16 @@ pub(super) fn note<S: ConstrainedSystem>(
         return None;
     }
     let moved = match first.filter(|x| x.t == t) {
-        None => "an output there shows by how much it was moved".into(),
+        None => "an output at the start shows the correction".into(),
         Some(first) => {
             let names = (0..v.len()).map(|i| system.velocity_name(i));
             let by = largest(names.zip(v.iter().zip(&first.v).map(|(x, y)| (y - x).abs())));
             let far = q.iter().zip(&first.q).fold(0.0, |m: f64, (x, y)| m.max((y - x).abs()));
             let position = if *open { format!("positions by up to {}, ", formatted(far)) } else { String::new() };
-            format!("the first output is moved from it: {position}velocities by up to {} ({})", formatted(by.1), by.0)
+            format!("the first output is corrected: {position}velocities by up to {} ({})", formatted(by.1), by.0)
         }
     };
-    Some(format!("the start does not satisfy the constraints: {}; {moved}", said.join(", ")))
+    Some(format!("the initial state violates the constraints: {}; {moved}", said.join(", ")))
 }
 
 fn largest(all: impl Iterator<Item = (String, f64)>) -> (String, f64) {

@@ -1,4 +1,5 @@
-//! A run from end to end: look at the start, choose, march, and keep what everything else can be computed from.
+//! A complete run: analyse the start, choose coordinates, integrate, and keep the data from which all outputs are
+//! computed.
 
 pub mod balance;
 pub mod cost;
@@ -57,16 +58,17 @@ fn some<T>(all: &[T], word: impl Fn(&T) -> String) -> String {
 
 fn note_of_crossings(outcome: &Outcome) -> String {
     format!(
-        "{} singular positions of the mechanism were stepped over (t = {}); around them the loops were closed inside every \
-         evaluation, and {} steps were taken with an error estimate above the tolerance because it was round-off",
+        "{} singular positions of the mechanism were crossed (t = {}); near them the loops were closed in every \
+         evaluation, and {} steps were accepted although their error estimate, which was round-off, exceeded the \
+         tolerance",
         outcome.crossings.len(),
         some(&outcome.crossings, |t| format!("{t:.4}")),
         outcome.counters.lenient
     )
 }
 
-/// A motion that stopped in a position: was it driven to where the joints do not go? Whether the step or the pivot was
-/// the first to give way there is a matter of rounding.
+/// For a motion that stopped, determine whether a drive exceeded a limit of the joints. Whether the step size or the
+/// pivot failed first is a matter of rounding.
 fn report_driven_beyond<S: Balance>(
     system: &S,
     request: &Request,
@@ -81,14 +83,15 @@ fn report_driven_beyond<S: Balance>(
         last.map_or_else(|| q.to_vec(), |x| x.q.iter().zip(&x.turns).map(|(q, n)| turns::whole(*q, *n)).collect());
     if let Some(why) = system.driven_beyond(outcome.t, &last, request.t_end) {
         outcome.status = Status::Singular;
-        outcome.message = format!("stopped at t = {:.6} s, driven further than the joints allow: {why}", outcome.t);
+        outcome.message = format!("stopped at t = {:.6} s, a drive exceeds what the joints allow: {why}", outcome.t);
     }
 }
 
-/// March `system` from `(q, v)` as asked, with outputs at `t_eval`; `watch` is asked after every step whether to go on.
+/// Integrate `system` from `(q, v)` as requested, with outputs at `t_eval`; `watch` decides after every step whether to
+/// continue.
 ///
 /// # Errors
-/// What was asked makes no sense, or nothing could start. A run that ends early is a run: see its outcome.
+/// The request is invalid, or the run cannot start. A run that ends early is not an error: see its outcome.
 pub fn run<S: Balance<Scratch: Send>>(
     system: &S,
     request: &Request,
@@ -126,8 +129,8 @@ pub fn run<S: Balance<Scratch: Send>>(
     if let (Some((end, what)), Status::Finished) = (&ends, outcome.status) {
         outcome.status = Status::EvaluationFailed;
         outcome.message = format!(
-            "stopped at t = {end}: the table of {what} ends at {end} s, before the run does at {} s; extend the table or \
-             shorten the run",
+            "stopped at t = {end}: the table of {what} ends at {end} s, before the end of the run at {} s; extend \
+             the table or shorten the run",
             request.t_end
         );
     }

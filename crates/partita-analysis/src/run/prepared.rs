@@ -44,15 +44,16 @@ impl Recipe {
 pub struct Looked<'s, S: ConstrainedSystem> {
     /// Rank and redundant rows.
     pub start: Start,
-    /// The way out of a singular position.
+    /// The start on a branch out of a singular position.
     pub(super) singular_start: Option<BranchStart<'s, S>>,
     /// What the state leaves open.
     seen: Seen,
 }
 
 impl<'s, S: ConstrainedSystem> Looked<'s, S> {
-    /// Rank, redundant rows and the way out of a singular position, up to `end` and to this tolerance. Redundant rows
-    /// agree with the others, every motion moves mass, and the state is next to one that satisfies the constraints.
+    /// Rank, redundant rows and the branch out of a singular position, up to `end` and to this tolerance. It verifies
+    /// that redundant rows agree with the others, every motion moves mass, and the state nearly satisfies the
+    /// constraints.
     ///
     /// # Errors
     /// Where one of these is not so, and where the velocities single out no branch.
@@ -79,13 +80,13 @@ impl<'s, S: ConstrainedSystem> Looked<'s, S> {
         Ok(Self { start, singular_start, seen })
     }
 
-    /// Where the way out ends.
+    /// The end of the singular start.
     fn state(&self) -> Option<(f64, &[f64], &[f64])> {
         self.singular_start.as_ref().map(|x| (x.step.t, &x.step.q[..], &x.step.v[..]))
     }
 }
 
-/// What marches, where it starts, and what is known of it before.
+/// The formulation to be integrated, its initial state, and what is known about it.
 pub struct Prepared<'s, S: Balance> {
     system: SystemRef<'s, S>,
     /// Its formulation, not yet started.
@@ -98,7 +99,7 @@ pub struct Prepared<'s, S: Balance> {
     pub limits: Limits,
     /// What the user should know, in sentences.
     pub notes: Vec<String>,
-    /// Is it a structure that nothing moves?
+    /// Whether it is a structure at rest.
     pub rigid: bool,
     /// What ends the march before the request does, and when.
     pub(super) ends: Option<(f64, String)>,
@@ -112,7 +113,7 @@ impl<'s, S: Balance<Scratch: Send>> Prepared<'s, S> {
     /// For `request`, from (q, v) at its start.
     ///
     /// # Errors
-    /// What was asked makes no sense, or nothing can start there.
+    /// The request is invalid, or the run cannot start there.
     pub fn new(
         system: impl Into<SystemRef<'s, S>>,
         request: &Request,
@@ -142,7 +143,7 @@ impl<'s, S: Balance<Scratch: Send>> Prepared<'s, S> {
         let mut notes = Vec::new();
         let unread = registry::unread(&request.formulation, &options);
         if !unread.is_empty() {
-            notes.push(format!("formulation \"{}\" has no use for {}", request.formulation, unread.join(", ")));
+            notes.push(format!("formulation \"{}\" does not use {}", request.formulation, unread.join(", ")));
         }
         let discontinuity = settings.options.discontinuities.iter().copied().find(|t| *t > t0);
         let end = discontinuity.map_or(settings.t_end, |discontinuity| discontinuity.min(settings.t_end));
@@ -166,7 +167,7 @@ impl<'s, S: Balance<Scratch: Send>> Prepared<'s, S> {
         Ok(Self { system, formulation, recipe, settings, limits, notes, rigid, ends, singular_start, seen })
     }
 
-    /// Does nothing ever move, whatever the time?
+    /// Whether nothing ever moves.
     pub fn rests(&self) -> bool {
         self.rigid && !self.system.rheonomic()
     }
@@ -190,7 +191,7 @@ fn within(end: f64, request: &Request) -> bool {
 
 fn note_of_dropped<S: ConstrainedSystem>(system: &S, found: &Start) -> String {
     format!(
-        "{} closing rows are redundant and were dropped by rank ({}); the gap between kept and dropped \
+        "{} closing rows are redundant and were removed by a rank decision ({}); the gap between kept and dropped \
          pivots is {:.1e}",
         found.dropped.len(),
         some(&found.dropped, |&i| system.row_name(i)),
@@ -200,13 +201,14 @@ fn note_of_dropped<S: ConstrainedSystem>(system: &S, found: &Start) -> String {
 
 /// A run of a structure: it is no motion, and no failure either.
 pub(super) const CANNOT_MOVE: &str =
-    "the mechanism cannot move: its joints make a structure of the bodies, with no degree of freedom; the run \
-     holds it where it is, and its reactions are those at rest";
+    "the mechanism is a structure without degrees of freedom and cannot move; the run keeps it at rest and computes \
+     the static reactions";
 
 /// Message for a structure whose constraints are too weak for its reactions to be computed.
 pub(super) fn no_reactions() -> AnalysisError {
-    let message = "the mechanism cannot move: it is held by conditions so weak that what they carry is lost in rounding; draw its \
-                   joints exactly as they are meant, or give a larger drawing_tolerance for the play they have"
+    let message = "the mechanism cannot move, but the constraints that lock it are so weak that their forces are \
+        lost in rounding; give the joint positions with all digits, or a larger drawing_tolerance for the play they \
+        have"
         .to_string();
     AnalysisError::Argument { argument: "drawing_tolerance", message }
 }

@@ -1,4 +1,4 @@
-//! What is asked of a run, in words, and what it means.
+//! The options of a run as text, and their meaning.
 
 use crate::error::AnalysisError;
 use partita_integrate::method;

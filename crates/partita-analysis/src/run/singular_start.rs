@@ -32,20 +32,23 @@ pub(super) fn start_singular<'s, S: ConstrainedSystem>(
         (end, tolerance),
     )?;
     let mut note = format!(
-        "the run starts in a singular position and leaves it along the branch with the rates {}; its first {} s are one \
-         step of Gauss collocation on that branch, in the start itself accelerations and reactions are not determined",
+        "the run starts in a singular position and leaves it along the branch with the rates {}; its first {} s are \
+         one step of Gauss collocation on that branch; at the start itself accelerations and reactions are not \
+         determined",
         branch_directions.described(v),
         partita_math::formatted(step.length())
     );
     if step.moved > 0.0 {
         note = format!(
-            "{note}; the start stands beside the position and was moved onto the branch, by {:.1e} (radians, parts of lengths)",
+            "{note}; the start lay beside the singular position and was moved onto the branch by {:.1e} (radians, \
+             fractions of lengths)",
             step.moved
         );
     }
     if step.lenient {
         note = format!(
-            "{note}; rounding next to the position leaves it exact to {:.0e} of the motion, the tolerance would be {tolerance:.0e}",
+            "{note}; next to the position rounding limits the accuracy to {:.0e} of the motion, where the tolerance \
+             is {tolerance:.0e}",
             step.error
         );
     }

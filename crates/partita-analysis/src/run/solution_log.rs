@@ -1,4 +1,4 @@
-//! What a run keeps, and what follows from it when it is asked for.
+//! What a run stores, and the outputs computed from it on request.
 
 use super::verdict::{Finding, Limits};
 use super::Recipe;
@@ -54,8 +54,8 @@ pub struct Assessed {
 /// Numbers kept of what remains open at an output: a part and a row of each kind, and the fastest rate.
 const OPEN: usize = 5;
 
-/// Outputs that share an elimination plan: a number of the mechanism's own, so that answers depend neither on the cores
-/// nor on how fast they are. Of large mechanisms fewer, so that a wish to stop is heard in time.
+/// Number of outputs that share an elimination plan. It depends on the mechanism only, so that results are independent
+/// of the number of cores; it is smaller for large mechanisms, so that an interrupt takes effect in time.
 fn chunk(nv: usize) -> usize {
     (100_000 / nv.max(1)).clamp(16, 128)
 }
@@ -87,8 +87,8 @@ impl SolutionLog {
         Ok(tables(self.outputs.len(), widths, chunk, scratch, row, watch)?.into_iter())
     }
 
-    /// Accelerations, multipliers and closures of the outputs; `shared` is false where they may not be asked for at the
-    /// same time (functions of the user).
+    /// Accelerations, multipliers and closures of the outputs; `shared` is false where they may not be computed
+    /// concurrently (user functions).
     ///
     /// # Errors
     /// Where something cannot be evaluated, and those of `watch`.
@@ -189,7 +189,7 @@ impl SolutionLog {
         describe(&mut *f, &self.outputs[first], &self.events, &mut sample)?;
         let times = super::some(&all, |&i| format!("{:.6}", self.outputs[i].t));
         let why = sample.note.unwrap_or_else(|| "accelerations are not determined".into());
-        Ok(Some(format!("{} outputs (t = {times}) stand in singular positions; {why}", all.len())))
+        Ok(Some(format!("{} outputs (t = {times}) are at singular positions; {why}", all.len())))
     }
 }
 

@@ -24,7 +24,7 @@ pub struct Stepping<'s, S: Balance> {
     origin: f64,
     count: u64,
     rtol: f64,
-    /// The first step, where it began in a singular position, as long as it stands there.
+    /// The first step of a start at a singular position, while the stepper is there.
     singular_start: Option<BranchStart<'s, S>>,
     /// Its note.
     departed: Option<String>,
@@ -47,7 +47,7 @@ impl<'s, S: Balance<Scratch: Send>> Stepping<'s, S> {
     /// From a closed state; `keeps` says whether every tick is kept for a result.
     ///
     /// # Errors
-    /// What was asked makes no sense, or nothing can start there.
+    /// The request is invalid, or the stepper cannot start there.
     pub fn new(
         system: impl Into<SystemRef<'s, S>>,
         request: &Request,
@@ -102,7 +102,7 @@ impl<'s, S: Balance<Scratch: Send>> Stepping<'s, S> {
                 return Ok(looked.singular_start);
             }
             let message = format!(
-                "its conditions have the rank {} there and {} where the stepper was made; make another one",
+                "its constraints have rank {} there, but rank {} where the stepper was made; make a new stepper",
                 looked.start.rank, self.recipe.rank
             );
             Err(SystemError::Tick { t, message }.into())
@@ -187,7 +187,7 @@ impl<'s, S: Balance<Scratch: Send>> Stepping<'s, S> {
         let go_on = &mut |_: f64| ControlFlow::Continue(());
         let mut taken = self.march.advance_to(&mut self.formulation, t, &mut outputs, go_on);
         if taken.is_ok() {
-            // closed anew, and the choice in use told
+            // closed again, with the choice in use
             let mut now = std::mem::take(&mut self.now);
             let before = (now.t, now.work);
             now.turns.copy_from_slice(self.march.turns());
@@ -219,15 +219,15 @@ impl<'s, S: Balance<Scratch: Send>> Stepping<'s, S> {
         Err(match error {
             Some(e) => e.into(),
             None if status == Status::StepTooSmall => {
-                let message = "coordinates cannot be kept or switched in it, as in a singular position or next to one; step over \
-                               it: another number of substeps, another length of steps, other inputs";
+                let message = "no independent coordinates serve for it, as at a singular position or next to one; \
+                    step over the position with another number of substeps, another step length or other inputs";
                 SystemError::Tick { t: self.now.t, message: message.into() }.into()
             }
             None => AnalysisError::Argument { argument: "dt", message: format!("{message}; take shorter steps") },
         })
     }
 
-    /// Does what the last tick left hold?
+    /// Whether the end of the last tick is valid.
     fn check_end(&self, t: f64) -> Result<(), SystemError> {
         let mut findings = Vec::new(); // which takes memory where there are some
         self.limits.judge(&*self.system, &self.formulation.gaps(), "the end of the step", &mut findings);
@@ -236,8 +236,8 @@ impl<'s, S: Balance<Scratch: Send>> Stepping<'s, S> {
             None => Ok(()),
             Some(found) => {
                 let message = format!(
-                    "{}; the mechanism does not reach so far, or a singular position lies in the step: give other inputs, or \
-                     take shorter steps",
+                    "{}; the mechanism cannot reach this position, or a singular position lies within the step; \
+                     change the inputs, or take shorter steps",
                     found.sentence
                 );
                 Err(SystemError::Tick { t, message })
@@ -255,7 +255,7 @@ impl<'s, S: Balance<Scratch: Send>> Stepping<'s, S> {
         turns::whole(self.now.q[i], self.now.turns[i])
     }
 
-    /// All that was kept, as what a run leaves; with `here` no more than where it stands.
+    /// Everything recorded, in the form that a run returns; with `here` only the current state.
     pub fn reported(&mut self, here: bool) -> Run {
         let reported = self.formulation.history();
         let outputs = match &self.kept {

@@ -17,9 +17,9 @@ const LENIENT_EACH: u64 = 20;
 /// Accelerations off by more break a run. Scale: fraction of the strongest acceleration. Reason: ten times what tables
 /// through exact points explain.
 const INVALID_ACCELERATION: f64 = 1e-1;
-/// Jumps of velocities that are doubtful, and those that break a run. Scale: fraction of the speed. Reason: what is
-/// open of (S4) changes velocities by less than a tolerance, next to a singular position over the distance; beyond the
-/// second the motion goes on along another branch or has lost a hundredth of its energy.
+/// Velocity jumps that make a run suspect, and invalid. Scale: fraction of the speed. Reason: what is open of (S4)
+/// changes velocities by less than a tolerance, next to a singular position over the distance; beyond the second the
+/// motion has changed to another branch or lost a hundredth of its energy.
 const JUMPS: (f64, f64) = (1e-3, 1e-1);
 /// Changes of velocity that tolerances explain, up to the second number. Scale: multiples of the tolerance; fraction of
 /// the speed. Reason: loose tolerances explain larger changes.
@@ -32,7 +32,7 @@ const BRANCH_BY_ERROR: f64 = 0.1;
 /// One finding of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Finding {
-    /// Does it break the run, or is it merely doubtful?
+    /// Whether it makes the run invalid, or merely suspect.
     pub invalid: bool,
     /// When (s).
     pub t: f64,
@@ -40,7 +40,7 @@ pub struct Finding {
     pub sentence: String,
 }
 
-/// How far conditions may be open before a run is doubtful, and before it is broken.
+/// Constraint violations beyond which a run is suspect, and invalid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// Positions, in parts.
@@ -58,7 +58,8 @@ pub struct Limits {
 }
 
 impl Limits {
-    /// For a run as asked for: conditions that are not closed on purpose drift by what the tolerance explains.
+    /// Limits for a run with these options: constraints that are deliberately not corrected drift by what the tolerance
+    /// explains.
     pub fn of(request: &Request) -> Self {
         let drifts = request.correction == "none" || request.formulation == "baumgarte";
         let explained = match (drifts, request.step) {
@@ -80,7 +81,7 @@ impl Limits {
         }
     }
 
-    /// What was seen at the steps and outputs of a run says; `outputs` beside the ends of steps.
+    /// Findings from the steps of a run; with `outputs`, from the outputs too.
     pub fn judge_checks<S: ConstrainedSystem>(&self, system: &S, checks: &StepChecks, found: &mut Vec<Finding>) {
         self.judge(system, &checks.outputs, "the output", found);
         let mut look = |gap: Gap, (suspect, invalid): (f64, f64), sentence: &dyn Fn(f64) -> String| {
@@ -94,21 +95,24 @@ impl Limits {
             look(gap, limits, &|t| {
                 let row = system.row_description(gap.row);
                 let (part, limit) = (gap.part, limits.0);
-                format!("the acceleration of {row} is off by {part:.1e} of the strongest at t = {t} s; up to {limit:.0e} holds")
+                format!(
+                    "the acceleration of {row} is off by {part:.1e} of the largest one at t = {t} s; at most \
+                    {limit:.0e} is expected"
+                )
             });
         }
         look(checks.jump, self.jump, &|t| {
             format!(
-                "velocities jump by {:.1e} of the speed (mass metric) in the step to t = {t} s, up to {:.0e} holds: the motion \
-                 goes on along another branch of a singular position, or loses energy there; take a smaller rtol or the \
-                 formulation \"projective\"",
+                "velocities jump by {:.1e} of the speed (mass metric) in the step to t = {t} s, where at most \
+                 {:.0e} is expected: the motion has changed to another branch at a singular position, or lost energy \
+                 there; use a smaller rtol or the formulation \"projective\"",
                 checks.jump.part, self.jump.0
             )
         });
         look(checks.surge, (tolerance::CLEARLY, tolerance::CLEARLY), &|t| {
             format!(
-                "the output at t = {t} s is {:.1e} times as fast as the ends of steps explain: something acts between two steps \
-                 that they have not seen; give a max_step",
+                "the velocity at the output t = {t} s is {:.1e} times as fast as the ends of steps explain: \
+                 something acts between two steps and was missed; give a max_step",
                 checks.surge.part
             )
         });
@@ -121,14 +125,15 @@ impl Limits {
         });
         look(checks.branch, (BRANCH_BY_ERROR, BRANCH_BY_ERROR), &|t| {
             format!(
-                "the motion passes a singular position at t = {t} s with its conditions open by {:.1e} of the squared distance \
-                 from it: this error decides on which branch it goes on; take a formulation that closes them (\"projective\")",
+                "the motion crosses a singular position at t = {t} s with a closure error of {:.1e} of the squared \
+                 distance from it, so that this error decides the branch; use a formulation that closes the loops \
+                 (\"projective\")",
                 checks.branch.part
             )
         });
     }
 
-    /// What these gaps say of `what` (steps, outputs).
+    /// Findings from these gaps at `what` (steps, outputs).
     pub fn judge<S: ConstrainedSystem>(&self, system: &S, gaps: &Gaps, what: &str, found: &mut Vec<Finding>) {
         let mut look = |gap: Gap, (suspect, invalid): (f64, f64), kind: &str, of: &str| {
             if gap.part > suspect || gap.part.is_nan() {
@@ -137,7 +142,8 @@ impl Limits {
                     invalid: gap.part > invalid || gap.part.is_nan(),
                     t: gap.t,
                     sentence: format!(
-                        "{kind} of {row} is off by {:.1e} of {of} at {what} t = {} s; up to {suspect:.0e} holds",
+                        "{kind} of {row} is off by {:.1e} of {of} at {what} t = {} s; at most {suspect:.0e} is \
+                         expected",
                         gap.part,
                         six_digits(gap.t)
                     ),
@@ -158,8 +164,8 @@ fn of_numbers(outputs: &[Output], found: &mut Vec<Finding>) {
     }
 }
 
-/// A run that has ended: what counts against it besides what is `found` already, and whether it is a success. What is
-/// found to break it ends it, in the outcome; nothing that is looked at later changes that.
+/// Judge a run that has ended: add findings to those `found` already, and decide its success. An invalidating finding
+/// changes the outcome; later checks do not.
 pub(super) fn conclude<S: Balance, F: Formulation + ?Sized>(
     system: &S,
     formulation: &mut F,
@@ -174,7 +180,7 @@ pub(super) fn conclude<S: Balance, F: Formulation + ?Sized>(
     }
     if let Err((t, error)) = agree(system, &log.outputs) {
         outcome.status = Status::EvaluationFailed;
-        outcome.message = format!("the run cannot be right: {error}");
+        outcome.message = format!("the result is wrong: {error}");
         (outcome.t, outcome.error) = (t, Some(error));
         return;
     }
@@ -188,7 +194,8 @@ pub(super) fn conclude<S: Balance, F: Formulation + ?Sized>(
     }
 }
 
-/// Functions of the user in the middle and at the end of what was computed. One that fails there was told already.
+/// The functions of the user in the middle and at the end of the computed interval. A function that fails there has
+/// been reported already.
 fn agree<S: Balance>(system: &S, outputs: &[Output]) -> Result<(), (f64, SystemError)> {
     for x in outputs.get(outputs.len() / 2).into_iter().chain(outputs.last()) {
         if let Err(e @ SystemError::Derivative { .. }) = system.agree(x.t, &x.q, &x.v) {
@@ -198,8 +205,8 @@ fn agree<S: Balance>(system: &S, outputs: &[Output]) -> Result<(), (f64, SystemE
     Ok(())
 }
 
-/// The first and the last output that have accelerations: are these and the multipliers finite, and in balance at all
-/// bodies?
+/// Check the first and the last output that have accelerations: these and the multipliers must be finite, and all
+/// bodies in balance.
 fn of_ends<S: Balance, F: Formulation + ?Sized>(
     system: &S,
     formulation: &mut F,
@@ -259,8 +266,8 @@ pub fn of_steps(outcome: &Outcome, found: &mut Vec<Finding>) {
             invalid: false,
             t: outcome.t,
             sentence: format!(
-                "{lenient} of {} steps were accepted with an error beyond the tolerance, {crossings} singular positions \
-                 explain {explained}",
+                "{lenient} of {} steps were accepted with an error beyond the tolerance; {crossings} singular \
+                 positions explain {explained} of them",
                 outcome.counters.steps
             ),
         });

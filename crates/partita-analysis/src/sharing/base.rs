@@ -52,7 +52,7 @@ pub fn self_stresses(model: &Model, t: f64, q: &[f64]) -> Result<SelfStresses, A
         }
         let parts = factor::svd(&given).map_err(|e| AnalysisError::Argument {
             argument: "state",
-            message: format!("the self-stresses have no orthonormal base here: {e}"),
+            message: format!("no orthonormal basis of the self-stresses was found here: {e}"),
         })?;
         let s = parts.rank(tolerance::NULL_VALUE);
         // weights of the rows given, per unit length of the base: base = weights given

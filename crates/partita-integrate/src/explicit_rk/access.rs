@@ -70,7 +70,7 @@ impl StepControl for ExplicitRungeKutta {
                 let h = self.attempted_h.abs();
                 // an error that was tolerated is no reason to take shorter steps
                 let next = h * self.controller.accepted(self.error.min(1.0));
-                // a step cut short by t_end says nothing against the length planned before
+                // a step shortened by t_end does not change the planned length
                 let planned = if h < self.step { self.step } else { 0.0 };
                 self.step = next.max(planned).min(self.options.max_step);
             }

@@ -44,7 +44,7 @@ impl ExplicitRungeKutta {
         self.counters.not_finite += 1;
     }
 
-    /// Is the next step long enough to be one? Else the last obstacle is taken for the reason.
+    /// Whether the next step is long enough. Else the last obstacle is taken for the reason.
     pub(super) fn check_length<E: Display>(&self, h: f64, last: &mut Option<E>) -> Result<(), StepFailure<E>> {
         if self.step < self.shortest_step() || h == 0.0 {
             return Err(StepFailure::TooSmall { t: self.t_old, h: self.step, last: last.take() });

@@ -37,7 +37,7 @@ pub fn cholesky<T: Real>(a: &mut [T], n: usize) -> Result<(), NotPositiveDefinit
     factored(a, n, root)
 }
 
-/// [`cholesky`] straight through, without a look at the pivots: NaN where A is not positive definite.
+/// [`cholesky`] without inspecting the pivots: NaN where A is not positive definite.
 #[inline]
 pub fn cholesky_straight<T: Scalar>(a: &mut [T], n: usize) {
     match factored(a, n, |_, pivot: T, _| Ok::<T, Infallible>(pivot.sqrt())) {

@@ -20,7 +20,7 @@ pub fn ldlt<T: Real>(a: &mut [T], n: usize) -> Result<(), Singular> {
     })
 }
 
-/// [`ldlt`] straight through, without a look at the pivots.
+/// [`ldlt`] without inspecting the pivots.
 pub fn ldlt_straight<T: Scalar>(a: &mut [T], n: usize) {
     match factored(a, n, |_, _: T, _: T| Ok::<(), Infallible>(())) {
         Ok(()) => {}

@@ -15,7 +15,7 @@ pub struct Singular {
 /// Factors `P A = L U` in place with row exchanges; n³/3 multiply–adds.
 ///
 /// L has a unit diagonal (not stored); `piv[k]` (n) is the row exchanged with row k at step k. Fails only when a column is
-/// exactly zero or not finite; of a nearly singular matrix [`lu_pivot_ratio`] tells.
+/// exactly zero or not finite; [`lu_pivot_ratio`] detects a nearly singular matrix.
 pub fn lu<T: Real>(a: &mut [T], n: usize, piv: &mut [usize]) -> Result<(), Singular> {
     for k in 0..n {
         let mut best = k;

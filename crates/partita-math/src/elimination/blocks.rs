@@ -9,7 +9,7 @@ use std::hash::{Hash, Hasher};
 pub(super) struct Blocks {
     /// Block of each step, numbered by their first columns.
     pub of_step: Vec<usize>,
-    /// Is the order of its steps an odd permutation of rows against columns?
+    /// Whether the order of its steps is an odd permutation of rows against columns.
     pub odd: Vec<bool>,
     /// The same of all steps.
     pub all_odd: bool,

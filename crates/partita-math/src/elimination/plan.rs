@@ -158,9 +158,10 @@ impl Plan {
         T::one() / work[self.layout.program.pivot_place(k)].abs()
     }
 
-    /// Signs of the determinants of the diagonal blocks of `C_D` and last that of all of it, true for negative, rows and columns
-    /// ascending, for the factors of the last [`factor`](Self::factor). Returned is what the blocks are known by: of the same
-    /// blocks, a sign that changes tells that `C_D` was singular in between; of the same rows and columns, the last does.
+    /// Signs of the determinants of the diagonal blocks of `C_D` and last that of all of it, true for negative, rows
+    /// and columns ascending, for the factors of the last [`factor`](Self::factor). The result identifies the blocks:
+    /// for the same blocks, a change of sign shows that `C_D` was singular in between; for the same rows and columns,
+    /// the last sign does.
     pub fn signs(&self, work: &[f64], out: &mut Vec<bool>) -> u64 {
         out.clear();
         out.extend_from_slice(&self.layout.blocks.odd);
@@ -184,8 +185,8 @@ impl Plan {
         self.layout.program.factor(values, work, guarded).map_err(|(step, pivot)| self.shrunk(step, pivot))
     }
 
-    /// The same without a look at the pivots, for numbers that have none to look at: straight through, whatever comes.
-    /// Where there is a value, [`check`](Self::check) tells afterwards whether the plan still fits.
+    /// The same without inspecting the pivots, for scalars that have no value. Where there is a value,
+    /// [`check`](Self::check) determines afterwards whether the plan still applies.
     #[inline]
     pub fn eliminate<T: Scalar>(&self, values: &[T], work: &mut [T]) {
         let all = |_: usize, _: T| Ok::<(), Infallible>(());
@@ -195,7 +196,7 @@ impl Plan {
         }
     }
 
-    /// Do the pivots of the last [`eliminate`](Self::eliminate) hold against their guards?
+    /// Whether the pivots of the last [`eliminate`](Self::eliminate) exceed their guards.
     pub fn check<T: Real>(&self, work: &[T]) -> Result<(), PivotShrunk> {
         let pivot = |k: usize| 1.0 / work[self.layout.program.pivot_place(k)].value();
         let failed = (0..self.rank()).find_map(|k| above(self.guards[k], k, pivot(k)).err());

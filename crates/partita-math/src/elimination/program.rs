@@ -215,8 +215,8 @@ impl Program {
 
     /// `L U x = b`, N right-hand sides side by side.
     ///
-    /// In a chain each unknown waits for the one found just before it: that one is subtracted last, and handed on without
-    /// a way through memory.
+    /// In a chain each unknown waits for the one found just before it: that one is subtracted last and stays in a
+    /// register.
     #[inline]
     pub(super) fn solve_fixed<T: Scalar, const N: usize>(&self, work: &[T], b: &mut [T]) {
         let b = &mut b[..self.lines.len() * N];

@@ -1,4 +1,4 @@
-//! A number that writes down what is done to it.
+//! A number that records the operations applied to it.
 //!
 //! ```text
 //! record(n, f) ──► f runs once over Recorder; each operation is an entry of a tape ──► Recording ──► evaluate(inputs)
@@ -270,7 +270,7 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// Runs `f` once on numbers that record and keeps what it did. `f` must not record by itself.
+    /// Runs `f` once on recording numbers and keeps the recording. `f` must not record itself.
     ///
     /// Fails where `f` fails.
     pub fn new<E>(inputs: usize, f: impl FnOnce(&[Recorder]) -> Result<Vec<Recorder>, E>) -> Result<Self, E> {
@@ -302,7 +302,8 @@ impl Recording {
         self.outputs.len()
     }
 
-    /// Whether an output is the constant 0, whatever the inputs. Of a [`lean`](Self::lean) recording that tells a pattern.
+    /// Whether an output is the constant 0, whatever the inputs. For a [`lean`](Self::lean) recording this gives the
+    /// sparsity pattern.
     pub fn is_zero(&self, output: usize) -> bool {
         matches!(self.operations[self.outputs[output] as usize], Operation::Constant(c) if c == 0.0)
     }

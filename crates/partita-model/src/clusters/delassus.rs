@@ -1,4 +1,4 @@
-//! Multipliers in the range-space way: which rows pass which links, and the sparse elimination of `C H⁻¹ Cᵀ`.
+//! Multipliers by the range-space method: which rows pass which links, and the sparse elimination of `C H⁻¹ Cᵀ`.
 //!
 //! A row enters at the outermost links it acts on and is complete at the link that carries all of them. There it is
 //! eliminated: nothing further in acts on it any more. Rows that are complete at the same link go in the order of least
@@ -54,7 +54,7 @@ impl Slots {
     }
 }
 
-/// Plan the rows `kept`, all of them in clusters that go by range space.
+/// Plan the rows `kept` of the clusters that use the range-space method.
 pub(super) fn plan<G: Space>(plan: &mut Plan, tree: &Tree<G>, pattern: &Pattern, kept: &[usize]) {
     let n = tree.links.len();
     plan.rows = kept.iter().map(|&r| r as u32).collect();
@@ -62,7 +62,7 @@ pub(super) fn plan<G: Space>(plan: &mut Plan, tree: &Tree<G>, pattern: &Pattern,
     for (i, l) in tree.links.iter().enumerate().skip(1) {
         link_of[l.v..l.v + dof(&l.motion)].fill(i);
     }
-    // entries of each row by link; the links it passes on its way inward
+    // entries of each row by link; the links it passes inward
     let mut passes: Vec<Vec<(u32, [u32; 3])>> = vec![Vec::new(); n];
     let mut complete: Vec<Vec<u32>> = vec![Vec::new(); n];
     for (r, &row) in kept.iter().enumerate() {

@@ -74,7 +74,7 @@ impl<G: Space> Tree<G> {
             let inertia = &x.inertia[i * d * d..(i + 1) * d * d];
             let force = &x.force[i * d..(i + 1) * d];
             let partial = &few.partial[(f.partial + n * k) * d..(f.partial + (n + 1) * k) * d];
-            // from the base's reference point; on the ground nothing is handed over
+            // from the base's reference point; the ground receives nothing
             let arm = arm_components::<G>(s.links[i].centre - centre);
             for j in 0..k {
                 let twist = &partial[j * d..(j + 1) * d];
@@ -213,7 +213,7 @@ impl<G: Space> Tree<G> {
         }
     }
 
-    /// Reduced mass (k x k, lower triangle) of the cluster number `f` of those that go by partial velocities, on a
+    /// Reduced mass (k x k, lower triangle) of the cluster number `f` of those that use partial velocities, on a
     /// resting base, after [`accelerate`](Self::accelerate).
     pub(crate) fn cluster_mass<'x>(&self, plan: &Plan, f: usize, x: &'x ClusterScratch<G::S>) -> &'x [G::S] {
         let few = &plan.few[f];

@@ -1,4 +1,4 @@
-//! Which way each cluster takes, and everything about it that does not change while the same rows are kept.
+//! The method of each cluster, and all its data that do not change while the same rows are kept.
 
 use super::delassus::{self, Elimination};
 use super::dof;
@@ -11,11 +11,11 @@ use std::ops::Range;
 /// No entry, no place.
 pub(super) const NONE: u32 = u32::MAX;
 
-/// Up to so many degrees of freedom a cluster goes by its partial velocities whatever the count of operations says: D
+/// Up to this number of degrees of freedom a cluster uses partial velocities regardless of the operation count: D
 /// loses one digit where C M⁻¹ Cᵀ loses two.
 const FEW: usize = 4;
 
-/// The way through a cluster.
+/// The method for a cluster.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Route {
     /// Partial velocities S D_cᵀ.
@@ -26,7 +26,7 @@ pub enum Route {
     Free,
 }
 
-/// Who decides on the way through the clusters.
+/// What decides the method for the clusters.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Preference {
     /// The count of operations; one dense M_d where that is least.
@@ -45,13 +45,13 @@ pub enum Preference {
 pub(super) enum Duty {
     /// Its own joint is eliminated.
     Own,
-    /// First link of a cluster that goes by partial velocities, with its number.
+    /// First link of a cluster that uses partial velocities, with its index.
     First(u32),
     /// Another link of such a cluster.
     Other,
 }
 
-/// A row of C that is carried through the joint of a link.
+/// A row of C that is propagated through the joint of a link.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PropagatedRow {
     /// Number of the row among those eliminated.
@@ -75,7 +75,7 @@ pub(super) struct LinkPlan {
     pub complete: Range<u32>,
 }
 
-/// A cluster that goes by partial velocities.
+/// A cluster that uses partial velocities.
 #[derive(Clone, Debug)]
 pub(super) struct FewPlan {
     /// Its number.
@@ -94,7 +94,7 @@ pub(super) struct FewPlan {
     pub square: usize,
 }
 
-/// A cluster that goes by range space.
+/// A cluster that uses the range-space method.
 #[derive(Clone, Debug)]
 pub(super) struct RangePlan {
     /// Its number.
@@ -112,7 +112,7 @@ pub(super) struct RangePlan {
 pub struct Plan {
     /// Way of each cluster.
     pub routes: Vec<Route>,
-    /// Columns that Dᵀ needs: the most degrees of freedom of a cluster that goes by partial velocities.
+    /// Columns that Dᵀ needs: the largest number of degrees of freedom of a cluster that uses partial velocities.
     pub columns: usize,
     /// Multiplications of one recursion, roughly.
     pub cost: usize,
@@ -131,7 +131,7 @@ pub struct Plan {
     pub(super) partials: usize,
     pub(super) smalls: usize,
     pub(super) squares: usize,
-    /// Velocities of clusters that go by partial velocities: their accelerations start from ξ.
+    /// Velocities of clusters that use partial velocities: their accelerations start from ξ.
     pub(super) starts_from_bias: Vec<bool>,
 }
 
@@ -269,7 +269,7 @@ impl Plan {
         self.squares += k * k;
     }
 
-    /// Multiplications of each cluster in the range-space way.
+    /// Multiplications of each cluster by the range-space method.
     fn cluster_costs<G: Space>(&self, tree: &Tree<G>, clusters: &Clusters) -> Vec<usize> {
         let mut cost = vec![0; clusters.count];
         let of_link = |i: usize| clusters.of_velocity[tree.links[i].v] as usize;
@@ -283,7 +283,7 @@ impl Plan {
     }
 }
 
-/// Own joint of a link: articulated inertia, its shift to the parent, the way out.
+/// Own joint of a link: articulated inertia, its shift to the parent, the outward pass.
 fn own_cost<G: Space>() -> usize {
     let d = G::DIM;
     4 * d * d + 10 * d

@@ -11,7 +11,7 @@ use partita_math::spatial::Space;
 /// What the recursion is given of the loops: indexed by velocity or as C is.
 #[derive(Clone, Copy)]
 pub struct Tangents<'a, S> {
-    /// `Dᵀ` of the clusters that go by partial velocities (nv x columns): each velocity has the degrees of freedom of
+    /// `Dᵀ` of the clusters that use partial velocities (nv x columns): each velocity has the degrees of freedom of
     /// its own cluster side by side.
     pub dt: &'a [S],
     /// `[0; ξ]`.
@@ -55,8 +55,8 @@ impl<S: Scalar> ClusterScratch<S> {
         self.few.fit(d, plan);
     }
 
-    /// Inertia felt by each velocity of the clusters that do not go by partial velocities (1 for the others): what is
-    /// not positive moves nothing.
+    /// Inertia felt by each velocity of the clusters that do not use partial velocities (1 for the others); a velocity
+    /// whose value is not positive moves nothing.
     pub fn pivots(&self) -> &[S] {
         &self.pivots
     }
@@ -205,7 +205,7 @@ impl<G: Space> Tree<G> {
         x.motion[..d].fill(o);
         for i in 1..self.links.len() {
             let (link, l) = (&self.links[i], &s.links[i]);
-            // the acceleration to start from, kept in `motion` until the way out: v' = ξ in clusters that need it
+            // the acceleration to start from, kept in `motion` until the outward pass: v' = ξ in clusters that need it
             let p = link.parent;
             let arm = self.arm_from_parent_components(i, s);
             let (before, rest) = x.motion.split_at_mut(i * d);

@@ -84,7 +84,14 @@ fn orientation<G: Space>(
     placed: &Placed,
     measurements: &Maker<G>,
 ) -> Result<Says<G>, DescriptionError> {
-    let fail = || DescriptionError::new("drive", &d.name, "an orientation is prescribed of a turn in space alone");
+    let fail = || {
+        DescriptionError::new(
+            "drive",
+            &d.name,
+            "an orientation can be prescribed only for a spatial \
+        rotation",
+        )
+    };
     let Measure::Joint { joint, coordinate } = &d.measure else { return Err(fail()) };
     let (j, component) = measurements.turn_in_space(joint, *coordinate, &d.name)?.ok_or_else(fail)?;
     let p = &placed.joints[j];

@@ -33,7 +33,7 @@ pub enum Law<S> {
     Curve {
         /// f.
         curve: Table,
-        /// Does it repeat itself after its last break?
+        /// Whether it is periodic.
         periodic: bool,
         /// Period of what r_0 is known up to.
         period: Option<f64>,
@@ -162,7 +162,7 @@ impl<S: Scalar> Law<S> {
         }
     }
 
-    /// Does it depend on time by itself?
+    /// Whether it depends explicitly on time.
     pub fn is_rheonomic(&self) -> bool {
         match self {
             Self::Motion { motion, .. } => !matches!(motion, Value::Constant(_)),
@@ -172,7 +172,7 @@ impl<S: Scalar> Law<S> {
         }
     }
 
-    /// Does it call a function of the user's?
+    /// Whether it calls a user function.
     pub fn calls(&self) -> bool {
         match self {
             Self::Motion { motion, .. } | Self::Rate(motion) => matches!(motion, Value::Function(_)),

@@ -30,7 +30,7 @@ use partita_math::scalar::Scalar;
 use partita_math::spatial::Space;
 use partita_system::SystemError;
 
-/// Nodes of what acts along velocities of the tree.
+/// Nodes of the bodies moved by velocities of the tree.
 const IN_TREE: [usize; 2] = [0, 0];
 
 /// What a condition says.
@@ -57,7 +57,7 @@ pub struct Condition<G: Space> {
     pub entry: usize,
     /// Velocities of every row, ascending.
     pub columns: Vec<usize>,
-    /// Does it hold positions? Else rates alone.
+    /// Whether it constrains positions. Else rates alone.
     pub holonomic: bool,
     /// What it says.
     pub says: Says<G>,
@@ -215,7 +215,7 @@ impl<G: Space> Condition<G> {
         }
     }
 
-    /// Does it depend on time by itself?
+    /// Whether it depends explicitly on time.
     pub fn is_rheonomic(&self) -> bool {
         match &self.says {
             Says::Law(law, _) => law.is_rheonomic(),
@@ -224,7 +224,7 @@ impl<G: Space> Condition<G> {
         }
     }
 
-    /// Does it call a function of the user's?
+    /// Whether it calls a user function.
     pub fn calls(&self) -> bool {
         match &self.says {
             Says::Law(law, _) => law.calls(),
@@ -243,7 +243,7 @@ impl<G: Space> Condition<G> {
         self.readings().iter().map(|r| r.nodes).chain(own)
     }
 
-    /// Links that it looks at.
+    /// Links on which it depends.
     pub(crate) fn links(&self) -> Vec<usize> {
         match &self.says {
             Says::Rolling(rolling, _) => rolling.links.to_vec(),

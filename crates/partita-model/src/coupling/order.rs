@@ -15,7 +15,7 @@ pub struct ConditionRows {
     pub owner: Owner,
     /// Which of the conditions of its owner.
     pub part: usize,
-    /// Does it hold positions?
+    /// Whether it constrains positions.
     pub holonomic: bool,
     /// Rows.
     pub rows: usize,
@@ -40,7 +40,7 @@ fn common(numbers: &[f64]) -> f64 {
     })
 }
 
-/// Is the reading an angle whose whole turns nothing counts?
+/// Whether the reading is an angle whose whole turns are not counted.
 pub fn wraps(placed: &Placed, m: &Measure) -> bool {
     let Some(joint) = m.of_joint() else { return false };
     let in_tree = placed.joint_numbers.get(joint).is_some_and(|&j| placed.joints[j].links.is_some());
@@ -86,8 +86,9 @@ pub fn order(spec: &Spec, placed: &Placed) -> Result<Vec<ConditionRows>, Descrip
                     if span > turn * (1.0 + tolerance::EQUAL) {
                         let joint = terms[1].of_joint().unwrap_or_default();
                         let message = format!(
-                            "its curve counts turns of joint \"{joint}\", which closes a loop, so that whole turns of it \
-                             are not known; keep the joint in the tree (cut = \"never\"), or give a periodic curve"
+                            "its curve needs the whole turns of joint \"{joint}\", which are not known because the \
+                             joint closes a loop; keep the joint in the tree (cut = \"never\"), or give a periodic \
+                             curve"
                         );
                         return Err(DescriptionError::new("coupling", name, message));
                     }

@@ -148,12 +148,12 @@ impl<G: Space> Orientation<G> {
         Ok(G::dot_ang(x.moment, grown) + G::dot_ang(bent, w))
     }
 
-    /// Does it depend on time?
+    /// Whether it depends on time.
     pub fn is_rheonomic(&self) -> bool {
         !matches!(self.turning, Turning::Held(_))
     }
 
-    /// Does it call a function of the user's?
+    /// Whether it calls a user function.
     pub fn calls(&self) -> bool {
         matches!(self.turning, Turning::Function(_))
     }

@@ -81,7 +81,7 @@ impl<'a, G: Space> Maker<'a, G> {
     ) -> Result<Element<G>, DescriptionError> {
         let node = self.node(body);
         if node == 0 {
-            return Err(DescriptionError::new("force", name, "the ground does not feel a force; name a body"));
+            return Err(DescriptionError::new("force", name, "a force on the ground has no effect; name a body"));
         }
         let turns = axes == Axes::Body;
         let axes = if turns { self.placed.bodies[node - 1].rot } else { self.placed.basis };

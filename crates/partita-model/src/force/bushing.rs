@@ -13,7 +13,7 @@ use partita_system::SystemError;
 pub struct Bushing<G: Space> {
     /// Name, for messages.
     pub name: String,
-    /// Does it resist turning? Then it holds frames that turn by less than half a turn.
+    /// Whether it resists turning. Then it holds frames that turn by less than half a turn.
     pub turns: bool,
     /// Origins of the frames.
     pub ends: [Spot<G>; 2],
@@ -23,7 +23,7 @@ pub struct Bushing<G: Space> {
     pub stiffness: [[G::S; 6]; 6],
     /// Damping.
     pub damping: [[G::S; 6]; 6],
-    /// Does it do work that no potential accounts for?
+    /// Whether it does non-conservative work.
     pub damped: bool,
 }
 

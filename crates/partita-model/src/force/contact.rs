@@ -31,7 +31,7 @@ pub struct Contact<G: Space> {
     pub buffer: Buffer<G::S>,
     /// Coefficients of friction: sliding, to be overcome, and at which speed.
     pub friction: [G::S; 3],
-    /// Has it any?
+    /// Whether it has any.
     pub rough: bool,
 }
 

@@ -126,7 +126,7 @@ impl<G: Space> Maker<'_, G> {
         };
         match self.spec.sights.iter().find(|sight| !known(sight)) {
             Some(sight) => {
-                Err(DescriptionError::new("sensor", "", format!("it looks at {sight:?}, which there is not")))
+                Err(DescriptionError::new("sensor", "", format!("it refers to {sight:?}, which does not exist")))
             }
             None => self.spec.sights.iter().map(|sight| self.sight("of a sensor", sight)).collect(),
         }
@@ -177,13 +177,18 @@ impl<G: Space> Maker<'_, G> {
         }
         for p in &x.on {
             if self.node(&p.body) == 0 {
-                return Err(DescriptionError::new("force", &x.name, "the ground does not feel a force; name bodies"));
+                return Err(DescriptionError::new(
+                    "force",
+                    &x.name,
+                    "a force on the ground has no effect; name \
+                    bodies",
+                ));
             }
         }
         let on = x.on.iter().map(|p| self.spot(&p.body, Vec3::from_f64(p.point))).collect();
         let out = Mat3::from_f64(self.placed.basis.transpose().0);
         let spec::Value::Function(function) = x.value else {
-            return Err(DescriptionError::new("force", &x.name, "its value is no function"));
+            return Err(DescriptionError::new("force", &x.name, "its value is not a function"));
         };
         Ok(Law { name: x.name.clone(), function, sees, sizes, on, out })
     }

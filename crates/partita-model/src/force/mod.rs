@@ -102,7 +102,7 @@ impl<G: Space> Default for Room<G> {
     }
 }
 
-/// Where an element acts.
+/// The point of a body at which an element acts.
 #[derive(Clone, Copy, Debug)]
 pub struct AttachmentPoint<G: Space> {
     /// Node of the body (0 is the ground).
@@ -160,7 +160,7 @@ pub(crate) struct At<'a, G: Space> {
 }
 
 impl<G: Space> At<'_, G> {
-    /// Offset of a place from its link's reference point, world axes.
+    /// Offset of an attachment point from the reference point of its link, world axes.
     #[inline(always)]
     fn arm(&self, p: &AttachmentPoint<G>) -> G::Vec {
         G::rotate(&self.s.links[p.link].rot, p.at)
@@ -231,8 +231,8 @@ impl<G: Space> Element<G> {
         }
     }
 
-    /// Name of an element that counts turns of an angle which is read off the pose, about which value it can tell them, and how
-    /// far from it.
+    /// Name of an element that depends on an angle measured from the pose, the value about which the angle is unique,
+    /// and the half width of that range.
     pub fn turn_range(&self) -> Option<(&str, f64, f64)>
     where
         G: Space<S = f64>,
@@ -243,12 +243,12 @@ impl<G: Space> Element<G> {
         }
     }
 
-    /// Does it call a function of the user's, which may see all coordinates, turns included?
+    /// Whether it calls a user function, which may depend on all coordinates including whole turns.
     pub(crate) fn calls_function(&self) -> bool {
         matches!(self, Self::Law(_)) || self.sources().iter().any(|s| matches!(s, Source::Function(_)))
     }
 
-    /// Does it call a function of the whole state?
+    /// Whether it calls a function of the whole state.
     pub(crate) fn sees_state(&self) -> bool {
         self.sources().iter().any(|s| matches!(s, Source::Function(_)))
     }

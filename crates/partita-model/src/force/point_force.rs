@@ -17,7 +17,7 @@ pub struct PointForce<G: Space> {
     pub value: VectorSource<G::S>,
     /// Axes of the components: the body's, as its link carries them, if the force turns with it, else the world's.
     pub axes: Mat3<G::S>,
-    /// Does it turn with the body?
+    /// Whether it turns with the body.
     pub turns: bool,
 }
 

@@ -13,7 +13,7 @@ pub struct Buffer<S> {
     pub damping: S,
     /// Power of the depth, at least 1.
     pub exponent: f64,
-    /// Has it damping?
+    /// Whether it has damping.
     pub damped: bool,
 }
 

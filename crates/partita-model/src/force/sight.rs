@@ -8,7 +8,7 @@ use crate::zero_position::PlacedJoint;
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Mat3, Space};
 
-/// One motion of a joint that closes a loop, stands in absolute coordinates or is walked backwards.
+/// One motion of a joint that closes a loop, stands in absolute coordinates or is traversed from child to parent.
 #[derive(Clone, Debug)]
 pub enum CutSight<G: Space> {
     /// A slide or an angle, and its rate.

@@ -23,7 +23,7 @@ pub struct Spring<G: Space> {
     pub damping: G::S,
     /// Free length (m).
     pub length: G::S,
-    /// Has it a damper?
+    /// Whether it has a damper.
     pub damped: bool,
 }
 

@@ -28,7 +28,7 @@ pub struct Tyre<G: Space> {
     pub buffer: Buffer<G::S>,
     /// Coefficient of friction, force over slip along the wheel and across it, slow speed.
     pub coefficients: [G::S; 4],
-    /// Has it slip forces?
+    /// Whether it has slip forces.
     pub has_slip_forces: bool,
 }
 

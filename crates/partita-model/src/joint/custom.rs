@@ -10,7 +10,7 @@ pub(super) fn shape(joint: &Joint) -> Result<Shape, DescriptionError> {
     let fail = |m: String| Err(DescriptionError::new("joint", &joint.name, m));
     let free = joint.free.clone().unwrap_or_default();
     if joint.followers.is_empty() {
-        return fail("none of its directions follows others; use a generic joint".into());
+        return fail("none of its directions depends on others; use a generic joint".into());
     }
     let all = free.iter().chain(joint.followers.iter().map(|f| &f.direction)).cloned().collect();
     let shape = generic::shape(&Joint { free: Some(all), ..joint.clone() })?;
@@ -24,7 +24,8 @@ pub(super) fn shape(joint: &Joint) -> Result<Shape, DescriptionError> {
     let own: Vec<Follows> = own.collect();
     if own.iter().any(|x| x.motions.len() != 1 + free.len()) {
         return fail(
-            "it turns about all three axes, which no angles tell apart; free or let follow two turns at the most"
+            "it rotates about all three axes, which angles cannot describe without singularities; let at most two \
+             rotations be free or dependent"
                 .into(),
         );
     }

@@ -22,7 +22,7 @@ pub(super) fn shape(joint: &Joint) -> Result<Shape, DescriptionError> {
         let i = NAMES
             .iter()
             .position(|n| n == name)
-            .ok_or_else(|| fail(format!("\"{name}\" is no direction; choose among {}", NAMES.join(", "))))?;
+            .ok_or_else(|| fail(format!("\"{name}\" is not a direction; choose among {}", NAMES.join(", "))))?;
         if std::mem::replace(&mut free[i], true) {
             return Err(fail(format!("direction \"{name}\" is named twice")));
         }
@@ -33,7 +33,7 @@ pub(super) fn shape(joint: &Joint) -> Result<Shape, DescriptionError> {
     let turned = frame.column(0).cross(frame.column(1)).dot(frame.column(2));
     if !(off < tolerance::EQUAL && turned > 0.0) {
         return Err(fail(format!(
-            "frame is no rotation (off by {off:.1e}, determinant {turned:.3}); orthogonalise it"
+            "frame is not a rotation (off by {off:.1e}, determinant {turned:.3}); orthogonalise it"
         )));
     }
     let e = [frame.column(0), frame.column(1), frame.column(2)];

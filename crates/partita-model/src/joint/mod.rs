@@ -112,7 +112,7 @@ pub struct Shape {
 }
 
 impl Shape {
-    /// Must it close a loop? Its motions are not those of links in a tree.
+    /// Whether it must close a loop. Its motions are not those of links in a tree.
     pub fn is_always_cut(&self) -> bool {
         self.own == Some(Own::Twist)
     }
@@ -165,7 +165,7 @@ fn at_right_angle(joint: &Joint, first: Vec3<f64>, second: Vec3<f64>) -> Result<
     let cosine = first.dot(second);
     if cosine.abs() > tolerance::EQUAL_IN_SIX_DIGITS {
         let angle = cosine.acos().to_degrees();
-        let message = format!("its axes are drawn at {angle:.4} deg; draw them at a right angle");
+        let message = format!("its axes are at {angle:.4} deg; they must be at a right angle");
         return Err(DescriptionError::new("joint", &joint.name, message));
     }
     Ok(())

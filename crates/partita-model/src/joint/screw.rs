@@ -7,9 +7,9 @@ use crate::spec::Joint;
 pub(super) fn shape(joint: &Joint) -> Result<Shape, DescriptionError> {
     let fail = |message: String| Err(DescriptionError::new("joint", &joint.name, message));
     match joint.pitch {
-        None => fail("a screw needs a pitch: its advance (m) for a whole turn".into()),
+        None => fail("a screw needs a pitch: its advance (m) per turn".into()),
         Some(pitch) if !pitch.is_finite() || pitch == 0.0 => {
-            fail(format!("pitch = {pitch} m: a screw advances; use a revolute joint for one that does not"))
+            fail(format!("pitch = {pitch} m: a screw must advance; use a revolute joint instead"))
         }
         Some(pitch) => {
             let own = Some(Own::Advance(pitch / std::f64::consts::TAU));

@@ -13,7 +13,7 @@ pub(super) struct Side {
     pub behind: bool,
 }
 
-/// A walk along joints with known coordinates, from one joint's point to another's.
+/// A path along joints with known coordinates, from the point of one joint to that of another.
 #[derive(Clone, Debug)]
 pub(super) struct Arm {
     /// Where it starts.
@@ -112,7 +112,7 @@ impl<S: Scalar> Pose<S> {
         self.points[s.edge][usize::from(s.behind)]
     }
 
-    /// Points of a crossed edge: where the walk comes in, and where it goes on.
+    /// Points at which the path enters and leaves an edge.
     fn sides(&self, edge: usize, forward: bool) -> (Vec3<S>, Vec3<S>) {
         let [before, behind] = self.points[edge];
         if forward {
@@ -208,7 +208,7 @@ impl Arm {
         Some(chain)
     }
 
-    /// Does no coordinate move its ends against each other?
+    /// Whether no coordinate changes the distance of its ends.
     pub fn is_rigid(&self, g: &Graph) -> bool {
         self.path.iter().all(|&(i, _)| g.edges[i].kind == Kind::Rigid)
     }

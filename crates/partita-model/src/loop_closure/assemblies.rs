@@ -23,7 +23,7 @@ pub struct Assembled {
     pub residual: f64,
 }
 
-/// All ways to put the mechanism together for given inputs.
+/// All assemblies of the mechanism for given inputs.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Assemblies {
     /// Those that close.
@@ -60,7 +60,7 @@ impl<'m> LoopClosing<'m> {
         Ok(plan)
     }
 
-    /// Do all steps have a closed form?
+    /// Whether all steps have a closed form.
     pub fn is_explicit(&self) -> bool {
         !self.steps.iter().any(|s| matches!(s.work, Work::Implicit(_)))
     }
@@ -110,8 +110,8 @@ impl Model {
             None => Ok(()),
             Some(c) => {
                 let message = format!(
-                    "{} holds rates alone, from which no position follows: inverse kinematics cannot close loops for the \
-                     other coordinates; use another formulation (\"projective\")",
+                    "{} constrains rates only, not positions, so inverse kinematics cannot close the loops; use \
+                     another formulation (\"projective\")",
                     c.owner.words(&self.spec)
                 );
                 Err(SystemError::argument("formulation", message))
@@ -133,7 +133,7 @@ impl Model {
             return Err(SystemError::argument(
                 "mechanism",
                 format!(
-                "{} blocks have two branches each, 2^{} assemblies: more than {COMBINATIONS}; ask for a part of the \
+                "{} blocks have two branches each, 2^{} assemblies: more than {COMBINATIONS}; request a part of the \
                  mechanism",
                 free.len(),
                 free.len()
@@ -144,8 +144,7 @@ impl Model {
             Assemblies { blocks: closing.blocks().iter().map(|b| b.words.clone()).collect(), ..Assemblies::default() };
         let implicit: Vec<&str> = closing.blocks().iter().filter(|b| !b.explicit).map(|b| b.words.as_str()).collect();
         if !implicit.is_empty() {
-            all.notes
-                .push(format!("only the solution near the given position was looked for in {}", implicit.join("; ")));
+            all.notes.push(format!("only the solution near the given position was sought in {}", implicit.join("; ")));
         }
         let mut skipped = 0;
         for combination in 0..count {
@@ -178,8 +177,8 @@ impl Model {
         Ok(all)
     }
 
-    /// Closed forms instead of a walk: from the closed position q to the targets `(coordinate, value)`, its branches
-    /// kept.
+    /// Closed forms instead of continuation: from the closed position q to the targets `(coordinate, value)`, its
+    /// branches kept.
     ///
     /// `None` where that does not apply: the targets are not a set of inputs, a loop is not explicit, or a limit or a
     /// change point (where branches meet) may stand in the way. The inputs go straight and in steps, so that none is

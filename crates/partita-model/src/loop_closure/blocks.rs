@@ -44,14 +44,14 @@ impl LoopClosing<'_> {
         at.that_follow_exactly(rows, others)
     }
 
-    /// Rows and unknowns of C for the steps: block triangular, steps that C cannot tell apart in one block.
+    /// Rows and unknowns of C for the steps: block triangular, with the steps that are coupled in C in one block.
     pub(super) fn plan_blocks(&mut self, at: &Instant, rows: &[usize]) -> Result<(), SystemError> {
         let nv = self.model.size().nv;
         let unknown: Vec<usize> = (0..nv).filter(|v| self.inputs.binary_search(v).is_err()).collect();
         let Some((row_of, mut needs)) = at.structure(rows, &unknown) else {
             return Err(SystemError::argument(
                 "independent",
-                "the rows of the loops cannot be told apart; choose other inputs".into(),
+                "the loop-closure rows are dependent for these inputs; choose other inputs".into(),
             ));
         };
         let mut step_of = vec![usize::MAX; unknown.len()];

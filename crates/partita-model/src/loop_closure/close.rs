@@ -161,7 +161,7 @@ impl LoopClosing<'_> {
         Err(contradiction())
     }
 
-    /// Does a coupling count whole turns?
+    /// Whether a coupling counts whole turns.
     fn counts(&self) -> bool {
         !self.model.full.conditions.is_empty()
     }

@@ -44,7 +44,7 @@ pub(super) enum EdgePoint {
     Cut {
         /// Joint.
         joint: usize,
-        /// Is it the last of the joint's motions?
+        /// Whether it is the last of the joint's motions.
         last: bool,
     },
 }
@@ -96,7 +96,7 @@ impl Edge {
             (Home::Cut(_), _) => 0..0,
         }
     }
-    /// Is its coordinate one of q?
+    /// Whether its coordinate is one of q.
     pub fn in_tree(&self) -> bool {
         matches!(self.home, Home::Tree { .. })
     }

@@ -1,4 +1,4 @@
-//! Which velocities to take as inputs when nobody says.
+//! The default choice of input velocities.
 
 use super::graph::{Graph, Kind};
 use super::instant::Instant;
@@ -166,8 +166,8 @@ pub(super) fn choose<'m>(at: &Instant<'m>, t: f64, q: &[f64]) -> Result<LoopClos
         SystemError::argument(
             "independent",
             format!(
-            "no {k} of the {} joint coordinates were found that determine all others at t = {t}; name the inputs, or \
-             start a little away from this position",
+            "no {k} of the {} joint coordinates determine all others at t = {t}; name the inputs, or start a little \
+             away from this position",
             model.size().nv
         ),
         )

@@ -22,7 +22,8 @@ impl<'m> Instant<'m> {
         if model.coordinates() == Coordinates::Absolute {
             return Err(SystemError::argument(
                 "coordinates",
-                "explicit closing follows the joints, absolute coordinates know none of them: use relative coordinates"
+                "explicit closing works with joint coordinates, which absolute coordinates do not have; use \
+                 relative coordinates"
                     .into(),
             ));
         }
@@ -41,7 +42,7 @@ impl<'m> Instant<'m> {
             }
             if open > tolerance::OPEN {
                 let message = format!(
-                    "{} is open by {}: explicit closing starts from a closed position, assemble first",
+                    "{} has a closure error of {}: explicit closing starts from a closed position; assemble first",
                     model.row_description(i),
                     partita_math::formatted(x.abs())
                 );

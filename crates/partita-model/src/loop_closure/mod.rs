@@ -12,10 +12,10 @@
 //!
 //! Prefer it where loops are recognised and the pivots of the blocks stay away from 0: the loops are closed to
 //! round-off by construction and the branch is always known. The sign ε belongs to the shape of a polygon: where a
-//! pivot passes through zero without a limit (a change point, such as that of a parallelogram in line) the motion goes
-//! on with the other sign, which only its velocity can tell:
-//! [`follow`](partita_system::closing::Closing::follow) takes the branch nearest to where it leads. At a
-//! dead point of its inputs it ends with [`SystemError::Limit`].
+//! pivot passes through zero without a limit (a change point, such as that of a parallelogram in line) the motion
+//! continues with the other sign, which only its velocity determines:
+//! [`follow`](partita_system::closing::Closing::follow) takes the branch nearest to the predicted position. At a dead
+//! point of its inputs it ends with [`SystemError::Limit`].
 //!
 //! [`SystemError::Limit`]: partita_system::SystemError::Limit
 

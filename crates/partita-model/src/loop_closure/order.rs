@@ -158,7 +158,7 @@ impl<'g> Order<'g> {
         edges.iter().for_each(|&e| self.learn(e));
     }
 
-    /// Is the coordinate of this edge known by now?
+    /// Whether the coordinate of this edge is known.
     pub fn is_known(&self, e: usize) -> bool {
         self.known[e]
     }
@@ -266,7 +266,7 @@ impl<'g> Order<'g> {
         })
     }
 
-    /// Is there a closed form for this triangle?
+    /// Whether there is a closed form for this triangle.
     fn recognised(&mut self, three: [usize; 3]) -> Option<Polygon> {
         let slides = three.iter().filter(|&&j| self.joints[j].pair == Pair::Slide).count();
         if three.iter().all(|&j| self.is_elementary(j)) {

@@ -52,7 +52,7 @@ impl LoopClosing<'_> {
         room: &mut ClosingRoom<S>,
     ) -> Result<S, SystemError> {
         if !Arc::ptr_eq(&e.placed, &self.model.placed) {
-            let message = "the evaluator was made from another model than the closing; make both from one";
+            let message = "the evaluator and the closing belong to different models; create both from one model";
             return Err(SystemError::argument("evaluator", message.into()));
         }
         let ClosingRoom { pose, straight } = room;

@@ -17,18 +17,18 @@ use super::arm::{rotated, PlanarArm};
 use partita_math::scalar::Scalar;
 use partita_math::tolerance;
 
-/// An unknown joint of a polygon, as the walk around it crosses it.
+/// An unknown joint of a polygon, in the sense of the path around it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PlanarJoint {
     /// Edge of the graph.
     pub edge: usize,
     /// A turn, or a slide.
     pub turns: bool,
-    /// Sense of the turn in the walk.
+    /// Sense of the rotation along the path.
     pub sign: f64,
     /// Constant turn of the crossing.
     pub rest: f64,
-    /// Direction of a slide as the walk comes in.
+    /// Direction of a slide where the path enters.
     pub axis: [f64; 2],
 }
 
@@ -36,7 +36,7 @@ pub(super) struct PlanarJoint {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Shortfall(pub f64);
 
-/// Does a polygon close? Where `excess` is above 0 it does not, and what was computed with it means nothing.
+/// Whether a polygon closes. Where `excess` is above 0 it does not, and what was computed with it means nothing.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Fit<S> {
     /// By how much it misses what round-off may explain.
@@ -112,7 +112,8 @@ pub(super) fn has_branch(joints: &[PlanarJoint]) -> bool {
     joints.len() == 3 && joints.iter().filter(|j| !j.turns).count() < 2
 }
 
-/// Solve the polygon; `frame` is the side called the frame, `tolerance` (m) what a redundant condition may miss.
+/// Solve the polygon; `frame` is the side called the frame, `tolerance` (m) the allowed residual of a redundant
+/// condition.
 pub(super) fn solve<S: Scalar>(
     joints: &[PlanarJoint],
     sides: &[PlanarArm<S>],

@@ -7,7 +7,7 @@ use partita_math::scalar::Scalar;
 use partita_math::spatial::{Mat3, Vec3};
 use partita_math::tolerance;
 
-/// What an unknown joint lets free.
+/// Kind of an unknown joint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Pair {
     Turn,
@@ -30,10 +30,10 @@ pub(super) struct Unknown {
     pub pair: Pair,
 }
 
-/// A joint as the walk around a polygon crosses it.
+/// A joint in the sense of the path around a polygon.
 #[derive(Clone, Debug)]
 pub(super) struct Crossed {
-    /// Edges and their senses, in the order of the walk.
+    /// Edges and their senses, in the order of the path.
     pub edges: Vec<(usize, bool)>,
     pub pair: Pair,
 }
@@ -140,7 +140,7 @@ impl Order<'_> {
             && side.into_iter().all(|e| fixed(e) && (matches!(e.kind, Kind::Slide | Kind::Rigid) || along(e)))
     }
 
-    /// Do all joints of the polygon and of its sides move in one plane? (They do in a planar mechanism.)
+    /// Whether all joints of the polygon and of its sides move in one plane. (They do in a planar mechanism.)
     pub(super) fn fits_a_plane(&self, p: &mut Polygon) -> bool {
         if self.planar {
             return true;

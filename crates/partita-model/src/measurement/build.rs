@@ -48,7 +48,7 @@ pub fn drivable(d: &Drive, placed: &Placed) -> Result<(), DescriptionError> {
     match (&d.turning, d.level) {
         (Some(_), Level::Position) if turns => Ok(()),
         (Some(_), _) => {
-            let message = "an orientation is prescribed of the positions of a turn in space, and of nothing else";
+            let message = "an orientation can be prescribed only for the positions of a spatial rotation";
             Err(DescriptionError::new("drive", &d.name, message))
         }
         (None, Level::Velocity) if turns => Ok(()),
@@ -67,8 +67,9 @@ fn motion_of(
     let (motion, _) = any_motion(p, coordinate, joint, element, name)?;
     if p.shape.motions[motion] == Motion::Ball {
         let message = format!(
-            "coordinate {coordinate} of joint \"{joint}\" is part of a turn in space, which no single number measures; \
-             name a slide or an angle, measure between points of the bodies, or drive the joint by its pose"
+            "coordinate {coordinate} of joint \"{joint}\" is part of a spatial rotation, which no single number \
+             measures; name a translation or an angle, measure between points of the bodies, or drive the joint by \
+             its pose"
         );
         return Err(DescriptionError::new(element, name, message));
     }
@@ -91,7 +92,7 @@ fn any_motion(
         left -= m.velocities();
     }
     let message = format!(
-        "joint \"{joint}\" has {} coordinates, number {coordinate} was asked for (the first is 0)",
+        "joint \"{joint}\" has {} coordinates, but number {coordinate} was requested (the first is 0)",
         p.shape.dof()
     );
     Err(DescriptionError::new(element, name, message))
@@ -161,8 +162,8 @@ impl<'a, G: Space> Maker<'a, G> {
         if p.shape.motions[motion] != Motion::Ball {
             return self.joint(joint, coordinate, element, name);
         }
-        // the velocities of a ball are not the joint's own where it is walked from child to parent, nor where the zero
-        // position has turned what is drawn
+        // the velocities of a ball joint are not its own where it is traversed from child to parent, nor where the zero
+        // position differs from the drawing
         let own = !p.reversed && p.on_child.0 == self.placed.basis.0;
         Ok(match p.links.as_ref().filter(|_| own) {
             Some(links) => {
@@ -378,7 +379,7 @@ fn turn<G: Space>(p: &PlacedJoint, a: Vec3<f64>) -> Turn<G> {
     }
 }
 
-/// Does a reading measure an angle (rad)? Others measure lengths (m), cosines nothing.
+/// Whether a reading measures an angle (rad). Others measure lengths (m), cosines nothing.
 pub fn is_angle(placed: &Placed, m: &Measure) -> bool {
     match m {
         Measure::Joint { joint, coordinate } => {

@@ -79,7 +79,7 @@ pub struct Turn<G: Space> {
     pub rate: [G::Ang; 2],
     /// Axis it is measured about: fixed on A, or on B.
     pub axis: G::Ang,
-    /// Is the axis fixed on B?
+    /// Whether the axis is fixed on B.
     pub about_b: bool,
     /// The direction whose turn is looked at, as A and as B carry it.
     pub probe: [G::Ang; 2],
@@ -96,7 +96,7 @@ pub struct Measurement<G: Space> {
     pub nodes: [usize; 2],
     /// Links between A and B.
     pub movers: Vec<Mover>,
-    /// Is it known up to whole turns only?
+    /// Whether it is known up to whole turns only.
     pub wraps: bool,
     /// Turns of the tree with their signs, whose sum an angle in the plane is, whole turns included and in either space.
     pub adds_up: Vec<(usize, f64)>,
@@ -265,7 +265,7 @@ impl<G: Space> Measurement<G> {
         Read { value: self.value(tree, s, q), rate, unit }
     }
 
-    /// Is it an angle?
+    /// Whether it is an angle.
     pub fn is_angle(&self, tree: &Tree<G>) -> bool {
         match self.quantity {
             Quantity::Coordinate { .. } | Quantity::Velocity(_) => {

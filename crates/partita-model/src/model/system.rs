@@ -388,9 +388,9 @@ impl Names for Model {
                 let name = &self.spec.bodies[x.body].name;
                 let about = if x.line.is_some() { "about its own line" } else { "about itself" };
                 let message = format!(
-                    "body \"{name}\" starts with a spin of {} rad/s {about}, and has no inertia in that: nothing says \
-                     how it goes on; give it an axial inertia (add_body, m r^2 / 2 of a round bar), or leave the spin out: \
-                     it is held then",
+                    "body \"{name}\" starts with a spin of {} rad/s {about}, but has no inertia about that axis, so \
+                     the motion is indeterminate; give it an axial inertia (add_body; m r^2 / 2 for a round bar), or \
+                     omit the spin, which is then held",
                     formatted(spin)
                 );
                 return Err(SystemError::argument("rates", message));

@@ -3,9 +3,10 @@
 //! ```text
 //! M v' = h + Σ_j b_j f_j + Cᵀ λ,   C v' + b = 0,   f_i = −κ_i N_i(v', λ)                       (G2)
 //! ```
-//! v' and λ, and with them every reaction, are affine in the efforts f. So one elimination with a right-hand side for each
-//! friction tells what a unit of each does, and the small system [`magnitudes`](crate::friction_magnitudes) has the rest. All this is within the applied forces:
-//! what comes out is h(q, v, t), and no formulation need know.
+//! v' and λ, and with them every reaction, are affine in the efforts f. So one elimination with a right-hand side for
+//! each friction gives the effect of a unit of each, and the small system [`magnitudes`](crate::friction_magnitudes)
+//! determines the rest. All this is part of the applied forces: the result is h(q, v, t), and formulations need no
+//! change.
 //!
 //! Cost: one dense factor of M and one of the rows of C for each evaluation, n³/6 + n²m/2 + nm²/2 + m³/6 for n velocities and
 //! m rows, whatever the formulation.
@@ -56,7 +57,7 @@ pub(crate) struct Following {
     pattern: Pattern,
     /// Squared sines below this are none: rows that depend on each other.
     dependent: f64,
-    /// Is M singular by itself?
+    /// Whether M itself is singular.
     short_of_mass: bool,
 }
 
@@ -77,8 +78,8 @@ impl Following {
             let fail = |m: String| DescriptionError::new("force", &x.name, m);
             if p.shape.own.is_some() || p.shape.rows() == 0 {
                 return Err(fail(format!(
-                    "the reaction of joint \"{}\" does not press what slides there (a screw, a constant velocity or a free \
-                     joint); give the level itself (dynamic=)",
+                    "joint \"{}\" has no normal force from which friction could follow (a screw, a \
+                     constant-velocity or a free joint); give the friction magnitude itself (dynamic=)",
                     x.joint
                 )));
             }
@@ -86,7 +87,7 @@ impl Following {
             let turn = p.shape.turns(x.coordinate);
             if turn && x.follows.as_ref().is_some_and(|f| f.radius.is_none()) {
                 return Err(fail(format!(
-                    "joint \"{}\" turns there: a coefficient needs the radius (m) at which it slides",
+                    "joint \"{}\" rotates there: a coefficient needs the radius (m) at which it slides",
                     x.joint
                 )));
             }
@@ -105,8 +106,8 @@ impl Following {
             |joint: &str, i: usize| placed.joint_numbers.get(joint).and_then(|&j| placed.joints[j].shape.motion_of(i));
         if placed.planar && needs_space(spec, placed.basis.0[2], motion) {
             let message =
-                "a friction follows a reaction that these numbers take out of the plane of the mechanism; describe \
-                           it anew with them";
+                "with these numbers a friction depends on a reaction out of the plane of the mechanism; build the \
+                 mechanism with them";
             return Err(DescriptionError::new("mechanism", &spec.name, message));
         }
         let dependent = tolerance::DEPENDENT.max(10.0 * spec.drawing_tolerance).powi(2);

@@ -35,7 +35,7 @@ pub enum Coupling {
         terms: Vec<Measure>,
         /// The curve.
         curve: Table,
-        /// Does it repeat itself after its last break?
+        /// Whether it is periodic.
         #[serde(default)]
         periodic: bool,
     },
@@ -47,7 +47,7 @@ pub enum Coupling {
         word: String,
         /// Readings.
         terms: Vec<Measure>,
-        /// Function number i of those handed along.
+        /// Index i among the functions given.
         function: usize,
         /// Level.
         #[serde(default)]
@@ -75,7 +75,7 @@ pub enum Coupling {
         point: [f64; 3],
         /// Its normal, towards the centre, axes of that body.
         normal: [f64; 3],
-        /// May it slip? Then it only touches.
+        /// Whether it may slip. Then it only touches.
         #[serde(default)]
         slips: bool,
     },
@@ -136,7 +136,7 @@ impl Coupling {
                 said.fault(*offset).or_else(|| said.does_not_fit(terms, factors))
             }
             Self::Roll { radius, .. } if *radius <= 0.0 => {
-                Some(format!("radius = {radius} m: a wheel has a positive radius"))
+                Some(format!("radius = {radius} m: the radius of a wheel must be positive"))
             }
             _ => None,
         }
@@ -157,7 +157,7 @@ pub enum Said {
         radius1: f64,
         /// Radius of the first (m).
         radius2: f64,
-        /// Do they turn against each other?
+        /// Whether they rotate in opposite senses.
         crossed: bool,
     },
     /// A distance: the sum is its length (m).
@@ -181,9 +181,7 @@ impl Said {
     fn fault(self, length: f64) -> Option<String> {
         let positive = |what: &str, x: f64| (x <= 0.0).then(|| format!("{what} = {x} m must be positive"));
         match self {
-            Self::Ratio(0.0) => {
-                Some("ratio is 0: joint2 would stand still; weld it (add_fixed) in its place".to_string())
-            }
+            Self::Ratio(0.0) => Some("ratio is 0: joint2 would stand still; use add_fixed instead".to_string()),
             Self::Radius(0.0) => Some("radius is 0 m: the rack would stand still".to_string()),
             Self::Ratio(_) | Self::Radius(_) => None,
             Self::Radii { radius1, radius2, .. } => {
@@ -205,7 +203,6 @@ impl Said {
             (None, [Measure::Distance { .. }], [first]) => *first == 1.0,
             _ => false,
         };
-        (!fits)
-            .then(|| format!("what was said of it ({self:?}) does not make its factors {factors:?}; leave `said` out"))
+        (!fits).then(|| format!("its description ({self:?}) does not produce its factors {factors:?}; omit `said`"))
     }
 }

@@ -58,7 +58,7 @@ pub enum Force {
         /// What a table is over, in place of time.
         #[serde(default)]
         over: Option<Measure>,
-        /// Does the table over it repeat itself?
+        /// Whether the table over it is periodic.
         #[serde(default)]
         periodic: bool,
     },

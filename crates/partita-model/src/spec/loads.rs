@@ -54,7 +54,7 @@ impl ForceRecord for Bushing {
             let turned = [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]];
             let off = [dot(x, x) - 1.0, dot(y, y) - 1.0, dot(x, y), dot(turned, z) - 1.0, dot(z, z) - 1.0];
             let fits = off.iter().all(|x| x.abs() < tolerance::EQUAL);
-            (!fits).then(|| format!("{what} is no rotation; orthogonalise it"))
+            (!fits).then(|| format!("{what} is not a rotation; orthogonalise it"))
         })
     }
 }
@@ -277,7 +277,7 @@ impl ForceRecord for Law {
         match (self.on.as_slice(), &self.value) {
             ([], _) => Some("it acts on nothing; name a point of a body".into()),
             (_, Value::Function(_)) => None,
-            _ => Some("its value is no function; use a force where it is a number or a table".into()),
+            _ => Some("its value is not a function; use a force for a number or a table".into()),
         }
     }
     fn values(&self) -> Vec<&Value> {

@@ -71,7 +71,7 @@ pub struct BranchDirections<'s, S: ConstrainedSystem> {
     planes: Option<[Vec<f64>; 2]>,
     /// M in characteristic displacements.
     mass: Matrix,
-    /// Do drives prescribe motion here?
+    /// Whether drives prescribe motion here.
     driven: bool,
     /// Rows looked at, with their sizes.
     rows: Vec<(usize, f64)>,
@@ -137,7 +137,7 @@ pub fn singled_out<S: ConstrainedSystem>(
     of_start(system, t, q, singular, |branch_directions| branch_directions.with_rates(near, asked))
 }
 
-/// The ways out of a position that was refused as `singular`, if `v` is a velocity along which one motion leaves.
+/// The branch directions at a position refused as `singular`, if `v` is a velocity along which one motion leaves.
 ///
 /// # Errors
 /// `singular`, and why `v` is none; where the system cannot be evaluated.
@@ -166,7 +166,7 @@ fn of_start<'s, S: ConstrainedSystem, T>(
     let why = match look(system, t, q)? {
         Found::Nothing => return Err(singular),
         Found::Several(lost) => {
-            format!("{lost} ranks are lost here at once, and rates single out a branch only where it is one")
+            format!("the rank drops by {lost} here; rates select a branch only where it drops by one")
         }
         Found::BranchDirections(branch_directions) => match ask(branch_directions) {
             Ok(found) => return Ok(found),
@@ -176,7 +176,7 @@ fn of_start<'s, S: ConstrainedSystem, T>(
     Err(SystemError::SingularStart { t, message: format!("{message}; {why}") })
 }
 
-/// The ways out of (t, q), drives held.
+/// The branch directions at (t, q), with the drives at rest.
 ///
 /// Cost: dense decompositions of C and of M.
 ///
@@ -345,7 +345,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
         dot(all, all).sqrt()
     }
 
-    /// Do branches touch in this velocity?
+    /// Whether branches touch in this velocity.
     fn touches(&self, u: &[f64]) -> bool {
         let (_, slope) = self.bend(u);
         dot(&slope, &slope).sqrt() <= BRANCHES_TOUCH * self.form.max_abs() * self.length(u)
@@ -419,10 +419,10 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
         Some((self.velocity_of(&u), basis))
     }
 
-    /// Is `v` a velocity along which one smooth motion leaves?
+    /// Whether exactly one smooth motion leaves along `v`.
     ///
     /// # Errors
-    /// Why not, in words that end a sentence.
+    /// The reason, as the end of a sentence.
     pub fn admits(&self, v: &[f64]) -> Result<(), String> {
         if let Some(why) = self.impossible() {
             return Err(why);
@@ -457,8 +457,9 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
     /// The velocities on the branch that the rates single out, otherwise as near to `near` as can be in the mass
     /// metric.
     ///
-    /// Rates are met exactly, or within [`PRINTED_RATES`] where only one branch is that near; where drives leave no degree of
-    /// freedom they tell the way alone, each between half and twice what the drives make of it.
+    /// Rates are met exactly, or within [`PRINTED_RATES`] where only one branch is that near; where the drives leave no
+    /// degree of freedom they only select the branch, and each must lie between half and twice the rate that the drives
+    /// determine.
     ///
     /// # Errors
     /// Why not, in words that end a sentence.

@@ -30,8 +30,8 @@ impl<'e, E: Equations> UserClosing<'e, E> {
         let refuse = |message: String| Err(SystemError::argument("closing", message));
         let Some(closed) = e.explicit_closing().map(ExplicitClosing::dependent) else {
             return refuse(
-                "explicit closing of equations by hand needs a function that closes them (closing=) and the coordinates it \
-                 computes; use another formulation"
+                "explicit closing of a user-defined system needs a closing function and the coordinates it computes \
+                 (closing=); give them, or use another formulation"
                     .into(),
             );
         };
@@ -41,8 +41,8 @@ impl<'e, E: Equations> UserClosing<'e, E> {
         unknown.dedup();
         if unknown.len() != closed.len() || unknown.last().is_some_and(|&i| i >= n) || unknown.len() > e.holonomic() {
             return refuse(format!(
-                "the closing function computes the coordinates {closed:?}; they must be different ones below {n}, and no \
-                 more than the {} position constraints",
+                "the closing function computes the coordinates {closed:?}; they must be distinct, below {n}, and at \
+                 most as many as the {} position constraints",
                 e.holonomic()
             ));
         }
@@ -50,7 +50,8 @@ impl<'e, E: Equations> UserClosing<'e, E> {
         let words = |x: &[usize]| x.iter().map(|&i| e.name(i)).collect::<Vec<_>>().join(", ");
         if inputs.is_some_and(|asked| asked != own) {
             return refuse(format!(
-                "the closing function takes {} as inputs; for {} as inputs give a function that computes the others",
+                "the closing function takes {} as inputs, but {} were requested; give a function that computes the \
+                 others",
                 words(&own),
                 words(inputs.unwrap_or_default())
             ));
@@ -60,8 +61,8 @@ impl<'e, E: Equations> UserClosing<'e, E> {
         r.refresh_scales(t, q)?;
         if r.set_partition(t, &own).is_err() {
             return refuse(format!(
-                "the constraints do not determine {} from {} here (C_D is singular): compute other coordinates in the \
-                 closing function, or start elsewhere",
+                "the constraints do not determine {} from {} here (C_D is singular): compute other coordinates in \
+                 the closing function, or start at another position",
                 words(&unknown),
                 words(&own)
             ));

@@ -65,7 +65,7 @@ fn slopes(
         let (mut high, mut low, mut largest) = (vec![0.0; count], vec![0.0; count], vec![size; count]);
         for i in 0..3 {
             let x = (i + 1) as f64 * h;
-            // a function may end near the state: other steps, or none, then tell
+            // a function may be undefined near the state; then other steps, or none, are used
             if f(x, &mut ahead).is_err() || f(-x, &mut behind).is_err() {
                 continue 'steps;
             }

@@ -23,7 +23,7 @@ pub struct Step<'a> {
     pub dy: &'a mut [f64],
     /// Whole turns taken off each coordinate so far (nq).
     pub turns: &'a mut [i32],
-    /// How the march goes on, where it may be told; none where steps are fixed.
+    /// The control of the next steps, if it can be changed; `None` for fixed steps.
     pub pace: Option<&'a mut Pace>,
 }
 
@@ -44,7 +44,8 @@ fn sizes_of_coordinates<S: crate::ConstrainedSystem>(system: &S, out: &mut [f64]
 /// Before `commit` nothing changes what a later evaluation gives, so a step is given up by forgetting it.
 pub trait FormulationSteps {
     /// The end (t, y) of a step: removes the remainder of S3 from y, evaluates y' there and judges the step. `known`
-    /// tells that dy holds `f(t, y)` from the last evaluation. The second answer is true where f was evaluated anew.
+    /// states that dy contains `f(t, y)` from the last evaluation. The second answer is true where f was evaluated
+    /// anew.
     fn trial_end(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], known: bool) -> Result<(Verdict, bool)>;
     /// Carry out the verdict of the last `trial_end`; (q, v) stay the same. True if y or y' was rewritten.
     fn commit(&mut self, verdict: Verdict, step: &mut Step) -> Result<bool>;
@@ -157,7 +158,7 @@ pub trait Formulation: FormulationSteps + PrescribedRows {
 }
 
 impl Sample {
-    /// An output with all that `formulation` can tell about it; `events` are those of its run.
+    /// An output with everything that `formulation` provides; `events` are those of the run.
     ///
     /// # Errors
     /// Where something cannot be evaluated. What is not determined at a singular position is NaN, with a `note`.

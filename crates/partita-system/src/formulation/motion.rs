@@ -4,7 +4,7 @@
 //! y = (position coordinates, u, work),   v = Dᵀ u + γ,   M_d u' = D (h − M δ)                 (F1)
 //! ```
 //!
-//! What a basis is, and how q is found, is told by [`Tangent`] and [`Positions`]; what remains is the same for all of
+//! [`Tangent`] defines the basis and [`Positions`] how q is found; what remains is the same for all of
 //! them: a step is tried, judged, taken, its choice renewed, singular positions passed, outputs closed.
 
 mod checks;
@@ -53,7 +53,7 @@ pub struct Motion<'s, S: ConstrainedSystem + 's, T, P> {
     describer: Describer<'s, S>,
     /// Margin at the end of the step that was judged.
     margin: Option<(f64, u64)>,
-    /// Was anything evaluated since?
+    /// Whether anything was evaluated since.
     moved: bool,
     /// Singular positions behind and ahead.
     monitor: CrossingMonitor,
@@ -155,7 +155,7 @@ impl<'s, S: ConstrainedSystem> UserTangent<'s, S> {
         let system = system.into();
         let Some(map) = &options.tangent else {
             let message =
-                "user-tangent needs tangent velocities: hand over tangent=, the matrix D^T as a function of (t, q)";
+                "user-tangent needs tangent velocities: give tangent=, the matrix D^T as a function of (t, q)";
             return Err(SystemError::argument("tangent", message.into()));
         };
         let positions = All::new(system.size(), options.correction).whole_turns();
@@ -280,7 +280,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             if self.monitor.spoilt && serving.is_none() {
                 let (half_t, half) = self.half_way();
                 let singular = SystemError::Singular { t: half_t, pivot: 0.0, limit: tolerance::SINGULAR_PIVOT };
-                // one that stays has no other to go on with
+                // a fixed choice has no alternative
                 if let e @ SystemError::DeadPoint { .. } = self.tangent.blame(half_t, &half, singular) {
                     return Err(e);
                 }
@@ -324,7 +324,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         Ok(rewritten)
     }
 
-    /// Do the levels in use belong to the choice of `within`, with rows that no position would change?
+    /// Whether the levels in use belong to the choice of `within`, with rows that no position would change.
     fn has_levels_of(&self, within: Option<&PartitionEvent>) -> bool {
         let r = self.tangent.seen();
         r.plans > 0 && r.rank() == r.size().rows && self.tangent.independent(within) == Some(&r.partition.independent)

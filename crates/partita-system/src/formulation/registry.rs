@@ -78,7 +78,7 @@ pub fn by_name<'s, S: ConstrainedSystem<Scratch: Send> + 's>(
     })
 }
 
-/// Options that were set and that the formulation of this name does not read: to be told, for they change nothing.
+/// Options that were set but are not used by this formulation, so that they can be reported.
 ///
 /// What differs from [`FormulationOptions::default`] counts as set.
 pub fn unread(name: &str, options: &FormulationOptions) -> Vec<&'static str> {

@@ -1,5 +1,5 @@
-//! Closing the loops. A far start and a near start are different jobs: [`close`] goes from a rough drawing to the
-//! nearest closed position, [`move_to`] walks a closed mechanism along its own motion to given coordinates.
+//! Closing the loops. There are two tasks: [`close`] finds the closed position nearest to a rough drawing, [`move_to`]
+//! moves a closed mechanism by continuation to given coordinates.
 //!
 //! Both solve min |W (q − q₀)|² under Φ(q, t) = 0 by damped Gauss-Newton steps with sparse rows, the same for three
 //! velocities and for thirty thousand. Everything is measured in natural scales: moves in characteristic displacements

@@ -83,7 +83,7 @@ pub fn pushed_with_rates<S: ConstrainedSystem>(
             .collect();
         SystemError::argument(
             "rates",
-            format!("the rates {} cannot hold together: the loops leave {k} degrees of freedom here", words.join(", ")),
+            format!("the rates {} are incompatible: the loops leave {k} degrees of freedom here", words.join(", ")),
         )
     };
     let displacement = |i: usize| system.characteristic_displacement(i);
@@ -182,7 +182,7 @@ pub fn momentum<S: ConstrainedSystem>(
     Ok(with)
 }
 
-/// `v`, unless a rate asked for is had only by speeds that no position tells from infinite ones.
+/// `v`, unless a requested rate needs velocities that cannot be distinguished from infinite ones.
 fn unlocked<S: ConstrainedSystem>(
     system: &S,
     t: f64,
@@ -199,14 +199,14 @@ fn unlocked<S: ConstrainedSystem>(
     Err(SystemError::argument(
         "rates",
         format!(
-        "the rates {} cannot be had at t = {t}: {} would have to go at {}, {:.1e} times as fast, for what is asked is \
-         locked here but for round-off (a dead point, or a singular position); give the rate of {} instead, or start a \
-         little away from here",
-        asked.join(", "),
-        system.velocity_name(top),
-        formatted(v[top]),
-        speed(top) / fastest,
-        system.velocity_name(top),
-    ),
+            "the rates {} are impossible at t = {t}: {} would need the rate {}, {:.1e} times as fast, because the \
+         requested coordinate is locked here except for round-off (a dead point or a singular position); give the \
+         rate of {} instead, or start a little away from here",
+            asked.join(", "),
+            system.velocity_name(top),
+            formatted(v[top]),
+            speed(top) / fastest,
+            system.velocity_name(top),
+        ),
     ))
 }

@@ -1,4 +1,4 @@
-//! Closing positions: one damped Newton or Gauss-Newton loop for all rows and all ways to find a linear step.
+//! Closing positions: one damped Newton or Gauss-Newton loop for all rows and all linear steps.
 //!
 //! ```text
 //! C(q) dq = -Φ(q)   in the sense of the linear step,   q ← q ⊕ f dq,   f ≤ 1
@@ -126,7 +126,7 @@ pub trait Linearization: Residuals {
     fn least_damping(&self, _part: usize) -> Option<f64> {
         None
     }
-    /// Is the linear step found by its last rule? While a rule is graded, steps that gain nothing end nothing.
+    /// Whether the linear step was found by its last rule. While a rule is graded, steps that gain nothing end nothing.
     fn is_settled(&self) -> bool {
         true
     }
@@ -232,7 +232,7 @@ pub struct Part {
 }
 
 impl Part {
-    /// Is it neither closed nor given up?
+    /// Whether it is neither closed nor given up.
     pub fn is_active(&self) -> bool {
         self.ending.is_none()
     }
@@ -266,7 +266,7 @@ pub struct Closed {
 }
 
 impl Closed {
-    /// Are all parts closed?
+    /// Whether all parts are closed.
     pub fn is_closed(&self) -> bool {
         self.ending == Ending::Closed
     }
@@ -360,7 +360,7 @@ impl Room {
                     x if x < POOR_STEP.0 * p.promised => POOR_STEP.1,
                     _ => 1.0,
                 };
-                // where rows stay open their least is told by the length of steps
+                // where rows cannot be closed the step length indicates the minimum
                 p.idle = if rule.rest > 0.0 || gain > SLOW_GAIN * p.open.square { 0 } else { p.idle + 1 };
                 let stalls = now.worst > STALLED * p.open.worst && now.worst <= rule.accepted;
                 let rounding = p.length <= rule.rounding && p.length >= STALLED * p.before;

@@ -16,8 +16,8 @@ use crate::system::SystemError;
 /// Longest step along a curve. Unit: characteristic displacement. Reason: a third of a radian is straight but for a
 /// twentieth.
 pub const LONGEST_PREDICTION: f64 = 0.3;
-/// A position whose correction takes back more was thrown back: no motion leads on there. Scale: fraction of the
-/// prediction. Reason: a motion that goes on keeps most of it.
+/// If the correction removes more of the prediction, the motion does not continue there. Scale: fraction of the
+/// prediction. Reason: a motion that continues keeps most of it.
 pub const THROWN_BACK: f64 = 0.5;
 /// Largest change of the tangent in one step. Scale: fraction of the tangent. Reason: one that doubles belongs to a
 /// limit near by.
@@ -72,7 +72,7 @@ pub enum Visit {
     On,
     /// Take this position and stop.
     Stop,
-    /// Refuse this position: come to it by shorter steps, or not at all.
+    /// Refuse this position: approach it by shorter steps, or not at all.
     Back,
 }
 

@@ -27,7 +27,7 @@ pub struct KeptRows<'a, 's, S: ConstrainedSystem> {
     step: Option<Vec<f64>>,
     length: f64,
     open: Open,
-    /// Is the distance from a singular position wanted where the first step is found?
+    /// Whether the distance from a singular position is needed where the first step is found.
     measures: bool,
     /// That distance.
     pub first_distance: Option<f64>,

@@ -42,7 +42,7 @@ pub struct Block {
     pub rows: Vec<usize>,
     /// Velocities.
     pub columns: Vec<usize>,
-    /// Is it to be left as it is?
+    /// Whether it is to be left unchanged.
     pub rests: bool,
     open: Open,
     slope: f64,

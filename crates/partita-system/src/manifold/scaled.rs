@@ -32,7 +32,7 @@ pub struct Scaled<'s, S: ConstrainedSystem> {
 }
 
 impl<'s, S: ConstrainedSystem> Scaled<'s, S> {
-    /// Natural scales are those of the system; where it knows none for a row, the row's own entries at (t, q) tell.
+    /// Natural scales are those of the system; a row without one is scaled by its entries at (t, q).
     ///
     /// # Errors
     /// Where nothing can be evaluated at (t, q).

@@ -1,8 +1,8 @@
 //! The projective measure P4 and the collective choice P5.
 //!
 //! `k_i`, the gradient of coordinate i, has the squared length `[M⁻¹]_ii` in the mass metric; the part of it that lies
-//! in the tangent space has `[Dᵀ M_d⁻¹ D]_ii`. Their ratio ρ² is free of units: it tells how mobile the coordinate is
-//! with the loops closed, relative to opened. (Blajer, Schiehlen, Schirm 1994.)
+//! in the tangent space has `[Dᵀ M_d⁻¹ D]_ii`. Their ratio ρ² is dimensionless: it is the mobility of the coordinate
+//! with the loops closed, relative to the loops opened. (Blajer, Schiehlen, Schirm 1994.)
 
 use partita_math::dense::{self, Matrix};
 use partita_math::factor;

@@ -132,7 +132,7 @@ impl Persistence {
         let full = self.instants.front().is_some_and(|first| first.t <= t - self.window);
         let limit = if full { PERSISTENCE_GUARD.max(self.switch_threshold) } else { self.switch_threshold };
         if gain > limit {
-            let why = if full { "the present choice goes bad" } else { "the window has not filled yet" };
+            let why = if full { "the present choice is degrading" } else { "the window is not full yet" };
             let reason = format!("the volume of the choice grows by {gain:.3}, and {why}");
             return Some(Proposal { enters, leaves, reason });
         }

@@ -16,7 +16,7 @@ use crate::tangent::Tangent;
 /// q itself (nq states).
 pub struct All {
     correction: Correction,
-    /// May angles lose whole turns?
+    /// Whether whole turns may be removed from angles.
     wraps: bool,
     q: Vec<f64>,
     dv: Vec<f64>,
@@ -72,7 +72,7 @@ impl All {
         Self { wraps: false, ..self }
     }
 
-    /// Is there nothing to correct?
+    /// Whether there is nothing to correct.
     fn stays<S: ConstrainedSystem>(&self, r: &Reduction<S>) -> bool {
         self.correction == Correction::None || r.size().holonomic == 0 || r.rank() == 0
     }

@@ -113,14 +113,14 @@ impl Chart {
             return x.solve_levels(t, &self.q, None);
         }
         let reason = format!(
-            "no closed position was found for its coordinates in {} iterations of Newton's method (open by {:.1e} of its \
-             round-off); let it be renewed earlier (a larger renew, at most 1), or take shorter steps",
+            "no closed position was found for its coordinates in {} iterations of Newton's method (open by {:.1e} \
+             of its round-off); renew the chart earlier (a larger renew, at most 1), or take shorter steps",
             self.iterations, found.open.worst
         );
         Err(self.bent(t, reason))
     }
 
-    /// Rows of S T⁻¹, which tell p' from v; none where they are those of S.
+    /// Rows of S T⁻¹, by which p' follows from v; empty if they are those of S.
     fn turn_covectors<S: ConstrainedSystem>(&mut self, x: &Frozen<S>, delta: &[f64]) {
         self.covectors.copy_from_slice(x.orthonormal());
         for row in self.covectors.chunks_exact_mut(delta.len()) {
@@ -159,10 +159,13 @@ impl<S: ConstrainedSystem> Residuals for InChart<'_, '_, '_, S> {
         let (c, n) = (&mut *self.chart, delta.len());
         let turned = c.largest_turn(delta);
         if turned > TOO_FAR_TURN {
-            return Err(c.bent(self.t, format!(
-                "a ball has turned by {turned:.2} rad from where its chart was made; let it be renewed (renew > 0), or take \
-                 shorter steps"
-            )));
+            return Err(c.bent(
+                self.t,
+                format!(
+                "a ball has turned by {turned:.2} rad from where its chart was made; allow renewal (renew > 0), or \
+                 take shorter steps"
+            ),
+            ));
         }
         c.q.copy_from_slice(&c.base);
         let r = self.x.reduction();
@@ -312,10 +315,13 @@ fn balls<S: ConstrainedSystem>(system: &S) -> Result<Vec<[usize; 3]>> {
         .into_iter()
         .map(|(start, velocities)| match <[usize; 3]>::try_from(velocities) {
             Ok(b) if system.coordinates_of(b[0]).len() == 4 => Ok(b),
-            _ => Err(SystemError::argument("formulation", format!(
-                "tangent-space knows coordinates that are integrals of velocities and unit quaternions; coordinate {start} is \
-                 neither; use projective"
-            ))),
+            _ => Err(SystemError::argument(
+                "formulation",
+                format!(
+                    "tangent-space supports coordinates that are integrals of velocities, and unit quaternions; \
+                 coordinate {start} is neither; use \"projective\""
+                ),
+            )),
         })
         .collect()
 }

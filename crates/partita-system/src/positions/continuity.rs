@@ -1,4 +1,4 @@
-//! Has the motion been thrown back at a dead point? A question only 2k forms have to ask.
+//! Whether the motion has been thrown back at a dead point. A question only 2k forms have to ask.
 
 use partita_math::tolerance;
 
@@ -35,8 +35,8 @@ struct End {
 }
 
 impl Continuity {
-    /// What the trapezoidal rule may miss in a step. Scale: fraction of the speed. Reason: a mechanism that is thrown
-    /// back misses all of it, one that reverses by itself less and less with shorter steps.
+    /// Allowed error of the trapezoidal rule in a step. Scale: fraction of the speed. Reason: a mechanism that is
+    /// thrown back misses all of it, one that reverses by itself less and less with shorter steps.
     const MISSED_SPEED: f64 = 0.75;
     /// A change of one velocity that accelerations do not account for. Scale: fraction of the change. Reason: on the
     /// same branch they account for most of it.
@@ -73,8 +73,8 @@ impl Continuity {
         gain.max(Self::SINGULAR_NEAR / distance)
     }
 
-    /// Displacement (in velocities) from the end of the last step to t, ahead of it: how velocities and accelerations
-    /// there go on, and the change of the latter if the step before was not much shorter.
+    /// Displacement (in velocities) from the end of the last step to t, ahead of it: extrapolated with the velocities
+    /// and accelerations there, and the change of the latter if the step before was not much shorter.
     pub(super) fn predict(&self, t: f64, dv: &mut [f64]) {
         let (h, last) = (t - self.last.t, self.last.t - self.before.t);
         let part = if h < 2.0 * last { h / (3.0 * last) } else { 0.0 };
@@ -109,7 +109,7 @@ impl Continuity {
         (self.before, self.next) = (self.last.clone(), self.last.clone());
     }
 
-    /// Does the step to here hold together? Velocities count in their scales s. If it does, [`accept`](Self::accept)
+    /// Whether the step to here is continuous. Velocities count in their scales s. If it does, [`accept`](Self::accept)
     /// makes it the last one.
     pub(super) fn judge(&mut self, t: f64, v: &[f64], vdot: &[f64], s: &[f64], near: f64) -> bool {
         let from = &self.last;
@@ -150,17 +150,17 @@ impl Continuity {
         std::mem::swap(&mut self.last, &mut self.next);
     }
 
-    /// Is there no step that leads anywhere from the end of the one that was judged? For inputs that nothing replaces.
+    /// Whether no step is possible from the end of the one judged. For inputs that nothing replaces.
     pub(super) fn is_stuck(&self, gain: f64) -> bool {
         gain > Self::STUCK || self.next.creeping > Self::PATIENCE
     }
 
-    /// Was a dead point or a singular position near at the end of the last step?
+    /// Whether a dead point or a singular position was near at the end of the last step.
     pub(super) fn is_near(&self) -> bool {
         self.last.near > 1.0
     }
 
-    /// Inputs that nothing can replace stand at their dead point: there is no step from here.
+    /// The inputs cannot be replaced and are at their dead point: no step is possible from here.
     pub(super) fn give_up(&mut self) {
         self.in_a_row = Self::MOST + 1;
     }

@@ -27,7 +27,7 @@ pub struct InverseKinematics {
     /// The branches at the end of the last step, and of the one that is judged.
     branches: Vec<i8>,
     trial: Vec<i8>,
-    /// May the next step meet a singular position, by how the distance fell in the last?
+    /// Whether the next step may meet a singular position, judged by the decrease of the distance in the last one.
     approaching: bool,
     /// Did the branches follow the motion at the last evaluation, and at the end of the step that is judged?
     following: bool,
@@ -55,10 +55,10 @@ impl<'s, S: ConstrainedSystem> Dependent<'s, S, Blocks<'s, S>> for InverseKinema
         self.trial.clone_from(&self.branches);
     }
 
-    /// Where a singular position may be passed each block takes the branch nearest to where the velocities at the end
-    /// of the last step lead: its pivot goes through zero there, and which sign comes next only the velocities tell.
-    /// Where they lead too near to the position to distinguish the branches the step has to be another. Inside a
-    /// finished step the path is known better than any such distance that matters.
+    /// Where a singular position may be crossed, each block takes the branch nearest to the position predicted from the
+    /// velocities at the end of the last step: its pivot passes through zero, and only the velocities determine the
+    /// next sign. If the prediction is too close to the singular position to distinguish the branches, the step length
+    /// is changed. Within a finished step the path is known more accurately than this distance.
     fn solve(&mut self, core: &mut Core, tangent: &mut Blocks<'s, S>, t: f64, y: &[f64], at: Point) -> Result<()> {
         self.good.copy_from_slice(&core.q);
         let follow = match at {
@@ -133,9 +133,9 @@ impl<'s, S: ConstrainedSystem> Dependent<'s, S, Blocks<'s, S>> for InverseKinema
         for (block, t, foreseen) in self.flips.iter().take(6) {
             history.notes.push(match foreseen {
                 true => format!(
-                    "{block} passed its change point in the step before t = {t}: its other branch goes on there"
+                    "{block} crossed its change point in the step before t = {t} and continues on its other branch"
                 ),
-                false => format!("{block} changed its branch in the step before t = {t}: the motion jumped there"),
+                false => format!("{block} changed to another branch in the step before t = {t}: the motion jumped"),
             });
         }
         if self.flips.len() > 6 {

@@ -17,7 +17,7 @@ use crate::tangent::Tangent;
 
 /// Position coordinates in use with the tangent T.
 pub trait Positions<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>>: PositionSteps<'s, S, T> {
-    /// Are the loops closed at every evaluation?
+    /// Whether the loops are closed at every evaluation.
     const CLOSED: bool;
     /// How many leading components of y there are.
     fn places(&self) -> usize;
@@ -34,7 +34,7 @@ pub trait Positions<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>>: PositionS
     fn output(&mut self, tangent: &mut T, t: f64, y: &[f64]) -> Result<bool>;
     /// The tangent has chosen anew at q: write y for it.
     fn rewrite(&mut self, _tangent: &mut T, _q: &[f64], _y: &mut [f64]) {}
-    /// Do the leading components of y hold q itself?
+    /// Whether the leading components of y are q itself.
     fn has_all(&self) -> bool {
         false
     }
@@ -57,13 +57,13 @@ pub trait PositionSteps<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> {
     fn wants_change(&self) -> Option<&'static str> {
         None
     }
-    /// Is there no step from here that leads anywhere?
+    /// Whether no step from here is possible.
     fn is_stuck(&mut self) -> bool {
         false
     }
     /// The step that was judged is taken.
     fn accept(&mut self, _tangent: &mut T, _t: f64, _margin: Option<f64>) {}
-    /// Has repeating the step been in vain too often? Then this is what to say.
+    /// Whether the step has been repeated too often. Then this is what to say.
     fn failure(&mut self, _tangent: &mut T, _t: f64) -> Option<SystemError> {
         None
     }

@@ -80,7 +80,7 @@ impl Newton {
 
 /// Message where two solutions cannot be distinguished.
 fn undecided<S: ConstrainedSystem>(core: &Core, tangent: &Chosen<S>, t: f64) -> SystemError {
-    let seen = "they cannot tell on which of two branches the others go on".to_string();
+    let seen = "they do not determine on which of two branches the others continue".to_string();
     let r = tangent.seen();
     dead_point(&*r.system, r.rank(), t, &core.q, &r.partition.independent, seen)
 }
@@ -89,7 +89,7 @@ impl<'s, S: ConstrainedSystem> Dependent<'s, S, Chosen<'s, S>> for Newton {
     const SOLVES: bool = true;
 
     fn solve(&mut self, core: &mut Core, tangent: &mut Chosen<'s, S>, t: f64, y: &[f64], at: Point) -> Result<()> {
-        // where the velocities lead is nearest, and where solutions cross it tells the right one
+        // the prediction by the velocities is nearest, and selects the right solution where solutions cross
         core.predict(&*tangent.reduction().system, t, y, at);
         let near = core.continuity.is_near();
         let before = self.iterations;

@@ -96,7 +96,7 @@ impl<S: ConstrainedSystem> Kernel<'_, S> {
         (length.is_finite() && length > 0.0).then(|| y.iter().map(|y| y / length).collect())
     }
 
-    /// Follow the own motion from `home` along a null direction; each position is handed to `visit`, which may end it.
+    /// Follow the motion from `home` along a null direction; `visit` receives each position and may end the path.
     ///
     /// # Errors
     /// Where nothing can be evaluated.
@@ -196,7 +196,7 @@ impl<S: ConstrainedSystem> Kernel<'_, S> {
         Ok(found.map(|dof| (dof, false)))
     }
 
-    /// Are sums of probes kept as the sums of what is kept? So it is on one branch also where weak rows make it no
+    /// Whether the sums of probes are preserved. So it is on one branch also where weak rows make it no
     /// projection.
     fn is_linear(
         &mut self,
@@ -252,7 +252,7 @@ fn is_projection(kept: &Matrix) -> bool {
     svd(&off).is_ok_and(|f| f.s.iter().all(|s| *s <= PROBE_BENT))
 }
 
-/// Finite motions as positions tell them: those where they are clear alone, of several branches the most.
+/// Number of finite motions: that of the positions with a clear rank, and the largest over several branches.
 #[derive(Default)]
 struct DofCount {
     most: usize,

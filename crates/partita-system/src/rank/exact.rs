@@ -30,7 +30,8 @@ pub enum Exact {
     Open,
 }
 
-/// Look at the closings near q, drives released. Values of C up to `level` (in natural sizes) are not taken as clear.
+/// Determine the rank of the loop closures near q with the drives released. Values of C up to `level` (in natural
+/// sizes) are regarded as undecided.
 ///
 /// # Errors
 /// Where nothing can be evaluated at (t, q).

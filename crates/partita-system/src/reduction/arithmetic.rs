@@ -26,9 +26,9 @@ pub struct Choice<'a> {
     pub entries: &'a [(u32, u32, u32)],
     /// The same for all independent velocities: step, entry, place in v_I.
     pub spread_entries: &'a [(u32, u32, u32)],
-    /// Does a column stand for the degrees of freedom of several clusters?
+    /// Whether a column stands for the degrees of freedom of several clusters.
     pub packed: bool,
-    /// Are there rows that depend on time?
+    /// Whether there are rows that depend on time.
     pub rheonomic: bool,
 }
 

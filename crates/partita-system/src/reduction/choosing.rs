@@ -66,7 +66,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         self.plan_with(t, independent, &rows)
     }
 
-    /// Are redundant rows chosen already?
+    /// Whether redundant rows have been chosen already.
     fn has_rows(&self) -> bool {
         self.rank > 0 && self.rank < self.size.rows && self.partition.rows.len() == self.rank
     }

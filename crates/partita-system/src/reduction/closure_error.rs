@@ -84,7 +84,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         moved.max(largest(self.b.iter().zip(&self.row_size).map(|(b, size)| b / size)))
     }
 
-    /// Does a step end with a drive or a function of the user's so far open that it left it, rather than drifted?
+    /// Whether at the end of a step a drive or a user function is violated by more than drift explains.
     ///
     /// # Errors
     /// `Jump`; a shorter step drifts less, and where none is short enough the condition itself jumps.

@@ -98,11 +98,11 @@ pub struct Reduction<'s, S: ConstrainedSystem> {
     row_size: Vec<f64>,
     /// Rows not kept, ascending.
     dropped: Vec<usize>,
-    /// Is this row not kept? Then nothing is closed by it.
+    /// Whether this row is not kept. Then nothing is closed by it.
     left_out: Vec<bool>,
-    /// Do velocities weigh by their characteristic displacements, whatever the masses?
+    /// Whether velocities weigh by their characteristic displacements, whatever the masses.
     weighs_displacements: bool,
-    /// Is M short of mass?
+    /// Whether M is singular because bodies are massless.
     lacks_mass: bool,
     /// Round-off of each row of Φ: what is left below it means nothing.
     noise: Vec<f64>,
@@ -269,7 +269,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
     pub fn is_dense(&self) -> bool {
         self.dense_only
     }
-    /// Do the accelerations come from a recursion over clusters?
+    /// Whether the accelerations come from a recursion over clusters.
     pub fn by_clusters(&self) -> bool {
         self.recursion.is_some()
     }

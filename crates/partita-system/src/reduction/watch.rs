@@ -117,7 +117,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         largest(self.phi.iter().zip(&self.left_out).filter(|x| !x.1).map(|x| *x.0))
     }
 
-    /// Are the rows kept zero up to their own round-off?
+    /// Whether the rows are kept zero up to their own round-off.
     pub fn is_closed(&self) -> bool {
         self.phi.iter().zip(&self.noise).zip(&self.left_out).all(|((x, n), left_out)| *left_out || x.abs() <= *n)
     }
@@ -393,7 +393,7 @@ impl Sides {
         self.choice
     }
 
-    /// Was C_D singular in between? Not distinguished from sides of another choice.
+    /// Whether C_D was singular in between. Not distinguished from sides of another choice.
     pub fn differ(&self, other: &Self) -> bool {
         if self.choice != other.choice {
             false

@@ -131,7 +131,7 @@ impl Crossing {
         (self.planned, self.unsigned, self.expected) = (None, None, None);
     }
 
-    /// Is a step of length h next to nothing? One that crosses a position has its stages too close to it.
+    /// Whether a step of length h is negligible. One that crosses a position has its stages too close to it.
     pub fn creeps(&self, h: f64) -> bool {
         self.planned.is_none() && h < Self::CREEPING * self.usual
     }
@@ -161,7 +161,7 @@ impl Crossing {
     }
 
     /// Look at the distance at the start of the next step and choose its length if a singular position lies ahead.
-    /// `probe` tells the distance so far ahead, by the same plan.
+    /// `probe` gives the distance that far ahead, by the same plan.
     pub fn foresee(
         &mut self,
         t: f64,

@@ -19,12 +19,13 @@ const CLEARLY_OPEN: f64 = 1e3;
 /// rounding.
 const SHORT_MOTION: f64 = 1e-3;
 
-/// Do the dropped rows agree with the kept ones at the start, and for a short time after it?
+/// Whether the dropped rows agree with the kept ones at the start, and for a short time after it.
 ///
 /// `longest` bounds that time.
 ///
 /// # Errors
-/// `Contradiction`, with who contradicts whom. Where nothing can be evaluated nothing is said: the run will tell.
+/// `Contradiction`, with who contradicts whom. Where the evaluation fails nothing is reported, because the run reports
+/// the failure.
 pub fn check<S: ConstrainedSystem>(
     system: &S,
     start: &Start,
@@ -124,7 +125,7 @@ impl Watch {
         self.gaps.raise(&self.trial_gaps);
     }
 
-    /// Do the dropped rows contradict the others at the end of the step that was looked at, (t, q, v)?
+    /// Whether the dropped rows contradict the others at the end of the step that was looked at, (t, q, v).
     ///
     /// # Errors
     /// `Contradiction`, with who contradicts whom.

@@ -93,14 +93,14 @@ fn said<S: ConstrainedSystem>(
     let names = |x: &[usize]| x.iter().map(|&i| system.velocity_name(i)).collect::<Vec<_>>().join(", ");
     let advice = match pivot >= SOUND && others != independent {
         true => format!(
-            "the mechanism itself stands in no singular position, {} would do: give those, or none, and take a formulation \
-             that switches coordinates in time (\"projective\")",
+            "the mechanism itself is not singular, and {} would serve: give those, or none, and use a formulation \
+             that switches coordinates (\"projective\")",
             names(&others)
         ),
         false => format!(
-            "other coordinates are hardly better, the mechanism itself is next to a singular position (the best choice leaves \
-             a scaled pivot of {pivot:.1e}); take formulation \"projective\", which steps over such positions, or start \
-             elsewhere"
+            "other coordinates are hardly better, the mechanism itself is next to a singular position (the best \
+             choice leaves a scaled pivot of {pivot:.1e}); use the formulation \"projective\", which steps over such \
+             positions, or start elsewhere"
         ),
     };
     SystemError::DeadPoint { coordinates: names(independent), t, seen, advice }

@@ -251,8 +251,8 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> TangentChoice<'s, S> for Eve
         history.notes.extend(self.rule.notes());
         if self.correction == Correction::None && self.base.r.rank() > 0 {
             history.notes.push(format!(
-                "the loops are not exactly closed, because \"{}\" was run without corrections: at the ends of steps |Phi| \
-                 reached {:.2e} and |C v + a| {:.2e}",
+                "the loops are not exactly closed because \"{}\" ran without corrections: at the ends of steps \
+                 |Phi| reached {:.2e} and |C v + a| {:.2e}",
                 self.rule.name(),
                 history.open.0,
                 history.open.1
@@ -287,7 +287,7 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> TangentClosing<'s, S> for Ev
             self.choose(t, q)?;
             self.base.switches += 1;
             self.base.evaluate(t, q, &v)?;
-            let reason = "corrections move other coordinates, those in use have become poor";
+            let reason = "corrections now move other coordinates, because those in use have become poor";
             self.base.log(t, q, &before, reason.into())?;
         }
         Ok(self.base.r.dependent_correction(dv))

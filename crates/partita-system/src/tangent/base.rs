@@ -34,7 +34,7 @@ impl<'s, S: ConstrainedSystem> Base<'s, S> {
         &self.events
     }
 
-    /// Is there no choice to make?
+    /// Whether there is no choice.
     pub(super) fn is_rigid_or_free(&self) -> bool {
         self.r.rank() == 0 || self.r.k() == 0
     }

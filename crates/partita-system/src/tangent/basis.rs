@@ -9,8 +9,8 @@ pub trait Basis: Send {
     fn name(&self) -> &'static str;
     /// S (k x n) from M (n x n) and the kept rows of C (r x n), each brought to length 1, at one position.
     ///
-    /// r + k = n; fewer than k rows come out where C loses rank. `last` is the basis that this one takes the place
-    /// of, for rules that go on from it.
+    /// r + k = n; fewer than k rows come out where C loses rank. `last` is the basis that this one replaces, for rules
+    /// that start from it.
     fn basis(&self, mass: &Matrix, c: &Matrix, last: Option<&Matrix>) -> Result<Matrix, FactorError>;
 }
 

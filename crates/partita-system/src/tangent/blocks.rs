@@ -83,19 +83,22 @@ impl<'s, S: ConstrainedSystem> Blocks<'s, S> {
             |&(i, phi): &(usize, &f64)| phi.is_nan() || phi.abs() > limit * r.system.row_displacement(i).unwrap_or(1.0);
         match r.phi.iter().enumerate().find(wide) {
             None => Ok(()),
-            Some((row, phi)) => Err(SystemError::argument("closing", format!(
-                "the explicit closing leaves {} open by {} at t = {t}; check the function that closes the loops, and that it \
-                 takes the branch of the start",
+            Some((row, phi)) => Err(SystemError::argument(
+                "closing",
+                format!(
+                "the explicit closing leaves a closure error of {1} in {0} at t = {t}; check the closing function, \
+                 and that it follows the branch of the initial state",
                 r.system.row_description(row),
                 formatted(*phi)
-            ))),
+            ),
+            )),
         }
     }
 
     /// What to say where two branches meet and the inputs lead no further: a dead point of theirs, or, where a drive
     /// leads, a limit of the block that meets its other branch first.
     pub fn undecided(&self, t: f64, q: &[f64]) -> SystemError {
-        self.at_dead_point(t, q, "would have to go over to its other branch, where it meets this one")
+        self.at_dead_point(t, q, "would have to change to its other branch, which meets this one here")
     }
 
     /// The same for the reason `seen` of the block with the smallest pivot.
@@ -239,7 +242,7 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Blocks<'s, S> {
         self.waited = 0;
         self.base.switches += 1;
         self.base.evaluate(t, q, v)?;
-        let reason = format!("{to} in the place of {from} as inputs: the volume of the choice grows by {growth:.3}");
+        let reason = format!("{to} replace {from} as inputs: the volume of the choice grows by {growth:.3}");
         self.base.log(t, q, &before, reason)?;
         Ok(true)
     }

@@ -26,8 +26,8 @@ pub fn check(selection: Selection, weights: Option<&[f64]>, window: Option<f64>)
         return refuse(
             "weights",
             format!(
-                "selection \"{name}\" compares plain entries of C and has no use for weights; leave them out, or take \
-             \"normalised-determinant\""
+                "selection \"{name}\" compares plain entries of C and uses no weights; omit them, or use \
+                 \"normalised-determinant\""
             ),
         );
     }
@@ -35,8 +35,8 @@ pub fn check(selection: Selection, weights: Option<&[f64]>, window: Option<f64>)
         (Selection::Persistence, None) => refuse(
             "window",
             format!(
-                "selection \"{name}\" needs a window, the time over which coordinates are to stay good: a turn of the \
-             machine, or some of its periods"
+                "selection \"{name}\" needs a window, the time over which the coordinates should remain good: one \
+                 turn of the machine, or several periods"
             ),
         ),
         (Selection::Persistence, Some(x)) if !(x > 0.0 && x.is_finite()) => {
@@ -46,8 +46,8 @@ pub fn check(selection: Selection, weights: Option<&[f64]>, window: Option<f64>)
         (_, Some(x)) => refuse(
             "window",
             format!(
-            "window = {x} s has no meaning for selection \"{name}\"; leave it out, or take selection \"persistence\""
-        ),
+                "window = {x} s has no meaning for selection \"{name}\"; omit it, or use selection \"persistence\""
+            ),
         ),
     }
 }
@@ -151,8 +151,8 @@ fn impossible<S: ConstrainedSystem>(
 
 /// Choose independent coordinates at `(t, q)` by a rule; persistence starts from the collective choice.
 ///
-/// Leaves the reduction at `(t, q)` with the tangent of the new partition; the answer tells whether the rule compared
-/// all partitions.
+/// Leaves the reduction at `(t, q)` with the tangent of the new partition; the result is whether the rule compared all
+/// partitions.
 ///
 /// # Errors
 /// `Choice` where the rule takes what cannot be independent; no other rule comes to its help.
@@ -232,7 +232,7 @@ impl Chooser {
     ) -> Result<String> {
         if fixed.is_some() {
             if self.selection != Selection::Collective {
-                let message = "independent coordinates were given, so no rule chooses any; give them or a selection";
+                let message = "independent coordinates and a selection were both given; give one of them";
                 return Err(SystemError::argument("selection", message.into()));
             }
             start::choose_partition(r, t, q, None, fixed)?;
@@ -323,8 +323,8 @@ impl Chooser {
             return e;
         }
         let reason = format!(
-            "C_D has become singular inside a step, its smallest scaled pivot {pivot:.1e} is below {limit:.0e}, while the \
-             mechanism itself stands in no singular position"
+            "C_D has become singular inside a step, its smallest scaled pivot {pivot:.1e} is below {limit:.0e}, \
+             although the mechanism itself is not singular"
         );
         impossible(r, t, self.selection, &r.partition.independent, reason)
     }
@@ -334,8 +334,8 @@ impl Chooser {
         match self.compared_all {
             true => Vec::new(),
             false => vec![format!(
-                "selection \"{}\": there are more than {} partitions; the largest determinant was looked for by switches, \
-                 and no single switch improves it",
+                "selection \"{}\": there are more than {} partitions; the largest determinant was searched by \
+                 switches, and no single switch improves it",
                 self.selection.name(),
                 volume::LARGEST_ENUMERATION
             )],

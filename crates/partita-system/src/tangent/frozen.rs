@@ -7,8 +7,8 @@
 //! Rows of the identity in S are a partition; a [`Basis`] provides others: `zero-eigenvalue`, `svd`, `qr`,
 //! `liang-lance`, `gram-schmidt`. All give the same accelerations as any other form; they differ in the velocities
 //! integrated, in cost and in how long a basis lasts. With S frozen its quality decays along the motion as that of a
-//! partition does, and the same number tells: √μ_S, the smallest principal cosine between span(Sᵀ), covectors
-//! measured by M⁻¹, and the tangent space.
+//! partition does, measured by the same number √μ_S, the smallest principal cosine between span(Sᵀ), covectors measured
+//! by M⁻¹, and the tangent space.
 //!
 //! [S; C] is solved for through the D of any partition: `D_Sᵀ = Dᵀ (S Dᵀ)⁻¹`, so `(S Dᵀ) v_I = u − S γ`, and v_I' (P3)
 //! gives `u' = S v'`. One elimination of C_D and one LU of S Dᵀ (k x k) per evaluation. Which partition is of no
@@ -140,7 +140,7 @@ impl<'s, S: ConstrainedSystem> Frozen<'s, S> {
         (0..k).for_each(|j| dense::cholesky_forward(mass.data(), n, half.row_mut(j)));
         let mut lower = half.matmul(&half.transpose()).into_vec();
         if dense::cholesky(&mut lower, k).is_err() {
-            return Err(failed(self.basis.name(), t, "its covectors depend on each other; take another rule"));
+            return Err(failed(self.basis.name(), t, "its covectors are linearly dependent; use another rule"));
         }
         // L⁻¹ S, column by column
         let mut columns = new.transpose();
@@ -200,9 +200,9 @@ impl<'s, S: ConstrainedSystem> Frozen<'s, S> {
             return Ok(());
         }
         let reason = format!(
-            "with the constraints it leaves a scaled pivot of {ratio:.2e} (limit {limit:.0e}) while the mechanism itself \
-             is regular: the motion has turned away from the directions it was frozen in; let it be renewed earlier (a larger \
-             renew, at most 1)"
+            "with the constraints it leaves a scaled pivot of {ratio:.2e} (limit {limit:.0e}) although the \
+             mechanism itself is regular: the motion has turned away from the frozen directions; renew them earlier \
+             (a larger renew, at most 1)"
         );
         Err(failed(self.basis.name(), t, &reason))
     }
@@ -287,13 +287,13 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Frozen<'s, S> {
     fn resume(&mut self, t: f64, q: &mut [f64], _v: &[f64]) -> Result<()> {
         let name = self.basis.name();
         let lasts = match self.renew {
-            Renew::EachStep => ", and made anew after each step, which is counted but not listed",
+            Renew::EachStep => ", and renewed after each step, which is counted but not listed",
             Renew::Below(_) => "",
         };
         self.freeze(t, q, |_| {
             format!(
-                "tangent basis \"{name}\" frozen: its velocities are integrated; named is the best choice of coordinates at \
-                 this time{lasts}"
+                "tangent basis \"{name}\" frozen: its velocities are integrated; listed is the best choice of \
+                 coordinates at this time{lasts}"
             )
         })
     }
@@ -333,8 +333,8 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Frozen<'s, S> {
             return self.follow(t, q, v);
         }
         let why = match why {
-            Occasion::Decayed => "it had decayed along the motion",
-            Occasion::Spoilt => "it went bad inside the step, which is repeated",
+            Occasion::Decayed => "its quality had decayed",
+            Occasion::Spoilt => "it became poor within the step, which is repeated",
             Occasion::Positions(why) => why,
         };
         let (before, name) = (self.quality_here(t, q).map_or(0.0, |now| now.sqrt_mu), self.basis.name());
@@ -385,7 +385,7 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Frozen<'s, S> {
             .push(format!("tangent basis \"{}\": frozen at the start and {renewed}{quality}", self.basis.name()));
         if self.kept > 0 {
             history.notes.push(format!(
-                "{} times no new tangent basis could be had (next to a singular position) and the old one was kept",
+                "{} times no new tangent basis was found (next to a singular position) and the old one was kept",
                 self.kept
             ));
         }
@@ -414,7 +414,7 @@ impl<'s, S: ConstrainedSystem> TangentClosing<'s, S> for Frozen<'s, S> {
     }
 }
 
-/// M, or the metric beside it, and S of a rule that goes on from `last`, at `(t, q)`, the point where the velocity
+/// M, or the metric beside it, and S of a rule that starts from `last`, at `(t, q)`, the point where the velocity
 /// level of r was last evaluated.
 fn made<S: ConstrainedSystem>(
     basis: &dyn Basis,
@@ -436,7 +436,7 @@ fn made<S: ConstrainedSystem>(
         FactorError::NotFinite => {
             SystemError::NotFinite { what: "the mass matrix or the constraint Jacobian".into(), t }
         }
-        other => failed(basis.name(), t, &format!("it could not be computed ({other}); take another rule")),
+        other => failed(basis.name(), t, &format!("it could not be computed ({other}); use another rule")),
     })?;
     if (new.rows(), new.cols()) != (k, n) {
         return Err(SystemError::Singular { t, pivot: 0.0, limit: tolerance::SINGULAR_PIVOT });

@@ -23,8 +23,8 @@ pub struct Describer<'s, S: ConstrainedSystem> {
 }
 
 impl<'s, S: ConstrainedSystem> Describer<'s, S> {
-    /// For a system of the given rank; takes no memory before it is asked. `dense`: with D and M_d in full, for those
-    /// whose quality is told by them.
+    /// For a system of the given rank; allocates memory at the first use. `dense`: with full D and M_d, for a basis
+    /// whose quality is computed from them.
     pub fn new(system: impl Into<SystemRef<'s, S>>, rank: usize, dense: bool) -> Self {
         Self { system: system.into(), rank, dense, probe: None }
     }
@@ -63,7 +63,7 @@ pub fn describe<S: ConstrainedSystem>(
     out.v.clone_from(&at.v);
     out.note = None;
     let why = match at.singular {
-        true => "the mechanism stands in a singular position".into(),
+        true => "the mechanism is at a singular position".into(),
         false => match choose(r, t, q, independent).and_then(|()| levels(r, t, q, v, out)) {
             Ok(()) => return Ok(true),
             Err(e @ (SystemError::Singular { .. } | SystemError::Choice { .. })) => e.to_string(),
@@ -97,7 +97,7 @@ fn choose<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &[f64], indepen
     }
 }
 
-/// Of redundant rows others, where they have become better.
+/// Replace redundant rows by others that have become better.
 fn serving_rows<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64) -> Result<()> {
     if r.rank() < r.size().rows && (r.factor(t).is_err() || r.rows_fade()) {
         r.renew_rows(t)?;
@@ -185,7 +185,7 @@ pub(super) fn quality_of_selector<S: ConstrainedSystem>(
 /// exactly.
 pub(super) fn quality_of_tangent<S: ConstrainedSystem>(r: &Reduction<S>, dt: &[f64]) -> Quality {
     let k = r.k();
-    // the rows of the independent velocities tell how the one basis follows from the other: Dᵀ = D_Iᵀ T
+    // the rows of the independent velocities relate the two bases: Dᵀ = D_Iᵀ T
     let t = Matrix::from_vec(
         k,
         k,

@@ -89,7 +89,7 @@ pub trait TangentChoice<'s, S: ConstrainedSystem + 's>: TangentLevels<'s, S> {
     }
     /// The first choice, at the closed (t, q).
     fn start(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<()>;
-    /// A choice at a position that was passed already, to go on from there.
+    /// A choice at an earlier position, from which the integration continues.
     fn resume(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<()> {
         self.start(t, q, v)
     }
@@ -150,12 +150,12 @@ pub trait TangentClosing<'s, S: ConstrainedSystem + 's> {
     fn margin(&mut self) -> Option<(f64, u64)> {
         None
     }
-    /// Are all velocities states of their own, from which what is open of S4 is removed after a step?
+    /// Whether all velocities are states, from which the residual of S4 is removed after a step.
     fn integrates_velocities(&self) -> bool {
         false
     }
-    /// Distance from a singular position at the last evaluation, as [`margin`](Self::margin) tells it, where conditions
-    /// are left open and nothing is paced by it.
+    /// Distance from a singular position at the last evaluation, as given by [`margin`](Self::margin), where
+    /// constraints are not closed and the step length does not depend on it.
     fn distance_of_drift(&mut self) -> Option<f64> {
         None
     }

@@ -124,7 +124,7 @@ impl<'s, S: ConstrainedSystem> Chosen<'s, S> {
         Ok(())
     }
 
-    /// Does the choice stay as it is?
+    /// Whether the choice is fixed.
     fn stays(&self) -> bool {
         self.options.independent.is_some() || self.base.is_rigid_or_free()
     }
@@ -152,7 +152,7 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Chosen<'s, S> {
     fn resume(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<()> {
         self.start(t, q, v)?;
         if let Some(event) = self.base.events.last_mut() {
-            event.reason = "gone back to this time, to cross a singular position from farther away".into();
+            event.reason = "returned to this time to cross a singular position from farther away".into();
         }
         Ok(())
     }
@@ -199,7 +199,7 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Chosen<'s, S> {
         } else {
             let pairs = self.best_switches(tolerance::LEAST_SWITCH_GAIN);
             if !pairs.is_empty() {
-                self.switch(t, q, &pairs, |_| "the old choice went bad inside the step, which is repeated".into())?;
+                self.switch(t, q, &pairs, |_| "the old choice became poor within the step, which is repeated".into())?;
             }
         }
         Ok(self.base.switches > before)

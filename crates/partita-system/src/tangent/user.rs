@@ -1,9 +1,9 @@
 //! Tangent velocities of the user: `v = Dᵀ(t, q) u + γ(t, q)` in closed form, found by inspection or by a symbolic program.
 //!
-//! `M_d u' = D (h − M δ)` with `δ = (dDᵀ/dt) u + γ'` from the user, or by central differences of the sixth order along the
-//! motion. States (q, u): coordinates by S2. Nothing is factored but M_d, so an evaluation costs the products with D alone;
-//! prefer it for fixed simple mechanisms whose tangent is known. What is handed over is held against the constraints at the
-//! start: C Dᵀ = 0, C γ + a = 0, C δ + b = 0, and v within the span.
+//! `M_d u' = D (h − M δ)` with `δ = (dDᵀ/dt) u + γ'` from the user, or by central differences of the sixth order along
+//! the motion. States (q, u): coordinates by S2. Nothing is factored but M_d, so an evaluation costs the products with
+//! D alone; prefer it for fixed simple mechanisms whose tangent is known. The user's functions are checked against the
+//! constraints at the start: C Dᵀ = 0, C γ + a = 0, C δ + b = 0, and v within the span.
 //!
 //! Drift of positions is removed by the least move in the mass metric (33) whichever correction is asked for: there are no
 //! coordinates that could stay untouched. Angles keep their whole turns: the user's functions may count them.
@@ -21,8 +21,8 @@ use partita_math::dense::{self, Matrix};
 use partita_math::tolerance;
 use std::sync::Arc;
 
-/// Products with C at the start may miss zero by this. Scale: their natural size. Reason: what formulas with a few
-/// hundred operations and a position closed to 1e-12 leave, and far below any wrong sign.
+/// Allowed deviation from zero of products with C at the start. Scale: their natural size. Reason: what formulas with a
+/// few hundred operations and a position closed to 1e-12 leave, and far below any wrong sign.
 const TANGENT_FITS: f64 = 1e-8;
 /// Half-width of the difference formula. Unit: large moves of the fastest velocity. Reason: the sixth power is far
 /// below round-off.
@@ -90,8 +90,8 @@ impl<'s, S: ConstrainedSystem> Given<'s, S> {
                 name: "user-tangent".into(),
                 t,
                 reason: format!(
-                    "its velocities depend on each other, or {} moves without inertia (pivot {pivot:.2e} of the reduced \
-                     mass matrix); take others for this part of the motion",
+                    "its velocities are linearly dependent, or {} moves without inertia (pivot {pivot:.2e} of the \
+                     reduced mass matrix); use others for this part of the motion",
                     without_inertia(r)
                 ),
             },
@@ -177,21 +177,27 @@ impl<'s, S: ConstrainedSystem> Given<'s, S> {
             for j in 0..k {
                 let (sum, size) = self.along(row, |i| self.base.r.dt[i * k + j]);
                 if sum.abs() > TANGENT_FITS * size {
-                    return Err(SystemError::argument("tangent", format!(
-                        "tangent velocity {j} breaks {}: C D^T is {sum:.3e} there (of {size:.3e}) instead of 0; check column {j} \
-                         of the tangent and the position it is meant for",
-                        words()
-                    )));
+                    return Err(SystemError::argument(
+                        "tangent",
+                        format!(
+                            "tangent velocity {j} violates {}: C D^T is {sum:.3e} there (of {size:.3e}) instead of 0; \
+                         check column {j} of the tangent and the position at which it is evaluated",
+                            words()
+                        ),
+                    ));
                 }
             }
             let (sum, size) = self.along(row, |i| self.base.r.gamma[i]);
             let (left, size) = (sum + self.base.r.a[row], size + self.base.r.a[row].abs());
             if left.abs() > TANGENT_FITS * size {
-                return Err(SystemError::argument("tangent", format!(
-                    "the offset of the tangent velocities breaks {}: C gamma + a is {left:.3e} there (of {size:.3e}) instead of \
-                     0; hand over offset(t, q) for constraints that move with time",
-                    words()
-                )));
+                return Err(SystemError::argument(
+                    "tangent",
+                    format!(
+                        "the offset of the tangent velocities violates {}: C gamma + a is {left:.3e} there (of \
+                     {size:.3e}) instead of 0; give offset(t, q) for time-dependent constraints",
+                        words()
+                    ),
+                ));
             }
         }
         Ok(())
@@ -206,11 +212,14 @@ impl<'s, S: ConstrainedSystem> Given<'s, S> {
             // where the terms vanish by chance: what a velocity changing at the rate of the motion would give
             let size = size + self.base.r.b[row].abs() + self.along(row, |i| self.base.r.v[i]).1 * rate;
             if left.abs() > tolerance::EQUAL_IN_SIX_DIGITS * size {
-                return Err(SystemError::argument("tangent", format!(
-                    "the bias of the tangent velocities breaks {}: C delta + b is {left:.3e} there (of {size:.3e}) instead of 0; \
-                     check bias(t, q, v), or leave it out to have it found by differences",
-                    self.base.r.system.row_description(row)
-                )));
+                return Err(SystemError::argument(
+                    "tangent",
+                    format!(
+                        "the bias of the tangent velocities violates {}: C delta + b is {left:.3e} there (of \
+                     {size:.3e}) instead of 0; check bias(t, q, v), or omit it, and finite differences are used",
+                        self.base.r.system.row_description(row)
+                    ),
+                ));
             }
         }
         Ok(())
@@ -229,10 +238,13 @@ impl<'s, S: ConstrainedSystem> Given<'s, S> {
         let sigma = quality_of_exact(&md, k).sigma;
         let least = tolerance::DEPENDENT;
         if sigma < least || dense::cholesky(&mut md, k).is_err() {
-            return Err(SystemError::argument("tangent", format!(
-                "the {k} tangent velocities depend on each other at the start (sigma = {sigma:.1e}, at least {least:.0e} is \
-                 needed); the columns of the tangent must span all {k} degrees of freedom"
-            )));
+            return Err(SystemError::argument(
+                "tangent",
+                format!(
+                    "the {k} tangent velocities are linearly dependent at the start (sigma = {sigma:.1e}, at least \
+                 {least:.0e} is needed); the columns of the tangent must span all {k} degrees of freedom"
+                ),
+            ));
         }
         let rest: Vec<f64> = v.iter().zip(&self.base.r.gamma).map(|(v, g)| v - g).collect();
         let mut u = d.transpose().matvec(&mass.matvec(&rest));
@@ -241,10 +253,13 @@ impl<'s, S: ConstrainedSystem> Given<'s, S> {
         let length = |x: &[f64]| dense::dot(&mass.matvec(x), x).max(0.0).sqrt();
         let (off, size) = (length(&off), length(v) + length(&self.base.r.gamma));
         if off > tolerance::EQUAL_IN_SIX_DIGITS * size {
-            return Err(SystemError::argument("tangent", format!(
-                "the initial velocities are no combination of the tangent velocities: {off:.3e} of {size:.3e} is left over (in the \
-                 mass metric); start with velocities that satisfy the constraints"
-            )));
+            return Err(SystemError::argument(
+                "tangent",
+                format!(
+                    "the initial velocities are not a combination of the tangent velocities: {off:.3e} of {size:.3e} \
+                 remains (mass metric); start with velocities that satisfy the constraints"
+                ),
+            ));
         }
         Ok(u)
     }
@@ -257,7 +272,7 @@ impl<'s, S: ConstrainedSystem> TangentLevels<'s, S> for Given<'s, S> {
     fn base_mut(&mut self) -> &mut Base<'s, S> {
         &mut self.base
     }
-    /// The u that was fitted to the start; there is no other choice later.
+    /// The u fitted to the initial state; it does not change later.
     fn select(&mut self, _v: &[f64], u: &mut [f64]) {
         u.copy_from_slice(&self.first);
     }
@@ -280,7 +295,7 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Given<'s, S> {
         self.levels(t, q, &u)?;
         self.check_bias()?;
         self.first = u;
-        let (r, named) = (&self.base.r, "named is the best choice of coordinates at this time");
+        let (r, named) = (&self.base.r, "listed is the best choice of coordinates at this time");
         let reason = format!("the user's tangent velocities are integrated; {named}");
         let (p, quality) = (&r.partition, quality_of_exact(&r.md, r.k()));
         self.base.events = vec![PartitionEvent::new(t, &p.independent, &p.independent, &p.dependent, reason, quality)];
@@ -301,8 +316,8 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Given<'s, S> {
     fn report(&self, history: &mut History) {
         if self.differences > 0 {
             history.notes.push(format!(
-                "the bias of the user's tangent velocities was found by differences along the motion ({} times); their fourth and \
-                 sixth order disagree by {:.1e} of its size at most",
+                "the bias of the user's tangent velocities was computed by finite differences along the motion ({} \
+                 times); the fourth and sixth order differ by at most {:.1e} of its size",
                 self.differences, self.worst
             ));
         }

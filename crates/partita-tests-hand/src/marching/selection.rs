@@ -245,8 +245,9 @@ fn contradictions_are_refused() {
     let weights = Some(vec![1.0; 9]);
     assert!(refusal(FormulationOptions { selection: Selection::Determinant, weights, ..d() }).contains("weights"));
     let fixed = Some(vec![2]);
-    assert!(refusal(FormulationOptions { selection: Selection::Greedy, independent: fixed, ..d() })
-        .contains("no rule chooses"));
+    assert!(
+        refusal(FormulationOptions { selection: Selection::Greedy, independent: fixed, ..d() }).contains("both given")
+    );
 }
 
 /// A point on a circle beside three carts coupled rigidly, without forces.
@@ -309,7 +310,7 @@ fn an_impossible_choice_ends_the_run_by_name() {
             simulate(&mut f, 0.0, &q, &v, &[20.0], &settings, &mut keep, &mut |_| ControlFlow::Continue(())).unwrap();
         if selection == Selection::Individual {
             assert_eq!(outcome.status, Status::EvaluationFailed);
-            assert!(outcome.message.contains("selection \"individual\" takes x, y"), "{}", outcome.message);
+            assert!(outcome.message.contains("selection \"individual\" chooses x, y"), "{}", outcome.message);
             assert!(outcome.t < 1.5 && matches!(outcome.error, Some(SystemError::Choice { .. })));
             continue;
         }

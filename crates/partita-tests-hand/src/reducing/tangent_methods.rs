@@ -531,7 +531,7 @@ fn tangent_velocities_of_the_user() {
         let mut bad = good.clone();
         bad.dt[off * k] += 10.0 * k as f64 * scales[off];
         let words = start(&bad, v).err().unwrap().to_string();
-        assert!(words.contains("tangent velocity 0 breaks constraint"), "{words}");
+        assert!(words.contains("tangent velocity 0 violates constraint"), "{words}");
         let mut bad = good.clone();
         bad.gamma[off] += scales[off];
         let words = start(&bad, v).err().unwrap().to_string();
@@ -544,12 +544,12 @@ fn tangent_velocities_of_the_user() {
         let mut wrong = v.to_vec();
         wrong[off] += scales[off];
         let words = start(&good, &wrong).err().unwrap().to_string();
-        assert!(words.contains("no combination"), "{words}");
+        assert!(words.contains("not a combination"), "{words}");
         if k > 1 {
             let mut bad = good.clone();
             (0..n).for_each(|i| bad.dt[i * k + 1] = bad.dt[i * k]);
             let words = start(&bad, v).err().unwrap().to_string();
-            assert!(words.contains("depend on each other"), "{words}");
+            assert!(words.contains("linearly dependent"), "{words}");
         }
         let mut bad = good.clone();
         bad.dt[off * k] = f64::NAN;

@@ -233,7 +233,7 @@ fn a_fixed_crank_stops_at_its_limit() {
             match outcome.error {
                 // which coordinate stands, at which block, and what else would do
                 Some(SystemError::DeadPoint { coordinates, seen, advice, t }) => {
-                    assert!(coordinates == "A" && advice.contains("D would do"), "{coordinates}: {advice}");
+                    assert!(coordinates == "A" && advice.contains("D would serve"), "{coordinates}: {advice}");
                     assert!(rule != "explicit-closing" || seen.contains("RRR dyad"), "{seen}");
                     assert!(t > 0.0 && t < 1.0, "{t}");
                 }

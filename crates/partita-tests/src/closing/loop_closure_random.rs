@@ -92,7 +92,7 @@ fn conditions_on_rates_are_refused() {
     let wishes = Wishes { planar: true, bound: true, drives: false };
     on_coupled_mechanisms(75, 4, wishes, &[7, 8], |_, model, m| {
         let refused = model.loop_closing(m.t, &m.q, None).err().unwrap().to_string();
-        assert!(refused.contains("holds rates alone") && refused.contains("projective"), "{refused}");
+        assert!(refused.contains("constrains rates only") && refused.contains("projective"), "{refused}");
     });
 }
 

@@ -103,7 +103,7 @@ fn the_largest_measures_are_collectively_singular() {
     }
     // the pose is given with sixteen digits, so what should be singular is so to round-off
     let refused = start::choose_partition(&mut r, 0.0, &q, None, Some(&top)).unwrap_err().to_string();
-    assert!(refused.contains("cannot be independent here") && refused.contains(" would do"), "{refused}");
+    assert!(refused.contains("cannot be independent here") && refused.contains(" would serve"), "{refused}");
     // the rule itself says so, and no other comes to its help
     let refused = chooser::choose_by(&mut r, 0.0, &q, Selection::Individual, None).unwrap_err();
     assert!(matches!(refused, SystemError::Choice { rule: "individual", .. }), "{refused}");

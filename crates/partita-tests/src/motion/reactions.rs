@@ -39,7 +39,7 @@ fn every_body_is_in_balance() {
     for planar in [false, true] {
         on_random_mechanisms(21, COUNT, Wishes { planar, ..ALL }, |_, model, m| {
             let r = reactions(model, m);
-            // what any joint of the project is held to; here round-off times the condition of C_D would do
+            // what any joint of the project is held to; here round-off times the condition of C_D would serve
             assert!(r.residual < 1e-9, "{:e}", r.residual);
         });
     }

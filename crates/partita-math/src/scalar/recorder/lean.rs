@@ -174,8 +174,8 @@ impl Recording {
     /// The same function in fewer operations: equal ones once, sums with 0 and products with 0 and 1 left out, and what
     /// no output asks for.
     ///
-    /// Where all numbers on the way are finite, the outputs are those of the recording to the bit, but for the sign of a
-    /// zero.
+    /// If all intermediate numbers are finite, the outputs are those of the recording bit by bit, except for the sign
+    /// of a zero.
     pub fn lean(&self) -> Self {
         let mut numbered = Numbered::default();
         let mut places: Vec<u32> = Vec::with_capacity(self.operations.len());

@@ -13,7 +13,7 @@ use std::f64::consts::TAU;
 pub struct Curve {
     /// The curve.
     pub curve: Table,
-    /// Does it repeat itself after its last break?
+    /// Whether it is periodic.
     pub periodic: bool,
 }
 
@@ -27,7 +27,7 @@ impl<S: Scalar> ScalarLaw<S> for Curve {
     }
 }
 
-/// Is a periodic curve the same after a whole turn?
+/// Whether a periodic curve repeats after a whole turn.
 fn each_turn(curve: &Table) -> bool {
     let (Some(first), Some(last)) = (curve.breaks.first(), curve.breaks.last()) else { return true };
     let times = TAU / (last - first);

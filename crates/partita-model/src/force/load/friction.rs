@@ -30,7 +30,7 @@ pub struct Friction<S> {
 pub struct Bearing<S> {
     /// Coefficient while it slides.
     pub coefficient: S,
-    /// Coefficient to be overcome.
+    /// Static coefficient.
     pub held: S,
     /// Where a turn slides; on a slide, the arm that holds it from turning.
     pub radius: Option<S>,

@@ -60,11 +60,11 @@ pub(crate) struct Response<S> {
 pub(crate) trait ScalarLaw<S: Scalar> {
     /// The effort and its energies. `plain` is memory for arguments of functions known in `f64` alone.
     fn respond(&self, asked: &Asked<S>, plain: &mut Vec<f64>) -> Result<Response<S>, SystemError>;
-    /// Does it do work that no potential accounts for?
+    /// Whether it does non-conservative work.
     fn is_dissipative(&self) -> bool {
         true
     }
-    /// Does the value matter to it, whole turns of an angle included?
+    /// Whether it depends on the value, including whole turns of an angle.
     fn depends_on_value(&self) -> bool {
         true
     }
@@ -264,7 +264,7 @@ impl<G: Space> Load<G> {
         Some((G::dot_ang(unit.moment, on.moment) + G::dot(unit.force, on.force)) / size)
     }
 
-    /// Does it do work that no potential accounts for?
+    /// Whether it does non-conservative work.
     pub fn is_dissipative(&self) -> bool {
         self.law.as_law().is_dissipative()
     }
@@ -308,8 +308,8 @@ impl<G: Space> Maker<'_, G> {
         let turns = law.as_law().turns().filter(|_| over.as_deref().unwrap_or(&along).wraps);
         if let Some(why) = turns.and_then(|(middle, within)| unknown_turns(middle, within)) {
             let m = format!(
-                "the angle of joint \"{joint}\", which is cut, is read off the pose up to full turns, and \
-                 {why}; keep the joint in the tree (cut=\"never\", relative coordinates)"
+                "the angle of the cut joint \"{joint}\" is measured from the pose, without full turns, and {why}; \
+                 keep the joint in the tree (cut=\"never\", relative coordinates)"
             );
             return Err(DescriptionError::new("force", name, m));
         }
@@ -329,9 +329,10 @@ impl<G: Space> Maker<'_, G> {
 fn unknown_turns<S: Scalar>(middle: S, within: f64) -> Option<String> {
     match middle.outside(-PI, PI) {
         Some(middle) => Some(format!("{middle:.3} rad is more than half a turn from the drawing")),
-        None if within >= PI => {
-            Some(format!("ends {:.3} rad apart cannot be told from ends a turn closer", 2.0 * (2.0 * within - PI)))
-        }
+        None if within >= PI => Some(format!(
+            "stops {:.3} rad apart cannot be distinguished from stops one turn closer",
+            2.0 * (2.0 * within - PI)
+        )),
         None => None,
     }
 }

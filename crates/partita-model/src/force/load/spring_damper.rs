@@ -16,7 +16,7 @@ pub struct SpringDamper<S> {
     pub damping: S,
     /// Free position.
     pub free: S,
-    /// Has it a damper?
+    /// Whether it has a damper.
     pub damped: bool,
 }
 

@@ -91,7 +91,7 @@ impl Drawing {
     }
 }
 
-/// Are lengths of one block off that are nearly alike, by more than rounding? Blocks in which nothing is sought are not
+/// Whether nearly equal lengths of a block differ by more than rounding. Blocks in which nothing is sought are not
 /// asked:
 /// what is alike grows with the third power of the axes in one line.
 pub(super) fn is_unlike(model: &Model, tolerance: f64) -> bool {

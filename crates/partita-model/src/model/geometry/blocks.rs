@@ -58,7 +58,7 @@ pub(super) struct Block {
     pub(super) joints: Vec<usize>,
     /// The mechanism of these loops alone.
     pub(super) spec: Spec,
-    /// Has it degrees of freedom as a whole? Then it is not seen from any of its bodies.
+    /// Whether it has degrees of freedom as a whole. Then it is not seen from any of its bodies.
     pub(super) floats: bool,
     /// The body that it is seen from, if that is not the ground.
     pub(super) base: Option<String>,

@@ -27,7 +27,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
         format!("assemble(rates={{{}}})", all.join(", "))
     }
 
-    /// The rates do not tell between branches.
+    /// The rates do not select a branch.
     pub(super) fn which(&self, asked: &[Asked]) -> String {
         if self.k == 1 {
             let branch_directions: Vec<String> = self
@@ -37,13 +37,15 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
                 .filter_map(|plane| self.on_plane(plane))
                 .map(|(base, _)| self.written(&base))
                 .collect();
-            return format!("the drives leave it two ways, tell which: {}", branch_directions.join(" or "));
+            return format!(
+                "two branches agree with the drives; select one of them: {}",
+                branch_directions.join(" or ")
+            );
         }
         match asked.is_empty() {
             true => REST.into(),
             false => format!(
-                "the rates {} are had on more than one branch; give the rate of one more joint, and it starts on the branch \
-                 that they single out",
+                "the rates {} belong to more than one branch; give the rate of one more joint to select a branch",
                 self.asked_rates(asked)
             ),
         }
@@ -53,7 +55,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
         let of: Vec<String> =
             asked.iter().take(WRITTEN).map(|x| format!("{} = {}", x.name, formatted(self.read(x, nearest)))).collect();
         format!(
-            "the rates {} lie on no branch; on the nearest one {}: {}",
+            "the rates {} belong to no branch; on the nearest one {}: {}",
             self.asked_rates(asked),
             of.join(", "),
             self.written(nearest)
@@ -89,8 +91,8 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
         if self.driven && off.abs() > BESIDE_DEAD_CENTRE * fastest {
             let (what, speed) = (self.system.row_owner(row), self.drive_speed(row));
             return Some(format!(
-                "{what} asks for {speed} at t = {}, and nothing moves at that rate here: in a dead centre the rate has to \
-                 be 0, and the course to bend inwards",
+                "{what} prescribes {speed} at t = {}, which is impossible at a dead centre: there the rate must be \
+                 0 and the acceleration must point inwards",
                 self.t
             ));
         }
@@ -103,16 +105,16 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
         let (rest, whose) = (self.form[(self.k, self.k)].abs(), self.system.row_owner(row));
         if significant.len() < 2 && rest <= SECOND_RATE_ROUNDING * top {
             return Some(
-                "to second order the drives stand still here, and which way the joints go on is decided by higher orders, \
-                 that are not looked at; let the course begin with an acceleration inwards"
+                "to second order the drives stand still here, so the branch depends on higher orders, which are not \
+                 evaluated; let the prescribed motion begin with an acceleration inwards"
                     .to_owned(),
             );
         }
         let one_sign = significant.iter().all(|x| x * significant[0] > 0.0);
         one_sign.then(|| {
             format!(
-                "to second order the drives ask for what the joints cannot follow at t = {} ({whose}): the course bends \
-                 outwards, where nothing can go; let it bend inwards",
+                "at t = {} the drives prescribe an acceleration outwards ({whose}), which the joints cannot follow; \
+                 let it point inwards",
                 self.t
             )
         })
@@ -125,7 +127,5 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
 }
 
 pub(super) const REST: &str =
-    "at rest nothing says which way it goes; with rates that only one branch has, as in assemble(rates=...), it \
-                    starts along that branch";
-pub(super) const TOUCH: &str =
-    "these rates lie where branches touch, and the motion from there is not unique to second order";
+    "at rest the branch is undetermined; give rates that belong to one branch only, as in assemble(rates=...)";
+pub(super) const TOUCH: &str = "at these rates branches touch, so the motion is not unique to second order";

@@ -24,10 +24,11 @@ impl Stabilised {
     /// Numbers that are missing, or that drive the loops apart.
     pub fn new(n: usize, m: usize, r: usize, numbers: Option<(f64, f64)>) -> Result<Self, SystemError> {
         let Some((alpha, beta)) = numbers else {
-            return Err(SystemError::argument("baumgarte",
-                "\"baumgarte\" needs its two numbers, baumgarte = (alpha, beta) in 1/s: they have no default because the \
-                 right ones depend on the mechanism, on its speed and on the step (too small: the loops drift open, too \
-                 large: the equations become stiff); the other formulations close the loops without them"
+            return Err(SystemError::argument(
+                "baumgarte",
+                "\"baumgarte\" needs its two numbers, baumgarte = (alpha, beta) in 1/s: they have no default, \
+                 because suitable values depend on the mechanism, its speed and the step (too small: the constraints \
+                 drift; too large: the equations become stiff); other formulations need no such numbers"
                     .into(),
             ));
         };
@@ -36,9 +37,7 @@ impl Stabilised {
         {
             return Err(SystemError::argument(
                 "baumgarte",
-                format!(
-                    "baumgarte: {name} = {x} 1/s; it must be finite and not negative, or the loops are driven apart"
-                ),
+                format!("baumgarte: {name} = {x} 1/s; it must be finite and not negative"),
             ));
         }
         Ok(Self { alpha, beta, saddle: Saddle::new(n, r), b: vec![0.0; m] })

@@ -93,7 +93,7 @@ pub enum Failure {
 pub trait AccelerationRule {
     /// Name used in results and messages.
     fn name(&self) -> &'static str;
-    /// Can it take rows that are combinations of others? Then it is given all of them.
+    /// Whether it can take rows that are combinations of others. Then it is given all of them.
     fn takes_all_rows(&self) -> bool {
         false
     }

@@ -39,7 +39,7 @@ pub struct Iteration {
     x: Vec<f64>,
     change: Vec<f64>,
     step: Vec<f64>,
-    /// Are there rows that others imply?
+    /// Whether there are rows that others imply.
     redundant: bool,
     unsettled: u64,
     largest: f64,
@@ -128,9 +128,9 @@ impl AccelerationRule for Iteration {
             return Vec::new();
         }
         vec![format!(
-            "the proximal iteration did not settle within {MOST} iterations in {} evaluations (last change up to {:.1e} of \
-             the acceleration): the rows of the constraints were nearly dependent there, as at a singular position of the \
-             mechanism, and the accelerations are those of slightly softened constraints",
+            "the proximal iteration did not settle within {MOST} iterations in {} evaluations (last change up to \
+             {:.1e} of the acceleration): the constraint rows were nearly dependent there, as at a singular \
+             position, and the accelerations are those of slightly relaxed constraints",
             self.unsettled, self.largest
         )]
     }

@@ -25,7 +25,10 @@ fn read<S: ConstrainedSystem>(system: &S, targets: &[(usize, f64)]) -> Result<Ve
         let Some(velocity) = system.velocity_of_coordinate(coordinate) else {
             return Err(SystemError::argument(
                 "targets",
-                format!("coordinate {coordinate} of a turn in space cannot be a target by itself"),
+                format!(
+                    "coordinate {coordinate} is one component of a spatial rotation and cannot be a target by \
+                    itself"
+                ),
             ));
         };
         if !value.is_finite() {
@@ -118,7 +121,7 @@ pub fn move_to<S: ConstrainedSystem>(
     Ok(report)
 }
 
-/// Why the walk ends at q: what was reached, and how open the loops are at the targets themselves.
+/// Why the continuation ends at q: what was reached, and the closure error at the targets themselves.
 fn resisted<S: ConstrainedSystem>(
     rows: &mut LeastChange<S>,
     q: &[f64],
@@ -135,9 +138,9 @@ fn resisted<S: ConstrainedSystem>(
     let last = manifold::close(rows, &mut there, &nearly(tolerance), &mut Room::default())?;
     report.iterations += last.iterations;
     let advice = if last.is_closed() {
-        "another branch closes there, but no motion leads to it from here; give `near` on that branch"
+        "the loops close there on another branch, but no motion leads to it from here; give `near` on that branch"
     } else {
-        "the loops do not let it go further; ask for less"
+        "the loops do not allow more; choose a nearer target"
     };
     Ok(messages::open(rows, report, tolerance, &format!("{}: {advice}", reached.join(", "))))
 }

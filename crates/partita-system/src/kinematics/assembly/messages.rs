@@ -56,12 +56,12 @@ pub(super) fn refused<S: ConstrainedSystem>(
     if let (Some(&row), true) = (turned.first(), endings.contains(&Ending::TurnedOver)) {
         let words = s.system.row_description(row);
         let advice = format!(
-            "all of {} starts close {words} the wrong way round, its axes pointing backwards; draw {} nearer to where it \
-             closes, or turn its axis on one of its bodies",
+            "all {} starts close {words} with its axes opposed; place {} nearer to the closed position, or reverse \
+             its axis on one of its bodies",
             report.restarts + 1,
             closed_loop(d, row)
         );
-        let over = turned.iter().map(|&i| format!("{} the wrong way round", s.system.row_description(i)));
+        let over = turned.iter().map(|&i| format!("{} with opposed axes", s.system.row_description(i)));
         let mut loops: Vec<String> = over.collect();
         loops.extend(Some(open_rows(d, tolerance)).filter(|x| !x.is_empty()));
         return stopped(d, report, tolerance, (some(&loops), &advice));
@@ -69,8 +69,8 @@ pub(super) fn refused<S: ConstrainedSystem>(
     let Some(row) = of(Ending::AtRest) else {
         let farthest = of(Ending::Unfinished).map_or_else(String::new, |i| closed_loop(d, i));
         let advice = format!(
-            "none of {} starts came to rest, so this says nothing of the lengths; draw {farthest} nearer to where it closes, \
-             or start from a state in which it does",
+            "none of {} starts converged, so the lengths may be right; place {farthest} nearer to the closed \
+             position, or start from a closed state",
             report.restarts + 1
         );
         return open(d, report, tolerance, &advice);
