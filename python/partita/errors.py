@@ -179,7 +179,7 @@ class DerivativeError(PartitaError, ValueError):
 
 
 class IntegrationError(PartitaError, RuntimeError):
-    """The march in time cannot go on. Field: time `t` [s] reached."""
+    """The integration in time cannot continue. Field: time `t` [s] reached."""
 
     t: float
 
@@ -187,7 +187,7 @@ class IntegrationError(PartitaError, RuntimeError):
 class Interrupted(KeyboardInterrupt):
     """Ctrl-C ended a run, a sweep or a comparison; nothing that was computed is lost.
 
-    It is a `KeyboardInterrupt` and no `PartitaError`, so that a loop of runs stops even where it catches errors. Field:
+    It is a `KeyboardInterrupt`, not a `PartitaError`, so that a loop of runs stops even where it catches errors. Field:
     `result`, what there was: a `Result` with the outputs reached, a `Comparison` with the rows so far, the dataset of a
     sweep. At a prompt, where nobody caught it, it is `sys.last_value.result`.
     """
@@ -210,7 +210,7 @@ class MissingDependencyError(PartitaError, ImportError):
 
 
 class ChangedFileWarning(UserWarning):
-    """A model file was changed after it was saved; what it says now was read."""
+    """A model file was changed after it was saved; its present content was read."""
 
 
 class LossyFileWarning(UserWarning):

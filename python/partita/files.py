@@ -1,4 +1,4 @@
-"""Files that are there as a whole or not at all, and that tell when they were changed.
+"""Files that are written completely or not at all, and that detect changes.
 
 A sealed file holds the SHA-256 of itself: of its bytes with zeros in the place of the digits.
 """
@@ -24,7 +24,7 @@ _MARK = re.compile(rb"sha256:([0-9a-f]{64})")
 
 
 def place(path: Any) -> Path:
-    """`path` as one that can be looked at; else `ArgumentError` or `FileFormatError`."""
+    """`path` as a path that can be read; raises `ArgumentError` or `FileFormatError`."""
     try:
         given = os.fspath(path)
     except TypeError:
@@ -77,7 +77,7 @@ _OTHERS = (
 
 
 def other(content: bytes) -> str | None:
-    """What a file is that cannot be a text of any model, as far as its first bytes tell."""
+    """The kind of a file that is not a model file, judged by its first bytes."""
     return next((words for begin, words in _OTHERS if content.startswith(begin)), None)
 
 

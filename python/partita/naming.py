@@ -33,7 +33,7 @@ class Names:
 
     @classmethod
     def from_summary(cls, summary: Mapping[str, Any], nq: int, nv: int, rows: int) -> Names:
-        """Names told by a compiled model; what it leaves unnamed is called q0.., v0.., c0.. in order."""
+        """Names from a compiled model; unnamed quantities are called q0.., v0.., c0.. in order."""
         coordinates = _padded(summary.get("coordinates"), "q", nq)
         velocities = summary.get("velocities")
         if velocities is None and nq == nv:
@@ -87,7 +87,7 @@ def listed(words: Sequence[str], limit: int = 12) -> str:
 def coordinate_units(summary: Mapping[str, Any], names: Names) -> tuple[list[str], list[str]]:
     """Units of the columns of q and of v: "m", "rad", "1" (quaternion) and "m/s", "rad/s"; "" where unknown.
 
-    A joint that has a place in the state tells its axes; otherwise the ending of the name does
+    The axes of a joint in the state are known; otherwise they follow from the ending of the name
     (`crank.x`, `A.turn`). Columns of a hand-written `System` have units only its author knows.
     """
     q_units = [_unit_of(name) for name in names.coordinates]

@@ -31,7 +31,7 @@ CORRECTIONS = ("partition", "mass-orthogonal", "none")
 EACH_STEP = "each step"
 COORDINATES = ("relative", "absolute")
 OUTPUTS = 201
-# Outputs may miss the end of the run by the rounding of np.arange; they are moved onto it.
+# Output times beyond the end of the run by the rounding of np.arange are moved onto it.
 _SLACK = 1e-12
 
 

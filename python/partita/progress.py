@@ -39,7 +39,7 @@ def has_bars() -> bool:
 def reporting(progress: Any, total: float, unit: str, title: str = "") -> Iterator[ReportProgress | None]:
     """What is called with the part done, 0 to 1: nothing, the user's function, or a bar of `total` in `unit`.
 
-    The bar tells the rate and the time that remains, and goes when all is done. It shows on a terminal and in a
+    The bar shows the rate and the remaining time, and disappears at the end. It shows on a terminal and in a
     notebook; in a log there is nothing of it.
     """
     checked(progress)

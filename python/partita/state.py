@@ -44,7 +44,7 @@ class Layout:
                 self._drawn[joint["name"]] = np.array(joint["drawn"], dtype=float)
             count = joint["v"][1]
             if joint["state_v"] is None and count > 0:
-                # a turn about all axes is shown by nine cosines and three rates
+                # a rotation about all axes is represented by nine cosines and three rates
                 shown = count if count == joint["q"][1] else count + 9
                 self._beyond[joint["name"]] = first, shown
                 first += shown
@@ -95,7 +95,7 @@ class Layout:
 
 
 class StateView:
-    """A state as handed to a user's function: time `t`, coordinates `q`, velocities `v`, and both by joint
+    """A state as passed to a user function: time `t`, coordinates `q`, velocities `v`, and both by joint
     name, those of joints that close loops or stand in absolute coordinates among them (their angles, in space, within
     half a turn either way; of turns about all axes the quaternion whose first number is not negative)."""
 

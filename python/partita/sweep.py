@@ -148,7 +148,7 @@ def _pool(executor: Any, workers: int | None) -> Iterator[Make | None]:
 
 @dataclass
 class _Work:
-    """Points, what is known of them, and who is told."""
+    """Points, their results, and the progress function."""
 
     model: Callable[..., Any]
     grid: dict[str, list[Any]]
@@ -261,7 +261,7 @@ class _Work:
 
 
 def _is_death(error: BaseException) -> bool:
-    """Dask tells of a dead worker by an error of its own, which need not be installed here."""
+    """Dask reports a dead worker by an error of its own, which need not be installed here."""
     return type(error).__name__ in ("KilledWorker", "CommClosedError", "MPIError")
 
 

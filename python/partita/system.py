@@ -259,7 +259,7 @@ def simulate(
 
 
 def _start(system: System, q0: ArrayLike | None, v0: ArrayLike | None, t0: float, initial: State | None) -> State:
-    """The initial state, from one of the two ways to give it."""
+    """The initial state, given in one of two forms."""
     if initial is not None:
         if q0 is not None or v0 is not None:
             raise ArgumentError("give either q0 and v0 or initial, not both", argument="initial")

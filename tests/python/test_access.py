@@ -334,7 +334,7 @@ def test_a_refused_change_leaves_everything_as_it_was(drawn: pt.Mechanism) -> No
         (m.joints["R"], "child", "b a", 'no body "b a"'),
         (m.joints["R"], "point", (0, 0), "3 numbers"),
         (m.joints["G"], "free", ("x", "x"), "twice"),
-        (m.joints["C"], "name", "D", "stays what it is"),
+        (m.joints["C"], "name", "D", "cannot be changed"),
         (m.bodies["c"], "com", (0, 0, 0), "start, end and mass"),
         (m.drives["rate"], "joint", "R", "driven already"),
         (m.bodies["b"], "position", (0, 0, np.inf), "NaN and infinity"),

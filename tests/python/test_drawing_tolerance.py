@@ -361,5 +361,5 @@ def test_a_geometric_error_beyond_a_fine_tolerance_is_no_self_stress(coordinates
     run = m.simulate(0.2, coordinates=coordinates, t_eval=np.linspace(0.0, 0.2, 9))
     assert run.certificate.verdict == "valid", run.certificate.findings
     assert run.certificate.newton_euler < 1e-9
-    with pytest.raises((ArgumentError, AssemblyError), match="give a larger drawing_tolerance"):
+    with pytest.raises((ArgumentError, AssemblyError), match="a larger drawing_tolerance"):
         hinged_delta(1e-7, drawing_tolerance=1e-9).simulate(0.1, coordinates=coordinates)

@@ -147,7 +147,7 @@ def test_every_formulation_in_absolute_coordinates(formulation: str) -> None:
     )
     if formulation == "fixed":
         # nor is the one that is kept here
-        assert run.status == "singular" and "coupler.x stand at a dead point" in run.message
+        assert run.status == "singular" and "coupler.x are at a dead point" in run.message
         assert 1.0 < run.t[-1] < times[-1]
     else:
         assert run.success, run.message
@@ -224,7 +224,7 @@ def test_a_closing_that_does_not_close_is_refused() -> None:
         names=["x", "y"],
         closing=("y", lambda t, q: [-0.7]),
     )
-    with pytest.raises(pt.errors.ArgumentError, match="closure error of .* in constraint 0"):
+    with pytest.raises(pt.errors.ArgumentError, match=r"closure error of .* in constraint 0"):
         pt.simulate(ring, 0.3, [0.6, -0.8], [0.0, 0.0], formulation="explicit-closing")
 
 

@@ -113,7 +113,7 @@ def test_suspicious_data() -> None:
     m.add_revolute("top", "mast", "flag", point=(0, 300, 0))
     m.add_body("stone", mass=1.0, inertia=(1, 1, 1))
     said = " ".join(m.report().split())
-    assert "mast reaches over 300.000 m among bodies of some" in said
+    assert "mast extends over 300.000 m, where bodies typically measure" in said
     assert "stone is held by no joint: it floats in space" in said
 
 

@@ -198,9 +198,11 @@ def crank_slider(**drive: Any) -> pt.Mechanism:
 @pytest.mark.parametrize("course", [lambda t: -0.2 * t, lambda t: -0.2 * t * t, lambda t: 0.2 * t])
 def test_a_slider_driven_in_dead_centre(course: Any) -> None:
     m = crank_slider(position=course)
-    with pytest.raises(SingularityError, match=r"a dead centre: .* does not determine here in which direction") as reported:
+    with pytest.raises(
+        SingularityError, match=r"a dead centre: .* does not determine here in which direction"
+    ) as reported:
         m.simulate(0.1)
-    assert "drive a joint that is not in its dead centre" in str(reported.value)
+    assert "drive a joint that is not at its dead centre" in str(reported.value)
     report = m.report()
     assert report.to_dict()["singular"]["beside"] == 1 and "dead centre" in str(report)
 

@@ -240,7 +240,7 @@ def test_bad_compliances() -> None:
     for given, words in (
         ({"translation": -1.0}, "at least 0"),
         ({"translation": (1.0, -1.0, 0.0)}, "against the load"),
-        ({}, "all of it is 0"),
+        ({}, "all entries are 0"),
         ({"rotation": np.nan}, "finite"),
     ):
         with pytest.raises(pt.errors.DescriptionError, match=words):

@@ -257,7 +257,7 @@ def test_wrong_derivatives_are_named(name: str) -> None:
     except pt.errors.DerivativeError as caught:
         error = caught
     else:
-        assert not run.success and "the run cannot be right" in run.message and words in run.message
+        assert not run.success and "the result is wrong" in run.message and words in run.message
         error = run.error  # type: ignore[assignment]
     assert isinstance(error, pt.errors.DerivativeError) and words in str(error)
     assert error.function == words.partition("[")[0] and error.row == 0
@@ -343,10 +343,12 @@ def test_an_inconsistent_start_is_reported() -> None:
     assert not reported(pt.simulate(circle(), 1.0, [1.0, 0.0], [0.0, 1.0]))
     run = pt.simulate(circle(), 1.0, [1.0 + 1e-6, 0.0], [0.0, 1.0])
     assert "constraint 0 has a closure error of 1e-6" in reported(run) and "positions by up to" in reported(run)
-    with pytest.raises(ArgumentError, match=r"constraint 0 has a closure error of 2; start from the state that assemble"):
+    with pytest.raises(
+        ArgumentError, match=r"constraint 0 has a closure error of 2; start from the state that assemble"
+    ):
         pt.simulate(circle(), 1.0, [1.0, 2.0], [0.0, 0.0])
     run = pt.simulate(circle(), 1.0, [1.0, 0.0], [0.25, 1.0])
-    assert "opens by 0.25 a second" in reported(run) and "velocities by up to 0.25 (x)" in reported(run)
+    assert "rate error of 0.25 per second" in reported(run) and "velocities by up to 0.25 (x)" in reported(run)
 
 
 def test_an_inconsistent_start_of_a_mechanism_is_reported() -> None:

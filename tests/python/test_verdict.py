@@ -208,7 +208,7 @@ def test_a_start_that_misses_its_conditions_is_reported() -> None:
     rest = m.assemble()
     still = pt.State(0.0, rest.q, 0.0 * rest.v, rest.names, rest.velocity_names)
     run = m.simulate(0.1, initial=still)
-    assert any("drive of A opens by 3.142 a second" in note for note in run.notes), run.notes
+    assert any("drive of A has a rate error of 3.142 per second" in note for note in run.notes), run.notes
     assert not any("violates the constraints" in note for note in m.simulate(0.1, initial=rest).notes)
 
 

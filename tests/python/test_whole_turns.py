@@ -115,9 +115,9 @@ def test_what_is_wound_is_not_unwound_by_other_coordinates(what: str) -> None:
             again = m.simulate(0.1, initial=start, coordinates="absolute")
             assert again.joint("A").acceleration[0, 0] == pytest.approx(found)
             continue
-        with pytest.raises(EvaluationError, match="its angle is .* within half a turn"):
+        with pytest.raises(EvaluationError, match=r"its angle is .* within half a turn"):
             m.convert(start, "absolute")
-        with pytest.raises(EvaluationError, match="its angle is .* within half a turn"):
+        with pytest.raises(EvaluationError, match=r"its angle is .* within half a turn"):
             m.assemble({"A": 8.0}, coordinates="absolute")
 
 

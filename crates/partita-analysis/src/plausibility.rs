@@ -176,6 +176,6 @@ mod tests {
         spec.joints.push(joint("foot", Revolute, "ground", "mast", [0.0, -300.0, 0.0], Z));
         spec.joints.push(joint("top", Revolute, "mast", "ground", [0.0, 300.0, 0.0], Z));
         let said = suspicious(&model(spec));
-        assert!(said.len() == 1 && said[0].starts_with("mast reaches over 600.000 m"), "{said:?}");
+        assert!(said.len() == 1 && said[0].starts_with("mast extends over 600.000 m"), "{said:?}");
     }
 }

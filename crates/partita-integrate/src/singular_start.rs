@@ -491,7 +491,7 @@ fn attempt<'s, S: ConstrainedSystem>(
         return Ok(Err("its velocities are small against those that forces and drives bring about at once".into()));
     }
     let moved = system_move(&*system, given, q);
-    // both polynomials: q and u inside, and the end
+    // the polynomials of q and u, and their values at the end
     let (mut end, mut error) = (None, 0.0f64);
     for x in [0.1, 0.37, 0.63, 0.9, 1.0] {
         let (mut q_one, u_one, work) = at(taken, h, &stages, q, &u0, x);

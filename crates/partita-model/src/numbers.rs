@@ -235,7 +235,7 @@ impl<S: Scalar> Numbers<S> {
         new.referred(placed)
     }
 
-    /// The zero position for other parameters: what placing the description does, with the turns that are already known.
+    /// The zero position for other parameters, computed like that of the description, with the known rotations.
     pub fn from_parameters(spec: &Spec, placed: &Placed, given: &Described<S>) -> Self {
         let constant = |m: &Mat3<f64>| Mat3::<S>::from_f64(m.0);
         let basis = constant(&placed.basis);

@@ -10,7 +10,7 @@ use partita_math::scalar::Scalar;
 use partita_math::spatial::{Spatial, Vec3};
 use partita_system::SystemError;
 
-/// What an applied force does at one instant, world axes.
+/// The wrench of an applied force at one instant, world axes.
 #[derive(Clone, Debug, Default)]
 pub struct Shown<S = f64> {
     /// Power of all that acts.

@@ -10,7 +10,7 @@ fn tables(value: &VectorValue) -> Vec<&Value> {
     }
 }
 
-/// All tables of time, with what they belong to, in words, and how they enter.
+/// All tables over time, with the name of their element and how they enter.
 fn all(spec: &Spec) -> impl Iterator<Item = (&Table, String, Enters)> {
     let drives = spec.drives.iter().map(|d| {
         let enters = match d.level {

@@ -1,5 +1,4 @@
-//! From the drawing to the zero position of the tree: who rides on what, and where everything is when all coordinates
-//! are zero.
+//! From the drawing to the zero position of the tree: the parent of each body, and all poses for zero coordinates.
 //!
 //! In a closed drawing that is the drawing itself. In an open one (a joint that sits elsewhere on its child) the child
 //! and all it carries are moved so that the tree joint fits.

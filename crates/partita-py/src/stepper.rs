@@ -199,7 +199,7 @@ impl Stepper {
         })
     }
 
-    /// Stand at a closed state, with these numbers held.
+    /// Move to a closed state, with these input values.
     fn begin<'py>(
         &self,
         py: Python<'py>,

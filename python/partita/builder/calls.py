@@ -141,7 +141,7 @@ def referring(d: Description, table: str, name: str) -> list[tuple[str, str]]:
 
 def readers(d: Description, sensor: str) -> list[tuple[str, str]]:
     """Table and name of the forces whose functions say `state.sensor(...)` of this name, as far as their code tells.
-    A name that is made while a function runs is told by the run that misses it."""
+    A name that is created while a function runs is reported by the run that does not find it."""
     forces: Mapping[str, Any] = d.forces
     return [
         ("forces", own)

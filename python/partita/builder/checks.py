@@ -1,4 +1,4 @@
-"""Checks at the door: what the user hands over becomes clean numbers or an error that says what to change.
+"""Checks of arguments: the values given by the user become numbers, or an error that says what to change.
 
 Each function names the element it was called for, so that the sentence can: `Element("body", "crank")`.
 """

@@ -16,7 +16,7 @@ from ..options import positive, tangent_of
 
 Array = NDArray[np.float64]
 _OF_THE_MODEL = ("coordinates", "parameters")
-"""What a run is told that is no option of its equations."""
+"""Options of a run that do not concern its equations."""
 
 
 def evaluation_costs(

@@ -184,7 +184,7 @@ def add_distance(
     point2: ArrayLike,
     length: float | None = None,
 ) -> Coupling:
-    """Hold two points at a distance: a massless rod between two balls, whose spin is nobody's degree of freedom.
+    """Hold two points at a distance: a massless rod between two balls, whose spin is not a degree of freedom.
 
     Prefer it to a body where the rod's mass does not matter: a rod with ball joints at both ends spins idly. The force
     in it is `result.coupling(name).tension`.

@@ -234,7 +234,7 @@ def free_name(mechanism: Drawing, wanted: str, taken: dict[str, Any]) -> str:
     """`wanted`, or the first of "wanted 2", "wanted 3", ... that is free."""
     if wanted not in taken:
         return wanted
-    # names are never given back: the search goes on where it last ended
+    # names are never reused: the search continues where it last ended
     numbers = mechanism._description.numbers
     count = numbers.get(wanted, 2)
     while f"{wanted} {count}" in taken:

@@ -32,7 +32,7 @@ DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 CUTS = ("auto", "always", "never")
 CHOSEN = ("generic", "custom")
 """Kinds whose directions are chosen."""
-# Below this sine two axes act as one, and the two turns could not be told apart.
+# Below this sine two axes count as parallel, and their rotations cannot be distinguished.
 _PARALLEL = 2e-3
 # Along and about the joint's axes x, y, z, its one axis along z; r1 and r2 are turns about axes of its own.
 _MOTIONS: dict[str, tuple[str, ...]] = {

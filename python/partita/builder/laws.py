@@ -140,7 +140,7 @@ def _spot(mechanism: Drawing, element: Element, what: str, item: Any) -> dict[st
 
 
 def _sight(mechanism: Drawing, element: Element, what: str, item: Any) -> tuple[str, list[dict[str, Any]]]:
-    """What is seen, and how the core is told."""
+    """The arguments of the function, and their form for the core."""
     if _is_pair(item):
         body, point = item
         name = resolve(mechanism, element, what, body)

@@ -129,7 +129,7 @@ class Motion:
     def _compare(self, what: str, function: TimeFunction, derivative: TimeFunction) -> None:
         """Refuse a derivative that is plainly another function: such a drive would not do what it says.
 
-        A time at which one of the two cannot be evaluated tells nothing and is passed over.
+        A time at which one of the two cannot be evaluated is ignored.
         """
         seen = []
         for t in _PROBES:

@@ -377,7 +377,7 @@ class _Turning:
 
 
 def turning_of(value: PoseValue) -> dict[str, Any] | Function:
-    """The orientation of a pose as the core takes it; a function is still to be handed along."""
+    """The orientation of a pose as the core takes it; a function is still to be passed."""
     return {"held": value.matrix.tolist()} if isinstance(value, Held) else value.turning()
 
 

@@ -243,7 +243,7 @@ def add_parallel(
 ) -> Joint:
     """Keep `axis` of the child parallel to the same axis of the parent. Coordinates: three slides [m], a turn [rad].
 
-    `point` is where the reaction, a moment, is told; None: the child's origin as drawn.
+    `point` is the point about which the reaction moment is given; None: the child's origin as drawn.
 
     >>> import partita as pt
     >>> m = pt.Mechanism("tray")

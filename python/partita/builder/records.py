@@ -232,8 +232,8 @@ LARGEST_DRAWING_TOLERANCE = 1e-2
 
 @dataclass(frozen=True)
 class LoadRecord:
-    """Any other force: `said` is what the user gave, by argument, for files; `means` is what the core is told. Values
-    that may be tables or functions stand in both as such. `units` are those of its parameters."""
+    """Any other force: `said` contains the arguments given by the user, for files; `means` what is passed to the core.
+    Values that may be tables or functions are stored in both unchanged. `units` are those of its parameters."""
 
     name: str
     kind: str

@@ -37,7 +37,7 @@ class Law:
         self.notes: list[str] = []
 
     def bind(self, layout: Layout) -> Callable[[float, Any, Any], Any]:
-        """Itself: what it sees is handed over."""
+        """The function itself, as its arguments are complete."""
         return self
 
     def __getstate__(self) -> dict[str, Any]:
@@ -76,7 +76,7 @@ class Law:
     def compare(self, x: Sequence[float]) -> None:
         """Refuse a gradient that is plainly another function's, at x and a little beside it.
 
-        Where the function cannot be evaluated, or not be differentiated, it tells nothing.
+        A point where the function cannot be evaluated or differentiated is ignored.
         """
         if self.gradient is None:
             return

@@ -58,8 +58,8 @@ class Entry:
 
     `title` and `source` are words for people; `duration` [s] is the length of the run that `checks` judge, with
     `options` of `Mechanism.simulate`; `times` [s] are outputs the checks need, `samples` how many others there are;
-    `notes` tells conventions and traps. A member of the zoo has `truth`: its mobility, redundancy and unique reactions
-    by the theory of mechanisms.
+    `notes` states conventions and pitfalls. A member of the zoo has `truth`: its mobility, redundancy and unique
+    reactions by the theory of mechanisms.
 
     >>> import partita as pt
     >>> entry = pt.catalogue.entry("planar-pendulum")

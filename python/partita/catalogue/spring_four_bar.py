@@ -33,7 +33,7 @@ def build() -> Mechanism:
 
 
 def start(m: Mechanism) -> State:
-    """In equilibrium, with a touch of speed."""
+    """In equilibrium, with a small velocity."""
     return m.assemble(rates={"D": RATE})
 
 

@@ -16,7 +16,7 @@ INTERRUPTED = 130
 
 
 def compare(arguments: argparse.Namespace) -> int:
-    """Run all formulations, print the table, write what was asked for. Runs that fail are told in the table."""
+    """Run all formulations, print the table and write the requested files. Failed runs are marked in the table."""
     _check_outputs(arguments)
     opened = open_model(arguments.model)
     duration = length_of(opened, arguments.model, arguments.time)

@@ -40,7 +40,7 @@ _OPTIONS = (
 
 
 def simulate(arguments: argparse.Namespace) -> int:
-    """Run, write what was asked for, print what was found; the exit code tells how the run ended."""
+    """Run, write the requested files and print the summary; the exit code states how the run ended."""
     _check_outputs(arguments)
     opened = open_model(arguments.model)
     duration = length_of(opened, arguments.model, arguments.time)

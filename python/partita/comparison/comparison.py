@@ -30,8 +30,8 @@ TOLERANCES = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
 class Comparison:
     """Formulations and rules side by side: `rows`, one for each, and `caption`, which says what was run.
 
-    `print(comparison)` shows the table. `interrupted` tells whether Ctrl-C ended it before the last run; the rows up to
-    there are kept, the others are "not run".
+    `print(comparison)` shows the table. `interrupted` states whether Ctrl-C ended it before the last run; the rows up
+    to there are kept, the others are "not run".
 
     Rows have two kinds of time. `time` is that of the whole run, with set-up, steps and outputs, and
     `time_without_outputs` that of the same run with one output. `time_per_evaluation` is that of one evaluation of the

@@ -9,7 +9,7 @@ from ..progress import bar, checked, forward
 
 
 class Progress:
-    """Hands the fraction done of many runs on: to nobody, to a bar on the terminal, or to a function of 0 to 1."""
+    """Reports the completed fraction of many runs: not at all, to a bar on the terminal, or to a function of 0 to 1."""
 
     def __init__(self, progress: Any, total: int) -> None:
         self._target: Any = checked(progress)

@@ -29,7 +29,7 @@ _WORK = 3e8
 class Row:
     """One formulation on the common mechanism. Numbers are `None` where a run cannot know them.
 
-    `error` is told for runs that reached the end; the other numbers of one that stopped early hold up to there.
+    `error` is given for runs that reached the end; the other numbers of a run that stopped early apply up to there.
     """
 
     name: str

@@ -75,7 +75,7 @@ def _looked_at(path: Path, folder: Path, including: tuple[Path, ...], named: _Na
         element = waiting.pop()
         waiting += element.children
         for key, value in element.attributes.items():
-            # MuJoCo says so in a log of its own, and goes on
+            # MuJoCo writes this to its own log and continues
             if key not in _NAMES and any(word.lower().lstrip("+-") == "nan" for word in value.split()):
                 element.fail(f'has "{key}" "{value:.40}"; it takes finite numbers')
         for key in _FILES[:4]:

@@ -107,8 +107,8 @@ def _array(value: list[Any], rule: Schema, pointer: str) -> None:
 
 
 def _one_of(value: Any, rule: Schema, pointer: str, owner: str) -> None:
-    """One of several forms; tables with a key `type` are told apart by it, so that the message is about the
-    right one."""
+    """One of several forms; tables with a key `type` are selected by it, so that the message refers to the right
+    one."""
     forms = [_resolved(form) for form in rule["oneOf"]]
     kinds = {form.get("properties", {}).get("type", {}).get("const"): form for form in forms}
     if None in kinds:

@@ -36,7 +36,7 @@ SIZE = 2**20
 _SAME = 1e-12
 """Part of a damping by which a sum may be off."""
 DEPTH = 32
-"""Lists within each other: pairs of frames are three deep."""
+"""Nesting depth of lists: pairs of frames need three levels."""
 _KEYS = {"closed_loop", "type", "name", "name_mot", "gravity", "springs", "weightless", "drawing_tolerance"}
 _KINDS = {"6d": "fixed", "3d": "spherical"}
 

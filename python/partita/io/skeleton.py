@@ -100,7 +100,7 @@ def inverse(frame: Array) -> Array:
 
 
 def skeleton(mechanism: Builder, report: Writing) -> Skeleton:
-    """The tree and the closures; what cannot be told by slides and turns is said in the report."""
+    """The tree and the closures; what slides and turns cannot represent is listed in the report."""
     d = mechanism._description
     names = Names([GROUND, "world", *d.bodies, *d.joints, *d.couplings])
     chosen = _tree(d)

@@ -148,7 +148,7 @@ class _File:
             yield kind, pointer, item
 
     def _call(self, pointer: str, function: Any, arguments: dict[str, Any]) -> Any:
-        """Call the builder; what it refuses is told with the line."""
+        """Call the builder; its errors are reported with the line."""
         try:
             return function(**arguments)
         except (DescriptionError, UnknownNameError, ArgumentError, EvaluationError) as error:

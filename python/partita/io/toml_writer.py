@@ -33,7 +33,7 @@ Entries = dict[str, Any]
 
 
 def document(mechanism: Builder) -> str:
-    """The whole file. Raises `DescriptionError` that names the first Python function met."""
+    """The text of the file. Raises `DescriptionError`, which names the first Python function found."""
     d = mechanism._description
     changing, element = d.changing_gravity, Element("mechanism", d.name)
     gravity = d.gravity if changing is None else _vector(element, changing)

@@ -249,8 +249,8 @@ def _loop(robot: Robot, item: Element) -> Loop:
 
 
 def _coupling(robot: Robot, item: Element) -> Tie:
-    """`<coupling>`: what leads to the successor turns `ratio` times as fast as what leads to the predecessor, both seen
-    from the link where their ways part."""
+    """`<coupling>`: the branch of the successor rotates `ratio` times as fast as that of the predecessor, both relative
+    to the link where the branches separate."""
     name, ratio = item.must("name"), item.the("ratio").number("value")
     into = {joint.child: joint for joint in robot.joints.values()}
 

@@ -52,7 +52,7 @@ _GIMBAL = (
 
 
 def write(mechanism: Builder, path: Path, strict: bool) -> Writing:
-    """Write the file and, where it is needed, the one beside it; the report says what stands there otherwise."""
+    """Write the file and, where it is needed, the one beside it; the report lists what is different."""
     writer = _Writer(mechanism, Writing(path, "URDF"))
     robot, beside = writer.text(), writer.sidecar()
     report = writer.report

@@ -1,4 +1,4 @@
-"""All ways to put a mechanism together for given inputs."""
+"""All assemblies of a mechanism for given inputs."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ def load(path: str | PathLike[str], *, base: str = "fixed") -> Mechanism:
     """Read a mechanism from a model file; the suffix says which kind: .toml, .urdf.
 
     What a reader used, changed and left out stands in `Mechanism.reading`, each with its line. A URDF is drawn with all
-    joints at zero; its loops are closed where the file says so in any of the ways in use (docs/robots.md).
+    joints at zero; its loops are closed where the file states so in one of the supported forms (docs/robots.md).
 
     Args:
         path: the file. Nothing in it is run, no other file is opened but a YAML file of the same name beside a URDF.

@@ -1,4 +1,4 @@
-"""What a stepper may be given: efforts that are held, and drives, whose motion goes on without a jump."""
+"""Inputs of a stepper: efforts, which are held over a step, and drives, whose motion continues without a jump."""
 
 from __future__ import annotations
 
@@ -96,8 +96,8 @@ class Courses:
         self._drawn = [0.0 if k is None else _constant(described["forces"][at]["value"], k) for at, k in self.places]
 
     def first(self, signals: Signals) -> tuple[Array, Array]:
-        """Where everything stands: the numbers held and the inputs they belong to. Efforts are as drawn, drives go on
-        at their rates."""
+        """The present values of all inputs. Initially efforts have the values of the drawing, and drives continue at
+        their rates."""
         held, u = list[float](), list[float]()
         for one, drawn in zip(self._inputs, self._drawn, strict=True):
             if one.component is not None:

@@ -31,13 +31,11 @@ class Poses:
         status: (n,) words: "closed", "open" (the loops cannot close there), "other branch" (they can, but not on this
             one), "singular" (behind a position in which branches meet) or "contradiction" (of the targets).
         reasons: why, by the number of the pose, for those that were not assembled: which loop and joints, where the
-            targets' way ended, and what is missing.
-        shortfall: (n,) by how much the nearest position stays open [m]; 0 where assembled, NaN where it is not told.
-        shortfall_angle: (n,) the same for directions [rad].
-        reached: target -> how far its straight way from the branch's state led, (n,) or (n, numbers of the target).
-        detour: (n,) bool: the straight way did not lead there, another one on the branch did.
-        branch: sign of each block of loops by its words, where the poses were found in closed form; else None.
-        near: the state whose branch it is.
+        path of the targets ended, and the closure error. shortfall: (n,) by how much the nearest position stays open
+        [m]; 0 where assembled, NaN where unknown. shortfall_angle: (n,) the same for directions [rad]. reached: target
+        -> how far the direct path from the state of the branch led, (n,) or (n, numbers of the target). detour: (n,)
+        bool: not reached on the direct path, but on another path of the branch. branch: sign of each block of loops by
+        its words, where the poses were found in closed form; else None. near: the state whose branch it is.
     """
 
     def __init__(

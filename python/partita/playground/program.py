@@ -237,7 +237,7 @@ def lengths(drawn: Mapping[str, Any], normal: NDArray[np.float64] | None) -> lis
 
 
 def _cubic(table: Mapping[str, Any], t: float) -> float:
-    """A piecewise cubic at t; its outer pieces go on outside."""
+    """A piecewise cubic at t; its outer pieces extend beyond the table."""
     i = int(np.clip(np.searchsorted(table["breaks"], t, side="right") - 1, 0, len(table["coefficients"]) - 1))
     return float(np.polyval(table["coefficients"][i], t - table["breaks"][i]))
 

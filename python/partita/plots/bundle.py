@@ -1,4 +1,5 @@
-"""Many curves in one panel: those that lie on each other are told apart, those there is no room for become a band."""
+"""Many curves in one panel: coincident curves are distinguished, and curves for which there is no space become a
+band."""
 
 from __future__ import annotations
 

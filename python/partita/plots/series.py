@@ -15,7 +15,7 @@ from .bundle import draw_bundle, is_length
 from .style import COLOURS, dressed, empty, legend, level, positive, reporting, shortened, unit_label
 
 MOST_TURNS = 3.0
-"""A coordinate that turns more often is told, not drawn, beside others that do not."""
+"""A coordinate that makes more turns is named, not drawn, beside others that do not."""
 
 
 def draw_coordinates(result: ResultView, ax: Axes, x: Abscissa | None = None) -> None:

@@ -222,7 +222,7 @@ def _line(name: str, words: str) -> str:
 
 
 def _grouped(notes: tuple[str, ...]) -> list[str]:
-    """Notes with the redundant conditions told once: those of one loop, and how many others there are like them."""
+    """Notes in which redundant conditions are listed for one group, with the number of similar groups."""
     rows = [note for note in notes if note.startswith(("row ", "rows ")) and " removed: " in note]
     if not rows:
         return list(notes)

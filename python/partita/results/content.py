@@ -45,7 +45,7 @@ class Content:
 
 
 def content_of(result: ResultView) -> Content:
-    """What there is to store of `result`: asks for everything that it can tell."""
+    """Everything to be stored of `result`, which is computed here if necessary."""
     found = tuple(_typed(v) for v in variables(result))
     used = {name for v in found for name in v.axes}
     reported = {**result.record.account(), "certificate": exact(vars(result.certificate))}
@@ -73,7 +73,7 @@ def read_header(text: str) -> dict[str, Any]:
 
 
 def restored(values: Any, about: Mapping[str, Any]) -> NDArray[Any]:
-    """An array of the type and shape that the header tells; `values` may have lost both in the container."""
+    """An array of the type and shape given in the header; `values` may have lost both in the container."""
     kind = TYPES[about["type"]]
     shape = tuple(int(size) for size in about["shape"])
     found = np.asarray(values)

@@ -191,9 +191,8 @@ class JointResult:
     def determined(self) -> NDArray[np.bool_]:
         """(6,): which of fx, fy, fz, mx, my, mz are unique at every output, in the axes named by `axes`.
 
-        A run through a singular position has an output or two where more is open than elsewhere; `determined_at` tells
-        which.
-        """
+        A run through a singular position has one or two outputs with more undetermined components than elsewhere;
+        `determined_at` shows which."""
         return np.asarray(self.determined_at.all(axis=0))
 
     @property

@@ -37,7 +37,7 @@ AT_A_PROMPT = "sys.last_value.result"
 
 
 class Run:
-    """What a `Result` holds and tells: its arrays, and bodies, joints, reactions and sensors by name."""
+    """The contents of a `Result`: its arrays, and bodies, joints, reactions and sensors by name."""
 
     def __init__(
         self, record: Record, source: Source | None, sensors: LiveSensors | StoredSensors | None = None
@@ -184,7 +184,7 @@ class Run:
 
     @property
     def independent(self) -> NDArray[np.int64]:
-        """(nt, k): which columns of `v` were independent; `partitions` tells it in names."""
+        """(nt, k): which columns of `v` were independent; `partitions` lists their names."""
         return self._record.arrays["independent"]
 
     @property
@@ -204,7 +204,7 @@ class Run:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the compiler and the run had to tell: rows dropped, repairs, passages."""
+        """Notes of the compilation and the run: removed rows, repairs, crossings."""
         rows: dict[str, list[str]] = {}
         for item in self.summary.get("removed", ()):
             rows.setdefault(item["why"], []).append(item["row"])

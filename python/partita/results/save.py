@@ -18,7 +18,7 @@ from .formats import matlab, netcdf, parquet, text_csv, text_json, zarr_folder
 
 @dataclass(frozen=True)
 class Format:
-    """How a content is written and read again, and what that needs besides NumPy and SciPy."""
+    """How a content is written and read, and the packages required besides NumPy and SciPy."""
 
     name: str
     write: Callable[[Content], Any]
@@ -50,7 +50,7 @@ def checked_path(path: str | os.PathLike[str]) -> Path:
 
 
 def format_of(path: Path, failing: str) -> Format:
-    """The format that the ending of `path` tells; `FileFormatError` where it is not known."""
+    """The format given by the ending of `path`; `FileFormatError` where it is not known."""
     ending = path.suffix.lower()
     if ending not in FORMATS:
         raise FileFormatError(

@@ -295,7 +295,7 @@ class StoredSource:
 
 
 def complete(source: Source) -> dict[str, NDArray[Any]]:
-    """Everything that a source can tell, as a stored result holds it."""
+    """All data of a source, in the form of a stored result."""
     world, joint = source.determined
     reported = {**source.energies, **source.observed, **source.reactions, **source.checks}
     flags = {"determined_world": world, "determined_joint": joint, "determined_drive": source.determined_drive}

@@ -54,7 +54,7 @@ class Tables(Mapping[str, NDArray[Any]]):
 
     @property
     def notes(self) -> list[str]:
-        """What the description had to tell: outputs in which something is not determined."""
+        """Notes about outputs in which something is not determined."""
         try:
             self["closure"]
         except Exception as error:  # of a user's function, which may have ended the run as well

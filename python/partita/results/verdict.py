@@ -57,9 +57,8 @@ def of_reactions(t: NDArray[np.float64], residual: NDArray[np.float64], options:
 def unnoticed(description: str | None, options: Mapping[str, Any]) -> float:
     """Energy [J] against which a balance is held at the least.
 
-    That of all bodies at speeds of the absolute tolerance is below what anybody asked about; and weights that balance
-    each other are added up with the round-off of each.
-    """
+    The energy of all bodies at speeds of the absolute tolerance is irrelevant, and the potentials of weights that
+    balance each other contain the round-off of each."""
     atol = options.get("atol")
     return _core.energy_floor(description, atol) if description is not None and isinstance(atol, float) else 0.0
 
@@ -79,7 +78,7 @@ def _columns(*arrays: NDArray[np.float64]) -> list[NDArray[np.float64]]:
 
 
 def tolerance(options: Mapping[str, Any]) -> float:
-    """Relative tolerance that a run was asked for; of fixed steps nobody knows it."""
+    """Relative tolerance of a run; 1 for fixed steps, whose tolerance is unknown."""
     return 1.0 if options.get("step") is not None else float(options.get("rtol") or 0.0)
 
 

@@ -1,7 +1,7 @@
 """What sensors read, as plain data, and how it is found from motions and forces: of all outputs of a run at once, or of
 one state as a force law sees it.
 
-A sensor is a dict: `of` says what it looks at ("point", "body", "joint", "measure", "force", "drive", "coupling",
+A sensor is a dict: `of` names its object ("point", "body", "joint", "measure", "force", "drive", "coupling",
 "expression" or "function"), `reads` which of its quantities. All arrays may have axes in front, such as that of time.
 """
 

@@ -112,7 +112,7 @@ class Sighted(Unseen):
 
 
 class Senses:
-    """The sensors that functions of the state may read, and how they see them."""
+    """The sensors that functions of the state may read, and their values."""
 
     def __init__(self, sensors: Mapping[str, SensorRecord], joints: Mapping[str, int]) -> None:
         self._sensors = sensors

@@ -69,8 +69,8 @@ def ratio(found: Unit, other: Unit) -> Fraction:
 
 
 def agree(wanted: Dimension, given: Dimension) -> bool:
-    """Whether it is the same kind. A radian may be left out where it does not tell turning from anything else: N m for
-    a torsional stiffness; never of an angle or a rate of turning, where 1/s might be meant as turns."""
+    """Whether it is the same kind. A radian may be omitted where it does not distinguish rotation from anything else: N
+    m for a torsional stiffness; never of an angle or a rate of turning, where 1/s might be meant as turns."""
     if wanted == given:
         return True
     return wanted[:3] == given[:3] and given[3] == 0 and (wanted[0] != 0 or wanted[1] != 0)

@@ -54,7 +54,7 @@ def unit_of(text: str) -> Unit:
 
 
 def quantity_of(text: str) -> Quantity:
-    """The quantity that a text says."""
+    """The quantity expressed by a text."""
     reader = _Reader(text)
     found = reader.all()
     if not reader.has_a_number:

@@ -32,7 +32,7 @@ SOLIDS: dict[str, dict[str, Any]] = {
 
 
 def solids(shapes: Any, bodies: Sequence[str]) -> dict[int, list[dict[str, Any]]]:
-    """Solids by the number of their body, -1 the ground; the form of `shapes` is told at `partita.viewer.html`."""
+    """Solids by the number of their body, -1 the ground; for the form of `shapes` see `partita.viewer.html`."""
     if shapes is None:
         return {}
     if not isinstance(shapes, Mapping):

@@ -88,7 +88,7 @@ class LiveView:
             self._send()
 
     def close(self) -> None:
-        """End the page; the stepper goes on."""
+        """Close the page; the stepper continues."""
         with self._lock:
             if not self._closed:
                 self._closed = True

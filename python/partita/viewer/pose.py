@@ -62,7 +62,7 @@ class Pose:
         return np.mean([self.path(b, body["com"]) for b, body in enumerate(self.scene["bodies"])], axis=0)
 
     def extent(self, about: FloatArray | None = None) -> FloatArray:
-        """Points that a picture of the whole run holds (n, 3), told from places (nt, 3) that may move."""
+        """Points visible in a picture of the whole run (n, 3), as opposed to points (nt, 3) that may move."""
         scene, cloud = self.scene, []
         step = max(1, len(self.t) // 200)
         for joint in scene["joints"]:
@@ -200,7 +200,7 @@ FARTHEST = np.pi / 4
 FINEST = 0.12
 """A stroke turns by less than this angle [rad] from point to point."""
 CELLS = 50
-"""Parts of the extent of all there is that are told apart of a path."""
+"""Resolution of a path, as a fraction of the extent of the scene."""
 TANGLE = 9
 """A path that goes through so many more of them than its own extent counts is a tangle."""
 

@@ -24,7 +24,7 @@ ENOUGH = np.radians(10.0)
 """A turn from output to output that is seen as motion."""
 MOST_SWITCHES = 2000
 MOST_FULL = 400
-"""Switches that are told in words; of more, the times are marked."""
+"""Number of switches described in words; for more, only the times are marked."""
 
 
 @dataclass(frozen=True)

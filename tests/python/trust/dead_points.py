@@ -48,7 +48,7 @@ def stopped(fixed: str, formulation: str, rtol: float) -> Case:
     @no_success(
         f"a pendulum turning over, `{fixed}` fixed, `{formulation}`, rtol {rtol:.0e}",
         "singular",
-        "stand at a dead point",
+        "are at a dead point",
     )
     def ask() -> Iterator[Held]:
         yield from over_the_top([fixed], rtol, formulation, 0.7)
@@ -111,15 +111,13 @@ def ring(start: float, rate: float, independent: list[str] | None, formulation: 
     return pt.simulate(system, 3.0, q0, v0, independent=independent, formulation=formulation, rtol=1e-9, atol=1e-11)
 
 
-@no_success(
-    "a point on a circle by hand, going round with `y` fixed, `wehage-haug`", "singular", "stand at a dead point"
-)
+@no_success("a point on a circle by hand, going round with `y` fixed, `wehage-haug`", "singular", "are at a dead point")
 def circle_fixed() -> Iterator[Held]:
     done(ring(0.3, 8.0, ["y"], "wehage-haug"))
     yield from ()
 
 
-@no_success("the same with `x` fixed, `projective`", "singular", "stand at a dead point")
+@no_success("the same with `x` fixed, `projective`", "singular", "are at a dead point")
 def circle_fixed_in_x() -> Iterator[Held]:
     run = ring(0.0, 8.0, ["x"], "projective")
     angle = turning(run.t, 8.0, length=1.5)
@@ -174,7 +172,7 @@ def crank_fixed() -> Iterator[Held]:
     yield Held("energy", run.energy.total / run.energy.total[0], 1.0, 1e-8)
 
 
-@no_success("the same with the slider fixed, which has dead points, `wehage-haug`", "singular", "stand at a dead point")
+@no_success("the same with the slider fixed, which has dead points, `wehage-haug`", "singular", "are at a dead point")
 def slider_fixed() -> Iterator[Held]:
     m = slider_crank()
     start = m.assemble(targets={"main": 0.7}, rates={"main": 20.0})

@@ -89,7 +89,7 @@ CASES = [
 @no_success(
     "its bias without the pivot's acceleration, which is zero at the start",
     "evaluation-failed",
-    "the run cannot be right: bias[0]",
+    "the result is wrong: bias[0]",
 )
 def late_bias() -> Iterator[Held]:
     change = {"bias": lambda t, q, v: [(v - [0.6 * np.cos(2 * t), 0.0]) @ (v - [0.6 * np.cos(2 * t), 0.0])]}

@@ -46,7 +46,7 @@ pub(super) fn see<S: ConstrainedSystem>(
     let (open, row) = r.closure_error();
     let mut said = Vec::new();
     if open > OPEN_ROUNDINGS {
-        said.push(format!("{} is open by {}", system.row_name(row), formatted(r.phi[row].abs())));
+        said.push(format!("{} has a closure error of {}", system.row_name(row), formatted(r.phi[row].abs())));
     }
     let pattern = system.pattern();
     let residuals = velocity_residuals(pattern, &r.c, v, &r.a);
@@ -62,7 +62,7 @@ pub(super) fn see<S: ConstrainedSystem>(
         }
     }
     if worst.0 > 0.0 {
-        said.push(format!("{} opens by {} a second", system.row_name(worst.1), formatted(worst.2)));
+        said.push(format!("{} has a rate error of {} per second", system.row_name(worst.1), formatted(worst.2)));
     }
     Ok(Seen { said, open: open > OPEN_ROUNDINGS })
 }

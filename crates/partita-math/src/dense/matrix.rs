@@ -16,7 +16,7 @@ impl Matrix {
         Self { rows, cols, data: vec![0.0; rows * cols] }
     }
 
-    /// From the rows written out.
+    /// A matrix from its rows.
     ///
     /// # Panics
     /// If the rows differ in length.

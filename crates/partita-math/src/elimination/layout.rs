@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 /// Entries of the factors of all layouts that are kept together, at the most.
 const KEPT: usize = 100_000;
-/// Layouts kept at the most.
+/// Largest number of layouts kept.
 const MOST: usize = 16;
 
 /// An elimination by these pivots: it follows from the pattern and from their order alone.

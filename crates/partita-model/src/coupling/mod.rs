@@ -196,7 +196,7 @@ impl<G: Space> Condition<G> {
         self.columns.iter().zip(row).for_each(|(&v, x)| along(v, effort * x));
     }
 
-    /// Its rows as people see them.
+    /// Names of its rows.
     pub fn named(&self, spec: &Spec) -> Vec<Row> {
         let row = |name: String| Row { owner: self.owner, name };
         let name = self.owner.name(spec);

@@ -7,8 +7,8 @@
 //!      Φ_k = 2 ρ_k       Φ_k' = g · w,  g = e_k + e_k × ρ + ρ_k ρ   w of B seen from t, in the axes of B
 //! ```
 //!
-//! `Q(t)` goes wherever it likes, by any number of turns: ρ is what is left of it, which vanishes in one position only and
-//! grows all the way to the opposite one, so that closing a drawing finds its way from anywhere.
+//! `Q(t)` may rotate by any number of turns: ρ is the remaining rotation, which vanishes in one position only and
+//! increases up to the opposite one, so that assembly converges from any start.
 
 use crate::measurement::{power_columns, Mover, Unit};
 use crate::spec::Turning;
@@ -137,7 +137,7 @@ impl<G: Space> Orientation<G> {
         let (xa, xb) = (&s.links[self.links[0]], &s.links[self.links[1]]);
         let spin = sum::<G>(to.spin, &x.t);
         let w = xb.w - xa.w - spin;
-        // t turns with A and by itself: of its own spin only what A does and its own growth is left
+        // t rotates with A and changes by itself; only these two contributions remain
         let grown = xb.alpha - xa.alpha - G::cross_ang(xa.w, spin) - sum::<G>(to.growth, &x.t);
         let (rho, own) = (x.rho, x.b.map(|b| G::dot_ang(b, w)));
         let (over, along) = (cross(rho, own), dot(rho, own));

@@ -122,7 +122,7 @@ impl<G: Space> Rolling<G> {
         let (xa, xb) = (&s.links[self.links[0]], &s.links[self.links[1]]);
         let (arm_a, arm_b) = (x.point[1] - xa.centre, x.point[0] - xb.centre);
         let (ua, ub) = (xa.u + G::cross(xa.w, arm_a), xb.u + G::cross(xb.w, arm_b));
-        // how the direction to the contact turns, and how the contact moves through space
+        // rates of the direction to the contact and of the contact point
         let n1 = G::cross(xa.w, x.n);
         let e1 = match self.axis {
             Some(_) => {

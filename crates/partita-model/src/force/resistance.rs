@@ -57,7 +57,7 @@ pub(crate) struct Slide<S> {
 }
 
 impl<S: Scalar> Slide<S> {
-    /// Resistance over speed, which has no corner anywhere, for the square of the speed.
+    /// Resistance over speed, smooth everywhere, as a function of the squared speed.
     #[inline(always)]
     pub fn per_speed(&self, square: S) -> S {
         let stick2 = self.stick * self.stick;

@@ -219,7 +219,7 @@ impl<'a, G: Space> Maker<'a, G> {
         Ok((p.shape.motions[motion] == Motion::Ball).then_some((j, component)))
     }
 
-    /// How much the child of joint `j` is twisted about z of the joint's axes.
+    /// Twist of the child of joint `j` about the z axis of the joint.
     pub fn twist(&self, j: usize) -> Measurement<G> {
         let p = &self.placed.joints[j];
         let of = |r: &Mat3<f64>| [0, 1].map(|i| G::ang_from(r.apply(p.shape.frame.column(i)).0));

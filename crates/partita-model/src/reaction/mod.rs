@@ -355,8 +355,7 @@ impl<S: Scalar> Evaluator<S> {
         joints
     }
 
-    /// What the multipliers give by themselves: the reactions of cut joints; and what each body of `part` still needs
-    /// with them.
+    /// The reactions of cut joints, which follow from the multipliers, and the remaining wrench of each body of `part`.
     fn known(
         &self,
         part: &Part,

@@ -240,7 +240,7 @@ impl Following {
             x.lambda[x.perm[p]] = x.x[p] * x.scale[x.perm[p]];
         }
         let row = x.perm[dropped];
-        // a row of zeros holds nothing and passes nothing on
+        // a zero row constrains nothing
         x.lambda[row] = if x.scale[row] > 0.0 { x.scale[row] } else { 1.0 };
     }
 

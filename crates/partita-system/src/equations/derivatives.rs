@@ -124,7 +124,8 @@ impl Given {
 /// the others together.
 ///
 /// # Errors
-/// `Derivative` with the entry that is off most, relative to what is allowed; what the functions themselves say at (t, q, v).
+/// `Derivative` with the entry of the largest error relative to the allowed one; or an error of the functions
+/// themselves at (t, q, v).
 pub fn check<E: Equations>(e: &E, t: f64, q: &[f64], v: &[f64], lengths: &[f64]) -> Result<(), SystemError> {
     if e.rows() == 0 {
         return Ok(());

@@ -16,7 +16,7 @@ pub struct CoordinateSwitch {
 
 /// The best switch for `A` (r x k), the scales `s` of all velocities and the lists D and I.
 ///
-/// Cost: r k comparisons, no factorisation: `A` is there from P1. Ties go to the first.
+/// Cost: r k comparisons, no factorisation: `A` is available from P1. The first of equal candidates is taken.
 pub fn best(a: &[f64], s: &[f64], dependent: &[usize], independent: &[usize]) -> Option<CoordinateSwitch> {
     let k = independent.len();
     let mut best: Option<CoordinateSwitch> = None;

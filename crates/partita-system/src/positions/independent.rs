@@ -62,7 +62,7 @@ pub trait Dependent<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> {
     fn start(&mut self, _core: &Core, _tangent: &mut T, _margin: Option<f64>) {}
     /// Find `core.q` for y; leaves the position level there.
     fn solve(&mut self, core: &mut Core, tangent: &mut T, t: f64, y: &[f64], at: Point) -> Result<()>;
-    /// What is of the end of the step that is being judged.
+    /// Data of the end of the step under judgement.
     fn look(&mut self, _tangent: &mut T) {}
     /// That step is taken.
     fn accept(&mut self, _tangent: &mut T, _t: f64, _margin: Option<f64>) {}

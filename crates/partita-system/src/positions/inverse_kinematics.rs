@@ -29,7 +29,7 @@ pub struct InverseKinematics {
     trial: Vec<i8>,
     /// Whether the next step may meet a singular position, judged by the decrease of the distance in the last one.
     approaching: bool,
-    /// Did the branches follow the motion at the last evaluation, and at the end of the step that is judged?
+    /// Whether the branches followed the motion at the last evaluation, and at the end of the step under judgement.
     following: bool,
     trial_following: bool,
     /// Iterations in blocks without a closed form, those for outputs left out.

@@ -196,8 +196,8 @@ impl<S: ConstrainedSystem> Kernel<'_, S> {
         Ok(found.map(|dof| (dof, false)))
     }
 
-    /// Whether the sums of probes are preserved. So it is on one branch also where weak rows make it no
-    /// projection.
+    /// Whether the sums of probes are preserved. On one branch this is the case even where weak rows prevent it from
+    /// being a projection.
     fn is_linear(
         &mut self,
         q: &[f64],

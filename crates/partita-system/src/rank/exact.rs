@@ -1,5 +1,5 @@
-//! What pivots and a short motion settle: closings that are independent, and closings that are redundant to the last
-//! digit.
+//! The cases decided by pivots and a short motion: independent loop closures, and loop closures that are exactly
+//! redundant.
 //!
 //! Sparse, so that it serves a thousand loops as well as one. Rows kept close the motion; where it is closed so, the
 //! others open by nothing but rounding, or something else is the matter, which is not decided here.

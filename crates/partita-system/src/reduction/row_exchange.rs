@@ -124,7 +124,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
             let independent = self.partition.independent.clone();
             self.refresh_row_scales();
             if self.plan_with(t, &independent, &next).is_err() {
-                // the rule and the elimination disagree by round-off: stay as we were
+                // the rule and the elimination disagree by round-off: keep the present rows
                 self.plan_with(t, &independent, &kept)?;
                 self.factor(t)?;
                 break;

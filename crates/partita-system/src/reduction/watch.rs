@@ -152,8 +152,8 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         Some(sum / (displacement * displacement))
     }
 
-    /// P5 cluster by cluster at the last tangent: volumes are products over clusters, so each chooses for itself.
-    /// Clusters that form no D keep what they have; switches see to them.
+    /// P5 cluster by cluster at the last tangent: volumes are products over clusters, so each cluster chooses
+    /// independently. Clusters that form no D keep their choice; it is changed by switches.
     pub fn choose_by_clusters(&mut self, weights: Option<&[f64]>) -> Result<Vec<usize>, SystemError> {
         let Some(recursion) = &self.recursion else { return Ok(self.partition.independent.clone()) };
         let n = self.size.nv;

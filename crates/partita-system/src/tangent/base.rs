@@ -79,7 +79,7 @@ impl<'s, S: ConstrainedSystem> Base<'s, S> {
             return false;
         }
         self.steps_since_scales = 0;
-        // a failure here would be met by the next evaluation too, which reports it; the old scales serve till then
+        // a failure here also occurs in the next evaluation, which reports it; until then the old scales are kept
         self.r.refresh_scales(t, q).is_ok()
     }
 

@@ -436,7 +436,7 @@ fn a_pendulum_in_x_stops_at_the_side() {
     // x = 1 is reached after about 0.13 s
     assert!(outcome.t > 0.1 && outcome.t < 0.2, "{}", outcome.t);
     assert_eq!(outcome.status, Status::Singular);
-    for words in ["coordinates x stand at a dead point", "closing function for y would have to", "y would serve"] {
+    for words in ["coordinates x are at a dead point", "closing function for y would have to", "y would serve"] {
         assert!(outcome.message.contains(words), "{}", outcome.message);
     }
 }

@@ -1,4 +1,4 @@
-"""Six-bars by where their ground is, and linkages that walk."""
+"""Six-bars, named by their fixed link, and walking linkages."""
 
 from __future__ import annotations
 

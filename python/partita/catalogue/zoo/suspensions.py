@@ -1,4 +1,4 @@
-"""Wheel suspensions: one wheel or one axle on a body that stands still."""
+"""Wheel suspensions: one wheel or one axle on a fixed body."""
 
 from __future__ import annotations
 

@@ -257,7 +257,7 @@ impl<'a> Body<'a> {
         }
     }
 
-    /// Whether a value is computed where its only reader wants it.
+    /// Whether a value is computed where its only use is.
     fn inlined(&self, x: u32) -> bool {
         let i = x as usize;
         self.plan.piece[i] == self.piece && self.plan.slot[i].is_none() && self.readers.get(&x) == Some(&1)

@@ -122,7 +122,7 @@ impl<S: Scalar> LoadLaw<S> {
         }
     }
 
-    /// The frequent ones in line.
+    /// The frequent laws, stored inline.
     #[inline(always)]
     fn respond(&self, asked: &Asked<S>, plain: &mut Vec<f64>) -> Result<Response<S>, SystemError> {
         match self {
