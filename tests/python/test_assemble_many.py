@@ -281,7 +281,7 @@ def test_obstacles_are_reported() -> None:
     assert set(ends.status) >= {"closed", "open"}
     closed = np.flatnonzero(ends.ok)
     assert np.array_equal(closed, np.arange(closed[0], closed[-1] + 1)) and "other branch" in ends.status
-    assert any("no motion leads there" in words for words in ends.reasons.values())
+    assert any("no motion on this branch leads there" in words for words in ends.reasons.values())
     contradicting = m.assemble_many({"A": [0.1, 0.1], "D": [0.1, 0.3]})
     assert contradicting.status.tolist() == ["closed", "contradiction"]
     assert "with A = 0.100000 on this branch D is 0.100000 rad, not 0.300000" in contradicting.reasons[1]

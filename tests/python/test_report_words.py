@@ -114,7 +114,7 @@ def test_suspicious_data() -> None:
     m.add_body("stone", mass=1.0, inertia=(1, 1, 1))
     said = " ".join(m.report().split())
     assert "mast extends over 300.000 m, where bodies typically measure" in said
-    assert "stone is held by no joint: it floats in space" in said
+    assert "stone is connected by no joint: it floats freely" in said
 
 
 def test_dead_position_and_locked_coordinate() -> None:

@@ -4,7 +4,7 @@ use partita_math::tolerance;
 
 /// Where what was looked for lies.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Place {
+pub(crate) enum Location {
     /// Nowhere: it changes smoothly over the step.
     Smooth,
     /// Between these two times, in which it changes far more than elsewhere.
@@ -51,16 +51,16 @@ impl Search {
     }
 
     /// Where what `at` tells first, 0 at the start of the step and `end` at its end, jumps.
-    pub(crate) fn jump<E>(&self, at: &mut impl FnMut(f64) -> Result<[f64; 2], E>, end: f64) -> Result<Place, E> {
+    pub(crate) fn jump<E>(&self, at: &mut impl FnMut(f64) -> Result<[f64; 2], E>, end: f64) -> Result<Location, E> {
         let found = self.halve(&mut |t| Ok(at(t)?[0]), (0.0, end), JUMPS_BY * end.abs())?;
         Ok(match found {
-            (Place::Within { after, .. }, by, true) => Place::Jump { t: after, by },
+            (Location::Within { after, .. }, by, true) => Location::Jump { t: after, by },
             (place, ..) => place,
         })
     }
 
     /// Where what `at` tells second jumps by so much that its integral over the step may miss `missed`.
-    pub(crate) fn kink<E>(&self, at: &mut impl FnMut(f64) -> Result<[f64; 2], E>, missed: f64) -> Result<Place, E> {
+    pub(crate) fn kink<E>(&self, at: &mut impl FnMut(f64) -> Result<[f64; 2], E>, missed: f64) -> Result<Location, E> {
         let ends = (at(self.from)?[1], at(self.to)?[1]);
         Ok(self.halve(&mut |t| Ok(at(t)?[1]), ends, (missed / (self.to - self.from)).abs())?.0)
     }
@@ -72,7 +72,7 @@ impl Search {
         at: &mut impl FnMut(f64) -> Result<f64, E>,
         (one, two): (f64, f64),
         least: f64,
-    ) -> Result<(Place, f64, bool), E> {
+    ) -> Result<(Location, f64, bool), E> {
         let (mut low, mut high, mut smooth) = ((self.from, one), (self.to, two), 0);
         let length = self.to - self.from;
         let shortest = (LOCATED * length.abs()).max(tolerance::SOLUTION_ROUNDING * self.to.abs());
@@ -103,8 +103,8 @@ impl Search {
             within = (low.0, high.0, high.1 - low.1);
         }
         let place = match (within.1 - within.0).abs() < ABRUPT * length.abs() && within.2.abs() >= least {
-            true => Place::Within { before: within.0, after: within.1 },
-            false => Place::Smooth,
+            true => Location::Within { before: within.0, after: within.1 },
+            false => Location::Smooth,
         };
         Ok((place, within.2, located))
     }

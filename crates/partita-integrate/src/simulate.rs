@@ -1,7 +1,7 @@
 //! Marching a mechanism: steps, corrections, changes of coordinates, outputs.
 
 use crate::counters::Counters;
-use crate::discontinuity::{Place, Search};
+use crate::discontinuity::{Location, Search};
 use crate::failure::StepFailure;
 use crate::method::Method;
 use crate::ode::{Ode, RhsError};
@@ -507,16 +507,16 @@ impl March {
                 formulation.prescribed_at(t, &self.buffer, &gap).map_err(|error| StepFailure::Rhs { t, error })
             };
             let mut place = search.jump(&mut at, gap.by)?;
-            if may && gap.shorten && place == Place::Smooth && level == PrescribedLevel::Rate {
+            if may && gap.shorten && place == Location::Smooth && level == PrescribedLevel::Rate {
                 place = search.kink(&mut at, gap.by)?;
             }
             match place {
-                Place::Jump { t, by } => {
+                Location::Jump { t, by } => {
                     return Err(StepFailure::Rhs { t, error: formulation.prescribed_jump(t, &gap, by) })
                 }
                 _ if !(may && gap.shorten) => continue,
-                Place::Within { before, .. } if before > from => self.stepper.end_at(before),
-                Place::Within { after, .. } if after < to => self.stepper.end_at(after),
+                Location::Within { before, .. } if before > from => self.stepper.end_at(before),
+                Location::Within { after, .. } if after < to => self.stepper.end_at(after),
                 _ => self.stepper.reject(0.5),
             }
             return Ok(true);
