@@ -1,4 +1,5 @@
-//! The report: what a mechanism is, what can move, what is superfluous, what is determined, in words and numbers.
+//! The report: what a mechanism is, its degrees of freedom, its redundancy and its determined reactions, in words and
+//! numbers.
 
 use crate::determined::determined;
 use crate::error::AnalysisError;
@@ -43,7 +44,7 @@ pub struct CoordinateLine {
     pub name: String,
     /// How mobile it is with the loops closed, relative to opened: 0 (locked) to 1.         (P4)
     pub rho: f64,
-    /// Does the choice integrate it?
+    /// Whether it is chosen as an independent coordinate.
     pub independent: bool,
     /// `√[M⁻¹]_ii`: its scale in the mass metric.
     pub scale: f64,
@@ -87,13 +88,13 @@ pub struct Report {
     pub closing_rows: usize,
     /// Independent ones.
     pub closing_rank: usize,
-    /// Do all motions lie in one plane?
+    /// Whether all motions lie in one plane.
     pub planar: bool,
     /// The largest change of a joint frame by which the drawing fits (rad, parts of lengths); 0 where it does as it is.
     pub geometric_error: f64,
     /// What of the drawing does not fit, in sentences.
     pub geometric_errors: Vec<String>,
-    /// Rows that say nothing new.
+    /// Redundant rows.
     pub redundant: Vec<Redundant>,
     /// Joints of the spanning tree, from the ground outwards.
     pub tree: Vec<JointLine>,
@@ -115,7 +116,7 @@ pub struct Report {
     pub singular: Option<Singular>,
 }
 
-/// One way to go on from a singular position.
+/// One branch that leaves a singular position.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct BranchAccount {
     /// Rates of the coordinates that move, the fastest 1 (rad/s, or one length of the mechanism a second).
@@ -139,7 +140,7 @@ pub struct Singular {
     pub many: bool,
     /// Branches that meet here.
     pub branches: Vec<BranchAccount>,
-    /// Is all else of the report that of the mechanism on the first branch? If not it is left out.
+    /// Whether the rest of the report describes the mechanism on the first branch. If not it is left out.
     pub described: bool,
     /// All this in words.
     pub words: String,
@@ -182,8 +183,8 @@ struct Measured {
 
 /// The report at an assembled position, at rest.
 ///
-/// At a singular position it describes the mechanism next to it, and what can be done from there. Of a mechanism with a
-/// body that moves without mass or inertia it says which that is, and leaves the measures out.
+/// At a singular position it describes the mechanism next to it and the branches. If a body moves without mass or
+/// inertia, the report names it and omits the measures.
 pub fn report(model: &Model, t: f64, q: &[f64]) -> Result<Report, AnalysisError> {
     let e = match mobility(model, t, q) {
         Ok(found) => return regular(model, t, q, found),
@@ -195,7 +196,7 @@ pub fn report(model: &Model, t: f64, q: &[f64]) -> Result<Report, AnalysisError>
     let joints = Geometry::new(model, false);
     let driven = Geometry::new(model, true);
     let Some(found) = branching::look(&joints, t, q, false)? else {
-        // the joints alone are sound: then it is the drives that stand at a dead centre
+        // the joints alone are regular, so the drives are at a dead centre
         let Some(words) = branching::words(&driven, t, q)? else { return Err(e) };
         let free = model.placed.nv - rank_here(&joints, t, q)?.rank;
         let (many, structure, described, branches) = (false, false, false, Vec::new());
@@ -235,7 +236,7 @@ pub fn report(model: &Model, t: f64, q: &[f64]) -> Result<Report, AnalysisError>
     Ok(reported)
 }
 
-/// What can be said of a mechanism without asking how it moves.
+/// Properties of a mechanism that do not depend on its motion.
 fn unmoved(model: &Model) -> Result<Report, AnalysisError> {
     let placed = &model.in_space()?.placed;
     let joint_rows = placed.joints.iter().map(|p| p.shape.conditions()).sum::<usize>();
@@ -307,8 +308,8 @@ fn regular(model: &Model, t: f64, q: &[f64], found: Mobility) -> Result<Report, 
         notes.push(match (unfelt, spins) {
             (_, Some(words)) => words,
             (Some((motion, bodies)), _) => format!(
-                "a degree of freedom moves no mass: {motion} (rad/s, m/s) takes along {}, and nothing of it has mass or inertia in that \
-                 motion",
+                "a degree of freedom moves no mass: the motion {motion} (rad/s, m/s) involves only {}, without mass \
+                 or inertia in that direction",
                 names(&bodies)
             ),
             (None, None) => without_inertia(model, &idle),
@@ -350,7 +351,7 @@ fn regular(model: &Model, t: f64, q: &[f64], found: Mobility) -> Result<Report, 
     })
 }
 
-/// The move by which a coordinate that stands still here only is distinguished from one that always does. Unit:
+/// The displacement that distinguishes a coordinate at rest only here from one that is always at rest. Unit:
 /// characteristic displacement. Reason: its square is far above [`tolerance::TAKES_PART`].
 const NUDGE: f64 = 0.02;
 

@@ -7,7 +7,7 @@
 //! min Σ_j w_jᵀ W_j w_j     w* = w − S (Sᵀ W S)⁻¹ Sᵀ W w
 //! ```
 //!
-//! over all joints, whether they carry coordinates or close loops. Without compliances W_j weighs forces by 1 and
+//! over all joints, in the tree or closing loops. Without compliances W_j weighs forces by 1 and
 //! moments about the joint's point by 1/L², L the typical length of a body: a number without units, the same in all
 //! axes and for every choice of coordinates, cuts and rows. With compliances of the joints it is twice their elastic
 //! energy, so that w* are the reactions of rigid bodies on elastic joints (Castigliano). Either way w* moves
@@ -88,7 +88,7 @@ impl<'g, 'm> Sharing<'g, 'm> {
         Ok(made)
     }
 
-    /// Is there anything to share?
+    /// Whether reactions are indeterminate.
     pub fn is_idle(&self) -> bool {
         self.balance.is_none()
     }
@@ -238,8 +238,8 @@ pub(crate) fn with_rule_for_loads<T, E: From<AnalysisError>>(
     with_rule(model, reference.filter(|at| !(within() && independent(*at))), f)
 }
 
-/// The row of `model` that says the same as each row of a condition in `twin`: the one that is as far down among those
-/// of its owner. The order of all can differ, where one space counts whole turns and the other holds rates alone.
+/// The row of `model` that corresponds to each row of a condition in `twin`: the one with the same index among the rows
+/// of its owner. The overall order can differ where one model counts whole turns and the other constrains only rates.
 pub(crate) fn rows_between(model: &Model, twin: &Model) -> Vec<Option<usize>> {
     let mut of_owner: HashMap<Owner, Vec<usize>> = HashMap::new();
     for (row, named) in model.row_names.iter().enumerate().skip(model.closing_rows) {
@@ -255,8 +255,8 @@ pub(crate) fn rows_between(model: &Model, twin: &Model) -> Vec<Option<usize>> {
     found
 }
 
-/// Multipliers of the reactions that the rule chooses, from any that belong to the motion: `split` says which rows were
-/// kept, c is C (m x n). Dense.
+/// Multipliers of the reactions chosen by the rule, from any that satisfy the equations of motion; `split` identifies
+/// the kept rows, c is C (m x n). Dense.
 ///
 /// # Errors
 /// Where the mechanism cannot be compiled in space, and what a user's function raises.
@@ -304,7 +304,7 @@ pub fn multipliers(
     let found = factor::least_squares_min_norm(&wrenches, &change, tolerance::NULL_VALUE);
     let (weights, _) = found.map_err(|e| AnalysisError::Argument {
         argument: "q",
-        message: format!("how redundant rows share their load could not be computed here: {e}"),
+        message: format!("the distribution of load over redundant rows could not be computed here: {e}"),
     })?;
     for (n, x) in stresses.iter().zip(weights) {
         lambda.iter_mut().zip(n).for_each(|(l, n)| *l += x * n);
@@ -318,7 +318,7 @@ fn has_loops(model: &Model) -> bool {
     !model.placed.topology.cuts.is_empty() || joints > 0 && !model.drives.is_empty()
 }
 
-/// The rule, asked with the coordinates of the model itself.
+/// The rule in the coordinates of the model itself.
 pub(crate) struct Rule<'a> {
     model: &'a Model,
     twin: &'a Model,

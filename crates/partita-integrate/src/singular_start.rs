@@ -25,7 +25,8 @@ use partita_system::{ConstrainedSystem, SystemError, SystemRef};
 /// Collocation is settled below this. Scale: fraction of the agreement asked for. Reason: the iteration adds no error
 /// that is seen.
 const START_SETTLED: f64 = 1e-3;
-/// No tolerance of a singular start is looser. Unit: relative tolerance. Reason: the branch is to be told beyond doubt.
+/// No tolerance of a singular start is looser. Unit: relative tolerance. Reason: the branch must be identified
+/// reliably.
 const LOOSEST_START: f64 = 1e-4;
 /// Move of the fastest velocity in the first step that is tried. Unit: characteristic displacement (a radian). Reason:
 /// about half of what a crossing step takes.
@@ -49,7 +50,7 @@ const REMEMBERED: usize = 12;
 /// Velocities through the nodes lead back to those of the start within this. Scale: fraction of the fastest. Reason: on
 /// another branch they differ by about their own size.
 const LEADS_BACK: f64 = 1e-3;
-/// Smaller start velocities do not decide where the motion leads. Scale: fraction of the velocities reached. Reason:
+/// Smaller initial velocities do not determine the branch. Scale: fraction of the velocities reached. Reason:
 /// the accelerations decide then.
 const SLOW_START: f64 = 1e-3;
 /// Accelerations through the nodes are those of the branch within this. Scale: fraction of them and of the square of
@@ -79,9 +80,9 @@ pub struct SingularStep<'s, S: ConstrainedSystem> {
     pub work: f64,
     /// Distance by which the start was moved onto the branch, in characteristic displacements.
     pub moved: f64,
-    /// What the two ways to the step differ by, in parts of the motion.
+    /// Difference between the two computations of the step, as a fraction of the motion.
     pub error: f64,
-    /// Is that more than was asked for?
+    /// Whether this exceeds the requested accuracy.
     pub lenient: bool,
     /// Evaluations of the equations, those of steps that were too long included.
     pub evaluations: u64,
@@ -181,7 +182,7 @@ struct Anderson {
 }
 
 impl Anderson {
-    /// The next iterate after `x`, from which the iteration leads to `x + f`.
+    /// The next iterate after `x`, where the plain iteration gives `x + f`.
     fn next(&mut self, x: &[f64], f: &[f64]) -> Vec<f64> {
         let minus = |a: &[f64], b: &[f64]| -> Vec<f64> { a.iter().zip(b).map(|(a, b)| a - b).collect() };
         if let Some((x0, f0)) = &self.last {
@@ -240,7 +241,7 @@ impl<S: ConstrainedSystem> Attempt<'_, '_, S> {
         let (q0, v0) = (self.start.1, self.start.2);
         let system = self.r.system.clone();
         let mut qdot = vec![0.0; q0.len()];
-        // the prediction goes on with the velocities of the start and the accelerations next to it
+        // the prediction uses the initial velocities and the accelerations next to the start
         let mut x = Vec::new();
         for c in &nodes.c {
             let v: Vec<f64> = v0.iter().zip(first).map(|(v, a)| v + c * self.h * a).collect();
@@ -252,7 +253,7 @@ impl<S: ConstrainedSystem> Attempt<'_, '_, S> {
         self.iterate(nodes, x, &scales)
     }
 
-    /// What the rates `x` at the nodes lead to; none where the loops do not close.
+    /// The positions that follow from the rates `x` at the nodes; none where the loops do not close.
     fn sweep(&mut self, nodes: &Nodes, x: &[f64]) -> Result<Option<Stages>, SystemError> {
         let (t, q0, v0) = self.start;
         let (nq, s) = (q0.len(), nodes.count());
@@ -293,15 +294,15 @@ impl<S: ConstrainedSystem> Attempt<'_, '_, S> {
             let Some(stages) = self.sweep(nodes, &x)? else { return Ok(None) };
             let off: Vec<f64> =
                 stages.rates.iter().zip(&x).enumerate().map(|(e, (n, x))| (n - x) / scales[e % width]).collect();
-            // what is off at a node counts by its weight: the first one is next to the position, and rounding is
-            // largest there
+            // the error at a node counts by its weight: the first one is next to the singular position, where rounding
+            // is largest
             let worst = off.chunks_exact(width.max(1)).zip(&nodes.b).fold(0.0, |m: f64, (off, b)| {
                 off.iter().fold(m, |m, o| if o.is_nan() { f64::INFINITY } else { m.max(b * o.abs()) })
             });
             if !worst.is_finite() {
                 return Ok(None);
             }
-            // at rest, or as still as rounding lets it be; whether that is still enough the other nodes tell
+            // at rest up to rounding; the other nodes show whether this suffices
             since = if worst < 0.5 * least { 0 } else { since + 1 };
             least = least.min(worst);
             if worst <= START_SETTLED * self.tolerance
@@ -404,15 +405,17 @@ pub fn singular_step<'s, S: ConstrainedSystem>(
         }
     }
     if let Some(best) = &best {
-        why = format!("rounding next to the position leaves {:.1e} of the motion open", best.error);
+        why = format!("next to the position rounding leaves {:.1e} of the motion undetermined", best.error);
     }
     match best.filter(|best| best.error <= tolerance::SINGULAR_LENIENCE * tolerance) {
-        Some(best) => Ok(SingularStep { evaluations, error: best.error.max(0.0), lenient: best.error > tolerance, ..best }),
+        Some(best) => {
+            Ok(SingularStep { evaluations, error: best.error.max(0.0), lenient: best.error > tolerance, ..best })
+        }
         None => Err(SystemError::SingularStart {
             t,
             message: format!(
-                "the velocities lie on one branch, but no first step along it was found ({why}); start a little away from \
-                 it, or give a longer run or higher rates"
+                "the velocities lie on one branch, but no first step along it succeeded ({why}); start a little \
+                 away from the position, or give a longer run or higher rates"
             ),
         }),
     }
@@ -463,17 +466,17 @@ fn attempt<'s, S: ConstrainedSystem>(
         q = shifted;
         system.normalise(&mut q);
     }
-    let Some(less) = less else { return Ok(Err("its stages were not found".into())) };
+    let Some(less) = less else { return Ok(Err("its collocation equations did not converge".into())) };
     let mut attempt = Attempt { r: &mut r, start: (t, &q, v), h, tolerance, evaluations: 0 };
     let stages = attempt.solve(taken, &first)?;
     *evaluations += attempt.evaluations;
-    let Some(stages) = stages else { return Ok(Err("its stages were not found".into())) };
+    let Some(stages) = stages else { return Ok(Err("its collocation equations did not converge".into())) };
     let q = &q[..];
     let top = stages.v.iter().fold(fastest(&*system, v), |m, v| m.max(fastest(&*system, v)));
     let (back, speed) = (velocities(taken, &stages, 0.0), fastest(&*system, v));
     let off: Vec<f64> = back.iter().zip(v).map(|(a, b)| a - b).collect();
     if fastest(&*system, &off) > LEADS_BACK * top {
-        return Ok(Err("closed next to it the mechanism does not go on with these velocities".into()));
+        return Ok(Err("next to the position the closed mechanism does not continue with these velocities".into()));
     }
     let ahead: Vec<f64> = (0..v.len())
         .map(|i| {
@@ -484,11 +487,11 @@ fn attempt<'s, S: ConstrainedSystem>(
     if let Some(a) = leaving {
         let off: Vec<f64> = ahead.iter().zip(a).map(|(x, a)| x - a).collect();
         if fastest(&*system, &off) > START_BENDS * (fastest(&*system, a) + speed * speed) {
-            return Ok(Err("it does not go on with the accelerations of the branch".into()));
+            return Ok(Err("it does not continue with the accelerations of the branch".into()));
         }
     }
     if speed < SLOW_START * top {
-        return Ok(Err("its velocities are small against those that forces and drives bring about at once".into()));
+        return Ok(Err("its velocities are small compared with those that forces and drives produce at once".into()));
     }
     let moved = system_move(&*system, given, q);
     // the polynomials of q and u, and their values at the end
@@ -514,14 +517,14 @@ fn attempt<'s, S: ConstrainedSystem>(
             off_u.fold(0.0, |m: f64, ((a, b), &i)| m.max((a - b).abs() / system.characteristic_displacement(i)));
         let off = off_q.max(off_u / top);
         if off.is_nan() {
-            return Ok(Err("it leads to numbers that are none".into()));
+            return Ok(Err("it leads to NaN or infinity".into()));
         }
         error = error.max(off);
         end = Some((q_one, u_one, work));
     }
     // what the step is off by is no move of its start
     let moved = if moved > tolerance::SINGULAR_ROUNDING.max(tolerance::CLEARLY * error) { moved } else { 0.0 };
-    let Some((q_end, u_end, work)) = end else { return Ok(Err("it has no end".into())) };
+    let Some((q_end, u_end, work)) = end else { return Ok(Err("its end was not found".into())) };
     let t_end = t + h;
     r.position(t_end, &q_end)?;
     r.tangent(t_end)?;
@@ -562,8 +565,8 @@ fn system_move<S: ConstrainedSystem>(system: &S, from: &[f64], to: &[f64]) -> f6
 }
 
 impl<S: ConstrainedSystem> SingularStep<'_, S> {
-    /// The output at a time inside the step, closed to round-off; next to its start, where nothing closes, as the
-    /// polynomial has it, and told to be in a singular position.
+    /// The output at a time inside the step, closed to round-off; next to its start, where the loops cannot be closed,
+    /// the polynomial itself, marked as singular.
     ///
     /// # Errors
     /// Where the system cannot be evaluated.

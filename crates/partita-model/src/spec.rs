@@ -381,7 +381,7 @@ pub enum Turning {
         /// Where each interval begins.
         rotations: Vec<[f64; 4]>,
     },
-    /// Function number i of those handed along.
+    /// Index i among the functions given.
     Function(usize),
 }
 

@@ -285,7 +285,7 @@ pub enum SystemError {
         t: f64,
         /// By how much it is left.
         by: f64,
-        /// Is it the rate that jumps?
+        /// Whether it is the rate that jumps.
         rate: bool,
     },
     /// A tangent basis no longer spans the motion, or a position cannot be found from its tangent coordinates.

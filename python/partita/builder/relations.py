@@ -207,7 +207,7 @@ class Profile:
         self.radius, self.first, self.second = spline, spline.derivative(), spline.derivative(2)
 
     def bind(self, layout: Layout) -> Callable[[float, Any, Any], Any]:
-        """Itself: what it sees is handed over."""
+        """The function itself, as its arguments are complete."""
         return self
 
     def __call__(self, t: float, x: Any, rates: Any) -> list[float]:

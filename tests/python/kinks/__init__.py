@@ -33,7 +33,7 @@ class Kinked:
     size: float
     power: int
     both: bool
-    """Is it taken away before that place as well?"""
+    """Whether it is taken away before that place as well."""
 
     def beyond(self, x: Any) -> Any:
         """The smooth function that holds after the place."""

@@ -1,4 +1,4 @@
-//! Drives that ask for more than the joints allow: which joint, at which value, and what is missing.
+//! Drives that exceed what the joints allow: which joint, at which value, and by how much.
 
 use super::goal::{Goal, Target};
 use super::one::{one, Ask};
@@ -9,12 +9,12 @@ use partita_model::Model;
 use partita_system::prelude::*;
 use partita_system::SystemError;
 
-/// Times at which the driven motion is asked for. Unit: fraction of the time that was left. Reason: the first at which
-/// it cannot be reached tells most closely where it ended; far beyond, it may have come back.
+/// Number of times at which the driven motion is evaluated. Unit: fraction of the time that was left. Reason: the first
+/// time that cannot be reached locates the end of the motion; far beyond it the motion may exist again.
 const AHEAD: [f64; 4] = [0.01, 0.05, 0.2, 1.0];
 
-/// Why a run that stopped at `t` cannot go on to `until` as driven, from the closed position q shortly before; nothing if
-/// the joints do not hinder it, or nothing drives positions of joints.
+/// The reason why a run that stopped at `t` cannot continue to `until` as driven, from the closed position q shortly
+/// before; `None` if the joints allow it, or if no drive prescribes a joint position.
 pub fn driven_beyond(model: &Model, t: f64, q: &[f64], until: f64) -> Option<String> {
     let driven: Vec<(usize, Goal, String)> = model.drives.iter().filter_map(|d| asked(model, d)).collect();
     if driven.is_empty() || until <= t {

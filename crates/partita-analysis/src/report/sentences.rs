@@ -25,13 +25,13 @@ pub(super) fn notes(model: &Model, found: &Mobility) -> Vec<String> {
     for d in superfluous {
         // a drive of a measure is called by its own name
         let of = if d.row.ends_with(&d.joint) { String::new() } else { format!(" of {}", d.joint) };
-        notes.push(format!("{}{of} is superfluous: {}; remove it", d.row, d.why));
+        notes.push(format!("{}{of} is redundant: {}; remove it", d.row, d.why));
     }
     notes.extend(floating(model));
     if found.smallest < CLOSE_TO_SINGULAR {
         notes.push(format!(
-            "close to a singular position: a closing row is within {:.1e} rad of following from the others, and errors grow \
-             as the inverse of that; start farther away if you can",
+            "close to a singular position: a loop-closure row is within {:.1e} rad of being dependent on the \
+             others, and errors grow as the inverse of that angle; start farther away if possible",
             found.smallest.sqrt()
         ));
     }
@@ -53,28 +53,28 @@ pub(super) fn redundancy(found: &Mobility, replacements: &[Remedy]) -> String {
             None => others += 1,
         }
     }
-    let says = if rows.len() == 1 { "says" } else { "say" };
+    let verb = if rows.len() == 1 { "is" } else { "are" };
     let mut reported = vec![format!(
-        "Over-constrained: {} of the {} {says} nothing that the others do not (rank {}).",
+        "Over-constrained: {} of the {} {verb} redundant (rank {}).",
         rows.len(),
         count(found.joint_rows, "condition of the joints", "conditions of the joints"),
         found.joint_rank
     )];
-    reported.extend(reasons.iter().map(|(why, of)| format!("Superfluous {}: {why}.", names(of))));
+    reported.extend(reasons.iter().map(|(why, of)| format!("{}: {why}.", names(of))));
     if others > 0 {
         reported.push(format!(
-            "Superfluous, for the like reasons: {}.",
+            "Redundant for similar reasons: {}.",
             count(others, "further condition", "further conditions")
         ));
     }
     reported.push(
-        "The motion and the reactions marked as determined are what they would be without them; the others are shared by \
-         the least sum of squares, or by the compliances given."
+        "They change neither the motion nor the reactions marked as determined; the other reactions are distributed \
+         by least squares, or by the compliances given."
             .into(),
     );
     if !replacements.is_empty() {
         let all: Vec<String> = replacements.iter().map(|c| format!("{} {} by {}", c.is, c.joint, c.by)).collect();
-        reported.push(format!("Replace {}: then nothing is superfluous, and nothing else moves.", names(&all)));
+        reported.push(format!("Remedy: replace {}; then nothing is redundant, and nothing else moves.", names(&all)));
     }
     reported.join(" ")
 }
@@ -105,8 +105,11 @@ pub(super) fn floating(model: &Model) -> Vec<String> {
         let bodies: Vec<&str> = group(i).iter().map(|&i| model.spec.bodies[i - 1].name.as_str()).collect();
         match bodies.as_slice() {
             [] => {}
-            [one] => notes.push(format!("{one} is held by no joint: it floats in space")),
-            all => notes.push(format!("{} are linked with each other but not with the ground: they float", names(all))),
+            [one] => notes.push(format!("{one} is connected by no joint: it floats freely")),
+            all => notes.push(format!(
+                "{} are connected with each other but not with the ground: they float freely",
+                names(all)
+            )),
         }
     }
     notes

@@ -31,7 +31,7 @@ const NONE: usize = usize::MAX;
 #[derive(Clone, Debug)]
 pub(super) struct Metric {
     pub(super) weights: Vec<[f64; 6]>,
-    /// Are they the same along all axes?
+    /// Whether they are the same along all axes.
     pub(super) alike: bool,
 }
 

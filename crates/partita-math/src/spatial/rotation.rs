@@ -123,7 +123,7 @@ impl<S: Scalar> Mat3<S> {
             [kx * y + z, ky * y + c, ky * z - x],
             [kx * z - y, ky * z + x, kz * z + c],
         ]);
-        // more: about an axis, as long as the plane of the turn can be told
+        // larger: about an axis, if the plane of rotation is determined
         let s = v.norm();
         let turned = s - S::from_f64(tolerance::SUM_ROUNDING);
         let axis = Vec3::where_positive(turned, v.direction(), a.across());

@@ -32,7 +32,7 @@ fn flat_within<S: Scalar>(terms: S) -> S {
     terms.scale(2.0 * tolerance::FEW_ROUNDINGS)
 }
 
-/// Coordinates that a step finds, before anybody uses them.
+/// Coordinates found by a step, before they are used.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Found<S> {
     /// Turns and slides by edge.

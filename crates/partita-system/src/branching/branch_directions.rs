@@ -462,7 +462,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
     /// determine.
     ///
     /// # Errors
-    /// Why not, in words that end a sentence.
+    /// The reason, as the end of a sentence.
     pub fn with_rates(&self, near: &[f64], asked: &[Asked]) -> Result<Vec<f64>, String> {
         if let Some(why) = self.impossible() {
             return Err(why);

@@ -111,7 +111,7 @@ pub struct PrescribedGap {
     pub before: f64,
     /// By how much it misses the integral.
     pub by: f64,
-    /// Is that more than a smooth function would, so that the step cannot be taken?
+    /// Whether that is more than a smooth function would, so that the step cannot be taken.
     pub shorten: bool,
 }
 

@@ -24,8 +24,8 @@ const POOR_STEP: (f64, f64) = (0.25, 3.0);
 /// After a refused step the damping grows by the first factor, or the length falls by the second. Unit: factors.
 /// Reason: the usual rule of trust regions.
 const REFUSED_STEP: (f64, f64) = (4.0, 0.5);
-/// Damping of the first step. Unit: squares of singular values in natural scales. Reason: rows weaker than a tenth are
-/// not yet followed.
+/// Damping of the first step. Unit: squares of singular values in natural scales. Reason: rows weaker than a tenth have
+/// no effect at first.
 const FIRST_DAMPING: f64 = 1e-2;
 /// A larger damping moves nothing. Scale: squares of singular values in natural scales. Reason: moves are below
 /// round-off then.
@@ -122,7 +122,7 @@ pub trait Linearization: Residuals {
     fn left(&self, part: usize, fraction: f64) -> f64 {
         (1.0 - fraction) * (1.0 - fraction) * self.open(part).square
     }
-    /// The damping of this part that is the first to matter, where `solve` damps its steps.
+    /// The smallest damping of this part that has an effect, if `solve` damps its steps.
     fn least_damping(&self, _part: usize) -> Option<f64> {
         None
     }
@@ -365,7 +365,7 @@ impl Room {
                 let stalls = now.worst > STALLED * p.open.worst && now.worst <= rule.accepted;
                 let rounding = p.length <= rule.rounding && p.length >= STALLED * p.before;
                 let last = (p.length <= rule.rest || rounding) && p.fraction == 1.0;
-                // while the rule is graded lengths do not compare
+                // step lengths under different damping are not comparable
                 (p.open, p.before) = (now, if l.is_settled() { p.length } else { f64::INFINITY });
                 p.fraction = (p.fraction / REFUSED_STEP.1).min(1.0);
                 p.moved += p.taken;

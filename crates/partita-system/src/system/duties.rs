@@ -21,9 +21,9 @@ pub trait Levels: Send + Sync {
     fn pattern(&self) -> &Pattern;
     /// New scratch.
     fn scratch(&self) -> Self::Scratch;
-    /// Does any row depend on time (a ≠ 0)?
+    /// Whether any row depends on time (a ≠ 0).
     fn rheonomic(&self) -> bool;
-    /// Is work of non-conservative forces to be accounted?
+    /// Whether the work of non-conservative forces is accumulated.
     fn has_power(&self) -> bool {
         false
     }
@@ -94,7 +94,7 @@ pub trait Metric: Levels {
     ) -> Result<(), SystemError> {
         self.dynamics(t, q, v, s, mass, h)
     }
-    /// Is M short of mass somewhere, so that it is no metric? Then one stands beside it:
+    /// Whether M is singular because bodies are massless, so that it is not a metric. Then one stands beside it:
     /// [`add_metric`](Self::add_metric) is what it has more, and `[M⁻¹]_ii` and columns of `M⁻¹` are its own. Equations
     /// of motion are those of M.
     fn lacks_mass(&self) -> bool {
@@ -201,7 +201,7 @@ pub trait Manifold {
     fn coordinates_of(&self, i: usize) -> std::ops::Range<usize> {
         i..i + 1
     }
-    /// Is coordinate `i` an angle that may lose whole turns without anything in S1-S5 noticing?
+    /// Whether coordinate `i` is an angle from which whole turns may be removed without changing S1-S5.
     fn turns(&self, _i: usize) -> bool {
         false
     }
@@ -214,7 +214,7 @@ pub trait Manifold {
 /// Natural sizes of moves and rows: they make everything free of units.
 pub trait Scales {
     /// What a large move can open row `i` by (1 for an angle, a length for a displacement), if the system knows: a row
-    /// whose entries are all small against it is closed by nothing, which no comparison with other rows can tell.
+    /// whose entries are all small compared with it cannot be closed, which no comparison with other rows shows.
     fn row_displacement(&self, _i: usize) -> Option<f64> {
         None
     }
@@ -222,7 +222,7 @@ pub trait Scales {
     fn travel(&self, v: &[f64]) -> f64 {
         v.iter().enumerate().fold(0.0, |m: f64, (i, v)| m.max(v.abs() / self.characteristic_displacement(i)))
     }
-    /// Does row `i` close a direction (rad), not a length?
+    /// Whether row `i` constrains a direction (rad), not a length.
     fn row_is_angle(&self, _i: usize) -> bool {
         false
     }
@@ -253,7 +253,7 @@ pub trait Names {
     fn start_notes(&self, _q: &[f64], _v: &[f64]) -> Result<Vec<String>, SystemError> {
         Ok(Vec::new())
     }
-    /// What holds motions that exist for an instant only, in words.
+    /// A description of what locks instantaneous motions.
     fn instantaneous(&self) -> String {
         "its conditions".into()
     }
@@ -273,11 +273,12 @@ pub trait Conditions {
     fn ambiguous(&self) -> Option<String> {
         None
     }
-    /// Does row `i` prescribe a motion? Such rows are kept after all others: what closes a loop is no matter of choice.
+    /// Whether row `i` prescribes a motion. Such rows are kept after all others: what closes a loop is no matter of
+    /// choice.
     fn row_is_drive(&self, _i: usize) -> bool {
         false
     }
-    /// May condition `i` hold in one place at one instant and in another at the next? What closes a loop cannot.
+    /// Whether condition `i` may be discontinuous in its position. What closes a loop cannot.
     fn row_may_jump(&self, i: usize) -> bool {
         self.row_is_drive(i)
     }
@@ -326,9 +327,10 @@ pub trait InverseKinematics {
     where
         Self: Sized + 's,
     {
-        Err(SystemError::argument("formulation",
-            "explicit closing needs loops that can be recognised, or, for equations by hand, a function that closes them \
-             (closing=); use another formulation"
+        Err(SystemError::argument(
+            "formulation",
+            "explicit closing needs a mechanism whose loops it can analyse, or a user-defined system with a closing \
+             function (closing=); use another formulation"
                 .into(),
         ))
     }

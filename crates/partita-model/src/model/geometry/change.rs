@@ -58,8 +58,8 @@ pub(super) struct Change {
 }
 
 impl Change {
-    /// Does the change rest on a double root in lengths that are `off` by so much? They say something then where they
-    /// are off.
+    /// Whether the change rests on a double root in lengths that are `off` by so much. They say something then where
+    /// they are off.
     pub(super) fn is_double(&self, off: f64) -> bool {
         self.least < SURE_FIT
             || off < CHANGE_LEFT && self.weak.iter().any(|s| *s > (DOUBLE_ROOT * off).max(tolerance::SUM_ROUNDING))
@@ -71,7 +71,7 @@ pub(super) fn largest(numbers: &[f64]) -> f64 {
     numbers.chunks(OWN / 2).map(|x| x.iter().map(|x| x * x).sum::<f64>().sqrt()).fold(0.0, f64::max)
 }
 
-/// Is a change sought in a block of so many joints?
+/// Whether a change is sought in a block of so many joints.
 pub(super) fn is_sought(joints: usize) -> bool {
     (OWN * joints).saturating_pow(3) <= LARGEST
 }
@@ -102,8 +102,8 @@ impl Drawing {
             if !worst.is_finite() {
                 return Ok(None);
             }
-            // elsewhere the iteration is quadratic; near a double root little is gained: values that rounding still
-            // tells are asked then
+            // elsewhere the iteration is quadratic; near a double root little is gained; then values above the rounding
+            // level are used
             nothing = match tolerance::CLEARLY * worst > before {
                 true => (nothing / CLOSURE_FACTOR).max(super::FINEST_LEVEL),
                 false => (CLOSURE_FACTOR * worst).clamp(super::FINEST_LEVEL, super::WEAK_CONDITION),

@@ -131,8 +131,8 @@ impl Geometry {
         let (_, joint) = repaired().filter_map(of).max_by(|a, b| a.0.total_cmp(&b.0))?;
         let (shift, turn) = repaired().fold((0.0f64, 0.0f64), |m, x| (m.0.max(x.moved.0), m.1.max(x.moved.1)));
         Some(format!(
-            "the mechanism is the nearest drawing that fits: joint frames were moved by up to {shift:.1e} m and turned by up to \
-             {:.1e} deg, most at \"{}\"",
+            "the geometry was repaired to close exactly: joint frames were moved by up to {shift:.1e} m and turned \
+             by up to {:.1e} deg, most at \"{}\"",
             turn.to_degrees(),
             spec.joints.get(joint).map_or("", |j| &j.name)
         ))
@@ -156,7 +156,7 @@ struct Fit {
     length: f64,
     joints: Vec<Joint>,
     folds: bool,
-    /// Do conditions hold it that are weak at generic positions too?
+    /// Whether it is constrained by conditions that are weak at generic positions too.
     weak: bool,
     /// It would fit by a change of couplings within the tolerance, which is not sought: the row that opens most.
     ambiguous: Option<usize>,
@@ -171,7 +171,7 @@ impl Drawing {
         Some(Self { model, length: known })
     }
 
-    /// Can it be asked at all?
+    /// Whether it can be evaluated.
     fn is_holonomic(&self) -> bool {
         self.model.size().rows == self.model.size().holonomic
     }
@@ -285,8 +285,8 @@ fn coarsest(tolerance: f64) -> f64 {
     (COARSEST * tolerance).clamp(COARSEST * FINEST_LEVEL, WIDEST)
 }
 
-/// What the weakest condition of a mechanism of so many degrees of freedom adds where it is drawn, squared; 1 where
-/// nobody knows.
+/// The squared strength of the weakest constraint of a mechanism with this many degrees of freedom in the zero
+/// position; 1 if unknown.
 fn weakest_of(model: &Model, q: Option<&[f64]>, dof: Option<usize>) -> f64 {
     let closings = dof.map(|k| model.size().nv.saturating_sub(k));
     q.zip(closings).and_then(|(q, m)| weakest(model, 0.0, q, m).ok()).unwrap_or(1.0)
@@ -304,7 +304,7 @@ struct Decided {
     joints: Vec<(Joint, Joint)>,
     /// The weakest condition of an ambiguous block, in words.
     ambiguous: Option<String>,
-    /// Do conditions hold it that are weak at generic positions too?
+    /// Whether it is constrained by conditions that are weak at generic positions too.
     weak: bool,
 }
 
@@ -684,8 +684,8 @@ impl Drawing {
         Ok(most.map_or(0, |k| kernel.rows[k]))
     }
 
-    /// Are values small at most of some generic positions, beside those that are null? And are these null to rounding at
-    /// all of them, as in a drawing that is exact?
+    /// Whether further values besides the null ones are small at most of some generic positions, and whether the null
+    /// ones vanish to round-off at all of them, as in an exact drawing.
     fn conditions_along(
         &self,
         kernel: &mut Kernel<Model>,
@@ -730,14 +730,14 @@ impl Drawing {
         Ok(count >= CHECKED && open <= tolerance::FITS)
     }
 
-    /// Does a change fold a length of a body away?
+    /// Whether a change reduces a length of a body to zero.
     fn folds(&self, numbers: &[f64]) -> bool {
         let Some(changed) = self.changed(numbers) else { return false };
         let (before, after) = (self.lengths(), changed.lengths());
         before.iter().zip(&after).any(|(d, now)| *d > tolerance::EQUAL * self.length && *now < 0.5 * d)
     }
 
-    /// Does it fold away a length that is no geometric error beside the others?
+    /// Whether it removes a length that is too large for a geometric error.
     fn folds_all(&self, numbers: &[f64], tolerance: f64) -> bool {
         let Some(changed) = self.changed(numbers) else { return true };
         let (before, after) = (self.lengths(), changed.lengths());

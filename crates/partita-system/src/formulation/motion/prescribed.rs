@@ -176,7 +176,7 @@ impl<S: ConstrainedSystem> Prescribed<S> {
         }
     }
 
-    /// Is there no such row?
+    /// Whether there is no such row.
     pub(super) fn is_empty(&self) -> bool {
         self.rows.is_empty()
     }
