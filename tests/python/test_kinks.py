@@ -75,7 +75,7 @@ def _single(t: float) -> float:
     return float(np.float32(math.sin(3.0 * t)))
 
 
-KNOTS = np.linspace(-1.0, 4.0, 26)
+BREAKPOINTS = np.linspace(-1.0, 4.0, 26)
 
 
 @pytest.mark.parametrize(
@@ -85,7 +85,7 @@ KNOTS = np.linspace(-1.0, 4.0, 26)
         lambda t: 0.2 + round(math.sin(3.0 * t), 9),
         _single,
         lambda t: math.fabs(t - 0.3),
-        lambda t: float(np.interp(t, KNOTS, np.sin(3.0 * KNOTS))),
+        lambda t: float(np.interp(t, BREAKPOINTS, np.sin(3.0 * BREAKPOINTS))),
         lambda t: math.sin(t) + (1e-6 if t > 0.3 else 0.0),
     ],
     ids=["six digits", "nine digits", "single precision", "kink", "straight lines", "jump"],
@@ -114,9 +114,9 @@ def test_functions_that_only_python_knows_are_differentiated_within_their_noise(
 
 
 def test_a_spline_of_scipy_is_taken_as_the_cubics_it_is_made_of() -> None:
-    spline = CubicSpline(KNOTS, np.sin(3.0 * KNOTS))
+    spline = CubicSpline(BREAKPOINTS, np.sin(3.0 * BREAKPOINTS))
     runs = []
-    for position in (spline, (KNOTS, np.sin(3.0 * KNOTS))):
+    for position in (spline, (BREAKPOINTS, np.sin(3.0 * BREAKPOINTS))):
         m = four_bar(POINTS)
         m.add_drive("A", position=position)
         runs.append(m.simulate(1.0, t_eval=[0.0, 0.5, 1.0]))

@@ -71,9 +71,9 @@ class Motion:
         coefficients = np.zeros((pieces.shape[1], 4))
         coefficients[:, 4 - pieces.shape[0] :] = pieces.T
         middle = 0.5 * (breaks[0] + breaks[1])
-        told = float(np.polyval(coefficients[0], middle - breaks[0]))
+        expected = float(np.polyval(coefficients[0], middle - breaks[0]))
         # another class may mean something else by these two names
-        same = bool(np.isclose(self._plain(self.position, middle), told, rtol=1e-12, atol=1e-300))
+        same = bool(np.isclose(self._plain(self.position, middle), expected, rtol=1e-12, atol=1e-300))
         return Cubics(breaks, coefficients) if same else None
 
     def __getstate__(self) -> dict[str, Any]:

@@ -212,7 +212,7 @@ def _refused(run: pt.Result, t: float, said: str) -> Found:
     """It must stop there, with the name of who jumps and the time."""
     if run.success:
         return Found("wrong", f"{said}: success")
-    named = re.search(r"(the law|cam|curve|constraint).* jumps by .* at t = ([0-9.e+-]+):", run.message)
+    named = re.search(r"(the law|cam|curve|constraint).* jumps by .* at t = ([0-9.e+-]+)[:,]", run.message)
     if named is None or "the law" not in run.message:
         return Found("unnamed", f"{said}: {run.message}")
     near = abs(float(named.group(2).rstrip(".")) - t) < 1e-3

@@ -642,10 +642,10 @@ impl Drawing {
             }
             // what a whole run leaves open is decided there, and what opens by more than the tolerance is as drawn
             let within = open > tolerance::CLOSED_IN_RUN && open <= LARGEST_CHANGE * tolerance;
-            // independent conditions that leave a motion are taken as they are, however weak
-            let doubtful = within && seen.regular.is_none_or(|k| k <= seen.afloat);
+            // independent conditions that leave a motion are accepted, however weak
+            let undecided = within && seen.regular.is_none_or(|k| k <= seen.afloat);
             let far = branch.points.iter().filter(|x| x.steps >= CHECKED).max_by(|a, b| a.open.total_cmp(&b.open));
-            let Some(place) = far.filter(|_| doubtful && branch.dof == branch.kernel) else { return Ok(None) };
+            let Some(place) = far.filter(|_| undecided && branch.dof == branch.kernel) else { return Ok(None) };
             let ambiguous = Some(self.most_open(&mut kernel, &place.q)?);
             return Ok(Some(Fit { most: open, ambiguous, ..found() }));
         }
