@@ -32,7 +32,7 @@ pub struct Settings {
 pub enum Status {
     /// At its end.
     Finished,
-    /// At its end, with something against it that breaks it: success is decided by what was watched on the way.
+    /// It reached its end, but a finding makes the result invalid.
     Invalid,
     /// By the user; what was computed is kept.
     Interrupted,
@@ -109,7 +109,8 @@ fn stretch(nodes: &[f64]) -> f64 {
     tried.fold((1.3, f64::NEG_INFINITY), |best, x| if x.1 > best.1 { x } else { best }).0
 }
 
-/// March from `(t, q, v)` to the end; `sink` gets an output at each time of `t_eval`, `watch` is asked after each step.
+/// Integrate from `(t, q, v)` to the end; `sink` receives an output at each time of `t_eval`, `watch` is called after
+/// each step.
 ///
 /// Outputs lie on the dense output of the step and are closed to round-off one by one; what else there is to know about
 /// them is computed when it is asked for (`Sample::of`). What was computed before a failure stays with the sink. Fails
@@ -133,7 +134,7 @@ pub fn simulate<F: Formulation>(
     if settings.t_end <= t {
         return Ok(Outcome {
             status: Status::Finished,
-            message: format!("nothing to march: the run ends where it starts, at t = {t}"),
+            message: format!("nothing to integrate: the run starts and ends at t = {t}"),
             t,
             counters: Counters::default(),
             crossings: Vec::new(),
@@ -168,7 +169,7 @@ fn sentence(status: Status, t: f64, settings: &Settings) -> String {
     }
 }
 
-/// Is there a position, rather than a function, behind the failure?
+/// Whether there is a position, rather than a function, behind the failure.
 fn is_of_a_position(e: &SystemError) -> bool {
     matches!(
         e,
@@ -205,7 +206,7 @@ pub fn explain(failure: StepFailure<SystemError>, t: f64) -> (Status, String, Op
 /// How steps are taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Control {
-    /// As long as the error allows, or as far apart as was asked for, however many it takes to the end.
+    /// Step lengths controlled by the error, or the fixed length requested.
     Free {
         /// Accepted steps at the most.
         max_steps: u64,
@@ -218,7 +219,7 @@ pub enum Control {
     },
 }
 
-/// Outputs that are asked for on the way.
+/// Outputs requested before the end.
 pub struct Outputs<'o> {
     t_eval: &'o [f64],
     next: usize,
@@ -232,13 +233,13 @@ impl<'o> Outputs<'o> {
     }
 }
 
-/// A formulation's state on its way, and the stepper that takes it there. Memory is taken at the start; steps take
+/// The state of a formulation and its stepper. Memory is taken at the start; steps take
 /// none, but where the formulation changes coordinates.
 #[derive(Debug)]
 pub struct March {
     control: Control,
     stepper: Box<dyn Stepper<SystemError>>,
-    /// Are lengths of steps chosen by their error?
+    /// Whether the step length is controlled by the error.
     free: bool,
     t: f64,
     y: Vec<f64>,
@@ -270,7 +271,7 @@ const CROSSING_AGAIN: [f64; 3] = [1.25, 1.12, 1.06];
 /// for those to be exact, and so near that the polynomial through them is.
 const OUTPUTS_BESIDE: f64 = 1.0 / 80.0;
 
-/// What outputs are handed to.
+/// Receiver of the outputs.
 pub type Sink<'s> = &'s mut dyn FnMut(&Output) -> Result<(), SystemError>;
 
 impl March {
@@ -349,7 +350,7 @@ impl March {
         self.stepper.counters()
     }
 
-    /// From where it stands to `t_end`, with the outputs up to there; `watch` is asked after each step.
+    /// Integrate from the current state to `t_end`, with the outputs up to there; `watch` is called after each step.
     ///
     /// # Errors
     /// What ends the march before. It has to [`begin`](Self::begin) anew then, where it stood or elsewhere.
@@ -364,7 +365,7 @@ impl March {
         self.go_on(formulation, outputs, watch)
     }
 
-    /// Evaluate the start of the way to `t_end`: what acts may have changed since the last step.
+    /// Evaluate the start of the integration to `t_end`: the loads may have changed since the last step.
     fn set_out<F: Formulation>(&mut self, formulation: &mut F, t_end: f64) -> Result<(), StepFailure<SystemError>> {
         self.stepper.start(&mut Adapter(formulation), self.t, &self.y, t_end)
     }
@@ -458,9 +459,9 @@ impl March {
             if matches!(self.control, Control::Ticks { .. }) && near() {
                 let t = stepper.current().t_new;
                 let message =
-                    "it would end next to a singular position, such as one in which links are in line and the motion can \
-                               branch, from where rates cannot be told; step over it: another number of substeps, another \
-                               length of steps";
+                    "the step would end next to a singular position (links in line, where the motion can branch), \
+                     where velocities are not determined; step over it with another number of substeps or another \
+                     step length";
                 return Err(StepFailure::Rhs { t, error: SystemError::Tick { t, message: message.into() } });
             }
             if !self.guards_hold(formulation)? {
@@ -554,7 +555,7 @@ impl March {
         }
     }
 
-    /// Carry out a verdict where the stepper stands: at the end of an accepted step, or back at its start.
+    /// Apply a verdict at the current state: the end of an accepted step, or its start.
     fn commit<F: Formulation>(
         &mut self,
         formulation: &mut F,

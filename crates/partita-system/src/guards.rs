@@ -76,7 +76,7 @@ pub enum Look {
         t: f64,
         /// Which.
         guard: usize,
-        /// Is the guard on the same side at both ends of the step?
+        /// Whether the guard is on the same side at both ends of the step.
         hidden: bool,
     },
 }
@@ -170,7 +170,7 @@ impl GuardMonitor {
         Self { passed: vec![None; guards.len()], recent: vec![0.0; guards.len()], guards, ..Self::default() }
     }
 
-    /// Is there none?
+    /// Whether there is none.
     pub fn is_empty(&self) -> bool {
         self.guards.is_empty()
     }

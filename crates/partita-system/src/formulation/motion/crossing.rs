@@ -52,12 +52,13 @@ pub(super) struct CrossingMonitor {
     others: Option<Others>,
     /// Margin at the start of the step under way.
     margin_before: Option<(f64, u64)>,
-    /// Is the length of steps free?
+    /// Whether the step length is free.
     paced: bool,
     /// Sides of C_D there and at the end of the step that was judged.
     pub(super) sides: Sides,
     sides_ahead: Sides,
-    /// Was C_D singular within the step that was judged, the mechanism close to it; and did velocities jump there?
+    /// Whether C_D was singular within the step that was judged, the mechanism close to it; and did velocities jump
+    /// there.
     flipped: bool,
     pub(super) lost: bool,
     /// Or was it a dead point of the choice alone; how often in a row? And of redundant rows alone: those that serve.
@@ -341,7 +342,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         found.map(|()| h)
     }
 
-    /// How the march goes on from (t, y).
+    /// How the integration continues from (t, y).
     pub(super) fn plan_ahead(&mut self, step: &mut Step) -> Result<bool, SystemError> {
         let Some(pace) = step.pace.take() else { return Ok(false) };
         self.monitor.paced = true;
