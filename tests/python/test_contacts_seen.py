@@ -151,7 +151,7 @@ def test_a_stop_is_met_where_it_is() -> None:
         assert abs(run.joint("A").velocity[-1, 0] - 10.0) < 1e-3
 
 
-def test_a_step_of_fixed_length_that_hides_a_contact_is_told() -> None:
+def test_a_step_of_fixed_length_that_hides_a_contact_is_reported() -> None:
     case = balls(np.random.default_rng(1), beside=0.0)
     run = case.mechanism.simulate(case.time, t_eval=[case.time], initial=case.start, method="rk4", step=case.time / 3)
     assert not run.success

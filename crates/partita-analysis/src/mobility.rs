@@ -190,7 +190,7 @@ mod tests {
             for r in &m.redundant {
                 assert_eq!(r.joint, "C");
                 assert!(r.row.starts_with("C."));
-                assert!(r.why.starts_with("all turning axes of A, B, C and D are parallel"), "{}", r.why);
+                assert!(r.why.starts_with("all axes of rotation of A, B, C and D are parallel"), "{}", r.why);
             }
         }
     }
@@ -247,7 +247,7 @@ mod tests {
             assert!(found
                 .redundant
                 .iter()
-                .all(|r| r.why.starts_with("all turning axes of A, B, C and D are parallel")));
+                .all(|r| r.why.starts_with("all axes of rotation of A, B, C and D are parallel")));
         }
     }
 
@@ -299,7 +299,7 @@ mod tests {
         spec.joints.push(joint("high", Revolute, "ground", "door", [0.0, 0.0, 1.8], Z));
         let m = of(spec);
         assert_eq!(numbers(&m), (1, 10, 5));
-        assert!(m.redundant.iter().all(|r| r.why.starts_with("low and high move about one and the same axis")));
+        assert!(m.redundant.iter().all(|r| r.why.starts_with("low and high share one axis")));
     }
 
     /// A third crank of the same length: its in-plane row fits by its dimensions alone.
@@ -332,7 +332,7 @@ mod tests {
         ];
         let m = of(spec);
         assert_eq!(numbers(&m), (1, 15, 11));
-        assert!(m.redundant.iter().all(|r| r.why.contains("only slide")), "{:?}", m.redundant);
+        assert!(m.redundant.iter().all(|r| r.why.contains("are prismatic")), "{:?}", m.redundant);
     }
 
     #[test]
@@ -375,7 +375,7 @@ mod tests {
         assert_eq!(numbers(&m), (0, 20, 17));
         let last = m.redundant.last().unwrap();
         assert_eq!((last.row.as_str(), last.joint.as_str()), ("drive second", "D"));
-        assert!(last.why.contains("with motor driven"), "{}", last.why);
+        assert!(last.why.contains("already determined by driving motor"), "{}", last.why);
     }
 
     /// Three bars make a triangle.

@@ -169,9 +169,7 @@ mod tests {
             motion: Value::Constant(90.0),
             turning: None,
         });
-        assert!(
-            suspicious(&model(turned))[0].contains("90 rad, 14.3 full turns; if 90 degrees are meant, that is 1.57")
-        );
+        assert!(suspicious(&model(turned))[0].contains("90 rad, 14.3 full turns; 90 degrees would be 1.57"));
         spec.bodies.push(body("mast", [0.0; 3], [0.0, 300.0, 0.0]));
         spec.joints.push(joint("foot", Revolute, "ground", "mast", [0.0, -300.0, 0.0], Z));
         spec.joints.push(joint("top", Revolute, "mast", "ground", [0.0, 300.0, 0.0], Z));

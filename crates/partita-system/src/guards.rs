@@ -83,7 +83,7 @@ pub enum Look {
 
 /// An instant of the step, with the bounds of the interval that begins there.
 #[derive(Clone, Debug)]
-struct Place {
+struct Sample {
     t: f64,
     /// The fastest rate of the mechanism [1/s].
     fastest: f64,
@@ -97,7 +97,7 @@ struct Place {
 pub struct GuardMonitor {
     guards: Vec<Guard>,
     /// Start, places inside, end; `used` of them.
-    places: Vec<Place>,
+    places: Vec<Sample>,
     used: usize,
     /// First time at which each was passed through.
     passed: Vec<Option<f64>>,
@@ -186,10 +186,10 @@ impl GuardMonitor {
     }
 
     /// A place behind those in use, to be filled.
-    fn next(&mut self, t: f64, fastest: f64) -> &mut Place {
+    fn next(&mut self, t: f64, fastest: f64) -> &mut Sample {
         let n = self.guards.len();
         if self.used == self.places.len() {
-            let place = Place { t, fastest, readings: vec![GuardReading::default(); n], off: vec![None; n] };
+            let place = Sample { t, fastest, readings: vec![GuardReading::default(); n], off: vec![None; n] };
             self.places.push(place);
         }
         self.used += 1;
@@ -249,7 +249,7 @@ impl GuardMonitor {
         }
         for (i, guard) in self.guards.iter().enumerate() {
             let Some((limit, _)) = guard.through else { continue };
-            let beyond = |x: &&Place| x.readings[i].x < limit;
+            let beyond = |x: &&Sample| x.readings[i].x < limit;
             let first = self.places[..self.used].iter().find(beyond).map(|x| x.t);
             self.passed[i] = self.passed[i].or(first);
         }
@@ -311,7 +311,7 @@ impl GuardMonitor {
     }
 
     /// On which side it is before and after an instant, positive or not.
-    fn sides(&self, g: usize, at: &Place, meets: f64) -> (bool, bool) {
+    fn sides(&self, g: usize, at: &Sample, meets: f64) -> (bool, bool) {
         let GuardReading { x, rate, .. } = at.readings[g];
         match x.abs() > meets * self.guards[g].size || rate == 0.0 {
             true => (x >= 0.0, x >= 0.0),
@@ -325,7 +325,7 @@ impl GuardMonitor {
     }
 
     /// Guard g over an interval, and at its start where that lies inside the step; `inside` says it of both ends.
-    fn shown(&self, g: usize, ends: &[Place], inside: (bool, bool), meets: f64) -> Shown {
+    fn shown(&self, g: usize, ends: &[Sample], inside: (bool, bool), meets: f64) -> Shown {
         let (from, to) = (&ends[0], &ends[1]);
         let (before, after) = self.sides(g, from, meets);
         if inside.0 && before != after {

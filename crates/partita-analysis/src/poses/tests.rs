@@ -139,7 +139,7 @@ fn following_finds_what_closed_forms_find() {
 fn what_cannot_be_placed_is_refused() {
     let m = model(tilted(four_bar([Revolute, Spherical, Spherical, Revolute])));
     let ball = Target::new(&m, &Goal::Joint { joint: 1, coordinate: 0 }, "B.qw").unwrap_err().to_string();
-    assert!(ball.contains("take points of the body"), "{ball}");
+    assert!(ball.contains("use points of the body"), "{ball}");
     let first = Target::new(&m, &Goal::Joint { joint: 0, coordinate: 0 }, "A").unwrap();
     let q = closed(&m);
     let refused = many::<SystemError>(&m, 0.0, &q, &[], &[1.0], &mut || Ok(())).unwrap_err().to_string();

@@ -187,6 +187,6 @@ fn a_closing_belongs_to_its_model() {
         let other = model.with_parameters(&[]).unwrap();
         let mut room = closing.room_over(&other);
         let refused = closing.close_over(&other, m.t, &mut m.q.clone(), &mut room).unwrap_err();
-        assert!(refused.to_string().contains("another model"));
+        assert!(refused.to_string().contains("different models"));
     });
 }
