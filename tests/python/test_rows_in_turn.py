@@ -137,7 +137,10 @@ def test_rows_that_turn_in_all_formulations(formulation: str) -> None:
         runs_as_driven(m, driven, rate, duration, formulation=formulation)
 
 
-@pytest.mark.parametrize("formulation", ["multipliers", "sparse-multipliers", "range-space"])
+EVERY_VELOCITY = ["multipliers", "sparse-multipliers", "range-space", "proximal"]
+
+
+@pytest.mark.parametrize("formulation", EVERY_VELOCITY)
 def test_all_velocities_of_a_bennett_linkage_have_rows_that_serve(formulation: str) -> None:
     """Five of Bennett's eight conditions say all as drawn; after 0.6 s those five no longer do, and others must."""
     entry = pt.catalogue.entry("bennett")
@@ -149,3 +152,68 @@ def test_all_velocities_of_a_bennett_linkage_have_rows_that_serve(formulation: s
     assert all(run.success for run in found.values())
     evaluations = {name: run.counters["evaluations"] for name, run in found.items()}
     assert evaluations[formulation] < 2 * evaluations["projective"]
+
+
+def cardan() -> tuple[pt.Mechanism, pt.State]:
+    """A universal joint between two shafts in bearings: a spherical four-bar, of whose six conditions three say all."""
+    m = pt.Mechanism("shaft", gravity=(0, 0, -9.81))
+    out = np.array((np.cos(np.pi / 6), np.sin(np.pi / 6), 0.0))
+    driving = m.add_body("in", mass=1.0, position=(-0.5, 0, 0), inertia=(0.02, 0.1, 0.1))
+    driven = m.add_body("out", mass=1.0, position=tuple(0.5 * out), inertia=(0.02, 0.1, 0.1))
+    cross = m.add_body("cross", mass=0.2, position=(0, 0, 0), inertia=(1e-3, 1.1e-3, 1.2e-3))
+    m.add_revolute("A", m.ground, driving, point=(-0.5, 0, 0), axis=(1, 0, 0))
+    m.add_revolute("B", driving, cross, point=(0, 0, 0), axis=(0, 0, 1))
+    m.add_revolute("C", cross, driven, point=(0, 0, 0), axis=tuple(np.cross((0, 0, 1), out)))
+    m.add_revolute("D", m.ground, driven, point=tuple(0.5 * out), axis=tuple(out))
+    m.add_torsion_spring("A", stiffness=3.0)
+    return m, m.assemble(rates={"A": 5.0})
+
+
+def parallel_machine() -> tuple[pt.Mechanism, pt.State]:
+    """A platform on two legs universal-slide-hinge in one plane and one leg ball-slide-hinge, in clean numbers."""
+    m = pt.Mechanism("machine", gravity=(0, 0, -9.81))
+    platform = m.add_body("platform", mass=5.0, position=(0, 0, -1), inertia=(0.1, 0.1, 0.2))
+    legs = [((-0.5, 0, 0), (-0.25, 0, -1)), ((0.5, 0, 0), (0.25, 0, -1)), ((0, 0.6, 0), (0, 0.3, -1))]
+    for i, (top, foot) in enumerate(legs):
+        along = np.subtract(foot, top) / np.linalg.norm(np.subtract(foot, top))
+        about = {"inertia": (0.02, 0.02, 0.01)}
+        upper = m.add_body(f"upper {i}", mass=1.0, position=tuple(top + 0.3 * along), **about)
+        lower = m.add_body(f"lower {i}", mass=0.8, position=tuple(foot - 0.3 * along), **about)
+        if i < 2:
+            m.add_universal(f"U{i}", m.ground, upper, point=top, axis1=(1, 0, 0), axis2=(0, 1, 0))
+        else:
+            m.add_spherical(f"U{i}", m.ground, upper, point=top)
+        m.add_prismatic(f"P{i}", upper, lower, point=top, axis=tuple(along))
+        m.add_revolute(f"R{i}", lower, platform, point=foot, axis=(0, 1, 0) if i < 2 else (1, 0, 0))
+    return m, m.assemble()
+
+
+def of_catalogue(name: str) -> tuple[pt.Mechanism, pt.State]:
+    entry = pt.catalogue.entry(name)
+    m = entry.mechanism()
+    return m, entry.initial(m)
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+@pytest.mark.parametrize(
+    "name", ["bennett", "bricard", "sarrus", "goldberg", "myard", "three-rrr", "agile-eye", "cardan", "machine"]
+)
+def test_overconstrained_mechanisms_in_all_velocities(name: str, coordinates: str) -> None:
+    """At the start their accelerations are those of the independent coordinates, and they cost as much."""
+    own = {"cardan": cardan, "machine": parallel_machine}
+    m, start = own[name]() if name in own else of_catalogue(name)
+    times = start.t + np.array([0.0, 0.3])
+    for rtol in (1e-5, 1e-8, 1e-10):
+        runs = {
+            form: m.simulate(
+                0.3, t_eval=times, initial=start, rtol=rtol, atol=rtol / 100, formulation=form, coordinates=coordinates
+            )
+            for form in ("projective", *EVERY_VELOCITY)
+        }
+        held = runs["projective"]
+        for form, run in runs.items():
+            assert run.success, (form, run.message)
+            scale = 1.0 + np.abs(held.vdot[0]).max()
+            np.testing.assert_allclose(run.vdot[0], held.vdot[0], rtol=0, atol=1e-9 * scale, err_msg=form)
+            np.testing.assert_allclose(run.q[-1], held.q[-1], rtol=0, atol=1e4 * rtol, err_msg=form)
+            assert run.counters["evaluations"] <= 3 * held.counters["evaluations"], form

@@ -359,7 +359,7 @@ def simulate(
             states in a tangent chart), "user-tangent" (velocities of your own, needs `tangent`), "multipliers"
             (all accelerations and multipliers from one matrix), "sparse-multipliers" (the same, eliminated with
             its sparsity), "range-space" (the same by way of the constraints), "proximal" (the same regularised,
-            for redundant rows), "baumgarte" (stabilised, never exactly closed; needs `baumgarte`).
+            loads shared among redundant rows), "baumgarte" (stabilised, never exactly closed; needs `baumgarte`).
         coordinates: "relative" or "absolute", as in `compile`.
         events: not offered by this version; anything but an empty sequence raises `ArgumentError`.
         progress: True: a bar on the terminal with the rate and the time that remains (needs tqdm); or a function of

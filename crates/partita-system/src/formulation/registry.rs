@@ -67,7 +67,7 @@ pub fn by_name<'s, S: ConstrainedSystem<Scratch: Send> + 's>(
             Box::new(FullState::new(system, rank, rule, o))
         }
         "range-space" => Box::new(FullState::new(system, rank, Range::new(size.nv, rank), o)),
-        "proximal" => Box::new(FullState::new(system, rank, Iteration::new(size.nv, size.rows, rank < size.rows), o)),
+        "proximal" => Box::new(FullState::new(system, rank, Iteration::new(size.nv, size.rows, rank), o)),
         "baumgarte" => {
             Box::new(FullState::new(system, rank, Stabilised::new(size.nv, size.rows, rank, o.baumgarte)?, o))
         }

@@ -100,12 +100,8 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> Everything<'s, S, R> {
             self.scales.extend_from_slice(self.base.r.row_scales());
         }
         self.rows.clear();
-        if self.rule.takes_all_rows() {
-            self.rows.extend(0..self.base.r.size().rows);
-        } else {
-            self.rows.extend_from_slice(&self.base.r.partition.rows);
-            self.rows.sort_unstable();
-        }
+        self.rows.extend_from_slice(&self.base.r.partition.rows);
+        self.rows.sort_unstable();
     }
 
     /// S1 and S5 at the last position with velocities v, left in `self.base.r`, `self.mass` and `self.h`.
@@ -247,7 +243,10 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> TangentChoice<'s, S> for Eve
         (history.counters.factorisations, history.counters.proximal_iterations) =
             (self.factorisations, self.iterations);
         history.counters.plans += self.rule.plans();
-        history.rows.clone_from(&self.rows);
+        match self.rule.loads_all_rows() {
+            true => history.rows = (0..self.base.r.size().rows).collect(),
+            false => history.rows.clone_from(&self.rows),
+        }
         history.notes.extend(self.rule.notes());
         if self.correction == Correction::None && self.base.r.rank() > 0 {
             history.notes.push(format!(

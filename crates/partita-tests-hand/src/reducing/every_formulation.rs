@@ -403,9 +403,10 @@ fn what_is_not_finite_is_refused() {
     }
 }
 
-/// Squared sines between rows far above ε take three iterations; far below, the iteration says that it did not settle.
+/// Squared sines between rows far above ε take three iterations; near it and below, the damping is lowered; what is lost in
+/// rounding is refused as a loss of rank.
 #[test]
-fn the_proximal_iteration_reports_what_it_could_not_settle() {
+fn the_proximal_iteration_lowers_its_damping_and_refuses_what_is_lost_in_rounding() {
     let nearly = |angle: f64| Instant {
         mass: Matrix::identity(3),
         c: Matrix::from_rows(&[&[1.0, 0.0, 0.0], &[1.0, angle, 0.0]]),
@@ -417,20 +418,19 @@ fn the_proximal_iteration_reports_what_it_could_not_settle() {
         let system = nearly(angle).user_system();
         let mut f = by_name("proximal", &system, 2, &FormulationOptions::default()).unwrap();
         let (mut y, mut dy) = (vec![0.0; f.dim()], vec![0.0; f.dim()]);
-        f.start(0.0, &[0.0; 3], &[0.0; 3], &mut y).unwrap();
-        f.derivative(0.0, &y, &mut dy).unwrap();
+        f.start(0.0, &[0.0; 3], &[0.0; 3], &mut y).map_err(|e| e.to_string())?;
+        f.derivative(0.0, &y, &mut dy).map_err(|e| e.to_string())?;
         // v' = (−b0, (b0 − b1) / angle, h2)
         let off = (dy[4] - (0.4 - 0.7) / angle).abs() * angle;
         assert_eq!(dy[5], 0.5);
-        (off, f.history().counters.proximal_iterations, f.history().notes)
+        Ok::<_, String>((off, f.history().counters.proximal_iterations))
     };
-    let (off, iterations, notes) = ask(0.5);
-    assert!(off < 1e-12 && iterations <= 4 && notes.is_empty(), "{off:e} {iterations} {notes:?}");
-    let (off, iterations, notes) = ask(1e-3);
-    assert!(off < 1e-9 && iterations <= 20 && notes.is_empty(), "{off:e} {iterations} {notes:?}");
-    let (off, iterations, notes) = ask(1e-5);
-    assert!(off > 1e-3 && iterations == 80, "{off:e} {iterations}");
-    assert!(notes.len() == 1 && notes[0].contains("1 evaluations"), "{notes:?}");
+    for (angle, closer, most) in [(0.5, 1e-12, 4), (1e-3, 1e-9, 10), (1e-5, 1e-5, 20)] {
+        let (off, iterations) = ask(angle).unwrap();
+        assert!(off < closer && iterations <= most, "{angle}: {off:e} {iterations}");
+    }
+    let lost = ask(1e-8).unwrap_err();
+    assert!(lost.contains("lose rank"), "{lost}");
 }
 
 /// `Φ̈ + 2α Φ̇ + β² Φ = 0` on rows that remain open in position and in rate; on one without a position the last

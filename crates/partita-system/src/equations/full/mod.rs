@@ -93,8 +93,8 @@ pub enum Failure {
 pub trait AccelerationRule {
     /// Name used in results and messages.
     fn name(&self) -> &'static str;
-    /// Whether it can take rows that are combinations of others. Then it is given all of them.
-    fn takes_all_rows(&self) -> bool {
+    /// Whether it shares λ among rows that follow from others as well.
+    fn loads_all_rows(&self) -> bool {
         false
     }
     /// Are the remainders of S3 and S4 to be removed after a step?

@@ -1,62 +1,116 @@
-//! Multipliers by proximal iteration, on all rows, redundant ones included:
+//! Multipliers by proximal iteration:
 //!
 //! ```text
 //! λ⁺ = (M_c + ε 1)⁻¹ (ε λ − (b + C M⁻¹ h)),   v' = M⁻¹ (h + Cᵀ λ)
 //! ```
-//! Catalogue row 23. The regularised matrix is positive definite whatever the rank of C, so no row is dropped and no rank
-//! decided; the iteration removes the regularisation again and ends at the v' of the exact equations. Prefer it where the
-//! rank is in doubt, as on the way through a singular position. Rows are brought to length 1 in the mass metric first, so
-//! that ε means the same in all units.
+//! Catalogue row 23. The regularised matrix is positive definite however close the rows are to dependence, and the
+//! iteration removes the regularisation again: it ends at the v' of the exact equations. Where it is slow, ε is too large
+//! for the weakest direction and is made smaller. Rows are brought to length 1 in the mass metric first, so that ε means
+//! the same in all units.
 //!
-//! Starting from λ = 0 it ends at the shortest λ in these scales. That makes the answer unique, not physical: where
-//! reactions are not determined (R2), they depend on the metric chosen. `Cᵀ λ` and v' do not.
+//! v' follows from the rows kept: redundant ones are open by rounding or by the error of a stage, and along a direction
+//! that only they hold the iteration would divide that by next to nothing. λ is then shared among all rows, from λ = 0 to
+//! the shortest one in these scales that gives this v'. That makes the answer unique, not physical: where reactions are not
+//! determined (R2), they depend on the metric chosen. `Cᵀ λ` and v' do not.
 
 use super::range_space::MassMetric;
 use super::{AccelerationRule, Failure, Instant};
 use partita_math::dense;
 use partita_math::tolerance;
 
-/// Damping of the proximal iteration. Unit: squared sines, in natural scales. Reason: far above the rounding of M_c
+/// Damping of the proximal iteration. Scale: squared sines, in natural scales. Reason: far above the rounding of M_c
 /// (1e-16), far below squared sines between healthy rows, which take three iterations then.
 const PROXIMAL_DAMPING: f64 = 1e-8;
+/// Least damping of the proximal iteration. Scale: squared sines, in natural scales. Reason: some hundred roundings of
+/// M_c; what is weaker than this is lost in them.
+const LEAST_DAMPING: f64 = 1e-14;
+/// Damping after changes that fall too slowly. Scale: ratio to the damping before. Reason: directions that were halved in
+/// each iteration settle in four then.
+const DAMPING_LOWERED: f64 = 1e-3;
+/// A change that falls by less tells that the damping is too large. Scale: ratio of successive changes. Reason: an
+/// iteration with less damping costs a factorisation, which saves ten such iterations.
+const SLOW_CHANGE: f64 = 0.1;
 /// A change of v' that no longer falls is rounding below this. Scale: fraction of v' and the free acceleration. Reason:
 /// rows at squared sines near the damping amplify rounding.
 const STAGNANT_CHANGE: f64 = 1e-9;
-/// After so many iterations a direction of squared sine ε/4 has come to within 1e-8 of its end.
-const MOST: u64 = 80;
+/// So many slow changes in a row are no chance.
+const SLOW_IN_A_ROW: u32 = 2;
 
-/// A change that falls by less is repeated without end. Scale: ratio of successive changes. Reason: redundant rows that
-/// contradict each other a little, as with every stage that is not quite closed, move one direction by the same amount
-/// in each iteration; its squared sine is far below the damping.
-const PUMPED_CHANGE: f64 = 0.9;
-/// After so many such changes in a row all others have died out, and what they have added is taken back.
-const IN_A_ROW: u32 = 3;
-
-/// `v'` and λ by proximal iteration.
-pub struct Iteration {
+/// One iteration's memory, for r rows.
+struct Room {
     metric: MassMetric,
     factor: Vec<f64>,
     x: Vec<f64>,
     change: Vec<f64>,
     step: Vec<f64>,
-    /// Whether there are rows that others imply.
-    redundant: bool,
-    unsettled: u64,
-    largest: f64,
+}
+
+/// `v'` and λ by proximal iteration.
+pub struct Iteration {
+    kept: Room,
+    /// All rows, where some are redundant.
+    all: Option<(Vec<usize>, Room)>,
 }
 
 impl Iteration {
-    /// Room for n velocities and m rows, some of them `redundant` or not.
-    pub fn new(n: usize, m: usize, redundant: bool) -> Self {
+    /// Room for n velocities and m rows of the given rank.
+    pub fn new(n: usize, m: usize, rank: usize) -> Self {
+        Self { kept: Room::new(n, rank), all: (rank < m).then(|| ((0..m).collect(), Room::new(n, m))) }
+    }
+}
+
+impl Room {
+    fn new(n: usize, r: usize) -> Self {
         Self {
-            metric: MassMetric::new(n, m),
-            factor: vec![0.0; m * m],
-            x: vec![0.0; m],
-            change: vec![0.0; m],
+            metric: MassMetric::new(n, r),
+            factor: vec![0.0; r * r],
+            x: vec![0.0; r],
+            change: vec![0.0; r],
             step: vec![0.0; n],
-            redundant,
-            unsettled: 0,
-            largest: 0.0,
+        }
+    }
+
+    /// From λ = 0 to the λ that keeps the rows of the metric, left in `x`; `metric.y` holds Lᵀ v' then. The damping is
+    /// lowered down to `least` where a change falls slowly. Returns the iterations it took.
+    fn settle(&mut self, least: f64) -> Result<u64, Failure> {
+        let Self { metric, factor, x, change, step } = self;
+        let (m, n) = (x.len(), step.len());
+        let free = dense::dot(&metric.y, &metric.y).sqrt();
+        x.fill(0.0);
+        let (mut iterations, mut damping) = (0, PROXIMAL_DAMPING);
+        loop {
+            metric.gram(damping, factor);
+            dense::cholesky(factor, m).map_err(|e| Failure::Rows { sine2: e.pivot })?;
+            let (mut last, mut slow) = (f64::INFINITY, 0);
+            while slow < SLOW_IN_A_ROW {
+                // λ⁺ − λ = (M_c + ε 1)⁻¹ (−(b + C v')), with the v' of λ
+                for i in 0..m {
+                    change[i] = -(metric.b[i] + dense::dot(metric.w(i, n), &metric.y));
+                }
+                dense::cholesky_solve(factor, m, change);
+                step.fill(0.0);
+                for i in 0..m {
+                    dense::axpy(change[i], metric.w(i, n), step);
+                    x[i] += change[i];
+                }
+                metric.y.iter_mut().zip(step.iter()).for_each(|(y, d)| *y += d);
+                iterations += 1;
+                // lengths of accelerations in the mass metric; without constraints nothing changes at all
+                let size = free.max(dense::dot(&metric.y, &metric.y).sqrt());
+                let now = dense::dot(step, step).sqrt();
+                if now <= tolerance::SOLUTION_ROUNDING * size || (now >= last && now <= STAGNANT_CHANGE * size) {
+                    return Ok(iterations);
+                }
+                if !now.is_finite() {
+                    return Err(Failure::Rows { sine2: f64::NAN });
+                }
+                slow = if now > SLOW_CHANGE * last { slow + 1 } else { 0 };
+                last = now;
+            }
+            if damping <= least {
+                return Err(Failure::Rows { sine2: damping });
+            }
+            damping = (DAMPING_LOWERED * damping).max(least);
         }
     }
 }
@@ -66,72 +120,33 @@ impl AccelerationRule for Iteration {
         "proximal"
     }
 
-    fn takes_all_rows(&self) -> bool {
+    fn loads_all_rows(&self) -> bool {
         true
     }
 
     fn solve(&mut self, x: &Instant, vdot: &mut [f64], lambda: &mut [f64]) -> Result<u64, Failure> {
-        let (m, n) = (x.rows.len(), x.h.len());
-        let metric = &mut self.metric;
-        metric.set(x)?;
-        metric.gram(PROXIMAL_DAMPING, &mut self.factor);
-        dense::cholesky(&mut self.factor, m).map_err(|e| Failure::Rows { sine2: e.pivot })?;
-        let free = dense::dot(&metric.y, &metric.y).sqrt();
-        self.x.fill(0.0);
-        let (mut iterations, mut last, mut pumped) = (0, f64::INFINITY, 0);
-        loop {
-            // λ⁺ − λ = (M_c + ε 1)⁻¹ (−(b + C v')), with the v' of λ
-            for i in 0..m {
-                self.change[i] = -(metric.b[i] + dense::dot(metric.w(i, n), &metric.y));
-            }
-            dense::cholesky_solve(&self.factor, m, &mut self.change);
-            self.step.fill(0.0);
-            for i in 0..m {
-                dense::axpy(self.change[i], metric.w(i, n), &mut self.step);
-                self.x[i] += self.change[i];
-            }
-            metric.y.iter_mut().zip(&self.step).for_each(|(y, d)| *y += d);
-            iterations += 1;
-            // lengths of accelerations in the mass metric; without constraints nothing changes at all
-            let size = free.max(dense::dot(&metric.y, &metric.y).sqrt());
-            let now = dense::dot(&self.step, &self.step).sqrt();
-            if now <= tolerance::SOLUTION_ROUNDING * size || (now >= last && now <= STAGNANT_CHANGE * size) {
-                break;
-            }
-            pumped = if self.redundant && now > PUMPED_CHANGE * last { pumped + 1 } else { 0 };
-            if pumped == IN_A_ROW {
-                // geometric series with the quotient r: the sum of all changes from the last one
-                let r = (now / last).min(1.0);
-                let sum: f64 = (0..iterations).map(|k| r.powi(-(k as i32))).sum();
-                for (i, change) in self.change.iter().enumerate() {
-                    self.x[i] -= sum * change;
-                }
-                metric.y.iter_mut().zip(&self.step).for_each(|(y, d)| *y -= sum * d);
-                break;
-            }
-            if iterations == MOST || !now.is_finite() {
-                self.unsettled += 1;
-                self.largest = self.largest.max(now / size);
-                break;
-            }
-            last = now;
-        }
+        let Self { kept, all } = self;
+        kept.metric.set(x)?;
+        let mut iterations = kept.settle(LEAST_DAMPING)?;
         for (i, &row) in x.rows.iter().enumerate() {
-            lambda[row] = self.x[i] * metric.scale[i];
+            lambda[row] = kept.x[i] * kept.metric.scale[i];
         }
-        metric.acceleration(vdot);
+        if let Some((rows, all)) = all {
+            all.metric.set(&Instant { rows, ..*x })?;
+            // b as v' gives it: what redundant rows are open by is no motion
+            let n = kept.metric.y.len();
+            for i in 0..rows.len() {
+                all.metric.b[i] = -dense::dot(all.metric.w(i, n), &kept.metric.y);
+            }
+            // where it does not settle the λ of the rows kept stays, which gives the same v'
+            if let Ok(more) = all.settle(PROXIMAL_DAMPING) {
+                iterations += more;
+                for (i, &row) in rows.iter().enumerate() {
+                    lambda[row] = all.x[i] * all.metric.scale[i];
+                }
+            }
+        }
+        kept.metric.acceleration(vdot);
         Ok(iterations)
-    }
-
-    fn notes(&self) -> Vec<String> {
-        if self.unsettled == 0 {
-            return Vec::new();
-        }
-        vec![format!(
-            "the proximal iteration did not settle within {MOST} iterations in {} evaluations (last change up to \
-             {:.1e} of the acceleration): the constraint rows were nearly dependent there, as at a singular \
-             position, and the accelerations are those of slightly relaxed constraints",
-            self.unsettled, self.largest
-        )]
     }
 }
