@@ -158,3 +158,56 @@ def test_what_ends_the_program_is_not_kept_back() -> None:
     m.add_torque("A", value=torque)
     with pytest.raises(SystemExit):
         m.simulate(1.0)
+
+
+TWO_LEVERS: dict[str, Callable[[pt.Mechanism, Any], Any]] = {
+    "a cam": lambda m, f: m.add_cam("A", "B", f),
+    "a drive": lambda m, f: m.add_drive("A", f),
+    "a rate": lambda m, f: m.add_drive("A", velocity=f),
+    "a condition": lambda m, f: m.add_constraint("C", f, of=["A"]),
+    "a torque": lambda m, f: m.add_torque("A", f),
+    "a force": lambda m, f: m.add_force("one", f),
+    "a law": lambda m, f: m.add_force_law("L", f, sees=["one"], on=["one"]),
+    "a sensor": lambda m, f: m.add_sensor("S", [m.add_sensor("angle", "A", "position")], function=f),
+    "a joint of one's own": lambda m, f: m.add_custom_joint(
+        "J", m.ground, m.add_body("more", mass=1.0, inertia=(1, 1, 1)), point=(0, 0, 0), free=["rz"], follows={"x": f}
+    ),
+}
+
+
+def two_levers() -> pt.Mechanism:
+    m = pt.Mechanism("two levers")
+    for name, body, x in (("A", "one", 0.0), ("B", "other", 2.0)):
+        m.add_rod(body, start=(x, 0, 0), end=(x + 1.0, 0, 0), mass=1.0)
+        m.add_revolute(name, m.ground, body, point=(x, 0, 0))
+    return m
+
+
+@pytest.mark.parametrize("what", TWO_LEVERS)
+@pytest.mark.parametrize("function", [lambda: 1.0, lambda a, b, c, d, e: 1.0], ids=["no argument", "five arguments"])
+def test_a_function_of_other_arguments_is_refused_at_the_door(what: str, function: Any) -> None:
+    with pytest.raises(pt.errors.DescriptionError, match="which it does not take"):
+        TWO_LEVERS[what](two_levers(), function)
+
+
+@pytest.mark.parametrize("mistaken", [lambda x: x + "a", lambda x: mistake(), len, lambda x: x.angle, lambda x: {}[x]])
+def test_a_cam_that_fails_where_it_is_asked_first_is_named(mistaken: Any) -> None:
+    for asked in ("assemble", "report"):
+        m = two_levers()
+        m.add_cam("B", "A", mistaken, name="lift")
+        with pytest.raises(EvaluationError, match='"lift" at t = 0 s: the function fails there'):
+            getattr(m, asked)()
+    with pytest.raises(EvaluationError, match='drive "turn": the function fails'):
+        two_levers().add_drive("A", mistaken, name="turn")
+
+
+def test_what_is_no_pose_is_told_without_inner_names() -> None:
+    m = pt.Mechanism("disc")
+    disc = m.add_body("disc", mass=1.0, inertia=(1, 1, 1))
+    with pytest.raises(EvaluationError) as caught:
+        m.add_drive(disc, pose=lambda t: ((0, 0, t), np.zeros(5)))
+    assert type(caught.value) is EvaluationError
+    m.add_drive(disc, pose=lambda t: ((0, 0, t), (0, 0, t) if t < 0.5 else np.zeros(5)))
+    run = m.simulate(1.0, t_eval=np.linspace(0.0, 1.0, 11))
+    assert not run.success and "_" not in run.message.replace("0_", "")
+    assert type(run.error.__cause__) is EvaluationError

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import EvaluationError
 from ..state import Layout, StateView
-from .checks import Array, Element
+from .checks import Array, Element, takes
 from .travelling import check_picklable
 from .values import Function, finite, one_number
 
@@ -62,9 +62,14 @@ class Callback:
 
 def number_of(element: Element) -> Callable[[Callable[..., Any]], Function]:
     """Wrapper for functions that return one number."""
-    return lambda function: Function(Callback(element, function, 1))
+    return lambda function: _called(element, function, 1)
 
 
 def vector_of(element: Element) -> Callable[[Callable[..., Any]], Function]:
     """Wrapper for functions that return three numbers."""
-    return lambda function: Function(Callback(element, function, 3))
+    return lambda function: _called(element, function, 3)
+
+
+def _called(element: Element, function: Callable[..., Any], size: int) -> Function:
+    takes(element, "its function", function, "two arguments, t and the state", 2)
+    return Function(Callback(element, function, size))

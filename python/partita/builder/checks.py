@@ -6,8 +6,9 @@ Each function names the element it was called for, so that the sentence can: `El
 from __future__ import annotations
 
 import difflib
+import inspect
 import math
-from collections.abc import Collection, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 from typing import Any, NoReturn
 
@@ -51,6 +52,19 @@ def name_of(kind: str, name: Any, taken: Collection[str] = (), reserved: Collect
 
 def _plural(kind: str) -> str:
     return "bodies" if kind == "body" else kind + "s"
+
+
+def takes(element: Element, what: str, function: Callable[..., Any], arguments: str, count: int) -> None:
+    """Refuse a function that cannot be called with `count` arguments; `arguments` says which these are. Of functions
+    written in C nothing may be known."""
+    try:
+        signature = inspect.signature(function)
+    except (TypeError, ValueError):
+        return
+    try:
+        signature.bind(*range(count))
+    except TypeError as error:
+        element.fail(f"{what} is called with {arguments}, which it does not take ({error})", cause=error)
 
 
 def find(kind: str, name: str, known: Collection[str], *more: str, where: str = "") -> str:

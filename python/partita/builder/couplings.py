@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .bodies import resolve
-from .checks import Element, choice, direction, name_of, number, numbers, switch, vector
+from .checks import Element, choice, direction, name_of, number, numbers, switch, takes, vector
 from .drawing import Drawing
 from .measures import Along, BodyLike, Coordinate, Distance, drawn, measure, measured_in
 from .records import Coupling, CouplingRecord, Joint
@@ -244,6 +244,7 @@ def add_cam(
     element = _element(self, name)
     terms = _terms(self, element, [follower, cam])
     if callable(law):
+        takes(element, "law", law, "one argument, the reading of the cam", 1)
         function = Function(Law(element, Follows(law), None))
         data = {"function": function, "like": 0}
         made = _store(self, CouplingRecord(element.name, "function", str(word), tuple(terms), data))
@@ -425,6 +426,9 @@ def add_constraint(
         element.fail(f"function must be callable, not {function!r}")
     if gradient is not None and (kind == "velocity" or not callable(gradient)):
         element.fail("gradient is a function of (t, x1, x2, ...), of a condition on positions")
+    for what, one in (("function", function), ("gradient", gradient)):
+        if one is not None:
+            takes(element, what, one, f"t and {len(terms)} readings", 1 + len(terms))
     law = Law(element, function, gradient) if kind == "position" else RateLaw(element, function, None)
     start = [drawn(self, term) for term in terms]
     law(0.0, start, [0.0] * len(terms))

@@ -12,7 +12,7 @@ from ..errors import EvaluationError
 from ..numeric import shown
 from ..state import Layout
 from .bodies import resolve
-from .checks import Array, Element, find, name_of, vector
+from .checks import Array, Element, find, name_of, takes, vector
 from .drawing import Drawing
 from .forces import store
 from .joints import joint_record, scalars
@@ -116,6 +116,7 @@ def add_force_law(
         (spot["body"], spot["point"]) if given else Ref("bodies", spot["body"])
         for spot, given in zip(spots, own, strict=True)
     ]
+    takes(element, "function", function, f"t and the {len(sees)} things seen", 1 + len(sees))
     call = Function(LawCall(element, function, sights, len(spots)))
     said = {"value": call, "on": pushed, "sees": asked}
     return store(self, LoadRecord(name, "law", said, {"value": call, "sees": seen, "on": spots}))

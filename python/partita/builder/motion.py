@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import EvaluationError
+from ..errors import EvaluationError, PartitaError
 from ..state import Layout
-from .checks import Element
+from .checks import Element, takes
 from .taylor import Jet
 from .travelling import check_picklable
 from .values import Cubics, finite, one_number
@@ -51,7 +51,19 @@ class Motion:
     def __init__(self, element: Element, position: TimeFunction, velocity: Any, acceleration: Any) -> None:
         self.element, self.notes = element, list[str]()
         self.position, self.velocity, self.acceleration = position, velocity, acceleration
-        self._probe()
+        for function in (position, velocity, acceleration):
+            if function is not None:
+                takes(element, "its function", function, "one argument, t", 1)
+        try:
+            self._probe()
+        except PartitaError:
+            raise
+        except Exception as error:
+            raise EvaluationError(
+                f'drive "{element.name}": the function fails where it is tried first ({type(error).__name__}: {error})',
+                t=_PROBES[0],
+                where=element.name,
+            ) from error
 
     def bind(self, layout: Layout) -> Callable[[float], tuple[float, float, float]]:
         """Itself: a prescribed motion looks at no state."""

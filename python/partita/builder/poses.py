@@ -12,7 +12,7 @@ import numpy as np
 from ..errors import EvaluationError
 from ..numeric import floats, shown
 from ..state import Layout
-from .checks import Array, Element, shape_of, vector
+from .checks import Array, Element, shape_of, takes, vector
 from .frames import ORTHONORMAL, is_rotation, rotation, transform
 from .motion import RoughError, differences
 from .taylor import Jet
@@ -177,6 +177,7 @@ class Pose:
         self.element, self.function, self.slides, self.drawn = element, function, slides, drawn
         self.notes: list[str] = []
         self._last: tuple[float, tuple[list[tuple[float, float, float]], list[float]]] | None = None
+        takes(element, "its function", function, "one argument, t", 1)
         self.at(0.0)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -197,13 +198,17 @@ class Pose:
         """
         last = self._last
         if last is None or last[0] != t:
-            last = self._last = (t, self._found(t))
+            try:
+                last = self._last = (t, self._found(t))
+            except _NoPoseError as error:
+                # the type is told here alone: what is raised is public
+                raise EvaluationError(str(error), t=t, where=self.element.name) from error.__cause__
         return last[1]
 
     def _found(self, t: float) -> tuple[list[tuple[float, float, float]], list[float]]:
         try:
             found = self._exactly(t)
-        except _Misshaped:
+        except _NoPoseError:
             raise
         except Exception:  # whatever a user's function does when it meets a number of a kind it does not know
             found = self._nearly(t)
@@ -264,7 +269,7 @@ class Pose:
             # the entries of rotation matrices are 1, however small the turn between them
             scales = [0.0] * self.slides + [1.0] * 3
             found = [differences(component(i), t, size) for i, size in enumerate(scales)]
-        except _Misshaped:
+        except _NoPoseError:
             raise
         except RoughError as error:
             raise self._error(t, f"the pose cannot be differentiated: {error}; give one that is smooth") from error
@@ -325,7 +330,7 @@ class Pose:
 
     def _misshaped(self, t: float, what: str) -> EvaluationError:
         wanted = f"(position, orientation), the position as {self.slides} numbers" if self.slides else "an orientation"
-        return _Misshaped(
+        return _NoPoseError(
             f'drive "{self.element.name}" at t = {t:g} s: the function must return {wanted}, the orientation as '
             f"rotation vector, quaternion (w, x, y, z), matrix or SciPy Rotation; it returned {what}",
             t=t,
@@ -337,7 +342,7 @@ class Pose:
         return EvaluationError(f'drive "{name}" at t = {t:g} s: {sentence}', t=t, where=name)
 
 
-class _Misshaped(EvaluationError):
+class _NoPoseError(EvaluationError):
     """What a function returned is no pose, whatever numbers it was asked with."""
 
 

@@ -11,7 +11,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from . import frames
-from .checks import Element, choice, direction, number
+from .checks import Element, choice, direction, number, takes
 from .drawing import Drawing
 from .joints import DIRECTIONS, BodyLike, directions, joint_element, store_joint
 from .records import Joint
@@ -132,6 +132,7 @@ def _follower(element: Element, direction: str, function: Any, count: int) -> La
     """A function that can be evaluated as drawn, where it is 0."""
     if not callable(function):
         element.fail(f"{direction} must follow by a function of the free coordinates, not {function!r}")
+    takes(element, f"the function of {direction}", function, f"the free coordinates, {count} of them", count)
     law = Law(element, Follows(function), None)
     value = law(0.0, [0.0] * (1 + count), [0.0] * (1 + count))[0]
     if abs(value) > _DRAWN:

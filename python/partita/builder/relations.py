@@ -35,6 +35,7 @@ class Law:
     def __init__(self, element: Element, function: Callable[..., Any], gradient: Callable[..., Any] | None) -> None:
         self.element, self.function, self.gradient = element, function, gradient
         self.notes: list[str] = []
+        self._answered = False
 
     def bind(self, layout: Layout) -> Callable[[float, Any, Any], Any]:
         """The function itself, as its arguments are complete."""
@@ -53,6 +54,20 @@ class Law:
 
     def __call__(self, t: float, x: Any, rates: Any) -> list[float]:
         at, along = [float(v) for v in x], [float(v) for v in rates]
+        try:
+            found = self._answer(t, at, along)
+        except EvaluationError:
+            raise
+        except Exception as error:
+            # during a run the core names the function; what fails where it is asked first is named here
+            if self._answered:
+                raise
+            why = f"the function fails there ({type(error).__name__}: {error})"
+            raise self._error(t, f"{why}; its readings are ({', '.join(f'{v:g}' for v in at)})") from error
+        self._answered = True
+        return found
+
+    def _answer(self, t: float, at: list[float], along: list[float]) -> list[float]:
         paths = [self._path(lambda s, f: f(t + s, *at), t)]
         if self.gradient is None:
             paths += [
@@ -167,8 +182,7 @@ class Follows:
 class RateLaw(Law):
     """Coefficients g_i(t, x) and a drift g_0 of the condition sum g_i x_i' + g_0 = 0 on rates alone."""
 
-    def __call__(self, t: float, x: Any, rates: Any) -> list[float]:
-        at, along = [float(v) for v in x], [float(v) for v in rates]
+    def _answer(self, t: float, at: list[float], along: list[float]) -> list[float]:
         values = self._coefficients(t, at)
         n = len(at)
 

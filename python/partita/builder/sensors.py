@@ -9,7 +9,7 @@ from typing import Any
 from ..numeric import shown
 from ..sensing import OPERATIONS, READS, SensorRecord, known
 from .bodies import own_name, resolve
-from .checks import Element, choice, find, index, name_of, number, vector
+from .checks import Element, choice, find, index, name_of, number, takes, vector
 from .drawing import Drawing
 from .joints import joint_record, speeds
 from .measures import Along, Coordinate, Cosine, Distance, measure
@@ -191,6 +191,9 @@ def add_sensor(
     if function is not None and not callable(function):
         element.fail(f"function must be a function f(t, *values), not {shown(function)}")
     data = _data(self, element, of, function is not None)
+    if function is not None:
+        count = len(data["sensors"])
+        takes(element, "function", function, f"t and the values of {count} sensors", 1 + count)
     if data["of"] in ("expression", "function"):
         given = {"reads": reads, "axes": axes, "coordinate": coordinate}
         more = next((what for what, value in given.items() if value is not None), None)
