@@ -77,6 +77,8 @@ def restored(values: Any, about: Mapping[str, Any]) -> NDArray[Any]:
     kind = TYPES[about["type"]]
     shape = tuple(int(size) for size in about["shape"])
     found = np.asarray(values)
+    if len(shape) != len(about["axes"]):
+        raise ValueError(f"an array has the shape {shape} along {len(about['axes'])} axes")
     if found.size != int(np.prod(shape, dtype=object)):
         raise ValueError(f"an array has {found.size} entries instead of {shape}")
     return np.ascontiguousarray(found.reshape(shape).astype(kind, copy=False))

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ..errors import FileFormatError, MissingDependencyError
 from ..files import get, get_folder, intact, intact_folder, place
+from .account_check import check_account
 from .certificate import Certificate
 from .content import VERSION, restored
 from .load_check import check
@@ -64,6 +65,7 @@ def load_result(path: str | os.PathLike[str]) -> Result:
         _check_version(source, header.get("partita_result"))
         _check_seal(source, content, form.name)
         arrays = {str(name): restored(values[name], about) for name, about in header["arrays"].items()}
+        check_account(header["account"])
         record = Record.from_account(header["account"], arrays)
         check(record, arrays)
         result = _restored(record, arrays)

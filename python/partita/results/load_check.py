@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,10 +16,16 @@ _JOINT_WORDS = ("name", "kind", "parent", "child")
 _SENSOR_WORDS = ("name", "variable", "unit", "text")
 
 
+_NEEDED = {"q": "coordinate", "v": "velocity", "vdot": "velocity", "multipliers": "multiplier", "measure": "velocity"}
+"""Arrays that every run has, and what each has entries for."""
+
+
 def check(record: Record, arrays: Mapping[str, NDArray[Any]]) -> None:
     """Raise `ValueError` (or what looking into strange data raises) for the first thing that does not fit."""
     summary, nt = record.summary, len(record.arrays["t"])
     joints = summary["joints"]
+    if "t" not in arrays:
+        raise ValueError("there are no times of outputs")
     sizes = {
         "t": nt,
         "coordinate": _names(summary, "coordinates"),
@@ -37,9 +43,16 @@ def check(record: Record, arrays: Mapping[str, NDArray[Any]]) -> None:
     }
     for name, (axes, _, _) in {**RUN, **OBSERVED, **ACCELERATIONS, **REACTIONS}.items():
         _fits(name, arrays, ("t", *axes), sizes)
-    for name, width in (("q", sizes["coordinate"]), ("v", sizes["velocity"])):
-        if nt and width and record.arrays[name].size == 0:
+    for name, axis in _NEEDED.items():
+        if nt and sizes[axis] and record.arrays[name].size == 0:
             raise ValueError(f"there is no {name}")
+    _spans(joints, sizes)
+    first, beyond = int(summary.get("closing_rows", 0)), sizes["multiplier"]
+    for rows in (summary.get("drive_rows", ()), *(item["rows"] for item in summary.get("couplings", ()))):
+        if not all(first <= row < beyond for row in rows):
+            raise ValueError(f"the rows {rows} of drives or couplings are none of {first} to {beyond - 1}")
+    if "kinetic" in arrays and len(record.arrays["work"]) != nt:
+        raise ValueError("there is no work")
     for name in DETERMINED:
         _fits(name, arrays, ("t", "joint", "component"), sizes)
     for item in summary.get("sensors", ()):
@@ -64,6 +77,15 @@ def check(record: Record, arrays: Mapping[str, NDArray[Any]]) -> None:
         raise ValueError("the account of the run has entries of the wrong kind")
 
 
+def _spans(joints: Sequence[Mapping[str, Any]], sizes: Mapping[str, int]) -> None:
+    """Where a joint's coordinates and velocities stand, among those of all joints and in the state."""
+    limits = {"q": "joint_coordinate", "v": "joint_freedom", "state_q": "coordinate", "state_v": "velocity"}
+    for joint in joints:
+        for key, axis in limits.items():
+            if joint[key] is not None and sum(joint[key]) > sizes[axis]:
+                raise ValueError(f"{key} of the joint {joint['name']!r} stands beyond the {sizes[axis]} that there are")
+
+
 def _names(summary: Mapping[str, Any], key: str) -> int:
     words = summary[key]
     if not isinstance(words, list) or not all(isinstance(word, str) for word in words):
@@ -74,7 +96,7 @@ def _names(summary: Mapping[str, Any], key: str) -> int:
 def _fits(name: str, arrays: Mapping[str, NDArray[Any]], axes: tuple[str, ...], sizes: Mapping[str, int]) -> None:
     """Shape of an array that is there; what has no entries is left out of files."""
     array = arrays.get(name)
-    if array is None or array.size == 0:
+    if array is None:
         return
     wanted = tuple(sizes.get(axis) for axis in axes)
     if len(wanted) != array.ndim or any(w not in (None, s) for w, s in zip(wanted, array.shape, strict=True)):
