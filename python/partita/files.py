@@ -8,7 +8,10 @@ from __future__ import annotations
 import hashlib
 import os
 import re
+import secrets
 import shutil
+from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +19,12 @@ from .errors import ArgumentError, FileFormatError, MissingFileError
 
 BLANK = "sha256:" + 64 * "0"
 """Stands once in the content of a file that is to be sealed, before all that a user has named."""
+
+_ATTEMPTS = 20
+"""To put a folder where others put theirs at the same time."""
+
+_LOOKS = 3
+"""At a folder, before it is taken for a stranger's."""
 
 _SMALL = 1 << 24
 """Bytes of a file in which a seal of a folder may stand."""
@@ -84,7 +93,7 @@ def other(content: bytes) -> str | None:
 def put(path: Path, content: bytes) -> Path:
     """Write `content` beside `path` first and put it in place when it is safely stored: no half file is ever seen, and
     where it cannot be written (no space, no permission) an older file stays as it is. Raises `FileFormatError`."""
-    draft = path.with_name(f".{path.name}.{os.getpid()}.part")
+    draft = _beside(path, "part")
     try:
         try:
             with draft.open("wb") as file:
@@ -104,11 +113,15 @@ def put(path: Path, content: bytes) -> Path:
     return path
 
 
+def _beside(path: Path, ending: str) -> Path:
+    """A name beside `path` that no other writer has, be it another thread, process or machine."""
+    return path.with_name(f".{path.name}.{secrets.token_hex(8)}.{ending}")
+
+
 def put_folder(path: Path, files: dict[str, bytes]) -> Path:
     """The same for a folder of files, sealed together: it is written beside `path` and takes its place as a whole, by
     renaming the older one away and the new one there. Where that fails, the older one is put back."""
-    draft = path.with_name(f".{path.name}.{os.getpid()}.part")
-    older = path.with_name(f".{path.name}.{os.getpid()}.old")
+    draft, older = _beside(path, "part"), _beside(path, "old")
     seal = b"sha256:" + _digest(_joined(files))
     try:
         try:
@@ -119,14 +132,19 @@ def put_folder(path: Path, files: dict[str, bytes]) -> Path:
                     stream.write(content.replace(BLANK.encode(), seal))
                     stream.flush()
                     os.fsync(stream.fileno())
-            if path.exists():
-                os.replace(path, older)
-            try:
-                os.replace(draft, path)
-            except OSError:
-                if older.exists():
-                    os.replace(older, path)
-                raise
+            for attempt in range(_ATTEMPTS):
+                try:
+                    with suppress(FileNotFoundError):
+                        os.replace(path, older)
+                    os.replace(draft, path)
+                    break
+                except OSError:
+                    # another writer may have put its folder there in between: that one is replaced in turn
+                    if older.exists() and not path.exists():
+                        os.replace(older, path)
+                    if attempt + 1 == _ATTEMPTS or not path.exists():
+                        raise
+                    shutil.rmtree(older, ignore_errors=True)
         finally:
             for left in (draft, older):
                 if left.is_file():
@@ -167,8 +185,15 @@ def _joined(files: dict[str, bytes]) -> bytes:
 
 def _is_ours(folder: Path) -> bool:
     """Whether a folder is one that was put there as a sealed one, so that replacing it destroys nothing else."""
-    small = (p for p in folder.rglob("*") if p.is_file() and p.stat().st_size < _SMALL)
-    return any(_MARK.search(p.read_bytes()) for p in small)
+
+    def small() -> Iterator[Path]:
+        return (p for p in folder.rglob("*") if p.is_file() and p.stat().st_size < _SMALL)
+
+    for _ in range(_LOOKS):
+        with suppress(FileNotFoundError):  # another writer replaces it while it is looked at
+            if any(_MARK.search(p.read_bytes()) for p in small()):
+                return True
+    return False
 
 
 def _why(error: Exception) -> str:

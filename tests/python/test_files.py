@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import resource
+import threading
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -270,3 +271,29 @@ def test_places_that_are_no_files(run: results.Result, tmp_path: Path) -> None:
     for load in (pt.load_result, pt.load):
         with pytest.raises(PartitaError):
             load(tmp_path)
+
+
+@pytest.mark.parametrize("ending", [".json", ".csv", ".zarr"])
+def test_many_save_to_one_path_at_once(run: results.Result, tmp_path: Path, ending: str) -> None:
+    """Each writes beside the path under a name of its own; whoever comes last stays, whole."""
+    if ending == ".zarr":
+        pytest.importorskip("zarr")
+    path = tmp_path / f"run{ending}"
+    run.save(path)
+    failed: list[Exception] = []
+
+    def save() -> None:
+        try:
+            for _ in range(3):
+                run.save(path)
+        except Exception as error:
+            failed.append(error)
+
+    writers = [threading.Thread(target=save) for _ in range(2)]
+    for writer in writers:
+        writer.start()
+    for writer in writers:
+        writer.join()
+    assert not failed
+    assert np.array_equal(results.load_result(path).q, run.q)
+    assert [left.name for left in tmp_path.iterdir()] == [path.name]
