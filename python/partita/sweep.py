@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent import futures  # which imports its processes and threads when they are asked for
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,6 +27,8 @@ TRIES = 3
 bad luck; a third time it is the point."""
 PULSE = 0.2
 """Seconds between looks at the clock and at Ctrl-C."""
+AHEAD = 1000
+"""Points handed out before their turn: enough for a cluster, and nothing to wait for where a sweep is interrupted."""
 
 
 def sweep(
@@ -186,28 +189,7 @@ class _Work:
         """Over the workers of an executor; what a dead one leaves goes to the next."""
         waiting, tries = list(self.points), dict.fromkeys(self.points, 0)
         while waiting:
-            pool = make()
-            under_way: dict[Future[Any], Point] = {}
-            lost: list[Point] = []
-            try:
-                for point in waiting:
-                    under_way[pool.submit(self.model, **self.named(point))] = point
-            except futures.BrokenExecutor:
-                pass
-            lost += [point for point in waiting if point not in set(under_way.values())]
-            while under_way:
-                done, _ = futures.wait(under_way, timeout=PULSE, return_when=futures.FIRST_COMPLETED)
-                for future in done:
-                    point = under_way.pop(future)
-                    error = future.exception()
-                    if error is None:
-                        self.keep(point, future.result())
-                    elif isinstance(error, futures.BrokenExecutor) or _is_death(error):
-                        lost.append(point)
-                    elif isinstance(error, Exception):
-                        self.failed[point] = _words(error)
-                    else:
-                        raise error
+            lost = self.handed_out(make(), waiting)
             for point in lost:
                 tries[point] += 1
                 if tries[point] >= TRIES:
@@ -216,6 +198,49 @@ class _Work:
             if len(waiting) > 1 and len(waiting) == len(lost) and max(tries.values()) == TRIES - 1:
                 self.one_by_one(make, waiting)
                 return
+
+    def handed_out(self, pool: Executor, points: list[Point]) -> list[Point]:
+        """All to one executor, a few ahead of what has come back; those that it lost."""
+        lost: list[Point] = []
+        done: SimpleQueue[tuple[Point, Future[Any]]] = SimpleQueue()
+        left, under_way, broken = iter(points), 0, False
+
+        def take(point: Point, future: Future[Any]) -> None:
+            error = future.exception()
+            if error is None:
+                self.keep(point, future.result())
+            elif isinstance(error, futures.BrokenExecutor) or _is_death(error):
+                lost.append(point)
+            elif isinstance(error, Exception):
+                self.failed[point] = _words(error)
+            else:
+                raise error
+
+        try:
+            while True:
+                for point in itertools.islice(left, 0 if broken else AHEAD - under_way):
+                    try:
+                        future = pool.submit(self.model, **self.named(point))
+                    except futures.BrokenExecutor:
+                        lost.append(point)
+                        broken = True
+                        break
+                    under_way += 1
+                    future.add_done_callback(lambda future, point=point: done.put((point, future)))  # type: ignore[misc]
+                if not under_way:
+                    return lost + list(left)
+                try:
+                    point, future = done.get(timeout=PULSE)
+                except Empty:  # a chance for Ctrl-C
+                    continue
+                under_way -= 1
+                take(point, future)
+        except KeyboardInterrupt:
+            while not done.empty():
+                point, future = done.get()
+                if not future.cancelled() and future.exception() is None:
+                    self.keep(point, future.result())
+            raise
 
     def one_by_one(self, make: Make, points: list[Point]) -> None:
         """Each alone in a pool, so that one that kills its worker takes no other along."""

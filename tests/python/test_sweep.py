@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pressing import pressed_after
 
 import partita as pt
 
@@ -98,3 +99,13 @@ def test_progress_is_reported() -> None:
 def test_nonsense_is_refused(parameters: object, executor: object, words: str) -> None:
     with pytest.raises(pt.errors.ArgumentError, match=words):
         pt.sweep(lambda x: x, parameters, executor=executor)  # type: ignore[arg-type]
+
+
+def test_a_sweep_of_many_points_by_threads_keeps_what_came_back() -> None:
+    """Handed out a few ahead: points come back from the first on, and Ctrl-C finds them."""
+    with pressed_after(1.0), pytest.raises(pt.errors.Interrupted) as stopped:
+        pt.sweep(lambda x: 2.0 * x, {"x": range(2_000_000)}, executor="threads", workers=2)
+    found = stopped.value.result
+    known = np.flatnonzero(np.isfinite(found["value"].values))
+    assert len(known) > 100 and f"after {len(known)} of 2000000 points" in str(stopped.value)
+    assert np.array_equal(found["value"].values[known], 2.0 * known)
