@@ -11,7 +11,7 @@ use partita_math::spatial::{Spatial, Vec3};
 use partita_math::tolerance;
 use partita_model::joint::Motion;
 use partita_model::model::Model;
-use partita_model::reaction::Wrench;
+use partita_model::reaction::{wrench_of_efforts, Wrench};
 use partita_model::rows::Owner;
 use partita_model::tree::TreeScratch;
 use partita_system::prelude::*;
@@ -151,19 +151,25 @@ impl<'m> Pose<'m> {
             |v, effort| taken.push((v, effort)),
         )?;
         // what a coupling does along a coordinate is no reaction of its joint
-        for (v, effort) in taken.into_iter().filter(|_| own.is_none()) {
-            for (j, p) in model.placed.joints.iter().enumerate() {
-                for &l in p.links.iter().flatten().filter(|&&l| model.placed.links[l].v == v) {
-                    let (x, sign) = (&self.tree.links[l], if p.reversed { 1.0 } else { -1.0 });
-                    let w = match model.placed.links[l].motion {
-                        Motion::Turn(_) => Wrench { moment: x.axis.times(effort), force: Vec3::zero() },
-                        _ => {
-                            let force = x.direction.times(effort);
-                            Wrench { moment: (self.points[j] - origin).cross(force), force }
-                        }
-                    };
-                    sums.add(j, sign, &w);
+        if own.is_some() || taken.is_empty() {
+            return Ok(());
+        }
+        let effort = |v: usize| taken.iter().filter(|x| x.0 == v).map(|x| x.1).sum::<f64>();
+        for (j, p) in model.placed.joints.iter().enumerate() {
+            let (mut axes, mut efforts) = (Vec::new(), Vec::new());
+            for (motion, &l) in p.shape.motions.iter().zip(p.links.iter().flatten()) {
+                let (x, v) = (&self.tree.links[l], model.placed.links[l].v);
+                match motion {
+                    Motion::Turn(_) => axes.push((true, x.axis)),
+                    Motion::Slide(_) => axes.push((false, x.direction)),
+                    Motion::Ball => axes.extend((0..3).map(|i| (true, x.rot.column(i)))),
                 }
+                efforts.extend((v..v + motion.velocities()).map(effort));
+            }
+            if efforts.iter().any(|x| *x != 0.0) {
+                let Wrench { moment, force } = wrench_of_efforts(&axes, &efforts);
+                let w = Wrench { moment: moment + (self.points[j] - origin).cross(force), force };
+                sums.add(j, if p.reversed { 1.0 } else { -1.0 }, &w);
             }
         }
         Ok(())

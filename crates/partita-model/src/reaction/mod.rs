@@ -138,6 +138,12 @@ fn with_along<S: Scalar>(axes: &[(bool, Vec3<S>)], w: &Wrench<S>, wanted: impl F
     Wrench { moment: along(w.moment, true), force: along(w.force, false) }
 }
 
+/// The shortest wrench with these efforts along the free axes (turns, slides) of a joint. Where two turns are not
+/// perpendicular it is not along the axis of an effort: that would do work on the other turn.
+pub fn wrench_of_efforts(axes: &[(bool, Vec3<f64>)], efforts: &[f64]) -> Wrench {
+    with_along(axes, &Wrench::default(), |i| efforts[i])
+}
+
 impl<S: Scalar> Evaluator<S> {
     /// Free axes of a joint now (turns, slides), mechanism axes, in the order of its velocities.
     fn free_axes(&self, j: usize, s: &Scratch<S>) -> Vec<(bool, Vec3<S>)> {
