@@ -79,7 +79,7 @@ test-rust: $(TOOLS)
 test-python: $(BUILT) $(FMU)
 	$(BIN)/python -m pytest
 
-## trust: N=5000 mechanisms drawn by chance against an independent program; RUNS=2000 keep their branch; verdicts; kinks; the zoo
+## trust: N=5000 mechanisms, couplings, sensors and files drawn by chance against independent programs; RUNS=2000 keep their branch; verdicts; kinks; the zoo
 N ?= 5000
 RUNS ?= 2000
 trust: $(BUILT)

@@ -1,30 +1,85 @@
-"""`python -m oracle 5000`: that many mechanisms against the independent program."""
+"""`python -m oracle 5000`: mechanisms by chance against independent programs; couplings, sensors and files beside."""
+
+from __future__ import annotations
 
 import os
 import sys
+import tempfile
+import warnings
+from collections import Counter
+from collections.abc import Callable, Iterable
 from multiprocessing import Pool
+from pathlib import Path
+from typing import Any
 
-from .study import report, study
+from . import chance, files
+from .comparison import Verdict
+from .coupled import compare_coupled
+from .sensors import compare_sensors
+from .study import Study, report, study
 
 
-def main(count: int) -> int:
+def counted(seeds: Iterable[int], compare: Callable[[int], Verdict]) -> Study:
+    """Verdicts of a comparison added up."""
+    counts, worst, wrong = Counter[str](), dict[str, float](), []
+    for seed in seeds:
+        verdict = compare(seed)
+        counts += verdict.counts
+        for what, error in verdict.worst.items():
+            worst[what] = max(worst.get(what, 0.0), error)
+        if verdict.wrong:
+            wrong.append((seed, verdict))
+    return counts, worst, wrong
+
+
+def couplings(seeds: Iterable[int]) -> Study:
+    return counted(seeds, lambda seed: compare_coupled(seed)[0])
+
+
+def sensors(seeds: Iterable[int]) -> Study:
+    return counted(seeds, lambda seed: compare_sensors(chance.mechanism(seed)))
+
+
+def model_files(seeds: Iterable[int]) -> Study:
+    warnings.simplefilter("ignore")  # what a format cannot carry is expected here
+    with tempfile.TemporaryDirectory() as folder:
+        return counted(seeds, lambda seed: files.compare_all(seed, Path(folder)))
+
+
+PARTS: dict[str, tuple[Callable[[Iterable[int]], Study], int]] = {
+    "mechanisms": (study, 1),
+    "couplings": (couplings, 2),
+    "sensors": (sensors, 4),
+    "model files": (model_files, 4),
+}
+"""What is compared, and in which part of the number asked for."""
+
+
+def main(asked: int) -> int:
     """Print what was counted and the differences; 1 if there are any."""
-    cores = os.cpu_count() or 1
-    with Pool(cores) as pool:
-        parts = pool.map(study, [range(k, count, 4 * cores) for k in range(4 * cores)])
-    counts, worst, wrong = parts[0]
-    for more, largest, others in parts[1:]:
-        counts += more
-        worst = {what: max(largest.get(what, 0.0), worst.get(what, 0.0)) for what in {*worst, *largest}}
-        wrong = wrong + others
-    for what, number in sorted(counts.items()):
-        print(f"{number:>10}  {what}")
-    for what, error in sorted(worst.items()):
-        print(f"{error:>10.1e}  largest difference: {what}")
-    for seed, verdict in wrong[:5]:
-        print("\n" + report(seed, verdict))
-    print(f"\n{count} mechanisms, {len(wrong)} with differences")
-    return int(bool(wrong))
+    cores, all_wrong = os.cpu_count() or 1, 0
+    for name, (compare, part) in PARTS.items():
+        count = asked // part
+        with Pool(cores) as pool:
+            found = pool.map(compare, [range(k, count, 4 * cores) for k in range(4 * cores)])
+        counts, worst, wrong = found[0]
+        for more, largest, others in found[1:]:
+            counts += more
+            worst = {what: max(largest.get(what, 0.0), worst.get(what, 0.0)) for what in {*worst, *largest}}
+            wrong = wrong + others
+        for what, number in sorted(counts.items()):
+            print(f"{number:>10}  {what}")
+        for what, error in sorted(worst.items()):
+            print(f"{error:>10.1e}  largest difference: {what}")
+        for seed, verdict in wrong[:5]:
+            print("\n" + (report(seed, verdict) if name == "mechanisms" else said(name, seed, verdict)))
+        print(f"\n{name}: {count} drawn by chance, {len(wrong)} with differences\n")
+        all_wrong += len(wrong)
+    return int(bool(all_wrong))
+
+
+def said(name: str, seed: int, verdict: Any) -> str:
+    return f"{name} {seed}:\n  " + "\n  ".join(verdict.wrong[:5])
 
 
 if __name__ == "__main__":

@@ -44,12 +44,15 @@ def conditions(
     data = c.data
     if c.kind == "roll":
         return rolling(data, n, sides)
-    terms = [distance(item, n, sides) if item["of"] == "distance" else read(item) for item in data["terms"]]
+    terms = [MEASURES[item["of"]](item, n, sides) if item["of"] in MEASURES else read(item) for item in data["terms"]]
     length = any(x.length for x in terms)
     if c.kind == "linear":
         weights, gap = data["factors"], 0.0
         if len(terms) == 1 and length:
             gap = weights[0] * terms[0].value - data["offset"]
+    elif c.kind == "cam":
+        value, slope, bend = data["law"](terms[1].value)
+        weights, gap = [1.0, -slope], terms[0].value - value if data["counted"] else 0.0
     else:
         assert c.kind == "curve" and data["periodic"], f"{c.kind} is not read"
         y, slope, bend = spline(data["curve"], terms[1].value)
@@ -57,7 +60,7 @@ def conditions(
     row, rest, opens = (
         sum(f * getattr(x, what) for f, x in zip(weights, terms, strict=True)) for what in ("row", "rest", "rate")
     )
-    if c.kind == "curve":
+    if c.kind in ("curve", "cam"):
         rest -= bend * terms[1].rate ** 2
     return [Condition(np.asarray(row), float(rest), float(opens), gap, length)]
 
@@ -76,6 +79,45 @@ def distance(item: dict[str, Any], n: int, sides: dict[str, Any]) -> Reading:
     across = rate - along * (along @ rate)
     row = moved(n, other, x2, along) - moved(n, one, x1, along)
     return Reading(row, float(along @ (own2 - own1) + across @ across / far), float(along @ rate), far, True)
+
+
+def along(item: dict[str, Any], n: int, sides: dict[str, Any]) -> Reading:
+    """Of the second point from the first, along an axis of the first body."""
+    one, other = sides[item["body1"]], sides[item["body2"]]
+    (x1, u1, own1), (x2, u2, own2) = (motion(side, item[f"point{i}"]) for i, side in ((1, one), (2, other)))
+    a = one.pose.rotation @ unit(np.array(item["axis"]))
+    turning, gap, rate = np.cross(one.pose.w, a), x2 - x1, u2 - u1
+    row = moved(n, other, x2, a) - moved(n, one, x1, a) + turned(n, one, np.cross(a, gap))
+    rest = a @ (own2 - own1) + 2.0 * turning @ rate + np.cross(one.pose.w, turning) @ gap
+    return Reading(row, float(rest), float(turning @ gap + a @ rate), float(a @ gap), True)
+
+
+def cosine(item: dict[str, Any], n: int, sides: dict[str, Any]) -> Reading:
+    """Of the angle between axes of two bodies."""
+    one, other = sides[item["body1"]], sides[item["body2"]]
+    a, b = (side.pose.rotation @ unit(np.array(item[f"axis{i}"])) for i, side in ((1, one), (2, other)))
+    a1, b1 = np.cross(one.pose.w, a), np.cross(other.pose.w, b)
+    row = turned(n, one, np.cross(a, b)) + turned(n, other, np.cross(b, a))
+    rest = np.cross(one.pose.w, a1) @ b + a @ np.cross(other.pose.w, b1) + 2.0 * a1 @ b1
+    return Reading(row, float(rest), float(a1 @ b + a @ b1), float(a @ b), False)
+
+
+def motion(side: Any, point: Any) -> tuple[Array, Array, Array]:
+    """Place and velocity of a point of a body; what of its acceleration follows from the angular velocity."""
+    arm = side.pose.rotation @ np.array(point)
+    w, x = side.pose.w, side.pose.x + arm
+    return x, side.pose.u + np.cross(w, arm), np.cross(w, np.cross(w, x - side.centre))
+
+
+def turned(n: int, side: Any, axis: Array) -> Array:
+    """The row of a body's angular acceleration along an axis."""
+    row = np.zeros(n)
+    if side.at is not None:
+        row[side.at + 3 : side.at + 6] = axis
+    return row
+
+
+MEASURES = {"distance": distance, "along": along, "cosine": cosine}
 
 
 def moved(n: int, side: Any, point: Array, axis: Array) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -11,15 +12,19 @@ import partita as pt
 from .drawing import Array, Body, Coupling, Drawing, Drive, Joint, Load, Spring, Torque, Torsion
 
 
-def drawing_of(m: pt.Mechanism, drives: tuple[Drive, ...] = ()) -> Drawing:
-    """Closed drawings with numbers for values; of `drives` the functions are told, since a description has none.
+def drawing_of(m: pt.Mechanism, drives: tuple[Drive, ...] = (), known: Mapping[str, Coupling] | None = None) -> Drawing:
+    """Closed drawings with numbers for values; of `drives` the functions are told, since a description has none, and of
+    couplings by a function all of them, as `known`.
 
     Constant speeds are read.
     """
     spec = m.to_spec()
     bodies = tuple(body(item) for item in spec["bodies"])
     joints = tuple(joint(item, {b.name: b for b in bodies}) for item in spec["joints"])
-    couplings = tuple(Coupling(item["name"], item["kind"], item) for item in spec["couplings"])
+    told = known or {}
+    couplings = tuple(
+        told.get(item["name"]) or Coupling(item["name"], item["kind"], item) for item in spec["couplings"]
+    )
     places = np.array([*(b.position for b in bodies), *(j.point for j in joints)])
     radius = max((c.data["radius"] for c in couplings if c.kind == "roll"), default=0.0)
     size = max(radius, float(np.linalg.norm(np.ptp(places, axis=0))))

@@ -23,7 +23,11 @@ def report(seed: int, verdict: Verdict) -> str:
     return f"mechanism {seed} ({short.words}): {len(verdict.wrong)} differences, such as\n  {reported}\n{short.lines()}"
 
 
-def study(seeds: Iterable[int]) -> tuple[Counter[str], dict[str, float], list[tuple[int, Verdict]]]:
+Study = tuple[Counter[str], dict[str, float], list[tuple[int, Verdict]]]
+"""What was counted, the largest difference of each kind, and what was wrong."""
+
+
+def study(seeds: Iterable[int]) -> Study:
     """What was counted, the largest difference of each kind, and what was wrong."""
     counts, worst, wrong = Counter[str](), dict[str, float](), []
     for seed in seeds:
