@@ -81,7 +81,7 @@ _OTHERS = (
     (b"PK\x03\x04", "it is a zip archive: unpack it first"),
     (b"BZh", "it is compressed by bzip2: unpack it first"),
     (b"\xfd7zXZ", "it is compressed by xz: unpack it first"),
-    (b"version https://git-lfs", "it is a pointer of Git LFS, not the file itself: git lfs pull fetches that"),
+    (b"version https://git-lfs", "it is a Git LFS pointer, not the file itself; git lfs pull fetches the file"),
 )
 
 
@@ -105,8 +105,8 @@ def put(path: Path, content: bytes) -> Path:
             draft.unlink(missing_ok=True)
     except (OSError, ValueError) as error:
         raise FileFormatError(
-            f"cannot write {str(path)!r} ({len(content)} bytes): {_why(error)}; what stood there before is unchanged. "
-            "Free space or give another place",
+            f"cannot write {str(path)!r} ({len(content)} bytes): {_why(error)}; the previous content is unchanged. "
+            f"Free space, or give another path",
             path=str(path),
             line=None,
         ) from error
@@ -152,8 +152,8 @@ def put_folder(path: Path, files: dict[str, bytes]) -> Path:
                 shutil.rmtree(left, ignore_errors=True)
     except (OSError, ValueError) as error:
         raise FileFormatError(
-            f"cannot write {str(path)!r}: {_why(error)}; what stood there before is unchanged. "
-            "Free space or give another place",
+            f"cannot write {str(path)!r}: {_why(error)}; the previous content is unchanged. Free space, or give "
+            f"another path",
             path=str(path),
             line=None,
         ) from error

@@ -15,7 +15,7 @@ def floats(values: Any) -> NDArray[np.float64]:
     """`values` as an array of floats, new and in one piece; TypeError for what is not made of real numbers, and for
     quantities, whose units NumPy would drop without a word."""
     if _holds_quantity(values):
-        raise TypeError(f"{shown(values)} has a unit, where a plain number in SI is meant")
+        raise TypeError(f"{shown(values)} has a unit, but a plain number in SI units is expected")
     return without_units(values)
 
 

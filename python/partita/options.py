@@ -131,7 +131,7 @@ def _checked(
     span = positive("duration", duration, "s")
     if step is not None and max_step is not None:
         raise ArgumentError(
-            f"step = {step} fixes every step and leaves nothing to max_step = {max_step}; give one",
+            f"step = {step} fixes every step, so max_step = {max_step} has no effect; give one of them",
             argument="step",
         )
     return Options(
@@ -173,7 +173,7 @@ def output_times(t_eval: ArrayLike | None, t0: float, t_end: float) -> Array:
             argument="t_eval",
         )
     if not np.all(np.isfinite(times)):
-        raise ArgumentError("t_eval holds NaN or infinity; give finite times", argument="t_eval")
+        raise ArgumentError("t_eval contains NaN or infinity; give finite times", argument="t_eval")
     if np.any(np.diff(times) <= 0.0):
         row = int(np.argmax(np.diff(times) <= 0.0))
         raise ArgumentError(

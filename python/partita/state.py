@@ -134,8 +134,7 @@ class StateView:
         """
         if self._seen is None:
             raise ArgumentError(
-                "sensors are read inside of force laws, and of a run by run.sensor(name); a state alone knows no "
-                "mechanism",
+                "sensors are read in force laws, and from a run by run.sensor(name); a state alone has no mechanism",
                 argument="name",
             )
         return self._layout.senses.read(name, self.t, self._seen)

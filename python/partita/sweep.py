@@ -109,7 +109,7 @@ def _grid(parameters: Any) -> dict[str, list[Any]]:
     grid: dict[str, list[Any]] = {}
     for name, values in parameters.items():
         if not isinstance(name, str) or not name.isidentifier() or name == "failed":
-            raise ArgumentError(f"the parameter {name!r} is no name that a function can take", argument="parameters")
+            raise ArgumentError(f"the parameter {name!r} is not a valid name of an argument", argument="parameters")
         if isinstance(values, (str, bytes)) or not hasattr(values, "__iter__") or not len(list(values)):
             raise ArgumentError(
                 f"parameters[{name!r}] must be a list of values, not {shown(values)}", argument="parameters"
@@ -264,7 +264,8 @@ class _Work:
             for name, value in answer.items():
                 if shapes.setdefault(name, value.shape) != value.shape:
                     here, there = value.shape, shapes[name]
-                    self.failed[point] = f"{name} has the shape {here}, elsewhere {there}; give one throughout"
+                    said = f"{name} has the shape {here}, elsewhere {there}; it must be the same throughout"
+                    self.failed[point] = said
                     self.found.pop(point, None)
                 kinds[name] = np.result_type(kinds.get(name, value.dtype), value.dtype)
         dims = tuple(self.grid)

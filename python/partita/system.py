@@ -390,7 +390,7 @@ def _constant(what: str, values: Any) -> Array:
     except TypeError:
         _refuse(f"{what} must be a function or an array of numbers, not {shown(values)}")
     if not np.isfinite(array).all():
-        _refuse(f"{what} holds NaN or infinity; give finite numbers")
+        _refuse(f"{what} contains NaN or infinity; give finite numbers")
     return array
 
 
@@ -398,7 +398,7 @@ def _array(what: str, values: Any, t: float) -> Array:
     try:
         return floats(values)
     except TypeError as error:
-        raise _evaluation(what, t, f"returned {shown(values)}, which is no array of numbers") from error
+        raise _evaluation(what, t, f"returned {shown(values)}, which is not an array of numbers") from error
 
 
 def _all_finite(what: str, array: Array, t: float) -> Array:

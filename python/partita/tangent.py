@@ -67,8 +67,8 @@ class TangentVelocities:
                     array = floats(returned)
                 except TypeError as error:
                     raise EvaluationError(
-                        f"tangent velocities: {name} at t = {t:g} s returned {shown(returned)}, which is no array of "
-                        "numbers",
+                        f"tangent velocities: {name} at t = {t:g} s returned {shown(returned)}, which is not an array "
+                        f"of numbers",
                         t=t,
                         where=name,
                     ) from error

@@ -277,7 +277,7 @@ def test_the_description_is_one(tmp_path: Path) -> None:
 
 
 BAD = [
-    ({"inputs": ["nothing"]}, "is no torque, drive or joint"),
+    ({"inputs": ["nothing"]}, "is not a torque, drive or joint"),
     ({"inputs": "motor"}, "list of names"),
     ({"inputs": ["motor", "motor"]}, "twice"),
     ({"inputs": [1.0]}, "list of names"),

@@ -1,4 +1,4 @@
-"""Bushings, friction, stops, contacts, tyres, gravity that changes and force laws, each against a closed form."""
+"""Bushings, friction, stops, contacts, tyres, time-dependent gravity and force laws, each against a closed form."""
 
 import math
 from collections.abc import Callable

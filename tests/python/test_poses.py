@@ -277,7 +277,7 @@ def test_poses_in_files(tmp_path: Path) -> None:
     assert again.to_spec() == m.to_spec()
     m.add_body("third", mass=1.0, inertia=(1, 1, 1))
     m.add_drive("third", pose=lambda t: ((t, 0, 0), (0, 0, t)))
-    with pytest.raises(DescriptionError, match="Python function, which a file cannot hold"):
+    with pytest.raises(DescriptionError, match="Python function, which a file cannot contain"):
         m.save(tmp_path / "no.toml")
 
 

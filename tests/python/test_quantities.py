@@ -125,7 +125,7 @@ def test_units_multiply_as_numbers_do() -> None:
         ("5 mm2", "m", "powers are m"),
         ("5 (mm", "m", "not closed"),
         ("5 mm)", "m", "does not belong"),
-        ("5 mm^", "m", "an exponent is a number"),
+        ("5 mm^", "m", "an exponent must be a number"),
         ("5 mm^99", "m", "exponent beyond"),
         ("5 m^0.123456", "m", "few digits"),
         ("5 mm/0", "m", "divides by zero"),

@@ -463,7 +463,7 @@ def test_the_command_converts(tmp_path: Path, capsys: pytest.CaptureFixture[str]
         reported = json.loads(capsys.readouterr().out)
         assert reported["dropped"] == ["torque t"] and len(reported["files"]) == 2
         assert main(["convert", source, target, "--strict"]) != 0
-    assert "cannot carry: torque t" in capsys.readouterr().err
+    assert "cannot represent: torque t" in capsys.readouterr().err
 
 
 def test_what_cannot_be_written(tmp_path: Path) -> None:

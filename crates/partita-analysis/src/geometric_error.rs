@@ -141,6 +141,6 @@ fn out_of_parallel(pose: &Pose, joints: &BTreeSet<usize>) -> Vec<String> {
         said.push(format!("{} {verb} {} {words} {}", names(&which), degrees(top), names(&others)));
     };
     say(&off, "out of parallel with", &off);
-    say(&across, "out of the plane across the axes of", &off);
+    say(&across, "out of the plane normal to the axes of", &off);
     said
 }

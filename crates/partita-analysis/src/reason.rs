@@ -122,8 +122,8 @@ pub(crate) fn reason(pose: &Pose, stress: &Stress) -> String {
         let in_plane = |w: Vec3<f64>| plane.map_or(w, |n| n.cross(w));
         if wrenches().all(|(_, w)| small(in_plane(w.force).norm())) {
             return format!(
-                "{all} are prismatic, so the bodies they connect cannot rotate or leave their directions even \
-                 without this row"
+                "{all} are prismatic, so the bodies they connect cannot rotate or leave their directions of sliding \
+                 even without this row"
             );
         }
     }

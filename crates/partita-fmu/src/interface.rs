@@ -174,7 +174,7 @@ pub unsafe extern "C" fn fmi2Instantiate(
     let name = CString::new(name.unwrap_or("model")).unwrap_or_default();
     let made = catch_unwind(AssertUnwindSafe(|| {
         if kind != 1 {
-            return Err("this FMU is for co-simulation alone".to_string());
+            return Err("this FMU supports co-simulation only".to_string());
         }
         let location = location.ok_or("the location of the resources is missing")?;
         Slave::open(&resources::path(location)?, guid.unwrap_or_default())
@@ -390,7 +390,7 @@ macro_rules! nothing {
         #[no_mangle]
         pub extern "C" fn $name(component: *mut Component, $($argument: $kind),*) -> c_int {
             $(let _ = $argument;)*
-            with(component, stringify!($name), |_| Err(Failed(ERROR, "this FMU does not offer it".into())))
+            with(component, stringify!($name), |_| Err(Failed(ERROR, "this FMU does not support it".into())))
         }
     )*};
 }

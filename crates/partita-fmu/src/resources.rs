@@ -6,7 +6,7 @@ use std::path::PathBuf;
 pub fn path(uri: &str) -> Result<PathBuf, String> {
     let Some(rest) = uri.strip_prefix("file:") else {
         return match uri.contains("://") {
-            true => Err(format!("the resources lie at {uri}, which is not a file: URI")),
+            true => Err(format!("the location of the resources is {uri}, which is not a file: URI")),
             false => Ok(PathBuf::from(uri)),
         };
     };

@@ -272,7 +272,7 @@ impl<E: Display> Stepper<E> for ExplicitRungeKutta {
     }
 
     fn attempt(&mut self, ode: &mut dyn Ode<Error = E>) -> Result<(), StepFailure<E>> {
-        assert_eq!(self.phase, Phase::Ready, "commit or reject the step before");
+        assert_eq!(self.phase, Phase::Ready, "commit or reject the previous step");
         // the obstacle ahead, also where shorter steps end before it with too large an error
         let mut obstacle = None;
         loop {

@@ -31,7 +31,10 @@ pub enum StepFailure<E: Display> {
         error: E,
     },
     /// A stage needed for dense output alone is not evaluable although the step itself is good.
-    #[error("no dense output in this step, the right-hand side failed at t = {t}: {error}; reject the step and take a shorter one")]
+    #[error(
+        "no dense output in this step: the right-hand side failed at t = {t}: {error}; reject the step and take a \
+        shorter one"
+    )]
     Interpolation {
         /// Time of the evaluation.
         t: f64,

@@ -22,7 +22,7 @@ impl Drop for Cleared {
 /// Which upper halves are in use, of registers of 256 and of 512 bits, as reported by the processor; `None` if it does
 /// not report them.
 #[cfg(all(test, target_arch = "x86_64"))]
-#[allow(unused_unsafe, reason = "older compilers call the question what processor this is unsafe")]
+#[allow(unused_unsafe, reason = "older compilers mark the query of the processor as unsafe")]
 pub(crate) fn in_use() -> Option<u64> {
     use std::arch::x86_64::{__cpuid, __cpuid_count, _xgetbv};
     #[target_feature(enable = "xsave")]

@@ -223,14 +223,14 @@ pub fn validate(spec: &Spec, functions: usize) -> Result<(), DescriptionError> {
                 finite(&[*offset], "coupling", c.name(), "offset")?;
                 if count == 0 || factors.len() != count || factors.contains(&0.0) {
                     return fail(format!(
-                        "it needs a factor other than 0 for each of its {count} terms, one term at least; there are \
-                         {factors:?}"
+                        "it needs at least one term and a nonzero factor for each of its {count} terms; the factors \
+                         are {factors:?}"
                     ));
                 }
             }
             Coupling::Curve { curve, .. } => {
                 if count != 2 {
-                    return fail(format!("a curve joins two readings, {count} are given"));
+                    return fail(format!("a curve relates two readings, but {count} are given"));
                 }
                 value::check(&Value::Table(curve.clone()), functions, "coupling", c.name())?;
             }

@@ -220,7 +220,7 @@ impl GuardMonitor {
         read(&mut self.next(t, fastest).readings);
         self.places[at..self.used].rotate_right(1);
         let (before, rest) = self.places.split_at_mut(at);
-        let (from, (here, to)) = (&mut before[at - 1], rest.split_first_mut().expect("a place was put there"));
+        let (from, (here, to)) = (&mut before[at - 1], rest.split_first_mut().expect("a sample was put there"));
         let (h, s) = (to[0].t - from.t, (t - from.t) / (to[0].t - from.t));
         for g in 0..self.guards.len() {
             let cubic = Cubic::new(h, from.readings[g], to[0].readings[g], 1.0);

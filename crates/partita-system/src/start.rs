@@ -100,9 +100,9 @@ const HIDDEN: &str = "the mechanism is locked by constraints so weak that their 
     drawing_tolerance for the play they have";
 
 /// Message for a condition that is off by about the drawing tolerance.
-const AMBIGUOUS: &str = "nearly follows from the other conditions, by a difference of about the drawing_tolerance: if it is meant to \
-                         follow from them (wheels on one axis, equal bars, a ring of gears), give its axis, radius, length or \
-                         ratio exactly; if it is meant as it is drawn, give a smaller drawing_tolerance";
+const AMBIGUOUS: &str = "nearly follows from the other conditions, by a difference of about the drawing_tolerance: if \
+    it should follow from them (wheels on one axis, equal bars, a ring of gears), give its axis, radius, length or \
+                         ratio exactly; if it is intended as drawn, give a smaller drawing_tolerance";
 
 /// Motions that exist for an instant only, wherever the mechanism goes.
 fn shaky(t: f64, finite: Finite, who: &str) -> SystemError {

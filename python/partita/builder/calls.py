@@ -83,7 +83,7 @@ def call_of(record: Any) -> Call:
             return f"add_{record.kind}", said
         case SensorRecord():
             return "add_sensor", _sensor(record)
-    raise TypeError(f"{type(record).__name__} is no element")
+    raise TypeError(f"{type(record).__name__} is not an element")
 
 
 def kind_of(record: Any) -> str:

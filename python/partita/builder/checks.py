@@ -134,7 +134,7 @@ def matrix(element: Element, what: str, value: Any, unit: SI = "", size: int = 3
 def _in_range(element: Element, what: str, size: float) -> None:
     """Refuse numbers whose products leave the range of double precision."""
     if size > LARGEST:
-        element.fail(f"{what} holds {size:g}; nothing above {LARGEST:g} can be computed with: take other units")
+        element.fail(f"{what} contains {size:g}; magnitudes above {LARGEST:g} are not supported: use other units")
 
 
 def direction(element: Element, what: str, value: Any) -> Array:

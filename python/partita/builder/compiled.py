@@ -320,7 +320,7 @@ def _finite(what: str, answer: Array, t: float) -> Array:
     """An answer that is one."""
     if not np.isfinite(answer).all():
         raise EvaluationError(
-            f"{what} is not finite at t = {t:g} s: q or v are so large that what is computed with them is lost",
+            f"{what} is not finite at t = {t:g} s: q or v are so large that the computation overflows",
             t=t,
             where=what,
         )

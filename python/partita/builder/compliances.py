@@ -57,5 +57,5 @@ def _three(element: Element, what: str, value: ArrayLike, unit: str) -> Array:
         return np.full(3, number(element, what, value, unit, least=0.0))
     found = vector(element, what, value, unit)
     if found.min() < 0.0:
-        element.fail(f"{what} is {found.tolist()}; nothing gives against the load: give 0 or more")
+        element.fail(f"{what} is {found.tolist()}; a compliance must not be negative: give 0 or more")
     return found

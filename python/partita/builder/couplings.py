@@ -419,7 +419,8 @@ def add_constraint(
     terms = _terms(self, element, of)
     if len(terms) > MOST:
         element.fail(
-            f"its function would see {len(terms)} measures; {MOST} is the most. add_coupler holds a sum of any number"
+            f"its function would have {len(terms)} arguments; at most {MOST} are allowed. add_coupler takes a sum of "
+            f"any number of terms"
         )
     kind = choice(element, "level", level, ("position", "velocity"))
     if not callable(function):

@@ -18,8 +18,8 @@ class Drawing:
         tolerance = number(element, "drawing_tolerance", drawing_tolerance, least=0.0)
         if tolerance > LARGEST_DRAWING_TOLERANCE:
             element.fail(
-                f"drawing_tolerance is {tolerance:g} (radians, and parts of lengths); beyond "
-                f"{LARGEST_DRAWING_TOLERANCE:g} the drawing is one of another mechanism"
+                f"drawing_tolerance is {tolerance:g} (radians, and fractions of lengths); beyond "
+                f"{LARGEST_DRAWING_TOLERANCE:g} the drawing describes another mechanism"
             )
         self._description = Description(element.name, constant, changing, tolerance)
         self._ground = Body(GROUND, self)

@@ -144,7 +144,7 @@ def _drive_pose(
         slides = scalars(driven)
         if speeds(driven) != slides + 3 or any(item.startswith("r") for item in driven.free[:slides]):
             element.fail(
-                f'the {driven.kind} joint "{driven.name}" does not turn about all axes; a pose is for joints that do '
+                f'the {driven.kind} joint "{driven.name}" does not rotate about all axes; a pose is for joints that do '
                 f"(free, spherical, ...): drive its {speeds(driven)} coordinates one by one (coordinate=...)"
             )
         found = driven.name
@@ -153,7 +153,7 @@ def _drive_pose(
         value = pose_value(element, pose, slides, None)
         said = {"joint": found, "pose": as_given(element, pose, slides)}
     else:
-        element.fail(f"a pose is that of a joint or of a body, not of {what}")
+        element.fail(f"a pose belongs to a joint or a body, not to {what}")
     measures = [{"of": "joint", "joint": found, "coordinate": i} for i in range(slides + 3)]
     d.store(d.drives, DriveRecord(element.name, measures[0], value, "pose", 0.0, slides, said))
     d.driven.update({driven_key(each): element.name for each in measures})
@@ -169,7 +169,7 @@ def _alone(mechanism: Drawing, element: Element, found: dict[str, Any]) -> None:
     """Refuse what is driven already."""
     if (other := mechanism._description.driven.get(driven_key(found))) is not None:
         said = f'coordinate {found["coordinate"]} of joint "{found["joint"]}"' if found["of"] == "joint" else "it"
-        element.fail(f'{said} is driven already by "{other}"; remove one of them')
+        element.fail(f'{said} is already driven by "{other}"; remove one of them')
 
 
 def _coordinate(
@@ -180,7 +180,7 @@ def _coordinate(
     single = scalars(found)
     if level == "position" and single < speeds(found) and not (isinstance(coordinate, int) and coordinate < single):
         element.fail(
-            f'the {found.kind} joint "{found.name}" turns about all axes there, which no single coordinate says; give '
+            f'the {found.kind} joint "{found.name}" rotates about all axes, which no single coordinate describes; give '
             "its pose (pose=...), or drive its angular velocities (velocity=, acceleration=)"
         )
     number = coordinate_of(element, found, coordinate, speeds(found))
@@ -192,7 +192,7 @@ def _level(element: Element, position: Any, velocity: Any, acceleration: Any) ->
     if position is None:
         if velocity is not None and acceleration is not None:
             element.fail(
-                "give velocity or acceleration, not both; beside a position as a function both are its derivatives"
+                "give velocity or acceleration, not both, unless position is a function and they are its derivatives"
             )
         if velocity is not None:
             return "velocity", velocity
@@ -204,8 +204,8 @@ def _level(element: Element, position: Any, velocity: Any, acceleration: Any) ->
             continue
         if not callable(position):
             element.fail(
-                f"{what} beside a position can be given only where position is a function; a number or a table has its "
-                "own derivatives"
+                f"{what} can accompany position only if position is a function; a number or a table has its own "
+                f"derivatives"
             )
         if not callable(derivative):
             element.fail(f"{what} must be a function of t, not {derivative!r}")

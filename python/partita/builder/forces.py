@@ -69,7 +69,7 @@ def add_spring(
     element = name_of("force", name, self._description.forces)
     first, second = resolve(self, element, "body1", body1), resolve(self, element, "body2", body2)
     if first == second:
-        element.fail(f'both ends are on "{first}", where the spring does nothing; name two different bodies')
+        element.fail(f'both ends are on "{first}", where the spring has no effect; name two different bodies')
     end1, end2 = vector(element, "point1", point1, "m"), vector(element, "point2", point2, "m")
     d = self._description
     drawn = float(np.linalg.norm(to_world(d, second, end2) - to_world(d, first, end1)))
@@ -179,7 +179,7 @@ def add_torque(
         element.fail("periodic belongs to a table over a coordinate; say over=")
     if record.over is not None:
         if not isinstance(record.value, Table):
-            element.fail("over= belongs to a table (x, values); a function may look at the state itself")
+            element.fail("over= belongs to a table (x, values); a function can read the state itself")
         ends = record.value.values[[0, -1]]
         if record.periodic and abs(ends[1] - ends[0]) > 1e-9 * max(1e-300, float(np.abs(record.value.values).max())):
             element.fail(f"a periodic table must end where it begins: {ends[0]:g} first, {ends[1]:g} last")

@@ -120,8 +120,8 @@ def inertia(element: Element, value: Any) -> Array:
     skew = float(np.max(np.abs(tensor - tensor.T)))
     if skew > INERTIA * size:
         element.fail(
-            f"inertia is not symmetric: entries across the diagonal differ by {skew:.3g}; products come "
-            "with equal signs"
+            f"inertia is not symmetric: entries across the diagonal differ by {skew:.3g}; each product of inertia "
+            f"must appear with the same sign on both sides"
         )
     tensor = 0.5 * tensor + 0.5 * tensor.T
     unit = size if size > 0.0 else 1.0  # numbers near the ends of their range have squares beyond it

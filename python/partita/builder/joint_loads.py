@@ -121,8 +121,7 @@ def add_friction(
         if dynamic is not None or static is not None:
             element.fail(
                 "magnitudes (dynamic, static) and a coefficient exclude one another; give magnitudes, or a "
-                "coefficient that "
-                "makes them from the reaction of the joint"
+                "coefficient, which multiplies the reaction of the joint"
             )
         above = ("radius", "length")
         follows = {

@@ -154,7 +154,8 @@ def _sight(mechanism: Drawing, element: Element, what: str, item: Any) -> tuple[
         count = scalars(record)
         if count == 0:
             element.fail(
-                f'{what}: the {record.kind} joint "{record.name}" has no slide or angle to be seen; see its bodies'
+                f'{what}: the {record.kind} joint "{record.name}" has no slide or angle to read; read its '
+                "bodies instead"
             )
         return "joint", [{"joint": [record.name, i]} for i in range(count)]
     if isinstance(item, str):

@@ -82,7 +82,7 @@ def _two(mechanism: Drawing, element: Element, body1: Body | str, body2: Body | 
     """Names of two different bodies."""
     first, second = resolve(mechanism, element, "body1", body1), resolve(mechanism, element, "body2", body2)
     if first == second:
-        element.fail(f'both sides are on "{first}", where it does nothing; name two different bodies')
+        element.fail(f'both sides are on "{first}", where it has no effect; name two different bodies')
     return first, second
 
 

@@ -154,8 +154,8 @@ class Motion:
         for t, slope, given, error in seen:
             if abs(given - slope) > _ANOTHER * size + 10.0 * error:
                 self.element.fail(
-                    f"at t = {t:g} s the {what} given is {given:g}, but the function it belongs to has "
-                    f"the slope {slope:g}; leave the {what} out, and it is found exactly"
+                    f"at t = {t:g} s the {what} given is {given:g}, but the derivative of the function is {slope:g}; "
+                    f"omit the {what}, and it is computed exactly"
                 )
 
     def _plain(self, function: TimeFunction, t: float) -> float:
@@ -196,7 +196,7 @@ class Motion:
         except Exception as error:
             raise EvaluationError(
                 f'drive "{self.element.name}": the function works at t = {t:g} s but not slightly before or after, '
-                f"where its derivatives are looked for ({type(error).__name__}: {error}); pass velocity= and "
+                f"where its derivatives are evaluated ({type(error).__name__}: {error}); pass velocity= and "
                 "acceleration=, or use NumPy functions (np.sin instead of math.sin)",
                 t=t,
                 where=self.element.name,
@@ -264,7 +264,8 @@ def _scatter(middle: float, samples: list[tuple[list[float], list[float]]], scal
     if growth < _KINK and seen[first] > (_BROKEN if growth >= _STEADY else _ROUGH) * size:
         how = "do not vary smoothly" if growth < _STEADY else "have a kink or a jump there, or are rounded"
         raise RoughError(
-            f"its values {how}: within {8.0 * _STEPS[first]:.0e} s they miss a smooth curve by {seen[first]:.0e}"
+            f"its values {how}: within {8.0 * _STEPS[first]:.0e} s they deviate from a smooth curve by "
+            f"{seen[first]:.0e}"
         )
     steady = (max(pair) for pair in itertools.pairwise(seen[: _FINE + 1]) if pair[1] < _STEADY * pair[0])
     return max((x for x in steady if x < _NOISE * size), default=0.0)

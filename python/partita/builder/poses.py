@@ -103,8 +103,8 @@ def pose_value(element: Element, given: Any, slides: int, drawn: tuple[Array, Ar
     if angles.max() > _HALF_TURN:
         row = int(angles.argmax())
         element.fail(
-            f"from t = {clock[row]:g} s to t = {clock[row + 1]:g} s the table turns by half a turn, which says no way "
-            "to go; put a row between"
+            f"from t = {clock[row]:g} s to t = {clock[row + 1]:g} s the table rotates by half a turn, so the "
+            f"direction of rotation is ambiguous; insert a row between them"
         )
     return found
 
@@ -243,7 +243,7 @@ class Pose:
         elif numbers.shape == (4,):
             norm = (jets[0] * jets[0] + jets[1] * jets[1] + jets[2] * jets[2] + jets[3] * jets[3]).sqrt()
             if not norm.x > 0.0:
-                raise self._misshaped(t, "the zero quaternion, which is no rotation")
+                raise self._misshaped(t, "the zero quaternion, which is not a rotation")
             quaternion = [j / norm for j in jets]
         else:
             raise self._misshaped(t, f"an array of shape {numbers.shape}")
@@ -276,7 +276,7 @@ class Pose:
         except Exception as error:
             raise self._error(
                 t,
-                "the function works there but not slightly before or after, where its derivatives are looked for "
+                "the function works there but not slightly before or after, where its derivatives are evaluated "
                 f"({type(error).__name__}: {error}); use NumPy functions and return a rotation vector or a quaternion",
             ) from error
         if not self.notes:
@@ -325,7 +325,8 @@ class Pose:
     def _matrix(self, matrix: Array, t: float) -> Array:
         off = float(np.abs(matrix.T @ matrix - np.eye(3)).max())
         if not off <= ORTHONORMAL or np.linalg.det(matrix) < 0.0:
-            raise self._misshaped(t, f"a matrix that is no rotation (its columns miss being orthonormal by {off:.1e})")
+            what = f"a matrix that is not a rotation (its columns deviate from orthonormal by {off:.1e})"
+            raise self._misshaped(t, what)
         return matrix
 
     def _misshaped(self, t: float, what: str) -> EvaluationError:

@@ -100,15 +100,18 @@ def add_custom_joint(
     element = joint_element(self, name)
     chosen = directions(element, free)
     if not chosen:
-        element.fail("free names no direction that the others could follow; name one or more")
+        element.fail("free is empty, so no direction exists that the others could follow; name one or more")
     if not isinstance(follows, Mapping) or not follows:
-        element.fail("follows must name a function for each direction that follows; use add_joint where none does")
+        element.fail("follows must give a function for each dependent direction; use add_joint if there is none")
     named = [choice(element, "follows", direction, DIRECTIONS) for direction in follows]
     if both := [direction for direction in named if direction in chosen]:
-        element.fail(f"{', '.join(both)} cannot be free and follow as well")
+        element.fail(f"{', '.join(both)} cannot be both free and dependent")
     ordered = tuple(direction for direction in DIRECTIONS if direction in chosen or direction in named)
     if sum(direction.startswith("r") for direction in ordered) > 2:
-        element.fail("it turns about all three axes, which no angles tell apart; let two turns move at the most")
+        element.fail(
+            "it rotates about all three axes, which angles cannot describe without singularities; let at most two "
+            "rotations be free or dependent"
+        )
     laws = {direction: _follower(element, direction, follows[direction], len(chosen)) for direction in named}
     geometry = {"frame": frames.rotation(element, "frame", frame)}
     return store_joint(

@@ -108,7 +108,8 @@ class Law:
                 if abs(slope - number) > _ANOTHER * size:
                     self.element.fail(
                         f"at t = 0 s and ({', '.join(f'{v:g}' for v in at)}) entry {i} of the gradient given is "
-                        f"{number:g}, but the slope of the function is {slope:g}; leave the gradient out: it is found"
+                        f"{number:g}, but the derivative of the function is {slope:g}; omit the gradient, and it is "
+                        f"computed"
                     )
 
     def _path(self, at: Callable[..., Any], t: float, scale: float = 0.0) -> tuple[float, float, float, float]:

@@ -209,7 +209,7 @@ def _data(m: Drawing, element: Element, of: Any, function: bool) -> dict[str, An
     """What is looked at, as plain data."""
     if function:
         if isinstance(of, str | bytes | dict | Reading) or not isinstance(of, Sequence):
-            element.fail(f"a function is of a list of other sensors, not {shown(of)}")
+            element.fail(f"a function takes a list of other sensors, not {shown(of)}")
         return {"of": "function", "sensors": [_sensor(m, element, one) for one in of]}
     if isinstance(of, dict):
         return _from_dict(m, element, of)
@@ -229,7 +229,7 @@ def _data(m: Drawing, element: Element, of: Any, function: bool) -> dict[str, An
         if isinstance(of, kind):
             return _element(m, element, what, own_name(m, element, "of", of, kind))
     element.fail(
-        f"there is nothing to be read of {shown(of)}; give a body, (body, point), a joint, a force, a drive, a "
+        f"a sensor cannot read {shown(of)}; give a body, (body, point), a joint, a force, a drive, a "
         "coupling, pt.Distance and the like, or an expression of other sensors"
     )
 
@@ -256,7 +256,7 @@ def _named(m: Drawing, element: Element, name: str) -> dict[str, Any]:
     tables = _tables(m)
     kinds = [kind for kind, table in tables.items() if name in table]
     if len(kinds) > 1:
-        element.fail(f'"{name}" is the name of a {" and of a ".join(kinds)}; give the handle of the one that is meant')
+        element.fail(f'"{name}" is the name of a {" and of a ".join(kinds)}; give the handle of the intended one')
     if not kinds:
         every = [other for table in tables.values() for other in table]
         find("element", name, every, where=f'sensor "{element.name}": ')
@@ -341,13 +341,14 @@ def _complete(m: Drawing, element: Element, data: dict[str, Any], reads: Any, ax
     data["reads"] = choice(element, "reads", reads, READS[form])
     if data["of"] == "drive" and "measure" not in data and data["reads"] == "power":
         element.fail(
-            f'the drive "{data["drive"]}" holds a pose, whose power is no product; read the power of its joint'
+            f'the drive "{data["drive"]}" prescribes a pose, which has no single rate and effort; read the '
+            "power of its joint"
         )
     if data["of"] == "joint":
         _along_joint(m, element, data, coordinate)
     elif coordinate is not None:
         if form != "load" or data["reads"] in ("power", "energy"):
-            element.fail("coordinate is of joints, and of forces that act on several bodies")
+            element.fail("coordinate applies to joints, and to forces that act on several bodies")
         data["body"] = index(element, "coordinate", coordinate, _sides(m._description.forces[data["force"]]))
     if axes is None:
         return
@@ -356,7 +357,7 @@ def _complete(m: Drawing, element: Element, data: dict[str, Any], reads: Any, ax
     elif form in ("point", "body", "load") and data["reads"] not in ("rotation", "power", "energy"):
         data["axes"] = "world" if isinstance(axes, str) and axes == "world" else resolve(m, element, "axes", axes)
     else:
-        element.fail(f"{data['reads']} of a {data['of']} is no vector; it has no axes")
+        element.fail(f"{data['reads']} of a {data['of']} is not a vector, so it takes no axes")
 
 
 def _along_joint(m: Drawing, element: Element, data: dict[str, Any], coordinate: Any) -> None:
@@ -364,10 +365,10 @@ def _along_joint(m: Drawing, element: Element, data: dict[str, Any], coordinate:
     count = speeds(record)
     if data["reads"] in ("force", "moment"):
         if coordinate is not None:
-            element.fail("coordinate is of motions and drives; the components of a force are its x, y, z")
+            element.fail("coordinate applies to motions and drives; the components of a force are x, y and z")
         return
     if count == 0:
-        element.fail(f'the {record.kind} joint "{record.name}" lets nothing move; read its force or moment')
+        element.fail(f'the {record.kind} joint "{record.name}" has no degree of freedom; read its force or moment')
     if coordinate is not None:
         index(element, f'coordinate of the joint "{record.name}"', coordinate, count)
         if count > 1:

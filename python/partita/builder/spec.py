@@ -156,7 +156,7 @@ class Writer:
             }
 
     def _gravity(self) -> Iterator[dict[str, Any]]:
-        """What the core counts among the forces: gravity that changes, and bodies without any."""
+        """What the core counts among the forces: time-dependent gravity, and bodies without any."""
         d = self.description
         if d.changing_gravity is not None:
             yield {"kind": "gravity", "name": "gravity", "value": self._plain(d.changing_gravity)}

@@ -128,7 +128,7 @@ def table(
             f"times have shape {times.shape}, values {values.shape}"
         )
     if not (np.all(np.isfinite(times)) and np.all(np.isfinite(values))):
-        element.fail(f"{what}: the table holds NaN or infinity; remove those rows")
+        element.fail(f"{what}: the table contains NaN or infinity; remove those rows")
     steps = np.diff(times)
     if not np.all(steps > 0.0):
         row = int(np.argmin(steps > 0.0))

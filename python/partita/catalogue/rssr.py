@@ -120,5 +120,5 @@ def entry() -> Entry:
             Check("ball Q over crank angle [m]", 1e-11, "closure 1e-12, at most tenfold in the ball", balls),
             Check("spin of the coupler [rad/s]", 1e-7, "rtol 1e-11 of 5 rad/s over 8 turns of the crank", spin),
         ),
-        notes="Two degrees of freedom: the crank, and the idle spin of the coupler, which no loop sees.",
+        notes="Two degrees of freedom: the crank, and the idle spin of the coupler, which affects no loop.",
     )

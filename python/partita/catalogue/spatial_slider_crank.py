@@ -96,5 +96,5 @@ def entry() -> Entry:
             Check("slider over crank angle [m]", 1e-11, "closure 1e-12, at most tenfold in the slide", slider),
         ),
         notes="The rod's universal joint keeps the axis fixed in the rod at right angles to the slide; the other way "
-        "round the rod would roll differently, and the motion would be another.",
+        "round the rod would roll differently, which changes the motion.",
     )

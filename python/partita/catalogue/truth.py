@@ -70,7 +70,7 @@ def planar(links: int, joints: int, source: str, bridges: tuple[str, ...] = ()) 
         mobility=3 * links - 2 * joints,
         redundant=3 * loops,
         determined={**dict.fromkeys(bridges, EVERYTHING["*"]), **IN_PLANE},
-        why=f"Gruebler: 3 x {links} links - 2 x {joints} joints of the plane; flatness is said once too often, three "
-        f"times in each of {loops} loops",
+        why=f"Gruebler: 3 x {links} links - 2 x {joints} joints of the plane; planarity is imposed redundantly by "
+        f"three conditions in each of {loops} loops",
         source=source,
     )

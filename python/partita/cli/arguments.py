@@ -45,25 +45,25 @@ def parser() -> argparse.ArgumentParser:
     top.add_argument("--version", action="version", version=f"partita {__version__}")
     words = top.add_subparsers(title="commands", metavar="COMMAND", required=True)
 
-    _simulate(_command(words, "simulate", simulate, "compute a motion, and tell what was found"))
+    _simulate(_command(words, "simulate", simulate, "simulate a motion and report the findings"))
 
-    _compare(_command(words, "compare", compare, "run every formulation on one mechanism, and tell what each costs"))
+    _compare(_command(words, "compare", compare, "run every formulation on one mechanism and report the costs"))
 
     report = _command(words, "report", commands.report, "mobility, redundancy, coordinates and reactions, in words")
     report.add_argument("model", metavar="FILE|NAME", help=MODEL)
     report.add_argument("--markdown", action="store_true", help="headings and tables instead of plain text")
     _json(report)
-    about = "what a model file is: what was read and dropped, whether it closes, what moves, what looks like a slip"
+    about = "check a model file: what was read and omitted, whether it closes, its mobility, likely mistakes"
     lint = _command(words, "check", check.check, about)
     lint.add_argument("model", metavar="FILE|NAME", help=MODEL)
     _json(lint)
-    lint.add_argument("--base", choices=("fixed", "free"), default="fixed", help="what the root of a URDF does")
+    lint.add_argument("--base", choices=("fixed", "free"), default="fixed", help="how the root of a URDF is attached")
 
-    _assemble(_command(words, "assemble", assemble, "close the loops, and print where everything stands"))
+    _assemble(_command(words, "assemble", assemble, "close the loops and print all positions"))
 
     _json(_command(words, "list", commands.list_names, "list the mechanisms of the catalogue"))
 
-    _bench(_command(words, "bench", bench, "run at several tolerances, and tell what each costs and gives"))
+    _bench(_command(words, "bench", bench, "run at several tolerances and report costs and errors"))
 
     plot = _command(words, "plot", commands.plot, "draw a stored result")
     plot.add_argument("result", metavar="RESULT", help="a stored result (.nc, .zarr, .json, .csv, .parquet, .mat)")
@@ -86,12 +86,14 @@ def parser() -> argparse.ArgumentParser:
     convert = _command(words, "convert", commands.convert, "read one model file and write another")
     convert.add_argument("source", metavar="A", help="model file to read, or a name of the catalogue")
     convert.add_argument("target", metavar="B", help="model file to write; its ending decides the format")
-    convert.add_argument("--strict", action="store_true", help="refuse what the format cannot carry")
-    _json(convert, "print what was changed and dropped as JSON")
-    convert.add_argument("--base", choices=("fixed", "free"), default="fixed", help="what the root of a URDF does")
+    convert.add_argument("--strict", action="store_true", help="fail if the format cannot represent the model")
+    _json(convert, "print changes and omissions as JSON")
+    convert.add_argument(
+        "--base", choices=("fixed", "free"), default="fixed", help="how the root of a URDF is attached"
+    )
 
-    shell = _command(words, "completion", completion, "print what a shell reads to complete these words")
-    shell.add_argument("shell", choices=("bash", "zsh", "tcsh"), help="for which shell")
+    shell = _command(words, "completion", completion, "print the completion script of a shell")
+    shell.add_argument("shell", choices=("bash", "zsh", "tcsh"), help="shell for which the script is written")
     shell.set_defaults(words=top)
     return top
 
@@ -136,7 +138,7 @@ def _compare(command: argparse.ArgumentParser) -> None:
         "--formulations",
         metavar="A,B",
         type=listed,
-        help=f'which ones, with commas, or rows such as "svd: each step" (default all: {known})',
+        help=f'names separated by commas, or rows such as "svd: each step" (default all: {known})',
     )
     rules = ", ".join(SELECTIONS)
     add("--rules", "--selections", metavar="A,B", type=listed, help=f"rules of projective (default all: {rules})")
@@ -163,7 +165,7 @@ def _assemble(command: argparse.ArgumentParser) -> None:
     _start(command)
     add("--all", action="store_true", help="all positions that close for these targets, branch by branch")
     add("--inputs", metavar="A,B", type=listed, help="with --all: velocities whose positions are given")
-    add("--base", choices=("fixed", "free"), default="fixed", help="what the root of a URDF does")
+    add("--base", choices=("fixed", "free"), default="fixed", help="how the root of a URDF is attached")
     _json(command)
 
 
@@ -174,7 +176,7 @@ def _bench(command: argparse.ArgumentParser) -> None:
     add("--tolerances", metavar="X,Y", type=ladder, default=[1e-4, 1e-6, 1e-8, 1e-10],
         help="relative tolerances (default 1e-4,1e-6,1e-8,1e-10)")  # fmt: skip
     add("--outputs", metavar="N", type=count, default=101, help="number of equally spaced outputs (default 101)")
-    add("--repeat", metavar="N", type=repeats, default=3, help="how often each is run; the median counts (default 3)")
+    add("--repeat", metavar="N", type=repeats, default=3, help="number of repetitions; the median counts (default 3)")
     add("--method", choices=METHODS, help="integrator (default dop853)")
     add("--formulation", choices=FORMULATIONS, help="equations of motion (default projective)")
     add("--coordinates", choices=COORDINATES, default="relative", help="coordinates of the model (default relative)")
@@ -201,7 +203,7 @@ def _start(command: argparse.ArgumentParser) -> None:
     )
 
 
-def _json(command: argparse.ArgumentParser, text: str = "print all that was found as JSON") -> None:
+def _json(command: argparse.ArgumentParser, text: str = "print all findings as JSON") -> None:
     command.add_argument("--json", action="store_true", help=text)
 
 

@@ -87,5 +87,5 @@ def bench(arguments: argparse.Namespace) -> int:
             f"{line.rtol:>8.0e}  {line.status:<10} {line.steps:>7} {line.evaluations:>12} {1e3 * line.seconds:>9.3g} "
             f"{1e6 * line.per_evaluation:>8.3g} {line.error:>9.1e} {line.closure:>9.1e}"
         )
-    print("error: of any coordinate at any output, against a run a hundred times as tight")
+    print("error: the largest over coordinates and outputs, against a run with tolerances a hundred times smaller")
     return 0

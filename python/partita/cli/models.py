@@ -75,5 +75,5 @@ def length_of(opened: Opened, word: str, asked: float | None) -> float:
     if asked is not None:
         return asked
     if opened.entry is None:
-        raise ArgumentError(f"{word}: a model file has no length of its own; add --time 10", argument="time")
+        raise ArgumentError(f"{word}: a model file specifies no duration; add --time 10", argument="time")
     return opened.entry.duration

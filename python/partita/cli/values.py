@@ -71,7 +71,7 @@ def listed(text: str) -> list[str]:
     """Names with commas between them."""
     names = [name.strip() for name in text.split(",")]
     if not all(names):
-        raise argparse.ArgumentTypeError(f"{text!r} does not read A,B,C")
+        raise argparse.ArgumentTypeError(f"{text!r} is not of the form A,B,C")
     return names
 
 
@@ -88,7 +88,7 @@ def setting(text: str) -> tuple[str, list[float | str]]:
     where the joint is known."""
     name, equals, values = text.rpartition("=")
     if not equals or not name:
-        raise argparse.ArgumentTypeError(f"{text!r} does not read JOINT=VALUE, such as A=0.5 or A=30deg")
+        raise argparse.ArgumentTypeError(f"{text!r} is not of the form JOINT=VALUE, such as A=0.5 or A=30deg")
     return name, [_number_or_quantity(value) for value in values.split(",")]
 
 

@@ -65,10 +65,10 @@ def prepared(d: Description, names: Iterable[str]) -> tuple[Description, list[In
         if len(kinds) != 1:
             known = [n for n, f in d.forces.items() if isinstance(f, TorqueRecord)]
             known += [*d.drives, *(j.name for j in d.joints.values() if scalars(j))]
-            why = f"is the name of a {' and of a '.join(kinds)}" if kinds else "is no torque, drive or joint"
+            why = f"is the name of a {' and of a '.join(kinds)}" if kinds else "is not a torque, drive or joint"
             raise ArgumentError(f'inputs: "{name}" {why}; choose among {", ".join(known)}', argument="inputs")
         if name in {x.name for x in found}:
-            raise ArgumentError(f'inputs: "{name}" is there twice', argument="inputs")
+            raise ArgumentError(f'inputs: "{name}" appears twice', argument="inputs")
         found.append(_input(copy, name, kinds[0]))
     return copy, found
 
@@ -96,7 +96,7 @@ def _input(d: Description, name: str, kind: str) -> Input:
     if kind == "force":
         force = d.forces[name]
         if not isinstance(force, TorqueRecord):
-            raise ArgumentError(f'inputs: force "{name}" is no torque (see add_torque)', argument="inputs")
+            raise ArgumentError(f'inputs: force "{name}" is not a torque (see add_torque)', argument="inputs")
         start = force.value if isinstance(force.value, Constant) and force.over is None else Constant(0.0)
         d.forces[name] = replace(force, value=start, over=None, periodic=False)
         unit = _unit(d.joints[force.joint], force.coordinate, "effort")
@@ -104,8 +104,8 @@ def _input(d: Description, name: str, kind: str) -> Input:
     joint = d.joints[name]
     if scalars(joint) != 1:
         raise ArgumentError(
-            f'inputs: joint "{name}" has {scalars(joint)} slides and angles; add_torque says along which one, and its '
-            "name can be an input",
+            f'inputs: joint "{name}" has {scalars(joint)} slides and angles; add a torque along one of them '
+            "(add_torque) and name that torque as input",
             argument="inputs",
         )
     d.store(d.forces, TorqueRecord(_fresh(d, f"input {name}"), name, 0, Constant(0.0)))
@@ -135,7 +135,7 @@ def outputs_of(d: Description, names: Iterable[str] | None) -> list[Output]:
         new = _outputs(d, name)
         taken = {x.name for x in found}
         if any(x.name in taken for x in new):
-            raise ArgumentError(f'outputs: "{name}" is there twice', argument="outputs")
+            raise ArgumentError(f'outputs: "{name}" appears twice', argument="outputs")
         found += new
     return found
 
@@ -154,7 +154,7 @@ def _outputs(d: Description, name: str) -> list[Output]:
     joint, _, part = name.rpartition(".")
     if joint not in d.joints or part not in _PARTS:
         raise ArgumentError(
-            f'outputs: "{name}" is nothing that is known; give a joint ({", ".join(d.joints)}), JOINT.position, '
+            f'outputs: "{name}" is not known; give a joint ({", ".join(d.joints)}), JOINT.position, '
             ".velocity, .force, .moment or .effort, or energy",
             argument="outputs",
         )
@@ -204,8 +204,8 @@ def model_of(d: Description, layout: Layout, inputs: list[Input]) -> dict[str, A
     if writer.functions:
         which = ", ".join(_functions(d)) or "couplings, forces"
         raise DescriptionError(
-            f"{len(writer.functions)} Python functions act in {d.name!r} ({which}), which an FMU cannot hold; sample "
-            "them into tables, or make inputs of them",
+            f"{len(writer.functions)} Python functions act in {d.name!r} ({which}), which an FMU cannot contain; "
+            f"sample them into tables, or turn them into inputs",
             element="mechanism",
             name=d.name,
         )

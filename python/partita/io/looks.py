@@ -33,7 +33,7 @@ def mesh_file(model: Path, name: str) -> tuple[Path | None, str]:
     folder = model.parent.resolve()
     scheme, _, rest = name.rpartition("://")
     if scheme not in ("", "file", "package", "model"):
-        return None, f"it is at {scheme}://, and nothing is fetched"
+        return None, f"it is at {scheme}://; nothing is downloaded"
     tried = [rest] if scheme in ("", "file") else [rest, rest.partition("/")[2]]
     ending = Path(rest).suffix.lower()
     if ending not in MESHES:

@@ -69,7 +69,7 @@ def _looked_at(path: Path, folder: Path, including: tuple[Path, ...], named: _Na
     try:
         get(path).decode("utf-8")
     except UnicodeDecodeError as error:
-        refuse(path, None, f"it is not UTF-8, which is what MuJoCo reads: {error.reason}")
+        refuse(path, None, f"it is not UTF-8, the encoding that MuJoCo reads: {error.reason}")
     waiting = [root]
     while waiting:
         element = waiting.pop()
@@ -93,9 +93,9 @@ def _looked_at(path: Path, folder: Path, including: tuple[Path, ...], named: _Na
             named.included += 1
             named.stay(folder)
             if inner in (*including, path):
-                element.fail(f'includes "{name}", which includes this file: they go in a circle')
+                element.fail(f'includes "{name}", which includes this file: the includes are circular')
             if named.included > _INCLUDES:
-                element.fail(f"is one of more than {_INCLUDES} files that are included")
+                element.fail(f"exceeds the limit of {_INCLUDES} included files")
             if not inner.is_file():
                 element.fail(f'includes "{name}", which does not exist')
             _looked_at(inner, folder, (*including, path), named)
@@ -154,9 +154,9 @@ class _Reader:
             self.tendon(i)
         robot.reading.used.append(Remark(None, f"{m.nbody - 1} bodies, {m.njnt} joints, {m.neq} equalities"))
         left = {
-            "geoms (inertias were taken of them where a body has none; they touch nothing)": m.ngeom,
+            "geoms (their inertia is used where a body has none; contacts are not read)": m.ngeom,
             "actuators: prescribe motions with add_drive, efforts with add_torque": m.nu,
-            "tendons that are no spring between two points": m.ntendon - len(robot.springs),
+            "tendons other than springs between two points": m.ntendon - len(robot.springs),
             "sensors": m.nsensor,
             "keyframes": m.nkey,
         }
@@ -173,7 +173,8 @@ class _Reader:
         held = float(m.body_gravcomp[i])
         link.gravity = held != 1.0
         if held not in (0.0, 1.0):
-            self.said(robot.reading.dropped, at, f"gravcomp {held:g} of body {name}: gravity is on it, or is not")
+            said = f"gravcomp {held:g} of body {name}: gravity acts on a body fully or not at all"
+            self.said(robot.reading.dropped, at, said)
         parent = "world" if m.body_parentid[i] == 0 else self.name("body", m.body_parentid[i])
         place = placed(m.body_pos[i], self.turned(m.body_quat[i]))
         first, count = int(m.body_jntadr[i]), int(m.body_jntnum[i])
@@ -211,13 +212,11 @@ class _Reader:
                 dropped, at, f"armature {m.dof_armature[d]:g} of joint {name}: add a body for the rotor, with add_gear"
             )
         if m.dof_frictionloss[d] != 0.0:
-            said = f"frictionloss {m.dof_frictionloss[d]:g} of joint {name}: add_friction takes it"
+            said = f"frictionloss {m.dof_frictionloss[d]:g} of joint {name}: use add_friction"
             self.said(dropped, at, said)
         if m.jnt_limited[j]:
             low, high = m.jnt_range[j]
-            self.said(
-                dropped, at, f"limits {low:g} to {high:g} of joint {name} do not stop it: add_stop makes a stop of them"
-            )
+            self.said(dropped, at, f"limits {low:g} to {high:g} of joint {name} do not act as stops; use add_stop")
         robot.joints[name] = found
 
     def tendon(self, i: int) -> None:
@@ -234,7 +233,7 @@ class _Reader:
         at = self.at("spatial", name=name)
         for value, words in ((m.tendon_limited[i], "limits"), (m.tendon_frictionloss[i], "frictionloss")):
             if value != 0.0:
-                self.said(self.made.reading.dropped, at, f"{words} of tendon {name}: add_stop, add_friction")
+                self.said(self.made.reading.dropped, at, f"{words} of tendon {name}: use add_stop, add_friction")
         one, other = ((self.link(int(m.site_bodyid[end])), m.site_pos[end].copy()) for end in ends)
         self.made.springs.append(Spring(name, one, other, stiffness, damping, float(rest[0])))
         self.said(self.made.reading.used, at, f"tendon {name} is a spring between two points")
@@ -308,9 +307,10 @@ class _Reader:
         one, other, data = int(m.eq_obj1id[i]), int(m.eq_obj2id[i]), m.eq_data[i]
         follower = self.name("joint", one)
         if np.any(data[2:5]):
-            self.said(robot.reading.dropped, at, f"equality {name} is a polynomial of higher order: add_cam takes it")
+            self.said(robot.reading.dropped, at, f"equality {name} is a polynomial of higher order: use add_cam")
         elif other < 0 or data[1] == 0.0:
-            self.said(robot.reading.dropped, at, f"equality {name} holds joint {follower} at a place: add_drive does")
+            said = f"equality {name} fixes the position of joint {follower}: use add_drive"
+            self.said(robot.reading.dropped, at, said)
         else:
             leader = self.name("joint", other)
             robot.ties.append(Tie(name, [follower, leader], [1.0, -float(data[1])], float(data[0]), at))

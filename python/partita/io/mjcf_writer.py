@@ -119,7 +119,7 @@ class _Writer:
                 continue
             if depth > DEEP:
                 raise FileFormatError(
-                    f'"{self.report.path}": more than {DEEP} bodies carry each other, which readers of XML refuse; '
+                    f'"{self.report.path}": more than {DEEP} bodies are nested, which XML readers refuse; '
                     "save as .toml or .urdf",
                     path=str(self.report.path),
                     line=None,
@@ -145,14 +145,14 @@ class _Writer:
         lines = [f"<body name={quoted(name)} {place}{held}>", f"  {self.inertial(body, parts, moves)}"]
         if branch.floats:
             if np.any(branch.point):
-                said = f'free joint {branch.name} tells where the origin of "{branch.body}" is, not its own point'
-                self.report.changed.append(said)
+                said = f'the origin of "{branch.body}", not its own point'
+                self.report.changed.append(f"free joint {branch.name} gives the position of {said}")
             if branch.parent == GROUND:
                 lines.append(f"  <freejoint name={quoted(branch.name)}/>")
             else:
                 lines += self.floating(branch)
         elif not branch.motions and branch.joint is not None:
-            self.report.changed.append(f"weld {branch.name} has no name: bodies within each other are welded")
+            self.report.changed.append(f"weld {branch.name} loses its name: nested bodies are welded")
         if len(branch.motions) > 1 and branch.joint is not None:
             what = f"{branch.joint.kind} joint {branch.joint.name}"
             self.report.changed.append(f"{what} is the joints {', '.join(m.name for m in branch.motions)}")
@@ -202,7 +202,7 @@ class _Writer:
             moments[int(np.argmin(moments))] = (large - middle) * (1.0 + 1e-15) + 1e-300
         if mass < least or np.any(moments != given):
             asked = f"mass {max(mass, least):g} kg, moments {words(moments)} kg m^2"
-            said = f'body "{body.name}" has {asked}: MuJoCo asks for some, and for a + b >= c'
+            said = f'body "{body.name}" has {asked}: MuJoCo requires positive values, and a + b >= c'
             slight = mass >= least and float(np.max(np.abs(moments - given))) <= SLIGHT * float(np.max(np.abs(given)))
             (self.report.changed if slight else self.report.dropped).append(said)
         turned = "" if diagonal else f' quat="{words(quaternion(axes))}"'
@@ -233,7 +233,7 @@ class _Writer:
                 frames = closure.here @ along, closure.there @ along
                 beside = self.names.new(f"{name} axis")
                 self.hold("connect", beside, joint.parent, frames[0], joint.child, frames[1])
-                self.report.changed.append(f"hinge {name} closes a loop: two points of its line are held")
+                self.report.changed.append(f"hinge {name} closes a loop: two points on its axis are connected")
         else:
             self.cut(closure, carried)
 
@@ -264,8 +264,8 @@ class _Writer:
         ends = f"site1={quoted(sites[0])} site2={quoted(sites[1])}"
         self.equalities.append(f"    <weld name={quoted(weld)} {ends}/>")
         self.report.changed.append(
-            f'{joint.kind} joint {joint.name} closes a loop: it carries a part of "{body}", which is cut in parts of '
-            f"the same mass, and {weld} welds them"
+            f'{joint.kind} joint {joint.name} closes a loop: it carries a part of "{body}", which is split into '
+            f"parts of equal mass that {weld} welds together"
         )
 
     def spring(self, record: SpringRecord) -> list[str]:

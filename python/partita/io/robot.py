@@ -139,8 +139,8 @@ class Robot:
             if joint.child in carried:
                 other = carried[joint.child].name
                 joint.at.fail(
-                    f'carries the link "{joint.child}", which joint "{other}" carries already; a link has one joint in '
-                    "this format: close the loop by a pair of frames"
+                    f'has the child "{joint.child}", which is already the child of joint "{other}"; in this format a '
+                    "link has one parent joint: close the loop by a pair of frames"
                 )
             carried[joint.child] = joint
         roots = [name for name in self.links if name not in carried]
@@ -149,11 +149,11 @@ class Robot:
             if len(seen) == len(self.links):
                 return roots[0]
             lost = carried[next(name for name in self.links if name not in set(seen))]
-            lost.at.fail(f'joints lead in a circle by way of the link "{lost.child}": no link of it stands on the root')
+            lost.at.fail(f'joints form a cycle through the link "{lost.child}", which is not connected to the root')
         if not roots:
-            next(iter(carried.values())).at.fail("joints lead in a circle: every link is carried by another one")
+            next(iter(carried.values())).at.fail("joints form a cycle: every link is the child of another one")
         self.links[roots[1]].at.fail(
-            f'is carried by no joint, and neither is "{roots[0]}": a robot has one root; join them, by a fixed or a '
+            f'is the child of no joint, and neither is "{roots[0]}": a robot has one root; join them, by a fixed or a '
             "floating joint"
         )
 
@@ -219,7 +219,7 @@ def fold_marks(robot: Robot) -> None:
                     for link, place in (loop.first, loop.second)
                 )
             mass = robot.links[joint.child].mass
-            with_mass = f" and its {mass:.2g} kg are left out" if mass > 0.0 else ""
+            with_mass = f" and its mass of {mass:.2g} kg is omitted" if mass > 0.0 else ""
             said = f'link "{joint.child}" is taken as a frame of "{joint.parent}"{with_mass}'
             robot.reading.changed.append(Remark(robot.links[joint.child].at.line, said))
             del robot.joints[joint.name], robot.links[joint.child]
@@ -340,7 +340,7 @@ def fold_ends(robot: Robot) -> None:
             loop.kind, loop.axis, loop.second_axis = joint.kind, joint.axis, joint.second
             loop.efforts = [replace(e, name=e.name or f"spring of {joint.name}") for e in joint.efforts]
             loop.first, loop.second = (joint.parent, joint.place @ point), (other[0], other[1] @ back @ point)
-            said = f'link "{one[0]}" of no mass is left out: {joint.name} closes the loop {loop.name} itself'
+            said = f'link "{one[0]}" of no mass is omitted: {joint.name} closes the loop {loop.name} directly'
             robot.reading.changed.append(Remark(robot.links[one[0]].at.line, said))
             robot.frames.pop(joint.name, None)
             del robot.joints[joint.name], robot.links[one[0]]
@@ -444,7 +444,7 @@ def _springs(mechanism: Builder, joint: str, efforts: list[Effort]) -> None:
 
 def _body(robot: Robot, mechanism: Builder, link: Link, pose: Array) -> Any:
     if link.mass > HEAVY:
-        said = f'link "{link.name}" of {link.mass:.3g} kg looks like a dummy; it is taken as it is'
+        said = f'link "{link.name}" of {link.mass:.3g} kg looks like a dummy; it is kept as it is'
         robot.reading.changed.append(Remark(link.at.line, said))
     try:
         return mechanism.add_body(

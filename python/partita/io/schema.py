@@ -82,7 +82,7 @@ def _object(value: dict[str, Any], rule: Schema, pointer: str, owner: str) -> No
         if key not in known:
             close = difflib.get_close_matches(key, known, n=1)
             hint = f'did you mean "{close[0]}"?' if close else f"known keys: {', '.join(known)}"
-            raise Mismatch(child(pointer, key), f'"{key}" is no key of {owner}; {hint}')
+            raise Mismatch(child(pointer, key), f'"{key}" is not a key of {owner}; {hint}')
     for key in rule.get("required", ()):
         if key not in value:
             raise Mismatch(pointer, f'{owner} has no "{key}": {known[key].get("description", "it is required")}')

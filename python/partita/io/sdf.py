@@ -38,7 +38,7 @@ def read(path: Path) -> Robot:
     world = root.first("world")
     models = list((world or root).all("model"))
     if len(models) != 1:
-        (world or root).fail(f"holds {len(models)} models; one is read")
+        (world or root).fail(f"contains {len(models)} models; one is read")
     model = models[0]
     robot = Robot(model.get("name") or path.stem, Reading(path, "SDFormat"))
     gravity = None if world is None else world.first("gravity")
@@ -49,7 +49,7 @@ def read(path: Path) -> Robot:
         robot.reading.changed.append(Remark(model.line, "gravity is the format's own, 9.8 m/s^2 downwards"))
     for tag in ("model", "include"):
         if (inner := model.first(tag)) is not None:
-            inner.fail("stands inside a model; models inside models are not read: put all links and joints into one")
+            inner.fail("is nested in a model; nested models are not read: put all links and joints into one model")
     return _Reader(robot, model).robot()
 
 
@@ -63,7 +63,7 @@ class _Reader:
         for item in model.all("link", "joint", "frame"):
             name = item.must("name")
             if name in self.named or name in self.known:
-                item.fail("has a name that is taken")
+                item.fail("has a name that is already in use")
             self.named[name] = item
 
     def robot(self) -> Robot:
@@ -75,7 +75,7 @@ class _Reader:
         for item in model.all("joint"):
             self.joint(item)
         if (static := model.first("static")) is not None and static.text.strip() in ("true", "1"):
-            static.fail("says that nothing of this model moves")
+            static.fail("declares this model static")
         left = Counter(child.tag for child in model.children if child.tag not in _USED)
         left += Counter(f"link/{x.tag}" for link in model.all("link") for x in link.children
                         if x.tag not in ("pose", "inertial", "visual"))  # fmt: skip
@@ -102,7 +102,7 @@ class _Reader:
         if name in self.known:
             return self.known[name]
         if name in asked:
-            by.fail(f"is placed in a circle: {' -> '.join((*asked, name))}")
+            by.fail(f"is placed relative to itself: {' -> '.join((*asked, name))}")
         if name not in self.named:
             by.fail(f'names the frame "{name}", which does not exist')
         item = self.named[name]
@@ -164,7 +164,7 @@ class _Reader:
             try:
                 self.look(name, visual)
             except FileFormatError as error:  # how a robot looks does not decide whether it is read
-                self.made.reading.dropped.append(Remark(visual.line, f"how a link looks: {error.message}"))
+                self.made.reading.dropped.append(Remark(visual.line, f"appearance of a link: {error.message}"))
         mass, place, inertia = 1.0, np.eye(4), np.eye(3)
         if inertial is not None:
             place = self.pose(inertial.first("pose"))
@@ -178,7 +178,7 @@ class _Reader:
                                 [of["ixz"], of["iyz"], of["izz"]]])  # fmt: skip
             inertia = place[:3, :3] @ inertia @ place[:3, :3].T
         if inertial is None or inertial.first("mass") is None or inertial.first("inertia") is None:
-            said = f'link "{name}" names no mass or no inertia; the format then says 1 kg and 1 kg m^2'
+            said = f'link "{name}" gives no mass or no inertia; the defaults of the format are 1 kg and 1 kg m^2'
             self.made.reading.changed.append(Remark(item.line, said))
         self.made.links[name] = Link(name, mass, place[:3, 3], 0.5 * (inertia + inertia.T), item)
         self.poses[name] = self.frame(name, item)
@@ -225,7 +225,8 @@ class _Reader:
             ]
             if limit is not None:
                 bounds = ", ".join(f"{x.tag} {x.text.strip()}" for x in limit.children)
-                dropped.append(Remark(limit.line, f"limits of joint {name} ({bounds}) do not stop it: add_stop does"))
+                said = f"limits of joint {name} ({bounds}) do not act as stops; use add_stop"
+                dropped.append(Remark(limit.line, said))
         self.made.joints[name] = made
 
     def axis(self, item: Element, tag: str, where: Array) -> Array:

@@ -63,7 +63,7 @@ def read(robot: Robot) -> bool:
         wrong("name", f"name must be a list of {len(pairs)} names, one for each closed loop, not {names!r:.80}")
     twice = [name for name, count in Counter(map(str, names)).items() if count > 1]
     if twice:
-        wrong("name", f'name: "{twice[0]}" is there twice; loops have names of their own')
+        wrong("name", f'name: "{twice[0]}" appears twice; loops have names of their own')
     gravity = _gravity(said.get("gravity", robot.gravity))
     if gravity is None:
         wrong("gravity", f"gravity must be three finite numbers, not {said['gravity']!r:.80}")
@@ -92,7 +92,7 @@ def read(robot: Robot) -> bool:
     motors = said.get("name_mot")
     if motors:
         words = motors if isinstance(motors, list) else [motors]
-        robot.reading.dropped.append(Remark(None, f"motors {', '.join(map(str, words))} of {path.name}: add_drive"))
+        robot.reading.dropped.append(Remark(None, f"motors {', '.join(map(str, words))} of {path.name}: use add_drive"))
     for key in sorted(set(said) - _KEYS, key=str):
         robot.reading.dropped.append(Remark(None, f'"{key}" of {path.name} is not known'))
     return "closed_loop" in said
@@ -117,17 +117,18 @@ def _springs(robot: Robot, items: Any, wrong: Callable[[str, str], NoReturn]) ->
                 f"spring {number} has {', '.join(unknown) or 'no name'}; it knows {', '.join((*words, *numbers))}",
             )
         if str(item["name"]) in named:
-            wrong("springs", f'spring "{item["name"]}" is there twice; springs have names of their own')
+            wrong("springs", f'spring "{item["name"]}" appears twice; springs have names of their own')
         named.add(str(item["name"]))
         law = [_number(item.get(key, 0.0)) for key in numbers]
         if None in law:
-            wrong("springs", f'spring "{item["name"]}" has a number that is none: {item!r:.80}')
+            wrong("springs", f'spring "{item["name"]}" has a value that is not a finite number: {item!r:.80}')
         stiffness, damping, rest = (x or 0.0 for x in law)
         if at_joint:
             joint = robot.joints.get(str(item["joint"]))
             if joint is None or joint.kind not in ("revolute", "prismatic"):
                 wrong(
-                    "springs", f'spring "{item["name"]}" acts at "{item["joint"]}", which is no hinge and no slide here'
+                    "springs",
+                    f'spring "{item["name"]}" acts at "{item["joint"]}", which is neither a hinge nor a slide here',
                 )
             listed.setdefault(joint.name, []).append(Effort(stiffness, damping, rest, 0, str(item["name"])))
             continue
@@ -139,14 +140,15 @@ def _springs(robot: Robot, items: Any, wrong: Callable[[str, str], NoReturn]) ->
         joint = robot.joints[name]
         own, reported = (sum(e.damping for e in x) for x in (joint.efforts, efforts))
         if joint.efforts and abs(own - reported) > _SAME * max(abs(own), abs(reported)):
-            said = f"damping {own:g} of joint {name} is the URDF's; the {reported:g} of the file beside it are not used"
+            ignored = f"the value {reported:g} in the sidecar file is ignored"
+            said = f"damping {own:g} of joint {name} is taken from the URDF; {ignored}"
             robot.reading.changed.append(Remark(joint.at.line, said))
             joint.efforts = [replace(e, name=f"damper of {name}") for e in joint.efforts]
             joint.efforts += [replace(e, damping=0.0) for e in efforts if e.stiffness != 0.0]
         else:
             joint.efforts = efforts
     if items:
-        robot.reading.used.append(Remark(None, f"{len(items)} springs and dampers of the file beside it"))
+        robot.reading.used.append(Remark(None, f"{len(items)} springs and dampers of the sidecar file"))
 
 
 def _end(robot: Robot, value: Any) -> tuple[str, Array] | None:
@@ -192,7 +194,7 @@ def _loaded(path: Path) -> tuple[dict[str, Any], dict[str, int]]:
         for event in yaml.parse(content, Loader=yaml.SafeLoader):
             line = event.start_mark.line + 1
             if isinstance(event, yaml.AliasEvent):
-                refuse(path, line, "an alias (*name) is not read: it may stand for very much")
+                refuse(path, line, "aliases (*name) are not read, because they can expand without limit")
             depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
             if depth > DEPTH:
                 refuse(path, line, f"lists nest more than {DEPTH} deep")
@@ -200,7 +202,7 @@ def _loaded(path: Path) -> tuple[dict[str, Any], dict[str, int]]:
         for key, _ in root.value if isinstance(root, yaml.MappingNode) else ():
             line = key.start_mark.line + 1
             if lines.setdefault(key.value, line) != line:
-                refuse(path, line, f'"{key.value}" is there twice; the first one stands in line {lines[key.value]}')
+                refuse(path, line, f'"{key.value}" appears twice; the first one stands in line {lines[key.value]}')
         said = yaml.safe_load(content)
     except (yaml.YAMLError, ValueError) as error:
         if isinstance(error, FileFormatError):
@@ -227,7 +229,7 @@ def close(
         found = robot.frame(frame)
         if found is None:
             path, line = place or (robot.reading.path, None)
-            refuse(path, line, f'"{frame}" closes a loop but is no link, frame or joint of the URDF')
+            refuse(path, line, f'"{frame}" closes a loop but is not a link, frame or joint of the URDF')
         frames.append(found)
     robot.loops.append(Loop(called or f"{pair[0]} = {pair[1]}", _KINDS[kind], frames[0], frames[1], None))
     words = "welded" if kind == "6d" else "held point on point"

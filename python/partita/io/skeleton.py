@@ -127,7 +127,7 @@ def skeleton(mechanism: Builder, report: Writing) -> Skeleton:
             poses[body] = drawn[body]
             name = names.new(f"{body} floats")
             branches.append(Branch(body, GROUND, None, drawn[body], np.zeros(3), (), True, name))
-            report.changed.append(f'body "{body}", which nothing carries, stands at a free joint, {name}')
+            report.changed.append(f'body "{body}", which is attached to nothing, is given a free joint, {name}')
             outwards(body)
     kept = {joint.name for joint in chosen}
     closures = [_closure(d, j, drawn, names) for j in d.joints.values() if j.name not in kept and _closes(j, report)]
@@ -136,9 +136,9 @@ def skeleton(mechanism: Builder, report: Writing) -> Skeleton:
 
 def _closes(joint: JointRecord, report: Writing) -> bool:
     if joint.kind == "constant_velocity":
-        report.dropped.append(f"constant-velocity joint {joint.name}: two universal joints and a shaft are near it")
+        report.dropped.append(f"constant-velocity joint {joint.name}: two universal joints and a shaft approximate it")
     elif joint.kind == "free":
-        report.changed.append(f"free joint {joint.name}, which holds nothing, is left out")
+        report.changed.append(f"free joint {joint.name}, which constrains nothing, is omitted")
     return joint.kind not in ("constant_velocity", "free")
 
 
@@ -270,7 +270,7 @@ def _branch(
     if not same:
         rough.add(body)
     if reverse:
-        said = f'joint {joint.name} leads from "{joint.child}" to "{joint.parent}", about the opposite axis'
+        said = f'joint {joint.name} is reversed: from "{joint.child}" to "{joint.parent}", about the opposite axis'
         report.changed.append(f"{said}: its coordinates are the same, its reactions have the other sign")
         if any(kind == "ball" for kind, _ in axes_of(joint)):
             report.changed[-1] += ", its quaternion is the conjugate"
@@ -301,15 +301,15 @@ def ties(d: Description, tree: Skeleton, report: Writing) -> list[tuple[str, str
             if slide is not None and turn is not None:
                 factor = joint.pitch / (2.0 * np.pi)
                 found.append((tree.names.new(f"{joint.name} thread"), slide.name, turn.name, factor, 0.0))
-                report.changed.append(f"screw {joint.name} is a slide and a turn that follow each other")
+                report.changed.append(f"screw {joint.name} becomes a slide and a coupled rotation")
         if joint.kind == "custom":
-            what = f"joint {joint.name}: {', '.join(joint.follows)} follow no more"
-            report.dropped.append(f"{what}: functions of its other coordinates cannot be told here")
+            what = f"joint {joint.name}: {', '.join(joint.follows)} no longer depend on the others"
+            report.dropped.append(f"{what}: functions of its other coordinates cannot be represented in this format")
     for coupling in d.couplings.values():
         pair = _pair(coupling, tree)
         if pair is None:
             what = f"{coupling.word} {coupling.name}"
-            report.dropped.append(f"{what}: only two joint coordinates in a fixed ratio can be coupled here")
+            report.dropped.append(f"{what}: only two joint coordinates in a fixed ratio can be coupled in this format")
         else:
             found.append(pair)
     return found
@@ -365,7 +365,7 @@ def free_length(d: Description, spring: SpringRecord) -> float:
 def leftovers(d: Description, report: Writing, kinds: tuple[type, ...]) -> None:
     """What no robots' format carries: drives, and forces other than of these kinds."""
     for drive in d.drives.values():
-        report.dropped.append(f"drive {drive.name}: what it drives is free to move")
+        report.dropped.append(f"drive {drive.name}: the driven coordinate becomes free")
     for force in d.forces.values():
         if not isinstance(force, kinds):
             report.dropped.append(f"{_word(force)} {force.name}")
@@ -373,7 +373,7 @@ def leftovers(d: Description, report: Writing, kinds: tuple[type, ...]) -> None:
         if joint.compliance is not None:
             report.dropped.append(f"compliance of joint {joint.name}")
     if d.changing_gravity is not None:
-        report.dropped.append("gravity that changes")
+        report.dropped.append("time-dependent gravity")
 
 
 def _word(force: object) -> str:

@@ -75,7 +75,7 @@ def read(path: Path, make: Maker) -> Any:
     if intact(content) is False:
         warnings.warn(
             f'"{path}" is not as it was saved (the checksum in its last line does not agree): it was edited, or '
-            "damaged. Delete that line if you have edited it; else take another copy",
+            "damaged. Delete that line if you have edited it; otherwise use another copy",
             ChangedFileWarning,
             stacklevel=4,
         )

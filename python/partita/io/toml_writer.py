@@ -69,7 +69,7 @@ def _sensor(record: SensorRecord) -> Entries:
     match data["of"]:
         case "function":
             Element("sensor", record.name).fail(
-                "it is a Python function, which a file cannot hold; say it as an expression, or leave it to Python"
+                "it is a Python function, which a file cannot contain; write it as an expression, or keep it in Python"
             )
         case "point":
             of = {"body": data["body"], "point": data["point"]}
@@ -114,7 +114,8 @@ def _joint(record: JointRecord) -> Entries:
     }
     if record.follows:
         Element("joint", record.name).fail(
-            f"{', '.join(record.follows)} follow by Python functions, which a file cannot hold; sample them into cams "
+            f"{', '.join(record.follows)} follow by Python functions, which a file cannot contain; sample them into "
+            f"cams "
             "(add_cam) between the coordinates of a generic joint before saving"
         )
     return {
@@ -154,7 +155,7 @@ def _pose(element: Element, record: DriveRecord) -> Entries:
             places = {"positions": slides} if record.slides else {}
             return {"times": times, **places, "orientations": matrices}
     element.fail(
-        "its pose is a Python function, which a file cannot hold; sample it into a table (times, positions, "
+        "its pose is a Python function, which a file cannot contain; sample it into a table (times, positions, "
         "orientations) before saving"
     )
 
@@ -242,12 +243,12 @@ def _value(element: Element, value: Value) -> Any:
         case Constant():
             return value.value
         case Cubics():
-            element.fail("it was made by an integral, which a file cannot hold")
+            element.fail("it was made by an integral, which a file cannot contain")
         case Table():
             return {"times": value.times, "values": value.values}
         case Function():
             element.fail(
-                "it is a Python function, which a file cannot hold; sample it into a table (times, "
+                "it is a Python function, which a file cannot contain; sample it into a table (times, "
                 "values) before saving"
             )
 

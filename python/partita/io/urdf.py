@@ -57,7 +57,7 @@ def read(path: Path) -> Robot:
             case "fixed_frame" | "frame":
                 pass
             case tag if tag.startswith("xacro:"):
-                item.fail("is to be expanded first: xacro FILE > robot.urdf")
+                item.fail("must be expanded first: xacro FILE > robot.urdf")
             case tag:
                 left[tag] += 1
                 lines.setdefault(tag, item.line)
@@ -80,20 +80,20 @@ def read(path: Path) -> Robot:
 
 def _why(tag: str) -> str:
     if tag == "transmission":
-        return "how a motor drives a joint is no mechanics; prescribe motions with add_drive, efforts with add_torque"
+        return "transmissions of motors are not mechanics; prescribe motions with add_drive, efforts with add_torque"
     return "it contains no mechanics" if tag in _SHOWN else "this tag is not known"
 
 
 def _link(robot: Robot, item: Element, left: Counter[str], lines: dict[str, int]) -> None:
     name = item.must("name")
     if name in robot.links:
-        item.fail(f"is there twice; the first one stands in line {robot.links[name].at.line}")
+        item.fail(f"appears twice; the first one stands in line {robot.links[name].at.line}")
     for child in item.children:
         if child.tag == "visual":
             try:
                 _look(robot, name, child)
             except FileFormatError as error:  # how a robot looks does not decide whether it is read
-                robot.reading.dropped.append(Remark(child.line, f"how a link looks: {error.message}"))
+                robot.reading.dropped.append(Remark(child.line, f"appearance of a link: {error.message}"))
         elif child.tag != "inertial":
             left[child.tag] += 1
             lines.setdefault(child.tag, child.line)
@@ -158,7 +158,7 @@ def _axis(item: Element, otherwise: tuple[float, float, float] = (1.0, 0.0, 0.0)
 def _joint(robot: Robot, item: Element) -> None:
     name, kind = item.must("name"), item.must("type")
     if name in robot.joints:
-        item.fail(f"is there twice; the first one stands in line {robot.joints[name].at.line}")
+        item.fail(f"appears twice; the first one stands in line {robot.joints[name].at.line}")
     if kind not in _KINDS:
         item.fail(f'has the type "{kind}"; known: {", ".join(_KINDS)}')
     place = origin(item.first("origin"))
@@ -169,15 +169,15 @@ def _joint(robot: Robot, item: Element) -> None:
     if dynamics is not None:
         damping, friction = dynamics.number("damping", 0.0), dynamics.number("friction", 0.0)
         if damping < 0.0:
-            dynamics.fail(f"has the damping {damping:g}; it is 0 or more")
+            dynamics.fail(f"has the damping {damping:g}; it must be 0 or more")
         if damping > 0.0 and joint.kind in ("revolute", "prismatic"):
             joint.efforts = [Effort(damping=damping)]
         if friction != 0.0:
-            said = f"friction {friction:g} of joint {name}: add_friction takes it, with the velocity at which it sticks"
+            said = f"friction {friction:g} of joint {name}: use add_friction, which also needs the stick velocity"
             robot.reading.dropped.append(Remark(dynamics.line, said))
     if limit is not None and kind in ("revolute", "prismatic"):
         low, high = limit.number("lower", 0.0), limit.number("upper", 0.0)
-        said = f"limits {low:g} to {high:g} of joint {name} do not stop it: add_stop makes a stop of them"
+        said = f"limits {low:g} to {high:g} of joint {name} do not act as stops; use add_stop"
         robot.reading.dropped.append(Remark(limit.line, said))
     for child in item.children:
         if child.tag not in ("origin", "parent", "child", "axis", "dynamics", "limit", "mimic"):
@@ -194,7 +194,7 @@ def _mimic(robot: Robot, item: Element) -> None:
         if joint not in robot.joints:
             mimic.fail(f'follows the joint "{joint}", which does not exist')
         if robot.joints[joint].kind not in ("revolute", "prismatic"):
-            mimic.fail(f'follows or leads joint "{joint}", which has not one coordinate')
+            mimic.fail(f'follows or leads joint "{joint}", which does not have exactly one coordinate')
     factor, offset = mimic.number("multiplier", 1.0), mimic.number("offset", 0.0)
     if factor == 0.0:
         mimic.fail("has the multiplier 0; fix the joint instead")
@@ -208,7 +208,7 @@ def _frame(robot: Robot, item: Element) -> None:
     parent = item.first("parent")
     link = parent.must("link") if parent is not None else item.get("attached_to") or item.must("link")
     if link not in robot.links:
-        item.fail(f'stands on the link "{link}", which does not exist')
+        item.fail(f'is attached to the link "{link}", which does not exist')
     robot.frames[name] = (link, origin(item.first("origin") or item))
 
 
@@ -241,7 +241,7 @@ def _loop(robot: Robot, item: Element) -> Loop:
             first, second = (moved, second) if place == 0 else (first, moved)
     if plain and item.first("child_origin") is None:
         robot.reading.changed.append(
-            Remark(item.line, f"loop {name}: its frame in {second[0]} is that link's own, as no other is given")
+            Remark(item.line, f"loop {name}: no frame in {second[0]} is given, so the frame of the link is used")
         )
     axis = _axis(item) if _LOOPS[kind] in ("revolute", "prismatic", "planar") else None
     robot.reading.used.append(Remark(item.line, f"loop {name} closed by a {_LOOPS[kind]} joint"))
@@ -269,7 +269,7 @@ def _coupling(robot: Robot, item: Element) -> Tie:
     terms += [(joint, -ratio) for joint in before if joint not in shared]
     moving = [(joint, factor) for joint, factor in terms if robot.joints[joint].kind != "fixed"]
     if len(moving) < 2 or ratio == 0.0 or any(robot.joints[j].kind not in ("revolute", "prismatic") for j, _ in moving):
-        item.fail("couples joints of one coordinate, one at least on each side, by a ratio that is not 0")
+        item.fail("must couple joints of one coordinate each, at least one on each side, by a nonzero ratio")
     robot.reading.used.append(Remark(item.line, f"coupling {name} of {', '.join(joint for joint, _ in moving)}"))
     return Tie(name, [joint for joint, _ in moving], [factor for _, factor in moving], 0.0, item)
 

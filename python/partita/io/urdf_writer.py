@@ -99,7 +99,8 @@ class _Writer:
             self.body(branch.body)
             self.branch(branch)
         if shifted:
-            report.changed.append(f"a link's frame is that of its joint; it has moved in {', '.join(shifted)}")
+            said = f"so it has changed in {', '.join(shifted)}"
+            report.changed.append(f"a link's frame coincides with that of its joint, {said}")
         for closure in tree.closures:
             self.closure(closure)
         for joint, coordinate in self.springs:
@@ -110,10 +111,10 @@ class _Writer:
         leftovers(d, report, (SpringRecord, TorsionSpringRecord))
         self.weightless = [name for name, body in d.bodies.items() if not body.gravity]
         if self.weightless:
-            said = f"that gravity leaves {', '.join(self.weightless)} alone stands in the file beside it"
-            report.changed.append(f"{said}; for other programs it is on all bodies")
+            said = f"that gravity does not act on {', '.join(self.weightless)} is written to the sidecar file"
+            report.changed.append(f"{said}; other programs apply it to all bodies")
         if d.drawing_tolerance != DRAWING_TOLERANCE:
-            report.changed.append(f"the drawing tolerance {d.drawing_tolerance:g} stands in the file beside it")
+            report.changed.append(f"the drawing tolerance {d.drawing_tolerance:g} is written to the sidecar file")
         head = f"<robot name={quoted(d.name)}>"
         return "\n".join(['<?xml version="1.0" encoding="utf-8"?>', head, *self.links, *self.joints, "</robot>", ""])
 
@@ -140,7 +141,7 @@ class _Writer:
             self.link(self.of(name))
             return
         if body.mass <= MASSLESS:
-            self.report.changed.append(f'body "{name}" of {body.mass:g} kg: readers may take it for a frame')
+            self.report.changed.append(f'body "{name}" of {body.mass:g} kg: readers may treat it as a frame')
         moments = zip(("xx", "xy", "xz", "yy", "yz", "zz"), j[np.triu_indices(3)], strict=True)
         inertia = " ".join(f'i{axes}="{text(value)}"' for axes, value in moments)
         self.link(
@@ -186,7 +187,7 @@ class _Writer:
                 last = motion is motions[-1] and i == 2
                 steps.append((turn, axis, name if last else self.names.new(f"{name} turn {i}"), -1))
         if len(steps) > 1:
-            links = f"{len(steps)} joints with links of no mass between them"
+            links = f"{len(steps)} joints with massless links between them"
             self.report.changed.append(f"{kind} joint {name} is {links}")
         here = ends[0]
         for i, (motion_kind, axis, step, coordinate) in enumerate(steps):
@@ -227,7 +228,7 @@ class _Writer:
                 law = _law(record.stiffness, record.damping, "angle", record.angle)
                 self.beside.append(f"{{name: {_scalar(record.name)}, joint: {_scalar(name)}, {law}}}")
                 other = "take its damping alone" if damping > 0.0 else "do not know it"
-                said = f"spring {record.name} of joint {name} stands in the file beside it"
+                said = f"spring {record.name} of joint {name} is written to the sidecar file"
                 self.report.changed.append(f"{said}; other programs {other}")
         if name in self.mimics:
             leader, factor, offset = self.mimics[name]
@@ -263,8 +264,8 @@ class _Writer:
             ends.append(f"{word}: {_listed([_scalar(self.of(body)), *map(_float, place)])}")
         law = _law(record.stiffness, record.damping, "length", free_length(self.mechanism._description, record))
         self.beside.append(f"{{name: {_scalar(record.name)}, {', '.join(ends)}, {law}}}")
-        said = f"spring {record.name} between two points stands in the file beside it"
-        self.report.changed.append(f"{said}; other programs do not know it")
+        said = f"spring {record.name} between two points is written to the sidecar file"
+        self.report.changed.append(f"{said}; other programs ignore it")
 
     def mark(self, name: str, link: str, place: Array) -> None:
         """A frame of a link."""
@@ -291,7 +292,7 @@ class _Writer:
         ]
         if gravity != GRAVITY:
             lines.append(f"gravity: {_listed(_float(x) for x in gravity)}")
-            said = f"gravity ({', '.join(f'{x:g}' for x in gravity)}) stands in the file beside it"
+            said = f"gravity ({', '.join(f'{x:g}' for x in gravity)}) is written to the sidecar file"
             self.report.changed.append(f"{said}; other programs take (0, 0, -9.81)")
         if self.beside:
             lines += ["springs:", *(f"  - {spring}" for spring in self.beside)]

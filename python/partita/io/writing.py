@@ -60,14 +60,14 @@ class Writing:
         more = f"; and {len(self.dropped) - _SHOWN} more" if len(self.dropped) > _SHOWN else ""
         if strict:
             raise FileFormatError(
-                f'"{self.path}": {self.kind} cannot carry: {shown}{more}. Save as .toml, which carries all, or without '
-                "strict",
+                f'"{self.path}": {self.kind} cannot represent: {shown}{more}. Save as .toml, which can, or '
+                "without strict",
                 path=str(self.path),
                 line=None,
             )
         warnings.warn(
-            f'"{self.path}" holds another mechanism: {self.kind} cannot carry {shown}{more}. What save returns lists '
-            "all of it; strict=True refuses, .toml carries all",
+            f'"{self.path}" holds another mechanism: {self.kind} cannot represent {shown}{more}. What save returns '
+            "lists all of it; strict=True refuses, .toml can represent all",
             LossyFileWarning,
             stacklevel=5,
         )

@@ -32,7 +32,6 @@ def on_branch(model: CompiledModel, t: float, q: Array, branch: Any, inputs: lis
     words = "; ".join(blocks) or "no loops"
     noted = f" ({'; '.join(notes)})" if notes else ""
     raise ArgumentError(
-        f"there is no branch {branch!r} where the inputs stand; those that close: {names}, by the signs of "
-        f"{words}{noted}",
+        f"there is no branch {branch!r} at these inputs; those that close: {names}, by the signs of {words}{noted}",
         argument="branch",
     )

@@ -87,10 +87,10 @@ class Mechanism(Modelled):
 
         Args:
             path: the file; an older one is replaced.
-            strict: refuse what the format cannot carry in place of a warning.
+            strict: fail if the format cannot represent the model in place of a warning.
 
         Raises:
-            DescriptionError: a force or drive is a Python function, which a file cannot hold; use a table.
+            DescriptionError: a force or drive is a Python function, which a file cannot contain; use a table.
             FileFormatError: no writer for this suffix, or what would be lost if `strict`.
             MissingFileError: the folder does not exist.
 

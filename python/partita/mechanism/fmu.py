@@ -71,7 +71,7 @@ def to_fmu(
     """
     where = target(path, "an FMU ")
     if where.suffix.lower() != ".fmu":
-        raise ArgumentError(f'"{where}": the name of an FMU ends in .fmu', argument="path")
+        raise ArgumentError(f'"{where}": the name of an FMU must end in .fmu', argument="path")
     if initial is not None and not isinstance(initial, State):
         raise ArgumentError(f"initial must be a State, not {type(initial).__name__}", argument="initial")
     description, known = fmu.prepared(self._description, inputs)

@@ -33,7 +33,7 @@ def goals_of(what: str, key: Any, model: CompiledModel) -> list[Goal]:
         if joint["name"] == name:
             count = joint["q"][1]
             if count == 0:
-                raise ArgumentError(f"{what}: joint {name!r} has no coordinate: it lets nothing move", argument=what)
+                raise ArgumentError(f"{what}: joint {name!r} has no coordinate: it allows no motion", argument=what)
             labels = [name] if count == 1 else [f"{name}.{axis}" for axis in _axes(joint)]
             return [(label, "joint", j, i, _NOWHERE) for i, label in enumerate(labels)]
     for j, joint in enumerate(joints):

@@ -173,7 +173,7 @@ def _mobility(found: dict[str, Any], bodies: int) -> _Section:
     if redundant:
         lines.append(
             f"{count}. The true number is larger by {_count(redundant, 'redundant condition')} of the joints, which "
-            "the count takes for independent."
+            f"the count assumes to be independent."
         )
     else:
         lines.append(f"{count}, which is the true number: all {rows} conditions of the joints are independent.")
@@ -181,8 +181,8 @@ def _mobility(found: dict[str, Any], bodies: int) -> _Section:
         lines.append(f"Locked by the loops in any position: {_named(found['locked'])}.")
     if found["dead"]:
         lines.append(
-            f"A dead position of {_named(found['dead'])}: it stands still here and moves next to here; nothing can be "
-            "driven from it in this position."
+            f"Dead position of {_named(found['dead'])}: its rate vanishes here although it moves nearby, so it cannot "
+            f"drive the mechanism from this position."
         )
     return _Section("Mobility", lines)
 
@@ -248,9 +248,9 @@ def _reactions(found: dict[str, Any]) -> _Section | None:
     if not undetermined:
         return _Section("Reactions", ["All components of all reactions are determined."])
     verdict = (
-        f"{_count(undetermined, 'component is', 'components are')} not determined: rigid bodies alone cannot say how "
-        "redundant joints share the load. Numbers given for them are one possibility among many, chosen by the least "
-        "sum of squares over all joints, or by the compliances given."
+        f"{_count(undetermined, 'component is', 'components are')} not determined: for rigid bodies the distribution "
+        f"of load over redundant joints is indeterminate. The values given for them are one solution of many, "
+        f"selected by least squares over all joints, or by the compliances given."
     )
     return _Section("Reactions", ["Components along the joint axes:"], ("joint", *_COMPONENTS), rows, [verdict])
 
@@ -298,7 +298,7 @@ def _frictions(found: dict[str, Any]) -> _Section | None:
         [
             f"The magnitude of {each} depends on {'a reaction' if one else 'reactions'} not determined here: "
             f"{'it has' if one else 'they have'} no one value, and a run would be refused. Replace joints so that "
-            "nothing is redundant (see Redundancy), or give the magnitude itself (dynamic=) in place of the "
+            "nothing is redundant (see Redundancy), or give the friction magnitude itself (dynamic=) instead of the "
             "coefficient."
         ],
     )

@@ -167,9 +167,9 @@ def _not_of_a_turn_in_space(key: str, model: CompiledModel) -> None:
         turns = joint["q"][1] != joint["v"][1] and key in (name, *(f"{name}.{axis}" for axis in joint["axes"][slides:]))
         if turns:
             raise ArgumentError(
-                f"rates[{key!r}]: the turn in space of joint {name!r} is no part of this state, as it closes a loop or "
-                "stands in absolute coordinates; give rates of what is (velocities of bodies), or assemble in relative "
-                "coordinates with the joint in the tree: a run in absolute ones takes that state over",
+                f"rates[{key!r}]: the spatial rotation of joint {name!r} is not part of this state, because the joint "
+                f"closes a loop or the coordinates are absolute; give velocities of bodies instead, or assemble in "
+                f"relative coordinates with the joint in the tree: a run in absolute coordinates accepts that state",
                 argument="rates",
             )
 

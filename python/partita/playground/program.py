@@ -75,7 +75,7 @@ def held(description: Description, compiled: CompiledModel, t: float) -> tuple[D
         name, motion = drive["name"], drive.get("motion", {})
         if "constant" not in motion and "table" not in motion:
             _refuse(
-                "drive", name, "it is a Python function or a turn in space, which a page cannot compute; use a table"
+                "drive", name, "it is a Python function or a spatial rotation, which a page cannot compute; use a table"
             )
         joint = next((j for j in compiled.summary["joints"] if j["name"] == drive["measure"].get("joint")), None)
         if drive["level"] == "position" and joint is not None and not joint["tree"]:

@@ -125,10 +125,10 @@ def plot(
         word = next(word for word, part in zip(words, parts, strict=True) if not part.over)
         known = ", ".join(name for name, part in WORDS.items() if part.over)
         raise ArgumentError(
-            f"plot: {word!r} has no other abscissa than its own; over x stand {known}, joints and sensors", argument="x"
+            f"plot: {word!r} has a fixed abscissa; x applies to {known}, joints and sensors", argument="x"
         )
     if points is not None and "paths" not in words:
-        raise ArgumentError('plot: points are those of "paths"; ask for that word too', argument="points")
+        raise ArgumentError('plot: points belong to "paths"; request that panel too', argument="points")
     if ax is not None:
         return _saved(_into(result, words, parts, wanted, ax), path)
     heights = [part.height(result, wanted) if callable(part.height) else part.height for part in parts]
@@ -151,7 +151,7 @@ def _into(result: ResultView, words: Sequence[str], parts: Sequence[Drawn], want
     if len(parts) != 1 or panel is None:
         one = ", ".join(name for name, part in WORDS.items() if part.panel is not None)
         raise ArgumentError(
-            f"plot: ax takes one word of one panel ({one} or a sensor), not {', '.join(map(repr, words))}",
+            f"plot: ax takes a single panel ({one} or a sensor), not {', '.join(map(repr, words))}",
             argument="ax",
         )
     panel(result, ax, wanted)

@@ -118,8 +118,8 @@ def _numbers(result: ResultView, name: str) -> tuple[FloatArray, str]:
         values, units = np.asarray(result.joint(name).position), joint_units(about)[0]
         if values.ndim != 2 or values.shape[1] != 1:
             raise ArgumentError(
-                f"x: joint {name!r} has {values.shape[-1]} coordinates; name one of them, such as a sensor of it, or a "
-                "joint that turns or slides one way",
+                f"x: joint {name!r} has {values.shape[-1]} coordinates; name one of them, such as a sensor of it, or "
+                f"a joint with one coordinate",
                 argument="x",
             )
         return values[:, 0], units[0]

@@ -49,13 +49,13 @@ def draw_paths(result: ResultView, canvas: Canvas, points: Mapping[str, Any] | N
 def _asked(result: ResultView, points: Any) -> dict[str, FloatArray]:
     if not isinstance(points, Mapping):
         raise ArgumentError(
-            f"points must be a mapping from names to (body, place), not {shown(points)}", argument="points"
+            f"points must be a mapping from names to (body, point), not {shown(points)}", argument="points"
         )
     found = {}
     for name, given in points.items():
         if not isinstance(given, tuple | list) or len(given) != 2:
             raise ArgumentError(
-                f"points: {name!r} must be (body, place in body axes), not {shown(given)}", argument="points"
+                f"points: {name!r} must be (body, point in body axes), not {shown(given)}", argument="points"
             )
         body: Any = getattr(given[0], "name", given[0])
         known = list(result.names.bodies)

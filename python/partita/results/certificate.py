@@ -64,7 +64,7 @@ class Certificate:
     rank: tuple[int, ...] = ()
     """Ranks of the conditions met, in order; one number where the rank never changed."""
     margin: float = float("nan")
-    """Smallest squared sine between a condition that counts and the others, and when: 0 in a singular position."""
+    """Smallest squared sine between an accepted condition and the others, and when: 0 in a singular position."""
     margin_t: float = float("nan")
     geometric_error: float = 0.0
     """Largest change of a joint frame (rad, parts of the loop's length) by which the drawing was repaired; 0 where it

@@ -68,7 +68,7 @@ def read_header(text: str) -> dict[str, Any]:
     """The inverse of `Content.text`; raises `ValueError` where it is no header."""
     header = read_exact(text)
     if not isinstance(header, dict) or "partita_result" not in header:
-        raise ValueError("it is not a stored result: it has no account of a run")
+        raise ValueError("it is not a stored result: it contains no record of a run")
     return header
 
 

@@ -40,7 +40,7 @@ def dataset(content: Content) -> xarray.Dataset:
     about = "the mechanism as built, as JSON"
     variables["model"] = ((), _text(account["spec"]), {"long_name": about})
     header["account"] = {key: value for key, value in account.items() if key != "spec"}
-    about = "how the result came about, and what its arrays are, as JSON"
+    about = "provenance of the result and description of its arrays, as JSON"
     variables["account"] = ((), _text(header), {"long_name": about})
     t = next(v for v in content.variables if v.name == "t")
     labels: dict[str, Any] = {TIME: (TIME, t.values, _attributes(t.unit, t.text))}
@@ -68,7 +68,7 @@ def as_header(found: xarray.Dataset) -> tuple[dict[str, Any], dict[str, Any]]:
     # sizes first: a damaged file must not make room for numbers that it does not have
     for name, about in header["arrays"].items():
         if list(found[TIME if name == "t" else name].shape) != about["shape"]:
-            raise ValueError(f"{name} has another shape than its account tells")
+            raise ValueError(f"the shape of {name} differs from its description")
     return header, {name: found[TIME if name == "t" else name].values for name in header["arrays"]}
 
 

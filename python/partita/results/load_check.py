@@ -62,7 +62,7 @@ def check(record: Record, arrays: Mapping[str, NDArray[Any]]) -> None:
         if read is not None and (read.ndim == 0 or len(read) != nt):
             raise ValueError(f"the sensor {item['name']!r} has the shape {read.shape} for {nt} outputs")
         if read is None and nt:
-            raise ValueError(f"there is nothing that the sensor {item['name']!r} read")
+            raise ValueError(f"the readings of the sensor {item['name']!r} are missing")
     for joint in joints:
         if not all(isinstance(joint[word], str) for word in _JOINT_WORDS):
             raise ValueError(f"the joint {joint['name']!r} is not described in words")
@@ -71,10 +71,10 @@ def check(record: Record, arrays: Mapping[str, NDArray[Any]]) -> None:
         raise ValueError("the times of the outputs do not increase")
     chosen = record.arrays["independent"]
     if chosen.size and not (chosen.min() >= -1 and chosen.max() < sizes["velocity"]):
-        raise ValueError("an independent coordinate is none of the velocities")
+        raise ValueError("an independent coordinate is not among the velocities")
     partition_changes(record.partitions, summary["velocities"])
     if not isinstance(record.success, bool) or not isinstance(record.options, dict):
-        raise ValueError("the account of the run has entries of the wrong kind")
+        raise ValueError("the description of the run has entries of the wrong type")
 
 
 def _spans(joints: Sequence[Mapping[str, Any]], sizes: Mapping[str, int]) -> None:

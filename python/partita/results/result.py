@@ -74,7 +74,8 @@ class Result(Run):
         chosen = {key: value for key, value in self.options.items() if key != "coordinates"}
         if model is None or chosen.get("formulation") == "user-tangent":
             raise ArgumentError(
-                f"t = {t:g} s lies between outputs, and what is needed to march there is not at hand; give one of the "
+                f"t = {t:g} s lies between outputs, and the data needed to integrate up to it are not available; give "
+                f"one of the "
                 f"outputs, such as {self.t[i]:.12g} s, or simulate with t there in t_eval",
                 argument="t",
             )
@@ -82,7 +83,7 @@ class Result(Run):
         raw = run_options.run(model, chosen, np.array([t]), self.q[i], self.v[i], False)
         if not raw["success"] or not len(raw["q"]):
             raise raw["error"] or ArgumentError(
-                f"the motion cannot be marched to t = {t:g} s: {raw['message']}", argument="t"
+                f"the motion cannot be integrated to t = {t:g} s: {raw['message']}", argument="t"
             )
         return raw["q"][-1], raw["v"][-1]
 
@@ -246,7 +247,7 @@ class Result(Run):
         rows = [
             ("ended", self.status if self.success else f"{self.status}: {self.message}"),
             ("outputs", f"{len(self.t)}, {self._span}"),
-            ("largest closing error", self._closed),
+            ("largest closure error", self._closed),
             ("steps", f"{self.counters.get('steps', 0)}, {self._switches} switches of coordinates"),
             ("coordinates", names(self.names.coordinates)),
         ]

@@ -42,8 +42,8 @@ RUN: dict[str, tuple[tuple[str, ...], str, str]] = {
     "multipliers": (("multiplier",), "", "lambda in M vdot = h + C^T lambda; N for lengths, N m for angles"),
     "measure": (("velocity",), "1", "projective measure rho: 1 = not hindered by the loops, 0 = locked"),
     "independent": (("choice",), "1", "indices along `velocity` (from 0) of the independent coordinates"),
-    "closure": ((), "", "largest closing error of the constraints, m or rad"),
-    "velocity_closure": ((), "", "largest closing error in velocities, m/s or rad/s"),
+    "closure": ((), "", "largest closure error of the constraints, m or rad"),
+    "velocity_closure": ((), "", "largest closure error in velocities, m/s or rad/s"),
     "sigma": ((), "", "quality of the choice of independent coordinates, small near singular positions"),
     "sqrt_mu": ((), "", "quality of the choice in the mass metric"),
     "kinetic": ((), "J", "kinetic energy"),
@@ -68,22 +68,22 @@ ACCELERATIONS: dict[str, tuple[tuple[str, ...], str, str]] = {
 REACTIONS: dict[str, tuple[tuple[str, ...], str, str]] = {
     "force": (("joint", "axis"), "N", "force of the joint on its child body, world axes"),
     "moment": (("joint", "axis"), "N m", "moment of the joint on its child body about joint_point, world axes"),
-    "drive": (("joint_freedom",), "", "effort of the drive along each degree of freedom, N for slides, N m for turns"),
+    "drive": (("joint_freedom",), "", "effort of the drive along each degree of freedom: N, or N m for rotations"),
     "joint_rotation": (("joint", "axis", "joint_axis"), "1", "columns are the axes of the joint in the world"),
     "residual": ((), "1", "largest Newton-Euler residual of a body over the largest force"),
     "residuals": (("body",), "1", "Newton-Euler residual of each body over the largest force"),
-    "effort": (("condition",), "", "efforts of couplings and drives that go with the reactions, N or N m"),
+    "effort": (("condition",), "", "efforts of couplings and drives that belong to the reactions, N or N m"),
 }
 
 CHECKS: dict[str, tuple[tuple[str, ...], str, str]] = {
-    "acceleration_closure": ((), "", "largest closing error in accelerations, m/s^2 or rad/s^2"),
+    "acceleration_closure": ((), "", "largest closure error in accelerations, m/s^2 or rad/s^2"),
     "acceleration_row": ((), "1", "its index along `multiplier` (from 0)"),
-    "closure_row": ((), "1", "index along `multiplier` (from 0) of the condition that is open most"),
+    "closure_row": ((), "1", "index along `multiplier` (from 0) of the condition with the largest closure error"),
     "rank": ((), "1", "independent conditions"),
     "margin": (
         (),
         "1",
-        "smallest squared sine between a condition that counts and the others; 0 in a singular position",
+        "smallest squared sine between an accepted condition and the others; 0 in a singular position",
     ),
 }
 

@@ -68,7 +68,7 @@ class Reader:
         except ValueError as error:
             shapes = " and ".join(str(part.shape[np.ndim(self._signals.t) :]) for part in parts)
             raise ArgumentError(
-                f'sensor "{record.name}": a {word} of values of the shapes {shapes} has no sense', argument="name"
+                f'sensor "{record.name}": a {word} of values of the shapes {shapes} is not defined', argument="name"
             ) from error
 
     def _is_vector(self, values: Array) -> bool:
@@ -78,7 +78,7 @@ class Reader:
         function, t = record.function, np.asarray(self._signals.t)
         if function is None:
             raise ArgumentError(
-                f'sensor "{record.name}" is a function, which is known to the run that it was drawn for alone',
+                f'sensor "{record.name}" is a function, which only the run that it was made for can evaluate',
                 argument="name",
             )
         if t.ndim == 0:
@@ -89,7 +89,7 @@ class Reader:
         ]
         if any(row.shape != rows[0].shape for row in rows):
             raise EvaluationError(
-                f'sensor "{record.name}": its function returns now so many numbers, now others', t=float(t[0]),
+                f'sensor "{record.name}": its function returns a varying number of values', t=float(t[0]),
                 where=record.name,
             )  # fmt: skip
         return np.array(rows) if rows else np.zeros(0)

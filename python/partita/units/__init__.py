@@ -104,7 +104,7 @@ def convert(value: ArrayLike, unit: str, to: str) -> float | NDArray[np.float64]
     with np.errstate(over="ignore", invalid="ignore"):
         result = numbers * factor
     if np.any(np.isinf(result) & np.isfinite(numbers)):
-        raise ArgumentError(f"value {shown(value)} in {to} is beyond the largest number there is", argument="value")
+        raise ArgumentError(f"value {shown(value)} in {to} exceeds the largest floating-point number", argument="value")
     return float(result) if result.ndim == 0 else result
 
 
@@ -117,7 +117,7 @@ def _unit(name: str, argument: str) -> Unit:
     except NotAQuantity as error:
         raise ArgumentError(f"unit {shown(name)} is not known; {error}", argument=argument) from error
     if found.size <= 0:
-        raise ArgumentError(f"unit {shown(name)} is no unit; give its name, such as 'mm'", argument=argument)
+        raise ArgumentError(f"unit {shown(name)} is not a unit; give its name, such as 'mm'", argument=argument)
     return found
 
 

@@ -127,7 +127,7 @@ def _of_pint(what: str, value: Any, unit: SI) -> Any:
         except Exception as error:  # whatever a unit without a base does
             raise QuantityError(f"{what} is {shown(value)}: {error}") from error
     if scale is None:
-        raise QuantityError(f"{what} is {shown(value)}, which is measured in nothing that is known here")
+        raise QuantityError(f"{what} is {shown(value)}, whose unit is not known")
     return _scaled(what, value.magnitude, scale, unit, shown(str(value)))
 
 

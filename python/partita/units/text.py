@@ -79,7 +79,7 @@ class _Reader:
             match = _TOKEN.match(plain, at)
             if match is None:
                 if plain[at] == ",":
-                    raise NotAQuantity("a decimal point is a point, not a comma")
+                    raise NotAQuantity("the decimal separator is a point, not a comma")
                 raise NoNumber(f"{plain[at]!r} belongs to no quantity")
             kind = str(match.lastgroup)
             self.tokens.append((kind, match[kind]))
@@ -187,7 +187,7 @@ class _Reader:
     def _whole(self) -> Fraction:
         kind, word = self._next()
         if kind != "number":
-            raise NotAQuantity("an exponent is a number")
+            raise NotAQuantity("an exponent must be a number")
         found = _exactly(word)
         if found.denominator > 1000:
             raise NotAQuantity(f"the exponent {word}; use one with few digits")

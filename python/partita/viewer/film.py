@@ -46,14 +46,14 @@ def save_film(
     where = target(path, "a film ")
     ending = where.suffix.lower()
     if ending not in (".gif", ".mp4"):
-        raise ArgumentError(f"a film ends in .gif or .mp4, not {shown(where.name)}", argument="path")
+        raise ArgumentError(f"the name of a film must end in .gif or .mp4, not {shown(where.name)}", argument="path")
     if len(result.t) == 0:
         raise ArgumentError(
             "cannot film a run with no outputs: it stopped before the first one; see result.message", argument="result"
         )
     width, height = _pixels(size)
     if not result.names.bodies:
-        raise ArgumentError("a run of a hand-written System has no bodies to film", argument="result")
+        raise ArgumentError("a run of a user-defined System has no bodies to film", argument="result")
     extra("PIL", "plots", "a film")
     program = shutil.which("ffmpeg") if ending == ".mp4" else None
     if ending == ".mp4" and program is None:
@@ -105,7 +105,7 @@ def _chosen(t: FloatArray, fps: float, speed: float | None) -> tuple[list[int], 
     count = max(2, round(duration / factor * fps))
     if count > MOST_PICTURES:
         raise ArgumentError(
-            f"the film would have {count} pictures; {MOST_PICTURES} are the most: ask for a larger speed than "
+            f"the film would have {count} pictures; at most {MOST_PICTURES} are allowed: ask for a larger speed than "
             f"{factor:g} or fewer fps than {fps:g}",
             argument="speed",
         )

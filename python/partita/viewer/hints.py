@@ -69,13 +69,13 @@ def traced(points: Any, bodies: Sequence[str]) -> list[dict[str, Any]]:
     if points is None:
         return []
     if not isinstance(points, Mapping):
-        _fail("points", f"must be a mapping from names to (body, place), not {shown(points)}")
+        _fail("points", f"must be a mapping from names to (body, point), not {shown(points)}")
     found = []
     for name, given in points.items():
         if not isinstance(name, str) or not name:
             _fail("points", f"must have names that are text, not {shown(name)}")
         if not isinstance(given, tuple | list) or len(given) != 2:
-            _fail("points", f"{name!r} must be (body, place in body axes), not {shown(given)}")
+            _fail("points", f"{name!r} must be (body, point in body axes), not {shown(given)}")
         where = _vector("points", f"{name!r}", given[1])
         found.append({"name": name, "body": _body(given[0], bodies), "at": where})
     return found
@@ -157,7 +157,8 @@ def _axes(what: str, value: Any) -> list[list[float]]:
     """Directions x, y, z of a box or a mesh, in body axes."""
     array = _numbers(value)
     if array.shape != (3, 3) or not np.isfinite(array).all() or np.abs(array @ array.T - np.eye(3)).max() > 1e-6:
-        _fail("shapes", f"{what} must be three unit vectors square to each other, in body axes, not {shown(value)}")
+        wanted = "three unit vectors perpendicular to each other, in body axes"
+        _fail("shapes", f"{what} must be {wanted}, not {shown(value)}")
     return [[float(x) for x in direction] for direction in array]
 
 

@@ -282,7 +282,7 @@ def _checked(host: Any, port: Any) -> None:
         socket.create_server((host, 0)).close()
     except (OSError, UnicodeError) as error:
         raise ArgumentError(
-            f'host is "{host}", which is no address of this machine ({error}); "127.0.0.1" is always one',
+            f'host is "{host}", which is not an address of this machine ({error}); "127.0.0.1" is always one',
             argument="host",
         ) from error
 

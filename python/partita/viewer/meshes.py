@@ -52,7 +52,7 @@ def load(path: str | os.PathLike[str]) -> tuple[FloatArray, NDArray[np.int_]]:
             f'the mesh "{where}" cannot be read: {error or type(error).__name__}', path=str(where)
         ) from error
     if len(faces) == 0 or not np.isfinite(points).all():
-        raise FileFormatError(f'the mesh "{where}" holds no triangle of finite corners', path=str(where))
+        raise FileFormatError(f'the mesh "{where}" contains no triangle with finite vertices', path=str(where))
     return points, faces
 
 

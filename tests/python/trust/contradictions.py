@@ -221,7 +221,7 @@ def slider_driven_elsewhere() -> Iterator[Held]:
     yield from ()
 
 
-@refused("two drives on one coordinate", DescriptionError, "is driven already by")
+@refused("two drives on one coordinate", DescriptionError, "is already driven by")
 def driven_twice() -> Iterator[Held]:
     m = pendulum()
     m.add_drive("A", position=lambda t: t)

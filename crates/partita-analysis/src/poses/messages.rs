@@ -20,7 +20,7 @@ pub(super) fn gap(length: f64, angle: f64) -> String {
         (true, true) => format!("{} m and {} rad", formatted(length), formatted(angle)),
         (false, true) => format!("{} rad", formatted(angle)),
         (true, false) => format!("{} m", formatted(length)),
-        _ => "an amount that was not found".into(),
+        _ => "an unknown amount".into(),
     }
 }
 

@@ -219,8 +219,9 @@ impl<'s, S: Balance<Scratch: Send>> Stepping<'s, S> {
         Err(match error {
             Some(e) => e.into(),
             None if status == Status::StepTooSmall => {
-                let message = "no independent coordinates serve for it, as at a singular position or next to one; \
-                    step over the position with another number of substeps, another step length or other inputs";
+                let message = "no independent coordinates determine the others there, as at or near a singular \
+                    position; step over the position with another number of substeps, another step length or other \
+                    inputs";
                 SystemError::Tick { t: self.now.t, message: message.into() }.into()
             }
             None => AnalysisError::Argument { argument: "dt", message: format!("{message}; take shorter steps") },

@@ -119,8 +119,8 @@ impl Limits {
         look(checks.hidden, (0.0, 0.0), &|t| {
             let name = system.guards().get(checks.hidden.row).map_or_else(String::new, |x| x.name.clone());
             format!(
-                "{name} is passed and left again at t = {t} s within one step, which saw nothing of it: take shorter steps, or \
-                 steps of free length (no `step`)"
+                "{name} is crossed in both directions at t = {t} s within one step, which did not detect it; take \
+                 shorter steps, or let the step size adapt (no `step`)"
             )
         });
         look(checks.branch, (BRANCH_BY_ERROR, BRANCH_BY_ERROR), &|t| {

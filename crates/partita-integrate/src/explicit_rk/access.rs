@@ -46,7 +46,7 @@ impl StepControl for ExplicitRungeKutta {
     }
 
     fn replace_start(&mut self, t: f64, y: &[f64], dy: &[f64]) {
-        assert_eq!(self.phase, Phase::Ready, "commit or reject the step before");
+        assert_eq!(self.phase, Phase::Ready, "commit or reject the previous step");
         (self.t_old, self.t_new) = (t, t);
         self.y_old[..self.dim].copy_from_slice(y);
         self.stages[..self.dim].copy_from_slice(dy);

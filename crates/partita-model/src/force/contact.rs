@@ -67,8 +67,8 @@ impl<G: Space<S = f64>> Contact<G> {
         let distance = (sum - 2.0 * smaller).max(0.5 * smaller);
         let energy = six_digits(self.buffer.pressed(sum, 0.0).potential);
         let sentence = format!(
-            "its spheres overlap almost wholly, and can leave each other on the far side; it holds {energy} J before that, so \
-             give it more stiffness where bodies meet with more"
+            "its spheres overlap almost entirely and could separate on the far side; up to there it stores {energy} \
+             J: increase its stiffness if the bodies collide with more energy"
         );
         Some(((distance * distance - sum * sum) / (2.0 * sum), sentence))
     }

@@ -6,7 +6,7 @@ use crate::error::DescriptionError;
 use crate::spec::Joint;
 
 pub(super) fn shape(joint: &Joint) -> Result<Shape, DescriptionError> {
-    let axis = axis_of(joint, joint.axis, "an axis: that of the shafts in line")?;
+    let axis = axis_of(joint, joint.axis, "an axis: that of the aligned shafts")?;
     Ok(Shape {
         motions: vec![],
         names: vec![],

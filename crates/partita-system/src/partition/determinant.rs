@@ -1,4 +1,4 @@
-//! The determinant rule: the largest |det C_D| in the units at hand.
+//! The determinant rule: the largest |det C_D| in the units given.
 //!
 //! For comparison. Metres or millimetres, radians or degrees, decide what it takes: rescaling a coordinate by f
 //! multiplies the determinant of every partition in which it is dependent by 1/f. What it should be replaced by is the

@@ -23,7 +23,7 @@ pub enum Selection {
     Greedy,
     /// The k coordinates of largest ρ, one by one. With k > 1 the choice may be impossible.
     Individual,
-    /// Largest |det C_D| in the units at hand, which decide it.
+    /// Largest |det C_D| in the units given, which decide it.
     Determinant,
     /// Largest normalised determinant (28): the volume of the choice.
     NormalisedDeterminant,

@@ -162,7 +162,7 @@ impl<S: ConstrainedSystem> Residuals for InChart<'_, '_, '_, S> {
             return Err(c.bent(
                 self.t,
                 format!(
-                "a ball has turned by {turned:.2} rad from where its chart was made; allow renewal (renew > 0), or \
+                "a ball joint has rotated by {turned:.2} rad since its chart was made; allow renewal (renew > 0), or \
                  take shorter steps"
             ),
             ));
@@ -259,7 +259,7 @@ impl<'s, S: ConstrainedSystem> PositionSteps<'s, S, Frozen<'s, S>> for Chart {
         self.wants = if self.renew.never() {
             None
         } else if self.largest_turn(&self.delta) > FAR_TURN {
-            Some("a ball had turned far from the base of the chart")
+            Some("a ball joint had rotated far from the base point of the chart")
         } else if self.iterations >= MANY {
             Some("Newton's method needed many iterations")
         } else {

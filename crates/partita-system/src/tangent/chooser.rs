@@ -102,8 +102,8 @@ fn gain<S: ConstrainedSystem>(r: &Reduction<S>, selection: Selection, weights: O
 /// In words, what grew.
 fn measure_name(selection: Selection) -> &'static str {
     match selection {
-        Selection::Determinant => "|det C_D| in the units at hand",
-        Selection::CompletePivoting => "|det C_D| left by complete pivoting",
+        Selection::Determinant => "|det C_D| in the units given",
+        Selection::CompletePivoting => "|det C_D| from complete pivoting",
         Selection::Individual => "the measure of a single coordinate",
         Selection::Geometric => "the volume of the choice in characteristic displacements",
         _ => "the volume of the choice",

@@ -16,7 +16,7 @@ Z = (0.0, 0.0, 1.0)
 
 
 @member(MEMBERS, "gear-pair", "gear pair: a motor at constant speed turns an unbalanced wheel through a pinion",
-        Truth(0, 0, EVERYTHING, why="2 turns - 1 mesh - 1 drive = 0", source=DUBBEL),
+        Truth(0, 0, EVERYTHING, why="2 rotations - 1 mesh - 1 drive = 0", source=DUBBEL),
         rates={"pinion shaft": 12.0})  # fmt: skip
 def gear_pair(m: Mechanism) -> None:
     """Radii 0.08 and 0.2 that mesh outside; the wheel carries an arm."""
@@ -29,8 +29,8 @@ def gear_pair(m: Mechanism) -> None:
 
 
 @member(MEMBERS, "planetary-gear", "planetary gear: three planets between the sun and a ring that stands still",
-        Truth(1, 2, EVERYTHING, why="5 turns; 6 meshes, of which two planets say what the first says: which tooth "
-              "carries is open, hinges feel nothing of it, 5 - (6 - 2) = 1", source=MUELLER),
+        Truth(1, 2, EVERYTHING, why="5 rotations; 6 meshes, of which two planets repeat the first: the distribution of "
+              "load over the teeth is undetermined, which does not affect the hinges; 5 - (6 - 2) = 1", source=MUELLER),
         rates={"carrier": 5.0})  # fmt: skip
 def planetary_gear(m: Mechanism) -> None:
     """Sun 0.06, planets 0.04, ring 0.14; the carrier lifts an arm. The turn of a planet counts on the carrier."""
@@ -48,7 +48,7 @@ def planetary_gear(m: Mechanism) -> None:
 
 
 @member(MEMBERS, "car-differential", "differential: a shaft drives the cage, two unlike wheels share its torque",
-        Truth(2, 0, EVERYTHING, why="4 turns - the bevel pair - the sum in the cage = 2", source=DUBBEL),
+        Truth(2, 0, EVERYTHING, why="4 rotations - the bevel pair - the sum in the cage = 2", source=DUBBEL),
         rates={"left shaft": 6.0, "right shaft": 4.0}, gravity=FALL)  # fmt: skip
 def car_differential(m: Mechanism) -> None:
     """The propeller shaft along x, all else along y; an engine's torque on the shaft, the left wheel unbalanced."""
@@ -86,8 +86,8 @@ def rack_steering(m: Mechanism) -> None:
 
 @member(MEMBERS, "screw-press", "screw press: a flywheel turns the spindle in a nut that a guide keeps from turning",
         Truth(1, 4, {"*": "fz mz"}, why="Kutzbach: 1 + 1 + 1 degrees of freedom of the joints - 6 of the loop = -3; "
-              "spindle, thread and guide in one line say four times too much what does not concern that line: "
-              "a self-stress has any force across it and any moment across it", source=DUBBEL),
+              "spindle, thread and guide on one line impose four redundant conditions across it: a self-stress has "
+              "any force and any moment perpendicular to that line", source=DUBBEL),
         rates={"bearing": 20.0}, gravity=FALL)  # fmt: skip
 def screw_press(m: Mechanism) -> None:
     """The thread does not lock itself: 60 mm for a turn. The ram works on a spring."""
@@ -136,10 +136,11 @@ def cam_rocker(m: Mechanism) -> None:
 
 @member(MEMBERS, "cv-shaft", "two shafts that bend by 25 degrees, on a constant-velocity joint",
         Truth(1, 3, {"CV": "mx my mz", "*": "mz"}, axes="joint",
-              why="the two axes meet in the joint's centre, which both hold at rest: its three conditions on the place "
-              "are said once too often; a self-stress is any force through the centre, and the moments that it has in "
-              "bearings beside it", source="H. C. Seherr-Thoss, F. Schmelz, E. Aucktor, Universal Joints and "
-              "Driveshafts"), rates={"in": 8.0}, gravity=FALL)  # fmt: skip
+              why="the two axes meet at the centre of the joint, which both keep at rest: its three conditions on "
+              "position are redundant; a self-stress is any force through the centre, with its moments in the bearings "
+              "beside it",
+              source="H. C. Seherr-Thoss, F. Schmelz, E. Aucktor, Universal Joints and Driveshafts"),
+        rates={"in": 8.0}, gravity=FALL)  # fmt: skip
 def cv_shaft(m: Mechanism) -> None:
     """Bearings 0.3 m from the centre; the output carries an arm."""
     bend = around(Z, 25.0)

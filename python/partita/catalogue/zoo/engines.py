@@ -104,8 +104,9 @@ def radial_five(m: Mechanism) -> None:
 
 @member(MEMBERS, "wobble-plate", "wobble plate: an inclined journal tilts a plate round and round, four pistons follow",
         Truth(1, 0, EVERYTHING,
-              why="shaft and plate have two turns, the plane of the peg takes one; a chain P-U-S has six degrees of "
-              "freedom and takes none of the plate's", source="K. Kutzbach, Mechanische Leitungsverzweigung, 1929"),
+              why="shaft and plate have two rotations, of which the plane of the peg removes one; a P-U-S chain has "
+              "six degrees of freedom and removes none from the plate",
+              source="K. Kutzbach, Mechanische Leitungsverzweigung, 1929"),
         rates={"main": 20.0})  # fmt: skip
 def wobble_plate(m: Mechanism) -> None:
     """Shaft along z, journal inclined by 15 degrees about a point of its axis; a peg of the plate stays in a plane."""

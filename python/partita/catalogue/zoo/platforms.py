@@ -129,7 +129,7 @@ def delta(m: Mechanism) -> None:
 
 @member(MEMBERS, "orthoglide", "three slides at right angles and three parallelograms: the platform only translates",
         Truth(3, 0, EVERYTHING, why="Kutzbach: 6 x 10 - 3 x 5 (slides) - 6 x (4 + 3) = 3: three pairs of parallel bars "
-              "take the platform's turns", source="P. Wenger and D. Chablat, Kinematic analysis of a new "
+              "remove the rotations of the platform", source="P. Wenger and D. Chablat, Kinematic analysis of a new "
               "parallel machine tool: the Orthoglide, 2000"),
         rates={"slide 1": 0.3}, gravity=(0.0, 0.0, 0.0))  # fmt: skip
 def orthoglide(m: Mechanism) -> None:

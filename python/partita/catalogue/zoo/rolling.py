@@ -25,7 +25,7 @@ LEANING = around((0, 1, 0), 20.0) @ np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], 
 
 
 @member(MEMBERS, "rolling-coin", "a coin rolls on its edge, leaning by twenty degrees",
-        Truth(3, 0, EVERYTHING, why="6 - 1 (touches) - 2 (rolls): three rates", source=NEIMARK),
+        Truth(3, 0, EVERYTHING, why="6 - 1 (contact) - 2 (rolling): three rates", source=NEIMARK),
         rates={"flight": (0.0, 3.0, 0.0, -6.0 * math.cos(LEAN), 0.0, 6.0 * math.sin(LEAN))}, gravity=FALL)  # fmt: skip
 def rolling_coin(m: Mechanism) -> None:
     """Radius 0.5. It wobbles, does not fall flat, and goes around."""
@@ -35,7 +35,7 @@ def rolling_coin(m: Mechanism) -> None:
 
 
 @member(MEMBERS, "rolling-ball", "a ball out of balance rolls down an incline, turning",
-        Truth(3, 0, EVERYTHING, why="6 - 1 (touches) - 2 (rolls): three rates", source=NEIMARK),
+        Truth(3, 0, EVERYTHING, why="6 - 1 (contact) - 2 (rolling): three rates", source=NEIMARK),
         rates={"flight": (0.2, 0.3, 0.0, -3.0, 2.0, 4.0)}, gravity=DESCENT)  # fmt: skip
 def rolling_ball(m: Mechanism) -> None:
     """The incline, 0.1 rad, is the plane z = 0; the centre of mass lies 10 mm beside the centre of the ball."""
@@ -45,8 +45,8 @@ def rolling_ball(m: Mechanism) -> None:
 
 
 @member(MEMBERS, "whipple-bicycle", "Whipple's bicycle with a rigid rider runs by itself at 4.6 m/s",
-        Truth(3, 0, EVERYTHING, why="4 bodies on 3 hinges have 9 degrees of freedom; two wheels touch, two roll: 9 - "
-              "2 - 4 = 3 rates, forward speed, roll and steer", source=WHIPPLE),
+        Truth(3, 0, EVERYTHING, why="4 bodies on 3 hinges have 9 degrees of freedom; two wheels are in contact and "
+              "roll: 9 - 2 - 4 = 3 rates, forward speed, roll and steer", source=WHIPPLE),
         rates={"frame": (SPEED, 0.0, 0.0, 0.05, 0.0, 0.0), "steer": 0.0, "rear axle": -SPEED / REAR,
                "front axle": -SPEED / FRONT}, gravity=(0.0, 0.0, 9.81),
         notes="The benchmark of the paper, z down. Started upright with a roll rate of 0.05 rad/s.")  # fmt: skip

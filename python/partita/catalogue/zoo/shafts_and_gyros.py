@@ -19,9 +19,9 @@ MAGNUS = "K. Magnus, Kreisel: Theorie und Anwendungen"
 
 @member(MEMBERS, "double-cardan", "double Cardan shaft in Z: two universal joints in phase make the speeds equal",
         Truth(1, 1, {"in": "fy fz mx my", "out": "fy fz mx my", "*": "fy fz mx my mz"},
-              why="the axes at each end meet in the centre of a cross, and both centres stand still: their distance is "
-              "said once too often, Kutzbach's 0 + 1; the self-stress is a force from centre to centre, along x, "
-              "with a moment about z in bearings beside the centres", source="H. C. Seherr-Thoss, F. Schmelz, "
+              why="the axes at each end meet at the centre of a cross, and both centres are at rest: the condition on "
+              "their distance is redundant, Kutzbach's 0 + 1; the self-stress is a force from centre to centre, along "
+              "x, with a moment about z in bearings beside the centres", source="H. C. Seherr-Thoss, F. Schmelz, "
               "E. Aucktor, Universal Joints and Driveshafts"), rates={"in": 15.0}, gravity=FALL)  # fmt: skip
 def double_cardan(m: Mechanism) -> None:
     """Bearings drawn 0.3 m outside the crosses; both shafts 25 degrees off the middle one, in the x-y plane."""
@@ -84,7 +84,7 @@ def gyroscope(m: Mechanism) -> None:
 
 
 @member(MEMBERS, "heavy-top", "Lagrange's heavy top on a ball joint",
-        Truth(3, 0, EVERYTHING, why="a ball leaves three turns", source=MAGNUS),
+        Truth(3, 0, EVERYTHING, why="a ball joint leaves three rotations", source=MAGNUS),
         rates={"tip": (0.0, 0.5, 150.0)}, gravity=FALL, samples=1500)  # fmt: skip
 def heavy_top(m: Mechanism) -> None:
     """A disc 0.1 m from its tip, leaning by 40 degrees."""
@@ -94,7 +94,7 @@ def heavy_top(m: Mechanism) -> None:
 
 
 @member(MEMBERS, "gyro-pair", "two rotors against each other in a frame that flies freely",
-        Truth(8, 0, EVERYTHING, why="the frame's six and a turn each", source=MAGNUS),
+        Truth(8, 0, EVERYTHING, why="six of the frame and one rotation of each rotor", source=MAGNUS),
         rates={"flight": (0.1, 0.0, 0.05, 0.2, 0.3, 0.1), "left": 80.0, "right": -70.0}, gravity=REST,
         samples=1001)  # fmt: skip
 def gyro_pair(m: Mechanism) -> None:

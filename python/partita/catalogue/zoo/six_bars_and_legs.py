@@ -24,7 +24,7 @@ def watt_one(m: Mechanism) -> None:
     linkage(m, points, links, ground="A D")
 
 
-@member(MEMBERS, "stephenson-one", "Stephenson I: the ground joins two ternary links that two more paths hold together",
+@member(MEMBERS, "stephenson-one", "Stephenson I: the ground joins two ternary links that two more paths connect",
         planar(5, 7, SIX_BARS), rates={"A": 1.0})  # fmt: skip
 def stephenson_one(m: Mechanism) -> None:
     """Two bell cranks: one path of one link, one of two."""

@@ -14,7 +14,7 @@ from .member import DOWN, FALL, Theme, member
 
 MEMBERS: Theme = {}
 PHILLIPS = "J. Phillips, Freedom in Machinery; K. H. Hunt, Kinematic Geometry of Mechanisms"
-SPHERICAL = "a force through the common point of all axes goes around a loop at will; no moment about that point does"
+SPHERICAL = "any force through the common point of all axes can act around a loop; no moment about that point can"
 
 
 def ring(m: Mechanism, points: list[FloatArray], axes: list[FloatArray], names: str) -> None:
@@ -34,8 +34,8 @@ def pole(polar: float, azimuth: float) -> FloatArray:
 
 @member(MEMBERS, "spherical-four-bar", "spherical four-bar: four hinges whose axes meet in one point",
         Truth(1, 3, ABOUT_AXES, axes="joint", why="every link turns about one point: 3 x 3 degrees of freedom - 4 x "
-                                                  "2 = 1; the "
-              "point is held once more in the loop", source="C. H. Chiang, Kinematics of Spherical Mechanisms. "
+                                                  "2 = 1; the loop fixes the point redundantly", source="C. H. "
+                                                  "Chiang, Kinematics of Spherical Mechanisms. "
               + SPHERICAL), rates={"A": 4.0}, gravity=FALL)  # fmt: skip
 def spherical_four_bar(m: Mechanism) -> None:
     """A spherical crank-rocker on a ball of 0.5 m: arcs of 25, 70, 60 and 80 degrees."""
@@ -72,8 +72,8 @@ def wrist(m: Mechanism, axes: list[tuple[FloatArray, FloatArray, FloatArray]], r
 
 @member(MEMBERS, "spherical-wrist", "spherical wrist on three legs (3-RRR), all nine axes through one point",
         Truth(3, 6, ABOUT_AXES, axes="joint", why="every link turns about one point: 3 x 7 degrees of freedom - 9 x "
-                                                  "2 = 3; the "
-              "point is held once more in each of two loops", source="C. M. Gosselin and J. Angeles, The optimum "
+                                                  "2 = 3; each of two loops fixes the point redundantly", source="C. "
+                                                  "M. Gosselin and J. Angeles, The optimum "
               "kinematic design of a spherical three-degree-of-freedom parallel manipulator, 1989. " + SPHERICAL),
         rates={"A1": 0.8}, gravity=FALL)  # fmt: skip
 def spherical_wrist(m: Mechanism) -> None:
@@ -83,7 +83,7 @@ def spherical_wrist(m: Mechanism) -> None:
 
 
 @member(MEMBERS, "agile-eye", "Agile eye: a spherical wrist with right angles throughout, joints drawn in the centre",
-        Truth(3, 6, {"*": "mx my mz"}, why="as the spherical wrist; in the common point no self-stress has a moment",
+        Truth(3, 6, {"*": "mx my mz"}, why="as the spherical wrist; about the common point no self-stress has a moment",
               source="C. M. Gosselin and J.-F. Hamel, The Agile Eye, IEEE ICRA 1994. " + SPHERICAL),
         rates={"A1": 0.7, "A2": -0.4}, gravity=(0.0, 0.0, 0.0))  # fmt: skip
 def agile_eye(m: Mechanism) -> None:
@@ -150,7 +150,7 @@ def two_bennetts(m: Mechanism, alpha: float, gamma: float, beta: float, between:
     ring(m, [f[:3, 3] + 0.2 * f[:3, 2] for f in frames], [f[:3, 2] for f in frames], "ABCDE")
 
 
-FIVE = "Kutzbach's 6 x 4 - 5 x 5 = -1; it moves as the two loops of Bennett it is made of: two conditions too many"
+FIVE = "Kutzbach's 6 x 4 - 5 x 5 = -1; it moves like the two Bennett loops it consists of: two redundant conditions"
 
 
 @member(MEMBERS, "goldberg", "Goldberg's five-bar: two of Bennett's loops joined at a link, five hinges in space",

@@ -80,7 +80,7 @@ def macpherson(m: Mechanism) -> None:
 
 
 @member(MEMBERS, "trailing-arm", "semi-trailing arm: a skew hinge and a wheel, two degrees of freedom, no loop",
-        Truth(2, 0, EVERYTHING, why="an open chain: a hinge each, and nothing else holds what they hold",
+        Truth(2, 0, EVERYTHING, why="an open chain of one hinge each, without redundant conditions",
               source=MATSCHINSKY), rates={"pivot": 0.5, "axle": 20.0}, gravity=FALL)  # fmt: skip
 def trailing_arm(m: Mechanism) -> None:
     """The hinge runs obliquely below the body, 20 degrees from across."""

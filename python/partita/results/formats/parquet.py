@@ -41,5 +41,5 @@ def read(content: bytes) -> tuple[dict[str, Any], dict[str, Any]]:
     header = read_header(table.schema.metadata[ACCOUNT].decode("ascii"))
     names = [name for name, _ in column_names(header)]
     if table.column_names != names:
-        raise ValueError("its columns are not those of its account")
+        raise ValueError("its columns differ from its description")
     return header, gathered({name: table.column(name).to_numpy() for name in names}, header)

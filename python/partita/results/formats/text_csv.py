@@ -37,7 +37,7 @@ def read(content: bytes) -> tuple[dict[str, Any], dict[str, Any]]:
     outputs = [row for row in rows if row[0]]
     units = column_names(header)
     if titles != [*(_titled(name, unit) for name, unit in units), ACCOUNT]:
-        raise ValueError("its columns are not those of its account")
+        raise ValueError("its columns differ from its description")
     numbers = [[float(entry) for entry in row[:-1]] for row in outputs]
     values = {name: [row[i] for row in numbers] for i, (name, _) in enumerate(units)}
     return header, gathered(values, header)
