@@ -336,7 +336,7 @@ def test_a_refused_change_leaves_everything_as_it_was(drawn: pt.Mechanism) -> No
         (m.joints["G"], "free", ("x", "x"), "twice"),
         (m.joints["C"], "name", "D", "cannot be changed"),
         (m.bodies["c"], "com", (0, 0, 0), "start, end and mass"),
-        (m.drives["rate"], "joint", "R", "driven already"),
+        (m.drives["rate"], "joint", "R", "already driven"),
         (m.bodies["b"], "position", (0, 0, np.inf), "NaN and infinity"),
         (m.couplings["wire"], "length", -1.0, "positive"),
         (m.forces["coil"], "body2", "a", "two different"),
@@ -356,7 +356,7 @@ def test_several_at_once() -> None:
     """What one alone would not fit: all or none."""
     m = pt.catalogue.load("four-bar")
     drive = m.add_drive("A", position=0.5)
-    with pytest.raises(DescriptionError, match="beside a position"):
+    with pytest.raises(DescriptionError, match="accompany position"):
         drive.velocity = 2.0
     with pytest.raises(DescriptionError, match="finite"):
         drive.change(position=None, velocity=np.inf)

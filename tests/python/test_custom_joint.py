@@ -129,7 +129,7 @@ def test_what_a_joint_of_ones_own_refuses(tmp_path: Path) -> None:
     same_way: dict[str, Any] = {"x": lambda y: y}
     for free, follows, words in (
         (["rx", "ry"], {"rz": lambda rx, ry: rx}, "all three axes"),
-        (["x"], {"x": lambda x: x}, "free and follow"),
+        (["x"], {"x": lambda x: x}, "both free and dependent"),
         (["y"], {}, "use add_joint"),
         (["y"], {"x": 1.0}, "by a function"),
         (["y"], {"x": lambda y: y + 1.0}, "must be 0 there"),

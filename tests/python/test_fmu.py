@@ -215,9 +215,13 @@ def test_what_goes_wrong_is_said(tmp_path: Path, opened: Any) -> None:
     assert one.step(0.0) == 3 and "not allowed" in one.said[-1]
     one.begin()
     place = one.get(1, 2)
-    for t, step, words in ((1.0, STEP, "stands at 0"), (0.0, -1.0, "a step of -1"), (0.0, float("nan"), "NaN")):
+    for t, step, words in (
+        (1.0, STEP, "the model is at t = 0"),
+        (0.0, -1.0, "a step of -1"),
+        (0.0, float("nan"), "NaN"),
+    ):
         assert one.step(t, step) == 2 and words in one.said[-1], one.said
-    assert one.set(0, float("inf")) == 3 and one.set(1, 1.0) == 3 and "no input" in one.said[-1]
+    assert one.set(0, float("inf")) == 3 and one.set(1, 1.0) == 3 and "not an input" in one.said[-1]
     assert one.call("fmi2GetReal", (ctypes.c_uint * 1)(99), ctypes.c_size_t(1), (ctypes.c_double * 1)()) == 3
     assert one.call("fmi2GetReal", None, ctypes.c_size_t(1), None) == 3
     assert one.call("fmi2GetInteger", None, ctypes.c_size_t(0), None) == 0
@@ -281,7 +285,7 @@ BAD = [
     ({"inputs": "motor"}, "list of names"),
     ({"inputs": ["motor", "motor"]}, "twice"),
     ({"inputs": [1.0]}, "list of names"),
-    ({"outputs": ["A.colour"]}, "nothing that is known"),
+    ({"outputs": ["A.colour"]}, "is not known"),
     ({"outputs": ["A", "A.position"]}, "twice"),
     ({"duration": -1.0}, "duration"),
     ({"communication_step": 0.0}, "communication_step"),

@@ -117,7 +117,7 @@ def test_units_multiply_as_numbers_do() -> None:
         ("3 mmm", "m", "no unit 'mmm'; did you mean 'mm'"),
         ("3 MM", "m", "did you mean 'mm'"),
         ("3 Newton", "N", "did you mean 'newton'"),
-        ("1,5 mm", "m", "decimal point"),
+        ("1,5 mm", "m", "decimal separator"),
         ("5 N/m s", "N", "read in two ways"),
         ("5 N/m*s", "N", "read in two ways"),
         ("5 ft 3", "m", "one number"),
@@ -276,7 +276,7 @@ def test_quantities_of_pint_give_the_same_bits() -> None:
     for value, unit, words in [
         (q(1, "kg"), "m", "is a length"),
         (q(1, "hertz"), "rad/s", "frequency"),
-        (q(20, "degC"), "m", "measured in nothing"),
+        (q(20, "degC"), "m", "whose unit is not known"),
         (q(np.nan, "m"), "kg", "is a mass"),
         (q(1j, "m"), "m", "real numbers"),
     ]:

@@ -128,7 +128,7 @@ def test_dead_position_and_locked_coordinate() -> None:
     m.add_revolute("B", "crank", "rod", point=b)
     m.add_revolute("C", "rod", "slider", point=c, cut="always")
     said = m.report()
-    assert said.to_dict()["dead"] == ["S"] and "A dead position of S" in said
+    assert said.to_dict()["dead"] == ["S"] and "Dead position of S" in said
     aside = m.report(m.assemble(targets={"A": 0.5}))
     assert aside.to_dict()["dead"] == [] and aside.to_dict()["locked"] == []
 

@@ -86,9 +86,9 @@ def test_joints_of_other_kinds(tmp_path: Path) -> None:
     ("text", "words"),
     [
         ("<a/>", "not SDFormat"),
-        ("<sdf/>", "holds 0 models"),
+        ("<sdf/>", "contains 0 models"),
         ('<sdf><model name="m"/></sdf>', "no <link>"),
-        (model('<include/>'), "stands inside a model"),
+        (model('<include/>'), "nested in a model"),
         (model('<link name="crank"/>'), "taken"),
         (model('<frame name="x"><pose relative_to="y"/></frame><frame name="y"><pose relative_to="x"/></frame>'
                + hinge("E", "x", "crank")), "circle"),

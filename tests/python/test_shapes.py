@@ -114,7 +114,7 @@ def test_meshes_that_cannot_be_read_are_reported(part: Path, tmp_path: Path) -> 
         drawn(tmp_path / "part.step")
     for more, words in (
         ({"scale": 0.0}, "scale"),
-        ({"axes": ((1, 0, 0), (1, 0, 0), (0, 0, 1))}, "square"),
+        ({"axes": ((1, 0, 0), (1, 0, 0), (0, 0, 1))}, "perpendicular"),
         ({"size": 1}, "size"),
     ):
         with pytest.raises(ArgumentError, match=words):
@@ -155,7 +155,7 @@ def test_a_robot_looks_as_its_file_says(part: Path, tmp_path: Path) -> None:
     reported = "\n".join(map(str, m.reading.dropped))
     assert (
         "outside the folder" in reported
-        and "nothing is fetched" in reported
+        and "nothing is downloaded" in reported
         and ".dae" in reported
         and "radius" in reported
     )

@@ -162,7 +162,7 @@ def test_our_check_agrees_with_jsonschema() -> None:
             'gravity[1] must be a number or a table { times = [...], values = [...] }, not "g"',
         ),
         (HEAD + "[[bodi]]\n", 4, 'did you mean "body"?'),
-        (HEAD + ROD + "lenght = 1\n", 9, '"lenght" is no key of rod "rod"'),
+        (HEAD + ROD + "lenght = 1\n", 9, '"lenght" is not a key of rod "rod"'),
         (HEAD + ROD.replace("mass = 1", "mas = 1"), 8, 'did you mean "mass"?'),
         (HEAD + ROD.replace("mass = 1\n", ""), 4, 'rod "rod" has no "mass"'),
         (HEAD + ROD.replace("mass = 1", 'mass = "1"'), 8, "mass must be a number"),
@@ -175,7 +175,7 @@ def test_our_check_agrees_with_jsonschema() -> None:
         (
             HEAD + ROD + HINGE + "axis1 = [1, 0, 0]\n",
             15,
-            '"axis1" is no key of revolute joint "A"; did you mean "axis"?',
+            '"axis1" is not a key of revolute joint "A"; did you mean "axis"?',
         ),
         (HEAD + ROD + HINGE + "axis = [0, 0, 0]\n", 9, "no direction"),
         (HEAD + ROD + HINGE + 'cut = "no"\n', 15, "'auto', 'always', 'never'"),
@@ -184,7 +184,7 @@ def test_our_check_agrees_with_jsonschema() -> None:
         (HEAD + ROD + HINGE + '[[torque]]\njoint = "A"\nvalue = [1]\n', 17, "a number or a table"),
         (HEAD + ROD + HINGE + '[[torque]]\njoint = "A"\nvalue = { times = [1, 0], values = [0, 0] }\n', 15, "increase"),
         (HEAD + ROD + HINGE + '[[drive]]\njoint = "A"\nposition = 0\ncoordinate = -1\n', 18, "at least 0"),
-        (HEAD + "rod = 3\n", 4, '"rod" is no key of mechanism'),
+        (HEAD + "rod = 3\n", 4, '"rod" is not a key of mechanism'),
     ],
 )
 def test_what_is_wrong_is_reported_with_its_line(text: str, line: int | None, words: str, tmp_path: Path) -> None:

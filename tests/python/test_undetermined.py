@@ -239,7 +239,7 @@ def test_bad_compliances() -> None:
     m = door()
     for given, words in (
         ({"translation": -1.0}, "at least 0"),
-        ({"translation": (1.0, -1.0, 0.0)}, "against the load"),
+        ({"translation": (1.0, -1.0, 0.0)}, "must not be negative"),
         ({}, "all entries are 0"),
         ({"rotation": np.nan}, "finite"),
     ):

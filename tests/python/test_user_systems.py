@@ -59,7 +59,7 @@ def test_bad_size_of_a_system_is_refused(n: Any) -> None:
         ({"mass": lambda t, q: np.eye(3)}, "mass at t = 0 s returned shape (3, 3) instead of (2, 2)"),
         ({"mass": lambda t, q: [[1.0, 0.5], [0.0, 1.0]]}, "not symmetric"),
         ({"forces": lambda t, q, v: [0.0, math.nan]}, "forces at t = 0 s returned nan at index [1]"),
-        ({"forces": lambda t, q, v: "down"}, "no array of numbers"),
+        ({"forces": lambda t, q, v: "down"}, "not an array of numbers"),
         ({"jacobian": lambda t, q: q}, "jacobian at t = 0 s returned shape (2,)"),
         ({"constraints": lambda t, q: [0.0, 0.0]}, "at most 1"),
         ({"bias": lambda t, q, v: [0.0, 0.0]}, "instead of (1,)"),

@@ -136,11 +136,13 @@ def test_functions_without_exact_derivatives_are_smooth_where_they_vanish() -> N
 
 def test_a_gradient_of_another_function_and_rates_of_turns_not_there_are_refused() -> None:
     m = slide()
-    with pytest.raises(DescriptionError, match=r"entry 0 of the gradient given is -0\.1, but the slope .* is -0\.3"):
+    with pytest.raises(
+        DescriptionError, match=r"entry 0 of the gradient given is -0\.1, but the derivative .* is -0\.3"
+    ):
         m.add_constraint(
             "c", lambda t, x, y: y - 0.1 * x - 0.2 * np.sin(x), of=["A", "P"], gradient=lambda t, x, y: (-0.1, 1.0)
         )
     m.add_free("flight", m.ground, "s")
     for rates in ({"flight": [1, 0, 0, 0, 0, 0]}, {"flight.wx": 1.0}):
-        with pytest.raises(ArgumentError, match="the turn in space of joint 'flight' is no part of this state"):
+        with pytest.raises(ArgumentError, match="the spatial rotation of joint 'flight' is not part of this state"):
             m.assemble(rates=rates, coordinates="absolute")

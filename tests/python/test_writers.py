@@ -323,7 +323,7 @@ def test_a_damper_that_was_changed_in_the_urdf_is_followed(tmp_path: Path) -> No
     back = pt.load(tmp_path / "robot.urdf")
     forces = [back._description.forces[name] for name in back.forces]
     assert sum(force.damping for force in forces) == 0.4 and sum(force.stiffness for force in forces) == 3.0
-    assert "damping 0.4 of joint A is the URDF's" in str(back.reading)
+    assert "damping 0.4 of joint A is taken from the URDF" in str(back.reading)
 
 
 BESIDE = {
@@ -331,9 +331,9 @@ BESIDE = {
     "springs: [3]\n": 'names a joint, or the points "from" and "to"',
     "springs: [{joint: A, stiffness: 1.0}]\n": "has no name",
     "springs: [{name: s, joint: A, force: 1.0}]\n": "has force; it knows",
-    "springs: [{name: s, joint: A, stiffness: .inf}]\n": "a number that is none",
-    "springs: [{name: s, joint: A, stiffness: true}]\n": "a number that is none",
-    "springs: [{name: s, joint: A}, {name: s, joint: B}]\n": "there twice",
+    "springs: [{name: s, joint: A, stiffness: .inf}]\n": "not a finite number",
+    "springs: [{name: s, joint: A, stiffness: true}]\n": "not a finite number",
+    "springs: [{name: s, joint: A}, {name: s, joint: B}]\n": "appears twice",
     "springs: [{name: s, joint: Z, stiffness: 1.0}]\n": 'acts at "Z"',
     "springs: [{name: s, from: [crank, 0, 0], to: [rocker, 0, 0, 0]}]\n": "links of the URDF",
     "springs: [{name: s, from: [crank, 0, 0, 0], to: [nobody, 0, 0, 0]}]\n": "links of the URDF",
@@ -422,12 +422,12 @@ def test_what_mujoco_cannot_move_is_lost(tmp_path: Path) -> None:
     small = pt.Mechanism("watch")
     small.add_body("wheel", mass=1e-9, inertia=(1e-18, 1e-18, 2e-18))
     small.add_revolute("A", small.ground, "wheel", point=(0, 0, 0))
-    with pytest.raises(pt.errors.FileFormatError, match="MuJoCo asks"):
+    with pytest.raises(pt.errors.FileFormatError, match="MuJoCo requires"):
         small.save(tmp_path / "watch.mjcf", strict=True)
     rod = pt.Mechanism("rod")
     rod.add_rod("rod", (0, 0, 0), (1, 0, 0), mass=1.0)
     rod.add_revolute("A", rod.ground, "rod", point=(0, 0, 0))
-    assert any("MuJoCo asks" in said for said in rod.save(tmp_path / "rod.mjcf", strict=True).changed)
+    assert any("MuJoCo requires" in said for said in rod.save(tmp_path / "rod.mjcf", strict=True).changed)
 
 
 def test_a_file_of_that_name_that_closes_nothing_stays(tmp_path: Path) -> None:

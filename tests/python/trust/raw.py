@@ -52,7 +52,7 @@ def hinged(**change: Any) -> Any:
 
 
 CASES = [
-    asked("inertia", "an inertia of 1e308", DescriptionError, "take other units", lambda: body(inertia=(1e308,) * 3)),
+    asked("inertia", "an inertia of 1e308", DescriptionError, "use other units", lambda: body(inertia=(1e308,) * 3)),
     asked(
         "impossible", "an inertia that no body can have", DescriptionError, "inertia", lambda: body(inertia=(1, 1, 3))
     ),
