@@ -203,7 +203,7 @@ class _Work:
         """All to one executor, a few ahead of what has come back; those that it lost."""
         lost: list[Point] = []
         done: SimpleQueue[tuple[Point, Future[Any]]] = SimpleQueue()
-        left, under_way, broken = iter(points), 0, False
+        left, under_way, pool_died = iter(points), 0, False
 
         def take(point: Point, future: Future[Any]) -> None:
             error = future.exception()
@@ -218,12 +218,12 @@ class _Work:
 
         try:
             while True:
-                for point in itertools.islice(left, 0 if broken else AHEAD - under_way):
+                for point in itertools.islice(left, 0 if pool_died else AHEAD - under_way):
                     try:
                         future = pool.submit(self.model, **self.named(point))
                     except futures.BrokenExecutor:
                         lost.append(point)
-                        broken = True
+                        pool_died = True
                         break
                     under_way += 1
                     future.add_done_callback(lambda future, point=point: done.put((point, future)))  # type: ignore[misc]

@@ -201,7 +201,7 @@ def test_a_cam_that_fails_where_it_is_asked_first_is_named(mistaken: Any) -> Non
         two_levers().add_drive("A", mistaken, name="turn")
 
 
-def test_what_is_no_pose_is_told_without_inner_names() -> None:
+def test_what_is_no_pose_is_reported_without_inner_names() -> None:
     m = pt.Mechanism("disc")
     disc = m.add_body("disc", mass=1.0, inertia=(1, 1, 1))
     with pytest.raises(EvaluationError) as caught:

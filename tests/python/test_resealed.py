@@ -17,7 +17,7 @@ import partita as pt
 from partita.errors import FileFormatError, PartitaError
 from partita.files import BLANK, sealed
 
-Place = tuple[str | int, ...]
+KeyPath = tuple[str | int, ...]
 GONE = object()
 OTHERS: tuple[Any, ...] = (
     GONE, None, "x", "", -1, 3, 1e300, 10**30, True, [], {}, [[]], [None], ["x"], [1, 2, 3], [[1.0], [2.0]],
@@ -46,30 +46,30 @@ def stored(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     return document_of(tmp_path_factory.mktemp("stored") / "run.json")
 
 
-def places(document: Any, way: Place = ()) -> Iterator[Place]:
+def places(document: Any, keys: KeyPath = ()) -> Iterator[KeyPath]:
     """Every place but the mechanism's description and numbers deep in arrays; of lists the first two entries."""
-    if way:
-        yield way
-    if way[:2] == ("account", "spec") or (way[:1] == ("arrays",) and len(way) > 4):
+    if keys:
+        yield keys
+    if keys[:2] == ("account", "spec") or (keys[:1] == ("arrays",) and len(keys) > 4):
         return
     if isinstance(document, dict):
         for key, item in document.items():
-            yield from places(item, (*way, key))
+            yield from places(item, (*keys, key))
     elif isinstance(document, list):
         for i, item in enumerate(document[:2]):
-            yield from places(item, (*way, i))
+            yield from places(item, (*keys, i))
 
 
-def changed(document: dict[str, Any], way: Place, value: Any) -> bytes:
+def changed(document: dict[str, Any], keys: KeyPath, value: Any) -> bytes:
     """The file with something else in one place, and a right seal."""
     new = copy.deepcopy(document)
     at: Any = new
-    for key in way[:-1]:
+    for key in keys[:-1]:
         at = at[key]
     if value is GONE:
-        del at[way[-1]]
+        del at[keys[-1]]
     else:
-        at[way[-1]] = value
+        at[keys[-1]] = value
     new["checksum"] = BLANK
     return sealed(json.dumps(new).encode("utf-8"))
 
@@ -96,11 +96,11 @@ def uses(run: Any, folder: Path) -> Iterator[Callable[[], Any]]:
     yield lambda: run.save(folder / "again.json")
 
 
-def tried(document: dict[str, Any], way: Place, value: Any, folder: Path) -> str:
+def tried(document: dict[str, Any], keys: KeyPath, value: Any, folder: Path) -> str:
     """How it ends: "refused", "used", or the place and the error that is none of Partita's."""
     path = folder / "run.json"
-    path.write_bytes(changed(document, way, value))
-    where = f"{way} = {'gone' if value is GONE else value!r}"
+    path.write_bytes(changed(document, keys, value))
+    where = f"{keys} = {'gone' if value is GONE else value!r}"
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -123,7 +123,7 @@ def tried(document: dict[str, Any], way: Place, value: Any, folder: Path) -> str
 
 def test_a_resealed_result_is_refused_or_can_be_used(stored: dict[str, Any], tmp_path: Path) -> None:
     """A draw of all places and contents; the same on every machine."""
-    every = [(way, value) for way in places(stored) for value in OTHERS]
+    every = [(keys, value) for keys in places(stored) for value in OTHERS]
     rng = np.random.default_rng(24)
     found = [tried(stored, *every[i], tmp_path) for i in rng.choice(len(every), 250, replace=False)]
     assert not [words for words in found if words not in ("refused", "used")]
@@ -131,7 +131,7 @@ def test_a_resealed_result_is_refused_or_can_be_used(stored: dict[str, Any], tmp
 
 
 @pytest.mark.parametrize(
-    ("way", "value"),
+    ("keys", "value"),
     [
         (("account", "summary", "bodies", 0, "name"), None),
         (("account", "summary", "joints", 0, "q", 0), None),
@@ -156,15 +156,17 @@ def test_a_resealed_result_is_refused_or_can_be_used(stored: dict[str, Any], tmp
         (("arrays", "effort", "shape", 0), GONE),
     ],
 )
-def test_what_was_an_error_of_python_is_refused(stored: dict[str, Any], way: Place, value: Any, tmp_path: Path) -> None:
-    assert tried(stored, way, value, tmp_path) == "refused"
+def test_what_was_an_error_of_python_is_refused(
+    stored: dict[str, Any], keys: KeyPath, value: Any, tmp_path: Path
+) -> None:
+    assert tried(stored, keys, value, tmp_path) == "refused"
 
 
 def main() -> int:
     """Every place with every content: minutes."""
     folder = Path(tempfile.mkdtemp())
     document = document_of(folder / "stored.json")
-    ends = [tried(document, way, value, folder) for way in places(document) for value in OTHERS]
+    ends = [tried(document, keys, value, folder) for keys in places(document) for value in OTHERS]
     wrong = [words for words in ends if words not in ("refused", "used")]
     print("\n".join(wrong[:40]))
     print(f"{len(ends)} files: {ends.count('refused')} refused, {ends.count('used')} used, {len(wrong)} raw errors")

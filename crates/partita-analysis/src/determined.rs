@@ -23,12 +23,12 @@ use partita_system::prelude::*;
 use partita_system::start::{analyse, rank_here, Start};
 use partita_system::SystemError;
 
-/// Directions in which self-stresses load a joint, the longest first, in units of what counts as zero.
+/// Directions in which self-stresses load a joint, the longest first, in units of the level that counts as zero.
 type Directions = [Vec3<f64>; 3];
-/// Numbers that hold the directions of one joint: force, then moment, row by row.
+/// Number of entries for the directions of one joint: force, then moment, row by row.
 pub const DIRECTIONS: usize = 18;
 
-/// What self-stresses can do to one joint, world axes.
+/// The loads that self-stresses can put on one joint, world axes.
 #[derive(Clone, Copy, Debug, Default)]
 struct Open {
     force: Directions,
@@ -42,7 +42,7 @@ impl Open {
         std::array::from_fn(|i| if i < 3 { along(&self.force, i) } else { along(&self.moment, i - 3) })
     }
 
-    /// All that a joint can carry.
+    /// Every load that a joint can transmit.
     fn everything() -> Self {
         let all = [0, 1, 2].map(|i| Vec3([0, 1, 2].map(|j| if i == j { f64::INFINITY } else { 0.0 })));
         Self { force: all, moment: all }
@@ -129,7 +129,7 @@ fn open_rows(model: &Model, stresses: &[Stress]) -> Vec<bool> {
 }
 
 /// [`determined`] of all joints at each state: 6 flags a joint (1 or 0) in world axes, the same in joint axes, one for
-/// the effort along each velocity of each joint, and one for each multiplier of a condition that is no closing.
+/// the effort along each velocity of each joint, and one for each multiplier of a condition other than a loop closure.
 ///
 /// At a singular position more components are undetermined than next to it, and they are reported.
 ///

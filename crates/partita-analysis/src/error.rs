@@ -1,10 +1,10 @@
-//! Why a question has no answer.
+//! Errors of an analysis.
 
 use partita_model::DescriptionError;
 use partita_system::SystemError;
 use thiserror::Error;
 
-/// A question that could not be answered.
+/// An analysis that failed.
 #[derive(Debug, Error)]
 pub enum AnalysisError {
     /// The mechanism could not be compiled with all its closings in space.
@@ -23,7 +23,7 @@ pub enum AnalysisError {
     Unknown {
         /// The name.
         name: String,
-        /// What there is.
+        /// The names that exist.
         message: String,
     },
     /// The evaluation failed at this position; the reason is a property of the whole mechanism.
@@ -31,7 +31,7 @@ pub enum AnalysisError {
     Explained {
         /// What failed.
         error: SystemError,
-        /// What is behind it.
+        /// The underlying error.
         cause: String,
     },
     /// It could not be evaluated at this position.

@@ -48,7 +48,7 @@ pub fn drive(name: &str, joint: &str) -> Drive {
     Drive::new(name, Measure::joint(joint, 0), Value::Table(table), Level::Position)
 }
 
-/// Turn everything by the same generic rotation.
+/// Rotate everything by the same generic rotation.
 pub fn tilted(mut spec: Spec) -> Spec {
     let axis = Vec3([0.3, -0.5, 0.8]).unit().unwrap();
     let r = Mat3::about(axis, 1.1_f64.sin(), 1.1_f64.cos());

@@ -16,21 +16,21 @@ const NOMINALLY_PARALLEL: f64 = 0.1;
 /// from it.
 const NAMED_ERROR: f64 = 0.5;
 /// Smaller displacements of joint frames are not reported. Scale: fraction of the rotations, times the length. Reason:
-/// the rotations say it all.
+/// the rotations describe the error completely.
 const SMALL_DISPLACEMENT: f64 = 0.1;
 
-/// What of a drawing does not fit.
+/// Geometric errors of a drawing.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct GeometricError {
     /// In sentences.
     pub(crate) sentences: Vec<String>,
-    /// The largest change of a joint frame by which it fits (rad, parts of lengths).
+    /// The largest change of a joint frame that makes it fit (rad, fractions of lengths).
     pub(crate) size: f64,
-    /// Degrees of freedom with the change, where it is beyond the tolerance and not made.
+    /// Degrees of freedom with the change, where it exceeds the tolerance and is not made.
     pub(crate) repaired_mobility: Option<usize>,
 }
 
-/// What was repaired of the drawing of a mechanism, or what beyond its tolerance would let it move.
+/// What was repaired in a drawing, or which change beyond its tolerance would give the mechanism a motion.
 pub(crate) fn of_drawing(model: &Model) -> GeometricError {
     let own = model.geometry();
     if own.geometric_error() > 0.0 {
@@ -77,7 +77,7 @@ fn sentences(drawn: &Model, geometry: &Geometry) -> Vec<String> {
 
 /// Smaller angles are written with an exponent. Scale: degrees. Reason: three decimals would show nothing.
 const SMALL_ANGLE: f64 = 1e-3;
-/// An angle as people read it off a drawing.
+/// An angle in degrees, as drawings give it.
 fn degrees(angle: f64) -> String {
     let angle = angle.to_degrees();
     if angle >= SMALL_ANGLE {
@@ -87,7 +87,7 @@ fn degrees(angle: f64) -> String {
     }
 }
 
-/// Turning axes that were intended to be parallel, and slides across them; or slides alone.
+/// Axes of rotation that were intended to be parallel, and slides perpendicular to them; or slides alone.
 fn out_of_parallel(pose: &Pose, joints: &BTreeSet<usize>) -> Vec<String> {
     let model = pose.model;
     let name = |j: usize| model.spec.joints[j].name.as_str();

@@ -1,12 +1,12 @@
 //! The mechanism in space without its masses.
 //!
-//! Mobility, redundancy and self-stresses are matters of geometry. Asked of a system in which every velocity weighs the
-//! same over its characteristic displacement (a radian of a turn, a mechanism's size of a slide), they can be answered
-//! for bodies without mass or axial inertia too, and the answer does not change with the masses.
+//! Mobility, redundancy and self-stresses are matters of geometry. They are evaluated for a system in which every
+//! velocity has unit mass in its characteristic displacement (a radian for rotations, the size of the mechanism for
+//! translations). So they are defined for bodies without mass or axial inertia too, and do not depend on the masses.
 //!
-//! Rows are measured against the loop they close. One that no motion of the loop changes (the turn about an axis of the
-//! plane, in a loop of parallel axes) is made of rounding errors alone in a tilted drawing; taken for what it says, it
-//! would count as a condition of its own.
+//! Rows are measured against the loop they close. One that no motion of the loop changes (the rotation about an axis of
+//! the plane, in a loop of parallel axes) consists of rounding errors alone in a tilted drawing; without a scale it
+//! would count as an independent condition.
 
 use crate::error::AnalysisError;
 use partita_math::elimination::Pattern;
@@ -64,7 +64,8 @@ pub(crate) struct Geometry<'m> {
     holonomic: usize,
     /// `s_i² = [M⁻¹]_ii`: the square of the characteristic displacement of velocity i.
     scale2: Vec<f64>,
-    /// By how much a large move can open each row: 1 for a turn, the size of its loop for a displacement.
+    /// Closure error that a large displacement can cause in each row: 1 for a rotation, the size of its loop for a
+    /// translation.
     row_displacement: Vec<f64>,
     /// Weight below which a row is round-off.
     nothing: f64,
@@ -79,7 +80,7 @@ pub(crate) struct GeometryScratch {
 }
 
 impl<'m> Geometry<'m> {
-    /// All rows if `drives`, else those of the closings alone.
+    /// All rows if `drives`, otherwise those of the loop closures alone.
     pub(crate) fn new(model: &'m Model, drives: bool) -> Self {
         let all = model.pattern();
         let rows: Vec<usize> = if drives { (0..all.rows).collect() } else { model.undriven().collect() };
@@ -110,8 +111,8 @@ impl<'m> Geometry<'m> {
         Self { model, pattern, rows, holonomic, scale2, row_displacement, nothing }
     }
 
-    /// Length of row `i` of C for unit characteristic displacements over what a large move can open it: squared, 1 for
-    /// a healthy row.
+    /// Length of row `i` of C for unit characteristic displacements over the closure error of a large displacement:
+    /// squared, 1 for a well-scaled row.
     fn weight(&self, i: usize, c: &[f64]) -> f64 {
         if self.row_displacement[i] == 0.0 {
             return 1.0;
@@ -120,7 +121,7 @@ impl<'m> Geometry<'m> {
         self.pattern.row(i).map(square).sum::<f64>() / self.row_displacement[i].powi(2)
     }
 
-    /// Squared sine or [`weight`](Self::weight) of the weakest row that counts: how far the position is from a singular
+    /// Squared sine or [`weight`](Self::weight) of the weakest accepted row: how far the position is from a singular
     /// one.
     pub(crate) fn distance(&self, start: &Start, t: f64, q: &[f64]) -> Result<f64, SystemError> {
         let c = self.jacobian(t, q)?;

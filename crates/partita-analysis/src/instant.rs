@@ -1,4 +1,4 @@
-//! What any system answers at one state.
+//! Quantities of any system at one state.
 
 use partita_math::dense::{self, Matrix};
 use partita_system::manifold::orthogonal::dense_rows;
@@ -58,7 +58,7 @@ impl<'s, S: ConstrainedSystem> Levels<'s, S> {
     }
 }
 
-/// The equations at one instant, reduced by the best partition there; dense, to be looked at.
+/// The equations at one instant, reduced by the best partition there; dense, for inspection.
 #[derive(Clone, Debug)]
 pub struct Instant {
     /// Velocities (n): those requested, or zero independent velocities.
@@ -97,8 +97,7 @@ pub struct Instant {
 
 /// S1-S5 and P1-P4 at (t, q, v), written out with dense matrices; the choice is the one a run would begin with.
 ///
-/// `v` are taken as they are for h and b. Without them the mechanism rests, as far as prescribed motion lets it.
-/// Costs O(n³).
+/// `v` enters h and b as given. Without it the mechanism is at rest except for prescribed motion. Costs O(n³).
 ///
 /// # Errors
 /// Where the system cannot be evaluated or is in a singular position.

@@ -68,7 +68,7 @@ impl Equations for Frozen {
 pub struct Choice {
     /// The rule.
     pub rule: Selection,
-    /// Switches that gain less are left undone; 1 or more.
+    /// Switches with a smaller gain are not made; 1 or more.
     pub threshold: f64,
     /// Preferences that multiply ρ.
     pub weights: Option<Vec<f64>>,
@@ -163,7 +163,7 @@ impl Matrices {
     /// A partition by a rule, or the one named.
     ///
     /// # Errors
-    /// `Argument` besides for a choice that makes no sense.
+    /// `Argument` also for an invalid choice.
     pub fn choose(&self, choice: &Choice) -> Result<Chosen, AnalysisError> {
         let n = self.n();
         if choice.threshold < 1.0 || choice.threshold.is_nan() {
@@ -193,7 +193,7 @@ impl Matrices {
         Ok(Chosen { split: Split::new(0.0, &r.partition, &self.0.equations.c)?, rho, quality })
     }
 
-    /// Lengths, metrics and projectors; of redundant rows those that the partition keeps count.
+    /// Lengths, metrics and projectors; of redundant rows only those kept by the partition are used.
     ///
     /// # Errors
     /// As `choose`.

@@ -33,7 +33,7 @@ pub struct Redundant {
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mobility {
-    /// Degrees of freedom k, those that drives prescribe not counted.
+    /// Degrees of freedom k, not counting driven ones.
     pub mobility: usize,
     /// Conditions of all joints together: 5 for a revolute.
     pub joint_rows: usize,
@@ -45,26 +45,28 @@ pub struct Mobility {
     pub closing_rank: usize,
     /// Velocities of the tree in space.
     pub velocities: usize,
-    /// Rows that follow from the others, and drives that leave nothing to prescribe, in the order of `dropped`. The
-    /// choice among rows that depend on each other is not unique; their number is.
+    /// Redundant rows and redundant drives, in the order of `dropped`. The choice among rows that depend on each other
+    /// is not unique; their number is.
     pub redundant: Vec<Redundant>,
     /// The same as rows of [`Model::in_space`], ascending.
     pub dropped: Vec<usize>,
-    /// What of the drawing does not fit, in sentences: within its tolerance, and repaired, or beyond it, and a
-    /// condition.
+    /// Geometric errors of the drawing, in sentences: repaired if within the tolerance, kept as conditions if beyond
+    /// it.
     pub geometric_errors: Vec<String>,
-    /// The largest change of a joint frame by which the drawing fits (rad, parts of lengths); 0 where it does as it is.
+    /// The largest change of a joint frame that makes the drawing fit (rad, fractions of lengths); 0 where it fits as
+    /// drawn.
     pub geometric_error: f64,
-    /// Degrees of freedom that it would have, drives released, if its drawing were not off by more than its tolerance.
+    /// Degrees of freedom, drives released, without a geometric error that exceeds the tolerance.
     pub repaired_mobility: Option<usize>,
-    /// Squared sine of the angle between the weakest row and those it nearly follows from: 0 in a singular position.
+    /// Squared sine of the angle between the weakest row and those on which it nearly depends: 0 in a singular
+    /// position.
     pub smallest: f64,
 }
 
 /// Mobility and redundant rows at an assembled position.
 ///
-/// Masses do not enter. Fails at a singular position, where rows depend on each other that do not next to it.
-/// Cost: sparse; in proportion to the number of loops of a chain, and one sparse solution per redundant row.
+/// Masses do not enter. Fails at a singular position, where rows are dependent that are independent nearby. Cost:
+/// sparse; proportional to the number of loops of a chain, and one sparse solution per redundant row.
 pub fn mobility(model: &Model, t: f64, q: &[f64]) -> Result<Mobility, AnalysisError> {
     let (twin, q) = in_space(model, q)?;
     let released = Geometry::new(&twin, false);
@@ -110,7 +112,7 @@ pub fn mobility(model: &Model, t: f64, q: &[f64]) -> Result<Mobility, AnalysisEr
 }
 
 impl Mobility {
-    /// What of the drawing does not fit and what becomes of it, in one sentence; none where it fits.
+    /// The geometric errors of the drawing and their treatment, in one sentence; none where it fits.
     pub fn of_drawing(&self, tolerance: f64) -> Option<String> {
         if self.geometric_errors.is_empty() {
             return None;
@@ -132,7 +134,7 @@ impl Mobility {
     }
 }
 
-/// Drives whose coordinate the loops and the drives before them already prescribe.
+/// Drives whose coordinate the loops and earlier drives already determine.
 fn superfluous_drives(driven: &Geometry, t: f64, q: &[f64], found: &mut Mobility) -> Result<(), SystemError> {
     let (pattern, displacement, model) = (driven.pattern(), driven.scales(), driven.model);
     let c = driven.jacobian(t, q)?;

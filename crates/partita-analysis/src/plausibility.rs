@@ -1,4 +1,4 @@
-//! Data that are possible and unlikely: bodies that spin unnoticed, masses that are missing, units that were mixed up.
+//! Data that are possible but unlikely: idle spins, missing masses, confused units.
 
 use crate::reason::names;
 use partita_math::dense::Matrix;
@@ -20,7 +20,7 @@ pub struct Idle {
     pub held: bool,
 }
 
-/// Bodies held by ball joints in one line alone.
+/// Bodies held only by ball joints on one line.
 pub(crate) fn idle(model: &Model) -> Vec<Idle> {
     let joints = |x: &[usize]| x.iter().map(|&j| model.spec.joints[j].name.clone()).collect();
     let line = |x: massless::Idle| Idle {
@@ -37,7 +37,7 @@ pub fn weightless(model: &Model) -> Option<String> {
     model.spec.bodies.iter().any(massless).then(|| without_inertia(model, &idle(model)))
 }
 
-/// Which body it is whose missing inertia leaves the motion open.
+/// The body whose missing inertia makes the motion indeterminate.
 pub(crate) fn without_inertia(model: &Model, idle: &[Idle]) -> String {
     if let Some(words) = spins_unfelt(model, idle) {
         return words;
@@ -52,7 +52,7 @@ pub(crate) fn without_inertia(model: &Model, idle: &[Idle]) -> String {
     format!("one motion has no inertia; check {}, where the mass or a moment of inertia is 0", names(&massless))
 }
 
-/// Rods that can spin between balls without inertia, and are not held because something sees the spin.
+/// Rods that can spin between balls without inertia, and are not held because some element depends on the spin.
 pub(crate) fn spins_unfelt(model: &Model, idle: &[Idle]) -> Option<String> {
     let number = |name: &str| model.spec.bodies.iter().find(|b| b.name == name);
     let spins = idle.iter().filter(|x| !x.held && number(&x.body).is_some_and(|b| least_inertia(b) <= 0.0));
@@ -67,7 +67,7 @@ pub(crate) fn spins_unfelt(model: &Model, idle: &[Idle]) -> Option<String> {
     })
 }
 
-/// The smallest principal moment, zero where it is rounding.
+/// The smallest principal moment, zero where it is round-off.
 fn least_inertia(b: &Body) -> f64 {
     let m = Matrix::from_vec(3, 3, b.inertia.concat());
     let Ok((values, _)) = symmetric_eigen(&m) else { return 0.0 };
@@ -80,9 +80,9 @@ fn least_inertia(b: &Body) -> f64 {
     }
 }
 
-/// A whole angle beyond this is likely to be meant in degrees. Scale: rad. Reason: more than one and a half turns.
+/// A whole angle beyond this was probably given in degrees. Scale: rad. Reason: more than one and a half turns.
 const DEGREES: f64 = 10.0;
-/// A body larger or smaller by this factor is likely to have another unit. Scale: ratio to the usual size. Reason:
+/// A body larger or smaller by this factor was probably given in another unit. Scale: ratio to the usual size. Reason:
 /// between centimetre and metre, millimetre and metre.
 const FAR_OFF: f64 = 100.0;
 

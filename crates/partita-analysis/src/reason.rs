@@ -1,4 +1,4 @@
-//! Why a row is superfluous, in the words of the drawing: what the joints around the loop have in common.
+//! Why a row is redundant, in terms of the drawing: what the joints around the loop have in common.
 
 use crate::stress::{Pose, Stress};
 use partita_math::spatial::Vec3;
@@ -10,11 +10,11 @@ const LISTED: usize = 8;
 
 /// Free motions of some joints now, world axes.
 struct Motions {
-    /// Turns: a point of the axis, its direction.
+    /// Rotations: a point of the axis, its direction.
     turns: Vec<(Vec3<f64>, Vec3<f64>)>,
     /// Slides.
     slides: Vec<Vec3<f64>>,
-    /// Centres of turns in space.
+    /// Centres of spatial rotations.
     balls: Vec<Vec3<f64>>,
     /// Sine of the angle below which directions count as parallel.
     parallel: f64,
@@ -31,7 +31,7 @@ impl Motions {
             for m in &p.shape.motions {
                 match m {
                     Motion::Turn(a) => {
-                        // the second of two turns is about an axis of the child
+                        // the second of two rotations is about an axis of the child
                         let axis = if first { on_parent.apply(*a) } else { on_child.apply(*a) };
                         all.turns.push((pose.points[j], axis));
                         first = false;
@@ -44,7 +44,7 @@ impl Motions {
         all
     }
 
-    /// The normal of the plane in which all turns and slides move.
+    /// The normal of the plane of all rotations and translations.
     fn plane(&self) -> Option<Vec3<f64>> {
         let normal = match self.turns.first() {
             Some(&(_, axis)) => axis,
@@ -68,7 +68,7 @@ impl Motions {
             && self.balls.iter().all(|x| on_axis(*x))
     }
 
-    /// The point in which all turning axes meet.
+    /// The point in which all axes of rotation meet.
     fn centre(&self, size: f64) -> Option<Vec3<f64>> {
         let &(p, a) = self.turns.first()?;
         let &(r, b) = self.turns.iter().find(|(_, b)| a.cross(*b).norm() > tolerance::AXES_CROSS)?;

@@ -1,7 +1,7 @@
 //! Which joints to replace by which, so that nothing is redundant and nothing moves that did not.
 //!
-//! A component that a joint is freed of takes a self-stress away if some self-stress loads it; else it adds a motion.
-//! So the components freed must be as many as there are self-stresses, and the self-stresses independent in them.
+//! Releasing a component of a joint removes a self-stress if some self-stress loads it; otherwise it adds a motion. So
+//! as many components must be released as there are self-stresses, and the self-stresses must be independent in them.
 
 use crate::error::AnalysisError;
 use crate::geometry::{in_space, Geometry};
@@ -18,11 +18,11 @@ use serde::Serialize;
 use std::collections::HashSet;
 use std::sync::Arc;
 
-/// Self-stresses up to which remedies are looked for; beyond, what to do is the same for each loop.
+/// Number of self-stresses up to which remedies are searched; beyond, the remedy is the same for each loop.
 const MOST: usize = 150;
-/// Up to so many self-stresses all choices of few joints are tried, fewest joints first.
+/// Up to this number of self-stresses all choices of few joints are tried, fewest joints first.
 const FEW: usize = 6;
-/// Joints replaced at the most in that search, and joints among which it chooses.
+/// Maximum number of joints replaced in that search, and of joints among which it chooses.
 const REPLACED: usize = 3;
 const AMONG: usize = 16;
 
@@ -37,12 +37,12 @@ pub struct Remedy {
     pub by: String,
 }
 
-/// One replacement that frees a joint.
+/// One replacement that releases components of a joint.
 struct Replacement {
     joint: usize,
     kind: JointKind,
     by: &'static str,
-    /// Components of force and moment in joint axes that it frees.
+    /// Components of force and moment in joint axes that it releases.
     frees: Vec<usize>,
     usual: bool,
 }
@@ -67,7 +67,7 @@ fn replacements(kind: JointKind, joint: usize) -> Vec<Replacement> {
     }
 }
 
-/// Kinds as people call them.
+/// Common names of the kinds.
 pub(crate) fn word(kind: JointKind) -> &'static str {
     match kind {
         JointKind::Revolute => "hinge",
@@ -111,7 +111,7 @@ impl Base {
     }
 }
 
-/// Replacements that leave as many motions and nothing redundant, tried out on the drawing; none where none was found.
+/// Replacements that keep the mobility and leave nothing redundant, verified on the drawing; none where none was found.
 ///
 /// # Errors
 /// Those of [`mobility`].

@@ -24,12 +24,12 @@ mod sentences;
 
 use sentences::{floating, notes, redundancy};
 
-/// A joint and what it joins, as described.
+/// A joint and the bodies it connects, as described.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct JointLine {
-    /// Its name; that of the body where no joint holds it.
+    /// Its name; that of the body where it floats.
     pub joint: String,
-    /// Kind of joint; `floating` for a body that no joint of the tree holds.
+    /// Kind of joint; `floating` for a body without a joint in the tree.
     pub kind: String,
     /// Parent body or `ground`.
     pub parent: String,
@@ -66,7 +66,7 @@ pub struct Report {
     pub mobility: usize,
     /// Degrees of freedom with all drives released.
     pub degrees_of_freedom: usize,
-    /// Gruebler's count: 6 a body less all conditions of joints.
+    /// Gruebler's count: 6 per body minus all conditions of joints.
     pub gruebler: i64,
     /// Bodies that spin between their ball joints: a degree of freedom each.
     pub idle: Vec<Idle>,
@@ -90,9 +90,10 @@ pub struct Report {
     pub closing_rank: usize,
     /// Whether all motions lie in one plane.
     pub planar: bool,
-    /// The largest change of a joint frame by which the drawing fits (rad, parts of lengths); 0 where it does as it is.
+    /// The largest change of a joint frame that makes the drawing fit (rad, fractions of lengths); 0 where it fits as
+    /// drawn.
     pub geometric_error: f64,
-    /// What of the drawing does not fit, in sentences.
+    /// Geometric errors of the drawing, in sentences.
     pub geometric_errors: Vec<String>,
     /// Redundant rows.
     pub redundant: Vec<Redundant>,
@@ -112,7 +113,7 @@ pub struct Report {
     pub reactions: Vec<ReactionLine>,
     /// In words.
     pub notes: Vec<String>,
-    /// The position is singular: what can be done from it.
+    /// The singular position and its branches, if it is singular.
     pub singular: Option<Singular>,
 }
 
@@ -150,7 +151,7 @@ pub struct Singular {
 fn measured(model: &Model, t: f64, q: &[f64], mobility: usize) -> Result<Option<Measured>, SystemError> {
     let mut r = Reduction::new(model, model.placed.nv - mobility);
     if mobility == 0 {
-        // nothing to choose, however weak the conditions that hold it
+        // no coordinate to choose, however weak the conditions that lock it
         r.position(t, q)?;
         return match r.refresh_scales(t, q) {
             Err(SystemError::Mass { .. }) => Ok(None),

@@ -1,4 +1,4 @@
-//! One rule for what rigid bodies leave open: how redundant joints share their load.                          (R2)
+//! One rule for the indeterminate part of reactions: how redundant joints share their load.                      (R2)
 //!
 //! Reactions w of all joints are known up to self-stresses, w + S α. Of all that are possible those are returned that
 //! are least in a metric W,
@@ -38,20 +38,20 @@ mod weighed;
 pub use base::{self_stresses, SelfStresses};
 use weighed::{least_compliance, Metric, Rows};
 
-/// Repetitions at the most: each leaves of the error the damping over the squared sine between self-stresses.
+/// Maximum number of repetitions: each multiplies the error by the damping over the squared sine between self-stresses.
 const REPETITIONS: usize = 12;
-/// What an elimination of another position may leave unbalanced. Scale: multiples of what the reference left, over the
+/// Imbalance that an elimination of another position may leave. Scale: multiples of that of the reference, over the
 /// forces. Reason: more asks for a new elimination.
 const WORN: f64 = 1e-9;
 
-/// The rule for one mechanism, with what lasts from one position to the next.
+/// The rule for one mechanism, with the data kept from one position to the next.
 pub struct Sharing<'g, 'm> {
     system: &'g Geometry<'m>,
     metric: Metric,
     balance: Option<(Balance<'g, 'm>, f64)>,
 }
 
-/// Room that positions share.
+/// Scratch memory shared by positions.
 pub struct Room<'m> {
     model: ModelScratch,
     pose: Pose<'m>,
@@ -93,7 +93,7 @@ impl<'g, 'm> Sharing<'g, 'm> {
         self.balance.is_none()
     }
 
-    /// Room for one thread.
+    /// Scratch memory of one thread.
     pub fn room(&self) -> Room<'m> {
         let (model, rows) = (self.system.model, self.system.size().rows);
         Room {
@@ -115,7 +115,7 @@ impl<'g, 'm> Sharing<'g, 'm> {
         }
     }
 
-    /// The self-stresses at a position, left in the room.
+    /// The self-stresses at a position, left in the scratch memory.
     fn stresses(&self, t: f64, q: &[f64], room: &mut Room) -> Result<(), AnalysisError> {
         room.pose.move_to(t, q);
         if let (Some((balance, limit)), Some(own)) = (&self.balance, &mut room.balance) {
@@ -131,9 +131,9 @@ impl<'g, 'm> Sharing<'g, 'm> {
         Ok(())
     }
 
-    /// Choose the reactions among all that are possible: wrenches in world axes about the joints' points on their
-    /// children; `condition` is reported, by rows of the mechanism in space, what the multipliers of conditions that
-    /// are no closings change by. Reactions that are not finite (a singular position) stay so.
+    /// Select among all possible reactions: wrenches in world axes about the joints' points on their children;
+    /// `condition` receives, by rows of the mechanism in space, the changes of the multipliers of conditions other than
+    /// loop closures. Reactions that are not finite (a singular position) stay so.
     pub(crate) fn share(
         &self,
         t: f64,
@@ -222,9 +222,9 @@ pub(crate) fn with_rule<T, E: From<AnalysisError>>(
 }
 
 /// The same for reactions of a motion, without a rule where it would change none of them: self-stresses of a mechanism
-/// whose closings are independent in its plane lie across it, and where all that acts lies in the plane they do no work
-/// on the reactions. Then each joint is found by itself. Compliances along axes that lean out of the plane would tie
-/// both.
+/// whose loop closures are independent in its plane are perpendicular to it, and where all forces lie in the plane they
+/// do no work on the reactions. Then each joint is computed by itself. Compliances along axes inclined to the plane
+/// would couple both.
 ///
 /// # Errors
 /// As [`with_rule`].
@@ -323,7 +323,7 @@ pub(crate) struct Rule<'a> {
     model: &'a Model,
     twin: &'a Model,
     sharing: Sharing<'a, 'a>,
-    /// Row of the model for each row of the twin that is a condition's and no closing's.
+    /// Row of the model for each row of the twin that belongs to a condition other than a loop closure.
     rows: Vec<Option<usize>>,
 }
 
@@ -332,7 +332,7 @@ impl<'a> Rule<'a> {
         self.sharing.room()
     }
 
-    /// See [`Sharing::share`]; of the multipliers `lambda` of the model those of closings are left as they are: their
+    /// See [`Sharing::share`]; of the multipliers `lambda` of the model those of loop closures are unchanged: their
     /// share is in the wrenches.
     pub(crate) fn share(
         &self,

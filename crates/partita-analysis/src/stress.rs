@@ -1,4 +1,4 @@
-//! Self-stresses as people feel them: joint wrenches that balance one another without any load.
+//! Self-stresses as joint wrenches that balance one another without any load.
 //!
 //! The multipliers of a self-stress, `Cᵀ λ = 0`, act in the cut joints; the tree joints between the two sides of a cut
 //! pass its wrench on. Only the joints around the loops are touched, so that a long chain of loops costs no more per
@@ -23,13 +23,13 @@ use partita_system::SystemError;
 pub(crate) struct Stress {
     /// Wrench of each joint that carries any, on its child, about the joint's point there; world axes.
     pub(crate) joints: Vec<(usize, Wrench)>,
-    /// Effort of each drive that works in it, along its velocity.
+    /// Effort of each drive that takes part in it, along its velocity.
     pub(crate) drives: Vec<(usize, f64)>,
-    /// Multipliers of all conditions that work in it and are no closings, by rows of the mechanism in space.
+    /// Multipliers of all conditions other than loop closures that take part in it, by rows of the mechanism in space.
     pub(crate) conditions: Vec<(usize, f64)>,
     /// Forces (and moments over the mechanism's size) up to this are zero.
     pub(crate) zero: f64,
-    /// What it leaves unbalanced over its largest force: how nearly dependent the rows are.
+    /// Its imbalance over its largest force: how nearly dependent the rows are.
     pub(crate) unbalanced: f64,
 }
 
@@ -43,7 +43,7 @@ pub(crate) struct Pose<'m> {
     pub(crate) points: Vec<Vec3<f64>>,
     /// Tree edge that holds each node, and the number of edges between it and the ground.
     held: Vec<(usize, usize)>,
-    /// When, and the coordinates.
+    /// Time and coordinates.
     at: (f64, Vec<f64>),
 }
 
@@ -67,7 +67,7 @@ impl Sums {
     }
 }
 
-/// Memory for the wrenches of one self-stress after the other.
+/// Scratch memory for the wrenches of self-stresses, one after another.
 struct WrenchScratch {
     /// Multipliers of all rows of the model; zero between two self-stresses.
     dense: Vec<f64>,
@@ -150,7 +150,7 @@ impl<'m> Pose<'m> {
             },
             |v, effort| taken.push((v, effort)),
         )?;
-        // what a coupling does along a coordinate is no reaction of its joint
+        // the effort of a coupling along a coordinate is not a reaction of its joint
         if own.is_some() || taken.is_empty() {
             return Ok(());
         }
@@ -201,7 +201,7 @@ impl<'m> Pose<'m> {
             let p = &self.model.placed.joints[k.joint];
             self.between(p.parent, p.child, |edge, towards_child| {
                 let e = &self.model.placed.topology.tree[edge];
-                // a body beyond the edge that the closing pushes is held back through it
+                // the edge transmits the load of the loop closure on the bodies beyond it
                 if let Some(j) = e.joint {
                     sums.add(j, if towards_child == e.reversed { 1.0 } else { -1.0 }, &w);
                 }
@@ -242,11 +242,12 @@ fn singular(t: f64) -> SystemError {
     SystemError::Singular { t, pivot: 0.0, limit: tolerance::SINGULAR_PIVOT }
 }
 
-/// The elimination that balances dropped rows by those kept: made at one position, of use where its pivots last.
+/// The elimination that balances dropped rows by those kept: made at one position, valid while its pivots are large
+/// enough.
 pub(crate) struct Balance<'g, 'm> {
     system: &'g Geometry<'m>,
     dropped: Vec<usize>,
-    /// Part of the largest component of a self-stress that counts as nothing.
+    /// Components of a self-stress below this fraction of the largest count as zero.
     least: f64,
     plan: Plan,
     /// Step of the elimination that uses a column.
@@ -315,7 +316,7 @@ impl<'g, 'm> Balance<'g, 'm> {
         ))
     }
 
-    /// Memory for one position after the other.
+    /// Scratch memory reused from position to position.
     pub(crate) fn room(&self) -> BalanceRoom {
         BalanceRoom {
             factors: vec![0.0; self.plan.factor_len()],
@@ -342,7 +343,7 @@ impl<'g, 'm> Balance<'g, 'm> {
         lambda.extend(steps.iter().map(|&(step, x)| (self.plan.pivot_rows()[step], x)));
     }
 
-    /// The self-stresses for the values of C at a position; `None` where the elimination has worn out.
+    /// The self-stresses for the values of C at a position; `None` where the elimination is no longer valid.
     pub(crate) fn stresses(&self, pose: &Pose, c: &[f64]) -> Option<Vec<Stress>> {
         let mut found = Vec::new();
         self.stresses_into(pose, c, &mut self.room(), &mut found).then_some(found)
@@ -367,7 +368,7 @@ impl<'g, 'm> Balance<'g, 'm> {
             let BalanceRoom { lambda, off, of_model, room_of_wrenches, .. } = &mut *room;
             let top = lambda.iter().fold(0.0, |m: f64, &(row, x)| m.max((x * self.unit[row]).abs()));
             lambda.retain(|&(row, x)| (x * self.unit[row]).abs() > tolerance::SOLUTION_ROUNDING * top);
-            // what the self-stress leaves unbalanced (nearly dependent rows, a position closed to a tolerance)
+            // the imbalance of the self-stress (nearly dependent rows, a position closed to a tolerance)
             let entries =
                 || lambda.iter().flat_map(|&(row, x)| pattern.row(row).map(move |e| (pattern.col_idx[e], e, x)));
             entries().for_each(|(j, e, x)| off[j] += x * c[e] * self.displacement[j] / length);
@@ -400,7 +401,7 @@ pub(crate) struct BalanceRoom {
     /// Multipliers by rows of the geometry, and by rows of the mechanism.
     lambda: Vec<(usize, f64)>,
     of_model: Vec<(usize, f64)>,
-    /// What is left along each velocity; zero between two self-stresses.
+    /// Residual along each velocity; zero between two self-stresses.
     off: Vec<f64>,
     room_of_wrenches: WrenchScratch,
 }

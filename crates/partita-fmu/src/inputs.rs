@@ -1,4 +1,4 @@
-//! Inputs as the functions that a model calls: what they are over the present step.
+//! Inputs as functions that a model calls: their courses over the current step.
 
 use partita_model::value::Functions;
 use std::error::Error;
@@ -9,13 +9,13 @@ type Failure = Box<dyn Error + Send + Sync>;
 /// An input over a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Course {
-    /// An effort that is held.
+    /// A constant effort.
     Effort(f64),
     /// A position from (t, x), its rate, and its constant acceleration.
     Motion {
         /// Since when (s).
         t: f64,
-        /// Where it was then.
+        /// Its position at that time.
         x: f64,
         /// Rate then.
         rate: f64,
@@ -37,12 +37,12 @@ impl Course {
     }
 }
 
-/// The courses, shared between a model and who sets them.
+/// The courses, shared between a model and its caller.
 #[derive(Clone, Default)]
 pub struct Inputs(Arc<Mutex<Vec<Course>>>);
 
 impl Inputs {
-    /// Replace all courses; they are as many as ever.
+    /// Replace all courses; their number is fixed.
     pub fn set(&self, courses: &[Course]) {
         let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         all.clear();

@@ -1,4 +1,4 @@
-//! The wall to C: the functions of FMI 2.0 for co-simulation.
+//! The interface to C: the functions of FMI 2.0 for co-simulation.
 //!
 //! Pointers are read here and nowhere else. What a function is handed is checked for null before it is read; that it is
 //! as long as it says, and that an instance is one that was made here and not yet freed, is the environment's promise
@@ -192,7 +192,7 @@ pub unsafe extern "C" fn fmi2Instantiate(
 }
 
 /// # Safety
-/// An instance, which is used no more.
+/// An instance, which is not used afterwards.
 #[no_mangle]
 pub unsafe extern "C" fn fmi2FreeInstance(component: *mut Component) {
     if !component.is_null() {
@@ -351,7 +351,7 @@ pub unsafe extern "C" fn fmi2SetFMUstate(component: *mut Component, kept: *mut K
 }
 
 /// # Safety
-/// `kept` points to null or to a state of this instance, which is used no more.
+/// `kept` points to null or to a state of this instance, which is not used afterwards.
 #[no_mangle]
 pub unsafe extern "C" fn fmi2FreeFMUstate(component: *mut Component, kept: *mut *mut Kept) -> c_int {
     with(component, "fmi2FreeFMUstate", |_| {
@@ -367,7 +367,7 @@ pub unsafe extern "C" fn fmi2FreeFMUstate(component: *mut Component, kept: *mut 
 }
 
 /// # Safety
-/// `value` is null or a number's place.
+/// `value` is null or points to a number.
 #[no_mangle]
 pub unsafe extern "C" fn fmi2GetRealStatus(component: *mut Component, kind: c_int, value: *mut c_double) -> c_int {
     with(component, "fmi2GetRealStatus", |c| {

@@ -1,7 +1,8 @@
-//! The binary inside an FMU: a mechanism from `resources/model.json`, marched from one communication point to the next.
+//! The binary inside an FMU: a mechanism from `resources/model.json`, advanced from one communication point to the
+//! next.
 //!
-//! `slave` is the mechanism with its inputs and outputs, safe Rust without a word of FMI. `interface` is the wall to C: the
-//! functions of FMI 2.0, the only place with pointers; no panic passes it.
+//! `slave` is the mechanism with its inputs and outputs, in safe Rust and independent of FMI. `interface` is the
+//! boundary to C: the functions of FMI 2.0, the only place with pointers; no panic crosses it.
 
 mod inputs;
 pub mod interface;

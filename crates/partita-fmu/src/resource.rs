@@ -17,9 +17,9 @@ pub struct Resource {
     pub guid: String,
     /// The mechanism; value number i of its functions is input number i.
     pub model: Spec,
-    /// Tolerances and methods; its times are those of no run.
+    /// Tolerances and methods; its times are not used.
     pub options: Request,
-    /// Where it starts.
+    /// Initial state.
     pub start: Start,
     /// Inputs: value references 0, 1, ...
     pub inputs: Vec<Input>,

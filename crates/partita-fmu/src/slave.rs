@@ -18,7 +18,7 @@ use std::sync::Arc;
 /// double precision, some in six digits.
 const SAME_TIME: f64 = 1e-6;
 
-/// What changes: a copy of it is where to come back to.
+/// The mutable part of the state; a copy of it can be restored.
 #[derive(Clone)]
 pub struct State {
     /// Time.
@@ -27,9 +27,9 @@ pub struct State {
     v: Vec<f64>,
     /// Values of the inputs.
     inputs: Vec<f64>,
-    /// What they are over the last step.
+    /// Their courses over the last step.
     courses: Vec<Course>,
-    /// Values, None where they are to be computed anew.
+    /// Values; `None` where they must be computed again.
     outputs: Option<Vec<f64>>,
 }
 
@@ -101,23 +101,23 @@ impl Slave {
         Ok(Self { model, options: resource.options, kinds: resource.inputs, shown, cell, state: first.clone(), first })
     }
 
-    /// Where it is.
+    /// Current state.
     pub fn state(&self) -> &State {
         &self.state
     }
 
-    /// Go to where it was.
+    /// Restore a state.
     pub fn restore(&mut self, state: State) {
         self.cell.set(&state.courses);
         self.state = state;
     }
 
-    /// Go back to the start, as it was written.
+    /// Return to the initial state.
     pub fn reset(&mut self) {
         self.restore(self.first.clone());
     }
 
-    /// The clock shows t at the start; `rtol` is another relative tolerance.
+    /// Start at time t; `rtol` replaces the relative tolerance.
     pub fn begin(&mut self, t: f64, rtol: Option<f64>) -> Result<(), String> {
         if !t.is_finite() {
             return Err(format!("the start time is {t}"));
@@ -145,7 +145,7 @@ impl Slave {
         (self.kinds.len(), self.shown.len())
     }
 
-    /// Tell an input.
+    /// Set an input.
     pub fn set(&mut self, reference: usize, value: f64) -> Result<(), String> {
         if !value.is_finite() {
             return Err(format!("input {reference} is {value}"));
@@ -162,7 +162,7 @@ impl Slave {
         Ok(())
     }
 
-    /// What is reported at the start holds from the start: efforts act at once, drives move at their rates.
+    /// Inputs set at the start hold from the start: efforts act at once, drives move at their rates.
     pub fn settle(&mut self) {
         let mut state = self.state.clone();
         for (course, input) in state.courses.iter_mut().zip(&state.inputs) {

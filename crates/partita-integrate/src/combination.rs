@@ -1,4 +1,4 @@
-//! Linear combinations of stages, the stepper's own share of the work.
+//! Linear combinations of stages, the work of the stepper itself.
 //!
 //! Every vector is padded with zeros to whole tiles of eight numbers: a tile is summed in registers over all terms of
 //! a row and written once, without remainders, for a pendulum (one tile) as for a chain of a thousand loops.

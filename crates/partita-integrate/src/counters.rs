@@ -5,7 +5,7 @@
 pub struct Counters {
     /// Steps committed.
     pub steps: u64,
-    /// Attempts thrown away, whatever the reason.
+    /// Rejected attempts, whatever the reason.
     pub rejected: u64,
     /// Those of `rejected` that ended at a point where the right-hand side could not be evaluated.
     pub retries: u64,

@@ -1,8 +1,8 @@
-//! Where, inside a step, a function of time jumps or its derivative does: by halving the step.
+//! Where, inside a step, a function of time or its derivative jumps: by bisection of the step.
 
 use partita_math::tolerance;
 
-/// Where what was looked for lies.
+/// Location of the discontinuity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Location {
     /// Nowhere: it changes smoothly over the step.
@@ -14,7 +14,7 @@ pub(crate) enum Location {
         /// After it.
         after: f64,
     },
-    /// Here, by so much.
+    /// At this time, by this amount.
     Jump {
         /// When.
         t: f64,
@@ -23,20 +23,20 @@ pub(crate) enum Location {
     },
 }
 
-/// A half that keeps more of a change than this holds what changes. Scale: fraction of the change. Reason: a smooth
-/// function shares its change out evenly; a jump lies in one half.
+/// A half that contains more than this of a change contains its cause. Scale: fraction of the change. Reason: a smooth
+/// function distributes its change evenly; a jump lies in one half.
 const KEPT_BY_A_HALF: f64 = 0.75;
-/// So many halves that keep less tell a smooth function. Reason: one half may keep less by chance, where the rest of a
-/// change counts against a jump.
+/// This many halves that contain less indicate a smooth function. Reason: one half may contain less by chance, where
+/// the rest of a change counts against a jump.
 const SMOOTH_HALVES: u32 = 3;
-/// What is left at the end is a jump from here on. Scale: fraction of the change over the step. Reason: what is smooth
-/// has changed by a billionth in so short a time.
+/// A remaining change above this is a jump. Scale: fraction of the change over the step. Reason: what is smooth has
+/// changed by a billionth in so short a time.
 const JUMPS_BY: f64 = 0.5;
 /// Length down to which a jump is located. Scale: fraction of the step. Reason: far below any time in which a smooth
 /// motion changes, and above what is lost in rounding.
 const LOCATED: f64 = 1e-9;
-/// A change in less than this is ended at before it is stepped into. Scale: fraction of the step. Reason: nodes of
-/// methods lie a tenth of a step apart.
+/// A step ends before a change that takes less time than this. Scale: fraction of the step. Reason: nodes of methods
+/// lie a tenth of a step apart.
 const ABRUPT: f64 = 0.1;
 
 /// Halving of a step.
@@ -50,7 +50,7 @@ impl Search {
         Self { from, to }
     }
 
-    /// Where what `at` tells first, 0 at the start of the step and `end` at its end, jumps.
+    /// Where the first value of `at`, 0 at the start of the step and `end` at its end, jumps.
     pub(crate) fn jump<E>(&self, at: &mut impl FnMut(f64) -> Result<[f64; 2], E>, end: f64) -> Result<Location, E> {
         let found = self.halve(&mut |t| Ok(at(t)?[0]), (0.0, end), JUMPS_BY * end.abs())?;
         Ok(match found {
@@ -59,14 +59,14 @@ impl Search {
         })
     }
 
-    /// Where what `at` tells second jumps by so much that its integral over the step may miss `missed`.
+    /// Where the second value of `at` jumps by so much that its integral over the step may miss `missed`.
     pub(crate) fn kink<E>(&self, at: &mut impl FnMut(f64) -> Result<[f64; 2], E>, missed: f64) -> Result<Location, E> {
         let ends = (at(self.from)?[1], at(self.to)?[1]);
         Ok(self.halve(&mut |t| Ok(at(t)?[1]), ends, (missed / (self.to - self.from)).abs())?.0)
     }
 
-    /// The part in which a change of `least` at least is concentrated, the change in it, and whether that is as short as
-    /// can be told.
+    /// The part in which a change of `least` at least is concentrated, the change in it, and whether it is as short as
+    /// can be resolved.
     fn halve<E>(
         &self,
         at: &mut impl FnMut(f64) -> Result<f64, E>,

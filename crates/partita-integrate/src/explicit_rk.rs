@@ -21,14 +21,14 @@ use crate::tableau::{ErrorWeights, Tableau};
 use partita_math::tolerance;
 use std::fmt::Display;
 
-/// Times below this count as this where rounding of the time is asked. Unit: fraction of the run. Reason: near t = 0
-/// the time itself has no size.
+/// Lower bound of |t| for the round-off of the time. Unit: fraction of the run. Reason: near t = 0 the time itself has
+/// no size.
 const NEAR_ZERO_TIME: f64 = 1e-6;
-/// A step as long as the rest up to this factor goes to the end. Scale: ratio of steps. Reason: no sliver is left
+/// A step within this factor of the remaining time goes to the end. Scale: ratio of steps. Reason: no sliver is left
 /// behind.
 const STRETCH: f64 = 1.01;
 
-/// Room for other lengths of the next step; more of them take memory once.
+/// Capacity for alternative lengths of the next step; more of them allocate once.
 const OTHERS: usize = 4;
 
 /// Position in the cycle.
@@ -73,7 +73,7 @@ pub struct ExplicitRungeKutta {
     grid: Option<FixedGrid>,
     attempted_h: f64,
     error: f64,
-    /// Errors up to this many tolerances are accepted; 1 but for crossings.
+    /// Errors up to this many tolerances are accepted; 1 except at crossings.
     lenience: f64,
     floor: f64,
     norm: ErrorNorm,
@@ -126,7 +126,7 @@ impl ExplicitRungeKutta {
         })
     }
 
-    /// Go on to another end. A fixed grid begins anew at `t_old`.
+    /// Continue to another end. A fixed grid begins anew at `t_old`.
     fn set_t_end(&mut self, t_end: f64) {
         let span = t_end - self.t_old;
         self.t_end = t_end;

@@ -27,7 +27,7 @@ pub enum StepFailure<E: Display> {
     Rhs {
         /// Time of the evaluation.
         t: f64,
-        /// What the right-hand side said.
+        /// The error of the right-hand side.
         error: E,
     },
     /// A stage needed for dense output alone is not evaluable although the step itself is good.
@@ -38,7 +38,7 @@ pub enum StepFailure<E: Display> {
     Interpolation {
         /// Time of the evaluation.
         t: f64,
-        /// What the right-hand side said.
+        /// The error of the right-hand side.
         error: E,
     },
     /// A number that is not finite, at the start or after every allowed shortening of the step.

@@ -1,9 +1,9 @@
-//! Marching in time: the contract of a method of integration, explicit Runge–Kutta methods as checked tables behind it,
-//! dense output, exact counters, and the march of a mechanism.
+//! Time integration: the contract of a method of integration, explicit Runge–Kutta methods as checked tables behind it,
+//! dense output, exact counters, and the integration of a mechanism.
 //!
-//! A [`stepper`](stepper::Stepper) is driven from outside, one step at a time, because a mechanism needs a word between two
-//! steps: the remainder of the constraints is projected away, the independent coordinates may change, events are located.
-//! It knows first-order equations `y' = f(t, y)` only; mechanisms enter through [`ode::Ode`].
+//! A [`stepper`](stepper::Stepper) is driven from outside, one step at a time, because a mechanism intervenes between
+//! two steps: constraint errors are projected away, the independent coordinates may change, events are located. It
+//! knows first-order equations `y' = f(t, y)` only; mechanisms enter through [`ode::Ode`].
 
 mod combination;
 pub mod counters;

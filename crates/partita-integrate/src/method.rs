@@ -7,7 +7,7 @@ use crate::tableau::{self, Tableau};
 use partita_system::SystemError;
 use std::fmt::Debug;
 
-/// A method of integration: it makes the steppers that march a mechanism by it.
+/// A method of integration: it makes the steppers that integrate a mechanism by it.
 pub trait Method: Debug + Sync {
     /// Name used in options, results and messages.
     fn name(&self) -> &'static str;

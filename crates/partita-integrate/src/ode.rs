@@ -12,7 +12,7 @@ pub enum RhsError<E> {
 /// A system of first-order ordinary differential equations `y' = f(t, y)`.
 ///
 /// The implementer keeps its own scratch; `rhs` must depend on `t` and `y` alone, not on the calls before it, because
-/// steps are thrown away and repeated.
+/// steps are rejected and repeated.
 pub trait Ode {
     /// What goes wrong in an evaluation; its `Display` becomes part of the stepper's message.
     type Error: std::fmt::Display;

@@ -1,4 +1,4 @@
-//! What the caller may ask of the stepper.
+//! Options of a stepper.
 
 use crate::tableau::adaptive;
 use partita_math::tolerance;
@@ -41,7 +41,7 @@ pub struct Options {
     pub controlled: usize,
     /// Longest step allowed under error control; the last one may be a hundredth longer.
     pub max_step: f64,
-    /// March with this step, without error control: on the grid `t_start + i h`, ending exactly on `t_end`.
+    /// Use this fixed step, without error control: on the grid `t_start + i h`, ending exactly on `t_end`.
     pub fixed_step: Option<f64>,
     /// Length of the first step under error control; chosen by the stepper when absent.
     pub first_step: Option<f64>,

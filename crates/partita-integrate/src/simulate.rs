@@ -1,4 +1,4 @@
-//! Marching a mechanism: steps, corrections, changes of coordinates, outputs.
+//! Integration of a mechanism: steps, corrections, changes of coordinates, outputs.
 
 use crate::counters::Counters;
 use crate::discontinuity::{Location, Search};
@@ -23,7 +23,7 @@ pub struct Settings {
     pub method: &'static dyn Method,
     /// Tolerances and steps; `controlled` is set by the run.
     pub options: Options,
-    /// Accepted steps at the most.
+    /// Maximum number of accepted steps.
     pub max_steps: u64,
 }
 
@@ -36,11 +36,11 @@ pub enum Status {
     Invalid,
     /// By the user; what was computed is kept.
     Interrupted,
-    /// No acceptable step was left.
+    /// No acceptable step was found.
     StepTooSmall,
     /// At a singular position of the mechanism, or at a dead point of coordinates that stay.
     Singular,
-    /// Where conditions that depend on each other no longer agree.
+    /// Where redundant constraints no longer agree.
     Contradiction,
     /// After the number of steps allowed.
     MaxSteps,
@@ -102,7 +102,7 @@ fn sorted(e: SystemError) -> RhsError<SystemError> {
     }
 }
 
-/// The length that keeps all these nodes of a step as far as can be from a point one unit after its start.
+/// The length that keeps all these nodes of a step as far as possible from a point one unit after its start.
 fn stretch(nodes: &[f64]) -> f64 {
     let clearance = |r: f64| nodes.iter().fold(r - 1.0, |m: f64, c| m.min((c * r - 1.0).abs()));
     let tried = (130..300).map(|i| f64::from(i) / 100.0).map(|r| (r, clearance(r)));
@@ -112,9 +112,9 @@ fn stretch(nodes: &[f64]) -> f64 {
 /// Integrate from `(t, q, v)` to the end; `sink` receives an output at each time of `t_eval`, `watch` is called after
 /// each step.
 ///
-/// Outputs lie on the dense output of the step and are closed to round-off one by one; what else there is to know about
-/// them is computed when it is asked for (`Sample::of`). What was computed before a failure stays with the sink. Fails
-/// only where nothing could start.
+/// Outputs lie on the dense output of the step and are closed to round-off one by one; other quantities at them are
+/// computed on request (`Sample::of`). What was computed before a failure stays with the sink. Fails only where nothing
+/// could start.
 pub fn simulate<F: Formulation>(
     formulation: &mut F,
     t: f64,
@@ -169,7 +169,7 @@ fn sentence(status: Status, t: f64, settings: &Settings) -> String {
     }
 }
 
-/// Whether there is a position, rather than a function, behind the failure.
+/// Whether the failure is due to a position rather than a function.
 fn is_of_a_position(e: &SystemError) -> bool {
     matches!(
         e,
@@ -180,7 +180,7 @@ fn is_of_a_position(e: &SystemError) -> bool {
     )
 }
 
-/// How a march ends that failed at t, in a word and in a sentence, and what failed.
+/// The outcome of an integration that failed at t, in a word and in a sentence, and what failed.
 pub fn explain(failure: StepFailure<SystemError>, t: f64) -> (Status, String, Option<SystemError>) {
     let message = failure.to_string();
     match failure {
@@ -208,11 +208,11 @@ pub fn explain(failure: StepFailure<SystemError>, t: f64) -> (Status, String, Op
 pub enum Control {
     /// Step lengths controlled by the error, or the fixed length requested.
     Free {
-        /// Accepted steps at the most.
+        /// Maximum number of accepted steps.
         max_steps: u64,
     },
-    /// So many equal ones to each end, whatever happens: for control loops. What acts may change at these ends, and
-    /// only there. None of them may be next to a singular position.
+    /// This many equal steps to each end, unconditionally: for control loops. Inputs may change at these ends, and only
+    /// there. None of them may be next to a singular position.
     Ticks {
         /// Steps to each end.
         steps: u32,
@@ -255,12 +255,12 @@ pub struct March {
     absolute: f64,
 }
 
-/// Attempts for each step of a tick: a choice of coordinates that has gone bad is renewed and the step taken again.
+/// Attempts for each step of a tick: a choice of coordinates that has become poor is renewed and the step repeated.
 const ATTEMPTS: u32 = 4;
 
 /// No step of a tick may end nearer to a singular position. Scale: characteristic displacement. Reason: rates are
-/// quotients of what rounding leaves of the closing by the square of the distance; six digits are left here, and none a
-/// little nearer.
+/// quotients of the round-off of the closure by the square of the distance; six digits remain here, and none a little
+/// nearer.
 const TICK_TOO_NEAR: f64 = 1e-5;
 
 /// A crossing step that fails is tried again with these lengths. Unit: multiples of its length. Reason: nodes lie about
@@ -308,7 +308,7 @@ impl March {
         })
     }
 
-    /// Stand at (t, q, v), `turns` of each coordinate taken off before.
+    /// Start at (t, q, v), from which `turns` whole turns of each coordinate were removed.
     ///
     /// # Errors
     /// Where the formulation cannot start.
@@ -353,7 +353,7 @@ impl March {
     /// Integrate from the current state to `t_end`, with the outputs up to there; `watch` is called after each step.
     ///
     /// # Errors
-    /// What ends the march before. It has to [`begin`](Self::begin) anew then, where it stood or elsewhere.
+    /// The cause of an early end. The integration must [`begin`](Self::begin) anew then, at its state or elsewhere.
     pub fn advance_to<F: Formulation>(
         &mut self,
         formulation: &mut F,
@@ -370,7 +370,7 @@ impl March {
         self.stepper.start(&mut Adapter(formulation), self.t, &self.y, t_end)
     }
 
-    /// The way itself.
+    /// The integration loop.
     fn go_on<F: Formulation>(
         &mut self,
         formulation: &mut F,
@@ -439,7 +439,7 @@ impl March {
             let free = self.free;
             let concluded = stepper.conclude(&mut |t, y, dy, known| {
                 let judged = formulation.trial_end(t, y, dy, known).map_err(|e| match e {
-                    // no shorter step is allowed that could tell a jump from a drift
+                    // no shorter step is allowed that could distinguish a jump from a drift
                     SystemError::Jump { .. } if !free => RhsError::Fatal(e),
                     e => sorted(e),
                 });
@@ -495,7 +495,7 @@ impl March {
     }
 
     /// Where a prescribed row misses the integral of its derivative over the concluded step: refuse a jump, and end the
-    /// step where a derivative jumps or changes fast. True if the step was thrown away.
+    /// step where a derivative jumps or changes fast. True if the step was rejected.
     fn shortened<F: Formulation>(&mut self, formulation: &mut F) -> Result<bool, StepFailure<SystemError>> {
         let step = self.stepper.current();
         let (from, to, may) = (step.t_old, step.t_new, self.free && step.may_shrink);
@@ -525,7 +525,7 @@ impl March {
         Ok(false)
     }
 
-    /// Look at the guards along the concluded step. False where it was thrown away, to end where it crosses one.
+    /// Check the guards along the concluded step. False where it was rejected, to end where it crosses one.
     fn guards_hold<F: Formulation>(&mut self, formulation: &mut F) -> Result<bool, StepFailure<SystemError>> {
         loop {
             let t = match formulation.guard(self.tolerance, self.free) {
@@ -609,9 +609,8 @@ impl March {
             Err(StepFailure::Rhs { t, error }) if is_of_a_position(&error) => Some(StepFailure::Rhs { t, error }),
             Err(other) => return Err(other),
         };
-        // In a singular position q_D and v_D are quotients of nothing by nothing, while the motion goes through
-        // smoothly:
-        // the polynomial through three positions on either side has them, to the sixth power of their distance.
+        // In a singular position q_D and v_D are quotients 0 / 0, although the motion is smooth: they are taken from
+        // the polynomial through three positions on either side, with an error of the sixth power of their distance.
         let apart = ((t - from) / 3.0).min((to - t) / 3.0).min((to - from) * OUTPUTS_BESIDE);
         let (mut side, mut q, mut v, mut work) = (Output::default(), Vec::new(), Vec::new(), 0.0);
         for (i, weight) in [-3.0, -2.0, -1.0, 1.0, 2.0, 3.0].into_iter().zip([1.0, -6.0, 15.0, 15.0, -6.0, 1.0]) {

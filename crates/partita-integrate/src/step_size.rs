@@ -21,8 +21,8 @@ pub const SAFETY: f64 = 0.9;
 pub const SMALLEST_FACTOR: f64 = 0.2;
 /// Largest lengthening of a step. Unit: ratio of steps. Reason: one estimate is not trusted any further.
 pub const LARGEST_FACTOR: f64 = 6.0;
-/// Smaller errors are remembered as this. Unit: multiples of the tolerance. Reason: a lucky step must not forbid the
-/// next one.
+/// Smaller errors are stored as this. Unit: multiples of the tolerance. Reason: a lucky step must not forbid the next
+/// one.
 const SMALLEST_REMEMBERED_ERROR: f64 = 1e-4;
 
 /// Proportional–integral control of the step, after Gustafsson, with the constants of Hairer and Wanner.
@@ -82,8 +82,8 @@ pub const ERROR_MARGIN: f64 = 4.0;
 
 /// The largest of the controlled components, each measured in its own tolerance.
 ///
-/// Not their root mean square: the dependent coordinates of a mechanism repeat what the independent ones know, so in a
-/// mean the error of the few that matter would be divided by the number of those that do not.
+/// Not their root mean square: the dependent coordinates of a mechanism follow from the independent ones, so a mean
+/// would divide the error of the few that matter by the number of those that do not.
 #[derive(Debug)]
 pub(crate) struct ErrorNorm {
     rtol: f64,
@@ -118,7 +118,7 @@ impl ErrorNorm {
         }
     }
 
-    /// Take no tolerance for smaller than `floor`, in natural sizes.
+    /// Set a lower bound of the tolerances, in natural sizes.
     pub(crate) fn set_floor(&mut self, floor: f64) {
         self.floor = floor.max(f64::MIN_POSITIVE);
     }

@@ -1,8 +1,8 @@
-//! The contract of a method of integration, in two duties.
+//! The contract of a method of integration, in two parts.
 //!
-//! [`Stepper`] evaluates the equation: it attempts steps, concludes and interpolates them. [`StepControl`] is what a march
-//! reads and decides between evaluations. A march knows these two and no coefficients, so that an explicit Runge–Kutta
-//! method, an implicit one or one of several steps serves it alike.
+//! [`Stepper`] evaluates the equation: it attempts steps, concludes and interpolates them. [`StepControl`] is what the
+//! integration reads and decides between evaluations. The integration uses these two and no coefficients, so that
+//! explicit Runge–Kutta, implicit and multistep methods are interchangeable.
 //!
 //! ```text
 //! start ── attempt ── [correct y_new] ── conclude ── [interpolate] ── commit ── [replace_start, plan] ─┐
@@ -23,7 +23,7 @@ use std::fmt::{Debug, Display};
 pub enum Conclusion {
     /// The slope is known there; the step can be interpolated and committed.
     Done,
-    /// The slope cannot be evaluated there. The step has been thrown away and shortened: attempt again.
+    /// The slope cannot be evaluated there. The step has been rejected and shortened: attempt again.
     Rejected,
 }
 
@@ -62,12 +62,12 @@ impl CurrentStep<'_> {
 pub struct StepPlan<'p> {
     /// Length of the next attempt (positive). A fixed step returns with the step after it.
     pub length: f64,
-    /// Should that attempt fail by its error, lengths to try before it is shortened, the last first: for where a shorter
-    /// step is no better.
+    /// Lengths to try before the step is shortened if that attempt fails by its error, the last first: for cases where
+    /// a shorter step is no better.
     pub others: &'p [f64],
-    /// Tolerances are not taken for smaller than this, in natural sizes; 0 is the rule.
+    /// Lower bound of the tolerances, in natural sizes; normally 0.
     pub floor: f64,
-    /// Errors up to so many tolerances are accepted; 1 is the rule. Steps that the tolerances themselves would have
+    /// Errors up to this many tolerances are accepted; normally 1. Steps that the tolerances themselves would have
     /// refused are counted.
     pub limit: f64,
     /// The next step ends here if it would go beyond.
@@ -98,9 +98,9 @@ pub trait StepControl: Debug + Send + Sync {
     fn replace_start(&mut self, t: f64, y: &[f64], dy: &[f64]);
     /// Make the end of the concluded step the start of the next one, and choose its length.
     fn commit(&mut self);
-    /// Throw the attempted or concluded step away; the next attempt is `factor` times as long.
+    /// Reject the attempted or concluded step; the next attempt is `factor` times as long.
     fn reject(&mut self, factor: f64);
-    /// Throw the concluded step away: it is taken anew and ends at `t` inside it. The length planned stays.
+    /// Reject the concluded step: it is repeated and ends at `t` inside it. The planned length is kept.
     fn end_at(&mut self, t: f64);
 }
 
@@ -129,8 +129,8 @@ pub trait Stepper<E: Display>: StepControl {
     /// See [`StepFailure`]. The state at `t_old` is intact afterwards.
     fn attempt(&mut self, ode: &mut dyn Ode<Error = E>) -> Result<(), StepFailure<E>>;
 
-    /// Let `end` correct the end of the attempted step and evaluate the slope there, the start of the next step. Where f
-    /// is not evaluable, or not finite, the step is thrown away and shortened: [`Conclusion::Rejected`].
+    /// Let `end` correct the end of the attempted step and evaluate the slope there, the start of the next step. Where
+    /// f is not evaluable, or not finite, the step is rejected and shortened: [`Conclusion::Rejected`].
     ///
     /// # Errors
     /// See [`StepFailure`].

@@ -1,9 +1,9 @@
 //! Small dense matrices: row-major storage, and in-place kernels that allocate nothing.
 //!
-//! [`Matrix`] owns its numbers and is meant for set-up and results. The kernels work on plain slices, entry `(i, j)` of an
-//! `n`-column matrix at `i n + j`, and are meant for evaluations: up to about n = 40 they beat a blocked library; above,
-//! see [`factor`](crate::factor). They are written over any [`Scalar`]; those that choose pivots or judge them ask for
-//! values ([`Real`](crate::scalar::Real)) and have a straight form beside them that goes through in a given order.
+//! [`Matrix`] owns its numbers and is meant for set-up and results. The kernels work on plain slices, entry `(i, j)` of
+//! an `n`-column matrix at `i n + j`, and are meant for evaluations: up to about n = 40 they are faster than a blocked
+//! library; above, see [`factor`](crate::factor). They are written over any [`Scalar`]; those that choose or check
+//! pivots need values ([`Real`](crate::scalar::Real)) and have a variant that runs in a given order without checks.
 
 use crate::scalar::Scalar;
 

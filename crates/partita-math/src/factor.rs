@@ -1,7 +1,7 @@
 //! Factorisations of larger or rank-deficient dense matrices, for set-up and analysis.
 //!
-//! Thin layers over `faer`, in the row-major [`Matrix`] of this crate. They allocate; evaluations use
-//! [`dense`] and [`elimination`](crate::elimination). Input that is not finite is refused, never passed on.
+//! Thin layers over `faer`, in the row-major [`Matrix`] of this crate. They allocate; evaluations use [`dense`] and
+//! [`elimination`](crate::elimination). Input that is not finite is refused.
 
 use faer::linalg::solvers::{PartialPivLu, Solve};
 use faer::{Mat, MatRef, Side};
@@ -84,7 +84,7 @@ fn view(a: &Matrix) -> MatRef<'_, f64> {
     MatRef::from_row_major_slice(a.data(), a.rows(), a.cols())
 }
 
-/// Columns `from..to` as an own matrix.
+/// Columns `from..to` as a matrix of their own.
 fn columns(a: MatRef<'_, f64>, from: usize, to: usize) -> Matrix {
     let mut out = Matrix::new(a.nrows(), to - from);
     for i in 0..a.nrows() {
@@ -131,7 +131,7 @@ pub fn qr_null_space(c: &Matrix) -> Result<QrNullSpace, FactorError> {
     })
 }
 
-/// The same with the rank that `rank` says of the sizes of the pivots, which descend.
+/// The same with the rank that `rank` derives from the sizes of the pivots, in descending order.
 pub fn qr_null_space_by(c: &Matrix, rank: impl FnOnce(&[f64]) -> usize) -> Result<QrNullSpace, FactorError> {
     finite(c.data())?;
     let (m, n) = (c.rows(), c.cols());
@@ -263,8 +263,8 @@ pub fn least_squares_min_norm(a: &Matrix, b: &[f64], rtol: f64) -> Result<(Vec<f
     Ok((x, rank))
 }
 
-/// The shortest x that minimises `|A x − b|` with the rows of R that `keep` counts, by QR with column pivoting on both sides; cheaper
-/// than singular values by far. `keep` is given the sizes of the diagonal of R, which descend.
+/// The shortest x that minimises `|A x − b|` with the rows of R that `keep` counts, by QR with column pivoting on both
+/// sides; much cheaper than singular values. `keep` is given the sizes of the diagonal of R, in descending order.
 ///
 /// # Panics
 /// If b does not have one entry per row.

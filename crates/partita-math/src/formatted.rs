@@ -4,7 +4,7 @@
 /// before the point and three zeros behind it.
 const PLAIN: (f64, f64) = (1e-4, 1e6);
 
-/// Four significant digits: 1.44, 0.0002267, 2.5e-9; nothing that is not a number is hidden.
+/// Four significant digits: 1.44, 0.0002267, 2.5e-9; NaN and infinity are written as such.
 ///
 /// ```
 /// use partita_math::formatted;

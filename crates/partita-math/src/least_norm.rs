@@ -5,13 +5,13 @@
 //!                                                 [ C  −μ ] [ −z ] = [ r ]
 //! ```
 //!
-//! For μ → 0 this is the shortest y with C y = r, in the sense of least squares where the rows contradict. The matrix is
-//! quasi-definite: it has a factorisation L D Lᵀ in any order, so the order is chosen for little fill (least degree), once
-//! per pattern. Unknowns and rows stand side by side because neither C Cᵀ nor Cᵀ C alone is sparse for both a ring of
-//! many links and a slide that many loops share.
+//! For μ → 0 this is the shortest y with C y = r, in the sense of least squares where the rows contradict. The matrix
+//! is quasi-definite: it has a factorisation L D Lᵀ in any order, so the order is chosen for little fill (least
+//! degree), once per pattern. Unknowns and rows form one system because neither C Cᵀ nor Cᵀ C alone is sparse for both
+//! a ring of many links and a slide that many loops share.
 //!
-//! Where a row goes before its unknowns its small pivot −μ is divided by, and rounding grows to ε/μ. Two refinements with the
-//! same factors take that back.
+//! Where a row is eliminated before its unknowns, the factorisation divides by its small pivot −μ, and round-off grows
+//! to ε/μ. Two refinements with the same factors remove it.
 
 use crate::elimination::Pattern;
 use std::cmp::Reverse;
@@ -26,9 +26,9 @@ const REFINEMENTS: usize = 2;
 pub struct LeastNorm {
     rows: usize,
     cols: usize,
-    /// Place of each unknown, then of each row, in the order of elimination.
+    /// Index of each unknown, then of each row, in the order of elimination.
     place: Vec<usize>,
-    /// Is the pivot at this place that of an unknown (positive) or of a row: its number.
+    /// Whether the pivot at this index is that of an unknown (positive) or of a row: its number.
     row_at: Vec<usize>,
     /// Entries above the diagonal by column: where each column starts, then (row of the matrix, entry of C).
     upper_start: Vec<usize>,
@@ -48,7 +48,7 @@ pub struct LeastNorm {
     solution: Vec<f64>,
 }
 
-/// Least degree first, ties by number; the graph of what is left is kept explicitly.
+/// Least degree first, ties by number; the graph of the remaining unknowns is stored explicitly.
 fn least_degree(neighbours: &mut [BTreeSet<usize>]) -> Vec<usize> {
     let mut heap: BinaryHeap<Reverse<(usize, usize)>> =
         neighbours.iter().enumerate().map(|(v, n)| Reverse((n.len(), v))).collect();
@@ -152,8 +152,8 @@ impl LeastNorm {
 
     /// Factor for the values of C in pattern order and the damping μ > 0 of each row.
     ///
-    /// In exact arithmetic the pivot of an unknown is at least 1 and that of a row at most −μ; what rounding takes from
-    /// that is given back, so that the factorisation exists for any finite values.
+    /// In exact arithmetic the pivot of an unknown is at least 1 and that of a row at most −μ; pivots that round-off
+    /// moves past these bounds are reset to them, so that the factorisation exists for any finite values.
     pub fn factor(&mut self, values: &[f64], mu: &[f64]) {
         let size = self.rows + self.cols;
         self.flag.fill(NONE);

@@ -1,6 +1,6 @@
-//! The lowest floor: numbers, small dense kernels, structured elimination and spatial algebra.
+//! The lowest layer: numbers, small dense kernels, structured elimination and spatial algebra.
 //!
-//! Nothing here has heard of a mechanism. Everything above calls down into it.
+//! Nothing here knows mechanisms. All other crates depend on it.
 
 pub mod dense;
 pub mod elimination;

@@ -7,10 +7,10 @@
 //! Diagonal-pivoted Cholesky of R: each pivot is the squared sine of the angle between a row and the rows accepted before
 //! it, whatever the units of the rows. With `S = M^-1/2` (diagonal) the angles are those of the mass metric.
 //!
-//! R is kept sparse, and rows that share no column do not meet. Taking always the largest pivot would nevertheless link
-//! everything with everything: rows left for later are neighbours of all they can reach through rows accepted. Large
-//! systems therefore take, among the rows at a fair angle, the one with the fewest neighbours, and the poorer ones last;
-//! a chain of loops then costs in proportion to its length. A column shared by p rows costs p² entries.
+//! R is kept sparse, and rows that share no column do not interact. Taking always the largest pivot would nevertheless
+//! link all rows: rows left for later are neighbours of all rows they can reach through accepted ones. Large systems
+//! therefore take, among the rows at a sufficient angle, the one with the fewest neighbours, and the poorer ones last;
+//! for a chain of loops the cost is then proportional to its length. A column shared by p rows costs p² entries.
 
 use std::cmp::{Ordering, Reverse};
 use std::collections::BinaryHeap;
@@ -22,7 +22,7 @@ use crate::elimination::Pattern;
 pub struct RowRank {
     /// Number of independent rows.
     pub rank: usize,
-    /// The rows kept, in the order they were accepted: of large systems not that of the pivots.
+    /// The rows kept, in the order they were accepted; in large systems this is not the order of the pivots.
     pub kept: Vec<usize>,
     /// The rows that depend on them (or are zero, or not finite), ascending.
     pub dropped: Vec<usize>,
@@ -34,7 +34,7 @@ pub struct RowRank {
     pub gap: f64,
 }
 
-/// Up to this many rows the largest pivot is taken whatever it links.
+/// Up to this many rows the largest pivot is taken regardless of fill-in.
 const FULL_SEARCH: usize = 200;
 
 /// Squared sines between two of these count as equal in large matrices. Scale: squared sine. Reason: two digits are
@@ -43,9 +43,9 @@ const SINE_LEVELS: [f64; 4] = [1e-3, 1e-5, 1e-7, 1e-9];
 
 /// Finds independent rows of a sparse C (m×n) with column scales (n).
 ///
-/// Up to 200 rows, the row at the largest angle to those accepted is accepted next, ties going to the lower index; above,
-/// see the head of this file. It ends when no squared sine exceeds `tol`: 1e-8 to 1e-10 separates dependence from poor
-/// geometry, and the `gap` says how well. Squared sines below about 1e-14 are rounding errors.
+/// Up to 200 rows, the row at the largest angle to those accepted is accepted next, ties going to the lower index;
+/// above, see the head of this file. It ends when no squared sine exceeds `tol`: 1e-8 to 1e-10 separates dependence
+/// from poor geometry, and the `gap` says how well. Squared sines below about 1e-14 are rounding errors.
 ///
 /// # Panics
 /// If a length contradicts the pattern.
@@ -53,8 +53,8 @@ pub fn independent_rows(pattern: &Pattern, values: &[f64], col_scale: &[f64], to
     preferred_rows(pattern, values, col_scale, tol, (f64::INFINITY, &|_| false))
 }
 
-/// The same, where some rows come after all others: those of which `last` is true are accepted only when of the others no
-/// squared sine above `clear` is left.
+/// The same with some rows considered last: those with `last` true are accepted only when no other row has a squared
+/// sine above `clear`.
 ///
 /// # Panics
 /// If a length contradicts the pattern.
@@ -68,8 +68,8 @@ pub fn preferred_rows(
     chosen_rows(pattern, values, (col_scale, None), tol, (clear, last))
 }
 
-/// The same for rows of known sizes: each is divided by its own, not by its length, so that a pivot is the square of what
-/// a row adds to those before it, and a row with a small size has little weight.
+/// The same for rows of known sizes: each is divided by its own size, not by its length, so that a pivot is the square
+/// of what a row adds to those before it, and a row with a small size has little weight.
 ///
 /// # Panics
 /// If a length contradicts the pattern.
@@ -124,9 +124,9 @@ fn chosen_rows(
     found
 }
 
-/// A row's claim to be accepted next; outdated when the row would now make another one.
+/// Priority of a row; stale when the row would now get another one.
 struct Claim {
-    /// Clear of the others, and not of those that come last.
+    /// Whether it is independent of the accepted rows and not among those considered last.
     first: bool,
     /// Its squared sine, rounded down to a level in large systems.
     sine2: f64,
@@ -166,7 +166,7 @@ struct Gram {
     /// Entries off the diagonal, both triangles.
     rows: Vec<Vec<(usize, f64)>>,
     waiting: Vec<bool>,
-    /// Place + 1 of each column in the row being updated, else 0.
+    /// Index + 1 of each column in the row being updated, else 0.
     place: Vec<usize>,
     largest_dropped: f64,
     /// Rows that come after those whose squared sine is above `clear`.
@@ -222,7 +222,7 @@ impl Gram {
         Claim { first, sine2: level, neighbours: Reverse(self.rows[row].len()), row: Reverse(row) }
     }
 
-    /// Adds `factor` times some entries to row `i`, leaving the places of the row marked.
+    /// Adds `factor` times some entries to row `i`, leaving the columns of the row marked.
     fn add<'a>(&mut self, i: usize, entries: impl Iterator<Item = &'a (usize, f64)>, factor: f64) {
         let row = &mut self.rows[i];
         for &(j, x) in entries {
@@ -252,7 +252,7 @@ impl Gram {
             self.diagonal[i] -= g * g / pivot;
             remove(&mut self.rows[i], p);
         }
-        // At once: a dependent row that stayed would go on linking all its neighbours with one another.
+        // At once: a dependent row that stayed would keep all its neighbours linked with one another.
         for &(i, _) in &neighbours {
             if self.diagonal[i].is_nan() || self.diagonal[i] <= tol {
                 self.drop_row(i);
@@ -276,7 +276,7 @@ impl Gram {
         self.rows[i].retain(|&(j, g)| g * g > least * diagonal[j]);
     }
 
-    /// Takes row `i` out for good; by Cauchy and Schwarz nothing but its own rounding errors depended on it.
+    /// Removes row `i` permanently; by Cauchy and Schwarz nothing but its own rounding errors depended on it.
     fn drop_row(&mut self, i: usize) {
         self.waiting[i] = false;
         self.largest_dropped = self.largest_dropped.max(self.diagonal[i]);
@@ -286,7 +286,7 @@ impl Gram {
     }
 }
 
-/// Forgets the entry in column `j`.
+/// Deletes the entry in column `j`.
 fn remove(row: &mut Vec<(usize, f64)>, j: usize) {
     if let Some(place) = row.iter().position(|e| e.0 == j) {
         row.swap_remove(place);

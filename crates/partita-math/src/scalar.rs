@@ -1,5 +1,5 @@
-//! Numbers that arithmetic is written over: plain `f64`, [`Dual`] numbers that carry a derivative along, [`Lanes`] of
-//! eight numbers side by side, and a [`Recorder`] that records the operations.
+//! Number types for generic arithmetic: plain `f64`, [`Dual`] numbers that carry a derivative, [`Lanes`] of eight
+//! numbers side by side, and a [`Recorder`] that records the operations.
 //!
 //! ```text
 //! Cases       one of two numbers, taken without a branch
@@ -23,7 +23,7 @@ pub use recorder::{Module, Recorder, Recording};
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
-/// Where a function known in `f64` alone is asked for: at (t, q, v).
+/// Arguments of a function known in `f64` alone: (t, q, v).
 #[derive(Clone, Copy, Debug)]
 pub struct Arguments<'a, S> {
     /// One number.
@@ -38,11 +38,11 @@ pub struct Arguments<'a, S> {
     pub v_sizes: &'a [f64],
 }
 
-/// A number that arithmetic is done with. It cannot be looked at: nothing written over it branches on a value.
+/// A number for arithmetic without comparisons: nothing written over it branches on a value.
 ///
-/// Implementers promise that every operation does to what they hold just what it does to `f64`, so that the value of any
-/// result is what `f64` would have given, to the bit. Where a formula has two cases, both are computed and
-/// [`where_positive`](Cases::where_positive) (or [`max`](Cases::max), ...) takes one.
+/// Implementers promise that every operation acts on the value as it does on `f64`, so that the value of any result is
+/// that of `f64`, to the bit. Where a formula has two cases, both are computed and
+/// [`where_positive`](Cases::where_positive) (or [`max`](Cases::max), ...) selects one.
 pub trait Scalar:
     Cases
     + Functions
@@ -76,11 +76,11 @@ pub trait Scalar:
     fn sin_cos(self) -> (Self, Self);
     /// Angle of the point (`x`, `self`) in radians, above −π and up to π.
     fn atan2(self, x: Self) -> Self;
-    /// `√(self² + other²)` without overflow on the way.
+    /// `√(self² + other²)` without intermediate overflow.
     fn hypot(self, other: Self) -> Self;
 }
 
-/// One of several numbers, taken without a branch: the derivative is that of the number taken.
+/// Selection among numbers without a branch: the derivative is that of the number selected.
 pub trait Cases: Copy {
     /// Absolute value; at 0 it follows the sign bit.
     fn abs(self) -> Self;
@@ -104,13 +104,13 @@ pub trait Functions: Copy + Default {
     /// Start and cubic of the interval of a table that this number is in: `breaks` ascend, interval i has row i, the
     /// first and the last one extend beyond the table.
     fn interval(self, breaks: &[f64], rows: &[[f64; 4]]) -> (Self, [Self; 4]);
-    /// A value that this number has outside [low, high], if there is one. A recording cannot know and has none.
+    /// A value outside [low, high] that this number has, if there is one. A recording has no values and returns none.
     fn outside(self, low: f64, high: f64) -> Option<f64>;
     /// A function that is known in `f64` alone: `room` is memory for plain arguments, grown once.
     ///
-    /// Exact for values. A derivative is found by central differences along its own direction, two more calls: error
-    /// about 1e-10 of the size of the function for arguments of the given sizes; none is looked for where the arguments
-    /// are constants. What cannot call (see [`CALLS`](Functions::CALLS)) returns NaN.
+    /// Exact for values. A derivative is approximated by central differences along its own direction, with two more
+    /// calls: error about 1e-10 of the size of the function for arguments of the given sizes; none is computed where
+    /// the arguments are constants. Types that cannot call (see [`CALLS`](Functions::CALLS)) return NaN.
     fn call<const N: usize, E>(
         at: Arguments<Self>,
         room: &mut Vec<f64>,
@@ -123,7 +123,7 @@ pub trait Functions: Copy + Default {
         })?;
         Ok(out)
     }
-    /// [`call`](Functions::call) of a function that has as many values as it finds room for in its last argument.
+    /// [`call`](Functions::call) of a function with as many values as its last argument holds.
     fn call_into<E>(
         at: Arguments<Self>,
         room: &mut Vec<f64>,
@@ -132,10 +132,10 @@ pub trait Functions: Copy + Default {
     ) -> Result<(), E>;
 }
 
-/// A [`Scalar`] with a value that choices can look at: comparisons look at the value only, so that every branch is taken
-/// as it would be with `f64`.
+/// A [`Scalar`] with a value that can be compared: comparisons use the value only, so that every branch is taken as it
+/// would be with `f64`.
 pub trait Real: Scalar + PartialOrd {
-    /// The value, without what else is carried.
+    /// The value, without derivatives.
     fn value(self) -> f64;
 }
 

@@ -1,4 +1,4 @@
-//! The tolerances that several rooms share: one constant for one meaning, free of units.
+//! The tolerances that several modules share: one constant for one meaning, free of units.
 //!
 //! A constant of a single algorithm stays in its file. Every constant states its meaning, its scale, and the reason for
 //! its size. Lengths are measured in characteristic lengths, coordinates in characteristic displacements, rows of C and
@@ -11,15 +11,15 @@
 pub const ROUNDING: f64 = 1e-15;
 /// Sums that come out smaller are rounding. Scale: fraction of their terms. Reason: some tens of terms, each rounded.
 pub const SUM_ROUNDING: f64 = 1e-14;
-/// Solutions of linear equations, and places at the end of a chain of frames, that come out smaller are rounding. Scale:
-/// fraction of the terms that they are made of. Reason: a thousand units in the last place, for equations of moderate
+/// Solutions of linear equations, and positions at the end of a chain of frames, that come out smaller are rounding.
+/// Scale: fraction of the terms they are sums of. Reason: a thousand units in the last place, for equations of moderate
 /// condition.
 pub const SOLUTION_ROUNDING: f64 = 1e-13;
-/// Rounding next to the worst position that is worked in. Scale: fraction of the quantities that are added up. Reason:
-/// 1e-16 times a condition of 1e9, the reciprocal of [`REDUNDANT`].
+/// Rounding next to the worst admissible position. Scale: fraction of the quantities that are added up. Reason: 1e-16
+/// times a condition of 1e9, the reciprocal of [`REDUNDANT`].
 pub const WORST_ROUNDING: f64 = 1e-7;
 /// Rounding of a sum of a few terms, each rounded. Scale: fraction of the largest term. Reason: a unit in the last
-/// place for each of four; an exactly flat polygon misses by as much, and a closed loop.
+/// place for each of four; an exactly flat polygon and a closed loop have such an error.
 pub const FEW_ROUNDINGS: f64 = 4.0 * f64::EPSILON;
 /// Numbers nearer than this are one after some ten operations. Scale: fraction of the largest of them. Reason: a unit
 /// in the last place or two for each; products of some ten frames, and nodes of a step, are off by as much.
@@ -30,8 +30,8 @@ pub const LONG_ROUNDING: f64 = 1e-12;
 
 // ---- numbers that were given
 
-/// Given numbers that differ by less are meant to be equal. Scale: fraction of their size; radians for axes. Reason:
-/// what ten printed digits leave, far above rounding.
+/// Given numbers that differ by less are intended to be equal. Scale: fraction of their size; radians for axes. Reason:
+/// ten printed digits have this error, far above rounding.
 pub const EQUAL: f64 = 1e-9;
 /// Directions and values that differ by less are equal as far as six digits show. Scale: fraction of their size;
 /// radians for directions. Reason: the sixth digit.
@@ -48,20 +48,20 @@ pub const NO_INERTIA: f64 = 1e-12;
 /// Below this angle series take the place of quotients. Scale: rad. Reason: quotients lose two digits there, and what
 /// the series leaves out is below rounding.
 pub const SERIES_ANGLE: f64 = 0.1;
-/// Below this a turn goes by two terms of its series. Scale: rad. Reason: what they leave out, the sixth power, is below
-/// rounding.
+/// Below this a rotation is computed by two terms of its series. Scale: rad. Reason: the remainder, of the sixth power,
+/// is below rounding.
 pub const SHORT_TURN: f64 = 1e-3;
-/// An angle read off a pose is known up to here. Scale: rad. Reason: a little less than half a turn, so that no step
-/// passes the place unseen where the angle jumps by a turn.
+/// Largest reliable angle measured from a pose. Scale: rad. Reason: a little less than half a turn, so that no step
+/// passes unseen the point where the angle jumps by a turn.
 pub const HALF_TURN: f64 = 3.0;
 
 // ---- closed positions
 
-/// Loops closed to this are closed. Scale: characteristic displacement. Reason: ten thousand times the round-off of one
-/// number; sums along loops of a thousand links stay below.
+/// A loop is closed if its error is below this. Scale: characteristic displacement. Reason: ten thousand times the
+/// round-off of one number; sums along loops of a thousand links stay below.
 pub const CLOSED: f64 = 1e-12;
-/// Conditions that are redundant, or that others pull at, fit when they are open by less. Scale: size of the row.
-/// Reason: ten times what counts as closed, so that positions closed to [`CLOSED`] pass.
+/// Conditions that are redundant, or that compete with others, are satisfied if their error is below this. Scale: size
+/// of the row. Reason: ten times [`CLOSED`], so that closed positions pass.
 pub const FITS: f64 = 1e-11;
 /// Largest residual of a position computed in closed form. Scale: characteristic displacement. Reason: round-off,
 /// amplified a hundred thousand times next to a limit position; a branch that is open by more does not close.
@@ -69,8 +69,8 @@ pub const CLOSED_FORM: f64 = 1e-10;
 /// Constraint violations below this count as closed over a whole run. Scale: size of the row. Reason: the accuracy
 /// asked of whole runs.
 pub const CLOSED_IN_RUN: f64 = 1e-9;
-/// Conditions open by more belong to another position. Scale: size of the row. Reason: a hundredth can still be seen as
-/// small; no step closes more.
+/// Conditions with a larger error belong to another position. Scale: size of the row. Reason: a hundredth can still be
+/// treated as small; no step closes more.
 pub const FAR_OPEN: f64 = 1e-2;
 /// Constraint violations above this count as open. Scale: size of the row. Reason: a thousand times [`CLOSED_IN_RUN`],
 /// so that what is merely badly conditioned stays below.
@@ -78,14 +78,14 @@ pub const OPEN: f64 = 1e-6;
 /// Violations of constraint rates above this count as open. Scale: fraction of the fastest velocity. Reason: next to a
 /// singular position the root of [`OPEN`]; where conditions hold for rates alone, [`OPEN`] is asked of these.
 pub const OPEN_RATE: f64 = 1e-3;
-/// Accelerations off by more leave a condition. Scale: fraction of the strongest acceleration. Reason: tables through
-/// exact points err there by the square of their spacing.
+/// Accelerations with a larger error violate a condition. Scale: fraction of the strongest acceleration. Reason: tables
+/// through exact points err there by the square of their spacing.
 pub const OPEN_ACCELERATION: f64 = 1e-2;
 /// Drift of conditions that are not corrected. Scale: multiples of the relative tolerance. Reason: the error of a step,
 /// added up over the steps of a motion and grown with it.
 pub const DRIFT: f64 = 1e4;
-/// Velocities are consistent when conditions on them are met to this. Scale: fraction of the fastest velocity asked for
-/// or forced. Reason: what solutions with a condition of a million leave of sixteen digits.
+/// Velocities are consistent when conditions on them are met to this. Scale: fraction of the fastest velocity requested
+/// or prescribed. Reason: of sixteen digits a condition of a million leaves ten.
 pub const RATES_MET: f64 = 1e-9;
 
 // ---- rank
@@ -99,23 +99,23 @@ pub const REDUNDANT: f64 = 1e-9;
 /// Least ratio between the last pivot kept and the first one dropped. Scale: ratio of squared sines. Reason: one and a
 /// half digits of the sine.
 pub const RANK_GAP: f64 = 1e3;
-/// Singular values below this are null. Scale: fraction of the largest. Reason: what a condition of a million leaves of
-/// sixteen digits.
+/// Singular values below this are null. Scale: fraction of the largest. Reason: of sixteen digits a condition of a
+/// million leaves ten.
 pub const NULL_VALUE: f64 = 1e-10;
-/// Derivatives and singular values that are made of differences are rounding below this. Scale: fraction of the largest
-/// of them. Reason: the root of rounding.
+/// Derivatives and singular values computed from differences are rounding below this. Scale: fraction of the largest of
+/// them. Reason: the root of rounding.
 pub const DIFFERENCE_ROUNDING: f64 = 1e-8;
 /// Rows, columns and equations below this add nothing to the others. Scale: fraction of the largest. Reason: what is
 /// computed from more keeps ten digits.
 pub const DEPENDENT: f64 = 1e-6;
-/// Components below this take no part. Scale: fraction of the largest. Reason: what closing and solving leave of
-/// nothing stays below, and six digits show no less.
+/// Components below this take no part. Scale: fraction of the largest. Reason: round-off of closing and solving stays
+/// below, and six digits show no less.
 pub const TAKES_PART: f64 = 1e-6;
-/// Components below this are zero. Scale: fraction of the largest. Reason: far above rounding, and below every digit
-/// that is shown.
+/// Components below this are zero. Scale: fraction of the largest. Reason: far above rounding, and below every
+/// displayed digit.
 pub const NEGLIGIBLE: f64 = 1e-9;
 /// Damping of least-change and least-norm steps. Unit: squares of singular values in natural scales. Reason: rows
-/// weaker than its root, 1e-5, count as repeated; a singular loop is closed by moves of at most 5e4 residuals.
+/// weaker than its root, 1e-5, count as repeated; a singular loop is closed by displacements of at most 5e4 residuals.
 pub const DAMPING: f64 = 1e-10;
 /// A position counts as singular below this distance from a singular one. Scale: fraction of the distance at the ends
 /// of the step. Reason: beside it velocities are exact to 1e-12 and accelerations to 1e-8.
@@ -128,41 +128,41 @@ pub const SINGULAR_PIVOT: f64 = 1e-7;
 pub const TIE: f64 = 1e-9;
 /// Of two measures one is clearly larger by this factor. Scale: ratio. Reason: one digit.
 pub const CLEARLY: f64 = 10.0;
-/// Switches of coordinates that gain less are left undone. Scale: ratio of volumes. Reason: rounding cannot switch
-/// them for ever.
+/// Switches of coordinates with a smaller gain are not made. Scale: ratio of volumes. Reason: rounding must not cause
+/// endless switching.
 pub const LEAST_SWITCH_GAIN: f64 = 1.0 + 1e-6;
 
 // ---- moves and steps
 
-/// Slower rates stand still. Scale: characteristic displacements per second. Reason: in a run of hours nothing is moved
-/// that is seen.
+/// Slower rates count as rest. Scale: characteristic displacements per second. Reason: in a run of hours the
+/// displacement remains invisible.
 pub const STANDING: f64 = 1e-10;
-/// A move this small is the last. Scale: characteristic displacement. Reason: Newton's next move would be its square,
-/// below round-off.
+/// Displacements below this end an iteration. Scale: characteristic displacement. Reason: the next displacement of
+/// Newton's method would be its square, below round-off.
 pub const LAST_MOVE: f64 = 1e-9;
-/// A continuation ends where steps of this length do not succeed. Scale: characteristic displacement. Reason: six
-/// digits of where it ends.
+/// A continuation ends where steps of this length do not succeed. Scale: characteristic displacement. Reason: the end
+/// is then known to six digits.
 pub const SHORTEST_STEP: f64 = 1e-6;
 /// Step of a finite motion by which rank is verified. Unit: characteristic displacement. Reason: short enough to stay
 /// on its branch; a closure error of order p is a power p of it, far above rounding.
 pub const RANK_MOVE: f64 = 0.1;
-/// Longest approach to a target in one step where closed forms serve. Unit: characteristic displacement. Reason: no
-/// angle of a healthy loop turns by pi meanwhile.
+/// Longest step towards a target in closed form. Unit: characteristic displacement. Reason: no angle of a healthy loop
+/// turns by pi meanwhile.
 pub const STRIDE: f64 = 0.1;
-/// Targets farther away are taken for a typing error. Scale: characteristic displacement. Reason: a thousand turns.
+/// Targets farther away are treated as typing errors. Scale: characteristic displacement. Reason: a thousand turns.
 pub const FARTHEST: f64 = 1e4;
 
 // ---- errors of steps
 
-/// What rounding leaves of errors and moves next to a singular position. Scale: natural scales. Reason: rounding over
-/// the square of the distance, 1e-12 in a comfortable crossing, this in one of a thousand crossings of forty loops.
+/// Round-off of errors and displacements next to a singular position. Scale: natural scales. Reason: rounding over the
+/// square of the distance, 1e-12 in a typical crossing, this in one of a thousand crossings of forty loops.
 pub const SINGULAR_ROUNDING: f64 = 1e-10;
 /// Errors that a step out of or across a singular position may have. Scale: multiples of the tolerance. Reason:
 /// rounding over the square of the distance adds to its estimate; its own error is small by its length.
 pub const SINGULAR_LENIENCE: f64 = 1e3;
-/// Relative tolerance of a run unless one is given. Unit: fraction of each coordinate and velocity. Reason: a
-/// thousandth of what a figure shows, over the steps of a run.
+/// Default relative tolerance of a run. Unit: fraction of each coordinate and velocity. Reason: a thousandth of what a
+/// figure shows, over the steps of a run.
 pub const RTOL: f64 = 1e-8;
-/// Absolute tolerance of a run unless one is given. Unit: characteristic displacements, and those a second. Reason: a
-/// hundredth of the relative one, for what is small or passes zero.
+/// Default absolute tolerance of a run. Unit: characteristic displacements, and those per second. Reason: a hundredth
+/// of the relative one, for quantities that are small or pass zero.
 pub const ATOL: f64 = 1e-10;

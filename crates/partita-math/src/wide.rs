@@ -1,8 +1,8 @@
-//! The registers left as they were found by wide vector instructions.
+//! Restores the state of the vector registers after wide instructions.
 //!
-//! Large kernels use whole vector registers where the processor has them. What they leave in the upper halves slows down every
-//! narrow instruction that follows on the same thread, by 1.7 for a whole evaluation, until an instruction clears it: a
-//! decomposition at the start of a run would make all its steps dearer.
+//! Large kernels use whole vector registers where the processor has them. What they leave in the upper halves slows
+//! down every narrow instruction that follows on the same thread, by 1.7 for a whole evaluation, until an instruction
+//! clears it: a decomposition at the start of a run would slow down all its steps.
 #![allow(unsafe_code, reason = "the instruction that clears the registers is an intrinsic")]
 
 /// Clears the upper halves of the vector registers when dropped.

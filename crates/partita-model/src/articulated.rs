@@ -1,8 +1,8 @@
 //! Articulated inertias: `M⁻¹` without M, in time proportional to the number of links.
 //!
-//! Inward, the inertia felt at each link with everything it carries free to move; outward, the compliance `Y` of each
+//! Inward, the inertia felt at each link with all joints beyond it free to move; outward, the compliance `Y` of each
 //! link. `[M⁻¹]_ii = D_i⁻¹ + K_iᵀ Y_parent K_i` needs no column of M⁻¹. (Featherstone 2008; Kreutz-Delgado, Jain,
-//! Rodriguez 1992.) Links without mass count here with the little that makes M a metric.
+//! Rodriguez 1992.) Massless links have the small inertia that makes M a metric.
 
 use crate::tree::{LinkMotion, Tree, TreeScratch, Weight};
 use partita_math::dense;
@@ -10,7 +10,7 @@ use partita_math::scalar::{Real, Scalar};
 use partita_math::spatial::{Space, Vec3};
 use std::convert::Infallible;
 
-/// `X` of a link: its twist is `X` times its parent's. Rows and columns turns first.
+/// `X` of a link: its twist is `X` times its parent's. Rows and columns: rotation first.
 fn shift<G: Space>(arm: Vec3<G::S>, out: &mut [G::S]) {
     let (d, o) = (G::DIM, G::S::zero());
     out[..d * d].fill(o);
@@ -56,7 +56,7 @@ fn congruence<S: Scalar>(x: &[S], m: &[S], d: usize, by_rows: bool, out: &mut [S
     }
 }
 
-/// Factor a pivot; what the free motion feels, against what it would feel with everything it carries locked.
+/// Factor a pivot: the inertia felt with all joints beyond free, relative to that with all of them locked.
 fn felt<S: Real>(v: usize, pivot: &mut [S], f: usize) -> Result<(), (usize, f64)> {
     let largest = (0..f).fold(0.0, |m: f64, j| m.max(pivot[j * f + j].value()));
     if largest <= 0.0 || largest.is_nan() || dense::cholesky(pivot, f).is_err() {
@@ -90,7 +90,7 @@ impl<G: Space> Tree<G> {
         self.sweep_inward(s, &self.massless, felt)
     }
 
-    /// The same with nothing but the masses drawn.
+    /// The same with the given masses alone.
     pub fn articulate_as_drawn(&self, s: &mut TreeScratch<G>) -> Result<(), (usize, f64)>
     where
         G::S: Real,

@@ -10,7 +10,7 @@ use crate::time_domain;
 use partita_math::spatial::Space;
 use partita_system::breakpoints::{Breakpoints, Enters, Reading};
 
-/// What a curve is read at.
+/// The abscissa of a curve.
 #[derive(Clone, Copy, Debug)]
 enum Source {
     /// Time.
@@ -29,7 +29,7 @@ pub(crate) struct Curves {
 }
 
 impl Curves {
-    /// Of a description and what was made of it.
+    /// For a description and the elements made from it.
     pub fn new(spec: &Spec, model: &Evaluator<f64>) -> Self {
         let of_time = time_domain::breakpoints(spec).into_iter().map(|breakpoints| (Source::Time, breakpoints));
         let conditions = model.full.conditions.iter().enumerate();
@@ -40,7 +40,7 @@ impl Curves {
         Self { sources, breakpoints }
     }
 
-    /// What they are read at, and its rates, at the point last evaluated.
+    /// Their abscissas and the rates of these at the point last evaluated.
     pub fn read(
         &self,
         model: &Evaluator<f64>,

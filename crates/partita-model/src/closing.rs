@@ -35,7 +35,8 @@ impl<G: Space> Tree<G> {
                     let d = G::rotate(&xa.rot, axis);
                     phi[k.row + i] = G::dot(d, gap);
                     let row = &mut c[k.entry + i * width..k.entry + (i + 1) * width];
-                    // the axis turns with A: on both sides the rate is that of the point of B, seen from its own branch
+                    // the axis rotates with A: on both sides the rate is that of the point of B, relative to its own
+                    // branch
                     for p in &k.path {
                         let point = if p.on_b { pb } else { pb + k.offset };
                         self.point_columns(p.link, point, p.on_b, s, |j, column| {

@@ -1,4 +1,4 @@
-//! Points of a drawing that are one but for rounding.
+//! Points of a drawing that coincide up to rounding.
 //!
 //! A small body between two joints in one point, as in a gimbal or a ball of three hinges, has no arm between them.
 //! Where its points were computed in different ways they differ in their last digits, and a force through them turns
@@ -28,12 +28,12 @@ pub(crate) fn unite(spec: &mut Spec) {
     }
 }
 
-/// What is off by no more than this in each coordinate is one point of these.
+/// Points that differ by at most this in each coordinate coincide.
 pub(crate) fn near(points: impl Iterator<Item = [f64; 3]>) -> f64 {
     tolerance::TEN_ROUNDINGS * points.flatten().fold(0.0, |m: f64, x| m.max(x.abs()))
 }
 
-/// The points that move, and where to.
+/// The points that move, and their new positions.
 fn moved(mut points: Vec<(JointPoint, [f64; 3])>) -> Vec<(JointPoint, [f64; 3])> {
     let near = near(points.iter().map(|x| x.1));
     let mut moved = Vec::new();

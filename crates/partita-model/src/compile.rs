@@ -44,7 +44,7 @@ pub fn compile<G: Space>(spec: &Spec, placed: &Placed, numbers: &Numbers<G::S>) 
             },
             q: l.q,
             v: l.v,
-            // a branch has its origin where it is held to the ground
+            // the origin of a branch is where it is attached to the ground
             to_joint: if l.parent == 0 { G::Vec::default() } else { G::vec_in(point - reference[l.parent]) },
             to_centre: G::vec_in(reference[i] - point),
             mass,
@@ -98,7 +98,7 @@ pub(crate) fn origins<S: Scalar>(placed: &Placed, numbers: &Numbers<S>) -> Vec<V
     origins
 }
 
-/// A point as an anchor of its link, and the origin it counts from. On the ground the point is the origin itself.
+/// A point as an anchor of its link, and its origin. On the ground the point is the origin itself.
 pub(crate) fn anchor<G: Space>(
     link: usize,
     at: Vec3<G::S>,
@@ -178,7 +178,7 @@ fn spatial_locks<G: Space>(p: &PlacedJoint) -> (Locked<G>, Vec<G::Lock>) {
     (slides, locks)
 }
 
-/// What is left of a joint's locks in the plane of the mechanism.
+/// The locks of a joint that remain in the plane of the mechanism.
 fn planar_locks<G: Space>(p: &PlacedJoint) -> (Locked<G>, Vec<G::Lock>) {
     let mut free: Vec<Vec3<f64>> = Vec::new();
     let mut turns = false;

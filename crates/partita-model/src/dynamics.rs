@@ -1,11 +1,11 @@
-//! Forces and inertia: the tangential projection by partial velocities, inverse dynamics, the mass matrix.
+//! Forces and inertia: tangential projection by partial velocities, inverse dynamics, mass matrix.
 
 use crate::tree::{Tree, TreeScratch};
 use partita_math::scalar::Scalar;
 use partita_math::spatial::Space;
 
 impl<G: Space> Tree<G> {
-    /// Forget the applied forces.
+    /// Clear the applied forces.
     pub fn clear_forces(&self, s: &mut TreeScratch<G>) {
         for x in &mut s.links {
             x.moment = G::Ang::default();
@@ -71,7 +71,7 @@ impl<G: Space> Tree<G> {
                 continue;
             }
             let (x, mass) = (&s.links[i], link.mass);
-            // left over for the motion: F + m (g − a), T − I α − w × I w
+            // the load that remains for the motion: F + m (g − a), T − I α − w × I w
             let (alpha, acc) = (x.alpha + mine[k].0, x.acc + mine[k].1);
             let force = x.force + G::scale(self.gravity - acc, mass);
             let spin = G::spin(&x.inertia, x.w);
@@ -117,7 +117,7 @@ impl<G: Space> Tree<G> {
             wrench.resize(2 * n, Default::default());
         }
         {
-            // first half: accelerations; second half: wrenches the joint of each link must supply
+            // first half: accelerations; second half: wrenches that the joint of each link must supply
             let (acceleration, wrench) = wrench.split_at_mut(n);
             acceleration[0] = Default::default();
             wrench[0] = Default::default();
@@ -144,7 +144,7 @@ impl<G: Space> Tree<G> {
         s.partial = wrench;
     }
 
-    /// Add to a dense M what links without mass or inertia lack in a metric, at the last poses.
+    /// Add to a dense M the inertia that massless links need in a metric, at the last poses.
     pub fn add_massless(&self, s: &TreeScratch<G>, mass: &mut [G::S]) {
         for x in &self.massless {
             let inertia = G::world_inertia(&s.links[x.link].rot, &x.inertia);
@@ -175,7 +175,7 @@ impl<G: Space> Tree<G> {
         }
     }
 
-    /// Dense M at the last poses and inertias, column by column: only what a coordinate carries moves.
+    /// Dense M at the last poses and inertias, column by column: a coordinate moves only its descendants.
     pub fn mass_matrix(&self, s: &mut TreeScratch<G>, mass: &mut [G::S]) {
         let (n, nv) = (self.links.len(), self.nv);
         mass.fill(G::S::zero());

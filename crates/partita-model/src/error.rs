@@ -1,4 +1,4 @@
-//! Why a description cannot become a model.
+//! Errors of compiling a description.
 
 use thiserror::Error;
 

@@ -1,10 +1,10 @@
-//! The equations of a mechanism over any scalar: every level in the space of its engine.
+//! The equations of a mechanism over any scalar: every level in the space of its evaluations.
 //!
 //! ```text
 //! description ──► Model (f64) ──► over::<S>(parameters) ──► Evaluator<S>
 //! ```
 //!
-//! Nothing here looks at a value: a derivative goes through, eight lanes go side by side, a recorder writes it all down.
+//! Nothing here branches on a value: derivatives, eight lanes side by side and recordings use the same code.
 
 use crate::clusters::{self, Given, Tangents};
 use crate::compile;
@@ -40,7 +40,7 @@ pub struct DriveRow {
     pub tree: Option<(usize, usize)>,
     /// Motion: position, or rate.
     pub motion: Value,
-    /// Which of them.
+    /// The coordinate or velocity.
     pub level: Level,
     /// Row.
     pub row: usize,
@@ -56,17 +56,18 @@ impl DriveRow {
 /// The tree in the space the evaluations run in.
 #[derive(Clone, Debug)]
 pub(crate) enum Engine<S: Scalar> {
-    /// All motions in one plane: three numbers a twist.
+    /// All motions in one plane: three numbers per twist.
     Planar(Box<Mechanics<Planar<S>>>),
     /// Six.
     Full,
 }
 
-/// Forces that take the motion to be found: added to those gathered without them.
+/// Forces that depend on the motion to be found: added to those gathered without them.
 pub(crate) trait Follow<S: Scalar>: Send + Sync {
-    /// How many of them there are.
+    /// Their number.
     fn count(&self) -> usize;
-    /// Add them at (t, q, v), the poses and twists last computed, and leave their levels in the room of the forces.
+    /// Add them at (t, q, v), the poses and twists last computed, and store their friction magnitudes in the memory of
+    /// the forces.
     fn add(&self, model: &Evaluator<S>, at: (S, &[S], &[S]), s: &mut Scratch<S>) -> Result<(), SystemError>;
 }
 
@@ -81,12 +82,12 @@ pub struct Scratch<S: Scalar> {
     pub(crate) planar_forces: Room<Planar<S>>,
     pub(crate) full_forces: Room<Spatial<S>>,
     pub(crate) forces_at: bool,
-    /// Memory of frictions that follow reactions.
+    /// Memory of reaction-dependent frictions.
     pub(crate) hold: Hold,
 }
 
 impl<S: Scalar> Scratch<S> {
-    /// Of no mechanism; takes no memory.
+    /// For no mechanism; allocates nothing.
     pub(crate) fn empty() -> Self {
         Self {
             planar: None,
@@ -116,9 +117,9 @@ pub(crate) use with_engine;
 
 /// A mechanism over the numbers `S`, with the structure of the [`Model`](crate::Model) it was made from.
 ///
-/// Levels go in order, as in [`ConstrainedSystem`](partita_system::ConstrainedSystem): [`position`](Self::position),
-/// [`velocity`](Self::velocity) at the same `(t, q)`, then everything else. Functions of the user's are known in `f64`
-/// alone: see [`Functions::call`](partita_math::scalar::Functions::call).
+/// Levels are evaluated in order, as in [`ConstrainedSystem`](partita_system::ConstrainedSystem):
+/// [`position`](Self::position), [`velocity`](Self::velocity) at the same `(t, q)`, then everything else. User
+/// functions are known in `f64` alone: see [`Functions::call`](partita_math::scalar::Functions::call).
 pub struct Evaluator<S: Scalar> {
     pub(crate) engine: Engine<S>,
     /// The mechanism in space; outputs and reactions are computed with it.
@@ -129,12 +130,13 @@ pub struct Evaluator<S: Scalar> {
     pub drives: Vec<DriveRow>,
     pub(crate) numbers: Numbers<S>,
     pub(crate) callers: Arc<Callers>,
-    /// Frictions that follow reactions.
+    /// Reaction-dependent frictions.
     pub(crate) following: Option<Arc<dyn Follow<S>>>,
 }
 
 impl<S: Scalar> Evaluator<S> {
-    /// Make trees and forces from numbers; also the names of the rows in the engine's space and in space.
+    /// Make trees and forces from numbers; also the names of the rows in the space of the evaluations and in three
+    /// dimensions.
     pub(crate) fn new(
         spec: &Spec,
         placed: Arc<Placed>,
@@ -164,7 +166,8 @@ impl<S: Scalar> Evaluator<S> {
         Ok((Self { engine, full, placed, drives, numbers, callers, following: None }, [rows, full_rows]))
     }
 
-    /// New scratch. Of a planar mechanism that in space is taken by the first [`look`](Self::look): evaluations need none.
+    /// New scratch. For a planar mechanism the spatial part is allocated by the first [`look`](Self::look): evaluations
+    /// need none.
     pub fn scratch(&self) -> Scratch<S> {
         let (planar, full) = match &self.engine {
             Engine::Planar(tree) => (Some(tree.scratch()), TreeScratch::empty()),
@@ -238,7 +241,7 @@ impl<S: Scalar> Evaluator<S> {
         Ok(())
     }
 
-    /// The levels of frictions that follow reactions at any (t, q, v), left where elements look for them.
+    /// The magnitudes of reaction-dependent frictions at any (t, q, v), stored where elements read them.
     pub(crate) fn reaction_friction_at(&self, t: S, q: &[S], v: &[S], s: &mut Scratch<S>) -> Result<(), SystemError> {
         if self.following.is_none() {
             return Ok(());
@@ -343,7 +346,7 @@ impl<S: Scalar> Evaluator<S> {
         });
     }
 
-    /// Plan of the recursion over clusters for the rows of C that are kept: a matter of structure alone.
+    /// Plan of the recursion over clusters for the rows of C that are kept: it depends on structure alone.
     pub fn plan(
         &self,
         pattern: &Pattern,
@@ -357,7 +360,7 @@ impl<S: Scalar> Evaluator<S> {
         }
     }
 
-    /// Room for the recursion over clusters with this plan.
+    /// Memory for the recursion over clusters with this plan.
     pub fn fit(&self, plan: &clusters::Plan, s: &mut Scratch<S>) {
         let velocities = self.placed.nv;
         with_engine!(self, s, |tree, x| x.clusters.fit(tree.links.len(), velocities, tree.dimensions(), plan));
@@ -387,10 +390,10 @@ impl<S: Scalar> Evaluator<S> {
     }
 
     /// Kinetic energy, potential energy, and the power of the forces that have no potential, after
-    /// [`velocity`](Self::velocity). The power of frictions that follow reactions is there after the dynamics only.
+    /// [`velocity`](Self::velocity). The power of reaction-dependent frictions is available after the dynamics only.
     pub fn energies(&self, t: S, q: &[S], v: &[S], s: &Scratch<S>) -> Result<[S; 3], SystemError> {
         let instant = self.instant(t, q, v);
-        // plain numbers need no room, unless it is for a law
+        // plain numbers need no memory, except for a law
         match (&self.engine, &s.planar) {
             (Engine::Planar(tree), Some(x)) => {
                 tree.energies(instant, x, &mut Room::with_normal_forces(&s.planar_forces))
@@ -412,7 +415,8 @@ impl<S: Scalar> Evaluator<S> {
         Ok(power)
     }
 
-    /// Poses and twists in space at (q, v), for outputs and reactions; positions also of the plane's.
+    /// Poses and twists in space at (q, v), for outputs and reactions; for planar mechanisms also the positions in the
+    /// plane.
     pub fn look(&self, q: &[S], v: &[S], s: &mut Scratch<S>) {
         self.full.fit(&mut s.full);
         self.full.poses(q, &mut s.full);
@@ -459,7 +463,7 @@ impl<S: Scalar> Evaluator<S> {
         }
     }
 
-    /// Move `q` by the small velocity-like increment `dv` (an exponential for turns in space).
+    /// Move `q` by the small velocity-like increment `dv` (an exponential for spatial rotations).
     pub fn step(&self, q: &mut [S], dv: &[S]) {
         for l in self.full.links.iter().skip(1) {
             if matches!(l.motion, LinkMotion::Ball) {

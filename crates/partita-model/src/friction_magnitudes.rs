@@ -1,4 +1,5 @@
-//! The levels that frictions and the reactions they follow agree on: a system as small as there are such frictions.
+//! The magnitudes of reaction-dependent frictions, consistent with their reactions: a system as small as the number of
+//! such frictions.
 //!
 //! Reactions are affine in the efforts f of the frictions. With `R_t = A_t + Σ_j B_tj f_j` (forces, one a term) and
 //! `N_i = base_i + Σ_t weight_t |R_t|` over the terms of friction i, the efforts are those with
@@ -14,9 +15,9 @@
 use partita_math::dense;
 use partita_math::tolerance;
 
-/// Corners are counted for so many terms at the most.
+/// Maximum number of terms for which corners are counted.
 const MOST_TERMS: usize = 12;
-/// Newton's steps at the most; where the answer is one, some ten suffice.
+/// Maximum number of Newton steps; where there is one solution, some ten suffice.
 const MOST_STEPS: usize = 200;
 /// Friction magnitudes nearer to having no solution have none. Scale: distance of the amplification from one. Reason:
 /// friction would be a thousand million times the normal force.
@@ -43,7 +44,7 @@ pub(crate) struct Hold {
     pub magnitudes: FrictionMagnitudes,
 }
 
-/// A force that presses a friction.
+/// A force that determines a friction.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Term {
     /// Which friction.
@@ -54,12 +55,12 @@ pub(crate) struct Term {
     pub a: [f64; 3],
 }
 
-/// Why there are no levels.
+/// Why there are no magnitudes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Jam {
     /// The friction that contracts least.
     pub which: usize,
-    /// What a unit of effort of it returns.
+    /// Amplification of a unit of its effort.
     pub returned: f64,
 }
 
@@ -68,7 +69,7 @@ pub(crate) struct Jam {
 pub(crate) struct FrictionMagnitudes {
     /// κ.
     pub kappa: Vec<f64>,
-    /// What presses beside the reaction.
+    /// Normal force that does not depend on the reaction.
     pub base: Vec<f64>,
     pub terms: Vec<Term>,
     /// B: terms x frictions.
@@ -92,7 +93,7 @@ fn size(x: &[f64; 3]) -> f64 {
 }
 
 impl FrictionMagnitudes {
-    /// Room for so many frictions with so many terms.
+    /// Memory for so many frictions with so many terms.
     pub fn fit(&mut self, frictions: usize, terms: usize) {
         for x in [
             &mut self.kappa,
@@ -144,8 +145,8 @@ impl FrictionMagnitudes {
         }
     }
 
-    /// Does elimination without pivoting meet a pivot that is not above zero? A matrix with no positive entry beside
-    /// its diagonal is an M-matrix if it does not.
+    /// Whether elimination without pivoting meets a pivot that is not positive. A matrix without positive entries off
+    /// the diagonal is an M-matrix if it does not.
     fn fails(&mut self) -> bool {
         let n = self.kappa.len();
         let m = &mut self.matrix;
@@ -164,7 +165,7 @@ impl FrictionMagnitudes {
         false
     }
 
-    /// The determinant, pivots searched.
+    /// The determinant, with pivoting.
     fn determinant(&mut self) -> f64 {
         let n = self.kappa.len();
         let m = &mut self.matrix;
@@ -190,7 +191,7 @@ impl FrictionMagnitudes {
         found
     }
 
-    /// The line a term keeps to, if it does: the direction of its largest part.
+    /// The line of a term, if its direction is fixed: that of its largest part.
     fn line(&self, t: usize) -> Option<[f64; 3]> {
         let n = self.kappa.len();
         let all = || self.b[t * n..(t + 1) * n].iter();
@@ -231,7 +232,7 @@ impl FrictionMagnitudes {
         })
     }
 
-    /// The friction that returns most of its own effort.
+    /// The friction with the largest amplification of its own effort.
     fn worst(&self) -> Jam {
         let n = self.kappa.len();
         let mut jam = Jam { which: 0, returned: 0.0 };
@@ -245,7 +246,7 @@ impl FrictionMagnitudes {
         jam
     }
 
-    /// What remains open of (G1) at `tried`, and what stands in it.
+    /// Residual of (G1) at `tried`, and the terms there.
     fn open(&mut self) -> (f64, f64) {
         let tried = std::mem::take(&mut self.tried);
         let mut normal = std::mem::take(&mut self.normal);
@@ -261,8 +262,8 @@ impl FrictionMagnitudes {
         (worst, scale)
     }
 
-    /// Efforts and levels of (G1), by Newton's method from no effort: the way does not depend on what was solved
-    /// before.
+    /// Efforts and magnitudes of (G1), by Newton's method from zero effort: the iteration does not depend on earlier
+    /// solutions.
     pub fn solve(&mut self) -> Result<(), Jam> {
         if !self.single() {
             return Err(self.worst());
@@ -326,7 +327,7 @@ impl FrictionMagnitudes {
     }
 }
 
-/// `x ← A⁻¹ x` with pivots searched; false where A is singular.
+/// `x ← A⁻¹ x` with pivoting; false where A is singular.
 fn solve_small(a: &mut [f64], n: usize, x: &mut [f64]) -> bool {
     for k in 0..n {
         let best = (k..n).fold(k, |b, i| if a[i * n + k].abs() > a[b * n + k].abs() { i } else { b });

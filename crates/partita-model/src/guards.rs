@@ -1,4 +1,4 @@
-//! Guards of a mechanism: gaps of contacts and tyres, ends of stops, how far bushings may be twisted.
+//! Guards of a mechanism: gaps of contacts and tyres, ends of stops, limits of the rotation of bushings.
 
 use crate::evaluator::{with_engine, Evaluator, Scratch};
 use crate::force::{At, Element, Surface};
@@ -13,7 +13,7 @@ fn reading(x: f64, rate: f64, speed: f64) -> GuardReading {
 }
 
 impl<G: Space<S = f64>> Element<G> {
-    /// What is guarded.
+    /// The guarded quantities.
     fn guards(&self, name: &str) -> Vec<Guard> {
         let guard = |what: String, size, through| Guard { name: what, size, through };
         match self {
@@ -69,7 +69,7 @@ impl<G: Space<S = f64>> Element<G> {
 }
 
 impl Model {
-    /// What no step may cross unseen.
+    /// Quantities whose zero no step may cross unseen.
     pub(crate) fn guarded(&self) -> Vec<Guard> {
         if !self.full.elements.iter().any(is_guarded) {
             return Vec::new();

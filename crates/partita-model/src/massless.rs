@@ -1,8 +1,8 @@
-//! Bodies that have no mass or next to none, or no inertia about some axis.
+//! Bodies without mass or nearly so, or without inertia about some axis.
 //!
-//! The motion needs mass on the motions that the loops leave, `D M Dᵀ`, and nowhere else: a coupler may have none.
-//! M itself is then singular and no metric any more. Where a metric is wanted (scales of coordinates, rank,
-//! corrections) such bodies count with a least share of the heaviest. No equation of motion contains it.
+//! The equations of motion need mass in the motions that the loops allow, `D M Dᵀ`, and nowhere else: a coupler may be
+//! massless. M itself is then singular and no longer a metric. Where a metric is needed (scales of coordinates, rank,
+//! corrections) such bodies have a small fraction of the heaviest mass. No equation of motion contains it.
 //!
 //! One motion is special: the spin of a body about a line that contains its centre of mass and its ball joints, as of a
 //! thin rod. It moves nothing else and is indeterminate without inertia; unless an initial spin is given, it is held by
@@ -20,11 +20,11 @@ use partita_math::tolerance;
 /// the square of the characteristic displacement. Reason: squared sines between rows shrink by it in the mass metric,
 /// and those below 1e-9 count as redundant; a bar a thousand times as long as thick has half of such a moment.
 const MASSLESS: f64 = 1e-6;
-/// What is massless counts with this instead. Unit: fraction of the heaviest mass. Reason: no coordinate is then a
-/// hundred times as mobile as its neighbours for want of mass alone.
+/// Mass of massless bodies in the metric. Unit: fraction of the heaviest mass. Reason: no coordinate is then a hundred
+/// times as mobile as its neighbours for want of mass alone.
 const MASSLESS_COUNTS: f64 = 1e-2;
 
-/// A body that balls in one line hold, and nothing else does.
+/// A body that is held only by ball joints on one line.
 #[derive(Clone, Debug)]
 pub struct Idle {
     /// The body, by number.
@@ -35,7 +35,7 @@ pub struct Idle {
     pub line: Vec3<f64>,
 }
 
-/// What can turn without anything noticing: points that stay, and the line through them, if they have one.
+/// The possible rotation without effect on anything else: fixed points, and the line through them, if they have one.
 struct Turning {
     body: usize,
     point: Vec3<f64>,
@@ -47,7 +47,7 @@ fn all_round(m: f64) -> Mat3<f64> {
     Mat3([[m, 0.0, 0.0], [0.0, m, 0.0], [0.0, 0.0, m]])
 }
 
-/// The joints of each body, in their order: looked for once, whatever the number of bodies.
+/// The joints of each body, in their order: collected once, for any number of bodies.
 fn around(placed: &Placed) -> Vec<Vec<usize>> {
     let mut found = vec![Vec::new(); placed.bodies.len()];
     for (j, p) in placed.joints.iter().enumerate() {
@@ -69,20 +69,20 @@ fn points<'a>(placed: &'a Placed, around: &'a [Vec<usize>], body: usize) -> impl
     })
 }
 
-/// Mass of the heaviest body; what turns without mass counts with its inertia.
+/// Mass of the heaviest body; a massless rotation is compared with its inertia.
 fn heaviest(placed: &Placed) -> f64 {
     let turning = |i: &Mat3<f64>| i.0.as_flattened().iter().fold(0.0, |m: f64, x| m.max(x.abs()));
     let square = placed.size * placed.size;
     placed.bodies.iter().fold(0.0, |m: f64, b| m.max(b.mass).max(turning(&b.inertia) / square))
 }
 
-/// Find out what lacks mass in a placed description, with the masses at hand.
+/// Find the massless bodies of a placed description, with its present masses.
 pub fn weigh(placed: &mut Placed, spec: &Spec) {
     placed.held = held(spec, placed);
     placed.massless = massless(placed);
 }
 
-/// What links lack to count in a metric.
+/// The inertia that links lack in a metric.
 pub fn massless(placed: &Placed) -> Vec<Massless> {
     let heaviest = heaviest(placed);
     if heaviest <= 0.0 {
@@ -137,7 +137,7 @@ fn along(e: Vec3<f64>, m: f64) -> Mat3<f64> {
     Mat3(e.0.map(|a| e.0.map(|b| a * b * m)))
 }
 
-/// The line through points, none where they fall together; nothing where they are on no line.
+/// The line through points, none where they coincide; nothing where they are not collinear.
 fn line_through(at: &[Vec3<f64>], placed: &Placed) -> Option<Option<Vec3<f64>>> {
     let &first = at.first()?;
     let near = tolerance::EQUAL * placed.size;
@@ -152,7 +152,7 @@ fn balls(spec: &Spec, around: &[Vec<usize>], body: usize) -> Option<Vec<usize>> 
     joints.iter().all(|&j| spec.joints[j].kind == JointKind::Spherical).then_some(joints)
 }
 
-/// Bodies held by ball joints in one line alone.
+/// Bodies held only by ball joints on one line.
 pub fn idle(spec: &Spec, placed: &Placed) -> Vec<Idle> {
     let around = around(placed);
     let of = |body: usize| {
@@ -173,7 +173,7 @@ pub fn held(spec: &Spec, placed: &Placed) -> Vec<HeldSpin> {
     let of = |body: usize| {
         let joints = balls(spec, &around, body)?;
         let b = &placed.bodies[body];
-        // a free joint holds nothing, but gives the point where others count from
+        // a free joint constrains nothing, but is the reference point of others
         let mut at: Vec<Vec3<f64>> =
             joints.iter().map(|&j| point_on(placed, j, body)).chain((b.mass > 0.0).then_some(b.com)).collect();
         if at.is_empty() {
@@ -211,7 +211,7 @@ fn point_on(placed: &Placed, joint: usize, body: usize) -> Vec3<f64> {
     }
 }
 
-/// Does a force, a drive or a condition see this body turn?
+/// Whether a force, a drive or a condition depends on the rotation of this body.
 fn is_seen(spec: &Spec, placed: &Placed, x: &Turning) -> bool {
     let b = &placed.bodies[x.body];
     let name = spec.bodies[x.body].name.as_str();

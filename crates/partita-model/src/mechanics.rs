@@ -1,4 +1,4 @@
-//! The tree in one space with everything that acts on it: what an evaluation needs.
+//! The tree in one space with all its loads: what an evaluation needs.
 
 use crate::coupling::Condition;
 use crate::force::{At, CutSight, Element, Room, Seen};
@@ -15,12 +15,12 @@ pub struct Mechanics<G: Space> {
     tree: Tree<G>,
     /// Applied forces, springs between points first.
     pub elements: Vec<Element<G>>,
-    /// Conditions that are no closings of joints, in the order of their rows.
+    /// Conditions other than loop closures of joints, in the order of their rows.
     pub conditions: Vec<Condition<G>>,
-    /// Coordinates of joints that close loops, in the order of the joints: functions of the state see them behind those of
-    /// the tree. None where there is no such function.
+    /// Coordinates of joints that close loops, in the order of the joints: functions of the state read them after those
+    /// of the tree. None where there is no such function.
     pub(crate) sights: Vec<CutSight<G>>,
-    /// What sensors look at, which the same functions see behind those coordinates; none where there is no function.
+    /// Readings of sensors, which the same functions read after those coordinates; none where there is no function.
     pub(crate) sensed: Vec<Seen<G>>,
     /// World axes from mechanism axes.
     pub(crate) out: Mat3<G::S>,
@@ -34,7 +34,7 @@ impl<G: Space> Deref for Mechanics<G> {
 }
 
 impl<G: Space> Mechanics<G> {
-    /// Put forces on a tree. `massive` says which links have mass or inertia, a matter of structure.
+    /// Put forces on a tree. `massive` flags the links with mass or inertia, which depends on structure.
     pub(crate) fn new(
         mut tree: Tree<G>,
         conditions: Vec<Condition<G>>,
@@ -54,7 +54,7 @@ impl<G: Space> Mechanics<G> {
         Self { tree, elements, conditions, sights, sensed: Vec::new(), out: Mat3::identity() }
     }
 
-    /// Let functions of the state see what sensors look at.
+    /// Let functions of the state read what sensors read.
     pub(crate) fn sensing(mut self, sensed: Vec<Seen<G>>, out: Mat3<G::S>) -> Self {
         (self.sensed, self.out) = (sensed, out);
         self
@@ -65,7 +65,7 @@ impl<G: Space> Mechanics<G> {
         self.sights.is_empty() && self.sensed.is_empty()
     }
 
-    /// M is a metric as it is: let no link count with more than it has.
+    /// M is a metric as it is: no link needs more than its own mass.
     pub(crate) fn count_as_drawn(&mut self) {
         self.tree.massless.clear();
     }
@@ -105,7 +105,7 @@ impl<G: Space> Mechanics<G> {
         (all, all - of_rates, entries)
     }
 
-    /// Gather all applied forces at the last twists. A user's function is called once for each force that names it.
+    /// Gather all applied forces at the last twists. A user function is called once for each force that names it.
     pub(crate) fn apply(
         &self,
         instant: Instant<G::S>,
@@ -125,8 +125,8 @@ impl<G: Space> Mechanics<G> {
         Ok(())
     }
 
-    /// Coordinates and velocities as functions see them, in the memory of the room; nothing where there is no more to see
-    /// than the tree's.
+    /// Coordinates and velocities as functions read them, in the scratch memory; nothing where the tree's are all there
+    /// is.
     pub(crate) fn seen(
         &self,
         instant: &Instant<G::S>,
@@ -149,12 +149,12 @@ impl<G: Space> Mechanics<G> {
         (q, v)
     }
 
-    /// What elements look things up in, at the last poses and twists.
+    /// The data that elements read, at the last poses and twists.
     pub(crate) fn at<'a>(&'a self, s: &'a TreeScratch<G>, instant: Instant<'a, G::S>) -> At<'a, G> {
         At { tree: &self.tree, s, instant }
     }
 
-    /// Kinetic and potential energy, and the power of what has no potential, at the last twists.
+    /// Kinetic and potential energy, and the power of forces without a potential, at the last twists.
     pub(crate) fn energies(
         &self,
         instant: Instant<G::S>,

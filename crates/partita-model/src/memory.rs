@@ -1,6 +1,6 @@
-//! Memory of the recursions over a tree: kept with the state of its links, filled by the rooms that sweep over them.
+//! Memory of the recursions over a tree: kept with the state of its links, filled by the sweeps.
 
-/// Of the articulated recursion: DIM x DIM numbers a link.
+/// Of the articulated recursion: DIM x DIM numbers per link.
 #[derive(Clone, Debug, Default)]
 pub struct Articulated<S> {
     pub(crate) inertia: Vec<S>,
@@ -12,7 +12,7 @@ pub struct Articulated<S> {
     pub(crate) compliance: Vec<S>,
     pub(crate) force: Vec<S>,
     pub(crate) motion: Vec<S>,
-    /// Effort left over on each link.
+    /// Residual effort on each link.
     pub(crate) left: Vec<[S; 3]>,
 }
 
@@ -22,12 +22,12 @@ pub struct ClusterScratch<S> {
     /// Articulated inertia of each link (DIM x DIM) and force it needs at rest (DIM).
     pub(crate) inertia: Vec<S>,
     pub(crate) force: Vec<S>,
-    /// Acceleration of each link on top of the one it starts from (DIM).
+    /// Acceleration of each link relative to its initial one (DIM).
     pub(crate) motion: Vec<S>,
-    /// Of each velocity: unit twist, what it makes the link's inertia push with (DIM each).
+    /// For each velocity: unit twist, and the corresponding force of the link's inertia (DIM each).
     pub(crate) axis: Vec<S>,
     pub(crate) push: Vec<S>,
-    /// Of each velocity: 1 / inertia felt, effort left over.
+    /// For each velocity: 1 / inertia felt, residual effort.
     pub(crate) inverse: Vec<S>,
     pub(crate) left: Vec<S>,
     /// Inertia felt by each velocity.
@@ -47,9 +47,9 @@ pub struct ClusterScratch<S> {
 pub struct FewScratch<S> {
     /// Partial twists, links x k x DIM.
     pub(crate) partial: Vec<S>,
-    /// Reduced mass of the cluster on a resting base: its Cholesky factor (k x k).
+    /// Reduced mass of the cluster on a base at rest: its Cholesky factor (k x k).
     pub(crate) mass: Vec<S>,
-    /// The same before it was factored: what the choice of coordinates looks at.
+    /// The same before it was factored, for the choice of coordinates.
     pub(crate) whole: Vec<S>,
     /// Accelerations u' on an unaccelerated base (k), and the gain K of the base's acceleration (k x DIM).
     pub(crate) own: Vec<S>,

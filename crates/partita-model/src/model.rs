@@ -32,26 +32,25 @@ use std::collections::HashSet;
 use std::ops::Deref;
 use std::sync::{Arc, OnceLock};
 
-/// A compiled mechanism: an [`Evaluator`] over `f64`, and what belongs to the structure. It never changes; threads
-/// share it.
+/// A compiled mechanism: an [`Evaluator`] over `f64`, and its structure. It is immutable; threads share it.
 pub struct Model {
     own: Evaluator<f64>,
     /// The description it was made from.
     pub spec: Arc<Spec>,
-    /// All rows: closings, couplings, drives.
+    /// All rows: loop closures, couplings, drives.
     pub row_names: Vec<Row>,
-    /// How many of them, the first ones, hold positions.
+    /// Number of rows, the first ones, that constrain positions.
     holonomic: usize,
-    /// How many of them, the first ones, close joints.
+    /// Number of rows, the first ones, that close joints.
     pub closing_rows: usize,
-    /// Rows of the spatial closings that the plane makes superfluous.
+    /// Rows of the spatial loop closures that are redundant in the plane.
     pub out_of_plane: Vec<Row>,
     pattern: Pattern,
-    /// Where M is not zero, found when it is first asked for.
+    /// Sparsity of M, computed on first use.
     mass_layout: OnceLock<MassLayout>,
-    /// Curves with breakpoints, found when they are first asked for.
+    /// Curves with breakpoints, computed on first use.
     curves: OnceLock<Curves>,
-    /// What all answers together depend on, found when it is first asked for.
+    /// What all outputs together depend on, computed on first use.
     whole: OnceLock<Part>,
     clusters: Clusters,
     preference: Preference,
@@ -62,15 +61,15 @@ pub struct Model {
     velocity_of: Vec<Option<usize>>,
     /// Coordinates that each velocity changes.
     coordinates_of: Vec<std::ops::Range<usize>>,
-    /// Angles that nothing counts the turns of.
+    /// Angles whose whole turns are not counted.
     turns: Vec<bool>,
-    /// Large move of each velocity.
+    /// Characteristic displacement of each velocity.
     displacement: Vec<f64>,
-    /// What a large move can open each row by.
+    /// Largest closure error of each row under a large displacement.
     row_displacement: Vec<Option<f64>>,
     /// Rows that close directions.
     row_is_angle: Vec<bool>,
-    /// What was decided of the drawing.
+    /// The decision about the drawing.
     geometry: Arc<Geometry>,
     /// Memory for the next evaluations.
     spare: Arc<Spare>,
@@ -93,8 +92,8 @@ use scales::{Links, RowMeasures};
 pub use scratch::ModelScratch;
 use scratch::Spare;
 
-/// Whether every body is held by fixed joints alone. Then there is no coordinate in any tree, and the verdict is the
-/// same in all.
+/// Whether every body is held by fixed joints alone. Then no tree has a coordinate, and the decision is the same in
+/// all.
 fn all_welded(spec: &Spec) -> bool {
     let mut held = vec![validate::GROUND];
     let welds = || spec.joints.iter().filter(|j| j.kind == JointKind::Fixed);
@@ -112,7 +111,7 @@ fn all_welded(spec: &Spec) -> bool {
     held.len() > spec.bodies.len()
 }
 
-/// Frictions that follow reactions, if there are any.
+/// Reaction-dependent frictions, if there are any.
 fn following(
     own: &Evaluator<f64>,
     spec: &Spec,
@@ -122,7 +121,7 @@ fn following(
 }
 
 impl Model {
-    /// Compile a description; `functions` are those it names by number.
+    /// Compile a description; `functions` are those to which it refers by number.
     pub fn new(spec: Spec, functions: Arc<dyn Functions>, coordinates: Coordinates) -> Result<Self, DescriptionError> {
         Self::build(spec, functions, coordinates)
     }
@@ -132,18 +131,18 @@ impl Model {
         self.callers.functions.clone()
     }
 
-    /// The same model with its reduced equations found in this way.
+    /// The same model with its reduced equations computed by this method.
     pub fn with_recursion(mut self, preference: Preference) -> Self {
         self.preference = preference;
         self
     }
 
-    /// What was decided of the drawing.
+    /// The decision about the drawing.
     pub fn geometry(&self) -> &Geometry {
         &self.geometry
     }
 
-    /// What would make it move if the drawing might be off by so much (radians, parts of lengths).
+    /// What would make it movable if the drawing might have an error of this size (radians, fractions of lengths).
     pub fn geometry_within(&self, tolerance: f64) -> Geometry {
         let drawn = self.as_drawn();
         geometry::decide(drawn.as_ref().unwrap_or(self), tolerance).0
@@ -155,7 +154,7 @@ impl Model {
         Self::compiled((**drawn).clone(), self.functions(), (self.coordinates, true), false).ok()
     }
 
-    /// The same mechanism with all rows of its closings in space, also when it is planar: for questions about the
+    /// The same mechanism with all rows of its loop closures in space, also when it is planar: for questions about the
     /// reactions out of the plane.
     pub fn in_space(&self) -> Result<Self, DescriptionError> {
         self.same((*self.spec).clone(), (self.coordinates, false))
@@ -171,14 +170,14 @@ impl Model {
         self.same(Spec { drives: Vec::new(), ..(*self.spec).clone() }, (self.coordinates, true))
     }
 
-    /// Compiled anew in another form; its geometry is decided already.
+    /// Compiled again in another form; its geometry is already decided.
     fn same(&self, spec: Spec, form: (Coordinates, bool)) -> Result<Self, DescriptionError> {
         let mut made = Self::compiled(spec, self.functions(), form, false)?;
         made.geometry = self.geometry.clone();
         Ok(made)
     }
 
-    /// The mechanism that a description means: exact, repaired or as drawn.                          (11.9)
+    /// The mechanism that a description represents: exact, repaired or as drawn.                               (11.9)
     fn build(spec: Spec, functions: Arc<dyn Functions>, coordinates: Coordinates) -> Result<Self, DescriptionError> {
         let form = (coordinates, true);
         let mut model = Self::compiled(spec, functions.clone(), form, false)?;
@@ -315,11 +314,11 @@ impl Model {
         Ok(model)
     }
 
-    /// Does what light links count with in a metric make a difference, in the drawing or next to it?
+    /// Whether the least masses of massless links change a metric, in the drawing or next to it.
     fn is_short_of_mass(&self) -> bool {
         let n = self.placed.nv;
         let (mut s, mut near) = (self.own.scratch(), self.initial());
-        // an irregular position: axes that fall together in the drawing do not there
+        // an irregular position: axes that coincide in the drawing do not there
         let step: Vec<f64> = (0..n).map(|i| self.displacement[i] * (0.3 + 0.2 * (i as f64 * 1.7).sin())).collect();
         self.own.step(&mut near, &step);
         let (mut drawn, mut counted) = (vec![0.0; n], vec![0.0; n]);
@@ -338,7 +337,7 @@ impl Model {
         })
     }
 
-    /// M is a metric: nothing counts with more than it has.
+    /// M is a metric: no link needs more than its own mass.
     fn count_as_drawn(&mut self) {
         let mut placed = (*self.own.placed).clone();
         placed.massless.clear();
@@ -351,7 +350,7 @@ impl Model {
 
     /// The same mechanism over other numbers, all of them constants.
     ///
-    /// Fails where a function of the user's would have to be called and cannot (a recording).
+    /// Fails where a user function would have to be called and cannot be (a recording).
     pub fn over<S: Scalar>(&self) -> Result<Evaluator<S>, DescriptionError> {
         if self.own.following.is_some() {
             let message = "a reaction-dependent friction cannot be evaluated here; give the friction magnitudes \
@@ -369,7 +368,7 @@ impl Model {
         let k = n.saturating_sub(self.pattern.rows);
         let links = self.full.links.len();
         let partial = Self::partial_cost(links, k);
-        // a column of M touches what it carries; then D M Dᵀ
+        // a column of M involves only the descendants of its velocity; then D M Dᵀ
         let mut depth = vec![0; links];
         (1..links).for_each(|i| depth[i] = depth[self.full.links[i].parent] + 1);
         let carried: usize = depth.iter().sum();
@@ -382,7 +381,7 @@ impl Model {
         links * (k * k * 6 + 24 * k)
     }
 
-    /// Multiplications for one dense M_d of k degrees of freedom, its factor included.
+    /// Number of multiplications for one dense M_d of k degrees of freedom, its factor included.
     fn dense_cost(&self, k: usize) -> usize {
         let scale = if self.is_planar() { 1 } else { 4 };
         scale * Self::partial_cost(self.full.links.len(), k) / 2 + k * k * k / 6
@@ -395,7 +394,7 @@ impl Model {
         })
     }
 
-    /// What all answers together depend on: everything.
+    /// What all outputs together depend on: everything.
     pub fn whole(&self) -> &Part {
         self.whole.get_or_init(|| self.own.whole())
     }
@@ -409,7 +408,7 @@ impl Model {
         self.coordinates
     }
 
-    /// All motions in one plane?
+    /// Whether all motions lie in one plane.
     pub fn is_planar(&self) -> bool {
         self.placed.planar
     }
@@ -433,7 +432,7 @@ impl Model {
         q
     }
 
-    /// Joint of a row, if it is one's own.
+    /// Joint of a row, if it belongs to one.
     pub fn joint_of_row(&self, row: usize) -> Option<usize> {
         match self.row_names[row].owner {
             Owner::Joint(j) => Some(j),
@@ -446,7 +445,7 @@ impl Model {
         self.row_names.iter().filter(|r| matches!(r.owner, Owner::Coupling(_))).count()
     }
 
-    /// What prescribes no motion: rows that are no drives'.
+    /// Rows that prescribe no motion: all except those of drives.
     pub fn undriven(&self) -> impl Iterator<Item = usize> + '_ {
         (0..self.row_names.len()).filter(|&i| !matches!(self.row_names[i].owner, Owner::Drive(_)))
     }
@@ -457,7 +456,7 @@ impl Model {
         Ok((kinetic, potential))
     }
 
-    /// Which bodies are held from spinning, in a sentence.
+    /// The bodies that are held from spinning, in a sentence.
     pub fn held_note(&self) -> Option<String> {
         let names: Vec<&str> = self.placed.held.iter().map(|x| self.spec.bodies[x.body].name.as_str()).collect();
         let is = match names.len() {
@@ -479,11 +478,11 @@ impl Model {
     }
 }
 
-/// The least masses count where some velocity is more mobile than with them by this factor. Scale: ratio of mobilities.
-/// Reason: below, they change no choice.
+/// The least masses are used where some velocity is more mobile than with them by this factor. Scale: ratio of
+/// mobilities. Reason: below, they change no choice.
 const LIGHTER: f64 = 2.0;
 
-/// The rows of the drives, behind `first` closing rows.
+/// The rows of the drives, after `first` closing rows.
 fn drives(spec: &Spec, placed: &Placed, first: usize) -> Result<Vec<DriveRow>, DescriptionError> {
     let mut drives: Vec<DriveRow> = Vec::with_capacity(spec.drives.len());
     let mut driven: Vec<&Measure> = Vec::new();

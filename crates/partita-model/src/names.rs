@@ -1,11 +1,12 @@
-//! Names of coordinates are made of those of joints and bodies: they must not come out the same twice.
+//! Names of coordinates are composed of those of joints and bodies and must be unique.
 
 use crate::error::DescriptionError;
 use crate::spec::Spec;
 use crate::zero_position::Placed;
 use std::collections::HashMap;
 
-/// Refuse joints (and loose bodies) whose coordinates would be called alike, and a joint called like another's coordinate.
+/// Refuse joints (and loose bodies) whose coordinates would have the same name, and a joint with the name of another's
+/// coordinate.
 pub fn distinct(spec: &Spec, placed: &Placed) -> Result<(), DescriptionError> {
     for names in [&placed.coordinate_names, &placed.velocity_names] {
         let mut taken = HashMap::with_capacity(names.len());

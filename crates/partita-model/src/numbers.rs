@@ -48,7 +48,7 @@ impl<S: Scalar> Fields<S> {
         Vec3(std::array::from_fn(|i| x.get(i).copied().unwrap_or_else(S::zero)))
     }
 
-    /// The factors of a sum, and what it is.
+    /// The factors of a sum, and its value.
     pub fn sum(&self, coupling: &Coupling) -> (Vec<S>, S) {
         let Coupling::Linear { factors, offset, said, .. } = coupling else { return (Vec::new(), S::zero()) };
         let numbers: Vec<S> = self.0.iter().map(|(name, _)| self.number(name)).collect();
@@ -77,7 +77,7 @@ pub struct DescribedForce<S> {
     pub rest: S,
     /// Constant effort (first component) or force.
     pub value: Vec3<S>,
-    /// Numbers of a kind that has a record of its own, by field.
+    /// Numbers of a kind of force with its own record, by field.
     pub of_load: Fields<S>,
 }
 
@@ -124,7 +124,7 @@ fn constant(v: &Value) -> f64 {
 }
 
 impl<S: Scalar> Described<S> {
-    /// What a description says.
+    /// The numbers of a description.
     pub fn new(spec: &Spec) -> Self {
         let vec = Vec3::<S>::from_f64;
         let bodies = spec.bodies.iter().map(|b| DescribedBody {
@@ -280,7 +280,7 @@ impl<S: Scalar> Numbers<S> {
             p.links.iter().flatten().for_each(|&l| links[l] = *parent_point);
         }
         for e in placed.topology.tree.iter().filter(|e| e.joint.is_none()) {
-            // a body that floats does so about its centre of mass
+            // a floating body floats about its centre of mass
             let mut link = placed.bodies[e.to - 1].link;
             while link != 0 {
                 links[link] = bodies[e.to - 1].com;
@@ -292,7 +292,8 @@ impl<S: Scalar> Numbers<S> {
         Self { gravity, bodies, joints, links, reference: Vec::new(), pitches, couplings, forces }.referred(placed)
     }
 
-    /// With the reference points for a zero position, whose masses say which links have any: a matter of structure.
+    /// With the reference points for a zero position, whose masses determine which links are massive, which depends on
+    /// structure.
     pub(crate) fn referred(mut self, placed: &Placed) -> Self {
         let numbers = &mut self;
         let mut massive = vec![0.0; placed.links.len()];
@@ -302,7 +303,7 @@ impl<S: Scalar> Numbers<S> {
         for (p, b) in placed.bodies.iter().zip(&numbers.bodies) {
             massive[p.link] += p.mass;
             mass[p.link] += b.mass;
-            // from the first one on: where all are in one point, so is theirs
+            // relative to the first one: where all coincide, so does their mean
             let from = *begun[p.link].get_or_insert(b.com);
             first[p.link] += (b.com - from).times(b.mass);
         }
@@ -318,7 +319,7 @@ impl<S: Scalar> Numbers<S> {
         self
     }
 
-    /// Where a point given in the axes of a node's body is; on the ground it is given in the world.
+    /// Position of a point given in the axes of a node's body; on the ground it is given in the world.
     pub(crate) fn point_on(&self, placed: &Placed, node: usize, p: Vec3<S>) -> Vec3<S> {
         if node == 0 {
             return Mat3::from_f64(placed.basis.0).apply(p);

@@ -1,4 +1,4 @@
-//! What people ask of a state: where bodies and joints are, how they move.
+//! Observations of a state: poses and motions of bodies and joints.
 
 use crate::error::DescriptionError;
 use crate::evaluator::Engine;
@@ -31,12 +31,12 @@ pub struct JointState {
     pub point: [f64; 3],
 }
 
-/// A degree of freedom of a joint, in the tree or not: what is read of it, and the velocities that change it.
+/// A degree of freedom of a joint, in the tree or not: its measurement, and the velocities that change it.
 #[derive(Clone, Debug)]
 pub struct DegreeOfFreedom {
     reading: Measurement<Spatial<f64>>,
     velocities: Vec<usize>,
-    /// Room for its row.
+    /// Memory for its row.
     row: Vec<f64>,
 }
 
@@ -95,8 +95,8 @@ impl Model {
         }
     }
 
-    /// Joint `j` after [`look`](crate::evaluator::Evaluator::look). Turns of a joint that closes a loop in space come
-    /// out in (−π, π].
+    /// Joint `j` after [`look`](crate::evaluator::Evaluator::look). Angles of a joint that closes a spatial loop are in
+    /// (−π, π].
     pub fn joint_state(&self, j: usize, q: &[f64], v: &[f64], s: &ModelScratch) -> JointState {
         let p = &self.placed.joints[j];
         let (child, parent) = (self.node_state(s, p.child), self.node_state(s, p.parent));
@@ -114,7 +114,7 @@ impl Model {
                             w = -turn.matrix().apply(w);
                             turn = Quaternion([turn.0[0], -turn.0[1], -turn.0[2], -turn.0[3]]);
                         }
-                        // from the axes of the zero position to those of the drawing, where a rough drawing was turned
+                        // from the axes of the zero position to those of the drawing, where a rough drawing was rotated
                         let [real, x, y, z] = turn.0;
                         let [x, y, z] = p.on_child.apply_transposed(Vec3([x, y, z])).0;
                         state.position.extend([real, x, y, z]);
@@ -162,14 +162,14 @@ impl Model {
 
 /// Counts the turns of joints that close loops in space from one output to the next.
 ///
-/// Their angles are read off the pose and so are known up to full turns; of the candidates the one nearest to what the
-/// mean of the two speeds predicts is taken. That is safe while outputs are closer than about half a turn of unforeseen
-/// motion. In the plane, and for joints in the tree, angles are never wrapped and nothing is counted. A quaternion and
-/// its negative are one turn; of the two the one next to the last is taken.
+/// Their angles are measured from the pose and so are known up to full turns; of the candidates the one nearest to the
+/// prediction by the mean of the two speeds is taken. That is safe while outputs are closer than about half a turn of
+/// unforeseen motion. In the plane, and for joints in the tree, angles are never wrapped and nothing is counted. A
+/// quaternion and its negative are one rotation; the one next to the previous is taken.
 #[derive(Clone, Debug)]
 pub struct TurnCounter {
     turns: Vec<Vec<bool>>,
-    /// Where the quaternion of each joint begins, if it is read off the pose.
+    /// Index of the quaternion of each joint, if it is measured from the pose.
     quaternions: Vec<Option<usize>>,
     last: Vec<Option<(f64, JointState)>>,
 }
@@ -193,14 +193,14 @@ impl TurnCounter {
             .iter()
             .map(|p| {
                 let read = p.links.is_none() && p.shape.motions.contains(&Motion::Ball);
-                // slides come before it
+                // translations come before it
                 read.then_some(p.shape.dof().saturating_sub(3))
             })
             .collect();
         Self { turns, quaternions, last: vec![None; model.placed.joints.len()] }
     }
 
-    /// Whether the rotation of joint `j` has more than one valid reading.
+    /// Whether the rotation of joint `j` has more than one valid value.
     pub fn counts(&self, j: usize) -> bool {
         self.turns[j].contains(&true) || self.quaternions[j].is_some()
     }

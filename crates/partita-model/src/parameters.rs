@@ -33,7 +33,7 @@ use partita_math::tolerance;
 use partita_system::prelude::*;
 use std::collections::HashSet;
 
-/// Where a parameter lives in [`Described`].
+/// Where a parameter is stored in [`Described`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Slot {
     Gravity,
@@ -134,7 +134,7 @@ impl Slot {
     }
 }
 
-/// What a description says, with some parameters changed; also the slots that were.
+/// A description with some parameters changed; also the slots that were.
 fn changed<S: Scalar>(spec: &Spec, changes: &[(&str, &[S])]) -> Result<(Described<S>, Vec<Slot>), DescriptionError> {
     let known = Slot::all(spec);
     let mut described = Described::new(spec);
@@ -237,7 +237,7 @@ fn moved(placed: &Placed, spec: &Spec, n: &Numbers<f64>) -> Placed {
     placed
 }
 
-/// Refuse numbers by which a coupling would hold rates alone in place of positions, or positions in place of rates.
+/// Refuse numbers by which a coupling would constrain rates instead of positions, or positions instead of rates.
 fn same_rows(before: &[ConditionRows], spec: &Spec, placed: &Placed) -> Result<(), DescriptionError> {
     let held = |x: &ConditionRows| (x.owner, x.rows, x.holonomic);
     let before: HashSet<_> = before.iter().map(held).collect();
@@ -267,21 +267,21 @@ impl Model {
         self.spec.couplings[i].terms().iter().filter(|m| coupling::wraps(&self.placed, m)).count() > 1
     }
 
-    /// Can [`over_with`](Self::over_with) take this parameter, if there is one of the name?
+    /// Whether [`over_with`](Self::over_with) can take this parameter, if there is one of the name.
     pub(crate) fn is_smooth(&self, name: &str) -> bool {
         !Slot::all(&self.spec).iter().any(|(known, slot)| known == name && self.counts_turns(*slot))
     }
 
-    /// The same mechanism with other parameters, `(name, numbers)`: its tree, rows and coordinates stay. The bodies
-    /// stay where they are drawn, a joint's point moves on both of them; of masses and inertias each is given by
-    /// itself.
+    /// The same mechanism with other parameters, `(name, numbers)`: its tree, rows and coordinates are unchanged. The
+    /// bodies keep their drawn poses, a joint's point moves on both of them; masses and inertias are changed
+    /// independently.
     ///
     /// Fails for unknown names, wrong counts, numbers that no body can have, and where the structure would change: a
-    /// planar mechanism whose joints no longer meet in the plane, a gear whose whole turns are reported no more. Cost:
+    /// planar mechanism whose joints no longer meet in the plane, a gear whose whole turns are no longer known. Cost:
     /// that of making the trees, without finding them.
     pub fn with_parameters(&self, changes: &[(&str, &[f64])]) -> Result<Self, DescriptionError> {
         if let Some(drawn) = &self.geometry().drawn {
-            // what was repaired is repaired anew
+            // a repair is repeated
             let spec = rewritten(drawn, &changed(drawn, changes)?.0);
             let made = Self::new(spec, self.callers.functions.clone(), self.coordinates())?;
             return self.of_one_structure(made);
@@ -297,7 +297,7 @@ impl Model {
             p.shape.own = joint::shape(j)?.own;
         }
         same_rows(&coupling::order(&self.spec, &self.placed)?, &spec, &placed)?;
-        // which links have mass may have changed
+        // the set of massive links may have changed
         numbers = numbers.referred(&placed);
         if placed.planar {
             for &j in &placed.topology.cuts {
@@ -328,12 +328,12 @@ impl Model {
         Err(DescriptionError::new("mechanism", &self.spec.name, m))
     }
 
-    /// The same mechanism over other numbers, with parameters that are such numbers: what is computed from them carries
-    /// derivatives with respect to masses, lengths, stiffnesses, ...
+    /// The same mechanism over other numbers, with parameters that are such numbers: results carry derivatives with
+    /// respect to masses, lengths, stiffnesses, ...
     ///
     /// Fails as [`with_parameters`](Self::with_parameters) and [`over`](Self::over) do, and for masses and inertias of
-    /// links that have none in the model: those have no dynamics to depend on them; and for factors of couplings
-    /// between several joints whose whole turns are not known.
+    /// massless links, on which no dynamics depends; and for factors of couplings between several joints whose whole
+    /// turns are not known.
     pub fn over_with<S: Scalar>(&self, changes: &[(&str, &[S])]) -> Result<Evaluator<S>, DescriptionError> {
         let (described, slots) = changed(&self.spec, changes)?;
         for (slot, (name, _)) in slots.iter().zip(changes) {

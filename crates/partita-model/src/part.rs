@@ -1,7 +1,7 @@
-//! The part of a mechanism that one answer depends on: a body, a joint, a reaction.
+//! The part of a mechanism on which one output depends: of a body, a joint, a reaction.
 //!
-//! The pose of a body takes the links between it and the ground. The reaction of a tree joint takes besides the bodies
-//! outboard of it and what acts on them; that of a cut joint its multipliers and its two sides alone.        (R3)
+//! The pose of a body depends on the links between it and the ground. The reaction of a tree joint depends besides on
+//! the bodies outboard of it and their loads; that of a cut joint only on its multipliers and its two sides.     (R3)
 
 use crate::evaluator::{Engine, Evaluator, Scratch};
 use crate::force::{CutSight, Seen};
@@ -9,20 +9,20 @@ use crate::rows::Owner;
 use partita_math::scalar::Scalar;
 use std::collections::BTreeSet;
 
-/// Links, bodies and what acts on them, for one question or for all.
+/// Links, bodies and their loads, for one output or for all.
 #[derive(Clone, Debug, Default)]
 pub struct Part {
     /// Links whose poses and twists are needed, parents first.
     pub(crate) links: Vec<usize>,
     /// Nodes whose balance of forces is needed, in the order of the tree.
     pub(crate) nodes: Vec<usize>,
-    /// Places in the carrying tree of the edges to these nodes, in the order of the tree.
+    /// Indices in the carrying tree of the edges to these nodes, in the order of the tree.
     pub(crate) edges: Vec<usize>,
     /// Applied forces on these nodes.
     pub(crate) elements: Vec<usize>,
-    /// Closings on these nodes, and those asked for themselves.
+    /// Loop closures on these nodes, and those requested themselves.
     pub(crate) closings: Vec<usize>,
-    /// Conditions on these nodes, and those that belong to what is asked for.
+    /// Conditions on these nodes, and those that belong to the request.
     pub(crate) conditions: Vec<usize>,
 }
 
@@ -40,7 +40,7 @@ impl Part {
             let p = &model.placed.joints[full.closings[k].joint];
             [p.parent, p.child]
         };
-        // what acts along a tree joint acts on no body by itself
+        // a load along a tree joint acts on no body by itself
         let elements: Vec<usize> = (0..full.elements.len()).filter(|&i| on(&full.elements[i].nodes())).collect();
         let closings: Vec<usize> =
             (0..full.closings.len()).filter(|&k| on(&sides(k)) || asked(full.closings[k].joint)).collect();
@@ -80,19 +80,19 @@ fn with_ancestors<S: Scalar>(model: &Evaluator<S>, links: BTreeSet<usize>) -> Ve
     all.into_iter().collect() // a parent's number is smaller than its children's
 }
 
-/// Links that functions of the state look at.
+/// Links that functions of the state read.
 fn seen<S: Scalar>(model: &Evaluator<S>) -> impl Iterator<Item = usize> + '_ {
     let coordinates = model.full.sights.iter().flat_map(CutSight::links);
     coordinates.chain(model.full.sensed.iter().flat_map(Seen::links))
 }
 
 impl<S: Scalar> Evaluator<S> {
-    /// Whether forces or motions contain functions of the user.
+    /// Whether forces or motions contain user functions.
     pub fn calls_functions(&self) -> bool {
         self.callers.functions.count() > 0
     }
 
-    /// What all answers together depend on: everything.
+    /// What all outputs together depend on: everything.
     pub fn whole(&self) -> Part {
         let nodes = self.placed.carrying.iter().map(|e| e.to).collect();
         let mut part = Part::new(self, &nodes, |_| true, &[]);
@@ -148,7 +148,7 @@ impl<S: Scalar> Evaluator<S> {
         ends.into_iter().chain(p.links.iter().flatten().copied()).collect()
     }
 
-    /// Poses and twists at (q, v) of the links of `part`, in space and in the plane of the engine.
+    /// Poses and twists at (q, v) of the links of `part`, in three dimensions and in the space of the evaluations.
     pub fn look_at(&self, part: &Part, q: &[S], v: &[S], s: &mut Scratch<S>) {
         self.full.fit(&mut s.full);
         for &i in &part.links {

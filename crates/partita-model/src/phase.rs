@@ -1,5 +1,5 @@
-//! Whole turns that positions alone do not determine: couplings satisfied by their rates, and
-//! elements that are wound.
+//! Whole turns that positions alone do not determine: couplings satisfied by their rates, and elements whose angle has
+//! wound up.
 
 use crate::coupling::{Law, Says};
 use crate::model::Model;

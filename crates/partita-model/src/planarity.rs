@@ -19,11 +19,11 @@ pub(crate) fn loads_lie_in_plane(spec: &Spec, normal: [f64; 3]) -> bool {
 }
 
 /// Whether a friction needs reactions out of the plane with this `normal` (world, unit), which a planar model does not
-/// have. `motion` tells how a coordinate of a joint moves.
+/// have. `motion` returns how a coordinate of a joint moves.
 ///
-/// A turn is pressed in the plane, unless it has a collar or a length. A slide is, as long as nothing pushes any body
-/// out of the plane, and it has no arm to be turned about its axis by; one with a length, which moments press, if all
-/// masses, joints and forces lie in one plane besides.
+/// A rotation is loaded in the plane, unless it has a collar or a length. A translation is, as long as no body is
+/// pushed out of the plane and it has no arm for moments about its axis; one with a length, which moments load, only if
+/// besides all masses, joints and forces lie in one plane.
 pub(crate) fn needs_space(spec: &Spec, normal: [f64; 3], motion: impl Fn(&str, usize) -> Option<Motion>) -> bool {
     let leaves = || loaded_across(spec, Vec3(normal));
     spec.forces.iter().any(|f| match f {
@@ -40,8 +40,8 @@ pub(crate) fn needs_space(spec: &Spec, normal: [f64; 3], motion: impl Fn(&str, u
     })
 }
 
-/// Do masses, joints and forces lie in one plane to the part `level` of their characteristic displacement, so that
-/// nothing turns a body out of it?
+/// Whether masses, joints and forces lie in one plane to the fraction `level` of their characteristic displacement, so
+/// that nothing rotates a body out of it.
 fn lies_in_plane(spec: &Spec, normal: Vec3<f64>, level: f64) -> bool {
     let bodies: HashMap<&str, _> = spec.bodies.iter().map(|b| (b.name.as_str(), b)).collect();
     let height = |x: Vec3<f64>| (normal.dot(x), x.norm());
@@ -68,7 +68,7 @@ fn lies_in_plane(spec: &Spec, normal: Vec3<f64>, level: f64) -> bool {
         if b.mass > 0.0 {
             heights.push(at(&b.name, b.com));
         }
-        // products of inertia with the normal turn a body out of the plane as it spins
+        // products of inertia with the normal rotate a body out of the plane as it spins
         let own = Mat3(b.orientation).apply_transposed(normal);
         let spun = Mat3(b.inertia).apply(own);
         straight &= (spun - own.times(own.dot(spun))).norm() <= level * spun.norm();

@@ -1,4 +1,4 @@
-//! The equations of a mechanism as a program to run elsewhere, with its parameters as inputs.
+//! The equations of a mechanism as a program for another environment, with its parameters as inputs.
 //!
 //! ```text
 //! inputs    t | q | v | parameters
@@ -17,16 +17,16 @@ use partita_system::prelude::*;
 use partita_system::SystemError;
 use std::ops::Range;
 
-/// A mechanism's equations as a module, and where its numbers are.
+/// A mechanism's equations as a module, and the offsets of its numbers.
 #[derive(Clone, Debug)]
 pub struct Recorded {
     /// The module.
     pub module: Module,
-    /// Each parameter with the place of its first number and their count.
+    /// Each parameter with the offset of its first number and their count.
     pub parameters: Vec<(String, usize, usize)>,
-    /// Each output with the place of its first number and their count.
+    /// Each output with the offset of its first number and their count.
     pub outputs: Vec<(&'static str, usize, usize)>,
-    /// Of `mass` and `metric` the places in the lower triangle, counted row by row: what is not always 0.
+    /// For `mass` and `metric` the indices in the lower triangle, counted row by row, of entries that are not always 0.
     pub patterns: Vec<(&'static str, Vec<usize>)>,
 }
 
@@ -38,7 +38,7 @@ const STAGES: [(&str, &[&str]); 4] = [
     ("look", &["bodies", "joints", "energy"]),
 ];
 
-/// Triangles of which the zeros are left out.
+/// Triangles whose zeros are omitted.
 const PATTERNED: [&str; 2] = ["mass", "metric"];
 
 /// Of a dense symmetric matrix.
@@ -68,21 +68,21 @@ impl<S: Scalar> Evaluator<S> {
 
 impl Model {
     /// The equations as a program whose inputs are time, state and these parameters (see
-    /// [`parameters`](crate::parameters)), but for those that [`over_with`](Self::over_with) cannot take because they
+    /// [`parameters`](crate::parameters)), except those that [`over_with`](Self::over_with) cannot take because they
     /// determine whole turns: those stay constant.
     ///
     /// # Errors
-    /// Parameters that do not exist or are given twice; elements that call functions of the user's, and frictions that
-    /// follow reactions: they cannot be recorded.
+    /// Parameters that do not exist or are given twice; elements that call user functions, and reaction-dependent
+    /// frictions: they cannot be recorded.
     pub fn recorded(&self, names: &[String]) -> Result<Recorded, DescriptionError> {
-        // refuses frictions whose levels follow reactions
+        // refuses reaction-dependent frictions
         self.over::<Recorder>()?;
         let present = self.parameters();
         let (nq, nv) = (self.placed.nq, self.placed.nv);
         let mut next = 1 + nq + nv;
         let mut parameters = Vec::with_capacity(names.len());
         for name in names.iter().filter(|name| self.is_smooth(name)) {
-            // unknown names are refused below, with those that there are
+            // unknown names are refused below, with those that exist
             let count = present.iter().find(|p| p.0 == *name).map_or(0, |p| p.1.len());
             parameters.push((name.clone(), next, count));
             next += count;

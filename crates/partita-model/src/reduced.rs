@@ -54,7 +54,7 @@ impl<S: Scalar> Evaluator<S> {
     /// Everything that follows from `(t, q, v_I)` for the choice of a reduction in plain numbers, made near there; `plan` is the
     /// recursion over clusters where the choice is packed for one (see [`Evaluator::fit`]).            (P1-P3, R1)
     ///
-    /// Straight-line: that the choice still fits is not looked at.
+    /// Without branches: whether the choice still applies is not checked.
     pub fn reduced(
         &self,
         choice: &Choice,

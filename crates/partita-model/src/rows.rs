@@ -1,11 +1,11 @@
-//! Rows of C: what each belongs to and is called.
+//! Rows of C: owner and name of each.
 
 use crate::spec::Spec;
 
 /// What a row belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Owner {
-    /// Joint number i: its closing, or a condition of its own.
+    /// Joint number i: its loop closure, or a condition of its own.
     Joint(usize),
     /// Coupling number i.
     Coupling(usize),
@@ -39,7 +39,7 @@ impl Owner {
     }
 }
 
-/// A row as the user may see it.
+/// A row as shown to the user.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Row {
     /// What it belongs to.

@@ -1,4 +1,4 @@
-//! One applied force as people ask for it: what acts where, its effort along a joint, its energy and its power.
+//! One applied force as an output: its loads, its effort along a joint, its energy and its power.
 
 use crate::error::DescriptionError;
 use crate::evaluator::{Evaluator, Scratch};
@@ -17,7 +17,7 @@ pub struct Shown<S = f64> {
     pub power: S,
     /// Its potential, 0 if it has none.
     pub potential: S,
-    /// Effort along a coordinate of a joint; none for what acts between points.
+    /// Effort along a coordinate of a joint; none for a force between points.
     pub effort: Option<S>,
     /// On each body that it acts on: point, force, and moment about that point.
     pub wrenches: Vec<[Vec3<S>; 3]>,
@@ -27,7 +27,7 @@ impl<S: Scalar> Evaluator<S> {
     /// Applied force `e` of the model at (t, q, v), after [`look_at`](Self::look_at) its part.
     ///
     /// # Errors
-    /// What a user's function raises.
+    /// Errors of user functions.
     pub fn shown(&self, e: usize, t: S, q: &[S], v: &[S], s: &mut Scratch<S>) -> Result<Shown<S>, SystemError> {
         let mut room = std::mem::take(&mut s.full_forces);
         let (seen_q, seen_v) = self.full.seen(&self.instant(t, q, v), &s.full, &mut room);
@@ -63,11 +63,11 @@ impl<S: Scalar> Evaluator<S> {
 }
 
 impl Model {
-    /// Place among the elements of force number `i` of the description, and how many bodies it acts on: springs between
-    /// points come first.
+    /// Index among the elements of force number `i` of the description, and number of bodies it acts on: springs
+    /// between points come first.
     ///
     /// # Errors
-    /// There is no such force.
+    /// If there is no such force.
     pub fn load_number(&self, i: usize) -> Result<(usize, usize), DescriptionError> {
         let spring = |f: &Force| matches!(f, Force::Spring { .. });
         let (forces, elements) = (&self.spec.forces, &self.full.elements);
@@ -81,8 +81,8 @@ impl Model {
         Ok((e, elements[e].nodes().len()))
     }
 
-    /// Accelerations of the origin of body `i` and of its turning for v', after [`look_at`](Evaluator::look_at) its part;
-    /// world axes.
+    /// Acceleration of the origin and angular acceleration of body `i` for v', after [`look_at`](Evaluator::look_at)
+    /// its part; world axes.
     pub fn body_acceleration(&self, i: usize, part: &Part, vdot: &[f64], s: &ModelScratch) -> [Vec3<f64>; 2] {
         let b = &self.placed.bodies[i];
         let (x, (turned, moved)) = (&s.full.links[b.link], self.link_acceleration(part, b.link, vdot, s));

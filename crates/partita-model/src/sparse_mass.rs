@@ -1,8 +1,7 @@
-//! M with its own sparsity: velocities act on each other where one of their links carries the other.
+//! M with its own sparsity: two velocities are coupled where a link of one is an ancestor of a link of the other.
 //!
 //! Absolute coordinates have a block for each body; in joint coordinates the entries are those between the velocities
-//! of one chain of ancestors. Which they are is found once, and an evaluation writes them in the order of the
-//! pattern.
+//! of one chain of ancestors. The pattern is determined once, and an evaluation writes the entries in its order.
 
 use crate::tree::{LinkMotion, Tree, TreeScratch};
 use partita_math::elimination::Pattern;
@@ -15,11 +14,11 @@ use std::ops::Range;
 pub(crate) struct MassLayout {
     /// Of M (nv x nv), both triangles.
     pub pattern: Pattern,
-    /// What each link carries, itself first, one list behind the other.
+    /// Descendants of each link, itself first, one list after the other.
     carried: Vec<u32>,
     /// Where the list of each link starts.
     starts: Vec<usize>,
-    /// Places of (i, j) and of (j, i), in the order in which an evaluation meets them.
+    /// Indices of (i, j) and of (j, i), in the order in which an evaluation meets them.
     places: Vec<[u32; 2]>,
 }
 
@@ -74,7 +73,7 @@ impl MassLayout {
 }
 
 impl<G: Space> Tree<G> {
-    /// The entries of M at the last pose, in the order of the layout. Cost: links carried, summed over velocities.
+    /// The entries of M at the last pose, in the order of the layout. Cost: descendants, summed over velocities.
     pub(crate) fn sparse_mass(&self, layout: &MassLayout, s: &mut TreeScratch<G>, out: &mut [G::S]) {
         let n = self.links.len();
         let mut room = std::mem::take(&mut s.partial);

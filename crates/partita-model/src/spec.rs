@@ -16,7 +16,8 @@ pub const VERSION: u32 = 1;
 /// The drawing tolerance unless one is given. Unit: lengths of a block; rad. Reason: four decimals, as drawings are
 /// dimensioned.
 pub const DRAWING_TOLERANCE: f64 = 1e-4;
-/// The largest drawing tolerance. Scale: lengths of a block; rad. Reason: beyond it what differs is another mechanism.
+/// The largest drawing tolerance. Scale: lengths of a block; rad. Reason: with a larger difference it is another
+/// mechanism.
 pub const LARGEST_TOLERANCE: f64 = 1e-2;
 fn drawing_tolerance() -> f64 {
     DRAWING_TOLERANCE
@@ -32,8 +33,8 @@ pub struct Spec {
     pub name: String,
     /// Gravity [m/s²].
     pub gravity: [f64; 3],
-    /// How far the drawing may be off (radians, parts of lengths): joints that over-constrain by no more than that are
-    /// repaired.
+    /// Possible error of the drawing (radians, fractions of lengths): joints that over-constrain by no more than that
+    /// are repaired.
     #[serde(default = "drawing_tolerance")]
     pub drawing_tolerance: f64,
     /// Rigid bodies.
@@ -42,7 +43,7 @@ pub struct Spec {
     /// Joints between them and the ground.
     #[serde(default)]
     pub joints: Vec<Joint>,
-    /// Conditions between joints and bodies that are no joints.
+    /// Conditions between joints and bodies that are not joints.
     #[serde(default)]
     pub couplings: Vec<Coupling>,
     /// Prescribed joint motions.
@@ -51,7 +52,7 @@ pub struct Spec {
     /// Applied forces.
     #[serde(default)]
     pub forces: Vec<Force>,
-    /// What functions of the state see besides coordinates: bodies, points and joints, for sensors.
+    /// Quantities that functions of the state read besides coordinates: bodies, points and joints, for sensors.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub sights: Vec<Sight>,
 }
@@ -72,7 +73,7 @@ pub struct Body {
     pub position: [f64; 3],
     /// Body axes in the drawing (columns).
     pub orientation: [[f64; 3]; 3],
-    /// Hint for pictures.
+    /// Shape for pictures.
     #[serde(default)]
     pub shape: Option<serde_json::Value>,
 }
@@ -81,27 +82,27 @@ pub struct Body {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum JointKind {
-    /// One turn about an axis.
+    /// One rotation about an axis.
     Revolute,
-    /// One slide along an axis.
+    /// One translation along an axis.
     Prismatic,
-    /// A slide and a turn along one axis.
+    /// A translation and a rotation along one axis.
     Cylindrical,
-    /// Two turns about crossing axes.
+    /// Two rotations about crossing axes.
     Universal,
     /// All turns.
     Spherical,
-    /// Two slides in a plane and the turn in it.
+    /// Two translations in a plane and the rotation in it.
     Planar,
     /// None.
     Fixed,
     /// All six.
     Free,
-    /// Any subset of three slides and three turns.
+    /// Any subset of three translations and three rotations.
     Generic,
-    /// A turn about an axis and the advance along it that goes with it.
+    /// A rotation about an axis and the coupled advance along it.
     Screw,
-    /// Two bends that pass a spin on unchanged.
+    /// Two bends that transmit a spin unchanged.
     ConstantVelocity,
     /// A point on a line, free to rotate.
     PointOnLine,
@@ -113,14 +114,14 @@ pub enum JointKind {
     Perpendicular,
     /// All axes stay parallel.
     Orientation,
-    /// A slide along a slot, then a turn about a pin across it.
+    /// A translation along a slot, then a rotation about a pin perpendicular to it.
     PinSlot,
     /// Directions that are free, or functions of those.
     Custom,
 }
 
 impl JointKind {
-    /// Its name for people.
+    /// Its name in messages.
     pub fn words(self) -> &'static str {
         match self {
             Self::Revolute => "revolute",
@@ -149,7 +150,7 @@ impl JointKind {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Cut {
-    /// As it suits.
+    /// Decided by the spanning tree.
     #[default]
     Auto,
     /// Wherever it closes a loop.
@@ -180,7 +181,7 @@ pub struct Joint {
     pub parent: String,
     /// Child body.
     pub child: String,
-    /// Where it sits (m).
+    /// Its position (m).
     #[serde(default)]
     pub point: [f64; 3],
     /// Its axis (revolute, prismatic, cylindrical), normal (planar) or first axis (universal).
@@ -201,7 +202,7 @@ pub struct Joint {
     /// Advance for a whole turn (m), positive for a right-hand thread (screw).
     #[serde(default)]
     pub pitch: Option<f64>,
-    /// Where it sits on the child in an open drawing.
+    /// Its position on the child in an open drawing.
     #[serde(default)]
     pub child_point: Option<[f64; 3]>,
     /// Its axis on the child in an open drawing.
@@ -214,15 +215,14 @@ pub struct Joint {
     /// Whether it may be cut.
     #[serde(default)]
     pub cut: Cut,
-    /// How far it gives along and about the joint axes x, y, z [m/N], [rad/(N m)]: by this redundant joints share
-    /// loads.
+    /// Compliance along and about the joint axes x, y, z [m/N], [rad/(N m)], by which redundant joints share loads.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub compliance: Option<[f64; 6]>,
 }
 
 impl Joint {
-    /// A joint of this kind between two bodies at a point, without an axis yet; where a loop is cut is left to the
-    /// tree.
+    /// A joint of this kind between two bodies at a point, without an axis yet; the spanning tree decides where loops
+    /// are cut.
     pub fn new(name: impl Into<String>, kind: JointKind, parent: &str, child: &str, point: [f64; 3]) -> Self {
         Self {
             name: name.into(),
@@ -267,11 +267,11 @@ pub struct Table {
     pub coefficients: Vec<[f64; 4]>,
 }
 
-/// What is read off a mechanism.
+/// A measurement of a mechanism.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "of", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Measure {
-    /// A coordinate of a joint: a slide (m) or a turn (rad).
+    /// A coordinate of a joint: a translation (m) or an angle (rad).
     Joint {
         /// Joint.
         joint: String,
@@ -354,26 +354,25 @@ pub struct Drive {
     /// Which of them.
     #[serde(default)]
     pub level: Level,
-    /// Of a joint that turns about all axes: the orientation of which its coordinate is a component, in place of
-    /// `motion`.
+    /// For a joint with spatial rotation: the orientation of which its coordinate is a component, instead of `motion`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub turning: Option<Turning>,
 }
 
 impl Drive {
-    /// A drive of a slide, an angle or whatever else is measured by one number.
+    /// A drive of a translation, an angle or any other measurement.
     pub fn new(name: impl Into<String>, measure: Measure, motion: Value, level: Level) -> Self {
         Self { name: name.into(), measure, motion, level, turning: None }
     }
 }
 
-/// An orientation over time: of the child seen from the parent, as given by the coordinates of the joint.
+/// An orientation over time: of the child relative to the parent, as given by the coordinates of the joint.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase", deny_unknown_fields)]
 pub enum Turning {
     /// The same at all times.
     Held([[f64; 3]; 3]),
-    /// From break to break a rotation vector (three cubics over the same breaks), turned on from a quaternion (w, x, y,
+    /// From break to break a rotation vector (three cubics over the same breaks), applied after a quaternion (w, x, y,
     /// z).
     Table {
         /// The components of the vector.

@@ -38,7 +38,7 @@ fn all(spec: &Spec) -> impl Iterator<Item = (&Table, String, Enters)> {
 
 /// The end of the table that ends first, and what it belongs to, in words.
 pub fn time_domain(spec: &Spec) -> Option<(f64, String)> {
-    // a turn begins anew in each interval: it has an end, but its breakpoints are none of one curve
+    // an orientation begins anew in each interval: it has an end, but its breakpoints are not those of one curve
     let turns = spec.drives.iter().filter_map(|d| match &d.turning {
         Some(Turning::Table { vectors, .. }) => Some((&vectors[0], words(&d.name, "drive"), Enters::Position)),
         _ => None,
@@ -47,12 +47,12 @@ pub fn time_domain(spec: &Spec) -> Option<(f64, String)> {
     ends.reduce(|first, other| if other.0 < first.0 { other } else { first })
 }
 
-/// A point of a table is a discontinuity of slope if it lies farther off the line between its neighbours. Scale: range
-/// of the table. Reason: of a curve with a hundred points a wave none is.
+/// A point of a table is a discontinuity of slope if its distance from the line between its neighbours is larger.
+/// Scale: range of the table. Reason: a sampled wave of a hundred points has none.
 const DISCONTINUITY: f64 = 1e-3;
 
-/// Ascending times at which a table is discontinuous: a pulse has some, and a step that saw none of them would pass it
-/// unseen.
+/// Ascending times at which a table is discontinuous: a pulse has some, and a step without an evaluation between them
+/// would miss it.
 pub fn discontinuities(spec: &Spec) -> Vec<f64> {
     let mut found: Vec<f64> = all(spec).flat_map(|(table, ..)| discontinuities_of(table)).collect();
     found.sort_by(f64::total_cmp);
@@ -80,7 +80,7 @@ fn discontinuities_of(table: &Table) -> Vec<f64> {
     (1..=from).filter(is_discontinuity).map(|i| t[i]).collect()
 }
 
-/// Usual names say what they are themselves.
+/// Common names need no prefix.
 fn words(name: &str, kind: &str) -> String {
     match name.starts_with(&format!("{kind} of ")) || name.starts_with("torque of ") {
         true => format!("the {name}"),

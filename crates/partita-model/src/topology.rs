@@ -6,7 +6,7 @@
 
 use std::collections::BTreeSet;
 
-/// Class of a joint that can only close loops: a body that nothing else holds floats.
+/// Class of a joint that can only close loops: a body without another joint floats.
 pub const CUT: u8 = 3;
 
 /// One edge of the graph. Node 0 is the ground, body i is node i + 1.
@@ -16,7 +16,7 @@ pub struct Edge {
     pub parent: usize,
     /// Child node as described.
     pub child: usize,
-    /// 0: must stay, 1: as it suits, 2: should be cut, [`CUT`]: is cut whatever it holds.
+    /// 0: must stay, 1: no preference, 2: should be cut, [`CUT`]: is always cut.
     pub class: u8,
     /// Velocities the joint allows.
     pub dof: usize,
@@ -25,13 +25,13 @@ pub struct Edge {
 /// An edge of the tree, directed away from the ground.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TreeEdge {
-    /// Joint, or `None` for a body that no joint holds: it floats.
+    /// Joint, or `None` for a floating body.
     pub joint: Option<usize>,
     /// Node nearer to the ground.
     pub from: usize,
     /// Node farther away.
     pub to: usize,
-    /// Walked against the description (child towards parent)?
+    /// Whether it is traversed against the description (from child to parent).
     pub reversed: bool,
 }
 

@@ -27,7 +27,7 @@ impl Model {
         (q2, v2)
     }
 
-    /// How far the links of a planar mechanism have turned from the drawing, whole turns included; parents come first.
+    /// Rotations of the links of a planar mechanism from the drawing, whole turns included; parents come first.
     fn turned(&self, q: &[f64]) -> Vec<f64> {
         let mut turned = vec![0.0; self.placed.links.len()];
         for (i, l) in self.placed.links.iter().enumerate().skip(1) {
@@ -37,8 +37,8 @@ impl Model {
         turned
     }
 
-    /// Refuse a state of another model of the same mechanism in which an element is wound beyond the range of this
-    /// model: in its coordinates it would be another state.
+    /// Refuse a state of another model of the same mechanism in which an angle is wound beyond the range of this model:
+    /// in its coordinates it would be another state.
     ///
     /// # Errors
     /// `Wound`.
@@ -90,7 +90,7 @@ impl Model {
         }
     }
 
-    /// Coordinates of a floating body: displacement of its centre of mass and turn, from the drawing.
+    /// Coordinates of a floating body: displacement of its centre of mass and rotation, from the drawing.
     fn transfer_floating(
         &self,
         body: usize,
@@ -121,8 +121,8 @@ impl Model {
         }
     }
 
-    /// Coordinates of a floating body whose centre of mass was displaced from the drawing, and that was turned; in a plane by the
-    /// angle nearest to the one that was `counted`.
+    /// Coordinates of a floating body whose centre of mass was displaced from the drawing, and that was rotated; in a
+    /// plane by the angle nearest to the one that was `counted`.
     pub(crate) fn place_floating(
         &self,
         body: usize,

@@ -4,8 +4,8 @@
 //! its joint's point if it has no mass). Then a joint is a motion about an axis that parent and child share, and
 //! composing poses needs no constant rotations.
 //!
-//! Positions are kept relative to the joint that holds a branch to the ground: in a chain a kilometre long the loops still
-//! close to the round-off of their own size.
+//! Positions are kept relative to the joint that attaches a branch to the ground: in a chain a kilometre long the loops
+//! still close to the round-off of their own size.
 
 use partita_math::scalar::Scalar;
 use partita_math::spatial::Space;
@@ -13,15 +13,15 @@ use partita_math::spatial::Space;
 /// One elementary motion of a link relative to its parent.
 #[derive(Clone, Copy, Debug)]
 pub enum LinkMotion<G: Space> {
-    /// Turn about an axis.
+    /// Rotation about an axis.
     Turn(G::Ang),
-    /// Slide along an axis.
+    /// Translation along an axis.
     Slide(G::Vec),
     /// All turns.
     Ball,
 }
 
-/// A link: one elementary motion and what rides on it.
+/// A link: one elementary motion and the bodies that it moves.
 #[derive(Clone, Copy, Debug)]
 pub struct Link<G: Space> {
     /// Link it moves on; 0 is the ground.
@@ -36,13 +36,13 @@ pub struct Link<G: Space> {
     pub to_joint: G::Vec,
     /// From the joint's point to the reference point, own axes.
     pub to_centre: G::Vec,
-    /// Mass; zero for links that only carry.
+    /// Mass; zero for links that carry no body.
     pub mass: G::S,
     /// Inertia about the reference point, own axes.
     pub inertia: G::Inertia,
 }
 
-/// Mass and inertia that a link counts with beside its own where a metric is wanted, not in any equation of motion.
+/// Additional mass and inertia of a link where a metric is needed, not in any equation of motion.
 #[derive(Clone, Copy, Debug)]
 pub struct Weight<G: Space> {
     /// Link.
@@ -62,7 +62,7 @@ pub struct Anchor<G: Space> {
     pub at: G::Vec,
 }
 
-/// Which displacements a closing locks.
+/// Displacements that a loop closure locks.
 #[derive(Clone, Debug)]
 pub enum Locked<G: Space> {
     /// All, in world axes.
@@ -76,11 +76,11 @@ pub enum Locked<G: Space> {
 pub struct PathLink {
     /// Link.
     pub link: usize,
-    /// On the side of B (the child)?
+    /// Whether it is on the side of B (the child).
     pub on_b: bool,
-    /// Place of its first velocity among the columns of the displacement rows.
+    /// Index of its first velocity among the columns of the displacement rows.
     pub slide_column: usize,
-    /// Place among the columns of the turn rows (meaningless for slides).
+    /// Index among the columns of the rotation rows (meaningless for translations).
     pub turn_column: usize,
 }
 
@@ -107,7 +107,7 @@ pub struct Closing<G: Space> {
     pub path: Vec<PathLink>,
     /// Columns of a displacement row.
     pub slide_columns: usize,
-    /// Columns of a turn row.
+    /// Columns of a rotation row.
     pub turn_columns: usize,
 }
 
@@ -134,17 +134,17 @@ impl<G: Space> Closing<G> {
 pub struct Tree<G: Space> {
     /// Links, parents first; link 0 is the ground.
     pub links: Vec<Link<G>>,
-    /// What links without mass or inertia lack in a metric; nothing where M is one.
+    /// Mass and inertia that links lack in a metric; nothing where M is one.
     pub massless: Vec<Weight<G>>,
     /// Closings.
     pub closings: Vec<Closing<G>>,
     /// Gravity.
     pub gravity: G::Vec,
-    /// Links that only carry: without mass and inertia, and no force acts on them.
+    /// Links without mass, inertia or applied force.
     pub idle: Vec<bool>,
-    /// Velocities that an applied effort acts along.
+    /// Velocities along which an applied effort acts.
     pub efforts: Vec<usize>,
-    /// Origin of the branch of each link: the point where it is held to the ground.
+    /// Origin of the branch of each link: the point where it is attached to the ground.
     pub origins: Vec<G::Vec>,
     /// Coordinates.
     pub nq: usize,
@@ -152,7 +152,7 @@ pub struct Tree<G: Space> {
     pub nv: usize,
     /// Closing rows (without drives).
     pub rows: usize,
-    /// Entries of C in the closings.
+    /// Entries of C in the loop closures.
     pub entries: usize,
 }
 
@@ -165,13 +165,13 @@ pub struct LinkState<G: Space> {
     pub centre: G::Vec,
     /// Joint's point, from the origin of its branch.
     pub joint: G::Vec,
-    /// From the parent's reference point to the joint's point (turns) or to the own one (slides).
+    /// From the parent's reference point to the joint's point (rotations) or to the own one (translations).
     pub arm_in: G::Vec,
     /// From the joint's point to the reference point.
     pub arm_out: G::Vec,
-    /// Axis of a turn.
+    /// Axis of a rotation.
     pub axis: G::Ang,
-    /// Axis of a slide.
+    /// Axis of a translation.
     pub direction: G::Vec,
     /// Inertia about the reference point.
     pub inertia: G::Inertia,
@@ -219,11 +219,11 @@ pub struct TreeScratch<G: Space> {
     pub effort: Vec<G::S>,
     /// Partial twists, links x columns.
     pub partial: Vec<(G::Ang, G::Vec)>,
-    /// Links that one coordinate carries.
+    /// Links that one coordinate moves.
     pub moves: Vec<bool>,
-    /// Room for the articulated recursion.
+    /// Memory for the articulated recursion.
     pub articulated: crate::memory::Articulated<G::S>,
-    /// Room for the recursion over clusters.
+    /// Memory for the recursion over clusters.
     pub clusters: crate::memory::ClusterScratch<G::S>,
 }
 
@@ -249,7 +249,7 @@ impl<G: Space> Tree<G> {
         new
     }
 
-    /// Take the memory, where a scratch has none yet.
+    /// Allocate the memory, where a scratch has none yet.
     pub(crate) fn fit(&self, s: &mut TreeScratch<G>) {
         s.links.resize_with(self.links.len(), LinkState::rest);
         s.effort.resize(self.nv, G::S::zero());
@@ -317,8 +317,9 @@ impl<G: Space> Tree<G> {
         G::rotate(&s.links[anchor.link].rot, anchor.at)
     }
 
-    /// Where an anchor is, from the origin of its branch. Counted from the joint that carries its link: where it sits in that
-    /// joint it is there to the last digit. An arm by rounding would turn a small body by all that passes through it.
+    /// Position of an anchor, from the origin of its branch. Measured from the joint that carries its link: an anchor
+    /// at that joint is there to the last digit. An arm of rounding errors would rotate a small body by every force
+    /// through it.
     #[inline(always)]
     pub fn spot(&self, anchor: &Anchor<G>, s: &TreeScratch<G>) -> G::Vec {
         let x = &s.links[anchor.link];

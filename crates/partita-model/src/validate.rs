@@ -12,7 +12,7 @@ use std::collections::HashMap;
 /// Name of the ground.
 pub const GROUND: &str = "ground";
 
-/// A tolerance that makes sense.
+/// A valid tolerance.
 fn drawing_tolerance(spec: &Spec) -> Result<(), DescriptionError> {
     let x = spec.drawing_tolerance;
     if (0.0..=LARGEST_TOLERANCE).contains(&x) {
@@ -84,7 +84,7 @@ fn body(b: &Body) -> Result<(), DescriptionError> {
     rotation(&b.orientation, "body", &b.name, "orientation")
 }
 
-/// Refuse what turns nothing.
+/// Refuse rotations about nothing.
 fn rotation(r: &[[f64; 3]; 3], element: &'static str, name: &str, what: &str) -> Result<(), DescriptionError> {
     let fail = |m: String| Err(DescriptionError::new(element, name, m));
     for a in 0..3 {
@@ -103,7 +103,7 @@ fn rotation(r: &[[f64; 3]; 3], element: &'static str, name: &str, what: &str) ->
     Ok(())
 }
 
-/// Refuse what lies between a body and itself.
+/// Refuse elements between a body and itself.
 fn two(a: usize, b: usize, element: &'static str, name: &str) -> Result<(), DescriptionError> {
     match a == b {
         true => Err(DescriptionError::new(element, name, "its two bodies are the same; name two different ones")),
@@ -111,7 +111,7 @@ fn two(a: usize, b: usize, element: &'static str, name: &str) -> Result<(), Desc
     }
 }
 
-/// What is wrong with a load, whoever wrote it; its bodies and joints are known.
+/// Errors of a load; its bodies and joints are known.
 fn load(load: &mut dyn ForceRecord, functions: usize) -> Result<(), DescriptionError> {
     let name = load.name().to_string();
     let fail = |m: String| Err(DescriptionError::new("force", &name, m));
@@ -122,7 +122,7 @@ fn load(load: &mut dyn ForceRecord, functions: usize) -> Result<(), DescriptionE
     load.values().into_iter().try_for_each(|v| value::check(v, functions, "force", &name))
 }
 
-/// Everything that can be said without compiling.
+/// All checks that need no compilation.
 pub fn validate(spec: &Spec, functions: usize) -> Result<(), DescriptionError> {
     if spec.partita != VERSION {
         let message = format!("its description has version {}, this program reads version {VERSION}", spec.partita);

@@ -8,12 +8,13 @@ use partita_math::tolerance;
 use partita_system::SystemError;
 use std::sync::Arc;
 
-/// Readings of a user's relation at the most.
+/// Maximum number of readings of a user-defined relation.
 pub const READINGS: usize = 12;
-/// Numbers of a user's relation: F, F_t, F'', and the gradient.
+/// Number of values of a user-defined relation: F, F_t, F'', and the gradient.
 pub const RELATION: usize = 3 + READINGS;
 
-/// Numbers of a user's turning: a rotation row by row, its spin and the growth of that, in the axes it turns.
+/// Number of values of a user-defined rotation: a rotation row by row, its angular velocity and angular acceleration,
+/// in the axes that it rotates.
 pub const TURNING: usize = 15;
 
 /// The functions given with a description.
@@ -32,11 +33,12 @@ pub trait Functions: Send + Sync {
     ) -> Result<[f64; 3], Box<dyn std::error::Error + Send + Sync>>;
     /// Motion number `i` at t: position, velocity, acceleration.
     fn motion(&self, i: usize, t: f64) -> Result<[f64; 3], Box<dyn std::error::Error + Send + Sync>>;
-    /// Turning number `i` at t: the rotation row by row, its angular velocity and acceleration in the axes it turns.
+    /// Orientation number `i` at t: the rotation row by row, its angular velocity and acceleration in the axes that it
+    /// rotates.
     fn turning(&self, i: usize, _t: f64) -> Result<[f64; TURNING], Box<dyn std::error::Error + Send + Sync>> {
         Err(format!("function {i} is not a spatial rotation").into())
     }
-    /// Law number `i` at t for what it sees: three forces and three moments for each point it acts on.
+    /// Law number `i` at t for its readings: three forces and three moments for each point it acts on.
     fn law(
         &self,
         i: usize,
@@ -82,7 +84,7 @@ impl Functions for NoFunctions {
     }
 }
 
-/// A number that acts: a constant (a parameter, so of any kind), a table, a function.
+/// A value: a constant (a parameter, so of any number type), a table, a function.
 #[derive(Clone, Debug)]
 pub enum Source<S> {
     /// The same at all times.
@@ -98,11 +100,11 @@ pub enum Source<S> {
 pub enum VectorSource<S> {
     /// One by one.
     Components([Source<S>; 3]),
-    /// Function number i, which gives all.
+    /// Function number i, which returns all components.
     Function([Source<S>; 1]),
 }
 
-/// When and where values are asked for.
+/// Arguments of a value: time and state.
 pub(crate) struct Instant<'a, S> {
     pub t: S,
     pub q: &'a [S],
@@ -145,7 +147,7 @@ pub(crate) fn cubic_at<S: Scalar>(table: &Table, x: S) -> [S; 3] {
     [position, (a.scale(3.0) * x + b.scale(2.0)) * x + c, a.scale(6.0) * x + b.scale(2.0)]
 }
 
-/// What is left of x up to multiples of a period.
+/// Remainder of x up to multiples of a period.
 #[inline(always)]
 pub(crate) fn up_to<S: Scalar>(x: S, period: Option<S>) -> S {
     match period {
@@ -224,7 +226,7 @@ impl<S: Scalar> VectorSource<S> {
         }
     }
 
-    /// The same at all times?
+    /// Whether it is constant.
     pub fn is_constant(&self) -> bool {
         self.sources().iter().all(|s| matches!(s, Source::Constant(_)))
     }
@@ -273,18 +275,18 @@ pub(crate) fn motion_at<S: Scalar>(
 pub(crate) struct Turned<S> {
     /// Rotation, row by row.
     pub rotation: [[S; 3]; 3],
-    /// Angular velocity, in the axes that it turns.
+    /// Angular velocity, in the axes that it rotates.
     pub spin: [S; 3],
     /// Angular acceleration in these axes.
     pub growth: [S; 3],
 }
 
-/// Terms of the series of a sine over its angle: a table turns by less than a turn from break to break, and
-/// of half of that the last one is 1e-20.
+/// Terms of the series of a sine over its angle: a table rotates by less than a turn from break to break, and for half
+/// of that the last one is 1e-20.
 const TERMS: i32 = 16;
 
-/// `cos √x`, `sin √x / √x` and the first two derivatives of the latter over x: even functions of an angle, by their series,
-/// without a root that has no slope at 0.
+/// `cos √x`, `sin √x / √x` and the first two derivatives of the latter over x: even functions of an angle, by their
+/// series, without a root that is not differentiable at 0.
 fn sines<S: Scalar>(x: S) -> [S; 4] {
     let mut sums = [S::zero(); 4];
     for n in (0..TERMS).rev() {
@@ -313,7 +315,7 @@ fn sines<S: Scalar>(x: S) -> [S; 4] {
     sums
 }
 
-/// The orientation that is prescribed at t.
+/// The prescribed orientation at t.
 pub(crate) fn turned_at<S: Scalar>(
     turning: &Turning,
     callers: &Callers,
@@ -359,7 +361,7 @@ pub(crate) fn turned_at<S: Scalar>(
     }
 }
 
-/// Refuse a turning that cannot be evaluated.
+/// Refuse an orientation that cannot be evaluated.
 pub fn check_turning(x: &Turning, functions: usize, name: &str) -> Result<(), DescriptionError> {
     let fail = |m: String| Err(DescriptionError::new("drive", name, m));
     let unit = |norm: f64| (norm - 1.0).abs() < tolerance::EQUAL_IN_SIX_DIGITS;

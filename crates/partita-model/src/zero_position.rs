@@ -25,9 +25,9 @@ pub enum Coordinates {
     Absolute,
 }
 
-/// A rigid motion of the drawing: `x → to + rot (x - from)`. A joint that was drawn in the point `from` is in `to` to
-/// the last digit: points that coincide in the drawing coincide here, and a body between two joints in one point has no
-/// arm by rounding.
+/// A rigid motion of the drawing: `x → to + rot (x - from)`. A joint drawn at the point `from` is at `to` to the last
+/// digit: points that coincide in the drawing coincide here, and a body between two joints in one point has no arm of
+/// rounding errors.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Moved<S> {
     pub rot: Mat3<S>,
@@ -49,7 +49,7 @@ impl<S: Scalar> Moved<S> {
 /// A body in the zero position, mechanism axes.
 #[derive(Clone, Debug)]
 pub struct PlacedBody {
-    /// Link it rides on; 0 is the ground.
+    /// The link that carries it; 0 is the ground.
     pub link: usize,
     /// Origin of the body frame.
     pub origin: Vec3<f64>,
@@ -59,7 +59,7 @@ pub struct PlacedBody {
     pub com: Vec3<f64>,
     /// Inertia about it.
     pub inertia: Mat3<f64>,
-    /// What was added to it by which it is in the point of a joint, to the last digit.
+    /// Displacement added to it so that it is at the point of a joint, to the last digit.
     pub rounding: Vec3<f64>,
     /// Mass.
     pub mass: f64,
@@ -111,7 +111,7 @@ impl PlacedJoint {
     }
 }
 
-/// What a link lacks.
+/// Mass and inertia that a link lacks in a metric.
 #[derive(Clone, Debug)]
 pub struct Massless {
     /// Link.
@@ -138,7 +138,7 @@ pub struct HeldSpin {
 pub struct Placed {
     /// Mechanism axes from world axes (rows): the identity, unless a planar mechanism lies in a tilted plane.
     pub basis: Mat3<f64>,
-    /// All motions lie in one plane?
+    /// Whether all motions lie in one plane.
     pub planar: bool,
     /// Bodies.
     pub bodies: Vec<PlacedBody>,
@@ -146,14 +146,14 @@ pub struct Placed {
     pub links: Vec<PlacedLink>,
     /// Joints.
     pub joints: Vec<PlacedJoint>,
-    /// How each node is turned out of the drawing.
+    /// Rotation of each node from the drawing.
     pub turns: Vec<Mat3<f64>>,
     /// Number of each joint by its name.
     pub joint_numbers: HashMap<String, usize>,
     /// Tree and cuts.
     pub topology: Topology,
-    /// The tree along which joints pass on what no row of C carries: that of the coordinates; of a planar mechanism in
-    /// absolute coordinates one of its joints, each of which holds its bodies to the plane.
+    /// The tree along which joints transmit loads that no row of C contains: that of the coordinates; for a planar
+    /// mechanism in absolute coordinates one of its joints, each of which keeps its bodies in the plane.
     pub carrying: Vec<TreeEdge>,
     /// Coordinates.
     pub nq: usize,
@@ -202,7 +202,7 @@ fn edges(spec: &Spec, shapes: &[Shape]) -> Result<Vec<Edge>, DescriptionError> {
         .collect())
 }
 
-/// How far the child's joint axis in the drawing is turned from the parent's.
+/// Rotation of the child's joint axis in the drawing from the parent's.
 pub(crate) fn alignment(joint: &Joint) -> Result<Mat3<f64>, DescriptionError> {
     if let Some(child) = joint.child_frame {
         let frame = joint.frame.map_or_else(Mat3::identity, Mat3);
@@ -217,7 +217,7 @@ pub(crate) fn alignment(joint: &Joint) -> Result<Mat3<f64>, DescriptionError> {
     }
 }
 
-/// Guides that are out of parallel by less were intended to be parallel, or may have been. Scale: rad. Reason: twice
+/// Guides that are out of parallel by less were, or may have been, intended to be parallel. Scale: rad. Reason: twice
 /// the largest drawing tolerance.
 const GUIDES_PARALLEL: f64 = 0.02;
 
@@ -227,14 +227,14 @@ fn plane(motions: &[Motion], shapes: &[(&Shape, Mat3<f64>)]) -> Option<Mat3<f64>
     let turn = |m: &Motion| if let Motion::Turn(a) = m { Some(*a) } else { None };
     let mut normal = motions.iter().find_map(turn);
     if normal.is_none() {
-        // slides alone: any plane that holds them all (two directions at the most)
+        // translations alone: any plane that contains them all (two directions at the most)
         let slides: Vec<Vec3<f64>> =
             motions.iter().filter_map(|m| if let Motion::Slide(a) = m { Some(*a) } else { None }).collect();
         let first = *slides.first()?;
         let across = slides.iter().map(|a| first.cross(*a)).max_by(|x, y| x.norm().total_cmp(&y.norm()))?;
         normal = Some(match across.norm() {
             sine if sine < tolerance::PARALLEL => first.complement().0,
-            // guides that were intended to be parallel say of no plane that it is theirs
+            // guides that were intended to be parallel define no plane
             sine if sine < GUIDES_PARALLEL => return None,
             _ => across.unit()?,
         });
@@ -262,7 +262,7 @@ fn plane(motions: &[Motion], shapes: &[(&Shape, Mat3<f64>)]) -> Option<Mat3<f64>
     Some(Mat3([e1.0, e2.0, n.0]))
 }
 
-/// All that is read besides coordinates of the joints themselves.
+/// All readings besides coordinates of the joints themselves.
 fn measures(spec: &Spec) -> impl Iterator<Item = &Measure> {
     let over = spec.forces.iter().filter_map(|f| match f {
         Force::Torque { over, .. } => over.as_ref(),
@@ -272,7 +272,8 @@ fn measures(spec: &Spec) -> impl Iterator<Item = &Measure> {
 }
 
 impl Placed {
-    /// Coordinate and velocity in the tree of a coordinate of joint `j`; none of a turn in space or a joint that is cut.
+    /// Coordinate and velocity in the tree of a coordinate of joint `j`; none for a spatial rotation or a joint that is
+    /// cut.
     pub fn coordinate(&self, j: usize, coordinate: usize) -> Option<(usize, usize)> {
         let p = &self.joints[j];
         let each = p.shape.motions.iter().zip(p.links.as_ref()?);
@@ -281,7 +282,7 @@ impl Placed {
         (*motion != Motion::Ball).then_some((link.q, link.v))
     }
 
-    /// Place a validated description.
+    /// Build the zero position of a validated description.
     pub fn new(spec: &Spec, coordinates: Coordinates, allow_plane: bool) -> Result<Self, DescriptionError> {
         let shapes: Vec<Shape> = spec.joints.iter().map(joint::shape).collect::<Result<_, _>>()?;
         let edges = edges(spec, &shapes)?;
@@ -314,7 +315,7 @@ impl Placed {
         }
         let size = typical_length(spec);
         let rolls = |c: &Coupling| matches!(c, Coupling::Roll { .. });
-        // the plane keeps one component of an axis that turns, and no axis of a cosine
+        // the plane keeps one component of a rotating axis, and no axis of a cosine
         let cosine = |m: &Measure| matches!(m, Measure::Cosine { .. });
         let numbers: HashMap<String, usize> = spec.joints.iter().map(|j| j.name.clone()).zip(0..).collect();
         let spatial = shapes.iter().any(Shape::is_always_cut)
@@ -328,7 +329,7 @@ impl Placed {
             });
         let mut plane = if !allow_plane || floats || spatial { None } else { plane(&motions, &closers) };
         if let Some(basis) = plane {
-            // closings must fit out of the plane too; if they do not, the spatial rows say so
+            // closures must be satisfied out of the plane too; if they are not, the spatial rows report it
             let fits = topology.cuts.iter().all(|&j| {
                 let (p, c) = closing_points(&spec.joints[j], &edges[j], &moved);
                 let of_normal = alignment(&spec.joints[j]).map(|x| basis.mul(&x).mul(&basis.transpose()).column(2));
@@ -338,7 +339,7 @@ impl Placed {
             });
             let planar = (0..count)
                 .all(|i| (basis.mul(&moved[i].rot).mul(&basis.transpose()).0[2][2] - 1.0).abs() < tolerance::PARALLEL);
-            // of a displacement along an axis that leaves the plane a part would be missing
+            // a displacement along an axis that leaves the plane would lose a part
             let along = measures(spec).all(|m| match m {
                 Measure::Along { body1, axis, .. } => {
                     let body = spec.bodies.iter().position(|b| b.name == *body1);
@@ -409,7 +410,7 @@ impl Placed {
         Ok(placed)
     }
 
-    /// A centre of mass that is in the point of a joint but for rounding is there: its weight has no arm.
+    /// A centre of mass at the point of a joint up to rounding is moved there: its weight has no arm.
     fn unite_centres(&mut self) {
         let near = coincident::near(self.joints.iter().flat_map(|p| [p.parent_point.0, p.child_point.0]));
         for p in &self.joints {
@@ -423,7 +424,7 @@ impl Placed {
         }
     }
 
-    /// Where each node goes so that the tree joints fit.
+    /// New pose of each node, by which the tree joints fit.
     fn zero_position(
         spec: &Spec,
         edges: &[Edge],
@@ -519,7 +520,7 @@ impl Placed {
     }
 }
 
-/// A free joint for a body that nothing holds.
+/// A free joint for a floating body.
 fn floating(spec: &Spec, node: usize) -> Joint {
     let name = spec.bodies.get(node - 1).map_or("", |b| &b.name);
     Joint::new(name, crate::spec::JointKind::Free, validate::GROUND, name, [0.0; 3])
@@ -546,7 +547,7 @@ fn backwards(m: &Motion) -> Motion {
     }
 }
 
-/// Points of bodies that couplings and drives hold, in the drawing, each with its body.
+/// Points of bodies at which couplings and drives act, in the drawing, each with its body.
 fn held_points(spec: &Spec) -> Vec<(&str, Vec3<f64>)> {
     let bodies: HashMap<&str, &Body> = spec.bodies.iter().map(|b| (b.name.as_str(), b)).collect();
     let drawn = |name: &str, p: [f64; 3]| match bodies.get(name) {

@@ -1,4 +1,4 @@
-//! Arrays across the border.
+//! Arrays between Python and Rust.
 
 use numpy::ndarray::{ArrayD, IxDyn};
 use numpy::{
@@ -42,7 +42,7 @@ pub fn shaped<'py, T: numpy::Element + Clone + Default>(
 ) -> Bound<'py, PyArrayDyn<T>> {
     match ArrayD::from_shape_vec(IxDyn(shape), data) {
         Ok(a) => a.into_pyarray(py),
-        // a wrong count is a mistake of ours: an empty array shows it, a crash would not
+        // a wrong count is an error of this crate: an empty array shows it, a crash would not
         Err(_) => ArrayD::<T>::default(IxDyn(&[0])).to_pyarray(py),
     }
 }
@@ -57,12 +57,12 @@ pub fn indices<'py>(py: Python<'py>, x: &[usize]) -> Bound<'py, PyArrayDyn<i64>>
     shaped(py, &[x.len()], x.iter().map(|&i| i as i64).collect())
 }
 
-/// The entries of a vector, copied only where they do not lie side by side.
+/// The entries of a vector, copied only where they are not contiguous.
 pub fn entries_of<'x>(x: &'x PyReadonlyArray1<'_, f64>) -> Cow<'x, [f64]> {
     x.as_slice().map_or_else(|_| Cow::Owned(any_vector(x)), Cow::Borrowed)
 }
 
-/// The entries of a matrix with one row a time, checked for its shape.
+/// The entries of a matrix with one row per time, its shape checked.
 pub fn rows_of<'x>(x: &'x PyReadonlyArray2<'_, f64>, nt: usize, width: usize, what: &str) -> PyResult<Cow<'x, [f64]>> {
     let shape = x.shape();
     if (shape[0], shape[1]) != (nt, width) {
@@ -78,7 +78,7 @@ pub fn matrix(x: &PyReadonlyArray2<'_, f64>) -> (usize, usize, Vec<f64>) {
     (shape[0], shape[1], x.as_array().iter().copied().collect())
 }
 
-/// Entries of an array that a callback returned, or `None` if it is no array of numbers.
+/// Entries of an array that a callback returned, or `None` if it is not an array of numbers.
 pub fn entries(x: &Bound<'_, PyAny>) -> Option<Vec<f64>> {
     let a = x.cast::<PyArrayDyn<f64>>().ok()?;
     Some(a.readonly().as_array().iter().copied().collect())

@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 type Vector<'py> = PyReadonlyArray1<'py, f64>;
 type Reported = Vec<(bool, f64, String)>;
 
-/// What Newton-Euler residuals (nt,) say: broken, t, sentence.
+/// Findings from Newton-Euler residuals (nt,): broken, t, sentence.
 #[pyfunction]
 pub fn reaction_findings(t: Vector<'_>, residual: Vector<'_>, asked: (f64, bool)) -> Reported {
     let (tolerance, drifts) = asked;
@@ -19,7 +19,7 @@ pub fn reaction_findings(t: Vector<'_>, residual: Vector<'_>, asked: (f64, bool)
     reported(found.as_slice())
 }
 
-/// What the energy balance over outputs (nt,) says, held against `least` at the least: broken, t, sentence.
+/// Findings from the energy balance over outputs (nt,), relative to `least` at least: broken, t, sentence.
 #[pyfunction]
 pub fn energy_findings(
     t: Vector<'_>,
@@ -37,7 +37,7 @@ pub fn energy_findings(
     reported(balance::of_energy(&at, Asked { tolerance, drifts: false }, steps, least).as_slice())
 }
 
-/// Energy (J) against which the balance of a mechanism is held at the least; 0 for a text that describes none.
+/// Smallest reference energy (J) of the balance of a mechanism; 0 for a text that is not a description.
 #[pyfunction]
 pub fn energy_floor(description: &str, atol: f64) -> f64 {
     serde_json::from_str::<Spec>(description).map_or(0.0, |spec| balance::energy_floor(&spec, atol))

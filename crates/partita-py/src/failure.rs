@@ -1,4 +1,4 @@
-//! Errors of the core as the classes of `partita.errors`, with the same fields; a panic never crosses the border.
+//! Errors of the core as the classes of `partita.errors`, with the same fields; a panic never reaches Python.
 
 use partita_model::DescriptionError;
 use partita_system::SystemError;
@@ -185,7 +185,7 @@ pub fn guarded<T>(py: Python<'_>, f: impl FnOnce() -> PyResult<T>) -> PyResult<T
     }
 }
 
-/// A sentence for what should not happen.
+/// A sentence for an internal error.
 pub fn unexpected(message: String) -> PyErr {
     PyRuntimeError::new_err(message)
 }

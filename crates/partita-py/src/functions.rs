@@ -99,17 +99,17 @@ impl Functions for Callables {
     }
 }
 
-/// What is held for one input.
+/// Constant or cubic values of one input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// A number.
     Effort,
-    /// Since when, and the coefficients of a cubic from there on, lowest first: the course of a drive over a tick.
+    /// Start time, and the coefficients of a cubic from there on, lowest first: the course of a drive over a tick.
     Course,
 }
 
 impl Kind {
-    /// Numbers that are held.
+    /// Constant numbers.
     pub fn count(self) -> usize {
         match self {
             Self::Effort => 1,
@@ -118,16 +118,16 @@ impl Kind {
     }
 }
 
-/// Functions, and behind them numbers that are held until they are set anew: inputs of a motion that is stepped.
+/// Functions, followed by numbers that are constant until they are set again: inputs of a motion that is stepped.
 pub struct Held {
     functions: Arc<dyn Functions>,
-    /// Where the numbers of each input begin.
+    /// Index of the first number of each input.
     places: Vec<usize>,
     numbers: Vec<AtomicU64>,
 }
 
 impl Held {
-    /// So many inputs, all numbers 0.
+    /// The given inputs, all numbers 0.
     pub fn new(functions: Arc<dyn Functions>, kinds: &[Kind]) -> Self {
         let (mut count, mut places) = (0, Vec::with_capacity(kinds.len()));
         for kind in kinds {
@@ -142,7 +142,7 @@ impl Held {
         self.functions.count()
     }
 
-    /// How many numbers are held.
+    /// Number of constant numbers.
     pub fn count(&self) -> usize {
         self.numbers.len()
     }
@@ -154,7 +154,7 @@ impl Held {
         }
     }
 
-    /// What is held.
+    /// The constant numbers.
     pub fn values(&self) -> Vec<f64> {
         (0..self.numbers.len()).map(|i| self.number(i)).collect()
     }
@@ -163,7 +163,7 @@ impl Held {
         self.numbers.get(i).map_or(0.0, |cell| f64::from_bits(cell.load(Ordering::Relaxed)))
     }
 
-    /// Where the numbers of function i begin, where it is an input.
+    /// Index of the first number of function i, if it is an input.
     fn place(&self, i: usize) -> Option<usize> {
         i.checked_sub(self.functions.count()).and_then(|i| self.places.get(i).copied())
     }

@@ -1,4 +1,4 @@
-//! The door to Python: plain data in, arrays out. No mechanics here.
+//! The interface to Python: plain data in, arrays out. No mechanics here.
 
 mod arrays;
 mod balance;

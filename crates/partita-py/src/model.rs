@@ -24,7 +24,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 use std::sync::{Arc, OnceLock};
 
-/// Numbers, and rows of numbers, as Python hands them over.
+/// Numbers, and rows of numbers, as given by Python.
 type Vector<'py> = PyReadonlyArray1<'py, f64>;
 type Table<'py> = PyReadonlyArray2<'py, f64>;
 
@@ -55,7 +55,7 @@ impl Model {
         &self.inner
     }
 
-    /// Around a compiled mechanism.
+    /// For a compiled mechanism.
     pub(crate) fn of(inner: Arc<Inner>) -> Self {
         Self { inner, structure: OnceLock::new() }
     }
@@ -80,7 +80,7 @@ impl Model {
         self.structure.get_or_init(|| {
             let mut q = self.inner.initial();
             let closed = analysis::poses::closed(&self.inner, 0.0, &mut q, tolerance::CLOSED, &[]);
-            // where the loops stay open nothing follows from how the rows stand to each other
+            // where the loops do not close, the relations between rows mean nothing
             if let Err(e) = closed {
                 let note = format!("the mobility needs an assembled position, but the loops do not close: {e}");
                 return Structure { mobility: None, note: Some(note) };
@@ -105,7 +105,7 @@ impl Model {
         Ok(levels)
     }
 
-    /// What `ask` answers about a motion and the forces along it, as they were handed over.
+    /// Result of `ask` about a motion and its forces, given as arrays.
     fn acted<'py, T>(
         &self,
         py: Python<'py>,
@@ -158,9 +158,8 @@ impl Model {
     fn parameters(&self) -> Vec<(String, Vec<f64>)> {
         self.inner.parameters()
     }
-    /// The equations as a WebAssembly module with these parameters as inputs, and what a page needs to know of them
-    /// (JSON):
-    /// sizes, places of numbers, patterns of C and M, the rows that are redundant at the closed position q.
+    /// The equations as a WebAssembly module with these parameters as inputs, and the data that a page needs (JSON):
+    /// sizes, offsets of numbers, patterns of C and M, the rows that are redundant at the closed position q.
     fn recorded(
         slf: &Bound<'_, Self>,
         parameters: Vec<String>,
@@ -263,7 +262,7 @@ impl Model {
         })
     }
 
-    /// All positions that close for the input values in the closed position q: (q, branches, residual) of each, words
+    /// All positions that close for the input values in the closed position q: (q, branches, residual) of each, names
     /// of the blocks, notes.
     #[pyo3(signature = (t, q, inputs))]
     fn assemblies<'py>(
@@ -408,7 +407,7 @@ impl Model {
         })
     }
 
-    /// Seconds of one evaluation for each of the `options`, at the states (t, q, v), a row each.
+    /// Seconds of one evaluation for each of the `options`, at the states (t, q, v), one row each.
     #[pyo3(signature = (options, steps, t, q, v, tangent=None))]
     fn evaluation_costs<'py>(
         &self,
@@ -482,7 +481,7 @@ impl Model {
         })
     }
 
-    /// What applied force `number` of the description does at nt samples.
+    /// Effect of applied force `number` of the description at nt samples.
     fn load<'py>(
         &self,
         py: Python<'py>,
@@ -521,7 +520,7 @@ impl Model {
         })
     }
 
-    /// Is part of the reactions at nt samples a matter of a rule, for which all joints are asked?
+    /// Whether part of the reactions at nt samples is chosen by a rule, for which all joints are needed.
     fn shares_loads<'py>(
         &self,
         py: Python<'py>,
@@ -534,7 +533,7 @@ impl Model {
         self.acted(py, (&t, &q, &v), (&vdot, &multipliers), outputs::shares)
     }
 
-    /// What a certificate holds nt samples against.
+    /// Balances for a certificate at nt samples.
     fn checks<'py>(
         &self,
         py: Python<'py>,
@@ -584,7 +583,7 @@ impl Model {
         guarded(py, || outputs::determined(py, &self.inner, &Motion::read(&self.inner, &t, &q, &v)?))
     }
 
-    /// What self-stresses can do to one joint at nt samples.
+    /// Loads of self-stresses on one joint at nt samples.
     fn self_stresses<'py>(
         &self,
         py: Python<'py>,
@@ -613,7 +612,7 @@ impl Model {
         })
     }
 
-    /// Data that are possible and unlikely, in sentences.
+    /// Data that are possible but unlikely, in sentences.
     fn suspicious(&self) -> Vec<String> {
         analysis::plausibility::suspicious(&self.inner)
     }

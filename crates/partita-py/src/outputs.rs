@@ -19,7 +19,7 @@ use std::borrow::Cow;
 pub enum Stop {
     /// Of the system.
     System(SystemError),
-    /// Of a question to the whole mechanism.
+    /// Of an analysis of the whole mechanism.
     Analysis(AnalysisError),
     /// Ctrl-C.
     Python(PyErr),
@@ -37,7 +37,7 @@ impl From<AnalysisError> for Stop {
     }
 }
 
-/// Compute with the interpreter free for others; Ctrl-C is heard between the rows.
+/// Compute while other Python threads run; Ctrl-C is checked between the rows.
 pub fn watched<T: Send>(py: Python<'_>, f: impl FnOnce(Watch<Stop>) -> Result<T, Stop> + Send) -> PyResult<T> {
     let found = py.detach(|| f(&mut || Python::attach(|py| py.check_signals()).map_err(Stop::Python)));
     found.map_err(|stop| match stop {
@@ -54,7 +54,7 @@ fn tables(
     Ok(watched(py, f)?.into_iter())
 }
 
-/// What belongs to nt outputs of a system, by name.
+/// Quantities at nt outputs of a system, by name.
 pub fn described(py: Python<'_>, nt: usize, size: Size, x: Described) -> PyResult<Bound<'_, PyDict>> {
     let tables = [x.vdot, x.multipliers, x.independent, x.closure, x.velocity_closure].into_iter();
     let shapes: [(&str, &[usize]); 5] = [
@@ -191,7 +191,7 @@ pub fn joint_accelerations<'py>(
     Ok(array(py, &[states.len(), nv], found.next().unwrap_or_default()))
 }
 
-/// Accelerations of the origins of the bodies `which`, and of their turning.
+/// Accelerations of the origins of the bodies `which`, and angular accelerations.
 pub fn body_accelerations<'py>(
     py: Python<'py>,
     m: &Model,
@@ -207,7 +207,7 @@ pub fn body_accelerations<'py>(
     named(py, states.len(), found, &shapes)
 }
 
-/// What applied force `number` does.
+/// Effect of applied force `number`.
 pub fn load<'py>(py: Python<'py>, m: &Model, x: &Motion, number: usize) -> PyResult<Bound<'py, PyDict>> {
     let states = x.states();
     let (found, n) = watched(py, |watch| outputs::load(m, &states, number, watch))?;
@@ -276,7 +276,7 @@ pub fn augmented_reactions<'py>(
     Ok((next(), next()))
 }
 
-/// Whether self-stresses leave reactions of this motion open.
+/// Whether self-stresses make reactions of this motion indeterminate.
 pub fn shares(py: Python<'_>, m: &Model, x: &Motion, acting: &Acting) -> PyResult<bool> {
     watched(py, |_| Ok(outputs::shares(m, &x.states(), &acting.forces())?))
 }
@@ -295,7 +295,7 @@ pub fn checks<'py>(py: Python<'py>, m: &Model, x: &Motion, acting: &Acting) -> P
     named(py, states.len(), found, &shapes)
 }
 
-/// Answers of yes or no.
+/// Boolean values.
 pub type Flags<'py> = Bound<'py, PyArrayDyn<bool>>;
 
 /// Flags of all joints in world axes and in joint axes (nt, nj, 6), of the efforts along their degrees of freedom (nt,
@@ -313,7 +313,8 @@ pub fn determined<'py>(py: Python<'py>, m: &Model, x: &Motion) -> PyResult<[Flag
     Ok([next(&wrench), next(&wrench), next(&[states.len(), dof]), next(&[states.len(), conditions])])
 }
 
-/// Directions in which self-stresses load a joint: (nt, 2, 3, 3) for force and moment, in units of what counts as zero.
+/// Directions in which self-stresses load a joint: (nt, 2, 3, 3) for force and moment, in units of the level that
+/// counts as zero.
 pub fn self_stresses<'py>(py: Python<'py>, m: &Model, x: &Motion, joint: usize) -> PyResult<Array<'py>> {
     known(py, &[joint], m.spec.joints.len(), "joint")?;
     let states = x.states();

@@ -1,4 +1,4 @@
-//! Goals and poses across the border.
+//! Goals and poses between Python and Rust.
 
 use crate::arrays::{array, matrix, shaped, vector};
 use crate::failure::{self, raise};
@@ -23,7 +23,7 @@ fn valued(py: Python<'_>, m: &Model, given: Vec<Valued>) -> PyResult<Vec<(Target
     Ok(targets(py, m, &named)?.into_iter().zip(values).collect())
 }
 
-/// What one state is asked for.
+/// Request for one state.
 pub struct Wanted {
     ask: Ask,
     rates: Vec<(usize, f64)>,

@@ -1,4 +1,4 @@
-//! A mechanism's equations as a program for a page, with what the page must know of them.
+//! A mechanism's equations as a program for a page, with the data that the page needs.
 
 use crate::failure;
 use partita_analysis::error::AnalysisError;
@@ -10,9 +10,9 @@ use serde_json::{json, Map, Value};
 
 /// Why there is no program.
 pub(crate) enum Refused {
-    /// Something that acts cannot be recorded.
+    /// A load cannot be recorded.
     Description(DescriptionError),
-    /// Nothing can start there.
+    /// No motion can start there.
     Start(AnalysisError),
 }
 

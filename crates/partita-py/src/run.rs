@@ -1,4 +1,4 @@
-//! Handing a run over: options in, what it left as a dictionary of arrays.
+//! Results of a run for Python: options in, a dictionary of arrays out.
 
 use crate::arrays::{array, entries_of, rows_of};
 use crate::failure::{self, guarded, raise};
@@ -19,7 +19,7 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Read options written by the front.
+/// Read options written by the Python package.
 pub fn read_options(py: Python<'_>, text: &str) -> PyResult<Request> {
     serde_json::from_str(text)
         .map_err(|e| raise(py, "ArgumentError", &format!("options: {e}"), &[("argument", "options".into())]))
@@ -30,7 +30,7 @@ pub fn tangent(n: usize, functions: Option<TangentFunctions>) -> Option<Arc<dyn 
     functions.map(|functions| Arc::new(UserTangent { n, functions }) as Arc<dyn TangentMap>)
 }
 
-/// A run that can still be asked what it did not keep.
+/// A run from which further quantities can be computed.
 trait Reported: Send + Sync {
     fn describe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>>;
     fn assess<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>>;
@@ -44,7 +44,7 @@ pub fn reported(findings: &[Finding]) -> Vec<(bool, f64, String)> {
 struct Kept<S> {
     system: Arc<S>,
     log: SolutionLog,
-    /// No function of the user: outputs may be asked for at the same time.
+    /// Without user functions outputs may be computed concurrently.
     shared: bool,
 }
 
@@ -64,7 +64,7 @@ impl<S: ConstrainedSystem<Scratch: Send> + Send + Sync> Reported for Kept<S> {
     }
 }
 
-/// What a run keeps of itself: asked later for what belongs to its outputs.
+/// The part of a run that is kept to compute outputs later.
 #[pyclass(frozen, module = "partita._core", name = "SolutionLog")]
 pub struct Account(Box<dyn Reported>);
 
@@ -80,7 +80,7 @@ impl Account {
     }
 }
 
-/// March `system` from `(q, v)` and return the dictionary of results.
+/// Integrate `system` from `(q, v)` and return the dictionary of results.
 pub fn run<'py, S: Balance<Scratch: Send> + Send + Sync + 'static>(
     py: Python<'py>,
     system: Arc<S>,
@@ -93,7 +93,7 @@ pub fn run<'py, S: Balance<Scratch: Send> + Send + Sync + 'static>(
 ) -> PyResult<Bound<'py, PyDict>> {
     let t_eval = entries_of(t_eval);
     let shared = !calls_functions && tangent.is_none();
-    // an exception out of `progress`, or Ctrl-C
+    // an exception from `progress`, or Ctrl-C
     let mut stopped: Option<PyErr> = None;
     let mut last = Instant::now();
     let (t0, span) = (request.t0, request.t_end - request.t0);
@@ -152,7 +152,7 @@ pub fn run<'py, S: Balance<Scratch: Send> + Send + Sync + 'static>(
     Ok(d)
 }
 
-/// What a motion left that was stepped, as `run` hands it over; functions of the user are asked in order.
+/// Results of a stepped motion, in the form of `run`; user functions are called in order.
 pub fn left<'py, S: ConstrainedSystem<Scratch: Send> + Send + Sync + 'static>(
     py: Python<'py>,
     system: &Arc<S>,
@@ -165,7 +165,7 @@ pub fn left<'py, S: ConstrainedSystem<Scratch: Send> + Send + Sync + 'static>(
     Ok(d)
 }
 
-/// States to evaluate at, a row each: t (nt), q (nt, nq), v (nt, nv).
+/// States at which to evaluate, one row each: t (nt), q (nt, nq), v (nt, nv).
 pub struct ClosedStates<'x, 'py> {
     pub t: &'x PyReadonlyArray1<'py, f64>,
     pub q: &'x PyReadonlyArray2<'py, f64>,
@@ -221,7 +221,7 @@ pub fn costs<S: Balance<Scratch: Send> + Send + Sync>(
     }
 }
 
-/// Whose evaluation failed.
+/// Source of the failed evaluation.
 fn blamed(error: &SystemError) -> String {
     match error {
         SystemError::Function { what, .. } | SystemError::NotFinite { what, .. } => what.clone(),
@@ -263,7 +263,7 @@ fn dictionary<'py, S: ConstrainedSystem>(py: Python<'py>, system: &S, run: &Run)
         p.set_item(intern!(py, "entering"), if first { Vec::new() } else { e.entering.clone() })?;
         p.set_item(intern!(py, "leaving"), &e.leaving)?;
         p.set_item(intern!(py, "reason"), &e.reason)?;
-        // as plain data, which knows no infinite numbers
+        // as plain data, which cannot represent infinite numbers
         let finite = |x: f64| x.is_finite().then_some(x);
         p.set_item(intern!(py, "sigma"), finite(e.quality.sigma))?;
         p.set_item(intern!(py, "sqrt_mu"), finite(e.quality.sqrt_mu))?;

@@ -1,4 +1,4 @@
-//! What any system answers at one state.
+//! Quantities of any system at one state.
 
 use crate::arrays::{array, dense, indices};
 use crate::failure;

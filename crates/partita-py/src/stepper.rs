@@ -1,4 +1,4 @@
-//! A motion that is stepped from Python. It owns all that it needs.
+//! A motion that is stepped from Python. It owns all its data.
 
 use crate::arrays::{array, vector};
 use crate::failure::{self, guarded, raise};
@@ -19,12 +19,12 @@ use std::thread::{self, ThreadId};
 /// An input: which force of the description and which of its components; a drive by its number where there is no component.
 pub type Input = (usize, Option<usize>);
 
-/// What is held for an input.
+/// Value of an input.
 fn kind(&(_, component): &Input) -> Kind {
     component.map_or(Kind::Course, |_| Kind::Effort)
 }
 
-/// Where a motion stands.
+/// State of a motion.
 #[derive(Default)]
 struct Standing {
     t: f64,
@@ -42,7 +42,7 @@ impl Standing {
     }
 }
 
-/// The thread that works with a motion, for as long as it does.
+/// The thread that uses a motion, for the duration of the use.
 struct Busy<'a>(&'a Mutex<Option<ThreadId>>);
 
 impl<'a> Busy<'a> {
@@ -62,7 +62,7 @@ impl Drop for Busy<'_> {
 #[pyclass(frozen, module = "partita._core")]
 pub struct Stepper {
     motion: Mutex<Stepping<'static, Model>>,
-    /// Who works with it now: a function of the user's that it calls may not.
+    /// The present user: a user function called by the motion may not use it.
     busy: Mutex<Option<ThreadId>>,
     /// Read without waiting for the motion.
     standing: Mutex<Standing>,
@@ -75,7 +75,7 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Put a value in the place of each input.
+/// Set the value of each input.
 fn replaced(spec: &Spec, inputs: &[Input], value: impl Fn(usize) -> Value) -> Option<Spec> {
     let mut spec = spec.clone();
     for (i, &(number, component)) in inputs.iter().enumerate() {
@@ -134,7 +134,7 @@ impl Stepper {
         Ok(Self { motion, busy: Mutex::default(), standing, held, model, inputs })
     }
 
-    /// Work with the motion, one caller after the other, the interpreter free for others meanwhile.
+    /// Use the motion, one caller after the other, while other Python threads run.
     fn with<T: Send>(
         &self,
         py: Python<'_>,
@@ -161,9 +161,9 @@ impl Stepper {
 
 #[pymethods]
 impl Stepper {
-    /// A motion of a compiled model to be stepped by ticks of `dt`, each of so many `steps` of a method, under `inputs`: forces
-    /// of the description and components, drives without. `held` is what they hold at first: a number, or five of the course
-    /// of a drive (since when, a cubic).
+    /// A motion of a compiled model to be stepped by ticks of `dt`, each of so many `steps` of a method, under
+    /// `inputs`: forces of the description and components, drives without. `held` gives the initial values: a number,
+    /// or five of the course of a drive (start time, a cubic).
     #[new]
     #[pyo3(signature = (model, options, dt, steps, inputs, held, t, q, v, keeps))]
     fn new(
@@ -187,7 +187,7 @@ impl Stepper {
         })
     }
 
-    /// One tick with these numbers held.
+    /// One tick with these values.
     fn step(&self, py: Python<'_>, inputs: PyReadonlyArray1<'_, f64>) -> PyResult<()> {
         guarded(py, || {
             let u = vector(&inputs, self.held.count(), "inputs")?;
@@ -220,13 +220,13 @@ impl Stepper {
         })
     }
 
-    /// Where it stands: t, q, v.
+    /// Its state: t, q, v.
     fn state<'py>(&self, py: Python<'py>) -> (f64, Array<'py>, Array<'py>) {
         let x = locked(&self.standing);
         (x.t, array(py, &[x.q.len()], x.q.clone()), array(py, &[x.v.len()], x.v.clone()))
     }
 
-    /// What a run would have left that stands here, and the model as it is now: for as long as it stands here.
+    /// The results of a run that ends here, and the present model, while the motion is here.
     fn here<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyDict>, crate::model::Model)> {
         guarded(py, || {
             let reported = self.with(py, |motion| Ok(motion.reported(true)))?;
@@ -234,7 +234,7 @@ impl Stepper {
         })
     }
 
-    /// What a run would have left, and the model with the inputs as tables: `breaks` of time, a row of held numbers between each
+    /// The results of a run, and the model with the inputs as tables: `breaks` of time, a row of values between each
     /// two.
     fn result<'py>(
         &self,

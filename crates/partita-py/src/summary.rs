@@ -26,13 +26,13 @@ struct Summary<'m> {
     drives: Vec<&'m str>,
     /// The row of each drive.
     drive_rows: Vec<usize>,
-    /// Rows of closings, which come first.
+    /// Rows of loop closures, which come first.
     closing_rows: usize,
     coordinates: &'m [String],
     velocities: &'m [String],
     rows_names: Vec<String>,
     removed: Vec<Removed<'m>>,
-    /// What would let it move, or lets it: the largest change of a joint frame.
+    /// The largest change of a joint frame that makes it movable, or would.
     geometric_error: f64,
     /// The change that was made.
     repaired: f64,
@@ -60,7 +60,7 @@ struct Joint<'m> {
     /// In the state; none for a joint that closes a loop.
     state_q: Option<Span>,
     state_v: Option<Span>,
-    /// Axes of the drawing on the child, where a turn about all axes is counted in others.
+    /// Axes of the drawing on the child, where a spatial rotation refers to others.
     drawn: Option<[[f64; 3]; 3]>,
     axes: Vec<&'m str>,
 }

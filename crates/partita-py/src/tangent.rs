@@ -25,7 +25,7 @@ impl TangentMap for UserTangent {
     fn tangent(&self, t: f64, q: &[f64], dt: &mut [f64]) -> Result<(), SystemError> {
         let mut d = vec![0.0; dt.len()];
         calls::fill(&self.functions.directions, "tangent directions", t, q, None, &mut d)?;
-        // D (k x n) arrives row by row, Dᵀ (n x k) is wanted
+        // D (k x n) arrives row by row, Dᵀ (n x k) is needed
         let k = dt.len() / self.n;
         for i in 0..self.n {
             for j in 0..k {

@@ -1,4 +1,4 @@
-//! TOML as JSON, and the lines of what is in it.
+//! TOML as JSON, and the lines of its members.
 
 use crate::failure::{guarded, raise, Field};
 use crate::waiting::heard;
@@ -9,7 +9,7 @@ use toml_edit::{Document, Item, TableLike, TomlError, Value};
 
 /// Bytes above which reading may take longer than a signal should wait.
 const LONG: usize = 200_000;
-/// Names of more parts than this are refused by the parser.
+/// Names with more parts than this are refused by the parser.
 const PARTS: usize = 80;
 
 fn line(text: &str, at: usize) -> usize {
@@ -33,7 +33,7 @@ fn value(v: &Value) -> Json {
     match v {
         Value::String(s) => s.value().as_str().into(),
         Value::Integer(i) => (*i.value()).into(),
-        // JSON knows no infinities: they travel as words and are refused as what they are
+        // JSON has no infinities: they are passed as words and refused as infinite
         Value::Float(f) => serde_json::Number::from_f64(*f.value())
             .map_or_else(|| Json::String(format!("{}", f.value())), Json::Number),
         Value::Boolean(b) => (*b.value()).into(),
@@ -43,7 +43,7 @@ fn value(v: &Value) -> Json {
     }
 }
 
-/// Where the members of a list begin in the text; those of which nothing is known begin where the list does.
+/// Where the members of a list begin in the text; unknown ones begin where the list does.
 fn begins(item: &Item) -> Vec<usize> {
     let start = item.span().map_or(0, |s| s.start);
     let at = |span: Option<Range<usize>>| span.map_or(start, |s| s.start);
@@ -54,7 +54,7 @@ fn begins(item: &Item) -> Vec<usize> {
     }
 }
 
-/// What a JSON pointer means, as far as the document has it: the place of the last key that is there.
+/// Target of a JSON pointer, as far as the document has it: the position of the last existing key.
 struct KeySearch<'t> {
     parts: std::str::Split<'t, char>,
     found: Option<usize>,
@@ -155,7 +155,7 @@ pub fn parse_toml(py: Python<'_>, text: &str, path: &str) -> PyResult<(String, S
     })
 }
 
-/// Line, from 1, of the key that a JSON pointer names, or of the nearest one around it; None where nothing is known.
+/// Line, from 1, of the key that a JSON pointer names, or of the nearest one around it; None where it is unknown.
 #[pyfunction]
 pub fn toml_line(py: Python<'_>, text: &str, pointer: &str) -> PyResult<Option<usize>> {
     guarded(py, || {

@@ -1,4 +1,4 @@
-//! Long work beside the interpreter, so that Ctrl-C is heard while it lasts.
+//! Long work on another thread, so that Ctrl-C takes effect while it runs.
 
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
@@ -7,20 +7,20 @@ use std::sync::mpsc::{channel, RecvTimeoutError};
 use std::thread;
 use std::time::Duration;
 
-/// How often signals are looked for.
+/// Interval between checks for signals.
 const PULSE: Duration = Duration::from_millis(50);
 
 /// Run `work` on another thread and return its result, while this thread handles signals: an exception raised by a
 /// signal handler (Ctrl-C) is returned at once, and the work, which owns its data, runs to its end unobserved.
 ///
-/// `long` says whether it may take long; what does not is done here, for a thread has its price too.
+/// `long` states whether it may take long; short work is done here, since a thread has its cost too.
 pub fn heard<T: Send + 'static>(py: Python<'_>, long: bool, work: impl FnOnce() -> T + Send + 'static) -> PyResult<T> {
     if !long {
         return Ok(py.detach(work));
     }
     let (send, mut receive) = channel();
     let run = move || {
-        // nobody listens after a signal
+        // no receiver exists after a signal
         let _ = send.send(catch_unwind(AssertUnwindSafe(work)));
     };
     thread::Builder::new().name("partita".into()).spawn(run)?;

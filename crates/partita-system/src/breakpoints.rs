@@ -1,53 +1,51 @@
-//! Breakpoints of piecewise cubics: places where a curve is not smooth.
+//! Breakpoints of piecewise cubics: points where a curve is not smooth.
 //!
-//! A method of order eight looks at a dozen places of a step and takes the motion between them for a polynomial. Where
-//! a breakpoint
-//! lies inside, its error falls with the square of the step only, and the estimate is no better. So steps end at
-//! breakpoints, wherever
-//! what a breakpoint adds is more than the tolerance.
+//! A method of order eight evaluates the motion at a dozen points of a step and treats it as a polynomial between them.
+//! With a breakpoint inside, its error decreases only with the square of the step, and the estimate is no better. So
+//! steps end at breakpoints wherever their effect exceeds the tolerance.
 
 use partita_math::tolerance;
 
-/// At which level of the equations a curve enters.
+/// Level of the equations at which a curve enters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Enters {
     /// As an effort.
     Effort,
-    /// As a rate that is prescribed.
+    /// As a prescribed rate.
     Rate,
-    /// As a position that is prescribed or followed.
+    /// As a prescribed or followed position.
     Position,
 }
 
-/// What is left of a breakpoint in the middle of a step. Scale: fraction of its effect. Reason: the nodes of a method
-/// lie a tenth of a step apart, and a sum over them misses so much of a kink between two.
+/// Remaining effect of a breakpoint in the middle of a step. Scale: fraction of its effect. Reason: the nodes of a
+/// method lie a tenth of a step apart, and a sum over them has this relative error for a kink between two.
 const BREAKPOINT_MISSED: f64 = 0.02;
-/// Tolerances that steps over very many breakpoints may lose. Scale: multiples of the tolerance. Reason: they act as
-/// noise, which does not add up.
+/// Error allowed in steps over very many breakpoints. Scale: multiples of the tolerance. Reason: they act as noise,
+/// which does not add up.
 const BREAKPOINT_NOISE: f64 = 100.0;
-/// What a step that ends beside a breakpoint may lose. Scale: fraction of the tolerance. Reason: hundreds of
+/// Error allowed in a step that ends beside a breakpoint. Scale: fraction of the tolerance. Reason: hundreds of
 /// breakpoints add up to one tolerance.
 const BREAKPOINT_BESIDE: f64 = 1e-2;
-/// Halvings that find where a reading passes a breakpoint: to round-off.
+/// Number of bisections that locate a breakpoint to round-off.
 pub(crate) const HALVINGS: usize = 50;
 
-/// The breakpoints of one curve, and what the velocities of a mechanism lose at each.
+/// The breakpoints of one curve, and the error of velocities at each.
 #[derive(Clone, Debug)]
 pub struct Breakpoints {
     breaks: Vec<f64>,
-    /// For each break, what a velocity is off by, in parts of its size, over a distance d past the breakpoint: `Σ
-    /// jump_p d^p / p!`, p from 1.
+    /// For each break, the relative error of a velocity over a distance d past the breakpoint: `Σ jump_p d^p / p!`, p
+    /// from 1.
     jumps: Vec<[f64; 4]>,
     /// The largest of each.
     largest: [f64; 4],
     period: Option<f64>,
     /// Whether the reading is an angle, known up to whole turns.
     angle: bool,
-    /// Mean distance of two.
+    /// Mean distance between two.
     spacing: f64,
 }
 
-/// What is read, and its rate.
+/// The abscissa, and its rate.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Reading {
     /// x.
@@ -57,9 +55,8 @@ pub struct Reading {
 }
 
 impl Breakpoints {
-    /// Of piecewise cubics, the highest power first; `periodic` if they repeat themselves after the last break. None
-    /// where no
-    /// breakpoint is one.
+    /// Of piecewise cubics, the highest power first; `periodic` if they repeat after the last break. None where no
+    /// break is a breakpoint.
     pub fn new(breaks: &[f64], cubics: &[[f64; 4]], enters: Enters, periodic: bool, angle: bool) -> Option<Self> {
         let n = cubics.len();
         let (first, last) = (*breaks.first()?, *breaks.last()?);
@@ -106,14 +103,14 @@ impl Breakpoints {
         (found.largest != [0.0; 4]).then_some(found)
     }
 
-    /// The first breakpoint that matters to a step of length h from one reading to another, if one does: when, as a
-    /// part of the step.
+    /// The first breakpoint that matters to a step of length h from one reading to another, if there is one: its time,
+    /// as a fraction of the step.
     ///
-    /// In between the reading goes along the cubic that its values and rates at both ends give.
+    /// In between the reading follows the cubic given by its values and rates at both ends.
     pub fn within(&self, h: f64, from: Reading, to: Reading, tolerance: f64) -> Option<f64> {
         let mut x0 = from.x;
         if self.angle {
-            // the end is as the curve sees it
+            // the end as the curve reads it
             let start = to.x - 0.5 * h * (from.rate + to.rate);
             x0 += ((start - x0) / std::f64::consts::TAU).round() * std::f64::consts::TAU;
         }
@@ -142,7 +139,7 @@ impl Breakpoints {
                     let middle = 0.5 * (low + high);
                     *(if (at(middle) < breakpoint) == up { &mut low } else { &mut high }) = middle;
                 }
-                // next to an end it does no harm, and the step cannot end there
+                // next to an end its effect is negligible, and the step cannot end there
                 if lost(&self.jumps[i], travelled * low.min(1.0 - low)) > BREAKPOINT_BESIDE * tolerance {
                     return Some(low);
                 }
@@ -154,7 +151,7 @@ impl Breakpoints {
     /// Whether a breakpoint matters within a step over this part of the curve.
     fn matter(&self, jumps: &[f64; 4], travelled: f64, tolerance: f64) -> bool {
         let breakpoints = travelled / self.spacing;
-        // of many, each is seen over the distance to the next
+        // of many, each acts over the distance to the next
         let each = lost(jumps, travelled.min(self.spacing)) * breakpoints.max(1.0);
         BREAKPOINT_MISSED * each > tolerance * breakpoints.clamp(1.0, BREAKPOINT_NOISE)
     }
@@ -184,12 +181,12 @@ impl Breakpoints {
     }
 }
 
-/// What a velocity is off by over a distance past a breakpoint.
+/// Error of a velocity over a distance past a breakpoint.
 fn lost(jumps: &[f64; 4], d: f64) -> f64 {
     jumps[0] * d + jumps[1] * d * d / 2.0 + jumps[2] * d * d * d / 6.0 + jumps[3] * d * d * d * d / 24.0
 }
 
-/// Where `r + 2 b s + 3 c s^2` is zero between 0 and 1, ascending; 1 in the place of what is not there.
+/// Zeros of `r + 2 b s + 3 c s^2` between 0 and 1, ascending; 1 for those that do not exist.
 fn turns(r: f64, b: f64, c: f64) -> [f64; 2] {
     let under_root = b * b - 3.0 * c * r;
     if under_root < 0.0 {
@@ -201,8 +198,8 @@ fn turns(r: f64, b: f64, c: f64) -> [f64; 2] {
     [one.min(two), one.max(two)]
 }
 
-/// Breakpoints on the way of a march: what was read at the start of the step under way and at the end of the one that
-/// is judged.
+/// Breakpoints during an integration: readings at the start of the current step and at the end of the one that is
+/// judged.
 #[derive(Clone, Debug, Default)]
 pub struct Watched {
     breakpoints: Vec<Breakpoints>,
@@ -236,7 +233,7 @@ impl Watched {
         &mut self.end.readings
     }
 
-    /// It is taken.
+    /// The step is accepted.
     pub fn accept(&mut self) {
         let h = self.end.t - self.start.t;
         for (bend, (from, to)) in self.bend.iter_mut().zip(self.start.readings.iter().zip(&self.end.readings)) {
@@ -252,7 +249,7 @@ impl Watched {
         self.first(h, tolerance, |i| self.end.readings[i])
     }
 
-    /// When a step of length h that begins now would, by what is known yet.
+    /// When a step of length h that begins now would pass one, by prediction.
     pub fn ahead(&self, h: f64, tolerance: f64) -> Option<f64> {
         self.first(h, tolerance, |i| {
             let (now, bend) = (self.start.readings[i], self.bend[i]);

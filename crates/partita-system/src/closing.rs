@@ -13,7 +13,7 @@ pub struct Block {
     pub rows: Vec<usize>,
     /// Velocities solved for.
     pub unknown: Vec<usize>,
-    /// Solved in closed form, or by Newton's method with the block's own Jacobian?
+    /// Whether it is solved in closed form, or by Newton's method with the block's own Jacobian.
     pub explicit: bool,
     /// In words: kind and joints, such as `RRR dyad (joints "B", "C", "D")`.
     pub words: String,
@@ -42,9 +42,9 @@ pub trait Closing {
     /// The same on the branches nearest to the dependent coordinates found in q, which become the kept ones: for a
     /// change point, beyond which a block continues with the other sign.
     ///
-    /// Returns the doubt about it: the largest ratio, over the blocks, of the distances of the solution taken and of
-    /// the next one from q; 0 where there was nothing to choose, 1 where both are as near. A closing without branches
-    /// of its own just closes. Costs all solutions of each block.
+    /// Returns the ambiguity: the largest ratio, over the blocks, of the distances of the solution taken and of the
+    /// next one from q; 0 where there was no choice, 1 where both are as near. A closing without branches of its own
+    /// just closes. Costs all solutions of each block.
     fn follow(&mut self, t: f64, q: &mut [f64]) -> Result<f64, SystemError> {
         self.close(t, q).map(|()| 0.0)
     }

@@ -1,7 +1,7 @@
 //! Clusters: velocities and rows that are connected through C.
 //!
 //! C, C_D, A, D, η and ξ are block-diagonal over clusters, so each has its own choice of coordinates, its own switches
-//! and its own margin. What one cluster does, the others meet only through the reduced equations.
+//! and its own margin. Clusters interact only through the reduced equations.
 
 use partita_math::elimination::Pattern;
 

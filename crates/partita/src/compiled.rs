@@ -9,7 +9,7 @@ use partita_system::prelude::*;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-/// A compiled mechanism. It never changes; clones share it, also among threads.
+/// A compiled mechanism. It is immutable; clones share it, also across threads.
 ///
 /// ```
 /// use partita::{GROUND, Mechanism};
@@ -107,8 +107,8 @@ impl Model {
         Ok(mobility(&self.inner, state.t, &state.q)?)
     }
 
-    /// Close the loops at t = 0, at rest but for drives, with these joint coordinates met; the others move as little as
-    /// they can. A joint of several coordinates is met in its first.
+    /// Close the loops at t = 0 with these joint coordinates; the others change as little as possible, and only driven
+    /// velocities are nonzero. For a joint with several coordinates the value is that of the first.
     ///
     /// # Errors
     /// `Unknown` joints; `Analysis` where the loops do not close or the targets cannot be met, with what is missing.
@@ -135,7 +135,7 @@ impl Model {
     /// The same position with these joint rates met; the other velocities are the nearest ones in the mass metric.
     ///
     /// # Errors
-    /// `Unknown` joints; `Analysis` where the rates cannot hold together.
+    /// `Unknown` joints; `Analysis` where the rates are incompatible.
     ///
     /// ```
     /// # use partita::{GROUND, Mechanism};
@@ -155,7 +155,7 @@ impl Model {
     /// Simulate from a state. A run that ends early is a run, with what was computed and why it ended.
     ///
     /// # Errors
-    /// `Analysis` where the state is not one of this model, options make no sense or nothing can start.
+    /// `Analysis` where the state does not belong to this model, an option is invalid or the run cannot start.
     ///
     /// ```
     /// # use partita::{GROUND, Mechanism, Simulation};

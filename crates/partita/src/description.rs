@@ -1,4 +1,4 @@
-//! The description of a mechanism, said step by step.
+//! The description of a mechanism, built step by step.
 
 use crate::compiled::Model;
 use crate::error::Error;
@@ -48,7 +48,7 @@ impl Mechanism {
     /// The mechanism of a description in JSON, as [`to_json`](Self::to_json) writes it.
     ///
     /// # Errors
-    /// `Json` with line and column for a text that is no description, unknown keys included.
+    /// `Json` with line and column for a text that is not a description; unknown keys are errors.
     ///
     /// ```
     /// use partita::Mechanism;
@@ -75,7 +75,7 @@ impl Mechanism {
         Ok(serde_json::to_string(&self.spec)?)
     }
 
-    /// The description as data: all that can be said of a mechanism.
+    /// The description as data, with every feature of the model.
     ///
     /// ```
     /// assert!(partita::Mechanism::new("crane").spec().joints.is_empty());
@@ -84,7 +84,7 @@ impl Mechanism {
         &self.spec
     }
 
-    /// The same, to be changed.
+    /// The description as data, mutable.
     ///
     /// ```
     /// let mut m = partita::Mechanism::new("crane");
@@ -136,7 +136,7 @@ impl Mechanism {
     pub fn rod(self, name: &str, start: [f64; 3], end: [f64; 3], mass: f64) -> Self {
         let along = [0, 1, 2].map(|i| end[i] - start[i]);
         let square: f64 = along.iter().map(|x| x * x).sum();
-        // m l² / 12 across, nothing about its own line
+        // m l² / 12 perpendicular to its axis, zero about it
         let inertia = [0, 1, 2]
             .map(|i| [0, 1, 2].map(|j| mass / 12.0 * (f64::from(u8::from(i == j)) * square - along[i] * along[j])));
         self.body(Body {
@@ -164,7 +164,7 @@ impl Mechanism {
         self
     }
 
-    /// Add a hinge: one turn about an axis through a point.
+    /// Add a hinge: rotation about an axis through a point.
     ///
     /// ```
     /// let m = partita::Mechanism::new("m").revolute("A", "ground", "crank", [0.0; 3], [0.0, 0.0, 1.0]);
@@ -230,7 +230,7 @@ impl Mechanism {
 
     /// Check the description and compile it, in joint coordinates.
     ///
-    /// Cost: proportional to bodies and joints; loops whose drawing does not fit exactly are looked at one by one.
+    /// Cost: proportional to bodies and joints; loops whose drawing does not fit exactly are examined one by one.
     ///
     /// # Errors
     /// `Description` with the body, joint or force that is wrong and what to do.
@@ -244,7 +244,7 @@ impl Mechanism {
         self.compile_with(Arc::new(NoFunctions))
     }
 
-    /// The same, with the functions that forces and drives name by number.
+    /// The same, with the functions to which forces and drives refer by number.
     ///
     /// # Errors
     /// As [`compile`](Self::compile).

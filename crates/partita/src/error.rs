@@ -1,4 +1,4 @@
-//! What can go wrong.
+//! Errors of this interface.
 
 use partita_analysis::AnalysisError;
 use partita_model::DescriptionError;
@@ -17,10 +17,10 @@ pub enum Error {
     /// The description is not that of a mechanism.
     #[error(transparent)]
     Description(#[from] DescriptionError),
-    /// A position, a state or a run could not be had.
+    /// A position, a state or a run could not be computed.
     #[error(transparent)]
     Analysis(#[from] AnalysisError),
-    /// A text is not that of a description.
+    /// A text is not a description.
     #[error("the description could not be read: {0}")]
     Json(#[from] serde_json::Error),
     /// A name that the mechanism does not have.
@@ -30,7 +30,7 @@ pub enum Error {
         kind: &'static str,
         /// The name.
         name: String,
-        /// What there is.
+        /// The names that exist.
         known: String,
     },
 }

@@ -10,7 +10,7 @@ use partita_system::positions::turns;
 use partita_system::prelude::*;
 use std::sync::OnceLock;
 
-/// Outputs of a run where none are said.
+/// Default number of outputs of a run.
 const OUTPUTS: usize = 201;
 
 /// How to simulate: how long, how accurately, by which formulation.
@@ -141,7 +141,7 @@ pub struct BodyMotion {
     pub angular_velocity: [f64; 3],
 }
 
-/// What a joint passes on from its parent to its child at one output, world axes; NaN where it is not determined.
+/// Reaction of a joint on its child at one output, world axes; NaN where it is not determined.
 ///
 /// ```
 /// # let model = partita::Mechanism::new("pendulum").rod("rod", [0.0; 3], [1.0, 0.0, 0.0], 1.0)
@@ -176,7 +176,7 @@ pub struct Energy {
     pub potential: f64,
 }
 
-/// A run: its outputs, and what follows from them when it is asked for.
+/// A run: its outputs, and the quantities that are computed from them on request.
 ///
 /// ```
 /// # let model = partita::Mechanism::new("pendulum").rod("rod", [0.0; 3], [1.0, 0.0, 0.0], 1.0)
@@ -210,7 +210,7 @@ impl Run {
         }
     }
 
-    /// Did it reach its end with every condition kept at every step?
+    /// Whether it reached its end with every constraint satisfied at every step.
     ///
     /// ```
     /// # let model = partita::Mechanism::new("pendulum").rod("rod", [0.0; 3], [1.0, 0.0, 0.0], 1.0)
@@ -234,7 +234,7 @@ impl Run {
         &self.found.outcome.message
     }
 
-    /// What should be known of it, in sentences: what was switched, dropped or stepped over.
+    /// Notes in sentences: coordinates switched, redundant rows removed, singular positions crossed.
     ///
     /// ```
     /// # let model = partita::Mechanism::new("pendulum").rod("rod", [0.0; 3], [1.0, 0.0, 0.0], 1.0)
@@ -337,7 +337,7 @@ impl Run {
         Ok(rows.collect())
     }
 
-    /// What a joint passes on at all outputs. What redundant joints share is chosen by their compliances, or evenly.
+    /// Reactions of a joint at all outputs. Redundant joints share the load by their compliances, or by least squares.
     ///
     /// # Errors
     /// `Unknown`; `Analysis` where forces cannot be evaluated.

@@ -48,7 +48,7 @@ impl<'a> States<'a> {
     pub fn len(&self) -> usize {
         self.t.len()
     }
-    /// None at all?
+    /// Whether there are none.
     pub fn is_empty(&self) -> bool {
         self.t.is_empty()
     }

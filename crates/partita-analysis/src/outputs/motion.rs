@@ -50,7 +50,7 @@ pub fn bodies<E: Send>(model: &Model, states: &States, which: &[usize], watch: W
 
 /// Coordinates, velocities and points (on the child, world axes) of the joints `which`, side by side.
 ///
-/// Turns of joints that close loops in space are counted from one output to the next.
+/// Whole turns of joints that close spatial loops are counted from one output to the next.
 ///
 /// # Errors
 /// Those of `watch`.
@@ -139,7 +139,7 @@ pub fn energies<E: Send + From<SystemError>>(
     tables(states.len(), &[1, 1], chunk_of(model), || Levels::new(model), row, watch)
 }
 
-/// Accelerations of the origins of the bodies `which`, and of their turning, world axes.
+/// Accelerations of the origins of the bodies `which`, and angular accelerations, world axes.
 ///
 /// # Errors
 /// Those of `watch`.
@@ -170,7 +170,7 @@ pub fn body_accelerations<E: Send>(
 /// force and moment on each body that it acts on, world axes; also how many these are.
 ///
 /// # Errors
-/// There is no such force; what a user's function raises, and those of `watch`.
+/// If there is no such force; errors of user functions and of `watch`.
 pub fn load<E: Send + From<SystemError> + From<AnalysisError>>(
     model: &Model,
     states: &States,

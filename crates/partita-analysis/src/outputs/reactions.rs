@@ -14,7 +14,7 @@ use partita_system::SystemError;
 /// Width of the axes of a joint (row by row) in the tables of this module.
 pub const JOINT_AXES: usize = 9;
 
-/// The first output whose reactions have values: where redundancy is looked for.
+/// The first output with finite reactions, at which redundancy is analysed.
 fn reference<'a>(model: &Model, states: &States<'a>, forces: &Forces) -> Option<(f64, &'a [f64])> {
     let known = |i: &usize| {
         let (vdot, lambda) = forces.at(model, *i);
@@ -26,7 +26,7 @@ fn reference<'a>(model: &Model, states: &States<'a>, forces: &Forces) -> Option<
     })
 }
 
-/// Whether the rule of [`sharing`](crate::sharing) determines anything. Then one reaction costs as much as all.
+/// Whether the rule of [`sharing`](crate::sharing) has any effect. If so, one reaction costs as much as all.
 ///
 /// # Errors
 /// Where the mechanism cannot be compiled in space.
@@ -34,7 +34,7 @@ pub fn shares(model: &Model, states: &States, forces: &Forces) -> Result<bool, A
     with_rule_for_loads(model, reference(model, states, forces), |rule| Ok(rule.is_some()))
 }
 
-/// Room of a thread: that of the model, and of the rule where there is one.
+/// Scratch memory of a thread: that of the model, and that of the rule where there is one.
 fn rooms<'a>(model: &'a Model, rule: Option<&'a Rule>) -> impl Fn() -> (ModelScratch, Option<Room<'a>>) + 'a {
     move || (model.scratch(), rule.map(Rule::room))
 }
@@ -79,7 +79,8 @@ pub fn reaction<E: Send + From<SystemError> + From<AnalysisError>>(
 }
 
 /// The same of all joints side by side, the Newton-Euler residual over the largest force, that of each body, and the
-/// multipliers of all conditions that are no closings: efforts of couplings and drives, shared by the same rule.
+/// multipliers of all conditions other than loop closures: efforts of couplings and drives, distributed by the same
+/// rule.
 ///
 /// # Errors
 /// What a user's function raises, and those of `watch`.

@@ -1,18 +1,18 @@
-//! Tables with one row an output, filled on all cores where that pays.
+//! Tables with one row per output, filled on all cores where that is faster.
 
 use std::ops::Range;
 use std::panic::resume_unwind;
 use std::thread::{available_parallelism, scope};
 use std::time::{Duration, Instant};
 
-/// Below this expected duration a thread costs more than it brings.
+/// Below this expected duration a thread costs more than it saves.
 const WORTH_A_THREAD: Duration = Duration::from_micros(200);
 /// A row takes at least this. Unit: s. Reason: a tick of the clock.
 const CLOCK_TICK: f64 = 1e-9;
 /// Time between two checks for an interrupt by the user.
 const PATIENCE: Duration = Duration::from_millis(50);
 
-/// Called at intervals on the calling thread; its answer is whether to continue.
+/// Called at intervals on the calling thread; returns whether to continue.
 pub type Watch<'w, E> = &'w mut dyn FnMut() -> Result<(), E>;
 
 /// Some rows of several tables, to be filled.
@@ -42,7 +42,7 @@ impl Rows<'_> {
     }
 }
 
-/// The first rows of each table, taken off.
+/// Split off the first rows of each table.
 fn take<'a>(rest: &mut [&'a mut [f64]], widths: &'a [usize], rows: Range<usize>) -> Rows<'a> {
     let parts = rest
         .iter_mut()

@@ -1,4 +1,4 @@
-//! The loops of a mechanism closed from a drawing, in whatever coordinates.
+//! Closing the loops of a mechanism from a drawing, in any coordinates.
 
 use partita_model::zero_position::Coordinates;
 use partita_model::Model;

@@ -1,10 +1,9 @@
 //! Continuation of a mechanism from one position to another along its own motion, the goals on a straight line.
 //!
-//! Each step goes ahead along the tangent and is closed again by Newton's method. It counts only if Newton's
-//! corrections are small against the step and shrink as they do near the solution that the tangent leads to, if the
-//! tangent has turned little, and if the determinant of the conditions has kept its sign. So a step never lands on
-//! another branch: where the way meets a limit the tangent grows without bound, where it crosses a singular position
-//! the determinant changes its sign, and both end the way there.
+//! Each step predicts along the tangent and corrects by Newton's method. It is accepted only if the corrections are
+//! small compared with the step and shrink as they do near the intended solution, if the tangent has turned little, and
+//! if the determinant of the conditions has kept its sign. So a step never lands on another branch: at a limit the
+//! tangent grows without bound, at a singular position the determinant changes its sign, and both end the continuation.
 
 use super::field::{Duty, Field};
 use super::goal::Target;
@@ -29,7 +28,7 @@ const WATCHED: usize = 150;
 /// Number of steps of one continuation: three thousand radians.
 const STEPS: usize = 10_000;
 
-/// How a way ended.
+/// How a continuation ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Ending {
     /// There.
@@ -43,7 +42,7 @@ pub(super) enum Ending {
 /// Which of the conditions are independent, and how the others lie: what the sign of the determinant refers to.
 #[derive(Clone, Debug, Default)]
 struct Signed {
-    /// Orthonormal, spans the moves that change nothing (n - r rows of n); empty where there are none.
+    /// Orthonormal, spans the displacements that change nothing (n - r rows of n); empty where there are none.
     null: Vec<Vec<f64>>,
     /// Orthonormal, spans the changes that are possible (r rows of m); none where all are.
     range: Option<Vec<Vec<f64>>>,
@@ -127,7 +126,7 @@ impl<'m> Continuation<'m> {
         }
     }
 
-    /// The rows that hold as a dense matrix, and which they are.
+    /// The hard rows as a dense matrix, and their indices.
     fn dense(&self) -> Matrix {
         let f = &self.field;
         let hard: Vec<usize> = (0..f.pattern.rows).filter(|&i| f.duty[i] == Duty::Hard).collect();
@@ -317,7 +316,7 @@ impl<'m> Continuation<'m> {
         now
     }
 
-    /// Close q to round-off at the goals, those that are coordinates exact; false where it stays open.
+    /// Close q to round-off at the goals, those that are coordinates exact; false where it does not close.
     fn settle(&mut self, q: &mut [f64], to: &[f64]) -> Result<bool, SystemError> {
         let f = &mut self.field;
         f.aims.copy_from_slice(to);
@@ -328,7 +327,7 @@ impl<'m> Continuation<'m> {
     }
 }
 
-/// The curve on which the goals go straight, from 0 to 1.
+/// The curve along which the goals vary linearly, from 0 to 1.
 struct Straight<'a, 'm> {
     continuation: &'a mut Continuation<'m>,
     from: &'a [f64],
@@ -340,7 +339,7 @@ struct Straight<'a, 'm> {
 }
 
 impl Curve for Straight<'_, '_> {
-    /// The move that takes the goals straight on with the loops closed to first order.
+    /// The displacement that advances the goals linearly with the loops closed to first order.
     fn direct(&mut self, q: &[f64], s: f64, tangent: &mut [f64]) -> Result<bool, SystemError> {
         if !self.is_fresh {
             self.aim(s);

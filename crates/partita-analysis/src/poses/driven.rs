@@ -31,7 +31,7 @@ pub fn driven_beyond(model: &Model, t: f64, q: &[f64], until: f64) -> Option<Str
         model.position(later, q, &mut s, &mut phi, &mut c, &mut a).ok()?;
         let mut targets = Vec::with_capacity(driven.len());
         for (row, goal, name) in &driven {
-            // the row is what the joint reads less what it is to be
+            // the row is the coordinate of the joint minus its prescribed value
             let wanted = Target::new(model, goal, name).ok()?.value(model, q, &rest, &mut s, 0.0) - phi[*row];
             targets.push((Target::new(&twin, goal, name).ok()?, wanted));
         }

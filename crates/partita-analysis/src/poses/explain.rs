@@ -16,7 +16,7 @@ use partita_system::SystemError;
 /// Values of a joint listed.
 const LISTED: usize = 6;
 
-/// Distance of the goals from their aims at q, in characteristic displacements.
+/// Distance of the goals from their targets at q, in characteristic displacements.
 pub(super) fn off(continuation: &mut Continuation, q: &[f64], aims: &[f64]) -> f64 {
     continuation.field.look(q);
     let f = &continuation.field;
@@ -55,7 +55,7 @@ fn targets_error(e: &SystemError, message: String, shortfall: f64, loops: String
     SystemError::Targets { message, residual, iterations: done, loops }
 }
 
-/// Why these targets cannot be met from the closed position q, in words; `e` where that is not found out.
+/// Why these targets cannot be met from the closed position q, in words; `e` where the reason is not found.
 pub(super) fn targets(model: &Model, t: f64, q: &[f64], wanted: &[(Target, f64)], e: SystemError) -> SystemError {
     if !matches!(e, SystemError::Assembly { .. } | SystemError::Targets { .. }) {
         return e;

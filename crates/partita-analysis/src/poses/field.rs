@@ -1,4 +1,5 @@
-//! The closing conditions and the goals at one position, in natural scales, and least moves that change them.
+//! The closing conditions and the goals at one position, in natural scales, and the least displacements that change
+//! them.
 
 use super::goal::Target;
 use crate::instant::Levels;
@@ -10,22 +11,22 @@ use partita_system::manifold::{close, Closed, Linearization, Open, Part, Residua
 use partita_system::prelude::*;
 use partita_system::SystemError;
 
-/// Damping of rows that do not count. Unit: squares of singular values in natural scales. Reason: they move nothing
-/// that is seen.
+/// Damping of ignored rows. Unit: squares of singular values in natural scales. Reason: they cause no visible
+/// displacement.
 const IGNORED: f64 = 1e12;
 
-/// What a row is to a move.
+/// Role of a row in a displacement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Duty {
-    /// It is to hold.
+    /// It must be satisfied.
     Hard,
-    /// Its square is to become small.
+    /// Its square is minimised.
     Soft,
-    /// It does not count.
+    /// It is ignored.
     Idle,
 }
 
-/// `Φ_i / L_i` and `C_ij displacement_j / L_i`, and behind them the same for each goal's difference from its aim.
+/// `Φ_i / L_i` and `C_ij displacement_j / L_i`, and behind them the same for each goal's difference from its target.
 pub(super) struct Field<'m> {
     pub model: &'m Model,
     pub targets: &'m [Target],
@@ -41,13 +42,13 @@ pub(super) struct Field<'m> {
     /// Values of the goals where last evaluated: angles are counted on from there.
     pub y: Vec<f64>,
     next: Vec<f64>,
-    /// What the goals are to be.
+    /// Targets of the goals.
     pub aims: Vec<f64>,
     pub duty: Vec<Duty>,
     mu: Vec<f64>,
     r: Vec<f64>,
     room: Room,
-    /// Move in characteristic displacements.
+    /// Displacement in characteristic displacements.
     pub dv: Vec<f64>,
     rest: Vec<f64>,
     scaled: Vec<f64>,
@@ -100,7 +101,7 @@ impl<'m> Field<'m> {
         }
     }
 
-    /// Residuals and their derivatives at q for the aims.
+    /// Residuals and their derivatives at q for the targets.
     ///
     /// # Errors
     /// `NotFinite` where one of them is; `y` stays as it was.
@@ -130,7 +131,7 @@ impl<'m> Field<'m> {
         Ok(())
     }
 
-    /// Factor for the duties; soft rows are damped, or do not count.
+    /// Factorise for these roles; soft rows are damped, or ignored.
     fn factor(&mut self, damping: Option<f64>) {
         for (mu, duty) in self.mu.iter_mut().zip(&self.duty) {
             *mu = match (duty, damping) {
@@ -142,7 +143,7 @@ impl<'m> Field<'m> {
         self.solver.factor(&self.c, &self.mu);
     }
 
-    /// The least move that changes the rows by `r`, left in `dv`.
+    /// The least displacement that changes the rows by `r`, left in `dv`.
     pub fn solve(&mut self, r: &[f64]) {
         self.solver.solve(r, &mut self.dv);
     }
@@ -152,7 +153,7 @@ impl<'m> Field<'m> {
         self.factor(None);
     }
 
-    /// Take back what the hard rows are open by, to first order, and with a damping the soft ones, left in `dv`.
+    /// The displacement that corrects the hard rows to first order, and with damping the soft ones, left in `dv`.
     fn newton(&mut self, damping: Option<f64>) {
         self.factor(damping);
         for (i, r) in self.r.iter_mut().enumerate() {
@@ -177,7 +178,7 @@ impl<'m> Field<'m> {
         }
     }
 
-    /// Close the hard rows from q on, the soft ones left alone.
+    /// Close the hard rows from q on, ignoring the soft ones.
     ///
     /// # Errors
     /// Those of functions that the conditions call; `NotFinite` where nothing can be evaluated at q.
@@ -188,7 +189,7 @@ impl<'m> Field<'m> {
         closed
     }
 
-    /// q moved by `part` of `dv`.
+    /// q displaced by `part` of `dv`.
     pub fn step(&mut self, q: &mut [f64], part: f64) {
         for (to, (x, displacement)) in self.scaled.iter_mut().zip(self.dv.iter().zip(&self.displacement)) {
             *to = part * x * displacement;
@@ -197,18 +198,18 @@ impl<'m> Field<'m> {
         self.model.normalise(q);
     }
 
-    /// Row i of the derivatives times a move.
+    /// Row i of the derivatives times a displacement.
     pub fn along(&self, i: usize, y: &[f64]) -> f64 {
         self.pattern.row(i).map(|e| self.c[e] * y[self.pattern.col_idx[e]]).sum()
     }
 
-    /// How far the rows of this duty are open, in characteristic displacements.
+    /// Residual of the rows of this role, in characteristic displacements.
     fn open_of(&self, duty: Duty) -> Open {
         let of = self.phi.iter().zip(&self.duty).filter(|(_, d)| **d == duty);
         Open::of(of.map(|(x, _)| *x))
     }
 
-    /// Largest residual among the rows of this duty.
+    /// Largest residual among the rows of this role.
     pub fn worst(&self, duty: Duty) -> f64 {
         self.open_of(duty).worst
     }
@@ -257,11 +258,11 @@ impl Linearization for Hard<'_, '_> {
     }
 }
 
-/// The soft rows, on positions on which the hard ones are closed.
+/// The soft rows, over positions at which the hard rows are satisfied.
 pub(super) struct Soft<'f, 'm> {
     field: &'f mut Field<'m>,
     keeping: Rule,
-    /// Did the hard rows let themselves be closed after the last step?
+    /// Whether the hard rows could be satisfied after the last step.
     kept: Result<bool, SystemError>,
     /// Values of the goals where the last step was found.
     home: Vec<f64>,
@@ -269,7 +270,7 @@ pub(super) struct Soft<'f, 'm> {
 }
 
 impl<'f, 'm> Soft<'f, 'm> {
-    /// The hard rows closed by the rule `keeping` after each step.
+    /// The hard rows are satisfied again by the rule `keeping` after each step.
     pub fn new(field: &'f mut Field<'m>, keeping: Rule) -> Self {
         let home = field.y.clone();
         Self { field, keeping, kept: Ok(true), home, open: Open::default() }

@@ -9,7 +9,7 @@ use partita_system::SystemError;
 use std::collections::BTreeSet;
 use std::f64::consts::TAU;
 
-/// A number that a position has.
+/// A scalar function of the position.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Goal {
     /// A coordinate of the state.
@@ -35,7 +35,7 @@ pub enum Goal {
     },
 }
 
-/// How a goal is found.
+/// How a goal is evaluated.
 #[derive(Clone, Debug)]
 enum Source {
     Own { q: usize, v: usize },
@@ -47,9 +47,9 @@ enum Source {
 #[derive(Clone, Debug)]
 pub struct Target {
     source: Source,
-    /// What it was made of.
+    /// Its definition.
     pub goal: Goal,
-    /// As it is called.
+    /// Its name.
     pub name: String,
     /// A large change: 1 for an angle, a length for a displacement.
     pub displacement: f64,
@@ -83,7 +83,7 @@ impl Target {
     /// The goal of a model, under this name.
     ///
     /// # Errors
-    /// `Argument` where a turn in space has no such coordinate.
+    /// `Argument` where a spatial rotation has no such coordinate.
     pub fn new(model: &Model, goal: &Goal, name: &str) -> Result<Self, SystemError> {
         let refuse = || {
             let message = format!(
@@ -119,7 +119,7 @@ impl Target {
                         let turn = matches!(motion, Motion::Turn(_));
                         let wraps = turn && !model.is_planar();
                         let sides = [p.parent, p.child].map(|n| ancestors(model, model.placed.link_of(n)));
-                        // what carries both sides changes nothing between them
+                        // joints that carry both sides do not change it
                         let between = velocities(model, sides[0].symmetric_difference(&sides[1]).copied());
                         let source = Source::Joint { joint, position, velocity, wraps };
                         let displacement = if turn { 1.0 } else { model.placed.length };
@@ -152,7 +152,7 @@ impl Target {
         matches!(self.source, Source::Joint { wraps: true, .. })
     }
 
-    /// Refuse a value that q cannot hold: an angle whose turns it does not know, wound by them.
+    /// Refuse a value that q cannot represent: an angle beyond half a turn whose whole turns are not counted.
     ///
     /// # Errors
     /// `Wound`.
@@ -184,7 +184,7 @@ impl Target {
         }
     }
 
-    /// Its derivatives by `velocities`, in their order. `v` is room, zero before and after.
+    /// Its derivatives by `velocities`, in their order. `v` is scratch memory, zero before and after.
     pub fn gradient(&self, model: &Model, q: &[f64], v: &mut [f64], s: &mut ModelScratch, mut put: impl FnMut(f64)) {
         if let Source::Own { .. } = self.source {
             return put(1.0);

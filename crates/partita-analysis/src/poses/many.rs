@@ -13,7 +13,7 @@ use partita_system::closing::Closing;
 use partita_system::prelude::*;
 use partita_system::SystemError;
 
-/// Signs of so many blocks are tried where a pose does not close on its branch.
+/// Up to this many blocks, other signs are tried where a pose does not close on its branch.
 const BLOCKS: usize = 6;
 
 /// What became of a pose.
@@ -34,7 +34,7 @@ pub enum Outcome {
 impl Outcome {
     const ALL: [Self; 5] = [Self::Closed, Self::Open, Self::OtherBranch, Self::Singular, Self::Contradiction];
 
-    /// In one word, as people read it.
+    /// In one word, for messages.
     pub fn word(self) -> &'static str {
         match self {
             Self::Closed => "closed",
@@ -101,9 +101,9 @@ fn put(found: &Found, reached: &[f64], q: &[f64], i: usize, rows: &mut Rows) {
 /// Positions in which the goals have the values of each row of `values`, on the branch of the closed position q.
 ///
 /// The branch contains the positions reached from q by linear variation of the goals without meeting a limit or a
-/// singular position. Where several goals are inputs from which all loops follow in closed form, it is the signs of
-/// their blocks: a pose is found wherever it closes with them, whatever stands in the straight way. Each pose depends
-/// on its own values and on q alone.
+/// singular position. Where several goals are inputs from which all loops follow in closed form, the branch is given by
+/// the signs of their blocks: a pose is found wherever it closes with these signs, even if the direct path is blocked.
+/// Each pose depends only on its own values and on q.
 ///
 /// # Errors
 /// `Argument` where the values do not fit; those of functions that the model calls, and of `watch`.
@@ -305,7 +305,7 @@ impl<'m> Explicit<'m> {
             let next = if done + stride > 1.0 - tolerance::EQUAL { 1.0 } else { done + stride };
             self.before.clone_from(&self.there);
             let limit = self.close(values, next)?.is_some();
-            // a pivot that loses half of itself in a stride may have been, or may next be, at zero
+            // a pivot that halves within a step may have passed zero, or may reach it next
             let well = !limit
                 && self
                     .pivots
@@ -382,7 +382,7 @@ impl<'m> Numeric<'m> {
         Self { continuation: Continuation::new(model, targets, t), start, there: start.q.clone() }
     }
 
-    /// Places between which the goals go one after the other, forward and backward.
+    /// Points between which the goals vary linearly, one after the other, forward and backward.
     fn detours(&self, values: &[f64]) -> [Vec<Vec<f64>>; 2] {
         let one_by_one = |order: &mut dyn Iterator<Item = usize>| {
             let mut now = self.start.y.clone();

@@ -1,4 +1,4 @@
-//! Positions for goals: coordinates of any joint, places of points, met from a given state on its branch.
+//! Positions for goals (joint coordinates, positions of points), reached from a given state on its branch.
 
 mod closed;
 mod continuation;

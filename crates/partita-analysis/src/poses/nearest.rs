@@ -1,4 +1,4 @@
-//! The nearest there is: soft rows as small as the hard ones let them be, by damped least squares.
+//! The nearest position: soft rows minimised subject to the hard ones, by damped least squares.
 
 use super::field::{Field, Soft};
 use partita_math::tolerance;
@@ -7,13 +7,13 @@ use partita_system::SystemError;
 
 /// Hard rows at the start, where they may be far away...
 const FAR: Rule = Rule::new(60, f64::EPSILON, tolerance::FITS).cut(0.5);
-/// ... and after each move, which keeps them nearly: more would be another branch.
+/// ... and after each step, which nearly preserves them: a larger correction would lead to another branch.
 const NEAR: Rule = Rule::new(8, f64::EPSILON, tolerance::FITS).contracting(0.15, 1.0);
 /// Steps that minimise the soft rows, at most 0.3 characteristic displacements each: after a step of 1e-9 the remainder
 /// is below nine digits.
 const LEAST: Rule = Rule::new(200, 0.0, 0.0).cut(0.3).to_rest(1e-9);
 
-/// Move q to where the soft rows have their least sum of squares with the hard rows kept.
+/// Move q to the least sum of squares of the soft rows, subject to the hard rows.
 ///
 /// # Errors
 /// Those of functions that the conditions call.

@@ -1,4 +1,5 @@
-//! One position: closed from a drawing or a guess, held where it is to be held, brought to its targets in their order.
+//! One position: closed from a drawing or a guess with some coordinates held, then brought to its targets in order of
+//! priority.
 
 use super::closed::closed;
 use super::continuation::{Continuation, Ending};
@@ -17,10 +18,10 @@ use partita_system::SystemError;
 pub struct Ask {
     /// Coordinates from which closing starts, instead of those of the drawing.
     pub guess: Vec<(Target, f64)>,
-    /// Coordinates that stay as they are in the start.
+    /// Coordinates that keep their initial values.
     pub fixed: Vec<Target>,
-    /// Targets in order of priority: the first are met, those of each next level as nearly as the earlier ones let them
-    /// be, in the sense of least squares.
+    /// Targets in order of priority: the first are met, those of each next level as nearly as the earlier ones allow,
+    /// in the sense of least squares.
     pub levels: Vec<Vec<(Target, f64)>>,
     /// Largest residual, relative.
     pub tolerance: f64,
@@ -59,9 +60,9 @@ pub struct One {
 /// Close the loops of the model from q and satisfy the goals.
 ///
 /// # Errors
-/// `Assembly`, `Lengths` and `Targets` where that cannot be; `Argument` where it makes no sense, or where a coupling
-/// that is held by its rates alone would slip; `Wound` where an angle cannot be distinguished from one a turn beside
-/// it.
+/// `Assembly`, `Lengths` and `Targets` where there is no such position; `Argument` for invalid goals, or where a
+/// coupling that is held by its rates alone would slip; `Wound` where an angle cannot be distinguished from one a turn
+/// beside it.
 pub fn one(model: &Model, t: f64, q: &[f64], ask: &Ask) -> Result<One, SystemError> {
     let mut found = One { q: q.to_vec(), ..One::default() };
     guess(model, t, &mut found.q, &ask.guess)?;
@@ -103,8 +104,8 @@ fn stopped(level: usize, e: &SystemError) -> SystemError {
     )
 }
 
-/// q with the guessed coordinates: those of the state as they are given, others as nearly as moves of the state allow,
-/// the loops left open.
+/// q with the guessed coordinates: those of the state as given, others as nearly as displacements of the state allow,
+/// without closing the loops.
 fn guess(model: &Model, t: f64, q: &mut Vec<f64>, guess: &[(Target, f64)]) -> Result<(), SystemError> {
     for (x, value) in guess {
         if let Some((at, _)) = x.own() {
@@ -134,7 +135,7 @@ fn held(model: &Model, q: &[f64], fixed: &[Target]) -> Vec<(Target, f64)> {
     fixed.iter().map(&mut of).collect()
 }
 
-/// The loops kept closed, to where all of these targets are met.
+/// Move to where all of these targets are met, with the loops closed.
 fn meet(model: &Model, t: f64, found: &mut One, wanted: &[(Target, f64)], tolerance: f64) -> Result<(), SystemError> {
     if wanted.is_empty() {
         return Ok(());
@@ -175,7 +176,7 @@ fn meet(model: &Model, t: f64, found: &mut One, wanted: &[(Target, f64)], tolera
     Ok(())
 }
 
-/// As near to these wishes as the targets kept so far allow; they are kept from then on where they came to.
+/// Approach these targets as closely as the targets kept so far allow, and keep the values that are reached.
 fn wish(
     model: &Model,
     t: f64,
@@ -188,7 +189,7 @@ fn wish(
     let (targets, mut aims): (Vec<Target>, Vec<f64>) = kept.iter().cloned().unzip();
     let mut continuation = Continuation::new(model, &targets, t);
     let start = continuation.start(&found.q)?;
-    // angles read off poses are wished to the nearest of their turns
+    // angles measured from poses are taken to the nearest whole turn
     for k in first..aims.len() {
         if targets[k].wraps() {
             let turn = std::f64::consts::TAU;
@@ -196,7 +197,7 @@ fn wish(
         }
     }
     aims[..first].copy_from_slice(&start.y[..first]);
-    // straight there where that can be; else on from where it ends
+    // directly where possible; otherwise continue from where that ends
     continuation.go(&start, &aims, &mut found.q)?;
     let f = &mut continuation.field;
     let m = f.closings();

@@ -42,11 +42,11 @@ fn asked(model: &Model, q: &[f64], own: &[(usize, f64)], others: &[(Target, f64)
     all
 }
 
-/// Velocities that satisfy S4 with `v_i = rate` for the pairs `own` and these rates of goals, otherwise as near to `near` as
-/// they can be in the mass metric.
+/// Velocities that satisfy S4 with `v_i = rate` for the pairs `own` and these rates of goals, otherwise as near to
+/// `near` as possible in the mass metric.
 ///
 /// # Errors
-/// `Argument` where the rates cannot hold together.
+/// `Argument` where the rates are incompatible.
 pub fn with_rates(
     model: &Model,
     t: f64,
@@ -77,7 +77,7 @@ pub fn with_rates(
     }
     let (n, mut s, mut room) = (v.len(), model.scratch(), vec![0.0; v.len()]);
     let gradients: Vec<Vec<f64>> = rows.iter().map(|(x, _)| gradient(model, q, x, &mut room, &mut s)).collect();
-    // what an impulse along each of them does: the projection of M^-1 g
+    // the response to an impulse along each of them: the projection of M^-1 g
     let mut moves: Vec<Vec<f64>> = Vec::with_capacity(rows.len());
     for ((x, _), g) in rows.iter().zip(&gradients) {
         if model.lacks_mass() {

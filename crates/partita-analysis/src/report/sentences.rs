@@ -1,4 +1,4 @@
-//! The sentences of a report: what is superfluous, what floats, what is close to singular.
+//! The sentences of a report: redundancy, floating bodies, nearness to a singular position.
 
 use crate::mobility::{Mobility, Redundant};
 use crate::reason::names;
@@ -6,7 +6,7 @@ use crate::remedies::Remedy;
 use partita_model::Model;
 use std::collections::HashSet;
 
-/// A position is close to a singular one below this. Scale: squared sine of the closing rows. Reason: closing errors
+/// A position is close to a singular one below this. Scale: squared sine of the closing rows. Reason: closure errors
 /// are amplified a hundred times there.
 const CLOSE_TO_SINGULAR: f64 = 1e-4;
 /// Reasons listed before the rest is counted.
@@ -17,7 +17,7 @@ fn count(n: usize, one: &str, many: &str) -> String {
     format!("{n} {}", if n == 1 { one } else { many })
 }
 
-/// What to know of the whole mechanism, a sentence each.
+/// Notes on the whole mechanism, one sentence each.
 pub(super) fn notes(model: &Model, found: &Mobility) -> Vec<String> {
     let mut notes = Vec::new();
     notes.extend(found.of_drawing(model.spec.drawing_tolerance));

@@ -1,4 +1,4 @@
-//! Balances that a motion is held against: of energy over its outputs, of forces and moments at every body.
+//! Balances by which a motion is checked: of energy over its outputs, of forces and moments on every body.
 
 use super::verdict::Finding;
 use crate::{plausibility, poses};
@@ -11,7 +11,8 @@ use partita_system::positions::turns;
 use partita_system::record::{Output, Sample};
 use partita_system::{ConstrainedSystem, SystemError};
 
-/// The Newton-Euler residual that breaks a run. Scale: fraction of the largest force. Reason: no digit is safe there.
+/// The Newton-Euler residual that invalidates a run. Scale: fraction of the largest force. Reason: no digit is safe
+/// there.
 const NO_BALANCE: f64 = 1e-3;
 /// Error of the energy besides one tolerance for each step. Scale: multiples of the tolerance. Reason: errors grow with
 /// the motion.
@@ -22,31 +23,31 @@ const ENERGY_FLOOR: f64 = 1e-8;
 /// Energy errors that no tolerance, however loose, and no fixed step excuses. Scale: fraction of the energy exchanged.
 /// Reason: a twentieth is seen in every figure.
 const ENERGY_TAKEN: f64 = 5e-2;
-/// Energy errors that break a run; with loose tolerances, ten times what these explain. Scale: fraction of the energy
-/// exchanged. Reason: a hundredth is no longer an error of rounding or of steps.
+/// Energy errors that invalidate a run; with loose tolerances, ten times what these explain. Scale: fraction of the
+/// energy exchanged. Reason: a hundredth is no longer an error of rounding or of steps.
 const ENERGY_INVALID: f64 = 1e-2;
-/// Outputs at which the end of a run looks at energies: enough to show the energy exchanged and its error, and few
-/// enough to cost little.
+/// Number of outputs at which the end of a run evaluates energies: enough to show the energy exchanged and its error,
+/// and few enough to cost little.
 const LOOKS: usize = 16;
 
-/// A system whose motions can be held against more than its conditions.
+/// A system whose motions can be checked by more than its constraints.
 pub trait Balance: ConstrainedSystem {
     /// Newton-Euler residual of the worst body over the largest force; none where there are no bodies.
     ///
     /// # Errors
-    /// What a function of the user raises.
+    /// Errors of user functions.
     fn residual(&self, at: &Sample, scratch: &mut Self::Scratch) -> Result<Option<f64>, SystemError>;
     /// Kinetic and potential energy at some outputs; none where no potential is known.
     ///
     /// # Errors
-    /// What a function of the user raises.
+    /// Errors of user functions.
     fn energies(&self, at: &[&Output], scratch: &mut Self::Scratch) -> Result<Option<Vec<(f64, f64)>>, SystemError>;
-    /// Energy against which a balance is held at the least, for this absolute tolerance.
+    /// Smallest reference energy of a balance, for this absolute tolerance.
     fn energy_floor(&self, atol: f64) -> f64;
     /// Whether user functions agree with their derivatives at (t, q, v), as far as this is to be checked.
     ///
     /// # Errors
-    /// `Derivative`, and what the functions raise.
+    /// `Derivative`, and errors of the functions.
     fn agree(&self, t: f64, q: &[f64], v: &[f64]) -> Result<(), SystemError>;
     /// The cause of an error, where the whole system reveals more than its equations.
     fn cause(&self, _error: &SystemError) -> Option<String> {

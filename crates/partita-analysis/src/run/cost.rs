@@ -1,4 +1,4 @@
-//! What one evaluation costs, and nothing else: no steps, no outputs, all contenders at the same places, in turns.
+//! The cost of one evaluation alone, without steps and outputs: all contenders at the same states, in turn.
 
 use super::{Balance, Prepared, Request};
 use crate::error::AnalysisError;
@@ -17,10 +17,10 @@ use std::time::Instant;
 const BEFORE: u64 = 2;
 /// Time of a batch of evaluations. Unit: s. Reason: a thousand readings of the clock.
 const BATCH: f64 = 4e-5;
-/// Batches of each contender at each place; the fastest counts, as the one that nothing else disturbed.
+/// Batches of each contender at each state; the fastest counts, being the least disturbed.
 const ROUNDS: usize = 25;
-/// No contender takes longer at one place, but for its first two batches. Scale: s. Reason: a comparison answers while
-/// one waits.
+/// Longest time of a contender at one state, apart from its first two batches. Scale: s. Reason: a comparison answers
+/// while one waits.
 const LONGEST_TIMING: f64 = 0.15;
 
 /// A formulation with its options, and a usual length of its steps (s).
@@ -96,7 +96,7 @@ impl Formulation for Noted<'_> {
     }
 }
 
-/// A contender at one place: the stages of a step that begins two steps from there.
+/// A contender at one state: the stages of a step that begins two steps from there.
 struct Trial<'s> {
     formulation: Box<dyn Formulation + Send + 's>,
     stages: Vec<(f64, Vec<f64>)>,
@@ -109,20 +109,20 @@ struct Trial<'s> {
 }
 
 impl<'s> Trial<'s> {
-    /// Everything set up and seen to work; `None` where it does not.
+    /// Everything set up and tested; `None` where it fails.
     fn new<S: Balance<Scratch: Send>>(
         system: &'s S,
         contender: &Contender,
         place: &ClosedState,
         watch: &mut dyn FnMut() -> ControlFlow<()>,
     ) -> Result<Option<Self>, AnalysisError> {
-        // the same march twice: once to the end of a step, to see its stages, and once to its beginning
+        // the same integration twice: once to the end of a step, to record its stages, and once to its beginning
         let mut marched = |steps: u64| {
             let t_end = place.t + steps as f64 * contender.step;
             let request = Request { t0: place.t, t_end, ..contender.request.clone() };
             let prepared = match Prepared::new(system, &request, contender.tangent.clone(), (&place.q, &place.v)) {
                 Ok(prepared) if prepared.singular_start.is_none() => prepared,
-                // one that does not work there has no cost
+                // a contender that fails there has no cost
                 Ok(_)
                 | Err(
                     AnalysisError::System(SystemError::SingularStart { .. } | SystemError::Singular { .. })
@@ -174,12 +174,12 @@ impl<'s> Trial<'s> {
 
 /// Seconds of one evaluation of each contender, the mean over the states; NaN for one that fails at all of them.
 ///
-/// Evaluations are those that the stages of a step ask for. At each place the contenders take turns in short batches, and the
-/// fastest batch of each counts. Takes about a millisecond a contender and place, longer where one evaluation does. `watch`
-/// may stop it: then `None`.
+/// Evaluations are those that the stages of a step request. At each state the contenders take turns in short batches,
+/// and the fastest batch of each counts. Takes about a millisecond per contender and state, longer where one evaluation
+/// does. `watch` may stop it: then `None`.
 ///
 /// # Errors
-/// Options that make no sense, or places where the system cannot be analysed.
+/// Invalid options, or states at which the system cannot be analysed.
 pub fn evaluation_costs<S: Balance<Scratch: Send>>(
     system: &S,
     contenders: &[Contender],

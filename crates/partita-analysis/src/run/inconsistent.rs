@@ -7,19 +7,20 @@ use partita_system::record::Output;
 use partita_system::reduction::{velocity_residuals, Reduction};
 use partita_system::ConstrainedSystem;
 
-/// Rows open by more are open. Scale: multiples of their own round-off. Reason: what an assembly leaves is a thousandth
-/// of it.
+/// Rows with a larger closure error are violated. Scale: multiples of their own round-off. Reason: an assembly leaves a
+/// thousandth of it.
 const OPEN_ROUNDINGS: f64 = 1e4;
 
-/// What a start leaves open.
+/// Constraint violations of an initial state.
 pub struct Seen {
-    /// Where it does not satisfy S3 or S4, in words.
+    /// Violated rows of S3 and S4, in words.
     said: Vec<String>,
     /// Is S3 among them?
     open: bool,
 }
 
-/// Look at a start, and refuse one that is not next to one that satisfies the constraints; `r` lends its levels.
+/// Examine an initial state, and refuse one that is not close to one that satisfies the constraints; `r` lends its
+/// levels.
 ///
 /// # Errors
 /// `Argument`, and where the system cannot be evaluated there.
@@ -67,7 +68,7 @@ pub(super) fn see<S: ConstrainedSystem>(
     Ok(Seen { said, open: open > OPEN_ROUNDINGS })
 }
 
-/// What was seen of the start (t, q, v), and by how much `first`, the output there, was moved from it.
+/// The report on the start (t, q, v), and by how much `first`, the output there, was moved from it.
 pub(super) fn note<S: ConstrainedSystem>(
     system: &S,
     Seen { said, open }: &Seen,

@@ -27,7 +27,7 @@ use partita_system::SystemError;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-/// What a run left.
+/// Result of a run.
 pub struct Run {
     /// How it ended.
     pub outcome: Outcome,
@@ -39,11 +39,11 @@ pub struct Run {
     pub rows: Vec<usize>,
     /// Largest |Φ| and |C v + a| at the ends of the steps taken.
     pub open: (f64, f64),
-    /// The same in parts of sizes, with times and rows.
+    /// The same relative to sizes, with times and rows.
     pub gaps: Gaps,
     /// What the user should know, in sentences.
     pub notes: Vec<String>,
-    /// Energy that was exchanged at the least, from the speeds at the ends of the steps.
+    /// Lower bound of the energy exchanged, from the speeds at the ends of the steps.
     pub exchanged: f64,
     /// Findings of a run at the ends of its steps.
     pub findings: Vec<Finding>,

@@ -1,4 +1,4 @@
-//! From a system, a request and a state to something that marches: the one set-up of runs, steppers, timings and pages.
+//! From a system, a request and a state to an integration: the one set-up of runs, steppers, timings and pages.
 
 use super::balance::Balance;
 use super::inconsistent::{self, Seen};
@@ -15,7 +15,7 @@ use partita_system::start::{self, Start};
 use partita_system::{weight, ConstrainedSystem, SystemError, SystemRef};
 use std::sync::Arc;
 
-/// A formulation before it is made: by name, for a rank, with options. Runs make it to march, and again to describe
+/// The recipe of a formulation: by name, for a rank, with options. Runs create it to integrate, and again to describe
 /// outputs.
 #[derive(Clone)]
 pub struct Recipe {
@@ -40,13 +40,13 @@ impl Recipe {
     }
 }
 
-/// A state that was looked at.
+/// An examined initial state.
 pub struct Looked<'s, S: ConstrainedSystem> {
     /// Rank and redundant rows.
     pub start: Start,
     /// The start on a branch out of a singular position.
     pub(super) singular_start: Option<BranchStart<'s, S>>,
-    /// What the state leaves open.
+    /// Constraint violations of the state.
     seen: Seen,
 }
 
@@ -56,7 +56,7 @@ impl<'s, S: ConstrainedSystem> Looked<'s, S> {
     /// constraints.
     ///
     /// # Errors
-    /// Where one of these is not so, and where the velocities single out no branch.
+    /// Where one of these conditions fails, and where the velocities determine no branch.
     pub fn at(
         system: impl Into<SystemRef<'s, S>>,
         (t, q, v): (f64, &[f64], &[f64]),
@@ -95,17 +95,17 @@ pub struct Prepared<'s, S: Balance> {
     pub recipe: Recipe,
     /// Method, steps and the end: that of the request, or where a table ends before.
     pub settings: Settings,
-    /// How far conditions may be open.
+    /// Limits of constraint violations.
     pub limits: Limits,
     /// What the user should know, in sentences.
     pub notes: Vec<String>,
     /// Whether it is a structure at rest.
     pub rigid: bool,
-    /// What ends the march before the request does, and when.
+    /// What ends the integration early, and when.
     pub(super) ends: Option<(f64, String)>,
     /// The first step, where the start is singular.
     pub(super) singular_start: Option<BranchStart<'s, S>>,
-    /// What the start leaves open.
+    /// Constraint violations of the start.
     pub(super) seen: Seen,
 }
 
@@ -184,7 +184,7 @@ pub(super) fn explained<S: Balance>(system: &S, error: AnalysisError) -> Analysi
     }
 }
 
-/// Does what ends then end inside the run, by more than the round-off of its last step?
+/// Whether an end at this time lies inside the run, by more than the round-off of its last step.
 fn within(end: f64, request: &Request) -> bool {
     end > request.t0 && request.t_end - end > tolerance::EQUAL * (request.t_end - request.t0)
 }
@@ -199,7 +199,7 @@ fn note_of_dropped<S: ConstrainedSystem>(system: &S, found: &Start) -> String {
     )
 }
 
-/// A run of a structure: it is no motion, and no failure either.
+/// A run of a structure: it stays at rest, which is not a failure.
 pub(super) const CANNOT_MOVE: &str =
     "the mechanism is a structure without degrees of freedom and cannot move; the run keeps it at rest and computes \
      the static reactions";

@@ -13,7 +13,7 @@ use serde::Deserialize;
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// Options of a run, as people write them.
+/// Options of a run, as given by the user.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
@@ -40,7 +40,7 @@ pub struct Request {
     pub correction: String,
     /// Gain that a switch must exceed.
     pub switch_threshold: f64,
-    /// Accepted steps at the most.
+    /// Maximum number of accepted steps.
     pub max_steps: u64,
     /// Velocities to be kept independent, by name.
     #[serde(default)]
@@ -74,7 +74,7 @@ fn refuse(argument: &'static str, message: String) -> AnalysisError {
     AnalysisError::Argument { argument, message }
 }
 
-/// Places of named velocities.
+/// Indices of named velocities.
 fn places<'n, S: ConstrainedSystem>(
     system: &S,
     names: impl Iterator<Item = &'n String>,

@@ -1,4 +1,4 @@
-//! A run that starts in a singular position: its first step, along the branch that the velocities single out.
+//! A run that starts in a singular position: its first step, along the branch that the velocities determine.
 
 use partita_integrate::simulate::{Outcome, Status};
 use partita_integrate::singular_start::{singular_step, SingularStep};

@@ -15,7 +15,7 @@ pub struct SolutionLog {
     pub events: Vec<PartitionEvent>,
     /// Closed positions and velocities.
     pub outputs: Vec<Output>,
-    /// How far conditions may be open.
+    /// Limits of constraint violations.
     pub limits: Limits,
 }
 
@@ -51,7 +51,8 @@ pub struct Assessed {
     pub sqrt_mu: Vec<f64>,
 }
 
-/// Numbers kept of what remains open at an output: a part and a row of each kind, and the fastest rate.
+/// Numbers kept of the constraint violations at an output: a relative value and a row of each kind, and the fastest
+/// rate.
 const OPEN: usize = 5;
 
 /// Number of outputs that share an elimination plan. It depends on the mechanism only, so that results are independent
@@ -161,7 +162,7 @@ impl SolutionLog {
         Ok(Assessed { measure: next(), sigma: next(), sqrt_mu: next() })
     }
 
-    /// The worst of what was open at the outputs.
+    /// Largest constraint violations at the outputs.
     fn worst(&self, open: &[f64]) -> Gaps {
         let fastest = largest(open.chunks_exact(OPEN).map(|x| x[OPEN - 1]));
         let mut gaps = Gaps::default();

@@ -1,4 +1,4 @@
-//! A motion taken tick by tick, for control loops: the same formulation, corrections and switches as a run.
+//! A motion advanced tick by tick, for control loops: the same formulation, corrections and switches as a run.
 
 use super::prepared::CANNOT_MOVE;
 use super::singular_start::BranchStart;
@@ -38,7 +38,7 @@ pub struct Stepping<'s, S: Balance> {
     /// What is kept for a result, if anything is.
     kept: Option<Vec<Output>>,
     steps: u64,
-    /// The worst that stood open at the ends of the steps that were kept, and what else they were held against.
+    /// Largest constraint violations at the ends of the accepted steps, and their other checks.
     gaps: Gaps,
     checks: StepChecks,
 }
@@ -91,10 +91,10 @@ impl<'s, S: Balance<Scratch: Send>> Stepping<'s, S> {
         Ok(stepping)
     }
 
-    /// Stand at a closed state, as if nothing had been before.
+    /// Restart at a closed state, without history.
     ///
     /// # Errors
-    /// The motion cannot start there; then it stays where it was, and `undo` has made what acts what it was there.
+    /// Where the motion cannot start; then the state is unchanged, and `undo` has restored the inputs.
     pub fn begin(&mut self, t: f64, q: &[f64], v: &[f64], undo: impl FnOnce()) -> Result<(), AnalysisError> {
         let end = t + self.length;
         let seen = Looked::at(self.system.clone(), (t, q, v), (end, self.rtol), self.length).and_then(|looked| {
@@ -116,7 +116,7 @@ impl<'s, S: Balance<Scratch: Send>> Stepping<'s, S> {
         }
     }
 
-    /// See `begin`; at a position that was looked at.
+    /// See `begin`; at an examined position.
     fn start_at(
         &mut self,
         (t, q, v): (f64, &[f64], &[f64]),
@@ -160,7 +160,7 @@ impl<'s, S: Balance<Scratch: Send>> Stepping<'s, S> {
         }
     }
 
-    /// Back to where it stood, after a tick or a start that failed.
+    /// Restore the state before a tick or a start that failed.
     fn back(&mut self) -> Result<(), AnalysisError> {
         self.formulation.forget_gaps();
         let f = &mut self.formulation;
@@ -171,7 +171,7 @@ impl<'s, S: Balance<Scratch: Send>> Stepping<'s, S> {
         Ok(self.march.begin(f, self.now.t, (&self.now.q, &self.now.v), Some(&self.now.turns))?)
     }
 
-    /// The end of a tick: a multiple formed anew, so that errors do not add.
+    /// The end of a tick: computed as a multiple, so that errors do not accumulate.
     fn end_of(&self, tick: u64) -> f64 {
         self.origin + tick as f64 * self.length
     }
@@ -179,7 +179,7 @@ impl<'s, S: Balance<Scratch: Send>> Stepping<'s, S> {
     /// One tick.
     ///
     /// # Errors
-    /// What could not be evaluated or passed; then it stays where it was.
+    /// Where something could not be evaluated or crossed; then the state is unchanged.
     pub fn step(&mut self) -> Result<(), AnalysisError> {
         let t = self.end_of(self.count + 1);
         let mut none = |_: &Output| Ok(());

@@ -14,19 +14,18 @@ use partita_system::{ConstrainedSystem, SystemError};
 /// Steps beyond the tolerance that one singular position explains: a crossing step and those that lead up to it.
 const LENIENT_EACH: u64 = 20;
 
-/// Accelerations off by more break a run. Scale: fraction of the strongest acceleration. Reason: ten times what tables
-/// through exact points explain.
+/// Larger errors of accelerations invalidate a run. Scale: fraction of the strongest acceleration. Reason: ten times
+/// what tables through exact points explain.
 const INVALID_ACCELERATION: f64 = 1e-1;
-/// Velocity jumps that make a run suspect, and invalid. Scale: fraction of the speed. Reason: what is open of (S4)
-/// changes velocities by less than a tolerance, next to a singular position over the distance; beyond the second the
-/// motion has changed to another branch or lost a hundredth of its energy.
+/// Velocity jumps that make a run suspect, and invalid. Scale: fraction of the speed. Reason: a violation of (S4)
+/// changes velocities by less than a tolerance, next to a singular position divided by the distance; beyond the second
+/// the motion has changed to another branch or lost a hundredth of its energy.
 const JUMPS: (f64, f64) = (1e-3, 1e-1);
 /// Changes of velocity that tolerances explain, up to the second number. Scale: multiples of the tolerance; fraction of
 /// the speed. Reason: loose tolerances explain larger changes.
 const JUMPS_EXPLAINED: (f64, f64) = (100.0, 2e-2);
-/// Positions open by more let the error decide between branches. Scale: squared distance from the singular position.
-/// Reason: two branches x y = 0 that are open by e are x y = e, whose arms lead from one to the other at the distance
-/// sqrt(2 e).
+/// Larger errors of positions decide between branches. Scale: squared distance from the singular position. Reason: two
+/// branches x y = 0 with an error e become x y = e, whose arms lead from one to the other at the distance sqrt(2 e).
 const BRANCH_BY_ERROR: f64 = 0.1;
 
 /// One finding of a run.
@@ -43,13 +42,13 @@ pub struct Finding {
 /// Constraint violations beyond which a run is suspect, and invalid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
-    /// Positions, in parts.
+    /// Positions, relative to their sizes.
     pub position: (f64, f64),
-    /// Rates, in parts of the fastest.
+    /// Rates, relative to the fastest.
     pub velocity: (f64, f64),
-    /// Accelerations, in parts of the strongest; none where conditions are pulled back by accelerations.
+    /// Accelerations, relative to the strongest; none where constraints are stabilised by accelerations.
     pub acceleration: Option<(f64, f64)>,
-    /// Jumps of velocities, in parts of the speed.
+    /// Velocity jumps, relative to the speed.
     pub jump: (f64, f64),
     /// What balances depend on.
     pub asked: Asked,
@@ -155,7 +154,7 @@ impl Limits {
     }
 }
 
-/// Outputs that are no numbers.
+/// Outputs that are not finite.
 fn of_numbers(outputs: &[Output], found: &mut Vec<Finding>) {
     let spoilt = outputs.iter().find(|x| !x.q.iter().chain(&x.v).all(|x| x.is_finite()));
     if let Some(Output { t, .. }) = spoilt {

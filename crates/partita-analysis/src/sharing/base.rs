@@ -1,4 +1,4 @@
-//! A base of the self-stresses, for looking at.
+//! A basis of the self-stresses, for inspection.
 
 use super::{with_rule, Room, Rule};
 use crate::error::AnalysisError;
@@ -9,7 +9,7 @@ use partita_math::spatial::{Mat3, Vec3};
 use partita_math::tolerance;
 use partita_model::Model;
 
-/// Orthonormal self-stresses at one position: a base of all that can be added to the reactions there.
+/// Orthonormal self-stresses at one position: a basis of all that can be added to the reactions there.
 #[derive(Clone, Debug, Default)]
 pub struct SelfStresses {
     /// Force and moment about the joint's point on its child, world axes, of every joint in each self-stress (s x 6
@@ -27,7 +27,7 @@ pub struct SelfStresses {
 /// the first loads some component as heavily as any can, the next loads it not at all and another one as heavily as is
 /// left.
 ///
-/// For looking at; dense, O(s² nj).
+/// For inspection; dense, O(s² nj).
 ///
 /// # Errors
 /// Where the mechanism cannot be compiled in space or has no rank.

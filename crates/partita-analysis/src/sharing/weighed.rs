@@ -155,7 +155,7 @@ impl Rows {
         self.column.iter().flatten().enumerate().filter(|(_, c)| c.is_some()).map(|(i, _)| i).collect()
     }
 
-    /// The solver of before if it is of this pattern, or another one: which it is, is no matter to the result.
+    /// The previous solver if it has this pattern, otherwise a new one; the result does not depend on it.
     pub(super) fn solver<'a>(&self, solver: &'a mut Option<(Pattern, LeastNorm)>) -> &'a mut LeastNorm {
         let fits = |p: &Pattern| p.cols == self.cols && p.row_ptr == self.starts && p.col_idx == self.columns;
         if !solver.as_ref().is_some_and(|(pattern, _)| fits(pattern)) {

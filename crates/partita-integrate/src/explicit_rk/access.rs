@@ -4,8 +4,8 @@ use super::{ExplicitRungeKutta, Phase};
 use crate::counters::Counters;
 use crate::stepper::{CurrentStep, StepControl, StepPlan};
 
-/// Shorter steps are not shortened again. Scale: fraction of the time (of the run, near t = 0). Reason: some hundred
-/// times the round-off of t.
+/// Steps are not shortened below this. Scale: fraction of the time (of the run, near t = 0). Reason: some hundred times
+/// the round-off of t.
 const SHORTEST_IN_TIME: f64 = 1e-13;
 
 impl StepControl for ExplicitRungeKutta {

@@ -2,8 +2,8 @@
 
 use partita_math::tolerance;
 
-/// A shorter last step is rounding and joins the step before it. Scale: fraction of the other steps. Reason: the sum of
-/// a million steps.
+/// A shorter last step is round-off and is merged into the previous one. Scale: fraction of the other steps. Reason:
+/// the sum of a million steps.
 const SLIVER: f64 = 1e-8;
 
 /// The grid `origin + i h` up to `end`, which is met exactly.
@@ -39,7 +39,7 @@ impl FixedGrid {
         }
     }
 
-    /// Note that `t` was reached: the next point, or a place before it after an obstacle.
+    /// Note that `t` was reached: the next point, or a time before it after an obstacle.
     pub(super) fn reached(&mut self, t: f64) {
         if t == self.goal() {
             self.next += 1;

@@ -1,4 +1,4 @@
-//! A table made ready for work: zeros left out, slots turned into places in memory.
+//! A table prepared for evaluation: zeros omitted, slots converted to offsets in memory.
 
 use crate::combination::Row;
 use crate::step_size::{ErrorNorm, ERROR_MARGIN};

@@ -14,7 +14,7 @@ const RETRY_FACTOR: f64 = 0.6;
 const NOT_FINITE_FACTOR: f64 = 0.5;
 
 impl ExplicitRungeKutta {
-    /// Some component that spoils the step, if its error or its end is not finite.
+    /// A component that makes the step unusable, if its error or its end is not finite.
     pub(super) fn not_finite(&self, error: f64) -> Option<usize> {
         first_not_finite(&self.y_new).or_else(|| {
             let spoilt = || (0..self.tableau.stages).find_map(|slot| first_not_finite(self.slot(slot)));
@@ -27,8 +27,8 @@ impl ExplicitRungeKutta {
         self.shortest.max(tolerance::TEN_ROUNDINGS * self.t_old.abs())
     }
 
-    /// Throw an attempt of length `h` away because f was not evaluable. The factor wanders a little from time to time,
-    /// so that the stages of the repetitions do not meet the same point again.
+    /// Reject an attempt of length `h` because f was not evaluable. The factor varies a little from time to time, so
+    /// that the stages of the repetitions do not meet the same point again.
     pub(super) fn shorten_for_retry(&mut self, h: f64) {
         let wander = (self.counters.retries as f64 * 0.618_033_988_749_895).fract();
         self.step = h.abs() * (RETRY_FACTOR - 0.05 * wander);

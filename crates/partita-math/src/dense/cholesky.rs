@@ -17,7 +17,7 @@ pub struct NotPositiveDefinite {
     pub pivot: f64,
 }
 
-/// Square root of a pivot, if it holds its own against the diagonal entry it came from.
+/// Square root of a pivot, if it is not negligible compared with the diagonal entry it came from.
 #[inline(always)]
 fn root<T: Real>(index: usize, pivot: T, diagonal: T) -> Result<T, NotPositiveDefinite> {
     let (p, d) = (pivot.value(), diagonal.value());
@@ -31,7 +31,8 @@ fn root<T: Real>(index: usize, pivot: T, diagonal: T) -> Result<T, NotPositiveDe
 /// Factors `A = L Lᵀ` in place; n³/6 multiply–adds.
 ///
 /// `a` (n×n) is read and overwritten on and below the diagonal; above it nothing is touched. The guard on the pivots is
-/// relative to the diagonal, so the units of the coordinates do not matter. After an error the lower triangle is spoilt.
+/// relative to the diagonal, so the units of the coordinates do not matter. After an error the lower triangle is
+/// invalid.
 #[inline]
 pub fn cholesky<T: Real>(a: &mut [T], n: usize) -> Result<(), NotPositiveDefinite> {
     factored(a, n, root)

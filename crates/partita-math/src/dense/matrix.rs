@@ -68,7 +68,7 @@ impl Matrix {
         &mut self.data
     }
 
-    /// Gives the entries away, row by row.
+    /// Consumes the matrix and returns its entries, row by row.
     pub fn into_vec(self) -> Vec<f64> {
         self.data
     }

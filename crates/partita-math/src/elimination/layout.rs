@@ -1,4 +1,4 @@
-//! What a plan is apart from its numbers: kept with the pattern, because the same pivots are chosen again and again.
+//! The symbolic part of a plan, kept with the pattern because the same pivots are chosen again and again.
 
 use super::blocks::Blocks;
 use super::choice::Step;
@@ -6,7 +6,7 @@ use super::program::Program;
 use super::Pattern;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Entries of the factors of all layouts that are kept together, at the most.
+/// Maximum number of entries of the factors of all layouts that are kept together.
 const KEPT: usize = 100_000;
 /// Largest number of layouts kept.
 const MOST: usize = 16;
@@ -35,12 +35,12 @@ impl Layout {
     }
 }
 
-/// Layouts of one pattern, the latest last. They make nothing but plans cheaper, and belong to no comparison.
+/// Layouts of one pattern, the latest last. They only make plans cheaper, and are ignored in comparisons.
 #[derive(Debug, Default)]
 pub(super) struct Layouts(Mutex<Vec<Arc<Layout>>>);
 
 impl Layouts {
-    /// That of these steps.
+    /// The layout of these steps.
     pub fn of(&self, pattern: &Pattern, steps: &[Step]) -> Arc<Layout> {
         let kept = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(found) = kept().iter().rev().find(|x| x.is_of(steps)) {

@@ -1,4 +1,4 @@
-//! The plan as others see it: made once, then [`factor`](Plan::factor) and [`solve`](Plan::solve).
+//! The public interface of a plan: made once, then [`factor`](Plan::factor) and [`solve`](Plan::solve).
 
 use super::choice;
 use super::layout::Layout;
@@ -70,7 +70,7 @@ pub struct PivotShrunk {
 ///
 /// Unknowns and equations are numbered by step: step k pairs row `pivot_rows()[k]` with column `pivot_cols()[k]`.
 /// Making a plan costs a numeric sparse elimination with search; a factorisation costs its multiplications, without
-/// allocation or branches other than the guard. Rows that depend on others are passed over while anything better is left.
+/// allocation or branches other than the guard. Dependent rows are skipped while better ones remain.
 #[derive(Clone, Debug)]
 pub struct Plan {
     layout: Arc<Layout>,
@@ -83,8 +83,8 @@ pub struct Plan {
 impl Plan {
     /// Chooses `rank` pivots of the matrix with the given pattern and values and records the elimination.
     ///
-    /// Only rows and columns marked eligible are used; sizes are judged on `row_scale[i] · |c_ij| · col_scale[j]`, where
-    /// rows are meant to come out near 1. Among acceptable pivots (see [`PlanOptions::threshold`]) the one that fills in
+    /// Only rows and columns marked eligible are used; sizes are judged on `row_scale[i] · |c_ij| · col_scale[j]`,
+    /// where rows should be of order 1. Among acceptable pivots (see [`PlanOptions::threshold`]) the one that fills in
     /// least is taken, then the largest. Rank up to 64: all candidates are compared; above: those of lowest count.
     ///
     /// # Errors
@@ -243,7 +243,7 @@ impl Plan {
     /// Solves `C_Dᵀ y = b` for a right-hand side with few entries `(step, value)`; into `found` the entries of y that are
     /// not zero, in any order. What cancels to rounding errors of its terms counts as zero.
     ///
-    /// Cost: the rows of the factors that are touched, not the rank.
+    /// Cost: proportional to the rows of the factors that are touched, not to the rank.
     pub fn solve_transposed_sparse(
         &self,
         work: &[f64],

@@ -34,7 +34,7 @@ struct Run {
     length: u32,
 }
 
-/// What follows pivot k: so many single updates, so many runs.
+/// Number of single updates and of runs after pivot k.
 #[derive(Clone, Copy, Debug, Default)]
 struct Tally {
     singles: u32,
@@ -49,7 +49,7 @@ pub(super) struct Program {
     columns: Vec<u32>,
     /// (place in the factors, place in the values of C).
     scatter: Vec<[u32; 2]>,
-    /// Places that are zero before the elimination.
+    /// Offsets of entries that are zero before the elimination.
     fill: Vec<u32>,
     tallies: Vec<Tally>,
     /// (target, l, u).
@@ -80,7 +80,7 @@ impl Program {
         program
     }
 
-    /// Decides where each entry of the factors lives.
+    /// Decides where each entry of the factors is stored.
     fn lay_out(&mut self, steps: &[Step], row_step: &[Option<usize>], col_step: &[Option<usize>]) {
         let mut lower = vec![Vec::new(); steps.len()];
         for (k, step) in steps.iter().enumerate() {
@@ -203,7 +203,7 @@ impl Program {
             let (now, later) = runs.split_at(tally.runs as usize);
             runs = later;
             for run in now {
-                // Both l and row k lie before what they change.
+                // Both l and row k lie before the entries they change.
                 let (before, after) = work.split_at_mut(run.target as usize);
                 let (u, length) = (run.u as usize, run.length as usize);
                 let l = before[run.l as usize];
@@ -215,7 +215,7 @@ impl Program {
 
     /// `L U x = b`, N right-hand sides side by side.
     ///
-    /// In a chain each unknown waits for the one found just before it: that one is subtracted last and stays in a
+    /// In a chain each unknown depends on the one found just before it: that one is subtracted last and stays in a
     /// register.
     #[inline]
     pub(super) fn solve_fixed<T: Scalar, const N: usize>(&self, work: &[T], b: &mut [T]) {

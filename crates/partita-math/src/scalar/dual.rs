@@ -177,7 +177,7 @@ impl Cases for Dual {
     }
     #[inline(always)]
     fn max(self, other: Self) -> Self {
-        // NaN gives way, as in `f64`.
+        // If one is NaN the other is taken, as in `f64`.
         if other.re > self.re || self.re.is_nan() {
             other
         } else {

@@ -3,7 +3,8 @@
 use super::{interval_of, Arguments, Cases, Functions, Scalar};
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
-/// Eight independent numbers: one run through a function gives eight evaluations, each what `f64` gives, to the bit.
+/// Eight independent numbers: one run through a function gives eight evaluations, each identical to that of `f64`, to
+/// the bit.
 ///
 /// Plain loops over an array, which a compiler may turn into vector instructions.
 #[derive(Copy, Clone, Debug, Default, PartialEq)]

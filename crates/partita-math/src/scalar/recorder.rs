@@ -15,7 +15,7 @@ use super::{Arguments, Cases, Functions, Scalar};
 use std::cell::RefCell;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
-/// One entry of a tape; operands are places of earlier entries.
+/// One entry of a tape; operands are indices of earlier entries.
 #[derive(Clone, Copy, Debug)]
 enum Operation {
     Input(u32),
@@ -42,7 +42,7 @@ enum Operation {
     Scale(u32, f64),
 }
 
-/// What is written at present, and how many recordings there were.
+/// The current tape, and the number of recordings so far.
 struct Tape {
     number: u32,
     operations: Option<Vec<Operation>>,
@@ -61,7 +61,7 @@ pub struct Recorder(Kind);
 #[derive(Copy, Clone, Debug)]
 enum Kind {
     Constant(f64),
-    /// Recording and place.
+    /// Recording and index.
     Entry(u32, u32),
 }
 
@@ -72,7 +72,7 @@ impl Default for Recorder {
 }
 
 impl Tape {
-    /// Place of an operand, if it belongs to the recording that is running.
+    /// Index of an operand, if it belongs to the recording that is running.
     fn place(&mut self, x: Recorder) -> Option<u32> {
         match x.0 {
             Kind::Constant(c) => self.push(Operation::Constant(c)),
@@ -234,7 +234,7 @@ impl Cases for Recorder {
 
 impl Functions for Recorder {
     const CALLS: bool = false;
-    /// One choice for each break: the recording serves every interval.
+    /// One comparison for each break: the recording serves every interval.
     fn interval(self, breaks: &[f64], rows: &[[f64; 4]]) -> (Self, [Self; 4]) {
         let (mut start, mut row) = (Self::from_f64(breaks[0]), rows[0].map(Self::from_f64));
         for (&b, r) in breaks.iter().zip(rows).skip(1) {
@@ -319,15 +319,15 @@ impl Recording {
         self.operations.len()
     }
 
-    /// Is nothing recorded?
+    /// Whether nothing is recorded.
     pub fn is_empty(&self) -> bool {
         self.operations.is_empty()
     }
 
-    /// The outputs for these inputs. What `f64` would have given, to the bit.
+    /// The outputs for these inputs: identical to those of `f64`, to the bit.
     ///
     /// # Panics
-    /// If `inputs`, `work` or `out` is shorter than the recording says.
+    /// If `inputs`, `work` or `out` is shorter than the recording requires.
     pub fn evaluate(&self, inputs: &[f64], work: &mut [f64], out: &mut [f64]) {
         assert!(inputs.len() >= self.inputs, "{} inputs for a recording of {}", inputs.len(), self.inputs);
         assert!(work.len() >= self.len(), "{} places for {} operations", work.len(), self.len());

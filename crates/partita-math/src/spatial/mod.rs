@@ -1,7 +1,7 @@
 //! Vectors, rotations and the two spaces that mechanisms live in.
 //!
-//! [`Space`] is the door through which the recursions of the model floor are written once: over
-//! [`Spatial`] (six numbers a twist) and over [`Planar`] (three), and over any [`crate::scalar::Scalar`].
+//! Recursions of the model are written once over [`Space`]: for [`Spatial`] (six numbers per twist) and for [`Planar`]
+//! (three), and over any [`crate::scalar::Scalar`].
 
 mod planar;
 pub mod rotation;

@@ -1,4 +1,4 @@
-//! A plane: one turn and two slides. The normal is z.
+//! A plane: one rotation and two translations. The normal is z.
 
 use super::rotation::Mat3;
 use super::space::{Embedding, Inertias, Locks, Rotations, Vectors};
@@ -93,7 +93,7 @@ impl<S: Scalar> Rotations for Planar<S> {
         let (sin, cos) = angle.sin_cos();
         PlanarRotation { angle, sin, cos }
     }
-    /// A ball joint has no place in a plane; the planar recogniser never lets one in. As a rotation about z.
+    /// A ball joint is not planar, and the planar recogniser never admits one. Here it is a rotation about z.
     fn turn_quaternion(r: &PlanarRotation<S>, p: [S; 4]) -> PlanarRotation<S> {
         Self::turn(r, S::one(), p[3].atan2(p[0]) * S::from_f64(2.0))
     }
@@ -132,7 +132,7 @@ impl<S: Scalar> Inertias for Planar<S> {
 impl<S: Scalar> Locks for Planar<S> {
     type Lock = S;
 
-    /// In the plane the forbidden turn is the angle itself.
+    /// In the plane the locked rotation is the angle itself.
     #[inline(always)]
     fn lock_residual(lock: &S, a: &PlanarRotation<S>, b: &PlanarRotation<S>) -> S {
         b.angle - a.angle - *lock

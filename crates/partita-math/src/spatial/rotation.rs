@@ -78,7 +78,7 @@ impl<S: Scalar> Mat3<S> {
         }
         s
     }
-    /// Turn about the unit vector `axis` by the angle whose sine and cosine are given (Rodrigues).
+    /// Rotation about the unit vector `axis` by the angle whose sine and cosine are given (Rodrigues).
     #[inline(always)]
     pub fn about(axis: Vec3<S>, sin: S, cos: S) -> Self {
         let [x, y, z] = axis.0;
@@ -110,8 +110,8 @@ impl<S: Scalar> Mat3<S> {
     pub fn where_positive(test: S, yes: &Self, no: &Self) -> Self {
         Self(std::array::from_fn(|i| std::array::from_fn(|j| test.where_positive(yes.0[i][j], no.0[i][j]))))
     }
-    /// The shortest turn that takes the unit vector `a` to the unit vector `b`; half a turn across `a` where they are
-    /// opposite. Smooth where they meet.
+    /// The shortest rotation that takes the unit vector `a` to the unit vector `b`; half a turn about an axis
+    /// perpendicular to `a` where they are opposite. Smooth where they coincide.
     pub fn between(a: Vec3<S>, b: Vec3<S>) -> Self {
         let (v, c) = (a.cross(b), a.dot(b));
         // less than a right angle: c 1 + [v] + v vᵀ / (1 + c)
@@ -149,7 +149,7 @@ impl<S: Scalar> Quaternion<S> {
         let (wx, wy, wz) = (k * w * x, k * w * y, k * w * z);
         Mat3([[one - yy - zz, xy - wz, xz + wy], [xy + wz, one - xx - zz, yz - wx], [xz - wy, yz + wx, one - xx - yy]])
     }
-    /// Rate of the quaternion for the angular velocity `w` in the turned frame: `½ p ∘ (0, w)`  (S2).
+    /// Rate of the quaternion for the angular velocity `w` in the rotated frame: `½ p ∘ (0, w)`  (S2).
     #[inline(always)]
     pub fn rate(&self, w: Vec3<S>) -> [S; 4] {
         let [a, b, c, d] = self.0;
@@ -214,7 +214,7 @@ impl<S: Scalar> Quaternion<S> {
         let square = w.dot(w);
         let n = square.sqrt();
         let (sin, cos) = n.scale(0.5).sin_cos();
-        // by their series where sin(n/2)/n would lose digits, and the length has no slope at 0
+        // by their series where sin(n/2)/n would lose digits, and where the length is not differentiable
         let large = n - S::from_f64(tolerance::SHORT_TURN);
         let short = S::from_f64(0.5) - square.scale(1.0 / 48.0) + (square * square).scale(1.0 / 3840.0);
         let k = large.where_positive(sin.over_or_zero(n), short);

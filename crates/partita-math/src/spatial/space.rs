@@ -1,4 +1,4 @@
-//! What a recursion over bodies needs of the space it lives in.
+//! The operations that a recursion over bodies needs from its space.
 
 use super::rotation::Mat3;
 use super::vector::Vec3;
@@ -6,7 +6,7 @@ use crate::scalar::Scalar;
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Neg, Sub, SubAssign};
 
-/// Everything additive that a recursion carries.
+/// All additive quantities of a recursion.
 pub trait Additive:
     Copy
     + Debug
@@ -34,7 +34,8 @@ impl<T> Additive for T where
 {
 }
 
-/// A space for rigid bodies: all of it ([`super::Spatial`]) or a plane ([`super::Planar`]), the sum of its duties.
+/// A space for rigid bodies: three dimensions ([`super::Spatial`]) or a plane ([`super::Planar`]); the sum of the
+/// traits below.
 ///
 /// Vectors are in world axes. A twist is (angular velocity, velocity of the body's reference point), a wrench is
 /// (moment about that point, force).
@@ -48,7 +49,7 @@ pub trait Vectors {
     type S: Scalar;
     /// Lengths, velocities, forces.
     type Vec: Additive;
-    /// Angular velocities, moments, axes of turning.
+    /// Angular velocities, moments, axes of rotation.
     type Ang: Additive;
     /// Components of a twist.
     const DIM: usize;
@@ -73,7 +74,7 @@ pub trait Vectors {
     fn vec_of(x: impl Iterator<Item = Self::S>) -> Self::Vec;
     /// Component `i` of a length.
     fn component(x: Self::Vec, i: usize) -> Self::S;
-    /// A twist (or wrench) as DIM numbers, turns first; the rest is 0.
+    /// A twist (or wrench) as DIM numbers, rotation first; the rest is 0.
     fn components(w: Self::Ang, v: Self::Vec) -> [Self::S; 6];
 }
 
@@ -94,8 +95,8 @@ pub trait Rotations: Vectors {
     fn turn_quaternion(r: &Self::Rot, p: [Self::S; 4]) -> Self::Rot;
     /// Axis `i` of the body in the world.
     fn body_axis(r: &Self::Rot, i: usize) -> Self::Ang;
-    /// Angle by which B is turned from A about the unit `axis` (world axes), read off a direction that coincides on both
-    /// when it is 0; in space in (−π, π], in the plane not wrapped.
+    /// Angle by which B is rotated from A about the unit `axis` (world axes), measured from a direction that coincides
+    /// on both when it is 0; in space in (−π, π], in the plane not wrapped.
     fn turned(axis: Self::Ang, probe: [Self::Ang; 2], a: &Self::Rot, b: &Self::Rot) -> Self::S;
 }
 
@@ -110,18 +111,18 @@ pub trait Inertias: Rotations {
     fn world_inertia(r: &Self::Rot, i: &Self::Inertia) -> Self::Inertia;
     /// `I w` with an inertia in world axes.
     fn spin(i: &Self::Inertia, w: Self::Ang) -> Self::Ang;
-    /// Add a world inertia (about the centre of mass) and mass to a DIM x DIM matrix, turns first.
+    /// Add a world inertia (about the centre of mass) and mass to a DIM x DIM matrix, rotation first.
     fn add_inertia(i: &Self::Inertia, mass: Self::S, out: &mut [Self::S]);
 }
 
-/// Forbidden relative turns between two bodies: closing rows on orientations.
+/// Locked relative rotations between two bodies: closing rows on orientations.
 pub trait Locks: Rotations {
-    /// A forbidden relative turn.
+    /// A locked relative rotation.
     type Lock: Copy + Debug + Send + Sync;
 
-    /// The forbidden turn `u · w = const` of the axes `u` (on A) and `w` (on B), both given in body axes.
+    /// The locked rotation `u · w = const` of the axes `u` (on A) and `w` (on B), both given in body axes.
     fn lock_from(u: [f64; 3], w: [f64; 3], residual: f64) -> Self::Lock;
-    /// Residual of a forbidden turn between frames A and B.
+    /// Residual of a locked rotation between frames A and B.
     fn lock_residual(lock: &Self::Lock, a: &Self::Rot, b: &Self::Rot) -> Self::S;
     /// Its gradient: the residual's rate is `axis · (w_B − w_A)`.
     fn lock_axis(lock: &Self::Lock, a: &Self::Rot, b: &Self::Rot) -> Self::Ang;
@@ -129,7 +130,7 @@ pub trait Locks: Rotations {
     fn lock_bias(lock: &Self::Lock, a: &Self::Rot, b: &Self::Rot, wa: Self::Ang, wb: Self::Ang) -> Self::S;
 }
 
-/// How the space lies in three dimensions; the plane is x-y.
+/// Embedding of the space in three dimensions; the plane is x-y.
 pub trait Embedding: Rotations {
     /// A length from three plain numbers.
     fn vec_from(x: [f64; 3]) -> Self::Vec;
@@ -145,6 +146,6 @@ pub trait Embedding: Rotations {
     fn ang_to(x: Self::Ang) -> Vec3<Self::S>;
     /// Orientation as a matrix.
     fn rot_to(r: &Self::Rot) -> Mat3<Self::S>;
-    /// The part of a length that this space does not carry (normal to the plane), as a constant.
+    /// The component of a length that this space does not represent (normal to the plane), as a constant.
     fn out_of_space(x: Vec3<Self::S>) -> Self::S;
 }

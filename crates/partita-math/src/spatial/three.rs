@@ -1,4 +1,4 @@
-//! All of space: three turns and three slides.
+//! Three-dimensional space: three rotations and three translations.
 
 use super::rotation::{Mat3, Quaternion};
 use super::space::{Embedding, Inertias, Locks, Rotations, Vectors};
@@ -10,7 +10,7 @@ use std::marker::PhantomData;
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Spatial<S>(PhantomData<S>);
 
-/// A forbidden turn in space: `u · w − c` with `u` fixed on A and `w` fixed on B.
+/// A locked rotation in space: `u · w − c` with `u` fixed on A and `w` fixed on B.
 #[derive(Clone, Copy, Debug)]
 pub struct Lock3<S> {
     u: Vec3<S>,

@@ -114,11 +114,11 @@ impl<S: Scalar> Vec3<S> {
         Self(self.0.map(|x| x.over_or_zero(n)))
     }
 
-    /// A unit vector across this unit vector: square to it and to the world axis least aligned with it.
+    /// A unit vector perpendicular to this unit vector and to the world axis least aligned with it.
     pub fn across(self) -> Self {
         let [x, y, z] = self.0.map(S::abs);
         let (o, i) = (S::zero(), S::one());
-        // above 0 where the first is not the smaller one
+        // above 0 where the first is at least as large
         let seed = Self::where_positive(x - y, Self([o, i, o]), Self([i, o, o]));
         let seed = Self::where_positive(x.min(y) - z, Self([o, o, i]), seed);
         (seed - self.times(seed.dot(self))).direction()

@@ -1,7 +1,7 @@
 //! How mobile everything is with the loops closed: `[Dᵀ M_d⁻¹ D]_ii` and the blocks of `M_d⁻¹`, without M_d.     (21)
 //!
-//! Outward, the compliance Ω of each link: its acceleration for a wrench on it. A joint or cluster sees that of the link it
-//! hangs on through its gain, and adds its own. Needs what [`Tree::accelerate`] has left behind.
+//! Outward, the compliance Ω of each link: its acceleration for a wrench on it. A joint or cluster receives that of its
+//! base link through its gain, and adds its own. Needs the results of [`Tree::accelerate`].
 
 use super::dof;
 use super::few::solve;
@@ -13,7 +13,7 @@ use partita_math::scalar::Scalar;
 use partita_math::spatial::Space;
 use partita_system::system::BlockSink;
 
-/// Room for the answer to one unit load in a cluster, and the compliances of all links.
+/// Memory for the answer to one unit load in a cluster, and the compliances of all links.
 struct Room<S> {
     compliance: Vec<S>,
     force: Vec<S>,
@@ -62,7 +62,7 @@ impl<G: Space> Tree<G> {
         for &i in independent {
             own[cluster_of[i] as usize].push(i);
         }
-        // a cluster is answered for at its first link: all links it hangs on come before
+        // a cluster is processed at its first link: all its base links come before
         let mut range_at = vec![usize::MAX; self.links.len()];
         for (n, r) in plan.ranged.iter().enumerate() {
             range_at[r.links[0] as usize] = n;
@@ -285,7 +285,8 @@ impl<G: Space> Tree<G> {
         block(p.cluster as usize, which, &values);
     }
 
-    /// Rates and motions of a cluster by range space for one unit load, with the factors at hand. Cost: its links.
+    /// Rates and motions of a cluster by range space for one unit load, with the factors already computed. Cost: its
+    /// links.
     fn range_response(
         &self,
         plan: &Plan,

@@ -1,8 +1,8 @@
 //! Multipliers by the range-space method: which rows pass which links, and the sparse elimination of `C H⁻¹ Cᵀ`.
 //!
-//! A row enters at the outermost links it acts on and is complete at the link that carries all of them. There it is
-//! eliminated: nothing further in acts on it any more. Rows that are complete at the same link go in the order of least
-//! degree. Any order is safe: the matrix is symmetric and positive definite for rows that are independent.
+//! A row enters at the outermost links it acts on and is complete at the link whose subtree contains all of them. There
+//! it is eliminated: no joint further in changes it any more. Rows that are complete at the same link are eliminated in
+//! the order of least degree. Any order is safe: for independent rows the matrix is symmetric and positive definite.
 
 use super::dof;
 use super::plan::{Plan, PropagatedRow, NONE};
@@ -18,7 +18,7 @@ pub(super) struct Elimination {
     pub row: u32,
     /// Slot of its pivot.
     pub pivot: u32,
-    /// Place of its force on the link; `NONE` on the ground.
+    /// Index of its force on the link; `NONE` on the ground.
     pub force: u32,
     /// Rows it is coupled with that are eliminated later, in `Plan::neighbours`.
     pub neighbours: std::ops::Range<u32>,
@@ -32,11 +32,11 @@ pub(super) struct Neighbour {
     pub row: u32,
     /// Slot of the coupling.
     pub slot: u32,
-    /// Place of its force on the link.
+    /// Index of its force on the link.
     pub force: u32,
 }
 
-/// Multiplications of one elimination.
+/// Number of multiplications of one elimination.
 pub(super) fn cost(e: &Elimination, d: usize) -> usize {
     let n = e.neighbours.len();
     let force = if e.force == NONE { 0 } else { d * d + 2 * d * n };
@@ -84,7 +84,7 @@ pub(super) fn plan<G: Space>(plan: &mut Plan, tree: &Tree<G>, pattern: &Pattern,
         }
         complete[end].push(r as u32);
     }
-    // places of forces: at each link for the rows that pass its joint or are complete there
+    // indices of forces: at each link for the rows that pass its joint or are complete there
     let mut place: Vec<HashMap<u32, u32>> = vec![HashMap::new(); n];
     let mut forces = 0;
     for i in 1..n {
@@ -123,9 +123,9 @@ pub(super) fn plan<G: Space>(plan: &mut Plan, tree: &Tree<G>, pattern: &Pattern,
     plan.slots = slots.of.len();
 }
 
-/// The innermost link that carries all of these: where nothing further in moves them apart.
+/// The innermost link whose subtree contains all of these: joints further in do not move them relative to each other.
 fn completed_at<G: Space>(tree: &Tree<G>, links: impl Iterator<Item = usize>) -> usize {
-    // the parent of each, brought together: the larger number is further out
+    // replaced by their parents until they coincide: the larger number is further out
     links
         .map(|i| tree.links[i].parent)
         .reduce(|mut a, mut b| {

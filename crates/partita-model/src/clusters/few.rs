@@ -22,7 +22,7 @@ impl<S: Scalar> FewScratch<S> {
     }
 }
 
-/// `A = L Lᵀ` in place (lower triangle); no pivot is judged, a bad one ends in NaN.
+/// `A = L Lᵀ` in place (lower triangle); pivots are not checked, a bad one ends in NaN.
 fn cholesky<S: Scalar>(a: &mut [S], n: usize) {
     for i in 0..n {
         for j in 0..=i {

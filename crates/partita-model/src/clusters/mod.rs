@@ -1,7 +1,7 @@
 //! The reduced equations without M_d: the articulated recursion over clusters of joints.            (48)
 //!
-//! Joints that share loops or drives form a cluster. Seen from the link it hangs on, a cluster is one joint: inward it
-//! passes on an articulated inertia and a force, outward it receives an acceleration. Two algorithms are available:
+//! Joints that share loops or drives form a cluster. Relative to its base link, a cluster acts as one joint: inward it
+//! transmits an articulated inertia and a force, outward it receives an acceleration. Two algorithms are available:
 //!
 //! * *partial velocities*, for few degrees of freedom: its links move by `S_c = S D_cᵀ`;
 //! * *range space*, for many degrees of freedom or conditions: the links move freely along the cluster's own tree, and

@@ -8,7 +8,7 @@ use partita_math::spatial::Space;
 use partita_system::clusters::Clusters;
 use std::ops::Range;
 
-/// No entry, no place.
+/// No entry, no index.
 pub(super) const NONE: u32 = u32::MAX;
 
 /// Up to this number of degrees of freedom a cluster uses partial velocities regardless of the operation count: D
@@ -26,7 +26,7 @@ pub enum Route {
     Free,
 }
 
-/// What decides the method for the clusters.
+/// Criterion for the method of the clusters.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Preference {
     /// The count of operations; one dense M_d where that is least.
@@ -40,7 +40,7 @@ pub enum Preference {
     RangeSpace,
 }
 
-/// What the recursion does at a link.
+/// Operation of the recursion at a link.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Duty {
     /// Its own joint is eliminated.
@@ -56,9 +56,9 @@ pub(super) enum Duty {
 pub(super) struct PropagatedRow {
     /// Number of the row among those eliminated.
     pub row: u32,
-    /// Place of its force on the link.
+    /// Index of its force on the link.
     pub force: u32,
-    /// Place of its force on the parent; `NONE` on the ground.
+    /// Index of its force on the parent; `NONE` on the ground.
     pub parent_force: u32,
     /// Entries of C of the joint's velocities.
     pub entry: [u32; 3],
@@ -67,9 +67,9 @@ pub(super) struct PropagatedRow {
 #[derive(Clone, Debug)]
 pub(super) struct LinkPlan {
     pub duty: Duty,
-    /// Rows carried through the joint, among `Plan::propagated`.
+    /// Rows that pass the joint, among `Plan::propagated`.
     pub propagated: Range<u32>,
-    /// Place in `Plan::pairs` of the slots of their products, lower triangle row by row.
+    /// Index in `Plan::pairs` of the slots of their products, lower triangle row by row.
     pub pairs: u32,
     /// Rows that are complete here, among `Plan::eliminations`.
     pub complete: Range<u32>,
@@ -80,17 +80,17 @@ pub(super) struct LinkPlan {
 pub(super) struct FewPlan {
     /// Its number.
     pub cluster: u32,
-    /// The link it hangs on.
+    /// Its base link.
     pub base: usize,
-    /// Its links, parents first, with the place of the parent among them (`NONE`: the base).
+    /// Its links, parents first, with the index of the parent among them (`NONE`: the base).
     pub links: Vec<(u32, u32)>,
     /// Degrees of freedom.
     pub k: usize,
-    /// Place of its partial velocities.
+    /// Index of its partial velocities.
     pub partial: usize,
-    /// Place of its k numbers.
+    /// Index of its k numbers.
     pub small: usize,
-    /// Place of its k x k numbers.
+    /// Index of its k x k numbers.
     pub square: usize,
 }
 
@@ -99,7 +99,7 @@ pub(super) struct FewPlan {
 pub(super) struct RangePlan {
     /// Its number.
     pub cluster: u32,
-    /// The link it hangs on.
+    /// Its base link.
     pub base: usize,
     /// Its links, parents first.
     pub links: Vec<u32>,
@@ -110,11 +110,11 @@ pub(super) struct RangePlan {
 /// The recursion over the clusters of one tree with certain rows kept.
 #[derive(Clone, Debug, Default)]
 pub struct Plan {
-    /// Way of each cluster.
+    /// Method of each cluster.
     pub routes: Vec<Route>,
     /// Columns that Dᵀ needs: the largest number of degrees of freedom of a cluster that uses partial velocities.
     pub columns: usize,
-    /// Multiplications of one recursion, roughly.
+    /// Approximate number of multiplications of one recursion.
     pub cost: usize,
     pub(super) links: Vec<LinkPlan>,
     pub(super) few: Vec<FewPlan>,
@@ -156,7 +156,7 @@ impl Plan {
         for &r in kept {
             rows_of[clusters.of_row[r] as usize].push(r);
         }
-        // range space wants inertia on each joint with the loops open, D on what they leave
+        // range space needs inertia on each joint with the loops open, D on the motions of the closed loops
         let mut short = vec![false; clusters.count];
         tree.massless.iter().for_each(|x| short[clusters.of_velocity[tree.links[x.link].v] as usize] = true);
         let by_range = Self::with_routes(tree, pattern, &links_of, &rows_of, |c| match () {
@@ -202,7 +202,7 @@ impl Plan {
                 Route::Free => {}
                 Route::RangeSpace => {
                     ranged.extend_from_slice(&rows_of[c]);
-                    // the first link's parent is no link of the cluster
+                    // the parent of the first link is not in the cluster
                     let base = tree.links[links[0]].parent;
                     let links = links.iter().map(|&i| i as u32).collect();
                     plan.ranged.push(RangePlan { cluster: c as u32, base, links, at_base: Vec::new() });
@@ -241,7 +241,7 @@ impl Plan {
         let mut velocities = 0;
         for &i in links {
             let parent = tree.links[i].parent;
-            // the links of a cluster are few next to each other: a search from behind
+            // the links of a cluster are nearly consecutive: search backwards
             let place = links.binary_search(&parent);
             if place.is_err() {
                 base = parent;
@@ -269,7 +269,7 @@ impl Plan {
         self.squares += k * k;
     }
 
-    /// Multiplications of each cluster by the range-space method.
+    /// Number of multiplications of each cluster by the range-space method.
     fn cluster_costs<G: Space>(&self, tree: &Tree<G>, clusters: &Clusters) -> Vec<usize> {
         let mut cost = vec![0; clusters.count];
         let of_link = |i: usize| clusters.of_velocity[tree.links[i].v] as usize;

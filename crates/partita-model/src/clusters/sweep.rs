@@ -1,4 +1,4 @@
-//! The recursion itself: inward over the links, outward again. Straight-line given a plan; written over any number
+//! The recursion itself: inward over the links, then outward. Without branches given a plan; written over any number
 //! type.
 
 use super::dof;
@@ -8,7 +8,7 @@ use crate::tree::{LinkMotion, Tree, TreeScratch};
 use partita_math::scalar::Scalar;
 use partita_math::spatial::Space;
 
-/// What the recursion is given of the loops: indexed by velocity or as C is.
+/// Loop data of the recursion: indexed by velocity, or in the pattern of C.
 #[derive(Clone, Copy)]
 pub struct Tangents<'a, S> {
     /// `Dᵀ` of the clusters that use partial velocities (nv x columns): each velocity has the degrees of freedom of
@@ -22,17 +22,17 @@ pub struct Tangents<'a, S> {
     pub b: &'a [S],
 }
 
-/// The same with what acts on the links.
+/// The same with the loads on the links.
 pub(crate) struct Given<'a, S> {
     pub tangents: Tangents<'a, S>,
     /// Effort along each velocity.
     pub effort: &'a [S],
-    /// From rest, without forces and gravity: what the efforts alone cause.
+    /// From rest, without forces and gravity: the motion that the efforts alone cause.
     pub at_rest: bool,
 }
 
 impl<S: Scalar> ClusterScratch<S> {
-    /// Room for a tree of `links` links and `velocities` velocities in `d` dimensions, with this plan.
+    /// Memory for a tree of `links` links and `velocities` velocities in `d` dimensions, with this plan.
     pub fn fit(&mut self, links: usize, velocities: usize, d: usize, plan: &Plan) {
         let room = |x: &mut Vec<S>, n: usize| {
             x.clear();
@@ -98,7 +98,7 @@ pub(super) fn add_force_at<G: Space>(arm: &[G::S; 3], x: &[G::S], out: &mut [G::
 #[inline(always)]
 pub(super) fn add_inertia_at<G: Space>(arm: &[G::S; 3], m: &[G::S], out: &mut [G::S]) {
     let d = G::DIM;
-    // m X: the turning columns gain the sliding ones times their arms
+    // m X: the rotational columns gain the translational ones times their arms
     let mut half = [G::S::zero(); 36];
     half[..d * d].copy_from_slice(&m[..d * d]);
     for r in 0..d {
@@ -159,7 +159,7 @@ impl<G: Space> Tree<G> {
 
     /// `v'` of all velocities with `C v' + b = 0`, at the last twists, inertias and applied forces.    (P3, 48)
     ///
-    /// Nothing is searched, branched on values or allocated. Cost: links.
+    /// Without search, branches on values or allocation. Cost: links.
     pub(crate) fn accelerate(
         &self,
         plan: &Plan,
@@ -191,7 +191,7 @@ impl<G: Space> Tree<G> {
         }
     }
 
-    /// Inertias, unit twists, and the forces that the accelerations to start from leave over.
+    /// Inertias, unit twists, and the forces that remain at the initial accelerations.
     fn prepare(&self, plan: &Plan, given: &Given<G::S>, s: &TreeScratch<G>, x: &mut ClusterScratch<G::S>) {
         let d = G::DIM;
         let (o, one) = (G::S::zero(), G::S::one());
@@ -205,7 +205,7 @@ impl<G: Space> Tree<G> {
         x.motion[..d].fill(o);
         for i in 1..self.links.len() {
             let (link, l) = (&self.links[i], &s.links[i]);
-            // the acceleration to start from, kept in `motion` until the outward pass: v' = ξ in clusters that need it
+            // the initial acceleration, stored in `motion` until the outward pass: v' = ξ in clusters that need it
             let p = link.parent;
             let arm = self.arm_from_parent_components(i, s);
             let (before, rest) = x.motion.split_at_mut(i * d);

@@ -13,7 +13,7 @@ use partita_math::scalar::Scalar;
 use partita_math::spatial::{Space, Vec3};
 use std::f64::consts::TAU;
 
-/// All conditions, in the order of their rows, behind the closings of a tree.
+/// All conditions, in the order of their rows, after the loop closures of a tree.
 pub(crate) fn all<G: Space>(
     spec: &Spec,
     placed: &Placed,
@@ -194,7 +194,8 @@ impl<G: Space> Condition<G> {
         self.columns = columns;
     }
 
-    /// Links that belong to one cluster because of it: those that move it, and what carries them up to where they part.
+    /// Links that belong to one cluster because of it: those that move it, and their ancestors up to the last common
+    /// one.
     pub(crate) fn cluster(&self, tree: &Tree<G>) -> Vec<usize> {
         let movers: Vec<&Mover> = match &self.says {
             Says::Law(_, readings) => readings.iter().flat_map(|r| &r.movers).collect(),
@@ -207,7 +208,7 @@ impl<G: Space> Condition<G> {
         loop {
             let tops: Vec<usize> =
                 links.iter().map(|&l| tree.links[l].parent).filter(|p| links.binary_search(p).is_err()).collect();
-            // parents have smaller numbers: the largest cannot carry the others
+            // parents have smaller numbers: the largest cannot be an ancestor of the others
             let (Some(&largest), Some(&least)) = (tops.iter().max(), tops.iter().min()) else { return links };
             if largest == least {
                 return links;

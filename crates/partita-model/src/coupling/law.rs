@@ -14,7 +14,7 @@ use partita_math::tolerance;
 use partita_system::SystemError;
 use std::f64::consts::TAU;
 
-/// Readings of a function at the most.
+/// Maximum number of readings of a function.
 const MOST: usize = value::READINGS;
 
 /// A law.
@@ -35,19 +35,19 @@ pub enum Law<S> {
         curve: Table,
         /// Whether it is periodic.
         periodic: bool,
-        /// Period of what r_0 is known up to.
+        /// Period up to which r_0 is known.
         period: Option<f64>,
     },
     /// `r_0 = f(t)`.
     Motion {
         /// f.
         motion: Value,
-        /// Period of what r_0 is known up to.
+        /// Period up to which r_0 is known.
         period: Option<f64>,
     },
     /// `r_0' = f(t)`: a condition on rates alone.
     Rate(Value),
-    /// A function of the user's.
+    /// A user-defined function.
     Function(usize),
 }
 
@@ -60,7 +60,7 @@ pub(crate) struct Found<'a, S> {
     gradient: Gradient<'a, S>,
 }
 
-/// F_i: factors as the law has them, however many, or found.
+/// F_i: the factors of the law, however many, or those found.
 enum Gradient<'a, S> {
     Said(&'a [S]),
     Found([S; MOST]),
@@ -182,8 +182,8 @@ impl<S: Scalar> Law<S> {
     }
 }
 
-/// The numbers of a function of the user's at readings and rates. Near half a turn of a reading whose turns nothing
-/// counts it has to be the same a turn further on: else the next position might be another by a jump.
+/// The values of a user-defined function at readings and rates. Near half a turn of a reading whose whole turns are not
+/// counted it must have the same values a turn further on: otherwise the next position might jump.
 fn called<S: Scalar>(
     k: usize,
     callers: &Callers,

@@ -1,13 +1,13 @@
-//! Conditions that are no joints: couplings (gear, rack, distance, cam, rolling, the user's own), drives, and the conditions
-//! that joints have besides what they lock.
+//! Conditions other than joints: couplings (gear, rack, distance, cam, rolling, user-defined), drives, and the
+//! conditions that joints have besides their locks.
 //!
 //! ```text
 //! C rows:  closings of joints │ couplings  │ drives     │ couplings of rates │ drives of rates
 //!                             │  as positions (S3, S4)  │   as rates alone (S4: nonholonomic)
 //! ```
 //!
-//! A condition is a law over readings ([`crate::measurement`]): gradient and bias of the readings are theirs, the law adds its own
-//! derivatives. What rolls has a geometry of its own.
+//! A condition is a law over readings ([`crate::measurement`]), which supply gradient and bias; the law adds its own
+//! derivatives. Rolling has a geometry of its own.
 
 mod build;
 mod law;
@@ -33,7 +33,7 @@ use partita_system::SystemError;
 /// Nodes of the bodies moved by velocities of the tree.
 const IN_TREE: [usize; 2] = [0, 0];
 
-/// What a condition says.
+/// Kind of a condition.
 #[derive(Clone, Debug)]
 pub enum Says<G: Space> {
     /// A law over readings.
@@ -53,21 +53,21 @@ pub struct Condition<G: Space> {
     pub owner: Owner,
     /// First row.
     pub row: usize,
-    /// First entry in the values of C.
+    /// First entry among the values of C.
     pub entry: usize,
     /// Velocities of every row, ascending.
     pub columns: Vec<usize>,
     /// Whether it constrains positions. Else rates alone.
     pub holonomic: bool,
-    /// What it says.
+    /// Its kind.
     pub says: Says<G>,
 }
 
-/// Two links pushed by a condition: a wrench on B and its opposite on A.
+/// Two links loaded by a condition: a wrench on B and its opposite on A.
 pub struct Pushed<G: Space> {
     /// Nodes of A and B.
     pub nodes: [usize; 2],
-    /// What acts on B, for a multiplier 1.
+    /// Wrench on B, for a multiplier 1.
     pub unit: Unit<G>,
 }
 
@@ -139,8 +139,8 @@ impl<G: Space> Condition<G> {
         Ok(())
     }
 
-    /// What the multipliers of its own rows do: `put(multiplier, wrench)` for each pair of bodies pushed, `along(velocity, effort)`
-    /// for coordinates of the tree.
+    /// Effect of the multipliers of its own rows: `put(multiplier, wrench)` for each pair of loaded bodies,
+    /// `along(velocity, effort)` for coordinates of the tree.
     pub(crate) fn apply(
         &self,
         tree: &Tree<G>,
@@ -181,7 +181,7 @@ impl<G: Space> Condition<G> {
         Ok(())
     }
 
-    /// A moment in a turn in space of the tree, as efforts along its velocities.
+    /// A moment in a spatial rotation of the tree, as efforts along its velocities.
     fn apply_along(
         &self,
         movers: &[Mover],
@@ -233,7 +233,7 @@ impl<G: Space> Condition<G> {
         }
     }
 
-    /// Pairs of nodes that it pushes.
+    /// Pairs of nodes that it loads.
     pub(crate) fn nodes(&self) -> impl Iterator<Item = [usize; 2]> + '_ {
         let own = match &self.says {
             Says::Rolling(rolling, _) => Some(rolling.nodes),
@@ -252,7 +252,7 @@ impl<G: Space> Condition<G> {
         }
     }
 
-    /// What it reads.
+    /// Its readings.
     pub fn readings(&self) -> &[Measurement<G>] {
         match &self.says {
             Says::Law(_, readings) => readings,

@@ -1,4 +1,4 @@
-//! Which conditions there are, and the order of their rows.
+//! All conditions, and the order of their rows.
 
 use crate::error::DescriptionError;
 use crate::joint::Own;
@@ -19,12 +19,12 @@ pub struct ConditionRows {
     pub holonomic: bool,
     /// Rows.
     pub rows: usize,
-    /// What its readings are known up to, where whole turns are not known.
+    /// Period up to which its readings are known, where whole turns are not known.
     pub period: Option<f64>,
 }
 
-/// Shorter common periods of two angles whose turns are not counted are not distinguished from errors; the rates alone
-/// are held. Scale: rad. Reason: angles agree up to multiples of a common part of their factors.
+/// Shorter common periods of two angles whose turns are not counted are not distinguished from errors; then only the
+/// rates are constrained. Scale: rad. Reason: angles agree up to multiples of a common part of their factors.
 const SMALLEST_PERIOD: f64 = 0.1;
 
 /// The largest number of which all are multiples, up to rounding; 0 for none.
@@ -47,10 +47,10 @@ pub fn wraps(placed: &Placed, m: &Measure) -> bool {
     measurement::is_angle(placed, m) && !in_tree && !placed.planar
 }
 
-/// All conditions in the order of their rows behind those of the closings.
+/// All conditions in the order of their rows, after those of the loop closures.
 ///
 /// # Errors
-/// Readings that there are not, numbers that do not fit.
+/// Readings that do not exist, and numbers that do not fit.
 pub fn order(spec: &Spec, placed: &Placed) -> Result<Vec<ConditionRows>, DescriptionError> {
     let mut places: Vec<ConditionRows> = Vec::new();
     let turn = std::f64::consts::TAU;

@@ -1,4 +1,5 @@
-//! A prescribed orientation: of B seen from A, as three rows, one for each component of an angular velocity in B's axes.
+//! A prescribed orientation: of B relative to A, as three rows, one for each component of an angular velocity in B's
+//! axes.
 //!
 //! ```text
 //!      a_i, b_i   axes of the joint as A and as B carry them        t_i = Σ_m Q_mi a_m   where b_i shall be
@@ -18,8 +19,8 @@ use partita_math::scalar::{Cases, Scalar};
 use partita_math::spatial::Space;
 use partita_system::SystemError;
 
-/// An axis points the other way below this, and any axis leads back. Scale: `1 + tr E = 4 cos²(θ/2)`. Reason: its root,
-/// 1e-6, is far above the rounding of E.
+/// The axis is reversed below this, and any axis leads back. Scale: `1 + tr E = 4 cos²(θ/2)`. Reason: its root, 1e-6,
+/// is far above the rounding of E.
 const OPPOSITE: f64 = 1e-12;
 
 /// One of the three rows.
@@ -31,19 +32,19 @@ pub struct Orientation<G: Space> {
     pub on_b: [G::Ang; 3],
     /// Which component.
     pub component: usize,
-    /// What is prescribed.
+    /// The prescribed orientation.
     pub turning: Turning,
     /// Links of A and B.
     pub links: [usize; 2],
-    /// Nodes of A and B; 0 for a turn of the tree.
+    /// Nodes of A and B; 0 for a rotation of the tree.
     pub nodes: [usize; 2],
-    /// Links between them that turn.
+    /// Links between them that rotate.
     pub movers: Vec<Mover>,
 }
 
 /// One instant.
 struct Now<G: Space> {
-    /// Where B's axes shall be, and where they are.
+    /// Prescribed and actual axes of B.
     t: [G::Ang; 3],
     b: [G::Ang; 3],
     rho: [G::S; 3],

@@ -85,7 +85,7 @@ impl<G: Space> Rolling<G> {
         Now { n, a, lean, e, s: sine, gap, point: [contact, contact + self.ends.offset] }
     }
 
-    /// How far the disc stands off the plane.
+    /// Height of the disc above the plane.
     pub fn height(&self, tree: &Tree<G>, s: &TreeScratch<G>) -> G::S {
         let x = self.now(tree, s);
         G::dot(x.gap, x.n) - self.radius * x.s
@@ -134,7 +134,7 @@ impl<G: Space> Rolling<G> {
         };
         let to_centre = tree.arm(&self.ends.b, s);
         let moved = xb.u + G::cross(xb.w, to_centre) - G::scale(e1, self.radius);
-        // a branch's origin rests: the contact seen from both sides moves alike
+        // the origin of a branch is at rest: the contact moves alike relative to both sides
         let acc_a = xa.acc + G::cross(xa.alpha, arm_a) + G::cross(xa.w, moved - xa.u);
         let acc_b = xb.acc + G::cross(xb.alpha, arm_b) + G::cross(xb.w, moved - xb.u);
         for (b, d) in b.iter_mut().zip(self.directions(contact, s)).take(contact.rows()) {

@@ -10,7 +10,7 @@ use crate::value::VectorSource;
 use crate::zero_position::Placed;
 use partita_math::spatial::{Mat3, Space, Vec3};
 
-/// What the elements are made from.
+/// Data from which the elements are made.
 pub(crate) struct Maker<'a, G: Space> {
     pub(super) spec: &'a Spec,
     pub(super) placed: &'a Placed,
@@ -29,7 +29,7 @@ impl<'a, G: Space> Maker<'a, G> {
         Ok(Self { spec, placed, numbers, measurements: measurement::Maker::new(spec, placed, numbers, tree)? })
     }
 
-    /// What functions of the state see besides the coordinates of the tree: those of joints that close loops.
+    /// What functions of the state read besides the coordinates of the tree: those of joints that close loops.
     pub fn sights(&self, elements: &[Element<G>]) -> Result<Vec<CutSight<G>>, DescriptionError> {
         if !elements.iter().any(Element::sees_state) {
             return Ok(Vec::new());
@@ -43,7 +43,7 @@ impl<'a, G: Space> Maker<'a, G> {
         Ok(sights)
     }
 
-    /// What sensors look at, if there are functions of the state to see it.
+    /// What sensors read, if there are functions of the state.
     pub fn sensed(&self, elements: &[Element<G>]) -> Result<Vec<Seen<G>>, DescriptionError> {
         if self.spec.sights.is_empty() || !elements.iter().any(Element::sees_state) {
             return Ok(Vec::new());

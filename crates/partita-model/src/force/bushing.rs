@@ -7,13 +7,13 @@ use partita_math::spatial::{Mat3, Quaternion, Space, Vec3};
 use partita_math::tolerance;
 use partita_system::SystemError;
 
-/// With `x = (d, θ)`, the displacement of frame 2 and the rotation vector of its turn, both in the axes of frame 1, body 2
-/// feels `−K x − C x'` along x, body 1 the opposite at the same point of space.
+/// With `x = (d, θ)`, the displacement of frame 2 and the rotation vector of its rotation, both in the axes of frame 1,
+/// body 2 feels `−K x − C x'` along x, body 1 the opposite at the same point of space.
 #[derive(Clone, Debug)]
 pub struct Bushing<G: Space> {
     /// Name, for messages.
     pub name: String,
-    /// Whether it resists turning. Then it holds frames that turn by less than half a turn.
+    /// Whether it resists rotation. Then it connects frames rotated by less than half a turn.
     pub turns: bool,
     /// Origins of the frames.
     pub ends: [Spot<G>; 2],
@@ -28,7 +28,7 @@ pub struct Bushing<G: Space> {
 }
 
 impl<G: Space<S = f64>> Bushing<G> {
-    /// The angle of its twist, the rate of that, and the speed at which it turns.
+    /// The angle of its rotation, the rate of that, and the speed of rotation.
     pub(crate) fn twist(&self, at: &At<G>) -> [f64; 3] {
         let [one, two] = [&self.ends[0].attachment, &self.ends[1].attachment];
         let frame = at.axes(one.link).mul(&self.frames[0]);
@@ -52,14 +52,14 @@ impl<G: Space> Bushing<G> {
         if let (true, Some(by)) = (self.turns, turn.norm().outside(-tolerance::HALF_TURN, tolerance::HALF_TURN)) {
             return Err(SystemError::Twisted { what: self.name.clone(), by });
         }
-        // what frame 1 sees of the motion
+        // the motion relative to frame 1
         let drift = frame.apply_transposed(at.moving(two.link, point) - at.moving(one.link, point));
         let spin = frame.apply_transposed(at.spinning(two.link) - at.spinning(one.link));
         let x = six(displaced, turn);
         let rate = six(drift, turn_rate(turn, curl, spin));
         let (elastic, other) = (times(&self.stiffness, &x), times(&self.damping, &rate));
         let mut power = -dot(&rate, &other);
-        // K without symmetry has a potential for its symmetric part alone
+        // of a K that is not symmetric only the symmetric part has a potential
         for i in 0..6 {
             for j in 0..i {
                 let skew = (self.stiffness[i][j] - self.stiffness[j][i]).scale(0.5);
@@ -87,10 +87,10 @@ fn times<S: Scalar>(m: &[[S; 6]; 6], x: &[S; 6]) -> [S; 6] {
     std::array::from_fn(|i| dot(&m[i], x))
 }
 
-/// The rotation vector θ of a turn, shorter than half a turn, and `(1 − ½θ cot ½θ)/θ²`.
+/// The rotation vector θ of a rotation by less than half a turn, and `(1 − ½θ cot ½θ)/θ²`.
 fn rotation_vector<S: Scalar>(r: &Mat3<S>) -> (Vec3<S>, S) {
     let Quaternion([w, x, y, z]) = Quaternion::from_matrix(r);
-    // of the two quaternions of a turn the one with the smaller angle
+    // of the two quaternions of a rotation the one with the smaller angle
     let sign = w.where_positive(S::one(), -S::one());
     let (half, cos) = (Vec3([x, y, z]).times(sign), w * sign);
     let sin2 = half.dot(half);
@@ -111,7 +111,7 @@ fn rotation_vector<S: Scalar>(r: &Mat3<S>) -> (Vec3<S>, S) {
     (turn, small.where_positive(series, (S::one() - half_cot).over_or_zero(square)))
 }
 
-/// Rate of the rotation vector at the angular velocity `w`, both in the axes that stay: `w − ½θ×w + c θ×(θ×w)`.
+/// Rate of the rotation vector at the angular velocity `w`, both in the axes at rest: `w − ½θ×w + c θ×(θ×w)`.
 fn turn_rate<S: Scalar>(turn: Vec3<S>, curl: S, w: Vec3<S>) -> Vec3<S> {
     let once = turn.cross(w);
     w - once.times(S::from_f64(0.5)) + turn.cross(once).times(curl)

@@ -7,7 +7,7 @@ use partita_math::scalar::{Cases, Scalar};
 use partita_math::spatial::{Space, Vec3};
 use partita_system::error::six_digits;
 
-/// What the sphere meets.
+/// The other side of the contact.
 #[derive(Clone, Copy, Debug)]
 pub enum Surface<S> {
     /// A plane with this normal, link axes, towards the free side.
@@ -25,13 +25,13 @@ pub struct Contact<G: Space> {
     pub radius: G::S,
     /// A point of the plane, or the other centre.
     pub other: Spot<G>,
-    /// What it meets.
+    /// The other side.
     pub surface: Surface<G::S>,
     /// Normal force over depth.
     pub buffer: Buffer<G::S>,
-    /// Coefficients of friction: sliding, to be overcome, and at which speed.
+    /// Coefficients of friction, kinetic and static, and the stick velocity.
     pub friction: [G::S; 3],
-    /// Whether it has any.
+    /// Whether there is friction.
     pub rough: bool,
 }
 
@@ -60,7 +60,7 @@ impl<G: Space<S = f64>> Contact<G> {
         }
     }
 
-    /// The gap of spheres that overlap almost wholly, and what is to be said then.
+    /// The gap of spheres that overlap almost entirely, and the message for it.
     pub(crate) fn passed_through(&self) -> Option<(f64, String)> {
         let Surface::Sphere(radius) = self.surface else { return None };
         let (sum, smaller) = (self.radius + radius, self.radius.min(radius));

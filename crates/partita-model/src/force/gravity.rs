@@ -1,4 +1,4 @@
-//! Gravity that changes: one acceleration for all bodies.
+//! Time-dependent gravity: one acceleration for all bodies.
 
 use super::{AppliedWrench, At, AttachmentPoint, Effect, ForceApplication, Room};
 use crate::value::VectorSource;

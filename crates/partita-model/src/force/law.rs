@@ -1,4 +1,4 @@
-//! A function of whatever it asks to see.
+//! A function of the quantities that it reads.
 
 use super::spot::Spot;
 use super::{At, Effect, ForceApplication, Room};
@@ -8,7 +8,7 @@ use partita_math::scalar::{Arguments, Functions, Scalar};
 use partita_math::spatial::{Mat3, Space, Vec3};
 use partita_system::SystemError;
 
-/// One thing that a law sees.
+/// One quantity that a law reads.
 #[derive(Clone, Debug)]
 pub enum Seen<G: Space> {
     /// Position and velocity of a point.
@@ -20,7 +20,7 @@ pub enum Seen<G: Space> {
 }
 
 impl<G: Space> Seen<G> {
-    /// Link that is looked at.
+    /// Link that is read.
     pub fn links(&self) -> Vec<usize> {
         match self {
             Self::Point(p) | Self::Body(p, _) => vec![p.attachment.link],
@@ -28,7 +28,8 @@ impl<G: Space> Seen<G> {
         }
     }
 
-    /// What is seen, in world axes, behind the numbers that are there; `out` leads from mechanism axes to those of the world.
+    /// The readings, in world axes, appended to the numbers in `out`; `out` leads from mechanism axes to those of the
+    /// world.
     pub(crate) fn show(&self, at: &At<G>, out: &Mat3<G::S>, numbers: &mut Vec<G::S>) {
         let world = |x: Vec3<G::S>| out.apply(x).0;
         match self {
@@ -56,18 +57,18 @@ impl<G: Space> Seen<G> {
 /// Numbers of a wrench.
 const WRENCH: usize = 6;
 
-/// Forces and moments by a function of what it sees, all in world axes.
+/// Forces and moments by a function of its readings, all in world axes.
 #[derive(Clone, Debug)]
 pub struct Law<G: Space> {
     /// Name, for messages.
     pub name: String,
     /// Number of the function.
     pub function: usize,
-    /// What it sees.
+    /// Its readings.
     pub sees: Vec<Seen<G>>,
-    /// Sizes of the numbers it sees.
+    /// Sizes of the numbers it reads.
     pub sizes: Vec<f64>,
-    /// Points it acts at.
+    /// Points at which it acts.
     pub on: Vec<Spot<G>>,
     /// World axes from mechanism axes.
     pub out: Mat3<G::S>,
@@ -95,7 +96,7 @@ impl<G: Space> Law<G> {
             let own = |w: &[G::S]| self.out.apply_transposed(Vec3([w[0], w[1], w[2]]));
             let (force, moment, x) = (own(&w[..3]), own(&w[3..]), at.spot(p));
             let push = at.wrench_at(&p.attachment, x, moment, force);
-            // in the plane of a planar mechanism alone is there work
+            // only in the plane of a planar mechanism is there work
             power += G::dot(push.force, at.velocity(p.attachment.link, push.arm));
             power += G::dot_ang(push.moment, at.s.links[p.attachment.link].w);
             wrenches.push(push);

@@ -116,7 +116,7 @@ impl<G: Space> Maker<'_, G> {
         })
     }
 
-    /// What sensors look at, for functions of the state.
+    /// What sensors read, for functions of the state.
     pub(super) fn sights_of_sensors(&self) -> Result<Vec<Seen<G>>, DescriptionError> {
         let known = |sight: &Sight| match sight {
             Sight::Point(spec::Spot { body: name, .. }) | Sight::Body(name) => {
@@ -136,7 +136,7 @@ impl<G: Space> Maker<'_, G> {
     fn spot(&self, body: &str, point: Vec3<G::S>) -> Spot<G> {
         let node = self.node(body);
         let zero = self.numbers.point_on(self.placed, node, point);
-        // motions in the plane keep what is out of it
+        // motions in the plane keep their offset from it
         Spot { attachment: self.attachment(node, zero), out: Vec3([G::S::zero(), G::S::zero(), G::out_of_space(zero)]) }
     }
 

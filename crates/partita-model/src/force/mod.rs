@@ -56,11 +56,11 @@ pub enum Element<G: Space> {
     Contact(Box<Contact<G>>),
     /// A wheel on a road.
     Tyre(Box<Tyre<G>>),
-    /// A function of what it sees.
+    /// A function of its readings.
     Law(Box<Law<G>>),
     /// No gravity on a body.
     Weightless(Weightless<G>),
-    /// Gravity that changes.
+    /// Time-dependent gravity.
     Gravity(Box<Gravity<G>>),
 }
 
@@ -69,20 +69,20 @@ pub enum Element<G: Space> {
 pub struct Room<G: Space> {
     /// Plain arguments of functions known in `f64` alone.
     pub(crate) plain: Vec<f64>,
-    /// What a law sees, and what it answers.
+    /// Readings and results of a law.
     seen: Vec<G::S>,
     answers: Vec<G::S>,
     /// Wrenches of an element that has many: see [`ForceApplication::Listed`].
     pub(crate) wrenches: Vec<AppliedWrench<G>>,
-    /// What presses each friction whose level follows a reaction, arms included.
+    /// Normal forces of the reaction-dependent frictions, arms included.
     pub(crate) normal_forces: Vec<G::S>,
-    /// Coordinates and velocities as functions see them.
+    /// Coordinates and velocities as functions read them.
     pub(crate) q: Vec<G::S>,
     pub(crate) v: Vec<G::S>,
 }
 
 impl<G: Space> Room<G> {
-    /// Empty, but for what presses frictions in another.
+    /// Empty, but for the normal forces of the frictions in another.
     pub(crate) fn with_normal_forces(other: &Self) -> Self {
         Self { normal_forces: other.normal_forces.clone(), ..Self::default() }
     }
@@ -137,18 +137,18 @@ pub enum ForceApplication<G: Space> {
     On(AppliedWrench<G>),
     /// On two bodies.
     Between(AppliedWrench<G>, AppliedWrench<G>),
-    /// On as many as are listed in the room.
+    /// On as many as are listed in the memory.
     Listed,
 }
 
-/// What an element does at one instant.
+/// Effect of an element at one instant.
 #[derive(Clone, Copy, Debug)]
 pub struct Effect<G: Space> {
     /// What acts.
     pub application: ForceApplication<G>,
     /// Its potential, 0 if it has none.
     pub potential: G::S,
-    /// Power of what acts, so far as the potential does not account for it.
+    /// Power of its loads that the potential does not account for.
     pub power: G::S,
 }
 
@@ -175,7 +175,7 @@ impl<G: Space> At<'_, G> {
 }
 
 impl<G: Space> Element<G> {
-    /// What it does at the last poses and twists. A user's function is called once.
+    /// Its effect at the last poses and twists. A user function is called once.
     #[inline(always)]
     pub(crate) fn wrench(&self, at: &At<G>, room: &mut Room<G>) -> Result<Effect<G>, SystemError> {
         match self {
@@ -187,7 +187,7 @@ impl<G: Space> Element<G> {
         }
     }
 
-    /// Effort along the coordinate of a joint that an effect of it is.
+    /// Effort along the coordinate of a joint that corresponds to an effect of it.
     pub(crate) fn effort(&self, at: &At<G>, effect: &Effect<G>) -> Option<G::S> {
         match (&effect.application, self) {
             (ForceApplication::Along(_, effort), _) => Some(*effort),
@@ -196,7 +196,7 @@ impl<G: Space> Element<G> {
         }
     }
 
-    /// The elements that are large: kept out of the way of the others.
+    /// The large elements, stored separately from the others.
     #[inline(never)]
     fn rare(&self, at: &At<G>, room: &mut Room<G>) -> Result<Effect<G>, SystemError> {
         match self {
@@ -209,7 +209,7 @@ impl<G: Space> Element<G> {
         }
     }
 
-    /// Does work that no potential accounts for?
+    /// Whether it does work that no potential accounts for.
     pub fn is_dissipative(&self) -> bool {
         match self {
             Self::Spring(e) => e.damped,
@@ -223,7 +223,7 @@ impl<G: Space> Element<G> {
         }
     }
 
-    /// What it depends on, whole turns included: a torsion spring winds up, a constant torque does work.
+    /// Its arguments, whole turns included: a torsion spring winds up, a constant torque does work.
     pub(crate) fn depends_on(&self) -> Option<&Measurement<G>> {
         match self {
             Self::Load(e) => e.depends_on(),
@@ -253,7 +253,7 @@ impl<G: Space> Element<G> {
         self.sources().iter().any(|s| matches!(s, Source::Function(_)))
     }
 
-    /// The name of the element if it calls a function of the user's.
+    /// The name of the element if it calls a user function.
     pub(crate) fn calls(&self) -> Option<&str> {
         let name = match self {
             Self::Load(e) => &e.name,
@@ -306,7 +306,7 @@ impl<G: Space> Element<G> {
         }
     }
 
-    /// Links that it looks at without acting on them.
+    /// Links that it reads without acting on them.
     pub(crate) fn looks_at(&self) -> Vec<usize> {
         match self {
             Self::Law(e) => e.sees.iter().flat_map(Seen::links).collect(),
@@ -317,7 +317,7 @@ impl<G: Space> Element<G> {
 }
 
 impl<G: Space> Tree<G> {
-    /// Adds what an element does to the applied forces.
+    /// Adds the effect of an element to the applied forces.
     #[inline(always)]
     pub(crate) fn add_effect(&self, s: &mut TreeScratch<G>, effect: &Effect<G>, room: &Room<G>) {
         match &effect.application {

@@ -15,9 +15,10 @@ pub struct PointForce<G: Space> {
     pub on: AttachmentPoint<G>,
     /// Components.
     pub value: VectorSource<G::S>,
-    /// Axes of the components: the body's, as its link carries them, if the force turns with it, else the world's.
+    /// Axes of the components: those of the body, as its link carries them, if the force rotates with it, else the
+    /// world's.
     pub axes: Mat3<G::S>,
-    /// Whether it turns with the body.
+    /// Whether it rotates with the body.
     pub turns: bool,
 }
 

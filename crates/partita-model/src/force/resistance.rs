@@ -1,10 +1,10 @@
-//! Laws that several elements share: what pushes back when it is pressed, and what resists sliding.
+//! Laws that several elements share: compression and sliding resistance.
 
 use crate::numbers::DescribedForce;
 use partita_math::scalar::Scalar;
 
-/// Pushes back when pressed by a depth: `stiffness · depth^exponent · (1 + damping · speed)`, never less than 0, the speed
-/// counted inward. Nothing pulls, and nothing jumps at the first touch (Hunt and Crossley 1975).
+/// Repulsion at a depth: `stiffness · depth^exponent · (1 + damping · speed)`, never less than 0, the speed counted
+/// inward. It never pulls, and is continuous at the first touch (Hunt and Crossley 1975).
 #[derive(Clone, Copy, Debug)]
 pub struct Buffer<S> {
     /// Force at a unit of depth.
@@ -17,12 +17,12 @@ pub struct Buffer<S> {
     pub damped: bool,
 }
 
-/// What a buffer does.
+/// Result of a buffer.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Pressed<S> {
-    /// What it pushes with.
+    /// Its force.
     pub push: S,
-    /// Stored in it.
+    /// Its stored energy.
     pub potential: S,
     /// Power of the damping.
     pub power: S,
@@ -46,9 +46,9 @@ impl<S: Scalar> Buffer<S> {
 /// Smooth Coulomb friction: with `u` the speed over the stick velocity the resistance is
 /// `dynamic · 4u/√(1 + 16u²) + (held − dynamic) · u/(¾ + ¼u²)²`.
 ///
-/// The second part, largest (1) and level at `u = 1`, is that of Brown and McPhee (2016); in place of their
-/// `tanh 4u` stands a root, which every scalar has. At the stick velocity the resistance is `held − 0.03 dynamic`, at ten
-/// times that speed `dynamic` to 0.4 per cent of the difference.
+/// The second part, largest (1) and level at `u = 1`, is that of Brown and McPhee (2016); a root, which every scalar
+/// has, replaces their `tanh 4u`. At the stick velocity the resistance is `held − 0.03 dynamic`, at ten times that
+/// speed `dynamic` to 0.4 per cent of the difference.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Slide<S> {
     pub dynamic: S,

@@ -1,4 +1,4 @@
-//! What functions of the state see of a joint that is not in it by itself.
+//! What functions of the state read of a joint whose coordinates are not in it.
 
 use super::At;
 use crate::error::DescriptionError;
@@ -8,12 +8,12 @@ use crate::zero_position::PlacedJoint;
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Mat3, Space};
 
-/// One motion of a joint that closes a loop, stands in absolute coordinates or is traversed from child to parent.
+/// One motion of a joint that closes a loop, is described in absolute coordinates or is traversed from child to parent.
 #[derive(Clone, Debug)]
 pub enum CutSight<G: Space> {
-    /// A slide or an angle, and its rate.
+    /// A translation or an angle, and its rate.
     Coordinate(Measurement<G>),
-    /// A turn about all axes.
+    /// A spatial rotation.
     Turn {
         /// Links of parent and child.
         links: [usize; 2],
@@ -41,7 +41,7 @@ impl<G: Space> CutSight<G> {
         Ok(found)
     }
 
-    /// Links that are looked at.
+    /// Links that are read.
     pub(crate) fn links(&self) -> Vec<usize> {
         match self {
             Self::Coordinate(reading) => reading.links.to_vec(),
@@ -49,8 +49,8 @@ impl<G: Space> CutSight<G> {
         }
     }
 
-    /// Positions and rates behind the numbers that are there, as many of one as of the other. Of a turn: the cosines between
-    /// the axes, row by row, with no rates, and behind them the rates about the axes of the child, with no positions.
+    /// Positions and rates appended to the numbers in both lists, equally many. For a rotation: the cosines between the
+    /// axes, row by row, with no rates, then the rates about the axes of the child, with no positions.
     pub(crate) fn show(&self, at: &At<G>, q: &mut Vec<G::S>, v: &mut Vec<G::S>) {
         let none = [G::S::zero(); 9];
         match self {

@@ -1,20 +1,20 @@
-//! Places in space of things that ride on links, also of a planar mechanism: what lies out of the plane stays there.
+//! Points in space of elements fixed to links, also of a planar mechanism: offsets from the plane are constant.
 
 use super::{AppliedWrench, At, AttachmentPoint, ForceApplication};
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Mat3, Space, Vec3};
 
-/// A point on a link, and how far it is out of the plane of a planar mechanism.
+/// A point on a link, and its offset from the plane of a planar mechanism.
 #[derive(Clone, Copy, Debug)]
 pub struct Spot<G: Space> {
-    /// In the space of the engine.
+    /// In the space of the evaluations.
     pub attachment: AttachmentPoint<G>,
-    /// What that space does not carry.
+    /// The component that this space does not represent.
     pub out: Vec3<G::S>,
 }
 
 impl<G: Space> At<'_, G> {
-    /// Where a spot is, mechanism axes.
+    /// Position of a spot, mechanism axes.
     #[inline(always)]
     pub(super) fn spot(&self, p: &Spot<G>) -> Vec3<G::S> {
         G::vec_to(self.tree.place(p.attachment.link, self.s) + self.arm(&p.attachment)) + p.out

@@ -11,9 +11,9 @@ pub struct Spring<G: Space> {
     pub a: AttachmentPoint<G>,
     /// Other end.
     pub b: AttachmentPoint<G>,
-    /// From the origin of a's branch to that of b's. On the ground an end is its own origin.
+    /// From the origin of a's branch to that of b's. An end on the ground is its own origin.
     pub offset: G::Vec,
-    /// Where the ends are that stand on the ground, else 0.
+    /// Positions of ends on the ground, else 0.
     pub grounded: [G::Vec; 2],
     /// Constant distance out of the plane, squared.
     pub out_of_plane2: G::S,
@@ -28,7 +28,7 @@ pub struct Spring<G: Space> {
 }
 
 impl<G: Space> Spring<G> {
-    /// A spring of no length has no direction to pull in.
+    /// A spring of zero length has no direction.
     #[inline(always)]
     pub(crate) fn wrench(&self, at: &At<G>) -> Effect<G> {
         let (ra, rb) = (at.arm(&self.a), at.arm(&self.b));

@@ -32,7 +32,7 @@ pub struct Tyre<G: Space> {
     pub has_slip_forces: bool,
 }
 
-/// Where a wheel meets its road.
+/// Contact of a wheel and its road.
 struct Meeting<S> {
     normal: Vec3<S>,
     axis: Vec3<S>,
@@ -81,7 +81,7 @@ impl<G: Space> Tyre<G> {
         let speed = -normal.dot(sinking);
         let pressed = self.buffer.pressed(depth, speed);
         let push = normal.times(pressed.push);
-        // on the road below
+        // the wheel is below the road
         let point = centre - down.times(height.over_or_zero(upright));
         let (mut force, mut power) = (push, pressed.power);
         if self.has_slip_forces {

@@ -1,10 +1,10 @@
-//! No gravity on a body: its weight is taken off again.
+//! No gravity on a body: its weight is cancelled.
 
 use super::{AppliedWrench, At, AttachmentPoint, Effect, ForceApplication};
 use partita_math::scalar::Scalar;
 use partita_math::spatial::Space;
 
-/// Holds a body up by its weight, whatever gravity is.
+/// Cancels the weight of a body, for any gravity.
 #[derive(Clone, Copy, Debug)]
 pub struct Weightless<G: Space> {
     /// Centre of mass.

@@ -1,5 +1,6 @@
-//! Two shafts that meet in a point at any angle and turn equally fast: three locked displacements and one condition, that
-//! the child is not twisted about the axis. It closes a loop always: the bends are no turns about axes of a tree.
+//! Two shafts that meet in a point at any angle and rotate equally fast: three locked displacements and one condition,
+//! that the child is not twisted about the axis. It always closes a loop: its bending cannot be described by rotations
+//! about axes of a tree.
 
 use super::{axis_of, frame_about, LockedSlides, Own, Shape};
 use crate::error::DescriptionError;

@@ -1,4 +1,4 @@
-//! Coordinates of a joint read off the relative pose of its two sides (for joints that close loops).
+//! Coordinates of a joint from the relative pose of its two sides (for joints that close loops).
 
 use super::Motion;
 use partita_math::spatial::{Mat3, Quaternion, Vec3};
@@ -9,12 +9,12 @@ fn angle_about(axis: Vec3<f64>, a: Vec3<f64>, b: Vec3<f64>) -> f64 {
     axis.dot(a.cross(b)).atan2(a.dot(b))
 }
 
-/// Coordinates from the turn `r` of the child and the displacement `p` of its point, both seen from the parent, in the
-/// axes of the drawing. Turns come out in (−π, π].
+/// Coordinates from the rotation `r` of the child and the displacement `p` of its point, both relative to the parent,
+/// in the axes of the drawing. Rotations are in (−π, π].
 pub fn position_of(motions: &[Motion], r: &Mat3<f64>, p: Vec3<f64>, out: &mut Vec<f64>) {
     let turns: Vec<Vec3<f64>> =
         motions.iter().filter_map(|m| if let Motion::Turn(a) = m { Some(*a) } else { None }).collect();
-    // r = R(a1, θ1) R(a2, θ2): θ1 takes a2 to r a2, θ2 is what is left
+    // r = R(a1, θ1) R(a2, θ2): θ1 takes a2 to r a2, θ2 is the remainder
     let (mut rest, mut angles) = (*r, Vec::new());
     for (i, &a) in turns.iter().enumerate() {
         let probe = match turns.get(i + 1) {
@@ -35,9 +35,10 @@ pub fn position_of(motions: &[Motion], r: &Mat3<f64>, p: Vec3<f64>, out: &mut Ve
     }
 }
 
-/// Rates from the relative angular velocity `w` and the displacement rate `v` (parent axes of the drawing) at the turn `r`.
+/// Rates from the relative angular velocity `w` and the displacement rate `v` (parent axes of the drawing) at the
+/// rotation `r`.
 pub fn rate_of(motions: &[Motion], r: &Mat3<f64>, position: &[f64], w: Vec3<f64>, v: Vec3<f64>, out: &mut Vec<f64>) {
-    // the axis of each turn as it stands now
+    // the present axis of each rotation
     let mut axes: Vec<Vec3<f64>> = Vec::new();
     let mut so_far = Mat3::identity();
     for (m, &q) in motions.iter().zip(position) {

@@ -1,6 +1,6 @@
-//! The user's own joint: in its axes each of three slides and three turns is locked, free, or a function of those that are
-//! free. With functions f of the free coordinates x it is a joint of the free directions and of `y`, with conditions of its
-//! own, `y − f(x) = 0`, so that trees, loops and reactions treat it as they treat a screw.
+//! A user-defined joint: in its axes each of three translations and three rotations is locked, free, or a function of
+//! the free ones. With functions f of the free coordinates x it is a joint of the free directions and of `y`, with
+//! conditions of its own, `y − f(x) = 0`, so that trees, loops and reactions treat it like a screw.
 
 use super::{generic, Follows, Own, Shape};
 use crate::error::DescriptionError;

@@ -1,4 +1,4 @@
-//! A slide and a turn along one axis: two displacements and two turns are locked.
+//! A translation and a rotation along one axis: two displacements and two rotations are locked.
 
 use super::{axis_of, frame_about, LockedSlides, Motion, Shape};
 use crate::error::DescriptionError;

@@ -1,4 +1,4 @@
-//! Any subset of three slides and three turns in a frame of the user's.
+//! Any subset of three translations and three rotations in a given frame.
 
 use super::{parallel, LockedSlides, Motion, Shape};
 use crate::error::DescriptionError;
@@ -8,7 +8,7 @@ use partita_math::tolerance;
 
 const NAMES: [&str; 6] = ["x", "y", "z", "rx", "ry", "rz"];
 
-/// A joint of another kind, given by its directions that are free in a frame.
+/// A joint given by its free directions in a frame.
 pub(super) fn freeing(joint: &Joint, free: &[&str], frame: &Mat3<f64>) -> Result<Shape, DescriptionError> {
     let free = Some(free.iter().map(|f| f.to_string()).collect());
     shape(&Joint { kind: JointKind::Generic, free, frame: Some(frame.0), ..joint.clone() })

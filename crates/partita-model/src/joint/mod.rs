@@ -1,4 +1,5 @@
-//! Joints: one file each, all saying the same three things: which motions are free, in which order, and what is locked.
+//! Joints, one file each, all defined by the same three things: which motions are free, in which order, and what is
+//! locked.
 //!
 //! A joint in the tree becomes its motions, a joint that closes a loop becomes its locks.
 
@@ -28,16 +29,16 @@ use partita_math::tolerance;
 /// One free motion, its axis in the drawing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Motion {
-    /// Turn about an axis through the joint's point.
+    /// Rotation about an axis through the joint's point.
     Turn(Vec3<f64>),
-    /// Slide along an axis.
+    /// Translation along an axis.
     Slide(Vec3<f64>),
-    /// All turns about the joint's point (a quaternion; three velocities in child axes).
+    /// Spatial rotation about the joint's point (a quaternion; three velocities in child axes).
     Ball,
 }
 
 impl Motion {
-    /// Velocities it brings.
+    /// Number of its velocities.
     pub fn velocities(&self) -> usize {
         if matches!(self, Self::Ball) {
             3
@@ -45,7 +46,7 @@ impl Motion {
             1
         }
     }
-    /// Coordinates it brings.
+    /// Number of its coordinates.
     pub fn coordinates(&self) -> usize {
         if matches!(self, Self::Ball) {
             4
@@ -64,10 +65,10 @@ pub enum LockedSlides {
     Along(Vec<Vec3<f64>>),
 }
 
-/// Conditions of a joint's own besides what it locks.
+/// Conditions of a joint besides its locks.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Own {
-    /// The first coordinate (a slide) is so many times the second (a turn).
+    /// The first coordinate (a translation) is a multiple of the second (a rotation).
     Advance(f64),
     /// The child is not twisted about z of the joint's axes.
     Twist,
@@ -103,7 +104,7 @@ pub struct Shape {
     pub names: Vec<&'static str>,
     /// Locked displacements.
     pub slides: LockedSlides,
-    /// Locked turns: `u · w` keeps its drawn value, u on the parent, w on the child.
+    /// Locked rotations: `u · w` keeps its drawn value, u on the parent, w on the child.
     pub locks: Vec<(Vec3<f64>, Vec3<f64>)>,
     /// Joint axes, columns.
     pub frame: Mat3<f64>,
@@ -112,7 +113,7 @@ pub struct Shape {
 }
 
 impl Shape {
-    /// Whether it must close a loop. Its motions are not those of links in a tree.
+    /// Whether it must close a loop, because its motions are not those of links in a tree.
     pub fn is_always_cut(&self) -> bool {
         self.own == Some(Own::Twist)
     }
@@ -120,7 +121,7 @@ impl Shape {
     pub fn conditions(&self) -> usize {
         self.rows() + self.own.as_ref().map_or(0, Own::count)
     }
-    /// Rows it brings when it closes a loop, but for a condition of its own.
+    /// Number of rows when it closes a loop, except for a condition of its own.
     pub fn rows(&self) -> usize {
         self.locks.len()
             + match &self.slides {
@@ -136,7 +137,7 @@ impl Shape {
     pub fn motion_of(&self, i: usize) -> Option<Motion> {
         self.motions.iter().flat_map(|m| std::iter::repeat_n(*m, m.velocities())).nth(i)
     }
-    /// Is velocity `i` a turn?
+    /// Whether velocity `i` is a rotation.
     pub fn turns(&self, i: usize) -> bool {
         let each = self.motions.iter().flat_map(|m| std::iter::repeat_n(m, m.velocities()));
         each.map(|m| !matches!(m, Motion::Slide(_))).nth(i).unwrap_or(false)

@@ -1,4 +1,5 @@
-//! A pin in a slot: a slide along the slot, fixed on the parent, then a turn about the pin, fixed on the child.
+//! A pin in a slot: a translation along the slot, fixed on the parent, then a rotation about the pin, fixed on the
+//! child.
 
 use super::{at_right_angle, axis_of, generic, Shape};
 use crate::error::DescriptionError;

@@ -1,4 +1,4 @@
-//! Two slides in a plane and the turn in it: one displacement and two turns are locked.
+//! Two translations in a plane and the rotation in it: one displacement and two rotations are locked.
 
 use super::{axis_of, frame_about, LockedSlides, Motion, Shape};
 use crate::error::DescriptionError;

@@ -1,4 +1,4 @@
-//! One slide along an axis: two displacements and three turns are locked.
+//! One translation along an axis: two displacements and three rotations are locked.
 
 use super::{axis_of, frame_about, parallel, LockedSlides, Motion, Shape};
 use crate::error::DescriptionError;

@@ -1,4 +1,4 @@
-//! One turn about an axis: three displacements and two turns are locked.
+//! One rotation about an axis: three displacements and two rotations are locked.
 
 use super::{axis_of, frame_about, LockedSlides, Motion, Shape};
 use crate::error::DescriptionError;

@@ -1,4 +1,4 @@
-//! A turn about an axis and the advance along it that goes with it: a cylindrical joint with a condition of its own.
+//! A rotation about an axis and the coupled advance along it: a cylindrical joint with a condition of its own.
 
 use super::{cylindrical, Own, Shape};
 use crate::error::DescriptionError;

@@ -1,4 +1,4 @@
-//! All turns about a point: three displacements are locked.
+//! Spatial rotation about a point: three displacements are locked.
 
 use super::{LockedSlides, Motion, Shape};
 use partita_math::spatial::Mat3;

@@ -1,5 +1,5 @@
-//! Two turns, the first about an axis fixed on the parent, the second about one fixed on the child: three displacements
-//! and the angle between the axes are locked.
+//! Two rotations, the first about an axis fixed on the parent, the second about one fixed on the child: three
+//! displacements and the angle between the axes are locked.
 
 use super::{axis_of, LockedSlides, Motion, Shape};
 use crate::error::DescriptionError;

@@ -1,4 +1,4 @@
-//! Rigid parts: how two joints stand to each other through joints whose coordinates are known. Over any scalar.
+//! Rigid parts: the relative pose of two joints through joints whose coordinates are known. Over any scalar.
 
 use super::graph::{Graph, Home, Kind};
 use crate::numbers::Numbers;
@@ -6,7 +6,7 @@ use partita_math::scalar::Scalar;
 use partita_math::spatial::{Mat3, Quaternion, Vec3};
 use std::f64::consts::TAU;
 
-/// One side of an edge: behind its motion, or before it.
+/// One side of an edge: after its motion, or before it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Side {
     pub edge: usize,
@@ -24,18 +24,18 @@ pub(super) struct Arm {
     pub end: Side,
 }
 
-/// The numbers of a graph: coordinates of its edges, and where they are in the zero position.
+/// The numbers of a graph: coordinates of its edges, and their positions in the zero position.
 #[derive(Clone, Debug)]
 pub(super) struct Pose<S> {
-    /// Coordinate of each turn and slide.
+    /// Coordinate of each rotation and translation.
     pub x: Vec<S>,
-    /// Turn of each ball.
+    /// Rotation of each ball joint.
     pub balls: Vec<Mat3<S>>,
     /// The joint's point in the zero position, as both sides of each edge carry it.
     points: Vec<[Vec3<S>; 2]>,
 }
 
-/// An arm in the plane: the vector from start to end in the axes of its first node, and the turn of its last node.
+/// An arm in the plane: the vector from start to end in the axes of its first node, and the rotation of its last node.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PlanarArm<S> {
     pub vector: [S; 2],
@@ -83,8 +83,8 @@ impl<S: Scalar> Pose<S> {
         }
     }
 
-    /// Coordinate of edge i to q, if it belongs to the tree: the angle and the sign of the quaternion nearest to what
-    /// stands there.
+    /// Coordinate of edge i to q, if it belongs to the tree: the angle and the sign of the quaternion nearest to the
+    /// present value.
     pub fn write(&mut self, g: &Graph, i: usize, q: &mut [S]) {
         let e = &g.edges[i];
         let Home::Tree { q: at, .. } = e.home else { return };
@@ -123,12 +123,12 @@ impl<S: Scalar> Pose<S> {
     }
 }
 
-/// An arm of turns in a mechanism that is planar as a whole.
+/// An arm of rotations in a mechanism that is planar as a whole.
 #[derive(Clone, Debug)]
 pub(super) struct Chain {
-    /// From its start to the first turn.
+    /// From its start to the first rotation.
     start: [f64; 2],
-    /// Edge of each turn, its sense and constant part, and the vector from there to the next.
+    /// Edge of each rotation, its sense and constant part, and the vector from there to the next.
     turns: Vec<(usize, f64, f64, [f64; 2])>,
 }
 
@@ -183,7 +183,7 @@ impl Arm {
         PlanarArm::new(vector, turn)
     }
 
-    /// The same arm with all that no coordinate changes put together, where it has but turns.
+    /// The same arm with all constant parts combined, if it contains only rotations.
     pub fn chain(&self, g: &Graph, p: &Pose<f64>) -> Option<Chain> {
         let mut chain = Chain { start: [0.0; 2], turns: Vec::new() };
         let mut at = p.point(self.start);
@@ -213,7 +213,7 @@ impl Arm {
         self.path.iter().all(|&(i, _)| g.edges[i].kind == Kind::Rigid)
     }
 
-    /// In space: the turn of the last node and the vector, both in the axes of the first node.
+    /// In space: the rotation of the last node and the vector, both in the axes of the first node.
     pub fn spatial<S: Scalar>(&self, g: &Graph, p: &Pose<S>) -> (Mat3<S>, Vec3<S>) {
         let mut at = p.point(self.start);
         let (mut r, mut v) = (Mat3::identity(), Vec3::zero());
@@ -236,7 +236,7 @@ impl Arm {
     }
 }
 
-/// Turn from one side of an edge to the other.
+/// Rotation from one side of an edge to the other.
 pub(super) fn crossing<S: Scalar>(g: &Graph, i: usize, forward: bool, x: S, ball: &Mat3<S>) -> Mat3<S> {
     let e = &g.edges[i];
     let rest = Mat3::from_f64(e.rest.0);

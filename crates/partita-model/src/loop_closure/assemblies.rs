@@ -1,4 +1,4 @@
-//! Questions to the mechanism that closed forms answer: all assemblies, placing by targets, the closing itself.
+//! Queries of the mechanism that closed forms answer: all assemblies, positions for targets, the closing itself.
 
 use super::instant::Instant;
 use super::{inputs, LoopClosing, Work};
@@ -9,7 +9,7 @@ use partita_system::prelude::*;
 use partita_system::system::InverseKinematics;
 use partita_system::{SystemError, SystemRef};
 
-/// Most combinations of branches that are looked at.
+/// Maximum number of combinations of branches that are examined.
 const COMBINATIONS: usize = 4096;
 
 /// One way to put the mechanism together.
@@ -28,7 +28,7 @@ pub struct Assembled {
 pub struct Assemblies {
     /// Those that close.
     pub found: Vec<Assembled>,
-    /// Words of the blocks, as the branches count them.
+    /// Names of the blocks, in the order of the branches.
     pub blocks: Vec<String>,
     /// What the list does not contain, in words.
     pub notes: Vec<String>,
@@ -98,13 +98,13 @@ impl Model {
     /// Explicit closing for these input velocities, on the branch of the closed position q; see
     /// [`loop_closure`](crate::loop_closure).
     ///
-    /// Inputs: as many velocities as degrees of freedom, or `None` for those that order the most loops and stand best.
-    /// Fails for absolute coordinates, open positions and inputs that do not determine the others here.
+    /// Inputs: as many velocities as degrees of freedom, or `None` for those that order the most loops and have the
+    /// best pivots. Fails for absolute coordinates, open positions and inputs that do not determine the others here.
     pub fn loop_closing(&self, t: f64, q: &[f64], inputs: Option<&[usize]>) -> Result<LoopClosing<'_>, SystemError> {
         LoopClosing::of(self.into(), t, q, inputs)
     }
 
-    /// Conditions on rates alone leave the positions open.
+    /// Conditions on rates alone do not determine positions.
     fn refuse_rates(&self) -> Result<(), SystemError> {
         match self.full.conditions.iter().find(|c| !c.holonomic) {
             None => Ok(()),
@@ -177,12 +177,12 @@ impl Model {
         Ok(all)
     }
 
-    /// Closed forms instead of continuation: from the closed position q to the targets `(coordinate, value)`, its
-    /// branches kept.
+    /// Closed forms instead of continuation: from the closed position q to the targets `(coordinate, value)`, on its
+    /// branches.
     ///
     /// `None` where that does not apply: the targets are not a set of inputs, a loop is not explicit, or a limit or a
-    /// change point (where branches meet) may stand in the way. The inputs go straight and in steps, so that none is
-    /// jumped and whole turns are counted. The result is verified to close.
+    /// change point (where branches meet) may be in between. The inputs vary linearly and in steps, so that none is
+    /// skipped and whole turns are counted. The result is verified to close.
     pub fn place(&self, t: f64, q: &[f64], targets: &[(usize, f64)]) -> Option<Vec<f64>> {
         let mut inputs = Vec::with_capacity(targets.len());
         for &(i, value) in targets {
@@ -212,7 +212,7 @@ impl Model {
             }
             closing.close(t, &mut there).ok()?;
             for (before, now) in pivots.iter_mut().zip(closing.state()) {
-                // a pivot that loses half of itself in a stride may have been, or may next be, at zero
+                // a pivot that halves within a step may have passed zero, or may reach it next
                 if now.branch != 0 && now.pivot < 2.0 * (now.pivot - *before).abs() {
                     return None;
                 }

@@ -7,7 +7,7 @@ use partita_system::prelude::*;
 use partita_system::SystemError;
 
 impl LoopClosing<'_> {
-    /// The first implicit block of what is missing: rows and velocities.
+    /// The first implicit block of the remaining steps: rows and velocities.
     pub(super) fn next_implicit(&self, at: &Instant, missing: &[usize]) -> Option<(Vec<usize>, Vec<usize>)> {
         let nv = self.model.size().nv;
         let mut within = vec![false; nv];
@@ -31,9 +31,8 @@ impl LoopClosing<'_> {
         Some((first.iter().map(|&i| row_of[i]).collect(), first.iter().map(|&i| unknown[i]).collect()))
     }
 
-    /// Other rows that the unknowns of an implicit block close, all else being known by then, if they say exactly what
-    /// its own
-    /// say: what follows only within the drawing tolerance is left open.
+    /// Other rows that the unknowns of an implicit block close, all else being known by then, if they depend exactly on
+    /// its own rows; rows that depend only within the drawing tolerance are not added.
     pub(super) fn that_follow(&self, at: &Instant, missing: &[usize], rows: &[usize], unknown: &[usize]) -> Vec<usize> {
         let all: Vec<usize> = missing.iter().flat_map(|&e| self.graph.edges[e].velocities()).collect();
         let later = |v: &usize| all.contains(v) && !unknown.contains(v) && self.inputs.binary_search(v).is_err();

@@ -49,7 +49,7 @@ impl LoopClosing<'_> {
         apart
     }
 
-    /// Choose the signs of a step by what stands in q; returns how near the choice was.
+    /// Choose the signs of a step by the values in q; returns their distance from the choice.
     fn choose_signs(&mut self, step: usize, q: &[f64]) -> f64 {
         let kept = self.steps[step].signs;
         let free = kept.iter().filter(|s| **s != 0).count();
@@ -87,7 +87,7 @@ impl LoopClosing<'_> {
         }
     }
 
-    /// One step; the coordinates of its edges go to `x` and `balls`, and to q where they belong to it.
+    /// One step; the coordinates of its edges are written to `x` and `balls`, and to q where they belong to it.
     pub(super) fn advance(&mut self, i: usize, t: f64, q: &mut [f64]) -> Result<(), SystemError> {
         match &self.steps[i].work {
             Work::Drive(d, edge) => {
@@ -147,9 +147,9 @@ impl LoopClosing<'_> {
         Ok(())
     }
 
-    /// All steps, with the whole turns that they agree on.
+    /// All steps, with consistent whole turns.
     fn advance_all(&mut self, t: f64, q: &mut [f64]) -> Result<(), SystemError> {
-        // a coupling hands whole turns on as parts of turns: what is corrected before it counts behind it
+        // a coupling converts whole turns to parts of turns: corrections before it affect those after it
         for _ in 0..=self.steps.len() {
             for i in 0..self.steps.len() {
                 self.advance(i, t, q)?;
@@ -202,8 +202,8 @@ impl LoopClosing<'_> {
         Ok(())
     }
 
-    /// In the plane a joint that locks a turn locks it with its whole turns: what the nearest angles miss of them is
-    /// given to the angle that has moved the most. True if q changed.
+    /// In the plane a joint that locks a rotation locks it with its whole turns: the turns that the nearest angles miss
+    /// are added to the angle that has moved the most. True if q changed.
     fn whole_turns(&self, q: &mut [f64]) -> Result<bool, SystemError> {
         let Engine::Planar(tree) = &self.model.engine else { return Ok(false) };
         let locked = || tree.closings.iter().filter(|k| !k.locks.is_empty());
@@ -216,7 +216,7 @@ impl LoopClosing<'_> {
             }
             (angle / TAU).round()
         };
-        // a correction of one closing may open another through a shared angle: as many passes as closings suffice for
+        // a correction of one closure may open another through a shared angle: as many passes as closures suffice for
         // any order
         let mut moved = false;
         for _ in 0..=tree.closings.len() {
@@ -269,7 +269,7 @@ pub(super) fn planar_side<S: Scalar>(p: &Polygon, k: usize, g: &Graph, pose: &Po
     }
 }
 
-/// The joints of a polygon as its plane sees them.
+/// The joints of a polygon in its plane.
 pub(super) fn planar_joints(p: &Polygon, g: &Graph) -> Vec<PlanarJoint> {
     p.joints
         .iter()
@@ -283,7 +283,7 @@ pub(super) fn planar_joints(p: &Polygon, g: &Graph) -> Vec<PlanarJoint> {
                 }
             };
             let (sense, rest) = if forward { (1.0, rest) } else { (-1.0, -rest) };
-            // going backward the axis is met behind the constant turn
+            // backward, the axis comes after the constant rotation
             let along = if forward { axis } else { rotated([-axis[0], -axis[1]], rest) };
             PlanarJoint { edge: i, turns: e.kind == Kind::Turn, sign: sense * normal.signum(), rest, axis: along }
         })

@@ -8,12 +8,12 @@ use crate::rows::Owner;
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Mat3, Vec3};
 
-/// What an edge lets free.
+/// The free motion of an edge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
-    /// A turn about the axis.
+    /// Rotation about the axis.
     Turn,
-    /// A slide along the axis.
+    /// Translation along the axis.
     Slide,
     /// All turns.
     Ball,
@@ -21,7 +21,7 @@ pub(super) enum Kind {
     Rigid,
 }
 
-/// Where the coordinate of an edge lives.
+/// Where the coordinate of an edge is stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Home {
     /// In q and v: a link of the tree.
@@ -35,12 +35,12 @@ pub(super) enum Home {
     Cut(usize),
 }
 
-/// Where an edge is in the zero position.
+/// Position of an edge in the zero position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum EdgePoint {
     /// At the point of a link.
     Link(usize),
-    /// At the point of a cut joint; behind its last motion as the child carries it.
+    /// At the point of a cut joint; after its last motion as the child carries it.
     Cut {
         /// Joint.
         joint: usize,
@@ -78,9 +78,9 @@ pub(super) struct Edge {
     pub axis: Vec3<f64>,
     /// The joint's point in the zero position.
     pub place: EdgePoint,
-    /// Constant turn: the identity but for cut joints of open drawings.
+    /// Constant rotation: the identity but for cut joints of open drawings.
     pub rest: Mat3<f64>,
-    /// Its turn about z: all of it where the mechanism is planar.
+    /// Its rotation about z: all of it where the mechanism is planar.
     pub turned: f64,
     pub home: Home,
     /// Joint of the description; none for a body that floats.
@@ -102,7 +102,7 @@ impl Edge {
     }
 }
 
-/// Links (node i is link i, 0 the ground), the inner nodes of cut joints behind them, and all motions between them.
+/// Links (node i is link i, 0 the ground), the inner nodes of cut joints after them, and all motions between them.
 #[derive(Clone, Debug)]
 pub(super) struct Graph {
     pub nodes: usize,
@@ -141,7 +141,7 @@ impl Graph {
         graph
     }
 
-    /// The motions of a cut joint one after the other, with nodes between them that carry nothing.
+    /// The motions of a cut joint one after the other, with massless nodes between them.
     fn add_cut(&mut self, model: &Model, j: usize) {
         let placed = &model.placed;
         let p = &placed.joints[j];

@@ -1,8 +1,7 @@
-//! Blocks without a closed form: Newton's method with the block's own Jacobian, from where q stands.        (34)
+//! Blocks without a closed form: Newton's method with the block's own Jacobian, from the present q.              (34)
 //!
-//! Rows that say what others say are solved for along with them, by least squares: any choice of rows loses rank
-//! somewhere on
-//! the way of an overconstrained loop, and Newton's method goes astray there, while all of them together do not.
+//! Rows that repeat others are solved along with them, by least squares: any choice of rows loses rank somewhere along
+//! an overconstrained loop, and Newton's method diverges there, while the complete set does not.
 
 use super::instant::Instant;
 use super::planar::Fit;
@@ -15,15 +14,14 @@ use partita_system::manifold::{self, close, Ending, Linearization, Open, Part, R
 use partita_system::prelude::*;
 use partita_system::SystemError;
 
-/// To round-off of what a large move opens a row by, or to rest, by moves of 0.3 characteristic displacements (radians
-/// for turns); more iterations than any start within a turn needs. Rows that follow from others close slowly next to a
-/// singular position: that they hardly fall is no sign that they are closed.
+/// To the round-off of the closure error of a large displacement, or until displacements vanish, by steps of 0.3
+/// characteristic displacements (radians for rotations); more iterations than any start within a turn needs. Dependent
+/// rows close slowly next to a singular position: a slow decrease does not mean that they are closed.
 const RULE: Rule =
     Rule::new(60, tolerance::FEW_ROUNDINGS, tolerance::FEW_ROUNDINGS).cut(0.3).to_rest(tolerance::LAST_MOVE);
 
-/// Iterations without a look at the moves: from a tenth of a reach each squares what is left, and the derivative
-/// follows
-/// one iteration behind.
+/// Iterations without a check of the steps: from a tenth of a characteristic displacement each squares the remaining
+/// error, and the derivative follows one iteration later.
 const STRAIGHT: usize = 7;
 
 /// Rows and velocities solved together.
@@ -31,7 +29,7 @@ const STRAIGHT: usize = 7;
 pub(super) struct Implicit {
     pub rows: Vec<usize>,
     pub unknown: Vec<usize>,
-    /// All rows that are closed: those, and behind them others that follow from them.
+    /// All rows that are closed: those, then others that depend on them.
     closed: Vec<usize>,
     /// Row and column in the block, place in the values of C; row by row.
     places: Vec<(usize, usize, usize)>,
@@ -55,7 +53,7 @@ impl Room {
     }
 }
 
-/// Memory of the straight iteration.
+/// Memory of the unchecked iteration.
 #[derive(Clone, Debug)]
 pub(super) struct StraightRoom<S: Scalar> {
     pub scratch: Scratch<S>,
@@ -67,7 +65,7 @@ pub(super) struct StraightRoom<S: Scalar> {
     pub x: Vec<S>,
 }
 
-/// What the iteration works on.
+/// Working data of the iteration.
 pub(super) struct Field<'a> {
     pub model: &'a Model,
     pub scratch: &'a mut ModelScratch,
@@ -103,7 +101,7 @@ impl Implicit {
         block
     }
 
-    /// The block of C, its rows and columns brought to the size of large moves.
+    /// The block of C, its rows and columns scaled by large displacements.
     fn jacobian<S: Scalar>(&self, model: &Model, c: &[S], out: &mut [S]) {
         let n = self.rows.len();
         out.fill(S::zero());
@@ -116,7 +114,7 @@ impl Implicit {
         }
     }
 
-    /// Matrix and right-hand side of one move: of Newton's method, or of Gauss' where rows follow from others.
+    /// Matrix and right-hand side of one step: of Newton's method, or of Gauss' where rows are dependent.
     fn equations<S: Scalar>(&self, model: &Model, c: &[S], phi: &[S], matrix: &mut [S], x: &mut [S]) {
         let size = |row: usize| S::from_f64(model.row_displacement(row).unwrap_or(1.0));
         if self.closed.len() == self.rows.len() {
@@ -142,9 +140,8 @@ impl Implicit {
         }
     }
 
-    /// The same straight through, over any scalar: a fixed number of iterations with the exchanges of the plan, from
-    /// near
-    /// by. How far the last move was from being the last one.
+    /// The same without checks, over any scalar: a fixed number of iterations with the exchanges of the plan, from near
+    /// by. How far the last step was from converging.
     pub fn solve_straight<S: Scalar>(
         &self,
         (model, e): (&Model, &Evaluator<S>),

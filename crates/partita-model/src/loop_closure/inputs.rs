@@ -14,12 +14,12 @@ use partita_system::prelude::*;
 use partita_system::reduction::Reduction;
 use partita_system::{start, SystemError};
 
-/// Sets of inputs that are looked at for mechanisms of up to [`SMALL`] motions; fewer for larger ones, so that the
-/// choice costs about as much as a thousand evaluations.
+/// Number of sets of inputs that are examined for mechanisms of up to [`SMALL`] motions; fewer for larger ones, so that
+/// the choice costs about as much as a thousand evaluations.
 const SETS: usize = 2000;
-/// A mechanism of so many motions is small.
+/// A mechanism with at most this many motions is small.
 const SMALL: usize = 40;
-/// Plans compared for their pivots; fewer for large mechanisms.
+/// Number of plans compared by their pivots; fewer for large mechanisms.
 const PLANS: usize = 40;
 /// Switches that shrink the volume of a choice below this are not tried. Scale: ratio of volumes. Reason: they lead to
 /// dead points.
@@ -74,7 +74,7 @@ fn each_set(from: &[usize], k: usize, set: &mut Vec<usize>, put: &mut impl FnMut
     true
 }
 
-/// How many velocities are left to implicit blocks (those found after them included).
+/// Number of velocities left to implicit blocks (those found after them included).
 fn implicit_count(model: &Model, graph: &Graph, laws: &[TreeLaw], inputs: &[usize]) -> usize {
     let task = Task::new(model, graph, inputs);
     let mut order = Order::new(graph, laws, model.is_planar(), &task.given, &task.ball_inputs);
@@ -84,7 +84,7 @@ fn implicit_count(model: &Model, graph: &Graph, laws: &[TreeLaw], inputs: &[usiz
 }
 
 /// The choice of the projective criterion, then switches as long as they leave less to implicit blocks: for mechanisms
-/// with too many sets to look at them all.
+/// with too many sets to examine them all.
 fn by_switches(at: &Instant, t: f64, q: &[f64], k: usize, graph: &Graph, mut budget: usize) -> Option<Vec<usize>> {
     let model = &*at.model;
     let mut r = Reduction::dense(model, model.size().nv - k);
@@ -122,8 +122,8 @@ fn by_switches(at: &Instant, t: f64, q: &[f64], k: usize, graph: &Graph, mut bud
     Some(best.1)
 }
 
-/// Plan with the inputs that leave the least to implicit blocks and, among those, stand best: the largest product of
-/// the pivots.
+/// Plan with the inputs that leave the least to implicit blocks and, among those, have the largest product of the
+/// pivots.
 pub(super) fn choose<'m>(at: &Instant<'m>, t: f64, q: &[f64]) -> Result<LoopClosing<'m>, SystemError> {
     let model = &*at.model;
     let graph = Graph::new(model);

@@ -1,4 +1,4 @@
-//! C at the position a closing is planned at: independent rows, and which row goes with which unknown.
+//! C at the position for which a closing is planned: independent rows, and which row is matched with which unknown.
 
 use super::btf;
 use crate::model::Model;
@@ -56,7 +56,7 @@ impl<'m> Instant<'m> {
         self.model.pattern()
     }
 
-    /// Independent rows of the columns that `within` names; rows that are nearly nothing there do not count.
+    /// Independent rows of the columns that `within` names; rows that are nearly zero there are ignored.
     pub fn rows(&self, within: &[bool]) -> Vec<usize> {
         let scale: Vec<f64> = within
             .iter()

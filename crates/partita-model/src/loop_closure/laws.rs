@@ -5,8 +5,8 @@
 //! q_0 = f(q_1):         q_0                                     from q_1
 //! ```
 //!
-//! Whole turns go through a law, so its coordinates keep them. What other couplings say, and readings that are no
-//! coordinates of the tree, is left to the implicit blocks, whose rows of C know all of them alike.
+//! Whole turns pass through a law, so its coordinates keep them. Other couplings, and readings that are not coordinates
+//! of the tree, are left to the implicit blocks, whose rows of C contain all of them.
 
 use super::graph::{Graph, Home};
 use crate::coupling::{Law, Says};
@@ -18,7 +18,7 @@ use partita_math::scalar::Scalar;
 use partita_system::prelude::*;
 use partita_system::SystemError;
 
-/// A law and the edges whose coordinates it is about.
+/// A law and the edges whose coordinates it relates.
 #[derive(Clone, Debug)]
 pub(super) struct TreeLaw {
     /// Number of the condition.
@@ -27,7 +27,7 @@ pub(super) struct TreeLaw {
     edges: Vec<usize>,
     /// Coordinates in q.
     q: Vec<usize>,
-    /// How far the law is moved by a large move of each; 0 where the coordinate does not follow from it.
+    /// Change of the law for a large displacement of each; 0 where the coordinate does not follow from it.
     weight: Vec<f64>,
 }
 
@@ -36,11 +36,11 @@ pub(super) struct TreeLaw {
 pub(super) struct SolvedLaw {
     condition: usize,
     q: Vec<usize>,
-    /// Which of its readings.
+    /// Index of the reading.
     place: usize,
     /// Edge of that reading.
     pub edge: usize,
-    /// Its part in what the law sums, 1 at best.
+    /// Its share in the sum of the law, 1 at best.
     pub pivot: f64,
 }
 
@@ -74,7 +74,8 @@ impl TreeLaw {
         found
     }
 
-    /// The law solved for the one coordinate that is not known; none where there are more, or where it does not say it.
+    /// The law solved for its one unknown coordinate; none where there are more, or where the law does not determine
+    /// it.
     pub fn solved(&self, known: impl Fn(usize) -> bool) -> Option<SolvedLaw> {
         let mut unknown = (0..self.edges.len()).filter(|&i| !known(self.edges[i]));
         let place = unknown.next()?;
@@ -117,7 +118,7 @@ impl SolvedLaw {
         self.q[self.place]
     }
 
-    /// In the words of the description.
+    /// In the terms of the description.
     pub fn words(&self, model: &Model) -> String {
         model.full.conditions[self.condition].owner.words(&model.spec)
     }

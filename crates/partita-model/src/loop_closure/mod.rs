@@ -6,9 +6,9 @@
 //!
 //! The mechanism is a graph of elementary motions (`graph`). Rigid clusters of bodies grow by polygons that close in
 //! closed form (`order`, `polygon`): dyads in the plane (`planar`), characteristic pairs in space (`spatial`). Couplings
-//! of coordinates lead from one loop to another (`laws`). What cannot be ordered is solved in the smallest implicit blocks there are (`blocks`, `btf`, `implicit`). The order
-//! depends on the inputs alone; it is found once (`plan`) and then followed without searching and without allocation
-//! (`close`).
+//! of coordinates lead from one loop to another (`laws`). What cannot be ordered is solved in the smallest possible
+//! implicit blocks (`blocks`, `btf`, `implicit`). The order depends on the inputs alone; it is found once (`plan`) and
+//! then followed without searching and without allocation (`close`).
 //!
 //! Prefer it where loops are recognised and the pivots of the blocks stay away from 0: the loops are closed to
 //! round-off by construction and the branch is always known. The sign ε belongs to the shape of a polygon: where a
@@ -49,7 +49,7 @@ use partita_system::SystemRef;
 use planar::PlanarJoint;
 use polygon::Polygon;
 
-/// How one step finds its coordinates.
+/// How one step determines its coordinates.
 #[derive(Clone, Debug)]
 enum Work {
     /// A driven coordinate: the number of the drive, its edge.
@@ -71,10 +71,10 @@ struct Step {
     words: String,
     /// Signs of its pivots, 0 where there is only one solution.
     signs: [i8; 2],
-    /// How many of them count.
+    /// Number of signs that matter.
     states: usize,
     pivots: [f64; 2],
-    /// Sides of a polygon in a plane that no coordinate moves, which ones do move, and those of turns alone.
+    /// Constant sides of a polygon in a plane, varying ones, and those of rotations alone.
     rigid: [PlanarArm<f64>; 3],
     moving: [bool; 3],
     chains: [Option<Chain>; 3],
@@ -92,9 +92,9 @@ pub struct LoopClosing<'m> {
     states: Vec<BlockState>,
     /// Step and number of the sign of each block.
     entries: Vec<(usize, usize)>,
-    /// Edges of the tree but for those that a polygon in a plane finds, whose old coordinates nothing reads.
+    /// Edges of the tree except those that a polygon in a plane determines, whose old coordinates are not read.
     given: Vec<usize>,
-    /// Velocities whose coordinates come with their whole turns: inputs, driven ones, those that a coupling gives.
+    /// Velocities whose coordinates include their whole turns: inputs, driven ones, those that a coupling determines.
     counted: Vec<bool>,
     /// Largest mismatch (m) a redundant loop may show.
     tolerance: f64,

@@ -35,7 +35,7 @@ pub(super) struct Order<'g> {
     at: Vec<Vec<usize>>,
     queue: VecDeque<usize>,
     deferred: VecDeque<usize>,
-    /// When each node was last met by a search, and the number of the search.
+    /// Number of the search that last met each node, and the number of the current search.
     pub(super) stamp: Vec<u32>,
     pub(super) now: u32,
 }
@@ -128,7 +128,7 @@ impl<'g> Order<'g> {
             }
         }
         if self.at[big].len() > 32 {
-            // joints inside count no longer
+            // joints inside a cluster are no longer counted
             let settled = &self.settled;
             self.at[big].retain(|&j| !settled[j]);
         }
@@ -150,7 +150,7 @@ impl<'g> Order<'g> {
             }
             let rest: Vec<usize> = self.joints[j].edges.iter().copied().filter(|e| !edges.contains(e)).collect();
             match rest[..] {
-                // of a joint taken as one the other motion is left by itself
+                // of a joint treated as one the other motion remains alone
                 [e] => self.joints[j] = single(self.graph, e, 0),
                 _ => self.settle(j),
             }
@@ -163,7 +163,7 @@ impl<'g> Order<'g> {
         self.known[e]
     }
 
-    /// What closes next in closed form.
+    /// The next closed form.
     pub fn next(&mut self) -> Option<Next> {
         if let Some(found) = self.next_polygon() {
             return Some(Next::Polygon(found));
@@ -273,7 +273,8 @@ impl<'g> Order<'g> {
             let mut found = self.polygon(&three);
             return (slides < 3 && self.fits_a_plane(&mut found)).then_some(found);
         }
-        // the characteristic pair: a link held in a centre and a centre or an axis, and one joint more
+        // the characteristic pair: a link with a centre at one end, a centre or an axis at the other, and one more
+        // joint
         let elementary = *three.iter().find(|&&j| self.is_elementary(j))?;
         let centres: Vec<usize> = three.iter().copied().filter(|&j| j != elementary).collect();
         let [a, b] = centres[..] else { return None };
@@ -307,7 +308,7 @@ fn single(g: &Graph, e: usize, inputs: u8) -> Unknown {
     Unknown { ends: (edge.from, edge.to), edges: vec![e], pair }
 }
 
-/// Are edge e and the next one a universal or a cylindrical joint, with nothing else on the part between them?
+/// Whether edge e and the next one are a universal or a cylindrical joint, with nothing else on the part between them.
 fn pair_of(g: &Graph, e: usize) -> Option<Pair> {
     let (a, b) = (&g.edges[e], g.edges.get(e + 1)?);
     let joined = a.joint.is_some() && a.joint == b.joint && b.from == a.to && a.in_tree() == b.in_tree();

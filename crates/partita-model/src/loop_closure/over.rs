@@ -1,4 +1,4 @@
-//! The plan followed over any scalar: straight through, nothing chosen, nothing looked at.                   (37)
+//! The plan executed over any scalar: without choices or comparisons.                                            (37)
 
 use super::arm::Pose;
 use super::close::planar_side;
@@ -38,12 +38,14 @@ impl LoopClosing<'_> {
         ClosingRoom { pose: Pose::new(&self.graph, &e.numbers), straight }
     }
 
-    /// Replaces the dependent coordinates in q by those that close the loops for its inputs, on the present branches, over
-    /// any scalar: derivatives of the closing by its inputs and by the parameters of `e`, eight closings at once, ...
+    /// Replaces the dependent coordinates in q by those that close the loops for its inputs, on the present branches,
+    /// over any scalar: derivatives of the closing by its inputs and by the parameters of `e`, eight closings at once,
+    /// ...
     ///
-    /// `e` must come from this closing's model. q holds a position within half a turn (for implicit blocks: a tenth of a
-    /// reach) on entry. Returns a number that is above 0 where the loops do not close there, which nothing here looks at.
-    /// The spin of a link between two balls counts as given where its own input does not say it.
+    /// `e` must come from this closing's model. q holds a position within half a turn (for implicit blocks: a tenth of
+    /// a characteristic displacement) on entry. Returns a number that is above 0 where the loops do not close there; it
+    /// is not evaluated here. The spin of a link between two balls is given by q where its own input does not determine
+    /// it.
     pub fn close_over<S: Scalar>(
         &self,
         e: &Evaluator<S>,
@@ -57,7 +59,7 @@ impl LoopClosing<'_> {
         }
         let ClosingRoom { pose, straight } = room;
         for (i, edge) in self.graph.edges.iter().enumerate() {
-            // what belongs to no coordinate of q stands where this closing left it
+            // quantities that are not coordinates of q keep their values in this closing
             (pose.x[i], pose.balls[i]) = (S::from_f64(self.pose.x[i]), Mat3::from_f64(self.pose.balls[i].0));
             if edge.in_tree() {
                 pose.read(&self.graph, i, q);

@@ -22,7 +22,7 @@ use std::f64::consts::TAU;
 /// position is closed to 1e-9 or better, of which a square root near a dead point leaves half the digits.
 const SAME_ASSEMBLY: f64 = 1e-3;
 
-/// What the inputs leave to be found.
+/// The unknowns for given inputs.
 pub(super) struct Task {
     /// Coordinates of edges that are given or driven.
     pub given: Vec<bool>,
@@ -90,7 +90,7 @@ impl<'m> LoopClosing<'m> {
         let task = Task::new(model, &closing.graph, inputs);
         let found = match closing.plan_steps(at, &task, true)? {
             true => true,
-            // a closed form that does not give back the position it is planned at is none for this mechanism
+            // a closed form that does not reproduce the position it is planned at does not apply to this mechanism
             false => closing.plan_steps(at, &task, false)?,
         };
         if !found {
@@ -98,7 +98,7 @@ impl<'m> LoopClosing<'m> {
             return Err(SystemError::argument("independent", message));
         }
         let mut found = vec![false; closing.graph.edges.len()];
-        // in space the spin of a link between two balls is taken as it stands
+        // in space the spin of a link between two balls keeps its present value
         let planar = closing.steps.iter().filter(|s| matches!(s.work, Work::Plane(..)));
         planar.flat_map(|s| &s.edges).for_each(|&e| found[e] = true);
         closing.given = (0..found.len()).filter(|&e| !found[e] && closing.graph.edges[e].in_tree()).collect();
@@ -157,7 +157,7 @@ impl<'m> LoopClosing<'m> {
             let first: usize = motions[..k.min(motions.len())].iter().map(joint::Motion::coordinates).sum();
             match (e.kind, motions.get(k)) {
                 (Kind::Ball, _) => {
-                    // seen in the axes of the drawing; the edge wants the axes of the parent's node
+                    // relative to the axes of the drawing; the edge needs the axes of the parent's node
                     let r = Quaternion([0, 1, 2, 3].map(|c| position[first + c])).matrix();
                     let on = &model.placed.joints[j].on_parent;
                     self.pose.balls[i] = on.mul(&r).mul(&on.transpose());
@@ -174,7 +174,7 @@ impl<'m> LoopClosing<'m> {
         }
     }
 
-    /// Fills the steps; `false` if a closed form fails to give q back, or no order is found.
+    /// Fills the steps; `false` if a closed form fails to reproduce q, or no order is found.
     fn plan_steps(&mut self, at: &Instant, task: &Task, closed_forms: bool) -> Result<bool, SystemError> {
         let model = self.model.clone();
         self.steps.clear();
@@ -243,7 +243,7 @@ impl<'m> LoopClosing<'m> {
         self.steps.push(Step { work, words, signs: signs_of, states, pivots: [1.0; 2], rigid, moving, chains, edges });
     }
 
-    /// Adds a polygon on the branch that gives the present coordinates back; `false` if none does.
+    /// Adds a polygon on the branch that reproduces the present coordinates; `false` if none does.
     fn push_polygon(&mut self, p: Polygon) -> bool {
         let edges: Vec<usize> = p.joints.iter().flat_map(|j| j.edges.iter().map(|e| e.0)).collect();
         let words = self.words(&p);

@@ -7,10 +7,11 @@
 //!           joint 1               F_{i+1} = F_i · turn(side i) · turn(joint i + 1)
 //! ```
 //!
-//! What is known as dyad RRR, RRP, RPR, ... depends only on which side is called the frame, and the closed forms do
-//! not: three turns are a triangle of given lengths, one slide a line met by a circle, two slides a line met by a line.
+//! Dyads RRR, RRP, RPR, ... differ only in which side is called the frame, and the closed forms do not depend on it:
+//! three rotations are a triangle of given lengths, one translation the intersection of a line and a circle, two
+//! translations that of two lines.
 //!
-//! Everything goes straight through, over any scalar; whether the polygon closes at all is reported beside its
+//! Everything is computed without branches, over any scalar; whether the polygon closes at all is reported beside its
 //! solution.
 
 use super::arm::{rotated, PlanarArm};
@@ -22,26 +23,26 @@ use partita_math::tolerance;
 pub(super) struct PlanarJoint {
     /// Edge of the graph.
     pub edge: usize,
-    /// A turn, or a slide.
+    /// A rotation, or a translation.
     pub turns: bool,
     /// Sense of the rotation along the path.
     pub sign: f64,
-    /// Constant turn of the crossing.
+    /// Constant rotation of the crossing.
     pub rest: f64,
-    /// Direction of a slide where the path enters.
+    /// Direction of a translation where the path enters.
     pub axis: [f64; 2],
 }
 
-/// By how much the sides miss each other (m).
+/// Gap between the sides (m).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Shortfall(pub f64);
 
-/// Whether a polygon closes. Where `excess` is above 0 it does not, and what was computed with it means nothing.
+/// Whether a polygon closes. Where `excess` is above 0 it does not, and its solution is meaningless.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Fit<S> {
-    /// By how much it misses what round-off may explain.
+    /// Gap beyond round-off.
     pub excess: S,
-    /// By how much the sides miss each other (m).
+    /// Gap between the sides (m).
     pub shortfall: S,
 }
 
@@ -51,7 +52,7 @@ impl<S: Scalar> Fit<S> {
         Self { excess: -S::one(), shortfall: S::zero() }
     }
 
-    /// This one, or the other where this one is good.
+    /// This one, or the other where this one is valid.
     pub fn or(self, other: Self) -> Self {
         let pick = |a: S, b: S| self.excess.where_positive(a, b);
         Self { excess: pick(self.excess, other.excess), shortfall: pick(self.shortfall, other.shortfall) }
@@ -64,7 +65,7 @@ impl<S: Scalar> Fit<S> {
 }
 
 impl Fit<f64> {
-    /// As a question with two answers.
+    /// As a result: closed, or not.
     pub fn check(self) -> Result<(), Shortfall> {
         if self.excess > 0.0 {
             Err(Shortfall(self.shortfall))
@@ -95,7 +96,7 @@ fn angle<S: Scalar>(a: [S; 2], b: [S; 2]) -> S {
 }
 
 impl PlanarJoint {
-    /// Coordinate of a turn from the turn of the crossing.
+    /// Coordinate of a rotation from the rotation of the crossing.
     fn coordinate<S: Scalar>(&self, turn: S) -> S {
         (turn - S::from_f64(self.rest)).scale(self.sign)
     }
@@ -107,7 +108,7 @@ impl PlanarJoint {
     }
 }
 
-/// How many solutions has a polygon of these joints: does it need a sign?
+/// Number of solutions of a polygon of these joints: whether it needs a sign.
 pub(super) fn has_branch(joints: &[PlanarJoint]) -> bool {
     joints.len() == 3 && joints.iter().filter(|j| !j.turns).count() < 2
 }
@@ -134,7 +135,7 @@ pub(super) fn solve<S: Scalar>(
     }
 }
 
-/// Three turns: the triangle of the sides R, l2, l3 with the orientation ε.
+/// Three rotations: the triangle of the sides R, l2, l3 with the orientation ε.
 fn triangle<S: Scalar>(joints: &[PlanarJoint], sides: &[PlanarArm<S>], frame: usize, sign: f64) -> Solved<S> {
     let at = |i: usize| (frame + i) % 3;
     let [d1, d2, d3] = [0, 1, 2].map(|i| sides[at(i)].vector);
@@ -152,7 +153,7 @@ fn triangle<S: Scalar>(joints: &[PlanarJoint], sides: &[PlanarArm<S>], frame: us
     let square = (a + (b + c)) * (c - (a - b)) * (c + (a - b)) * (a + (b - c));
     let twice_area = square.max(S::zero()).sqrt().scale(0.5);
     let over_r = S::one() / r;
-    // half of what the sides differ by along the frame
+    // half the difference of the sides along the frame
     let shift = (l3 - l2).scale(0.5) * ((l3 + l2) * over_r);
     let u = r.scale(0.5) + shift;
     let h = twice_area.scale(sign) * over_r;
@@ -170,7 +171,7 @@ fn triangle<S: Scalar>(joints: &[PlanarJoint], sides: &[PlanarArm<S>], frame: us
     (x, (twice_area / (l2 * l3)).min(S::one()), fit)
 }
 
-/// One slide, crossed just before joint `first`: s with |w0 + s û| = l, the distance of the two turns.
+/// One translation, crossed just before joint `first`: s with |w0 + s û| = l, the distance of the two rotations.
 fn one_slide<S: Scalar>(joints: &[PlanarJoint], sides: &[PlanarArm<S>], first: usize, sign: f64) -> Solved<S> {
     let at = |i: usize| (first + i) % 3;
     let slide = &joints[at(2)];
@@ -194,7 +195,8 @@ fn one_slide<S: Scalar>(joints: &[PlanarJoint], sides: &[PlanarArm<S>], first: u
     (x, root.abs() / l, fit)
 }
 
-/// Two slides and the turn `first`: the turn follows from the turns of the sides, the slides from two lines.
+/// Two translations and the rotation `first`: the rotation follows from those of the sides, the translations from two
+/// lines.
 fn two_slides<S: Scalar>(joints: &[PlanarJoint], sides: &[PlanarArm<S>], first: usize) -> Solved<S> {
     let at = |i: usize| (first + i) % 3;
     let [j1, j2, j3] = [0, 1, 2].map(|i| joints[at(i)]);
@@ -220,7 +222,7 @@ fn lines<S: Scalar>(u2: [S; 2], u3: [S; 2], gap: [S; 2]) -> ([S; 2], S, Fit<S>) 
     ([-cross(gap, u3) / sine, -cross(u2, gap) / sine], sine.abs().min(S::one()), fit)
 }
 
-/// Two turns: a bar between two points that keep its length by themselves (a redundant loop).
+/// Two rotations: a bar between two points whose distance is constant anyway (a redundant loop).
 fn bar<S: Scalar>(joints: &[PlanarJoint], sides: &[PlanarArm<S>], tolerance: f64) -> Solved<S> {
     let [d1, d2] = [sides[0].vector, sides[1].vector];
     let missing = (d1[0].hypot(d1[1]) - d2[0].hypot(d2[1])).abs();
@@ -230,7 +232,7 @@ fn bar<S: Scalar>(joints: &[PlanarJoint], sides: &[PlanarArm<S>], tolerance: f64
     (x, S::one(), fit)
 }
 
-/// A turn (`first`) and a slide between parts that stand right by themselves.
+/// A rotation (`first`) and a translation between parts that are aligned anyway.
 fn follower<S: Scalar>(joints: &[PlanarJoint], sides: &[PlanarArm<S>], first: usize, tolerance: f64) -> Solved<S> {
     let (i, j) = (first % 2, (first + 1) % 2);
     let slide = &joints[j];
@@ -245,7 +247,7 @@ fn follower<S: Scalar>(joints: &[PlanarJoint], sides: &[PlanarArm<S>], first: us
     (x, S::one(), fit)
 }
 
-/// Two slides: a wedge. The turns of the sides cancel by themselves.
+/// Two translations: a wedge. The rotations of the sides cancel.
 fn wedge<S: Scalar>(joints: &[PlanarJoint], sides: &[PlanarArm<S>]) -> Solved<S> {
     let [s1, s2] = [sides[0], sides[1]];
     let after = s1.turn + joints[1].rest();
@@ -255,7 +257,7 @@ fn wedge<S: Scalar>(joints: &[PlanarJoint], sides: &[PlanarArm<S>]) -> Solved<S>
     ([x1, x2, S::zero()], pivot, fit)
 }
 
-/// One joint between parts that stand right by themselves: its coordinate is read off.
+/// One joint between parts that are aligned anyway: its coordinate is measured.
 fn single<S: Scalar>(joints: &[PlanarJoint], sides: &[PlanarArm<S>]) -> Solved<S> {
     let (j, s) = (&joints[0], &sides[0]);
     let x = if j.turns { j.coordinate(-s.turn) } else { -dot(rotated(j.axis(), s.turn), s.vector) };

@@ -1,4 +1,4 @@
-//! Polygons: unknown joints and the rigid sides between them, out of clusters.
+//! Polygons: unknown joints and the rigid sides between them, from clusters.
 
 use super::arm::{lift, Arm, Side};
 use super::graph::{Edge, Graph, Kind};
@@ -16,13 +16,13 @@ pub(super) enum Pair {
     Ball {
         inputs: u8,
     },
-    /// Two turns about axes through one point.
+    /// Two rotations about axes through one point.
     Universal,
-    /// A turn about and a slide along one axis.
+    /// A rotation about and a translation along one axis.
     Cylindrical,
 }
 
-/// A joint with unknown coordinates: edges one behind the other, from the first node to the second.
+/// A joint with unknown coordinates: consecutive edges, from the first node to the second.
 #[derive(Clone, Debug)]
 pub(super) struct Unknown {
     pub ends: (usize, usize),
@@ -45,7 +45,7 @@ pub(super) struct Polygon {
     pub sides: Vec<Arm>,
     /// The side that is called the frame.
     pub frame: usize,
-    /// Normal and two axes of its plane, where a planar polygon stands in space.
+    /// Normal and two axes of its plane, for a planar polygon in space.
     pub plane: Option<[Vec3<f64>; 3]>,
 }
 
@@ -55,7 +55,7 @@ impl Order<'_> {
         let n = joints.len();
         let ends: Vec<(usize, usize)> = joints.iter().map(|&j| self.ends(j)).collect();
         let shared = |a: (usize, usize), b: (usize, usize)| if a.0 == b.0 || a.0 == b.1 { a.0 } else { a.1 };
-        // the cluster behind joint i
+        // the cluster after joint i
         let cluster: Vec<usize> = match n {
             3 => (0..3).map(|i| shared(ends[i], ends[(i + 1) % 3])).collect(),
             2 => vec![ends[0].1, ends[0].0],
@@ -128,7 +128,8 @@ impl Order<'_> {
         back
     }
 
-    /// Does the side behind the last joint keep the axes of the last and the first joint as parallel as they are drawn?
+    /// Whether the side after the last joint keeps the axes of the last and the first joint as parallel as they are
+    /// drawn.
     pub(super) fn keeps_parallel(&self, p: &Polygon) -> bool {
         let g = self.graph;
         let edges = |i: usize| p.joints[i].edges.iter().map(|e| &g.edges[e.0]);
@@ -180,7 +181,7 @@ fn side_of(g: &Graph, (e, forward): (usize, bool), far: bool) -> (usize, Side) {
     (node, Side { edge: e, behind })
 }
 
-/// Angle of a turn about the normal of a plane.
+/// Angle of a rotation about the normal of a plane.
 pub(super) fn turn_in<S: Scalar>(plane: &[Vec3<f64>; 3], r: &Mat3<S>) -> S {
     let x = r.apply(lift(plane[1]));
     x.dot(lift(plane[2])).atan2(x.dot(lift(plane[1])))

@@ -9,14 +9,14 @@
 //! ```
 //!
 //! The distance of the centres, fixed on Z, does not contain the coordinates of A and B: one equation for that of J.
-//! Then the direction of Z is known. A universal joint turns it there by its two angles; between two balls the link
-//! keeps its spin, as far as the shortest turn allows: the spin is an input, and the part of it that this velocity sees
-//! is a factor of the pivot.
+//! Then the direction of Z is known. A universal joint aligns it by its two angles; between two balls the link keeps
+//! its spin, as far as the shortest rotation allows: the spin is an input, and the part of it that this velocity
+//! measures is a factor of the pivot.
 //!
-//! B may be a cylindrical joint as well. Then it is the distance of the centre A from its axis that counts, for a turn
-//! J about a parallel axis or a slide J.
+//! B may be a cylindrical joint as well. Then the relevant distance is that of the centre A from its axis, for a
+//! rotation J about a parallel axis or a translation J.
 //!
-//! Straight through, over any scalar, as in the plane.
+//! Without branches, over any scalar, as in the plane.
 
 use super::arm::{crossing, lift, Pose};
 use super::graph::{Graph, Kind};
@@ -32,10 +32,10 @@ fn flat_within<S: Scalar>(terms: S) -> S {
     terms.scale(2.0 * tolerance::FEW_ROUNDINGS)
 }
 
-/// Coordinates found by a step, before they are used.
+/// Coordinates computed by a step, before they are used.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Found<S> {
-    /// Turns and slides by edge.
+    /// Rotations and translations by edge.
     turns: [(usize, S); 3],
     /// Balls by edge.
     balls: [(usize, Mat3<S>); 2],
@@ -62,7 +62,7 @@ impl<S: Scalar> Found<S> {
         self.counts[0] += 1;
     }
 
-    /// Orientation of a ball from the turn across it.
+    /// Orientation of a ball from the rotation across it.
     fn ball(&mut self, g: &Graph, (e, forward): (usize, bool), cross: &Mat3<S>) {
         let rest = Mat3::from_f64(g.edges[e].rest.transpose().0);
         self.balls[self.counts[1]] = (e, if forward { cross.mul(&rest) } else { cross.transpose().mul(&rest) });
@@ -102,13 +102,13 @@ pub(super) fn solve<S: Scalar>(g: &Graph, p: &Polygon, signs: [i8; 2], pose: &Po
     let edge = &g.edges[j];
     let rest = constant(&edge.rest);
     let length = d2.norm();
-    // axes E before J, F behind it; forward: A = R(a, ψ) K d1 in E, or backward, in K E: A = R(a, −ψ) d1
+    // axes E before J, F after it; forward: A = R(a, ψ) K d1 in E, or backward, in K E: A = R(a, −ψ) d1
     let b = -r3.apply_transposed(d3);
     let (c, b, sense) = if forward { (rest.apply(d1), b, 1.0) } else { (d1, rest.apply(b), -1.0) };
     let axis = lift::<S>(edge.axis);
     let first = f64::from(signs[0]);
     let (value, pivot, fit) = if p.joints[2].pair == Pair::Cylindrical {
-        // all seen along the axis of B
+        // all projected along the axis of B
         let (before, behind) = axes_of(g, p.joints[2].edges[0], p.joints[2].edges[1]);
         let u = r3.apply_transposed(lift(behind));
         let u = if forward { u } else { rest.apply(u) };
@@ -172,7 +172,7 @@ pub(super) fn solve<S: Scalar>(g: &Graph, p: &Polygon, signs: [i8; 2], pose: &Po
             let r_z = Mat3::between(from, to).mul(&old);
             found.ball(g, (a, a_forward), &r1.transpose().mul(&r_z));
             found.ball(g, (b, b_forward), &r_z.mul(&r2).transpose().mul(&r_b));
-            // the part of the spin that its input sees: the line of the centres in the axes behind the ball
+            // the part of the spin that its input measures: the line of the centres in the axes after the ball
             let seen = match (spin(1), a_forward, b_forward) {
                 (Some(i), true, _) => r_z.apply_transposed(to).0[i],
                 (Some(i), false, _) => r1.apply_transposed(to).0[i],
@@ -210,7 +210,7 @@ fn on_line<S: Scalar>(axis: Vec3<S>, c: Vec3<S>, b: Vec3<S>, length: S, sign: f6
     (root - along, root.abs() / length, fit.unless_above_0(length))
 }
 
-/// The two turns of the universal joint B that put the centre of A where it is; the turn across B.
+/// The two rotations of the universal joint B that bring the centre of A to its position; the rotation across B.
 fn universal<S: Scalar>(
     g: &Graph,
     p: &Polygon,
@@ -232,7 +232,7 @@ fn universal<S: Scalar>(
     };
     let ((l1, m1), (l2, m2)) = (split(&e1.rest, f1), split(&e2.rest, f2));
     let (axis1, axis2) = (lift::<S>(e1.axis), lift::<S>(e2.axis));
-    // from B to A, as the far side of B sees it and as Z sees it
+    // from B to A, in the axes of the far side of B and in those of Z
     let y: Vec3<S> = m2.apply(-r_b.apply_transposed(w));
     let z: Vec3<S> = l1.apply_transposed(-r2.apply_transposed(d2));
     let between: Mat3<S> = m1.mul(&l2);
@@ -253,7 +253,8 @@ fn universal<S: Scalar>(
     crossing(g, i1, f1, x1, &identity).mul(&crossing(g, i2, f2, x2, &identity))
 }
 
-/// Axis of a cylindrical joint as the node before its first crossed edge and the node behind its last one see it.
+/// Axis of a cylindrical joint in the axes of the node before its first crossed edge and of the node after its last
+/// one.
 fn axes_of(g: &Graph, first: (usize, bool), last: (usize, bool)) -> (Vec3<f64>, Vec3<f64>) {
     let seen = |(e, from): (usize, bool)| {
         let e = &g.edges[e];
@@ -266,7 +267,8 @@ fn axes_of(g: &Graph, first: (usize, bool), last: (usize, bool)) -> (Vec3<f64>, 
     (seen(first), seen((last.0, !last.1)))
 }
 
-/// Turn and slide of the cylindrical joint B that put the centre of A where it is; the turn across B.
+/// Rotation and translation of the cylindrical joint B that bring the centre of A to its position; the rotation across
+/// B.
 fn cylindrical<S: Scalar>(
     g: &Graph,
     p: &Polygon,
@@ -278,7 +280,7 @@ fn cylindrical<S: Scalar>(
     let y = -r_b.apply_transposed(w);
     let z = -r2.apply_transposed(d2);
     let edges = &p.joints[2].edges;
-    // turns before and behind the unknown one: across B = before · R(a, ψ) · behind
+    // rotations before and after the unknown one: across B = before · R(a, ψ) · after
     let (mut before, mut behind, mut unknown) = (identity, identity, None);
     for &(i, forward) in edges {
         let e = &g.edges[i];
@@ -307,7 +309,7 @@ fn cylindrical<S: Scalar>(
         let here = cross;
         cross = cross.mul(&crossing(g, i, forward, turn, &identity));
         if g.edges[i].kind == Kind::Slide {
-            // axes in which the slide is given: before the crossing, or behind it going backward
+            // axes in which the translation is given: before the crossing, or after it going backward
             slides = Some((i, if forward { (here, 1.0) } else { (cross, -1.0) }));
         }
     }

@@ -12,7 +12,7 @@ use crate::zero_position::{Placed, PlacedJoint};
 use partita_math::spatial::{Mat3, Space, Vec3};
 use std::collections::HashMap;
 
-/// What readings are made from.
+/// Data from which readings are made.
 pub struct Maker<'a, G: Space> {
     placed: &'a Placed,
     numbers: &'a Numbers<G::S>,
@@ -27,14 +27,14 @@ fn joint_number(placed: &Placed, joint: &str, element: &'static str, name: &str)
     number.ok_or_else(|| DescriptionError::new(element, name, format!("there is no joint \"{joint}\"")))
 }
 
-/// Refuse what cannot be read: names that nothing has, coordinates that a joint does not have.
+/// Refuse readings that do not exist: unknown names, coordinates that a joint does not have.
 pub fn known(m: &Measure, placed: &Placed, element: &'static str, name: &str) -> Result<(), DescriptionError> {
     let Measure::Joint { joint, coordinate } = m else { return Ok(()) };
     let j = joint_number(placed, joint, element, name)?;
     motion_of(&placed.joints[j], *coordinate, joint, element, name).map(|_| ())
 }
 
-/// Refuse drives of what cannot be driven as they say.
+/// Refuse drives of quantities that cannot be driven so.
 pub fn drivable(d: &Drive, placed: &Placed) -> Result<(), DescriptionError> {
     let in_space = |(j, i): (usize, usize)| placed.joints[j].shape.motions[i] == Motion::Ball;
     let of_joint = match &d.measure {
@@ -56,7 +56,8 @@ pub fn drivable(d: &Drive, placed: &Placed) -> Result<(), DescriptionError> {
     }
 }
 
-/// The motion whose coordinate is number `coordinate` of a joint: a slide or a turn, and its place among the motions.
+/// The motion whose coordinate is number `coordinate` of a joint: a translation or a rotation, and its index among the
+/// motions.
 fn motion_of(
     p: &PlacedJoint,
     coordinate: usize,
@@ -110,7 +111,7 @@ impl<'a, G: Space> Maker<'a, G> {
         Ok(Self { placed, numbers, origins, links: &tree.links, nodes })
     }
 
-    /// The reading of a measure; `element` and `name` are who asks.
+    /// The reading of a measure; `element` and `name` identify the caller.
     pub fn reading(&self, m: &Measure, element: &'static str, name: &str) -> Result<Measurement<G>, DescriptionError> {
         let node = |body: &str| match self.nodes.get(body) {
             Some(node) => Ok(*node),
@@ -136,7 +137,7 @@ impl<'a, G: Space> Maker<'a, G> {
         }
     }
 
-    /// A slide or an angle of a joint.
+    /// A translation or an angle of a joint.
     pub(crate) fn joint(
         &self,
         joint: &str,
@@ -149,7 +150,8 @@ impl<'a, G: Space> Maker<'a, G> {
         Ok(self.coordinate(j, motion))
     }
 
-    /// What an effort in a joint acts along: also the rate of turning in space about an axis of the child.
+    /// The measurement along which an effort in a joint acts: also a rate of spatial rotation about an axis of the
+    /// child.
     pub(crate) fn effort(
         &self,
         joint: &str,
@@ -173,13 +175,13 @@ impl<'a, G: Space> Maker<'a, G> {
         })
     }
 
-    /// What the tree does by itself.
+    /// The coordinates of the tree itself.
     fn in_tree(&self, link: usize, quantity: Quantity<G>) -> Measurement<G> {
         let movers = vec![Mover { link, on_b: true, column: 0 }];
         Measurement { quantity, links: [0, 0], nodes: [0, 0], movers, wraps: false, adds_up: Vec::new() }
     }
 
-    /// What a drive reads: also a rate of turning in space, which is the rate of no position.
+    /// The reading of a drive: also a rate of spatial rotation, which is not the derivative of a coordinate.
     pub fn driven(&self, d: &Drive) -> Result<Measurement<G>, DescriptionError> {
         let Measure::Joint { joint, coordinate } = &d.measure else {
             return self.reading(&d.measure, "drive", &d.name);
@@ -192,7 +194,7 @@ impl<'a, G: Space> Maker<'a, G> {
         Ok(self.spin(p, component))
     }
 
-    /// The rate of turning about an axis of the child, of a joint that turns in space.
+    /// The rate of rotation about an axis of the child, of a joint with spatial rotation.
     pub(crate) fn spin(&self, p: &PlacedJoint, component: usize) -> Measurement<G> {
         let mut reading = self.between([p.parent, p.child], Quantity::Spin(self.axes(&p.on_child)[component]));
         if p.links.is_some() {
@@ -206,7 +208,7 @@ impl<'a, G: Space> Maker<'a, G> {
         [0, 1, 2].map(|i| G::ang_from(r.column(i).0))
     }
 
-    /// The joint and the component, if a velocity is part of a turn in space.
+    /// The joint and the component, if a velocity is part of a spatial rotation.
     pub(crate) fn turn_in_space(
         &self,
         joint: &str,
@@ -324,7 +326,7 @@ impl<'a, G: Space> Maker<'a, G> {
     }
 }
 
-/// Turns of the tree between the two sides of a joint of a planar mechanism.
+/// Rotations of the tree between the two sides of a joint of a planar mechanism.
 fn in_plane(placed: &Placed, p: &PlacedJoint, axis: Vec3<f64>) -> Vec<(usize, f64)> {
     let sign = p.on_parent.apply(axis).0[2].signum();
     let mut all: Vec<(usize, f64)> = Vec::new();
@@ -335,7 +337,7 @@ fn in_plane(placed: &Placed, p: &PlacedJoint, axis: Vec3<f64>) -> Vec<(usize, f6
             if let Motion::Turn(a) = l.motion {
                 let x = sign * a.0[2].signum();
                 match all.iter().position(|(q, _)| *q == l.q) {
-                    // what both sides ride on
+                    // the links that carry both sides
                     Some(i) => drop(all.swap_remove(i)),
                     None => all.push((l.q, x)),
                 }
@@ -346,7 +348,7 @@ fn in_plane(placed: &Placed, p: &PlacedJoint, axis: Vec3<f64>) -> Vec<(usize, f6
     all
 }
 
-/// The turn about axis `a` of a joint that closes a loop.
+/// The rotation about axis `a` of a joint that closes a loop.
 fn turn<G: Space>(p: &PlacedJoint, a: Vec3<f64>) -> Turn<G> {
     let turns: Vec<Vec3<f64>> =
         p.shape.motions.iter().filter_map(|m| if let Motion::Turn(a) = m { Some(*a) } else { None }).collect();

@@ -1,4 +1,4 @@
-//! What can be read off a mechanism: coordinates of joints, distances, displacements along an axis, direction cosines.
+//! Measurements of a mechanism: coordinates of joints, distances, displacements along an axis, direction cosines.
 //!
 //! ```text
 //! Reading ──► value x                       at the last poses
@@ -6,9 +6,9 @@
 //!         ──► bias, x'' for v' = 0          at the last twists
 //! ```
 //!
-//! A reading is the same thing for a joint of the tree, whose coordinate it is, for a joint that closes a loop and for two
-//! bodies that no joint links. Couplings, drives and forces in joints are made of readings, so that none of them asks
-//! where a joint stands.
+//! A measurement is defined alike for a joint of the tree, whose coordinate it is, for a joint that closes a loop and
+//! for two bodies without a common joint. Couplings, drives and forces in joints are made of measurements, so that none
+//! of them depends on the position of a joint in the tree.
 
 mod build;
 
@@ -22,13 +22,13 @@ use partita_math::spatial::Space;
 pub struct Mover {
     /// The link.
     pub link: usize,
-    /// On the side of B (the child)?
+    /// Whether it is on the side of B (the child).
     pub on_b: bool,
-    /// Place of its first velocity in the row.
+    /// Index of its first velocity in the row.
     pub column: usize,
 }
 
-/// Two places and what lies between the origins of their branches.
+/// Two points and the vector between the origins of their branches.
 #[derive(Clone, Copy, Debug)]
 pub struct Ends<G: Space> {
     /// On A.
@@ -37,11 +37,11 @@ pub struct Ends<G: Space> {
     pub b: Anchor<G>,
     /// From the origin of A's branch to that of B's.
     pub offset: G::Vec,
-    /// Origin of B's branch, or the place itself where B is the ground.
+    /// Origin of B's branch, or the point itself where B is the ground.
     pub origin_b: G::Vec,
 }
 
-/// What is read.
+/// Kind of a measurement.
 #[derive(Clone, Copy, Debug)]
 pub enum Quantity<G: Space> {
     /// A coordinate of the tree.
@@ -51,13 +51,13 @@ pub enum Quantity<G: Space> {
         /// Velocity.
         v: usize,
     },
-    /// A velocity of the tree that is the rate of no coordinate: of no position, which is read as 0.
+    /// A velocity of the tree that is not the rate of a coordinate; its value is 0.
     Velocity(usize),
     /// Displacement of B from A along an axis fixed on A.
     Along(Ends<G>, G::Vec),
     /// Distance of two points; the constant part of it out of the plane, squared.
     Distance(Ends<G>, G::S),
-    /// A turn of B seen from A, about an axis fixed on one of them.
+    /// A rotation of B relative to A, about an axis fixed on one of them.
     Turn(Turn<G>),
     /// Half of `y_A · x_B − x_A · y_B`: the sine by which B is twisted about the axis of A.
     Twist {
@@ -68,11 +68,11 @@ pub enum Quantity<G: Space> {
     },
     /// `u · w`, u on A and w on B.
     Cosine(G::Ang, G::Ang),
-    /// The rate of turning about an axis of B: of no position, which is read as 0.
+    /// The rate of rotation about an axis of B; it has no position, and its value is 0.
     Spin(G::Ang),
 }
 
-/// A turn of B seen from A.
+/// A rotation of B relative to A.
 #[derive(Clone, Copy, Debug)]
 pub struct Turn<G: Space> {
     /// Its rate is `(on_a + on_b) · (w_B − w_A)`: parts fixed on A and on B.
@@ -81,24 +81,25 @@ pub struct Turn<G: Space> {
     pub axis: G::Ang,
     /// Whether the axis is fixed on B.
     pub about_b: bool,
-    /// The direction whose turn is looked at, as A and as B carry it.
+    /// The direction whose rotation is measured, as A and as B carry it.
     pub probe: [G::Ang; 2],
 }
 
-/// Something read off a mechanism.
+/// A measurement of a mechanism.
 #[derive(Clone, Debug)]
 pub struct Measurement<G: Space> {
     /// What.
     pub quantity: Quantity<G>,
     /// Links of A and B; 0 for a coordinate of the tree.
     pub links: [usize; 2],
-    /// Nodes of A and B; 0 for what the tree does by itself.
+    /// Nodes of A and B; 0 for coordinates of the tree.
     pub nodes: [usize; 2],
     /// Links between A and B.
     pub movers: Vec<Mover>,
     /// Whether it is known up to whole turns only.
     pub wraps: bool,
-    /// Turns of the tree with their signs, whose sum an angle in the plane is, whole turns included and in either space.
+    /// Rotations of the tree with their signs, whose sum is an angle in the plane, whole turns included and in either
+    /// space.
     pub adds_up: Vec<(usize, f64)>,
 }
 
@@ -196,7 +197,8 @@ impl<G: Space> Measurement<G> {
         }
     }
 
-    /// The wrench on B whose power, with its opposite on A, is the reading's rate; none for what the tree does by itself.
+    /// The wrench on B whose power, with its opposite on A, is the rate of the measurement; none for coordinates of the
+    /// tree.
     #[inline(always)]
     pub fn unit(&self, tree: &Tree<G>, s: &TreeScratch<G>) -> Option<Unit<G>> {
         let (a, b) = (&s.links[self.links[0]].rot, &s.links[self.links[1]].rot);
@@ -257,7 +259,7 @@ impl<G: Space> Measurement<G> {
         }
     }
 
-    /// Of what is between two bodies.
+    /// For a measurement between two bodies.
     #[inline(never)]
     fn read_between(&self, tree: &Tree<G>, s: &TreeScratch<G>, q: &[G::S]) -> Read<G> {
         let unit = self.unit(tree, s);

@@ -1,4 +1,4 @@
-//! What a large move is: of each velocity, and of what each row measures.
+//! Characteristic displacements of the velocities, and scales of the rows.
 
 use crate::coupling::{Condition, Says};
 use crate::joint::Motion;
@@ -15,7 +15,7 @@ use partita_math::spatial::Space;
 /// [`CLOSED`](partita_math::tolerance::CLOSED) of a loop whose joints lie next to each other.
 const LEAST_DISPLACEMENT: f64 = 1e-3;
 
-/// What the links say of coordinates and velocities.
+/// Scales of coordinates and velocities from the links.
 pub(super) struct Links {
     pub(super) velocity_of: Vec<Option<usize>>,
     pub(super) coordinates_of: Vec<std::ops::Range<usize>>,
@@ -53,14 +53,14 @@ impl Links {
     }
 }
 
-/// What rows measure, and how much of it a large move makes.
+/// Scales of rows, from large displacements.
 pub(super) struct RowMeasures<'a> {
     pub(super) spec: &'a Spec,
     pub(super) placed: &'a Placed,
 }
 
 impl RowMeasures<'_> {
-    /// What a large move of a reading is: a length, or 1 for angles and cosines.
+    /// Scale of a reading: a length, or 1 for angles and cosines.
     fn characteristic_displacement(&self, m: &Measure) -> f64 {
         match measurement::is_angle(self.placed, m) || matches!(m, Measure::Cosine { .. }) {
             true => 1.0,
@@ -68,7 +68,7 @@ impl RowMeasures<'_> {
         }
     }
 
-    /// What a large move can open each row by; not known of functions of the user's.
+    /// Largest closure error of each row under a large displacement; unknown for user functions.
     pub(super) fn displacements<G: Space>(&self, tree: &Mechanics<G>) -> Vec<Option<f64>> {
         let mut displacements: Vec<Option<f64>> =
             closing_displacements(tree, self.placed).into_iter().map(Some).collect();
@@ -97,7 +97,7 @@ impl RowMeasures<'_> {
         displacements
     }
 
-    /// Which rows close directions.
+    /// Flags of the rows that close directions.
     pub(super) fn angles<G: Space>(&self, tree: &Mechanics<G>) -> Vec<bool> {
         let mut angles = closing_angles(tree);
         let angle = |m: &Measure| measurement::is_angle(self.placed, m);
@@ -117,8 +117,8 @@ impl RowMeasures<'_> {
     }
 }
 
-/// What a large move can open each closing row by: 1 for turns; for displacements the longest lever arm between the
-/// closing point and the joints of its loop, or the characteristic length where something slides.
+/// Largest closure error of each closing row under a large displacement: 1 for rotations; for displacements the longest
+/// lever arm between the closing point and the joints of its loop, or the characteristic length where something slides.
 fn closing_displacements<G: Space>(tree: &Tree<G>, placed: &Placed) -> Vec<f64> {
     let mut displacements = Vec::with_capacity(tree.rows);
     for k in &tree.closings {
@@ -137,7 +137,7 @@ fn closing_displacements<G: Space>(tree: &Tree<G>, placed: &Placed) -> Vec<f64> 
     displacements
 }
 
-/// Which closing rows are turns.
+/// Flags of the closing rows of rotations.
 fn closing_angles<G: Space>(tree: &Tree<G>) -> Vec<bool> {
     tree.closings.iter().flat_map(|k| (0..k.rows()).map(|i| i >= k.slide_rows())).collect()
 }

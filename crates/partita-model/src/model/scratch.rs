@@ -1,4 +1,4 @@
-//! Memory of evaluations, given back to its model for the next ones.
+//! Memory of evaluations, returned to its model for reuse.
 
 use crate::clusters;
 use crate::evaluator::Scratch;
@@ -14,14 +14,14 @@ pub struct ModelScratch {
     pub(super) spare: Arc<Spare>,
 }
 
-/// Memory of evaluations that was used before. What stands in it is never an answer.
+/// Memory of evaluations that was used before. Its content is never an answer.
 #[derive(Default)]
 pub(super) struct Spare(Mutex<Vec<Memory>>);
 
 type Memory = (Box<Scratch<f64>>, Dense);
 
 impl Spare {
-    /// Kept at the most: as many as one run uses at a time.
+    /// Maximum number kept: as many as one run uses at a time.
     const MOST: usize = 4;
 
     pub(super) fn all(&self) -> MutexGuard<'_, Vec<Memory>> {
@@ -40,7 +40,7 @@ impl Drop for ModelScratch {
     }
 }
 
-/// Why the memory of a scratch is there.
+/// Why the memory of a scratch exists.
 const LENT: &str = "memory is given back when its scratch is dropped";
 
 impl Deref for ModelScratch {

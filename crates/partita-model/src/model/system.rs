@@ -1,4 +1,5 @@
-//! The compiled mechanism as a [`ConstrainedSystem`](partita_system::ConstrainedSystem): every level in the space of its engine.
+//! The compiled mechanism as a [`ConstrainedSystem`](partita_system::ConstrainedSystem): every level in the space of
+//! its evaluations.
 
 use super::scratch::{Dense, ModelScratch};
 use super::{Geometry, Model, Verdict};
@@ -21,7 +22,8 @@ use partita_system::system::{project_dense, BlockSink, ClusterTangent, Recursion
 use partita_system::system::{Clustered, Conditions, Guards, Levels, Manifold, Metric, Names, Scales};
 use partita_system::{Finite, Size, SystemError};
 
-/// Up to so many degrees of freedom one small M_d costs less than any recursion, and existing bases share its way.
+/// Up to this many degrees of freedom one small M_d costs less than any recursion, and existing bases use the same
+/// method.
 const FEW_DOF: usize = 6;
 
 fn by<'a>(t: &ClusterTangent<'a>) -> Tangents<'a, f64> {
@@ -29,7 +31,7 @@ fn by<'a>(t: &ClusterTangent<'a>) -> Tangents<'a, f64> {
 }
 
 impl Model {
-    /// Is what the recursion found a motion? Otherwise some velocity moves no inertia.
+    /// Whether the result of the recursion is a motion. Otherwise some velocity moves no inertia.
     fn felt(&self, t: f64, s: &ModelScratch, vdot: &[f64]) -> Result<(), SystemError> {
         if vdot.iter().all(|x| x.is_finite()) {
             return Ok(());
@@ -312,7 +314,7 @@ impl Scales for Model {
     fn travel(&self, v: &[f64]) -> f64 {
         let (mut fastest, mut slide, mut slides) = (0.0f64, 0.0, 0);
         for l in self.placed.links.iter().skip(1) {
-            // slides of one body or joint follow each other: together they are one displacement, whatever the axes
+            // consecutive slides of one body or joint form one displacement, whatever the axes
             match l.motion {
                 Motion::Slide(_) if slides % 3 != 0 => slide += (v[l.v] / self.displacement[l.v]).powi(2),
                 Motion::Slide(_) => slide = (v[l.v] / self.displacement[l.v]).powi(2),
@@ -433,7 +435,7 @@ impl Conditions for Model {
                 [] if p.shape.own == Some(Own::Twist) => {
                     r.apply(p.shape.frame.column(2)).dot(p.shape.frame.column(2)) < 0.0
                 }
-                // other roots of three perpendicular pairs are turned by 120 degrees and more
+                // other roots of three perpendicular pairs are rotated by 120 degrees and more
                 [] => r.0[0][0] + r.0[1][1] + r.0[2][2] < 1.0,
                 [Motion::Turn(a)] => a.dot(r.apply(*a)) < 0.0,
                 _ => false,

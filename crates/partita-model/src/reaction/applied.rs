@@ -1,4 +1,4 @@
-//! What acts on the bodies besides their joints.
+//! Loads on the bodies other than those of their joints.
 
 use super::Wrench;
 use crate::evaluator::{Evaluator, Scratch};
@@ -24,8 +24,8 @@ impl<S: Scalar> Evaluator<S> {
         }
     }
 
-    /// Everything but joints that acts on the bodies of `part`, after [`look_at`](Self::look_at). A user's function is called
-    /// once for each force.
+    /// All loads on the bodies of `part` except those of joints, after [`look_at`](Self::look_at). A user function is
+    /// called once for each force.
     pub(super) fn applied(
         &self,
         part: &Part,

@@ -1,4 +1,5 @@
-//! Reactions of tree joints by augmented joint coordinates (Blajer 2004): another way than the recursion, for checking it.
+//! Reactions of tree joints by augmented joint coordinates (Blajer 2004): an alternative to the recursion, for
+//! verification.
 //!
 //! Give each joint, besides its own coordinates, the displacements z that it prohibits. A small z_i moves everything
 //! outboard of the joint like one rigid body, E_i = ∂p/∂z_i; the reaction along z_i is the virtual power
@@ -11,7 +12,7 @@ use partita_math::spatial::Vec3;
 use partita_math::tolerance;
 use partita_system::SystemError;
 
-/// One prohibited displacement of a joint: a turn about, or a slide along, a unit axis.
+/// One prohibited displacement of a joint: a rotation about, or a translation along, a unit axis.
 #[derive(Clone, Copy, Debug)]
 struct Prohibited {
     turn: bool,
@@ -56,7 +57,7 @@ impl Model {
         Ok(joints)
     }
 
-    /// Nodes that a displacement in the joint of tree edge `place` carries along.
+    /// Nodes that move with a displacement in the joint of tree edge `place`.
     fn outboard(&self, place: usize) -> Vec<usize> {
         let tree = &self.placed.carrying;
         let mut carried = vec![tree[place].to];
@@ -68,7 +69,8 @@ impl Model {
         carried
     }
 
-    /// Power of what the bodies outboard need in the rigid displacement z about `point`: a column of E times the rest.
+    /// Power of the forces that the bodies outboard need in the rigid displacement z about `point`: a column of E times
+    /// the rest.
     fn virtual_power(
         &self,
         z: Prohibited,
@@ -87,7 +89,7 @@ impl Model {
     }
 }
 
-/// An orthonormal base of the displacements that a joint with these free axes prohibits.
+/// An orthonormal basis of the displacements that a joint with these free axes prohibits.
 fn prohibited(free: &[(bool, Vec3<f64>)]) -> Vec<Prohibited> {
     let mut found = Vec::with_capacity(6);
     for turn in [true, false] {
@@ -100,7 +102,7 @@ fn prohibited(free: &[(bool, Vec3<f64>)]) -> Vec<Prohibited> {
         });
         base.extend(&free_base);
         for axis in [Vec3([1.0, 0.0, 0.0]), Vec3([0.0, 1.0, 0.0]), Vec3([0.0, 0.0, 1.0])] {
-            // of three unit axes one stands out of any plane by more than half its length
+            // of three unit axes one leaves any plane by more than half its length
             if let Some(axis) = perpendicular(axis, &base, 0.5) {
                 base.push(axis);
                 found.push(Prohibited { turn, axis });

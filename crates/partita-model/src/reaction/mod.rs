@@ -1,7 +1,7 @@
 //! Reactions of all joints: at a cut joint from λ, at a tree joint by a Newton-Euler sweep with λ applied.   (R3)
 //!
-//! In absolute coordinates every joint is cut. The rows of a planar mechanism then say nothing of what acts across its
-//! plane; the same sweep along a tree of its joints does.
+//! In absolute coordinates every joint is cut. The rows of a planar mechanism then contain nothing about loads across
+//! its plane; the same sweep along a tree of its joints does.
 
 mod applied;
 mod augmented;
@@ -73,31 +73,31 @@ pub struct Reactions<S = f64> {
     /// Effort of drives along each joint's velocities.
     pub drives: Vec<Vec<S>>,
     /// Largest Newton-Euler residual over the bodies over the largest force (moments over the mechanism's size),
-    /// inertia's terms among them: a body that moves freely has no other.
+    /// inertia terms included: a freely moving body has no other.
     pub residual: S,
     /// The same of each body.
     pub residuals: Vec<S>,
-    /// What is left over on each body, about its centre of mass, mechanism axes.
+    /// Residual on each body, about its centre of mass, mechanism axes.
     left: Vec<Wrench<S>>,
     /// The largest force besides those of the joints.
     largest: S,
 }
 
-/// What is known before the sweep.
+/// Known before the sweep.
 struct Known<S> {
     /// Reactions of cut joints.
     joints: Vec<Wrench<S>>,
-    /// What each body still needs.
+    /// Load that each body still needs.
     needed: Vec<Wrench<S>>,
     /// Applied along each velocity of the tree.
     efforts: Vec<S>,
-    /// Along each velocity of the tree: what its joint's own conditions and drives do.
+    /// Along each velocity of the tree: efforts of the joint's own conditions and drives.
     own: Vec<S>,
     /// The largest force that enters a body's balance, moments over the mechanism's size.
     largest: S,
 }
 
-/// Along `axes` (three at the most): replace the components of x by `wanted`. Axes in line (gimbal lock) leave x alone:
+/// Along `axes` (at most three): replace the components of x by `wanted`. Axes in line (gimbal lock) leave x unchanged:
 /// nothing distinguishes them.
 fn replace<S: Scalar>(x: Vec3<S>, axes: &[Vec3<S>], wanted: &[S]) -> Vec3<S> {
     let n = axes.len();
@@ -145,7 +145,7 @@ pub fn wrench_of_efforts(axes: &[(bool, Vec3<f64>)], efforts: &[f64]) -> Wrench 
 }
 
 impl<S: Scalar> Evaluator<S> {
-    /// Free axes of a joint now (turns, slides), mechanism axes, in the order of its velocities.
+    /// Present free axes of a joint (rotations, translations), mechanism axes, in the order of its velocities.
     fn free_axes(&self, j: usize, s: &Scratch<S>) -> Vec<(bool, Vec3<S>)> {
         let p = &self.placed.joints[j];
         let mut axes = Vec::with_capacity(p.shape.dof());
@@ -170,7 +170,7 @@ impl<S: Scalar> Evaluator<S> {
                     match m {
                         Motion::Turn(a) => {
                             seen += 1;
-                            // the last of two turns is about an axis of the child
+                            // the last of two rotations is about an axis of the child
                             axes.push((
                                 true,
                                 if seen == turns { child.apply(lift(*a)) } else { parent.apply(lift(*a)) },
@@ -195,7 +195,7 @@ impl<S: Scalar> Evaluator<S> {
         p.links.iter().flatten().zip(&p.shape.motions).flat_map(of).collect()
     }
 
-    /// Wrench of closing `k` for the multipliers λ on its child about the joint's point there, and its joint.
+    /// Wrench of loop closure `k` for the multipliers λ on its child about the joint's point there, and its joint.
     fn closing_reaction(&self, k: usize, s: &Scratch<S>, lambda: &[S]) -> (usize, Wrench<S>) {
         match (&self.engine, &s.planar) {
             (Engine::Planar(tree), Some(x)) => {
@@ -233,7 +233,7 @@ impl<S: Scalar> Evaluator<S> {
         needed
     }
 
-    /// What joint `j` of the carrying edge `e` passes on to its child, about the joint's point there.
+    /// Load that joint `j` of the carrying edge `e` transmits to its child, about the joint's point there.
     fn passed_on(&self, e: &TreeEdge, j: usize, transmitted: &[Wrench<S>], s: &Scratch<S>) -> Wrench<S> {
         let outer = e.to - 1;
         let w = transmitted[outer].about(self.com_now(s, outer) - self.joint_point_now(s, j));
@@ -244,9 +244,9 @@ impl<S: Scalar> Evaluator<S> {
         }
     }
 
-    /// What each body of `part` needs besides what is applied: m a − F, J α + ω × J ω − T, about its centre of mass;
-    /// and the applied efforts along the tree's velocities; and the largest of these terms, before they cancel each
-    /// other. No reaction is known yet.
+    /// Load that each body of `part` needs besides the applied one: m a − F, J α + ω × J ω − T, about its centre of
+    /// mass; and the applied efforts along the tree's velocities; and the largest of these terms, before they cancel
+    /// each other. No reaction is known yet.
     fn needed(
         &self,
         part: &Part,
@@ -278,7 +278,7 @@ impl<S: Scalar> Evaluator<S> {
         Ok(Known { joints: Vec::new(), needed, efforts, own: Vec::new(), largest })
     }
 
-    /// First row of condition `k` in the space of the engine.
+    /// First row of condition `k` in the space of the evaluations.
     fn row_of_condition(&self, k: usize) -> usize {
         match &self.engine {
             Engine::Planar(tree) => tree.conditions[k].row,
@@ -286,9 +286,9 @@ impl<S: Scalar> Evaluator<S> {
         }
     }
 
-    /// What the conditions of `part` do for the multipliers λ at (t, q), taken off what each body needs; a joint's own
-    /// and its drives go to its wrench where it is cut, else to `own` along each velocity; others along velocities to
-    /// `efforts`.
+    /// Loads of the conditions of `part` for the multipliers λ at (t, q), subtracted from the load that each body
+    /// needs; those of a joint's own conditions and drives go to its wrench where it is cut, else to `own` along each
+    /// velocity; others along velocities to `efforts`.
     fn hold_with(
         &self,
         part: &Part,
@@ -323,9 +323,9 @@ impl<S: Scalar> Evaluator<S> {
         Ok(())
     }
 
-    /// What a multiplier `x` of row `row` does, if the row is a condition's of a mechanism computed in space, at poses
-    /// of its tree at (t, q): wrenches on the second of two nodes, their opposites on the first, about points of the
-    /// tree's world; and efforts along velocities of the tree.
+    /// Loads of a multiplier `x` of row `row`, if the row belongs to a condition of a mechanism computed in space, at
+    /// poses of its tree at (t, q): wrenches on the second of two nodes, their opposites on the first, about points of
+    /// the tree's world; and efforts along velocities of the tree.
     pub fn apply_condition(
         &self,
         tree: &TreeScratch<Spatial<S>>,
@@ -347,7 +347,7 @@ impl<S: Scalar> Evaluator<S> {
         c.apply(&self.full, tree, &at, &lambda, push, along)
     }
 
-    /// Wrenches of the cut joints of `part` for the multipliers λ, taken off what each body needs.
+    /// Wrenches of the cut joints of `part` for the multipliers λ, subtracted from the load that each body needs.
     fn close_with(&self, part: &Part, lambda: &[S], s: &Scratch<S>, needed: &mut [Wrench<S>]) -> Vec<Wrench<S>> {
         let mut joints = vec![Wrench::default(); self.placed.joints.len()];
         for &k in &part.closings {
@@ -396,7 +396,7 @@ impl<S: Scalar> Evaluator<S> {
     /// constraints on its child, reduced to the joint's point. `part` is its
     /// [`part_of_reaction`](Self::part_of_reaction).
     ///
-    /// What acts along the joint's own degrees of freedom is not asked for: it is no reaction.
+    /// Efforts along the joint's own degrees of freedom are not included: they are not reactions.
     pub fn reaction_of(
         &self,
         j: usize,
@@ -441,7 +441,7 @@ impl<S: Scalar> Evaluator<S> {
         self.reactions_of(&self.whole(), t, q, v, vdot, lambda, s)
     }
 
-    /// The same with the [`whole`](Self::whole) at hand.
+    /// The same with a given [`whole`](Self::whole).
     pub fn reactions_of(
         &self,
         whole: &Part,
@@ -479,8 +479,8 @@ impl<S: Scalar> Evaluator<S> {
             }
             let axes = self.free_axes(j, s);
             let velocities = self.velocities_of(j);
-            // along a free direction only a drive or a condition of the joint's own can be a reaction; what is applied
-            // there is not one
+            // along a free direction only a drive or a condition of the joint can be a reaction; an applied effort is
+            // not one
             let reaction = with_along(&axes, &w, |i| own[velocities[i]]);
             let acting = with_along(&axes, &w, |i| own[velocities[i]] + efforts[velocities[i]]);
             result.joints[j] = reaction;
@@ -495,7 +495,7 @@ impl<S: Scalar> Evaluator<S> {
         Ok(result)
     }
 
-    /// Hold what is left over against the largest force.
+    /// Compare the residual with the largest force.
     fn judge(&self, r: &mut Reactions<S>) {
         let size = |w: &Wrench<S>| w.force.norm().max(w.moment.norm().scale(1.0 / self.placed.size));
         let largest = r.joints.iter().fold(r.largest, |m, w| m.max(size(w)));
@@ -513,9 +513,9 @@ impl<S: Scalar> Evaluator<S> {
         }
     }
 
-    /// Put other wrenches (world axes) in the place of those found at the same state, and judge them likewise. What
-    /// differs is intended to be a self-stress: `change` is what the multipliers of couplings and of drives of
-    /// measures, which are in no joint's wrench, differ by.
+    /// Replace the wrenches (world axes) found at the same state by others, and judge them likewise. The difference
+    /// should be a self-stress: `change` is the difference of the multipliers of couplings and of drives of measures,
+    /// which are in no joint's wrench.
     pub fn replace_reactions(
         &self,
         r: &mut Reactions<S>,
@@ -548,8 +548,8 @@ impl<S: Scalar> Evaluator<S> {
             let more = Wrench { moment: basis.apply(more.moment), force: basis.apply(more.force) };
             let (p, point) = (&self.placed.joints[j], self.joint_point_now(s, j));
             let acting = match p.links {
-                // along its degrees of freedom also what couplings and drives of measures do there, which is no
-                // reaction
+                // along its degrees of freedom also the efforts of couplings and drives of measures, which are not
+                // reactions
                 Some(_) => {
                     let (axes, velocities) = (self.free_axes(j, s), self.velocities_of(j));
                     let own = |i: usize| axes[i].1.dot(if axes[i].0 { more.moment } else { more.force });
@@ -566,7 +566,8 @@ impl<S: Scalar> Evaluator<S> {
         Ok(())
     }
 
-    /// What v' adds to the angular acceleration and to the acceleration of the reference point of the links of `part`.
+    /// Contribution of v' to the angular acceleration and to the acceleration of the reference point of the links of
+    /// `part`.
     fn link_accelerations(&self, part: &Part, vdot: &[S], s: &Scratch<S>) -> Vec<(Vec3<S>, Vec3<S>)> {
         let mut moved = vec![(Vec3::zero(), Vec3::zero()); self.full.links.len()];
         for &i in &part.links {
@@ -581,7 +582,7 @@ impl<S: Scalar> Evaluator<S> {
         self.link_accelerations(part, vdot, s)[link]
     }
 
-    /// Joint wrenches (world axes) that the multipliers alone bring about: for self-stresses.
+    /// Joint wrenches (world axes) of the multipliers alone: for self-stresses.
     pub fn wrenches_of(&self, q: &[S], lambda: &[S], s: &mut Scratch<S>) -> Vec<Wrench<S>> {
         let still = vec![S::zero(); self.placed.nv];
         let whole = self.whole();

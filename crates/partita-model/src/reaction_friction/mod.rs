@@ -1,4 +1,4 @@
-//! Frictions whose level follows the reaction of their own joint, which in turn depends on the friction.
+//! Frictions whose magnitude follows the reaction of their own joint, which in turn depends on the friction.
 //!
 //! ```text
 //! M v' = h + Σ_j b_j f_j + Cᵀ λ,   C v' + b = 0,   f_i = −κ_i N_i(v', λ)                       (G2)
@@ -25,19 +25,19 @@ use partita_math::spatial::{Space, Vec3};
 use partita_math::tolerance;
 use partita_system::SystemError;
 
-/// Where the reaction of a joint is read.
+/// Where the reaction of a joint is evaluated.
 #[derive(Clone, Copy, Debug)]
 enum Read {
-    /// What the joint of the tree passes on to this link; the link whose own motion the coordinate is.
+    /// The load that the joint of the tree transmits to this link; the link whose own motion the coordinate is.
     Tree { outer: usize, moved: usize },
-    /// The multipliers of this closing; the link that carries the axis, and the axis in its axes.
+    /// The multipliers of this loop closure; the link that carries the axis, and the axis in its axes.
     Cut { closing: usize, link: usize, axis: Vec3<f64> },
 }
 
-/// One friction that follows a reaction.
+/// One reaction-dependent friction.
 #[derive(Clone, Debug)]
 struct ReactionFriction {
-    /// Among the elements.
+    /// Index among the elements.
     element: usize,
     /// Names of the friction and of its joint.
     name: String,
@@ -49,13 +49,13 @@ struct ReactionFriction {
     turn: bool,
 }
 
-/// All frictions of a mechanism that follow reactions.
+/// All reaction-dependent frictions of a mechanism.
 #[derive(Clone, Debug)]
 pub(crate) struct Following {
     frictions: Vec<ReactionFriction>,
     /// Of C.
     pattern: Pattern,
-    /// Squared sines below this are none: rows that depend on each other.
+    /// Squared sines below this are zero: rows that depend on each other.
     dependent: f64,
     /// Whether M itself is singular.
     short_of_mass: bool,
@@ -117,7 +117,7 @@ impl Following {
     }
 }
 
-/// A friction that follows a reaction, and what it slides in.
+/// A reaction-dependent friction, and its motion.
 struct Followed<'a, G: Space> {
     load: &'a Load<G>,
     law: &'a Friction<G::S>,
@@ -133,7 +133,7 @@ impl<'a, G: Space> Followed<'a, G> {
     }
 }
 
-/// Where the reaction of a joint and its axis are read.
+/// Where the reaction of a joint and its axis are evaluated.
 fn read(own: &Evaluator<f64>, placed: &Placed, p: &PlacedJoint, number: usize, coordinate: usize) -> Option<Read> {
     if let Some(links) = &p.links {
         let outer = placed.link_of(if p.reversed { p.parent } else { p.child });
@@ -146,7 +146,7 @@ fn read(own: &Evaluator<f64>, placed: &Placed, p: &PlacedJoint, number: usize, c
     let mut turns = p.shape.motions.iter().filter_map(|m| if let Motion::Turn(a) = m { Some(*a) } else { None });
     let first = turns.next();
     let (link, axis) = match p.shape.motion_of(coordinate)? {
-        // the second of two turns is about an axis of the child
+        // the second of two rotations is about an axis of the child
         Motion::Turn(a) if turns.next() == Some(a) && first != Some(a) => {
             (placed.link_of(p.child), p.on_child.apply(a))
         }

@@ -12,13 +12,13 @@ use partita_math::spatial::{Space, Vec3};
 use partita_math::tolerance;
 use partita_system::SystemError;
 
-/// A motion and multipliers, whose reactions are asked for.
+/// A motion and multipliers, whose reactions are requested.
 struct Cause<'a, G: Space> {
     vdot: &'a [f64],
     lambda: &'a [f64],
-    /// With gravity, the terms of velocity and what is applied?
+    /// Whether gravity, velocity terms and applied loads are included.
     whole: bool,
-    /// What acts besides.
+    /// Applied loads besides.
     application: Option<&'a ForceApplication<G>>,
 }
 
@@ -27,14 +27,15 @@ fn friction<'a, G: Space>(tree: &'a Mechanics<G>, entry: &ReactionFriction) -> O
     tree.elements.get(entry.element).and_then(Followed::of)
 }
 
-/// Forces across the axis that press it, and those along it and about it where it slides on them: their number.
+/// Number of its forces: those across the axis, and those along and about it where it slides on them.
 fn terms<S>(bearing: &Bearing<S>, turn: bool) -> usize {
     let across = if bearing.length.is_some() { 2 } else { 1 };
     across + usize::from(if turn { bearing.collar.is_some() } else { bearing.radius.is_some() })
 }
 
 impl Following {
-    /// Levels at the last twists, the forces without them gathered; leaves them in the room and adds what they do.
+    /// Magnitudes at the last twists, the forces without them gathered; stores them in the scratch memory and adds
+    /// their loads.
     pub(super) fn magnitudes<G: Space<S = f64>>(
         &self,
         model: &Evaluator<f64>,
@@ -129,7 +130,7 @@ impl Following {
         }
     }
 
-    /// Room for everything; nothing grows after the first time.
+    /// Memory for everything; nothing grows after the first time.
     fn fit<G: Space<S = f64>>(&self, tree: &Mechanics<G>, n: usize, m: usize, k: usize, x: &mut Hold) {
         for (x, size) in [
             (&mut x.phi, m),
@@ -152,7 +153,7 @@ impl Following {
         x.magnitudes.fit(k, self.frictions.iter().map(of).sum());
     }
 
-    /// `M + Cᵀ W C` and `h − Cᵀ W b` where M alone is singular: neither v' nor λ notices.
+    /// `M + Cᵀ W C` and `h − Cᵀ W b` where M alone is singular: neither v' nor λ changes.
     fn heavier(&self, model: &Evaluator<f64>, n: usize, m: usize, x: &mut Hold) {
         let displacement = &model.callers.v_sizes;
         let size = (0..n).fold(0.0f64, |s, i| s.max(x.mass[i * n + i] * displacement[i] * displacement[i]));
@@ -244,7 +245,7 @@ impl Following {
         x.lambda[row] = if x.scale[row] > 0.0 { x.scale[row] } else { 1.0 };
     }
 
-    /// The forces that press each friction at the reactions last found: `put(term, friction, arm, force)`.
+    /// The forces that determine each friction at the reactions last found: `put(term, friction, arm, force)`.
     fn press<G: Space<S = f64>>(
         &self,
         model: &Evaluator<f64>,
@@ -309,7 +310,7 @@ fn again<'a>(at: &Instant<'a, f64>) -> Instant<'a, f64> {
     Instant { t: at.t, q: at.q, v: at.v, callers: at.callers }
 }
 
-/// Component of what acts along all velocities.
+/// Component of the load along all velocities.
 fn pull<G: Space<S = f64>>(
     tree: &Mechanics<G>,
     s: &mut TreeScratch<G>,
@@ -361,8 +362,8 @@ fn room_of<G: Space<S = f64>>(tree: &Mechanics<G>, s: &mut TreeScratch<G>) -> Ve
     room
 }
 
-/// What the joint of each link passes on to it, left in the second half of `partial`; the largest push of a closing or
-/// a condition, moments over the size of bodies.
+/// Load that the joint of each link transmits to it, left in the second half of `partial`; the largest load of a loop
+/// closure or a condition, moments over the size of bodies.
 fn transmit<G: Space<S = f64>>(
     model: &Evaluator<f64>,
     tree: &Mechanics<G>,

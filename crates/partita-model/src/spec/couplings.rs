@@ -1,11 +1,11 @@
-//! Conditions between what is read off a mechanism.
+//! Conditions between measurements of a mechanism.
 
 use super::{Level, Measure, Table};
 use partita_math::scalar::Scalar;
 use serde::{Deserialize, Serialize};
 use std::slice::from_mut as one;
 
-/// A condition between what is read off a mechanism.
+/// A condition between measurements.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Coupling {
@@ -13,7 +13,7 @@ pub enum Coupling {
     Linear {
         /// Name.
         name: String,
-        /// What people call it: gear, rack, distance, ...
+        /// Common name: gear, rack, distance, ...
         word: String,
         /// Readings.
         terms: Vec<Measure>,
@@ -21,7 +21,7 @@ pub enum Coupling {
         factors: Vec<f64>,
         /// The sum.
         offset: f64,
-        /// The numbers that factors and sum were made of, if they were said by others.
+        /// The numbers from which factors and sum were computed, if others were given.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         said: Option<Said>,
     },
@@ -29,7 +29,7 @@ pub enum Coupling {
     Curve {
         /// Name.
         name: String,
-        /// What people call it: cam, coupler, ...
+        /// Common name: cam, coupler, ...
         word: String,
         /// The two readings.
         terms: Vec<Measure>,
@@ -43,7 +43,7 @@ pub enum Coupling {
     Function {
         /// Name.
         name: String,
-        /// What people call it.
+        /// Common name.
         word: String,
         /// Readings.
         terms: Vec<Measure>,
@@ -52,7 +52,7 @@ pub enum Coupling {
         /// Level.
         #[serde(default)]
         level: Level,
-        /// The reading that F measures like: r_0 of `r_0 - f(r_1)`.
+        /// The reading whose unit F has: r_0 of `r_0 - f(r_1)`.
         #[serde(default)]
         like: Option<usize>,
     },
@@ -75,7 +75,7 @@ pub enum Coupling {
         point: [f64; 3],
         /// Its normal, towards the centre, axes of that body.
         normal: [f64; 3],
-        /// Whether it may slip. Then it only touches.
+        /// Whether it may slip. Then only contact is imposed.
         #[serde(default)]
         slips: bool,
     },
@@ -91,14 +91,14 @@ impl Coupling {
             | Self::Roll { name, .. } => name,
         }
     }
-    /// What people call it.
+    /// Common name.
     pub fn word(&self) -> &str {
         match self {
             Self::Linear { word, .. } | Self::Curve { word, .. } | Self::Function { word, .. } => word,
             Self::Roll { .. } => "rolling contact",
         }
     }
-    /// What it reads.
+    /// Its readings.
     pub fn terms(&self) -> &[Measure] {
         match self {
             Self::Linear { terms, .. } | Self::Curve { terms, .. } | Self::Function { terms, .. } => terms,
@@ -106,7 +106,7 @@ impl Coupling {
         }
     }
 
-    /// Its parameters: field and numbers, by the names that they were said with.
+    /// Its parameters: field and numbers, by the names under which they were given.
     pub fn numbers(&mut self) -> Vec<(&'static str, &mut [f64])> {
         match self {
             Self::Linear { said: Some(Said::Ratio(x)), .. } => vec![("ratio", one(x))],
@@ -129,7 +129,7 @@ impl Coupling {
         }
     }
 
-    /// What is wrong with its numbers, all of them finite.
+    /// Error in its numbers, all of them finite.
     pub fn fault(&self) -> Option<String> {
         match self {
             Self::Linear { said: Some(said), terms, factors, offset, .. } => {
@@ -143,13 +143,13 @@ impl Coupling {
     }
 }
 
-/// By which numbers a sum was said, in place of its factors: `first reading + factor · second reading = offset`.
+/// The numbers that define a sum instead of its factors: `first reading + factor · second reading = offset`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Said {
-    /// A gear: the first turns so many times as fast as the second.
+    /// A gear: the ratio of the first rate to the second.
     Ratio(f64),
-    /// A rack: the first slides so far (m) for a radian of the second.
+    /// A rack: the displacement of the first (m) per radian of the second.
     Radius(f64),
     /// A belt from the second pulley to the first.
     Radii {
@@ -165,7 +165,7 @@ pub enum Said {
 }
 
 impl Said {
-    /// The second factor (the first is 1) of its numbers in order, over any scalar; none of a length.
+    /// The second factor (the first is 1) computed from its numbers in order, over any scalar; none for a length.
     pub fn factor<S: Scalar>(self, x: &[S]) -> Option<S> {
         match (self, x) {
             (Self::Ratio(_) | Self::Radius(_), [x]) => Some(-*x),
@@ -177,7 +177,7 @@ impl Said {
         }
     }
 
-    /// Numbers that cannot be.
+    /// Invalid numbers.
     fn fault(self, length: f64) -> Option<String> {
         let positive = |what: &str, x: f64| (x <= 0.0).then(|| format!("{what} = {x} m must be positive"));
         match self {
@@ -191,7 +191,7 @@ impl Said {
         }
     }
 
-    /// Factors and terms that these numbers do not make.
+    /// Factors and terms that these numbers do not produce.
     fn does_not_fit(self, terms: &[Measure], factors: &[f64]) -> Option<String> {
         let made = match self {
             Self::Ratio(x) | Self::Radius(x) => self.factor(&[x]),

@@ -55,7 +55,7 @@ pub enum Force {
         coordinate: usize,
         /// Effort.
         value: Value,
-        /// What a table is over, in place of time.
+        /// The abscissa of a table, if it is not time.
         #[serde(default)]
         over: Option<Measure>,
         /// Whether the table over it is periodic.
@@ -88,11 +88,11 @@ pub enum Force {
     Contact(Contact),
     /// A wheel on a road.
     Tyre(Tyre),
-    /// A function of whatever it asks to see.
+    /// A function of its readings.
     Law(Law),
     /// No gravity on a body.
     Weightless(Weightless),
-    /// Gravity that changes.
+    /// Time-dependent gravity.
     Gravity(Gravity),
 }
 
@@ -108,7 +108,7 @@ impl Force {
         }
     }
 
-    /// The record of its own.
+    /// Its own record.
     pub fn record(&self) -> Option<&dyn ForceRecord> {
         match self {
             Self::Spring { .. } | Self::TorsionSpring { .. } | Self::Torque { .. } | Self::Force { .. } => None,
@@ -124,7 +124,7 @@ impl Force {
         }
     }
 
-    /// The same, to change its numbers.
+    /// Its own record, mutable.
     pub fn record_mut(&mut self) -> Option<&mut dyn ForceRecord> {
         match self {
             Self::Spring { .. } | Self::TorsionSpring { .. } | Self::Torque { .. } | Self::Force { .. } => None,
@@ -150,7 +150,7 @@ impl Force {
         }
     }
 
-    /// The joint and its coordinate that an effort depends on: where nothing else is said, what it acts along.
+    /// The joint and its coordinate on which an effort depends; by default the one along which it acts.
     pub fn over(&self) -> Option<(&str, usize)> {
         match self {
             Self::Torque { over: Some(Measure::Joint { joint, coordinate }), .. } => Some((joint, *coordinate)),
@@ -159,14 +159,14 @@ impl Force {
         }
     }
 
-    /// Joints of which it acts along a coordinate, or sees one.
+    /// Joints along whose coordinate it acts, or which it reads.
     pub fn joints(&self) -> Vec<&str> {
         let own = self.record().map_or_else(Vec::new, ForceRecord::joints);
         self.along().into_iter().chain(self.over()).chain(own).map(|(joint, _)| joint).collect()
     }
 }
 
-/// What a force with a record of its own can say of itself: names, parameters, tables, checks.
+/// Properties of a force with its own record: names, parameters, tables, checks.
 pub trait ForceRecord {
     /// Its name.
     fn name(&self) -> &str;
@@ -190,7 +190,7 @@ pub trait ForceRecord {
     fn numbers(&mut self) -> Vec<(&'static str, &mut [f64])> {
         Vec::new()
     }
-    /// What is wrong with its numbers, all of them finite.
+    /// Error in its numbers, all of them finite.
     fn fault(&self) -> Option<String> {
         None
     }
@@ -233,15 +233,15 @@ pub struct Friction {
     /// Which of its coordinates.
     #[serde(default)]
     pub coordinate: usize,
-    /// Level while it slides (N) or (N m).
+    /// Magnitude while it slides (N) or (N m).
     #[serde(default = "no_level")]
     pub dynamic: Value,
-    /// Level that must be overcome; none: that of sliding.
+    /// Static magnitude; none: that of sliding.
     #[serde(default, rename = "static")]
     pub held: Option<Value>,
-    /// Speed at which it is reached [m/s] or [rad/s].
+    /// Stick velocity [m/s] or [rad/s].
     pub stick_velocity: f64,
-    /// The levels follow the reaction of the joint instead.
+    /// The magnitudes follow the reaction of the joint instead.
     #[serde(default)]
     pub follows: Option<Follows>,
 }
@@ -250,22 +250,22 @@ fn no_level() -> Value {
     Value::Constant(0.0)
 }
 
-/// How levels of friction follow the reaction of their joint.
+/// How friction magnitudes follow the reaction of their joint.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Follows {
-    /// Coefficient while it slides.
+    /// Kinetic coefficient.
     pub coefficient: f64,
-    /// Coefficient to be overcome; none: that of sliding.
+    /// Static coefficient; none: the kinetic one.
     #[serde(default, rename = "static_coefficient")]
     pub held: Option<f64>,
-    /// Where a turn slides, or what holds a slide from turning (m).
+    /// Radius of a sliding rotation, or the arm that keeps a translation from rotating (m).
     #[serde(default)]
     pub radius: Option<f64>,
     /// Length of the bearing (m).
     #[serde(default)]
     pub length: Option<f64>,
-    /// Where the force along the axis of a turn slides (m).
+    /// Radius at which the force along the axis of a rotation slides (m).
     #[serde(default)]
     pub collar: Option<f64>,
     /// Constant normal force (N).
@@ -336,10 +336,10 @@ pub struct Stop {
     /// Which of its coordinates.
     #[serde(default)]
     pub coordinate: usize,
-    /// Where it begins to push forward.
+    /// Lower end, where it begins to push forward.
     #[serde(default)]
     pub lower: Option<f64>,
-    /// Where it begins to push back.
+    /// Upper end, where it begins to push back.
     #[serde(default)]
     pub upper: Option<f64>,
     /// Effort at a unit of depth.

@@ -24,7 +24,7 @@ pub struct Bushing {
     pub point2: [f64; 3],
     /// Axes of its frame in body axes (columns).
     pub frame2: [[f64; 3]; 3],
-    /// Displacements before turns [N/m, N, N/rad, N m/rad].
+    /// Displacements before rotations [N/m, N, N/rad, N m/rad].
     pub stiffness: [[f64; 6]; 6],
     /// [N s/m, ...].
     pub damping: [[f64; 6]; 6],
@@ -93,13 +93,13 @@ pub struct Contact {
     /// Growth of the force with the speed inward [s/m].
     #[serde(default)]
     pub damping: f64,
-    /// Coefficient of friction while it slides.
+    /// Kinetic coefficient of friction.
     #[serde(default)]
     pub friction: f64,
-    /// Coefficient that must be overcome.
+    /// Static coefficient of friction.
     #[serde(default)]
     pub static_friction: f64,
-    /// Speed at which it is reached [m/s].
+    /// Stick velocity [m/s].
     pub stick_velocity: f64,
 }
 
@@ -178,7 +178,7 @@ pub struct Tyre {
     /// Force for a unit of slip across it (N).
     #[serde(default)]
     pub lateral: f64,
-    /// Speed below which slip is counted as if at it [m/s].
+    /// Speed below which slip is computed as at this speed [m/s].
     pub slow_speed: f64,
 }
 
@@ -218,7 +218,7 @@ impl ForceRecord for Tyre {
     }
 }
 
-/// What a law of force sees.
+/// A reading of a force law.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase", deny_unknown_fields)]
 pub enum Sight {
@@ -240,15 +240,15 @@ pub struct Spot {
     pub point: [f64; 3],
 }
 
-/// Forces and moments that a function makes from what it sees.
+/// Forces and moments computed by a function of its readings.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Law {
     /// Name.
     pub name: String,
-    /// A function of t and all that is seen, one after the other; three forces and three moments for each of `on`.
+    /// A function of t and of all readings, one after the other; three forces and three moments for each of `on`.
     pub value: Value,
-    /// What it sees.
+    /// Its readings.
     pub sees: Vec<Sight>,
     /// Where it acts.
     pub on: Vec<Spot>,
@@ -285,7 +285,7 @@ impl ForceRecord for Law {
     }
 }
 
-/// A body that gravity leaves alone.
+/// A body without gravity.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Weightless {
@@ -304,7 +304,7 @@ impl ForceRecord for Weightless {
     }
 }
 
-/// Gravity that changes, in addition to the mechanism's own.
+/// Time-dependent gravity, in addition to the constant one.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Gravity {

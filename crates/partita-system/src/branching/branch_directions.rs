@@ -1,4 +1,4 @@
-//! Velocities that a singular position allows to second order, and which of them given rates single out.
+//! Velocities that a singular position allows to second order, and which of them given rates select.
 //!
 //! Where C loses one rank, drives included, one combination n of its rows says nothing of velocities, and to second
 //! order

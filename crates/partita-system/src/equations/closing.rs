@@ -129,6 +129,6 @@ impl<E: Equations> Closing for UserClosing<'_, E> {
     fn state(&self) -> &[BlockState] {
         &self.state
     }
-    /// The user's function decides the branch: nothing to choose here.
+    /// The user's function decides the branch.
     fn set_branches(&mut self, _branches: &[i8]) {}
 }

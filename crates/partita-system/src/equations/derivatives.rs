@@ -1,11 +1,11 @@
-//! Are the derivatives of a hand-written system those of its constraints? Asked by differences at one state.
+//! Checks the derivatives of a user-defined system against its constraints, by differences at one state.
 //!
 //! ```text
 //! C_ij = dPhi_i/dq_j,   a_i = dPhi_i/dt (holonomic rows),   b = d/dt (C v + a) along q' = v
 //! ```
 //!
-//! b is tried with velocities that satisfy S4, and C off the constraints nowhere further than a difference goes: who has
-//! simplified them by what the constraints say is right as well.
+//! b is tested with velocities that satisfy S4, and C off the constraints no further than a difference goes:
+//! expressions simplified by means of the constraints are accepted.
 
 use super::Equations;
 use crate::system::SystemError;
@@ -21,16 +21,16 @@ const CENTRAL_SIX: [f64; 3] = [3.0 / 4.0, -3.0 / 20.0, 1.0 / 60.0];
 /// Central differences at offsets 1 and 2. Unit: factors of the differences. Reason: exact to order four, to estimate
 /// the error.
 const CENTRAL_FOUR: [f64; 3] = [2.0 / 3.0, -1.0 / 12.0, 0.0];
-/// A derivative off by more belongs to another function. Scale: fraction of the derivative. Reason: one made of
-/// differences is nearer.
+/// Derivatives with a larger error belong to another function. Scale: fraction of the derivative. Reason: finite
+/// differences are nearer.
 const OTHER_DERIVATIVE: f64 = 1e-4;
-/// Velocities tried beside the one given: irregular, so that nothing cancels.
+/// Velocities tested beside the given ones: irregular, so that nothing cancels.
 const TRIED: usize = 2;
 
 /// The best difference so far, from fine steps to coarse ones.
 ///
-/// A coarser one is taken for its smaller error, but only if it lies within the error of the finer one: a fast oscillation
-/// seen through a coarse step looks like a slow one, perfectly smooth.
+/// A coarser one is taken for its smaller error, but only if it lies within the error of the finer one: a fast
+/// oscillation sampled coarsely looks like a slow one, perfectly smooth.
 #[derive(Clone, Copy)]
 struct Best {
     value: f64,
@@ -50,8 +50,8 @@ impl Best {
     }
 }
 
-/// Slopes of `f(x, out)` at x = 0 for steps in units of `unit`, where f can be evaluated; `size` is that of the numbers
-/// which are added up in f.
+/// Slopes of `f(x, out)` at x = 0 for steps in units of `unit`, where f can be evaluated; `size` is that of the terms
+/// of f.
 fn slopes(
     count: usize,
     unit: f64,
@@ -87,7 +87,7 @@ fn slopes(
     best
 }
 
-/// What the equations give at one (t, q).
+/// The equations at one (t, q).
 struct Given {
     phi: Vec<f64>,
     c: Vec<f64>,
@@ -120,8 +120,8 @@ impl Given {
 
 /// Compare jacobian, constraint rate and bias with differences of the constraints at (t, q, v).
 ///
-/// `lengths` (n): by how much a coordinate moves in a large motion. Costs 36 n evaluations of the constraints, and as many of
-/// the others together.
+/// `lengths` (n): displacement of each coordinate in a large motion. Costs 36 n evaluations of the constraints, and as
+/// many of the others together.
 ///
 /// # Errors
 /// `Derivative` with the entry of the largest error relative to the allowed one; or an error of the functions
@@ -144,13 +144,13 @@ pub fn check<E: Equations>(e: &E, t: f64, q: &[f64], v: &[f64], lengths: &[f64])
     Ok(())
 }
 
-/// What a move of all coordinates by their lengths opens each row by, at most.
+/// Upper bound of the closure error of each row when all coordinates move by their lengths.
 fn row_sizes<E: Equations>(e: &E, given: &Given, lengths: &[f64]) -> Vec<f64> {
     let row = |i: usize| &given.c[i * e.n()..(i + 1) * e.n()];
     (0..e.rows()).map(|i| row(i).iter().zip(lengths).fold(0.0, |m: f64, (c, l)| m.max(c.abs() * l))).collect()
 }
 
-/// The time in which the velocities move the coordinates by their lengths; at rest a second.
+/// The time in which the velocities move the coordinates by their lengths; one second at rest.
 fn time_scale(v: &[f64], lengths: &[f64]) -> f64 {
     let fastest = v.iter().zip(lengths).fold(0.0, |m: f64, (v, l)| m.max(v.abs() / l));
     if fastest > 0.0 {
@@ -160,7 +160,7 @@ fn time_scale(v: &[f64], lengths: &[f64]) -> f64 {
     }
 }
 
-/// Is what was given another number than what was found, by how much of what is allowed?
+/// The difference of given and computed values, relative to the allowed one, if it is larger.
 fn off(given: f64, found: Best, nothing: f64) -> Option<f64> {
     if found.error.is_infinite() {
         return None;
@@ -170,7 +170,7 @@ fn off(given: f64, found: Best, nothing: f64) -> Option<f64> {
     (miss > allowed).then(|| miss / allowed.max(f64::MIN_POSITIVE))
 }
 
-/// The worst of what was found wrong.
+/// The worst error found.
 #[derive(Default)]
 struct Worst {
     by: f64,
@@ -253,7 +253,7 @@ fn check_rate<E: Equations>(
     worst.result()
 }
 
-/// b for the velocities w, against the change of C w + a along them.
+/// b for the velocities w, compared with the change of C w + a along them.
 fn check_bias<E: Equations>(
     e: &E,
     t: f64,
@@ -266,7 +266,7 @@ fn check_bias<E: Equations>(
 ) -> Result<(), SystemError> {
     let mut b = vec![0.0; e.rows()];
     if e.bias(t, q, w, &mut b).is_err() {
-        // velocities that a function does not know are not its fault; the run's own must be known
+        // a function may be undefined for these velocities; the run's own must be accepted
         return if v == w { e.bias(t, q, w, &mut b) } else { Ok(()) };
     }
     let fastest = w.iter().zip(lengths).fold(0.0, |m: f64, (w, l)| m.max(w.abs() / l));
@@ -326,8 +326,8 @@ fn admissible(given: &Given, lengths: &[f64], time: f64, tried: usize) -> Vec<f6
     w
 }
 
-/// By how much each coordinate moves in a large motion, as the equations show it at (t, q): over such a distance the
-/// directions of the rows that look at it turn by about a radian. A power of ten; 1 where nothing turns.
+/// Displacement of each coordinate in a large motion, according to the equations at (t, q): over such a distance the
+/// directions of the rows that depend on it rotate by about a radian. A power of ten; 1 where nothing rotates.
 pub fn lengths<E: Equations>(e: &E, t: f64, q: &[f64]) -> Result<Vec<f64>, SystemError> {
     let (n, m) = (e.n(), e.rows());
     if m == 0 {
@@ -338,7 +338,7 @@ pub fn lengths<E: Equations>(e: &E, t: f64, q: &[f64]) -> Result<Vec<f64>, Syste
     let s: Vec<f64> = (0..n).map(|j| mass[j * n + j]).map(|x| if x > 0.0 { 1.0 / x.sqrt() } else { 1.0 }).collect();
     let mut c = vec![0.0; m * n];
     e.jacobian(t, q, &mut c)?;
-    // where q is far from nothing, steps in parts of it; the mass metric makes turns and slides comparable
+    // where q is large, steps in fractions of it; the mass metric makes rotations and translations comparable
     let farthest = q.iter().zip(&s).fold(0.0, |f: f64, (q, s)| f.max(q.abs() / s));
     let size = |x: &[f64]| x.iter().zip(&s).map(|(x, s)| (x * s).powi(2)).sum::<f64>();
     let mut found = Vec::with_capacity(n);

@@ -4,21 +4,21 @@ use super::Program;
 use crate::tolerance;
 use std::collections::BinaryHeap;
 
-/// Memory of [`Plan::solve_transposed_sparse`](crate::elimination::Plan::solve_transposed_sparse), used again and again.
+/// Memory of [`Plan::solve_transposed_sparse`](crate::elimination::Plan::solve_transposed_sparse), reused.
 #[derive(Clone, Debug, Default)]
 pub struct SparseRoom {
     /// Value of each unknown, and the sum of the magnitudes it is made of; zero between two solutions.
     value: Vec<f64>,
     magnitude: Vec<f64>,
     waits: Vec<bool>,
-    /// Steps that wait for their turn, the next one on top.
+    /// Pending steps, the next one on top.
     open: BinaryHeap<i64>,
     /// Steps met so far.
     met: Vec<usize>,
 }
 
 impl SparseRoom {
-    /// Room for a plan of this rank.
+    /// Memory for a plan of this rank.
     pub fn new(rank: usize) -> Self {
         Self {
             value: vec![0.0; rank],
@@ -29,7 +29,7 @@ impl SparseRoom {
         }
     }
 
-    /// Add to unknown `k`, which is settled when `turn` is the largest that waits.
+    /// Add to unknown `k`, which is final when `turn` is the largest pending step.
     fn add(&mut self, k: usize, x: f64, turn: i64) {
         if x == 0.0 {
             return;

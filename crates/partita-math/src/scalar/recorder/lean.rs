@@ -1,4 +1,4 @@
-//! A recording without what it need not do: equal operations once, constants folded, what no output asks for left out.
+//! A reduced recording: equal operations once, constants folded, operations without influence on outputs removed.
 
 use super::{Operation, Recording};
 use crate::scalar::Cases;
@@ -93,7 +93,7 @@ impl Numbered {
         }
     }
 
-    /// Place of an operation, known or new; simpler where its operands are constants.
+    /// Index of an operation, known or new; simplified where its operands are constants.
     fn place(&mut self, operation: Operation) -> u32 {
         use Operation as O;
         let folded = match operation {
@@ -171,8 +171,8 @@ impl Numbered {
 }
 
 impl Recording {
-    /// The same function in fewer operations: equal ones once, sums with 0 and products with 0 and 1 left out, and what
-    /// no output asks for.
+    /// The same function in fewer operations: equal ones once, sums with 0 and products with 0 and 1 omitted, and
+    /// operations that no output needs removed.
     ///
     /// If all intermediate numbers are finite, the outputs are those of the recording bit by bit, except for the sign
     /// of a zero.

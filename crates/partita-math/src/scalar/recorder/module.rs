@@ -5,8 +5,8 @@
 //! prepare   what depends on constants and settled inputs alone
 //! stage k   what the outputs of stage k need and no stage before has computed
 //! ```
-//! Long functions are cut into pieces: engines optimise what they compile in one go only up to a size. What is read
-//! once stays on the stack, what is read again lies in a local, which is free again after its last reader.
+//! Long functions are cut into pieces: engines optimise a function only up to a size. A value read once stays on the
+//! stack; a value read again lies in a local, which is free after its last reader.
 
 use super::{Operation, Recording};
 use std::collections::HashMap;
@@ -16,7 +16,7 @@ use wasm_encoder::{
     InstructionSink, MemArg, MemorySection, MemoryType, Module as Binary, TypeSection, ValType,
 };
 
-/// Operations of one function at the most.
+/// Maximum number of operations of one function.
 const PIECE: usize = 1000;
 const PAGE: usize = 65536;
 
@@ -39,7 +39,7 @@ pub struct Module {
     pub bytes: Vec<u8>,
     /// Numbers in the memory that it uses.
     pub work: usize,
-    /// Place of the first output; the others follow in order.
+    /// Offset of the first output; the others follow in order.
     pub outputs: usize,
     /// Operations by function: `prepare`, then the stages.
     pub operations: Vec<usize>,
@@ -47,8 +47,8 @@ pub struct Module {
 
 impl Recording {
     /// As a WebAssembly module. `settled` inputs change seldom: what depends on them alone is computed by `prepare`.
-    /// The outputs are distinguished by `stages`, each with the name of its function; a function may be called when
-    /// those before it were. An output may be written as soon as it is known, by an earlier function.
+    /// The outputs are distinguished by `stages`, each with the name of its function; a function may be called after
+    /// those before it. An output may be written as soon as it is known, by an earlier function.
     pub fn module(&self, settled: Range<usize>, stages: &[(&str, Range<usize>)]) -> Module {
         let mut names = vec![("prepare", 0..0)];
         names.extend(stages.iter().cloned());
@@ -87,13 +87,13 @@ impl Recording {
     }
 }
 
-/// Which function and piece computes what, and where it is left for others.
+/// Which function and piece computes each value, and where it is stored for others.
 struct Plan<'a> {
     recording: &'a Recording,
     of: Vec<Option<usize>>,
-    /// Piece of each operation that is one; inputs and constants have none.
+    /// Piece of each operation that is computed in one; inputs and constants have none.
     piece: Vec<Option<usize>>,
-    /// Place in memory of what another piece reads or an output asks for.
+    /// Offset in memory of each value that another piece reads or an output needs.
     slot: Vec<Option<usize>>,
     work: usize,
 }
@@ -181,7 +181,7 @@ impl<'a> Plan<'a> {
         (0..outputs.len()).filter(constant).collect()
     }
 
-    /// Outputs that are computed elsewhere: inputs, and what another output is as well.
+    /// Outputs that are computed elsewhere: inputs, and duplicates of other outputs.
     fn copies(&self, outputs: Range<usize>) -> Vec<usize> {
         let elsewhere = |o: &usize| {
             let x = self.recording.outputs[*o] as usize;
@@ -215,12 +215,12 @@ impl<'a> Plan<'a> {
     }
 }
 
-/// One function on its way.
+/// One function under construction.
 struct Body<'a> {
     plan: &'a Plan<'a>,
     piece: Option<usize>,
     bytes: Vec<u8>,
-    /// How often each value is still read here, and the local in which it lies.
+    /// How often each value will still be read here, and the local in which it lies.
     readers: HashMap<u32, usize>,
     local: HashMap<u32, u32>,
     free: Vec<u32>,
@@ -251,19 +251,19 @@ impl<'a> Body<'a> {
     fn count(&mut self, i: usize) {
         let operation = self.plan.recording.operations[i];
         operation.operands(|x| *self.readers.entry(x).or_default() += 1);
-        // a divisor is looked at as well
+        // a divisor is also tested
         if let Operation::OverOrZero(_, y) = operation {
             *self.readers.entry(y).or_default() += 1;
         }
     }
 
-    /// Whether a value is computed where its only use is.
+    /// Whether a value is computed at its only use.
     fn inlined(&self, x: u32) -> bool {
         let i = x as usize;
         self.plan.piece[i] == self.piece && self.plan.slot[i].is_none() && self.readers.get(&x) == Some(&1)
     }
 
-    /// Computes a value that several read, or that memory keeps.
+    /// Computes a value that is read more than once, or stored in memory.
     fn root(&mut self, i: usize) {
         let x = i as u32;
         if self.inlined(x) {
@@ -335,7 +335,7 @@ impl<'a> Body<'a> {
         use Operation as O;
         let operation = self.plan.recording.operations[i];
         match operation {
-            // the order of the stack: what is chosen between comes first
+            // the order of the stack: the two alternatives come first
             O::WherePositive(x, yes, no) => {
                 self.read(yes);
                 self.read(no);

@@ -1,4 +1,4 @@
-//! Effort by a curve over what is measured: gas force over crank angle.
+//! Effort by a curve over a measurement: gas force over crank angle.
 
 use super::{Asked, Response, ScalarLaw};
 use crate::spec::Table;

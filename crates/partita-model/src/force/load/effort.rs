@@ -10,7 +10,7 @@ use partita_system::SystemError;
 pub struct Effort<S> {
     /// Effort.
     pub value: Source<S>,
-    /// Whether it is along a coordinate of the state. Then a constant effort has a potential.
+    /// Whether it acts along a coordinate of the state. Then a constant effort has a potential.
     pub in_state: bool,
 }
 

@@ -11,16 +11,16 @@ use partita_system::SystemError;
 /// Resists the rate: see `Slide` in `resistance.rs`.
 #[derive(Clone, Debug)]
 pub struct Friction<S> {
-    /// Level while it slides, and that which must be overcome, if there is another.
+    /// Magnitude while it slides, and the static one, if it differs.
     pub levels: Vec<Source<S>>,
-    /// What presses instead of given levels.
+    /// The normal force, if it replaces given magnitudes.
     pub follows: Option<Bearing<S>>,
-    /// Speed at which that is reached.
+    /// Stick velocity.
     pub stick: S,
 }
 
-/// What slides where the level follows the reaction of the joint. With the axis a of the coordinate, F and M the force
-/// and the moment of the joint about its point,
+/// The sliding surfaces of a friction whose magnitude follows the reaction of the joint. With the axis a of the
+/// coordinate, F and M the force and the moment of the joint about its point,
 ///
 /// - across: `|F_a|` of the part of F across a; with a length L it is that of two short bearings at the ends, which
 ///   take the moment across a too, `|F_a/2 + M_a × a/L| + |F_a/2 − M_a × a/L|`;
@@ -32,15 +32,15 @@ pub struct Bearing<S> {
     pub coefficient: S,
     /// Static coefficient.
     pub held: S,
-    /// Where a turn slides; on a slide, the arm that holds it from turning.
+    /// Radius of a sliding rotation; for a translation, the arm that keeps it from rotating.
     pub radius: Option<S>,
-    /// Of the bearing along the axis.
+    /// Length of the bearing along the axis.
     pub length: Option<S>,
-    /// Where the force along the axis of a turn slides.
+    /// Radius at which the force along the axis of a rotation slides.
     pub collar: Option<S>,
     /// Constant normal force.
     pub preload: S,
-    /// Its place among those that follow reactions.
+    /// Its index among the reaction-dependent frictions.
     pub index: usize,
 }
 
@@ -64,7 +64,7 @@ impl<S: Scalar> Friction<S> {
         Self { levels, follows, stick: n.number("stick_velocity") }
     }
 
-    /// The law of the speed between these levels.
+    /// The law of the speed between these magnitudes.
     #[inline(always)]
     pub(crate) fn law(&self, dynamic: S, held: S) -> Slide<S> {
         Slide { dynamic, held, stick: self.stick }
@@ -75,7 +75,7 @@ impl<S: Scalar> ScalarLaw<S> for Friction<S> {
     fn respond(&self, asked: &Asked<S>, plain: &mut Vec<f64>) -> Result<Response<S>, SystemError> {
         let (dynamic, held) = match &self.follows {
             Some(bearing) => {
-                // nothing before it is found
+                // zero before it is found
                 let pressed = asked.normal_forces.get(bearing.index).copied().unwrap_or_default();
                 (bearing.coefficient * pressed, bearing.held * pressed)
             }

@@ -28,7 +28,7 @@ impl<S: Scalar> GasSpring<S> {
 
 impl<S: Scalar> ScalarLaw<S> for GasSpring<S> {
     fn respond(&self, asked: &Asked<S>, _: &mut Vec<f64>) -> Result<Response<S>, SystemError> {
-        // of no column the effort is infinite, and no step gets there
+        // an empty column would need an infinite effort, and no step reaches it
         let column = (S::one() + asked.x / self.length).max(S::zero());
         let effort = self.force / column.power(self.exponent);
         let potential = (effort * self.length * column).scale(1.0 / (self.exponent - 1.0));

@@ -1,5 +1,6 @@
-//! A load: one effort along a measurement, by a law. It acts on both sides along the gradient of the measurement, so that a
-//! law need not know whether its joint is in the tree, closes a loop or stands in absolute coordinates.
+//! A load: one effort along a measurement, by a law. It acts on both sides along the gradient of the measurement, so
+//! that a law is independent of whether its joint is in the tree, closes a loop or is described in absolute
+//! coordinates.
 //!
 //! ```text
 //! value x, rate x' ──► law ──► effort, potential, power          gradient, effort ──► what acts where
@@ -31,28 +32,28 @@ use partita_math::spatial::Space;
 use partita_system::SystemError;
 use std::f64::consts::{PI, TAU};
 
-/// What an effort may depend on.
+/// Arguments of an effort.
 pub(crate) struct Asked<'a, S> {
     /// Name of the load, for messages.
     pub name: &'a str,
-    /// Value of what it depends on.
+    /// Value of its argument.
     pub x: S,
-    /// Rate of what it acts along.
+    /// Rate of the measurement.
     pub rate: S,
     /// Time and state.
     pub instant: &'a Instant<'a, S>,
-    /// Normal forces of the frictions that follow reactions.
+    /// Normal forces of the reaction-dependent frictions.
     pub normal_forces: &'a [S],
 }
 
-/// What a law answers.
+/// Result of a law.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Response<S> {
     /// Along the measurement.
     pub effort: S,
     /// Its potential, 0 if it has none.
     pub potential: S,
-    /// Power of the effort, so far as the potential does not account for it.
+    /// Power of the effort that the potential does not account for.
     pub power: S,
 }
 
@@ -68,11 +69,12 @@ pub(crate) trait ScalarLaw<S: Scalar> {
     fn depends_on_value(&self) -> bool {
         true
     }
-    /// The value about which an angle is looked at, and how far from it, where whole turns are not counted and matter.
+    /// The middle and half width of the range in which an angle is unique, where whole turns matter and are not
+    /// counted.
     fn turns(&self) -> Option<(S, f64)> {
         None
     }
-    /// Numbers, tables and functions that it asks for.
+    /// Its numbers, tables and functions.
     fn sources(&self) -> &[Source<S>] {
         &[]
     }
@@ -85,7 +87,7 @@ pub enum LoadLaw<S> {
     SpringDamper(SpringDamper<S>),
     /// A number, a table or a function.
     Effort(Effort<S>),
-    /// A curve over what is measured.
+    /// A curve over a measurement.
     Curve(Curve),
     /// Friction.
     Friction(Box<Friction<S>>),
@@ -96,7 +98,7 @@ pub enum LoadLaw<S> {
 }
 
 impl<S: Scalar> LoadLaw<S> {
-    /// That of a force which acts along a joint coordinate; `in_state`: one of the state.
+    /// Of a force along a joint coordinate; `in_state`: one of the state.
     fn new(force: &Force, n: &DescribedForce<S>, in_state: bool) -> Option<Self> {
         Some(match force {
             Force::TorsionSpring { damping, .. } => Self::SpringDamper(SpringDamper::new(n, *damping != 0.0)),
@@ -143,20 +145,20 @@ impl<S: Scalar> LoadLaw<S> {
 pub struct Load<G: Space> {
     /// Name, for messages.
     pub name: String,
-    /// What it acts along.
+    /// The measurement.
     pub along: Measurement<G>,
-    /// What the law depends on, if that is something else.
+    /// The argument of the law, if it differs.
     pub over: Option<Box<Measurement<G>>>,
     /// Where it acts on A and B, both at the same point of space; none along a velocity of the tree.
     pub sides: Option<[AttachmentPoint<G>; 2]>,
-    /// Of an angle whose whole turns matter and are not counted: the value about which they are known, and how far from it.
+    /// Middle and half width of the range in which an angle is unique, where whole turns matter and are not counted.
     pub turns: Option<(G::S, f64)>,
     /// The law.
     pub law: LoadLaw<G::S>,
 }
 
 impl<G: Space<S = f64>> Load<G> {
-    /// What the effort depends on, and its rate.
+    /// The argument of the effort, and its rate.
     pub(crate) fn value_and_rate(&self, at: &At<G>) -> (f64, f64) {
         let measured = self.measured();
         let (x, rate) = (measured.value(at.tree, at.s, at.instant.q), measured.rate(at.tree, at.s, at.instant.v));
@@ -164,7 +166,7 @@ impl<G: Space<S = f64>> Load<G> {
         (self.turns.map_or(x, |turns| near(turns).unwrap_or(x)), rate)
     }
 
-    /// Both ends of a stop; none of another load.
+    /// Both ends of a stop; none for another load.
     pub(crate) fn ends(&self) -> [Option<f64>; 2] {
         match &self.law {
             LoadLaw::Stop(stop) => [stop.lower, stop.upper],
@@ -182,18 +184,18 @@ impl<G: Space<S = f64>> Load<G> {
 }
 
 impl<G: Space> Load<G> {
-    /// What the effort depends on.
+    /// Arguments of the effort.
     pub fn measured(&self) -> &Measurement<G> {
         self.over.as_deref().unwrap_or(&self.along)
     }
 
-    /// Value, rate and gradient of what it acts along.
+    /// Value, rate and gradient of the measurement.
     #[inline(always)]
     pub(crate) fn read(&self, at: &At<G>) -> Read<G> {
         self.along.read(at.tree, at.s, at.instant.q, at.instant.v)
     }
 
-    /// Along a coordinate of the tree on which alone it depends there is nothing to look up.
+    /// Along a coordinate of the tree that is also its only argument, nothing needs to be evaluated.
     #[inline(always)]
     pub(crate) fn wrench(&self, at: &At<G>, room: &mut Room<G>) -> Result<Effect<G>, SystemError> {
         match (&self.along.quantity, &self.over) {
@@ -226,7 +228,7 @@ impl<G: Space> Load<G> {
         self.law.respond(&Asked { name: &self.name, x, rate, instant: &at.instant, normal_forces }, plain)
     }
 
-    /// The value of an angle closest to the middle; refused so far from it that the next one may be a full turn beside it.
+    /// The value of an angle closest to the middle; refused so far from it that it could differ by a full turn.
     fn nearest(&self, x: G::S, middle: G::S, within: f64) -> Result<G::S, SystemError> {
         let x = x - (x - middle).scale(1.0 / TAU).round().scale(TAU);
         match (x - middle).outside(-within, within) {
@@ -257,7 +259,7 @@ impl<G: Space> Load<G> {
         }
     }
 
-    /// How many unit efforts a push on B is.
+    /// Number of unit efforts in a load on B.
     pub(crate) fn effort(&self, at: &At<G>, on: &AppliedWrench<G>) -> Option<G::S> {
         let unit = self.along.unit(at.tree, at.s)?;
         let size = G::dot_ang(unit.moment, unit.moment) + G::dot(unit.force, unit.force);
@@ -269,12 +271,12 @@ impl<G: Space> Load<G> {
         self.law.as_law().is_dissipative()
     }
 
-    /// What it depends on, whole turns of an angle included.
+    /// Its arguments, whole turns of an angle included.
     pub fn depends_on(&self) -> Option<&Measurement<G>> {
         self.law.as_law().depends_on_value().then(|| self.measured())
     }
 
-    /// Numbers, tables and functions that it asks for.
+    /// Its numbers, tables and functions.
     pub fn sources(&self) -> &[Source<G::S>] {
         self.law.as_law().sources()
     }

@@ -9,16 +9,16 @@ use partita_math::tolerance;
 use partita_system::SystemError;
 use std::f64::consts::PI;
 
-/// Pushes a value back when it passes an end.
+/// Pushes a value back beyond an end.
 #[derive(Clone, Debug)]
 pub struct Stop<S> {
-    /// Where it begins to push forward.
+    /// Lower end, where it begins to push forward.
     pub lower: Option<S>,
-    /// Where it begins to push back.
+    /// Upper end, where it begins to push back.
     pub upper: Option<S>,
     /// Both ends.
     pub buffer: Buffer<S>,
-    /// Half way between the ends, and how far from there an angle is looked at.
+    /// Middle between the ends, and the half width of the range in which an angle is read.
     middle: (S, f64),
 }
 
@@ -31,7 +31,7 @@ impl<S: Scalar> Stop<S> {
             (a, b) => a.or(b).unwrap_or_default(),
         };
         let half = x.lower.zip(x.upper).map_or(0.0, |(a, b)| 0.5 * (b - a));
-        // beyond an end there is room for what it gives way
+        // beyond an end there is room for its compression
         let within = tolerance::HALF_TURN.max(0.5 * (half + PI));
         Self { lower, upper, buffer: Buffer::new(n, x.exponent, x.damping), middle: (middle, within) }
     }

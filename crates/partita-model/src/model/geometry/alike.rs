@@ -1,8 +1,9 @@
-//! Lengths that were intended to be equal: of a parallelogram they say more than all its motion does.
+//! Lengths that were intended to be equal: in a parallelogram they contain more information than all its motion.
 //!
-//! Where pins lie in a line and cranks were parallel, a crank that is off turns the coupler by p and opens the loop by
-//! p²: what opens has a double root, and says neither where it lies nor, below the root of rounding, that it is not
-//! there. Equal lengths between parallel axes, and axes of one body in one plane, are simple roots of the same drawing.
+//! Where pins lie in a line and cranks were intended to be parallel, an error of a crank rotates the coupler by p and
+//! opens the loop by p²: the closure error has a double root, which gives neither its position nor, below the root of
+//! rounding, its existence. Equal lengths between parallel axes, and axes of one body in one plane, are simple roots of
+//! the same drawing.
 
 use super::change::{is_sought, LARGEST, NEARLY_PARALLEL, OWN};
 use super::{blocks, Drawing};
@@ -17,20 +18,20 @@ use partita_math::tolerance;
 /// Changes of lengths: each is quadratically better than the one before.
 const ROUNDS: usize = 8;
 
-/// An axis where it sits on a body, as drawn.
+/// An axis on its body, as drawn.
 struct Pin {
     node: usize,
-    /// Where its displacement stands in a change of the drawing.
+    /// Index of its displacement in a change of the drawing.
     place: usize,
     at: Vec3<f64>,
     axis: Vec3<f64>,
 }
 
-/// What is nearly so, and was intended to be.
+/// A relation that holds nearly, and was intended to hold.
 pub(super) enum Alike {
     /// Two axes of one body are parallel.
     Parallel(usize, usize),
-    /// Two axes of one body are one.
+    /// Two axes of one body coincide.
     Coaxial(usize, usize),
     /// The third axis lies in the plane of the first two, between them.
     InLine([usize; 3]),
@@ -38,8 +39,7 @@ pub(super) enum Alike {
     Equal([usize; 2], [usize; 2]),
 }
 
-/// A condition on a change of the drawing: its parts, each a place in the change and a direction, and what it is off
-/// by.
+/// A condition on a change of the drawing: its parts, each an index in the change and a direction, and its error.
 pub(super) struct Condition {
     parts: Vec<(usize, Vec3<f64>)>,
     pub(super) off: f64,
@@ -55,19 +55,19 @@ impl Condition {
 }
 
 impl Drawing {
-    /// Axes of one body, parallel to each other, that are as far apart as others within a few tolerances, or lie in one
-    /// plane.
+    /// Axes of one body, parallel to each other, whose distances equal others within a few tolerances, or which lie in
+    /// one plane.
     pub(super) fn alike(&self, tolerance: f64) -> Vec<Alike> {
         alike(&pins(&self.model, 0..self.model.spec.joints.len()), NEARLY_PARALLEL * tolerance * self.length)
     }
 
-    /// What is alike as conditions on a change of this drawing.
+    /// These relations as conditions on a change of this drawing.
     pub(super) fn conditions(&self, alike: &[Alike]) -> Vec<Condition> {
         let pins = if alike.is_empty() { Vec::new() } else { pins(&self.model, 0..self.model.spec.joints.len()) };
         alike.iter().flat_map(|x| x.conditions(&pins, self.length)).collect()
     }
 
-    /// The shortest change of the drawing by which all of it is alike.
+    /// The shortest change of the drawing that satisfies all these relations.
     pub(super) fn made_alike(&self, alike: &[Alike]) -> Option<Vec<f64>> {
         let joints = self.model.spec.joints.len();
         let (size, mut pins) = (self.length, pins(&self.model, 0..joints));
@@ -91,9 +91,8 @@ impl Drawing {
     }
 }
 
-/// Whether nearly equal lengths of a block differ by more than rounding. Blocks in which nothing is sought are not
-/// asked:
-/// what is alike grows with the third power of the axes in one line.
+/// Whether nearly equal lengths of a block differ by more than rounding. Blocks too large for a search are skipped: the
+/// number of relations grows with the third power of the number of axes in one line.
 pub(super) fn is_unlike(model: &Model, tolerance: f64) -> bool {
     let (size, near) = (model.placed.size, NEARLY_PARALLEL * tolerance * model.placed.size);
     blocks::joints_of_blocks(&model.spec).into_iter().filter(|joints| is_sought(joints.len())).any(|joints| {
@@ -103,7 +102,7 @@ pub(super) fn is_unlike(model: &Model, tolerance: f64) -> bool {
     })
 }
 
-/// The axes about which bodies turn, on either side of these joints.
+/// The axes about which bodies rotate, on either side of these joints.
 fn pins(model: &Model, joints: impl IntoIterator<Item = usize>) -> Vec<Pin> {
     let mut pins = Vec::new();
     for j in joints {
@@ -120,7 +119,7 @@ fn pins(model: &Model, joints: impl IntoIterator<Item = usize>) -> Vec<Pin> {
     pins
 }
 
-/// What is alike within `near` (m).
+/// The relations that hold within `near` (m).
 fn alike(pins: &[Pin], near: f64) -> Vec<Alike> {
     let mut found = Vec::new();
     let mut lengths: Vec<(f64, [usize; 2])> = Vec::new();
@@ -157,13 +156,13 @@ fn alike(pins: &[Pin], near: f64) -> Vec<Alike> {
     found
 }
 
-/// From one axis to another, square to the first.
+/// From one axis to another, perpendicular to the first.
 fn between(pins: &[Pin], i: usize, j: usize) -> Vec3<f64> {
     let (axis, to) = (pins[i].axis, pins[j].at - pins[i].at);
     to - axis.times(axis.dot(to))
 }
 
-/// Direction across the plane of two axes, how far a third stands out of it, and where it stands between them.
+/// Direction normal to the plane of two axes, the distance of a third from it, and its position between them.
 fn across(pins: &[Pin], [i, j, k]: [usize; 3]) -> Option<(Vec3<f64>, f64, f64)> {
     let (along, to) = (between(pins, i, j), between(pins, i, k));
     let (unit, length) = (along.unit()?, along.norm());
@@ -204,7 +203,7 @@ impl Alike {
     }
 }
 
-/// Directions square to an axis that span all of them.
+/// Directions perpendicular to an axis that span all of them.
 fn sides(axis: Vec3<f64>) -> [Vec3<f64>; 3] {
     [0, 1, 2].map(|k| {
         let mut side = Vec3([0.0; 3]);
@@ -213,7 +212,7 @@ fn sides(axis: Vec3<f64>) -> [Vec3<f64>; 3] {
     })
 }
 
-/// The shortest change by which all conditions hold to first order.
+/// The shortest change that satisfies all conditions to first order.
 fn shortest(conditions: &[Condition], numbers: usize) -> Option<Vec<f64>> {
     let mut rows = Matrix::new(conditions.len(), numbers);
     conditions.iter().enumerate().for_each(|(r, x)| x.set(rows.row_mut(r)));

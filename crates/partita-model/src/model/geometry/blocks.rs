@@ -1,9 +1,9 @@
-//! What closes loops together, apart from what does not.
+//! Blocks of coupled loops, separated from each other.
 //!
-//! Bodies are nodes and joints are lines between them. Loops that share no more than one body move against each other as they
-//! like: seen from that body neither knows of the other. So a drawing is judged block by block, each between its own bodies,
-//! measured in lengths of its own, seen from the body by which it hangs on the ground. A joint that closes no loop is in no
-//! block, and neither is what hangs on it.
+//! Bodies are nodes and joints are edges between them. Loops that share no more than one body move independently of
+//! each other relative to that body. So a drawing is judged block by block, each between its own bodies, measured in
+//! lengths of its own, relative to the body that connects it to the ground. A joint that closes no loop is in no block,
+//! and neither is anything attached through it alone.
 
 use crate::model::Model;
 use crate::spec::{Coupling, Measure, Spec};
@@ -14,7 +14,7 @@ use partita_math::spatial::{Mat3, Vec3};
 use partita_math::tolerance;
 use std::collections::{BTreeSet, HashMap};
 
-/// Where a body has gone from where it was drawn: x becomes `turn` x + `shift`.
+/// Displacement of a body from its drawn pose: x becomes `turn` x + `shift`.
 #[derive(Clone, Copy)]
 pub(super) struct Moved {
     turn: Mat3<f64>,
@@ -30,14 +30,14 @@ impl Moved {
         self.turn.apply(point) + self.shift
     }
 
-    /// The same as seen from a body that has gone there itself.
+    /// The same relative to a body that has moved itself.
     fn seen_from(&self, base: &Self) -> Self {
         let back = base.turn.transpose();
         Self { turn: back.mul(&self.turn), shift: back.apply(self.shift - base.shift) }
     }
 }
 
-/// Where all bodies have gone, by name.
+/// Displacements of all bodies, by name.
 pub(super) struct Pose(HashMap<String, Moved>);
 
 impl Pose {
@@ -45,7 +45,7 @@ impl Pose {
         self.0.get(body).copied().unwrap_or(Moved::nowhere())
     }
 
-    /// As seen from a body.
+    /// Relative to a body.
     pub(super) fn seen_from(&self, body: Option<&str>) -> Self {
         let base = body.map_or(Moved::nowhere(), |x| self.of(x));
         Self(self.0.iter().map(|(name, x)| (name.clone(), x.seen_from(&base))).collect())
@@ -54,22 +54,22 @@ impl Pose {
 
 /// Loops that share more than a body, as free bodies between joints.
 pub(super) struct Block {
-    /// Its joints, ascending, by their numbers in the whole.
+    /// Its joints, ascending, by their numbers in the whole mechanism.
     pub(super) joints: Vec<usize>,
     /// The mechanism of these loops alone.
     pub(super) spec: Spec,
-    /// Whether it has degrees of freedom as a whole. Then it is not seen from any of its bodies.
+    /// Whether it has degrees of freedom as a whole. Then no body is its reference.
     pub(super) floats: bool,
-    /// The body that it is seen from, if that is not the ground.
+    /// The reference body, if that is not the ground.
     pub(super) base: Option<String>,
 }
 
-/// A mechanism, taken apart.
+/// A mechanism, split into blocks.
 pub(super) struct Blocks {
     pub(super) blocks: Vec<Block>,
     /// Joints that close no loop.
     pub(super) free: Vec<usize>,
-    /// Sets of bodies that do not hang on the ground.
+    /// Sets of bodies that are not connected to the ground.
     pub(super) afloat: usize,
 }
 
@@ -80,7 +80,7 @@ pub(super) fn blocks(spec: &Spec) -> Blocks {
     let lines = lines(spec, &index);
     let taken = taken_apart(spec.bodies.len() + 1, &lines);
     let mut found = Blocks { blocks: Vec::new(), free: Vec::new(), afloat: taken.afloat };
-    // couplings by a body they tie: what one ties together is one block
+    // couplings by a body they connect: the bodies of one coupling form one block
     let mut of_body: Vec<Vec<usize>> = vec![Vec::new(); if spec.couplings.is_empty() { 0 } else { index.len() + 1 }];
     for (i, c) in spec.couplings.iter().enumerate() {
         for body in bodies_of(spec, c).into_iter().map(node).collect::<BTreeSet<_>>() {
@@ -97,7 +97,7 @@ pub(super) fn blocks(spec: &Spec) -> Blocks {
         let near: BTreeSet<usize> = own.iter().flat_map(|&i| of_body.get(i).into_iter().flatten().copied()).collect();
         let held = |i: &usize| bodies_of(spec, &spec.couplings[*i]).iter().all(|x| own.contains(&node(x)));
         let couplings: Vec<Coupling> = near.into_iter().filter(held).map(|i| spec.couplings[i].clone()).collect();
-        // points of conditions sit on bodies: the ground stands for none of them
+        // points of conditions are fixed to bodies: the ground represents none of them
         let base = part.from.filter(|x| *x == 0 || couplings.is_empty());
         let of_base = |i: &usize| *i == 0 || Some(*i) == base;
         let mut drawn = Spec {
@@ -133,7 +133,7 @@ pub(super) fn joints_of_blocks(spec: &Spec) -> Vec<Vec<usize>> {
 }
 
 impl Model {
-    /// Where every body has gone.
+    /// Displacements of all bodies.
     pub(super) fn pose(&self, q: &[f64]) -> Pose {
         let mut s = self.full.scratch();
         self.full.poses(q, &mut s);
@@ -161,7 +161,7 @@ impl Model {
         q
     }
 
-    /// The length of this block where it stands at q; that of the whole where conditions are no matter of bodies.
+    /// The length of this block at q; that of the whole where conditions do not act on bodies.
     pub(super) fn length_at(&self, q: &[f64]) -> Option<f64> {
         if !self.spec.couplings.is_empty() {
             return None;
@@ -171,7 +171,7 @@ impl Model {
         length(&self.spec, is_rigid, |name| pose.of(name))
     }
 
-    /// Count displacements in parts of this length.
+    /// Measure displacements in fractions of this length.
     pub(super) fn measure_in(&mut self, length: f64) {
         for l in self.own.full.links.iter().skip(1).filter(|l| matches!(l.motion, LinkMotion::Slide(_))) {
             self.displacement[l.v] = length;
@@ -187,21 +187,21 @@ fn nodes(spec: &Spec) -> HashMap<&str, usize> {
     spec.bodies.iter().enumerate().map(|(i, b)| (b.name.as_str(), i + 1)).collect()
 }
 
-/// Joints as lines between bodies, in their order, and behind them what conditions tie together.
+/// Joints as edges between bodies, in their order, followed by the edges of conditions.
 fn lines(spec: &Spec, index: &HashMap<&str, usize>) -> Vec<[usize; 2]> {
     let node = |name: &str| index.get(name).copied().unwrap_or(0);
     let mut lines: Vec<[usize; 2]> = spec.joints.iter().map(|j| [node(&j.parent), node(&j.child)]).collect();
     for c in &spec.couplings {
-        // what a condition ties together is one block: a ring of lines around it
+        // the bodies of a condition form one block: a ring of edges through them
         let held: Vec<usize> = bodies_of(spec, c).into_iter().map(node).collect::<BTreeSet<_>>().into_iter().collect();
         lines.extend((0..held.len()).map(|i| [held[i], held[(i + 1) % held.len()]]).filter(|x| x[0] != x[1]));
     }
     lines
 }
 
-/// Half of all that bodies measure belongs to bodies of this diameter or more, as they stand: what slides reaches from one end
-/// of its rail to the other, and what is fixed to each other is one body. A beam between two small carriages is as long as
-/// their way, which the median of three would not see.
+/// Half of the total extent of bodies belongs to bodies of this diameter or more, as placed: a slider extends from one
+/// end of its rail to the other, and bodies fixed to each other count as one. A beam between two small carriages is as
+/// long as their travel, which the median of three would not show.
 fn length(spec: &Spec, is_rigid: impl Fn(usize) -> bool, moved: impl Fn(&str) -> Moved) -> Option<f64> {
     let index = nodes(spec);
     let node = |name: &str| index.get(name).copied().unwrap_or(0);
@@ -232,7 +232,7 @@ fn length(spec: &Spec, is_rigid: impl Fn(usize) -> bool, moved: impl Fn(&str) ->
     })
 }
 
-/// Bodies and the ground that a condition ties together.
+/// Bodies and the ground that a condition connects.
 fn bodies_of<'x>(spec: &'x Spec, c: &'x Coupling) -> Vec<&'x str> {
     if let Coupling::Roll { body, on, .. } = c {
         return vec![body, on];
@@ -252,20 +252,20 @@ fn bodies_of<'x>(spec: &'x Spec, c: &'x Coupling) -> Vec<&'x str> {
     found
 }
 
-/// Lines that lie on common rings.
+/// Edges that lie on common rings.
 struct Part {
     lines: Vec<usize>,
-    /// The node by which they hang on the ground, if they do.
+    /// The node that connects them to the ground, if there is one.
     from: Option<usize>,
 }
 
 struct Taken {
     parts: Vec<Part>,
-    /// How many sets of nodes do not hang on the ground.
+    /// Number of sets of nodes that are not connected to the ground.
     afloat: usize,
 }
 
-/// A graph, node 0 the ground, by what lies on common rings: a line on none is a part by itself.
+/// A graph, node 0 the ground, split by common rings: an edge on no ring is a part by itself.
 fn taken_apart(nodes: usize, lines: &[[usize; 2]]) -> Taken {
     let mut at: Vec<Vec<usize>> = vec![Vec::new(); nodes];
     for (i, ends) in lines.iter().enumerate() {
@@ -310,7 +310,7 @@ fn taken_apart(nodes: usize, lines: &[[usize; 2]]) -> Taken {
             let first = waiting.iter().rposition(|&i| i == by).unwrap_or(0);
             let mut own = waiting.split_off(first);
             own.sort_unstable();
-            // what floats is seen from none of its bodies, what hangs on it from the one by which it does
+            // a floating part has no reference body; what is attached to it has the body of attachment
             let floats = root != 0 && above == root;
             taken.parts.push(Part { lines: own, from: (!floats).then_some(above) });
         }

@@ -1,7 +1,7 @@
-//! The least change of a drawing by which it moves.                                                     (11.9, 4)
+//! The least change of a drawing that makes it movable.                                                     (11.9, 4)
 //!
-//! Between free bodies every joint is a closing. Its frame on either body may sit a little off, by p (displacements
-//! over the block's length, and turns). Along the motion each self-stress n asks for
+//! Between free bodies every joint is a loop closure. Its frame on either body may have a small error p (displacements
+//! over the block's length, and rotations). Along the motion each self-stress n requires
 //!
 //! ```text
 //! nᵀ (Φ + P p) = 0,   P = C times the motion of the body that carries the frame
@@ -22,63 +22,63 @@ use partita_system::prelude::*;
 use partita_system::rank::{BranchPoint, Cut, Kernel};
 use partita_system::SystemError;
 
-/// Numbers of a joint: displacement and turn on either side.
+/// Numbers of a joint: displacement and rotation on either side.
 pub(super) const OWN: usize = 12;
 /// Rounds: quadratic from 1e-4 to rounding in three or four, linear next to double roots.
 const ROUNDS: usize = 14;
-/// Positions at which the self-stresses are asked.
+/// Number of positions at which the self-stresses are evaluated.
 const PLACES: usize = 14;
-/// Fewer say nothing.
+/// Fewer are not informative.
 const FEWEST: usize = 3;
-/// Singular values of the conditions below so many closure errors are null. Scale: multiples of the closure error.
-/// Reason: what is off in the conditions is as large as the closure error, times the length of a loop.
+/// Singular values of the conditions below this multiple of the closure error are null. Scale: multiples of the closure
+/// error. Reason: the error of the conditions is as large as the closure error, times the length of a loop.
 const CLOSURE_FACTOR: f64 = 30.0;
 /// Axes that are parallel within this were intended to be. Scale: multiples of the drawing tolerance. Reason: both axes
 /// may be off by one, and the loop between them.
 pub(super) const NEARLY_PARALLEL: f64 = 3.0;
-/// Products of a decomposition beyond which nothing is sought.
+/// Largest number of products in a decomposition for which a change is sought.
 pub(super) const LARGEST: usize = 150_000_000;
-/// A fit that rests on smaller singular values may be near a double root. Scale: fraction of the largest singular
-/// value. Reason: the root of what a fit leaves open.
+/// A fit that depends on smaller singular values may be near a double root. Scale: fraction of the largest singular
+/// value. Reason: the root of the closure error of a fit.
 const SURE_FIT: f64 = 1e-4;
-/// At a double root null singular values exceed this. Scale: fraction of the change that is left. Reason: at a double
-/// root they are as large as the change.
+/// At a double root null singular values exceed this. Scale: fraction of the remaining change. Reason: at a double root
+/// they are as large as the change.
 const DOUBLE_ROOT: f64 = 1e-2;
-/// Near a double root the change that is left is below this. Scale: natural scales of the drawing. Reason: a larger one
-/// would be seen in the closure error.
+/// Near a double root the remaining change is below this. Scale: natural scales of the drawing. Reason: a larger one
+/// would appear in the closure error.
 const CHANGE_LEFT: f64 = 1e-5;
 
-/// A change by which a drawing fits.
+/// A change that makes a drawing fit.
 pub(super) struct Change {
     pub(super) numbers: Vec<f64>,
-    /// The smallest singular value that was taken to say something, in parts of the largest.
+    /// The smallest singular value that was used, as a fraction of the largest.
     least: f64,
-    /// Those that say nothing.
+    /// The null singular values.
     weak: Vec<f64>,
 }
 
 impl Change {
-    /// Whether the change rests on a double root in lengths that are `off` by so much. They say something then where
-    /// they are off.
+    /// Whether the change rests on a double root in lengths with the error `off`. They are significant then where they
+    /// have an error.
     pub(super) fn is_double(&self, off: f64) -> bool {
         self.least < SURE_FIT
             || off < CHANGE_LEFT && self.weak.iter().any(|s| *s > (DOUBLE_ROOT * off).max(tolerance::SUM_ROUNDING))
     }
 }
 
-/// How much the frame of a joint on one body is changed at the most.
+/// Largest change of the frame of a joint on one body.
 pub(super) fn largest(numbers: &[f64]) -> f64 {
     numbers.chunks(OWN / 2).map(|x| x.iter().map(|x| x * x).sum::<f64>().sqrt()).fold(0.0, f64::max)
 }
 
-/// Whether a change is sought in a block of so many joints.
+/// Whether a change is sought in a block with this number of joints.
 pub(super) fn is_sought(joints: usize) -> bool {
     (OWN * joints).saturating_pow(3) <= LARGEST
 }
 
 impl Drawing {
-    /// The shortest change, next to the one that is `begun` and with what is `kept` of it, by which this drawing goes
-    /// through the places with `kernel` null directions. None where there is none.
+    /// The shortest change near `begun`, with the part `kept` of it, that gives this drawing `kernel` null directions
+    /// at the positions. None where there is none.
     pub(super) fn change(
         &self,
         points: &[BranchPoint],
@@ -102,7 +102,7 @@ impl Drawing {
             if !worst.is_finite() {
                 return Ok(None);
             }
-            // elsewhere the iteration is quadratic; near a double root little is gained; then values above the rounding
+            // normally the iteration is quadratic; near a double root little is gained, and values above the rounding
             // level are used
             nothing = match tolerance::CLEARLY * worst > before {
                 true => (nothing / CLOSURE_FACTOR).max(super::FINEST_LEVEL),
@@ -126,8 +126,8 @@ impl Drawing {
         Ok(None)
     }
 
-    /// What self-stresses at the positions, closed anew, and conditions on the drawing ask of a change: rows, and what
-    /// each is off by.
+    /// Requirements of the self-stresses at the positions, closed again, and of the conditions on the drawing: rows of
+    /// a change, and the error of each.
     fn asked(&self, at: &mut Vec<Vec<f64>>, cut: Cut, kept: &[Condition]) -> Result<(Matrix, Vec<f64>), SystemError> {
         let columns = OWN * self.model.spec.joints.len();
         let (mut rows, mut open): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
@@ -160,12 +160,12 @@ impl Drawing {
         Ok((Matrix::from_vec(open.len(), columns, rows), open))
     }
 
-    /// With the frames of the joints changed by so much; in a plane it stays the plane.
+    /// With the frames of the joints changed by this; in a plane it stays the plane.
     pub(super) fn changed(&self, change: &[f64]) -> Option<Self> {
         self.made(change, self.model.is_planar()).filter(|new| new.model.is_planar() == self.model.is_planar())
     }
 
-    /// The same, whatever plane that makes.
+    /// The same, in whatever plane results.
     pub(super) fn changed_to(&self, change: &[f64]) -> Option<Self> {
         self.made(change, true)
     }
@@ -178,7 +178,7 @@ impl Drawing {
         Self::new(spec, self.model.functions(), Some(self.length), allow_plane)
     }
 
-    /// The change by which joints whose axes are parallel sit at one height along them on both of their bodies.
+    /// The change by which joints with parallel axes have one height along them on both of their bodies.
     pub(super) fn heights(&self) -> Option<Vec<f64>> {
         let joints = &self.model.spec.joints;
         let normal = joints.iter().find_map(|j| j.axis.filter(|_| j.kind == JointKind::Revolute)).map(Vec3)?.unit()?;
@@ -192,7 +192,7 @@ impl Drawing {
         Some(change)
     }
 
-    /// Distances between the frames of each body, square to the first axis where that is a hinge's.
+    /// Distances between the frames of each body, perpendicular to the first axis if it is a hinge's.
     pub(super) fn lengths(&self) -> Vec<f64> {
         let model = &self.model;
         let mut frames: Vec<(usize, Vec3<f64>, Option<Vec3<f64>>)> = Vec::new();
@@ -212,14 +212,14 @@ impl Drawing {
         lengths
     }
 
-    /// Normal of the plane that it moves in.
+    /// Normal of the plane of its motion.
     fn normal(&self) -> Option<Vec3<f64>> {
         let up = Vec3([0.0, 0.0, 1.0]);
         self.model.is_planar().then(|| self.model.placed.basis.apply_transposed(up))
     }
 
-    /// This change, axes parallel and lengths equal besides that nearly are so; what is to be kept of it; and by how
-    /// much it was off.
+    /// This change, with nearly parallel axes made parallel and nearly equal lengths made equal; the part of it to be
+    /// kept; and its size.
     pub(super) fn alike_too(&self, change: &[f64], q: &[f64], tolerance: f64) -> Option<(Vec<f64>, Vec<Alike>, f64)> {
         let mut numbers = change.to_vec();
         let mut off = 0.0f64;
@@ -234,14 +234,14 @@ impl Drawing {
         (off > tolerance::SUM_ROUNDING).then_some((numbers, alike, off))
     }
 
-    /// The change of this drawing by which axes that are parallel within `near` where they stand at q are so exactly:
-    /// where the fit of others is a double root, to first order these would do as they are.
+    /// The change of this drawing that makes axes which are parallel within `near` at q exactly parallel: where the fit
+    /// is a double root, to first order they need no change.
     pub(super) fn parallel(&self, q: &[f64], near: f64) -> Vec<f64> {
         let model = &self.model;
         let mut change = vec![0.0; OWN * model.spec.joints.len()];
         let mut s = model.full.scratch();
         model.full.poses(q, &mut s);
-        // where the turn stands in a change, how its body is turned, and the axis now
+        // index of the rotation in a change, orientation of its body, and the present axis
         let mut axes: Vec<(usize, Mat3<f64>, Vec3<f64>)> = Vec::new();
         let out = model.placed.basis;
         for (j, (joint, placed)) in model.spec.joints.iter().zip(&model.placed.joints).enumerate() {
@@ -256,7 +256,7 @@ impl Drawing {
             let (group, others): (Vec<_>, Vec<_>) = axes.into_iter().partition(|x| x.2.cross(first).norm() <= near);
             axes = others;
             let ahead = |x: Vec3<f64>| x.times(if x.dot(first) < 0.0 { -1.0 } else { 1.0 });
-            // the one that the others are nearest to: where most are exactly parallel, those stay as they are
+            // the axis that the others are nearest to: where most are exactly parallel, those stay unchanged
             let off = |x: Vec3<f64>| group.iter().map(|y| x.cross(y.2).norm()).sum::<f64>();
             let least = group.iter().min_by(|x, y| off(x.2).total_cmp(&off(y.2))).map_or(first, |x| ahead(x.2));
             for &(place, turn, axis) in &group {
@@ -271,7 +271,8 @@ impl Drawing {
         change
     }
 
-    /// What a change of each number would open, rows added up with these weights, at the position of `s` and `c`.
+    /// Closure error that a change of each number would cause, rows added up with these weights, at the position of `s`
+    /// and `c`.
     fn slope(&self, rows: &[(usize, f64)], c: &[f64], s: &TreeScratch<Spatial<f64>>, out: &mut [f64]) {
         let model = &self.model;
         let (pattern, placed) = (model.pattern(), &model.placed);
@@ -284,7 +285,7 @@ impl Drawing {
                 (joint.parent, joint.child, joint.parent_point, 0),
                 (joint.child, joint.parent, joint.child_point, OWN / 2),
             ] {
-                // a frame on the ground moves by as much as the other body would move against it
+                // a frame on the ground moves by as much as the other body would move relative to it
                 let (body, sign) = if node == 0 { (other, -weight) } else { (node, weight) };
                 let (own, link) = (placed.link_of(node), placed.link_of(body));
                 let effort = self
@@ -302,8 +303,8 @@ impl Drawing {
         }
     }
 
-    /// Force (mechanism axes) and moment (body axes; in a plane the same) on a floating link from what each of its
-    /// velocities feels.
+    /// Force (mechanism axes) and moment (body axes; in a plane the same) on a floating link from the effort along each
+    /// of its velocities.
     fn effort(&self, link: usize, of: impl Fn(usize) -> f64) -> (Vec3<f64>, Vec3<f64>) {
         let links = &self.model.placed.links;
         let v = links[link].v;
@@ -314,7 +315,7 @@ impl Drawing {
     }
 }
 
-/// Places of the right kernel, spread over the paths.
+/// Positions with the right kernel, spread over the paths.
 fn spread(points: &[BranchPoint], kernel: usize) -> Vec<&BranchPoint> {
     let right: Vec<&BranchPoint> = points.iter().filter(|x| x.kernel.0 == kernel).collect();
     let all = if right.len() < FEWEST { points.iter().collect() } else { right };
@@ -322,8 +323,8 @@ fn spread(points: &[BranchPoint], kernel: usize) -> Vec<&BranchPoint> {
     (0..PLACES.min(all.len())).map(|i| all[((i as f64 + 0.5) * step) as usize]).collect()
 }
 
-/// Change the frames of a joint by displacements (in parts of `size`) and turns, first on the parent; in a plane they
-/// turn about its normal.
+/// Change the frames of a joint by displacements (in parts of `size`) and rotations, first on the parent; in a plane
+/// they rotate about its normal.
 fn set(joint: &mut Joint, by: &[f64], size: f64, normal: Option<Vec3<f64>>) {
     let part = |i: usize| Vec3([by[i], by[i + 1], by[i + 2]]);
     let turned = |w: Vec3<f64>| normal.map_or(w, |n| n.times(n.dot(w)));

@@ -1,8 +1,8 @@
-//! What a drawing means: exactly one mechanism, decided when it is compiled.                            (11.9)
+//! Interpretation of a drawing as exactly one mechanism, decided when it is compiled.                          (11.9)
 //!
-//! A drawing is *exact*; or *repaired*, where a change of its joint frames within the drawing tolerance makes it move
-//! over a finite path; or it stands *as drawn*. Blocks of loops are judged one by one, by what pivots and a short exact
-//! motion settle ([`exact()`]), else by levels of singular values along finite motions.
+//! A drawing is *exact*; or *repaired*, where a change of its joint frames within the drawing tolerance makes it
+//! movable over a finite path; or kept *as drawn*. Blocks of loops are judged one by one, by pivots and a short exact
+//! motion where these suffice ([`exact()`]), else by levels of singular values along finite motions.
 
 mod alike;
 mod blocks;
@@ -29,18 +29,18 @@ use std::sync::Arc;
 /// errors are up to 0.9 of it, of longer loops more.
 const COARSEST: f64 = 10.0;
 /// No level is coarser, whatever the tolerance. Scale: singular values in natural scales. Reason: rows above it are
-/// alive in any mechanism.
+/// independent in any mechanism.
 const WIDEST: f64 = 3e-2;
 /// Finer levels of singular values. Scale: singular values in natural scales. Reason: two digits apart.
 const FINER_LEVELS: [f64; 2] = [1e-5, 1e-7];
-/// Conditions above this count; weaker ones are distinguished from none by the verdict alone, not by pivots at a
-/// position. Scale: singular values in natural scales; fraction of the largest for the conditions of a change. Reason:
-/// its square is what sums of squares can still tell.
+/// Conditions above this are accepted; weaker ones are distinguished from none by the judgement of motions, not by
+/// pivots at a position. Scale: singular values in natural scales; fraction of the largest for the conditions of a
+/// change. Reason: sums of squares can still resolve its square.
 const WEAK_CONDITION: f64 = 1e-3;
 /// Singular values below this are rounding. Scale: natural scales; fraction of the largest for the conditions of a
 /// change. Reason: a drawing in double precision, solved once.
 const FINEST_LEVEL: f64 = 1e-9;
-/// Velocities up to which singular values of the whole are no effort.
+/// Number of velocities up to which singular values of the whole mechanism are cheap.
 const DENSE: usize = 150;
 /// The largest change of a joint frame. Scale: multiples of the drawing tolerance. Reason: one for the frame, one for
 /// what it is joined to.
@@ -48,16 +48,16 @@ const LARGEST_CHANGE: f64 = 2.0;
 /// Axes are parallel within this in what was intended to be planar. Scale: multiples of the drawing tolerance. Reason:
 /// errors of several joints add up along a loop.
 const PLANE: f64 = 4.0;
-/// The drawing of a block may be open by this for its decision to mean anything. Scale: lengths of its bodies. Reason:
-/// a drawing open by more shows another assembly.
+/// The drawing of a block may have this closure error for a decision to be meaningful. Scale: lengths of its bodies.
+/// Reason: a drawing with a larger error shows another assembly.
 const NEARLY_DRAWN: f64 = 0.5;
 
-/// What was decided about one block of loops.
+/// Decision about one block of loops.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Verdict {
-    /// All closings are independent.
+    /// All loop closures are independent.
     Regular,
-    /// Closings are redundant wherever it goes.
+    /// Loop closures are redundant at every position.
     Redundant,
     /// The drawing is exact, but is in a singular position.
     SingularHere,
@@ -65,57 +65,57 @@ pub enum Verdict {
     Shaky,
     /// It does not move.
     Locked,
-    /// The drawing is repaired; then one of the others.
+    /// The drawing is repaired; then one of the others applies.
     Repaired,
-    /// As drawn: weak conditions hold what a change beyond the tolerance would free.
+    /// As drawn: weak conditions lock what a change beyond the tolerance would free.
     Conditions,
-    /// Couplings (rolling, distances, gears) that are off by about the drawing tolerance: they are not repaired, and as
-    /// drawn it is another mechanism than what may be intended.
+    /// Couplings (rolling, distances, gears) with an error of about the drawing tolerance: they are not repaired, and
+    /// as drawn it is possibly not the intended mechanism.
     Ambiguous,
     /// Not decided: too large, or conditions on rates alone.
     Undecided,
 }
 
-/// A block of loops and what was decided about it.
+/// A block of loops and the decision about it.
 #[derive(Clone, Debug)]
 pub struct BlockVerdict {
     /// Its joints, by their numbers in the description.
     pub joints: Vec<usize>,
-    /// What was decided.
+    /// The decision.
     pub verdict: Verdict,
-    /// Degrees of freedom over a finite motion, those of a floating block as a whole not counted.
+    /// Degrees of freedom over a finite motion, without those of a floating block as a whole.
     pub dof: Option<usize>,
     /// Null directions of the closings at generic positions.
     pub kernel: Option<usize>,
-    /// Largest change of each of its joints' frames (rad, parts of the block's length).
+    /// Largest change of each of its joints' frames (rad, fractions of the block's length).
     pub changed: Vec<f64>,
-    /// The largest displacement of a joint frame (m) and its largest turn (rad).
+    /// The largest displacement of a joint frame (m) and its largest rotation (rad).
     pub moved: (f64, f64),
     /// The block's length (m).
     pub length: f64,
 }
 
-/// Degrees of freedom of a mechanism as its drawing was decided, drives released.
+/// Degrees of freedom of a mechanism according to the decision about its drawing, drives released.
 #[derive(Clone, Debug, Default)]
 pub struct Geometry {
-    /// The blocks that needed a look.
+    /// The blocks that were examined.
     pub blocks: Vec<BlockVerdict>,
     /// Degrees of freedom; `None` where a block is undecided.
     pub dof: Option<usize>,
-    /// Motions that exist for an instant only, at every position.
+    /// Motions that exist only instantaneously, at every position.
     pub instantaneous: usize,
-    /// May conditions be as weak as the drawing tolerance?
+    /// Whether conditions may be as weak as the drawing tolerance.
     pub weak: bool,
-    /// Are some so weak that rounding hides them?
+    /// Whether some are so weak that rounding hides them.
     pub hidden: bool,
     /// The weakest condition that leaves a block ambiguous, in words.
     pub ambiguous: Option<String>,
-    /// The description as it was drawn, where it was repaired.
+    /// The description as drawn, if it was repaired.
     pub drawn: Option<Arc<Spec>>,
 }
 
 impl Geometry {
-    /// The largest change of a joint frame (rad, parts of lengths); 0 where nothing was repaired.
+    /// The largest change of a joint frame (rad, fractions of lengths); 0 where nothing was repaired.
     pub fn geometric_error(&self) -> f64 {
         let repaired = self.blocks.iter().filter(|x| x.verdict == Verdict::Repaired);
         repaired.flat_map(|x| &x.changed).fold(0.0, |m: f64, x| m.max(*x))
@@ -145,20 +145,21 @@ struct Drawing {
     length: f64,
 }
 
-/// What a level makes of a drawing.
+/// The drawing at one level.
 struct Fit {
     dof: usize,
     kernel: usize,
     /// Change of the frames; none where the drawing is exact.
     change: Option<Vec<f64>>,
     most: f64,
-    /// What displacements of the change are parts of.
+    /// Length of which the displacements of the change are fractions.
     length: f64,
     joints: Vec<Joint>,
     folds: bool,
     /// Whether it is constrained by conditions that are weak at generic positions too.
     weak: bool,
-    /// It would fit by a change of couplings within the tolerance, which is not sought: the row that opens most.
+    /// It would fit by a change of couplings within the tolerance, which is not sought: the row with the largest
+    /// closure error.
     ambiguous: Option<usize>,
 }
 
@@ -177,8 +178,8 @@ impl Drawing {
     }
 }
 
-/// Decide the geometry of a compiled mechanism. `tolerance` is that of its drawing, or a larger one to ask what would
-/// make it move. The joints of a repaired mechanism stand in the second.
+/// Decide the geometry of a compiled mechanism. `tolerance` is that of its drawing, or a larger one to find out what
+/// would make it movable. The joints of a repaired mechanism are the second result.
 pub(super) fn decide(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joint>>) {
     let spec = &model.spec;
     let drawn = closed(model, coarsest(tolerance));
@@ -209,7 +210,7 @@ pub(super) fn decide(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joi
                     asked.get_or_init(|| all.map(|x| x.seen_from(block.base.as_deref()))).as_ref()
                 };
                 let decided = judged(&block.spec, model.functions(), block.floats, (tolerance, &pose));
-                // elsewhere an equal one may close in another way
+                // elsewhere an equal block may close in another way
                 if asked.get().is_none() {
                     key.map(|k| known.insert(k, decided.clone()));
                 }
@@ -238,7 +239,7 @@ pub(super) fn decide(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joi
     }
     let singular = found.blocks.iter().any(|x| matches!(x.verdict, Verdict::SingularHere | Verdict::Shaky));
     let conditions = found.blocks.iter().any(|x| x.verdict == Verdict::Conditions);
-    // what is repaired is weak in the drawing alone, unless it is weak along the motion too
+    // repaired conditions are weak in the drawing alone, unless they are weak along the motion too
     let asked = !singular && (joints.is_none() || found.weak);
     found.weak = asked && (conditions || found.weak);
     if asked {
@@ -249,9 +250,9 @@ pub(super) fn decide(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joi
     (found, joints)
 }
 
-/// The drawing closed, if it is or nearly so; what moves by its dimensions moves where it is closed alone.
+/// The drawing closed, if it is or nearly so; parts that move by their dimensions move where they are closed alone.
 ///
-/// Weak rows close nothing here: they would pull a drawing that geometric errors along its own motion.
+/// Weak rows are not closed here: they would pull a drawing with geometric errors along its own motion.
 fn closed(model: &Model, level: f64) -> Option<Vec<f64>> {
     let mut q = model.initial();
     let mut kernel = Kernel::new(model, 0.0);
@@ -270,12 +271,12 @@ fn assembled(model: &Model, tolerance: f64) -> Option<Pose> {
     let spec = Spec { drives: Vec::new(), ..(*model.spec).clone() };
     let model = Model::compiled(spec, model.functions(), (Coordinates::Relative, true), true).ok()?;
     let mut q = model.initial();
-    // what stays open is no matter of other loops
+    // a remaining closure error does not affect other loops
     let _ = assembly::close(&model, 0.0, &mut q, tolerance, &[]);
     q.iter().all(|x| x.is_finite()).then(|| model.pose(&q))
 }
 
-/// What pivots and a short motion settle at a closed position.
+/// Decision by pivots and a short motion at a closed position.
 fn at(model: &Model, q: Option<&[f64]>, level: f64) -> Exact {
     q.and_then(|q| exact(model, 0.0, q, level).ok()).unwrap_or(Exact::Open)
 }
@@ -292,7 +293,7 @@ fn weakest_of(model: &Model, q: Option<&[f64]>, dof: Option<usize>) -> f64 {
     q.zip(closings).and_then(|(q, m)| weakest(model, 0.0, q, m).ok()).unwrap_or(1.0)
 }
 
-/// What was decided about a block, as parts that serve an equal one.
+/// The decision about a block, in a form that also applies to an equal one.
 #[derive(Clone)]
 struct Decided {
     verdict: Verdict,
@@ -314,12 +315,12 @@ impl Decided {
         Self { verdict, dof, kernel: None, numbers, length: 1.0, joints, ambiguous: None, weak: false }
     }
 
-    /// One that this row of a block leaves open.
+    /// A block of which this row remains open.
     fn ambiguous(of: &Model, row: usize) -> Self {
         Self { ambiguous: Some(of.row_owner(row)), ..Self::plain(Verdict::Ambiguous, None) }
     }
 
-    /// The same of a drawing that was made `plane` first, by these numbers in parts of `length`.
+    /// The same for a drawing that was first made `plane`, by these numbers in fractions of `length`.
     fn after(mut self, mut numbers: Vec<f64>, length: f64, drawn: &Spec, plane: &[Joint]) -> Self {
         let last: Vec<Joint> = match self.joints.is_empty() {
             true => plane.to_vec(),
@@ -334,12 +335,12 @@ impl Decided {
         Self { numbers, length, kernel: self.kernel.or(self.dof), ..self }
     }
 
-    /// The largest displacement (`first` 0) or turn (3) of a frame.
+    /// The largest displacement (`first` 0) or rotation (3) of a frame.
     fn most(&self, first: usize) -> f64 {
         most(&self.numbers, first)
     }
 
-    /// Take over what was changed of the k-th joint; `drawn` is that of an equal block that may stand elsewhere.
+    /// Adopt the change of the k-th joint; `drawn` is that of an equal block, possibly in another place.
     fn apply(&self, k: usize, drawn: &Joint, to: &mut Joint) {
         let Some((before, after)) = self.joints.get(k) else { return };
         let moved = |at: [f64; 3], from: [f64; 3], now: [f64; 3]| [0, 1, 2].map(|i| at[i] + (now[i] - from[i]));
@@ -357,13 +358,13 @@ impl Decided {
     }
 }
 
-/// The largest displacement (`first` 0) or turn (3) of a frame.
+/// The largest displacement (`first` 0) or rotation (3) of a frame.
 fn most(numbers: &[f64], first: usize) -> f64 {
     let part = |x: &[f64]| x[first..first + 3].iter().map(|x| x * x).sum::<f64>().sqrt();
     numbers.chunks(OWN / 2).map(part).fold(0.0, f64::max)
 }
 
-/// The shape of a block by its numbers, from where it stands; `None` where more than joints and bodies matter.
+/// The shape of a block by its numbers, relative to its pose; `None` where more than joints and bodies matter.
 fn shape(spec: &Spec) -> Option<Vec<i64>> {
     if !spec.couplings.is_empty() {
         return None;
@@ -401,7 +402,7 @@ fn shape(spec: &Spec) -> Option<Vec<i64>> {
     Some(key)
 }
 
-/// The drawing tolerance, and where a block closes if it does not where it is drawn.
+/// The drawing tolerance, and where a block closes if it does not close as drawn.
 type Wanted<'p> = (f64, &'p dyn Fn() -> Option<&'p Pose>);
 
 /// One block.
@@ -422,7 +423,7 @@ fn judged(spec: &Spec, functions: Arc<dyn Functions>, floats: bool, (tolerance, 
     if !is_sought(spec.joints.len()) {
         return undecided();
     }
-    // what was intended to be plane is made so first: there three numbers of a body are all there is
+    // a drawing intended to be plane is made so first: there a body has only three numbers
     if let Some((plane, numbers)) = drawing.flattened(tolerance) {
         let own = plane.afloat(floats);
         let decided = plane.settled(own, tolerance).or_else(|| plane.decided(own, (tolerance, pose)));
@@ -437,14 +438,14 @@ fn judged(spec: &Spec, functions: Arc<dyn Functions>, floats: bool, (tolerance, 
 struct Seen {
     fine: usize,
     coarse: usize,
-    /// Degrees of freedom where all conditions are independent: then the drawing moves as it stands.
+    /// Degrees of freedom where all conditions are independent: then the drawing moves as it is.
     regular: Option<usize>,
-    /// Those of the whole, if nothing holds it.
+    /// Those of the whole, if it is not attached.
     afloat: usize,
 }
 
 impl Drawing {
-    /// Degrees of freedom as a whole, if nothing holds it.
+    /// Degrees of freedom as a whole, if it is not attached.
     fn afloat(&self, floats: bool) -> usize {
         match (floats, self.model.is_planar()) {
             (false, _) => 0,
@@ -453,7 +454,7 @@ impl Drawing {
         }
     }
 
-    /// What pivots and a short motion settle; `own` degrees of freedom are those of the whole.
+    /// Decision by pivots and a short motion; `own` degrees of freedom are those of the whole.
     fn settled(&self, own: usize, tolerance: f64) -> Option<Decided> {
         let level = coarsest(tolerance);
         match at(&self.model, closed(&self.model, level).as_deref(), level) {
@@ -465,7 +466,7 @@ impl Drawing {
         }
     }
 
-    /// What finite motions decide; None where they do not.
+    /// Decision by finite motions; None where they do not decide.
     fn decided(&self, own: usize, wanted: Wanted) -> Option<Decided> {
         let (fit, seen) = self.levels(own, wanted).ok().flatten()?;
         let drawn = &self.model.spec.joints;
@@ -498,7 +499,7 @@ impl Drawing {
         }
     }
 
-    /// The drawing with axes that are nearly parallel made so, where it then is plane; and the change.
+    /// The drawing with nearly parallel axes made parallel, where it then is plane; and the change.
     fn flattened(&self, tolerance: f64) -> Option<(Self, Vec<f64>)> {
         if self.model.is_planar() || !self.model.spec.couplings.is_empty() {
             return None;
@@ -511,22 +512,23 @@ impl Drawing {
             numbers.iter_mut().zip(&heights).for_each(|(x, more)| *x += more);
             plane = self.changed_to(&numbers)?;
         }
-        // a hinge that is out of parallel is half a matter of either body
+        // the error of a hinge out of parallel is shared equally by its two bodies
         let most = |first: usize, limit: f64| most(&numbers, first) <= limit * tolerance;
         (plane.model.is_planar() && most(0, LARGEST_CHANGE) && most(3, PLANE)).then_some((plane, numbers))
     }
 
-    /// What fits at the levels, coarsest first, and the null directions of the drawing. `None` where it does not close.
+    /// The fits at the levels, coarsest first, and the null directions of the drawing. `None` where it does not close.
     fn levels(&self, own: usize, (tolerance, pose): Wanted) -> Result<Option<(Option<Fit>, Seen)>, SystemError> {
         let near = Cut::Level(coarsest(tolerance));
         let mut home = self.model.initial();
         let closed = Kernel::new(&self.model, 0.0).close(&mut home, near)?;
-        // what closes the wrong way round is another mechanism
+        // a drawing that closes with opposed axes is another mechanism
         let open = closed.filter(|_| self.model.turned_over(&home).is_empty()).map(|x| x.open);
         let there = if open.is_none_or(|x| x > tolerance) { pose() } else { None };
         if let Some(pose) = there {
-            // what no change within the tolerance closes here closes elsewhere: then lengths are those there. Where it does
-            // not close either, a slide may have run far off, which would raise the tolerance: none is longer than drawn
+            // a drawing that no change within the tolerance closes here closes elsewhere: then lengths are those there.
+            // Where it does not close either, a slide may have moved far, which would raise the tolerance: none is
+            // longer than drawn
             let mut q = self.model.coordinates_in(pose);
             let there = self.model.length_at(&q);
             let closed = Kernel::new(&self.model, 0.0).close(&mut q.clone(), Cut::Level(FINEST_LEVEL))?;
@@ -549,7 +551,7 @@ impl Drawing {
         self.levels_at(home, own, tolerance)
     }
 
-    /// The same at a position that is closed as far as it will.
+    /// The same at a position that is closed as far as possible.
     fn levels_at(
         &self,
         home: Vec<f64>,
@@ -588,7 +590,7 @@ impl Drawing {
             }
             levels.push(finest);
         }
-        // a lock of order four is thrown back to where openings are rounding by this level alone
+        // this level alone returns a lock of order four to where closure errors are rounding
         levels.push(FINEST_LEVEL);
         let mut fits: Vec<Fit> = Vec::new();
         for (i, &level) in levels.iter().enumerate() {
@@ -604,7 +606,7 @@ impl Drawing {
         Ok(Some((chosen(fits), seen)))
     }
 
-    /// What this level makes of the drawing: a motion, and the change by which it fits. None where nothing does.
+    /// The drawing at this level: a motion, and the change by which it fits. None where there is none.
     fn at_level(&self, home: &[f64], level: f64, (tolerance, seen): (f64, &Seen)) -> Result<Option<Fit>, SystemError> {
         let cut = Cut::Level(level);
         let mut there = home.to_vec();
@@ -627,20 +629,21 @@ impl Drawing {
         };
         let open = branch.points.iter().fold(0.0, |m: f64, x| m.max(x.open));
         let unlike = self.alike_too(&vec![0.0; OWN * self.model.spec.joints.len()], &there, tolerance);
-        // what the drawing does as it stands needs no change, however much its axes look alike
-        // an exact drawing opens by rounding; one that is off by less than is seen in its null directions, by more
+        // a motion of the drawing itself needs no change, however similar its axes are; the closure error of an exact
+        // drawing is rounding, and a smaller geometric error shows in its null directions
         let exact = exact && open <= tolerance::SUM_ROUNDING;
         let moves_as_drawn = exact || seen.regular.is_some_and(|k| branch.dof <= k);
         if open < tolerance::FITS && (unlike.is_none() || moves_as_drawn) {
             return Ok(Some(fit(None, &self.model.spec.joints)));
         }
         if !self.model.spec.couplings.is_empty() || branch.dof < branch.kernel {
-            // conditions have no frames that could be moved; what is locked at a higher order is mended by no slope
+            // conditions have no frames that could be moved, and no slope removes a lock of higher order
             let found = || fit(None, &self.model.spec.joints);
             if open < tolerance::FITS {
                 return Ok(Some(found()));
             }
-            // what a whole run leaves open is decided there, and what opens by more than the tolerance is as drawn
+            // a closure error within the limits of a whole run is judged there; one that exceeds the tolerance is as
+            // drawn
             let within = open > tolerance::CLOSED_IN_RUN && open <= LARGEST_CHANGE * tolerance;
             // independent conditions that leave a motion are accepted, however weak
             let undecided = within && seen.regular.is_none_or(|k| k <= seen.afloat);
@@ -659,7 +662,7 @@ impl Drawing {
         let small =
             |x: &Change| largest(&x.numbers) <= LARGEST_CHANGE * tolerance && !self.folds_all(&x.numbers, tolerance);
         let with = match &alike {
-            // what opens had a double root, or none was found
+            // the closure error had a double root, or none was found
             Some((numbers, kept, off)) if plain.as_ref().is_none_or(|x| x.is_double(*off)) => {
                 self.change(&branch.points, branch.kernel, (numbers, kept))?.filter(small)
             }
@@ -674,7 +677,7 @@ impl Drawing {
         Ok((open < tolerance::FITS).then(|| fit(None, &self.model.spec.joints)))
     }
 
-    /// The coupling whose row is open by most at q; where there are none, the joint.
+    /// The coupling whose row has the largest closure error at q; where there are none, the joint.
     fn most_open(&self, kernel: &mut Kernel<Model>, q: &[f64]) -> Result<usize, SystemError> {
         kernel.open(q)?;
         let open = |k: usize| kernel.raw_phi()[kernel.rows[k]].abs() / kernel.sizes[k];
@@ -703,8 +706,7 @@ impl Drawing {
         Ok((2 * weak > asked, exact == asked))
     }
 
-    /// Does this drawing, with its closings taken at their word, go along all its motions with the kernel of the
-    /// branch?
+    /// Whether this drawing, with its loop closures as given, follows all its motions with the kernel of the branch.
     fn goes(&self, home: &[f64], branch: &partita_system::rank::Branch) -> Result<bool, SystemError> {
         let cut = Cut::Rank(self.model.size().nv - branch.kernel);
         let mut kernel = Kernel::new(&self.model, 0.0);
@@ -746,12 +748,12 @@ impl Drawing {
     }
 }
 
-/// Generic positions that are asked for weak conditions.
+/// Number of generic positions that are examined for weak conditions.
 const ASKED: usize = 5;
 /// Steps of the path on which a change is checked: one radian.
 const CHECKED: usize = 10;
 
-/// The fit of the most degrees of freedom; of equal ones that of the least change, unless it folds a length that a
+/// The fit with the most degrees of freedom; of equal ones that with the least change, unless it folds a length that a
 /// finer level keeps.
 fn chosen(fits: Vec<Fit>) -> Option<Fit> {
     let most = fits.iter().map(|x| x.dof).max()?;

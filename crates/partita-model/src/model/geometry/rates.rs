@@ -1,4 +1,4 @@
-//! Conditions on rates (rolling) that nearly follow from the others: are they meant to?
+//! Conditions on rates (rolling) that nearly follow from the others, and whether they were intended to.
 
 use super::{closed, coarsest, Drawing, Model, LARGEST_CHANGE, WEAK_CONDITION};
 use crate::tree::LinkMotion;
@@ -8,13 +8,13 @@ use partita_system::prelude::*;
 use partita_system::rank::pivots;
 use partita_system::SystemError;
 
-/// Slips below this belong to rows that the run drops, whatever it measures them by. Scale: fraction of the
-/// fastest contact's speed. Reason: a tenth of the sine, 3e-5, from which rows are kept as independent.
+/// Slips below this belong to rows that the run drops, whatever their measure. Scale: fraction of the fastest contact's
+/// speed. Reason: a tenth of the sine, 3e-5, from which rows are kept as independent.
 const LEAST_SLIP: f64 = 3e-6;
 
-/// What conditions on rates do where a block is drawn.
+/// The conditions on rates at the drawn position of a block.
 pub(super) enum Rates {
-    /// All closings are independent; degrees of freedom.
+    /// All loop closures are independent; degrees of freedom.
     Independent(usize),
     /// This row follows from the others but for an error within the tolerance.
     Ambiguous(usize),
@@ -23,9 +23,9 @@ pub(super) enum Rates {
 }
 
 impl Drawing {
-    /// What the conditions on rates do in this drawing. A row that is left over after all the others opposes one more
-    /// motion V of theirs; by what part of the speed of contacts this one would slip in V is by how much an axis or
-    /// a radius is off.                                                                             (11.9, 8)
+    /// The conditions on rates in this drawing. A row that remains after all the others opposes one more motion V of
+    /// theirs; its slip in V, as a fraction of the speed of contacts, is the error of an axis or a radius.
+    ///                                                                                                      (11.9, 8)
     pub(super) fn rates(&self, tolerance: f64) -> Result<Rates, SystemError> {
         let model = &self.model;
         let size = model.size();
@@ -51,8 +51,8 @@ impl Drawing {
     }
 }
 
-/// By what part of the fastest contact's speed this one slips in the motion that its `row` opposes and the rows `before`
-/// it do not.
+/// Slip of a contact, as a fraction of the fastest contact's speed, in the motion that its `row` opposes and the rows
+/// `before` it do not.
 fn slip(model: &Model, c: &[f64], before: &[usize], row: usize) -> f64 {
     let (pattern, n) = (model.pattern(), model.size().nv);
     let displacement: Vec<f64> = (0..n).map(|i| model.characteristic_displacement(i)).collect();
@@ -79,7 +79,7 @@ fn slip(model: &Model, c: &[f64], before: &[usize], row: usize) -> f64 {
     let slides = model.own.full.links.iter().skip(1).filter(|l| matches!(l.motion, LinkMotion::Slide(_)));
     slides.for_each(|l| is_slide[l.v] = true);
     let rate: f64 = own.iter().zip(&v).map(|(c, v)| c * v).sum();
-    // speeds at contacts by slides, and by turns with their arms
+    // speeds at contacts by translations, and by rotations with their arms
     let speed = |i: usize| {
         let mut by = [(0.0f64, 0.0f64); 2];
         for e in pattern.row(i) {

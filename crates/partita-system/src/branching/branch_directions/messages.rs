@@ -1,4 +1,4 @@
-//! What rates single out, and why they do not, in words.
+//! Messages on the branch that rates select, and on why they select none.
 
 use super::{largest, Asked, BranchDirections, BESIDE_DEAD_CENTRE};
 use crate::branching::{SECOND_RATE_ROUNDING, WRITTEN};
@@ -14,7 +14,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
         format!("{}{more}", all.join(", "))
     }
 
-    /// Rates of what moves, as they are asked for.
+    /// Rates of the moving coordinates, as requested.
     pub(super) fn written(&self, w: &[f64]) -> String {
         let v = self.natural(w);
         let top = largest(w);
@@ -71,7 +71,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
         self.none(asked, &best.unwrap_or_else(|| self.projected(w)))
     }
 
-    /// The branch along `v`, as it is reported.
+    /// The branch along `v`, for the report.
     pub fn described(&self, v: &[f64]) -> String {
         let w: Vec<f64> = v.iter().zip(&self.displacement).map(|(v, r)| v / r).collect();
         let top = largest(&w);
@@ -84,7 +84,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
         format!("{{{}{}}}", all.join(", "), if moving.len() > WRITTEN { ", ..." } else { "" })
     }
 
-    /// Why no velocity is allowed at all, in words that end a sentence.
+    /// Why no velocity is allowed at all, as the end of a sentence.
     pub(super) fn impossible(&self) -> Option<String> {
         let (off, row, _) = self.forbidden;
         let fastest = self.unit.max(largest(&self.particular));

@@ -1,8 +1,8 @@
-//! Baumgarte's stabilisation: `Φ̈ + 2α Φ̇ + β² Φ = 0` in the place of `Φ̈ = 0`.
+//! Baumgarte's stabilisation: `Φ̈ + 2α Φ̇ + β² Φ = 0` instead of `Φ̈ = 0`.
 //!
-//! Catalogue row 19, kept for comparison with older programs. The multiplier form with b replaced by
-//! `b + 2α (C v + a) + β² Φ`; rows without a position (nonholonomic) take `b + 2α (C v + a)`. Loops are pulled closed, never
-//! closed: the remainder is of the order of the integration error, and the two numbers, which have no right value, stiffen
+//! Catalogue row 19, kept for comparison with older programs. In the multiplier form b is replaced by
+//! `b + 2α (C v + a) + β² Φ`; rows without a position (nonholonomic) take `b + 2α (C v + a)`. Closure errors are damped,
+//! not eliminated: they are of the order of the integration error, and the two numbers, which have no best value, stiffen
 //! the equations. Exact corrections cost less and need no numbers. (Baumgarte 1972.)
 
 use super::saddle::Saddle;
@@ -18,10 +18,10 @@ pub struct Stabilised {
 }
 
 impl Stabilised {
-    /// Room for n velocities, m rows and r independent ones; needs the two numbers.
+    /// Memory for n velocities, m rows and r independent ones; needs the two numbers.
     ///
     /// # Errors
-    /// Numbers that are missing, or that drive the loops apart.
+    /// Numbers that are missing, or that make the constraints unstable.
     pub fn new(n: usize, m: usize, r: usize, numbers: Option<(f64, f64)>) -> Result<Self, SystemError> {
         let Some((alpha, beta)) = numbers else {
             return Err(SystemError::argument(

@@ -15,7 +15,7 @@ pub struct Instant<'a> {
     pub pattern: &'a Pattern,
     /// The rows to be used.
     pub rows: &'a [usize],
-    /// How many rows exist at position level: the first ones.
+    /// Number of rows that exist at position level: the first ones.
     pub holonomic: usize,
     /// M (n x n), or its entries in the order of [`AccelerationRule::mass_pattern`].
     pub mass: &'a [f64],
@@ -31,7 +31,7 @@ pub struct Instant<'a> {
     pub b: &'a [f64],
     /// v (n).
     pub v: &'a [f64],
-    /// Scales w of all rows where M is short of mass, nothing elsewhere: see [`heavier`](Self::heavier).
+    /// Scales w of all rows where M is singular, otherwise empty: see [`heavier`](Self::heavier).
     pub scales: &'a [f64],
 }
 
@@ -44,9 +44,9 @@ impl Instant<'_> {
         }
     }
 
-    /// Where M alone is singular: `M + Cᵀ W C` in the place of M (n x n) and `h − Cᵀ W b` in that of h, W =
-    /// diag(w²) over the rows in use. With `C v' + b = 0` neither v' nor λ notices, and the sum is definite
-    /// wherever the motion carries mass.
+    /// Where M alone is singular: `M + Cᵀ W C` instead of M (n x n) and `h − Cᵀ W b` instead of h, W = diag(w²) over
+    /// the rows in use. With `C v' + b = 0` neither v' nor λ changes, and the sum is definite wherever the motion
+    /// carries mass.
     pub fn heavier(&self, mass: &mut [f64], h: &mut [f64]) {
         if self.scales.is_empty() {
             return;
@@ -64,7 +64,7 @@ impl Instant<'_> {
         }
     }
 
-    /// `(C v + a)_i`: how fast row i opens.
+    /// `(C v + a)_i`: the rate of the closure error of row i.
     pub fn closure_error_rate(&self, i: usize) -> f64 {
         self.pattern.row(i).map(|e| self.c[e] * self.v[self.pattern.col_idx[e]]).sum::<f64>() + self.a[i]
     }
@@ -75,7 +75,7 @@ impl Instant<'_> {
 pub enum Failure {
     /// M is not positive definite.
     Mass {
-        /// The velocity where it showed.
+        /// The velocity where it was detected.
         index: usize,
         /// Its pivot.
         pivot: f64,
@@ -97,18 +97,18 @@ pub trait AccelerationRule {
     fn loads_all_rows(&self) -> bool {
         false
     }
-    /// Are the remainders of S3 and S4 to be removed after a step?
+    /// Whether errors of S3 and S4 are corrected after a step.
     fn corrected(&self) -> bool {
         true
     }
     /// `v'` (n) and λ (all rows; entries of rows not used come in as zero). Returns the iterations it took.
     fn solve(&mut self, x: &Instant, vdot: &mut [f64], lambda: &mut [f64]) -> Result<u64, Failure>;
-    /// The entries of M the rule is to be given, where it does not want all of them.
+    /// The entries of M the rule needs, if it does not need all of them.
     fn mass_pattern(&self) -> Option<&Pattern> {
         None
     }
-    /// The least move in the mass metric that closes rows open by `open` (all rows), `−M⁻¹ Cᵀ M_c⁻¹ x`, where the
-    /// rule has a way of its own to find it.                                                            (35)
+    /// The least displacement in the mass metric that closes rows open by `open` (all rows), `−M⁻¹ Cᵀ M_c⁻¹ x`, where
+    /// the rule has its own method to compute it.                                                                (35)
     fn least_move(&mut self, _x: &Instant, _open: &[f64], _out: &mut [f64]) -> Option<Result<(), Failure>> {
         None
     }
@@ -116,7 +116,7 @@ pub trait AccelerationRule {
     fn plans(&self) -> u64 {
         0
     }
-    /// What the user should know, in sentences.
+    /// Notes for the user, in sentences.
     fn notes(&self) -> Vec<String> {
         Vec::new()
     }
