@@ -264,8 +264,8 @@ class _Work:
             for name, value in answer.items():
                 if shapes.setdefault(name, value.shape) != value.shape:
                     here, there = value.shape, shapes[name]
-                    said = f"{name} has the shape {here}, elsewhere {there}; it must be the same throughout"
-                    self.failed[point] = said
+                    why = f"{name} has the shape {here}, elsewhere {there}; it must be the same throughout"
+                    self.failed[point] = why
                     self.found.pop(point, None)
                 kinds[name] = np.result_type(kinds.get(name, value.dtype), value.dtype)
         dims = tuple(self.grid)

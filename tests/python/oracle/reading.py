@@ -13,7 +13,7 @@ from .drawing import Array, Body, Coupling, Drawing, Drive, Joint, Load, Spring,
 
 
 def drawing_of(m: pt.Mechanism, drives: tuple[Drive, ...] = (), known: Mapping[str, Coupling] | None = None) -> Drawing:
-    """Closed drawings with numbers for values; of `drives` the functions are told, since a description has none, and of
+    """Closed drawings with numbers for values; of `drives` the functions are reported, since a description has none, and of
     couplings by a function all of them, as `known`.
 
     Constant speeds are read.
@@ -21,9 +21,9 @@ def drawing_of(m: pt.Mechanism, drives: tuple[Drive, ...] = (), known: Mapping[s
     spec = m.to_spec()
     bodies = tuple(body(item) for item in spec["bodies"])
     joints = tuple(joint(item, {b.name: b for b in bodies}) for item in spec["joints"])
-    told = known or {}
+    reported = known or {}
     couplings = tuple(
-        told.get(item["name"]) or Coupling(item["name"], item["kind"], item) for item in spec["couplings"]
+        reported.get(item["name"]) or Coupling(item["name"], item["kind"], item) for item in spec["couplings"]
     )
     places = np.array([*(b.position for b in bodies), *(j.point for j in joints)])
     radius = max((c.data["radius"] for c in couplings if c.kind == "roll"), default=0.0)

@@ -175,14 +175,14 @@ def pace_of(drawing: Drawing, found: Motion, poses: Places) -> float:
 def motions(asked: Asked, run: Any, i: int, found: Motion, poses: Places, verdict: Verdict) -> None:
     """What follows from the motion of bodies."""
     drawing, pace = asked.drawing, pace_of(asked.drawing, found, poses)
-    reach = max([drawing.size, *(float(np.linalg.norm(p.x)) for p in poses.values())])
+    extent = max([drawing.size, *(float(np.linalg.norm(p.x)) for p in poses.values())])
     path = lambda h: moved(drawing, found, poses, h)  # noqa: E731
     for name, (value, order, length) in asked.derivatives.items():
         mine = run.sensor(name).values[i]
         if name.startswith("distance") and difference(value, 0, path, 1.0) < 0.05 * drawing.size:
             continue  # a distance of nearly nothing has no quadratic
         theirs = difference(value, order, path, 2e-3 / pace)
-        off = float(np.abs(mine - theirs).max()) / (reach**length * pace**order)
+        off = float(np.abs(mine - theirs).max()) / (extent**length * pace**order)
         verdict.seen(f"sensor {name.split()[0]}", off, SAME, f"output {i}, {name}")
     for name, (expression, of) in asked.expressions.items():
         parts = [run.sensor(x).values[i] for x in of]
