@@ -27,6 +27,7 @@ class Layout:
     def __init__(self, summary: dict[str, Any] | None = None) -> None:
         self.names: list[str] = []
         self.velocity_names: list[str] = []
+        self.by_names_alone = True
         self._spans: dict[str, tuple[Span | None, Span | None]] = {}
         self._beyond: dict[str, Span] = {}
         self._drawn: dict[str, Array] = {}
@@ -37,6 +38,7 @@ class Layout:
     def fill(self, summary: dict[str, Any]) -> None:
         """Take names and spans from a model's summary."""
         self.names, self.velocity_names = list(summary["coordinates"]), list(summary["velocities"])
+        self.by_names_alone = False
         first = sum(n for _, n in self._beyond.values())
         for joint in summary["joints"]:
             self._spans[joint["name"]] = _span(joint["state_q"]), _span(joint["state_v"])
@@ -48,6 +50,13 @@ class Layout:
                 shown = count if count == joint["q"][1] else count + 9
                 self._beyond[joint["name"]] = first, shown
                 first += shown
+
+    def fits(self, summary: dict[str, Any]) -> bool:
+        """Whether the coordinates are those of a model: a joint and a body of one name give theirs the same names."""
+        joints = summary["joints"]
+        if self.by_names_alone or self.names != list(summary["coordinates"]):
+            return self.names == list(summary["coordinates"])
+        return all(self._spans.get(j["name"]) == (_span(j["state_q"]), _span(j["state_v"])) for j in joints)
 
     @property
     def tree_joints(self) -> list[str]:
@@ -192,6 +201,10 @@ class State(StateView):
     def velocity_names(self) -> list[str]:
         """Names of the velocities v."""
         return list(self._layout.velocity_names)
+
+    def is_of(self, summary: dict[str, Any]) -> bool:
+        """Whether the coordinates are those of the model with this summary."""
+        return self._layout.fits(summary)
 
     def position(self, joint: Any) -> Any:
         """Coordinate of a joint [rad or m].

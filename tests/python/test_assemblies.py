@@ -347,3 +347,21 @@ def test_where_a_joint_ends_and_what_is_missing() -> None:
     assert f"A ends at {end:.5f}" in str(caught.value)[: str(caught.value).index(" rad")]
     assert caught.value.residual == pytest.approx(far(1.5) - stretched, rel=1e-6)
     assert "the loop through A, D, B closed by joint" in caught.value.loops
+
+
+def test_a_free_joint_may_have_the_name_of_its_body() -> None:
+    """Names of relative and absolute coordinates are then the same; what a state holds is told by its model."""
+    m = pt.Mechanism("thrown", gravity=None)
+    m.add_body("ball", mass=1.0, inertia=(1, 2, 3), com=(0.3, 0.1, 0.2), position=(1, 2, 3))
+    m.add_free("ball", m.ground, "ball", point=(1, 2, 3))
+    model = m.compile()
+    assert model.names == m.compile(coordinates="absolute").names
+    velocity = (0.5, -0.3, 0.8)
+    state = m.assemble(rates={"ball": (*velocity, 1.0, 2.0, -1.0)})
+    for start in (state, m.convert(state, "absolute")):
+        for coordinates in ("relative", "absolute"):
+            run = m.simulate(0.1, initial=start, coordinates=coordinates)
+            assert run.body("ball").velocity[0] == pytest.approx(velocity, abs=1e-14)
+    assert m.convert(m.convert(state, "absolute"), "relative").v == pytest.approx(state.v, abs=1e-14)
+    with pytest.raises(ArgumentError, match="names of relative and of absolute"):
+        m.convert(pt.State(0.0, state.q, state.v, model.names, model.velocity_names), "absolute")

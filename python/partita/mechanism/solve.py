@@ -198,11 +198,17 @@ def _converted(self: Modelled, state: State, coordinates: str, parameters: Mappi
     model, layout = layout_of(self, coordinates, parameters)
     if not isinstance(state, State):
         raise ArgumentError(f"convert takes a State, not {type(state).__name__}", argument="state")
-    if state.names == model.names:
+    others = (layout_of(self, c, parameters)[0] for c in run_options.COORDINATES if c != coordinates)
+    if state.is_of(model.summary):
+        if state._layout.by_names_alone and state.names and any(state.is_of(other.summary) for other in others):
+            raise ArgumentError(
+                f"the state has the coordinates {', '.join(state.names)}, names of relative and of absolute ones, as "
+                "joints and bodies share theirs; make it with assemble",
+                argument="state",
+            )
         return state
-    for other in run_options.COORDINATES:
-        source, _ = layout_of(self, other, parameters)
-        if other != coordinates and state.names == source.names:
+    for source in others:
+        if state.is_of(source.summary):
             q, v = model.core.transferred(source.core, state.q, state.v)
             return State(state.t, q, v, layout=layout)
     raise ArgumentError(
@@ -273,7 +279,7 @@ def _fitting(what: str, state: Any, model: CompiledModel) -> None:
             f"{what} must be a State as assemble() returns it, not {type(state).__name__}", argument=what
         )
     fits = state.q.size == model.core.nq and state.v.size == model.core.nv
-    if not fits or (state.names and state.names != model.names):
+    if not fits or (state.names and not state.is_of(model.summary)):
         raise ArgumentError(
             f"{what} has the coordinates {', '.join(state.names) or state.q.size}, but this model "
             f"({model.coordinates}) has "
@@ -302,8 +308,8 @@ def start_of(
     start = initial if initial is not None else _drawn(self, model, coordinates, parameters)
     if (
         isinstance(start, State)
-        and start.names != model.names
-        and any(start.names == compile(self, other).names for other in run_options.COORDINATES)
+        and not start.is_of(model.summary)
+        and any(start.is_of(compile(self, other).summary) for other in run_options.COORDINATES)
     ):
         start = _converted(self, start, coordinates, parameters)
     _fitting("initial", start, model)

@@ -178,7 +178,7 @@ class Stepper:
         Raises `ArgumentError` for a state of another model.
         """
         start = self._start if initial is None else initial
-        if not isinstance(start, State) or start.names != self._model.names:
+        if not isinstance(start, State) or not start.is_of(self._model.summary):
             raise ArgumentError(
                 f"initial must be a State with the coordinates {', '.join(self._model.names)}, as assemble() or "
                 f"step() return it, not {shown(initial)}",

@@ -39,3 +39,13 @@ def study(seeds: Iterable[int]) -> Study:
         if verdict.wrong:
             wrong.append((seed, verdict))
     return counts, worst, wrong
+
+
+def together(verdicts: Iterable[tuple[int, Verdict]]) -> Counter[str]:
+    """What was counted; nothing may be wrong."""
+    counts, wrong = Counter[str](), list[str]()
+    for seed, verdict in verdicts:
+        counts += verdict.counts
+        wrong += [f"{seed}: {line}" for line in verdict.wrong[:3]]
+    assert not wrong, "\n".join(wrong[:20])
+    return counts

@@ -1,0 +1,22 @@
+"""Couplings drawn by chance against the independent program, in both kinds of coordinates."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+from oracle.coupled import compare_coupled
+from oracle.study import together
+
+SEEDS = range(60)
+FOUND_ONCE = (344, 375, 809, 941, 1099)
+"""Couplings on universal joints whose axes are not perpendicular, in redundant mechanisms."""
+
+
+def test_coupled_mechanisms_agree() -> None:
+    found = {seed: compare_coupled(seed) for seed in (*SEEDS, *FOUND_ONCE)}
+    counts = together((seed, verdict) for seed, (verdict, _) in found.items())
+    kinds = sum((kinds for _, kinds in found.values()), Counter[str]())
+    assert min(kinds[kind] for kind in ("sum", "gear", "belt", "rack", "distance", "measures", "cam", "ball")) > 5, (
+        kinds
+    )
+    assert counts["relative run"] > 50 and counts["absolute run"] > 50 and counts["effort"] > 200, counts
