@@ -52,7 +52,7 @@ __all__ = [
     "units",
 ]
 
-# Imported when first asked for: they bring plotting and data libraries along.
+# Imported on first use: they bring plotting and data libraries along.
 _LATER = ("catalogue", "plots", "results", "viewer")
 _NAMED_LATER = {"Result": "results", "load_result": "results"}
 

@@ -1,4 +1,4 @@
-"""Names of the release before, listed here and nowhere else.
+"""Names of the previous release, listed here and nowhere else.
 
 Each still works in this release, raises a `DeprecationWarning` that says what to write instead, and goes with the next.
 Results and certificates stored under the old names are read without a warning.
@@ -50,7 +50,7 @@ def renamed(plain: Mapping[str, Any], old: Mapping[str, str]) -> dict[str, Any]:
 
 
 class RenamedKeys(dict[str, Any]):
-    """A dictionary some keys of which have had other names, by which they are still found."""
+    """A dictionary some keys of which had other names, under which they are still found."""
 
     def __init__(self, plain: Mapping[str, Any] | None = None, old: Mapping[str, str] | None = None) -> None:
         super().__init__(plain or {})
@@ -72,7 +72,7 @@ class RenamedKeys(dict[str, Any]):
         return super().get(self._new(key), default)
 
     def with_old(self) -> dict[str, Any]:
-        """All keys, those of the release before as well, for programs that read JSON."""
+        """All keys, those of the previous release as well, for programs that read JSON."""
         return {**self, **{old: self[new] for old, new in self._old.items() if dict.__contains__(self, new)}}
 
     def __reduce__(self) -> tuple[Any, ...]:

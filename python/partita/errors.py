@@ -66,12 +66,13 @@ class PartitaError(Exception):
 
 
 def _rebuild(kind: type[PartitaError], message: str, fields: dict[str, Any]) -> PartitaError:
-    """Make the error again in another process: `pickle` alone would lose the keyword arguments."""
+    """Construct the error in another process: `pickle` alone would lose the keyword arguments."""
     return kind(message, **fields)
 
 
 class SuspectResultWarning(UserWarning):
-    """A result stands on what the tolerances and the round-off of its run do not explain; its certificate says what."""
+    """A result with findings that the tolerances and the round-off of its run do not explain; its certificate lists
+    them."""
 
 
 def __getattr__(name: str) -> Any:
@@ -105,12 +106,11 @@ class UnknownNameError(PartitaError, KeyError):
 
 
 class UnknownAttributeError(UnknownNameError, AttributeError):  # type: ignore[misc]  # both have a `name`
-    """An element has nothing of this name. Fields: `name` as given, `known` names."""
+    """An element has no attribute of this name. Fields: `name` as given, `known` names."""
 
 
 class FileFormatError(PartitaError, ValueError):
-    """A file cannot be understood or written. Fields: `path`, and `line` (from 1) where it is known, else
-    None."""
+    """A file cannot be read or written. Fields: `path`, and `line` (from 1) where it is known, else None."""
 
     path: str
     line: int | None
@@ -123,7 +123,7 @@ class MissingFileError(PartitaError, FileNotFoundError):
 
 
 class AssemblyError(PartitaError, RuntimeError):
-    """The loops do not close. Fields: largest `residual`, `iterations` done, `loops` that stayed open."""
+    """The loops do not close. Fields: largest `residual`, `iterations` done, `loops` that are open."""
 
     residual: float
     iterations: int
@@ -131,8 +131,8 @@ class AssemblyError(PartitaError, RuntimeError):
 
 
 class ContradictionError(PartitaError, RuntimeError):
-    """Conditions that depend on each other do not agree: no motion keeps them all. Fields: time `t` [s] at which
-    it was seen, the `gap` there, `who` is off and `whom` it contradicts."""
+    """Redundant conditions contradict each other: no motion satisfies all of them. Fields: time `t` [s] at which it was
+    detected, the `gap` there, `who` is violated and `whom` it contradicts."""
 
     t: float
     gap: float
@@ -141,30 +141,29 @@ class ContradictionError(PartitaError, RuntimeError):
 
 
 class SingularityError(PartitaError, RuntimeError):
-    """The equations lose rank where they must not. Fields: time `t` [s] and `quality` of the best
-    partition."""
+    """The equations lose rank where they must not. Fields: time `t` [s] and `quality` of the best partition."""
 
     t: float
     quality: float
 
 
 class EvaluationError(PartitaError, RuntimeError):
-    """A function or a table gave no usable value, or a friction and the reaction that it follows have none that agree.
-    Fields: time `t` [s] and `where`, the element that asked."""
+    """A function or a table gave no usable value, or a friction and the reaction that it follows have no consistent
+    values. Fields: time `t` [s] and `where`, the element concerned."""
 
     t: float
     where: str
 
 
 class OpenReactionError(EvaluationError):
-    """A friction follows a reaction that rigid bodies leave open, so that it has no one value. Fields: time `t` [s],
-    `where`, the friction, and its `joint`."""
+    """A friction follows a reaction that is indeterminate for rigid bodies, so that it has no unique value. Fields:
+    time `t` [s], `where`, the friction, and its `joint`."""
 
     joint: str
 
 
 class DerivativeError(PartitaError, ValueError):
-    """A derivative of a hand-written system is that of another function.
+    """A derivative of a user-defined system belongs to another function.
 
     Fields: name of the `function`, `row` and (of a Jacobian) `column` of the entry, the number `given`, the number
     `found` by differences, time `t` [s].
@@ -214,4 +213,4 @@ class ChangedFileWarning(UserWarning):
 
 
 class LossyFileWarning(UserWarning):
-    """A mechanism was written in a format that cannot carry all of it; the warning says what is missing."""
+    """A mechanism was written in a format that cannot represent all of it; the warning lists what is missing."""

@@ -1,4 +1,4 @@
-"""Optional packages: imported when something asks for them, and named together with their extra where they are not."""
+"""Optional packages: imported on first use, and named together with their extra where they are missing."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def extra(package: str, name: str, purpose: str) -> Any:
 
 
 def wanted(packages: tuple[str, ...], name: str, purpose: str) -> None:
-    """The same question without importing: before a long run, not after."""
+    """The same check without importing: before a long run, not after."""
     for package in packages:
         try:
             found = importlib.util.find_spec(package)

@@ -1,4 +1,4 @@
-"""Files that are written completely or not at all, and that detect changes.
+"""Files that are written completely or not at all, and whose changes are detected.
 
 A sealed file holds the SHA-256 of itself: of its bytes with zeros in the place of the digits.
 """
@@ -18,7 +18,7 @@ from typing import Any
 from .errors import ArgumentError, FileFormatError, MissingFileError
 
 BLANK = "sha256:" + 64 * "0"
-"""Stands once in the content of a file that is to be sealed, before all that a user has named."""
+"""Occurs once in the content of a file to be sealed, before all names given by the user."""
 
 _ATTEMPTS = 20
 """To put a folder where others put theirs at the same time."""
@@ -184,7 +184,7 @@ def _joined(files: dict[str, bytes]) -> bytes:
 
 
 def _is_ours(folder: Path) -> bool:
-    """Whether a folder is one that was put there as a sealed one, so that replacing it destroys nothing else."""
+    """Whether a folder is a sealed one, so that replacing it destroys nothing else."""
 
     def small() -> Iterator[Path]:
         return (p for p in folder.rglob("*") if p.is_file() and p.stat().st_size < _SMALL)

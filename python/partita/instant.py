@@ -1,4 +1,4 @@
-"""The equations at one instant, with everything that the reduction makes of them."""
+"""The equations at one instant, with all quantities of the reduction."""
 
 from __future__ import annotations
 

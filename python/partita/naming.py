@@ -1,4 +1,4 @@
-"""Names of what a run holds, their units, and looking things up by them."""
+"""Names of the items of a run, their units, and lookup by name."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def _padded(given: Sequence[str] | None, letter: str, count: int) -> tuple[str, 
 
 
 def driven(summary: Mapping[str, Any]) -> dict[str, list[int]]:
-    """Rows of each drive by its name: of a pose those of its slides and then of its turns."""
+    """Rows of each drive by its name: of a pose those of its translations and then of its rotations."""
     found: dict[str, list[int]] = {}
     for name, row in zip(summary.get("drives", ()), summary.get("drive_rows", ()), strict=False):
         found.setdefault(_PART_OF_POSE.sub("", name), []).append(int(row))
@@ -63,7 +63,7 @@ def driven(summary: Mapping[str, Any]) -> dict[str, list[int]]:
 
 
 def index_of(name: str, known: Sequence[str], kind: str) -> int:
-    """Place of `name` among `known`; `UnknownNameError` with the nearest spellings otherwise."""
+    """Index of `name` among `known`; `UnknownNameError` with the nearest spellings otherwise."""
     if isinstance(name, str) and name in known:
         return list(known).index(name)
     folded = {other.lower(): other for other in reversed(known)}
@@ -87,8 +87,8 @@ def listed(words: Sequence[str], limit: int = 12) -> str:
 def coordinate_units(summary: Mapping[str, Any], names: Names) -> tuple[list[str], list[str]]:
     """Units of the columns of q and of v: "m", "rad", "1" (quaternion) and "m/s", "rad/s"; "" where unknown.
 
-    The axes of a joint in the state are known; otherwise they follow from the ending of the name
-    (`crank.x`, `A.turn`). Columns of a hand-written `System` have units only its author knows.
+    The axes of a joint in the state are known; otherwise they follow from the ending of the name (`crank.x`, `A.turn`).
+    Columns of a user-defined `System` have units only its author knows.
     """
     q_units = [_unit_of(name) for name in names.coordinates]
     v_units = [_unit_of(name) for name in names.velocities]

@@ -1,4 +1,4 @@
-"""Numbers as they are meant: integers and floats. No words, truth values or complex numbers, which NumPy converts."""
+"""Numeric input: integers and floats. No words, truth values or complex numbers, which NumPy converts."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ _NUMBERS = frozenset({float, int, np.float64})
 
 
 def floats(values: Any) -> NDArray[np.float64]:
-    """`values` as an array of floats, new and in one piece; TypeError for what is not made of real numbers, and for
-    quantities, whose units NumPy would drop without a word."""
+    """`values` as a new contiguous array of floats; TypeError for anything not made of real numbers, and for
+    quantities, whose units NumPy would silently drop."""
     if _holds_quantity(values):
         raise TypeError(f"{shown(values)} has a unit, but a plain number in SI units is expected")
     return without_units(values)
@@ -40,7 +40,7 @@ def without_units(values: Any) -> NDArray[np.float64]:
 
 
 def is_quantity(value: Any) -> bool:
-    """Whether it is a quantity of pint, or of what is made like it. Nothing is imported for the question."""
+    """Whether it is a quantity of pint or a compatible library. Nothing is imported for this test."""
     return hasattr(type(value), "to_base_units") and hasattr(type(value), "magnitude")
 
 
@@ -77,7 +77,7 @@ def real(value: Any) -> float:
 
 
 def shown(value: Any) -> str:
-    """`value` in a message, cut where it is long; whatever it is."""
+    """`value` in a message, of any type, shortened if long."""
     try:
         text = repr(value)
     except Exception:

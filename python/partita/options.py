@@ -1,4 +1,4 @@
-"""Options of a run, the same for mechanisms and systems: checked here, marched by the core."""
+"""Options of a run, the same for mechanisms and systems: checked here, used by the core."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ Array = NDArray[np.float64]
 METHODS, FORMULATIONS, SELECTIONS = _core.METHODS, _core.FORMULATIONS, _core.SELECTIONS
 """Words that the core knows, the default first."""
 TANGENTS = ("zero-eigenvalue", "svd", "qr", "liang-lance", "gram-schmidt")
-"""Formulations with tangent velocities that are frozen, or made anew at each step."""
+"""Formulations with tangent velocities that are frozen, or renewed at each step."""
 WHOLE = ("multipliers", "sparse-multipliers", "range-space", "proximal", "baumgarte")
 """Formulations that integrate all velocities."""
 CORRECTIONS = ("partition", "mass-orthogonal", "none")
-# When frozen tangent velocities are made anew, if not by their quality.
+# When frozen tangent velocities are renewed, if not by their quality.
 EACH_STEP = "each step"
 COORDINATES = ("relative", "absolute")
 OUTPUTS = 201
@@ -36,7 +36,7 @@ _SLACK = 1e-12
 
 
 class Core(Protocol):
-    """What marches: a compiled mechanism or system."""
+    """What is integrated: a compiled mechanism or system."""
 
     def simulate(
         self,
@@ -200,7 +200,7 @@ def run(
     progress: Any,
     tangent: TangentVelocities | None = None,
 ) -> dict[str, Any]:
-    """March in the core; what it returns."""
+    """Integrate in the core, and return its result."""
     own = None if tangent is None else tangent_of(tangent, v.size)
     q, v = np.ascontiguousarray(q), np.ascontiguousarray(v)
     if progress is False:
@@ -257,7 +257,7 @@ def _switch_threshold(value: Any) -> float:
 
 
 def _renew(value: Any) -> float | str:
-    """A number from 0 to 1, or the words for a basis made anew after every step."""
+    """A number from 0 to 1, or the words for a basis renewed after every step."""
     if isinstance(value, str) and value == EACH_STEP:
         return EACH_STEP
     try:

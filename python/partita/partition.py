@@ -1,7 +1,7 @@
 """The choice of independent coordinates by the projective criterion, for any mass matrix and constraint
 Jacobian.
 
-A mechanism chooses by itself; these functions are for looking at the criterion and for systems of one's own.
+A mechanism chooses by itself; these functions are for studying the criterion and for user-defined systems.
 """
 
 from __future__ import annotations
@@ -23,8 +23,7 @@ __all__ = ["Geometry", "Partition", "choose", "geometry", "measure"]
 Array = NDArray[np.float64]
 # Rules that need one instant only.
 SELECTIONS = tuple(rule for rule in _core.SELECTIONS if rule != "persistence")
-# Entries of a mass matrix computed in two ways agree to round-off; a larger difference is a mistake in the
-# formulas.
+# Entries of a mass matrix computed in two ways agree to round-off; a larger difference is an error in the formulas.
 _SYMMETRY = 1e-10
 
 

@@ -1,4 +1,4 @@
-"""How far a run, a sweep or a comparison has come: a bar on the terminal, or a function of the part done."""
+"""Progress of a run, a sweep or a comparison: a bar on the terminal, or a function of the fraction done."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def checked(progress: Any) -> Any:
 
 
 def has_bars() -> bool:
-    """Whether tqdm is there, for a command that draws a bar without being asked."""
+    """Whether tqdm is installed, for a command that draws a bar by default."""
     return importlib.util.find_spec("tqdm") is not None
 
 

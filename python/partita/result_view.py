@@ -1,4 +1,4 @@
-"""What figures, pages and files read of a run: the form of a `Result`, without its methods that draw and write."""
+"""Data of a run for figures, pages and files: the form of a `Result`, without its methods that draw and write."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ FloatArray = NDArray[np.float64]
 
 
 def checked_run(result: Any) -> None:
-    """Refuse what is no run, before a figure or a page is begun."""
+    """Refuse anything but a run, before a figure or a page is begun."""
     if not all(hasattr(result, name) for name in ("t", "names", "summary")):
         raise ArgumentError(f"result must be what simulate() returns, not {shown(result)}", argument="result")
 
 
 FEW = np.pi / 3.0
-"""Outputs of which a turn has six or fewer say nothing of what lies between them: no line joins them."""
+"""With six or fewer outputs per turn the motion between them is unknown: no line joins them."""
 
 
 def turn_between_outputs(result: ResultView) -> tuple[str, float]:
@@ -41,7 +41,7 @@ def turn_between_outputs(result: ResultView) -> tuple[str, float]:
 
 
 class ResultView(Protocol):
-    """A run as those see it that show or store it; `partita.results.Result` says what each of these is."""
+    """A run as shown or stored; `partita.results.Result` documents each item."""
 
     @property
     def title(self) -> str: ...
@@ -120,7 +120,7 @@ class ResultView(Protocol):
         """Motion of a body."""
 
     def sensor(self, name: str) -> Any:
-        """What a sensor read."""
+        """Readings of a sensor."""
 
     def applied_forces(self) -> Mapping[str, tuple[FloatArray, FloatArray]]:
-        """Of loads that push at a point: where, and the force, in the world."""
+        """For loads that act at a point: the point and the force, in the world."""

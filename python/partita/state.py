@@ -17,12 +17,13 @@ from .sensing import Senses
 Array = NDArray[np.float64]
 Span = tuple[int, int]
 
-# Numbers by which the core shows a turn about all axes: nine cosines and three rates. No joint has as many coordinates.
+# Numbers by which the core represents a spatial rotation: nine cosines and three rates. No joint has as many
+# coordinates.
 TURN = 12
 
 
 class Layout:
-    """Where the coordinates of each joint stand in q and v: read from the summary of a compiled model."""
+    """The indices of the coordinates of each joint in q and v, from the summary of a compiled model."""
 
     def __init__(self, summary: dict[str, Any] | None = None) -> None:
         self.names: list[str] = []
@@ -46,7 +47,7 @@ class Layout:
                 self._drawn[joint["name"]] = np.array(joint["drawn"], dtype=float)
             count = joint["v"][1]
             if joint["state_v"] is None and count > 0:
-                # a rotation about all axes is represented by nine cosines and three rates
+                # a spatial rotation is represented by nine cosines and three rates
                 shown = count if count == joint["q"][1] else count + 9
                 self._beyond[joint["name"]] = first, shown
                 first += shown
@@ -64,14 +65,15 @@ class Layout:
         return [name for name, (q, _) in self._spans.items() if q is not None]
 
     def part(self, values: Array, span: Span, joint: Any) -> Any:
-        """The coordinates or velocities of a joint in the state, a turn about all axes in the axes of the drawing."""
+        """The coordinates or velocities of a joint in the state, a spatial rotation in the axes of the drawing."""
         found = _part(values, span)
         if (axes := self._drawn.get(str(joint))) is not None:
             found = np.concatenate([found[:-3], axes.T @ found[-3:]])
         return found
 
     def beyond(self, joint: Any) -> Span | None:
-        """First index and number of a joint that closes a loop among what functions see besides q, and besides v."""
+        """First index and number of a joint that closes a loop among the arguments of functions after q, and after
+        v."""
         return self._beyond.get(str(joint))
 
     def q(self, joint: Any) -> Span:
@@ -136,7 +138,7 @@ class StateView:
         return self._layout.part(self.v, self._layout.v(joint), joint)
 
     def sensor(self, name: Any) -> Any:
-        """What a sensor of positions or velocities reads: a float or an array, see `Mechanism.add_sensor`.
+        """The value of a position or velocity sensor: a float or an array, see `Mechanism.add_sensor`.
 
         Inside of functions f(t, state) alone. Raises `UnknownNameError` for a sensor that there is not, `ArgumentError`
         for one that needs accelerations or forces, which follow from what such functions answer.
@@ -284,7 +286,7 @@ def _flat(what: str, values: ArrayLike, names: list[str]) -> Array:
 
 
 def _turned(values: Array, span: Span) -> Array:
-    """Slides, and behind them the quaternion of a turn that is shown by its cosines."""
+    """Translations, followed by the quaternion of a rotation that is represented by its cosines."""
     first, last = span[0], sum(span)
     slides, cosines = values[first : last - TURN], values[last - TURN : last - 3].reshape(3, 3)
     turn = np.array(quaternion(cosines))
@@ -292,6 +294,6 @@ def _turned(values: Array, span: Span) -> Array:
 
 
 def _turning(values: Array, span: Span) -> Array:
-    """Their rates, and those of the turn about the axes of the child."""
+    """Their rates, and those of the rotation about the axes of the child."""
     first, last = span[0], sum(span)
     return np.concatenate([values[first : last - TURN], values[last - 3 : last]])

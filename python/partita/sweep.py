@@ -26,7 +26,7 @@ TRIES = 3
 """How often a point is given to a new worker when its worker dies: once for others' deaths in its pool, once more for
 bad luck; a third time it is the point."""
 PULSE = 0.2
-"""Seconds between looks at the clock and at Ctrl-C."""
+"""Seconds between checks of the clock and of Ctrl-C."""
 AHEAD = 1000
 """Points handed out before their turn: enough for a cluster, and nothing to wait for where a sweep is interrupted."""
 
@@ -123,7 +123,7 @@ Make = Callable[[], "Executor"]
 
 @contextmanager
 def _pool(executor: Any, workers: int | None) -> Iterator[Make | None]:
-    """How to come by an executor: one of our own is made anew after a worker died, a given one is asked again."""
+    """Source of an executor: an own one is created again after a worker died, a given one is reused."""
     if executor is None:
         yield None
     elif isinstance(executor, str):
@@ -186,7 +186,7 @@ class _Work:
                 self.keep(point, answer)
 
     def spread(self, make: Make) -> None:
-        """Over the workers of an executor; what a dead one leaves goes to the next."""
+        """Over the workers of an executor; points of a dead one are given to the next."""
         waiting, tries = list(self.points), dict.fromkeys(self.points, 0)
         while waiting:
             lost = self.handed_out(make(), waiting)
@@ -243,7 +243,7 @@ class _Work:
             raise
 
     def one_by_one(self, make: Make, points: list[Point]) -> None:
-        """Each alone in a pool, so that one that kills its worker takes no other along."""
+        """Each point in a pool of its own, so that a point that kills its worker affects no other."""
         for point in points:
             try:
                 self.keep(point, make().submit(self.model, **self.named(point)).result())
@@ -254,7 +254,7 @@ class _Work:
                 self.failed[point] = f"its worker died {TRIES} times" if died else _words(error)
 
     def dataset(self) -> xarray.Dataset:
-        """All of it; NaN where nothing is known."""
+        """The whole grid; NaN where nothing is known."""
         import xarray
 
         sizes = tuple(len(values) for values in self.grid.values())

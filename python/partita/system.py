@@ -1,4 +1,4 @@
-"""Systems of one's own: the equations (S1)-(S5) as Python functions, and their simulation."""
+"""User-defined systems: the equations (S1)-(S5) as Python functions, and their simulation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tangent velocities of one's own, for the formulation "user-tangent"."""
+"""User-defined tangent velocities, for the formulation "user-tangent"."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What all pages have in common: one file that loads nothing, with its data, style and scripts in it."""
+"""Common part of all pages: one file that loads nothing, with its data, style and scripts in it."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def whole_page(
     ]
     if module is not None:
         parts.append(_element("application/wasm", "module", module))
-    # a module is compiled beside the page, and waited for
+    # a module is compiled while the page loads, and awaited
     start = "(function () {" if module is None else "(async function () {"
     parts += ["<script>", start, '"use strict";', *(part_of(package, name) for name in scripts), "}());", "</script>"]
     return "\n".join([*parts, "</body>", "</html>", ""])

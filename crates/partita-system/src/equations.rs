@@ -1,4 +1,4 @@
-//! S1-S5 written by hand: dense matrices from functions, as a [`ConstrainedSystem`](crate::ConstrainedSystem).
+//! User-defined equations S1-S5: dense matrices from functions, as a [`ConstrainedSystem`](crate::ConstrainedSystem).
 
 mod closing;
 pub mod derivatives;
@@ -11,7 +11,7 @@ use closing::UserClosing;
 use partita_math::dense;
 use partita_math::elimination::Pattern;
 
-/// Equations of a constrained system by hand. Matrices are dense, row by row.
+/// User-defined equations of a constrained system. Matrices are dense, row by row.
 pub trait Equations: Send + Sync {
     /// Coordinates (and velocities) n.
     fn n(&self) -> usize;
@@ -51,7 +51,7 @@ pub trait ExplicitClosing {
     /// cannot close, fail with [`SystemError::Limit`] or return what is not finite: the step is then shortened.
     ///
     /// # Errors
-    /// `Limit`, and whatever the function fails with.
+    /// `Limit`, and errors of the function.
     fn close(&self, t: f64, q: &mut [f64]) -> Result<(), SystemError>;
 }
 
@@ -66,7 +66,7 @@ pub struct UserSystem<E: Equations> {
     checked: bool,
 }
 
-/// What was evaluated last.
+/// The quantities last evaluated.
 pub struct UserScratch {
     mass: Vec<f64>,
     mass_known: bool,
@@ -85,7 +85,7 @@ impl<E: Equations> UserSystem<E> {
         Self { equations, pattern, lengths, checked: false }
     }
 
-    /// With derivatives that are compared with differences wherever somebody looks at a motion.
+    /// With derivatives that are compared with differences wherever a motion is examined.
     #[must_use]
     pub fn checked(mut self, checked: bool) -> Self {
         self.checked = checked;
@@ -97,7 +97,7 @@ impl<E: Equations> UserSystem<E> {
         self.checked
     }
 
-    /// With these characteristic lengths: what a large move of each coordinate is, 1 for an angle.
+    /// With these characteristic lengths: the large displacement of each coordinate, 1 for an angle.
     #[must_use]
     pub fn with_lengths(mut self, lengths: Vec<f64>) -> Self {
         if lengths.len() == self.lengths.len() {

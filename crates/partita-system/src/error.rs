@@ -1,9 +1,9 @@
-//! What can go wrong with a system, in sentences.
+//! Errors of a system, as sentences.
 
 use partita_math::formatted;
 use thiserror::Error;
 
-/// What was asked of a system, or why it could not be evaluated.
+/// An invalid request, or a failed evaluation.
 pub type Result<T, E = SystemError> = std::result::Result<T, E>;
 
 /// Why a system could not be evaluated.
@@ -56,12 +56,12 @@ pub enum SystemError {
         /// Time.
         t: f64,
     },
-    /// A table was left.
+    /// A time outside a table.
     #[error("{what}: t = {t} is outside its table [{from}, {to}]; extend the table or shorten the run")]
     OutsideTable {
         /// Which element.
         what: String,
-        /// Time asked for.
+        /// The requested time.
         t: f64,
         /// Start of the table.
         from: f64,
@@ -80,7 +80,7 @@ pub enum SystemError {
         /// By how much.
         by: f64,
     },
-    /// A function of an angle came where it would have to count whole turns.
+    /// A function of an angle was evaluated where it would need whole turns.
     #[error(
         "{what}: its function is not periodic in an angle that is {by:.3} rad, but the angle of a joint that closes \
          a spatial loop is known only within half a turn; keep the joint in the tree (cut = \"never\", relative \
@@ -89,10 +89,10 @@ pub enum SystemError {
     Uncounted {
         /// Which element.
         what: String,
-        /// Where the angle stands.
+        /// The angle.
         by: f64,
     },
-    /// A bushing was turned farther than it can hold.
+    /// A bushing was rotated beyond its limit.
     #[error(
         "{what}: its frames are rotated by {by:.3} rad relative to each other; a bushing allows less than half a \
          turn: use a joint for larger rotations"
@@ -103,19 +103,19 @@ pub enum SystemError {
         /// By how much.
         by: f64,
     },
-    /// A curve over a coordinate was left.
+    /// A coordinate outside a curve.
     #[error("{what}: its curve is evaluated at {x}, outside [{from}, {to}]; extend the curve, or make it periodic")]
     OutsideCurve {
         /// Which element.
         what: String,
-        /// Coordinate asked for.
+        /// The requested coordinate.
         x: f64,
         /// Start of the curve.
         from: f64,
         /// End of the curve.
         to: f64,
     },
-    /// A friction depends on a reaction that rigid bodies leave open.
+    /// A friction depends on a reaction that is not determined with rigid bodies.
     #[error(
         "{friction:?} depends on the reaction of joint {joint:?}, which is not determined at t = {}: with rigid \
          bodies its distribution over redundant joints is indeterminate (see `determined` of the joint), and so is \
@@ -131,7 +131,7 @@ pub enum SystemError {
         /// Time.
         t: f64,
     },
-    /// Friction and the reaction it follows have no values that agree, or more than one.
+    /// Friction and the reaction it follows have no consistent values, or more than one.
     #[error("{}", jammed(friction, joint, *coefficient, *returned, *several, *t))]
     Jammed {
         /// The friction.
@@ -140,19 +140,19 @@ pub enum SystemError {
         joint: Box<str>,
         /// Its coefficient, the larger of the two.
         coefficient: f64,
-        /// What a unit of its effort returns by way of the reaction, at this speed.
+        /// Amplification of a unit of its effort by the reaction, at this speed.
         returned: f64,
-        /// Whether there are other frictions that act on it.
+        /// Whether other frictions act on it.
         several: bool,
         /// Time.
         t: f64,
     },
-    /// A user's function failed.
+    /// A user function failed.
     #[error("{what}: {source}")]
     Function {
         /// Which element.
         what: String,
-        /// What it said.
+        /// Its message.
         source: Box<dyn std::error::Error + Send + Sync>,
     },
     /// Closing the loops failed.
@@ -165,26 +165,26 @@ pub enum SystemError {
         iterations: usize,
         /// Largest residual.
         residual: f64,
-        /// What was asked.
+        /// The request.
         tolerance: f64,
-        /// Which rows stay open, with their residuals.
+        /// Rows that are not closed, with their residuals.
         loops: String,
-        /// What to try.
+        /// Advice.
         advice: String,
     },
     /// The targets of an assembly cannot be met.
     #[error("{message}")]
     Targets {
-        /// Which, why, where they end and what is missing.
+        /// The targets, the reason, where they end and the remaining difference.
         message: String,
-        /// By how much the nearest position is open; NaN where that is not reported.
+        /// Closure error of the nearest position; NaN where it is not reported.
         residual: f64,
         /// Iterations done.
         iterations: usize,
-        /// What stays open.
+        /// The row that remains open.
         loops: String,
     },
-    /// The loops come to rest open, wherever they start from: |Φ| cannot be lowered.
+    /// The loops converge to an open position from every start: |Φ| cannot be lowered.
     #[error(
         "the lengths do not fit: {} keeps a closure error of {}, a local minimum ({iterations} iterations, {starts} \
          starts); not closed: {loops}; change a length of this loop by at least that much, or place it on the \
@@ -192,13 +192,13 @@ pub enum SystemError {
         loop_description, gap(*shortfall, *angle)
     )]
     Lengths {
-        /// What closes the loop that stays open most: a joint, or a row.
+        /// The joint or row with the largest closure error.
         owner: Box<str>,
         /// The loop, in words.
         loop_description: Box<str>,
         /// Closure error (m).
         shortfall: f64,
-        /// By how much its directions do (rad).
+        /// Closure error of its directions (rad).
         angle: f64,
         /// Starts tried.
         starts: usize,
@@ -206,7 +206,7 @@ pub enum SystemError {
         iterations: usize,
         /// Largest residual.
         residual: f64,
-        /// Which rows stay open, with their residuals.
+        /// Rows that are not closed, with their residuals.
         loops: Box<str>,
     },
     /// The start is a singular position: the motion from there is not unique.
@@ -214,7 +214,7 @@ pub enum SystemError {
     SingularStart {
         /// Time.
         t: f64,
-        /// What was seen and what to try.
+        /// The observation and the advice.
         message: String,
     },
     /// The requested step ends where the motion is not unique.
@@ -222,7 +222,7 @@ pub enum SystemError {
     Tick {
         /// Time.
         t: f64,
-        /// What was seen and what to try.
+        /// The observation and the advice.
         message: String,
     },
     /// No step led across a singular position on the branch of the motion.
@@ -247,25 +247,25 @@ pub enum SystemError {
         /// Closure error (m); 0 at the limit position itself.
         shortfall: f64,
     },
-    /// Independent coordinates that stay do not determine the others here; a matter of the choice, not of a loop's
-    /// lengths.
+    /// Fixed independent coordinates do not determine the others here; this concerns the choice, not the lengths of a
+    /// loop.
     #[error("the independent coordinates {coordinates} are at a dead point at t = {t}: {seen}; {advice}")]
     DeadPoint {
         /// Names of the coordinates.
         coordinates: String,
         /// Time.
         t: f64,
-        /// What was seen, and at which block.
+        /// The observation, and the block.
         seen: String,
-        /// Whether others would do, and what to try.
+        /// Whether other coordinates would serve, and the advice.
         advice: String,
     },
-    /// Conditions that depend on each other and do not agree.
+    /// Redundant conditions that contradict each other.
     #[error("{}", contradiction(who, whom, *t, *gap, unit, *drive))]
     Contradiction {
-        /// When it was seen.
+        /// The time.
         t: f64,
-        /// What was left out because it follows from the others, in words.
+        /// The redundant condition that was left out, in words.
         who: Box<str>,
         /// The others, in words, drives first.
         whom: Vec<String>,
@@ -276,14 +276,14 @@ pub enum SystemError {
         /// Whether one of them is a drive.
         drive: bool,
     },
-    /// A condition, or its rate, is left in a step, however short.
+    /// A condition, or its rate, jumps within a step, however short.
     #[error("{}", jump(what, *by, *t, *rate))]
     Jump {
-        /// What the condition belongs to.
+        /// The element to which the condition belongs.
         what: Box<str>,
         /// Time.
         t: f64,
-        /// By how much it is left.
+        /// Size of the jump.
         by: f64,
         /// Whether it is the rate that jumps.
         rate: bool,
@@ -295,7 +295,7 @@ pub enum SystemError {
         name: String,
         /// Time.
         t: f64,
-        /// What was seen, with numbers, and what to try.
+        /// The observation, with numbers, and the advice.
         reason: String,
     },
     /// A rule chose coordinates that cannot be independent.
@@ -313,7 +313,7 @@ pub enum SystemError {
         /// Why not.
         reason: String,
     },
-    /// A derivative of a hand-written system is that of another function.
+    /// A derivative of a user-defined system belongs to another function.
     #[error(
         "{} is {given:.9e} at t = {t}, but {of} is {found:.9e}; correct {function} (or what it is the derivative of)",
         entry(function, *row, *column)
@@ -325,21 +325,21 @@ pub enum SystemError {
         row: usize,
         /// Its column, where it has columns.
         column: Option<usize>,
-        /// What it gives there.
+        /// The given value.
         given: f64,
-        /// What differences give.
+        /// The value from differences.
         found: f64,
         /// Time.
         t: f64,
-        /// What it should be, in words.
+        /// The expected quantity, in words.
         of: String,
     },
-    /// An argument cannot be what was given.
+    /// An invalid argument.
     #[error("{message}")]
     Argument {
         /// Its name, as the request writes it.
         argument: Box<str>,
-        /// What was given, why it cannot be, what to give.
+        /// The value, why it is invalid, and a valid one.
         message: String,
     },
     /// Evaluated before anything was chosen.
@@ -348,7 +348,7 @@ pub enum SystemError {
 }
 
 impl SystemError {
-    /// What was given for an argument cannot be.
+    /// An invalid value of an argument.
     pub fn argument(argument: impl Into<Box<str>>, message: String) -> Self {
         Self::Argument { argument: argument.into(), message }
     }
@@ -397,7 +397,7 @@ fn jammed(friction: &str, joint: &str, coefficient: f64, returned: f64, several:
     )
 }
 
-/// Six digits of a time, as people read it.
+/// Six digits of a time, for messages.
 pub fn six_digits(x: f64) -> f64 {
     format!("{x:.5e}").parse().unwrap_or(x)
 }
@@ -415,7 +415,7 @@ fn limit(block: &str, t: f64, shortfall: f64) -> String {
 }
 
 impl SystemError {
-    /// Could the same evaluation succeed at a nearby point (so that a shorter step may help)?
+    /// Whether the same evaluation could succeed at a nearby point (so that a shorter step may help).
     pub fn is_local(&self) -> bool {
         matches!(
             self,

@@ -1,79 +1,79 @@
 //! Guards: scalar functions of the state that no step may cross unseen, such as gaps of contacts and ends of stops.
 //!
-//! The force of a contact is zero on one side and has a corner at the other's edge. An error estimate looks at a dozen
-//! places of a step: a contact between two of them is not there for it. So the guards are followed over the whole of an
-//! accepted step, by their values and rates at its ends and, where these leave a doubt, at places inside it, on its dense
-//! output. A step that crosses one is taken anew and ends there.
+//! The force of a contact is zero on one side and has a discontinuous slope at the boundary. An error estimate
+//! evaluates a dozen points of a step and misses a contact between two of them. So the guards are followed over the
+//! whole of an accepted step, by their values and rates at its ends and, where these are not conclusive, at points
+//! inside it, on its dense output. A step that crosses one is repeated and ends there.
 
 use crate::breakpoints::HALVINGS;
 use crate::error::six_digits;
 use partita_math::tolerance;
 
-/// Two speeds of a step, one at either end, explain a motion as fast as this. Scale: multiples of the speed at the ends.
-/// Reason: within a step of the longest length that the error allows a speed doubles.
+/// Largest speed inside a step relative to those at its two ends. Scale: multiples of the speed at the ends. Reason:
+/// within the longest step that the error allows a speed doubles.
 const FASTER_INSIDE: f64 = 2.0;
-/// A cubic is taken for a guard over no more than this. Scale: characteristic displacement. Reason: a third of a turn has
-/// one minimum, a full turn comes back to its values and hides what lies in it.
+/// Longest interval over which a guard is approximated by a cubic. Scale: characteristic displacement. Reason: over a
+/// third of a turn it has one minimum; over a full turn it returns to its values and hides the extrema between.
 const LONGEST_CUBIC: f64 = 2.0;
-/// An end of a step that was shortened to meet a guard meets it. Scale: fraction of the tolerance. Reason: what a contact
-/// stores at this depth is the square of it.
+/// An end of a step that was shortened to meet a guard meets it within this. Scale: fraction of the tolerance. Reason:
+/// the energy stored in a contact at this depth is the square of it.
 const MEETS: f64 = 1e-3;
-/// Crossings are not located more closely. Scale: fraction of the time. Reason: some units in its last place.
+/// Precision of the time of a crossing. Scale: fraction of the time. Reason: some units in its last place.
 const CLOSEST: f64 = 64.0 * f64::EPSILON;
-/// Parts of an interval at whose ends a cubic is held against its error.
+/// Parts of an interval at whose ends a cubic is compared with its error.
 const PARTS: u32 = 16;
-/// Places inside a step that are looked at before it is shortened instead. Scale: a number. Reason: a step over which
-/// more are in doubt goes over many turns.
+/// Number of points inside a step that are evaluated before it is shortened instead. Scale: a number. Reason: a step
+/// with more inconclusive intervals extends over many turns.
 const MOST_PLACES: usize = 120;
-/// Where a cubic has no minimum of its own, a place is looked at here. Scale: fraction of the interval. Reason: the golden
-/// section, so that no period of the motion is met by halves of halves.
+/// Point of evaluation where a cubic has no minimum of its own. Scale: fraction of the interval. Reason: the golden
+/// section, so that no period of the motion coincides with repeated halves.
 const INSIDE: f64 = 0.381_966;
-/// A guard whose rate explains no more of its way than this was at rest. Scale: fraction of the way. Reason: six digits of a
-/// rate are told from none.
+/// A guard whose rate explains no more of its change than this was at rest. Scale: fraction of the change. Reason: a
+/// rate is significant to six digits.
 const GUARD_AT_REST: f64 = 1e-6;
-/// A crossing is not looked for nearer to an end of its interval. Scale: fraction of the interval. Reason: the interval gets
-/// shorter by that at the least.
+/// A crossing is not sought nearer to an end of its interval. Scale: fraction of the interval. Reason: the interval
+/// shrinks at least by that.
 const NEAR_AN_END: f64 = 1e-9;
-/// The first step on the other side of a guard goes no farther. Scale: fraction of the natural size of the guard. Reason: a
-/// contact is still felt there, whatever it does.
+/// Longest first step on the other side of a guard. Scale: fraction of the natural size of the guard. Reason: a contact
+/// still acts there, whatever the motion.
 const FIRST_INSIDE: f64 = 0.1;
-/// The error of a cubic over an interval, from one place in a longer one. Scale: multiples of what fourth derivatives alike
-/// all over would give. Reason: as much is allowed for as was seen half-way along twice the interval.
+/// The error of a cubic over an interval, from one sample in a longer one. Scale: multiples of the error for constant
+/// fourth derivatives. Reason: allows for as much as was observed half-way along twice the interval.
 const OTHER_FOURTH: f64 = 16.0;
-/// No minimum is looked at nearer to an end of its interval. Scale: fraction of the interval. Reason: two looks at one place
-/// say no more than one.
+/// A minimum is not evaluated nearer to an end of its interval. Scale: fraction of the interval. Reason: a second
+/// evaluation at the same point adds nothing.
 const EDGE: f64 = 0.01;
 
 /// A guard.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Guard {
-    /// What is guarded, in words: `contact "tip"`.
+    /// The guarded element, in words: `contact "tip"`.
     pub name: String,
     /// Natural size of its values.
     pub size: f64,
-    /// The value below which it was passed through, with what is to be said then.
+    /// The value below which the element was passed through, with the message for it.
     pub through: Option<(f64, String)>,
 }
 
-/// What a guard says at an instant.
+/// The reading of a guard at an instant.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct GuardReading {
     /// Its value: positive on one side, negative on the other.
     pub x: f64,
     /// x'.
     pub rate: f64,
-    /// How far what is guarded is from changing sides, in the unit of the speed.
+    /// Distance of the guarded element from changing sides, in the unit of the speed.
     pub apart: f64,
-    /// The speed at which that can change at the most.
+    /// Largest speed at which that can change.
     pub speed: f64,
 }
 
-/// What is to become of a step for its guards.
+/// Decision about a step by its guards.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Look {
     /// None is crossed within it.
     Clear,
-    /// The dense output at this time is to be looked at.
+    /// The dense output at this time must be evaluated.
     At(f64),
     /// The first crossing, and the number of the guard; `hidden` where neither end of the step shows it.
     Crossed {
@@ -93,30 +93,30 @@ struct Sample {
     /// The fastest rate of the mechanism [1/s].
     fastest: f64,
     readings: Vec<GuardReading>,
-    /// How far cubics over the interval may be off in its middle; none where nothing is known of it yet.
+    /// Error bounds of cubics over the interval in its middle; none where they are not known yet.
     off: Vec<Option<f64>>,
 }
 
-/// The guards along the step under way.
+/// The guards along the current step.
 #[derive(Clone, Debug, Default)]
 pub struct GuardMonitor {
     guards: Vec<Guard>,
-    /// Start, places inside, end; `used` of them.
+    /// Start, points inside, end; `used` of them.
     places: Vec<Sample>,
     used: usize,
     /// First time at which each was passed through.
     passed: Vec<Option<f64>>,
     /// The largest speed of each at both ends of the step before.
     recent: Vec<f64>,
-    /// How close to zero a guard is met, in parts of its size.
+    /// How close to zero a guard is met, as a fraction of its size.
     meets: f64,
-    /// Readings where the dense output evaluates besides the step, and where one of them met a guard that neither end
-    /// shows: what is interpolated then is not the motion.
+    /// Readings where the dense output is evaluated outside the step, and where one of them met a guard that neither
+    /// end shows: the interpolant is not the motion then.
     beside: Vec<GuardReading>,
     met: Option<(f64, usize)>,
 }
 
-/// The cubic that values and rates at both ends give, over a part s of the interval.
+/// The cubic given by values and rates at both ends, over the fraction s of the interval.
 #[derive(Clone, Copy)]
 struct Cubic([f64; 4]);
 
@@ -131,12 +131,12 @@ impl Cubic {
         a + s * (b + s * (c + s * d))
     }
 
-    /// How far it is from its straight part.
+    /// Largest distance from its linear part.
     fn bend(&self) -> f64 {
         self.0[2].abs() + self.0[3].abs()
     }
 
-    /// Where it has its minimum inside, and that.
+    /// Its minimum inside, and where it lies.
     fn minimum(&self) -> Option<(f64, f64)> {
         let [_, b, c, d] = self.0;
         let under_root = c * c - 3.0 * d * b;
@@ -166,12 +166,12 @@ impl Cubic {
     }
 }
 
-/// What an interval shows of a guard.
+/// Result of an interval for a guard.
 #[derive(Clone, Copy, PartialEq)]
 enum Shown {
     /// It is not crossed.
     Clear,
-    /// This part of the interval is to be looked at.
+    /// This fraction of the interval must be evaluated.
     Doubtful(f64),
     /// It is crossed here.
     Crossed(f64),
@@ -188,17 +188,17 @@ impl GuardMonitor {
         self.guards.is_empty()
     }
 
-    /// Is nothing known of a start yet?
+    /// Whether no start is known yet.
     pub fn waits(&self) -> bool {
         self.used == 0 && !self.guards.is_empty()
     }
 
-    /// Forget where it stands.
+    /// Reset to no state.
     pub fn forget(&mut self) {
         self.used = 0;
     }
 
-    /// A place behind those in use, to be filled.
+    /// A sample after those in use, to be filled.
     fn next(&mut self, t: f64, fastest: f64) -> &mut Sample {
         let n = self.guards.len();
         if self.used == self.places.len() {
@@ -212,7 +212,7 @@ impl GuardMonitor {
         place
     }
 
-    /// A march begins at t; the readings there are to be written. `fastest` is the fastest rate there [1/s].
+    /// An integration begins at t; the readings there are to be written. `fastest` is the fastest rate there [1/s].
     pub fn start(&mut self, t: f64, fastest: f64) -> &mut [GuardReading] {
         self.used = 0;
         self.recent.fill(0.0);
@@ -258,7 +258,7 @@ impl GuardMonitor {
         self.met = self.met.or(met.map(|g| (t, g)));
     }
 
-    /// The step that was judged is taken.
+    /// The step that was judged is accepted.
     pub fn accept(&mut self) {
         if self.used == 0 {
             return;
@@ -275,7 +275,7 @@ impl GuardMonitor {
         self.used = 1;
     }
 
-    /// How long the next step may be, where it begins at a guard that the last one met.
+    /// Longest next step, where it begins at a guard that the last one met.
     pub fn entered(&self) -> Option<f64> {
         let start = self.places[..self.used].first()?;
         let all = self.guards.iter().enumerate().filter(|(g, _)| {
@@ -285,7 +285,7 @@ impl GuardMonitor {
         all.map(|(g, guard)| FIRST_INSIDE * guard.size / start.readings[g].speed).reduce(f64::min)
     }
 
-    /// What was passed through, in sentences.
+    /// The elements that were passed through, in sentences.
     pub fn notes(&self) -> impl Iterator<Item = String> + '_ {
         self.guards.iter().zip(&self.passed).filter_map(|(guard, passed)| {
             let ((_, sentence), t) = (guard.through.as_ref()?, six_digits((*passed)?));
@@ -293,7 +293,7 @@ impl GuardMonitor {
         })
     }
 
-    /// Does the step that is judged cross one, where motions are as exact as `rtol`?
+    /// Whether the step that is judged crosses one, where motions are as exact as `rtol`.
     pub fn look(&mut self, rtol: f64) -> Look {
         self.meets = tolerance::CLOSED.max(MEETS * rtol);
         let meets = self.meets;
@@ -326,7 +326,7 @@ impl GuardMonitor {
         Look::Clear
     }
 
-    /// On which side it is before and after an instant, positive or not.
+    /// Its side before and after an instant, positive or not.
     fn sides(&self, g: usize, at: &Sample, meets: f64) -> (bool, bool) {
         let GuardReading { x, rate, .. } = at.readings[g];
         match x.abs() > meets * self.guards[g].size || rate == 0.0 {
@@ -340,7 +340,7 @@ impl GuardMonitor {
         self.sides(g, from, meets).1 == self.sides(g, to, meets).0
     }
 
-    /// Guard g over an interval, and at its start where that lies inside the step; `inside` says it of both ends.
+    /// Guard g over an interval, and at its start where that lies inside the step; `inside` flags both ends.
     fn shown(&self, g: usize, ends: &[Sample], inside: (bool, bool), meets: f64) -> Shown {
         let (from, to) = (&ends[0], &ends[1]);
         let (before, after) = self.sides(g, from, meets);
@@ -348,13 +348,13 @@ impl GuardMonitor {
             return Shown::Crossed(from.t);
         }
         let (h, (one, two), ahead) = (to.t - from.t, (from.readings[g], to.readings[g]), self.sides(g, to, meets).0);
-        // at rest on a guard it is on the side to which it goes
+        // at rest on a guard it is on the side towards which it moves
         let small = meets * self.guards[g].size;
         let rests = one.x.abs() <= small && (h * one.rate).abs() <= small + GUARD_AT_REST * two.x.abs();
         let after = if rests { ahead } else { after };
         let crosses = after != ahead;
         if h <= CLOSEST * from.t.abs().max(to.t.abs()) {
-            // too short to be parted: a jump, unless the step ends here anyway
+            // too short to be divided: a jump, unless the step ends here anyway
             return if crosses && inside.1 { Shown::Crossed(to.t) } else { Shown::Clear };
         }
         let sign = if after { 1.0 } else { -1.0 };

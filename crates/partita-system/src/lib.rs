@@ -1,5 +1,5 @@
-//! The constrained system S1-S5 and everything asked of it that needs no body and no joint: the partition and its
-//! projective criterion, closing and projecting, the reduced equations, multipliers.
+//! The constrained system S1-S5 and everything that needs no body and no joint: the partition and its projective
+//! criterion, closing and projecting, the reduced equations, multipliers.
 
 pub mod branching;
 pub mod breakpoints;
@@ -25,7 +25,7 @@ pub mod tangent;
 pub mod weight;
 
 pub use partition::Partition;
-/// The methods of all duties of a system, for where one is at hand.
+/// All traits of a system, to be imported together.
 pub mod prelude {
     pub use crate::system::{
         Clustered as _, Conditions as _, ConstrainedSystem as _, Guards as _, InverseKinematics as _, Levels as _,

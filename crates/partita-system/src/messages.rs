@@ -1,8 +1,8 @@
-//! Rows in the words of those who drew them.
+//! Names of rows in the terms of the drawing.
 
 use crate::system::ConstrainedSystem;
 
-/// Names that a message lists at most.
+/// Maximum number of names in a message.
 const NAMED: usize = 6;
 
 /// "a, b, c", or the first six and how many more there are.

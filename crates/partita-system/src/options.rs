@@ -1,4 +1,4 @@
-//! Options of formulations. Each reads its own; a missing one that it needs is an error.
+//! Options of formulations. Each reads its own; a missing required one is an error.
 
 use crate::error::{Result, SystemError};
 use crate::partition::Selection;
@@ -7,7 +7,7 @@ use crate::start;
 
 use std::sync::Arc;
 
-/// Tangent velocities of the user: `v = Dᵀ(t, q) u + γ(t, q)`, `v' = Dᵀ u' + δ(t, q, v)`.
+/// User-defined tangent velocities: `v = Dᵀ(t, q) u + γ(t, q)`, `v' = Dᵀ u' + δ(t, q, v)`.
 pub trait TangentMap: Send + Sync {
     /// `Dᵀ` (nv x k), row by row, with `C Dᵀ = 0`.
     fn tangent(&self, t: f64, q: &[f64], dt: &mut [f64]) -> Result<()>;
@@ -16,19 +16,19 @@ pub trait TangentMap: Send + Sync {
         gamma.fill(0.0);
         Ok(())
     }
-    /// `δ = (dDᵀ/dt) u + dγ/dt` (nv) at v; false: not known, to be found by differences along the motion.
+    /// `δ = (dDᵀ/dt) u + dγ/dt` (nv) at v; false: not known, and computed by differences along the motion.
     fn bias(&self, _t: f64, _q: &[f64], _v: &[f64], _delta: &mut [f64]) -> Result<bool> {
         Ok(false)
     }
 }
 
-/// When a frozen tangent basis is made anew.
+/// When a frozen tangent basis is renewed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Renew {
-    /// When its √μ has fallen below this part of what it was when frozen (which is 1 for mass-orthonormal bases); 0:
+    /// When its √μ has fallen below this fraction of its value when frozen (which is 1 for mass-orthonormal bases); 0:
     /// never.
     Below(f64),
-    /// After every step that is taken, whatever its quality.
+    /// After every accepted step, whatever its quality.
     EachStep,
 }
 
@@ -48,11 +48,11 @@ impl From<f64> for Renew {
 /// Options of all formulations.
 #[derive(Clone)]
 pub struct FormulationOptions {
-    /// Removal of the remainder of S3 (and of S4, where v is integrated).
+    /// Correction of closure errors of S3 (and of S4, where v is integrated).
     pub correction: Correction,
     /// Switch of independent coordinates when one gains more than this; infinite: never.
     pub switch_threshold: f64,
-    /// The user's own independent velocities, kept through the run.
+    /// Independent velocities given by the user, kept through the run.
     pub independent: Option<Vec<usize>>,
     /// Preferences that multiply ρ.
     pub weights: Option<Vec<f64>>,
@@ -62,14 +62,14 @@ pub struct FormulationOptions {
     pub window: Option<f64>,
     /// Baumgarte's α and β [1/s]: `Φ̈ + 2αΦ̇ + β²Φ = 0`. Never a default.
     pub baumgarte: Option<(f64, f64)>,
-    /// When a frozen tangent basis is made anew.
+    /// When a frozen tangent basis is renewed.
     pub renew: Renew,
-    /// The user's tangent velocities.
+    /// The user-defined tangent velocities.
     pub tangent: Option<Arc<dyn TangentMap>>,
 }
 
 impl FormulationOptions {
-    /// Refuses numbers that make no sense for a system of n velocities, whatever the formulation.
+    /// Refuses invalid numbers for a system of n velocities, whatever the formulation.
     ///
     /// # Errors
     /// `Argument`, with the option, what was given and what to give.

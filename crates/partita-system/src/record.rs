@@ -1,10 +1,10 @@
-//! What a run leaves: outputs, what is known about each, changes of the choice, work done.
+//! Data of a run: outputs, quantities at each, changes of the choice, counts of work.
 
 use crate::partition::criterion::Quality;
 use partita_math::dense::Matrix;
 use std::sync::Arc;
 
-/// How the remainder of S3 is removed after an accepted step.
+/// How the error of S3 is corrected after an accepted step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Correction {
     /// `q_D ← q_D − C_D⁻¹ Φ`: the independent coordinates stay untouched.               (34)
@@ -12,11 +12,11 @@ pub enum Correction {
     Partition,
     /// `q ← q − M⁻¹ Cᵀ M_c⁻¹ Φ`: the least change in the mass metric.                    (33)
     MassOrthogonal,
-    /// Nothing: the drift stays, and the result shows it.
+    /// Nothing: the drift remains, and the result shows it.
     None,
 }
 
-/// What was changed, when and why.
+/// A change, its time and reason.
 #[derive(Clone, Debug)]
 pub struct PartitionEvent {
     /// Time.
@@ -38,7 +38,7 @@ pub struct PartitionEvent {
 }
 
 impl PartitionEvent {
-    /// A choice made at t in the place of `before` (empty: the first one).
+    /// A choice made at t instead of `before` (empty: the first one).
     pub fn new(
         t: f64,
         before: &[usize],
@@ -72,14 +72,14 @@ impl Output {
     }
 }
 
-/// What a run keeps of an instant; everything else follows from it.
+/// Data of a run at an instant; everything else follows from them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Output {
     /// Time.
     pub t: f64,
     /// Coordinates (nq), closed to round-off; angles without their whole `turns`.
     pub q: Vec<f64>,
-    /// Whole turns of each coordinate (nq) besides q; filled in by who marches.
+    /// Whole turns of each coordinate (nq) besides q; filled in by the integration.
     pub turns: Vec<i32>,
     /// Velocities (nv).
     pub v: Vec<f64>,
@@ -98,7 +98,7 @@ pub struct Sample {
     pub t: f64,
     /// Coordinates (nq), closed to round-off; angles without their whole `turns`.
     pub q: Vec<f64>,
-    /// Whole turns of each coordinate (nq) besides q; filled in by who marches.
+    /// Whole turns of each coordinate (nq) besides q; filled in by the integration.
     pub turns: Vec<i32>,
     /// Velocities (nv).
     pub v: Vec<f64>,
@@ -110,7 +110,7 @@ pub struct Sample {
     pub closure: f64,
     /// Largest |C v + a| over all rows.
     pub velocity_closure: f64,
-    /// Both in parts of sizes, with the rows; rates in parts of the size alone [1/s].
+    /// Both relative to sizes, with the rows; rates relative to the size alone [1/s].
     pub gaps: Gaps,
     /// The fastest rate [1/s].
     pub fastest: f64,
@@ -126,14 +126,14 @@ pub struct Sample {
     pub work: f64,
     /// Why something is not determined here (and NaN), in a sentence.
     pub note: Option<String>,
-    /// Set by who asks: measure, σ and √μ are not wanted and hold nothing.
+    /// Set by the caller: measure, σ and √μ are not needed and hold nothing.
     pub brief: bool,
 }
 
 /// Counts of work done below the integrator.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct FormulationCounters {
-    /// Executions of the elimination plan.
+    /// Number of executions of the elimination plan.
     pub factorisations: u64,
     /// Elimination plans made.
     pub plans: u64,
@@ -158,24 +158,24 @@ pub struct History {
     pub events: Vec<PartitionEvent>,
     /// Work done.
     pub counters: FormulationCounters,
-    /// Rows kept at the moment, ascending.
+    /// Rows kept at present, ascending.
     pub rows: Vec<usize>,
-    /// Times of singular positions that were stepped over.
+    /// Times of singular positions that were crossed.
     pub crossings: Vec<f64>,
-    /// Largest |Φ| and |C v + a| over all rows at the ends of the steps taken.
+    /// Largest |Φ| and |C v + a| over all rows at the ends of accepted steps.
     pub open: (f64, f64),
-    /// The same in parts of sizes, with times and rows.
+    /// The same relative to sizes, with times and rows.
     pub gaps: Gaps,
-    /// What else steps and outputs were held against.
+    /// Other checks of steps and outputs.
     pub checks: StepChecks,
-    /// What the user should know besides, in sentences.
+    /// Further notes for the user, in sentences.
     pub notes: Vec<String>,
 }
 
-/// How far a condition stood open, in parts of its size, where that was worst.
+/// Largest violation of a condition, relative to its size.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Gap {
-    /// Part of the row's size; of rates, over the fastest rate of the motion as well.
+    /// Fraction of the row's size; for rates, over the fastest rate of the motion as well.
     pub part: f64,
     /// When.
     pub t: f64,
@@ -193,7 +193,7 @@ impl Gap {
     }
 }
 
-/// What stood open at the ends of the steps taken, all rows looked at.
+/// Constraint violations at the ends of accepted steps, over all rows.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Gaps {
     /// Φ.
@@ -203,35 +203,35 @@ pub struct Gaps {
 }
 
 impl Gaps {
-    /// Rates in parts of the fastest.
+    /// Rates relative to the fastest.
     pub fn in_parts_of(&mut self, fastest: f64) {
         let rate = &mut self.velocity.part;
         *rate = if *rate > 0.0 { *rate / fastest } else { 0.0 };
     }
 
-    /// Take over what is worse in `other`.
+    /// Adopt what is worse in `other`.
     pub fn raise(&mut self, other: &Self) {
         self.position = self.position.worse(other.position);
         self.velocity = self.velocity.worse(other.velocity);
     }
 }
 
-/// What accepted steps and outputs were held against besides the closure of the conditions at the ends of steps, each
-/// where it was worst.
+/// Checks of accepted steps and outputs besides the closure of the conditions at the ends of steps, each where it was
+/// worst.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StepChecks {
-    /// C v' + b over all rows, in parts of the strongest acceleration so far.                    (S5)
+    /// C v' + b over all rows, relative to the strongest acceleration so far.                                    (S5)
     pub acceleration: Gap,
-    /// Change of v between what was integrated and what satisfies S4, at the ends of steps and outputs, in the mass metric, in parts of the
-    /// largest speed so far. It has no row.
+    /// Change of v from the integrated value to one that satisfies S4, at the ends of steps and outputs, in the mass
+    /// metric, relative to the largest speed so far. It has no row.
     pub jump: Gap,
-    /// Where conditions are left open: Φ in parts of its sizes, over the squared distance from a singular position.
-    /// From 1 on this error decides the branch on which the motion continues. It has no row.
+    /// Where constraints are not corrected: Φ relative to its sizes, over the squared distance from a singular
+    /// position. From 1 on this error decides the branch on which the motion continues. It has no row.
     pub branch: Gap,
-    /// Φ and C v + a at the outputs, in parts as at the ends of steps.
+    /// Φ and C v + a at the outputs, relative as at the ends of steps.
     pub outputs: Gaps,
-    /// The fastest rate at an output, over what speeds and accelerations at the ends of the steps so far explain. It has no
-    /// row.
+    /// The fastest rate at an output, over what speeds and accelerations at the ends of the steps so far explain. It
+    /// has no row.
     pub surge: Gap,
     /// 1 where a step that could not be shortened crossed a guard and came back; the row is the number of the guard.
     pub hidden: Gap,
@@ -240,12 +240,12 @@ pub struct StepChecks {
 }
 
 impl StepChecks {
-    /// Energy that was exchanged at the least.
+    /// Lower bound of the energy exchanged.
     pub fn exchanged(&self) -> f64 {
         0.5 * self.speed * self.speed
     }
 
-    /// Take over what is worse in `other`.
+    /// Adopt what is worse in `other`.
     pub fn raise(&mut self, other: &Self) {
         self.acceleration = self.acceleration.worse(other.acceleration);
         self.jump = self.jump.worse(other.jump);
@@ -257,13 +257,13 @@ impl StepChecks {
     }
 }
 
-/// What is to become of a step, seen from its end.
+/// Decision about a step, at its end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
     /// Take it.
     Keep,
-    /// Take it, and choose anew at its end.
+    /// Accept it, and choose anew at its end.
     Change,
-    /// The choice went bad inside it: take it back, choose anew at its start and try half of it.
+    /// The choice became poor inside it: reject it, choose anew at its start and try half of it.
     Repeat,
 }

@@ -9,11 +9,11 @@ use crate::system::{ConstrainedSystem, Finite, SystemError};
 use partita_math::rank::{preferred_rows, RowRank};
 use partita_math::tolerance;
 
-/// The move by which redundant rows are distinguished from rows that are dependent here only. Unit: characteristic
-/// displacement. Reason: its square, 1e-6, is far above rounding.
+/// The displacement by which redundant rows are distinguished from rows that are dependent here only. Unit:
+/// characteristic displacement. Reason: its square, 1e-6, is far above rounding.
 const NEXT_DOOR: f64 = 1e-3;
 
-/// What was found at the start.
+/// Result of the analysis at the start.
 #[derive(Clone, Debug, Default)]
 pub struct Start {
     /// Rank of C.
@@ -26,7 +26,7 @@ pub struct Start {
     pub smallest: f64,
 }
 
-/// Rank at the last position; rows that are nearly nothing as a whole do not count.
+/// Rank at the last position; rows that are nearly zero as a whole are ignored.
 fn rank_at_last<S: ConstrainedSystem>(r: &Reduction<S>) -> RowRank {
     let pattern = r.system.pattern();
     let mut c = r.c.clone();
@@ -51,7 +51,7 @@ fn rank_at_last<S: ConstrainedSystem>(r: &Reduction<S>) -> RowRank {
 /// here (a singular position) from a redundant one: redundant rows stay closed and stay dependent.
 ///
 /// # Errors
-/// `SingularStart` in a singular position, and of a mechanism some motions of which exist for an instant only,
+/// `SingularStart` in a singular position, and for a mechanism with motions that exist only instantaneously,
 /// everywhere.
 pub fn analyse<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<Start, SystemError> {
     analyse_with(&mut Reduction::new(system, 0), t, q)
@@ -99,12 +99,12 @@ const HIDDEN: &str = "the mechanism is locked by constraints so weak that their 
     geometric error slightly exceeds the drawing_tolerance; give the joint positions with all digits, or a larger \
     drawing_tolerance for the play they have";
 
-/// Message for a condition that is off by about the drawing tolerance.
+/// Message for a condition with an error of about the drawing tolerance.
 const AMBIGUOUS: &str = "nearly follows from the other conditions, by a difference of about the drawing_tolerance: if \
     it should follow from them (wheels on one axis, equal bars, a ring of gears), give its axis, radius, length or \
                          ratio exactly; if it is intended as drawn, give a smaller drawing_tolerance";
 
-/// Motions that exist for an instant only, wherever the mechanism goes.
+/// Motions that exist only instantaneously, at every position.
 fn shaky(t: f64, finite: Finite, who: &str) -> SystemError {
     let (k, more) = (finite.dof, finite.instantaneous);
     let message = format!(
@@ -119,7 +119,7 @@ fn shaky(t: f64, finite: Finite, who: &str) -> SystemError {
     SystemError::SingularStart { t, message }
 }
 
-/// Of the closings that the verdict counts those that are strongest at a position, and drives besides. Where the
+/// Of the loop closures that the verdict accepts the strongest ones at a position, and drives besides. Where the
 /// position is singular there are fewer.
 fn counted<S: ConstrainedSystem>(
     probe: &mut Reduction<S>,
@@ -212,7 +212,7 @@ pub fn rank_here<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<
     }
 }
 
-/// The rank at a position, and the largest squared sine of a row dropped.
+/// The rank at a position, and the largest squared sine of a dropped row.
 fn ranked<S: ConstrainedSystem>(probe: &mut Reduction<S>, t: f64, q: &[f64]) -> Result<(Start, f64), SystemError> {
     probe.weigh_displacements(false);
     probe.position(t, q)?;
@@ -224,7 +224,7 @@ fn ranked<S: ConstrainedSystem>(probe: &mut Reduction<S>, t: f64, q: &[f64]) -> 
     Ok((Start { rank: here.rank, dropped, gap: here.gap, smallest }, here.largest_dropped))
 }
 
-/// Take a small step along the motion that the kept rows allow; a redundant row does not notice.
+/// Take a small step along the motion that the kept rows allow; a redundant row stays closed.
 fn check_neighbour<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], start: &Start) -> Result<(), SystemError> {
     let mut r = Reduction::new(system, start.rank);
     first_partition(&mut r, t, q)?;
@@ -263,7 +263,7 @@ fn check_neighbour<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], start: &
     Ok(())
 }
 
-/// Close the rows kept, near q. False where the probe itself runs into a singular position: no verdict from it.
+/// Close the kept rows near q. False where the probe itself runs into a singular position: it gives no verdict.
 fn all_closed<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &mut [f64]) -> Result<bool, SystemError> {
     match kept_rows::close_kept(r, t, q) {
         // next to a singular position the residuals must be small, because contradictory rows are detected by far
@@ -286,7 +286,7 @@ pub(crate) fn first_partition<S: ConstrainedSystem>(
 /// These velocities, ascending: below n and each named once.
 ///
 /// # Errors
-/// `Argument`, with the one that is not.
+/// `Argument`, with the invalid one.
 pub(crate) fn distinct(named: &[usize], n: usize) -> Result<Vec<usize>, SystemError> {
     let mut sorted = named.to_vec();
     sorted.sort_unstable();
@@ -305,8 +305,8 @@ pub(crate) fn distinct(named: &[usize], n: usize) -> Result<Vec<usize>, SystemEr
 
 /// Choose independent coordinates at `(t, q)`: P5 on any admissible partition, then P6 until no switch gains.
 ///
-/// `weights` multiply ρ (preferences); `fixed` is the user's own choice, taken as it is or refused with a reason.
-/// Leaves the reduction at `(t, q)` with the tangent of the new partition.
+/// `weights` multiply ρ (preferences); `fixed` is the user's own choice, accepted as given or refused with a reason.
+/// Ends with the reduction at `(t, q)` with the tangent of the new partition.
 pub fn choose_partition<S: ConstrainedSystem>(
     r: &mut Reduction<S>,
     t: f64,
@@ -333,7 +333,7 @@ pub fn choose_partition<S: ConstrainedSystem>(
             if !matches!(e, SystemError::Singular { .. }) {
                 return Err(e);
             }
-            // no choice at all: then it is the mechanism that is singular
+            // no choice exists: then the mechanism is singular
             choose_with_threshold(r, t, q, None, 1.0)?;
             let names = |x: &[usize]| x.iter().map(|&i| r.system.velocity_name(i)).collect::<Vec<_>>().join(", ");
             return Err(SystemError::argument(
@@ -351,7 +351,7 @@ pub fn choose_partition<S: ConstrainedSystem>(
     choose_with_threshold(r, t, q, weights, tolerance::LEAST_SWITCH_GAIN)
 }
 
-/// As [`choose_partition`], but switches that gain less than `threshold` are left undone.
+/// As [`choose_partition`], but switches with a gain below `threshold` are not made.
 pub fn choose_with_threshold<S: ConstrainedSystem>(
     r: &mut Reduction<S>,
     t: f64,
@@ -370,7 +370,7 @@ pub fn choose_with_threshold<S: ConstrainedSystem>(
         true => r.choose_by_clusters(weights)?,
         false => criterion::choose(&r.dt, r.k(), &r.md_factor, &r.s2, weights),
     };
-    // P5 is a factorisation of a good basis: what it picks is admissible unless rounding says otherwise
+    // P5 is a factorisation of a good basis: its choice is admissible up to rounding
     if r.set_partition(t, &chosen).is_err() {
         let first = r.partition.independent.clone();
         r.set_partition(t, &first)?;

@@ -8,14 +8,14 @@ use partita_math::dense;
 use std::ops::Deref;
 use std::sync::Arc;
 
-/// What is known of the degrees of freedom of a system over finite motions, drives released.
+/// Degrees of freedom of a system over finite motions, drives released.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Finite {
     /// Degrees of freedom at generic positions.
     pub dof: usize,
-    /// Further motions that exist at every position, but for an instant only.
+    /// Further motions that exist at every position, but only instantaneously.
     pub instantaneous: usize,
-    /// Whether a constraint may be as weak as the drawing tolerance and still count.
+    /// Whether a constraint may be as weak as the drawing tolerance and still be accepted.
     pub weak: bool,
     /// Whether one is so weak that rounding hides it.
     pub hidden: bool,
@@ -30,7 +30,7 @@ pub struct Size {
     pub nv: usize,
     /// Constraint rows of S4 (holonomic ones first).
     pub rows: usize,
-    /// How many of them exist as S3 too.
+    /// Number of them that exist as S3 too.
     pub holonomic: usize,
 }
 
@@ -44,10 +44,10 @@ pub struct Tangent<'a> {
     pub delta: &'a [f64],
 }
 
-/// How a system finds its reduced accelerations cluster by cluster, decided when rows are kept.
+/// The system's method for its reduced accelerations cluster by cluster, decided when rows are kept.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Recursion {
-    /// Columns of the packed `Dᵀ` it wants: the most degrees of freedom of a cluster that goes by partial velocities.
+    /// Columns of the packed `Dᵀ` it needs: the most degrees of freedom of a cluster that uses partial velocities.
     pub columns: usize,
     /// Whether this cluster uses partial velocities. The others need no D.
     pub by_partial_velocities: Vec<bool>,
@@ -56,7 +56,7 @@ pub struct Recursion {
 /// Takes the number of a cluster, its independent velocities, and their block of M_d⁻¹.
 pub type BlockSink<'b, T = f64> = &'b mut dyn FnMut(usize, &[usize], &[T]);
 
-/// What the recursion over clusters is given.
+/// Input of the recursion over clusters.
 pub struct ClusterTangent<'a> {
     /// Columns of `dt`.
     pub columns: usize,
@@ -71,11 +71,11 @@ pub struct ClusterTangent<'a> {
     pub b: &'a [f64],
 }
 
-/// A system that is worked with: borrowed for as long as it is, or shared by all who work with it.
+/// A system in use: borrowed for the time of use, or shared by its users.
 pub enum SystemRef<'s, S> {
     /// Borrowed.
     Borrowed(&'s S),
-    /// Shared: whoever works with it may outlive who made it.
+    /// Shared: its users may outlive its creator.
     Shared(Arc<S>),
 }
 
@@ -111,7 +111,7 @@ impl<S> From<Arc<S>> for SystemRef<'_, S> {
     }
 }
 
-/// S1-S5 of a mechanism or of a user-defined system: all duties together.
+/// S1-S5 of a mechanism or of a user-defined system: all traits together.
 pub trait ConstrainedSystem:
     Levels + Metric + Clustered + Manifold + Scales + Names + Conditions + Guards + InverseKinematics
 {
@@ -122,12 +122,12 @@ impl<S> ConstrainedSystem for S where
 {
 }
 
-/// The projection P3 through dense M and h, for systems that offer nothing better.
+/// The projection P3 through dense M and h, for systems without a better method.
 ///
 /// Cost: n²k multiply-adds.
 pub fn project_dense(mass: &[f64], h: &[f64], tangent: &Tangent, work: &mut [f64], md: &mut [f64], hd: &mut [f64]) {
     let (n, k, dt) = (h.len(), tangent.k, tangent.dt);
-    // force left over: h − M [0; ξ]
+    // remaining force: h − M [0; ξ]
     hd.fill(0.0);
     md.fill(0.0);
     let row = &mut work[..k];

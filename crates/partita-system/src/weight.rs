@@ -5,11 +5,11 @@ use crate::system::{ConstrainedSystem, SystemError, Tangent};
 use partita_math::dense::{self, Matrix};
 use partita_math::tolerance;
 
-/// Steps of inverse iteration: each brings the least of the spectrum out by what separates nothing from something.
+/// Number of steps of inverse iteration: each amplifies the least part of the spectrum by the gap to the rest.
 const STEPS: usize = 4;
 /// Above this number of velocities the dense check is skipped, because the pivots of each evaluation show the same.
 const MOST: usize = 2000;
-/// Coordinates named before the rest is counted.
+/// Number of coordinates named before the rest is counted.
 const NAMED: usize = 8;
 
 /// A motion that moves no mass at `(t, q)`, if there is one: its velocities, the fastest 1 (in characteristic
@@ -40,7 +40,7 @@ pub fn unfelt<S: ConstrainedSystem>(
     if dense::cholesky(&mut metric, k).is_err() {
         return Ok(None); // nothing to hold it against
     }
-    // L⁻¹ M_d L⁻ᵀ: 1 where all that moves counts in full
+    // L⁻¹ M_d L⁻ᵀ: 1 where all moving bodies are massive
     let mut half = Matrix::from_vec(k, k, md);
     for _ in 0..2 {
         (0..k).for_each(|i| dense::cholesky_forward(&metric, k, half.row_mut(i)));
@@ -74,8 +74,7 @@ pub fn unfelt<S: ConstrainedSystem>(
     Ok(Some(v))
 }
 
-/// Refuse a start in which some degree of freedom moves no mass, with the joints that it turns and the bodies that it
-/// takes along.
+/// Refuse a start in which some degree of freedom moves no mass, with its joints and bodies.
 ///
 /// # Errors
 /// `Unfelt`.

@@ -1,4 +1,4 @@
-"""A drawing to which elements are added, one room per kind of element."""
+"""A drawing to which elements are added, one module per kind of element."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ class Callback:
         it."""
 
         def call(t: float, q: Array, v: Array) -> Any:
-            # behind those of the state stand the coordinates of joints that close loops
+            # the coordinates of joints that close loops follow those of the state
             n, m = len(layout.names), len(layout.velocity_names)
             more = n + len(v) - m
             state = StateView(t, q[:n], v[:m], layout, (q[n:more], v[m:]), q[more:])

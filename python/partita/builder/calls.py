@@ -140,7 +140,7 @@ def referring(d: Description, table: str, name: str) -> list[tuple[str, str]]:
 
 
 def readers(d: Description, sensor: str) -> list[tuple[str, str]]:
-    """Table and name of the forces whose functions say `state.sensor(...)` of this name, as far as their code tells.
+    """Table and name of the forces whose functions call `state.sensor(...)` with this name, as far as their code shows.
     A name that is created while a function runs is reported by the run that does not find it."""
     forces: Mapping[str, Any] = d.forces
     return [
@@ -208,7 +208,7 @@ def _joint(record: JointRecord) -> Call:
 
 
 def _followed(relation: Any) -> Any:
-    """The user's function of a direction that follows."""
+    """The user's function of a dependent direction."""
     return relation.function.law
 
 

@@ -1,8 +1,8 @@
 """Elements read, changed and removed after they were added.
 
-A change is the call that made the element, made again with one argument changed, and the calls of all that refers to
-it: so that a changed mechanism is the one that would have been drawn so from the start. It happens on a copy of the
-description; what is refused leaves everything as it was.
+A change repeats the call that made the element with one argument changed, and the calls of all elements that refer to
+it: so a changed mechanism equals one that was drawn so from the start. It happens on a copy of the description; a
+refused change leaves everything unchanged.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def words(mechanism: Drawing, handle: Handle) -> list[str]:
 
 
 def read(mechanism: Drawing, handle: Handle, word: str) -> Any:
-    """What was said of an element, in SI; arrays are copies."""
+    """The arguments of an element, in SI; arrays are copies."""
     if handle.name == GROUND and handle.table == "bodies":
         _unknown(handle, "ground", word, [])
     record = _record(mechanism, handle)
@@ -60,7 +60,7 @@ def read(mechanism: Drawing, handle: Handle, word: str) -> Any:
 
 
 def change(mechanism: Drawing, handle: Handle, arguments: Mapping[str, Any]) -> None:
-    """Say other values of some arguments."""
+    """Give other values to some arguments."""
     if handle.name == GROUND and handle.table == "bodies":
         _unknown(handle, "ground", next(iter(arguments), ""), [])
     record = _record(mechanism, handle)
@@ -89,7 +89,7 @@ def change(mechanism: Drawing, handle: Handle, arguments: Mapping[str, Any]) -> 
 
 
 def remove(mechanism: Drawing, table: str, name: str) -> None:
-    """Take an element away, unless another refers to it."""
+    """Remove an element, unless another refers to it."""
     d = mechanism._description
     record = getattr(d, table)[name]
     carried = _carrier(record)
@@ -131,7 +131,7 @@ def _derived(record: Any) -> dict[str, Any]:
 
 
 def _shown(mechanism: Drawing, value: Any) -> Any:
-    """A value that can be handed out: arrays that cannot be written to, handles for what has no other name."""
+    """A value for the user: read-only arrays, handles for elements without a name of their own."""
     if isinstance(value, list) and value and all(type(item) is float for item in value):
         value = np.array(value)
     if isinstance(value, np.ndarray):
@@ -155,7 +155,7 @@ def _carrier(record: Any) -> str | None:
 
 @contextmanager
 def _trial(mechanism: Drawing) -> Iterator[None]:
-    """Work on a copy of the description, which stays if all goes well."""
+    """Work on a copy of the description, which replaces the original if all goes well."""
     before = mechanism._description
     mechanism._description = before.copy()
     mechanism._description.numbers.clear()
@@ -199,7 +199,7 @@ def _again(mechanism: Drawing, table: str, name: str, method: str, said: Mapping
 
 
 def _check_order(mechanism: Drawing, element: Element) -> None:
-    """A sensor is made of sensors before it: none comes round to itself."""
+    """A sensor is made of sensors before it: references are not circular."""
     sensors = mechanism._description.sensors
     names = list(sensors)
     for other in uses(sensors[element.name]):
@@ -208,7 +208,7 @@ def _check_order(mechanism: Drawing, element: Element) -> None:
 
 
 def _give(mechanism: Drawing, element: Element, name: str, value: Any) -> None:
-    """How far a joint gives: six numbers, or None."""
+    """Compliance of a joint: six numbers, or None."""
     d = mechanism._description
     if value is None:
         d.joints[name] = replace(d.joints[name], compliance=None)

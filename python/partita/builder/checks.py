@@ -1,6 +1,6 @@
 """Checks of arguments: the values given by the user become numbers, or an error that says what to change.
 
-Each function names the element it was called for, so that the sentence can: `Element("body", "crank")`.
+Each function names the element it was called for, so that the message can: `Element("body", "crank")`.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ LARGEST = 1e60
 
 @dataclass(frozen=True)
 class Element:
-    """What an error is about: kind "body", "joint", "force", "drive" or "mechanism", and its name."""
+    """The subject of an error: kind "body", "joint", "force", "drive" or "mechanism", and its name."""
 
     kind: str
     name: str

@@ -60,7 +60,7 @@ class Equations:
         return _finite("the forces", self._core.forces(finite_time(t), self._q(q), self._v(v)), t)
 
     def constraints(self, q: ArrayLike, *, t: float = 0.0) -> Array:
-        """Phi: how far the loops are open (S3); zero in an assembled state."""
+        """Phi: the closure errors (S3); zero in an assembled state."""
         return _finite("the constraints", self._core.constraints(finite_time(t), self._q(q)), t)
 
     def jacobian(self, q: ArrayLike, *, t: float = 0.0) -> Array:
@@ -68,7 +68,7 @@ class Equations:
         return _finite("the jacobian", self._core.jacobian(finite_time(t), self._q(q)), t)
 
     def rate(self, q: ArrayLike, *, t: float = 0.0) -> Array:
-        """a (rows,) of C v + a = 0 (S4): zero unless something moves by prescription."""
+        """a (rows,) of C v + a = 0 (S4): zero unless a motion is prescribed."""
         return _finite("the constraint rate", self._core.rate(finite_time(t), self._q(q)), t)
 
     def bias(self, q: ArrayLike, v: ArrayLike, *, t: float = 0.0) -> Array:
@@ -92,8 +92,8 @@ class Equations:
     def at(self, q: ArrayLike, v: ArrayLike | None = None, t: float = 0.0) -> Instant:
         """One instant: every term of the equations and of their reduction, with the best choice of coordinates there.
 
-        For looking at, teaching and checking; dense, O(nv^3). `q` shall satisfy the constraints, and so shall `v`;
-        None: at rest, as far as prescribed motion lets the mechanism.
+        For inspection, teaching and checking; dense, O(nv^3). `q` must satisfy the constraints, and so must `v`; None:
+        at rest except for prescribed motion.
 
         Raises `SingularityError` in a singular position.
 
@@ -122,9 +122,9 @@ class Equations:
     ) -> list[float]:
         """Seconds of one evaluation of the accelerations and nothing else, for formulations side by side.
 
-        For `compare`, whose column it is. Evaluations are those of the stages of a step from each of the states
-        (t, q, v), a row each; at each place the formulations take turns in batches of some 40 us, and the fastest of 25
-        counts, so that what else a machine does falls on nobody. A millisecond for each formulation and place.
+        For `compare`, whose column it is. Evaluations are those of the stages of a step from each of the states (t, q,
+        v), one per row; at each state the formulations take turns in batches of some 40 us, and the fastest of 25
+        counts, so that other loads of the machine affect none of them. A millisecond for each formulation and state.
 
         Args:
             options: of runs, as `Result.options` has them.
@@ -252,11 +252,11 @@ class CompiledModel(Equations):
         return CompiledModel(core, self.summary, self.coordinates, self._notes, core.description, self._drawn, new)
 
     def _stepping(self, *arguments: Any) -> _core.Stepper:
-        """What `Mechanism.stepper` steps in the core; for tools."""
+        """The stepper of the core behind `Mechanism.stepper`; for tools."""
         return _core.Stepper(self.core, *arguments)
 
     def __reduce__(self) -> Any:
-        """Pickled as its description, and compiled again where it arrives."""
+        """Pickled as its description, and compiled again when loaded."""
         return _again, (self._drawn, self.coordinates, self._changes)
 
     def __copy__(self) -> CompiledModel:
@@ -291,7 +291,7 @@ def compile_description(description: Description, coordinates: str) -> tuple[Com
 
 @contextmanager
 def uncollected() -> Iterator[None]:
-    """No search for cycles while plain data is made: the search goes through all of it again and again, and a long
+    """Disable the search for cycles while plain data is made: it would scan all objects again and again, and a long
     chain has a hundred thousand entries."""
     runs = gc.isenabled()
     gc.disable()
@@ -317,7 +317,7 @@ def _shaped(values: Any, unit: SI) -> SI:
 
 
 def _finite(what: str, answer: Array, t: float) -> Array:
-    """An answer that is one."""
+    """A single number as the result."""
     if not np.isfinite(answer).all():
         raise EvaluationError(
             f"{what} is not finite at t = {t:g} s: q or v are so large that the computation overflows",

@@ -14,12 +14,12 @@ from .records import Joint
 
 
 def add_compliance(self: Drawing, joint: Joint | str, translation: ArrayLike = 0.0, rotation: ArrayLike = 0.0) -> Joint:
-    """Say how far a joint gives under load: by this, redundant joints share what rigid bodies leave open.
+    """Give the compliance of a joint, by which redundant joints share the load that is indeterminate for rigid bodies.
 
-    The motion does not change, and no reaction that is determined does. Of all ways to carry the load that one is
-    returned that stores the least energy in the joints, as rigid bodies on elastic joints would. A joint of which
-    nothing is said counts as rigid beside those of which something is, and so does a direction given as 0. Without any
-    compliance the rule is the least sum of squares of forces and of moments over a length.
+    The motion does not change, and no determined reaction does. Of all distributions of the load the one with the least
+    energy stored in the joints is returned, as for rigid bodies on elastic joints. A joint without compliance is rigid
+    beside those that have one, and so is a direction given as 0. Without any compliance the rule is the least sum of
+    squares of forces and of moments over a length.
 
     Args:
         joint: the joint or its name.

@@ -1,4 +1,4 @@
-"""What one evaluation costs: the question checked, and asked of the core."""
+"""Costs of one evaluation: the request checked, and passed to the core."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def evaluation_costs(
 
 
 def _numbers(what: str, value: Any, axes: int) -> Array:
-    """An array of finite numbers with so many axes."""
+    """An array of finite numbers with this many axes."""
     try:
         array = np.ascontiguousarray(floats(value))
     except (TypeError, ValueError) as error:

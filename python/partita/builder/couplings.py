@@ -1,7 +1,7 @@
-"""Couplings: conditions between joints or bodies that are no joints: `Mechanism.add_gear` and its sisters.
+"""Couplings: conditions between joints or bodies that are not joints: `Mechanism.add_gear` and similar methods.
 
-A coupling acts on the coordinates of joints wherever these stand: in the spanning tree, closing a loop, or in absolute
-coordinates. Coordinates are zero as drawn, so that a coupling drawn is a coupling closed. Its force is
+A coupling acts on the coordinates of joints in the spanning tree, of joints that close loops, and in absolute
+coordinates. Coordinates are zero as drawn, so a coupling is satisfied as drawn. Its force is
 `result.coupling(name).effort`.
 
 Every function raises `DescriptionError` for impossible data, and `UnknownNameError` for a joint or body that does not
@@ -27,7 +27,7 @@ from .relations import Follows, Law, Profile, RateLaw
 from .values import Function, is_table, table
 
 MOST = 12
-"""What a function looks at, at the most."""
+"""Maximum number of arguments of a function."""
 _PERIOD_CLOSES = 1e-9
 
 
@@ -123,7 +123,7 @@ def add_belt(
     crossed: bool = False,
     name: str | None = None,
 ) -> Coupling:
-    """Couple two turning joints by a belt or chain that does not slip: radius1 x rate1 = radius2 x rate2.
+    """Couple two revolute joints by a belt or chain that does not slip: radius1 x rate1 = radius2 x rate2.
 
     The axes shall point the same way; a crossed belt turns the second pulley backwards.
 
@@ -154,7 +154,7 @@ def add_rack(
     coordinate2: int = 0,
     name: str | None = None,
 ) -> Coupling:
-    """Couple a turn and a slide: the rate of `slide` is `radius` times the rate of `pinion`; negative runs backwards.
+    """Couple a rotation and a translation: the rate of `slide` is `radius` times that of `pinion`; below 0 backwards.
 
     >>> import partita as pt
     >>> m = pt.Mechanism("steering")
@@ -457,7 +457,7 @@ def factor_units(units: list[str]) -> list[str]:
 
 
 def _said_as(mechanism: Drawing, made: Coupling, method: str, **said: Any) -> Coupling:
-    """Note by which method it was said, and with what."""
+    """Record the method and the arguments by which it was given."""
     table = mechanism._description.couplings
     table[made.name] = replace(table[made.name], call=(method, said))
     return made
@@ -468,7 +468,7 @@ def _call_of(mechanism: Drawing, made: Coupling) -> Mapping[str, Any]:
 
 
 def _which(mechanism: Drawing, made: Coupling) -> dict[str, Any]:
-    """The coordinates of a pair, of which the second is the first term."""
+    """The coordinates of a pair, the second as the first term."""
     second, first = mechanism._description.couplings[made.name].terms
     return {"coordinate1": first["coordinate"], "coordinate2": second["coordinate"]}
 

@@ -1,4 +1,4 @@
-"""What has been said about a mechanism so far: the common ground of all `add_...` methods."""
+"""The description of a mechanism so far: the common base of all `add_...` methods."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .vectors import field
 
 
 class Drawing:
-    """A description that grows; `Mechanism` is what people use."""
+    """A growing description; users work with `Mechanism`."""
 
     def __init__(self, name: str, gravity: Any, drawing_tolerance: float) -> None:
         element = name_of("mechanism", name)
@@ -37,12 +37,12 @@ class Drawing:
 
     @property
     def drawing_tolerance(self) -> float:
-        """How far the drawing may be off, in radians and in parts of the characteristic lengths."""
+        """Allowed error of the drawing, in radians and in fractions of the characteristic lengths."""
         return self._description.drawing_tolerance
 
     @property
     def ground(self) -> Body:
-        """The world, to be named as a parent or child."""
+        """The world, as a parent or child."""
         return self._ground
 
     def __repr__(self) -> str:

@@ -121,7 +121,7 @@ def _drive_pose(
     rate: float,
     name: str | None,
 ) -> Drive:
-    """A drive of all slides and of the turn in space of a joint, or of a body seen from the ground."""
+    """A drive of all translations and of the spatial rotation of a joint, or of a body relative to the ground."""
     d = mechanism._description
     is_body = isinstance(joint, Body) or (isinstance(joint, str) and joint in d.bodies and joint not in d.joints)
     what = f"pose of {joint}" if is_body else joint if isinstance(joint, Joint | str) else type(joint).__name__.lower()
@@ -161,12 +161,12 @@ def _drive_pose(
 
 
 def driven_key(found: Mapping[str, Any]) -> str:
-    """A measure as text: what is driven already is looked up by it."""
+    """A measure as text, by which existing drives are found."""
     return json.dumps(found, sort_keys=True)
 
 
 def _alone(mechanism: Drawing, element: Element, found: dict[str, Any]) -> None:
-    """Refuse what is driven already."""
+    """Refuse a coordinate that is already driven."""
     if (other := mechanism._description.driven.get(driven_key(found))) is not None:
         said = f'coordinate {found["coordinate"]} of joint "{found["joint"]}"' if found["of"] == "joint" else "it"
         element.fail(f'{said} is already driven by "{other}"; remove one of them')
@@ -175,7 +175,7 @@ def _alone(mechanism: Drawing, element: Element, found: dict[str, Any]) -> None:
 def _coordinate(
     mechanism: Drawing, element: Element, joint: Joint | str, coordinate: Any, level: str
 ) -> dict[str, Any]:
-    """A coordinate; of a turn in space a position is none, but its angular velocities can be driven."""
+    """A coordinate; a spatial rotation has no position coordinate, but its angular velocities can be driven."""
     found = joint_record(mechanism, element, joint)
     single = scalars(found)
     if level == "position" and single < speeds(found) and not (isinstance(coordinate, int) and coordinate < single):
@@ -188,7 +188,7 @@ def _coordinate(
 
 
 def _level(element: Element, position: Any, velocity: Any, acceleration: Any) -> tuple[str, Any]:
-    """What is prescribed, and how it runs; derivatives belong to functions only, and are functions."""
+    """The prescribed motion over time; derivatives belong to functions only, and are functions."""
     if position is None:
         if velocity is not None and acceleration is not None:
             element.fail(

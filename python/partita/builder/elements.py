@@ -1,4 +1,4 @@
-"""What was added to a mechanism, by name: `Mechanism.bodies`, `joints`, `couplings`, `drives`, `forces`."""
+"""Elements added to a mechanism, by name: `Mechanism.bodies`, `joints`, `couplings`, `drives`, `forces`."""
 
 from __future__ import annotations
 

@@ -9,8 +9,7 @@ import numpy as np
 
 from .checks import Array, Element, matrix, shape_of, vector
 
-# A matrix typed with ten digits passes; one with six does not: it would bend every length by 1e-6 without a
-# word.
+# A matrix with ten digits passes; one with six does not: it would silently change every length by 1e-6.
 ORTHONORMAL = 1e-9
 # Below this a matrix is a rotation to round-off and is left untouched, so that saving and loading repeats it
 # exactly.
@@ -27,14 +26,13 @@ def transform() -> Any:
 
 
 def is_rotation(value: Any) -> bool:
-    """Whether it is a SciPy `Rotation`. Not imported for the question: whoever has one has the module."""
+    """Whether it is a SciPy `Rotation`. SciPy is not imported for this test: a caller that has one has imported it."""
     module = sys.modules.get("scipy.spatial.transform")
     return module is not None and isinstance(value, module.Rotation)
 
 
 def rotation(element: Element, what: str, value: Any) -> Array:
-    """The 3x3 rotation (body axes to world axes) meant by None, a matrix, a quaternion or a SciPy
-    `Rotation`."""
+    """The 3x3 rotation (body axes to world axes) given by None, a matrix, a quaternion or a SciPy `Rotation`."""
     if value is None:
         return np.eye(3)
     if is_rotation(value):
@@ -59,7 +57,7 @@ def _from_quaternion(element: Element, what: str, quaternion: Array) -> Array:
 
 
 def _orthonormal(element: Element, what: str, rows: Array) -> Array:
-    """Refuse what is no rotation; remove what is left of rounding by the polar decomposition."""
+    """Refuse a matrix that is not a rotation; remove round-off by the polar decomposition."""
     error = float(np.max(np.abs(rows.T @ rows - np.eye(3))))
     if error > ORTHONORMAL:
         element.fail(
@@ -78,8 +76,8 @@ def _orthonormal(element: Element, what: str, rows: Array) -> Array:
 def along(element: Element, start: Array, end: Array) -> tuple[float, Array]:
     """Length of a rod and its 3x3 rotation: x towards `end`.
 
-    z stays as near to the world's z as it can, so that rods drawn in the x-y plane keep it. For a rod within
-    26 degrees of the world's z that would turn wildly: then y stays near the world's y instead.
+    z stays as near to the world's z as possible, so that rods drawn in the x-y plane keep it. For a rod within 26
+    degrees of the world's z that would be ill-conditioned: then y stays near the world's y instead.
     """
     span = end - start
     length = float(np.linalg.norm(span))
@@ -102,7 +100,7 @@ def _cross(a: Array, b: Array) -> Array:
 
 
 def _across(wanted: Array, x: Array) -> Array:
-    """Unit vector across `x` nearest to `wanted`."""
+    """Unit vector perpendicular to `x`, nearest to `wanted`."""
     rest = wanted - (wanted @ x) * x
     return np.asarray(rest / np.linalg.norm(rest), dtype=float)
 

@@ -15,9 +15,9 @@ _PANEL = 0.125
 _EXACT = 1e-15
 """Error of a cell, in parts of the integral of the largest value over its panel: round-off."""
 _SHORTEST = 2.0**-44
-"""Length of the cell around a jump, in parts of its panel: what it adds is round-off."""
+"""Length of the cell around a jump, as a fraction of its panel: its contribution is round-off."""
 _CELLS = 4000
-"""Cells of a panel: of forty jumps. Who needs more is rough everywhere."""
+"""Cells of a panel: enough for forty jumps. A function that needs more is rough everywhere."""
 _RULES = tuple((0.5 * (1.0 + x), 0.5 * w) for x, w in map(np.polynomial.legendre.leggauss, (12, 8)))
 """Nodes and weights on (0, 1) of Gauss's rules of twelve and of eight nodes."""
 
@@ -36,11 +36,11 @@ class Integral:
 
     @property
     def notes(self) -> list[str]:
-        """Those of the acceleration."""
+        """The notes of the acceleration."""
         return getattr(self.acceleration, "notes", [])
 
     def bind(self, layout: Layout) -> Callable[[float], tuple[float, float, float]]:
-        """Itself: a prescribed motion looks at no state."""
+        """Itself: a prescribed motion does not depend on the state."""
         return self
 
     def __call__(self, t: float) -> tuple[float, float, float]:
@@ -65,7 +65,7 @@ class _Panel:
         self.size = max(abs(function(begin + length * float(x))) for x in _RULES[0][0])
 
     def whole(self) -> float:
-        """Over all of it."""
+        """Its integral over the whole panel."""
         return self._over(self.begin, self.length)
 
     def up_to(self, t: float) -> float:
@@ -101,7 +101,7 @@ class _Panel:
 
 
 def rate_of(acceleration: Value, rate: float) -> Value:
-    """The rate that an acceleration makes of the one at t = 0. A table is joined by straight lines, whose integral is
+    """The rate computed from an acceleration and the rate at t = 0. A table is linearly interpolated, whose integral is
     exact."""
     match acceleration:
         case Constant(value):

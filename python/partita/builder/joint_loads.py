@@ -1,7 +1,7 @@
 """Loads along a coordinate of a joint: friction, end stops, gas springs.
 
-They follow smooth laws: friction one of the speed that has a steep slope in place of a jump, stops one of the depth.
-Both make a motion stiffer, and a run takes shorter steps, the smaller the stick velocity and the stiffer the stop.
+They follow smooth laws: friction depends on the speed with a steep slope instead of a jump, stops on the depth. Both
+make a motion stiffer, and a run takes shorter steps, the smaller the stick velocity and the stiffer the stop.
 """
 
 from __future__ import annotations
@@ -44,8 +44,9 @@ def add_friction(
         -(dynamic 4u / sqrt(1 + 16 u^2) + (static - dynamic) u / (3/4 + u^2/4)^2).
 
     The second part, whose maximum 1 is at u = 1, is that of Brown and McPhee (J. Comput. Nonlinear Dynam. 11, 2016). At
-    rest there is no effort: what should stick creeps, slower than the stick velocity as long as the load is below
-    `static` less 3 per cent of `dynamic`. A small stick velocity comes near to Coulomb's law and costs small steps.
+    rest there is no effort: a body that should stick creeps, slower than the stick velocity as long as the load is
+    below `static` less 3 per cent of `dynamic`. A small stick velocity approximates Coulomb's law and requires small
+    steps.
 
     Either the magnitude is given (`dynamic`, `static`), or a `coefficient`, and it depends on the reaction of this
     joint, which the friction affects in turn: magnitude = coefficient N. With F and M the force and the moment of the
@@ -166,7 +167,7 @@ def add_stop(
     coordinate: int = 0,
     name: str | None = None,
 ) -> Force:
-    """Add end stops to one coordinate of a joint: springs that are there beyond the ends alone.
+    """Add end stops to one coordinate of a joint: springs that act only beyond the ends.
 
     Past an end by the depth d the joint is pushed back by stiffness d^exponent (1 + damping dd/dt), never pulled (Hunt
     and Crossley, J. Appl. Mech. 42, 1975): no jump at the first touch. For exponent 1 a damper of c [N s/m] at the
@@ -281,7 +282,7 @@ def _magnitude(element: Element, what: str, value: Any, effort: str) -> Value:
 
 
 class JointLoads(Drawing):
-    """The methods of this room."""
+    """The methods of this module."""
 
     add_friction = add_friction
     add_stop = add_stop

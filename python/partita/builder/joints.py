@@ -1,4 +1,4 @@
-"""Joints: `Mechanism.add_revolute` and its sisters.
+"""Joints: `Mechanism.add_revolute` and similar methods.
 
 All share: `parent` and `child` are bodies or their names (or the ground), points and axes are world data of
 the drawn position, coordinates are zero there, and positive turns and slides move the child along the axis as
@@ -34,7 +34,7 @@ CHOSEN = ("generic", "custom")
 """Kinds whose directions are chosen."""
 # Below this sine two axes count as parallel, and their rotations cannot be distinguished.
 _PARALLEL = 2e-3
-# Along and about the joint's axes x, y, z, its one axis along z; r1 and r2 are turns about axes of its own.
+# Along and about the joint's axes x, y, z, its one axis along z; r1 and r2 are rotations about axes of its own.
 _MOTIONS: dict[str, tuple[str, ...]] = {
     "revolute": ("rz",),
     "prismatic": ("z",),
@@ -391,7 +391,7 @@ def store_joint(
     pitch: float | None = None,
     follows: Mapping[str, Function] | None = None,
 ) -> Joint:
-    """Check what all joints have in common and keep the record."""
+    """Check the arguments common to all joints and store the record."""
     first, second = resolve(mechanism, element, "parent", parent), resolve(mechanism, element, "child", child)
     if first == second:
         element.fail(f'parent and child are both "{first}"; a joint needs two different bodies')
@@ -444,7 +444,7 @@ def scalars(joint: JointRecord) -> int:
 
 
 def joint_record(mechanism: Drawing, element: Element, joint: Joint | str) -> JointRecord:
-    """The record of the joint meant by a handle or a name."""
+    """The record of the joint given by a handle or a name."""
     joints = mechanism._description.joints
     name = own_name(mechanism, element, "joint", joint, Joint)
     return joints[find("joint", name, joints, where=f'{element.kind} "{element.name}": ')]
@@ -458,7 +458,7 @@ def coordinate_of(element: Element, joint: JointRecord, coordinate: Any, count: 
 
 
 class NamedJoints(Drawing):
-    """The methods of this room."""
+    """The methods of this module."""
 
     add_revolute = add_revolute
     add_prismatic = add_prismatic

@@ -1,4 +1,4 @@
-"""Force laws: a Python function of whatever points, joints and bodies it asks to see."""
+"""Force laws: a Python function of selected points, joints and bodies."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from .values import Function, finite, one_number
 
 
 class PointView(NamedTuple):
-    """A point of a body as a law sees it, in world axes."""
+    """A point of a body as read by a law, in world axes."""
 
     position: Array
     """(3,) [m]."""
@@ -31,7 +31,7 @@ class PointView(NamedTuple):
 
 
 class BodyView(NamedTuple):
-    """A body as a law sees it, in world axes."""
+    """A body as read by a law, in world axes."""
 
     position: Array
     """Of its origin (3,) [m]."""
@@ -44,7 +44,7 @@ class BodyView(NamedTuple):
 
 
 class JointView(NamedTuple):
-    """A joint as a law sees it: floats where it has one coordinate, else arrays."""
+    """A joint as read by a law: floats where it has one coordinate, else arrays."""
 
     position: Any
     """[rad] or [m]."""
@@ -53,7 +53,7 @@ class JointView(NamedTuple):
 
 
 Sight = tuple[str, int]
-"""What is seen ("point", "body" or "joint") and of how many coordinates."""
+"""Kind of a reading ("point", "body" or "joint") and its number of coordinates."""
 
 _SIZES = {"point": 6, "body": 18}
 _TABLES = {"body": "bodies", "joint": "joints"}
@@ -67,7 +67,7 @@ def add_force_law(
     on: Sequence[Any],
     sees: Sequence[Any] = (),
 ) -> Force:
-    """Add forces and moments that a function makes of what it asks to see.
+    """Add forces and moments computed by a function of selected readings.
 
     The function is called as f(t, *seen), with one argument for each entry of `sees`:
 
@@ -133,7 +133,7 @@ def _is_pair(item: Any) -> bool:
 
 
 def _spot(mechanism: Drawing, element: Element, what: str, item: Any) -> dict[str, Any]:
-    """A point of a body that can be pushed."""
+    """A point of a body at which a force can act."""
     body, point = item if _is_pair(item) else (item, None)
     name = resolve(mechanism, element, what, body, ground=False)
     record = mechanism._description.bodies[name]
@@ -171,7 +171,7 @@ class LawCall:
         self.notes: list[str] = []
 
     def bind(self, layout: Layout) -> Callable[[float, Array], Any]:
-        """The function as the core calls it: all that is seen in one array, all wrenches in another."""
+        """The function as the core calls it: all readings in one array, all wrenches in another."""
 
         def call(t: float, seen: Array) -> Array:
             return self._wrenches(t, self.function(t, *self._views(seen)))

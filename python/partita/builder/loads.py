@@ -103,7 +103,7 @@ def _six(element: Element, what: str, value: Any, units: list[list[str]]) -> Arr
     if shape_of(value) != (6, 6):
         element.fail(f"{what} must be six numbers or a 6x6 matrix, not of shape {shape_of(value)}")
     full = matrix(element, what, value, units, 6)
-    # symmetric but for the round-off of a product: as it was meant
+    # symmetric up to the round-off of a product: as intended
     return (
         0.5 * (full + full.T) if np.allclose(full, full.T, rtol=0.0, atol=1e-14 * float(np.max(np.abs(full)))) else full
     )
@@ -114,6 +114,6 @@ DAMPING = [[f"{a} s{b}" for b in ["/m"] * 3 + ["/rad"] * 3] for a in ["N"] * 3 +
 
 
 def _short(value: Array) -> Array:
-    """Six numbers where only the diagonal counts."""
+    """Six numbers if only the diagonal is nonzero."""
     diagonal = np.diag(value)
     return diagonal if np.array_equal(value, np.diag(diagonal)) else value

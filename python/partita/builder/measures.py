@@ -1,7 +1,7 @@
-"""What can be read off a mechanism: coordinates of joints, distances, displacements, angles between axes.
+"""Measurements of a mechanism: coordinates of joints, distances, displacements, angles between axes.
 
-Couplings, drives and the user's own constraints are said in them. Wherever one is wanted, a joint or its name stands
-for its first coordinate.
+Couplings, drives and user-defined constraints are given in terms of them. Wherever one is expected, a joint or its name
+stands for its first coordinate.
 """
 
 from __future__ import annotations
@@ -144,7 +144,7 @@ def measure_unit(description: Description, spec: Mapping[str, Any]) -> str:
 
 
 def unit_vector(axis: Array) -> Array:
-    """`axis` with the length 1. One that has it to round-off stays as it is, so that saying it again changes no bit."""
+    """`axis` with length 1. One that has it to round-off is unchanged, so that repeating the call changes no bit."""
     length = float(np.linalg.norm(axis))
     return axis if abs(length - 1.0) <= _ROUND_OFF else np.asarray(axis / length)
 

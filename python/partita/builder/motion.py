@@ -20,32 +20,32 @@ TimeFunction = Callable[[Any], Any]
 # Central differences of order eight at offsets 1..4, and of order six at 1..3 to estimate the error.
 _FIRST_8, _FIRST_6 = (4 / 5, -1 / 5, 4 / 105, -1 / 280), (3 / 4, -3 / 20, 1 / 60)
 _SECOND_8, _SECOND_6 = (-205 / 72, 8 / 5, -1 / 5, 8 / 315, -1 / 560), (-49 / 18, 3 / 2, -3 / 20, 1 / 90)
-# 3 microseconds to 0.1 s: fast and slow machines; no round numbers, that rounded values may not follow a pattern.
+# 3 microseconds to 0.1 s: fast and slow machines; not round numbers, because rounded values may follow a pattern.
 _STEPS = tuple(0.0977 / 8.0**power for power in range(5, -1, -1))
-# Seventh and eighth differences over neighbours, and what unit noise makes of them.
+# Seventh and eighth differences over neighbours, and their response to unit noise.
 _SEVENTH, _SEVENTH_OF_NOISE = (-1.0, 7.0, -21.0, 35.0, -35.0, 21.0, -7.0, 1.0), 58.6
 _EIGHTH, _EIGHTH_OF_NOISE = (1.0, -8.0, 28.0, -56.0, 70.0, -56.0, 28.0, -8.0, 1.0), 113.4
 # Growth of these from a step to the next, eight times as long, in the mean over two: scatter does not grow, around a
 # kink they grow eightfold, where a second derivative jumps by 64.
 _STEADY, _KINK = 4.0, 22.0
-# Coarser steps see more than what is next to t.
+# Coarser steps include more than the neighbourhood of t.
 _FINE = 3
 # Parts of the function: beyond the first, derivatives lose the digits that a run asks for; a kink of 1e-5 per second
 # comes to the second at the finest step.
 _ROUGH, _BROKEN = 1e-9, 1e-11
-# What is larger at two steps is a fast oscillation seen through steps as long as its period.
+# Larger values at two steps indicate a fast oscillation sampled with steps as long as its period.
 _NOISE = 1e-4
-# Where a function is tried at the door; the second avoids the zeros that functions like to have at round times.
+# Times at which a function is tested when it is given; the second avoids zeros of functions at round times.
 _PROBES = (0.0, 0.7310585786)
-# A derivative typed with five digits is meant for its function; a larger part off, it is that of another.
+# A derivative given with five digits belongs to its function; with a larger difference it belongs to another.
 _ANOTHER = 1e-4
 
 
 class Motion:
     """f(t) -> (position, velocity, acceleration), as the core asks for it.
 
-    What is not given is derived: exactly by evaluating f on a `Jet`, and where f refuses one (`math.sin`,
-    interpolators) by central differences with the step that shows the smallest error. `notes` says so.
+    Missing derivatives are computed: exactly by evaluating f on a `Jet`, and where f refuses one (`math.sin`,
+    interpolators) by central differences with the step that shows the smallest error. `notes` reports that.
     """
 
     def __init__(self, element: Element, position: TimeFunction, velocity: Any, acceleration: Any) -> None:
@@ -66,7 +66,7 @@ class Motion:
             ) from error
 
     def bind(self, layout: Layout) -> Callable[[float], tuple[float, float, float]]:
-        """Itself: a prescribed motion looks at no state."""
+        """Itself: a prescribed motion does not depend on the state."""
         return self
 
     def cubics(self) -> Cubics | None:
@@ -84,7 +84,7 @@ class Motion:
         coefficients[:, 4 - pieces.shape[0] :] = pieces.T
         middle = 0.5 * (breaks[0] + breaks[1])
         expected = float(np.polyval(coefficients[0], middle - breaks[0]))
-        # another class may mean something else by these two names
+        # another class may give these two names another meaning
         same = bool(np.isclose(self._plain(self.position, middle), expected, rtol=1e-12, atol=1e-300))
         return Cubics(breaks, coefficients) if same else None
 
@@ -126,7 +126,8 @@ class Motion:
         return self._plain(self.position, t)
 
     def _probe(self) -> None:
-        """Try the functions: errors show at the door, and given derivatives are compared with the function."""
+        """Test the functions: errors appear when they are given, and given derivatives are compared with the
+        function."""
         if self.cubics() is not None:
             return
         self._plain(self.position, _PROBES[0])
@@ -139,7 +140,7 @@ class Motion:
             self._compare("acceleration", slope, self.acceleration)
 
     def _compare(self, what: str, function: TimeFunction, derivative: TimeFunction) -> None:
-        """Refuse a derivative that is plainly another function: such a drive would not do what it says.
+        """Refuse a derivative that clearly belongs to another function: the drive would not move as described.
 
         A time at which one of the two cannot be evaluated is ignored.
         """
@@ -171,7 +172,7 @@ class Motion:
             ) from error
 
     def _derive(self, function: TimeFunction, t: float) -> tuple[float, float, float]:
-        """f, f', f'' at t. Which way is taken is decided at each time anew, whatever came before."""
+        """f, f', f'' at t. The method is selected at each time independently of earlier calls."""
         try:
             jet = _as_jet(function(Jet(t, 1.0, 0.0)))
             return jet.x, jet.d1, jet.d2
@@ -182,7 +183,7 @@ class Motion:
         return result[:3]
 
     def _differences(self, function: TimeFunction, t: float) -> tuple[float, float, float, float]:
-        """`differences`, with words for a function that ends at t."""
+        """`differences`, with a message for a function that ends at t."""
         self._plain(function, t)
         try:
             return differences(lambda s: self._plain(function, s), t)
@@ -203,7 +204,7 @@ class Motion:
             ) from error
 
     def _warn(self, function: TimeFunction, t: float) -> None:
-        """Say once that derivatives are not exact."""
+        """Report once that derivatives are not exact."""
         error = self._differences(function, t)[3]
         self.notes.append(
             f'drive "{self.element.name}": the function could not be differentiated exactly, so its derivatives are '
@@ -227,10 +228,10 @@ def differences(f: Callable[[float], float], t: float, scale: float = 0.0) -> tu
     """f, f', f'' at `t` and the estimated error of f''. Costs 49 evaluations. `scale`: numbers of this size were
     subtracted to make f, so that it carries their round-off.
 
-    Six step sizes, from the finest on. A coarser one is taken for its smaller error, but only if its answer lies within
-    the error of the finer one: a fast oscillation seen through a coarse step looks like a slow one, perfectly smooth.
-    What the values scatter by is seen in their seventh and eighth differences. The choice depends on `t` alone, never
-    on earlier calls.
+    Six step sizes, from the finest on. A coarser one is taken for its smaller error, but only if its result lies within
+    the error of the finer one: a fast oscillation sampled coarsely looks like a slow one, perfectly smooth. The scatter
+    of the values is measured by their seventh and eighth differences. The choice depends on `t` alone, never on earlier
+    calls.
 
     Raises:
         RoughError: the values scatter, or have a kink or a jump next to t.
@@ -250,8 +251,8 @@ def differences(f: Callable[[float], float], t: float, scale: float = 0.0) -> tu
 
 
 def _scatter(middle: float, samples: list[tuple[list[float], list[float]]], scale: float) -> float:
-    """What the values scatter by. High differences of a smooth function fall to rounding at fine steps; those of one
-    that scatters do not depend on the step, those around a kink are proportional to it."""
+    """The scatter of the values. High differences of a smooth function fall to rounding at fine steps; those of
+    scattered values do not depend on the step, those around a kink are proportional to it."""
     size = max(scale, abs(middle), *(abs(x) for pair in samples for side in pair for x in side))
     seen = []
     for ahead, behind in samples:
@@ -272,13 +273,13 @@ def _scatter(middle: float, samples: list[tuple[list[float], list[float]]], scal
 
 
 class _Best:
-    """The best answer so far, from fine to coarse."""
+    """The best result so far, from fine to coarse."""
 
     def __init__(self) -> None:
         self.value, self.error, self._closed = float("nan"), float("inf"), False
 
     def offer(self, high: float, low: float, noise: float) -> None:
-        """An answer of order 8, the one of order 6 with the same step, and the round-off in them."""
+        """A result of order 8, the one of order 6 with the same step, and the round-off in them."""
         error = abs(high - low) + noise
         first = not np.isfinite(self.error)
         self._closed = self._closed or not (first or abs(high - self.value) <= 10.0 * (self.error + error))

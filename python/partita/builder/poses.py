@@ -1,4 +1,4 @@
-"""Prescribed poses: slides and an orientation over time, held, as a table or as a function."""
+"""Prescribed poses: translations and an orientation over time, constant, as a table or as a function."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from .travelling import check_picklable
 from .values import Constant, Cubics, Function, Table, finite, one_number, table
 
 _HALF_TURN = math.pi * (1.0 - 1e-6)
-"""Rows of a table further apart do not say which way it turns."""
+"""Between rows of a table further apart the direction of rotation is ambiguous."""
 _SERIES = 0.1
-"""Squares of half an angle below this are put into series, whose terms left out are below round-off."""
+"""Squares of half an angle below this are computed by series, whose remainder is below round-off."""
 
 
 @dataclass(frozen=True)
 class Held:
-    """The same pose at all times: slides (k,) and the rotation matrix."""
+    """A constant pose: translations (k,) and the rotation matrix."""
 
     slides: Array
     matrix: Array
@@ -43,11 +43,11 @@ class PoseTable:
     matrices: Array
 
     def slide(self, i: int) -> Table:
-        """Slide number i over time."""
+        """Translation number i over time."""
         return Table(self.times, self.slides[:, i], "smooth")
 
     def turning(self) -> dict[str, Any]:
-        """The curve of rotations as the core takes it: rotation vectors by cubics, turned on from quaternions."""
+        """The curve of rotations as the core needs it: rotation vectors by cubics, applied after quaternions."""
         spline = transform().RotationSpline(self.times, transform().Rotation.from_matrix(self.matrices))
         vectors = [Cubics(self.times, spline.interpolator.c[:, :, i].T).spec()["table"] for i in range(3)]
         quaternions = transform().Rotation.from_matrix(self.matrices[:-1]).as_quat()[:, [3, 0, 1, 2]]
@@ -62,7 +62,7 @@ class PoseFunction:
     slides: int
 
     def slide(self, i: int) -> Function:
-        """Slide number i over time."""
+        """Translation number i over time."""
         return Function(_Slide(self.pose, i))
 
     def turning(self) -> Function:
@@ -74,8 +74,8 @@ PoseValue = Held | PoseTable | PoseFunction
 
 
 def pose_value(element: Element, given: Any, slides: int, drawn: tuple[Array, Array] | None) -> PoseValue:
-    """A pose as the user said it, for a joint with so many slides. `drawn`: position and rotation of a body as drawn,
-    from where the joint that carries it counts, while the pose is said in the world."""
+    """A pose as given by the user, for a joint with this many translations. `drawn`: position and rotation of a body as
+    drawn, to which its joint is relative, while the pose is given in the world."""
     if callable(given):
         return PoseFunction(Pose(element, given, slides, drawn), slides)
     parts = _parts(element, given, slides)
@@ -110,7 +110,7 @@ def pose_value(element: Element, given: Any, slides: int, drawn: tuple[Array, Ar
 
 
 def as_given(element: Element, given: Any, slides: int) -> Any:
-    """A pose as it was said, in SI: what `pose_value` takes again."""
+    """A pose as it was given, in SI, in the form that `pose_value` accepts."""
     if callable(given):
         return given
     match pose_value(element, given, slides, None):
@@ -185,16 +185,17 @@ class Pose:
         return {**self.__dict__, "_last": None}
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Pose:
-        """With the same function, which was tried before: Python copies functions as themselves."""
+        """With the same function, which was tested before: Python copies functions as themselves."""
         twin = Pose.__new__(Pose)
         twin.__dict__.update(self.__dict__, notes=list(self.notes), _last=None)
         memo[id(self)] = twin
         return twin
 
     def at(self, t: float) -> tuple[list[tuple[float, float, float]], list[float]]:
-        """Slides with their first two derivatives; rotation row by row, angular velocity and acceleration in its axes.
+        """Translations with two derivatives; rotation row by row, angular velocity and acceleration in its axes.
 
-        The rows of one pose ask one by one at the same time: the last answer is kept, which depends on t alone.
+        The components of one pose are requested one by one at the same time: the last result, which depends on t alone,
+        is cached.
         """
         last = self._last
         if last is None or last[0] != t:
@@ -266,7 +267,7 @@ class Pose:
             return lambda s: float(moved(s)[i])
 
         try:
-            # the entries of rotation matrices are 1, however small the turn between them
+            # the entries of rotation matrices are 1, however small the rotation between them
             scales = [0.0] * self.slides + [1.0] * 3
             found = [differences(component(i), t, size) for i, size in enumerate(scales)]
         except _NoPoseError:
@@ -344,11 +345,11 @@ class Pose:
 
 
 class _NoPoseError(EvaluationError):
-    """What a function returned is no pose, whatever numbers it was asked with."""
+    """A function returned something other than a pose, whatever its argument."""
 
 
 class _Slide:
-    """One slide of a pose, as the core asks for it."""
+    """One translation of a pose, as the core calls it."""
 
     notes: list[str]
 
@@ -356,7 +357,7 @@ class _Slide:
         self.pose, self.i, self.notes = pose, i, []
 
     def bind(self, layout: Layout) -> Callable[[float], tuple[float, float, float]]:
-        """Itself: a prescribed motion looks at no state."""
+        """Itself: a prescribed motion does not depend on the state."""
         return self
 
     def __call__(self, t: float) -> tuple[float, float, float]:
@@ -371,11 +372,11 @@ class _Turning:
 
     @property
     def notes(self) -> list[str]:
-        """Those of the whole pose."""
+        """The notes of the whole pose."""
         return self.pose.notes
 
     def bind(self, layout: Layout) -> Callable[[float], list[float]]:
-        """Itself: a prescribed motion looks at no state."""
+        """Itself: a prescribed motion does not depend on the state."""
         return self
 
     def __call__(self, t: float) -> list[float]:
@@ -383,12 +384,12 @@ class _Turning:
 
 
 def turning_of(value: PoseValue) -> dict[str, Any] | Function:
-    """The orientation of a pose as the core takes it; a function is still to be passed."""
+    """The orientation of a pose as the core needs it; a function must still be bound."""
     return {"held": value.matrix.tolist()} if isinstance(value, Held) else value.turning()
 
 
 def slide_of(value: PoseValue, i: int) -> Constant | Table | Function:
-    """Slide number i of a pose."""
+    """Translation number i of a pose."""
     return Constant(float(value.slides[i])) if isinstance(value, Held) else value.slide(i)
 
 

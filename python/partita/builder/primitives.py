@@ -1,6 +1,6 @@
-"""Joints of one condition or two, and joints with a condition of their own: `Mechanism.add_screw` and its sisters.
+"""Joints of one condition or two, and joints with a condition of their own: `Mechanism.add_screw` and similar methods.
 
-What all joints share is said in `joints`.
+Properties common to all joints are described in `joints`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from .records import Joint
 from .relations import Follows, Law
 from .values import Function
 
-# What functions of a joint may be off where they are to be 0 (m, rad): round-off of their terms.
+# Allowed deviation from zero of functions of a joint as drawn (m, rad): round-off of their terms.
 _DRAWN = 1e-9
 
 

@@ -1,4 +1,4 @@
-"""The description: plain records of what the user said, and the handles that the `add_...` methods return."""
+"""The description: plain records of the user's input, and the handles that the `add_...` methods return."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ class Handle:
     """An element of a mechanism, accepted wherever its name is.
 
     Its attributes are the arguments with which it was added, in SI: `crank.mass`, `hinge.point`, `spring.stiffness`;
-    `dir(crank)` lists them, and `kind` tells which method made it. Setting one says it anew: it is checked as when the
-    element was added, what follows from it is made again, and a refusal leaves everything as it was. Arrays are
-    copies that cannot be written to: set the whole of them. `change` sets several at once.
+    `dir(crank)` lists them, and `kind` names the method that made it. Setting one repeats the call: the value is
+    checked as when the element was added, dependent quantities are computed again, and a refusal leaves everything
+    unchanged. Arrays are read-only copies: set the whole of them. `change` sets several at once.
 
     Raises `UnknownAttributeError`, which is an `AttributeError`, for what such an element does not have;
     `UnknownNameError` where it was removed.
@@ -91,7 +91,7 @@ class Drive(Handle):
 
 
 class Coupling(Handle):
-    """A condition between joints or bodies that is no joint: a gear, a distance, a rolling contact, ..."""
+    """A condition between joints or bodies that is not a joint: a gear, a distance, a rolling contact, ..."""
 
     table = "couplings"
 
@@ -149,8 +149,8 @@ class JointRecord:
 
 @dataclass(frozen=True)
 class DriveRecord:
-    """Prescribed motion of a measure: its position, velocity or acceleration, as `level` says; `rate` is where an
-    acceleration begins. Or the pose of a joint, with so many slides before its turn in space."""
+    """Prescribed motion of a measure: its position, velocity or acceleration, according to `level`; `rate` is the
+    initial rate of an acceleration. Or the pose of a joint, with this many translations before its spatial rotation."""
 
     name: str
     measure: Mapping[str, Any]
@@ -163,7 +163,7 @@ class DriveRecord:
 
 @dataclass(frozen=True)
 class CouplingRecord:
-    """A coupling: `kind` is "linear", "curve", "function" or "roll", `terms` what it reads, `data` its numbers."""
+    """A coupling: `kind` is "linear", "curve", "function" or "roll", `terms` its readings, `data` its numbers."""
 
     name: str
     kind: str
@@ -201,7 +201,7 @@ class TorsionSpringRecord:
 
 @dataclass(frozen=True)
 class TorqueRecord:
-    """Effort along one joint coordinate; with `over`, a table over that measure in place of time."""
+    """Effort along one joint coordinate; with `over`, a table over that measure instead of time."""
 
     name: str
     joint: str
@@ -225,9 +225,9 @@ class ForceRecord:
 
 
 DRAWING_TOLERANCE = 1e-4
-"""How far a drawing may be off where nothing is said (rad, parts of lengths): four decimals, as drawings have."""
+"""Default drawing tolerance (rad, fractions of lengths): four decimals, as drawings have."""
 LARGEST_DRAWING_TOLERANCE = 1e-2
-"""Beyond it, what differs is another mechanism."""
+"""Beyond it, the difference means another mechanism."""
 
 
 @dataclass(frozen=True)
@@ -247,7 +247,7 @@ ForceLike = SpringRecord | TorsionSpringRecord | TorqueRecord | ForceRecord | Lo
 
 @dataclass
 class Description:
-    """Everything said so far, in the order in which it was said. `version` grows with every addition."""
+    """All input so far, in order. `version` grows with every addition."""
 
     name: str
     gravity: Array
@@ -264,7 +264,7 @@ class Description:
     version: int = 0
 
     def copy(self) -> Description:
-        """As it is now, whatever is added to this one later; records never change and are shared."""
+        """A copy of the present state, independent of later additions; records never change and are shared."""
         tables = {
             name: dict(getattr(self, name))
             for name in ("bodies", "joints", "drives", "driven", "couplings", "forces", "sensors", "numbers")

@@ -1,4 +1,4 @@
-"""The user's own conditions F(t, readings) = 0 in the form in which the core calls them."""
+"""User-defined conditions F(t, readings) = 0 in the form in which the core calls them."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from .values import finite, one_number
 _SMOOTH = 1e-3
 """A smooth function's slope changes over this much of its argument by no more than ten times itself."""
 _ROUND_OFF = 1e-6
-"""Curvatures known within this part of the other slopes are as good as differences of order 8 get."""
+"""Curvatures with a smaller error relative to the other slopes are as accurate as differences of order 8 can be."""
 _BESIDE = (0.0, 0.1310585786)
 """Where a gradient is compared with its function: as drawn, and away from the zeros that functions have there."""
 _ANOTHER = 1e-4
-"""A gradient typed with five digits is meant for its function; a larger part off, it is that of another."""
+"""A gradient given with five digits belongs to its function; with a larger difference it belongs to another."""
 
 
 class Law:
@@ -77,7 +77,7 @@ class Law:
         rate, *slopes = (path[1] for path in paths)
         if self.gradient is not None:
             slopes = self._numbers(self.gradient(t, *at), len(at), t)
-        # what is added up in F where it vanishes: its terms, as they are and as they move
+        # the size of the terms of F where it vanishes, and of their changes
         terms = sum(abs(g) * (abs(v) + abs(r)) for g, v, r in zip(slopes, at, along, strict=True))
         paths.append(
             self._path(lambda s, f: f(t + s, *(v + s * r for v, r in zip(at, along, strict=True))), t, scale=terms)
@@ -89,7 +89,7 @@ class Law:
         return self._finite([value, rate, bend, *slopes], t)
 
     def compare(self, x: Sequence[float]) -> None:
-        """Refuse a gradient that is plainly another function's, at x and a little beside it.
+        """Refuse a gradient that clearly belongs to another function, at x and a little beside it.
 
         A point where the function cannot be evaluated or differentiated is ignored.
         """
@@ -113,7 +113,7 @@ class Law:
                     )
 
     def _path(self, at: Callable[..., Any], t: float, scale: float = 0.0) -> tuple[float, float, float, float]:
-        """F, F', F'' over s at s = 0, and the error of F''; `scale`: the size of what is added up in F."""
+        """F, F', F'' over s at s = 0, and the error of F''; `scale`: the size of the terms of F."""
         try:
             found = at(Jet(0.0, 1.0), self.function)
             found = found if isinstance(found, Jet) else Jet(one_number(found))
@@ -133,7 +133,7 @@ class Law:
 
     def _smooth(self, value: float, slope: float, error: float, size: float, t: float) -> None:
         """Refuse a function with a jump or a kink. A condition and its slope along the motion are zero where it holds
-        and alone say nothing: `size` is that of its other slopes and of its terms."""
+        and provide no scale: `size` is that of its other slopes and of its terms."""
         if error * _SMOOTH > 10.0 * max(abs(slope), abs(value), _ROUND_OFF * size):
             raise self._error(
                 t,

@@ -32,7 +32,7 @@ Tree = Any
 
 
 class Reading(ABC):
-    """Something that expressions are made of: sums, differences, products, quotients, components, norms."""
+    """Operands of expressions: sums, differences, products, quotients, components, norms."""
 
     @abstractmethod
     def tree(self) -> Tree:
@@ -83,7 +83,7 @@ class Reading(ABC):
 
 
 class Expression(Reading):
-    """What becomes of other sensors, to be given to `add_sensor`.
+    """An expression of other sensors, to be given to `add_sensor`.
 
     >>> import partita as pt
     >>> m = pt.Mechanism("pendulum")
@@ -133,8 +133,8 @@ def add_sensor(
 ) -> Sensor:
     """Add a named output: something that a run shows over time by `run.sensor(name)`, in saved files and in plots.
 
-    A sensor changes nothing of the motion. Its values are computed when they are asked for, at the outputs, from the
-    coordinates, velocities, accelerations and multipliers that the run found there: no differences are taken.
+    A sensor does not affect the motion. Its values are computed on request, at the outputs, from the coordinates,
+    velocities, accelerations and multipliers of the run, without finite differences.
 
     What `of` may be, and what it `reads`:
 
@@ -206,7 +206,7 @@ def add_sensor(
 
 
 def _data(m: Drawing, element: Element, of: Any, function: bool) -> dict[str, Any]:
-    """What is looked at, as plain data."""
+    """The measured object, as plain data."""
     if function:
         if isinstance(of, str | bytes | dict | Reading) or not isinstance(of, Sequence):
             element.fail(f"a function takes a list of other sensors, not {shown(of)}")
@@ -252,7 +252,7 @@ def _tables(m: Drawing) -> dict[str, Any]:
 
 
 def _named(m: Drawing, element: Element, name: str) -> dict[str, Any]:
-    """What has this name, if only one thing has."""
+    """The object of this name, if it is unique."""
     tables = _tables(m)
     kinds = [kind for kind, table in tables.items() if name in table]
     if len(kinds) > 1:
@@ -292,7 +292,8 @@ _KEYS = ("body", "joint", "force", "drive", "coupling", "measure", "expression")
 
 
 def _from_dict(m: Drawing, element: Element, of: dict[str, Any]) -> dict[str, Any]:
-    """As a file says it: { body = "rod", point = [...] }, { joint = "A" }, { expression = ["sum", "a", "b"] }, ..."""
+    """In the form of a file: { body = "rod", point = [...] }, { joint = "A" }, { expression = ["sum", "a", "b"] },
+    ..."""
     keys = [key for key in of if key != "point"]
     if len(keys) != 1 or keys[0] not in _KEYS or ("point" in of and keys[0] != "body"):
         element.fail(
@@ -334,7 +335,7 @@ def _tree(m: Drawing, element: Element, tree: Tree, depth: int = 0) -> Tree:
 
 
 def _complete(m: Drawing, element: Element, data: dict[str, Any], reads: Any, axes: Any, coordinate: Any) -> None:
-    """Add which quantity is read, along what, if what is looked at has it."""
+    """Add the quantity that is read, and its direction, if the object has it."""
     form = data.get("form", data["of"])
     if reads is None:
         element.fail(f"say what it reads of the {data['of']}: {', '.join(READS[form])}")

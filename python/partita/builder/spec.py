@@ -38,7 +38,7 @@ _AXIS_WORDS = {"axis": "axis", "normal": "axis", "axis1": "axis", "axis2": "axis
 
 
 class Writer:
-    """Writes one description; collects the Python functions it meets."""
+    """Writes one description; collects the Python functions in it."""
 
     def __init__(self, description: Description, layout: Layout) -> None:
         self.description, self.layout = description, layout
@@ -51,7 +51,7 @@ class Writer:
         return {**self._head(), **lists}
 
     def text(self) -> str:
-        """The same as JSON, written record by record: of many thousands no more than one is alive as plain data."""
+        """The same as JSON, written record by record: of many thousands only one at a time exists as plain data."""
         lists = (f"{json.dumps(name)}: [{', '.join(map(json.dumps, items))}]" for name, items in self._lists().items())
         return f"{json.dumps(self._head())[:-1]}, {', '.join(lists)}}}"
 
@@ -66,7 +66,7 @@ class Writer:
         }
 
     def _sights(self) -> dict[str, Any]:
-        """What functions of the state see for the sensors they may read; nothing where there are none."""
+        """Quantities that functions of the state read for their sensors; nothing where there are none."""
         d = self.description
         if not d.sensors:
             return {}
@@ -128,7 +128,7 @@ class Writer:
         return {"kind": record.kind, "name": record.name, **said, **data, **_numbers_of(record)}
 
     def _drive(self, record: DriveRecord) -> Iterator[dict[str, Any]]:
-        """One drive of the core for each coordinate that is driven."""
+        """One drive of the core for each driven coordinate."""
         motion = record.motion
         if isinstance(motion, Held | PoseTable | PoseFunction):
             yield from self._pose(record, motion)
@@ -143,7 +143,7 @@ class Writer:
         }
 
     def _pose(self, record: DriveRecord, pose: PoseValue) -> Iterator[dict[str, Any]]:
-        """The slides, then the three turns, each a component of the same orientation."""
+        """The translations, then the three rotations, each a component of the same orientation."""
         found = turning_of(pose)
         turning = self._value(found) if isinstance(found, Function) else found
         for i in range(record.slides + 3):
@@ -156,7 +156,7 @@ class Writer:
             }
 
     def _gravity(self) -> Iterator[dict[str, Any]]:
-        """What the core counts among the forces: time-dependent gravity, and bodies without any."""
+        """Elements that are forces of the core: time-dependent gravity, and bodies without gravity."""
         d = self.description
         if d.changing_gravity is not None:
             yield {"kind": "gravity", "name": "gravity", "value": self._plain(d.changing_gravity)}
@@ -245,7 +245,7 @@ class Writer:
 
 
 def _as_cubics(motion: Value) -> Value:
-    """A function that is made of cubics as what it is."""
+    """A function made of cubics, as these cubics."""
     if isinstance(motion, Function) and isinstance(motion.call, Motion):
         return motion.call.cubics() or motion
     return motion
@@ -264,7 +264,7 @@ def _body(record: BodyRecord) -> dict[str, Any]:
 
 
 def _numbers_of(record: CouplingRecord) -> dict[str, Any]:
-    """The numbers by which a sum was said in place of its factors: they are its parameters."""
+    """The numbers that define a sum instead of its factors: they are its parameters."""
     match record.call:
         case ("add_gear", {"ratio": number}):
             return {"said": {"ratio": number}}

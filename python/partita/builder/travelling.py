@@ -1,4 +1,4 @@
-"""User functions on their way to another process."""
+"""User functions in other processes."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ class Constant:
 
 @dataclass(frozen=True)
 class Table:
-    """Samples joined by piecewise cubics.
+    """Samples interpolated by piecewise cubics.
 
     "smooth" is the not-a-knot spline, twice differentiable as a prescribed motion must be; "periodic" is the spline
     that is so where it begins anew, too; "monotone" is PCHIP, which never overshoots the samples and so suits forces.
@@ -66,7 +66,7 @@ class Cubics:
 
 @dataclass(frozen=True)
 class Function:
-    """A Python function, kept with what is needed to bring it into the form that the core calls."""
+    """A Python function, with the data needed to bring it into the form that the core calls."""
 
     call: Binding
 

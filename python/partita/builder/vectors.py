@@ -15,7 +15,7 @@ Changing = tuple[Value, Value, Value] | Function | None
 
 
 def field(element: Element, gravity: Any) -> tuple[Array, Changing]:
-    """The constant part, and what changes."""
+    """The constant part, and the variable part."""
     if gravity is None:
         return np.zeros(3), None
     if not callable(gravity) and not is_table(gravity) and not _has_parts(gravity):

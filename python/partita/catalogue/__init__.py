@@ -1,9 +1,8 @@
 """Problems with known answers.
 
-Each entry is a mechanism, its start, and numbers from closed forms, extended precision or other programs that
-its motion must meet. Those of the zoo come with what the theory of mechanisms says of them: mobility,
-redundancy and which reactions are unique. They show how mechanisms are described, and they tell whether this
-build of Partita computes them right.
+Each entry is a mechanism, its start, and numbers from closed forms, extended precision or other programs that its
+motion must reproduce. Those of the zoo state the results of the theory of mechanisms: mobility, redundancy and which
+reactions are unique. They show how mechanisms are described, and they verify this build of Partita.
 
 >>> import partita as pt
 >>> pt.catalogue.names()[:3]
@@ -109,5 +108,5 @@ def load(name: str, **parameters: Any) -> Mechanism:
 
 
 def about(name: str, **parameters: Any) -> str:
-    """What entry `name` is, in words: title, source, run, checks with tolerances and their reasons, notes."""
+    """Description of entry `name`: title, source, run, checks with tolerances and their reasons, notes."""
     return entry(name, **parameters).about()

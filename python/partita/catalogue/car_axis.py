@@ -1,4 +1,4 @@
-"""Car axis: two masses on springs over a wheel axle that rocks as prescribed."""
+"""Car axis: two masses on springs over a wheel axle with prescribed rocking."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Closing planar loops with ruler and compass: the answers that motions are checked against."""
+"""Closing planar loops by ruler and compass: reference solutions for motions."""
 
 from __future__ import annotations
 

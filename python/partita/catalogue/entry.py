@@ -1,4 +1,4 @@
-"""What an entry of the catalogue is: a mechanism, its start, and numbers that its motion must meet."""
+"""An entry of the catalogue: a mechanism, its start, and numbers that its motion must reproduce."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Measurement:
-    """What a check found in one run: `error` against `tolerance`, both in the unit the check names."""
+    """Result of a check in one run: `error` and `tolerance`, both in the unit that the check names."""
 
     name: str
     error: float
@@ -30,7 +30,7 @@ class Measurement:
 
     @property
     def passed(self) -> bool:
-        """Whether the error is within the tolerance; an error that is not a number never is."""
+        """Whether the error is within the tolerance; false for NaN."""
         return self.error <= self.tolerance
 
     def __str__(self) -> str:
@@ -40,7 +40,7 @@ class Measurement:
 
 @dataclass(frozen=True)
 class Check:
-    """A known answer: `error(result)` is its largest deviation, `reason` says where `tolerance` comes from."""
+    """A known answer: `error(result)` is its largest deviation, `reason` gives the origin of `tolerance`."""
 
     name: str
     tolerance: float
@@ -107,7 +107,7 @@ class Entry:
         return [check.run(result) for check in self.checks]
 
     def about(self) -> str:
-        """The entry in words: title, source, run, checks with their tolerances and reasons, notes."""
+        """Description of the entry: title, source, run, checks with their tolerances and reasons, notes."""
         checks = [f"  {check.name}: within {check.tolerance:.0e} ({check.reason})" for check in self.checks]
         run = f"Run: {self.duration:g} s" + "".join(f", {key} {value:g}" for key, value in self.options.items())
         parts = [f"{self.name}: {self.title}", f"Source: {self.source}", run, "Checks:", *checks]

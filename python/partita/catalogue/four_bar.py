@@ -1,4 +1,4 @@
-"""The standing example: a crank-rocker driven over the top by its own speed."""
+"""The standard example: a crank-rocker driven over the top by its own speed."""
 
 from __future__ import annotations
 

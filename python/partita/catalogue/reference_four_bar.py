@@ -36,7 +36,7 @@ REACTIONS = {  # on the link outboard of the pin, x and y [N]
 ENERGY = 55.63596373801568  # kinetic and potential, with zero at the height of the ground pins [J]
 MEASURE = {
     "relative": (0.881509349986, 0.750861289725, 0.457251342070),
-    # x, y, turn of crank, coupler and rocker
+    # x, y, rotation angle of crank, coupler and rocker
     "absolute": (0.262122438, 0.254577139, 0.210964209, 0.671499115, 0.501167177, 0.197583026,
                  0.229909960, 0.088231108, 0.142177493),
 }  # fmt: skip

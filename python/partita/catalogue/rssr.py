@@ -23,8 +23,8 @@ CRANK_PATH = {1.0: (11.5175034609800365514,), 2.0: (21.4484713783164988354,), 5.
 def points(crank_angle: FloatArray | float) -> tuple[FloatArray, FloatArray]:
     """Centres P and Q (..., 3) [m] of the balls for angles of the crank.
 
-    |Q - P| = COUPLER does not contain the two balls' turns: one equation a cos(psi) + b sin(psi) + c = 0 is left for
-    the angle psi of the rocker from the world's z axis.
+    |Q - P| = COUPLER does not contain the rotations of the two balls: one equation a cos(psi) + b sin(psi) + c = 0
+    remains for the angle psi of the rocker from the world's z axis.
     """
     phi = np.asarray(crank_angle, dtype=float)
     p = CRANK * np.stack([np.cos(phi), np.sin(phi), np.zeros_like(phi)], axis=-1)

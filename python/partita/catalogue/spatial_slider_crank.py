@@ -25,7 +25,7 @@ def ball(crank_angle: FloatArray | float) -> FloatArray:
 
 
 def slide(crank_angle: FloatArray | float) -> FloatArray:
-    """Place of the slider on the x axis [m], by Pythagoras."""
+    """Position of the slider on the x axis [m], by Pythagoras."""
     p = ball(crank_angle)
     return np.asarray(np.sqrt(ROD**2 - p[..., 1] ** 2 - p[..., 2] ** 2))
 

@@ -1,4 +1,4 @@
-"""What the theory of mechanisms says about a mechanism, written down before any program is asked."""
+"""Results of the theory of mechanisms for a mechanism, written down independently of any program."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 EVERYTHING = {"*": " ".join(COMPONENTS)}
-"""No condition says what others say: every reaction is unique."""
+"""No condition is redundant: every reaction is unique."""
 IN_PLANE = {"*": "fx fy mz"}
 """A mechanism in the x-y plane drawn with joints of space. Force across the plane and moments in it go around each of
 its loops at will; the plane's own three equations for each link determine the rest."""
@@ -64,7 +64,8 @@ def planar(links: int, joints: int, source: str, bridges: tuple[str, ...] = ()) 
 
     In the plane a link has three degrees of freedom and a joint takes two. In space a joint takes five, and three of
     these say, in each of the joints - links loops, once more that the loop is flat. `bridges` lie in no loop: nothing
-    else holds what they hold."""
+    else holds what they hold.
+    """
     loops = joints - links
     return Truth(
         mobility=3 * links - 2 * joints,

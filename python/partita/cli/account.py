@@ -1,4 +1,4 @@
-"""What was found in a run, in words."""
+"""Account of a run, in words."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ INTEGRATED = {
     **dict.fromkeys((*TANGENTS, "tangent-space", "user-tangent"), _TANGENT),
     **dict.fromkeys(WHOLE, _WHOLE),
 }
-"""What formulations without independent coordinates integrate, in words."""
+"""Variables integrated by formulations without independent coordinates, in words."""
 
 
 def account(result: Result, measured: Sequence[str] = ()) -> str:
@@ -65,7 +65,7 @@ def choice(result: Result) -> list[str]:
 
 
 def _chooser(result: Result) -> str:
-    """Who chose the independent coordinates."""
+    """The origin of the choice of independent coordinates."""
     rule = result.options.get("selection") or SELECTIONS[0]
     if result.options.get("independent"):
         return "as asked for"

@@ -1,4 +1,4 @@
-"""What can be typed: the words and options of the command line."""
+"""Arguments of the command line: words and options."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ EXAMPLES = {
     "convert": ("robot.urdf robot.toml", "four-bar four-bar.mjcf --json"),
     "completion": ("bash >> ~/.bash_completion",),
 }
-"""What each command is good for, in lines that work."""
+"""Examples of each command."""
 
 
 def parser() -> argparse.ArgumentParser:
-    """The parser; every command stores the function that carries it out in `run`."""
+    """The parser; every command stores its function in `run`."""
     from .. import __version__
     from . import check, commands
     from .assemble import assemble
@@ -220,7 +220,7 @@ def _command(words: argparse._SubParsersAction, name: str, run: object, text: st
 
 
 class _Parser(argparse.ArgumentParser):
-    """Tells a misuse in one sentence instead of a page of usage."""
+    """Reports an incorrect call in one sentence instead of a page of usage."""
 
     def error(self, message: str) -> NoReturn:
         self.exit(2, f"partita: error: {message}; see `{self.prog} --help`\n")

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def assemble(arguments: argparse.Namespace) -> int:
-    """Close the loops for the targets asked for, and print where everything stands; with --all, on every branch."""
+    """Close the loops for the given targets, and print all positions; with --all, on every branch."""
     opened = open_model(arguments.model, base=arguments.base)
     if arguments.all:
         targets, rates = settings(arguments.target), settings(arguments.rate)

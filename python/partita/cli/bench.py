@@ -1,4 +1,4 @@
-"""`partita bench`: what a tolerance costs on a model, and what it gives."""
+"""`partita bench`: cost and accuracy of tolerances on a model."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .models import length_of, open_model, start_of
 from .printing import print_json
 
 REFERENCE = 100.0
-"""How much tighter than the tightest row the run is that errors are measured against; not below rtol 1e-13."""
+"""Tightening of the reference run relative to the tightest row; not below rtol 1e-13."""
 TIGHTEST = 1e-13
 ATOL = 1e-2
 """Absolute over relative tolerance, as in the defaults of `simulate`."""
@@ -24,7 +24,7 @@ ATOL = 1e-2
 
 @dataclass(frozen=True)
 class Line:
-    """One tolerance: what it cost, and how far its outputs are from those of the tightest run."""
+    """One tolerance: its cost, and the deviation of its outputs from those of the tightest run."""
 
     rtol: float
     status: str

@@ -1,4 +1,4 @@
-"""`partita check`: a lint for model files: what was read, whether it closes, what moves, what looks like a slip."""
+"""`partita check`: a lint for model files: what was read, whether it closes, its mobility, likely mistakes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ HELD, BROKEN = 0, 1
 
 
 def check(arguments: argparse.Namespace) -> int:
-    """Print what a model file is; 1 if its loops do not close."""
+    """Print the findings on a model file; return 1 if its loops do not close."""
     mechanism = open_model(arguments.model, base=arguments.base).mechanism
     found: dict[str, Any] = {"reading": None if mechanism.reading is None else mechanism.reading.to_dict()}
     try:

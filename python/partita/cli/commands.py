@@ -12,7 +12,7 @@ from .printing import print_json
 
 
 def report(arguments: argparse.Namespace) -> int:
-    """Print what the core finds about a mechanism."""
+    """Print the report of a mechanism."""
     opened = open_model(arguments.model)
     found = opened.mechanism.report(opened.initial())
     if arguments.json:
@@ -23,7 +23,7 @@ def report(arguments: argparse.Namespace) -> int:
 
 
 def list_names(arguments: argparse.Namespace) -> int:
-    """Print names, lengths of the runs, and titles of the catalogue."""
+    """Print names, durations and titles of the catalogue."""
     from .. import catalogue
 
     names = catalogue.names()
@@ -49,7 +49,7 @@ def plot(arguments: argparse.Namespace) -> int:
 
 
 def view(arguments: argparse.Namespace) -> int:
-    """Make the page of a stored result, or a film where a .gif or .mp4 is asked for."""
+    """Make the page of a stored result, or a film for a .gif or .mp4."""
     from ..results import load_result
 
     target = _beside(arguments.result, arguments.output, ".html")
@@ -63,7 +63,7 @@ def view(arguments: argparse.Namespace) -> int:
 
 
 def convert(arguments: argparse.Namespace) -> int:
-    """Read one model file, write another, and print what the other says otherwise, or cannot carry."""
+    """Read one model file, write another, and print changes and losses."""
     opened = open_model(arguments.source, base=arguments.base)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LossyFileWarning)  # printed below
@@ -76,7 +76,7 @@ def convert(arguments: argparse.Namespace) -> int:
 
 
 def _beside(result: str, output: str | None, ending: str) -> Path:
-    """The file asked for, or one beside the result with another ending; never the result itself."""
+    """The requested file, or one beside the result with another ending; never the result itself."""
     target = Path(output) if output else Path(result).with_suffix(ending)
     if target.resolve() == Path(result).resolve():
         raise ArgumentError(f"{str(target)!r} is the result itself; give another file with -o", argument="output")

@@ -65,7 +65,7 @@ def compare(arguments: argparse.Namespace) -> int:
 
 
 def _check_outputs(arguments: argparse.Namespace) -> None:
-    """Find out before the runs, not after, that their figures could not be written."""
+    """Check before the runs, not after, that their figures can be written."""
     from ..plots import figure_path
 
     for path in (arguments.plot, arguments.work_precision):

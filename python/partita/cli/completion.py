@@ -1,4 +1,4 @@
-"""`partita completion`: what a shell reads to complete the words of the command line."""
+"""`partita completion`: the script by which a shell completes the command line."""
 
 from __future__ import annotations
 

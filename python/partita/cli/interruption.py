@@ -1,4 +1,4 @@
-"""Ctrl-C on the command line: what was computed until then is shown and written all the same."""
+"""Ctrl-C on the command line: the results up to then are shown and written."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Answer = TypeVar("Answer")
 
 
 def so_far(computed: Callable[[], Answer]) -> Answer:
-    """What `computed` returns, or what it had when Ctrl-C ended it."""
+    """The result of `computed`, or the part that existed when Ctrl-C ended it."""
     try:
         return computed()
     except Interrupted as stopped:

@@ -1,4 +1,4 @@
-"""FILE|NAME: where a mechanism comes from."""
+"""FILE|NAME: source of a mechanism."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def start_of(
 
 
 def length_of(opened: Opened, word: str, asked: float | None) -> float:
-    """How long a run is: as asked, else as the catalogue has it."""
+    """Duration of a run: as given, else that of the catalogue."""
     if asked is not None:
         return asked
     if opened.entry is None:

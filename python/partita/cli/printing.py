@@ -1,4 +1,4 @@
-"""What a command found, as JSON on stdout: the one form that other programs read."""
+"""Findings of a command as JSON on stdout: the form for other programs."""
 
 from __future__ import annotations
 

@@ -66,7 +66,7 @@ def simulate(arguments: argparse.Namespace) -> int:
 
 
 def _check_outputs(arguments: argparse.Namespace) -> None:
-    """Find out before a long run, not after, that its results could not be written."""
+    """Check before a long run, not after, that its results can be written."""
     if arguments.save:
         checked_path(arguments.save)
     if arguments.plot:
@@ -97,7 +97,7 @@ def _run(opened: Opened, start: State | None, duration: float, arguments: argpar
 def _outputs(
     opened: Opened, start: State | None, duration: float, arguments: argparse.Namespace
 ) -> NDArray[np.float64]:
-    """Equally spaced; for the published run of an entry also the instants that its checks look at."""
+    """Equally spaced; for the published run of an entry also the times of its checks."""
     if opened.entry and duration == opened.entry.duration:
         return opened.entry.t_eval(arguments.outputs)
     t0 = start.t if start is not None else 0.0
@@ -132,7 +132,7 @@ def _measured(opened: Opened, result: Result, arguments: argparse.Namespace) -> 
 
 
 def _write(result: Result, arguments: argparse.Namespace) -> list[Path]:
-    """Every file asked for, also for a run that stopped early."""
+    """Every requested file, also for a run that stopped early."""
     if len(result.t) == 0:
         return []
     writers: list[tuple[str | None, Callable[[str], object]]] = [

@@ -84,8 +84,8 @@ def pair(text: str) -> tuple[float, float]:
 
 
 def setting(text: str) -> tuple[str, list[float | str]]:
-    """`JOINT=VALUE`; several values for a joint with several coordinates stand with commas. What has a unit is read
-    where the joint is known."""
+    """`JOINT=VALUE`; several values for a joint with several coordinates are separated by commas. Units are interpreted
+    once the joint is known."""
     name, equals, values = text.rpartition("=")
     if not equals or not name:
         raise argparse.ArgumentTypeError(f"{text!r} is not of the form JOINT=VALUE, such as A=0.5 or A=30deg")

@@ -1,4 +1,4 @@
-"""What is compared: one mechanism or system, its start, its outputs, and the run that the others are held against."""
+"""Input of a comparison: one mechanism or system, its start, its outputs, and the reference run."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ Simulate = Callable[..., "Result"]
 OUTPUTS = 101
 REFERENCE_METHOD = "dop853"
 _REPEATS, _PATIENCE = 5, 0.1  # runs of one case at most, and seconds after which no other begins
-# A run that takes this many times the steps of the tight reference creeps towards a place it cannot pass. With the same
+# A run that takes this many times the steps of the tight reference approaches a point it cannot pass. With the same
 # method a coarser tolerance needs fewer steps; order 4 at 1e-10 needs up to twenty times those of order 8 at 1e-13.
 _CREEPING, _CREEPING_OTHERS, _LEAST_STEPS = 10, 50, 2000
 _REFERENCE_STEPS = 200_000  # a reference that needs more gives way to a coarser one
-# From the tightest at which round-off still leaves room to one that is good for a reference of coarse runs only.
+# From the tightest above round-off to one that suffices as a reference of coarse runs only.
 _TIGHT = ((1e-13, 1e-14), (1e-12, 1e-13), (1e-11, 1e-12), (1e-10, 1e-11))
 
 
 @dataclass(frozen=True)
 class Reference:
-    """The run that others are held against, and what it is in words."""
+    """The reference run, and its description."""
 
     result: Result | None
     words: str
@@ -41,7 +41,7 @@ class Reference:
 
 @dataclass(frozen=True)
 class Bench:
-    """`simulate(**options)` runs it from its start over its length; `equations` are those it marches."""
+    """`simulate(**options)` runs it from its start over its duration; `equations` are those it integrates."""
 
     title: str
     simulate: Simulate
@@ -82,8 +82,8 @@ class Bench:
                 return result, min(times)
 
     def costs(self, results: Sequence[Result], dearest: float) -> list[float | None]:
-        """Seconds of one evaluation for each of the runs, at places of the first; None where none could be taken. Where
-        the `dearest` takes long [s], one place must do."""
+        """Seconds of one evaluation for each of the runs, at states of the first; None where none could be taken. If
+        the `dearest` takes long [s], one state is used."""
         first = results[0]
         sound = np.flatnonzero(np.all(np.isfinite(first.vdot), axis=1))
         rows = sound[np.unique((len(sound) * _PLACES).astype(int))] if len(sound) else sound
@@ -104,7 +104,7 @@ class Bench:
         return max(_LEAST_STEPS, factor * (found.counters.get("steps", 0) if found is not None else 0))
 
     def with_reference(self, given: Result | None, progress: Any) -> Bench:
-        """With the run that others are held against: `given`, or the tightest of "projective" that finishes."""
+        """With the reference run: `given`, or the tightest of "projective" that finishes."""
         if given is not None:
             options = ", ".join(
                 f"{key} {given.options[key]}" for key in _REPORTED if given.options.get(key) is not None
@@ -166,9 +166,9 @@ class Bench:
 
 
 _PLACES = np.array([0.1, 0.3, 0.5, 0.7, 0.9])
-"""Where along a run evaluations are timed, in parts of it."""
+"""Times along a run at which evaluations are timed, as fractions of it."""
 _DEAR = 2e-3
-"""Seconds of an evaluation, about, from which on one such place is enough."""
+"""Approximate duration of an evaluation [s] above which one such state is enough."""
 _REPORTED = ("formulation", "method", "rtol", "atol")
 
 

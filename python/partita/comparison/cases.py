@@ -1,4 +1,4 @@
-"""Which runs a comparison is made of."""
+"""The runs of a comparison."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from ..options import CORRECTIONS, FORMULATIONS, SELECTIONS, TANGENTS, one_of
 
 DEFAULT = "projective"
 EACH_STEP = "each step"
-# What runs only with something that no one but the user can know: option of `simulate`, and how to give it.
+# Formulations that need data only the user can provide: option of `simulate`, and how to give it.
 _NEEDS = {
     "baumgarte": ("baumgarte", "it needs baumgarte=(alpha, beta) [1/s]; no value fits every mechanism"),
     "user-tangent": ("tangent", "it needs tangent=TangentVelocities(...)"),
     "persistence": ("window", "it needs window=, the time [s] over which it looks back"),
 }
-# Rows beside the plain one: a word after the name, and what it means for `simulate`.
+# Rows beside the plain one: a word after the name, and its option of `simulate`.
 _VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
     "wehage-haug": {"complete-pivoting": {"selection": "complete-pivoting"}},
     **{name: {EACH_STEP: {"renew": EACH_STEP}} for name in TANGENTS},
@@ -30,11 +30,11 @@ _REMOVALS = {"mass-orthogonal": "mass-orthogonal", "uncorrected": "none"}
 
 @dataclass(frozen=True)
 class Case:
-    """One run: a formulation, and what sets it apart from others of the same."""
+    """One run: a formulation, and its difference from others of the same."""
 
     formulation: str
     selection: str | None = None
-    """Rule that chooses the coordinates, where one was asked for."""
+    """Rule that chooses the coordinates, if one was requested."""
     variant: str | None = None
     """The word after the name of the formulation; None for the plain one."""
     options: Mapping[str, Any] = field(default_factory=dict)
@@ -45,7 +45,7 @@ class Case:
 
     @property
     def name(self) -> str:
-        """What tables call it: the formulation, and what sets it apart."""
+        """Its name in tables: the formulation, and its difference from others."""
         return self.formulation if self.variant is None else f"{self.formulation}: {self.variant}"
 
 
@@ -78,7 +78,7 @@ def cases(
 
 
 def _rows() -> list[str]:
-    """Names of all rows that are more than the name of a formulation."""
+    """Names of all rows other than plain formulations."""
     mine = [f"{DEFAULT}: {word}" for word in (*SELECTIONS[1:], *_REMOVALS)]
     return [*mine, *(f"{name}: {variant}" for name, words in _VARIANTS.items() for variant in words)]
 
@@ -118,7 +118,7 @@ def _case(
 
 
 def _words(what: str, wanted: Iterable[str] | None, known: tuple[str, ...]) -> list[str]:
-    """The wanted words, each once; None: all that are no rows of a formulation."""
+    """The selected words, each once; None: all except rows of a formulation."""
     if wanted is None:
         return [word for word in known if ": " not in word]
     if isinstance(wanted, str | bytes) or not isinstance(wanted, Iterable):

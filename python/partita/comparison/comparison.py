@@ -1,4 +1,4 @@
-"""All runs, their table, and what can be done with it."""
+"""All runs, their table, and operations on it."""
 
 from __future__ import annotations
 
@@ -51,12 +51,12 @@ class Comparison:
 
     @property
     def reference(self) -> Result | None:
-        """The run that the others were held against; None if none finished."""
+        """The reference run; None if none finished."""
         return self._bench.reference.result if self._bench.reference is not None else None
 
     @property
     def caption(self) -> str:
-        """What was run, and what the errors are measured against, in two sentences."""
+        """A description of the runs, and of the measure of errors, in two sentences."""
         bench = self._bench
         against = bench.reference.words if bench.reference is not None else "none: interrupted"
         what = "largest difference of a coordinate"

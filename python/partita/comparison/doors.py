@@ -1,4 +1,4 @@
-"""How a comparison is asked for: `Mechanism.compare`, and `partita.compare` for a `System`."""
+"""Interface of a comparison: `Mechanism.compare`, and `partita.compare` for a `System`."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from .comparison import Comparison, carry_out
 
 
 class Mechanical(Protocol):
-    """What is asked of a mechanism."""
+    """The comparison of a mechanism."""
 
     @property
     def name(self) -> str: ...

@@ -1,4 +1,4 @@
-"""Telling how far many runs have come."""
+"""Progress of many runs."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Progress:
             self._target(part)
 
     def end(self) -> None:
-        """All is done, or what there will be: the bar goes."""
+        """All runs are done, or were interrupted: the bar is closed."""
         if self._bar is not None:
             self._bar.close()
         elif callable(self._target) and self._done + 1 >= self._total:

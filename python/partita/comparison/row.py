@@ -1,4 +1,4 @@
-"""One line of a comparison, and how its numbers are found."""
+"""One line of a comparison, and the computation of its numbers."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ NEEDS = "needs "
 _CHOOSING = ("projective", "fixed", "wehage-haug", "explicit-closing")
 _RENEWING = (*TANGENTS, "tangent-space")
 _NEWTON = ("wehage-haug", "explicit-closing", "tangent-space")
-# Multiply-adds spent on condition numbers of one run; n^3 each. Beyond it not every output is looked at.
+# Multiply-adds spent on condition numbers of one run; n^3 each. Beyond it not every output is evaluated.
 _WORK = 3e8
 
 
@@ -86,7 +86,7 @@ class Row:
 
 
 def not_run(case: Case, why: str, status: str = NOT_RUN) -> Row:
-    """The line of a run that did not happen."""
+    """The line of a run that did not take place."""
     return Row(case.name, case.formulation, case.selection, status, why)
 
 
@@ -96,7 +96,7 @@ def lacking(case: Case) -> Row:
 
 
 def measured(case: Case, bench: Bench, result: Result, time: float, bare: float | None) -> Row:
-    """The line of a run that happened, to its end or not; what one evaluation costs is not known yet."""
+    """The line of a run that took place, to its end or not; the cost of one evaluation is not known yet."""
     counters = result.counters
     return Row(
         name=case.name,

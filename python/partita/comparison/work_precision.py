@@ -24,7 +24,7 @@ PathLike = str | os.PathLike[str]
 
 @dataclass(frozen=True)
 class Point:
-    """One run: what it cost and how far from the reference it ended. Numbers are None where it did not finish."""
+    """One run: its cost and its error at the end. Numbers are None where it did not finish."""
 
     name: str
     rtol: float

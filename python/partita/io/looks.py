@@ -1,4 +1,5 @@
-"""How the links of a robot look, as shapes that `partita.viewer` draws: boxes, cylinders, balls and files of meshes."""
+"""Appearance of the links of a robot, as shapes that `partita.viewer` draws: boxes, cylinders, balls and files of
+meshes."""
 
 from __future__ import annotations
 

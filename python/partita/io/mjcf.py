@@ -1,7 +1,7 @@
 """MJCF, through MuJoCo's own parser and compiler; loops are its equalities `connect`, `weld` and `joint`.
 
-Two `connect` between the same bodies hold two points, which is a hinge on the line through them; three are a weld.
-Files that the model names must lie in its own folder or below: they are looked at before MuJoCo opens anything.
+Two `connect` between the same bodies join two points, which is a hinge on the line through them; three are a weld.
+Files that the model names must lie in its own folder or below: they are checked before MuJoCo opens anything.
 """
 
 from __future__ import annotations
@@ -110,7 +110,7 @@ def _line(said: str) -> int | None:
 
 @dataclass(frozen=True)
 class _Held:
-    """A point of two bodies held together by a connect."""
+    """A point of two bodies joined by a connect."""
 
     name: str
     points: tuple[Array, Array]
@@ -138,7 +138,7 @@ class _Reader:
         return self.mujoco.mj_id2name(self.model, of[kind], i) or f"{kind} {i}"
 
     def at(self, *tags: str, name: str) -> Element:
-        """Where something of that name stands in the file; else the root."""
+        """The element of that name in the file; else the root."""
         return next((self.named[tag, name] for tag in tags if (tag, name) in self.named), self.root)
 
     def said(self, remarks: list[Remark], at: Element, text: str) -> None:
@@ -281,7 +281,7 @@ class _Reader:
         return "world" if i == 0 else self.name("body", i)
 
     def connect(self, bodies: tuple[str, str], held: list[_Held]) -> None:
-        """Points of two bodies held together: one is a ball joint, two are a hinge, three are a weld."""
+        """Points of two bodies joined together: one is a ball joint, two are a hinge, three are a weld."""
         robot, first = self.made, held[0]
         apart = np.array([x.points[0] - first.points[0] for x in held])
         size = float(np.max(np.linalg.norm(apart, axis=1)))
@@ -302,7 +302,7 @@ class _Reader:
             self.said(robot.reading.changed, first.at, f"{names} hold points of {what}, {first.name}")
 
     def tie(self, i: int, name: str, at: Element) -> None:
-        """A joint that follows another one: y = a0 + a1 x + ..., both from where they are drawn."""
+        """A joint that follows another one: y = a0 + a1 x + ..., both relative to the drawn position."""
         m, robot = self.model, self.made
         one, other, data = int(m.eq_obj1id[i]), int(m.eq_obj2id[i]), m.eq_data[i]
         follower = self.name("joint", one)

@@ -1,5 +1,4 @@
-"""A mechanism as MJCF. Joints of several degrees of freedom are several joints of a body; what closes loops are
-equalities.
+"""A mechanism as MJCF. Joints of several degrees of freedom are several joints of a body; loop closures are equalities.
 
 A point held is a `connect`, a hinge two of them, a weld is a `weld`. Any other joint that closes a loop carries half of
 its body: the body is cut in two halves of half the mass, one of them carried by the joint, and these are welded.
@@ -38,13 +37,13 @@ from .writing import Writing
 LEAST = 2e-15
 """Mass [kg] and moments of inertia [kg m^2] below which MuJoCo refuses a body that moves: twice its bound."""
 SLIGHT = 1e-9
-"""Part of the largest moment of inertia by which another one may be raised: inertias are not known so well."""
+"""Fraction of the largest moment of inertia by which another one may be raised: inertias are not known so precisely."""
 DEEP = 500
-"""Bodies within each other that are written: readers of XML have their bounds."""
+"""Maximum nesting depth of bodies: readers of XML have limits."""
 
 
 def write(mechanism: Builder, path: Path, strict: bool) -> Writing:
-    """Write the file; the report says what stands there otherwise."""
+    """Write the file; the report lists the differences."""
     writer = _Writer(mechanism, Writing(path, "MJCF"))
     model = writer.text()
     writer.report.judge(strict)
@@ -103,13 +102,13 @@ class _Writer:
         return "\n".join([*parts, "</mujoco>", ""])
 
     def extent(self) -> float:
-        """How far apart the bodies of the drawing are [m]."""
+        """Extent of the drawing [m]."""
         places = np.array([body.position for body in self.mechanism._description.bodies.values()] or [np.zeros(3)])
         found = float(np.linalg.norm(np.max(places, axis=0) - np.min(places, axis=0)))
         return found if found > 0.0 else 1.0
 
     def bodies(self, carried: dict[str, list[Branch]]) -> list[str]:
-        """Bodies within those that carry them."""
+        """Bodies nested in their parents."""
         lines: list[str] = []
         waiting: list[tuple[Branch | None, int]] = [(b, 2) for b in reversed(carried.get(GROUND, []))]
         while waiting:
@@ -188,7 +187,7 @@ class _Writer:
         return f'<joint name={name} type="{kind}" {at} axis="{words(motion.axis)}"{force}/>'
 
     def inertial(self, body: BodyRecord, parts: int, moves: bool) -> str:
-        """Mass and inertia of a body, or of a part of it; MuJoCo asks for some of both."""
+        """Mass and inertia of a body, or of a part of it; MuJoCo requires both to be positive."""
         mass, inertia = body.mass / parts, body.inertia / parts
         diagonal = np.array_equal(inertia, np.diag(np.diag(inertia)))
         moments, axes = (np.diag(inertia), np.eye(3)) if diagonal else np.linalg.eigh(inertia)
@@ -217,7 +216,7 @@ class _Writer:
         return called
 
     def closure(self, closure: Closure, carried: dict[str, list[Branch]]) -> None:
-        """What closes a loop."""
+        """A loop closure."""
         joint, name = closure.joint, closure.joint.name
         bound = any((name, m.coordinate) in self.springs for m in closure.motions)
         bound |= any(
@@ -244,7 +243,7 @@ class _Writer:
         self.equalities.append(f"    <{tag} name={quoted(name)} {ends}/>")
 
     def cut(self, closure: Closure, carried: dict[str, list[Branch]]) -> None:
-        """Half of the child is carried by the joint and welded to the other half."""
+        """Half of the child belongs to the joint and is welded to the other half."""
         joint = closure.joint
         reverse = joint.child == GROUND
         body, parent = (joint.parent, GROUND) if reverse else (joint.child, joint.parent)

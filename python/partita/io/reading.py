@@ -1,4 +1,4 @@
-"""What a reader made of a file: everything that was changed or dropped, with its line; nothing in silence."""
+"""Report of a reader on a file: everything that was changed or dropped, with its line."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Remark:
-    """A sentence about a place in a file; `line` counts from 1, None where the whole file is meant."""
+    """A remark on a position in a file; `line` counts from 1, None for the whole file."""
 
     line: int | None
     text: str

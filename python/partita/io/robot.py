@@ -1,4 +1,4 @@
-"""A robot between its file and a mechanism: links, joints that make a tree, and what closes loops between them.
+"""A robot between its file and a mechanism: links, joints that form a tree, and loop closures.
 
 The readers of URDF, SDFormat and MJCF fill it; `build` draws it. Frames are 4 x 4, in their parents' or in the world.
 """
@@ -21,8 +21,8 @@ from .xmltree import Element
 Array = NDArray[np.float64]
 
 MASSLESS = 1e-9
-"""A link of no more than this [kg] at a fixed joint is a mark on the link that carries it: the lightest screw of a
-watch is a hundred times as heavy."""
+"""A link of no more than this [kg] at a fixed joint is a frame on its parent link: the lightest screw of a watch is a
+hundred times as heavy."""
 HEAVY = 1e5
 """A link of more than this [kg] is a dummy: no robot weighs a hundred tonnes."""
 THROUGH = 1e-12
@@ -66,8 +66,8 @@ class Effort:
 
 @dataclass
 class Joint:
-    """A joint of the tree; `place` is the frame of its child in that of its parent; where it sits (`point`) and its
-    `axis` are in that of its child."""
+    """A joint of the tree; `place` is the frame of its child in that of its parent; its point (`point`) and its `axis`
+    are in that of its child."""
 
     name: str
     kind: str
@@ -82,13 +82,13 @@ class Joint:
     point: Array = field(default_factory=lambda: np.zeros(3))
 
     def along(self, coordinate: int) -> list[Effort]:
-        """Its springs and dampers as those of a coordinate of the joint that takes its place."""
+        """Its springs and dampers as those of a coordinate of the joint that replaces it."""
         return [replace(e, coordinate=coordinate, name=e.name or f"spring of {self.name}") for e in self.efforts]
 
 
 @dataclass
 class Loop:
-    """A joint between two frames that are to be one: (link, frame in it) of each; axes in the first frame."""
+    """A joint between two frames to be joined: (link, frame in it) of each; axes in the first frame."""
 
     name: str
     kind: str
@@ -113,7 +113,7 @@ class Tie:
 
 @dataclass
 class Robot:
-    """All of it, and what was said on the way."""
+    """The whole robot, and the remarks on it."""
 
     name: str
     reading: Reading
@@ -130,7 +130,7 @@ class Robot:
     poses: dict[str, Array] | None = None
 
     def root(self) -> str:
-        """The link that no joint carries; refuses trees with none, with several, and circles."""
+        """The root link, which is the child of no joint; refuses trees with none, with several, and cycles."""
         carried: dict[str, Joint] = {}
         for joint in self.joints.values():
             for end in (joint.parent, joint.child):
@@ -158,7 +158,7 @@ class Robot:
         )
 
     def outwards(self, name: str) -> list[str]:
-        """A link and all that it carries, each after what carries it."""
+        """A link and all its descendants, each after its parent."""
         carried: dict[str, list[str]] = {}
         for joint in self.joints.values():
             carried.setdefault(joint.parent, []).append(joint.child)
@@ -198,7 +198,7 @@ def turned(rpy: Any) -> Array:
 
 
 def fold_marks(robot: Robot) -> None:
-    """Links of no mass at the end of fixed joints are frames of what carries them."""
+    """Massless links at the end of fixed joints are frames of their parents."""
     while True:
         parents = {joint.parent for joint in robot.joints.values()}
         marks = [
@@ -226,7 +226,7 @@ def fold_marks(robot: Robot) -> None:
 
 
 def fold_hinges(robot: Robot) -> None:
-    """Two or three hinges through one point with nothing of mass between them are a universal or a ball joint."""
+    """Two or three hinges through one point with only massless links between them are a universal or a ball joint."""
     tied = {name for tie in robot.ties for name in tie.joints}
     held = {link for loop in robot.loops for link, _ in (loop.first, loop.second)}
     held |= {link for link, _ in robot.frames.values()} | _sprung(robot)
@@ -286,7 +286,7 @@ def fold_hinges(robot: Robot) -> None:
 
 
 def fold_sleeves(robot: Robot) -> None:
-    """A slide and a hinge along one line with nothing of mass between them are a cylindrical joint."""
+    """A slide and a hinge along one line with only massless links between them are a cylindrical joint."""
     carried = Counter(joint.parent for joint in robot.joints.values())
     carrying = {joint.child: joint for joint in robot.joints.values()}
     used = {name for tie in robot.ties for name in tie.joints}
@@ -319,7 +319,7 @@ def fold_sleeves(robot: Robot) -> None:
 
 
 def fold_ends(robot: Robot) -> None:
-    """A link of no mass at the end of a joint, welded to another link, leaves the joint: it closes the loop itself."""
+    """A massless link at the end of a joint, welded to another link, is omitted: the joint closes the loop itself."""
     carried = Counter(joint.parent for joint in robot.joints.values())
     carrying = {joint.child: joint for joint in robot.joints.values()}
     ends = Counter(link for loop in robot.loops for link, _ in (loop.first, loop.second))
@@ -356,12 +356,12 @@ def _nothing(robot: Robot, link: str) -> bool:
 
 
 def _sprung(robot: Robot) -> set[str]:
-    """Links that springs between points hold."""
+    """Links to which springs between points are attached."""
     return {link for spring in robot.springs for link, _ in (spring.first, spring.second)}
 
 
 def build(robot: Robot, mechanism: Builder, base: str) -> None:
-    """Draw the robot with all its coordinates zero; the root stands, or floats, unless the file says where all are."""
+    """Draw the robot with all its coordinates zero; the root is fixed, or floats, unless the file gives all poses."""
     if robot.poses is not None:
         _placed(robot, mechanism, robot.poses)
         robot.reading.shapes = shapes_of(robot, None)
@@ -422,7 +422,7 @@ def _on_body(robot: Robot, link: str, point: Array) -> tuple[str, Array]:
 
 
 def _placed(robot: Robot, mechanism: Builder, poses: dict[str, Array]) -> None:
-    """A model that says where its links are; its joints may close loops."""
+    """A model that gives the poses of its links; its joints may close loops."""
     body: dict[str, Any] = {"world": mechanism.ground}
     for name, link in robot.links.items():
         body[name] = _body(robot, mechanism, link, poses[name])
@@ -476,7 +476,7 @@ def _joint(
     at: Element | None,
     pitch: float = 0.0,
 ) -> None:
-    """A joint between two frames of the world, which need not quite agree."""
+    """A joint between two frames of the world, which may differ slightly."""
     here, there = frames
     point = here[:3, 3]
     apart: dict[str, Any] = {}

@@ -1,8 +1,8 @@
-"""The published JSON Schema of model files, and a check by it that speaks in sentences.
+"""The published JSON Schema of model files, and a check by it that reports in sentences.
 
-The schema is the only place where keys, types and defaults of a file are said; the reader knows none by
-itself. The part of JSON Schema that it uses is the part understood here: $ref, type, properties, required,
-items, oneOf, enum, const, pattern and simple bounds. `title` is the word for a value in messages.
+The schema is the only definition of keys, types and defaults of a file. The part of JSON Schema that it uses is
+implemented here: $ref, type, properties, required, items, oneOf, enum, const, pattern and simple bounds. `title` is the
+word for a value in messages.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _NUMBERS = {int, float}
 
 
 class Mismatch(Exception):
-    """What is wrong with the value at a JSON pointer."""
+    """The error of the value at a JSON pointer."""
 
     def __init__(self, pointer: str, sentence: str) -> None:
         super().__init__(sentence)
@@ -135,7 +135,7 @@ def _fits(value: Any, rule: Schema) -> bool:
 
 
 def _resolved(schema: Schema) -> Schema:
-    """The schema that a $ref stands for, with the bounds that stand beside it."""
+    """The schema to which a $ref refers, with the bounds given beside it."""
     if "$ref" not in schema:
         return schema
     target: Schema = load()["$defs"][schema["$ref"].rpartition("/")[2]]
@@ -158,7 +158,7 @@ def _expected(rule: Schema, value: Any, pointer: str) -> NoReturn:
 
 
 def _owner(key: str, item: Any) -> str:
-    """How messages call a table: 'joint "A"'."""
+    """The name of a table in messages: 'joint "A"'."""
     name = item.get("name") if isinstance(item, dict) else None
     return f'{key} "{name}"' if isinstance(name, str) else key
 

@@ -1,7 +1,7 @@
 """SDFormat: links, frames and joints placed in their model or relative to each other; loops are joints like any other.
 
-Frames follow `relative_to`, `attached_to` and `expressed_in`. What is not mechanics is left out, and said so; models
-inside models and `<include>` are refused, since they would lead to other files.
+Frames follow `relative_to`, `attached_to` and `expressed_in`. Everything but mechanics is ignored and reported; nested
+models and `<include>` are refused, since they would lead to other files.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ class _Reader:
         return robot
 
     def pose(self, item: Element | None) -> Array:
-        """The transform that a `<pose>` says, whatever it is relative to."""
+        """The transform given by a `<pose>`, relative to its frame."""
         if item is None or not item.text.strip():
             return np.eye(4)
         if item.get("rotation_format", "euler_rpy") == "quat_xyzw":
@@ -130,7 +130,7 @@ class _Reader:
         return found.text.strip() or found.fail("says nothing")
 
     def look(self, link: str, item: Element) -> None:
-        """How a link looks; what cannot be drawn is left out, and said so."""
+        """Appearance of a link; shapes that cannot be drawn are omitted and reported."""
         geometry = item.first("geometry")
         of = geometry.children[0] if geometry is not None and geometry.children else item
 

@@ -34,7 +34,7 @@ from .xmltree import refuse
 SIZE = 2**20
 """Bytes of a sidecar."""
 _SAME = 1e-12
-"""Part of a damping by which a sum may be off."""
+"""Relative tolerance of a sum of dampings."""
 DEPTH = 32
 """Nesting depth of lists: pairs of frames need three levels."""
 _KEYS = {"closed_loop", "type", "name", "name_mot", "gravity", "springs", "weightless", "drawing_tolerance"}
@@ -42,7 +42,7 @@ _KINDS = {"6d": "fixed", "3d": "spherical"}
 
 
 def read(robot: Robot) -> bool:
-    """Take what the sidecar says; False where it does not list what closes loops, or there is none."""
+    """Read the sidecar; False where it lists no loop closures, or does not exist."""
     path = next((p for p in (robot.reading.path.with_suffix(end) for end in (".yaml", ".yml")) if p.is_file()), None)
     if path is None:
         return False
@@ -176,7 +176,7 @@ def _gravity(value: Any) -> tuple[float, ...] | None:
 
 
 def _loaded(path: Path) -> tuple[dict[str, Any], dict[str, int]]:
-    """What the file says by its keys, and the line of each."""
+    """The content of the file by its keys, and the line of each."""
     try:
         import yaml
     except ImportError as error:
@@ -223,7 +223,7 @@ def close(
     place: tuple[Path, int | None] | None,
     called: str | None = None,
 ) -> None:
-    """Two frames become one."""
+    """Join two frames."""
     frames = []
     for frame in pair:
         found = robot.frame(frame)

@@ -1,7 +1,7 @@
-"""A mechanism as robots' files see it: a tree of bodies drawn with all coordinates zero, and what closes its loops.
+"""A mechanism in the form of robots' files: a tree of bodies drawn with all coordinates zero, and its loop closures.
 
-The joints of the tree are taken apart into slides, turns and balls. A joint that the tree passes from its child to its
-parent has its motions in reverse order along opposite axes, so that its coordinates stay what they are.
+The joints of the tree are decomposed into translations, rotations and balls. A joint that the tree traverses from its
+child to its parent has its motions in reverse order along opposite axes, so that its coordinates are unchanged.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ _Z = np.array([0.0, 0.0, 1.0])
 
 @dataclass(frozen=True)
 class Motion:
-    """One slide, one turn, or a ball; `axis` in the axes of the body that moves. `coordinate` is its number in the
-    joint of the mechanism."""
+    """One translation, one rotation, or a ball; `axis` in the axes of the body that moves. `coordinate` is its number
+    in the joint of the mechanism."""
 
     kind: str
     axis: Array
@@ -38,8 +38,8 @@ class Motion:
 
 @dataclass(frozen=True)
 class Branch:
-    """A body on the one that carries it; `point`, where the joint sits, in its own axes. Without motions it is welded;
-    `floats` where it is free."""
+    """A body on its parent; `point`, the position of the joint, in its own axes. Without motions it is welded; `floats`
+    where it is free."""
 
     body: str
     parent: str
@@ -71,7 +71,7 @@ class Skeleton:
     names: Names = field(repr=False)
 
     def motion(self, joint: str, coordinate: int) -> Motion | None:
-        """The motion that a coordinate of a joint has become."""
+        """The motion that represents a coordinate of a joint."""
         of = [b.motions for b in self.branches if b.joint is not None and b.joint.name == joint]
         of += [c.motions for c in self.closures if c.joint.name == joint]
         return next((m for motions in of for m in motions if m.coordinate == coordinate and m.kind != "ball"), None)
@@ -100,7 +100,7 @@ def inverse(frame: Array) -> Array:
 
 
 def skeleton(mechanism: Builder, report: Writing) -> Skeleton:
-    """The tree and the closures; what slides and turns cannot represent is listed in the report."""
+    """The tree and the closures; what translations and rotations cannot represent is listed in the report."""
     d = mechanism._description
     names = Names([GROUND, "world", *d.bodies, *d.joints, *d.couplings])
     chosen = _tree(d)
@@ -150,8 +150,8 @@ def loaded(d: Description) -> set[str]:
 
 
 def _tree(d: Description) -> list[JointRecord]:
-    """Joints that make a tree: first those that must, that are loaded, that no point held closes; among them the first
-    said."""
+    """Joints that form a tree: first required ones, loaded ones, those that are not single points; among them in the
+    order of description."""
     of, bound = loaded(d), list(d.joints.values())
 
     def rank(joint: JointRecord) -> int:
@@ -181,7 +181,8 @@ def _tree(d: Description) -> list[JointRecord]:
 def axes_of(joint: JointRecord) -> tuple[tuple[str, Array], ...]:
     """Motions of a joint from its parent to its child, in world axes as drawn on the side of the parent.
 
-    A joint that constrains nothing has none."""
+    A joint that constrains nothing has none.
+    """
     if joint.kind == "free":
         return ()
     unit = {word: axis if word == "frame" else axis / np.linalg.norm(axis) for word, axis in joint.geometry.items()}
@@ -195,14 +196,14 @@ def axes_of(joint: JointRecord) -> tuple[tuple[str, Array], ...]:
 
 
 def _across(axis: Array) -> tuple[Array, Array]:
-    """Two directions across an axis and each other."""
+    """Two directions perpendicular to an axis and to each other."""
     x = np.cross(np.eye(3)[int(np.argmin(np.abs(axis)))], axis)
     x /= np.linalg.norm(x)
     return x, np.cross(axis, x)
 
 
 def _turn_of_child(joint: JointRecord) -> Array:
-    """How far the joint as it sits on the child is turned from the joint as it sits on the parent, as drawn."""
+    """Rotation of the joint frame on the child relative to that on the parent, as drawn."""
     if joint.child_frame is not None:
         return np.asarray(joint.child_frame @ joint.geometry.get("frame", np.eye(3)).T)
     if joint.child_axis is None:
@@ -274,7 +275,7 @@ def _branch(
         report.changed.append(f"{said}: its coordinates are the same, its reactions have the other sign")
         if any(kind == "ball" for kind, _ in axes_of(joint)):
             report.changed[-1] += ", its quaternion is the conjugate"
-    # axes and point as the moving body has them
+    # axes and point in the moving body
     at = inverse(drawn[joint.parent])[:3, :3]
     in_parent = placed(at @ (point - drawn[joint.parent][:3, 3]), at)
     seen = in_parent if reverse else inverse(place) @ in_parent
@@ -363,7 +364,7 @@ def free_length(d: Description, spring: SpringRecord) -> float:
 
 
 def leftovers(d: Description, report: Writing, kinds: tuple[type, ...]) -> None:
-    """What no robots' format carries: drives, and forces other than of these kinds."""
+    """Elements that no robots' format supports: drives, and forces other than of these kinds."""
     for drive in d.drives.values():
         report.dropped.append(f"drive {drive.name}: the driven coordinate becomes free")
     for force in d.forces.values():

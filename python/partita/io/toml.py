@@ -116,7 +116,7 @@ class _File:
         self.path, self.text, self.content, self.begins = path, text, content, begins
 
     def mechanism(self, make: Maker) -> Any:
-        """Check the content by the schema, then say it to what `make` makes."""
+        """Check the content by the schema, then pass it to the object that `make` makes."""
         try:
             schema.check(self.content)
         except schema.Mismatch as error:
@@ -136,7 +136,7 @@ class _File:
         return mechanism
 
     def _in_order(self, tables: tuple[str, ...]) -> Iterator[tuple[str, str, dict[str, Any]]]:
-        """Tables of these kinds as they follow each other in the file."""
+        """Tables of these kinds in the order of the file."""
         found = [
             (begin, kind, f"/{kind}/{index}", item)
             for kind in tables
@@ -161,7 +161,7 @@ class _File:
 
 
 def _call_of(kind: str, item: dict[str, Any]) -> tuple[str, dict[str, Any]]:
-    """Method and arguments that a table stands for."""
+    """Method and arguments of a table."""
     arguments = {key: _argument(value) for key, value in item.items()}
     if kind == "joint":
         word = arguments.pop("type")

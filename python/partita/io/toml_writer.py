@@ -164,7 +164,7 @@ def _coupling(record: CouplingRecord) -> str:
     data, word = dict(record.data), {"word": record.word}
     method, said = record.call
     if method in ("add_gear", "add_belt", "add_rack", "add_distance"):
-        # the coordinates that are meant anyway, and a belt that is not crossed, go without saying
+        # coordinates that are the default, and an uncrossed belt, are omitted
         entries = {
             key: value or None if key in ("coordinate1", "coordinate2", "crossed") else value
             for key, value in said.items()
@@ -228,7 +228,7 @@ def _force(record: ForceLike) -> str:
 
 
 def _said(element: Element, value: Any) -> Any:
-    """What an argument was given as."""
+    """The form in which an argument was given."""
     return _value(element, value) if isinstance(value, Constant | Table | Function) else value
 
 

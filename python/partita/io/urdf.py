@@ -1,9 +1,8 @@
-"""URDF: a tree of links and joints, with the dialects in which people close its loops.
+"""URDF: a tree of links and joints, with the dialects for loop closures.
 
 Loops come from `<loop>` and `<coupling>` (URDF+), from `<loop_joint>` with two links, from frames named
 `closing_NAME_1` and `closing_NAME_2`, and from a YAML file of the same name beside it that lists pairs of frames
-(`sidecar`). Where the format says nothing about mechanics (shapes, colours, simulators' hints) it is left out, and said
-so.
+(`sidecar`). Elements that are not mechanics (shapes, colours, simulators' hints) are ignored and reported.
 """
 
 from __future__ import annotations
@@ -113,7 +112,7 @@ def _link(robot: Robot, item: Element, left: Counter[str], lines: dict[str, int]
 
 
 def _look(robot: Robot, link: str, item: Element) -> None:
-    """How a link looks; what cannot be drawn is left out, and said so."""
+    """Appearance of a link; shapes that cannot be drawn are omitted and reported."""
     geometry = item.first("geometry")
     if geometry is None or not geometry.children:
         robot.reading.dropped.append(Remark(item.line, f'a <visual> of "{link}" without a shape'))

@@ -1,11 +1,12 @@
-"""A mechanism as URDF; a YAML file beside it lists what closes its loops, in the words that `sidecar` reads.
+"""A mechanism as URDF; a YAML file beside it lists its loop closures, in the form that `sidecar` reads.
 
-Springs, dampers other than those of hinges and slides, links that gravity leaves alone and the drawing tolerance stand
-in that file too: URDF has no words for them, and other programs go without.
+Springs, dampers other than those of hinges and slides, links without gravity and the drawing tolerance are written to
+that file too: URDF cannot represent them, and other programs ignore them.
 
 A joint of more than one degree of freedom is a chain of slides and turns through links of no mass, which the reader
 makes one joint again. So is a joint that closes a loop: it carries a link of no mass, and that is welded to a frame of
-its child."""
+its child.
+"""
 
 from __future__ import annotations
 
@@ -41,9 +42,9 @@ from .urdf import CLOSING
 from .writing import Writing
 
 GRAVITY = (0.0, 0.0, -9.81)
-"""What readers of URDF take, which itself has none."""
+"""Default of readers of URDF, which defines none."""
 FAR = 1e9
-"""Limits [m] of a slide that has none: URDF asks for them."""
+"""Limits [m] of a slide without limits: URDF requires them."""
 _GIMBAL = (
     ("turn", np.array([1.0, 0.0, 0.0])),
     ("turn", np.array([0.0, 1.0, 0.0])),
@@ -130,7 +131,7 @@ class _Writer:
                 self.report.changed.append(f"coupler {name} has no name: joint {follower} mimics {leader}")
 
     def link(self, name: str, inside: str = "") -> None:
-        """A link, of no mass if nothing stands in it."""
+        """A link, massless if it has no body."""
         self.links.append(f"  <link name={quoted(name)}{f'>{inside}' if inside else '/>'}")
 
     def body(self, name: str) -> None:
@@ -172,7 +173,7 @@ class _Writer:
         ends: tuple[str, str],
         place: Array,
     ) -> None:
-        """Slides and turns, one after the other, through links of no mass."""
+        """Translations and rotations, one after the other, through massless links."""
         if kind == "planar" and not any((name, m.coordinate) in self.springs or m.name in self.mimics for m in motions):
             normal = next(m.axis for m in motions if m.kind == "turn")
             if not any(leader in {m.name for m in motions} for leader, _, _ in self.mimics.values()):
@@ -237,7 +238,7 @@ class _Writer:
         self.joints += [*lines, "  </joint>"]
 
     def closure(self, closure: Closure) -> None:
-        """Two frames that are one: on the parent, or at the end of a chain from it, and on the child."""
+        """Two frames to be joined: on the parent, or at the end of a chain from it, and on the child."""
         joint = closure.joint
         parent, child = self.of(joint.parent), self.of(joint.child)
         here = inverse(self.frames[joint.parent]) @ closure.here
@@ -257,7 +258,7 @@ class _Writer:
         self.loops.append(joint.name)
 
     def spring(self, record: SpringRecord) -> None:
-        """A spring between two points, in the file beside it."""
+        """A spring between two points, in the sidecar file."""
         ends = []
         for word, body, point in (("from", record.body1, record.point1), ("to", record.body2, record.point2)):
             place = point - self.frames[body][:3, 3]
@@ -273,7 +274,7 @@ class _Writer:
         self.joint(self.names.new(f"{name} on {link}"), "fixed", (link, name), place)
 
     def sidecar(self) -> str | None:
-        """The YAML beside it; None where it would say nothing, and none is there that would be read with the URDF."""
+        """The sidecar in YAML; None where it would be empty and no existing file would be read with the URDF."""
         d = self.mechanism._description
         driven = [d.measure["joint"] for d in d.drives.values() if d.measure.get("of") == "joint"]
         motors = list(dict.fromkeys(map(str, driven)))
@@ -304,7 +305,7 @@ class _Writer:
 
 
 def _closes(path: Path) -> bool:
-    """Whether there is a file that would be read as one that closes loops. Another file of that name stays as it is."""
+    """Whether there is a file that would be read as a sidecar. Another file of that name is left unchanged."""
     try:
         with path.open("rb") as file:
             content = file.read(sidecar.SIZE)
@@ -327,7 +328,7 @@ def _law(stiffness: float, damping: float, word: str, rest: float) -> str:
 
 
 def _float(value: float) -> str:
-    """A number in YAML, which asks for a point before the exponent."""
+    """A number in YAML, which requires a point before the exponent."""
     said = text(value)
     return said if "e" not in said or "." in said else said.replace("e", ".0e")
 
@@ -336,7 +337,7 @@ def rpy(rotation: Array) -> tuple[float, float, float]:
     """Roll, pitch and yaw about fixed axes that make a rotation."""
     r = rotation
     cosine = math.hypot(r[0, 0], r[1, 0])
-    # where x points up or down, roll and yaw turn about the same line: yaw is what it is, roll goes by it
+    # where x points up or down, roll and yaw rotate about the same line: all of it is assigned to roll
     yaw = math.atan2(r[1, 0], r[0, 0]) if cosine > 0.0 else 0.0
     s, c = math.sin(yaw), math.cos(yaw)
     return math.atan2(r[0, 2] * s - r[1, 2] * c, r[1, 1] * c - r[0, 1] * s), math.atan2(-r[2, 0], cosine), yaw

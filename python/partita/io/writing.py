@@ -1,4 +1,4 @@
-"""What a writer made of a mechanism: all that stands otherwise in the file, or not at all; nothing in silence."""
+"""Report of a writer on a mechanism: all differences and losses in the file."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from ..errors import FileFormatError, LossyFileWarning
 
 _SHOWN = 3
-"""Remarks in a warning or an error; all of them stand in the report."""
+"""Remarks in a warning or an error; the report contains all of them."""
 
 
 @dataclass

@@ -1,4 +1,4 @@
-"""XML from strangers: a small tree with line numbers, read by expat alone, which opens no other file.
+"""XML from untrusted sources: a small tree with line numbers, read by expat alone, which opens no other file.
 
 Document types are refused as a whole, and with them entities; size, depth and count of elements are bounded.
 """
@@ -15,16 +15,17 @@ from ..errors import FileFormatError
 from ..files import get, other
 
 SIZE = 64 * 2**20
-"""Bytes of a model file: the largest robots come to a few; what is larger is a mesh or a mistake."""
+"""Largest size of a model file in bytes: the largest robots have a few million; a larger file is a mesh or a
+mistake."""
 COUNT = 500_000
-"""Elements of a model file."""
+"""Maximum number of elements of a model file."""
 DEPTH = 512
-"""Elements within each other: bodies of MJCF nest, one level for each link of a chain."""
+"""Maximum nesting depth of elements: bodies of MJCF nest, one level for each link of a chain."""
 
 
 @dataclass
 class Element:
-    """An element: its tag, its attributes, what stands in it, and the line where it begins."""
+    """An element: its tag, its attributes, its content, and the line where it begins."""
 
     tag: str
     attributes: dict[str, str]
@@ -51,12 +52,12 @@ class Element:
         return self.attributes.get(key, otherwise).strip()
 
     def must(self, key: str) -> str:
-        """An attribute that must be there and say something."""
+        """An attribute that must exist and not be empty."""
         found = self.get(key)
         return found if found else self.fail(f'has no attribute "{key}"')
 
     def numbers(self, key: str, count: int, otherwise: tuple[float, ...] | None = None) -> tuple[float, ...]:
-        """So many finite numbers of an attribute."""
+        """This many finite numbers of an attribute."""
         if otherwise is not None and not self.get(key):
             return otherwise
         return numbers(self, f'"{key}"', self.must(key), count)
@@ -78,9 +79,9 @@ def refuse(path: Path, line: int | None, message: str) -> NoReturn:
 
 
 def numbers(element: Element, what: str, words: str, count: int) -> tuple[float, ...]:
-    """So many finite numbers of a text."""
+    """This many finite numbers of a text."""
     try:
-        # Python reads 1_000 and digits of other scripts too, other programs do not
+        # Python reads 1_000 and digits of other scripts too; other programs do not
         if "_" in words or not words.isascii():
             raise ValueError
         found = tuple(float(word) for word in words.split())

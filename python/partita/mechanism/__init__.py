@@ -1,4 +1,5 @@
-"""The facade: a `Mechanism` on top of the rooms that describe, compile, simulate, store and compare it; and `load`."""
+"""The facade: a `Mechanism` on top of the modules that describe, compile, simulate, store and compare it; and
+`load`."""
 
 from __future__ import annotations
 

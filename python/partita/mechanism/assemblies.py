@@ -77,10 +77,10 @@ def assemblies(
 ) -> Assemblies:
     """All positions in which the loops close for given values of the inputs, by inverse kinematics.
 
-    Loops are solved one after the other in closed form where they can be ordered: planar dyads of turning and
-    sliding joints, spatial loops with a ball joint or two (a characteristic pair). Each has up to two
-    solutions, its branches. Gears, racks, screws and cams lead from one loop to the next. What cannot be
-    ordered is solved by iteration, near the given position only.
+    Loops are solved one after the other in closed form where they can be ordered: planar dyads of revolute and
+    prismatic joints, spatial loops with a ball joint or two (a characteristic pair). Each has up to two solutions, its
+    branches. Gears, racks, screws and cams lead from one loop to the next. Loops that cannot be ordered are solved by
+    iteration, near the given position only.
 
     Args:
         targets, rates, near, t: where the inputs stand and how they move, as in `assemble`.

@@ -1,4 +1,4 @@
-"""Branches by their names: the signs of the blocks in which loops are closed."""
+"""Branches by name: the signs of the blocks in which loops are closed."""
 
 from __future__ import annotations
 
@@ -15,12 +15,13 @@ Array = NDArray[np.float64]
 
 
 def name_of(signs: Any) -> str:
-    """ "+-" for 1, -1: the blocks in the order of solution, those with one solution left out."""
+    """ "+-" for 1, -1: the blocks in the order of solution, without those with one solution."""
     return "".join("+" if sign > 0 else "-" for sign in signs if sign != 0)
 
 
 def on_branch(model: CompiledModel, t: float, q: Array, branch: Any, inputs: list[int] | None) -> Array:
-    """The closed position q with other signs of its blocks, its inputs (velocities; None: chosen) as they stand."""
+    """The closed position q with other signs of its blocks, at the present values of its inputs (velocities; None:
+    chosen)."""
     if not isinstance(branch, str) or set(branch) - set("+-"):
         message = f"branch must be signs such as '+-', one for each block, not {shown(branch)}"
         raise ArgumentError(message, argument="branch")

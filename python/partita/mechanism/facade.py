@@ -1,4 +1,4 @@
-"""The facade: `Mechanism`, what is said about it and what it can be asked."""
+"""The facade: `Mechanism`, its description and its methods."""
 
 from __future__ import annotations
 

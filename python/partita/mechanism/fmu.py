@@ -117,5 +117,5 @@ def to_fmu(
 
 
 def _scalar(value: object, i: int) -> float:
-    """Coordinate number i of what a state says about a joint."""
+    """Coordinate number i of a joint in a state."""
     return float(np.ravel(np.asarray(value, dtype=float))[i])

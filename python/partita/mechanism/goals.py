@@ -1,4 +1,4 @@
-"""What a position is asked for, by name: coordinates of joints and places of points."""
+"""Goals of a position, by name: coordinates of joints and positions of points."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _AXES = "xyz"
 
 
 def goals_of(what: str, key: Any, model: CompiledModel) -> list[Goal]:
-    """The numbers that `key` means: coordinates of a joint, one of them, one of the state, or those of a point."""
+    """The numbers to which `key` refers: coordinates of a joint, one of them, one of the state, or those of a point."""
     if isinstance(key, tuple):
         return _point(what, key, model)
     name = str(key)
@@ -84,7 +84,7 @@ def _by_rows(value: Any, units: list[str]) -> Any:
 
 
 def _axes(joint: Mapping[str, Any]) -> list[str]:
-    """Names of a joint's coordinates; those of a turn in space stand together for its four numbers."""
+    """Names of a joint's coordinates; those of a spatial rotation are one item of four numbers."""
     count: int = joint["q"][1]
     axes: list[str] = list(joint["axes"])
     return axes if len(axes) == count else [f"q{i}" for i in range(count)]

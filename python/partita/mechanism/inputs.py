@@ -1,4 +1,4 @@
-"""Inputs of a stepper: efforts, which are held over a step, and drives, whose motion continues without a jump."""
+"""Inputs of a stepper: efforts, which are constant over a step, and drives, whose motion continues without a jump."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Input(NamedTuple):
 
 
 def inputs_of(d: Description) -> dict[str, Input]:
-    """All that there are, forces before drives; a drive that shares its name with one of them is "drive NAME"."""
+    """All inputs, forces before drives; a drive that shares its name with one of them is "drive NAME"."""
     found: dict[str, Input] = {}
     for name, record in d.forces.items():
         match record:
@@ -53,7 +53,7 @@ def _free(name: str, taken: Mapping[str, Input]) -> str:
 
 
 def chosen(known: Mapping[str, Input], wanted: Any) -> dict[str, Input]:
-    """The inputs that were asked for; all efforts where nothing was."""
+    """The requested inputs; by default all efforts."""
     if wanted is None:
         return {name: one for name, one in known.items() if one.component is not None}
     if isinstance(wanted, str | bytes) or not isinstance(wanted, Iterable):
@@ -74,8 +74,8 @@ def _constant(value: Any, component: int) -> float:
 
 
 class Courses:
-    """What the inputs hold over a step. Efforts: a number. Drives: since when, and a cubic of the time since then that
-    goes on from where the motion is: the position, or of velocities and accelerations the rate.
+    """Values of the inputs over a step. Efforts: a number. Drives: the start time, and a cubic of the time since then
+    that continues the motion: the position, or of velocities and accelerations the rate.
 
     Over a step of length h from position x at rate r, with u given:
 

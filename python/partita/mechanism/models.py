@@ -1,4 +1,4 @@
-"""The models of a mechanism: `compile`, and what was compiled before."""
+"""The models of a mechanism: `compile`, and models compiled before."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Modelled(Builder):
         self._compiled: dict[str, tuple[int, CompiledModel, Layout]] = {}
 
     def __getstate__(self) -> dict[str, object]:
-        """The description alone: models are made again when asked for."""
+        """The description alone: models are compiled again on request."""
         return {**self.__dict__, "_compiled": {}}
 
 

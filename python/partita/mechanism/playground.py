@@ -97,7 +97,7 @@ def changed(self: Modelled) -> Modelled:
 
 
 def _view(self: Modelled) -> dict[str, Any]:
-    """From where it is seen: along the common normal of a planar mechanism, else from aside."""
+    """View direction: along the common normal of a planar mechanism, else oblique."""
     model = layout_of(self, "relative")[0]
     description = self._description
     points = [joint.point for joint in description.joints.values() if joint.point is not None]

@@ -1,4 +1,4 @@
-"""`Mechanism.report`: what the core found about a mechanism, in words."""
+"""`Mechanism.report`: the findings of the core on a mechanism, in words."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _WIDTH = 118
 
 @dataclass(frozen=True)
 class _Section:
-    """A title, paragraphs, and a table with what is said below it."""
+    """A title, paragraphs, and a table with a note below it."""
 
     title: str
     paragraphs: Sequence[str] = ()
@@ -54,7 +54,7 @@ class Report(str):
 
     @property
     def text(self) -> str:
-        """The text by itself, to be printed."""
+        """The text alone, for printing."""
         return str(self)
 
     @property
@@ -63,7 +63,7 @@ class Report(str):
         return "\n\n".join(_markdown(section, i == 0) for i, section in enumerate(self._sections)) + "\n"
 
     def to_dict(self) -> dict[str, Any]:
-        """The findings as plain data: numbers, names and sentences, complete where the text counts the rest."""
+        """The findings as plain data: numbers, names and sentences, complete where the text gives a count."""
         return deprecated.RenamedKeys(copy.deepcopy(self._found), deprecated.REPORT)
 
     def __reduce__(self) -> tuple[Callable[..., Report], tuple[dict[str, Any], tuple[_Section, ...]]]:
@@ -108,7 +108,7 @@ def report(self: Modelled, state: State | None = None, *, coordinates: str = "re
     _fitting("state", where, model)
     open_frictions, model, where = _open_frictions(self, where, model)
     found: dict[str, Any] = json.loads(model.core.report(where.t, where.q))
-    # what compiling found in the way is said at length where the position is singular
+    # notes of the compilation are explained in full where the position is singular
     new = [
         note for note in model.notes if note not in found["notes"] and not (found["singular"] and "singular" in note)
     ]
@@ -140,7 +140,7 @@ def _title(found: dict[str, Any], summary: dict[str, Any]) -> _Section:
 
 
 def _singular(found: dict[str, Any]) -> _Section | None:
-    """What can be done from a singular position."""
+    """The branches out of a singular position."""
     singular = found["singular"]
     if not singular:
         return None
@@ -336,7 +336,7 @@ def _escaped(text: str) -> str:
 
 
 def _shortened(rows: Sequence[Sequence[str]]) -> tuple[Sequence[Sequence[str]], str]:
-    """The first rows, and what is said of the rest."""
+    """The first rows, and a note on the rest."""
     if len(rows) <= _LINES:
         return rows, ""
     return rows[: _LINES - 1], f"and {len(rows) - _LINES + 1} more; to_dict() has all"

@@ -1,4 +1,4 @@
-"""What a mechanism can be asked: `assemble`, `convert`, `simulate`."""
+"""Methods of a mechanism: `assemble`, `convert`, `simulate`."""
 
 from __future__ import annotations
 
@@ -161,7 +161,7 @@ def _is_outside(key: str, model: CompiledModel, layout: Layout) -> bool:
 
 
 def _not_of_a_turn_in_space(key: str, model: CompiledModel) -> None:
-    """Refuse rates of a turn about all axes that is no part of the state."""
+    """Refuse rates of a spatial rotation that is not part of the state."""
     for joint in model.summary["joints"]:
         name, slides = joint["name"], joint["v"][1] - 3
         turns = joint["q"][1] != joint["v"][1] and key in (name, *(f"{name}.{axis}" for axis in joint["axes"][slides:]))
@@ -238,7 +238,7 @@ def _indexed(
 
 
 def _where(what: str, key: str, place: dict[str, int], span: Any, layout: Layout) -> tuple[int, int]:
-    """First index and count of the coordinates that `key` means."""
+    """First index and count of the coordinates to which `key` refers."""
     if key in place:
         return place[key], 1
     try:
@@ -289,7 +289,7 @@ def _fitting(what: str, state: Any, model: CompiledModel) -> None:
 
 
 def _drawn(self: Modelled, model: CompiledModel, coordinates: str, parameters: Mapping[str, ArrayLike] | None) -> State:
-    """The drawing, assembled, at rest; looked for once, unless functions of the user's have a say in it."""
+    """The drawing, assembled, at rest; computed once, unless user functions affect it."""
     if model.core.calls_functions:
         return assemble(self, coordinates=coordinates, parameters=parameters)
     if model._at_rest is None:
@@ -304,7 +304,7 @@ def start_of(
     coordinates: str,
     parameters: Mapping[str, ArrayLike] | None,
 ) -> State:
-    """Where a motion starts: the state given, in the coordinates wanted, or the drawing, assembled, at rest."""
+    """Start of a motion: the given state, in the requested coordinates, or the drawing, assembled, at rest."""
     start = initial if initial is not None else _drawn(self, model, coordinates, parameters)
     if (
         isinstance(start, State)

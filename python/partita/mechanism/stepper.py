@@ -28,24 +28,24 @@ _PLACES = {"body_position": (3,), "body_rotation": (3, 3)}
 
 
 def inputs(self: Modelled) -> tuple[str, ...]:
-    """Names of what a stepper may be given: torques along joint coordinates that are numbers, components of forces that
-    are (`F.x`, `F.y`, `F.z`), and behind these the drives of positions, velocities and accelerations, each in the order
+    """Names of possible inputs of a stepper: torques along joint coordinates that are numbers, components of forces
+    that are (`F.x`, `F.y`, `F.z`), followed by the drives of positions, velocities and accelerations, each in the order
     in which they were added. A drive that shares its name with one of the others is "drive NAME"."""
     return tuple(inputs_of(self._description))
 
 
 class JointMotion(NamedTuple):
-    """A joint where a stepper stands: floats where it has one coordinate, else arrays."""
+    """A joint at the state of a stepper: floats where it has one coordinate, else arrays."""
 
     position: Any
-    """[rad] or [m]; of a turn in space a quaternion, scalar first. Angles of joints that close loops in space lie
+    """[rad] or [m]; of a spatial rotation a quaternion, scalar first. Angles of joints that close spatial loops lie
     within half a turn either way."""
     velocity: Any
     """[rad/s] or [m/s]."""
 
 
 class Stepper:
-    """A mechanism that moves on by `dt` at each call of `step`, made by `Mechanism.stepper`.
+    """A mechanism that advances by `dt` at each call of `step`, made by `Mechanism.stepper`.
 
     It can be neither copied nor pickled. Threads may share it: their steps come one after the other. Functions of the
     model may not step the stepper that calls them.
@@ -96,7 +96,7 @@ class Stepper:
 
     @property
     def state(self) -> State:
-        """Where it stands: closed to round-off, usable as `initial` of a run."""
+        """Its current state: closed to round-off, usable as `initial` of a run."""
         if self._now is None:
             t, q, v = self._core.state()
             self._now = State(t, q, v, layout=self._layout)
@@ -126,7 +126,7 @@ class Stepper:
         return JointMotion(_part(found["joint_position"][0]), _part(found["joint_velocity"][0]))
 
     def sensor(self, name: Any) -> Any:
-        """What a sensor reads where it stands: a float or an array, see `Mechanism.add_sensor`.
+        """The value of a sensor at the current state: a float or an array, see `Mechanism.add_sensor`.
 
         Those of positions and velocities cost a look at their bodies and joints. What needs accelerations, reactions or
         forces is found with the inputs held over the step that led here, at the cost of an evaluation with its
@@ -142,7 +142,7 @@ class Stepper:
         return plain(self._here.sensor(name).values[0])
 
     def step(self, u: ArrayLike | Mapping[str, float] | None = None) -> State:
-        """Go on by `dt` with the inputs held at `u`, and return the state there.
+        """Advance by `dt` with the inputs `u`, and return the new state.
 
         An effort is held over the step. A drive goes on from where it is, without a jump of its rate. That of a
         velocity has a rate that changes linearly and is the one given at the end of the step, as in an FMU; the

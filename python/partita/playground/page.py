@@ -1,4 +1,4 @@
-"""The page: what is seen, its scripts and the equations of one mechanism."""
+"""The page: its content, its scripts and the equations of one mechanism."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ..webpage import part_of, whole_page
 from .program import Program
 
 COMPUTES = ("module.js", "linear.js", "equations.js", "closing.js", "choice.js", "methods.js", "motion.js")
-"""Scripts that know nothing of a page: `makeMotion` is what they make."""
+"""Scripts without reference to the page: together they define `makeMotion`."""
 SCRIPTS = (*COMPUTES, "drawing.js", "controls.js")
 
 

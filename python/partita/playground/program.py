@@ -1,4 +1,4 @@
-"""What a page computes with: the recorded equations of a mechanism, its numbers, what people may change of them."""
+"""Data of a page: the recorded equations of a mechanism, its numbers, and those that users may change."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PULL = "pull "
 """The springs of the pointer, one for each body, are named by this and the body."""
 
 SITED = ("revolute", "spherical", "universal", "constant_velocity")
-"""Joints whose point is the same place on both bodies: lengths are measured between these."""
+"""Joints whose points on both bodies coincide: lengths are measured between these."""
 MOVABLE = (*SITED, "prismatic", "cylindrical")
 MOST_NUMBERS = 9
 _BOUNDS = {
@@ -35,15 +35,15 @@ _BOUNDS = {
 
 @dataclass(frozen=True)
 class Program:
-    """The recorded equations: `module` is WebAssembly, `about` all else that the page needs."""
+    """The recorded equations: `module` is WebAssembly, `about` contains all other data of the page."""
 
     module: bytes
     about: dict[str, Any]
 
 
 def changeable(description: Description) -> Description:
-    """The description with what a page may change: where each joint sits on its child, and a spring for each body,
-    from the pointer to a point of it, without stiffness."""
+    """The description with the changes that a page allows: the position of each joint on its child, and a spring of
+    zero stiffness for each body, from the pointer to a point of it."""
     changed = description.copy()
     for name, joint in description.joints.items():
         if (
@@ -67,7 +67,8 @@ def changeable(description: Description) -> Description:
 
 
 def held(description: Description, compiled: CompiledModel, t: float) -> tuple[Description, list[dict[str, Any]]]:
-    """The description with its drives held where they are at t, and what they prescribe, for the page to do."""
+    """The description with its drives held at their values at t, and the prescribed motions, which the page
+    computes."""
     drawn = json.loads(compiled.description)
     rows = list(compiled.summary["drive_rows"])
     changed, found = description.copy(), list[dict[str, Any]]()
@@ -123,7 +124,7 @@ def program(model: CompiledModel, state: State, drives: list[dict[str, Any]], fu
         "bounds": bounds(drawn),
         "start": {"t": state.t, "q": state.q.tolist(), "v": state.v.tolist()},
         "lengths": lengths(drawn, normal),
-        # what redundant conditions may open by: rounding
+        # allowed closure error of redundant conditions: rounding
         "loose": 1e-6,
         "normal": None if normal is None else normal.tolist(),
         "loops": loops(model.summary),
@@ -141,7 +142,7 @@ def program(model: CompiledModel, state: State, drives: list[dict[str, Any]], fu
 
 
 def bounds(drawn: Mapping[str, Any]) -> dict[str, str]:
-    """What drawing refuses of the numbers of couplings and screws, by parameter: up to 0 ("above"), or 0 ("not")."""
+    """Numbers of couplings and screws that the builder refuses, by parameter: up to 0 ("above"), or 0 ("not")."""
     found = {f"{joint['name']}.pitch": "not" for joint in drawn["joints"] if joint["kind"] == "screw"}
     for coupling in drawn["couplings"]:
         said = coupling.get("said", "factors" if coupling["kind"] == "linear" else coupling["kind"])
@@ -152,7 +153,7 @@ def bounds(drawn: Mapping[str, Any]) -> dict[str, str]:
 
 
 def functions_of(compiled: CompiledModel) -> list[str]:
-    """What calls Python functions, in words: a page cannot."""
+    """Elements that call Python functions, in words: a page cannot."""
     drawn = json.loads(compiled.description)
     found = []
     for table, word in (("forces", "force"), ("drives", "drive"), ("couplings", "coupling")):
@@ -167,7 +168,7 @@ def _calls(x: Any) -> bool:
 
 
 def plane_of(summary: Mapping[str, Any], drawn: Mapping[str, Any]) -> NDArray[np.float64] | None:
-    """Unit normal of the plane of a planar mechanism; None where it moves in space or does not turn."""
+    """Unit normal of the plane of a planar mechanism; None where it moves in space or does not rotate."""
     axes = [joint["axis"] for joint in drawn["joints"] if joint["kind"] == "revolute" and joint.get("axis") is not None]
     if not summary.get("planar") or not axes:
         return None
@@ -203,14 +204,14 @@ def loops(summary: Mapping[str, Any]) -> dict[str, list[str]]:
 
 def lengths(drawn: Mapping[str, Any], normal: NDArray[np.float64] | None) -> list[dict[str, Any]]:
     """Lengths of bodies between their joints, in the plane of a planar mechanism: from the first joint of a body to
-    each other one of it. `moves` is the parameter that goes by `along` for each metre more, seen from `origin`."""
+    each other one of it. `moves` is the parameter that changes by `along` per metre of length, relative to `origin`."""
     found = []
     for body in ("ground", *(b["name"] for b in drawn["bodies"])):
         sites = list[tuple[str, str, list[float]]]()
         for joint in drawn["joints"]:
             if joint["kind"] not in SITED or joint.get("child_point") is None:
                 continue
-            # a joint is born by its child: that is where a body's own frame begins
+            # a joint belongs to its child: a body's own frame begins there
             if joint["child"] == body:
                 sites.insert(0, (joint["name"], f"{joint['name']}.child_point", joint["child_point"]))
             elif joint["parent"] == body:

@@ -1,7 +1,7 @@
 """Figures of results, with matplotlib; nothing opens a window.
 
-Every function returns a `matplotlib.figure.Figure`; with `path` it is saved too, in the format of the
-ending (.png, .pdf, .svg). Units stand on the axes; where not all lines fit, the legend counts them.
+Every function returns a `matplotlib.figure.Figure`; with `path` it is saved too, in the format of the ending (.png,
+.pdf, .svg). Units are on the axes; where not all lines fit, the legend counts them.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Drawn:
-    """How a word is drawn, and what may be said of it."""
+    """How a word is drawn, and its options."""
 
     draw: Callable[[ResultView, Canvas, Wanted], object]
     height: float | Callable[[ResultView, Wanted], float]
@@ -66,7 +66,7 @@ class Drawn:
 
 @dataclass(frozen=True)
 class Wanted:
-    """What was asked beside the words."""
+    """Options of the request besides the words."""
 
     x: Abscissa
     points: Mapping[str, Any] | None = None

@@ -1,4 +1,4 @@
-"""What stands along the bottom of a figure: time, or any coordinate, joint or sensor."""
+"""The abscissa of a figure: time, or any coordinate, joint or sensor."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ MOST_DEGREES = 8.0
 
 
 FULL_TURN = 2.0 * np.pi * (1.0 - 1e-9)
-"""What a crank turns at least; a run of one turn may end short of it by rounding."""
+"""Least rotation of a crank; a run of one turn may end short of it by rounding."""
 
 
 @dataclass(frozen=True)
 class Abscissa:
-    """Numbers (nt,) along the bottom, and where a line must be broken because a turn begins anew."""
+    """Numbers (nt,) of the abscissa, and where a line must be broken because a turn begins anew."""
 
     values: FloatArray
     label: str
     breaks: NDArray[np.bool_]  # (nt,): no line from the output before to this one
     is_time: bool = False
     apart: bool = False
-    """Whether outputs lie so far apart in time that lines between them would show a motion that was not."""
+    """Whether outputs are so far apart in time that lines between them would misrepresent the motion."""
 
     def plot(self, ax: Axes, y: FloatArray, *form: str, **style: Any) -> None:
         """A line of `y` (nt,) over these numbers, broken where a turn begins anew; dots where outputs lie far apart."""
@@ -58,7 +58,7 @@ class Abscissa:
 
     @property
     def is_sparse(self) -> bool:
-        """Whether so few outputs fall on a turn that lines between them would cut its curve short."""
+        """Whether so few outputs fall on a turn that lines between them would cut corners."""
         if self.is_time:
             return self.apart
         steps = np.abs(np.diff(self.values))[~self.breaks[1:]]

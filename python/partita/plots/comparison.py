@@ -1,4 +1,4 @@
-"""Figures of comparisons: what each formulation costs and how far off it is."""
+"""Figures of comparisons: cost and error of each formulation."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 
 
 class Compared(Protocol):
-    """What is read of a comparison: its rows, each with name, formulation, error, evaluations and time."""
+    """Input from a comparison: its rows, each with name, formulation, error, evaluations and time."""
 
     @property
     def title(self) -> str: ...
@@ -28,7 +28,7 @@ class Compared(Protocol):
 
 
 class Precision(Protocol):
-    """What is read of runs over several tolerances: the points of each name, each with error, evaluations and time."""
+    """Input from runs over several tolerances: the points of each name, each with error, evaluations and time."""
 
     @property
     def title(self) -> str: ...
@@ -125,7 +125,7 @@ def plot_work_precision(found: Precision, path: PathLike | None = None) -> Figur
 
 
 def _line(ax: Axes, x: list[float], y: list[float], number: int, label: str) -> None:
-    """Colour and mark go through their lists; the second time round the line is dashed."""
+    """Colours and markers are cycled; in the second cycle the line is dashed."""
     style = "-" if number < len(COLOURS) else "--"
     marker = MARKERS[(number + number // len(COLOURS)) % len(MARKERS)]
     ax.plot(x, y, style, color=COLOURS[number % len(COLOURS)], marker=marker, ms=4, lw=1.1, label=label)

@@ -16,7 +16,7 @@ STRIPS = 6
 
 
 def draw_measure(result: ResultView, canvas: Canvas, place: SubplotSpec) -> None:
-    """rho of each coordinate over time below, which were independent above."""
+    """rho of each coordinate over time below, the independent ones above."""
     rows = min(result.independent.shape[1], STRIPS)
     if rows == 0 or len(result.t) == 0:
         ax = dressed(canvas.add_subplot(place), "Projective measure", "ρ")

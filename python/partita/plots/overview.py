@@ -21,8 +21,8 @@ def overview_height(result: ResultView, x: Abscissa) -> float:
 
 
 def draw_overview(result: ResultView, canvas: Canvas, x: Abscissa) -> None:
-    """How far, how fast, how loaded, and over which angle of a crank; then what the solver did: measure, closure,
-    energy balance, over time."""
+    """Displacements, velocities, loads over time and over the angle of a crank; then data of the solver: measure,
+    closure, energy balance, over time."""
     turning = crank(result) if x.is_time else None
     grid = canvas.add_gridspec(4 if turning else 3, 2)
     draw_coordinates(result, canvas.add_subplot(grid[0, 0]), x)

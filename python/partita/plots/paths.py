@@ -1,4 +1,4 @@
-"""Where points go, and in which directions bearings are loaded: figures in space rather than over time."""
+"""Paths of points, and directions of bearing loads: figures in space rather than over time."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ TURNING = ("revolute", "cylindrical")
 
 
 def draw_paths(result: ResultView, canvas: Canvas, points: Mapping[str, Any] | None = None) -> None:
-    """Paths of `points`, {name: (body, place in body axes)}, or of joints that travel, true to scale in their plane."""
+    """Paths of `points`, {name: (body, point in body axes)}, or of joints that travel, true to scale in their plane."""
     ax = dressed(canvas.subplots(), "Paths of points" if points else "Paths of joints", "", time_axis=False)
     found = _asked(result, points) if points else {name: result.joint(name).point for name in result.names.joints}
     travel = {
@@ -76,7 +76,7 @@ def _plane(points: FloatArray) -> tuple[FloatArray, FloatArray, tuple[str, str]]
 
 
 def draw_bearings(result: ResultView, canvas: Canvas) -> None:
-    """The force of each bearing as a polar curve: how much, in which direction across its axis; the most loaded ones.
+    """The force of each bearing as a polar curve: magnitude over direction across its axis; the most loaded ones.
 
     Directions are those of the joint's axes on its parent, so that a curve shows which part of the seat wears.
     """

@@ -36,7 +36,7 @@ def carries(result: ResultView, key: str) -> bool:
 
 
 def draw_loads(result: ResultView, ax: Axes, key: str, x: Abscissa | None = None) -> str:
-    """|force| or |moment| of the most loaded joints in one panel; what there is to say of those that are not unique.
+    """|force| or |moment| of the most loaded joints in one panel, with a note on those that are not unique.
 
     A joint is marked only where a part of its load that redundant constraints leave open carries something, and only
     where other joints do not: a star on every line would say nothing.

@@ -1,4 +1,4 @@
-"""Panels of coordinates, closing errors and energy, each drawn into given axes."""
+"""Panels of coordinates, closure errors and energy, each drawn into given axes."""
 
 from __future__ import annotations
 
@@ -37,13 +37,13 @@ def draw_coordinates(result: ResultView, ax: Axes, x: Abscissa | None = None) ->
 
 
 def draw_velocities(result: ResultView, ax: Axes, x: Abscissa | None = None) -> None:
-    """v over time: how fast."""
+    """v over time."""
     units = coordinate_units(result.summary, result.names)[1]
     _draw(result, ax, x, "Velocities", "v", result.v, reporting(result, result.v), result.names.velocities, units)
 
 
 def draw_accelerations(result: ResultView, ax: Axes, x: Abscissa | None = None) -> None:
-    """dv/dt over time; gaps where a singular position leaves it open."""
+    """dv/dt over time; gaps at singular positions, where it is undetermined."""
     units = [f"{unit}^2" if unit.endswith("/s") else unit for unit in coordinate_units(result.summary, result.names)[1]]
     vdot = np.asarray(result.vdot)
     _draw(result, ax, x, "Accelerations", "dv/dt", vdot, reporting(result, vdot), result.names.velocities, units)
@@ -79,7 +79,7 @@ def _widest(result: ResultView) -> list[int]:
 
 
 def draw_sensor(result: ResultView, name: str, ax: Axes, x: Abscissa | None = None) -> None:
-    """What a sensor read over time: a line for each of its numbers."""
+    """Readings of a sensor over time: a line for each of its numbers."""
     x = x or abscissa(result, None)
     read = result.sensor(name)
     columns = read.values.reshape(len(result.t), -1)
@@ -93,13 +93,13 @@ def draw_sensor(result: ResultView, name: str, ax: Axes, x: Abscissa | None = No
 
 
 def draw_closure(result: ResultView, ax: Axes) -> None:
-    """Largest closing errors over time, on a logarithmic axis."""
+    """Largest closure errors over time, on a logarithmic axis."""
     dressed(ax, "Closure of the loops", "largest error")
     if result.multipliers.shape[1] == 0:
         empty(ax, "no constraints: nothing to close")
         return
     ax.set_yscale("log")
-    # Round-off jumps from output to output: dots, since lines between them would say nothing.
+    # Round-off jumps from output to output: dots, since lines between them would have no meaning.
     for values, colour, label in (
         (result.closure, COLOURS[0], "|Φ| [m, rad]"),
         (result.velocity_closure, COLOURS[1], "|C v + a| [per s]"),
@@ -111,7 +111,7 @@ def draw_closure(result: ResultView, ax: Axes) -> None:
 
 
 def draw_balance(result: ResultView, ax: Axes) -> None:
-    """Energy that came or went without a cause, relative to the energy exchanged."""
+    """Energy imbalance relative to the energy exchanged."""
     dressed(ax, "Energy balance", "imbalance / exchanged energy")
     if not result.has_energy:
         empty(ax, "a System given by matrices has no known energy")

@@ -1,4 +1,4 @@
-"""How all figures look: sizes, colours, legends, and how many lines fit."""
+"""Style of all figures: sizes, colours, legends, and how many lines fit."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ Canvas = Figure | SubFigure
 COLOURS = ("#1f6fb4", "#d95f02", "#1b9e77", "#b03060", "#7570b3", "#a6761d", "#e7298a", "#4d4d4d")
 LIMIT = len(COLOURS)
 FLOOR = 1e-17
-"""Drawn in the place of an exact zero on a logarithmic axis."""
+"""Drawn instead of an exact zero on a logarithmic axis."""
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """A figure of its own, tied to no window; `savefig` works everywhere."""
+    """A figure without a window; `savefig` works everywhere."""
     return Figure(figsize=(width, height), dpi=120, layout="constrained", facecolor="white")
 
 
@@ -40,7 +40,7 @@ def dressed(ax: Axes, title: str, ylabel: str, *, time_axis: bool = True) -> Axe
 
 
 def legend(ax: Axes, shown: int, total: int, what: str, right: Axes | None = None) -> None:
-    """The legend beside the plot; says so when not all lines are drawn. Lines of axes `right` come last."""
+    """The legend beside the plot, with a note when not all lines are drawn. Lines of axes `right` come last."""
     title = f"{shown} of {total} {what}" if shown < total else None
     both = [ax.get_legend_handles_labels(), *([] if right is None else [right.get_legend_handles_labels()])]
     if shown:
@@ -104,6 +104,6 @@ def empty(ax: Axes, why: str) -> None:
 
 
 def level(ax: Axes, values: NDArray[np.float64]) -> None:
-    """Do not blow up round-off: around values that are all zero, the axis spans -1 to 1."""
+    """Do not enlarge round-off: around values that are all zero, the axis spans -1 to 1."""
     if float(np.max(np.abs(values), initial=0.0)) < 1e-12:
         ax.set_ylim(-1.0, 1.0)

@@ -1,4 +1,4 @@
-"""What a run returns, and files of it: reading by names, saving, loading."""
+"""Results of a run, and files of them: access by name, saving, loading."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One body of a run: where it is, how it turns, and any point fixed to it."""
+"""One body of a run: its position, its rotation, and any point fixed to it."""
 
 from __future__ import annotations
 
@@ -58,6 +58,6 @@ def _three(point: ArrayLike) -> FloatArray:
 
 
 def resting(name: str, nt: int) -> BodyResult:
-    """The ground, seen as a body."""
+    """The ground as a body."""
     zero = np.zeros((nt, 3))
     return BodyResult(name, zero, np.broadcast_to(np.eye(3), (nt, 3, 3)), zero, zero)

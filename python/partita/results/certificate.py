@@ -18,15 +18,15 @@ from .verdict import Finding, findings_of, of_arrays, of_energy, of_reactions, t
 NOTES = 12
 """Notes shown before the rest is counted."""
 NOTE = 400
-"""Letters of a note shown."""
+"""Letters of a note that are shown."""
 
 
 @dataclass(frozen=True)
 class Certificate:
     """Worst values of a run; closures over the ends of all its steps and over all outputs, the others over the outputs.
-    `str(certificate)` says them in words.
+    `str(certificate)` is a summary in words.
 
-    `None` stands for what the run cannot know: a hand-written `System` has no energy and no bodies.
+    `None` stands for unknown values: a user-defined `System` has no energy and no bodies.
     """
 
     closure: float
@@ -38,19 +38,19 @@ class Certificate:
     newton_euler: float | None
     """Largest Newton-Euler residual of any body under the returned reactions, over the largest force."""
     sigma: float
-    """Smallest sigma, and where: how near a singular position the choice came. NaN without constraints."""
+    """Smallest sigma, and its time: how near a singular position the choice came. NaN without constraints."""
     sigma_t: float
     sqrt_mu: float
-    """Smallest sqrt(mu), and where."""
+    """Smallest sqrt(mu), and its time."""
     sqrt_mu_t: float
     switches: int
     """Switches of independent coordinates."""
     corrections: int
-    """Steps after which the remainder of the closure was removed."""
+    """Steps after which closure errors were corrected."""
     notes: tuple[str, ...]
-    """All that was dropped, switched, repaired or not found, in sentences."""
+    """Everything that was dropped, switched, repaired or not found, in sentences."""
     closure_row: str | None = None
-    """The condition that is open most at any output, and when."""
+    """The condition with the largest closure error at any output, and its time."""
     closure_t: float = float("nan")
     acceleration_closure: float | None = None
     """Largest |C v' + b| at the outputs [m/s^2 or rad/s^2, mixed], its condition, and when."""
@@ -67,8 +67,8 @@ class Certificate:
     """Smallest squared sine between an accepted condition and the others, and when: 0 in a singular position."""
     margin_t: float = float("nan")
     geometric_error: float = 0.0
-    """Largest change of a joint frame (rad, parts of the loop's length) by which the drawing was repaired; 0 where it
-    fits. `notes` say what does not."""
+    """Largest change of a joint frame (rad, fractions of the loop's length) by which the drawing was repaired; 0 where
+    it fits. `notes` list the rest."""
     findings: tuple[Finding, ...] = ()
     """Findings against the run: whether each makes it invalid or suspect, when [s], and a sentence. Those at the ends
     of steps decided `success`; those of the outputs are reported here and do not change it."""
@@ -86,7 +86,7 @@ class Certificate:
 
     @classmethod
     def from_account(cls, reported: Mapping[str, Any]) -> Certificate:
-        """The inverse of `vars(certificate)` after a way through JSON."""
+        """The inverse of `vars(certificate)` after conversion to JSON."""
         reported = deprecated.renamed(reported, deprecated.CERTIFICATE)
         known = {field.name for field in fields(cls)}
         own: dict[str, Any] = {
@@ -135,7 +135,7 @@ class Certificate:
 
 
 def certify(result: ResultView) -> Certificate:
-    """Gather the certificate of a result; asks for the reactions, O(outputs x bodies)."""
+    """Compute the certificate of a result; needs the reactions, O(outputs x bodies)."""
     notes = list(result.notes)
     newton_euler = None
     findings = [*result.record.findings, *result.record.arrays.findings, *of_arrays(result.t, result.q, result.v)]
@@ -180,7 +180,7 @@ def certify(result: ResultView) -> Certificate:
 
 
 def _of_outputs(result: ResultView) -> dict[str, Any]:
-    """Who is open most and when, accelerations, rank and margin."""
+    """Largest closure error with its condition and time, accelerations, rank and margin."""
     checks, names = result.checks, result.names.multipliers
 
     def row(key: str, i: int) -> str | None:

@@ -1,4 +1,4 @@
-"""All that a file of a result holds, whatever its format: an account in words and numbers, and labelled arrays."""
+"""The content of a file of a result in any format: a description in words and numbers, and labelled arrays."""
 
 from __future__ import annotations
 
@@ -23,14 +23,15 @@ TYPES = {"number": np.dtype("f8"), "integer": np.dtype("i8"), "flag": np.dtype("
 
 @dataclass(frozen=True)
 class Content:
-    """Account, arrays and the labels along their axes."""
+    """Description, arrays and the labels along their axes."""
 
     account: dict[str, Any]
     variables: tuple[Variable, ...]
     axes: dict[str, Axis]
 
     def header(self, **more: Any) -> dict[str, Any]:
-        """Everything but the values, as plain data: version, account, arrays, axes; and `more` near the beginning."""
+        """Everything but the values, as plain data: version, description, arrays, axes; and `more` near the
+        beginning."""
         return {
             "partita_result": VERSION,
             **more,

@@ -1,4 +1,4 @@
-"""What couplings and drives do in a run."""
+"""Efforts of couplings and drives in a run."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .source import Source
 
 
 class _Efforts:
-    """Efforts of a coupling or of a drive: columns of those of all conditions. They are computed when they are read."""
+    """Efforts of a coupling or of a drive: columns of those of all conditions. They are computed on first access."""
 
     def __init__(self, name: str, source: Source, conditions: Sequence[int]) -> None:
         self.name = name
@@ -21,13 +21,13 @@ class _Efforts:
 
     @property
     def effort(self) -> FloatArray:
-        """(nt, rows): the multiplier of each condition [N, N m]. Times the rate of what is coupled or driven it is a
-        power."""
+        """(nt, rows): the multiplier of each condition [N, N m]. Times the rate of the coupled or driven quantity it is
+        a power."""
         return np.asarray(self._source.efforts[:, self._conditions])
 
     @property
     def determined_at(self) -> NDArray[np.bool_]:
-        """(nt, rows): which efforts are unique at each output; others are one possibility among many."""
+        """(nt, rows): which efforts are unique at each output; others are one solution of many."""
         return np.asarray(self._source.determined_efforts[:, self._conditions])
 
     @property
@@ -61,7 +61,7 @@ class CouplingResult(_Efforts):
 
     @property
     def tension(self) -> FloatArray:
-        """(nt,): force [N] by which a held distance pulls its two points together; negative: it pushes them apart."""
+        """(nt,): tension [N] of the distance between two points; negative: compression."""
         if self.kind != "distance":
             raise ArgumentError(
                 f'"{self.name}" is a {self.kind}, which has no tension; its multipliers are in effort',

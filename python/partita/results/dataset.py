@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import xarray
 
 TIME = "time"
-"""The axis, and the coordinate along it, that is `t` in a result."""
+"""The axis, and the coordinate along it, for `t` of a result."""
 LONGEST = 20_000
 """Letters of an attribute: HDF5 holds no more than 64 kB in one."""
 
@@ -73,7 +73,7 @@ def as_header(found: xarray.Dataset) -> tuple[dict[str, Any], dict[str, Any]]:
 
 
 def unfilled(found: xarray.Dataset) -> dict[str, dict[str, Any]]:
-    """Encoding for files: no number stands for a missing one."""
+    """Encoding for files: no number represents a missing one."""
     return {str(name): {"_FillValue": None} for name in found.variables}
 
 

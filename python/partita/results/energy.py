@@ -14,10 +14,9 @@ FloatArray = NDArray[np.float64]
 class EnergyResult:
     """Energies over the nt outputs of a run, each (nt,) in joules.
 
-    `potential` holds gravity that does not change, springs, bushings, what contacts, tyres and stops have stored,
-    torques that are constant and forces that are so in world axes; `work` what dampers, friction, drives and all
-    other torques and forces have put in since the run began. The arrays are empty for a `System`, whose potential is
-    not known.
+    `potential` includes constant gravity, springs, bushings, the energy stored in contacts, tyres and stops, and
+    torques and world forces that are constant; `work` is that of dampers, friction, drives and all other torques and
+    forces since the run began. The arrays are empty for a `System`, whose potential is not known.
     """
 
     kinetic: FloatArray
@@ -31,7 +30,7 @@ class EnergyResult:
 
     @property
     def balance(self) -> FloatArray:
-        """total - total[0] - work (nt,) [J], from the first output on: what differs from zero is error."""
+        """total - total[0] - work (nt,) [J], from the first output on: the error of the energy."""
         total = self.total
         return total - total[:1] - (self.work - self.work[:1])
 
@@ -39,7 +38,7 @@ class EnergyResult:
     def scale(self) -> float:
         """Largest energy exchanged [J]: the greatest of kinetic energy, change of potential, and work.
 
-        It does not depend on where the potential is called zero.
+        It does not depend on the zero of the potential.
         """
         parts = (self.kinetic, self.potential - self.potential[:1], self.work)
         return max(float(np.max(np.abs(part), initial=0.0)) for part in parts)

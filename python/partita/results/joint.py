@@ -25,7 +25,7 @@ class JointIndices(NamedTuple):
 
 
 class JointData(Protocol):
-    """What is known of a joint, or computed when it is first asked for."""
+    """Data of a joint, known or computed on first access."""
 
     @property
     def motion(self) -> Arrays:
@@ -49,7 +49,7 @@ class JointData(Protocol):
 
     @property
     def self_stresses(self) -> FloatArray | None:
-        """(nt, 2, 3, 3): directions in which self-stresses load the joint; None where that is not known any more."""
+        """(nt, 2, 3, 3): directions in which self-stresses load the joint; None where the model is missing."""
 
 
 class AskedJoint:
@@ -111,7 +111,7 @@ class Directions(NamedTuple):
 class JointResult:
     """Motion and reaction of one joint over the nt outputs of a run.
 
-    Nothing is computed before it is read: the motion of this joint at the first `position`, `velocity` or `point`,
+    Nothing is computed before it is accessed: the motion of this joint at the first `position`, `velocity` or `point`,
     its accelerations at the first `acceleration`, its reaction at the first `force`, `moment` or `drive`, each for all
     outputs at once.
 
@@ -158,8 +158,8 @@ class JointResult:
 
     @property
     def acceleration(self) -> FloatArray:
-        """(nt, dof): derivatives of `velocity` [m/s^2 or rad/s^2], exactly those that the equations of motion give; NaN
-        where a singular position leaves them open."""
+        """(nt, dof): derivatives of `velocity` [m/s^2 or rad/s^2], exactly those of the equations of motion; NaN at
+        singular positions, where they are undetermined."""
         return self._data.acceleration
 
     @property
@@ -169,7 +169,7 @@ class JointResult:
 
     @property
     def drive(self) -> FloatArray:
-        """(nt, dof): effort of a drive along each degree of freedom [N or N m]; zero where nothing drives."""
+        """(nt, dof): effort of a drive along each degree of freedom [N or N m]; zero without a drive."""
         return self._data.reaction["drive"]
 
     @property
@@ -192,7 +192,8 @@ class JointResult:
         """(6,): which of fx, fy, fz, mx, my, mz are unique at every output, in the axes named by `axes`.
 
         A run through a singular position has one or two outputs with more undetermined components than elsewhere;
-        `determined_at` shows which."""
+        `determined_at` shows which.
+        """
         return np.asarray(self.determined_at.all(axis=0))
 
     @property
@@ -215,7 +216,7 @@ class JointResult:
         return _mixed(world, self._turn) | _mixed(joint, _transposed(self._rotation) @ self._turn)
 
     def directions(self, output: int = -1) -> Directions:
-        """Which forces and moments at an output are unique and which are open, as directions along `axes`.
+        """Which forces and moments at an output are unique and which are not, as directions along `axes`.
 
         In the axes of a tilted guide a force may be unique that no axis of the world shows alone.
         Raises `ArgumentError` for a result read from a file, which has no model to ask.
@@ -336,7 +337,7 @@ def _split(stresses: FloatArray, turn: FloatArray) -> tuple[FloatArray, FloatArr
 
 
 def _upright(unit: FloatArray) -> FloatArray:
-    """A direction has no sense: its largest entry is positive, the last of equals."""
+    """The sign of a direction is arbitrary: its largest entry is positive, the last of equals."""
     lead = int(np.flatnonzero(np.abs(unit) >= np.max(np.abs(unit)) - 1e-9)[-1])
     return unit if unit[lead] > 0 else -unit
 

@@ -28,7 +28,7 @@ UNREADABLE = (
     KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError, RecursionError, MemoryError, EOFError,
     OSError, struct.error,
 )  # fmt: skip
-"""What reading raises where the content is not as it should be."""
+"""Errors of reading malformed content."""
 
 FLAGS = ("determined_world", "determined_joint", "determined_drive", "determined_effort")
 STORED = (*ENERGIES, *CHECKS, *OBSERVED, *REACTIONS, "joint_acceleration", *FLAGS)
@@ -89,7 +89,7 @@ def _restored(record: Record, arrays: dict[str, NDArray[Any]]) -> Result:
     stored = None
     if "body_position" in arrays or record.description is not None:
         nt, summary = len(record.arrays["t"]), record.summary
-        # files of before do not hold them
+        # files of earlier versions do not contain them
         unknown = {key: np.full(nt, np.nan) for key in CHECKS}
         unknown["joint_acceleration"] = np.full(_empty("joint_acceleration", nt, summary), np.nan)
         unknown["effort"] = record.arrays["multipliers"][:, int(summary.get("closing_rows", 0)) :]

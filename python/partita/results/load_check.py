@@ -1,4 +1,4 @@
-"""Whether what a file holds is a result: every array of the shape that the others ask for, names where names belong."""
+"""Whether a file contains a result: every array of a consistent shape, and names in their places."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _NEEDED = {"q": "coordinate", "v": "velocity", "vdot": "velocity", "multipliers"
 
 
 def check(record: Record, arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Raise `ValueError` (or what looking into strange data raises) for the first thing that does not fit."""
+    """Raise `ValueError` (or an error from malformed data) for the first inconsistency."""
     summary, nt = record.summary, len(record.arrays["t"])
     joints = summary["joints"]
     if "t" not in arrays:
@@ -94,7 +94,7 @@ def _names(summary: Mapping[str, Any], key: str) -> int:
 
 
 def _fits(name: str, arrays: Mapping[str, NDArray[Any]], axes: tuple[str, ...], sizes: Mapping[str, int]) -> None:
-    """Shape of an array that is there; what has no entries is left out of files."""
+    """Shape of an array that exists; arrays without entries are omitted from files."""
     array = arrays.get(name)
     if array is None:
         return

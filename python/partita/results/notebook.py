@@ -1,4 +1,4 @@
-"""How a result looks in a notebook: a small table, every word of the user escaped."""
+"""Display of a result in a notebook: a small table, every user text escaped."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a run left behind, as plain data: arrays over time and the account of how they came about."""
+"""Data of a run, as plain data: arrays over time and the description of how they were computed."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ ACCOUNT = (
 
 @dataclass(frozen=True)
 class Record:
-    """Arrays of a run and its account; what every writer stores and every reader restores."""
+    """Arrays of a run and its description; written by every writer and restored by every reader."""
 
     arrays: Tables
     summary: dict[str, Any] = field(default_factory=dict)
@@ -35,22 +35,23 @@ class Record:
     success: bool = True
     message: str = ""
     steps_open: tuple[float, float] = (0.0, 0.0)
-    """Largest |Phi| and |C v + a| at the ends of the steps taken."""
+    """Largest |Phi| and |C v + a| at the ends of accepted steps."""
     gaps: tuple[float, float] = (0.0, 0.0)
-    """The same in parts of what a large move opens each condition by, and of the fastest rate."""
+    """The same relative to the effect of a large displacement on each condition, and to the fastest rate."""
     exchanged: float = 0.0
-    """Energy [J] that was exchanged at the least, from the speeds at the ends of the steps taken."""
+    """Lower bound of the energy exchanged [J], from the speeds at the ends of accepted steps."""
     geometric_error: float = 0.0
-    """Largest change of a joint frame by which the drawing was repaired (rad, parts of lengths); 0 where none was."""
+    """Largest change of a joint frame by which the drawing was repaired (rad, fractions of lengths); 0 where none
+    was."""
     findings: list[Finding] = field(default_factory=list)
-    """What stands against the run at the ends of its steps."""
+    """Findings against the run at the ends of its steps."""
     options: dict[str, Any] = field(default_factory=dict)
     error: Exception | None = None
     """What ended the run early, from its cause; only in memory."""
     description: str | None = None
     """The mechanism as built, as JSON; None for a `System`."""
     version: str = ""
-    """Of Partita, that computed it."""
+    """The version of Partita that computed it."""
 
     @cached_property
     def spec(self) -> dict[str, Any] | None:
@@ -121,8 +122,8 @@ def _pair(values: Sequence[float | None] | None) -> tuple[float, float]:
 
 
 def plain(value: Any, unfit: Callable[[float], Any] = lambda number: None) -> Any:
-    """`value` out of what JSON knows: arrays become lists, NumPy numbers numbers, other objects words; what is not
-    finite becomes null, or what `unfit` makes of it."""
+    """`value` in terms of JSON: arrays become lists, NumPy numbers numbers, other objects words; non-finite numbers
+    become null, or the result of `unfit`."""
     kind = type(value)
     if value is None or kind in _AS_IT_IS:
         return value
@@ -156,7 +157,7 @@ def exact(value: Any) -> Any:
 
 
 def read_exact(reported: Any) -> Any:
-    """The inverse of `exact`, of a JSON text or of what was read from one."""
+    """The inverse of `exact`, for a JSON text or the data read from one."""
     return json.loads(reported if isinstance(reported, str) else json.dumps(reported), object_hook=_number)
 
 

@@ -1,4 +1,4 @@
-"""The result of a run: its doors to figures, files, pages and further runs."""
+"""The result of a run: its interface to figures, files, pages and further runs."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Result(Run):
     def state(self, t: float | None = None) -> State:
         """The state at time `t` [s] of the run, to start another one from (`initial=`); None: at its end.
 
-        At an output it is that output. Between two it is marched to from the one before, with the method and the
+        At an output it is that output. Between two it is integrated from the previous one, with the method and the
         tolerances of the run, and closed to round-off: it lies on the motion within these tolerances. So runs can be
         restarted from any instant.
 

@@ -1,4 +1,4 @@
-"""A run: what it left, and everything that can be read of it."""
+"""A run: its data, and everything that can be computed from them."""
 
 from __future__ import annotations
 
@@ -57,16 +57,16 @@ class Run:
         """What ended the run early, for instance an `EvaluationError` raised from what a function raised; None for a
         run that ended otherwise, and in a stored result. `raise run.error` shows where."""
         self.summary = dict(record.summary)
-        """What the compiled model says of itself: bodies, joints, sizes, removed rows."""
+        """The model's own description: bodies, joints, sizes, removed rows."""
 
     @cached_property
     def counters(self) -> dict[str, int]:
-        """How often what was done: steps, evaluations, switches and what else costs time."""
+        """Counts of work: steps, evaluations, switches and other costs."""
         return deprecated.RenamedKeys(self._record.counters, deprecated.COUNTERS)
 
     @cached_property
     def options(self) -> dict[str, Any]:
-        """What the run was asked for, defaults included."""
+        """The options of the run, defaults included."""
         return deprecated.RenamedKeys(self._record.options, deprecated.OPTIONS)
 
     def __copy__(self: R) -> R:
@@ -122,7 +122,7 @@ class Run:
         return self._record.message
 
     def _warn(self, findings: Sequence[Finding]) -> None:
-        """Warn once of a result that is suspect, unless it is known to be invalid."""
+        """Warn once of a suspect result, unless it is known to be invalid."""
         if self._record.success and verdict_of(findings) == SUSPECT and not self._warned:
             self._warned = True
             reported = "; ".join(finding.sentence for finding in findings)
@@ -149,7 +149,7 @@ class Run:
 
     @property
     def vdot(self) -> FloatArray:
-        """(nt, nv): accelerations [m/s^2, rad/s^2]; NaN where a singular position leaves them open."""
+        """(nt, nv): accelerations [m/s^2, rad/s^2]; NaN at singular positions, where they are undetermined."""
         return self._record.arrays["vdot"]
 
     @property
@@ -220,7 +220,7 @@ class Run:
 
     @property
     def has_energy(self) -> bool:
-        """Whether energies are known (not for a hand-written `System`)."""
+        """Whether energies are known (not for a user-defined `System`)."""
         return self._source is not None
 
     @property
@@ -237,7 +237,8 @@ class Run:
     def joint(self, name: str) -> JointResult:
         """Motion and reaction of the joint `name`, tree or cut alike.
 
-        Raises `UnknownNameError` with the nearest names. What is read of it is computed then, for this joint alone.
+        Raises `UnknownNameError` with the nearest names. Its quantities are computed on access, for this joint
+        alone.
         """
         source = self._source_for("joint", name)
         j = index_of(name, self.names.joints, "joint")
@@ -272,9 +273,9 @@ class Run:
         return BodyResult(name, *(seen[key] for key in BODIES))
 
     def sensor(self, name: str) -> SensorResult:
-        """What the sensor `name` read: `values` over time, `unit` and long name; see `Mechanism.add_sensor`.
+        """The readings of the sensor `name`: `values` over time, `unit` and long name; see `Mechanism.add_sensor`.
 
-        Computed at the outputs when it is first asked for, and kept. `UnknownNameError` with the nearest names; an
+        Computed at the outputs on first access, and stored. `UnknownNameError` with the nearest names; an
         `EvaluationError` where the function of a sensor fails.
         """
         self._source_for("sensor", name)
@@ -297,7 +298,7 @@ class Run:
         return self._source_for("joint", "all").reactions
 
     def reactions_by(self, route: str) -> Arrays:
-        """All reactions by another way of computing them: `force` and `moment` (nt, nj, 3), as in `reactions`.
+        """All reactions by an independent method: `force` and `moment` (nt, nj, 3), as in `reactions`.
 
         `"recursion"`: the Newton-Euler sweep that `joint(name)` shows. `"augmented"`: augmented joint coordinates
         (Blajer 2004), each prohibited displacement of a joint moving all that lies outboard. The two share no
@@ -335,7 +336,7 @@ class Run:
 
     @property
     def checks(self) -> Arrays:
-        """What the certificate holds the outputs against besides, by array name; for tools."""
+        """Further checks of the outputs for the certificate, by array name; for tools."""
         return self._source_for("joint", "all").checks
 
     @property
@@ -354,7 +355,7 @@ class Run:
         return self._source_for("joint", "all").determined_drive
 
     def self_stresses(self, output: int = -1) -> SelfStresses:
-        """Orthonormal base of what can be added to the reactions at one output without any change of the motion.
+        """Orthonormal basis of all that can be added to the reactions at one output without any change of the motion.
 
         Raises `ArgumentError` for an output that is not there, and for a stored result, which has no model.
 

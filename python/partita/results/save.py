@@ -18,7 +18,7 @@ from .formats import matlab, netcdf, parquet, text_csv, text_json, zarr_folder
 
 @dataclass(frozen=True)
 class Format:
-    """How a content is written and read, and the packages required besides NumPy and SciPy."""
+    """Writer and reader of a content, and the packages required besides NumPy and SciPy."""
 
     name: str
     write: Callable[[Content], Any]
@@ -43,7 +43,8 @@ FOLDER = ".zarr"
 
 
 def checked_path(path: str | os.PathLike[str]) -> Path:
-    """`path` when a result can be written there: known ending, existing folder, packages at hand. See `Result.save`."""
+    """`path` when a result can be written there: known ending, existing folder, packages installed. See
+    `Result.save`."""
     where = target(path, folder=FOLDER)
     format_of(where, f"cannot save to {str(where)!r}").check("saving to")
     return where

@@ -14,7 +14,7 @@ from .names import index_of
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SelfStresses:
-    """Orthonormal self-stresses of a mechanism at one position: a base of all that rigid bodies leave open there.
+    """Orthonormal self-stresses of a mechanism at one position: a basis of the indeterminate reactions.
 
     Each is a set of joint wrenches, and of efforts of drives, that balance one another without any load. They are
     orthonormal in the metric of the rule by which loads are shared: the sum over all joints of squares of forces and of

@@ -1,4 +1,4 @@
-"""Sensors of a run: where their numbers come from, and what `run.sensor` returns."""
+"""Sensors of a run: the source of their numbers, and the result of `run.sensor`."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Array = NDArray[Any]
 
 @dataclass(frozen=True, repr=False)
 class SensorResult:
-    """What one sensor read over the nt outputs of a run."""
+    """Readings of one sensor over the nt outputs of a run."""
 
     name: str
     values: Array
@@ -141,7 +141,7 @@ class RunSignals:
 
 
 class LiveSensors:
-    """Sensors read when they are asked for, from the model that the run came from."""
+    """Sensors read on request, from the model of the run."""
 
     def __init__(
         self, sensors: Mapping[str, SensorRecord], signals: RunSignals, account: Sequence[Mapping[str, str]]
@@ -153,11 +153,11 @@ class LiveSensors:
         return self._reader.read(name)
 
     def applied(self) -> dict[str, tuple[Array, Array]]:
-        """Places and forces in the world of the loads that push at a point."""
+        """Points and forces in the world of the loads that act at a point."""
         return self._signals.applied()
 
     def __reduce__(self) -> tuple[type[StoredSensors], tuple[Any, ...]]:
-        """What they read, so that it can be read where no model is."""
+        """Their readings, for use without a model."""
         arrays = {item["variable"]: self.read(item["name"]) for item in self._account}
         return StoredSensors, (self._account, arrays, self._outputs)
 
@@ -170,7 +170,7 @@ class StoredSensors:
         self._arrays, self._outputs = arrays, outputs
 
     def applied(self) -> dict[str, tuple[Array, Array]]:
-        """None: a stored run keeps what its sensors read, and no other loads."""
+        """None: a stored run contains the readings of its sensors, and no other loads."""
         return {}
 
     def read(self, name: str) -> Array:

@@ -1,4 +1,4 @@
-"""Where a result gets bodies, joints, reactions and energies from: the compiled model, or a file."""
+"""Source of bodies, joints, reactions and energies of a result: the compiled model, or a file."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ CHECKS = ("acceleration_closure", "acceleration_row", "closure_row", "rank", "ma
 
 
 class Source(Protocol):
-    """What a result needs to know beyond the arrays of the run itself."""
+    """Data of a result beyond the arrays of the run itself."""
 
     def body(self, i: int) -> Arrays:
         """The `BODIES` arrays of one body, without the axis of the bodies."""
@@ -39,7 +39,8 @@ class Source(Protocol):
 
     @property
     def efforts(self) -> NDArray[np.float64]:
-        """(nt, conditions): multipliers of couplings, drives and joints' own conditions that go with the reactions."""
+        """(nt, conditions): multipliers of couplings, drives and joints' own conditions that belong to the
+        reactions."""
 
     @property
     def determined_efforts(self) -> NDArray[np.bool_]:
@@ -61,7 +62,7 @@ class Source(Protocol):
 
     @property
     def augmented(self) -> Arrays | None:
-        """`force` and `moment` of every joint by augmented joint coordinates; None where no model is at hand."""
+        """`force` and `moment` of every joint by augmented joint coordinates; None without a model."""
 
     @property
     def determined(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
@@ -69,7 +70,7 @@ class Source(Protocol):
 
     @property
     def checks(self) -> Arrays:
-        """What a certificate holds the outputs against (the `CHECKS` arrays, (nt,) each; NaN where nothing is)."""
+        """Checks of the outputs for a certificate (the `CHECKS` arrays, (nt,) each; NaN where there is none)."""
 
     @property
     def determined_drive(self) -> NDArray[np.bool_]:
@@ -89,8 +90,8 @@ class Source(Protocol):
 
 
 class ModelSource:
-    """Asks the compiled model for one body, joint or reaction when it is first needed, at all outputs at once, and
-    keeps the answer. It costs what it depends on: the links down to the ground, the bodies held."""
+    """Evaluates the compiled model for one body, joint or reaction on first use, at all outputs at once, and stores the
+    result. The cost is that of the part on which it depends: the links down to the ground, the connected bodies."""
 
     def __init__(self, model: Any, run: Arrays, bodies: int, joints: int, closing_rows: int) -> None:
         self._model = model
@@ -220,7 +221,7 @@ class ModelSource:
 
 
 class StoredSource:
-    """Reads the same from arrays that a file brought along."""
+    """Reads the same from the arrays of a file."""
 
     def __init__(self, arrays: Arrays) -> None:
         self._arrays = arrays

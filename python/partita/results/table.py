@@ -41,7 +41,7 @@ TITLES = {
     "body_rotation": "body.{}.rotation",
     "residuals": "body.{}.residual",
 }
-"""What a column of an array is called where that is not its name; the other labels follow, with points between."""
+"""Column name of an array where it differs from the array's name; the other labels follow, separated by points."""
 
 GROUPS = (
     ("t",),
@@ -56,7 +56,7 @@ GROUPS = (
     ("force", "moment"),
     ("body_position", "body_velocity", "body_angular_velocity"),
 )
-"""The arrays that people look at, in this order; those of one group go together, joint by joint. Others follow."""
+"""The most used arrays, in this order; those of one group are listed together, joint by joint. Others follow."""
 
 TOTAL = "energy.total"
 """A column that is computed from others, for convenience."""
@@ -86,7 +86,7 @@ def column_names(header: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def gathered(values: Mapping[str, Any], header: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
-    """Arrays out of the columns of a table, by name."""
+    """Arrays from the columns of a table, by name."""
     arrays: dict[str, NDArray[Any]] = {}
     for name, about in header["arrays"].items():
         kind = TYPES[about["type"]]
@@ -104,7 +104,7 @@ def _picked(values: Mapping[str, NDArray[Any]], array: str, at: tuple[int, ...])
 
 
 def _column(at: tuple[int, ...]) -> Any:
-    """The place in an array of what stands at `at` behind the axis of time."""
+    """The index in an array of the item `at` after the time axis."""
     return (slice(None), *at)
 
 

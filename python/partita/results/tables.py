@@ -1,4 +1,4 @@
-"""Arrays over time: those a run keeps, and those computed from them when one of them is first asked for."""
+"""Arrays over time: those a run stores, and those computed from them on first access."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ NAMES = ("t", *KEPT_2D, *KEPT_1D, *DESCRIBED_2D, *DESCRIBED_1D, *ASSESSED, "inde
 
 
 class SolutionLog(Protocol):
-    """What the core keeps of a run: the choices of coordinates and what else an instant is described by."""
+    """Data of the core from a run: the choices of coordinates and all else that describes an instant."""
 
     def describe(self) -> dict[str, Any]:
         """Accelerations, multipliers, closures and the choice at every output, and notes."""
@@ -29,9 +29,9 @@ class SolutionLog(Protocol):
 
 
 class Tables(Mapping[str, NDArray[Any]]):
-    """The arrays `NAMES` of a run. `t`, `q`, `v` and `work` are there from the start. Accelerations, multipliers and
-    closures are computed together, for all outputs, when one of them is first asked for; so are measures and qualities.
-    """
+    """The arrays `NAMES` of a run. `t`, `q`, `v` and `work` exist from the start. Accelerations, multipliers and
+    closures are computed together, for all outputs, when one of them is first accessed; so are measures and
+    qualities."""
 
     def __init__(self, arrays: Mapping[str, Any], log: SolutionLog | None = None) -> None:
         self._log = log
@@ -64,7 +64,7 @@ class Tables(Mapping[str, NDArray[Any]]):
 
     @property
     def findings(self) -> list[Finding]:
-        """What the description found against the run, at its outputs."""
+        """Findings of the description against the run, at its outputs."""
         self["closure"]
         return self._findings
 

@@ -15,7 +15,7 @@ from .source import Arrays
 
 @dataclass(frozen=True)
 class Variable:
-    """An array, the names of its axes, its unit ("" where columns differ, see the axis) and what it is."""
+    """An array, the names of its axes, its unit ("" where columns differ, see the axis) and its description."""
 
     name: str
     values: NDArray[Any]
@@ -112,7 +112,7 @@ def variables(result: ResultView) -> list[Variable]:
 
 
 def sensors(result: ResultView) -> list[tuple[Variable, Axis | None]]:
-    """What sensors read, each with an axis of its own where its columns are not x, y, z."""
+    """Readings of sensors, each with an axis of its own where its columns are not x, y, z."""
     found: list[tuple[Variable, Axis | None]] = []
     for item in result.summary.get("sensors", ()):
         read, own = result.sensor(item["name"]), None

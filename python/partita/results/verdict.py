@@ -1,6 +1,7 @@
-"""The verdict on a run: valid, suspect or invalid, with what was found, when and how large.
+"""The verdict on a run: valid, suspect or invalid, with the findings, their times and sizes.
 
-The core judges; this module puts its findings into words."""
+The core judges; this module puts its findings into words.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +32,7 @@ class Finding(NamedTuple):
 
 
 def findings_of(reported: Iterable[Any]) -> list[Finding]:
-    """Findings out of plain data."""
+    """Findings from plain data."""
     return [
         Finding(bool(invalid), float("nan") if t is None else float(t), str(words)) for invalid, t, words in reported
     ]
@@ -48,17 +49,18 @@ def verdict_of(findings: Iterable[Finding]) -> str:
 
 
 def of_reactions(t: NDArray[np.float64], residual: NDArray[np.float64], options: Mapping[str, Any]) -> list[Finding]:
-    """What Newton-Euler residuals (nt,) with the returned reactions say; NaN where a reaction has no value."""
+    """Findings from Newton-Euler residuals (nt,) with the returned reactions; NaN where a reaction has no value."""
     drifts = options.get("correction") == "none" or options.get("formulation") == "baumgarte"
     times, residuals = _columns(t, residual)
     return findings_of(_core.reaction_findings(times, residuals, (tolerance(options), drifts)))
 
 
 def unnoticed(description: str | None, options: Mapping[str, Any]) -> float:
-    """Energy [J] against which a balance is held at the least.
+    """Smallest reference energy [J] of a balance.
 
     The energy of all bodies at speeds of the absolute tolerance is irrelevant, and the potentials of weights that
-    balance each other contain the round-off of each."""
+    balance each other contain the round-off of each.
+    """
     atol = options.get("atol")
     return _core.energy_floor(description, atol) if description is not None and isinstance(atol, float) else 0.0
 
@@ -66,7 +68,7 @@ def unnoticed(description: str | None, options: Mapping[str, Any]) -> float:
 def of_energy(
     t: NDArray[np.float64], energy: EnergyResult, rtol: float, steps: int, least: float = 0.0
 ) -> list[Finding]:
-    """What the energy balance says, held against the energy exchanged (`least` at the least) and the tolerance of the
+    """Findings from the energy balance, relative to the energy exchanged (at least `least`) and the tolerance of the
     run."""
     kinetic, potential, work = _columns(energy.kinetic, energy.potential, energy.work)
     parts = (kinetic, potential, work)
@@ -83,7 +85,7 @@ def tolerance(options: Mapping[str, Any]) -> float:
 
 
 def of_arrays(t: NDArray[np.float64], *arrays: NDArray[np.float64]) -> list[Finding]:
-    """Coordinates and velocities that are not numbers."""
+    """Coordinates and velocities that are not finite."""
     for array in arrays:
         spoilt = np.flatnonzero(~np.isfinite(array).all(axis=1))
         if len(spoilt):

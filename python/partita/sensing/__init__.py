@@ -1,5 +1,5 @@
-"""What sensors read, as plain data, and how it is found from motions and forces: of all outputs of a run at once, or of
-one state as a force law sees it.
+"""Readings of sensors, as plain data, and their computation from motions and forces: for all outputs of a run at once,
+or for one state read by a force law.
 
 A sensor is a dict: `of` names its object ("point", "body", "joint", "measure", "force", "drive", "coupling",
 "expression" or "function"), `reads` which of its quantities. All arrays may have axes in front, such as that of time.

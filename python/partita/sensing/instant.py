@@ -1,4 +1,4 @@
-"""Where sensors of positions and velocities get their numbers at one state."""
+"""Source of the numbers of position and velocity sensors at one state."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _BODIES = ("body_position", "body_rotation", "body_velocity", "body_angular_velo
 
 
 class StateSignals(Unseen):
-    """Signals of one state of a compiled model; accelerations and forces are none of them."""
+    """Signals of one state of a compiled model, without accelerations and forces."""
 
     def __init__(self, model: Any, t: float, q: Array, v: Array, summary: Mapping[str, Any]) -> None:
         self.t, self._model, self._summary = t, model, summary

@@ -13,7 +13,7 @@ _PER_TIME = {"position": "", "velocity": "/s", "acceleration": "/s^2"}
 
 
 def unit_of(record: SensorRecord, sensors: Mapping[str, SensorRecord], joints: Sequence[Mapping[str, Any]]) -> str:
-    """The unit of what a sensor reads; "" where its columns differ or nothing is known of it."""
+    """The unit of a sensor's readings; "" where its columns differ or it is unknown."""
     if record.unit is not None:
         return record.unit
     data = record.data
@@ -66,7 +66,7 @@ def _unit_of_tree(tree: Any, unit: Callable[[str], str]) -> str:
 
 
 def text_of(record: SensorRecord) -> str:
-    """What a sensor reads, in words."""
+    """The readings of a sensor, in words."""
     if record.text is not None:
         return record.text
     data, of = record.data, record.data["of"]

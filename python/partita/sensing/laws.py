@@ -1,4 +1,4 @@
-"""What a force law may see of sensors."""
+"""Sensors that a force law may read."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def at_once(record: SensorRecord, sensors: Mapping[str, SensorRecord]) -> bool:
 
 
 def seen_by_laws(sensors: Mapping[str, SensorRecord]) -> tuple[list[str], list[str]]:
-    """Bodies and joints that laws have to see for the sensors they may read."""
+    """Bodies and joints that laws must read for the sensors they may use."""
     bodies: dict[str, None] = {}
     joints: dict[str, None] = {}
     for record in sensors.values():
@@ -64,7 +64,7 @@ GROUND = Moving(np.zeros(3), np.eye(3), np.zeros(3), np.zeros(3))
 
 
 class Unseen:
-    """What is not known before forces are."""
+    """Quantities that are unknown before the forces."""
 
     def body_acceleration(self, name: str) -> tuple[Array, Array]:
         raise self._unseen(name)
@@ -92,7 +92,7 @@ class Unseen:
 
 
 class Sighted(Unseen):
-    """Signals of one state as a force law sees them: numbers of bodies and coordinates of joints, side by side."""
+    """Signals of one state as read by a force law: numbers of bodies and coordinates of joints, side by side."""
 
     def __init__(self, t: float, numbers: Array, bodies: Sequence[str], joints: Mapping[str, int]) -> None:
         self.t, self._numbers = t, numbers

@@ -1,4 +1,4 @@
-"""The quantities of bodies, points, joints, measures and forces, from whatever knows their motion."""
+"""The quantities of bodies, points, joints, measures and forces, from any source of their motion."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Moving(NamedTuple):
 
 
 class Signals(Protocol):
-    """Where sensors get their numbers from."""
+    """Source of the numbers of sensors."""
 
     @property
     def t(self) -> Any:
@@ -33,7 +33,7 @@ class Signals(Protocol):
         """A body, or the ground."""
 
     def body_acceleration(self, name: str) -> tuple[Array, Array]:
-        """Of its origin, and of its turning."""
+        """Acceleration of its origin, and angular acceleration."""
 
     def joint(self, name: str) -> tuple[Array, Array]:
         """Coordinates and velocities of a joint (..., n)."""
@@ -75,7 +75,7 @@ def point_motion(signals: Signals, body: str, point: Any, reads: str) -> Array:
 
 
 def _along(signals: Signals, data: Data, values: Array) -> Array:
-    """A vector in world axes along the axes that were asked for."""
+    """A vector in world axes along the requested axes."""
     axes = data.get("axes", "world")
     if axes == "world":
         return values
@@ -159,7 +159,7 @@ def _product_rule(a: Sequence[Array], b: Sequence[Array], reads: str) -> Array:
 
 
 def _distance(gaps: Sequence[Array]) -> Array:
-    """Length of a gap, or the derivative that its own lead to; NaN where points coincide, which have no direction."""
+    """Length of a gap, or its derivative; NaN where points coincide, since there is no direction."""
     length = np.sqrt(_dot(gaps[0], gaps[0]))
     if len(gaps) == 1:
         return length

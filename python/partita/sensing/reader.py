@@ -15,7 +15,7 @@ from .records import SensorRecord
 
 
 class Reader:
-    """Reads sensors by name; what was read is kept."""
+    """Reads sensors by name, and stores the readings."""
 
     def __init__(self, sensors: Mapping[str, SensorRecord], signals: Signals) -> None:
         self._sensors, self._signals = sensors, signals

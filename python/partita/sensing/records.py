@@ -1,4 +1,4 @@
-"""Sensors as plain data: what can be read of what."""
+"""Sensors as plain data: the quantities that exist for each kind of object."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ READS: dict[str, dict[str, str]] = {
     "drive": {"effort": "", "power": "W"},
     "coupling": {"effort": ""},
 }
-"""What can be read, with its unit where it is the same for all; of forces by their form."""
+"""Quantities, with their unit where it is the same for all; of forces by their form."""
 
 AT_ONCE = ("position", "velocity", "rotation", "angular_velocity")
-"""What follows from q and v alone."""
+"""Quantities that follow from q and v alone."""
 OPERATIONS = {"sum": 2, "product": 2, "quotient": 2, "dot": 2, "norm": 1, "component": 2}
 """Operations of expressions, and how many operands they have; sums and products may have more."""
 
@@ -54,14 +54,14 @@ def operands(tree: Any) -> Iterator[str]:
 
 
 def uses(record: SensorRecord) -> list[str]:
-    """Other sensors that a sensor is made of."""
+    """Other sensors from which a sensor is computed."""
     if record.data["of"] == "expression":
         return list(dict.fromkeys(operands(record.data["expression"])))
     return list(record.data["sensors"]) if record.data["of"] == "function" else []
 
 
 def known(name: Any, sensors: Mapping[str, SensorRecord], where: str) -> str:
-    """The name of a sensor that there is."""
+    """The name of an existing sensor."""
     if not isinstance(name, str) or name not in sensors:
         names = list(sensors)
         raise UnknownNameError(

@@ -1,4 +1,4 @@
-"""Units at the door: inside Partita everything is SI and radians.
+"""Units in the interface: inside Partita everything is SI and radians.
 
 Where a number with a dimension is expected, text with a unit is taken as well, and so is a quantity of pint:
 
@@ -122,5 +122,5 @@ def _unit(name: str, argument: str) -> Unit:
 
 
 def _kind(unit: Unit) -> str:
-    """What a unit measures, without its article."""
+    """The quantity that a unit measures, without its article."""
     return called(unit.dimension).removeprefix("an ").removeprefix("a ")

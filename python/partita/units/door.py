@@ -18,7 +18,8 @@ from .table import NONE, PLAIN, UNITS, Dimension, Unit, called
 from .text import NoNumber, NotAQuantity, quantity_of, unit_of
 
 SI = Union[str, Sequence["SI"]]  # noqa: UP007, a type that names itself
-"""The SI unit that is meant: one for all, or one for each entry along the first axis. "" is a number without unit."""
+"""The SI unit that is expected: one for all, or one for each entry along the first axis. "" is a number without
+unit."""
 
 _NUMBERS = frozenset({float, int, np.float64})
 
@@ -28,7 +29,7 @@ class QuantityError(TypeError):
 
 
 def in_si(what: str, value: Any, unit: SI) -> Any:
-    """`value` with every quantity in it as a float in SI; what holds none is returned as it is."""
+    """`value` with every quantity in it as a float in SI; a value without quantities is returned unchanged."""
     kind = type(value)
     if kind in _NUMBERS:
         return value
@@ -55,7 +56,7 @@ def in_si(what: str, value: Any, unit: SI) -> Any:
 
 
 def bare(value: Any) -> Any:
-    """`value` with the numbers of its quantities in their place: for a look at its shape."""
+    """`value` with its quantities replaced by their numbers, to determine its shape."""
     if is_quantity(value):
         return value.magnitude
     if isinstance(value, (list, tuple)) and not _NUMBERS.issuperset(map(type, value)):
@@ -70,7 +71,7 @@ def ratio(found: Unit, other: Unit) -> Fraction:
 
 def agree(wanted: Dimension, given: Dimension) -> bool:
     """Whether it is the same kind. A radian may be omitted where it does not distinguish rotation from anything else: N
-    m for a torsional stiffness; never of an angle or a rate of turning, where 1/s might be meant as turns."""
+    m for a torsional stiffness; never for an angle or an angular velocity, where 1/s might mean revolutions."""
     if wanted == given:
         return True
     return wanted[:3] == given[:3] and given[3] == 0 and (wanted[0] != 0 or wanted[1] != 0)

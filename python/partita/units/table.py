@@ -1,8 +1,8 @@
 """The units that are known: their exact size in SI and their dimension.
 
-A unit is a product of powers of metre, kilogram, second and radian, times a size. Sizes are fractions; pi stands in
-them with sixty digits. The radian counts as a dimension of its own: rates of turning are then told from frequencies,
-whose factor of 2 pi is lost so easily.
+A unit is a product of powers of metre, kilogram, second and radian, times a size. Sizes are fractions; pi has sixty
+digits. The radian counts as a dimension of its own: so angular velocities are distinguished from frequencies, which
+differ by an easily forgotten factor of 2 pi.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ NONE: Dimension = (Fraction(0), Fraction(0), Fraction(0), Fraction(0))
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit: `size` in SI, `dimension`; `rounded`: its size is no fraction."""
+    """A unit: `size` in SI, `dimension`; `rounded`: its size is not a fraction."""
 
     size: Fraction
     dimension: Dimension
@@ -35,7 +35,7 @@ class Unit:
         return Unit(self.size * other.size, sums, self.rounded or other.rounded)
 
     def power(self, exponent: Fraction) -> Unit:
-        """The unit to a power. A root of a size that is no square keeps sixty digits."""
+        """The unit to a power. A root of a size that is not a square has sixty digits."""
         if exponent.denominator == 1:
             size = self.size ** int(exponent)
         else:
@@ -151,11 +151,11 @@ _KINDS: list[tuple[str, str, tuple[int, int, int, int]]] = [
 WORDS: dict[Dimension, tuple[str, str]] = {
     (Fraction(a), Fraction(b), Fraction(c), Fraction(d)): (word, unit) for word, unit, (a, b, c, d) in _KINDS
 }
-"""Dimension to what it is called, and its unit."""
+"""Name of a dimension, and its unit."""
 
 
 def called(dimension: Dimension) -> str:
-    """What messages call a quantity of this dimension: "a mass"."""
+    """The name of a quantity of this dimension in messages: "a mass"."""
     if dimension == NONE:
         return "a number without unit"
     if dimension in WORDS:
@@ -174,7 +174,7 @@ def written(dimension: Dimension) -> str:
 
 
 def unknown(name: str) -> str:
-    """What to say of a unit that is not known."""
+    """The hint for an unknown unit."""
     lower = {known.lower(): known for known in UNITS}
     close = [lower[name.lower()]] if name.lower() in lower else difflib.get_close_matches(name, UNITS, n=3, cutoff=0.5)
     hint = f"did you mean {' or '.join(map(repr, close))}?" if close else f"known are {', '.join(sorted(_SHORT)[:60])}"

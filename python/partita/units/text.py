@@ -34,7 +34,7 @@ class NotAQuantity(ValueError):
 
 
 class NoNumber(NotAQuantity):
-    """It does not even begin as a quantity."""
+    """It does not begin like a quantity."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Quantity:
 
 @lru_cache(maxsize=512)
 def unit_of(text: str) -> Unit:
-    """The unit that a text names; numbers in it count as part of the unit."""
+    """The unit named in a text; numbers in it count as part of the unit."""
     found = _Reader(text).all()
     return Unit(found.number, PLAIN.dimension) * found.unit
 

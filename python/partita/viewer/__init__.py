@@ -4,11 +4,11 @@ The page holds everything it needs, opens from disk without a network, and asks 
 mechanism in 3-D (drag to turn, wheel to zoom), the reaction of every joint as an arrow, and the projective
 measure of every coordinate as a bar that moves with time, the independent ones marked.
 
-Rooms: `scene` says what is to be drawn, `geometry` how bodies look and from where they are seen, `couplings` how
-gears, belts, cams and what rolls look, `hints` and `meshes` what a person or a file says of looks, `curves` what can be
-plotted, `packing` thins and stores the arrays, `page` puts the page together. The drawing itself is plain JavaScript
-beside these files, inlined in the order of `page.SCRIPTS`. `film` chooses the outputs and writes the file; `stage`
-draws them with Pillow on a `sheet`, placed by `pose`. `live` shows a stepper in viser.
+Modules: `scene` selects what is drawn, `geometry` the shapes of bodies and the view, `couplings` the shapes of gears,
+belts, cams and rolling bodies, `hints` and `meshes` shapes given by the user or a file, `curves` the plots, `packing`
+thins and stores the arrays, `page` assembles the page. The drawing itself is plain JavaScript beside these files,
+inlined in the order of `page.SCRIPTS`. `film` chooses the outputs and writes the file; `stage` draws them with Pillow
+on a `sheet`, placed by `pose`. `live` shows a stepper in viser.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""How couplings look: gears that mesh, belts, racks, cams, wheels that roll, rods without mass.
+"""Shapes of couplings: gears that mesh, belts, racks, cams, wheels that roll, massless rods.
 
-A description says ratios, not wheels. Where the axes stand, wheels of that ratio that touch are unique, so gears are
-drawn to scale, with teeth for show; pulleys have their radii, where there is room. What has no picture is a thin line
-between its parts.
+A description gives ratios, not wheels. For given axes the wheels of that ratio in contact are unique, so gears are
+drawn to scale, with teeth for illustration; pulleys have their radii, where there is room. A coupling without a picture
+is a thin line between its parts.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ FloatArray = NDArray[np.float64]
 PULLEYS = 0.42
 """Two pulleys of a belt together, in parts of the distance of their axes, where there is no room for theirs."""
 ROUND = 73
-"""Points of a belt around a pulley: so many that no corner is seen."""
+"""Points of a belt around a pulley: enough that no corner is visible."""
 TEETH = range(16, 33)
 LONGEST_PATH = 240
 
@@ -143,14 +143,15 @@ class _Artist:
         self.found.rolling.setdefault(self.body[coupling["body"]], []).append(part)
 
     def link(self, coupling: Mapping[str, Any]) -> None:
-        """No picture: a thin line from joint to joint says that they know of each other."""
+        """No picture: a thin line from joint to joint indicates the coupling."""
         of = [self.joint[term["joint"]] for term in coupling["terms"] if term["of"] == "joint"]
         self.found.links += [[a, b] for a, b in pairwise(of) if a != b]
 
     # ---- gears
 
     def mesh(self, joints: Sequence[str], factors: Sequence[float]) -> bool:
-        """Two wheels that touch: their rates, seen from the arm that carries both axes, are as the factors say."""
+        """Two wheels in contact: their rates, relative to the arm that carries both axes, have the ratio of the
+        factors."""
         axes = [self.turns[name].axis for name in joints]
         parallel = all(abs(abs(axis @ axes[0]) - 1.0) < 1e-9 for axis in axes)
         if not parallel:
@@ -184,7 +185,8 @@ class _Artist:
         return False
 
     def axis_of(self, body: int, arm: int, along: FloatArray) -> FloatArray | None:
-        """A point of the axis about which a body turns as seen from the arm: a hinge between them, or a shared line."""
+        """A point of the axis about which a body rotates relative to the arm: a hinge between them, or a shared
+        line."""
         near = [turn for turn in self.turns.values() if abs(abs(turn.axis @ along) - 1.0) < 1e-9]
         for turn in near:
             if {turn.parent, turn.child} == {body, arm}:
@@ -271,7 +273,7 @@ class _Artist:
         new["phase"] = 0.5 * pitch + (part if not inside else -part) % 1.0 * pitch
 
     def bevel(self, joints: Sequence[str], factors: Sequence[float]) -> bool:
-        """Two wheels whose axes meet: their pitch cones touch along the line at which both move alike."""
+        """Two wheels whose axes intersect: their pitch cones touch along the line of equal velocity."""
         a, b = (self.turns[name] for name in joints)
         if a.parent != b.parent:
             return False
@@ -403,7 +405,7 @@ class _Artist:
         return True
 
     def law(self, coupling: Mapping[str, Any], joints: Sequence[str]) -> tuple[FloatArray, FloatArray]:
-        """Lifts and angles (n,) of a cam: its table, or what a run has felt of its function."""
+        """Lifts and angles (n,) of a cam: its table, or the values of its function during a run."""
         if coupling["kind"] == "curve":
             curve = coupling["curve"]
             return np.array(curve["coefficients"])[:, -1], np.array(curve["breaks"])[:-1]

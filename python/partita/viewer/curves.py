@@ -1,4 +1,4 @@
-"""What can be plotted under the scene: loads of joints, coordinates, sensors, energy."""
+"""Curves that can be plotted under the scene: loads of joints, coordinates, sensors, energy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a body looks from the points known on it, and from where a mechanism is seen."""
+"""Shape of a body from its known points, and the view of a mechanism."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 
 MOSTLY_SEEN = 0.25
-"""A planar mechanism of which a larger share of parts is hidden face-on is seen from aside."""
+"""A planar mechanism of which a larger fraction of parts is hidden face-on is viewed obliquely."""
 
 
 ROUND = 1e-6
-"""Principal moments of inertia that differ by less are those of something round."""
+"""Principal moments of inertia that differ by less belong to a round body."""
 
 
 DEEP = 0.2
@@ -199,5 +199,5 @@ def _unit(vector: FloatArray) -> FloatArray:
 
 
 def plain(vector: FloatArray) -> list[float]:
-    """A list for JSON, without digits nobody can see."""
+    """A list for JSON, without invisible digits."""
     return [float(f"{x:.7g}") for x in vector]

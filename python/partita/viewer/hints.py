@@ -1,4 +1,4 @@
-"""Drawing hints that a person gives: solids in the place of rods, and points whose paths are traced."""
+"""Drawing hints given by the user: solids instead of rods, and points whose paths are traced."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def solids(shapes: Any, bodies: Sequence[str]) -> dict[int, list[dict[str, Any]]
 
 
 def _load_meshes(parts: list[dict[str, Any]]) -> None:
-    """Put corners and triangles in the place of the files' names, fewer where all together are too many to draw."""
+    """Replace the names of mesh files by vertices and triangles, fewer where all together are too many to draw."""
     whole = [load(part.pop("file")) for part in parts]
     left, most = MOST_TRIANGLES, {}
     for count, n in enumerate(sorted(range(len(whole)), key=lambda n: len(whole[n][1]))):

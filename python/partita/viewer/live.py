@@ -1,4 +1,4 @@
-"""A mechanism in a browser while it moves, drawn by viser: bodies are frames, and a frame is all that is sent anew."""
+"""A mechanism in a browser while it moves, drawn by viser: bodies are frames, and only frames are sent again."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ SLENDER = 0.012
 HUES = ((47, 127, 184), (210, 105, 30), (61, 154, 80), (181, 72, 126), (138, 111, 201), (165, 138, 31))
 PIN, HELD, PALE = (240, 240, 240), (60, 60, 60), (150, 150, 150)
 AWAY = 1.5
-"""How far the eye is from the middle of the mechanism, over its size."""
+"""Distance of the eye from the middle of the mechanism, over its size."""
 
 
 class Poses(NamedTuple):
-    """Where all bodies are at an instant."""
+    """Poses of all bodies at an instant."""
 
     t: float
     position: FloatArray  # (nb, 3)
@@ -83,7 +83,7 @@ class LiveView:
         return self._sent
 
     def update(self) -> None:
-        """Show where the stepper stands now. `step` and `reset` see to it themselves, up to 60 times in a second."""
+        """Show the current state of the stepper. `step` and `reset` do this themselves, up to 60 times per second."""
         if not self._closed:
             self._send()
 
@@ -96,7 +96,7 @@ class LiveView:
                     self._server.stop()
 
     def moved(self) -> None:
-        """The stepper has moved on: now, or as soon as the next picture is due, show it."""
+        """The stepper has advanced: show it now, or as soon as the next picture is due."""
         with self._lock:
             if self._closed or self._busy:
                 self._wanted = True
@@ -143,7 +143,7 @@ class LiveView:
 
 
 class _Drawing:
-    """What stands in the scene of the server, and how it moves."""
+    """The objects in the scene of the server, and their motion."""
 
     def __init__(
         self, server: Any, drawn: Mapping[str, Any], chosen: Mapping[int, list[dict[str, Any]]], middle: FloatArray
@@ -170,7 +170,7 @@ class _Drawing:
         self._look(drawn["view"], middle)
 
     def put(self, poses: Poses) -> None:
-        """Move everything; what did not move is not sent."""
+        """Move all objects; unchanged ones are not sent."""
         self.time = poses.t
         turns = _quaternions(poses.rotation)
         with self._server.atomic():
@@ -273,7 +273,7 @@ class _Drawing:
 
 
 def _checked(host: Any, port: Any) -> None:
-    """Refuse what no page can be served from: the server would wait for it without an end."""
+    """Refuse addresses from which no page can be served: the server would wait without end."""
     if not isinstance(host, str) or not host:
         raise ArgumentError(f'host is {shown(host)}; it must be a name such as "127.0.0.1"', argument="host")
     if isinstance(port, bool) or not isinstance(port, int | np.integer) or not 0 <= port <= 65535:
@@ -308,7 +308,7 @@ def _plain(name: str) -> str:
 
 
 def _from_z(along: FloatArray) -> FloatArray:
-    """The quaternion that turns z into a direction, scalar first."""
+    """The quaternion that rotates z into a direction, scalar first."""
     length = float(np.linalg.norm(along))
     x, y, z = along / length if length > 0.0 else (0.0, 0.0, 1.0)
     if z < -1.0 + 1e-12:

@@ -18,7 +18,7 @@ FloatArray = NDArray[np.float64]
 
 ENDINGS = (".stl", ".obj", ".glb", ".gltf")
 MOST_TRIANGLES = 6000
-"""Of all meshes of a page together: what a browser draws between two frames of a film without a graphics card."""
+"""For all meshes of a page together: the number a browser can draw between two frames without a graphics card."""
 FEWEST_TRIANGLES = 200
 SIZE = 128 * 2**20
 
@@ -79,7 +79,7 @@ def _resolver(trimesh: Any, folder: Path) -> Any:
 
 
 def inside(folder: Path, name: str) -> Path:
-    """A file of a folder or below, named by a file of strangers: nothing else can be reached."""
+    """A file of a folder or below, named by an untrusted file: nothing else can be reached."""
     root = folder.resolve()
     found = (root / name).resolve()
     if not found.is_relative_to(root):

@@ -17,12 +17,12 @@ FEWEST_FRAMES = 60
 SMOOTH = 600
 """Outputs that a page of single precision should hold at least, where a run has them; else numbers take two bytes."""
 BYTES = 940_000
-"""Wanted size of all that a run adds to a page; of large mechanisms fewer outputs are kept, to stay below it."""
+"""Target size of the data that a run adds to a page; for large mechanisms fewer outputs are kept, to stay below it."""
 
 NEGLIGIBLE = 1e-7
 """A column that moves less than this fraction of its table is constant: single precision ends there too."""
 LEVELS = 65534
-"""Steps of a number in two bytes over the range of its column; one more stands for what is not finite."""
+"""Steps of a number in two bytes over the range of its column; one more represents non-finite values."""
 
 
 @dataclass(frozen=True)

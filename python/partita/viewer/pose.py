@@ -1,4 +1,5 @@
-"""Where everything of a scene is at an output: what the page finds in its scripts, in Python for films."""
+"""Positions of all objects of a scene at an output: the counterpart in Python, for films, of the scripts of the
+page."""
 
 from __future__ import annotations
 
@@ -248,7 +249,7 @@ def strokes_of(points: FloatArray, t: FloatArray, least: float) -> list[FloatArr
 
 
 def is_tangled(strokes: list[FloatArray], size: float) -> bool:
-    """Does a path go everywhere, so that all of it at once says nothing?"""
+    """Whether a path covers so much that drawing all of it is meaningless."""
     if not strokes:
         return False
     points = np.concatenate(strokes)

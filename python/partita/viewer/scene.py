@@ -1,4 +1,4 @@
-"""What is to be drawn: one run as plain data for the page."""
+"""Objects to be drawn: one run as plain data for the page."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ FloatArray = NDArray[np.float64]
 
 SLIDING = ("prismatic", "cylindrical", "screw")
 ENOUGH = np.radians(10.0)
-"""A turn from output to output that is seen as motion."""
+"""A rotation from output to output that is perceived as motion."""
 MOST_SWITCHES = 2000
 MOST_FULL = 400
-"""Number of switches described in words; for more, only the times are marked."""
+"""Number of switches described in words; beyond it only their times are marked."""
 
 
 @dataclass(frozen=True)
@@ -207,7 +207,7 @@ def _joints(
 
 
 def _lever(joint: Mapping[str, Any]) -> float:
-    """How far from its point a hinge is drawn."""
+    """Distance of a hinge from its point, as drawn."""
     return float(np.linalg.norm(np.subtract(joint["seat"], joint["at"]))) if joint["seat"] else 0.0
 
 

@@ -1,4 +1,4 @@
-"""Colours and strokes of a film's picture, which is painted from far to near."""
+"""Colours and strokes of a picture of a film, painted from far to near."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""A scene without what its page fills in again: of large mechanisms descriptions would be as large as the motion."""
+"""A scene without the entries that its page fills in again: for large mechanisms descriptions would be as large as the
+motion."""
 
 from __future__ import annotations
 
@@ -10,7 +11,7 @@ DIGITS = 9
 
 
 def slim(scene: Mapping[str, Any]) -> dict[str, Any]:
-    """The scene with fewer words; `filled` in data.js is its inverse.
+    """The scene with fewer entries; `filled` in data.js is its inverse.
 
     Joints lose what they have not, curves what is usual of their kind, numbers digits that no picture shows.
     """

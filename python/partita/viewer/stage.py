@@ -1,4 +1,4 @@
-"""The mechanism as a film shows it: before a camera that stands still or goes along, drawn with Pillow."""
+"""The mechanism in a film: in front of a camera that is fixed or moves along, drawn with Pillow."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from .sheet import (
 FloatArray = NDArray[np.float64]
 
 FINER = 2
-"""Pictures are drawn so many times larger and made smaller: edges become smooth."""
+"""Pictures are drawn larger by this factor and reduced: edges become smooth."""
 MOST_ARROW = 1.5
 """An arrow longer than this many times a large one is cut, and marked."""
 

@@ -13,8 +13,8 @@ from .drawing import Array, Body, Coupling, Drawing, Drive, Joint, Load, Spring,
 
 
 def drawing_of(m: pt.Mechanism, drives: tuple[Drive, ...] = (), known: Mapping[str, Coupling] | None = None) -> Drawing:
-    """Closed drawings with numbers for values; of `drives` the functions are given, since a description has none, and of
-    couplings by a function all of them, as `known`.
+    """Closed drawings with numbers for values; of `drives` the functions are given, since a description has none, and
+    of couplings by a function all of them, as `known`.
 
     Constant speeds are read.
     """

@@ -11,17 +11,16 @@ pub use crate::record::Verdict;
 
 pub use crate::singular::change_point::Pace;
 
-/// Where a verdict is carried out: at the end of an accepted step, or at the start of one that is repeated. A march
-/// that came
-/// too close to a singular position is put back: then t is an earlier time, and y, dy, turns are those of it.
+/// Where a verdict is applied: at the end of an accepted step, or at the start of one that is repeated. An integration
+/// that came too close to a singular position is set back: then t is an earlier time, and y, dy, turns are those of it.
 pub struct Step<'a> {
     /// Time.
     pub t: f64,
-    /// State; rewritten where coordinates change or turns are taken off.
+    /// State; rewritten where coordinates change or turns are removed.
     pub y: &'a mut [f64],
     /// Its slope, rewritten along with it.
     pub dy: &'a mut [f64],
-    /// Whole turns taken off each coordinate so far (nq).
+    /// Whole turns removed from each coordinate so far (nq).
     pub turns: &'a mut [i32],
     /// The control of the next steps, if it can be changed; `None` for fixed steps.
     pub pace: Option<&'a mut Pace>,
@@ -38,29 +37,27 @@ fn sizes_of_coordinates<S: crate::ConstrainedSystem>(system: &S, out: &mut [f64]
     }
 }
 
-/// The steps of a formulation: tried, judged and taken, and what they were held against.
+/// The steps of a formulation: tried, judged and accepted, and their checks.
 ///
-/// `trial_end` is called at the end of a step that may be taken; `commit` when it is, after the outputs inside it.
-/// Before `commit` nothing changes what a later evaluation gives, so a step is given up by forgetting it.
+/// `trial_end` is called at the end of a step that may be accepted; `commit` when it is, after the outputs inside it.
+/// Before `commit` nothing changes later evaluations, so a step is rejected by not committing it.
 pub trait FormulationSteps {
-    /// The end (t, y) of a step: removes the remainder of S3 from y, evaluates y' there and judges the step. `known`
-    /// states that dy contains `f(t, y)` from the last evaluation. The second answer is true where f was evaluated
-    /// anew.
+    /// The end (t, y) of a step: removes the error of S3 from y, evaluates y' there and judges the step. `known` states
+    /// that dy contains `f(t, y)` from the last evaluation. The second result is true where f was evaluated again.
     fn trial_end(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], known: bool) -> Result<(Verdict, bool)>;
     /// Carry out the verdict of the last `trial_end`; (q, v) stay the same. True if y or y' was rewritten.
     fn commit(&mut self, verdict: Verdict, step: &mut Step) -> Result<bool>;
-    /// When the step of the last `trial_end` passes a place where what acts is not smooth, if it makes a difference of
-    /// more than
-    /// `tolerance` parts of the velocities: better it ended there.
+    /// When the step of the last `trial_end` passes a point where a load is not smooth, if this changes the velocities
+    /// by more than the fraction `tolerance`: the step should end there.
     fn breakpoint_within(&self, _tolerance: f64) -> Option<f64> {
         None
     }
-    /// When a step of length h from the last `commit` would, by what is known yet.
+    /// When a step of length h from the last `commit` would pass one, by prediction.
     fn breakpoint_ahead(&self, _h: f64, _tolerance: f64) -> Option<f64> {
         None
     }
-    /// Does the step of the last `trial_end` cross a guard, where motions are as exact as `tolerance`? Where it cannot
-    /// end there, what neither end shows is counted among the checks.
+    /// Whether the step of the last `trial_end` crosses a guard, where motions are as exact as `tolerance`. Where it
+    /// cannot end there, a crossing that neither end shows is counted among the checks.
     fn guard(&mut self, _tolerance: f64, _may_end: bool) -> Look {
         Look::Clear
     }
@@ -68,17 +65,17 @@ pub trait FormulationSteps {
     fn look_at(&mut self, _t: f64, _y: &[f64]) -> Result<()> {
         Ok(())
     }
-    /// What happened so far.
+    /// The record so far.
     fn history(&self) -> History;
-    /// Times of singular positions that were stepped over.
+    /// Times of singular positions that were crossed.
     fn crossings(&self) -> Vec<f64> {
         self.history().crossings
     }
-    /// What stood open at the ends of the steps since the start; allocates nothing.
+    /// Constraint violations at the ends of steps since the start; allocates nothing.
     fn gaps(&self) -> Gaps {
         self.history().gaps
     }
-    /// What else steps and outputs were held against since then; allocates nothing.
+    /// Other checks of steps and outputs since then; allocates nothing.
     fn checks(&self) -> StepChecks {
         self.history().checks
     }
@@ -91,7 +88,7 @@ pub trait FormulationSteps {
     }
 }
 
-/// At which level a row that prescribes a motion is held against its derivatives.
+/// Level at which a row that prescribes a motion is compared with its derivatives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PrescribedLevel {
     /// Φ, against the integral of velocities.
@@ -105,13 +102,13 @@ pub enum PrescribedLevel {
 pub struct PrescribedGap {
     /// Which row.
     pub row: usize,
-    /// At which level.
+    /// The level.
     pub level: PrescribedLevel,
-    /// How far it stood open at the start of the step.
+    /// Its violation at the start of the step.
     pub before: f64,
-    /// By how much it misses the integral.
+    /// The difference from the integral.
     pub by: f64,
-    /// Whether that is more than a smooth function would, so that the step cannot be taken.
+    /// Whether that is more than for a smooth function, so that the step must be rejected.
     pub shorten: bool,
 }
 
@@ -126,7 +123,7 @@ pub trait PrescribedRows {
     fn prescribed_at(&mut self, _t: f64, _y: &[f64], _of: &PrescribedGap) -> Result<[f64; 2]> {
         Ok([0.0; 2])
     }
-    /// The error of a row that jumps by so much.
+    /// The error for a row that jumps by this amount.
     fn prescribed_jump(&self, t: f64, of: &PrescribedGap, by: f64) -> SystemError {
         let what = format!("row {}", of.row);
         SystemError::Jump { what: what.into(), t, by, rate: of.level == PrescribedLevel::Rate }
@@ -137,7 +134,7 @@ pub trait PrescribedRows {
 pub trait Formulation: FormulationSteps + PrescribedRows {
     /// Length of y.
     fn dim(&self) -> usize;
-    /// How many leading components of y the step size answers for.
+    /// Number of leading components of y whose error is controlled.
     fn controlled(&self) -> usize;
     /// Natural size of each component of y: 1 for angles, a characteristic length for displacements, the same for their
     /// rates [1/s]. Absolute tolerances are in these, so that they mean the same for a watch and for a crane. Asked
@@ -145,7 +142,7 @@ pub trait Formulation: FormulationSteps + PrescribedRows {
     fn natural_sizes(&self, out: &mut [f64]) {
         out.fill(1.0);
     }
-    /// Take over the assembled state and write y.
+    /// Start from the assembled state and write y.
     fn start(&mut self, t: f64, q: &[f64], v: &[f64], y: &mut [f64]) -> Result<()>;
     /// `y' = f(t, y)`.
     fn derivative(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<()>;

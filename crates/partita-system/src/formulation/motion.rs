@@ -4,8 +4,8 @@
 //! y = (position coordinates, u, work),   v = Dᵀ u + γ,   M_d u' = D (h − M δ)                 (F1)
 //! ```
 //!
-//! [`Tangent`] defines the basis and [`Positions`] how q is found; what remains is the same for all of
-//! them: a step is tried, judged, taken, its choice renewed, singular positions passed, outputs closed.
+//! [`Tangent`] defines the basis and [`Positions`] how q is found; the rest is common to all: a step is tried, judged,
+//! accepted, its choice renewed, singular positions crossed, outputs closed.
 
 mod checks;
 mod crossing;
@@ -57,19 +57,19 @@ pub struct Motion<'s, S: ConstrainedSystem + 's, T, P> {
     moved: bool,
     /// Singular positions behind and ahead.
     monitor: CrossingMonitor,
-    /// Breakpoints of curves on its way.
+    /// Breakpoints of curves along the motion.
     breakpoints: Watched,
-    /// Rows that prescribe a motion, held against their derivatives.
+    /// Rows that prescribe a motion, compared with their derivatives.
     prescribed: Prescribed<S>,
     /// Functions of the state that no step crosses unseen.
     guards: GuardMonitor,
-    /// Is what is evaluated the dense output at which guards are looked at?
+    /// Whether the current evaluation is the dense output at which guards are read.
     looking: bool,
     /// Memory for a state ahead and its rates.
     ahead: (Vec<f64>, Vec<f64>),
-    /// What is open at the ends of steps.
+    /// Constraint violations at the ends of steps.
     watch: Watch,
-    /// What else steps and outputs are held against.
+    /// Other checks of steps and outputs.
     checks: Checks,
     v: Vec<f64>,
     vdot: Vec<f64>,
@@ -215,7 +215,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         self.positions.q()
     }
 
-    /// Where u and the work stand in y.
+    /// Index of u and of the work in y.
     fn places(&self) -> (usize, usize) {
         (self.positions.places(), self.positions.places() + self.k)
     }

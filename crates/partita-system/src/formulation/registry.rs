@@ -35,7 +35,7 @@ pub const NAMES: &[&str] = &[
 /// The formulation of this name for a system of the given rank (see [`crate::start::analyse`]).
 ///
 /// # Errors
-/// `Argument` for a name that is not one of [`NAMES`], and for options that make no sense or that the formulation misses.
+/// `Argument` for a name that is not one of [`NAMES`], and for options that are invalid or missing.
 pub fn by_name<'s, S: ConstrainedSystem<Scratch: Send> + 's>(
     name: &str,
     system: impl Into<SystemRef<'s, S>>,
@@ -80,7 +80,7 @@ pub fn by_name<'s, S: ConstrainedSystem<Scratch: Send> + 's>(
 
 /// Options that were set but are not used by this formulation, so that they can be reported.
 ///
-/// What differs from [`FormulationOptions::default`] counts as set.
+/// Options that differ from [`FormulationOptions::default`] count as set.
 pub fn unread(name: &str, options: &FormulationOptions) -> Vec<&'static str> {
     let read: &[&str] = match name {
         "projective" => &["correction", "switch_threshold", "independent", "weights", "selection", "window"],

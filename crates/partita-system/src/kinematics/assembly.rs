@@ -2,9 +2,9 @@
 //! moves a closed mechanism by continuation to given coordinates.
 //!
 //! Both solve min |W (q − q₀)|² under Φ(q, t) = 0 by damped Gauss-Newton steps with sparse rows, the same for three
-//! velocities and for thirty thousand. Everything is measured in natural scales: moves in characteristic displacements
-//! (a radian, a characteristic length), residuals in what a large move opens the row by. So a mechanism of micrometres
-//! and one of a thousand kilometres take the same steps.
+//! velocities and for thirty thousand. All quantities are in natural scales: displacements in characteristic
+//! displacements (a radian, a characteristic length), residuals relative to the closure error of a large displacement.
+//! So a mechanism of micrometres and one of a thousand kilometres take the same steps.
 
 mod continuation;
 mod descent;
@@ -18,21 +18,21 @@ use crate::manifold::Residuals;
 use crate::system::{ConstrainedSystem, SystemError};
 use descent::{to_round_off, Descent, Ending};
 
-/// A drawing closed to this is left as it is drawn. Scale: fraction of the closing tolerance. Reason: what remains is
-/// its own round-off.
+/// A drawing closed to this is left unchanged. Scale: fraction of the closing tolerance. Reason: the remainder is its
+/// own round-off.
 const AS_DRAWN: f64 = 1e-3;
 
-/// What a drawing with twelve digits leaves open along its loops, and no motion closes. Scale: characteristic
-/// displacement. Reason: a tenth of what counts as closed in a run.
+/// Closure error of a drawing with twelve digits, which no motion closes. Scale: characteristic displacement. Reason: a
+/// tenth of [`tolerance::CLOSED_IN_RUN`].
 const DRAWN_DIGITS: f64 = 1e-10;
 
-/// Starts around the drawing that are tried where the drawing itself leads to a position that is nearest to closing
-/// without closing: with a chance of one half each, one in ten million is missed.
+/// Starts around the drawing that are tried where the drawing itself leads to a local minimum of the closure error:
+/// with a chance of one half each, one in ten million is missed.
 const STARTS: usize = 24;
 /// ... as long as they take no more iterations than this in all: thousands of loops are not tried for minutes.
 const PATIENCE: usize = 2000;
 
-/// What the assembly did.
+/// Result of the assembly.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Assembly {
     /// Gauss-Newton iterations in all.
@@ -53,8 +53,8 @@ pub struct Assembly {
 /// the drawing, always the same ones.
 ///
 /// # Errors
-/// `Lengths` where every way ends at rest with the loop open: by how much, and which. `Assembly` where the iterations
-/// ran out before.
+/// `Lengths` where every start converges to an open loop: by how much, and which. `Assembly` where the iterations were
+/// exhausted before.
 pub fn close<S: ConstrainedSystem>(
     system: &S,
     t: f64,

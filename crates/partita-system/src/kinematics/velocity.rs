@@ -10,14 +10,15 @@ use partita_math::tolerance;
 /// Rates that differ by less are printed with more digits. Scale: fraction of the rate, at least one. Reason: as many
 /// digits as a message usually shows.
 const FIVE_DIGITS: f64 = 1e-5;
-/// Next to a singular position rates are known to this. Scale: fraction of the fastest rate, over the square of the
-/// distance. Reason: directions of motion are off by rounding over the distance, and loops divide by it once more.
+/// Precision of rates next to a singular position. Scale: fraction of the fastest rate, over the square of the
+/// distance. Reason: directions of motion have an error of rounding over the distance, and loops divide by it once
+/// more.
 const RATE_ROUNDING: f64 = 5e-15;
-/// Next to a singular position rates are met to this at least. Scale: fraction of the fastest rate. Reason: five digits
-/// are the least that counts as met.
+/// Least precision of rates next to a singular position. Scale: fraction of the fastest rate. Reason: five digits are
+/// the least that counts as met.
 const RATES_MET_AT_WORST: f64 = 1e-5;
 
-/// To which part of the largest velocity rates that hold together are met at the last tangent.
+/// Precision to which compatible rates are met at the last tangent, as a fraction of the largest velocity.
 pub fn met<S: ConstrainedSystem>(r: &mut Reduction<S>) -> f64 {
     if r.rank() == 0 {
         return tolerance::RATES_MET;
@@ -26,7 +27,7 @@ pub fn met<S: ConstrainedSystem>(r: &mut Reduction<S>) -> f64 {
     (RATE_ROUNDING / (distance * distance)).clamp(tolerance::RATES_MET, RATES_MET_AT_WORST)
 }
 
-/// A rate that was wanted and the one that is possible, with as many digits as it takes to distinguish them.
+/// A requested rate and the possible one, with as many digits as it takes to distinguish them.
 pub fn possible(want: f64, got: f64) -> String {
     let digits = match (got - want).abs() < FIVE_DIGITS * want.abs().max(1.0) {
         true => 12,
@@ -129,10 +130,11 @@ pub fn pushed_with_rates<S: ConstrainedSystem>(
             want[i] = rate - gamma[vi] + dense::dot(row, &g);
             length[i] = dense::dot(row, row).sqrt();
         }
-        // what the loops do not let move is round-off against what they do: no row of its own, its rate is seen below
+        // the motion that the loops do not allow is round-off compared with the motion they do: it gets no row, and its
+        // rate is checked below
         let freest = rates.iter().zip(&length).fold(0.0, |m: f64, (r, l)| m.max(l / displacement(r.0)));
         for (i, &(vi, _)) in rates.iter().enumerate() {
-            // rates of turns and slides compare by what they are in the mass metric
+            // rates of rotations and translations are compared in the mass metric
             if length[i] > tolerance::NULL_VALUE * freest * displacement(vi) {
                 want[i] /= length[i];
                 rows.row_mut(i).iter_mut().for_each(|x| *x /= length[i]);

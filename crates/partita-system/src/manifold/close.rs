@@ -4,16 +4,16 @@
 //! C(q) dq = -Φ(q)   in the sense of the linear step,   q ← q ⊕ f dq,   f ≤ 1
 //! ```
 //!
-//! A step is taken where it lowers |Φ|²; else the next one is damped more, or shorter where the linear step knows no
-//! damping. Rows fall into parts that share no row and no velocity: each has its own damping, accepts or refuses its
+//! A step is accepted if it lowers |Φ|²; otherwise the next one has more damping, or is shorter where the linear step
+//! has no damping. Rows form parts that share no row and no velocity: each has its own damping, accepts or refuses its
 //! own steps and ends by itself, so that a thousand loops side by side take as many iterations as the slowest of them.
 
 use crate::error::Result;
 use crate::system::SystemError;
 use partita_math::tolerance;
 
-/// A step that gains less is refused. Scale: fraction of the gain that its linear rows promise. Reason: the usual bound
-/// of sufficient decrease.
+/// A step with a smaller gain is refused. Scale: fraction of the gain that its linear rows promise. Reason: the usual
+/// bound of sufficient decrease.
 const LEAST_GAIN: f64 = 1e-4;
 /// Steps that gain more than the first part are damped less by the second factor. Scale: fraction of the promised gain;
 /// factor of the damping. Reason: the usual rule of trust regions.
@@ -27,31 +27,31 @@ const REFUSED_STEP: (f64, f64) = (4.0, 0.5);
 /// Damping of the first step. Unit: squares of singular values in natural scales. Reason: rows weaker than a tenth have
 /// no effect at first.
 const FIRST_DAMPING: f64 = 1e-2;
-/// A larger damping moves nothing. Scale: squares of singular values in natural scales. Reason: moves are below
+/// A larger damping has no effect. Scale: squares of singular values in natural scales. Reason: displacements are below
 /// round-off then.
 const LARGEST_DAMPING: f64 = 1e10;
 /// A step cut below this that still does not gain ends the loop. Scale: fraction of the linear step. Reason: ten
 /// halvings; a descent direction gains earlier.
 const SHORTEST_CUT: f64 = 1e-3;
-/// At rest: |Cᵀ Φ| below this. Scale: fraction of |Φ|. Reason: a mechanism that closes at a singular position comes to
-/// √Φ, 1e-6 at the tolerance 1e-12.
+/// At a minimum: |Cᵀ Φ| below this. Scale: fraction of |Φ|. Reason: a mechanism that closes at a singular position
+/// comes to √Φ, 1e-6 at the tolerance 1e-12.
 const AT_REST: f64 = 1e-7;
-/// At rest where [`PATIENCE`] iterations have gained nothing: |Cᵀ Φ| below this. Scale: fraction of |Φ|. Reason: slow
-/// progress and a small slope together.
+/// At a minimum where [`PATIENCE`] iterations have gained nothing: |Cᵀ Φ| below this. Scale: fraction of |Φ|. Reason:
+/// slow progress and a small slope together.
 const NEARLY_AT_REST: f64 = 1e-3;
 /// An iteration that lowers |Φ|² by less gains nothing. Scale: fraction of |Φ|². Reason: a hundred such iterations
 /// would be needed for one digit.
 const SLOW_GAIN: f64 = 1e-2;
 /// So many iterations in a row that gain nothing end the loop.
 const PATIENCE: usize = 20;
-/// Rows that fall by less do not close any further. Scale: ratio in one iteration. Reason: Newton's method halves the
-/// error at least, also next to a singular position, where it falls to a quarter.
+/// Rows that decrease by less do not close any further. Scale: ratio in one iteration. Reason: Newton's method at least
+/// halves the error, also next to a singular position, where it falls to a quarter.
 const STALLED: f64 = 0.5;
-/// Steps at a minimum with open rows are good when they become shorter by this factor. Scale: ratio of successive
-/// steps. Reason: linear convergence is all there is.
+/// Steps at a minimum with open rows are converging when they shorten by this factor. Scale: ratio of successive steps.
+/// Reason: only linear convergence is possible there.
 const SHORTER: f64 = 0.7;
 
-/// How far rows are open, in the scale of their linearization.
+/// Residuals of rows, in the scale of their linearization.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Open {
     /// Σ Φ_i².
@@ -76,14 +76,14 @@ impl Open {
     }
 }
 
-/// The rows to be closed. Rows that share nothing may be parts; where nothing else is said there is one.
+/// The rows to be closed. Independent sets of rows may be parts; by default there is one.
 pub trait Residuals {
     /// Rows and their derivatives at q.
     ///
     /// # Errors
     /// `NotFinite` where one of them is: a step that leads there is refused. Other errors end the loop.
     fn evaluate(&mut self, q: &[f64]) -> Result<()>;
-    /// How far the rows of a part are open where last evaluated; 0 for parts that are to be left as they are.
+    /// Residuals of the rows of a part where last evaluated; 0 for parts that are to be left unchanged.
     fn open(&self, part: usize) -> Open;
     /// |Cᵀ Φ|² of a part where last evaluated, if rows that stay open are to be found by it.
     fn slope(&self, _part: usize) -> Option<f64> {
@@ -93,7 +93,7 @@ pub trait Residuals {
     fn parts(&self) -> usize {
         1
     }
-    /// What of q belongs to a part, from one position to another.
+    /// Copies the coordinates of a part from one position to another.
     fn keep(&self, _part: usize, from: &[f64], to: &mut [f64]) {
         to.copy_from_slice(from);
     }
@@ -104,21 +104,21 @@ pub trait Residuals {
 /// The loop calls [`evaluate`](Residuals::evaluate), then [`solve`](Self::solve), [`length`](Self::length),
 /// [`scale`](Self::scale) and [`advance`](Self::advance). Positions are whatever `advance` moves.
 pub trait Linearization: Residuals {
-    /// The linear step at q, for the parts under way. False: next to a singular position no step closes what is open,
-    /// which is round-off.
+    /// The linear step at q, for the parts in progress. False: next to a singular position no step reduces the
+    /// residual, which is round-off.
     ///
     /// # Errors
     /// Where there is no linear step.
     fn solve(&mut self, q: &[f64], parts: &[Part]) -> Result<bool>;
-    /// The largest move in the step of a part: in characteristic displacements where they are known.
+    /// The largest displacement in the step of a part: in characteristic displacements where they are known.
     fn length(&self, part: usize) -> f64;
     /// Shorten the step of a part.
     fn scale(&mut self, part: usize, by: f64);
-    /// q moved by the step.
+    /// q displaced by the step.
     fn advance(&mut self, q: &mut [f64]);
-    /// The step of a part was taken.
+    /// The step of a part was accepted.
     fn take(&mut self, _part: usize) {}
-    /// What the linear rows leave of Σ Φ² after the step of a part, shortened to `fraction`.
+    /// Σ Φ² that the linear rows predict after the step of a part, shortened to `fraction`.
     fn left(&self, part: usize, fraction: f64) -> f64 {
         (1.0 - fraction) * (1.0 - fraction) * self.open(part).square
     }
@@ -126,38 +126,39 @@ pub trait Linearization: Residuals {
     fn least_damping(&self, _part: usize) -> Option<f64> {
         None
     }
-    /// Whether the linear step was found by its last rule. While a rule is graded, steps that gain nothing end nothing.
+    /// Whether the linear step was found by its final rule. While a rule is graded, steps that gain nothing end
+    /// nothing.
     fn is_settled(&self) -> bool {
         true
     }
 }
 
-/// When rows count as closed, and what steps may do.
+/// Criteria of closed rows, and limits of steps.
 #[derive(Clone, Copy, Debug)]
 pub struct Rule {
-    /// Iterations at most.
+    /// Maximum number of iterations.
     pub iterations: usize,
-    /// Rows open by no more than this are closed.
+    /// Rows with at most this residual are closed.
     pub closed: f64,
-    /// Rows that no step closes any further count as closed when they are open by no more than this.
+    /// Rows that no step closes any further count as closed up to this residual.
     pub accepted: f64,
     /// Longer steps are shortened to this.
     pub longest: f64,
     /// The first step is no longer than this, ...
     pub first: f64,
-    /// ... and each next one no longer than this part of the one before: else they lead to another solution, or to
-    /// none.
+    /// ... and each next one no longer than this fraction of the previous: otherwise they lead to another solution, or
+    /// to none.
     pub shrink: f64,
-    /// Where rows stay open: a step no longer than this is the last, ...
+    /// Where rows cannot be closed: a step no longer than this is the last, ...
     pub rest: f64,
-    /// ... and one no longer than this that is no shorter than half the one before.
+    /// ... and one no longer than this that is at least half as long as the previous.
     pub rounding: f64,
-    /// Steps are taken whether or not they lower |Φ|²; so many that are shortened do not count as iterations.
+    /// Steps are accepted whether or not they lower |Φ|²; this many that are shortened do not count as iterations.
     pub undamped: Option<usize>,
 }
 
 impl Rule {
-    /// Close rows to `closed`, or to `accepted` as far as rounding lets them, by steps that nothing limits.
+    /// Close rows to `closed`, or to `accepted` as far as rounding allows, by unlimited steps.
     pub const fn new(iterations: usize, closed: f64, accepted: f64) -> Self {
         Self {
             iterations,
@@ -177,18 +178,18 @@ impl Rule {
         Self { longest, ..self }
     }
 
-    /// The first step is no longer than `first`, each next one no longer than the part `shrink` of the one before.
+    /// The first step is no longer than `first`, each next one no longer than the fraction `shrink` of the previous.
     pub const fn contracting(self, first: f64, shrink: f64) -> Self {
         Self { first, shrink, ..self }
     }
 
-    /// Rows may stay open: steps that become as short as this have found the least of |Φ|².
+    /// Rows may remain open: steps that become as short as this have found the minimum of |Φ|².
     pub const fn to_rest(self, rest: f64) -> Self {
         Self { rest, ..self }
     }
 
-    /// Every step is taken: for linear steps that leave weak rows as they are, what these open by says nothing. They
-    /// end where steps below `rounding` become no shorter; up to `far` shortened ones come on top of the iterations.
+    /// Every step is accepted: for linear steps that ignore weak rows, the residuals of these mean nothing. They end
+    /// where steps below `rounding` no longer shorten; up to `far` shortened ones are added to the iterations.
     pub const fn undamped(self, rounding: f64, far: usize) -> Self {
         Self { rounding, undamped: Some(far), ..self }
     }
@@ -197,9 +198,9 @@ impl Rule {
 /// How a part ended, from best to worst.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Ending {
-    /// Closed, or left alone.
+    /// Closed, or left unchanged.
     Closed,
-    /// At a least of |Φ|², its rows open.
+    /// At a minimum of |Φ|² with rows open.
     AtRest,
     /// Out of iterations, or no step gains.
     Unfinished,
@@ -207,22 +208,22 @@ pub enum Ending {
     Elsewhere,
 }
 
-/// One part on its way.
+/// One part in progress.
 #[derive(Clone, Copy, Debug)]
 pub struct Part {
-    /// How far its rows are open.
+    /// Residual of its rows.
     pub open: Open,
     /// Its damping; see [`Linearization::least_damping`].
     pub damping: f64,
-    /// How it ended; none while it is under way.
+    /// How it ended; none while it is in progress.
     pub ending: Option<Ending>,
-    /// Length of all its steps together.
+    /// Sum of the lengths of all its steps.
     pub moved: f64,
-    /// The part of a linear step that is taken, for steps without damping.
+    /// The fraction of a linear step that is taken, for steps without damping.
     fraction: f64,
-    /// Length of the linear step before.
+    /// Length of the previous linear step.
     before: f64,
-    /// Length of the linear step, and of what is taken of it.
+    /// Length of the linear step, and of the part that is taken.
     length: f64,
     taken: f64,
     promised: f64,
@@ -232,7 +233,7 @@ pub struct Part {
 }
 
 impl Part {
-    /// Whether it is neither closed nor given up.
+    /// Whether it is neither closed nor abandoned.
     pub fn is_active(&self) -> bool {
         self.ending.is_none()
     }
@@ -243,25 +244,25 @@ impl Part {
     }
 }
 
-/// Memory of the loop, to be used again and again: after the first time nothing is allocated.
+/// Memory of the loop, reused: after the first use nothing is allocated.
 #[derive(Clone, Debug, Default)]
 pub struct Room {
-    /// The position before the step under way.
+    /// The position before the current step.
     best: Vec<f64>,
     /// The parts as the last loop left them.
     pub parts: Vec<Part>,
 }
 
-/// What a loop did.
+/// Result of a loop.
 #[derive(Clone, Copy, Debug)]
 pub struct Closed {
     /// The worst ending of a part.
     pub ending: Ending,
-    /// Linear steps found.
+    /// Number of linear steps.
     pub iterations: usize,
-    /// What is open, where the loop ended.
+    /// The residual where the loop ended.
     pub open: Open,
-    /// Length of all steps together, of the part that moved most.
+    /// Sum of the lengths of all steps, of the part that moved most.
     pub moved: f64,
 }
 
@@ -273,7 +274,7 @@ impl Closed {
 }
 
 impl Room {
-    /// With room for q of this length already.
+    /// With memory for q of this length.
     pub fn for_coordinates(nq: usize) -> Self {
         Self { best: Vec::with_capacity(nq), parts: Vec::with_capacity(1) }
     }
@@ -300,7 +301,7 @@ impl Room {
         self.parts.iter().any(Part::is_active)
     }
 
-    /// Parts that are closed, or at rest, where last evaluated.
+    /// Parts that are closed, or at a minimum, where last evaluated.
     fn look<L: Linearization + ?Sized>(&mut self, l: &L, rule: &Rule) {
         for (i, p) in self.parts.iter_mut().enumerate().filter(|(_, p)| p.is_active()) {
             if p.open.worst <= rule.closed {
@@ -321,7 +322,7 @@ impl Room {
         }
     }
 
-    /// Limit the steps that were found, and note what they promise.
+    /// Limit the steps that were found, and store their predictions.
     fn limit<L: Linearization + ?Sized>(&mut self, l: &mut L, rule: &Rule) {
         for (i, p) in self.parts.iter_mut().enumerate().filter(|(_, p)| p.is_active()) {
             p.length = l.length(i);
@@ -343,7 +344,7 @@ impl Room {
         }
     }
 
-    /// Take the steps to where last evaluated, or refuse them; true if one was refused.
+    /// Accept the steps to where last evaluated, or refuse them; true if one was refused.
     fn judge<L: Linearization + ?Sized>(&mut self, l: &mut L, q: &mut [f64], rule: &Rule, finite: bool) -> bool {
         let mut refused = false;
         for (i, p) in self.parts.iter_mut().enumerate().filter(|(_, p)| p.is_active()) {
@@ -405,10 +406,10 @@ impl Room {
     }
 }
 
-/// Close rows from q on, which is left at the best position found, the rows evaluated there.
+/// Close rows from q on; q ends at the best position found, the rows evaluated there.
 ///
-/// Near by and regular the steps are Newton's and the digits double with each; from afar they are damped. `room` holds
-/// what became of each part.
+/// Near a regular solution the steps are Newton's and the digits double with each; far from it they are damped. `room`
+/// holds the result of each part.
 ///
 /// # Errors
 /// Those of `l`: where nothing can be evaluated at q itself, and where there is no linear step.

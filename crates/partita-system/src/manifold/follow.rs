@@ -4,73 +4,73 @@
 //! q ⊕ ds T(q)  →  closed with the conditions at s + ds  →  T there
 //! ```
 //!
-//! A step counts if its position closes, if closing takes back no more than half of it, if the tangent turns little
-//! over it and if the visitor does not object; else it is halved. So a step never lands on another branch, and a curve
-//! that ends (at a limit, the tangent grows without bound; where what moves for an instant only is thrown back) is
-//! followed to its end and ends with the reason.
+//! A step is accepted if its position closes, if the correction removes no more than half of it, if the tangent turns
+//! little over it and if the visitor does not object; otherwise it is halved. So a step never lands on another branch,
+//! and a curve that ends (at a limit, where the tangent grows without bound; or where an instantaneous motion is
+//! removed by closing) is followed to its end and reports the reason.
 
 use super::close::{Closed, Ending};
 use crate::error::Result;
 use crate::system::SystemError;
 
-/// Longest step along a curve. Unit: characteristic displacement. Reason: a third of a radian is straight but for a
-/// twentieth.
+/// Longest step along a curve. Unit: characteristic displacement. Reason: over a third of a radian the deviation from a
+/// straight line is a twentieth.
 pub const LONGEST_PREDICTION: f64 = 0.3;
 /// If the correction removes more of the prediction, the motion does not continue there. Scale: fraction of the
 /// prediction. Reason: a motion that continues keeps most of it.
 pub const THROWN_BACK: f64 = 0.5;
-/// Largest change of the tangent in one step. Scale: fraction of the tangent. Reason: one that doubles belongs to a
-/// limit near by.
+/// Largest change of the tangent in one step. Scale: fraction of the tangent. Reason: a tangent that doubles indicates
+/// a limit near by.
 const TANGENT_TURNS: f64 = 0.5;
-/// Changes of the tangent below this let the next step be longer. Scale: fraction of the tangent. Reason: a third of
-/// what is allowed.
+/// Changes of the tangent below this allow a longer next step. Scale: fraction of the tangent. Reason: a third of the
+/// largest change.
 const EASY_STEP: f64 = 0.15;
 
 /// A curve of closed positions, by its parameter s.
 pub trait Curve {
-    /// The tangent at the closed position q, where the parameter is s: moves per unit of s, in characteristic
-    /// displacements. It comes as it was before, for curves that carry a direction on. False where there is none, as at
-    /// a dead point of what is asked for.
+    /// The tangent at the closed position q, where the parameter is s: displacements per unit of s, in characteristic
+    /// displacements. On entry it is the previous one, for curves that continue a direction. False where there is none,
+    /// as at a dead point of the request.
     ///
     /// # Errors
     /// Where nothing can be evaluated at q.
     fn direct(&mut self, q: &[f64], s: f64, tangent: &mut [f64]) -> Result<bool>;
-    /// q moved along a tangent.
+    /// q displaced along a tangent.
     fn predict(&mut self, q: &mut [f64], tangent: &[f64], ds: f64);
     /// Close the predicted position with the conditions at s.
     ///
     /// # Errors
     /// `NotFinite` where they cannot be evaluated: the step is refused. Other errors end the curve.
     fn close(&mut self, q: &mut [f64], s: f64) -> Result<Closed>;
-    /// Does a position that closed like this belong to the curve?
+    /// Whether a position that closed like this belongs to the curve.
     fn accepts(&self, closed: &Closed) -> bool {
         closed.is_closed()
     }
-    /// The position last closed is taken, or refused: then what was counted on the way to it is taken back.
+    /// The position last closed is accepted, or refused: then the turns counted on the way to it are removed.
     fn conclude(&mut self, _taken: bool) {}
-    /// Size of a move, in characteristic displacements.
+    /// Size of a displacement, in characteristic displacements.
     fn travel(&self, tangent: &[f64]) -> f64 {
         largest(tangent)
     }
 }
 
-/// How long steps are.
+/// Lengths of steps.
 #[derive(Clone, Copy, Debug)]
 pub struct Pace {
-    /// Longest step, in characteristic displacements of the fastest move.
+    /// Longest step, in characteristic displacements of the fastest coordinate.
     pub longest: f64,
     /// Steps shorter than this, in s, end the curve.
     pub shortest: f64,
-    /// Steps at most.
+    /// Maximum number of steps.
     pub steps: usize,
 }
 
-/// What a visitor wants.
+/// Decision of a visitor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Visit {
     /// Go on.
     On,
-    /// Take this position and stop.
+    /// Accept this position and stop.
     Stop,
     /// Refuse this position: approach it by shorter steps, or not at all.
     Back,
@@ -83,7 +83,7 @@ pub enum End {
     There,
     /// The visitor asked to stop.
     Stopped,
-    /// Closing takes back more than half of every step.
+    /// The correction removes more than half of every step.
     ThrownBack,
     /// Positions further on do not close.
     Open(Ending),
@@ -95,7 +95,7 @@ pub enum End {
     Long,
 }
 
-/// What was followed.
+/// Result of following a curve.
 #[derive(Clone, Copy, Debug)]
 pub struct Followed {
     /// Why it ended.
@@ -115,15 +115,15 @@ pub struct At<'a> {
     pub q: &'a [f64],
     /// Its parameter.
     pub s: f64,
-    /// The tangent there, moves per unit of s in characteristic displacements.
+    /// The tangent there, displacements per unit of s in characteristic displacements.
     pub tangent: &'a [f64],
 }
 
-/// Looks at each position, with the curve as its tangent was found there.
+/// Visits each position, with the curve as its tangent was found there.
 pub type Visitor<'v, C> = &'v mut dyn FnMut(&mut C, At) -> Result<Visit>;
 
-/// One step from q along `tangent`, q left where it comes to and `next` the tangent there: by what part that has turned
-/// and what the visitor wants, or why the step does not hold.
+/// One step from q along `tangent`; q ends at the new position and `next` is the tangent there. Returns the relative
+/// change of the tangent and the decision of the visitor, or why the step fails.
 fn step<C: Curve + ?Sized>(
     curve: &mut C,
     q: &mut [f64],
@@ -158,8 +158,8 @@ fn step<C: Curve + ?Sized>(
     })
 }
 
-/// Follow a curve from the closed position q, where its parameter is 0, to where it is `length`, or as far as it goes;
-/// q is left at the last position taken. `direction` is the tangent to begin with, for curves that carry one on.
+/// Follow a curve from the closed position q, where its parameter is 0, to where it is `length`, or as far as possible;
+/// q ends at the last accepted position. `direction` is the initial tangent, for curves that continue one.
 ///
 /// # Errors
 /// Those of the curve, and of `visit`.
@@ -214,9 +214,9 @@ pub fn follow<C: Curve + ?Sized>(
     Ok(Followed { end: End::Long, ..found })
 }
 
-/// One step from the closed position q, where the parameter is s, by so many `displacements` of the fastest move, but
-/// not beyond `length`: is there a position that it comes to, or why not? q is left there. For a single step, or for
-/// looking beyond the end of a curve.
+/// One step from the closed position q, where the parameter is s, by this many `displacements` of the fastest
+/// coordinate, but not beyond `length`: the position reached, or why there is none. For a single step, or for probing
+/// beyond the end of a curve.
 ///
 /// # Errors
 /// As [`follow`].
@@ -243,7 +243,7 @@ fn largest(x: &[f64]) -> f64 {
     x.iter().fold(0.0, |m: f64, x| m.max(x.abs()))
 }
 
-/// The change from one tangent to the next, in parts of the shorter one.
+/// The change from one tangent to the next, relative to the shorter one.
 fn turned(one: &[f64], two: &[f64]) -> f64 {
     let size = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>().sqrt();
     let change = one.iter().zip(two).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();

@@ -1,5 +1,5 @@
-//! The rows that a reduction keeps, closed by its dependent coordinates (34), or by the least move in the mass metric
-//! (33).
+//! The rows that a reduction keeps, closed by its dependent coordinates (34), or by the least displacement in the mass
+//! metric (33).
 
 use super::close::{close, Closed, Linearization, Open, Part, Residuals, Room, Rule};
 use super::orthogonal::orthogonal_step;
@@ -8,17 +8,18 @@ use crate::record::Correction;
 use crate::reduction::Reduction;
 use crate::system::{ConstrainedSystem, SystemError};
 
-/// A larger residual is no rounding even next to a singular position: the loop is open. Scale: multiples of the
+/// A larger residual is not rounding even next to a singular position: the loop is open. Scale: multiples of the
 /// rounding of the row. Reason: two digits are lost where rank is doubtful.
 const UNDECIDED_ROUNDINGS: f64 = 1e2;
 
-/// Residuals count in units of their own round-off. Near by two or three steps reach it; far off digits double late,
-/// and next to a singular position, where two solutions meet, each step only halves the distance: 26 for eight digits.
-/// Angles of many turns carry a round-off of their own: what does not fall any further is closed with ten thousand.
+/// Residuals are measured in units of their own round-off. Near the solution two or three steps reach it; far from it
+/// digits double late, and next to a singular position, where two solutions meet, each step only halves the distance:
+/// 26 for eight digits. Angles of many turns have a larger round-off: rows that decrease no further are closed at ten
+/// thousand.
 pub const TO_ROUND_OFF: Rule = Rule::new(30, 1.0, 1e4);
 
-/// A reduction that closes its rows at a time; leaves the position level where the loop ends, the factors where its
-/// last step was found.
+/// A reduction that closes its rows at a time; at the end the position level is that of the result, the factors those
+/// of the last step.
 pub struct KeptRows<'a, 's, S: ConstrainedSystem> {
     /// The reduction.
     pub r: &'a mut Reduction<'s, S>,
@@ -34,7 +35,8 @@ pub struct KeptRows<'a, 's, S: ConstrainedSystem> {
 }
 
 impl<'a, 's, S: ConstrainedSystem> KeptRows<'a, 's, S> {
-    /// By dependent coordinates; where rows have no positions to be solved for, or as `rule` says, in the mass metric.
+    /// By dependent coordinates; where rows have no positions to be solved for, or if `rule` requires, in the mass
+    /// metric.
     pub fn new(r: &'a mut Reduction<'s, S>, t: f64, rule: Correction) -> Self {
         let size = r.size();
         let orthogonal = rule == Correction::MassOrthogonal || size.rows != size.holonomic;
@@ -94,7 +96,7 @@ impl<S: ConstrainedSystem> Linearization for KeptRows<'_, '_, S> {
     }
 }
 
-/// Close the rows kept to round-off near q; leaves the position level there. For set-up: memory is made anew.
+/// Close the rows kept to round-off near q, and evaluate the position level there. For set-up: allocates memory.
 ///
 /// # Errors
 /// Where nothing can be evaluated, and where C_D is singular.

@@ -11,13 +11,13 @@ use crate::system::ConstrainedSystem;
 use partita_math::least_norm::LeastNorm;
 use partita_math::tolerance;
 
-/// Largest move in one iteration. Unit: characteristic displacement (radians for turns). Reason: half a radian turns a
-/// direction by less than its own linear prediction errs by an eighth.
+/// Largest displacement in one iteration. Unit: characteristic displacement (radians for rotations). Reason: over half
+/// a radian the linear prediction of a direction errs by an eighth.
 const LARGEST_MOVE: f64 = 0.5;
 /// Iterations of one descent; half a radian each, so a hundred radians.
 pub const ITERATIONS: usize = 200;
 
-/// From afar: to round-off, or to `tolerance` where that is as far as they close.
+/// From afar: to round-off, or to `tolerance` if they close no further.
 pub const fn from_afar(tolerance: f64) -> Rule {
     Rule::new(ITERATIONS, f64::EPSILON, tolerance).cut(LARGEST_MOVE)
 }
@@ -31,7 +31,7 @@ const CORRECTIONS_SHRINK: f64 = 0.25;
 /// Corrections of one position; a step that needs more is too long.
 const CORRECTIONS: usize = 8;
 
-/// From a predictor: to `tolerance`, by corrections that lead to the solution next to it and to no other.
+/// From a predictor: to `tolerance`, by corrections that lead to the adjacent solution and to no other.
 pub const fn near_by(tolerance: f64) -> Rule {
     Rule::new(CORRECTIONS, tolerance, tolerance).contracting(FIRST_CORRECTION, CORRECTIONS_SHRINK)
 }
@@ -86,7 +86,7 @@ fn blocks<S: ConstrainedSystem>(scaled: &Scaled<S>) -> Vec<Block> {
     let mut of = vec![usize::MAX; pattern.cols];
     let mut found: Vec<Block> = Vec::new();
     for i in 0..scaled.rows() {
-        // a row without velocities is in a part of its own with whatever velocity is first: it stays as it is
+        // a row without velocities is in the part of whatever velocity is first: it stays unchanged
         let first = pattern.row(i).next().map_or(0, |e| pattern.col_idx[e]);
         let at = find(&mut root, first);
         if of[at] == usize::MAX {
@@ -106,7 +106,7 @@ fn blocks<S: ConstrainedSystem>(scaled: &Scaled<S>) -> Vec<Block> {
 }
 
 impl<'s, S: ConstrainedSystem> LeastChange<'s, S> {
-    /// At the time t; scales as at q. A row more for each velocity of `targets`, for [`ahead`](Self::ahead).
+    /// At the time t; scales as at q. One more row for each velocity of `targets`, for [`ahead`](Self::ahead).
     ///
     /// # Errors
     /// Where nothing can be evaluated at (t, q).
@@ -126,12 +126,12 @@ impl<'s, S: ConstrainedSystem> LeastChange<'s, S> {
         })
     }
 
-    /// These velocities keep their coordinate from now on.
+    /// These velocities keep their coordinates from now on.
     pub fn lock(&mut self, locked: &[usize]) {
         locked.iter().for_each(|&v| self.scaled.locked[v] = true);
     }
 
-    /// How far a part is open where last evaluated, also where it is left as it is.
+    /// Residual of a part where last evaluated, also if it is left unchanged.
     pub fn open_of(&self, block: usize) -> Open {
         self.blocks[block].open
     }
@@ -141,8 +141,8 @@ impl<'s, S: ConstrainedSystem> LeastChange<'s, S> {
         self.blocks.iter().fold(0.0, |m: f64, b| m.max(b.open.worst))
     }
 
-    /// The move (in characteristic displacements) that takes the targets `ahead` by these steps with the loops closed
-    /// to first order, where last evaluated, locked velocities left out.
+    /// The displacement (in characteristic displacements) that moves the targets `ahead` by these steps with the loops
+    /// closed to first order, where last evaluated, without the locked velocities.
     pub fn ahead(&mut self, ahead: &[f64], y: &mut [f64]) {
         let rows = self.scaled.rows();
         self.mu.fill(tolerance::DAMPING);
@@ -155,7 +155,7 @@ impl<'s, S: ConstrainedSystem> LeastChange<'s, S> {
         self.solver.solve(&self.r, y);
     }
 
-    /// q moved by `by` times a move in characteristic displacements.
+    /// q displaced by `by` times a displacement in characteristic displacements.
     pub fn go(&mut self, q: &mut [f64], by: f64, y: &[f64]) {
         self.scaled.advance(q, by, y, &mut self.dv);
     }

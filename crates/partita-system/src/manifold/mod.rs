@@ -1,9 +1,9 @@
-//! The manifold of closed positions: getting onto it ([`close()`]) and along it ([`follow()`]).
+//! The manifold of closed positions: reaching it ([`close()`]) and moving along it ([`follow()`]).
 //!
-//! Whoever needs a closed position says which rows close it and how a linear step is found ([`Linearization`]); whoever
-//! needs a path of them says which way it goes ([`Curve`]). The loops, their tests and what they report are here, and
-//! with them the linear steps: `kept_rows` by dependent coordinates (34) or in the mass metric (33), `least_change` in
-//! a diagonal metric, damped and of any rank, `truncated` by the pivots above a level.
+//! A caller that needs a closed position defines which rows close it and how a linear step is found
+//! ([`Linearization`]); one that needs a path of them defines its direction ([`Curve`]). The loops, their tests and
+//! reports are here, and the linear steps: `kept_rows` by dependent coordinates (34) or in the mass metric (33),
+//! `least_change` in a diagonal metric, damped and of any rank, `truncated` by the pivots above a level.
 
 pub mod close;
 pub mod follow;

@@ -48,7 +48,7 @@ impl MassProjection {
         Ok(Self { mass: l, w, mc })
     }
 
-    /// `−M⁻¹ Cᵀ M_c⁻¹ x`: the smallest move (velocity) in the mass metric that removes the residual x.
+    /// `−M⁻¹ Cᵀ M_c⁻¹ x`: the smallest displacement (velocity) in the mass metric that removes the residual x.
     pub fn correction(&self, x: &[f64]) -> Vec<f64> {
         let mut y = x.to_vec();
         dense::cholesky_solve(&self.mc, y.len(), &mut y);

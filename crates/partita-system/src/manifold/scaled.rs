@@ -1,5 +1,5 @@
-//! Φ and C at one position in natural scales, with a row more for every target: moves in characteristic displacements
-//! (a radian, a characteristic length), residuals in what a large move opens the row by.
+//! Φ and C at one position in natural scales, with one more row for every target: displacements in characteristic
+//! displacements (a radian, a characteristic length), residuals relative to the closure error of a large displacement.
 
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::dense::Matrix;
@@ -15,13 +15,13 @@ pub struct Scaled<'s, S: ConstrainedSystem> {
     /// C of all rows, not scaled, in the order of the system's pattern.
     pub raw_c: Vec<f64>,
     raw_a: Vec<f64>,
-    /// Large move of each velocity.
+    /// Characteristic displacement of each velocity.
     pub displacement: Vec<f64>,
-    /// What a large move opens each row by.
+    /// Closure error of each row under a large displacement.
     pub length: Vec<f64>,
-    /// Velocities whose coordinate stays.
+    /// Velocities whose coordinate is fixed.
     pub locked: Vec<bool>,
-    /// Rows that nothing is closed by.
+    /// Rows that are ignored in closing.
     pub idle: Vec<bool>,
     /// Rows of S3, then one for each target.
     pub pattern: Pattern,
@@ -40,7 +40,7 @@ impl<'s, S: ConstrainedSystem> Scaled<'s, S> {
         let mut scaled = Self::known(system, targets);
         scaled.evaluate(t, q)?;
         for i in (0..system.size().holonomic).filter(|&i| system.row_displacement(i).is_none()) {
-            // a coordinate far larger than 1 says itself how large moves are
+            // a coordinate far larger than 1 sets the scale of large displacements itself
             let large = |v: usize| system.coordinates_of(v).map(|k| q[k].abs()).fold(scaled.displacement[v], f64::max);
             let widest = |m: f64, e: usize| m.max(scaled.raw_c[e].abs() * large(scaled.pattern.col_idx[e]));
             let length = scaled.pattern.row(i).fold(0.0, widest);
@@ -137,7 +137,7 @@ impl<S: ConstrainedSystem> Scaled<'_, S> {
         (rows.iter().map(|&i| self.phi[i]).collect(), m)
     }
 
-    /// q moved by `by` times a move in characteristic displacements.
+    /// q displaced by `by` times a displacement in characteristic displacements.
     pub fn advance(&self, q: &mut [f64], by: f64, y: &[f64], dv: &mut [f64]) {
         dv.iter_mut()
             .zip(y.iter().zip(&self.displacement))

@@ -1,11 +1,11 @@
-//! Rows closed by the pseudo-inverse of C without what is weak in it, and curves along what that leaves free.
+//! Rows closed by the pseudo-inverse of C without its weak part, and curves along the motions that this leaves free.
 //!
 //! ```text
 //! dq = -C_s⁺ Φ,   C_s = C without its pivots up to the level s
 //! ```
 //!
-//! Pivots (or singular values) up to the level s count as null: rows that are weaker are left open, where they are. From
-//! afar the level is graded, strong rows first, else steps jump off along weak ones.                            (11.9)
+//! Pivots (or singular values) up to the level s count as null: weaker rows are not closed. Far from the solution the
+//! level is graded, strong rows first, since otherwise steps jump along weak ones.                             (11.9)
 
 use super::close::{close, Closed, Ending, Linearization, Open, Part, Residuals, Room, Rule};
 use super::follow::{Curve, LONGEST_PREDICTION};
@@ -17,43 +17,43 @@ use partita_math::dense::Matrix;
 use partita_math::factor::{pivoted_least_norm, qr_null_space_by};
 use partita_math::tolerance;
 
-/// First grade of the level. Unit: singular values in natural scales. Reason: rows that are clearly alive.
+/// First grade of the level. Unit: singular values in natural scales. Reason: rows that are clearly independent.
 const FIRST_GRADE: f64 = 0.03;
 /// Ratio between grades. Unit: ratio. Reason: one digit at a time.
 const GRADE_RATIO: f64 = 0.1;
-/// Moves below this end a grade. Scale: fraction of the grade. Reason: null directions turn by no more than it.
+/// Displacements below this end a grade. Scale: fraction of the grade. Reason: null directions turn by no more than it.
 const GRADE_SETTLED: f64 = 1e-2;
-/// Longest steps at the most: guides that are out of parallel meet far away.
+/// Maximum number of longest steps: guides that are out of parallel meet far away.
 const FARTHEST: usize = 400;
-/// Iterations besides: three or four of Newton's method for each grade.
+/// Further iterations: three or four of Newton's method for each grade.
 const ITERATIONS: usize = 60;
-/// Steps that become no shorter are rounding below this. Scale: characteristic displacement. Reason: rounding over the
-/// weakest pivot that counts.
+/// Steps below this that no longer shorten are rounding. Scale: characteristic displacement. Reason: rounding over the
+/// weakest accepted pivot.
 const UNDAMPED_ROUNDING: f64 = 1e-11;
-/// Rows open by less need no further iteration. Scale: characteristic displacement. Reason: some units in the last
-/// place.
+/// Rows with a smaller residual need no further iteration. Scale: characteristic displacement. Reason: some units in
+/// the last place.
 const CLOSED_TO_REST: f64 = 2e-15;
 /// A direction that loses more of itself from one position to the next ends. Scale: fraction of the unit direction.
 /// Reason: more than half of it belongs to other directions then.
 const DIRECTION_ENDS: f64 = 0.5;
 
-/// To where the rows that count are closed: what stays open then no motion of the level closes.
+/// Closes the accepted rows: the remaining residual cannot be closed by a motion of the level.
 pub const TO_REST: Rule = Rule::new(ITERATIONS, CLOSED_TO_REST, tolerance::SUM_ROUNDING)
     .cut(LONGEST_PREDICTION)
     .to_rest(tolerance::SUM_ROUNDING)
     .undamped(UNDAMPED_ROUNDING, FARTHEST);
 
-/// Which pivots or singular values of C count.
+/// Which pivots or singular values of C are accepted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Cut {
     /// Those above a level; the others are null.
     Level(f64),
-    /// So many of the largest.
+    /// This many of the largest.
     Rank(usize),
 }
 
 impl Cut {
-    /// How many of these values count.
+    /// Number of accepted values.
     pub fn count(self, values: &[f64]) -> usize {
         match self {
             Self::Level(level) => values.iter().filter(|s| **s > level).count(),
@@ -75,7 +75,7 @@ impl Cut {
 pub struct Motions {
     /// Pivots, descending.
     pub pivots: Vec<f64>,
-    /// Motions that no row opposes, in characteristic displacements.
+    /// Motions free of all rows, in characteristic displacements.
     pub motions: Vec<Vec<f64>>,
 }
 
@@ -85,7 +85,7 @@ pub struct Truncated<'s, S: ConstrainedSystem> {
     pub scaled: Scaled<'s, S>,
     /// What counts.
     pub cut: Cut,
-    /// The move, in characteristic displacements, summed over the iterations.
+    /// The displacement, in characteristic displacements, summed over the iterations.
     pub moved: Vec<f64>,
     t: f64,
     grade: f64,
@@ -113,7 +113,7 @@ impl<'s, S: ConstrainedSystem> Truncated<'s, S> {
         }
     }
 
-    /// Close q as far as it closes, the level graded from the start.
+    /// Close q as far as possible, the level graded from the start.
     ///
     /// # Errors
     /// As [`close`].
@@ -132,7 +132,7 @@ impl<'s, S: ConstrainedSystem> Truncated<'s, S> {
         Ok(self.scaled.dense())
     }
 
-    /// Largest part of its size by which a row is open at q.
+    /// Largest relative residual of a row at q.
     ///
     /// # Errors
     /// Where nothing can be evaluated at q.
@@ -141,8 +141,7 @@ impl<'s, S: ConstrainedSystem> Truncated<'s, S> {
         Ok(largest(self.scaled.phi.iter().copied()))
     }
 
-    /// Pivots at q, and the motions that no row opposes: cheaper than singular values, for one position after the
-    /// other.
+    /// Pivots at q, and the motions free of all rows: cheaper than singular values, for one position after the other.
     ///
     /// # Errors
     /// Where nothing can be evaluated at q.
@@ -159,13 +158,13 @@ impl<'s, S: ConstrainedSystem> Truncated<'s, S> {
         Ok(Motions { motions: (0..f.null.cols()).map(column).collect(), pivots })
     }
 
-    /// Size of a move (in characteristic displacements): the fastest coordinate, or its invariant over axes.
+    /// Size of a displacement (in characteristic displacements): the fastest coordinate, or its invariant over axes.
     pub fn travel(&self, y: &[f64]) -> f64 {
         let v: Vec<f64> = y.iter().zip(&self.scaled.displacement).map(|(y, displacement)| y * displacement).collect();
         self.scaled.system.travel(&v)
     }
 
-    /// q moved by `by` times a move in characteristic displacements.
+    /// q displaced by `by` times a displacement in characteristic displacements.
     pub fn step(&mut self, q: &mut [f64], by: f64, y: &[f64]) {
         self.scaled.advance(q, by, y, &mut self.dv);
     }
@@ -216,26 +215,27 @@ impl<S: ConstrainedSystem> Linearization for Truncated<'_, S> {
     }
 }
 
-/// The curve along a direction that is carried on in what the level leaves free, by the length of its fastest move.
+/// The curve along a direction that is continued in the motions that the level leaves free, by the length of its
+/// fastest coordinate.
 pub struct Along<'r, 's, S: ConstrainedSystem> {
     /// The rows.
     pub rows: &'r mut Truncated<'s, S>,
-    /// What is free at the position last closed.
+    /// The free motions at the position last closed.
     pub free: Option<Motions>,
-    /// Rows may stay open by this.
+    /// Allowed residual of the rows.
     open: f64,
     room: Room,
 }
 
 impl<'r, 's, S: ConstrainedSystem> Along<'r, 's, S> {
-    /// Along what these rows leave free; they may stay open by `open`, where they rest.
+    /// Along the motions that these rows leave free, with the allowed residual `open`.
     pub fn new(rows: &'r mut Truncated<'s, S>, open: f64) -> Self {
         Self { rows, free: None, open, room: Room::default() }
     }
 }
 
 impl<S: ConstrainedSystem> Curve for Along<'_, '_, S> {
-    /// The projection of the direction before on what is free now, its fastest move 1.
+    /// The projection of the previous direction on the present free motions, its fastest coordinate 1.
     fn direct(&mut self, q: &[f64], _s: f64, tangent: &mut [f64]) -> Result<bool> {
         let found = self.rows.motions(q)?;
         let before = norm(tangent);

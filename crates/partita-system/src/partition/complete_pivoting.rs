@@ -1,8 +1,8 @@
-//! Complete pivoting: Gauss elimination of C in the units at hand, always with the largest entry left; the columns of
-//! the first r pivots are dependent.
+//! Complete pivoting: Gauss elimination of C in the units given, always with the largest remaining entry; the columns
+//! of the first r pivots are dependent.
 //!
 //! For comparison: the classical way to partition coordinates (Wehage, Haug 1982), and that of the dynamic selection of
-//! states in Modelica tools. Units decide what it takes, those of the rows as well as those of the coordinates.
+//! states in Modelica tools. The result depends on units, those of the rows as well as those of the coordinates.
 
 use partita_math::dense::Matrix;
 use partita_math::tolerance;

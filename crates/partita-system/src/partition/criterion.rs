@@ -16,7 +16,7 @@ pub fn measure_tangent(dt: &[f64], k: usize, md_factor: &[f64], s2: &[f64], work
         let y = &mut work[..k];
         y.copy_from_slice(&dt[i * k..(i + 1) * k]);
         dense::cholesky_forward(md_factor, k, y);
-        // rounding can lift a fully mobile coordinate a hair above 1
+        // rounding can raise a fully mobile coordinate slightly above 1
         *r = (dense::dot(y, y) / s2[i]).sqrt().min(1.0);
     }
 }

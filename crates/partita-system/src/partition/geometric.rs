@@ -1,9 +1,9 @@
-//! The collective choice P5 with characteristic displacements ℓ_i in the place of |k_i|: how many of its own large moves a
-//! coordinate makes, for a given kinetic energy of the mechanism.
+//! The collective choice P5 with characteristic displacements ℓ_i instead of |k_i|: how many of its own large
+//! displacements a coordinate makes, for a given kinetic energy of the mechanism.
 //!
-//! For comparison: what a coordinate would do with the loops opened plays no part, so that of places and angles it takes
-//! angles more often, and keeps those of cranks. Free of units as the displacements are. With one degree of freedom
-//! masses do not decide, as they multiply all measures alike.
+//! For comparison: the mobility with the loops opened plays no part, so that of positions and angles it prefers angles,
+//! and keeps those of cranks. It is unit-free as the displacements are. With one degree of freedom masses do not
+//! matter, since they scale all measures alike.
 
 use super::{criterion, normalised_determinant};
 

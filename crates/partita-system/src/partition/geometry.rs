@@ -1,7 +1,8 @@
-//! The metric geometry of the criterion: gradients of coordinates, split into what the constraints take and what they
-//! leave, and the projectors that split them. (Theory 3 and 4.1: what Appendix A of Blajer, Schiehlen, Schirm 1994 holds.)
+//! The metric geometry of the criterion: gradients of coordinates, split into the parts along constrained and
+//! admissible directions, and the projectors that split them. (Theory 3 and 4.1; Appendix A of Blajer, Schiehlen,
+//! Schirm 1994.)
 //!
-//! Everything here is dense and meant to be looked at; an evaluation needs none of it but D and M_d.
+//! Everything here is dense and meant for inspection; an evaluation needs only D and M_d.
 
 use crate::error::SystemError;
 use partita_math::dense::{self, Matrix};
@@ -17,7 +18,7 @@ pub struct Geometry {
     pub k_tangential: Vec<f64>,
     /// Projector on the constrained directions (n x n), acting on velocities.
     pub p_c: Matrix,
-    /// Projector on the motions allowed (n x n); the two add up to 1.
+    /// Projector on the admissible motions (n x n); the two add up to 1.
     pub p_d: Matrix,
     /// M_c = C M⁻¹ Cᵀ (r x r).                                                              (15)
     pub m_c: Matrix,
@@ -27,7 +28,7 @@ pub struct Geometry {
     pub t_cd: Matrix,
 }
 
-/// The Cholesky factor of a metric, or the place and size of the pivot that failed.
+/// The Cholesky factor of a metric, or the index and size of the failed pivot.
 fn factored(metric: &Matrix) -> Result<Vec<f64>, (usize, f64)> {
     let mut l = metric.data().to_vec();
     dense::cholesky(&mut l, metric.rows()).map_err(|e| (e.index, e.pivot)).map(|()| l)
@@ -46,7 +47,7 @@ impl Geometry {
     /// From M (n x n), independent rows C (r x n) and D (k x n) with D Cᵀ = 0.
     ///
     /// # Errors
-    /// `Mass` where M or M_d is not positive definite, `Singular` where the rows of C depend on each other.
+    /// `Mass` where M or M_d is not positive definite, `Singular` where the rows of C are dependent.
     pub fn new(mass: &Matrix, c: &Matrix, d: &Matrix, name: &dyn Fn(usize) -> String) -> Result<Self, SystemError> {
         let n = mass.rows();
         let heavy = |(i, pivot): (usize, f64)| SystemError::Mass { name: name(i), pivot };

@@ -1,4 +1,4 @@
-//! One by one: the k coordinates of largest ρ, whatever they have to do with each other.
+//! Individually: the k coordinates of largest ρ, regardless of their dependence.
 //!
 //! For comparison. With one degree of freedom it is the projective criterion; with more, two coordinates that measure the
 //! same motion may both be large, and then their choice is poor or impossible (a pendulum at 45° beside three coupled
@@ -24,8 +24,8 @@ pub fn choose(rho: &[f64], k: usize, weights: Option<&[f64]>) -> Vec<usize> {
     chosen
 }
 
-/// How much better `next` is than `now`: the largest measure that enters over the smallest that leaves; 1 where they are
-/// the same. No two choices can be better than each other by the same threshold above 1.
+/// By how much `next` is better than `now`: the largest measure that enters over the smallest that leaves; 1 where they
+/// are the same. No two choices can each be better than the other by the same threshold above 1.
 pub fn ratio(rho: &[f64], weights: Option<&[f64]>, now: &[usize], next: &[usize]) -> f64 {
     let score = |i: &usize| rho[*i] * weights.map_or(1.0, |w| w[*i]);
     let enters = next.iter().filter(|i| !now.contains(i)).map(score).fold(0.0, f64::max);

@@ -1,5 +1,5 @@
-//! Which coordinates are independent: the projective criterion, its collective extension and the switch rule; and, to
-//! compare with or for special needs, other rules, one file each.
+//! Which coordinates are independent: the projective criterion, its collective extension and the switch rule; for
+//! comparison or special needs also other rules, one file each.
 
 pub mod complete_pivoting;
 pub mod criterion;
@@ -23,15 +23,15 @@ pub enum Selection {
     Greedy,
     /// The k coordinates of largest ρ, one by one. With k > 1 the choice may be impossible.
     Individual,
-    /// Largest |det C_D| in the units given, which decide it.
+    /// Largest |det C_D| in the units given, on which it depends.
     Determinant,
     /// Largest normalised determinant (28): the volume of the choice.
     NormalisedDeterminant,
     /// The projective criterion with lock and repeat, in characteristic displacements.
     Geometric,
-    /// LU with complete pivoting on C in the units at hand, which decide it.
+    /// LU with complete pivoting on C in the units given, on which it depends.
     CompletePivoting,
-    /// What stays good longest: largest least volume over a window of the past.
+    /// The choice that remains good longest: largest least volume over a window of the past.
     Persistence,
 }
 

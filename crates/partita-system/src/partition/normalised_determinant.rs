@@ -1,7 +1,7 @@
 //! The normalised determinant (28): `vol² = det(C_D)² / (det M · det M_c · Π_{i∈I} [M⁻¹]_ii)`.
 //!
-//! The determinant rule made free of units, of the scaling and of the combination of the constraints. For one degree of
-//! freedom it is the projective measure itself, vol = ρ. Largest vol and largest σ are not the same for more, but close.
+//! The determinant rule made independent of units, of scaling and of the combination of the constraints. For one degree
+//! of freedom it is the projective measure itself, vol = ρ. Largest vol and largest σ differ slightly for more.
 
 use super::volume::{self, Largest};
 

@@ -1,17 +1,17 @@
-//! Persistence: coordinates that stay good over a whole window of time, a turn of a machine for example.
+//! Persistence: coordinates that remain good over a whole window of time, a turn of a machine for example.
 //!
-//! The measure of one instant prefers what moves most just then; a coordinate that is never the best, but never bad
-//! either (a crank angle), serves without switches. The rule remembers Dᵀ over the window and switches i for j where
-//! the *least* volume that the new choice had in the window exceeds that of the present one, provided it is not much
-//! worse right now. A choice whose determinant changed its sign between two instants has passed through zero, and
-//! counts as zero however far from it the instants lie.
+//! The measure of one instant prefers the coordinate that moves most at that time; one that is never the best, but
+//! never bad either (a crank angle), needs no switches. The rule stores Dᵀ over the window and switches i for j where
+//! the *least* volume of the new choice in the window exceeds that of the present one, provided it is not much worse at
+//! present. A choice whose determinant changed its sign between two instants has passed through zero, and counts as
+//! zero however far from it the instants lie.
 //!
-//! The least volume decides, not the average of log |Â|: a logarithm forgives a zero (it is integrable there), so the
-//! average prefers a coordinate that fails twice a turn and is large in between to one that never fails. On the
-//! four-bar in absolute coordinates it is −0.7 for a place of the coupler that passes zero, −1.7 for the crank angle.
+//! The least volume decides, not the average of log |Â|: a logarithm is integrable at a zero, so the average prefers a
+//! coordinate that fails twice a turn and is large in between to one that never fails. For the four-bar in absolute
+//! coordinates it is −0.7 for a position of the coupler that passes zero, −1.7 for the crank angle.
 //!
-//! What is remembered belongs to no partition: Dᵀ of a past instant relative to any other choice is one k x k solve
-//! away. So a switch loses nothing of the window.
+//! The stored data belong to no partition: Dᵀ of a past instant relative to any other choice is one k x k solve away.
+//! So a switch loses nothing of the window.
 
 use super::volume;
 use partita_math::tolerance;
@@ -23,11 +23,11 @@ const INSTANTS: f64 = 256.0;
 /// The least volume must grow by this factor. Scale: ratio of volumes. Reason: a dead band against rounding and the
 /// grid of the steps.
 const PERSISTENCE_GAIN: f64 = 1.05;
-/// Above this |Â| the present choice is left whatever the window says. Scale: scaled entries of A. Reason: it has σ
-/// below a twentieth then, because `σ ≤ 1 / max |Â|`.
+/// Above this |Â| the present choice is replaced whatever the window contains. Scale: scaled entries of A. Reason: it
+/// has σ below a twentieth then, because `σ ≤ 1 / max |Â|`.
 const PERSISTENCE_GUARD: f64 = 20.0;
 
-/// Dᵀ at one instant, and what it says about the present choice and its neighbours.
+/// Dᵀ at one instant, and its volumes of the present choice and its neighbours.
 struct Instant {
     t: f64,
     /// Number of switches before: signs compare between instants of one generation only.
@@ -38,16 +38,16 @@ struct Instant {
     rows: Vec<f64>,
     /// Sign and ln of the volume of the present choice.
     own: (f64, f64),
-    /// The same with the coordinate of the row in the place of that of the column (n x k).
+    /// The same with the coordinate of the row instead of that of the column (n x k).
     neighbours: Vec<(f64, f64)>,
 }
 
-/// A switch and why.
+/// A switch and its reason.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Proposal {
     /// The velocity that comes in.
     pub enters: usize,
-    /// Position in the list of independent velocities of the one that goes.
+    /// Position in the list of independent velocities of the one that leaves.
     pub leaves: usize,
     /// In words.
     pub reason: String,
@@ -63,16 +63,15 @@ pub struct Persistence {
 }
 
 impl Persistence {
-    /// Remembers `window` seconds. `switch_threshold` is the threshold for switches until the window has filled, and
-    /// how much worse a choice may be right now; infinite: nothing is ever switched.
+    /// Stores `window` seconds. `switch_threshold` is the threshold for switches until the window is full, and how much
+    /// worse a choice may be at present; infinite: nothing is ever switched.
     pub fn new(window: f64, switch_threshold: f64, independent: &[usize]) -> Self {
         Self { window, switch_threshold, independent: independent.to_vec(), generation: 0, instants: VecDeque::new() }
     }
 
-    /// Remember `rows`, Dᵀ of the present choice in natural units, and `base`, the ln of its volume, at the end of a
-    /// step.
+    /// Store `rows`, Dᵀ of the present choice in natural units, and `base`, the ln of its volume, at the end of a step.
     ///
-    /// A step that is repeated replaces what it left. Cost: k³/3 + n k².
+    /// A repeated step replaces its former entry. Cost: k³/3 + n k².
     pub fn record(&mut self, t: f64, rows: Vec<f64>, base: f64) {
         while self.instants.back().is_some_and(|last| last.t >= t) {
             self.instants.pop_back();
@@ -102,7 +101,7 @@ impl Persistence {
 
     /// The choice was switched for `next` at `t`, where `rows` and `base` were those of the one before.
     ///
-    /// Cost: everything remembered is judged anew, k³/3 + n k² each.
+    /// Cost: all stored instants are judged again, k³/3 + n k² each.
     pub fn switched(&mut self, t: f64, rows: Vec<f64>, base: f64, next: &[usize]) {
         if self.instants.back().is_none_or(|last| last.t < t) {
             self.push(t, rows.clone(), base);
@@ -119,7 +118,7 @@ impl Persistence {
         }
     }
 
-    /// What to switch now, with `rows` those of the present choice. Cost: n k for each instant remembered.
+    /// The switch to make now, with `rows` those of the present choice. Cost: n k for each stored instant.
     pub fn propose(&self, t: f64, rows: &[f64]) -> Option<Proposal> {
         let (n, k) = (rows.len() / self.independent.len().max(1), self.independent.len());
         let pairs = || (0..n).filter(|i| !self.independent.contains(i)).flat_map(|i| (0..k).map(move |j| (i, j)));
@@ -167,7 +166,7 @@ impl Persistence {
             own = own.min(if before.is_some_and(|b| passed(b.own, now.own)) { f64::NEG_INFINITY } else { now.own.1 });
             for (e, (least, &x)) in least.iter_mut().zip(&now.neighbours).enumerate() {
                 let zero = before.is_some_and(|b| passed(b.neighbours[e], x));
-                // a NaN (the present choice singular to the last bit) says nothing about the neighbour
+                // a NaN (the present choice singular to the last bit) gives no information on the neighbour
                 *least = least.min(if zero { f64::NEG_INFINITY } else { x.1 });
             }
         }

@@ -1,4 +1,4 @@
-//! C split into its independent and dependent columns, as dense matrices to be looked at.                    (P1, P2)
+//! C split into its independent and dependent columns, as dense matrices for inspection.                     (P1, P2)
 
 use super::Partition;
 use crate::error::SystemError;

@@ -1,14 +1,13 @@
-//! The switch rule P6: by how much the volume of the choice grows when a dependent coordinate takes the place of an
-//! independent one.
+//! The switch rule P6: the growth of the volume of the choice when a dependent coordinate replaces an independent one.
 
 use partita_math::tolerance;
 
 /// One possible switch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CoordinateSwitch {
-    /// Position in the list of dependent velocities of the one that would come in.
+    /// Position in the list of dependent velocities of the one that would enter.
     pub enters: usize,
-    /// Position in the list of independent velocities of the one that would go.
+    /// Position in the list of independent velocities of the one that would leave.
     pub leaves: usize,
     /// Factor on the volume, `|A_ij| s_j / s_i`.
     pub gain: f64,

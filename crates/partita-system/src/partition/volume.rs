@@ -1,9 +1,9 @@
-//! Partitions compared whole, by |det C_D| in any units.
+//! Comparison of whole partitions, by |det C_D| in any units.
 //!
 //! Of two partitions I and I' of one instant, `|det C_D'| / |det C_D| = |det of the rows I' of Dᵀ|` (complementary
 //! minors), so every determinant is a k x k minor of what one admissible partition has computed anyway. In natural
-//! units, `Dᵀ_ij s_j / s_i`, the minor is the ratio of the normalised determinants (28); units at hand or preferences
-//! are factors that belong to single coordinates, and enter as their logarithms.
+//! units, `Dᵀ_ij s_j / s_i`, the minor is the ratio of the normalised determinants (28); other units or preferences are
+//! factors of single coordinates, and enter as their logarithms.
 
 use partita_math::dense;
 use partita_math::tolerance;
@@ -16,7 +16,7 @@ pub const LARGEST_ENUMERATION: usize = 50_000;
 pub struct Largest {
     /// The k velocities, ascending.
     pub independent: Vec<usize>,
-    /// Every partition was compared. Otherwise: no single switch makes the determinant larger.
+    /// Every partition was compared. Otherwise: no single switch increases the determinant.
     pub exact: bool,
 }
 
@@ -50,8 +50,8 @@ pub fn signed_log(block: &mut [f64], k: usize) -> (f64, f64) {
 /// The choice with the largest `|det of its rows| · exp(Σ bias)`, for rows (n x k) in natural units.
 ///
 /// Exact by enumeration as long as C(n, k) ≤ [`LARGEST_ENUMERATION`] (cost C(n, k) k³/3), otherwise by switches from
-/// `first` on until none gains (cost n k each): finding the largest of all is then out of reach for every method.
-/// Ties go to the lower indices.
+/// `first` on until none gains (cost n k each): finding the largest of all is then infeasible for every method. Ties go
+/// to the lower indices.
 pub fn largest(rows: &[f64], bias: &[f64], first: &[usize]) -> Largest {
     let (n, k) = (bias.len(), first.len());
     if partitions(n, k) > LARGEST_ENUMERATION {

@@ -1,7 +1,7 @@
 //! All coordinates as states: `q' = N(q) v`.
 //!
 //! No equation for q_D is solved inside a step: along solutions Φ is a first integral, and `C v + a = 0` holds to
-//! round-off because v is computed, not integrated. After a step the remainder of S3 is removed.
+//! round-off because v is computed, not integrated. After a step the error of S3 is corrected.
 
 use super::{turns, Positions};
 use crate::error::Result;
@@ -67,7 +67,7 @@ impl All {
         Self { correction, wraps: true, room: Room::for_coordinates(size.nq), q, dv, corrections: 0 }
     }
 
-    /// Angles keep their whole turns: somebody counts on them.
+    /// Angles keep their whole turns, because a function depends on them.
     pub fn whole_turns(self) -> Self {
         Self { wraps: false, ..self }
     }
@@ -77,7 +77,7 @@ impl All {
         self.correction == Correction::None || r.size().holonomic == 0 || r.rank() == 0
     }
 
-    /// Correct q until the loops are closed to round-off or nothing is gained any more; leaves the position level
+    /// Correct q until the loops are closed to round-off or there is no further gain; evaluates the position level
     /// there.
     fn close<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>>(
         &mut self,
@@ -89,7 +89,7 @@ impl All {
         let mut rows = Corrected { system: &*system, tangent, t, rule, dv, open: Open::default() };
         match close(&mut rows, &mut self.q, &TO_ROUND_OFF, &mut self.room) {
             Ok(_) => Ok(()),
-            // what cannot be removed here, next to a singular position, stays
+            // an error that cannot be corrected here, next to a singular position, remains
             Err(_) => tangent.reduction().position(t, &self.q),
         }
     }
@@ -106,8 +106,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> Positions<'s, S, T> for A
     fn start(&mut self, _tangent: &mut T, _t: f64, q: &[f64], y: &mut [f64]) {
         y[..q.len()].copy_from_slice(q);
     }
-    /// While a singular position is passed the loops are closed first: the tangent is a quotient of small numbers
-    /// there, and what one stage leaves open the next one divides again.
+    /// While a singular position is crossed the loops are closed first: the tangent is a quotient of small numbers
+    /// there, and the error of one stage is divided by them in the next.
     fn locate(&mut self, tangent: &mut T, t: f64, y: &[f64], crossing: bool) -> Result<bool> {
         let nq = self.q.len();
         self.q.copy_from_slice(&y[..nq]);

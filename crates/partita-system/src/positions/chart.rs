@@ -7,16 +7,16 @@
 //! p' = S Δ',   u = S v,   M_d u' = D_S (h + M G b)                                            (36)
 //! ```
 //!
-//! Without turns in space Δ' = v, so p' = u. A turn in space advances by q₀ exp(Θ), and its rotation vector at the rate
-//! `Θ' = ω + ½ Θ×ω + c(θ) Θ×(Θ×ω)` for body rates ω (46). S is mass-orthonormal when frozen (see
-//! [`Rule::GramSchmidt`](crate::tangent::basis::Rule::GramSchmidt)). The chart is left for a new one, based where the
-//! mechanism stands, when the quality of S falls, when Newton's method needs many iterations, or when a ball has turned
-//! far; (q, v) stay the same.
+//! Without spatial rotations Δ' = v, so p' = u. A spatial rotation advances by q₀ exp(Θ), and its rotation vector at
+//! the rate `Θ' = ω + ½ Θ×ω + c(θ) Θ×(Θ×ω)` for body rates ω (46). S is mass-orthonormal when frozen (see
+//! [`Rule::GramSchmidt`](crate::tangent::basis::Rule::GramSchmidt)). The chart is replaced by one based at the present
+//! position when the quality of S falls, when Newton's method needs many iterations, or when a ball joint has rotated
+//! far; (q, v) are unchanged.
 //!
 //! The loops are closed to round-off at every stage, with nothing to correct afterwards: prefer it where forces or
-//! tables must never see open loops, or where 2k states matter (long smooth arcs); it costs some two to four
-//! factorisations of [S; C] per evaluation, of C_D and of S Dᵀ each. Nonholonomic rows have no positions to parametrise
-//! and are refused.
+//! tables must never be evaluated with open loops, or where 2k states matter (long smooth arcs); it costs some two to
+//! four factorisations of [S; C] per evaluation, of C_D and of S Dᵀ each. Nonholonomic rows have no positions to
+//! parametrise and are refused.
 
 use super::{turns, Positions};
 use crate::error::Result;
@@ -32,16 +32,17 @@ use crate::tangent::TangentLevels;
 use partita_math::dense;
 use partita_math::tolerance;
 
-/// To round-off. Newton's method squares the error: from a stage away (1e-2 of a large move) it is there after five.
-/// The first move is along the tangent; moves that do not halve from there lead to another solution, or none.
+/// To round-off. Newton's method squares the error: from a stage away (1e-2 of a large displacement) it converges in
+/// five iterations. The first correction is along the tangent; corrections that do not halve from there lead to another
+/// solution, or none.
 const RULE: Rule = Rule { iterations: 12, ..TO_ROUND_OFF }.contracting(f64::INFINITY, 0.5);
-/// So many iterations are a sign that the chart is bent too much here.
+/// This many iterations indicate that the chart is too curved here.
 const MANY: u32 = 7;
-/// A ball joint that has turned this far from the base asks for a new chart. Scale: rad. Reason: the rate of the
-/// rotation vector grows without bounds towards 2π; a quarter of the way it is as good as straight.
+/// A ball joint that has rotated this far from the base point needs a new chart. Scale: rad. Reason: the rate of the
+/// rotation vector grows without bounds towards 2π; a quarter of the way it is nearly straight.
 const FAR_TURN: f64 = std::f64::consts::FRAC_PI_2;
-/// A ball joint that has turned this far inside a step spoils the step. Scale: rad. Reason: three quarters of the way
-/// to where the rate is unbounded.
+/// A ball joint that has rotated this far inside a step invalidates the step. Scale: rad. Reason: three quarters of the
+/// way to where the rate is unbounded.
 const TOO_FAR_TURN: f64 = 1.5 * std::f64::consts::PI;
 
 /// Coordinates p (k states) of a tangent chart.
@@ -57,13 +58,13 @@ pub struct Chart {
     trial: Vec<f64>,
     q: Vec<f64>,
     w: Vec<f64>,
-    /// What is missing of w.
+    /// Residual of w.
     miss: Vec<f64>,
     rhs: Vec<f64>,
     covectors: Vec<f64>,
     room: Room,
     iterations: u32,
-    /// All of them, those for outputs left out.
+    /// Number of all iterations, without those for outputs.
     sum: u64,
     wants: Option<&'static str>,
 }
@@ -98,7 +99,7 @@ impl Chart {
         SystemError::Basis { name: "gram-schmidt".into(), t, reason }
     }
 
-    /// Find q for p, starting from the end of the last step; leaves the levels and the factors of [S; C] there.
+    /// Find q for p, starting from the end of the last step; evaluates the levels and the factors of [S; C] there.
     fn find<S: ConstrainedSystem>(&mut self, x: &mut Frozen<S>, t: f64, p: &[f64]) -> Result<()> {
         self.w.copy_from_slice(p);
         x.in_orthonormal(&mut self.w);
@@ -174,7 +175,7 @@ impl<S: ConstrainedSystem> Residuals for InChart<'_, '_, '_, S> {
         for (j, (miss, w)) in c.miss.iter_mut().zip(&c.w).enumerate() {
             *miss = w - dense::dot(&self.x.orthonormal()[j * n..(j + 1) * n], delta);
         }
-        // what rounding leaves of S Δ, as of the rows
+        // round-off of S Δ, as for the rows
         let size = |row: &[f64]| row.iter().zip(&c.displacement).map(|(s, r)| (s * r).abs()).sum::<f64>();
         let missed = c.miss.iter().zip(self.x.orthonormal().chunks_exact(n.max(1)));
         let missed = missed.map(|(miss, row)| miss / (tolerance::FEW_ROUNDINGS * far * size(row)));
@@ -299,7 +300,7 @@ fn larger(m: f64, x: f64) -> f64 {
     }
 }
 
-/// Velocities that form a ball: three that change the same quaternion.
+/// Velocities that form a ball joint: three that change the same quaternion.
 fn balls<S: ConstrainedSystem>(system: &S) -> Result<Vec<[usize; 3]>> {
     let n = system.size().nv;
     let mut found: Vec<(usize, Vec<usize>)> = Vec::new();

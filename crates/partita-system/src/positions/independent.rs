@@ -1,12 +1,12 @@
 //! The coordinates of the independent velocities as states (2k in all); the dependent ones are solved for in every
 //! evaluation.
 //!
-//! Same motion and same order of error as with all coordinates. Prefer it where forces, tables or events must never see
-//! an open loop, or where the number of states counts.
+//! Same motion and same order of error as with all coordinates. Prefer it where forces, tables or events must never be
+//! evaluated with an open loop, or where the number of states matters.
 //!
-//! A ball joint's whole quaternion is a state as soon as one of its velocities is independent; closing turns it by what
-//! the dependent ones need, and the turned one is written back after a step. Because of that the number of states is
-//! counted for the choice that needs most; without ball joints it is k.
+//! A ball joint's whole quaternion is a state as soon as one of its velocities is independent; closing rotates it by
+//! its dependent ones, and the result is written back after a step. Therefore the number of states is that of the
+//! choice that needs most; without ball joints it is k.
 
 use super::continuity::Continuity;
 use super::state_coordinates::StateCoordinates;
@@ -18,7 +18,7 @@ use crate::record::Verdict;
 use crate::system::{ConstrainedSystem, SystemError};
 use crate::tangent::Tangent;
 
-/// What kind of point is solved for.
+/// Kind of point that is solved for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Point {
     /// A stage of a step.
@@ -29,7 +29,7 @@ pub enum Point {
     Inside,
 }
 
-/// What every way to solve for dependent coordinates starts from.
+/// Starting data of every solver for dependent coordinates.
 pub struct Core {
     pub(super) states: StateCoordinates,
     /// The position last found.
@@ -42,7 +42,7 @@ pub struct Core {
 }
 
 impl Core {
-    /// q where the velocities lead from the end of the last step, with the states of y.
+    /// The prediction of q by the velocities at the end of the last step, with the states of y.
     pub(super) fn predict<S: ConstrainedSystem>(&mut self, system: &S, t: f64, y: &[f64], at: Point) {
         self.q.copy_from_slice(&self.home);
         match at {
@@ -54,17 +54,17 @@ impl Core {
     }
 }
 
-/// A way to solve for dependent coordinates.
+/// A solver for dependent coordinates.
 pub trait Dependent<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> {
-    /// Does solving move the states too, so that the end of a step is solved before they are compared?
+    /// Whether solving changes the states too, so that the end of a step is solved before they are compared.
     const SOLVES: bool;
     /// The tangent was started at `core.q`.
     fn start(&mut self, _core: &Core, _tangent: &mut T, _margin: Option<f64>) {}
-    /// Find `core.q` for y; leaves the position level there.
+    /// Find `core.q` for y; evaluates the position level there.
     fn solve(&mut self, core: &mut Core, tangent: &mut T, t: f64, y: &[f64], at: Point) -> Result<()>;
     /// Data of the end of the step under judgement.
     fn look(&mut self, _tangent: &mut T) {}
-    /// That step is taken.
+    /// That step is accepted.
     fn accept(&mut self, _tangent: &mut T, _t: f64, _margin: Option<f64>) {}
     /// The tangent has chosen anew.
     fn chosen_anew(&mut self, _tangent: &mut T) {}
@@ -83,7 +83,7 @@ pub struct Independent<K> {
     vdot: Vec<f64>,
     gain: f64,
     rates: Vec<f64>,
-    /// The state at an output, where it has to be settled first.
+    /// The state at an output, where it has to be determined first.
     y: Vec<f64>,
 }
 

@@ -1,8 +1,8 @@
-//! Dependent coordinates by inverse kinematics: `q_D = g(q_I, t; ε)` (37), nothing iterated over all loops.
+//! Dependent coordinates by inverse kinematics: `q_D = g(q_I, t; ε)` (37), without iteration over all loops.
 //!
 //! Its branches ε are constants of the motion between change points, where pivots go through zero because the mechanism
-//! itself is singular: these are passed on the branch that the velocities lead to, and reported in the notes. At a dead
-//! point of inputs that stay the run ends with a message.
+//! itself is singular: these are crossed on the branch that the velocities determine, and reported in the notes. At a
+//! dead point of fixed inputs the run ends with a message.
 
 use super::independent::{Core, Dependent, Point};
 use crate::error::Result;
@@ -16,13 +16,13 @@ use partita_math::tolerance;
 /// it.
 const LONGEST_NEXT: f64 = 5.0;
 /// A branch is chosen by the motion below this ratio of distances to it and to the other. Scale: ratio. Reason: the
-/// prediction is then off by less than what lies between them.
+/// error of the prediction is then less than the distance between them.
 const MOST_DOUBT: f64 = 0.5;
 
 /// The closing of a [`Blocks`] tangent, followed over change points.
 #[derive(Default)]
 pub struct InverseKinematics {
-    /// A copy to come back to when a closing fails half-way.
+    /// A copy to restore when a closing fails half-way.
     good: Vec<f64>,
     /// The branches at the end of the last step, and of the one that is judged.
     branches: Vec<i8>,
@@ -32,11 +32,11 @@ pub struct InverseKinematics {
     /// Whether the branches followed the motion at the last evaluation, and at the end of the step under judgement.
     following: bool,
     trial_following: bool,
-    /// Iterations in blocks without a closed form, those for outputs left out.
+    /// Iterations in blocks without a closed form, without those for outputs.
     iterations: u64,
     /// Distance from a singular position at the end of the last step.
     far: f64,
-    /// Blocks that went over to their other branch: block, time, and was it foreseen?
+    /// Blocks that changed to their other branch: block, time, and whether it was foreseen.
     flips: Vec<(String, f64, bool)>,
 }
 
@@ -77,11 +77,11 @@ impl<'s, S: ConstrainedSystem> Dependent<'s, S, Blocks<'s, S>> for InverseKinema
                 false => Err(tangent.undecided(t, &core.q)),
             })
         } else {
-            // whole turns are those of where the velocities lead: the point solved for last may be a long step away
+            // whole turns are those of the prediction: the point solved for last may be a long step away
             core.predict(&*tangent.seen().system, t, y, at);
             let closed = tangent.closing()?.close(t, &mut core.q);
             if closed.is_err() {
-                // blocks that iterate may have been led too far: once more from the end of the last step
+                // iterative blocks may have started too far away: once more from the end of the last step
                 core.q.copy_from_slice(&core.home);
                 core.states.scatter(y, &mut core.q);
                 tangent.closing()?.close(t, &mut core.q)
@@ -120,7 +120,7 @@ impl<'s, S: ConstrainedSystem> Dependent<'s, S, Blocks<'s, S>> for InverseKinema
 
     fn chosen_anew(&mut self, tangent: &mut Blocks<'s, S>) {
         take_branches(tangent, &mut self.branches);
-        // distances of different inputs do not compare: be careful once
+        // distances of different inputs are not comparable: assume the worst once
         self.approaching = true;
     }
 

@@ -1,4 +1,4 @@
-//! Position coordinates: what stands for q in the state, and how q is found from it.
+//! Position coordinates: the part of the state that represents q, and how q is found from it.
 
 pub mod all;
 pub mod chart;
@@ -19,12 +19,12 @@ use crate::tangent::Tangent;
 pub trait Positions<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>>: PositionSteps<'s, S, T> {
     /// Whether the loops are closed at every evaluation.
     const CLOSED: bool;
-    /// How many leading components of y there are.
+    /// Number of leading components of y.
     fn places(&self) -> usize;
-    /// Take over the closed q and write y; the tangent was started there.
+    /// Start from the closed q and write y; the tangent was started there.
     fn start(&mut self, tangent: &mut T, t: f64, q: &[f64], y: &mut [f64]);
     /// Find q for y, with the position level of the tangent's reduction there; `crossing`: a singular position is being
-    /// passed. True if the tangent's factors are of there too.
+    /// crossed. True if the tangent's factors belong to it too.
     fn locate(&mut self, tangent: &mut T, t: f64, y: &[f64], crossing: bool) -> Result<bool>;
     /// q, as last found.
     fn q(&self) -> &[f64];
@@ -44,16 +44,16 @@ pub trait Positions<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>>: PositionS
     }
 }
 
-/// Position coordinates at the ends of steps. Only [`accept`](Self::accept) and what follows it move the place from
-/// which positions are found.
+/// Position coordinates at the ends of steps. Only [`accept`](Self::accept) and later calls move the starting point
+/// from which positions are found.
 pub trait PositionSteps<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> {
-    /// Remove what is open from y at the end of a step; true if y moved.
+    /// Correct closure errors of y at the end of a step; true if y changed.
     fn settle(&mut self, tangent: &mut T, t: f64, y: &mut [f64]) -> Result<bool>;
-    /// Does the step that ends at the point last evaluated hold together?
+    /// Whether the step that ends at the point last evaluated is continuous.
     fn judge(&mut self, _tangent: &mut T, _t: f64, _margin: Option<f64>) -> Verdict {
         Verdict::Keep
     }
-    /// A step that the tangent keeps: true where the positions need another choice, and why.
+    /// For a step that the tangent accepts: true where the positions need another choice, and why.
     fn wants_change(&self) -> Option<&'static str> {
         None
     }
@@ -61,19 +61,19 @@ pub trait PositionSteps<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> {
     fn is_stuck(&mut self) -> bool {
         false
     }
-    /// The step that was judged is taken.
+    /// The step that was judged is accepted.
     fn accept(&mut self, _tangent: &mut T, _t: f64, _margin: Option<f64>) {}
-    /// Whether the step has been repeated too often. Then this is what to say.
+    /// The message if the step has been repeated too often.
     fn failure(&mut self, _tangent: &mut T, _t: f64) -> Option<SystemError> {
         None
     }
-    /// Take whole turns off angles that have grown (see [`turns`]) and add them to `turns` (nq); true if y changed.
+    /// Remove whole turns from angles that have grown (see [`turns`]) and add them to `turns` (nq); true if y changed.
     fn wrap(&mut self, tangent: &T, y: &mut [f64], turns: &mut [i32]) -> bool;
     /// Contribution to the history of a run.
     fn report(&self, _history: &mut History) {}
 }
 
-/// Refuse constraints that have no positions, in the words of who needs them.
+/// Refuse constraints that have no positions, with the name of the formulation that needs them.
 pub(crate) fn needs_positions<S: ConstrainedSystem>(system: &S, name: &str, use_: &str) -> Result<()> {
     let size = system.size();
     if size.rows <= size.holonomic {

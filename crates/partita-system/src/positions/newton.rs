@@ -1,11 +1,11 @@
-//! Dependent coordinates by Newton's method: `Φ(q, t) = 0` is solved for q_D from where the motion leads, q_I untouched
+//! Dependent coordinates by Newton's method: `Φ(q, t) = 0` is solved for q_D from the predicted position, q_I unchanged
 //! (34).
 //!
 //! Classical coordinate partitioning (Wehage, Haug 1982; catalogue row 3). At dead points of fixed independent
 //! coordinates, and at singular positions of the mechanism, the equations have two solutions that meet. Newton's method
-//! starts where the velocities lead and so passes singular positions on the right one; a stage that might have found
-//! either, and a step in which velocities jump, are repeated. If none is left, as at most dead points of fixed
-//! coordinates, the run ends with a message.
+//! starts from the prediction by the velocities and so crosses singular positions on the right one; a stage that might
+//! have found either, and a step in which velocities jump, are repeated. If no step succeeds, as at most dead points of
+//! fixed coordinates, the run ends with a message.
 
 use super::independent::{Core, Dependent, Point};
 use crate::error::Result;
@@ -19,18 +19,18 @@ use crate::tangent::partition::Chosen;
 use crate::tangent::{TangentChoice, TangentLevels};
 
 /// Largest factor by which Newton's method may change the distance from where two solutions meet. Scale: ratio. Reason:
-/// beyond it the start was nearly half-way between them, and which one it found is chance.
+/// beyond it the start was nearly half-way between them, and either one may be found.
 const MOST_CHANGE: f64 = 3.0;
 /// Newton's method for q_D.
 #[derive(Default)]
 pub struct Newton {
-    /// Iterations so far, those for outputs left out.
+    /// Iterations so far, without those for outputs.
     iterations: u64,
     room: Room,
 }
 
 impl Newton {
-    /// `q_D ← q_D − C_D⁻¹ Φ` until nothing but round-off is left.                           (34)
+    /// `q_D ← q_D − C_D⁻¹ Φ` until only round-off remains.                                                       (34)
     ///
     /// Returns, near a singular position, by which factor its distance changed on the way, one way or the other; else
     /// 1.
@@ -51,7 +51,7 @@ impl Newton {
         Err(SystemError::Limit { block, t, shortfall: r.phi[row].abs() })
     }
 
-    /// From where the motion leads, or else from the end of the last step.
+    /// From the predicted position, or else from the end of the last step.
     fn find<'s, S: ConstrainedSystem>(
         &mut self,
         core: &mut Core,
@@ -67,7 +67,7 @@ impl Newton {
         if closed.is_ok() {
             return Ok(());
         }
-        // a long step may lead far off: once more from the end of the last one
+        // a long step may predict poorly: once more from the end of the last one
         core.q.copy_from_slice(&core.home);
         core.states.scatter(y, &mut core.q);
         let closed = self.close(tangent.reduction(), t, &mut core.q, near);

@@ -4,16 +4,16 @@ use crate::system::ConstrainedSystem;
 
 /// The coordinates that belong to k independent velocities, as leading states.
 ///
-/// A velocity with a coordinate of its own brings that one. One of a turn in space brings the whole quaternion: its
-/// four numbers have no meaning one by one. The number of states then depends on the choice; the longest list decides
-/// how many places there are, and places not in use hold 1, whose relative tolerance is never zero, and stay there.
+/// A velocity with a coordinate of its own adds that one. One of a spatial rotation adds the whole quaternion, whose
+/// four numbers have no meaning individually. The number of states then depends on the choice; the longest list sets
+/// the number of slots, and unused slots hold the constant 1, whose relative tolerance is never zero.
 pub(super) struct StateCoordinates {
     places: usize,
     list: Vec<usize>,
 }
 
 impl StateCoordinates {
-    /// Places for any choice of k velocities.
+    /// Slots for any choice of k velocities.
     pub(super) fn new<S: ConstrainedSystem>(system: &S, k: usize) -> Self {
         let size = system.size();
         let mut seen = vec![false; size.nq];
@@ -28,12 +28,12 @@ impl StateCoordinates {
         Self { places, list: Vec::with_capacity(places) }
     }
 
-    /// Number of places.
+    /// Number of slots.
     pub(super) fn places(&self) -> usize {
         self.places
     }
 
-    /// Take the coordinates of these velocities.
+    /// Use the coordinates of these velocities.
     pub(super) fn choose<S: ConstrainedSystem>(&mut self, system: &S, independent: &[usize]) {
         self.list.clear();
         let mut taken = vec![false; system.size().nq];
@@ -63,7 +63,7 @@ impl StateCoordinates {
         self.list.iter().zip(y).for_each(|(&c, y)| q[c] = *y);
     }
 
-    /// Does y hold these coordinates of q, bit by bit?
+    /// Whether y holds these coordinates of q, bit by bit.
     pub(super) fn agree(&self, q: &[f64], y: &[f64]) -> bool {
         self.list.iter().zip(y).all(|(&c, y)| q[c].to_bits() == y.to_bits())
     }

@@ -1,6 +1,7 @@
-//! Whole turns of angles, kept apart from the angles: a mechanism that has turned a thousand times is as exact as a new one.
+//! Whole turns of angles, stored separately from the angles: after a thousand turns a mechanism is computed as exactly
+//! as at the start.
 //!
-//! An angle of 6000 rad carries a round-off of 5e-13, which opens every loop that it closes.
+//! An angle of 6000 rad has a round-off of 5e-13, which is a closure error of every loop through it.
 
 use crate::system::ConstrainedSystem;
 use std::f64::consts::TAU;
@@ -8,10 +9,10 @@ use std::f64::consts::TAU;
 /// Angles beyond this are brought back to within half a turn. Scale: rad. Reason: seldom, and before their round-off
 /// (2e-15) counts.
 const WOUND: f64 = 25.0;
-/// The remainder of 2π beyond `TAU`. Unit: rad. Reason: turns are taken off to the last digit.
+/// The remainder of 2π beyond `TAU`. Unit: rad. Reason: turns are removed to the last digit.
 const TAU_REST: f64 = 2.449_293_598_294_706_4e-16;
 
-/// Take whole turns off the angles of q that have grown beyond a few turns, count them; true if q changed.
+/// Remove whole turns from the angles of q that have grown beyond a few turns, count them; true if q changed.
 pub fn reduce<S: ConstrainedSystem>(system: &S, q: &mut [f64], turns: &mut [i32]) -> bool {
     let mut changed = false;
     for i in 0..q.len() {
@@ -32,7 +33,7 @@ pub fn reduce_one<S: ConstrainedSystem>(system: &S, i: usize, angle: &mut f64, t
     true
 }
 
-/// Angle and turns together, as the user sees them.
+/// Angle and turns together, as shown to the user.
 pub fn whole(angle: f64, turns: i32) -> f64 {
     angle + f64::from(turns) * TAU
 }

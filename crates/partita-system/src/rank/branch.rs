@@ -1,5 +1,4 @@
-//! Along which finite motion a mechanism goes from a drawing, at a level of singular values: its kernel and its degrees
-//! of freedom.
+//! Finite motion of a mechanism from a drawing, at a level of singular values: its kernel and its degrees of freedom.
 
 use super::{Cut, Kernel, Motions};
 use crate::manifold::follow::{self, follow, Pace};
@@ -17,24 +16,24 @@ pub(super) const WHOLE_STEP: f64 = 0.9;
 const FAR: usize = 25;
 /// Random directions in which paths leave the drawing, for each null direction.
 const MORE: usize = 1;
-/// Paths at the most, for drawings of many degrees of freedom.
+/// Maximum number of paths, for drawings of many degrees of freedom.
 const PATHS: usize = 24;
-/// Where most ends have a larger kernel, values up to so many levels count as null too. Scale: multiples of the level.
-/// Reason: in the tube of a lock values are as large as the level.
+/// Where most ends have a larger kernel, values up to this many levels count as null too. Scale: multiples of the
+/// level. Reason: near a lock values are as large as the level.
 const TUBE: f64 = 100.0;
-/// Half differences of probes above this are motions. Scale: fraction of the longest. Reason: in the tube of a lock
-/// they are shorter.
+/// Half differences of probes above this are motions. Scale: fraction of the longest. Reason: near a lock they are
+/// shorter.
 const PROBE_MOVES: f64 = 0.25;
-/// Probes off a projection by more decide nothing. Scale: fraction of the probe. Reason: curvature takes a twentieth of
-/// a long one.
+/// Probes that deviate from a projection by more are inconclusive. Scale: fraction of the probe. Reason: curvature
+/// accounts for a twentieth of a long one.
 const PROBE_BENT: f64 = 0.1;
-/// Sums of probes that are compared with the sum of what is kept of each.
+/// Number of sums of probes that are compared with the sum of their parts.
 const SUMS: usize = 2;
-/// Lengths of probes at the most, each half the one before.
+/// Maximum number of lengths of probes, each half the previous.
 const PROBES: usize = 4;
-/// Positions at which probes have to say clearly what moves.
+/// Number of positions at which probes must show conclusively what moves.
 const TRIED: usize = 4;
-/// A path this short (in steps) says nothing.
+/// A path this short (in steps) is inconclusive.
 const SHORTEST: usize = 3;
 
 /// A position on a path.
@@ -46,13 +45,13 @@ pub struct BranchPoint {
     pub steps: usize,
     /// Coordinates, closed at the level.
     pub q: Vec<f64>,
-    /// Null directions there, and those up to the tube of a lock.
+    /// Null directions there, and those up to the values near a lock.
     pub kernel: (usize, usize),
-    /// What stays open there, in parts of sizes.
+    /// Relative closure error there.
     pub open: f64,
 }
 
-/// What a drawing does at a level.
+/// The motion of a drawing at a level.
 #[derive(Clone, Debug)]
 pub struct Branch {
     /// Null directions of C at generic positions of the motion, k_c.
@@ -63,10 +62,10 @@ pub struct Branch {
     pub points: Vec<BranchPoint>,
 }
 
-/// Takes steps from the start, the position, what stays open there, and the motions from there; false ends the path.
+/// Receives steps from the start, the position, its closure error, and the motions from there; false ends the path.
 pub type Visit<'v> = &'v mut dyn FnMut(usize, &[f64], f64, &Motions) -> bool;
 
-/// Small numbers without a pattern, always the same.
+/// Small irregular numbers, always the same.
 fn irregular(seed: &mut u64) -> f64 {
     *seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
     (*seed >> 11) as f64 / (1u64 << 52) as f64 - 1.0
@@ -90,7 +89,7 @@ fn dot(x: &[f64], y: &[f64]) -> f64 {
 }
 
 impl<S: ConstrainedSystem> Kernel<'_, S> {
-    /// A direction of travel 1; `None` where there is none.
+    /// A direction scaled to fastest coordinate 1; `None` where there is none.
     fn unit(&self, y: &[f64]) -> Option<Vec<f64>> {
         let length = self.travel(y);
         (length.is_finite() && length > 0.0).then(|| y.iter().map(|y| y / length).collect())
@@ -122,7 +121,7 @@ impl<S: ConstrainedSystem> Kernel<'_, S> {
         Ok(())
     }
 
-    /// The motion of the drawing closed at `home`, by the singular values that count. `None` where no path leads away.
+    /// The motion of the drawing closed at `home`, by the accepted singular values. `None` where no path leads away.
     ///
     /// # Errors
     /// Where nothing can be evaluated.
@@ -172,11 +171,11 @@ impl<S: ConstrainedSystem> Kernel<'_, S> {
         Ok((dof > 0).then_some(Branch { kernel, dof, points }))
     }
 
-    /// How many of the null directions at q are tangents of motions, and whether probes say so clearly.
+    /// Number of null directions at q that are tangents of motions, and whether probes show it conclusively.
     ///
-    /// On one branch probes are projected onto its tangents. Where branches cross within a probe, it is thrown from one
-    /// onto another: then shorter ones are asked, and what is thrown back at any length is no motion. A crossing that
-    /// is nearer than the shortest probe leaves it open. `None` where probes do not close.
+    /// On one branch probes are projected onto its tangents. Where branches cross within a probe, it is projected from
+    /// one onto another: then shorter ones are tried, and a direction that is removed at any length is not a motion. A
+    /// crossing that is nearer than the shortest probe is inconclusive. `None` where probes do not close.
     fn probed(&mut self, q: &[f64], cut: Cut) -> Result<Option<(usize, bool)>, SystemError> {
         let directions = mixed(&self.motions(q, cut)?.motions);
         let (mut found, mut length) = (None, tolerance::RANK_MOVE);
@@ -219,8 +218,8 @@ impl<S: ConstrainedSystem> Kernel<'_, S> {
         Ok(of_sums.data().iter().zip(expected.data()).all(|(x, y)| (x - y).abs() <= PROBE_BENT))
     }
 
-    /// Half the differences of probes to both sides along unit directions, in parts of the probes and by their
-    /// components in an orthonormal frame: what is even in a probe is curvature. `None` where one does not close.
+    /// Half the differences of probes to both sides along unit directions, relative to the probes and by their
+    /// components in an orthonormal frame: the even part of a probe is curvature. `None` where one does not close.
     fn kept(
         &mut self,
         q: &[f64],
@@ -245,7 +244,7 @@ impl<S: ConstrainedSystem> Kernel<'_, S> {
     }
 }
 
-/// Is what is kept of probes A = A², as on one branch?
+/// Whether the projected part of probes satisfies A = A², as on one branch.
 fn is_projection(kept: &Matrix) -> bool {
     let mut off = kept.matmul(kept);
     off.data_mut().iter_mut().zip(kept.data()).for_each(|(x, a)| *x -= a);
@@ -272,7 +271,7 @@ impl DofCount {
     }
 }
 
-/// Positions at which probes are tried: the ends of the paths, then what lies half-way.
+/// Positions at which probes are tried: the ends of the paths, then points half-way.
 fn tried(points: &[BranchPoint]) -> impl Iterator<Item = &BranchPoint> {
     let is_last = |i: usize| points.get(i + 1).is_none_or(|next| next.path != points[i].path);
     let ends = (0..points.len()).filter(move |&i| is_last(i) && points[i].steps >= SHORTEST);
@@ -280,8 +279,8 @@ fn tried(points: &[BranchPoint]) -> impl Iterator<Item = &BranchPoint> {
     ends.map(|i| &points[i]).chain(halfway)
 }
 
-/// The same space by directions that each mix all of it: along the axes of branches that cross, each by itself would
-/// go.
+/// The same space spanned by directions that each mix all of it: along the axes of branches that cross, each would
+/// appear movable.
 fn mixed(motions: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let mut seed = 1;
     let weights: Vec<f64> = motions.iter().map(|_| irregular(&mut seed)).collect();

@@ -1,8 +1,8 @@
 //! The cases decided by pivots and a short motion: independent loop closures, and loop closures that are exactly
 //! redundant.
 //!
-//! Sparse, so that it serves a thousand loops as well as one. Rows kept close the motion; where it is closed so, the
-//! others open by nothing but rounding, or something else is the matter, which is not decided here.
+//! Sparse, so that it serves a thousand loops as well as one. The kept rows close the motion; the others must stay
+//! closed to rounding, otherwise this module does not decide.
 
 use super::branch::WHOLE_STEP;
 use crate::manifold::kept_rows::close_kept;
@@ -16,15 +16,15 @@ use partita_math::tolerance;
 const SINGLE: usize = 60;
 /// Its steps, each closed.
 const STEPS: usize = 5;
-/// Mixed directions at the most.
+/// Maximum number of mixed directions.
 const DIRECTIONS: usize = 4;
 
-/// What is settled.
+/// The decision.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Exact {
-    /// All closings are independent; degrees of freedom, and what the weakest closing adds, squared.
+    /// All loop closures are independent; degrees of freedom, and the squared contribution of the weakest closure.
     Regular(usize, f64),
-    /// Closings are redundant wherever the mechanism goes; likewise, of those that are kept.
+    /// Loop closures are redundant at every position; likewise, for those that are kept.
     Redundant(usize, f64),
     /// Neither.
     Open,
@@ -57,7 +57,8 @@ pub fn exact<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], level: f64) ->
     Ok(if clear && fits(system, t, q, closings)? { Exact::Redundant(dof, smallest) } else { Exact::Open })
 }
 
-/// What the last of so many closings adds at (t, q), squared and in natural sizes: as weak as that the conditions are.
+/// The contribution of the last of so many loop closures at (t, q), squared and in natural sizes: the strength of the
+/// weakest condition.
 ///
 /// # Errors
 /// Where nothing can be evaluated there.
@@ -66,8 +67,8 @@ pub fn weakest<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], closings: us
     Ok(if found.len() < closings { 0.0 } else { found.iter().take(closings).fold(1.0, |m: f64, x| m.min(x.1)) })
 }
 
-/// The closings that say something at (t, q), each with what it adds to those before it, squared and in natural sizes;
-/// those of which `late` is true come after the others.
+/// The independent loop closures at (t, q), each with its contribution beyond those before it, squared and in natural
+/// sizes; those with `late` true come after the others.
 ///
 /// # Errors
 /// Where nothing can be evaluated there.
@@ -86,7 +87,7 @@ pub fn pivots<S: ConstrainedSystem>(
     Ok(rows.filter(|x| !system.row_is_drive(x.0)).collect())
 }
 
-/// Rows of the last position by what they add to those before them, in natural sizes.
+/// Rows of the last position by their contribution beyond those before them, in natural sizes.
 pub(crate) fn ranked<S: ConstrainedSystem>(
     r: &Reduction<S>,
     least: f64,
@@ -98,7 +99,8 @@ pub(crate) fn ranked<S: ConstrainedSystem>(
     weighed_rows(system.pattern(), &r.c, (&displacement, &sizes), least, preference)
 }
 
-/// Moved along each degree of freedom and along mixtures of them, closed with the rows kept: do the others stay closed?
+/// Moved along each degree of freedom and along mixtures of them, closed with the kept rows: whether the others stay
+/// closed.
 fn fits<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], closings: usize) -> Result<bool, SystemError> {
     let mut r = Reduction::geometric(system, closings);
     match r.first_partition(t, q) {
@@ -123,7 +125,7 @@ fn fits<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], closings: usize) ->
     Ok(true)
 }
 
-/// What the closings that were not kept open by, in parts of sizes.
+/// Relative closure error of the loop closures that were not kept.
 fn opened<S: ConstrainedSystem>(r: &Reduction<S>) -> f64 {
     let closings = r.dropped().iter().filter(|&&i| i < r.size().holonomic && !r.system.row_is_drive(i));
     largest(closings.map(|&i| r.phi[i] / r.row_size(i)))
@@ -140,7 +142,7 @@ fn rates<S: ConstrainedSystem>(r: &Reduction<S>, (direction, mixed): (usize, usi
     (0..r.k()).map(|j| sign(j) * (1.0 + 0.37 * wave(j)) * displacement(j)).collect()
 }
 
-/// The motion of the rows kept, by independent rates that stay the same.
+/// The motion of the kept rows, by independent rates that are constant.
 struct Own<'r, 's, S: ConstrainedSystem> {
     r: &'r mut Reduction<'s, S>,
     t: f64,
@@ -149,7 +151,7 @@ struct Own<'r, 's, S: ConstrainedSystem> {
 }
 
 impl<S: ConstrainedSystem> Curve for Own<'_, '_, S> {
-    /// Where last evaluated; its fastest move is 1.
+    /// Where last evaluated; its fastest coordinate is 1.
     fn direct(&mut self, _q: &[f64], _s: f64, tangent: &mut [f64]) -> Result<bool, SystemError> {
         if self.r.tangent(self.t).is_err() {
             return Ok(false);
@@ -179,7 +181,7 @@ impl<S: ConstrainedSystem> Curve for Own<'_, '_, S> {
     }
 }
 
-/// Move along a direction from `home`, as far as it goes. False where a row left out opens, or the rows kept lead no
+/// Move along a direction from `home`, as far as possible. False where a row left out opens, or the kept rows lead no
 /// further.
 fn moved<S: ConstrainedSystem>(
     r: &mut Reduction<S>,
@@ -205,7 +207,7 @@ fn moved<S: ConstrainedSystem>(
     }
 }
 
-/// Close the rows kept near q; leaves the position level there. False where they do not close.
+/// Close the kept rows near q; evaluates the position level there. False where they do not close.
 fn closed<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &mut [f64]) -> Result<bool, SystemError> {
     match close_kept(r, t, q) {
         Ok(closed) => Ok(is_closed(r, &closed)),

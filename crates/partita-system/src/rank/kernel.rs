@@ -1,4 +1,4 @@
-//! Phi and C of the closings at one position as dense matrices in natural sizes, and what their singular values say.
+//! Phi and C of the loop closures at one position as dense matrices in natural sizes, and their singular values.
 
 use crate::manifold::scaled::Scaled;
 use crate::manifold::truncated::{Cut, Motions, Truncated};
@@ -7,11 +7,11 @@ use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::dense::Matrix;
 use partita_math::factor::{svd, svd_full};
 
-/// What a closing did.
+/// Result of a closing.
 pub struct Closed {
-    /// Largest part of its size by which a row stays open.
+    /// Largest relative residual of a row.
     pub open: f64,
-    /// The move, in characteristic displacements, summed over the iterations.
+    /// The displacement, in characteristic displacements, summed over the iterations.
     pub moved: Vec<f64>,
 }
 
@@ -19,19 +19,19 @@ pub struct Closed {
 pub struct Nulls {
     /// Singular values, descending.
     pub values: Vec<f64>,
-    /// Motions that no row opposes, in characteristic displacements.
+    /// Motions free of all rows, in characteristic displacements.
     pub motions: Vec<Vec<f64>>,
-    /// Self-stresses: combinations of rows, in parts of their sizes, that no motion feels.
+    /// Self-stresses: combinations of rows, relative to their sizes, that do no work on any motion.
     pub stresses: Vec<Vec<f64>>,
 }
 
-/// The closings of a system, drives released, at time t.
+/// The loop closures of a system, drives released, at time t.
 pub struct Kernel<'s, S: ConstrainedSystem> {
     pub(super) closings: Truncated<'s, S>,
     room: Room,
     /// Holonomic rows that prescribe no motion.
     pub rows: Vec<usize>,
-    /// What a large move opens each of them by.
+    /// Closure error of each of them under a large displacement.
     pub sizes: Vec<f64>,
 }
 
@@ -64,7 +64,7 @@ impl<'s, S: ConstrainedSystem> Kernel<'s, S> {
         &self.closings.scaled.raw_c
     }
 
-    /// Largest part of its size by which a row is open at q.
+    /// Largest relative residual of a row at q.
     pub fn open(&mut self, q: &[f64]) -> Result<f64, SystemError> {
         self.closings.open_at(q)
     }
@@ -89,13 +89,13 @@ impl<'s, S: ConstrainedSystem> Kernel<'s, S> {
         Ok(svd(&c).map_or_else(|_| vec![0.0], |f| f.s))
     }
 
-    /// Pivots at q, and the motions that no row opposes.
+    /// Pivots at q, and the motions free of all rows.
     pub fn motions(&mut self, q: &[f64], cut: Cut) -> Result<Motions, SystemError> {
         self.closings.cut = cut;
         self.closings.motions(q)
     }
 
-    /// Size of a move (in characteristic displacements): the fastest coordinate, or its invariant over axes.
+    /// Size of a displacement (in characteristic displacements): the fastest coordinate, or its invariant over axes.
     pub fn travel(&self, y: &[f64]) -> f64 {
         self.closings.travel(y)
     }
@@ -105,7 +105,8 @@ impl<'s, S: ConstrainedSystem> Kernel<'s, S> {
         self.closings.step(q, 1.0, y);
     }
 
-    /// Gauss-Newton with all rows by the pivots that count. `None` where the moves do not settle.        (11.9, 1)
+    /// Gauss-Newton with all rows by the accepted pivots. `None` where the displacements do not converge.
+    ///                                                                                                      (11.9, 1)
     pub fn close(&mut self, q: &mut [f64], cut: Cut) -> Result<Option<Closed>, SystemError> {
         self.closings.cut = cut;
         let closed = match self.closings.close(q, &mut self.room) {

@@ -1,7 +1,8 @@
-//! One verdict on rank: which closings are independent, redundant everywhere, or dependent in one position alone.     (11.9)
+//! One verdict on rank: which loop closures are independent, redundant everywhere, or dependent in one position alone.
+//!                                                                                                             (11.9)
 //!
-//! A gap between singular values at one position decides nothing. What pivots and a short exact motion settle is settled in
-//! `exact`; the rest is asked of finite motions, by levels of singular values, in `branch`.
+//! A gap between singular values at one position decides nothing. Cases that pivots and a short exact motion decide are
+//! in `exact`; the others are decided by finite motions, by levels of singular values, in `branch`.
 
 pub mod branch;
 pub mod exact;

@@ -1,13 +1,13 @@
-//! The arithmetic of P1-P3 and R1, given a choice: straight-line, over any number type.
+//! The arithmetic of P1-P3 and R1 for a given choice: without branches, over any number type.
 //!
-//! Nothing here searches, looks at a value or allocates. What is chosen (rows, coordinates, the order of the
-//! elimination, the way through the clusters) comes as a [`Choice`]; whether it still fits is asked elsewhere.
+//! Nothing here searches, compares or allocates. The choice (rows, coordinates, the order of the elimination, the
+//! recursion over the clusters) is given as a [`Choice`]; whether it still applies is checked elsewhere.
 
 use partita_math::dense;
 use partita_math::elimination::Plan;
 use partita_math::scalar::Scalar;
 
-/// What was chosen, as an evaluation needs it.
+/// The choice, as an evaluation needs it.
 #[derive(Clone, Copy)]
 pub struct Choice<'a> {
     /// Elimination of C_D; none where no row is kept.
@@ -24,9 +24,9 @@ pub struct Choice<'a> {
     pub column_of: &'a [u32],
     /// Entries of kept rows in columns of A: step of the elimination, entry of C, column.
     pub entries: &'a [(u32, u32, u32)],
-    /// The same for all independent velocities: step, entry, place in v_I.
+    /// The same for all independent velocities: step, entry, index in v_I.
     pub spread_entries: &'a [(u32, u32, u32)],
-    /// Whether a column stands for the degrees of freedom of several clusters.
+    /// Whether a column represents the degrees of freedom of several clusters.
     pub packed: bool,
     /// Whether there are rows that depend on time.
     pub rheonomic: bool,
@@ -48,7 +48,7 @@ impl Choice<'_> {
         }
     }
 
-    /// A, D and η: `v_D = A v_I + η`, with C_D factored. `rhs` has room for r x (columns + 1).    (P1, P2)
+    /// A, D and η: `v_D = A v_I + η`, with C_D factored. `rhs` has room for r x (columns + 1).               (P1, P2)
     pub fn tangent<T: Scalar>(
         &self,
         factors: &[T],
@@ -125,7 +125,7 @@ impl Choice<'_> {
         }
     }
 
-    /// `ξ = −C_D⁻¹ b`, put in the places of D.                                            (P1)
+    /// `ξ = −C_D⁻¹ b`, written to the slots of D.                                                                (P1)
     pub fn bias<T: Scalar>(&self, factors: &[T], b: &[T], work: &mut [T], delta: &mut [T]) {
         let x = &mut work[..self.rows.len()];
         for (x, &row) in x.iter_mut().zip(self.rows) {

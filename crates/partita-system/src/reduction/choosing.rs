@@ -1,5 +1,5 @@
-//! What is decided now and then, at a position: scales of velocities and rows, the choice and the plan of its
-//! elimination, the way through the clusters, and where everything of an evaluation has its place.
+//! Occasional decisions at a position: scales of velocities and rows, the choice and the plan of its elimination, the
+//! recursion over the clusters, and the layout of the data of an evaluation.
 
 use super::{choice, watch, Choice, Reduction, NONE};
 use crate::clusters::Clusters;
@@ -28,7 +28,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         Ok(())
     }
 
-    /// Scales that bring the rows of C to 1; 0 for rows without a direction.
+    /// Scales that normalise the rows of C; 0 for rows without a direction.
     pub fn row_scales(&self) -> &[f64] {
         &self.row_scale
     }
@@ -37,8 +37,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         let pattern = self.system.pattern();
         for i in 0..self.size.rows {
             let norm = pattern.row(i).map(|e| (self.c[e] * self.s[pattern.col_idx[e]]).powi(2)).sum::<f64>().sqrt();
-            // a row of round-off alone has no direction to pivot on
-            // strengths are squares
+            // a row of round-off alone has no direction to pivot on; strengths are squares
             let nothing = tolerance::NEGLIGIBLE * tolerance::NEGLIGIBLE;
             let empty = norm == 0.0 || self.strength(i).is_some_and(|s| s < nothing);
             self.row_scale[i] = if empty { 0.0 } else { 1.0 / norm };
@@ -56,7 +55,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     }
 
     /// Take `independent` as the independent velocities and plan the elimination of the others at the last position.
-    /// The rows in use stay in use where they serve: they span all others, whatever the coordinates.
+    /// The rows in use are kept where they serve: they span all others, whatever the coordinates.
     pub fn set_partition(&mut self, t: f64, independent: &[usize]) -> Result<(), SystemError> {
         self.refresh_row_scales();
         if self.has_rows() && (self.plan_with(t, independent, &self.rows_in_use()).is_ok()) {
@@ -71,7 +70,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         self.rank > 0 && self.rank < self.size.rows && self.partition.rows.len() == self.rank
     }
 
-    /// The same with rows out of these, with the row scales at hand.
+    /// The same with rows out of these, with the current row scales.
     pub(super) fn plan_with(&mut self, t: f64, independent: &[usize], rows: &[bool]) -> Result<(), SystemError> {
         let pattern = self.system.pattern();
         let mut eligible = vec![true; self.size.nv];
@@ -84,7 +83,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         self.take(t, plan, independent)
     }
 
-    /// Any admissible partition at (t, q): the one a sparse elimination with pivoting arrives at. Leaves the tangent
+    /// Any admissible partition at (t, q): the one a sparse elimination with pivoting arrives at. Evaluates the tangent
     /// there.
     pub(crate) fn first_partition(&mut self, t: f64, q: &[f64]) -> Result<(), SystemError> {
         self.position(t, q)?;
@@ -122,7 +121,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     fn adopt(&mut self, plan: Plan, independent: &[usize]) {
         let system = self.system.clone();
         let pattern = system.pattern();
-        // rows in use are those not left out, once there are any
+        // the rows in use are those not left out, once there are any
         let now = &mut self.partition;
         let new_rows = now.rows.len() != self.rank || plan.pivot_rows().iter().any(|&i| self.left_out[i]);
         let mut was_dependent = vec![false; self.size.nv];
@@ -182,7 +181,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         self.plan = Some(plan);
     }
 
-    /// How the system goes through its clusters with the rows kept; asked again only when others are.
+    /// The system's method for its clusters with the rows kept; requested again only when others are kept.
     fn plan_recursion(&mut self) {
         if self.dense_only {
             return;
@@ -195,13 +194,13 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         self.recursion = self.system.plan_recursion(&rows, &mut self.scratch);
         self.planned_rows = Some(rows);
         if self.recursion.is_none() {
-            // whether it pays depends on how many rows are kept, not on which
+            // whether it is cheaper depends on how many rows are kept, not on which
             self.dense_only = true;
             self.clusters = Clusters::one(self.size.nv, self.size.rows);
         }
     }
 
-    /// Which column each independent velocity has, and room for what depends on their number.
+    /// The column of each independent velocity, and memory that depends on their number.
     fn place_columns(&mut self, independent: &[usize]) {
         let k = self.k;
         match &self.recursion {

@@ -1,15 +1,15 @@
-//! Constraint violation relative to what a large move causes, so that units and sizes cancel.
+//! Constraint violation relative to the effect of a large displacement, so that units and sizes cancel.
 
 use super::{largest, velocity_residuals, Reduction};
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::tolerance;
 
-/// A step that leaves a condition by more is too long, whatever its tolerance. Scale: size of the row. Reason: a step
-/// drifts by its error, which is small.
+/// A step with a larger violation is too long, whatever its tolerance. Scale: size of the row. Reason: a step drifts by
+/// its error, which is small.
 const LARGEST_DRIFT: f64 = 1e-3;
 
 impl<S: ConstrainedSystem> Reduction<'_, S> {
-    /// What a large move opens row i by: 1 for an angle, a length for a displacement.
+    /// Closure error of row i under a large displacement: 1 for an angle, a length for a displacement.
     pub fn row_size(&self, i: usize) -> f64 {
         self.row_size[i]
     }
@@ -19,7 +19,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         &self.dropped
     }
 
-    /// Largest |Φ_i| in parts of its row's size, and its row; NaN counts as infinite.
+    /// Largest |Φ_i| relative to its row's size, and its row; NaN counts as infinite.
     pub fn gap(&self) -> (f64, usize) {
         worst(self.phi.iter().zip(&self.row_size).map(|(x, size)| x / size).enumerate())
     }
@@ -64,21 +64,21 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         pattern.row(i).map(|e| self.c[e] * x[pattern.col_idx[e]]).sum()
     }
 
-    /// The fastest rate at hand [1/s]: of velocities in characteristic displacements, and of what moves the conditions
-    /// themselves.
+    /// The current fastest rate [1/s]: of velocities in characteristic displacements, and of the time-dependent
+    /// conditions themselves.
     pub fn fastest(&self) -> f64 {
         let moved = largest(self.v.iter().zip(&self.displacement).map(|(v, displacement)| v / displacement));
         moved.max(largest(self.a.iter().zip(&self.row_size).map(|(a, size)| a / size)))
     }
 
-    /// An energy at hand: of what is hardest to move, moved by its characteristic displacement in a second.
+    /// The current reference energy: of the heaviest coordinate, moved by its characteristic displacement in a second.
     pub fn natural_energy(&self) -> f64 {
         let energies =
             self.s2.iter().zip(&self.displacement).map(|(s2, displacement)| displacement * displacement / s2);
         largest(energies).max(f64::MIN_POSITIVE)
     }
 
-    /// The strongest acceleration at hand [1/s²], as `fastest`.
+    /// The current strongest acceleration [1/s²], as `fastest`.
     pub fn strongest(&self, vdot: &[f64]) -> f64 {
         let moved = largest(vdot.iter().zip(&self.displacement).map(|(v, displacement)| v / displacement));
         moved.max(largest(self.b.iter().zip(&self.row_size).map(|(b, size)| b / size)))
@@ -98,7 +98,8 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         Err(SystemError::Jump { what: what.into(), t, by, rate: false })
     }
 
-    /// The dropped row i against the kept rows it follows from: who contradicts whom. Needs the factors of C_D.
+    /// The dropped row i compared with the kept rows on which it depends: which of them contradict each other. Needs
+    /// the factors of C_D.
     pub fn contradiction(&mut self, t: f64, row: usize, off: f64, unit: &'static str) -> SystemError {
         let pattern = self.system.pattern();
         let mut of_row = vec![0.0; self.size.nv];
@@ -134,7 +135,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     }
 }
 
-/// The largest |x| and where; NaN counts as infinite.
+/// The largest |x| and its index; NaN counts as infinite.
 fn worst(all: impl Iterator<Item = (usize, f64)>) -> (f64, usize) {
     all.fold((0.0, 0), |best: (f64, usize), (i, x)| {
         let x = if x.is_nan() { f64::INFINITY } else { x.abs() };

@@ -4,18 +4,19 @@ use super::Reduction;
 use crate::system::ConstrainedSystem;
 use partita_math::tolerance;
 
-/// A step of the dependent coordinates, left in the reduction.
+/// A step of the dependent coordinates, stored in the reduction.
 #[derive(Clone, Copy, Debug)]
 pub struct DependentStep {
-    /// Its largest move: in characteristic displacements, or in natural scales where the system knows no sizes of rows.
+    /// Its largest displacement: in characteristic displacements, or in natural scales where the system has no sizes of
+    /// rows.
     pub length: f64,
-    /// Is it a large multiple of what is open, as next to a singular position, where round-off is amplified without
-    /// bounds?
+    /// Whether it is a large multiple of the residual, as next to a singular position, where round-off is amplified
+    /// without bounds.
     pub amplifies: bool,
 }
 
 impl DependentStep {
-    /// Would it move round-off about rather than close anything? Larger moves close what is really open.
+    /// Whether it would change only round-off. Larger displacements reduce a real residual.
     pub fn is_round_off(&self) -> bool {
         self.amplifies && self.length < tolerance::OPEN
     }
@@ -33,7 +34,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         if let Some(plan) = &self.plan {
             plan.solve(&self.factors, x, 1);
         }
-        // both in characteristic displacements where the system knows them; elsewhere both in natural scales, so that
+        // both in characteristic displacements where the system has them; elsewhere both in natural scales, so that
         // units cancel
         let known = self.row_displacement.iter().all(Option::is_some);
         let part = |i: usize| match known {
@@ -48,7 +49,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         DependentStep { length, amplifies: length > super::LARGEST_AMPLIFICATION * residual }
     }
 
-    /// The same into `dv` (nv); false where it would move nothing but round-off.
+    /// The same into `dv` (nv); false where it would change only round-off.
     pub fn dependent_correction(&mut self, dv: &mut [f64]) -> bool {
         let closes = !self.dependent_step().is_round_off();
         dv.fill(0.0);
@@ -61,8 +62,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         self.work[..self.rank].iter_mut().for_each(|x| *x *= by);
     }
 
-    /// Φ of the rows that are to be closed, in units of their own round-off as in
-    /// [`closure_error`](Self::closure_error).
+    /// Φ of the rows to be closed, in units of their own round-off as in [`closure_error`](Self::closure_error).
     pub fn closure_error_of_rows(&self) -> impl Iterator<Item = f64> + '_ {
         let rows = self.phi.iter().zip(&self.noise).enumerate().filter(|(i, _)| !self.left_out[*i]);
         rows.map(|(i, (x, n))| {

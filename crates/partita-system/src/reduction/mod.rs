@@ -1,5 +1,5 @@
-//! The reduction itself: P1-P3 at one point, with everything prepared so that an evaluation allocates nothing. What is
-//! decided now and then is in `choosing`, what counts against it in `watch`.
+//! The reduction itself: P1-P3 at one point, with everything prepared so that an evaluation allocates nothing.
+//! Occasional decisions are in `choosing`, checks in `watch`.
 
 mod arithmetic;
 mod choosing;
@@ -27,11 +27,11 @@ const NONE: u32 = u32::MAX;
 /// metric. Reason: far below any that moves mass, with the worst choice of coordinates allowed for.
 const UNFELT: f64 = 1e-13;
 
-/// A correction that moves coordinates by more is rounding, unless it is longer than [`tolerance::OPEN`]. Scale:
-/// multiples of the relative residual. Reason: three digits lost to a poor choice of coordinates.
+/// A correction with a larger displacement is rounding, unless it is longer than [`tolerance::OPEN`]. Scale: multiples
+/// of the relative residual. Reason: three digits lost to a poor choice of coordinates.
 pub const LARGEST_AMPLIFICATION: f64 = 1e3;
 
-/// The choice of a reduction; a macro, so that its other fields stay free.
+/// The choice of a reduction; a macro, so that its other fields can be borrowed.
 macro_rules! choice {
     ($r:expr) => {
         Choice {
@@ -68,7 +68,7 @@ pub struct Reduction<'s, S: ConstrainedSystem> {
     plan: Option<Plan>,
     /// Blocks of C.
     pub clusters: Clusters,
-    /// Where many degrees of freedom make one M_d dear: how the clusters are gone through.
+    /// Where many degrees of freedom make one M_d expensive: the plan of the recursion over clusters.
     recursion: Option<Recursion>,
     /// Whether a recursion may be taken at all.
     dense_only: bool,
@@ -78,15 +78,15 @@ pub struct Reduction<'s, S: ConstrainedSystem> {
     columns: usize,
     /// Column of each independent velocity; `NONE` where its cluster needs no D.
     column_of: Vec<u32>,
-    /// Entries of the kept rows in independent columns: step of the elimination, entry, place in v_I.
+    /// Entries of the kept rows in independent columns: step of the elimination, entry, index in v_I.
     spread_entries: Vec<(u32, u32, u32)>,
     vdot: Vec<f64>,
-    /// Reach of the independent velocity of each column, by cluster.
+    /// Characteristic displacement of the independent velocity of each column, by cluster.
     column_displacement: Vec<f64>,
     margins: Vec<watch::Margin>,
     room: watch::Room,
     row_room: row_exchange::RowRoom,
-    /// Room for a left singular vector of C_D.
+    /// Memory for a left singular vector of C_D.
     left: Vec<f64>,
     /// `s_i² = [M⁻¹]_ii`, frozen between refreshes: they are only scales.
     pub s2: Vec<f64>,
@@ -94,17 +94,17 @@ pub struct Reduction<'s, S: ConstrainedSystem> {
     displacement: Vec<f64>,
     row_scale: Vec<f64>,
     row_displacement: Vec<Option<f64>>,
-    /// What a large move opens each row by.
+    /// Closure error of each row under a large displacement.
     row_size: Vec<f64>,
     /// Rows not kept, ascending.
     dropped: Vec<usize>,
-    /// Whether this row is not kept. Then nothing is closed by it.
+    /// Whether this row is not kept. Then it is not used in closing.
     left_out: Vec<bool>,
-    /// Whether velocities weigh by their characteristic displacements, whatever the masses.
+    /// Whether velocities are weighted by their characteristic displacements, whatever the masses.
     weighs_displacements: bool,
     /// Whether M is singular because bodies are massless.
     lacks_mass: bool,
-    /// Round-off of each row of Φ: what is left below it means nothing.
+    /// Round-off of each row of Φ: smaller residuals are meaningless.
     noise: Vec<f64>,
     /// Φ (holonomic rows).
     pub phi: Vec<f64>,
@@ -137,7 +137,7 @@ pub struct Reduction<'s, S: ConstrainedSystem> {
     pub vdot_independent: Vec<f64>,
     residual: Vec<f64>,
     work: Vec<f64>,
-    /// Factorisations and plans made.
+    /// Counts of factorisations and plans.
     pub factorisations: u64,
     /// Plans made.
     pub plans: u64,
@@ -146,7 +146,7 @@ pub struct Reduction<'s, S: ConstrainedSystem> {
 }
 
 impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
-    /// The same system, with rows to begin with: of redundant ones these are kept where they serve.
+    /// The same system, with initial rows: of redundant ones these are kept where they serve.
     pub fn keeping(mut self, rows: &[usize]) -> Self {
         self.partition.rows = rows.to_vec();
         self.dropped = (0..self.size.rows).filter(|i| !rows.contains(i)).collect();
@@ -154,7 +154,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         self
     }
 
-    /// Room for a system whose constraints have rank `rank`; no partition yet. With many degrees of freedom the
+    /// Memory for a system whose constraints have rank `rank`; no partition yet. With many degrees of freedom the
     /// accelerations come from the system's recursion over clusters; then there is no M_d, and `dt`, `a_matrix` are
     /// packed by cluster.
     pub fn new(system: impl Into<SystemRef<'s, S>>, rank: usize) -> Self {
@@ -163,19 +163,19 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         Self::room(system, rank, Some(clusters))
     }
 
-    /// For questions of geometry alone: velocities weigh by their characteristic displacements, so that masses do not
-    /// enter and may be missing.
+    /// For questions of geometry alone: velocities are weighted by their characteristic displacements, so that masses
+    /// do not enter and may be missing.
     pub fn geometric(system: impl Into<SystemRef<'s, S>>, rank: usize) -> Self {
         Self::new(system, rank).weighing_displacements()
     }
 
-    /// The same for one that is at hand.
+    /// The same for an existing reduction.
     pub fn weighing_displacements(mut self) -> Self {
         self.weighs_displacements = true;
         self
     }
 
-    /// Weigh velocities by their characteristic displacements, or by masses, from the next scales on.
+    /// Weight velocities by their characteristic displacements, or by masses, from the next scales on.
     pub fn weigh_displacements(&mut self, displacements: bool) {
         self.weighs_displacements = displacements;
     }
@@ -265,7 +265,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
     pub fn columns(&self) -> usize {
         self.columns
     }
-    /// Are `dt` and M_d held in full, come what may?
+    /// Whether `dt` and M_d are always held in full.
     pub fn is_dense(&self) -> bool {
         self.dense_only
     }
@@ -297,7 +297,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         self.system.position(t, q, &mut self.scratch, &mut self.phi, &mut self.c, &mut self.a)
     }
 
-    /// Factor C_D at the last position; a pivot that shrank asks for a new plan on the same partition.
+    /// Factor C_D at the last position; a pivot that shrank leads to a new plan on the same partition.
     pub fn factor(&mut self, t: f64) -> Result<(), SystemError> {
         if self.rank == 0 {
             return Ok(());
@@ -355,7 +355,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         Ok(())
     }
 
-    /// `v = Dᵀ v_I + [0; η]`, left in `self.v`.                                            (P2)
+    /// `v = Dᵀ v_I + [0; η]`, stored in `self.v`.                                                                (P2)
     pub fn spread(&mut self, v_independent: &[f64]) {
         let choice = choice!(self);
         let tangent = (&self.dt[..], &self.gamma[..]);
@@ -395,7 +395,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         Ok(())
     }
 
-    /// Where M is short of mass: does each pivot of M_d hold its own against the metric, or is it what rounding left?
+    /// Where M is singular: whether each pivot of M_d is significant in the metric, or a rounding error.
     fn feels(&self) -> Result<(), SystemError> {
         for (j, &i) in self.partition.independent.iter().enumerate() {
             let pivot = self.md_factor[j * self.k + j].powi(2);
@@ -406,7 +406,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         Ok(())
     }
 
-    /// Take pivots of M_d as they are: tangent velocities of others have units of their own.
+    /// Accept pivots of M_d as they are: other tangent velocities have units of their own.
     pub fn trusting_pivots(mut self) -> Self {
         self.lacks_mass = false;
         self

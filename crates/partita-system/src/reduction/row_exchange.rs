@@ -4,32 +4,32 @@
 //! c_j = sum_k w_jk c_k,   C_D^T w_j = (c_j)_D,   vol(rows with j in the place of k) = |w_jk| vol(rows kept)
 //! ```
 //!
-//! Rows are measured by what a large move opens them by: a row that says little is not brought to length 1.
+//! Rows are scaled by the closure error of a large displacement: a weak row is not normalised to length 1.
 
 use super::{Reduction, NONE};
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::elimination::SparseRoom;
 
 /// Rows are exchanged where the volume of those kept grows by more. Scale: ratio of volumes. Reason: long before
-/// rounding suffers, and seldom, as distances by other rows do not compare.
+/// rounding matters, and seldom, as distances by other rows are not comparable.
 const ROW_GAIN: f64 = 2.5;
 /// Closings count for so many times a drive, and drives for so many times a row that holds for velocities alone. Unit:
 /// ratio of volumes. Reason: closings kept close the positions, and what drives prescribe is distinguished from what
 /// the mechanism can do; a drive takes the place of a closing only where closings lose rank that the drive holds.
 const PRECEDENCE: f64 = 8.0;
 
-/// A row left out that takes the place of one kept.
+/// A row left out that replaces a kept one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RowExchange {
     /// The row that enters.
     pub enters: usize,
     /// The row that leaves.
     pub leaves: usize,
-    /// By how much the volume of the rows kept grows.
+    /// Growth of the volume of the kept rows.
     pub gain: f64,
 }
 
-/// Memory for a look at the rows left out.
+/// Memory for examining the rows left out.
 #[derive(Clone, Debug, Default)]
 pub(super) struct RowRoom {
     /// Step of the elimination of each dependent velocity; `NONE` for the others.
@@ -44,7 +44,7 @@ pub(super) struct RowRoom {
 }
 
 impl<S: ConstrainedSystem> Reduction<'_, S> {
-    /// Lay out the room for the choice just adopted.
+    /// Lay out the memory for the choice just adopted.
     pub(super) fn lay_out_rows(&mut self) {
         if self.dropped.is_empty() {
             return;
@@ -61,7 +61,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         room.found.reserve(self.dropped.len());
     }
 
-    /// What a row weighs in the choice: its precedence over its size.
+    /// Weight of a row in the choice: its precedence over its size.
     fn row_weight(&self, i: usize) -> f64 {
         let precedence = if i >= self.size.holonomic {
             1.0
@@ -73,7 +73,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         precedence / self.row_size[i]
     }
 
-    /// Exchanges of rows that gain, with the factors at hand: at most one of each row left out, such that none changes
+    /// Exchanges of rows that gain, with the current factors: at most one of each row left out, such that none changes
     /// the gain of another. Cost: the rows of the factors that rows left out touch.
     fn profitable_row_swaps(&mut self) -> &[RowExchange] {
         let mut room = std::mem::take(&mut self.row_room);
@@ -101,15 +101,15 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         &self.row_room.found
     }
 
-    /// Of redundant rows, have others become better than those kept? Ask after `factor`.
+    /// Whether among redundant rows others have become better than those kept. To be called after `factor`.
     ///
-    /// Rows kept lose rank in positions where nothing is wrong with the mechanism; others take their place before.
+    /// Kept rows lose rank in positions where the mechanism is regular; others replace them before.
     pub fn rows_fade(&mut self) -> bool {
         !self.dropped.is_empty() && !self.profitable_row_swaps().is_empty()
     }
 
-    /// Exchange redundant rows at the last position until nothing gains any more; the partition stays. True if rows
-    /// were exchanged; needs the factors, and leaves those of the new rows.
+    /// Exchange redundant rows at the last position until there is no further gain; the partition is unchanged. True if
+    /// rows were exchanged; needs the factors, and ends with those of the new rows.
     pub fn exchange_rows(&mut self, t: f64) -> Result<bool, SystemError> {
         let before = self.choices;
         // each exchange multiplies the volume, so the loop ends; the bound is for round-off
@@ -141,10 +141,10 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         rows
     }
 
-    /// Keep other rows for the same partition, at the last position; leaves the tangent there.
+    /// Keep other rows for the same partition, at the last position; evaluates the tangent there.
     pub fn renew_rows(&mut self, t: f64) -> Result<(), SystemError> {
         if self.factor(t).is_err() || !self.exchange_rows(t)? {
-            // no exchange leads to what is asked for
+            // no exchange leads to the requested rows
             let independent = self.partition.independent.clone();
             self.refresh_row_scales();
             let rows = self.eligible_rows();
@@ -153,8 +153,8 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         self.tangent(t)
     }
 
-    /// Keep these rows for the same partition, at the last position; leaves the tangent there. Where they do not
-    /// determine the dependent velocities the rows in use stay.
+    /// Keep these rows for the same partition, at the last position; evaluates the tangent there. Where they do not
+    /// determine the dependent velocities the rows in use are kept.
     pub fn keep_rows(&mut self, t: f64, rows: &[usize]) -> Result<(), SystemError> {
         let mut eligible = vec![false; self.size.rows];
         rows.iter().for_each(|&i| eligible[i] = true);

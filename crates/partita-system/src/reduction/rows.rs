@@ -4,15 +4,14 @@ use super::Reduction;
 use crate::system::ConstrainedSystem;
 use partita_math::rank::{preferred_rows, weighed_rows};
 
-/// A closing above this comes before drives, and before rows that hold for velocities only. Scale: squared sine.
-/// Reason: a redundant closing stands out by less even where positions are closed to 1e-3 alone, as between the ends of
-/// a step.
+/// A loop closure above this comes before drives, and before rows that hold for velocities only. Scale: squared sine.
+/// Reason: a redundant closure is weaker even where positions are closed to 1e-3 alone, as between the ends of a step.
 const BEFORE_DRIVES: f64 = 1e-6;
 
 impl<S: ConstrainedSystem> Reduction<'_, S> {
-    /// Rows a plan may keep: all, or of redundant ones those that are most independent of each other here. Closings come
-    /// before drives and rows that hold for velocities only: what is kept then closes every position, and what says nothing
-    /// new follows from it.
+    /// Rows a plan may keep: all, or of redundant ones those that are most independent of each other here. Loop
+    /// closures come before drives and rows that hold for velocities only: the kept rows then close every position, and
+    /// the others depend on them.
     pub(crate) fn eligible_rows(&self) -> Vec<bool> {
         let (rows, rank) = (self.size.rows, self.rank);
         if rank == rows {
@@ -26,7 +25,8 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         }
         let last = |i: usize| i >= self.size.holonomic || self.system.row_is_drive(i);
         if self.row_displacement.iter().all(Option::is_some) {
-            // a closing that is faint as a whole serves only where no other does: closed by it, others open by as much more
+            // a loop closure that is weak as a whole is kept only where no other serves: closed by it, others would be
+            // open by as much more
             let found = weighed_rows(pattern, &c, (&self.displacement, &self.row_size), 0.0, (BEFORE_DRIVES, &last));
             if found.rank >= rank {
                 let mut kept = vec![false; rows];

@@ -1,4 +1,4 @@
-//! What watches the reduction: how far it is from singular, how open the loops are, how good the choice is.
+//! Monitoring of the reduction: distance from singularity, closure errors, quality of the choice.
 
 use super::Reduction;
 use crate::partition::criterion::{self, Quality};
@@ -16,12 +16,12 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     }
 
     /// How far the mechanism is from a singular position at the last tangent: falls linearly to zero towards one. With
-    /// the number of the plan it belongs to: values of different choices of coordinates or rows do not compare.
+    /// the number of the plan it belongs to: values of different choices of coordinates or rows are not comparable.
     ///
     /// It is the smallest singular value of C_D, by inverse iteration, times √(1 + |A|²); rows and coordinates are
     /// measured in characteristic displacements. Where only the choice of coordinates is singular the one falls as the
-    /// other grows; where the mechanism itself is, A stays as it is. Pivots alone would not do: one of them may vanish
-    /// for the order of elimination only. Three solves with the factors at hand.
+    /// other grows; where the mechanism itself is, A is unchanged. Pivots alone would not do: one of them may vanish
+    /// for the order of elimination only. Three solves with the current factors.
     ///
     /// One per cluster; the smallest is reported.
     pub fn distance(&mut self) -> (f64, u64) {
@@ -117,13 +117,13 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         largest(self.phi.iter().zip(&self.left_out).filter(|x| !x.1).map(|x| *x.0))
     }
 
-    /// Whether the rows are kept zero up to their own round-off.
+    /// Whether the kept rows are zero up to their own round-off.
     pub fn is_closed(&self) -> bool {
         self.phi.iter().zip(&self.noise).zip(&self.left_out).all(|((x, n), left_out)| *left_out || x.abs() <= *n)
     }
 
-    /// Largest |Φ_i| and its row, each Φ_i in units of its own round-off, at least that of what a large move opens it
-    /// by: a row that nothing moves is made of rounding errors alone. NaN counts as infinite.
+    /// Largest |Φ_i| and its row, each Φ_i in units of its own round-off, at least that of the closure error of a large
+    /// displacement: a row without motion consists of rounding errors alone. NaN counts as infinite.
     pub fn closure_error(&self) -> (f64, usize) {
         let rows = self.phi.iter().zip(&self.noise).enumerate().filter(|(i, _)| !self.left_out[*i]);
         rows.fold((0.0, 0), |best: (f64, usize), (i, (x, n))| {
@@ -143,8 +143,8 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         largest(velocity_residuals(self.system.pattern(), &self.c, &self.v, &self.a))
     }
 
-    /// Squared size of row i of C for unit characteristic displacements, over what a large move can open it by: 1 for a
-    /// healthy row.
+    /// Squared size of row i of C for unit characteristic displacements, over its closure error under a large
+    /// displacement: 1 for a well-scaled row.
     pub fn strength(&self, i: usize) -> Option<f64> {
         let pattern = self.system.pattern();
         let displacement = self.row_displacement[i]?;
@@ -214,7 +214,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
             let tangent = ClusterTangent { columns: self.columns, dt: &self.dt, delta: &none, c: &self.c, b: &no_rows };
             self.system.respond(&tangent, &effort, &mut self.scratch, answers.row_mut(j))?;
         }
-        // in natural scales, so that units cannot decide what counts as nothing
+        // in natural scales, so that units do not affect what counts as zero
         let mut normal = Matrix::new(rates.len(), rates.len());
         let mut want = vec![0.0; rates.len()];
         for (a, &(i, rate)) in rates.iter().enumerate() {
@@ -383,7 +383,7 @@ pub struct Sides {
 }
 
 impl Sides {
-    /// Room for those of so many rows.
+    /// Memory for this number of rows.
     pub fn new(rank: usize) -> Self {
         Self { negative: Vec::with_capacity(rank + 1), choice: 0, blocks: 0 }
     }
@@ -408,7 +408,7 @@ impl Sides {
 /// Columns of A solved for at a time where A is not kept.
 const WIDTH: usize = 8;
 
-/// Room for looking at clusters after a step, and what about it stays with the choice.
+/// Memory for examining clusters after a step, and the part of it that belongs to the choice.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Room {
     /// Independent velocity in each packed column, by cluster.
@@ -424,7 +424,7 @@ pub(super) struct Room {
 }
 
 impl<S: ConstrainedSystem> Reduction<'_, S> {
-    /// Lay out the room for the choice just adopted.
+    /// Lay out the memory for the choice just adopted.
     pub(super) fn lay_out(&mut self) {
         let (k, count) = (self.columns, self.clusters.count);
         let p = &self.partition;
@@ -461,7 +461,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
 /// Result of inverse iteration for one cluster.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Margin {
-    /// Squared size of what was solved for, and of what was solved for before it.
+    /// Squared size of the solution, and of the previous right-hand side.
     given: f64,
     before: f64,
     answer: f64,

@@ -1,4 +1,4 @@
-//! What a constrained system does, duty by duty.
+//! The traits of a constrained system.
 
 use super::{BlockSink, ClusterTangent, Finite, Recursion, Size, SystemError, SystemRef, Tangent};
 use crate::breakpoints::{Breakpoints, Reading};
@@ -10,8 +10,8 @@ use partita_math::elimination::Pattern;
 /// S1-S5 by level.
 ///
 /// Evaluated in order: [`position`](Self::position), then [`velocity`](Self::velocity) at the same `(t, q)`, then the
-/// dynamics. What one level computes it leaves in the scratch for the next; the scratch is never an answer. The
-/// pattern of C is fixed. After set-up no level allocates.
+/// dynamics. Each level leaves its results in the scratch for the next; the scratch is never an answer. The pattern of
+/// C is fixed. After set-up no level allocates.
 pub trait Levels: Send + Sync {
     /// Memory reused between evaluations.
     type Scratch;
@@ -94,9 +94,9 @@ pub trait Metric: Levels {
     ) -> Result<(), SystemError> {
         self.dynamics(t, q, v, s, mass, h)
     }
-    /// Whether M is singular because bodies are massless, so that it is not a metric. Then one stands beside it:
-    /// [`add_metric`](Self::add_metric) is what it has more, and `[M⁻¹]_ii` and columns of `M⁻¹` are its own. Equations
-    /// of motion are those of M.
+    /// Whether M is singular because bodies are massless, so that it is not a metric. Then a metric exists beside it:
+    /// [`add_metric`](Self::add_metric) adds the difference, and `[M⁻¹]_ii` and columns of `M⁻¹` are those of the
+    /// metric. Equations of motion use M.
     fn lacks_mass(&self) -> bool {
         false
     }
@@ -128,8 +128,8 @@ pub trait Clustered: Levels {
         let size = self.size();
         Clusters::one(size.nv, size.rows)
     }
-    /// Prepare the recursion over clusters with these rows kept; `None` where one dense M_d is cheaper, or all there
-    /// is.
+    /// Prepare the recursion over clusters with these rows kept; `None` where one dense M_d is cheaper, or the only
+    /// method.
     fn plan_recursion(&self, _kept: &[usize], _s: &mut Self::Scratch) -> Option<Recursion> {
         None
     }
@@ -148,8 +148,8 @@ pub trait Clustered: Levels {
             "this system offers no recursion over clusters; give its equations densely".into(),
         ))
     }
-    /// Motion that efforts (nv) alone cause from rest: as `accelerate`, without forces, gravity and the terms of
-    /// velocity. After `position` and [`plan_recursion`](Self::plan_recursion).
+    /// Motion that efforts (nv) alone cause from rest: as `accelerate`, without forces, gravity and velocity terms.
+    /// After `position` and [`plan_recursion`](Self::plan_recursion).
     fn respond(
         &self,
         _tangent: &ClusterTangent,
@@ -162,7 +162,7 @@ pub trait Clustered: Levels {
             "this system offers no recursion over clusters; give its equations densely".into(),
         ))
     }
-    /// Reduced mass (k_c x k_c, lower triangle) on a resting base of the n-th cluster that goes by partial velocities,
+    /// Reduced mass (k_c x k_c, lower triangle) on a base at rest of the n-th cluster that uses partial velocities,
     /// after `accelerate` or `respond`.
     fn cluster_mass<'x>(&self, _n: usize, _s: &'x Self::Scratch) -> &'x [f64] {
         &[]
@@ -180,14 +180,14 @@ pub trait Clustered: Levels {
     }
 }
 
-/// Positions: what q has to do with v, and how q moves.
+/// Positions: the relation of q and v, and displacements of q.
 pub trait Manifold {
     /// `q' = N(q) v`.                                                                      (S2)
     fn rate(&self, q: &[f64], v: &[f64], qdot: &mut [f64]) {
         let _ = q;
         qdot.copy_from_slice(v);
     }
-    /// Move `q` by the small velocity-like increment `dv` (an exponential for turns in space).
+    /// Move `q` by the small velocity-like increment `dv` (an exponential for spatial rotations).
     fn step(&self, q: &mut [f64], dv: &[f64]) {
         for (q, d) in q.iter_mut().zip(dv) {
             *q += d;
@@ -197,7 +197,7 @@ pub trait Manifold {
     fn normalise(&self, _q: &mut [f64]) -> bool {
         false
     }
-    /// The coordinates that velocity `i` changes: its own integral, or the whole quaternion of a turn in space.
+    /// The coordinates that velocity `i` changes: its own integral, or the whole quaternion of a spatial rotation.
     fn coordinates_of(&self, i: usize) -> std::ops::Range<usize> {
         i..i + 1
     }
@@ -211,10 +211,11 @@ pub trait Manifold {
     }
 }
 
-/// Natural sizes of moves and rows: they make everything free of units.
+/// Natural sizes of displacements and rows, which make all criteria unit-free.
 pub trait Scales {
-    /// What a large move can open row `i` by (1 for an angle, a length for a displacement), if the system knows: a row
-    /// whose entries are all small compared with it cannot be closed, which no comparison with other rows shows.
+    /// Closure error of row `i` under a large displacement (1 for an angle, a length for a displacement), if the system
+    /// knows it: a row whose entries are all small compared with it cannot be closed, which no comparison with other
+    /// rows shows.
     fn row_displacement(&self, _i: usize) -> Option<f64> {
         None
     }
@@ -226,19 +227,19 @@ pub trait Scales {
     fn row_is_angle(&self, _i: usize) -> bool {
         false
     }
-    /// A typical magnitude of a large move of velocity `i` (1 for an angle, a length for a slide).
+    /// A typical magnitude of a large displacement of velocity `i` (1 for an angle, a length for a translation).
     fn characteristic_displacement(&self, _i: usize) -> f64 {
         1.0
     }
 }
 
-/// What things are called, for messages and reports.
+/// Names, for messages and reports.
 pub trait Names {
     /// Name of velocity `i`.
     fn velocity_name(&self, i: usize) -> String;
     /// Name of constraint row `i`.
     fn row_name(&self, i: usize) -> String;
-    /// Where constraint row `i` comes from, in words.
+    /// Origin of constraint row `i`, in words.
     fn row_description(&self, i: usize) -> String {
         self.row_name(i)
     }
@@ -246,10 +247,10 @@ pub trait Names {
     fn bodies_moved(&self, _q: &[f64], _v: &[f64]) -> Vec<String> {
         Vec::new()
     }
-    /// What is to be said of a start with these velocities, or against it.
+    /// Notes on a start with these velocities, or reasons to refuse it.
     ///
     /// # Errors
-    /// Velocities that nothing carries on.
+    /// Velocities whose motion is not continued.
     fn start_notes(&self, _q: &[f64], _v: &[f64]) -> Result<Vec<String>, SystemError> {
         Ok(Vec::new())
     }
@@ -257,41 +258,41 @@ pub trait Names {
     fn instantaneous(&self) -> String {
         "its conditions".into()
     }
-    /// What condition `i` belongs to, in words.
+    /// Element to which condition `i` belongs, in words.
     fn row_owner(&self, i: usize) -> String {
         self.row_description(i)
     }
 }
 
-/// What is known of the rows of S3 and S4 beforehand.
+/// Prior knowledge of the rows of S3 and S4.
 pub trait Conditions {
-    /// The verdict on rank, where one was made once and for all; else each position is asked.
+    /// The verdict on rank, if one was made for all positions; otherwise each position is analysed.
     fn finite(&self) -> Option<Finite> {
         None
     }
-    /// A condition, in words, of which nobody can say whether it was meant to hold: then the mechanism is not run.
+    /// A condition, in words, that may or may not have been intended: then the mechanism is not run.
     fn ambiguous(&self) -> Option<String> {
         None
     }
-    /// Whether row `i` prescribes a motion. Such rows are kept after all others: what closes a loop is no matter of
+    /// Whether row `i` prescribes a motion. Such rows are kept after all others: loop closures are not a matter of
     /// choice.
     fn row_is_drive(&self, _i: usize) -> bool {
         false
     }
-    /// Whether condition `i` may be discontinuous in its position. What closes a loop cannot.
+    /// Whether condition `i` may be discontinuous in its position. Loop closures cannot.
     fn row_may_jump(&self, i: usize) -> bool {
         self.row_is_drive(i)
     }
-    /// Rows that are closed at q the wrong way round: the directions they compare are perpendicular as they should be,
-    /// but an axis points backwards. One row for each closing that is.
+    /// Rows that are closed at q with an axis reversed: the directions they compare are perpendicular as they should
+    /// be, but an axis points backwards. One row for each such loop closure.
     fn turned_over(&self, _q: &[f64]) -> Vec<usize> {
         Vec::new()
     }
 }
 
-/// Times and places that no step may pass unseen.
+/// Times and positions that no step may pass unseen.
 pub trait Guards: Levels {
-    /// The time after which nothing can be evaluated, and what ends there, in words.
+    /// The time after which nothing can be evaluated, and the table that ends there, in words.
     fn time_domain(&self) -> Option<(f64, String)> {
         None
     }
@@ -303,7 +304,7 @@ pub trait Guards: Levels {
     fn breakpoints(&self) -> Vec<Breakpoints> {
         Vec::new()
     }
-    /// What each of them is read at, and its rate, at the point (t, q, v) last evaluated.
+    /// Abscissa of each of them, and its rate, at the point (t, q, v) last evaluated.
     fn breakpoint_readings(&self, _t: f64, _q: &[f64], _v: &[f64], _s: &mut Self::Scratch, _out: &mut [Reading]) {}
     /// Functions of the state that change sides: no step crosses one unseen.
     fn guards(&self) -> Vec<Guard> {

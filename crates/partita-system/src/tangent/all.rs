@@ -1,9 +1,9 @@
 //! All velocities as states, u = v: one frame for every method that gives `v'` and λ at an instant.
 //!
-//! The position drifts like t² and the velocity like t (`C v' + b = 0` is all that holds by itself), so after a step
-//! the remainders of S3 and S4 are removed: q by the least change in the mass metric (33) or in dependent coordinates
-//! alone (34), v always by (35), which keeps the momentum along the tangent. Prefer the reduced forms for everything
-//! but checking; prefer these where M is cheap to factor and a reference in all coordinates is wanted.
+//! The position drifts like t² and the velocity like t (only `C v' + b = 0` holds automatically), so after a step the
+//! errors of S3 and S4 are corrected: q by the least change in the mass metric (33) or in dependent coordinates alone
+//! (34), v always by (35), which keeps the momentum along the tangent. Prefer the reduced forms except for
+//! verification; prefer these where M is cheap to factor and a reference in all coordinates is needed.
 
 use super::{Base, TangentChoice, TangentClosing, TangentLevels};
 use crate::equations::full::{AccelerationRule, Failure, Instant};
@@ -17,7 +17,7 @@ use crate::system::{ConstrainedSystem, SystemError, SystemRef};
 use partita_math::dense;
 use partita_math::tolerance;
 
-/// What the rule is given, with its own memory left free.
+/// Input of the rule, with its own memory excluded.
 macro_rules! instant {
     ($self:expr) => {{
         let r = &$self.base.r;
@@ -44,10 +44,10 @@ macro_rules! instant {
 pub struct Everything<'s, S: ConstrainedSystem, R> {
     base: Base<'s, S>,
     rule: R,
-    /// How the remainders are removed.
+    /// How the errors are corrected.
     pub(crate) correction: Correction,
     switch_threshold: f64,
-    /// The rows the rule is given.
+    /// The rows given to the rule.
     rows: Vec<usize>,
     /// The choice they were taken from.
     taken: u64,
@@ -55,7 +55,7 @@ pub struct Everything<'s, S: ConstrainedSystem, R> {
     h: Vec<f64>,
     vdot: Vec<f64>,
     lambda: Vec<f64>,
-    /// Scales of the rows of C where M is short of mass, else nothing.
+    /// Scales of the rows of C where M is singular, otherwise empty.
     scales: Vec<f64>,
     open: Vec<f64>,
     factorisations: u64,
@@ -104,7 +104,7 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> Everything<'s, S, R> {
         self.rows.sort_unstable();
     }
 
-    /// S1 and S5 at the last position with velocities v, left in `self.base.r`, `self.mass` and `self.h`.
+    /// S1 and S5 at the last position with velocities v, stored in `self.base.r`, `self.mass` and `self.h`.
     fn levels(&mut self, t: f64, q: &[f64], v: &[f64]) -> Result<()> {
         let r = &mut self.base.r;
         r.v.copy_from_slice(v);
@@ -123,7 +123,7 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> Everything<'s, S, R> {
         Ok(())
     }
 
-    /// v' and λ at the last position with velocities v, left in `self.vdot` and `self.lambda`.
+    /// v' and λ at the last position with velocities v, stored in `self.vdot` and `self.lambda`.
     fn solve(&mut self, t: f64, q: &[f64], v: &[f64]) -> Result<()> {
         self.levels(t, q, v)?;
         let mut asked = self.ask();
@@ -152,7 +152,7 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> Everything<'s, S, R> {
         }
     }
 
-    /// One move of v onto C v + a = 0 by the rule's own way; false where it has none.          (35)
+    /// One correction of v onto C v + a = 0 by the rule's own method; false where it has none.                   (35)
     fn settled_by_the_rule(&mut self, t: f64, v: &mut [f64]) -> Result<bool> {
         let (x, r) = (instant!(self), &self.base.r);
         self.open.clear();
@@ -216,7 +216,7 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> TangentChoice<'s, S> for Eve
         }
         Ok(())
     }
-    /// v' and λ are the rule's own; nothing is chosen, so named is the best choice of coordinates of the moment.
+    /// v' and λ are the rule's own; nothing is chosen, so the reported choice is the best of the moment.
     fn describe(
         &mut self,
         _r: Option<&mut Reduction<'s, S>>,
@@ -261,7 +261,8 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> TangentChoice<'s, S> for Eve
 }
 
 impl<'s, S: ConstrainedSystem, R: AccelerationRule> TangentClosing<'s, S> for Everything<'s, S, R> {
-    /// That of the partition, whose factors no evaluation needs. Positions that drift are no closer to it than they are open.
+    /// That of the partition, whose factors no evaluation needs. Positions that drift are no closer to it than their
+    /// closure error.
     fn margin(&mut self) -> Option<(f64, u64)> {
         let r = &mut self.base.r;
         let free = self.correction == Correction::None || r.rank() == 0 || r.tangent(f64::NAN).is_err();

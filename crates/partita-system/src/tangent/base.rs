@@ -1,4 +1,4 @@
-//! What all tangents have: the levels of the system with their rows, and the choices so far.
+//! Common part of all tangents: the levels of the system with their rows, and the choices so far.
 
 use crate::error::Result;
 use crate::record::{FormulationCounters, History, PartitionEvent};
@@ -6,16 +6,16 @@ use crate::reduction::Reduction;
 use crate::system::ConstrainedSystem;
 use partita_math::dense;
 
-/// Steps after which the scales are looked at again: they are only scales.
+/// Number of steps after which the scales are refreshed: they are only scales.
 pub(super) const PERIOD: u32 = 8;
 
 /// Levels, rows and choices of a tangent.
 pub struct Base<'s, S: ConstrainedSystem> {
-    /// The levels at the point last evaluated. D, γ, δ, M_d and u' of any tangent stand here.
+    /// The levels at the point last evaluated. D, γ, δ, M_d and u' of any tangent are stored here.
     pub r: Reduction<'s, S>,
     pub(super) events: Vec<PartitionEvent>,
     pub(super) switches: u64,
-    /// Of redundant rows, do others serve better?
+    /// Whether among redundant rows others serve better.
     pub(super) fading: bool,
     pub(super) steps_since_scales: u32,
     vdot: Vec<f64>,
@@ -34,7 +34,7 @@ impl<'s, S: ConstrainedSystem> Base<'s, S> {
         &self.events
     }
 
-    /// Whether there is no choice.
+    /// Whether nothing is chosen.
     pub(super) fn is_rigid_or_free(&self) -> bool {
         self.r.rank() == 0 || self.r.k() == 0
     }
@@ -45,7 +45,7 @@ impl<'s, S: ConstrainedSystem> Base<'s, S> {
         self.r.evaluate(t, q, &speeds)
     }
 
-    /// Write down the choice of independent velocities, at the tangent last evaluated.
+    /// Record the choice of independent velocities, at the tangent last evaluated.
     pub(super) fn log(&mut self, t: f64, q: &[f64], before: &[usize], reason: String) -> Result<()> {
         // M_d of the new choice, at the same (q, v)
         self.r.velocity(t, q)?;
@@ -61,14 +61,15 @@ impl<'s, S: ConstrainedSystem> Base<'s, S> {
         Ok(())
     }
 
-    /// Of redundant rows, do others serve better than those kept? For tangents that do not factor C_D themselves.
+    /// Whether among redundant rows others serve better than those kept. For tangents that do not factor C_D
+    /// themselves.
     pub(super) fn look_at_factors(&mut self, t: f64) {
         let r = &mut self.r;
         self.fading = r.rank() < r.size().rows && (r.factor(t).is_err() || r.rows_fade());
     }
 
-    /// At the end of a step that is taken: other rows where those kept fade, and, if `scaled`, fresh scales now and
-    /// then; true if they are.
+    /// At the end of an accepted step: other rows where those kept weaken, and, if `scaled`, occasionally fresh scales;
+    /// true if they are.
     pub(super) fn accept(&mut self, t: f64, q: &[f64], scaled: bool) -> bool {
         if std::mem::take(&mut self.fading) {
             // if no better rows are found, the next evaluation reports it

@@ -42,9 +42,9 @@ pub enum Rule {
     /// Mass-orthonormal tangent velocities (Agrawal, Saigal 1989; Blajer 1995).
     ///
     /// `D₀ M₀ D₀ᵀ = 1`, S = D₀ M₀: the reduced mass matrix is the identity when the basis is frozen and its quality
-    /// √μ_S is 1, the best there is, whatever the units; u' is the reduced force itself there. The vectors are those of
+    /// √μ_S is 1, the best possible, whatever the units; u' is the reduced force itself there. The vectors are those of
     /// a Gram-Schmidt process in the mass metric that begins with the constraints. Cost when frozen: that of
-    /// `OrthogonalTriangular` + n³/6 + n²(m + k)/2. The basis to take where one is to last.
+    /// `OrthogonalTriangular` + n³/6 + n²(m + k)/2. The basis that lasts longest.
     GramSchmidt,
 }
 
@@ -67,7 +67,7 @@ impl Basis for Rule {
             Self::ZeroEigenvalue => Ok(columns(&factor::symmetric_eigen(&c.transpose().matmul(c))?.1, 0)),
             Self::SingularValues | Self::OrthogonalTriangular | Self::LiangLance if r == 0 => Ok(Matrix::identity(n)),
             Self::SingularValues => Ok(columns(&factor::svd_full(c)?.v, r)),
-            // a rank that fell shows as too many rows: the caller reports it
+            // a reduced rank shows as too many rows: the caller reports it
             Self::OrthogonalTriangular => Ok(factor::qr_null_space(c)?.null.transpose()),
             Self::LiangLance => match last.filter(|s| (s.rows(), s.cols()) == (n - r, n)) {
                 None => Self::OrthogonalTriangular.basis(mass, c, None),
@@ -78,15 +78,15 @@ impl Basis for Rule {
     }
 }
 
-/// Twice is enough: what the first pass leaves of a vector along the others, up to ε times its condition, the second
-/// removes.
+/// Twice is enough: the second pass removes the components along the others that the first pass leaves, up to ε times
+/// its condition.
 const PASSES: usize = 2;
 
-/// Less left of a direction is none. Scale: fraction of the unit direction. Reason: the space has turned by a right
-/// angle since it was frozen.
+/// A direction with less remaining is lost. Scale: fraction of the unit direction. Reason: the space has turned by a
+/// right angle since it was frozen.
 const NOTHING_LEFT: f64 = 1e-8;
 
-/// The rows of `last` without what the constraints prohibit, made orthonormal one after the other.
+/// The rows of `last` without the prohibited directions, made orthonormal one after the other.
 fn continued(last: &Matrix, c: &Matrix) -> Result<Matrix, FactorError> {
     let n = last.cols();
     let space = factor::qr_null_space(c)?;
@@ -114,7 +114,7 @@ fn continued(last: &Matrix, c: &Matrix) -> Result<Matrix, FactorError> {
     Ok(Matrix::from_vec(n - r, n, done.data()[r * n..].to_vec()))
 }
 
-/// Rows of S: mass-orthonormal tangent vectors, seen as covectors.
+/// Rows of S: mass-orthonormal tangent vectors as covectors.
 fn gram_schmidt(mass: &Matrix, c: &Matrix) -> Result<Matrix, FactorError> {
     let n = mass.rows();
     let mut l = mass.data().to_vec();
@@ -122,7 +122,7 @@ fn gram_schmidt(mass: &Matrix, c: &Matrix) -> Result<Matrix, FactorError> {
         true => FactorError::NotPositiveDefinite { index: e.index },
         false => FactorError::NotFinite,
     })?;
-    // with x̂ = Lᵀ x the mass metric is the plain one; covectors become L⁻¹ c
+    // with x̂ = Lᵀ x the mass metric is the Euclidean one; covectors become L⁻¹ c
     let mut hats = c.clone();
     for i in 0..c.rows() {
         dense::cholesky_forward(&l, n, hats.row_mut(i));
@@ -135,7 +135,7 @@ fn gram_schmidt(mass: &Matrix, c: &Matrix) -> Result<Matrix, FactorError> {
     let mut done: Vec<Vec<f64>> = (0..range.cols()).map(|j| (0..n).map(|i| range[(i, j)]).collect()).collect();
     let r = done.len();
     while done.len() < n {
-        // next the unit vector of which the most is left: at least (n − done)/n of its square
+        // next the unit vector with the largest remainder: at least (n − done)/n of its square
         let left = |i: &usize| 1.0 - done.iter().map(|x| x[*i] * x[*i]).sum::<f64>();
         let Some(next) = (0..n).max_by(|a, b| left(a).total_cmp(&left(b))) else { break };
         let mut x = vec![0.0; n];

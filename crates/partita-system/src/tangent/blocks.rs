@@ -1,9 +1,9 @@
 //! The tangent of an explicit closing: the partition whose independent velocities are the inputs of its blocks.
 //!
-//! C_D is block-triangular in the blocks, so its elimination fills nothing but them: A, η and ξ follow block by block
-//! (38). The inputs are those for which the system closes its loops by inverse kinematics; which ones is the system's
-//! choice, or the user's. An input that runs into a dead point of its block is changed between steps where the choice
-//! is the system's own. (Woernle 1988; Hiller, Kecskeméthy; catalogue row 15.)
+//! C_D is block-triangular in the blocks, so its elimination has no fill outside them: A, η and ξ follow block by block
+//! (38). The inputs are those for which the system closes its loops by inverse kinematics, chosen by the system or the
+//! user. An input that reaches a dead point of its block is replaced between steps where the choice is the system's
+//! own. (Woernle 1988; Hiller, Kecskeméthy; catalogue row 15.)
 
 use super::base::PERIOD;
 use super::{Base, Occasion, TangentChoice, TangentClosing, TangentLevels};
@@ -18,20 +18,20 @@ use crate::start;
 use crate::system::{ConstrainedSystem, SystemError, SystemRef};
 use partita_math::formatted;
 
-/// Steps after which the system is asked again at the latest, with a gain that has not doubled: one plan is then no
-/// part of the cost of so many steps.
+/// Number of steps after which the system is asked again at the latest, with a gain that has not doubled: the cost of
+/// one plan is then negligible.
 const MOST_PATIENCE: u32 = 1024;
 
-/// The tangent of a closing in use. Of the options it reads `independent` (inputs that stay) and `switch_threshold` (hysteresis
-/// of a change of inputs).
+/// The tangent of a closing in use. Of the options it reads `independent` (fixed inputs) and `switch_threshold`
+/// (hysteresis of a change of inputs).
 pub struct Blocks<'s, S: ConstrainedSystem> {
     base: Base<'s, S>,
     fixed: Option<Vec<usize>>,
     switch_threshold: f64,
     /// None before the start.
     closing: Option<Box<dyn Closing + Send + 's>>,
-    /// Steps to go before the system is asked for other inputs again, and how many there were after the last answer:
-    /// asking means planning, and an answer that was no better is likely to be given again.
+    /// Steps until the system is asked for other inputs again, and the number after the last answer: asking requires
+    /// planning, and an answer without improvement is likely to recur.
     patience: u32,
     waited: u32,
     /// The least gain of a switch since it was last asked.
@@ -74,8 +74,7 @@ impl<'s, S: ConstrainedSystem> Blocks<'s, S> {
         }
     }
 
-    /// The position level at q; refuses a q that the closing has left open by more than `limit` (in characteristic
-    /// displacements).
+    /// The position level at q; refuses a q whose closure error exceeds `limit` (in characteristic displacements).
     pub fn check_closed(&mut self, t: f64, q: &[f64], limit: f64) -> Result<()> {
         let r = &mut self.base.r;
         r.position(t, q)?;
@@ -95,8 +94,8 @@ impl<'s, S: ConstrainedSystem> Blocks<'s, S> {
         }
     }
 
-    /// What to say where two branches meet and the inputs lead no further: a dead point of theirs, or, where a drive
-    /// leads, a limit of the block that meets its other branch first.
+    /// Message where two branches meet and the inputs lead no further: a dead point of theirs, or, where a drive leads,
+    /// a limit of the block that meets its other branch first.
     pub fn undecided(&self, t: f64, q: &[f64]) -> SystemError {
         self.at_dead_point(t, q, "would have to change to its other branch, which meets this one here")
     }
@@ -161,7 +160,7 @@ impl<'s, S: ConstrainedSystem> Blocks<'s, S> {
         self.closing.as_ref().map_or(&[], |x| x.inputs())
     }
 
-    /// By how much the volume of the choice grows with other inputs.                       (31)
+    /// Growth of the volume of the choice with other inputs.                                                     (31)
     fn growth(&self, inputs: &[usize]) -> f64 {
         let r = &self.base.r;
         match inputs.len() == r.k() {
@@ -170,7 +169,7 @@ impl<'s, S: ConstrainedSystem> Blocks<'s, S> {
         }
     }
 
-    /// Ask the system for other inputs, now and then or when matters got worse; keeps them in `self.next`.
+    /// Ask the system for other inputs, occasionally or when the gain has grown; stores them in `self.next`.
     fn better_inputs(&mut self, t: f64, q: &[f64], gain: f64) -> bool {
         self.patience = self.patience.saturating_sub(1);
         self.asked_at = self.asked_at.min(gain);
@@ -181,7 +180,7 @@ impl<'s, S: ConstrainedSystem> Blocks<'s, S> {
         (self.patience, self.asked_at) = (self.waited, gain);
         // a system that knows no closing here keeps the one in use, which reports its own limits
         let Ok(next) = S::closing(self.base.r.system.clone(), t, q, None) else { return false };
-        // what looks better by scales of some steps ago need not be; a failure here would be met by the next evaluation
+        // a gain by scales of some steps ago may have vanished; a failure here would recur in the next evaluation
         let better = next.inputs() != self.inputs()
             && self.base.r.refresh_scales(t, q).is_ok()
             && self.growth(next.inputs()) > self.switch_threshold;
@@ -272,7 +271,7 @@ impl<'s, S: ConstrainedSystem> TangentClosing<'s, S> for Blocks<'s, S> {
         Ok(false)
     }
     fn margin(&mut self) -> Option<(f64, u64)> {
-        // with the same inputs and rows distances compare, whatever the order of elimination
+        // with the same inputs and rows distances are comparable, whatever the order of elimination
         (self.base.r.rank() > 0).then(|| (self.base.r.distance().0, self.base.r.choices()))
     }
 }

@@ -1,6 +1,6 @@
-//! A rule of choice at work: asked at one instant, or again after every step of a run.
+//! A rule of choice in use: applied at one instant, or after every step of a run.
 //!
-//! The default, the collective rule, needs none of this during a run: P6 on what P1 has computed anyway is all of it.
+//! The default, the collective rule, needs none of this during a run: P6 on the results of P1 suffices.
 
 use crate::error::Result;
 use crate::manifold::orthogonal::dense_rows;
@@ -18,7 +18,7 @@ pub use crate::partition::volume::Largest as Choice;
 /// Refuses weights, and a window, where the rule has no use for them.
 ///
 /// # Errors
-/// `Argument`, with the rule and what to leave out or to give.
+/// `Argument`, with the rule and the argument to omit or to give.
 pub fn check(selection: Selection, weights: Option<&[f64]>, window: Option<f64>) -> Result<()> {
     let name = selection.name();
     let refuse = |argument: &str, message: String| Err(SystemError::argument(argument, message));
@@ -54,7 +54,7 @@ pub fn check(selection: Selection, weights: Option<&[f64]>, window: Option<f64>)
 
 /// What the rule would choose at the point last evaluated, with the scales of the reduction.
 ///
-/// Persistence, which has no past here, answers as the collective rule would by P5 alone.
+/// Persistence, which has no past here, chooses as the collective rule by P5 alone.
 ///
 /// # Errors
 /// `Choice` where complete pivoting finds too few pivots.
@@ -88,7 +88,7 @@ pub fn ask<S: ConstrainedSystem>(
     })
 }
 
-/// By how much `next` is better than the present choice, in the rule's own measure, at the point last evaluated.
+/// Improvement of `next` over the present choice, in the rule's own measure, at the point last evaluated.
 fn gain<S: ConstrainedSystem>(r: &Reduction<S>, selection: Selection, weights: Option<&[f64]>, next: &[usize]) -> f64 {
     let now = &r.partition.independent;
     match selection {
@@ -99,7 +99,7 @@ fn gain<S: ConstrainedSystem>(r: &Reduction<S>, selection: Selection, weights: O
     }
 }
 
-/// In words, what grew.
+/// In words, the quantity that grew.
 fn measure_name(selection: Selection) -> &'static str {
     match selection {
         Selection::Determinant => "|det C_D| in the units given",
@@ -120,7 +120,7 @@ fn measures<S: ConstrainedSystem>(r: &Reduction<S>) -> Vec<f64> {
     rho
 }
 
-/// Make `independent` the partition, or say that the rule chose what cannot be.
+/// Make `independent` the partition, or report that the rule chose an impossible one.
 pub fn adopt<S: ConstrainedSystem>(
     r: &mut Reduction<S>,
     t: f64,
@@ -151,11 +151,11 @@ fn impossible<S: ConstrainedSystem>(
 
 /// Choose independent coordinates at `(t, q)` by a rule; persistence starts from the collective choice.
 ///
-/// Leaves the reduction at `(t, q)` with the tangent of the new partition; the result is whether the rule compared all
+/// Ends with the reduction at `(t, q)` with the tangent of the new partition; returns whether the rule compared all
 /// partitions.
 ///
 /// # Errors
-/// `Choice` where the rule takes what cannot be independent; no other rule comes to its help.
+/// `Choice` where the rule chooses coordinates that cannot be independent; no other rule replaces it.
 pub fn choose_by<S: ConstrainedSystem>(
     r: &mut Reduction<S>,
     t: f64,
@@ -180,7 +180,7 @@ pub fn choose_by<S: ConstrainedSystem>(
     Ok(choice)
 }
 
-/// A change the rule asks for.
+/// A change requested by the rule.
 #[derive(Clone, Debug)]
 pub struct Change {
     /// The new choice, ascending.
@@ -192,7 +192,7 @@ pub struct Change {
 /// A rule during a run: asked after every accepted step, it changes the partition when its own measure says that
 /// another choice is better than the present one by more than the threshold.
 ///
-/// Asking costs what the rule costs; a bad choice of the rule stays, with the numbers that it gives.
+/// Cost: that of the rule; a poor choice of the rule is kept, with its numbers.
 pub struct Chooser {
     selection: Selection,
     switch_threshold: f64,
@@ -203,7 +203,7 @@ pub struct Chooser {
 }
 
 impl Chooser {
-    /// For any rule; see [`check`] for what belongs together.
+    /// For any rule; see [`check`] for valid combinations.
     ///
     /// # Errors
     /// As [`check`].
@@ -271,7 +271,7 @@ impl Chooser {
         (volume::natural(&r.dt, now, &s), base)
     }
 
-    /// The change the rule wants at the point last evaluated, if any.
+    /// The change requested by the rule at the point last evaluated, if any.
     ///
     /// # Errors
     /// As [`ask`].
@@ -296,14 +296,14 @@ impl Chooser {
         }
         let gain = gain(r, self.selection, weights, &choice.independent);
         let reason = format!("{} grows by {gain:.3}", measure_name(self.selection));
-        // a NaN is no gain
+        // a NaN is not a gain
         Ok((gain > self.switch_threshold).then_some(Change { independent: choice.independent, reason }))
     }
 
-    /// Carry out a change at the point last evaluated; leaves the tangent of the new partition.
+    /// Apply a change at the point last evaluated; evaluates the tangent of the new partition.
     ///
     /// # Errors
-    /// `Choice` where the rule takes what cannot be independent.
+    /// `Choice` where the rule chooses coordinates that cannot be independent.
     pub fn change<S: ConstrainedSystem>(&mut self, r: &mut Reduction<S>, t: f64, change: &Change) -> Result<()> {
         let before = self.persistence.is_some().then(|| self.volumes(r));
         adopt(r, t, self.selection, &change.independent)?;
@@ -313,9 +313,9 @@ impl Chooser {
         Ok(())
     }
 
-    /// Tell a choice that has become impossible from a singular position of the mechanism.
+    /// Distinguish a choice that has become impossible from a singular position of the mechanism.
     ///
-    /// The mechanism is sound if any other partition can be factored where this one cannot.
+    /// The mechanism is regular if any other partition can be factored where this one cannot.
     pub fn blame<S: ConstrainedSystem>(&self, r: &Reduction<S>, t: f64, q: &[f64], e: SystemError) -> SystemError {
         let SystemError::Singular { pivot, limit, .. } = e else { return e };
         let mut probe = Reduction::new(r.system.clone(), r.rank());
@@ -329,7 +329,7 @@ impl Chooser {
         impossible(r, t, self.selection, &r.partition.independent, reason)
     }
 
-    /// What the user should know.
+    /// Notes for the user.
     pub fn notes(&self) -> Vec<String> {
         match self.compared_all {
             true => Vec::new(),

@@ -11,8 +11,8 @@
 //! by M⁻¹, and the tangent space.
 //!
 //! [S; C] is solved for through the D of any partition: `D_Sᵀ = Dᵀ (S Dᵀ)⁻¹`, so `(S Dᵀ) v_I = u − S γ`, and v_I' (P3)
-//! gives `u' = S v'`. One elimination of C_D and one LU of S Dᵀ (k x k) per evaluation. Which partition is of no
-//! consequence: a better one takes its place when a switch gains.
+//! gives `u' = S v'`. One elimination of C_D and one LU of S Dᵀ (k x k) per evaluation. The partition does not affect
+//! the result: a better one replaces it when a switch gains.
 
 use super::basis::Basis;
 use super::instant::quality_of_selector;
@@ -30,7 +30,7 @@ use partita_math::factor::FactorError;
 use partita_math::tolerance;
 use std::sync::Arc;
 
-/// A basis whose quality fell to this within one step spoils the step, which is repeated. Scale: fraction of the
+/// A basis whose quality fell to this within one step invalidates the step, which is repeated. Scale: fraction of the
 /// threshold of renewal. Reason: three doublings within a step are no longer smooth.
 const HARD_PART: f64 = 0.125;
 /// The partition behind the basis is chosen anew when a switch gains more. Scale: ratio of volumes. Reason: rarely,
@@ -39,8 +39,8 @@ const FROZEN_GAIN: f64 = 4.0;
 
 /// The reduced equations (36) of a system at one point, for a frozen S.
 ///
-/// Computed with `w = L⁻¹ u` in the place of u, where `S M⁻¹ Sᵀ = L Lᵀ` when frozen: the same covectors made
-/// orthonormal, so that pivots do not depend on the units a rule works in.
+/// Computed with `w = L⁻¹ u` instead of u, where `S M⁻¹ Sᵀ = L Lᵀ` when frozen: the same covectors made orthonormal, so
+/// that pivots do not depend on the units of a rule.
 pub struct Frozen<'s, S: ConstrainedSystem> {
     base: Base<'s, S>,
     renew: Renew,
@@ -65,7 +65,7 @@ pub struct Frozen<'s, S: ConstrainedSystem> {
 }
 
 impl<'s, S: ConstrainedSystem> Frozen<'s, S> {
-    /// Room for a system of the given rank; nothing frozen yet. `renew`: see
+    /// Memory for a system of the given rank; nothing frozen yet. `renew`: see
     /// [`FormulationOptions`](crate::options::FormulationOptions::renew).
     pub fn new(
         system: impl Into<SystemRef<'s, S>>,
@@ -109,7 +109,7 @@ impl<'s, S: ConstrainedSystem> Frozen<'s, S> {
         self.fresh
     }
 
-    /// Take S from the rule at `(t, q)` and write it down; on failure the old one stays. Leaves v at zero.
+    /// Take S from the rule at `(t, q)` and record it; on failure the old one is kept. Sets v to zero.
     fn freeze(&mut self, t: f64, q: &[f64], reason: impl Fn(f64) -> String) -> Result<()> {
         let r = &mut self.base.r;
         start::choose_partition(r, t, q, None, None)?;
@@ -122,13 +122,13 @@ impl<'s, S: ConstrainedSystem> Frozen<'s, S> {
         self.lowest = self.lowest.min(self.fresh.sqrt_mu);
         let (p, basis) = (&r.partition, Some(Arc::new(self.selector.clone())));
         let reason = reason(self.fresh.sqrt_mu);
-        // named is the best choice of coordinates; nothing enters or leaves
+        // the reported choice is the best one of coordinates; nothing enters or leaves
         let named = PartitionEvent::new(t, &p.independent, &p.independent, &p.dependent, reason, self.fresh);
         self.base.events.push(PartitionEvent { basis, ..named });
         Ok(())
     }
 
-    /// Take S from the rule at `(t, q)`, the point last evaluated; on failure the old one stays.
+    /// Take S from the rule at `(t, q)`, the point last evaluated; on failure the old one is kept.
     fn take(&mut self, t: f64, q: &[f64]) -> Result<()> {
         let r = &mut self.base.r;
         let (n, k) = (r.size().nv, r.k());
@@ -163,7 +163,7 @@ impl<'s, S: ConstrainedSystem> Frozen<'s, S> {
         self.factor(t, covectors)
     }
 
-    /// The same after each step: nothing is judged, nothing listed, only S made anew.
+    /// The same after each step: nothing is judged or listed, only S is renewed.
     fn follow(&mut self, t: f64, q: &[f64], v: &[f64]) -> Result<bool> {
         if std::mem::take(&mut self.base.fading) {
             start::choose_partition(&mut self.base.r, t, q, None, None)?;
@@ -305,7 +305,7 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Frozen<'s, S> {
         let r = &mut self.base.r;
         self.base.fading = r.rows_fade() || r.best_switch().is_some_and(|x| x.gain > FROZEN_GAIN);
         let Renew::Below(least) = self.renew else { return Verdict::Change };
-        // a failure here would be met by the next evaluation too, which reports it
+        // a failure here would recur in the next evaluation, which reports it
         let Ok(now) = self.quality_here(t, q) else { return Verdict::Keep };
         self.lowest = self.lowest.min(now.sqrt_mu);
         let part = now.sqrt_mu / self.fresh.sqrt_mu;
@@ -327,7 +327,7 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Frozen<'s, S> {
         }
         Ok(())
     }
-    /// Freeze anew; a basis that cannot be had here leaves the old one in place.
+    /// Freeze again; a basis that cannot be computed here leaves the old one in place.
     fn renew(&mut self, t: f64, q: &mut [f64], v: &[f64], why: Occasion) -> Result<bool> {
         if self.renew == Renew::EachStep && why != Occasion::Spoilt {
             return self.follow(t, q, v);
@@ -357,7 +357,7 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Frozen<'s, S> {
     ) -> Result<()> {
         let Some(r) = r.filter(|_| !out.brief) else { return Ok(()) };
         let fresh = match self.renew {
-            // not kept: that of the rule at the output itself
+            // not stored: that of the rule at the output itself
             Renew::EachStep => Some(made(&*self.basis, r, out.t, &out.q, None)?.1),
             Renew::Below(_) => None,
         };
@@ -376,7 +376,7 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Frozen<'s, S> {
             true => "never renewed (renew = 0)".into(),
         };
         let quality = match self.renew {
-            // nothing is decided by it, so it was not looked at
+            // nothing depends on it, so it was not evaluated
             Renew::EachStep => ", after each step".into(),
             Renew::Below(_) => format!("; its quality sqrt(mu) was {:.3} at the lowest", self.lowest),
         };
@@ -393,8 +393,8 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Frozen<'s, S> {
 }
 
 impl<'s, S: ConstrainedSystem> TangentClosing<'s, S> for Frozen<'s, S> {
-    /// `q ← q − G Φ`: the tangent part S·Δ stays untouched, the analogue of (34); with nonholonomic rows by the least
-    /// move.
+    /// `q ← q − G Φ`: the tangent part S·Δ is unchanged, the analogue of (34); with nonholonomic rows by the least
+    /// displacement.
     fn correction(&mut self, t: f64, q: &[f64], rule: Correction, dv: &mut [f64]) -> Result<bool> {
         let size = self.base.r.size();
         if rule == Correction::MassOrthogonal || size.rows != size.holonomic {

@@ -1,8 +1,8 @@
-//! An instant described: everything that follows from (t, q, v) and from the choice in use there, computed in one
+//! Description of an instant: everything that follows from (t, q, v) and from the choice in use there, computed in one
 //! place.
 //!
-//! Accelerations and multipliers belong to the mechanism, not to the way it is integrated, so all formulations on a
-//! tangent share this; the full equations put their own in their place.
+//! Accelerations and multipliers do not depend on the method of integration, so all formulations on a tangent share
+//! this; the full equations replace them by their own.
 
 use crate::error::Result;
 use crate::partition::criterion::{self, Quality};
@@ -13,7 +13,7 @@ use crate::start;
 use crate::system::{ConstrainedSystem, SystemError, SystemRef};
 use partita_math::dense::{self, Matrix};
 
-/// Describes instants of a system: a reduction of its own, so that whoever marches is not disturbed. For outputs: it
+/// Describes instants of a system: a reduction of its own, so that the integration is not disturbed. For outputs: it
 /// allocates.
 pub struct Describer<'s, S: ConstrainedSystem> {
     system: SystemRef<'s, S>,
@@ -29,9 +29,9 @@ impl<'s, S: ConstrainedSystem> Describer<'s, S> {
         Self { system: system.into(), rank, dense, probe: None }
     }
 
-    /// All of `out` but turns and work, for these independent velocities; `None` takes the best ones of the moment.
+    /// All of `out` except turns and work, for these independent velocities; `None` uses the best ones of the moment.
     ///
-    /// Returns the reduction there; `None` where the position is singular, and then what is not determined is NaN.
+    /// Returns the reduction there; `None` where the position is singular, and then undetermined quantities are NaN.
     pub fn describe(
         &mut self,
         at: &Output,
@@ -77,7 +77,8 @@ pub fn describe<S: ConstrainedSystem>(
     Ok(false)
 }
 
-/// The choice at (t, q), with the position level there; one in use is kept, of redundant rows others where they fade.
+/// The choice at (t, q), with the position level there; the one in use is kept, of redundant rows others where they
+/// weaken.
 fn choose<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &[f64], independent: Option<&[usize]>) -> Result<()> {
     match independent {
         None => {
@@ -134,7 +135,7 @@ fn levels<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &[f64], v: &[f6
     Ok(())
 }
 
-/// At a change point accelerations and multipliers have no value: none is made up.
+/// At a change point accelerations and multipliers have no value, and none is invented.
 fn undetermined(n: usize, rows: usize, why: &str, out: &mut Sample) {
     out.vdot = vec![f64::NAN; n];
     out.multipliers = vec![f64::NAN; rows];
@@ -154,7 +155,7 @@ fn block_of_selector<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &[f6
 
 /// σ and √μ_S of a constant S (k x n), at the last evaluation of r.
 ///
-/// `D_Sᵀ = Dᵀ (S Dᵀ)⁻¹` for any D, so M_d of S is `(S Dᵀ)⁻ᵀ M_d (S Dᵀ)⁻¹`; √μ_S holds it against `S M⁻¹ Sᵀ`.
+/// `D_Sᵀ = Dᵀ (S Dᵀ)⁻¹` for any D, so M_d of S is `(S Dᵀ)⁻ᵀ M_d (S Dᵀ)⁻¹`; √μ_S compares it with `S M⁻¹ Sᵀ`.
 pub(super) fn quality_of_selector<S: ConstrainedSystem>(
     r: &mut Reduction<S>,
     t: f64,
@@ -195,8 +196,8 @@ pub(super) fn quality_of_tangent<S: ConstrainedSystem>(r: &Reduction<S>, dt: &[f
     quality_of_exact(md.data(), k)
 }
 
-/// σ of tangent velocities that span the tangent space exactly (so √μ = 1), from their M_d: how it is conditioned in
-/// units of the velocities themselves; 0 where they depend on each other.
+/// σ of tangent velocities that span the tangent space exactly (so √μ = 1), from their M_d: its conditioning in units
+/// of the velocities themselves; 0 where they are dependent.
 pub(super) fn quality_of_exact(md: &[f64], k: usize) -> Quality {
     let mut factor = md.to_vec();
     if dense::cholesky(&mut factor, k).is_err() {

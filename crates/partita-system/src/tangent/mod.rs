@@ -17,12 +17,12 @@ use crate::record::{Correction, History, PartitionEvent, Sample, Verdict};
 use crate::reduction::Reduction;
 use crate::system::{ConstrainedSystem, SystemError};
 
-/// Why a new choice is asked for.
+/// Reason for a new choice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Occasion {
     /// The tangent's own verdict at the end of a step.
     Decayed,
-    /// The choice went bad inside the step, which is repeated from here.
+    /// The choice became poor inside the step, which is repeated from here.
     Spoilt,
     /// The position coordinates need it, for this reason.
     Positions(&'static str),
@@ -31,18 +31,18 @@ pub enum Occasion {
 /// A tangent basis, evaluated.
 ///
 /// Levels follow each other: the reduction's `position`, then [`tangent`](Self::tangent), [`spread`](Self::spread),
-/// [`accelerate`](Self::accelerate). What is not said otherwise is that of independent velocities, the reduction's
+/// [`accelerate`](Self::accelerate). By default quantities are those of independent velocities, the reduction's
 /// partition.
 pub trait TangentLevels<'s, S: ConstrainedSystem + 's> {
-    /// What all tangents have.
+    /// The common part of all tangents.
     fn base(&self) -> &Base<'s, S>;
-    /// The same, to work with.
+    /// The same, mutable.
     fn base_mut(&mut self) -> &mut Base<'s, S>;
     /// Levels of the system at the point last evaluated (Φ, C, a, b, v) and the rows kept.
     fn reduction(&mut self) -> &mut Reduction<'s, S> {
         &mut self.base_mut().r
     }
-    /// The same, to look at.
+    /// The same, read-only.
     fn seen(&self) -> &Reduction<'s, S> {
         &self.base().r
     }
@@ -54,11 +54,11 @@ pub trait TangentLevels<'s, S: ConstrainedSystem + 's> {
     fn select(&mut self, v: &[f64], u: &mut [f64]) {
         u.iter_mut().zip(&self.seen().partition.independent).for_each(|(u, &i)| *u = v[i]);
     }
-    /// D and γ at the position last evaluated; `factored` where whoever found the position has left the factors there.
+    /// D and γ at the position last evaluated; `factored` if the factors there are already computed.
     fn tangent(&mut self, t: f64, _q: &[f64], _factored: bool) -> Result<()> {
         self.reduction().tangent(t)
     }
-    /// `v = Dᵀ u + γ`, left in the reduction's `v`.                                        (P2)
+    /// `v = Dᵀ u + γ`, stored in the reduction's `v`.                                                            (P2)
     fn spread(&mut self, u: &[f64]) {
         self.reduction().spread(u);
     }
@@ -81,7 +81,7 @@ pub trait TangentLevels<'s, S: ConstrainedSystem + 's> {
     }
 }
 
-/// What a basis is chosen by, and when it is chosen anew.
+/// Criteria by which a basis is chosen, and chosen again.
 pub trait TangentChoice<'s, S: ConstrainedSystem + 's>: TangentLevels<'s, S> {
     /// Natural size of u_j; other bases than independent velocities are measured by the mass metric already.
     fn natural_size(&self, j: usize) -> f64 {
@@ -99,11 +99,11 @@ pub trait TangentChoice<'s, S: ConstrainedSystem + 's>: TangentLevels<'s, S> {
         self.base_mut().look_at_factors(t);
         Verdict::Keep
     }
-    /// Does [`accept`](Self::accept) want to see the end of the step that was judged?
+    /// Whether [`accept`](Self::accept) needs the end of the step that was judged.
     fn attends(&self) -> bool {
         self.base().fading
     }
-    /// The step that was judged is taken; (t, q) is the point last evaluated if this tangent attends.
+    /// The step that was judged is accepted; (t, q) is the point last evaluated if this tangent attends.
     fn accept(&mut self, t: f64, q: &[f64]) -> Result<()> {
         self.base_mut().accept(t, q, false);
         Ok(())
@@ -116,13 +116,13 @@ pub trait TangentChoice<'s, S: ConstrainedSystem + 's>: TangentLevels<'s, S> {
     fn blame(&self, _t: f64, _q: &[f64], e: SystemError) -> SystemError {
         e
     }
-    /// Independent velocities of the choice of `within`, or of the one in use; none where the basis is no choice of
-    /// them.
+    /// Independent velocities of the choice of `within`, or of the one in use; none where the basis is not such a
+    /// choice.
     fn independent<'a>(&'a self, _within: Option<&'a PartitionEvent>) -> Option<&'a [usize]> {
         None
     }
-    /// What the basis of `within`, or of the one in use, puts in the place of what independent velocities tell of
-    /// `out`; r was evaluated there, none where the position is singular.
+    /// What the basis of `within`, or of the one in use, reports in `out` instead of independent velocities; r was
+    /// evaluated there, none where the position is singular.
     fn describe(
         &mut self,
         _r: Option<&mut Reduction<'s, S>>,
@@ -135,12 +135,12 @@ pub trait TangentChoice<'s, S: ConstrainedSystem + 's>: TangentLevels<'s, S> {
     fn report(&self, history: &mut History);
 }
 
-/// What becomes of conditions that are open at the end of a step, and how far a singular position is.
+/// Treatment of closure errors at the end of a step, and the distance from a singular position.
 pub trait TangentClosing<'s, S: ConstrainedSystem + 's> {
-    /// The move of one correction at the position last evaluated, in velocities; false where it would move nothing but
-    /// round-off.                                                                          (33, 34)
+    /// The displacement of one correction at the position last evaluated, in velocities; false where it would change
+    /// only round-off.                                                                                       (33, 34)
     fn correction(&mut self, t: f64, q: &[f64], rule: Correction, dv: &mut [f64]) -> Result<bool>;
-    /// Remove what is open of S4 from u at the closed (t, q); true if u moved. Nothing is where v is computed, not
+    /// Correct the error of S4 in u at the closed (t, q); true if u changed. There is none where v is computed, not
     /// integrated.
     fn settle(&mut self, _t: f64, _q: &[f64], _u: &mut [f64]) -> Result<bool> {
         Ok(false)

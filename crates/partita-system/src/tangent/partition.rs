@@ -38,7 +38,7 @@ impl<'s, S: ConstrainedSystem> Chosen<'s, S> {
         let system = system.into();
         Self {
             weighted: vec![1.0; system.size().nv],
-            // the other rules look at D and M_d in full
+            // the other rules need D and M_d in full
             base: Base::new(match options.selection {
                 Selection::Collective => Reduction::new(system, rank),
                 _ => Reduction::dense(system, rank),
@@ -58,7 +58,7 @@ impl<'s, S: ConstrainedSystem> Chosen<'s, S> {
         }
     }
 
-    /// The best switches, one a cluster, that gain more than this.
+    /// The best switches, one per cluster, with a gain above this.
     fn best_switches(&mut self, threshold: f64) -> Vec<CoordinateSwitch> {
         self.base.r.best_switches(&self.weighted, threshold)
     }
@@ -82,7 +82,8 @@ impl<'s, S: ConstrainedSystem> Chosen<'s, S> {
         }
         next.sort_unstable();
         if self.base.r.set_partition(t, &next).is_err() {
-            // the switch rule and the elimination disagree by round-off near a singular position: stay as we were
+            // the switch rule and the elimination disagree by round-off near a singular position: keep the present
+            // choice
             return self.base.r.set_partition(t, &before);
         }
         self.base.switches += pairs.len() as u64;
@@ -105,13 +106,13 @@ impl<'s, S: ConstrainedSystem> Chosen<'s, S> {
         self.base.log(t, q, &before, reason)
     }
 
-    /// Switch, or ask the rule, until nothing gains any more.
+    /// Switch, or ask the rule, until there is no further gain.
     fn choose_anew(&mut self, t: f64, q: &[f64], v: &[f64]) -> Result<()> {
         for _ in 0..4 * self.base.r.k() {
             if let Some(chooser) = &mut self.chooser {
                 let Some(change) = chooser.propose(&self.base.r, t)? else { break };
                 self.obey(t, q, &change)?;
-                // the rule looks at M_d of the new choice
+                // the rule needs M_d of the new choice
                 self.base.evaluate(t, q, v)?;
                 continue;
             }
@@ -190,7 +191,7 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Chosen<'s, S> {
         Ok(())
     }
     fn renew(&mut self, t: f64, q: &mut [f64], v: &[f64], why: Occasion) -> Result<bool> {
-        // what looked better by scales of some steps ago need not be
+        // a gain by scales of some steps ago may have vanished
         self.base.r.refresh_scales(t, q)?;
         self.refresh_weighted();
         let before = self.base.switches;

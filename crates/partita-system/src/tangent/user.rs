@@ -1,12 +1,14 @@
-//! Tangent velocities of the user: `v = Dᵀ(t, q) u + γ(t, q)` in closed form, found by inspection or by a symbolic program.
+//! User-defined tangent velocities: `v = Dᵀ(t, q) u + γ(t, q)` in closed form, found by inspection or by a symbolic
+//! program.
 //!
 //! `M_d u' = D (h − M δ)` with `δ = (dDᵀ/dt) u + γ'` from the user, or by central differences of the sixth order along
-//! the motion. States (q, u): coordinates by S2. Nothing is factored but M_d, so an evaluation costs the products with
-//! D alone; prefer it for fixed simple mechanisms whose tangent is known. The user's functions are checked against the
+//! the motion. States (q, u): coordinates by S2. Only M_d is factored, so an evaluation costs the products with D
+//! alone; prefer it for fixed simple mechanisms whose tangent is known. The user functions are checked against the
 //! constraints at the start: C Dᵀ = 0, C γ + a = 0, C δ + b = 0, and v within the span.
 //!
-//! Drift of positions is removed by the least move in the mass metric (33) whichever correction is asked for: there are no
-//! coordinates that could stay untouched. Angles keep their whole turns: the user's functions may count them.
+//! Drift of positions is corrected by the least displacement in the mass metric (33) whichever correction is requested:
+//! there are no coordinates that could be left unchanged. Angles keep their whole turns, on which the user functions
+//! may depend.
 
 use super::instant::{quality_of_exact, quality_of_tangent};
 use super::{Base, TangentChoice, TangentClosing, TangentLevels};
@@ -21,11 +23,11 @@ use partita_math::dense::{self, Matrix};
 use partita_math::tolerance;
 use std::sync::Arc;
 
-/// Allowed deviation from zero of products with C at the start. Scale: their natural size. Reason: what formulas with a
-/// few hundred operations and a position closed to 1e-12 leave, and far below any wrong sign.
+/// Allowed deviation from zero of products with C at the start. Scale: their natural size. Reason: the round-off of
+/// formulas with a few hundred operations at a position closed to 1e-12, and far below any wrong sign.
 const TANGENT_FITS: f64 = 1e-8;
-/// Half-width of the difference formula. Unit: large moves of the fastest velocity. Reason: the sixth power is far
-/// below round-off.
+/// Half-width of the difference formula. Unit: characteristic displacements of the fastest velocity. Reason: the sixth
+/// power is far below round-off.
 const TANGENT_MOVE: f64 = 1e-2;
 
 /// The user's D.
@@ -100,10 +102,10 @@ impl<'s, S: ConstrainedSystem> Given<'s, S> {
         })
     }
 
-    /// δ: how `Dᵀ u + γ` changes along the motion with u held fast.
+    /// δ: the change of `Dᵀ u + γ` along the motion with u constant.
     fn bias_by_differences(&mut self, t: f64, q: &[f64], u: &[f64]) -> Result<()> {
         let rate = self.base.r.v.iter().zip(&self.displacement).fold(0.0, |m: f64, (v, r)| m.max(v.abs() / r));
-        // a large move in the time of one unit where nothing moves (only t does)
+        // a large displacement in the time of one unit where nothing moves (only t changes)
         let mut s = TANGENT_MOVE / (1.0 + rate);
         let mut least = f64::INFINITY;
         self.differences += 1;
@@ -126,7 +128,7 @@ impl<'s, S: ConstrainedSystem> Given<'s, S> {
                 least = apart;
                 self.best.copy_from_slice(&self.step);
             }
-            // the error of the sixth order is about the three halves' power of what the two disagree by
+            // the error of the sixth order is about the three halves' power of their difference
             if apart <= tolerance::DIFFERENCE_ROUNDING {
                 break;
             }
@@ -209,7 +211,7 @@ impl<'s, S: ConstrainedSystem> Given<'s, S> {
         for row in 0..self.base.r.size().rows {
             let (sum, size) = self.along(row, |i| self.base.r.delta[i]);
             let left = sum + self.base.r.b[row];
-            // where the terms vanish by chance: what a velocity changing at the rate of the motion would give
+            // where the terms vanish by chance: the size for a velocity changing at the rate of the motion
             let size = size + self.base.r.b[row].abs() + self.along(row, |i| self.base.r.v[i]).1 * rate;
             if left.abs() > tolerance::EQUAL_IN_SIX_DIGITS * size {
                 return Err(SystemError::argument(
@@ -325,7 +327,7 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Given<'s, S> {
 }
 
 impl<'s, S: ConstrainedSystem> TangentClosing<'s, S> for Given<'s, S> {
-    /// Always by the least move: there are no coordinates that could stay untouched.
+    /// Always by the least displacement: there are no coordinates that could be left unchanged.
     fn correction(&mut self, t: f64, q: &[f64], _rule: Correction, dv: &mut [f64]) -> Result<bool> {
         dv.copy_from_slice(&orthogonal_step(&mut self.base.r, t, q)?);
         Ok(true)

@@ -1,4 +1,4 @@
-"""The zoo: mechanisms of many kinds, each with what the theory of mechanisms says of it.
+"""The zoo: mechanisms of many kinds, each with the results of the theory of mechanisms.
 
 A theme is a file, a mechanism in it a function that draws it and the `Truth` above that function.
 """

@@ -10,7 +10,7 @@ from ..truth import Truth
 
 
 def checks(truth: Truth) -> tuple[Check, ...]:
-    """The counts, the flags of the reactions, loops that are closed, energy that is kept."""
+    """The counts, the flags of the reactions, closed loops, conserved energy."""
 
     def counts(result: Result) -> float:
         rows, rank = result.summary["joint_rows"], result.summary["joint_rank"]

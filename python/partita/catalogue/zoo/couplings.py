@@ -1,4 +1,4 @@
-"""Gears, racks, screws, belts, cams and rods: joints that know of each other."""
+"""Gears, racks, screws, belts, cams and rods: coupled joints."""
 
 from __future__ import annotations
 
@@ -33,7 +33,8 @@ def gear_pair(m: Mechanism) -> None:
               "load over the teeth is undetermined, which does not affect the hinges; 5 - (6 - 2) = 1", source=MUELLER),
         rates={"carrier": 5.0})  # fmt: skip
 def planetary_gear(m: Mechanism) -> None:
-    """Sun 0.06, planets 0.04, ring 0.14; the carrier lifts an arm. The turn of a planet counts on the carrier."""
+    """Sun 0.06, planets 0.04, ring 0.14; the carrier lifts an arm. The rotation of a planet is relative to the
+    carrier."""
     sun, planet, ring = 0.06, 0.04, 0.14
     disc(m, "sun", (0, 0, 0), Z, sun, 0.8)
     link(m, "carrier", (0, 0, 0), (0.25, 0.05, 0), density=4.0)

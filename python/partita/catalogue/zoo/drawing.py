@@ -1,4 +1,4 @@
-"""Drawing by ruler and compass. Points of a plane are complex numbers; what is said of links holds in space too."""
+"""Drawing by ruler and compass. Points of a plane are complex numbers; the functions for links also work in space."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a mechanism of the zoo is written: a function that draws it, and what theory says of it."""
+"""Notation of a mechanism of the zoo: a function that draws it, and the results of theory."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ UP = np.array([0.0, 0.0, 1.0])
 
 
 def ring(radius: float, degrees: tuple[float, ...], height: float = 0.0) -> list[FloatArray]:
-    """Places on a circle about the z axis."""
+    """Points on a circle about the z axis."""
     return [in_space(polar(radius, angle), height) for angle in degrees]
 
 

@@ -1,4 +1,4 @@
-"""What rolls: a coin, a ball, a bicycle. Touching takes positions away, rolling takes rates away and no position."""
+"""Rolling bodies: a coin, a ball, a bicycle. Contact removes positions; rolling removes rates but no position."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Shafts that do not lie in line, loops of cylinders and balls, and bodies that spin."""
+"""Shafts that are not in line, loops of cylinders and balls, and spinning bodies."""
 
 from __future__ import annotations
 

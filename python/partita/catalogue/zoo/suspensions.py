@@ -43,7 +43,7 @@ def spring(m: Mechanism, top: FloatArray, body: str, bottom: FloatArray) -> None
 
 
 def points(**where: tuple[float, float, float]) -> dict[str, FloatArray]:
-    """Places in the world, x ahead, y to the left, z up [m]."""
+    """Points in the world, x ahead, y to the left, z up [m]."""
     return {name: np.array(at, dtype=float) for name, at in where.items()}
 
 
@@ -98,7 +98,7 @@ def trailing_arm(m: Mechanism) -> None:
               source="W. Matschinsky, Road Vehicle Suspensions; J. Knapczyk and S. Dzierzek, displacement and force "
               "analysis of five-rod suspension, J. Mech. Des. 117 (1995)"), gravity=FALL)  # fmt: skip
 def five_link(m: Mechanism) -> None:
-    """Places of a rear wheel, rounded to centimetres."""
+    """Points of a rear wheel, rounded to centimetres."""
     p = points(w=(0.0, 0.75, 0.3), top=(0.03, 0.5, 0.75))
     near = ((0.25, 0.4, 0.2), (-0.2, 0.35, 0.19), (0.15, 0.45, 0.42), (-0.15, 0.43, 0.44), (-0.3, 0.4, 0.28))
     far = ((0.03, 0.7, 0.17), (-0.06, 0.69, 0.18), (0.05, 0.67, 0.43), (-0.04, 0.66, 0.45), (-0.16, 0.7, 0.26))

@@ -1,4 +1,4 @@
-"""NetCDF 4: what xarray, MATLAB, Panoply and the tools of the geosciences open; an HDF5 file with named axes."""
+"""NetCDF 4: read by xarray, MATLAB, Panoply and the tools of the geosciences; an HDF5 file with named axes."""
 
 from __future__ import annotations
 

@@ -14,8 +14,8 @@ ACCOUNT = b"partita"
 
 
 def write(content: Content) -> bytes:
-    """One column for each number; a column's unit stands in the metadata of its field, the account in those of the
-    schema. Sealed, and with checksums of its pages for others."""
+    """One column for each number; a column's unit is in the metadata of its field, the description in those of the
+    schema. Sealed, and with checksums of its pages for other readers."""
     pyarrow = extra("pyarrow", "parquet", "saving to Parquet")
     parquet = extra("pyarrow.parquet", "parquet", "saving to Parquet")
     found = columns(content)

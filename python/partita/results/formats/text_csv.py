@@ -11,7 +11,7 @@ from ..content import Content, read_header
 from ..table import column_names, columns, gathered
 
 ACCOUNT = "partita"
-"""The last column: its first entry holds the account, the others are empty."""
+"""The last column: its first entry holds the description, the others are empty."""
 
 
 def write(content: Content) -> bytes:

@@ -15,7 +15,7 @@ INFINITE = {np.inf: "Infinity", -np.inf: "-Infinity"}
 
 
 def write(content: Content) -> bytes:
-    """Account and arrays, sealed; numbers to full precision, null for NaN, "Infinity" and "-Infinity" in words."""
+    """Description and arrays, sealed; numbers to full precision, null for NaN, "Infinity" and "-Infinity" in words."""
     return sealed(json.dumps(document(content), ensure_ascii=False, separators=(",", ":")).encode("utf-8"))
 
 
@@ -28,7 +28,7 @@ def document(content: Content) -> dict[str, Any]:
 
 
 def read(content: bytes) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Header and arrays. Raises `json.JSONDecodeError`, `UnicodeDecodeError` or what strange data raises."""
+    """Header and arrays. Raises `json.JSONDecodeError`, `UnicodeDecodeError` or errors from malformed data."""
     header = read_header(content.decode("utf-8"))
     arrays = header.get("arrays")
     if not isinstance(arrays, dict):

@@ -1,8 +1,9 @@
 //! Multipliers first, in the range of C: `M_c λ = −(b + C M⁻¹ h)`, then `v' = M⁻¹ (h + Cᵀ λ)`.     (40)
 //!
-//! Catalogue row 2. Two Cholesky factors instead of one indefinite one; with `W = C L⁻ᵀ`, `M = L Lᵀ`, the Delassus matrix
-//! is `M_c = W Wᵀ`, and the two projectors `P_c + P_d = 1` are at hand. Prefer it for few constraints on many velocities:
-//! n³/6 + n²r/2 + nr²/2 + r³/6 per evaluation, dense, of which the first part stays when constraints come and go.
+//! Catalogue row 2. Two Cholesky factors instead of one indefinite one; with `W = C L⁻ᵀ`, `M = L Lᵀ`, the Delassus
+//! matrix is `M_c = W Wᵀ`, and the two projectors `P_c + P_d = 1` are available. Prefer it for few constraints on many
+//! velocities: n³/6 + n²r/2 + nr²/2 + r³/6 per evaluation, dense, of which the first part is unchanged when constraints
+//! come and go.
 
 use super::{AccelerationRule, Failure, Instant};
 use partita_math::dense;
@@ -15,7 +16,7 @@ pub struct Range {
 }
 
 impl Range {
-    /// Room for n velocities and r independent rows.
+    /// Memory for n velocities and r independent rows.
     pub fn new(n: usize, r: usize) -> Self {
         Self { metric: MassMetric::new(n, r), mc: vec![0.0; r * r], x: vec![0.0; r] }
     }
@@ -53,11 +54,11 @@ pub(super) struct MassMetric {
     l: Vec<f64>,
     /// W (r x n).
     pub w: Vec<f64>,
-    /// `1/|c_i|`: what brings row i to length 1; 0 for a row of zeros.
+    /// `1/|c_i|`: the factor that scales row i to length 1; 0 for a row of zeros.
     pub scale: Vec<f64>,
     /// b in these scales.
     pub b: Vec<f64>,
-    /// `L⁻¹ h` at first; `Lᵀ v'` in the end.
+    /// `L⁻¹ h` at first; `Lᵀ v'` at the end.
     pub y: Vec<f64>,
 }
 
@@ -71,7 +72,7 @@ impl MassMetric {
         &self.w[i * n..(i + 1) * n]
     }
 
-    /// Take over an instant.
+    /// Set up an instant.
     pub(super) fn set(&mut self, x: &Instant) -> Result<(), Failure> {
         let n = x.h.len();
         self.l.copy_from_slice(x.mass);

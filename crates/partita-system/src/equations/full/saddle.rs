@@ -1,4 +1,4 @@
-//! The full equations with multipliers, solved as they stand: the reference all other forms are held against.
+//! The full equations with multipliers, solved directly: the reference for all other forms.
 //!
 //! ```text
 //! [ M  Cᵀ ] [ v' ]   [  h ]
@@ -20,7 +20,7 @@ pub struct Saddle {
 }
 
 impl Saddle {
-    /// Room for n velocities and r independent rows.
+    /// Memory for n velocities and r independent rows.
     pub fn new(n: usize, r: usize) -> Self {
         Self { matrix: vec![0.0; (n + r) * (n + r)], mass: vec![0.0; n * n], x: vec![0.0; n + r] }
     }
@@ -55,7 +55,7 @@ impl AccelerationRule for Saddle {
             if e.index < n {
                 return Err(Failure::Mass { index: e.index, pivot: e.pivot });
             }
-            // what M alone leaves of the row, to hold the pivot against
+            // the part of the row that M alone leaves, as a reference for the pivot
             let line = &m[e.index * all..];
             let length: f64 = (0..n).map(|j| line[j] * line[j] * m[j * all + j]).sum();
             return Err(Failure::Rows { sine2: if length > 0.0 { -e.pivot / length } else { 0.0 } });

@@ -1,13 +1,13 @@
-//! The full equations with multipliers, eliminated with the sparsity they have.
+//! The full equations with multipliers, eliminated with their sparsity.
 //!
 //! ```text
 //! [ M  Cᵀ ] [ v' ]   [  h ]
 //! [ C  0  ] [ −λ ] = [ −b ]
 //! ```
-//! (catalogue row 1.) What [`Saddle`](super::saddle::Saddle) factors densely: here M and C keep their zeros, pivots are
+//! (catalogue row 1.) The sparse counterpart of [`Saddle`](super::saddle::Saddle): M and C keep their zeros, pivots are
 //! chosen once for little fill (Markowitz) among entries that are not small, and an evaluation executes the elimination
-//! without searching. It is planned anew when a pivot has shrunk or other rows are kept. Cost per evaluation: that of the
-//! fill, proportional to the bodies where loops hang together as in a chain. The opponent for large mechanisms.
+//! without searching. A new plan is made when a pivot has shrunk or other rows are kept. Cost per evaluation: that of
+//! the fill, proportional to the bodies where loops are connected as in a chain. The reference for large mechanisms.
 
 use super::{AccelerationRule, Failure, Instant};
 use partita_math::elimination::{Pattern, Plan, PlanError, PlanOptions};
@@ -19,10 +19,10 @@ pub struct Sparse {
     /// Of the whole matrix, all rows of C in it.
     pattern: Pattern,
     values: Vec<f64>,
-    /// Places of the entries of M, and of each entry of C below and beside it.
+    /// Indices of the entries of M, and of each entry of C below and beside it.
     mass_places: Vec<usize>,
     c_places: Vec<[usize; 2]>,
-    /// Place of each diagonal entry of M.
+    /// Index of each diagonal entry of M.
     diagonal: Vec<usize>,
     scale: Vec<f64>,
     lent: Vec<f64>,
@@ -75,10 +75,10 @@ impl Sparse {
         }
     }
 
-    /// Choose pivots for the values at hand.
+    /// Choose pivots for the current values.
     fn make_plan(&mut self, x: &Instant) -> Result<(), Failure> {
         let (n, all) = (self.n, self.pattern.rows);
-        // where M is short of mass, as large as the rows of C would make its diagonal: they are eliminated with it
+        // where M is singular, as large as the rows of C would make its diagonal: they are eliminated with it
         self.lent.fill(0.0);
         for &row in x.rows.iter().filter(|_| !x.scales.is_empty()) {
             for e in x.pattern.row(row) {

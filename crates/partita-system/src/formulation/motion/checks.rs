@@ -9,14 +9,15 @@ use crate::system::ConstrainedSystem;
 use crate::tangent::Tangent;
 use partita_math::tolerance;
 
-/// Checks of the step that is judged, of those taken, and of the outputs.
+/// Checks of the step that is judged, of accepted ones, and of the outputs.
 #[derive(Default)]
 pub(super) struct Checks {
     trial: StepChecks,
-    /// Largest speed, in scales, and acceleration [1/s²] up to the end of the step that is judged, and of those taken.
+    /// Largest speed, in scales, and acceleration [1/s²] up to the end of the step that is judged, and of accepted
+    /// ones.
     trial_sizes: (f64, f64),
     sizes: (f64, f64),
-    /// Velocities as they were integrated, before their remainder of S4 is removed.
+    /// Velocities as integrated, before their error of S4 is removed.
     integrated: Vec<f64>,
     pub(super) taken: StepChecks,
 }
@@ -41,8 +42,8 @@ impl Checks {
         self.integrated.extend_from_slice(v);
     }
 
-    /// The end of a step, the point last evaluated, with accelerations `vdot`. `open` and `distance`: of a motion that
-    /// drifts, how far its positions stand open, in parts, and how far it is from a singular position.
+    /// The end of a step, the point last evaluated, with accelerations `vdot`. `open` and `distance`: for a motion that
+    /// drifts, the relative closure error of its positions, and the distance from a singular position.
     pub(super) fn look<S: ConstrainedSystem>(
         &mut self,
         t: f64,
@@ -62,7 +63,7 @@ impl Checks {
         self.trial.speed = s.iter().zip(&r.v).fold(0.0, |m, (s, v)| m.max((v / s).abs()));
     }
 
-    /// How far velocities are from what was integrated, in parts of the speed.
+    /// Difference of velocities from the integrated ones, relative to the speed.
     fn jump<S: ConstrainedSystem>(&mut self, t: f64, r: &Reduction<S>) -> Gap {
         let s = r.scales();
         let part = match self.integrated.len() == r.v.len() {
@@ -81,7 +82,7 @@ impl Checks {
         self.trial.hidden = Gap { part: 1.0, t, row: guard };
     }
 
-    /// The step that was looked at is taken.
+    /// The step that was examined is accepted.
     pub(super) fn accept(&mut self) {
         self.sizes = self.trial_sizes;
         self.taken.raise(&self.trial);
@@ -101,7 +102,7 @@ impl Checks {
 }
 
 impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> Motion<'s, S, T, P> {
-    /// Hold the end of a step, the point last evaluated, against what was before it.
+    /// Compare the end of a step, the point last evaluated, with the state before it.
     pub(super) fn check_step(&mut self, t: f64) {
         let distance = self.tangent.distance_of_drift();
         let r = self.tangent.seen();

@@ -1,8 +1,9 @@
-//! Rows that prescribe a motion, held against their own derivatives: what is prescribed must be continuous with its rate.
+//! Rows that prescribe a motion, compared with their own derivatives: a prescribed motion must be continuous with its
+//! rate.
 //!
-//! Beside the state the motion integrates `z' = N(q) v` and `w' = v'` of the coordinates and velocities in these rows, from
-//! the closed (q, v) at the start of every step. At its end `Φ(t, z)` and `C w + a` are errors of a quadrature, unless Φ or
-//! its rate jumped inside: no derivative tells of a jump.
+//! Beside the state the motion integrates `z' = N(q) v` and `w' = v'` of the coordinates and velocities in these rows,
+//! from the closed (q, v) at the start of every step. At its end `Φ(t, z)` and `C w + a` are errors of a quadrature,
+//! unless Φ or its rate jumped inside: a jump is not visible in the derivatives.
 
 use super::Motion;
 use crate::error::Result;
@@ -13,8 +14,8 @@ use crate::system::{ConstrainedSystem, SystemError};
 use crate::tangent::Tangent;
 use partita_math::tolerance;
 
-/// A step whose prescribed rows miss their quadrature by more is taken again. Scale: multiples of the tolerance. Reason:
-/// smooth functions miss it by a few, and where nothing moves but what is driven no other estimate sees the error.
+/// A step whose prescribed rows differ from their quadrature by more is repeated. Scale: multiples of the tolerance.
+/// Reason: smooth functions differ by a few, and where only driven coordinates move no other estimate shows the error.
 const SMOOTH_MISSED: f64 = 100.0;
 
 /// A row and what belongs to it.
@@ -24,9 +25,9 @@ struct Row {
     open: [f64; 2],
     /// The same at the end of the step that is judged.
     open_ahead: [f64; 2],
-    /// What the quadrature missed at the end of the step that is judged.
+    /// The error of the quadrature at the end of the step that is judged.
     missed: [f64; 2],
-    /// What is added up in Φ and in C v + a at the end of that step, and at most so far.
+    /// Size of the terms of Φ and of C v + a at the end of that step, and its maximum so far.
     trial_size: [f64; 2],
     size: [f64; 2],
 }
@@ -96,7 +97,8 @@ impl<S: ConstrainedSystem> Prescribed<S> {
         self.start(&self.qdot, vdot, out);
     }
 
-    /// Φ, C, a at t for these quantities, other coordinates and velocities as in (q, v), which the rows do not see.
+    /// Φ, C, a at t for these quantities, other coordinates and velocities as in (q, v), on which the rows do not
+    /// depend.
     fn evaluate(&mut self, system: &S, t: f64, integrated: &[f64], (q, v): (&[f64], &[f64])) -> Result<()> {
         self.q.copy_from_slice(q);
         self.v.copy_from_slice(v);
@@ -114,7 +116,7 @@ impl<S: ConstrainedSystem> Prescribed<S> {
         [self.phi.get(row).copied().unwrap_or(0.0), rate]
     }
 
-    /// What is added up in a row at the point last evaluated.
+    /// Size of the terms of a row at the point last evaluated.
     fn sizes(&self, system: &S, row: usize, least: f64) -> [f64; 2] {
         let pattern = system.pattern();
         let mut sizes = [least, self.a[row].abs()];
@@ -129,7 +131,7 @@ impl<S: ConstrainedSystem> Prescribed<S> {
         sizes
     }
 
-    /// What stands open where the motion starts: rates that were not made consistent are no jump.
+    /// Violations at the start of the motion: rates that were not made consistent are not jumps.
     pub(super) fn open_at_start(&mut self, system: &S, t: f64, integrated: &[f64], at: (&[f64], &[f64])) -> Result<()> {
         if self.is_empty() {
             return Ok(());
@@ -141,7 +143,7 @@ impl<S: ConstrainedSystem> Prescribed<S> {
         Ok(())
     }
 
-    /// Hold the raw end (t, y) of a step against the quadratures.
+    /// Compare the raw end (t, y) of a step with the quadratures.
     pub(super) fn look(&mut self, r: &Reduction<S>, t: f64, integrated: &[f64], q: &[f64]) -> Result<()> {
         self.evaluate(&*r.system, t, integrated, (q, &r.v))?;
         for k in 0..self.rows.len() {
@@ -168,7 +170,7 @@ impl<S: ConstrainedSystem> Prescribed<S> {
         }
     }
 
-    /// The step that was looked at is taken: the next one starts where it ended.
+    /// The step that was examined is accepted: the next one starts where it ended.
     pub(super) fn accept(&mut self, out: &mut [f64]) {
         out.copy_from_slice(&self.end);
         for x in &mut self.rows {
@@ -183,7 +185,7 @@ impl<S: ConstrainedSystem> Prescribed<S> {
 }
 
 impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> Motion<'s, S, T, P> {
-    /// Where the integrated quantities of prescribed rows stand in y.
+    /// Index of the integrated quantities of prescribed rows in y.
     pub(super) fn place_of_prescribed(&self) -> usize {
         self.places().1 + usize::from(self.observes_work)
     }
@@ -201,7 +203,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> P
             let allowed = relative * x.trial_size[place] + (absolute + rounding) * r.row_size(x.row);
             x.missed[place].abs() / allowed
         };
-        // rows left out as redundant are judged by how far they stand open
+        // rows left out as redundant are judged by their violations
         let kept = self.prescribed.rows.iter().filter(|x| r.partition.rows.contains(&x.row));
         let worst = kept.max_by(|x, y| part(x).total_cmp(&part(y)))?;
         (part(worst) > 1.0).then(|| PrescribedGap {

@@ -1,4 +1,4 @@
-//! Walking a closed mechanism to given coordinates.
+//! Continuation of a closed mechanism to given coordinates.
 
 use super::descent::nearly;
 use super::{close, messages, Assembly};
@@ -7,10 +7,10 @@ use crate::manifold::{self, follow, Closed, Curve, End, Pace, Residuals, Room, V
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::tolerance;
 
-/// What the linear conditions may take from a step before they forbid it. Scale: fraction of the step. Reason: errors
-/// of the linear solution (its damping against a nearly singular loop) stay below.
+/// Largest reduction of a step by the linear conditions before they forbid it. Scale: fraction of the step. Reason:
+/// errors of the linear solution (its damping against a nearly singular loop) stay below.
 const YIELDS: f64 = 1e-3;
-/// Steps in all: thirty thousand radians.
+/// Maximum number of steps: thirty thousand radians.
 const LONGEST: usize = 100_000;
 
 struct Target {
@@ -42,7 +42,7 @@ fn read<S: ConstrainedSystem>(system: &S, targets: &[(usize, f64)]) -> Result<Ve
     Ok(read)
 }
 
-/// The curve on which the targets go straight, from 0 to 1.
+/// The curve along which the targets vary linearly, from 0 to 1.
 struct Towards<'a, 's, S: ConstrainedSystem> {
     rows: &'a mut LeastChange<'s, S>,
     targets: &'a [Target],
@@ -58,7 +58,7 @@ impl<S: ConstrainedSystem> Curve for Towards<'_, '_, S> {
         self.rows.scaled.locked.fill(false);
         self.rows.evaluate(q)?;
         self.rows.ahead(&self.ahead, tangent);
-        // the linear conditions answer in the least-squares sense: what they cannot do is a limit of the mechanism
+        // the linear conditions are solved by least squares: the remainder is a limit of the mechanism
         let largest = self.ahead.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
         Ok(!self.locked.iter().zip(&self.ahead).any(|(&v, x)| (tangent[v] - x).abs() > YIELDS * largest))
     }
@@ -74,7 +74,7 @@ impl<S: ConstrainedSystem> Curve for Towards<'_, '_, S> {
     }
 }
 
-/// Walk a closed mechanism to given coordinates `(coordinate, value)` along its own motion, branch kept.
+/// Move a closed mechanism to given coordinates `(coordinate, value)` along its own motion, on its branch.
 ///
 /// `tolerance` as in [`close`].
 ///
@@ -121,7 +121,7 @@ pub fn move_to<S: ConstrainedSystem>(
     Ok(report)
 }
 
-/// Why the continuation ends at q: what was reached, and the closure error at the targets themselves.
+/// Why the continuation ends at q: the values reached, and the closure error at the targets themselves.
 fn resisted<S: ConstrainedSystem>(
     rows: &mut LeastChange<S>,
     q: &[f64],

@@ -61,7 +61,7 @@ impl<'s, S: ConstrainedSystem> Descent<'s, S> {
         Ok(done.iterations)
     }
 
-    /// Parts that gain nothing any more and are open by no more than this are as closed as their drawing allows.
+    /// Parts without further progress that are open by no more than this are as closed as their drawing allows.
     pub fn accept_last_digits(&mut self, open: f64) {
         for (i, (ending, _)) in self.parts.iter_mut().enumerate() {
             if matches!(ending, Ending::AtRest | Ending::Unfinished) && self.rows.open_of(i).worst <= open {
@@ -70,7 +70,7 @@ impl<'s, S: ConstrainedSystem> Descent<'s, S> {
         }
     }
 
-    /// Parts that are closed the wrong way round are not closed.
+    /// Parts closed with an axis reversed are not closed.
     pub fn turn_over(&mut self, q: &[f64]) -> Vec<usize> {
         let rows = self.rows.scaled.system.turned_over(q);
         for (b, part) in self.rows.blocks.iter().zip(&mut self.parts).filter(|(_, part)| part.0 == Ending::Closed) {
@@ -85,9 +85,9 @@ impl<'s, S: ConstrainedSystem> Descent<'s, S> {
         self.parts.iter().all(|part| part.0 == Ending::Closed)
     }
 
-    /// Another start for the parts that are not closed: the drawing, turned irregularly by more with each attempt.
+    /// Another start for the parts that are not closed: the drawing, rotated irregularly by more with each attempt.
     ///
-    /// Of a large part only what meets an open row starts again; every third attempt all of it does.
+    /// Of a large part only the neighbours of an open row start again; every third attempt all of it does.
     pub fn start_again(&mut self, q: &mut [f64], drawn: &[f64], attempt: usize) -> Result<(), SystemError> {
         self.rows.evaluate(q)?;
         self.y.fill(0.0);

@@ -1,4 +1,4 @@
-//! What stays open, in words.
+//! Messages on what remains open.
 
 use super::descent::Ending;
 use super::Assembly;
