@@ -201,7 +201,7 @@ def _why(error: Exception) -> str:
 
 
 def sealed(content: bytes) -> bytes:
-    """`content` with its digest in the place of the first `BLANK`."""
+    """`content` with its digest instead of the first `BLANK`."""
     return content.replace(BLANK.encode(), b"sha256:" + _digest(content), 1)
 
 

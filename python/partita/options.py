@@ -105,7 +105,7 @@ _WORDS = frozenset({float, int, bool, str, type(None)})
 
 @lru_cache(maxsize=64)
 def _checked_once(types: tuple[type, ...], asked: tuple[Any, ...]) -> Options:
-    """`types` tell what is equal and not the same, such as True and 1."""
+    """`types` distinguish equal values of different type, such as True and 1."""
     return _checked(*asked)
 
 

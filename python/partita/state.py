@@ -106,9 +106,9 @@ class Layout:
 
 
 class StateView:
-    """A state as passed to a user function: time `t`, coordinates `q`, velocities `v`, and both by joint
-    name, those of joints that close loops or stand in absolute coordinates among them (their angles, in space, within
-    half a turn either way; of turns about all axes the quaternion whose first number is not negative)."""
+    """A state as passed to a user function: time `t`, coordinates `q`, velocities `v`, and both by joint name,
+    including those of joints that close loops or belong to absolute coordinates (their spatial angles within half a
+    turn either way; for spatial rotations the quaternion whose first number is not negative)."""
 
     __slots__ = ("_beyond", "_layout", "_seen", "q", "t", "v")
 

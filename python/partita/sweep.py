@@ -200,7 +200,7 @@ class _Work:
                 return
 
     def handed_out(self, pool: Executor, points: list[Point]) -> list[Point]:
-        """All to one executor, a few ahead of what has come back; those that it lost."""
+        """All to one executor, a few ahead of those that have returned; returns the lost ones."""
         lost: list[Point] = []
         done: SimpleQueue[tuple[Point, Future[Any]]] = SimpleQueue()
         left, under_way, pool_died = iter(points), 0, False

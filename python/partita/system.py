@@ -280,7 +280,7 @@ def _start(system: System, q0: ArrayLike | None, v0: ArrayLike | None, t0: float
 
 
 class _Rows:
-    """The number of constraint rows: it is what the Jacobian returns, and must not change."""
+    """The number of constraint rows: that of the Jacobian, which must not change."""
 
     def __init__(self, jacobian: Function | None, n: int) -> None:
         self._function, self._n = jacobian, n

@@ -76,8 +76,9 @@ fn open(joints: usize, size: f64, stresses: &[Stress]) -> Vec<Open> {
 
 /// For each joint: are its (fx, fy, fz, mx, my, mz) determined? In joint axes if `in_joint_frame`, else in world axes.
 ///
-/// Along a free direction of the joint there is no reaction but a drive's; none counts as determined (zero).
-/// Fails where [`mobility`](crate::mobility::mobility) does. Cost: one sparse solution per redundant row.
+/// Along a free direction of the joint the only reaction is that of a drive; otherwise the component counts as
+/// determined (zero). Fails where [`mobility`](crate::mobility::mobility) does. Cost: one sparse solution per redundant
+/// row.
 pub fn determined(model: &Model, t: f64, q: &[f64], in_joint_frame: bool) -> Result<Vec<[bool; 6]>, AnalysisError> {
     let (twin, q) = in_space(model, q)?;
     // drives belong to it: two that prescribe one motion can work against each other
@@ -102,7 +103,7 @@ fn here(system: &Geometry, start: &Start, t: f64, q: &[f64]) -> Result<(Vec<Open
 /// The same at any position, including a singular one, where instantaneous indeterminacy counts.
 fn anywhere(system: &Geometry, t: f64, q: &[f64]) -> Result<(Vec<Open>, Vec<bool>), AnalysisError> {
     match rank_here(system, t, q).map_err(Into::into).and_then(|start| here(system, &start, t, q)) {
-        // not even that many conditions are independent: nothing is claimed
+        // fewer conditions are independent: no component is reported as determined
         Err(AnalysisError::System(SystemError::Singular { .. })) => {
             let model = system.model;
             Ok((vec![Open::everything(); model.placed.joints.len()], vec![true; model.row_names.len()]))

@@ -13,9 +13,9 @@ pub enum AnalysisError {
     /// An invalid request.
     #[error("{message}")]
     Argument {
-        /// What was given wrongly.
+        /// The argument.
         argument: &'static str,
-        /// What is wrong with it.
+        /// Its error.
         message: String,
     },
     /// A name that the system does not have.

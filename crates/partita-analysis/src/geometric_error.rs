@@ -30,7 +30,7 @@ pub(crate) struct GeometricError {
     pub(crate) repaired_mobility: Option<usize>,
 }
 
-/// What was repaired in a drawing, or which change beyond its tolerance would give the mechanism a motion.
+/// What was repaired in a drawing, or which change beyond its tolerance would make the mechanism movable.
 pub(crate) fn of_drawing(model: &Model) -> GeometricError {
     let own = model.geometry();
     if own.geometric_error() > 0.0 {

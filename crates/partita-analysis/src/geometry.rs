@@ -29,7 +29,7 @@ const LEAST_LOOP: f64 = 1e-6;
 /// The mechanism with all closing rows in space, and its coordinates there.
 ///
 /// Joint coordinates are the same in the plane and in space. Bodies that float in the plane (absolute coordinates) have
-/// two slides and a turn there, three slides and a quaternion in space.
+/// two translations and a rotation there, three translations and a quaternion in space.
 pub(crate) fn in_space(model: &Model, q: &[f64]) -> Result<(Model, Vec<f64>), AnalysisError> {
     let twin = model.in_space()?;
     let lifted = lifted(model, &twin, q);
@@ -71,7 +71,7 @@ pub(crate) struct Geometry<'m> {
     nothing: f64,
 }
 
-/// Scratch: that of the model, and room for the rows left out.
+/// Scratch memory: that of the model, and of the rows left out.
 pub(crate) struct GeometryScratch {
     model: ModelScratch,
     phi: Vec<f64>,

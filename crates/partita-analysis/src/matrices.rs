@@ -72,7 +72,7 @@ pub struct Choice {
     pub threshold: f64,
     /// Preferences that multiply ρ.
     pub weights: Option<Vec<f64>>,
-    /// The independent coordinates themselves, in the place of a rule.
+    /// The independent coordinates themselves, instead of a rule.
     pub fixed: Option<Vec<usize>>,
 }
 

@@ -1,4 +1,4 @@
-//! Which joints to replace by which, so that nothing is redundant and nothing moves that did not.
+//! Replacements of joints after which nothing is redundant and no new motion exists.
 //!
 //! Releasing a component of a joint removes a self-stress if some self-stress loads it; otherwise it adds a motion. So
 //! as many components must be released as there are self-stresses, and the self-stresses must be independent in them.
@@ -47,7 +47,7 @@ struct Replacement {
     usual: bool,
 }
 
-/// What a joint may be replaced by.
+/// Possible replacements of a joint.
 fn replacements(kind: JointKind, joint: usize) -> Vec<Replacement> {
     let replacement = |kind, by, frees: &[usize], usual| Replacement { joint, kind, by, frees: frees.to_vec(), usual };
     let guide = "a ball joint that slides along the axis";

@@ -1,4 +1,4 @@
-//! The report: what a mechanism is, its degrees of freedom, its redundancy and its determined reactions, in words and
+//! The report on a mechanism: its degrees of freedom, its redundancy and its determined reactions, in words and
 //! numbers.
 
 use crate::determined::determined;
@@ -50,7 +50,7 @@ pub struct CoordinateLine {
     pub scale: f64,
 }
 
-/// What the motion determines of a joint's reaction.
+/// Determinacy of a joint's reaction.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct ReactionLine {
     /// Name of the joint.
@@ -72,7 +72,7 @@ pub struct Report {
     pub idle: Vec<Idle>,
     /// Joints to replace so that nothing is redundant.
     pub remedies: Vec<Remedy>,
-    /// What is redundant, why and what to do, in one paragraph; empty where nothing is.
+    /// Redundancy, its reason and its remedy, in one paragraph; empty where there is none.
     pub redundancy: String,
     /// Coordinates that the closed loops lock.
     pub locked: Vec<String>,

@@ -259,7 +259,7 @@ pub(crate) fn rows_between(model: &Model, twin: &Model) -> Vec<Option<usize>> {
 /// the kept rows, c is C (m x n). Dense.
 ///
 /// # Errors
-/// Where the mechanism cannot be compiled in space, and what a user's function raises.
+/// Where the mechanism cannot be compiled in space, and errors of user functions.
 pub fn multipliers(
     model: &Model,
     (t, q, v): (f64, &[f64], &[f64]),

@@ -1,8 +1,8 @@
 //! The interface to C: the functions of FMI 2.0 for co-simulation.
 //!
-//! Pointers are read here and nowhere else. What a function is handed is checked for null before it is read; that it is
-//! as long as it says, and that an instance is one that was made here and not yet freed, is the environment's promise
-//! (FMI 2.0.4, section 2.1). A panic ends in an error.
+//! Pointers are read in this module only. Every argument is checked for null before it is read; that arrays have the
+//! stated length, and that an instance was made here and is not yet freed, is guaranteed by the environment (FMI 2.0.4,
+//! section 2.1). A panic becomes an error.
 #![allow(unsafe_code)]
 #![allow(missing_docs)] // what the functions do is said in the standard
 
@@ -112,7 +112,7 @@ unsafe fn text<'a>(pointer: *const c_char) -> Option<&'a str> {
     unsafe { CStr::from_ptr(pointer) }.to_str().ok()
 }
 
-/// So many items; None where there is no array for them.
+/// This many items; None where there is no array for them.
 ///
 /// # Safety
 /// Null, or an array of that length that is not modified during the call.

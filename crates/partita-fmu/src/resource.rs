@@ -1,4 +1,4 @@
-//! What the FMU's writer has put into `resources/model.json`.
+//! The content of `resources/model.json`, written with the FMU.
 
 use partita_analysis::run::Request;
 use partita_model::spec::Spec;
@@ -39,7 +39,7 @@ pub struct Start {
     pub v: Vec<f64>,
 }
 
-/// What an input does.
+/// Kind of an input.
 #[derive(Clone, Copy, Deserialize)]
 #[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
 pub enum Input {
@@ -52,12 +52,12 @@ pub enum Input {
     Rate {
         /// Rate at the start.
         start: f64,
-        /// What is driven, at the start.
+        /// The driven quantity at the start.
         position: f64,
     },
 }
 
-/// What an output is.
+/// Kind of an output.
 #[derive(Clone, Deserialize)]
 #[serde(tag = "what", rename_all = "lowercase", deny_unknown_fields)]
 pub enum Shown {

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-/// The path that a `file:` URI means; a path without a scheme is taken as it is.
+/// The path of a `file:` URI; a path without a scheme is used unchanged.
 pub fn path(uri: &str) -> Result<PathBuf, String> {
     let Some(rest) = uri.strip_prefix("file:") else {
         return match uri.contains("://") {

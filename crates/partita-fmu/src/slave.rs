@@ -55,7 +55,7 @@ fn words(e: impl std::fmt::Display) -> String {
 }
 
 impl Slave {
-    /// The mechanism in the folder of resources; `guid` is what the environment has read.
+    /// The mechanism in the folder of resources; `guid` is that of the environment.
     pub fn open(folder: &Path, guid: &str) -> Result<Self, String> {
         let path = folder.join("model.json");
         let text = std::fs::read_to_string(&path).map_err(|e| format!("cannot read {}: {e}", path.display()))?;

@@ -43,7 +43,7 @@ impl DenseOutput {
         Self { extra, ready: false, rows, stride, coefficients }
     }
 
-    /// Compute `F` from the stages, the extra ones included; `f_new` stands in `end_slot`.
+    /// Compute `F` from the stages, the extra ones included; `f_new` is in `end_slot`.
     pub(crate) fn fill(&mut self, stages: &[f64], end_slot: usize, h: f64, y_old: &[f64], y_new: &[f64]) {
         let n = self.stride;
         let (f_old, f_new) = (&stages[..n], &stages[end_slot * n..(end_slot + 1) * n]);

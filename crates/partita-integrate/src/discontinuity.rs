@@ -29,11 +29,11 @@ const KEPT_BY_A_HALF: f64 = 0.75;
 /// This many halves that contain less indicate a smooth function. Reason: one half may contain less by chance, where
 /// the rest of a change counts against a jump.
 const SMOOTH_HALVES: u32 = 3;
-/// A remaining change above this is a jump. Scale: fraction of the change over the step. Reason: what is smooth has
-/// changed by a billionth in so short a time.
+/// A remaining change above this is a jump. Scale: fraction of the change over the step. Reason: a smooth function
+/// changes by a billionth in so short a time.
 const JUMPS_BY: f64 = 0.5;
-/// Length down to which a jump is located. Scale: fraction of the step. Reason: far below any time in which a smooth
-/// motion changes, and above what is lost in rounding.
+/// Precision of the location of a jump. Scale: fraction of the step. Reason: far below any time in which a smooth
+/// motion changes, and above round-off.
 const LOCATED: f64 = 1e-9;
 /// A step ends before a change that takes less time than this. Scale: fraction of the step. Reason: nodes of methods
 /// lie a tenth of a step apart.

@@ -1,6 +1,6 @@
 //! One engine for every explicit Runge–Kutta table, behind the contract of a [`Stepper`].
 //!
-//! All memory is taken in [`ExplicitRungeKutta::new`]; nothing is allocated afterwards.
+//! All memory is allocated in [`ExplicitRungeKutta::new`]; nothing is allocated afterwards.
 
 mod access;
 mod fixed_grid;

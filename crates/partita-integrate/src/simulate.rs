@@ -34,7 +34,7 @@ pub enum Status {
     Finished,
     /// It reached its end, but a finding makes the result invalid.
     Invalid,
-    /// By the user; what was computed is kept.
+    /// By the user; the results so far are kept.
     Interrupted,
     /// No acceptable step was found.
     StepTooSmall,
@@ -245,7 +245,7 @@ pub struct March {
     y: Vec<f64>,
     buffer: Vec<f64>,
     slope: Vec<f64>,
-    /// What the sink gets; its turns are those of the march.
+    /// State passed to the sink; its turns are those of the integration.
     output: Output,
     /// See [`Pace::stretch`].
     stretch: f64,
@@ -353,7 +353,7 @@ impl March {
     /// Integrate from the current state to `t_end`, with the outputs up to there; `watch` is called after each step.
     ///
     /// # Errors
-    /// The cause of an early end. The integration must [`begin`](Self::begin) anew then, at its state or elsewhere.
+    /// The cause of an early end. The integration must [`begin`](Self::begin) again then, at its state or elsewhere.
     pub fn advance_to<F: Formulation>(
         &mut self,
         formulation: &mut F,
@@ -590,7 +590,7 @@ impl March {
         Ok(())
     }
 
-    /// The output at t inside the step that was concluded; y is room for a state.
+    /// The output at t inside the step that was concluded; y is memory for a state.
     fn output_at<F: Formulation>(
         &mut self,
         formulation: &mut F,

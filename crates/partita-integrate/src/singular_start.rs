@@ -88,7 +88,7 @@ pub struct SingularStep<'s, S: ConstrainedSystem> {
     pub evaluations: u64,
 }
 
-/// What was found at each node.
+/// Solution at each node.
 #[derive(Default)]
 struct Stages {
     /// q' and u', node by node.

@@ -57,13 +57,13 @@ impl CurrentStep<'_> {
     }
 }
 
-/// What the caller decides about the next step.
+/// Decisions of the caller about the next step.
 #[derive(Debug, Clone, Copy)]
 pub struct StepPlan<'p> {
     /// Length of the next attempt (positive). A fixed step returns with the step after it.
     pub length: f64,
     /// Lengths to try before the step is shortened if that attempt fails by its error, the last first: for cases where
-    /// a shorter step is no better.
+    /// a shorter step does not help.
     pub others: &'p [f64],
     /// Lower bound of the tolerances, in natural sizes; normally 0.
     pub floor: f64,
@@ -81,7 +81,7 @@ impl StepPlan<'_> {
     }
 }
 
-/// What is read from a stepper and decided between its evaluations. None of it evaluates the equation.
+/// Interface of a stepper between evaluations. None of it evaluates the equation.
 pub trait StepControl: Debug + Send + Sync {
     /// The step at hand.
     fn current(&self) -> CurrentStep<'_>;
@@ -94,7 +94,8 @@ pub trait StepControl: Debug + Send + Sync {
     /// Natural size of each component, in which absolute tolerances are meant from the next step on; 1 unless set.
     fn set_sizes(&mut self, sizes: &[f64]);
     /// Replace the state at `t_old` and its slope: before a step is attempted, or after `commit`, `reject` or `end_at`.
-    /// The time `t` may be an earlier one, to march from there again. What the method remembers of earlier steps ends here.
+    /// The time `t` may be an earlier one, to integrate from there again. The method's memory of earlier steps is
+    /// cleared.
     fn replace_start(&mut self, t: f64, y: &[f64], dy: &[f64]);
     /// Make the end of the concluded step the start of the next one, and choose its length.
     fn commit(&mut self);

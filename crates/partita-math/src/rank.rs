@@ -160,7 +160,7 @@ impl PartialEq for Claim {
 
 impl Eq for Claim {}
 
-/// What is left of R for the rows not yet accepted: 1 − (projection on the accepted rows).
+/// The remainder of R for the rows not yet accepted: 1 − (projection on the accepted rows).
 struct Gram {
     diagonal: Vec<f64>,
     /// Entries off the diagonal, both triangles.

@@ -45,8 +45,8 @@ pub const AXES_CROSS: f64 = 2e-3;
 /// Inertia below this is rounding. Scale: fraction of the inertia it is compared with. Reason: moments are differences
 /// of products, and far below any that is given.
 pub const NO_INERTIA: f64 = 1e-12;
-/// Below this angle series take the place of quotients. Scale: rad. Reason: quotients lose two digits there, and what
-/// the series leaves out is below rounding.
+/// Below this angle series replace quotients. Scale: rad. Reason: quotients lose two digits there, and the remainder of
+/// the series is below rounding.
 pub const SERIES_ANGLE: f64 = 0.1;
 /// Below this a rotation is computed by two terms of its series. Scale: rad. Reason: the remainder, of the sixth power,
 /// is below rounding.
@@ -67,16 +67,16 @@ pub const FITS: f64 = 1e-11;
 /// amplified a hundred thousand times next to a limit position; a branch that is open by more does not close.
 pub const CLOSED_FORM: f64 = 1e-10;
 /// Constraint violations below this count as closed over a whole run. Scale: size of the row. Reason: the accuracy
-/// asked of whole runs.
+/// required of whole runs.
 pub const CLOSED_IN_RUN: f64 = 1e-9;
 /// Conditions with a larger error belong to another position. Scale: size of the row. Reason: a hundredth can still be
 /// treated as small; no step closes more.
 pub const FAR_OPEN: f64 = 1e-2;
 /// Constraint violations above this count as open. Scale: size of the row. Reason: a thousand times [`CLOSED_IN_RUN`],
-/// so that what is merely badly conditioned stays below.
+/// so that badly conditioned rows stay below.
 pub const OPEN: f64 = 1e-6;
 /// Violations of constraint rates above this count as open. Scale: fraction of the fastest velocity. Reason: next to a
-/// singular position the root of [`OPEN`]; where conditions hold for rates alone, [`OPEN`] is asked of these.
+/// singular position the root of [`OPEN`]; conditions on rates alone must satisfy [`OPEN`].
 pub const OPEN_RATE: f64 = 1e-3;
 /// Accelerations with a larger error violate a condition. Scale: fraction of the strongest acceleration. Reason: tables
 /// through exact points err there by the square of their spacing.
@@ -105,8 +105,8 @@ pub const NULL_VALUE: f64 = 1e-10;
 /// Derivatives and singular values computed from differences are rounding below this. Scale: fraction of the largest of
 /// them. Reason: the root of rounding.
 pub const DIFFERENCE_ROUNDING: f64 = 1e-8;
-/// Rows, columns and equations below this add nothing to the others. Scale: fraction of the largest. Reason: what is
-/// computed from more keeps ten digits.
+/// Rows, columns and equations below this add nothing to the others. Scale: fraction of the largest. Reason: results
+/// computed from the remaining ones keep ten digits.
 pub const DEPENDENT: f64 = 1e-6;
 /// Components below this take no part. Scale: fraction of the largest. Reason: round-off of closing and solving stays
 /// below, and six digits show no less.
@@ -121,7 +121,7 @@ pub const DAMPING: f64 = 1e-10;
 /// of the step. Reason: beside it velocities are exact to 1e-12 and accelerations to 1e-8.
 pub const AT_SINGULARITY: f64 = 1e-3;
 /// Pivots below this mean that the constraints have lost rank. Scale: natural scales. Reason: rounding (1e-16) is then
-/// amplified to 1e-9 in one evaluation, the accuracy asked of whole runs.
+/// amplified to 1e-9 in one evaluation, the accuracy required of whole runs.
 pub const SINGULAR_PIVOT: f64 = 1e-7;
 /// Of two measures the larger one must lead by this. Scale: fraction of the measure. Reason: round-off, and with it
 /// units, cannot decide between equals.

@@ -17,7 +17,7 @@ enum Source {
     Time,
     /// The second reading of condition number i.
     Condition(usize),
-    /// What applied force number i depends on.
+    /// Dependences of applied force number i.
     Element(usize),
 }
 

@@ -10,7 +10,7 @@ pub struct DescriptionError {
     pub element: &'static str,
     /// Its name.
     pub name: String,
-    /// What is wrong and what to try.
+    /// The error and the next step.
     pub message: String,
 }
 

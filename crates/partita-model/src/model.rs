@@ -50,7 +50,7 @@ pub struct Model {
     mass_layout: OnceLock<MassLayout>,
     /// Curves with breakpoints, computed on first use.
     curves: OnceLock<Curves>,
-    /// What all outputs together depend on, computed on first use.
+    /// Dependences of all outputs together, computed on first use.
     whole: OnceLock<Part>,
     clusters: Clusters,
     preference: Preference,
@@ -394,7 +394,7 @@ impl Model {
         })
     }
 
-    /// What all outputs together depend on: everything.
+    /// Dependences of all outputs together: everything.
     pub fn whole(&self) -> &Part {
         self.whole.get_or_init(|| self.own.whole())
     }

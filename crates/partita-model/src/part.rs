@@ -92,7 +92,7 @@ impl<S: Scalar> Evaluator<S> {
         self.callers.functions.count() > 0
     }
 
-    /// What all outputs together depend on: everything.
+    /// Dependences of all outputs together: everything.
     pub fn whole(&self) -> Part {
         let nodes = self.placed.carrying.iter().map(|e| e.to).collect();
         let mut part = Part::new(self, &nodes, |_| true, &[]);
@@ -102,18 +102,18 @@ impl<S: Scalar> Evaluator<S> {
         part
     }
 
-    /// What the motion of body `i` depends on.
+    /// Dependences of the motion of body `i`.
     pub fn part_of_body(&self, i: usize) -> Part {
         let links = with_ancestors(self, BTreeSet::from([self.placed.bodies[i].link]));
         Part { links, ..Part::default() }
     }
 
-    /// What the motion of joint `j` depends on.
+    /// Dependences of the motion of joint `j`.
     pub fn part_of_joint(&self, j: usize) -> Part {
         Part { links: with_ancestors(self, self.sides(j).into_iter().collect()), ..Part::default() }
     }
 
-    /// What the reaction of joint `j` depends on.
+    /// Dependences of the reaction of joint `j`.
     pub fn part_of_reaction(&self, j: usize) -> Part {
         let tree = &self.placed.carrying;
         let mut outboard = BTreeSet::new();

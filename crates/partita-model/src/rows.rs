@@ -2,7 +2,7 @@
 
 use crate::spec::Spec;
 
-/// What a row belongs to.
+/// Owner of a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Owner {
     /// Joint number i: its loop closure, or a condition of its own.
@@ -42,7 +42,7 @@ impl Owner {
 /// A row as shown to the user.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Row {
-    /// What it belongs to.
+    /// Its owner.
     pub owner: Owner,
     /// Its name.
     pub name: String,

@@ -347,7 +347,7 @@ pub enum Level {
 pub struct Drive {
     /// Name.
     pub name: String,
-    /// What is prescribed.
+    /// The prescribed quantity.
     pub measure: Measure,
     /// Its position over time, or its rate.
     pub motion: Value,

@@ -36,9 +36,9 @@ fn all(spec: &Spec) -> impl Iterator<Item = (&Table, String, Enters)> {
     })
 }
 
-/// The end of the table that ends first, and what it belongs to, in words.
+/// The end of the table that ends first, and its element, in words.
 pub fn time_domain(spec: &Spec) -> Option<(f64, String)> {
-    // an orientation begins anew in each interval: it has an end, but its breakpoints are not those of one curve
+    // an orientation starts again in each interval: it has an end, but its breakpoints are not those of one curve
     let turns = spec.drives.iter().filter_map(|d| match &d.turning {
         Some(Turning::Table { vectors, .. }) => Some((&vectors[0], words(&d.name, "drive"), Enters::Position)),
         _ => None,

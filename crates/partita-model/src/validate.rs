@@ -1,4 +1,4 @@
-//! What a description must satisfy before it is compiled, whoever wrote it.
+//! Requirements that a description must satisfy before it is compiled, whatever its source.
 
 use crate::error::DescriptionError;
 use crate::spec::LARGEST_TOLERANCE;

@@ -1,4 +1,4 @@
-//! Calling the user's functions of (t, q) and (t, q, v).
+//! Calling user functions of (t, q) and (t, q, v).
 
 use crate::arrays::entries;
 use numpy::ToPyArray;

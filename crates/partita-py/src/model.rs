@@ -80,7 +80,7 @@ impl Model {
         self.structure.get_or_init(|| {
             let mut q = self.inner.initial();
             let closed = analysis::poses::closed(&self.inner, 0.0, &mut q, tolerance::CLOSED, &[]);
-            // where the loops do not close, the relations between rows mean nothing
+            // where the loops do not close, the relations between rows have no meaning
             if let Err(e) = closed {
                 let note = format!("the mobility needs an assembled position, but the loops do not close: {e}");
                 return Structure { mobility: None, note: Some(note) };

@@ -120,7 +120,7 @@ pub fn run<'py, S: Balance<Scratch: Send> + Send + Sync + 'static>(
     let found = py.detach(|| run::run(&*system, request, tangent, &t_eval, (q, v), &mut watch));
     let mut found = found.map_err(|e| failure::analysis(py, e))?;
     let outcome = &mut found.outcome;
-    // an exception from the user's own function ends the run, and what was computed is kept; Ctrl-C in it is Ctrl-C
+    // an exception from a user function ends the run, and the results so far are kept; Ctrl-C in it is Ctrl-C
     let mut cause = None;
     if let Some(error) = outcome.error.take() {
         let (said, name) = (outcome.message.clone(), blamed(&error));

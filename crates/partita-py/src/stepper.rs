@@ -161,7 +161,7 @@ impl Stepper {
 
 #[pymethods]
 impl Stepper {
-    /// A motion of a compiled model to be stepped by ticks of `dt`, each of so many `steps` of a method, under
+    /// A motion of a compiled model to be stepped by ticks of `dt`, each of this many `steps` of a method, under
     /// `inputs`: forces of the description and components, drives without. `held` gives the initial values: a number,
     /// or five of the course of a drive (start time, a cubic).
     #[new]

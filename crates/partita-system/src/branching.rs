@@ -1,10 +1,10 @@
-//! What a mechanism can do from a singular position: its motions to second order, each tried by a finite move.
+//! Possible motions of a mechanism from a singular position, to second order, each tested by a finite displacement.
 //!
-//! Rates u in the kernel of C are motions to first order alone. Each self-stress n, `C^T n = 0`, asks of them to second
-//! order that `Q_n(u) = n^T b(D^T u)` vanish: forms that are nothing belong to rows that are redundant, a definite one
-//! leaves no motion at all, the others leave a cone of directions. Along each direction of it the mechanism is moved a
-//! few degrees and closed there with all its rows: what does not close is no motion, and the rank there is that of the
-//! branch.
+//! Rates u in the kernel of C are motions to first order alone. Each self-stress n, `C^T n = 0`, requires to second
+//! order that `Q_n(u) = n^T b(D^T u)` vanish: forms that vanish belong to redundant rows, a definite one leaves no
+//! motion at all, the others leave a cone of directions. Along each direction of it the mechanism is moved a few
+//! degrees and closed there with all its rows: a direction that does not close is not a motion, and the rank there is
+//! that of the branch.
 
 pub mod branch_directions;
 
@@ -17,7 +17,7 @@ use partita_math::factor::{least_squares_min_norm, svd, svd_full, symmetric_eige
 use partita_math::formatted;
 use partita_math::tolerance;
 
-/// Velocities beyond which nothing is looked at: dense decompositions would take minutes.
+/// Number of velocities above which no analysis is made: dense decompositions would take minutes.
 const LARGEST: usize = 200;
 /// Slopes of the quadratic forms below this are null in a step towards the cone. Scale: fraction of the largest.
 /// Reason: at a double line all of them vanish with the distance, far above rounding.
@@ -84,7 +84,7 @@ impl Branching {
 /// Rows over their sizes, velocities over their characteristic displacements.
 struct Scaled<'s, S: ConstrainedSystem> {
     system: &'s S,
-    /// Those looked at.
+    /// The rows under consideration.
     rows: Vec<usize>,
     scratch: S::Scratch,
     phi: Vec<f64>,
@@ -142,7 +142,7 @@ impl<'s, S: ConstrainedSystem> Scaled<'s, S> {
         m
     }
 
-    /// What is open there.
+    /// The residual there.
     fn open(&self) -> Vec<f64> {
         self.rows.iter().map(|&i| self.phi[i] / self.sizes[i]).collect()
     }
@@ -160,7 +160,8 @@ impl<'s, S: ConstrainedSystem> Scaled<'s, S> {
     }
 }
 
-/// The position [`BRANCH_MOVE`] along `w`, closed by all rows looked at; none where it does not close next to there.
+/// The position [`BRANCH_MOVE`] along `w`, closed by all rows under consideration; none where it does not close near
+/// there.
 fn moved<S: ConstrainedSystem>(x: &Scaled<S>, t: f64, q: &[f64], w: &[f64]) -> Result<Option<Vec<f64>>, SystemError> {
     let scaled = scaled::Scaled::new(x.system, t, q, &[])?;
     let mut rows = Truncated::new(scaled, t, Cut::Level(null_sine()));
@@ -364,7 +365,7 @@ pub fn look<S: ConstrainedSystem>(
     Ok(Some(found))
 }
 
-/// Where the coordinates that move stand a few degrees along a branch: a guess that an assembly closes on it.
+/// Values of the moving coordinates a few degrees along a branch: a guess for an assembly on it.
 pub fn guess<S: ConstrainedSystem>(system: &S, q: &[f64], branch: &Branch) -> Vec<(String, f64)> {
     let at = |v: usize| (0..q.len()).find(|&c| system.velocity_of_coordinate(c) == Some(v));
     let moved = |(v, c): (usize, usize)| {
@@ -383,10 +384,10 @@ pub fn rates<S: ConstrainedSystem>(system: &S, branch: &Branch, all: &[Branch]) 
     moving.map(|(i, &rate)| (system.velocity_name(i), rate)).collect()
 }
 
-/// Coordinates written out; of more it is said where they are.
+/// Number of coordinates written out; beyond it the message refers to the report.
 const WRITTEN: usize = 6;
 
-/// What can be done from here, in words that end a sentence; none where nothing is known.
+/// The possible motions from here, as the end of a sentence; none where they are unknown.
 ///
 /// # Errors
 /// Where the system cannot be evaluated here.
@@ -414,7 +415,7 @@ fn degrees(k: usize) -> String {
     format!("{k} degree{} of freedom", if k == 1 { "" } else { "s" })
 }
 
-/// What the joints alone, drives released, can do from here.
+/// The possible motions of the joints alone, drives released, from here.
 pub fn of_joints<S: ConstrainedSystem>(system: &S, q: &[f64], found: &Branching) -> String {
     let here = degrees(found.here);
     if found.structure() {

@@ -71,7 +71,7 @@ impl Breakpoints {
                 }
             }
         }
-        // derivative number k over what the velocities are measured by is the jump of power p
+        // derivative number k over the unit of the velocities is the jump of power p
         let (lowest, measure) = match enters {
             Enters::Effort => (0, sizes[0] * (last - first)),
             Enters::Rate => (1, sizes[0]),

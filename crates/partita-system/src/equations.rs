@@ -47,8 +47,8 @@ pub trait ExplicitClosing {
     fn dependent(&self) -> &[usize];
     /// Replace those coordinates in q by the ones that close the loops.
     ///
-    /// q holds their last values on entry: an angle should come back as the nearest of its whole turns. Where the loops
-    /// cannot close, fail with [`SystemError::Limit`] or return what is not finite: the step is then shortened.
+    /// q holds their last values on entry: an angle should be returned to the nearest whole turn. Where the loops
+    /// cannot close, fail with [`SystemError::Limit`] or return non-finite values: the step is then shortened.
     ///
     /// # Errors
     /// `Limit`, and errors of the function.

@@ -72,7 +72,7 @@ impl FormulationOptions {
     /// Refuses invalid numbers for a system of n velocities, whatever the formulation.
     ///
     /// # Errors
-    /// `Argument`, with the option, what was given and what to give.
+    /// `Argument`, with the option, the invalid value and a valid one.
     pub fn check(&self, n: usize) -> Result<()> {
         let refuse = |argument: &str, message: String| Err(SystemError::argument(argument, message));
         if self.switch_threshold.is_nan() || self.switch_threshold < 1.0 {

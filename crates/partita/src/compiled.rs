@@ -111,7 +111,8 @@ impl Model {
     /// velocities are nonzero. For a joint with several coordinates the value is that of the first.
     ///
     /// # Errors
-    /// `Unknown` joints; `Analysis` where the loops do not close or the targets cannot be met, with what is missing.
+    /// `Unknown` joints; `Analysis` where the loops do not close or the targets cannot be met, with the remaining
+    /// difference.
     ///
     /// ```
     /// # use partita::{GROUND, Mechanism};
@@ -152,7 +153,7 @@ impl Model {
         Ok(State { v, ..state.clone() })
     }
 
-    /// Simulate from a state. A run that ends early is a run, with what was computed and why it ended.
+    /// Simulate from a state. A run that ends early is a run too, with its results so far and the reason.
     ///
     /// # Errors
     /// `Analysis` where the state does not belong to this model, an option is invalid or the run cannot start.
@@ -173,7 +174,7 @@ impl Model {
         self.simulate_while(start, simulation, &mut |_| true)
     }
 
-    /// The same, as long as `go_on` says so, which is asked after every step with its time.
+    /// The same, as long as `go_on` returns true; it is called after every step with the time.
     ///
     /// # Errors
     /// As [`simulate`](Self::simulate).

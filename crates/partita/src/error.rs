@@ -4,7 +4,7 @@ use partita_analysis::AnalysisError;
 use partita_model::DescriptionError;
 use partita_system::SystemError;
 
-/// Why there is no answer: a sentence that names the joint, body or loop, gives the numbers and says what to try.
+/// Why the request failed: a sentence with the joint, body or loop, the numbers and a next step.
 ///
 /// ```
 /// use partita::{Error, Mechanism};

@@ -26,8 +26,8 @@
 //! # Ok::<(), partita::Error>(())
 //! ```
 //!
-//! Units are SI and radians; points and axes of a description are those of the world as the mechanism is drawn. What is
-//! behind this face, for those who extend it: [`model`], [`analysis`], [`system`], [`integrate`], [`math`].
+//! Units are SI and radians; points and axes of a description are those of the world as the mechanism is drawn. The
+//! crates behind this interface, for those who extend it: [`model`], [`analysis`], [`system`], [`integrate`], [`math`].
 
 mod compiled;
 mod description;

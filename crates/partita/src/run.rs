@@ -389,7 +389,7 @@ impl Run {
     }
 }
 
-/// Nobody interrupts what is computed from a run.
+/// Computations on a run cannot be interrupted.
 fn never() -> Result<(), AnalysisError> {
     Ok(())
 }

@@ -1,4 +1,4 @@
-"""The builder: what a user says about a mechanism becomes a checked description."""
+"""The builder: user input becomes a checked description."""
 
 from .builder import Builder
 from .measures import Along, Coordinate, Cosine, Distance

@@ -109,7 +109,7 @@ def add_rod(self: Drawing, name: str, start: ArrayLike, end: ArrayLike, mass: fl
 
 
 def resolve(mechanism: Drawing, asker: Element, what: str, body: Body | str, *, ground: bool = True) -> str:
-    """Name of the body meant by a handle or a name."""
+    """Name of the body given by a handle or a name."""
     name = own_name(mechanism, asker, what, body, Body)
     if name == GROUND:
         if not ground:

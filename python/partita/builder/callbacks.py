@@ -15,7 +15,7 @@ from .values import Function, finite, one_number
 
 
 class Callback:
-    """A user's function with the element it belongs to, not yet bound to a compiled model."""
+    """A user function with the element it belongs to, not yet bound to a compiled model."""
 
     def __init__(self, element: Element, function: Callable[..., Any], size: int) -> None:
         self.element, self.function, self.size = element, function, size

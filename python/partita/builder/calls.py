@@ -42,7 +42,7 @@ _JOINTS = {"joint", "joint1", "joint2", "pulley1", "pulley2", "pinion", "slide"}
 
 
 def call_of(record: Any) -> Call:
-    """The call that makes a record; what was left out is left out."""
+    """The call that makes a record; default arguments are omitted."""
     match record:
         case BodyRecord(rod=None):
             said = {
@@ -208,7 +208,7 @@ def _joint(record: JointRecord) -> Call:
 
 
 def _followed(relation: Any) -> Any:
-    """The user's function of a dependent direction."""
+    """The user function of a dependent direction."""
     return relation.function.law
 
 

@@ -1,4 +1,4 @@
-"""Checks of arguments: the values given by the user become numbers, or an error that says what to change.
+"""Checks of arguments: the values given by the user become numbers, or an error with a next step.
 
 Each function names the element it was called for, so that the message can: `Element("body", "crank")`.
 """

@@ -132,7 +132,7 @@ class Equations:
             t, q, v: closed states (nt,), (nt, nq), (nt, nv).
             tangent: what "user-tangent" needs.
 
-        NaN for one that cannot be evaluated at any of the places.
+        NaN for one that cannot be evaluated at any of the states.
         """
         return evaluation_costs(self._core, options, steps, (t, q, v), tangent)
 
@@ -183,7 +183,7 @@ class CompiledModel(Equations):
 
     @property
     def notes(self) -> list[str]:
-        """What the compiler and the builder want known, as sentences."""
+        """Notes of the compiler and the builder, as sentences."""
         return [*self.summary.get("notes", []), *(note for notes in self._notes for note in notes)]
 
     @property
@@ -310,7 +310,7 @@ def _again(
 
 
 def _shaped(values: Any, unit: SI) -> SI:
-    """The units of 36 numbers row by row, in rows where the numbers stand in rows."""
+    """The units of 36 numbers row by row, in rows if the numbers are given in rows."""
     if isinstance(unit, str) or len(shape_of(values) or ()) != 2:
         return unit
     return [unit[6 * i : 6 * i + 6] for i in range(6)]

@@ -13,7 +13,7 @@ from .values import Constant, Cubics, Function, Table, Value
 _PANEL = 0.125
 """Length of the pieces [s] whose integrals are kept: long against an evaluation, short against a run."""
 _EXACT = 1e-15
-"""Error of a cell, in parts of the integral of the largest value over its panel: round-off."""
+"""Error of a cell, relative to the integral of the largest value over its panel: round-off."""
 _SHORTEST = 2.0**-44
 """Length of the cell around a jump, as a fraction of its panel: its contribution is round-off."""
 _CELLS = 4000

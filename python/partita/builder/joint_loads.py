@@ -55,10 +55,10 @@ def add_friction(
     share F and take M across the axis, N = |F/2 + M x a / L| + |F/2 - M x a / L| (on a turn times the radius), a the
     axis. `collar` adds collar |F along the axis| on a turn, `radius` adds |M about the axis| / radius on a slide.
 
-    Of a mechanism that moves in a plane the reaction in the plane counts where that is all: for a turn without collar
-    and length, for a slide as long as nothing is seen to push across the plane (gravity, forces; functions of forces
-    and contacts count as such) and, with a length, everything lies in one plane. Else its joints are taken in space,
-    where what they share may not be determined.
+    For a mechanism that moves in a plane the reaction in the plane is used where it is complete: for a rotation without
+    collar and length, for a translation as long as no load acts across the plane (gravity, forces; functions of forces
+    and contacts count as such) and, with a length, everything lies in one plane. Otherwise its joints are treated in
+    space, where their load distribution may not be determined.
 
     Prefer the coefficient where loads change along the motion. An evaluation then solves for the accelerations once
     more, densely: (n + m)^3 / 6 multiplications for n velocities and m constraint rows.

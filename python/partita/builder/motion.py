@@ -30,7 +30,7 @@ _EIGHTH, _EIGHTH_OF_NOISE = (1.0, -8.0, 28.0, -56.0, 70.0, -56.0, 28.0, -8.0, 1.
 _STEADY, _KINK = 4.0, 22.0
 # Coarser steps include more than the neighbourhood of t.
 _FINE = 3
-# Parts of the function: beyond the first, derivatives lose the digits that a run asks for; a kink of 1e-5 per second
+# Fractions of the function: beyond the first, derivatives lose the digits that a run needs; a kink of 1e-5 per second
 # comes to the second at the finest step.
 _ROUGH, _BROKEN = 1e-9, 1e-11
 # Larger values at two steps indicate a fast oscillation sampled with steps as long as its period.
@@ -221,7 +221,7 @@ def _as_jet(value: Any) -> Jet:
 
 
 class RoughError(ValueError):
-    """A function whose values do not vary smoothly enough for differences; the text says how it is rough."""
+    """A function whose values do not vary smoothly enough for differences; the text describes the roughness."""
 
 
 def differences(f: Callable[[float], float], t: float, scale: float = 0.0) -> tuple[float, float, float, float]:

@@ -12,7 +12,7 @@ _OF_BODIES = {"mass": "kg", "com": "m", "inertia": "kg m^2"}
 
 
 def parameter_unit(d: Description, name: str) -> SI:
-    """SI unit of a parameter; "" of a number without one and of what is not known."""
+    """SI unit of a parameter; "" for a number without one and for unknown parameters."""
     if name == "gravity":
         return "m/s^2"
     owner, _, word = name.rpartition(".")
@@ -37,7 +37,7 @@ def parameter_unit(d: Description, name: str) -> SI:
 
 
 def _of_coupling(d: Description, coupling: CouplingRecord, word: str) -> SI | None:
-    """None of what is no number of a coupling."""
+    """None unless it is a number of a coupling."""
     if coupling.kind not in ("linear", "roll"):
         return None
     if word in ("radius", "radius1", "radius2", "length", "center"):

@@ -72,9 +72,9 @@ def add_custom_joint(
 ) -> Joint:
     """Add a joint of your own: each of six directions is locked, free, or a function of those that are free.
 
-    The child slides along the joint axes x, y, z and then turns about them, as with `add_joint`: a knee that rolls as
-    it bends, a roller in a curved slot, a screw of varying pitch. It may be in the tree, close a loop or stand in
-    absolute coordinates; its reaction is that of all its conditions.
+    The child translates along the joint axes x, y, z and then rotates about them, as with `add_joint`: a knee that
+    rolls as it bends, a roller in a curved slot, a screw of varying pitch. It may be in the tree, close a loop or be
+    used in absolute coordinates; its reaction is that of all its conditions.
 
     Args:
         free: the coordinates, some of "x", "y", "z", "rx", "ry", "rz".

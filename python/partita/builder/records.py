@@ -227,7 +227,7 @@ class ForceRecord:
 DRAWING_TOLERANCE = 1e-4
 """Default drawing tolerance (rad, fractions of lengths): four decimals, as drawings have."""
 LARGEST_DRAWING_TOLERANCE = 1e-2
-"""Beyond it, the difference means another mechanism."""
+"""With a larger difference it is another mechanism."""
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from .checks import Array, Element, number, shape_of
 
 Curve = Literal["smooth", "periodic", "monotone"]
 Units = tuple[str, str]
-"""SI units of what a table is over, and of its values."""
+"""SI units of the abscissa of a table, and of its values."""
 
 
 @dataclass(frozen=True)
@@ -72,11 +72,11 @@ class Function:
 
 
 class Binding(Protocol):
-    """A user's function that can be bound to a compiled model."""
+    """A user function that can be bound to a compiled model."""
 
     @property
     def notes(self) -> list[str]:
-        """What the user should know about how it is evaluated; may grow during a run."""
+        """Notes for the user on how it is evaluated; may grow during a run."""
 
     def bind(self, layout: Layout) -> Callable[..., Any]:
         """The function as the core calls it. `layout` may be filled in later, but before it is needed."""
@@ -93,8 +93,8 @@ def scalar(
     wrap: Callable[[Callable[..., Any]], Function],
     units: Units = ("", ""),
 ) -> Value:
-    """`value` as a number, a table (times, values) or a function, which `wrap` brings into the core's form. `units`:
-    of what a table is over, and of its values."""
+    """`value` as a number, a table (times, values) or a function, which `wrap` brings into the core's form. `units`: of
+    the abscissa of a table, and of its values."""
     if callable(value):
         return wrap(value)
     if is_table(value):

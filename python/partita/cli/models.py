@@ -62,7 +62,7 @@ def start_of(
     rate: list[tuple[str, list[float | str]]],
     coordinates: str = "relative",
 ) -> State | None:
-    """The state to start from: that of the catalogue, with the targets and rates asked for; None: as drawn, at rest."""
+    """The initial state: that of the catalogue, with the given targets and rates; None: as drawn, at rest."""
     targets, rates = settings(target), settings(rate)
     near = opened.initial(coordinates)
     if not targets and not rates:

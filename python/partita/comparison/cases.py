@@ -39,7 +39,7 @@ class Case:
     """The word after the name of the formulation; None for the plain one."""
     options: Mapping[str, Any] = field(default_factory=dict)
     needs: str | None = None
-    """What is missing to run it: an option that the user did not give."""
+    """The missing option without which it cannot run."""
     missing: str = ""
     """The same in a sentence."""
 

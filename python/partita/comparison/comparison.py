@@ -87,7 +87,7 @@ class Comparison:
         return to_pandas(self.rows, self.caption)
 
     def to_csv(self, path: PathLike) -> Path:
-        """Write the rows as comma-separated values; what is not known is empty. Returns the path."""
+        """Write the rows as comma-separated values; unknown values are empty. Returns the path."""
         return write_csv(self.rows, path)
 
     def plot(self, path: PathLike | None = None) -> Figure:
@@ -125,7 +125,7 @@ class Comparison:
 
 def carry_out(bench: Bench, cases: Sequence[Case], reference: Result | None, progress: Any) -> Comparison:
     """Every case, one after the other. A typed error of one does not stop the others; Ctrl-C raises `Interrupted` with
-    what is there."""
+    the rows so far."""
     rows: list[Row] = []
     runs: dict[int, Result] = {}
     report = Progress(progress, len(cases) + 1)

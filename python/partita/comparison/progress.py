@@ -17,7 +17,7 @@ class Progress:
         self._bar: Any = bar(total, "runs") if progress is True else None
 
     def part(self, name: str) -> Callable[[float], None] | None:
-        """What the next run calls with its own fraction."""
+        """Called by the next run with its own fraction."""
         self._done += 1
         if self._target is None or self._target is False:
             return None

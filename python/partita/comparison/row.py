@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 FINISHED, FAILED, NOT_RUN = "finished", "failed", "not run"
 NEEDS = "needs "
 """Status of a run that lacks an option: this and the option's name."""
-# Formulations whose velocities are coordinates, so that C_D means something; and those that choose nothing at all.
+# Formulations whose velocities are coordinates, so that C_D has a meaning; and those that choose nothing at all.
 _CHOOSING = ("projective", "fixed", "wehage-haug", "explicit-closing")
 _RENEWING = (*TANGENTS, "tangent-space")
 _NEWTON = ("wehage-haug", "explicit-closing", "tangent-space")
@@ -72,8 +72,7 @@ class Row:
     sqrt_mu: float | None = None
     """Smallest sqrt(mu) of the choice, or of the tangent velocities; None where nothing is chosen."""
     time_per_evaluation: float | None = None
-    """Of one evaluation and nothing else [s]: taken at places along the motion, all formulations in turns; see
-    `Comparison`."""
+    """Of one evaluation alone [s]: timed at states along the motion, all formulations in turn; see `Comparison`."""
     time_without_outputs: float | None = None
     """Of the whole run with one output, at its end [s]."""
     time: float | None = None

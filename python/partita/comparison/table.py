@@ -60,11 +60,11 @@ COLUMNS: dict[str, tuple[str, Callable[[Any], str]]] = {
     "time [s]": ("time", _scaled(1.0, 4)),
 }
 WORDS = 2
-"""Leading columns of words, which stand to the left; numbers stand to the right."""
+"""Leading columns of words, aligned left; numbers are aligned right."""
 
 
 def aligned(rows: Sequence[Row]) -> str:
-    """The table; nothing is cut."""
+    """The whole table."""
     return grid(list(COLUMNS), [[write(getattr(row, f)) for f, write in COLUMNS.values()] for row in rows], WORDS)
 
 
@@ -88,7 +88,7 @@ def notes(rows: Sequence[Row]) -> list[str]:
 
 
 def write_csv(rows: Sequence[Row], path: PathLike) -> Path:
-    """One line per row under the names of its fields; what is not known is empty."""
+    """One line per row under the names of its fields; unknown values are empty."""
     return write_lines([field.name for field in fields(Row)], [list(asdict(row).values()) for row in rows], path)
 
 

@@ -90,7 +90,7 @@ class WorkPrecision:
 
 
 def work_precision(bench: Bench, cases: Sequence[Case], tolerances: Sequence[float], progress: Any) -> WorkPrecision:
-    """Every case with every tolerance; Ctrl-C raises `Interrupted` with what is there."""
+    """Every case with every tolerance; Ctrl-C raises `Interrupted` with the points so far."""
     wanted = sorted({positive("tolerances", tolerance) for tolerance in tolerances}, reverse=True)
     if not wanted:
         raise ArgumentError("tolerances is empty; give some such as (1e-4, 1e-6, 1e-8)", argument="tolerances")

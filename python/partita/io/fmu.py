@@ -47,7 +47,7 @@ class Input:
 
 @dataclass(frozen=True)
 class Output:
-    """An output: its name, its unit, what it is, and what the resources call it."""
+    """An output: its name, its unit, its kind, and its name in the resources."""
 
     name: str
     unit: str
@@ -83,7 +83,7 @@ def _listed(argument: str, names: Any) -> list[str]:
 
 
 def _input(d: Description, name: str, kind: str) -> Input:
-    """Give the mechanism what the input acts by."""
+    """Add the element through which the input acts."""
     if kind == "drive":
         drive = d.drives[name]
         if drive.measure.get("of") != "joint" or drive.slides or "coordinate" not in drive.measure:
@@ -195,7 +195,7 @@ def _of_joint(joint: JointRecord, part: str) -> list[Output]:
 
 
 def model_of(d: Description, layout: Layout, inputs: list[Input]) -> dict[str, Any]:
-    """The mechanism as the core reads it, its inputs in the place of functions. Refuses Python functions."""
+    """The mechanism in the form of the core, its inputs as functions. Refuses Python functions."""
     for drive in d.drives.values():
         if drive.name in {x.name for x in inputs if x.kind == "rate"}:
             d.drives[drive.name] = replace(drive, motion=Constant(0.0), level="position", rate=0.0)

@@ -69,7 +69,7 @@ def shapes_of(robot: Any, root: str | None) -> dict[str, list[dict[str, Any]]]:
     if found:
         robot.reading.used.append(Remark(None, f"{sum(map(len, found.values()))} shapes to draw"))
     if lost:
-        robot.reading.dropped.append(Remark(None, f"the looks of {', '.join(dict.fromkeys(lost))}: no body has them"))
+        robot.reading.dropped.append(Remark(None, f"visual shapes of {', '.join(dict.fromkeys(lost))}: no such body"))
     return found
 
 

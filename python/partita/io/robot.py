@@ -26,7 +26,7 @@ hundred times as heavy."""
 HEAVY = 1e5
 """A link of more than this [kg] is a dummy: no robot weighs a hundred tonnes."""
 THROUGH = 1e-12
-"""Axes are through one point when the frames of their joints are no further apart than this [m]."""
+"""Axes are through one point when the frames of their joints are at most this far apart [m]."""
 
 
 @dataclass
@@ -179,7 +179,7 @@ class Robot:
 
 
 def placed(xyz: Any, rotation: Any) -> Array:
-    """The frame at a place."""
+    """The transform of a pose."""
     found = np.eye(4)
     found[:3, :3], found[:3, 3] = rotation, xyz
     return found

@@ -1,7 +1,7 @@
 """A YAML file beside a URDF that lists which frames close its loops.
 
 closed_loop: [[frame_A, frame_B], ...]     names of links, frames or joints
-type: ["6d", "3d", ...]                    the two links are welded there, or held point on point
+type: ["6d", "3d", ...]                    the two links are welded there, or joined at a point
 name: [knee closes, ...]                   what the loops are called; else "frame_A = frame_B"
 name_mot: [knee, ...]                      joints that are driven; told, not used
 gravity: [0.0, 0.0, -9.81]                 in the axes of the root, where it is another one
@@ -232,5 +232,5 @@ def close(
             refuse(path, line, f'"{frame}" closes a loop but is not a link, frame or joint of the URDF')
         frames.append(found)
     robot.loops.append(Loop(called or f"{pair[0]} = {pair[1]}", _KINDS[kind], frames[0], frames[1], None))
-    words = "welded" if kind == "6d" else "held point on point"
+    words = "welded" if kind == "6d" else "joined at a point"
     robot.reading.used.append(Remark(None, f"{name}: {pair[0]} and {pair[1]} {words}"))

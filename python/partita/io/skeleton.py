@@ -355,7 +355,7 @@ def springs(d: Description, report: Writing) -> dict[tuple[str, int], Spring]:
 
 
 def free_length(d: Description, spring: SpringRecord) -> float:
-    """That of a spring between two points, as drawn where it says none."""
+    """Free length of a spring between two points; by default as drawn."""
     if spring.length is not None:
         return spring.length
     ends = ((spring.body1, spring.point1), (spring.body2, spring.point2))

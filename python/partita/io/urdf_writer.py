@@ -53,7 +53,7 @@ _GIMBAL = (
 
 
 def write(mechanism: Builder, path: Path, strict: bool) -> Writing:
-    """Write the file and, where it is needed, the one beside it; the report lists what is different."""
+    """Write the file and, where it is needed, the sidecar; the report lists the differences."""
     writer = _Writer(mechanism, Writing(path, "URDF"))
     robot, beside = writer.text(), writer.sidecar()
     report = writer.report

@@ -90,7 +90,7 @@ def recorded(self: Modelled, initial: State | None) -> Program:
 
 
 def changed(self: Modelled) -> Modelled:
-    """The mechanism with what a page may change of it."""
+    """The mechanism with the elements that a page may change."""
     wide = Modelled(self.name, (0.0, 0.0, 0.0), self.drawing_tolerance)
     wide._description = changeable(self._description)
     return wide

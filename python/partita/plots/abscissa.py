@@ -28,7 +28,7 @@ FULL_TURN = 2.0 * np.pi * (1.0 - 1e-9)
 
 @dataclass(frozen=True)
 class Abscissa:
-    """Numbers (nt,) of the abscissa, and where a line must be broken because a turn begins anew."""
+    """Numbers (nt,) of the abscissa, and where a line must be broken because a new turn begins."""
 
     values: FloatArray
     label: str
@@ -38,7 +38,7 @@ class Abscissa:
     """Whether outputs are so far apart in time that lines between them would misrepresent the motion."""
 
     def plot(self, ax: Axes, y: FloatArray, *form: str, **style: Any) -> None:
-        """A line of `y` (nt,) over these numbers, broken where a turn begins anew; dots where outputs lie far apart."""
+        """A line of `y` (nt,) over these numbers, broken where a new turn begins; dots where outputs are far apart."""
         if self.is_sparse:
             style_of_line = style.get("ls", "-")
             colour, hollow = style.get("color"), "--" in form or style_of_line not in ("-", "solid")

@@ -14,8 +14,8 @@ PARTS = {"force": (slice(0, 3), "Forces of the joints", "|force| [N]"),
 
 
 def draw_reactions(result: ResultView, canvas: Canvas, x: Abscissa | None = None) -> None:
-    """|force| and |moment| of each joint; of many joints, the most loaded. Dashed and marked * where what is not unique
-    carries load."""
+    """|force| and |moment| of each joint; of many joints, the most loaded. Dashed and marked * where it is not
+    unique."""
     carried = [key for key in PARTS if carries(result, key)]
     panels = canvas.subplots(max(1, len(carried)), 1, sharex=True, squeeze=False)[:, 0]
     notes = {draw_loads(result, ax, key, x) for ax, key in zip(panels, carried or ["force"], strict=True)} - {""}

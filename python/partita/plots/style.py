@@ -97,7 +97,7 @@ def ending(result: ResultView) -> str:
 
 
 def empty(ax: Axes, why: str) -> None:
-    """A panel with nothing to draw says why."""
+    """A panel with nothing to draw states the reason."""
     ax.text(0.5, 0.5, why, transform=ax.transAxes, ha="center", va="center", fontsize=9, color="#666666", wrap=True)
     ax.set_xticks([])
     ax.set_yticks([])

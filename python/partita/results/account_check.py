@@ -9,13 +9,13 @@ Check = Callable[[Any, str], None]
 """Raises `ValueError` for a value that does not belong in a place."""
 
 LARGEST = 1 << 53
-"""No count and no index is larger, nor is one told apart in a double."""
+"""No count and no index is larger, and larger ones cannot be distinguished as doubles."""
 
 
 def text(value: Any, where: str) -> None:
     """A text."""
     if not isinstance(value, str):
-        raise ValueError(f"{where} is no text")
+        raise ValueError(f"{where} is not text")
 
 
 def flag(value: Any, where: str) -> None:
@@ -31,13 +31,13 @@ def number(value: Any, where: str) -> None:
         or not isinstance(value, int | float)
         or (isinstance(value, int) and abs(value) > LARGEST)
     ):
-        raise ValueError(f"{where} is no number")
+        raise ValueError(f"{where} is not a number")
 
 
 def count(value: Any, where: str) -> None:
     """A whole number, not negative."""
     if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= LARGEST:
-        raise ValueError(f"{where} is no count")
+        raise ValueError(f"{where} is not a count")
 
 
 def anything(value: Any, where: str) -> None:
@@ -69,7 +69,7 @@ def many(item: Check) -> Check:
 
     def check(value: Any, where: str) -> None:
         if not isinstance(value, list):
-            raise ValueError(f"{where} is no list")
+            raise ValueError(f"{where} is not a list")
         for i, one in enumerate(value):
             item(one, f"{where}[{i}]")
 
@@ -77,11 +77,11 @@ def many(item: Check) -> Check:
 
 
 def row(*items: Check) -> Check:
-    """A list of so many."""
+    """A list of this length."""
 
     def check(value: Any, where: str) -> None:
         if not isinstance(value, list) or len(value) != len(items):
-            raise ValueError(f"{where} is no list of {len(items)}")
+            raise ValueError(f"{where} is not a list of {len(items)}")
         for i, (one, item) in enumerate(zip(value, items, strict=True)):
             item(one, f"{where}[{i}]")
 
@@ -89,7 +89,7 @@ def row(*items: Check) -> Check:
 
 
 def table(**entries: Check) -> Check:
-    """Named entries: those with a "may_" before their name may be missing; others beside them are not looked at."""
+    """Named entries: those with "may_" before their name are optional; other entries are ignored."""
 
     def check(value: Any, where: str) -> None:
         if not isinstance(value, Mapping):

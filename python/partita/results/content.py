@@ -18,7 +18,7 @@ VERSION = 3
 """Of the files."""
 
 TYPES = {"number": np.dtype("f8"), "integer": np.dtype("i8"), "flag": np.dtype("?")}
-"""What an array may consist of."""
+"""Possible types of an array."""
 
 
 @dataclass(frozen=True)

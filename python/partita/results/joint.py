@@ -17,7 +17,7 @@ COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 
 
 class JointIndices(NamedTuple):
-    """Which joint it is: its number, and where its coordinates stand among those of all joints (first, count)."""
+    """Index of the joint, and where its coordinates are among those of all joints (first, count)."""
 
     number: int
     q: Span

@@ -52,7 +52,7 @@ def check(record: Record, arrays: Mapping[str, NDArray[Any]]) -> None:
         if not all(first <= row < beyond for row in rows):
             raise ValueError(f"the rows {rows} of drives or couplings are none of {first} to {beyond - 1}")
     if "kinetic" in arrays and len(record.arrays["work"]) != nt:
-        raise ValueError("there is no work")
+        raise ValueError("the work is missing")
     for name in DETERMINED:
         _fits(name, arrays, ("t", "joint", "component"), sizes)
     for item in summary.get("sensors", ()):

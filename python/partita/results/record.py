@@ -99,7 +99,7 @@ class Record:
 
     @classmethod
     def from_account(cls, account: Mapping[str, Any], arrays: Mapping[str, Any]) -> Record:
-        """The inverse of `account`, with the arrays put back."""
+        """The inverse of `account`, with the arrays restored."""
         account = deprecated.renamed(account, deprecated.CERTIFICATE)
         spec = account["spec"]
         own = ("spec", "steps_open", "gaps", "exchanged", "geometric_error", "findings", "version")
@@ -152,7 +152,7 @@ NOT_FINITE = "not finite"
 
 
 def exact(value: Any) -> Any:
-    """The same without a loss: what is not finite becomes `{"not finite": "nan"}`, which `read_exact` reads back."""
+    """The same without loss: non-finite numbers become `{"not finite": "nan"}`, which `read_exact` reads back."""
     return plain(value, lambda number: {NOT_FINITE: repr(number)})
 
 

@@ -106,9 +106,9 @@ class Run:
 
     @property
     def success(self) -> bool:
-        """Whether the run reached its end and holds: all conditions closed at every step and output, velocities without
-        a jump, the energy balanced, reactions of the first and the last output in balance with the motion. It is
-        decided when the run ends; the certificate looks at more and changes nothing of it."""
+        """Whether the run reached its end and is valid: all conditions satisfied at every step and output, velocities
+        without a jump, the energy balanced, reactions of the first and the last output in balance with the motion. It
+        is decided when the run ends; the certificate checks more and does not change it."""
         return self._record.success
 
     @property

@@ -77,12 +77,12 @@ class Source(Protocol):
         """Which efforts of drives are unique: (nt, degrees of freedom of all joints)."""
 
     def self_stress_basis(self, i: int) -> tuple[NDArray[np.float64], NDArray[np.float64], float] | None:
-        """Orthonormal self-stresses at output i: wrenches (s, nj, 6) in world axes, efforts of the drives, and
-        what moments are divided by; None where no model is at hand."""
+        """Orthonormal self-stresses at output i: wrenches (s, nj, 6) in world axes, efforts of the drives, and the
+        length by which moments are divided; None without a model."""
 
     def self_stresses(self, j: int) -> NDArray[np.float64] | None:
         """(nt, 2, 3, 3): directions, as rows, in which self-stresses load joint j by forces and by moments, in units of
-        what counts as zero; None where no model is at hand."""
+        the level that counts as zero; None without a model."""
 
     @property
     def energies(self) -> Arrays:

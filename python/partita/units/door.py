@@ -25,7 +25,7 @@ _NUMBERS = frozenset({float, int, np.float64})
 
 
 class QuantityError(TypeError):
-    """A quantity that does not fit; the sentence says what was expected."""
+    """A quantity that does not fit; the sentence states what was expected."""
 
 
 def in_si(what: str, value: Any, unit: SI) -> Any:

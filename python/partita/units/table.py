@@ -47,7 +47,7 @@ class Unit:
         return Unit(size, dimension, self.rounded or exponent.denominator != 1)
 
     def times(self, number: Fraction) -> float:
-        """So many of them in SI: exact, then rounded once; where pi stands in the size, that is rounded before, as
+        """This many of them in SI: exact, then rounded once; where pi is part of the size, that is rounded before, as
         `math.radians` does."""
         return float(number) * float(self.size) if self.rounded else float(number * self.size)
 

@@ -20,7 +20,7 @@ from .table import PLAIN, UNITS, Unit, unknown
 LONGEST = 200
 """Characters of a quantity."""
 _DIGITS = 400
-"""Powers of ten beyond these are no floats."""
+"""Larger powers of ten are not floats."""
 _POWER = 12
 """The largest exponent of a unit."""
 _TOKEN = re.compile(
@@ -30,7 +30,7 @@ _RAISED = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
 
 
 class NotAQuantity(ValueError):
-    """The text cannot be read; the sentence says why."""
+    """The text cannot be read; the sentence gives the reason."""
 
 
 class NoNumber(NotAQuantity):
@@ -39,7 +39,7 @@ class NoNumber(NotAQuantity):
 
 @dataclass(frozen=True)
 class Quantity:
-    """A number and its unit; `named`: a unit stands in the text."""
+    """A number and its unit; `named`: the text contains a unit."""
 
     number: Fraction
     unit: Unit

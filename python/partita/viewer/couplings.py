@@ -20,7 +20,7 @@ from .geometry import plain
 FloatArray = NDArray[np.float64]
 
 PULLEYS = 0.42
-"""Two pulleys of a belt together, in parts of the distance of their axes, where there is no room for theirs."""
+"""Two pulleys of a belt together, relative to the distance of their axes, where there is no room for theirs."""
 ROUND = 73
 """Points of a belt around a pulley: enough that no corner is visible."""
 TEETH = range(16, 33)
@@ -39,7 +39,7 @@ class Turn:
 
 @dataclass
 class Pictures:
-    """What is drawn of couplings; points and directions in axes of the body they move with, -1 the ground."""
+    """Drawing of couplings; points and directions in axes of the body they move with, -1 the ground."""
 
     wheels: list[dict[str, Any]] = field(default_factory=list)
     lines: list[dict[str, Any]] = field(default_factory=list)
@@ -322,8 +322,8 @@ class _Artist:
     # ---- belts, racks, cams
 
     def belt(self, joints: Sequence[str], factors: Sequence[float], said: Sequence[float] | None) -> bool:
-        """Two pulleys and the belt around both, open or crossed by the sign of the ratio; to scale where radii
-        were said that have room between the axes."""
+        """Two pulleys and the belt around both, open or crossed by the sign of the ratio; to scale where given radii
+        fit between the axes."""
         if len(joints) != 2:
             return False
         a, b = (self.turns[name] for name in joints)
@@ -371,7 +371,7 @@ class _Artist:
         return True
 
     def rack(self, slide: Turn, turn: Turn, radius: float, name: str) -> bool:
-        """A pinion, and a rack as long as its travel; the sign of the radius says on which side it lies."""
+        """A pinion, and a rack as long as its travel; the sign of the radius determines the side."""
         up = np.cross(slide.axis, turn.axis)
         if np.linalg.norm(up) < 1e-6:
             return False

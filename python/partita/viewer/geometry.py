@@ -18,7 +18,7 @@ ROUND = 1e-6
 
 
 DEEP = 0.2
-"""A planar mechanism that reaches farther across its plane than this share of its extent is seen from aside too."""
+"""A planar mechanism that extends farther across its plane than this fraction of its extent is viewed obliquely too."""
 
 
 def solid_of(mass: float, com: FloatArray, inertia: FloatArray) -> dict[str, Any] | None:

@@ -74,7 +74,7 @@ class LiveView:
 
     @property
     def poses(self) -> dict[str, tuple[FloatArray, FloatArray]]:
-        """What is shown: of each body its position [m] and its attitude, a quaternion, scalar first."""
+        """The displayed state: of each body its position [m] and its attitude, a quaternion, scalar first."""
         return self._scene.poses()
 
     @property
@@ -103,7 +103,7 @@ class LiveView:
                 return
             left = self._last + 1.0 / RATE - monotonic()
             if left > 0.0:
-                # What was sent is younger than a picture: the last step of a burst is shown when its turn comes.
+                # The previous picture is too recent: the last step of a burst is shown when the next one is due.
                 self._busy, self._wanted = True, False
                 later = threading.Timer(left, self._due)
                 later.daemon = True

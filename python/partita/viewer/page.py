@@ -46,7 +46,7 @@ def html(
     {name: (body, place in body axes)}. Both change the
     picture only.
 
-    A run of a hand-written `System` has no bodies: its page shows coordinates and read-outs only.
+    A run of a user-defined `System` has no bodies: its page shows coordinates and read-outs only.
 
     Raises `ArgumentError` for a result without a single output and for a shape or a point that is not as said,
     `UnknownNameError` with the nearest names for another body, `MissingFileError` and `FileFormatError` for a mesh that

@@ -16,7 +16,7 @@ MOST_PATHS = 6
 
 
 class Pose:
-    """A scene whose tables are arrays; points of body -1 stand in the world."""
+    """A scene whose tables are arrays; points of body -1 are in the world."""
 
     def __init__(self, scene: Mapping[str, Any]) -> None:
         self.scene = scene
@@ -203,7 +203,7 @@ FINEST = 0.12
 CELLS = 50
 """Resolution of a path, as a fraction of the extent of the scene."""
 TANGLE = 9
-"""A path that goes through so many more of them than its own extent counts is a tangle."""
+"""A path that covers many more of these cells than its own extent is a tangle."""
 
 
 def strokes_of(points: FloatArray, t: FloatArray, least: float) -> list[FloatArray]:

@@ -28,7 +28,7 @@ def shade(colour: Colour, amount: float) -> Colour:
 
 @dataclass
 class Sheet:
-    """What is drawn of one picture, from far to near."""
+    """The content of one picture, from far to near."""
 
     draw: Any
     items: list[tuple[float, int, Callable[[], object]]] = field(default_factory=list)

@@ -13,7 +13,7 @@ DIGITS = 9
 def slim(scene: Mapping[str, Any]) -> dict[str, Any]:
     """The scene with fewer entries; `filled` in data.js is its inverse.
 
-    Joints lose what they have not, curves what is usual of their kind, numbers digits that no picture shows.
+    Joints lose absent properties, curves default ones, numbers invisible digits.
     """
     bodies = [_short({**body}) for body in scene["bodies"]]
     joints = [_short({key: x for key, x in joint.items() if x not in (None, [False, False])})

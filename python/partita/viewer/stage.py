@@ -431,7 +431,7 @@ class Stage:
             self.ball(sheet, point, (1.2 if kind == "revolute" else 1.7) * r, JOINT, lift)
 
     def arrows(self, sheet: Sheet, frame: int) -> set[str]:
-        """Forces and loads; what there is to say of them: which are hollow, which longer than drawn."""
+        """Forces and loads, with notes: which are hollow, which longer than drawn."""
         reported: set[str] = set()
         if not self.unit > 0:
             return reported

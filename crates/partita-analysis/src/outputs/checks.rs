@@ -9,11 +9,11 @@ use partita_system::prelude::*;
 use partita_system::start::rank_here;
 use partita_system::SystemError;
 
-/// At each state: the largest |C v' + b|, its row, the worst row of Φ, the rank of C, and the smallest squared sine between a
-/// row that counts and the others. NaN where there is no row, or no acceleration.                                  (S5)
+/// At each state: the largest |C v' + b|, its row, the worst row of Φ, the rank of C, and the smallest squared sine
+/// between an accepted row and the others. NaN where there is no row, or no acceleration.                        (S5)
 ///
 /// # Errors
-/// What a user's function raises, and those of `watch`.
+/// Errors of user functions and of `watch`.
 pub fn checks<E: Send + From<SystemError>>(
     model: &Model,
     states: &States,

@@ -83,7 +83,7 @@ pub fn reaction<E: Send + From<SystemError> + From<AnalysisError>>(
 /// rule.
 ///
 /// # Errors
-/// What a user's function raises, and those of `watch`.
+/// Errors of user functions and of `watch`.
 pub fn reactions<E: Send + From<SystemError> + From<AnalysisError>>(
     model: &Model,
     states: &States,
@@ -129,7 +129,7 @@ pub fn reactions<E: Send + From<SystemError> + From<AnalysisError>>(
 /// Forces and moments of all joints side by side, by augmented joint coordinates and the same rule.
 ///
 /// # Errors
-/// What a user's function raises, and those of `watch`.
+/// Errors of user functions and of `watch`.
 pub fn augmented<E: Send + From<SystemError> + From<AnalysisError>>(
     model: &Model,
     states: &States,

@@ -39,7 +39,8 @@ pub(super) enum Ending {
     Crossing(f64),
 }
 
-/// Which of the conditions are independent, and how the others lie: what the sign of the determinant refers to.
+/// Which of the conditions are independent, and the position of the others: the reference of the sign of the
+/// determinant.
 #[derive(Clone, Debug, Default)]
 struct Signed {
     /// Orthonormal, spans the displacements that change nothing (n - r rows of n); empty where there are none.
@@ -79,7 +80,7 @@ impl<'m> Continuation<'m> {
     /// Initial data of continuations from the closed position q.
     ///
     /// # Errors
-    /// `NotFinite` where q is no position.
+    /// `NotFinite` where q is not a position.
     pub fn start(&mut self, q: &[f64]) -> Result<Start, SystemError> {
         let f = &mut self.field;
         f.y.fill(0.0);

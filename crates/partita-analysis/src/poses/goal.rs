@@ -43,7 +43,7 @@ enum Source {
     Point { body: usize, point: Vec3<f64>, axis: usize },
 }
 
-/// A goal with its name, its natural scale, and what it depends on.
+/// A goal with its name, its natural scale, and its dependences.
 #[derive(Clone, Debug)]
 pub struct Target {
     source: Source,

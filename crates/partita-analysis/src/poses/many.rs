@@ -297,7 +297,7 @@ impl<'m> Explicit<'m> {
         }
         let longest = tolerance::STRIDE / far;
         let (mut done, mut stride) = (0.0f64, longest);
-        // whole strides where nothing resists, so that the last one is no shorter than need be
+        // full steps while nothing limits them, so that the last one is not needlessly short
         if longest < 1.0 {
             stride = 1.0 / (1.0 / longest).ceil();
         }

@@ -38,7 +38,8 @@ pub(super) fn notes(model: &Model, found: &Mobility) -> Vec<String> {
     notes
 }
 
-/// How far the joints over-constrain the bodies, why, and what to do: one paragraph, empty where nothing is redundant.
+/// Over-constraint of the bodies by the joints, its reason and its remedy: one paragraph, empty where nothing is
+/// redundant.
 pub(super) fn redundancy(found: &Mobility, replacements: &[Remedy]) -> String {
     let rows = &found.redundant[..found.closing_rows - found.closing_rank];
     if rows.is_empty() {

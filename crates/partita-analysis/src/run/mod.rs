@@ -41,7 +41,7 @@ pub struct Run {
     pub open: (f64, f64),
     /// The same relative to sizes, with times and rows.
     pub gaps: Gaps,
-    /// What the user should know, in sentences.
+    /// Notes for the user, in sentences.
     pub notes: Vec<String>,
     /// Lower bound of the energy exchanged, from the speeds at the ends of the steps.
     pub exchanged: f64,

@@ -86,7 +86,7 @@ impl<'s, S: ConstrainedSystem> Looked<'s, S> {
     }
 }
 
-/// The formulation to be integrated, its initial state, and what is known about it.
+/// The formulation to be integrated, its initial state, and their data.
 pub struct Prepared<'s, S: Balance> {
     system: SystemRef<'s, S>,
     /// Its formulation, not yet started.
@@ -97,7 +97,7 @@ pub struct Prepared<'s, S: Balance> {
     pub settings: Settings,
     /// Limits of constraint violations.
     pub limits: Limits,
-    /// What the user should know, in sentences.
+    /// Notes for the user, in sentences.
     pub notes: Vec<String>,
     /// Whether it is a structure at rest.
     pub rigid: bool,
@@ -173,7 +173,7 @@ impl<'s, S: Balance<Scratch: Send>> Prepared<'s, S> {
     }
 }
 
-/// An error with what else is known of its cause.
+/// An error with the known causes added.
 pub(super) fn explained<S: Balance>(system: &S, error: AnalysisError) -> AnalysisError {
     match error {
         AnalysisError::System(error) => match system.cause(&error) {

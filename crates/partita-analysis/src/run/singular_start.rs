@@ -67,7 +67,7 @@ impl<S: ConstrainedSystem> BranchStart<'_, S> {
         Ok(count)
     }
 
-    /// What the run did for it.
+    /// Work done for it.
     pub fn report(&self, outcome: &mut Outcome, notes: &mut Vec<String>) {
         notes.push(self.note.clone());
         outcome.counters.steps += 1;

@@ -1,4 +1,4 @@
-//! What a run stores, and the outputs computed from it on request.
+//! Data stored by a run, and the outputs computed from them on request.
 
 use super::verdict::{Finding, Limits};
 use super::Recipe;
@@ -34,7 +34,7 @@ pub struct Described {
     pub velocity_closure: Vec<f64>,
     /// Number of independent velocities.
     pub k: usize,
-    /// What is not determined, where and why.
+    /// Undetermined quantities, where and why.
     pub notes: Vec<String>,
     /// Largest constraint violation at the outputs, relative to the row sizes and to the fastest rate.
     pub gaps: Gaps,

@@ -35,7 +35,7 @@ pub struct Stepping<'s, S: Balance> {
     now: Output,
     /// Work done before the formulation was started the last time.
     work: f64,
-    /// What is kept for a result, if anything is.
+    /// Data recorded for a result, if requested.
     kept: Option<Vec<Output>>,
     steps: u64,
     /// Largest constraint violations at the ends of the accepted steps, and their other checks.
@@ -44,7 +44,7 @@ pub struct Stepping<'s, S: Balance> {
 }
 
 impl<'s, S: Balance<Scratch: Send>> Stepping<'s, S> {
-    /// From a closed state; `keeps` says whether every tick is kept for a result.
+    /// From a closed state; `keeps` states whether every tick is recorded for a result.
     ///
     /// # Errors
     /// The request is invalid, or the stepper cannot start there.

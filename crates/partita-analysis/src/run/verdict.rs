@@ -35,7 +35,7 @@ pub struct Finding {
     pub invalid: bool,
     /// When (s).
     pub t: f64,
-    /// What and how much, in a sentence.
+    /// The finding with its size, in a sentence.
     pub sentence: String,
 }
 

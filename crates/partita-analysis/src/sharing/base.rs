@@ -90,8 +90,8 @@ pub fn self_stresses(model: &Model, t: f64, q: &[f64]) -> Result<SelfStresses, A
     })
 }
 
-/// Turn an orthonormal base (rows of `along`) so that row i is the projection of a unit component onto what the rows
-/// before it leave, the longest there is, the first of equals; `weights` along with it.
+/// Turn an orthonormal basis (rows of `along`) so that row i is the projection of a unit component onto the complement
+/// of the rows before it, the longest there is, the first of equals; `weights` along with it.
 fn turn_to_pivots(along: &mut Matrix, weights: &mut Matrix) {
     let (s, n) = (along.rows(), along.cols());
     for a in 0..s {

@@ -1,4 +1,4 @@
-//! What is read from the stepper, and decided between its evaluations.
+//! Read access to the stepper, and decisions between its evaluations.
 
 use super::{ExplicitRungeKutta, Phase};
 use crate::counters::Counters;
@@ -68,7 +68,7 @@ impl StepControl for ExplicitRungeKutta {
             }
             None => {
                 let h = self.attempted_h.abs();
-                // an error that was tolerated is no reason to take shorter steps
+                // a tolerated error is no reason to take shorter steps
                 let next = h * self.controller.accepted(self.error.min(1.0));
                 // a step shortened by t_end does not change the planned length
                 let planned = if h < self.step { self.step } else { 0.0 };

@@ -30,7 +30,7 @@ impl FixedGrid {
         self.h.abs()
     }
 
-    /// The next point. Multiples of `h` are formed anew each time, so that their errors do not add.
+    /// The next point. Multiples of `h` are computed each time, so that their errors do not accumulate.
     pub(super) fn goal(&self) -> f64 {
         if self.next < self.total {
             self.origin + self.next as f64 * self.h

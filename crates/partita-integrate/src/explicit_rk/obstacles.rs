@@ -1,4 +1,4 @@
-//! What the stepper does about points where f cannot be evaluated or is not finite.
+//! Treatment of points where f cannot be evaluated or is not finite.
 
 use partita_math::tolerance;
 use std::fmt::Display;
@@ -10,7 +10,7 @@ use crate::failure::StepFailure;
 /// Shortening after a point that cannot be evaluated. Unit: ratio of steps. Reason: near the end of what can be
 /// evaluated a half would be too short.
 const RETRY_FACTOR: f64 = 0.6;
-/// Shortening after a number that is not finite. Unit: ratio of steps. Reason: nothing is known of where it came from.
+/// Shortening after a number that is not finite. Unit: ratio of steps. Reason: its cause is unknown.
 const NOT_FINITE_FACTOR: f64 = 0.5;
 
 impl ExplicitRungeKutta {

@@ -1,7 +1,7 @@
 //! Choosing the pivots: Markowitz cost among the entries that pass a threshold within their row.
 //!
-//! The elimination is carried along numerically on the scaled matrix, so that a row which depends on earlier ones is seen
-//! to vanish. Rows that have lost most of their size wait until nothing stronger is left.
+//! The elimination is executed numerically on the scaled matrix, so that a row which depends on earlier ones is seen to
+//! vanish. Rows that have lost most of their size wait until no stronger one remains.
 
 use super::{Pattern, PlanError, PlanOptions};
 use crate::tolerance;
@@ -74,7 +74,7 @@ impl Candidate {
     }
 }
 
-/// What is left of the scaled matrix.
+/// The remainder of the scaled matrix.
 struct Remainder {
     threshold: f64,
     /// Entries of each row in the columns not yet used.

@@ -17,7 +17,7 @@ pub(super) struct Layout {
     pub pivot_rows: Vec<usize>,
     pub pivot_cols: Vec<usize>,
     pub program: Program,
-    /// Diagonal block of each step, and what the order of its steps does to the sign of its determinant.
+    /// Diagonal block of each step, and the effect of the order of its steps on the sign of its determinant.
     pub blocks: Blocks,
 }
 

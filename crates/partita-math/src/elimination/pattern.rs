@@ -5,7 +5,7 @@ use std::ops::Range;
 
 /// The sparsity of a `rows`×`cols` matrix, row by row (CSR).
 ///
-/// Entries of row i stand at the places `row_ptr[i]..row_ptr[i + 1]` of `col_idx` and of the values that go with it. No
+/// Entries of row i are at the indices `row_ptr[i]..row_ptr[i + 1]` of `col_idx` and of the corresponding values. No
 /// column occurs twice in a row; the order within a row is free.
 #[derive(Clone, Debug, PartialEq, Eq, Default)]
 pub struct Pattern {
@@ -13,7 +13,7 @@ pub struct Pattern {
     pub rows: usize,
     /// Number of columns.
     pub cols: usize,
-    /// Where each row starts (`rows + 1` places).
+    /// Index of the first entry of each row (`rows + 1` indices).
     pub row_ptr: Vec<usize>,
     /// The column of each entry.
     pub col_idx: Vec<usize>,
@@ -73,7 +73,7 @@ impl Pattern {
         self.col_idx.len()
     }
 
-    /// The places of row `i`'s entries in `col_idx` and in the values.
+    /// The indices of row `i`'s entries in `col_idx` and in the values.
     #[inline]
     pub fn row(&self, i: usize) -> Range<usize> {
         self.row_ptr[i]..self.row_ptr[i + 1]

@@ -11,10 +11,10 @@ use std::sync::Arc;
 /// How pivots are chosen and watched.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlanOptions {
-    /// A pivot must reach this fraction of the largest scaled entry in what is left of its row. Smaller: less fill;
+    /// A pivot must reach this fraction of the largest scaled entry in the remainder of its row. Smaller: less fill;
     /// larger: pivots that stay valid longer.
     pub threshold: f64,
-    /// A pivot that falls below this fraction of what it was when the plan was made asks for a new plan.
+    /// A pivot that falls below this fraction of its value at planning requires a new plan.
     pub guard: f64,
 }
 
@@ -41,7 +41,7 @@ pub enum PlanError {
     RankDeficient {
         /// Pivots found.
         found: usize,
-        /// Pivots asked for.
+        /// Number of pivots requested.
         wanted: usize,
         /// Largest scaled entry that was left.
         best: f64,

@@ -17,7 +17,7 @@ pub mod sparse;
 /// Runs of targets at least this long are executed as a loop over slices.
 const RUN: usize = 4;
 
-/// Row k of the factors: places `start..diagonal` of L, then the pivot, then U up to `end`.
+/// Row k of the factors: offsets `start..diagonal` of L, then the pivot, then U up to `end`.
 #[derive(Clone, Copy, Debug)]
 struct Line {
     start: u32,

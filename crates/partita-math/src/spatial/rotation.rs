@@ -94,7 +94,7 @@ impl<S: Scalar> Mat3<S> {
 }
 
 impl<S: Scalar> Mat3<S> {
-    /// `m (|r|² 1 − r rᵀ)`: what a mass at `r` adds to an inertia about the origin.
+    /// `m (|r|² 1 − r rᵀ)`: contribution of a mass at `r` to an inertia about the origin.
     pub fn steiner(mass: S, r: Vec3<S>) -> Self {
         let d = r.dot(r);
         let mut s = Self::zero();

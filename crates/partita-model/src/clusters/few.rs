@@ -141,7 +141,7 @@ impl<G: Space> Tree<G> {
         x.few = few;
     }
 
-    /// Twists of the cluster's links per degree of freedom, seen from its base.
+    /// Twists of the cluster's links per degree of freedom, relative to its base.
     fn partial_twists(
         &self,
         f: &FewPlan,

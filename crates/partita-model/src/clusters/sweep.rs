@@ -62,7 +62,7 @@ impl<S: Scalar> ClusterScratch<S> {
     }
 }
 
-/// Twist `(w, u)` of a point seen from another one `arm` away: u + w × arm.
+/// Twist `(w, u)` of a point at the distance `arm` from another one: u + w × arm.
 #[inline(always)]
 pub(super) fn shift_motion<G: Space>(arm: &[G::S; 3], x: &[G::S], out: &mut [G::S]) {
     if G::DIM == 3 {

@@ -49,7 +49,7 @@ pub enum Says<G: Space> {
 pub struct Condition<G: Space> {
     /// Name, for messages.
     pub name: String,
-    /// What it belongs to.
+    /// Its owner.
     pub owner: Owner,
     /// First row.
     pub row: usize,

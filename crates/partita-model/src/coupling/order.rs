@@ -11,7 +11,7 @@ use partita_math::tolerance;
 /// A condition in the order of the rows.
 #[derive(Clone, Copy, Debug)]
 pub struct ConditionRows {
-    /// What it belongs to.
+    /// Its owner.
     pub owner: Owner,
     /// Which of the conditions of its owner.
     pub part: usize,

@@ -96,7 +96,7 @@ fn rotation_vector<S: Scalar>(r: &Mat3<S>) -> (Vec3<S>, S) {
     let sin2 = half.dot(half);
     let sin = sin2.sqrt();
     let angle = sin.atan2(cos).scale(2.0);
-    // by series where quotients would lose digits: what is left out is below round-off of the sum
+    // by series where quotients would lose digits: the remainder is below the round-off of the sum
     let near = S::from_f64(tolerance::SHORT_TURN * tolerance::SHORT_TURN) - sin2;
     let series = S::from_f64(2.0) + sin2.scale(1.0 / 3.0) + (sin2 * sin2).scale(3.0 / 20.0);
     let turn = half.times(near.where_positive(series, angle.over_or_zero(sin)));

@@ -142,7 +142,7 @@ impl<'g> Order<'g> {
         }
     }
 
-    /// Edges whose coordinates were found by other means.
+    /// Edges whose coordinates were found by another method.
     pub fn learned(&mut self, edges: &[usize]) {
         for j in 0..self.joints.len() {
             if self.settled[j] || !self.joints[j].edges.iter().any(|e| edges.contains(e)) {
@@ -314,7 +314,7 @@ fn pair_of(g: &Graph, e: usize) -> Option<Pair> {
     let joined = a.joint.is_some() && a.joint == b.joint && b.from == a.to && a.in_tree() == b.in_tree();
     let pair = match (a.kind, b.kind) {
         (Kind::Turn, Kind::Turn) => Pair::Universal,
-        // between two motions of one joint there is no constant turn: the axes can be compared
+        // between two motions of one joint there is no constant rotation: the axes can be compared
         (Kind::Slide, Kind::Turn) | (Kind::Turn, Kind::Slide) if a.axis.cross(b.axis).norm() < tolerance::PARALLEL => {
             Pair::Cylindrical
         }

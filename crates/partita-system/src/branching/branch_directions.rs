@@ -1,6 +1,6 @@
 //! Velocities that a singular position allows to second order, and which of them given rates select.
 //!
-//! Where C loses one rank, drives included, one combination n of its rows says nothing of velocities, and to second
+//! Where C loses one rank, drives included, one combination n of its rows does not restrict velocities, and to second
 //! order
 //!
 //! ```text
@@ -29,11 +29,11 @@ pub const SIGN_ONLY: f64 = 0.5;
 /// Gradients of the quadratic form below this belong to velocities in which branches touch. Scale: fraction of the
 /// gradient elsewhere. Reason: branches apart have gradients of the size of the form.
 const BRANCHES_TOUCH: f64 = 1e-3;
-/// Drives that ask for this rate in a dead centre may stand beside it. Scale: fraction of the fastest rate. Reason:
-/// they may be off by as much as rows lost within [`null_sine`](super::null_sine).
+/// Drives that require this rate in a dead centre are treated as being beside it. Scale: fraction of the fastest rate.
+/// Reason: their error may be that of rows lost within [`null_sine`](super::null_sine).
 const BESIDE_DEAD_CENTRE: f64 = 1e-4;
-/// Moves over which third orders are differences. Unit: characteristic displacement. Reason: third powers stand out of
-/// rounding, fourth powers stay a hundredth of them.
+/// Displacements over which third orders are differences. Unit: characteristic displacement. Reason: third powers
+/// exceed rounding, fourth powers are a hundredth of them.
 const THIRD_ORDER_MOVE: f64 = 0.03;
 
 /// The rate of something read off the mechanism: `row · v` is to be `rate`.
@@ -43,9 +43,9 @@ pub struct Asked {
     pub name: String,
     /// Its gradient (nv).
     pub row: Vec<f64>,
-    /// What it moves by in a large move.
+    /// Its change in a large displacement.
     pub displacement: f64,
-    /// What is asked of it.
+    /// The requested rates.
     pub rate: f64,
 }
 
@@ -73,13 +73,14 @@ pub struct BranchDirections<'s, S: ConstrainedSystem> {
     mass: Matrix,
     /// Whether drives prescribe motion here.
     driven: bool,
-    /// Rows looked at, with their sizes.
+    /// The rows under consideration, with their sizes.
     rows: Vec<(usize, f64)>,
     /// n over these rows.
     lost: Vec<f64>,
     /// C over sizes and reaches by its singular values: left vector, value, right vector.
     range: Vec<(Vec<f64>, f64, Vec<f64>)>,
-    /// nᵀ a: what drives ask of the first order that cannot be, the row that asks most and what it asks for.
+    /// nᵀ a: the first-order condition of the drives that cannot be satisfied, the row with the largest share and its
+    /// value.
     forbidden: (f64, usize, f64),
 }
 
@@ -113,11 +114,11 @@ fn combined(base: &[f64], basis: &[Vec<f64>], z: &[f64]) -> Vec<f64> {
     v
 }
 
-/// What was found of a position.
+/// Classification of a position.
 pub enum Found<'s, S: ConstrainedSystem> {
-    /// Not singular, or second rates say nothing.
+    /// Not singular, or second orders are inconclusive.
     Nothing,
-    /// So many ranks are lost at once.
+    /// Several ranks are lost at once.
     Several(usize),
     /// One rank is lost.
     BranchDirections(Box<BranchDirections<'s, S>>),
@@ -207,7 +208,7 @@ pub fn look<'s, S: ConstrainedSystem>(system: &'s S, t: f64, q: &[f64]) -> Resul
         let part = -dot(&u[i], &a) / f.s[i];
         particular.iter_mut().zip(&v[i]).for_each(|(p, v)| *p += part * v);
     }
-    // the one combination of self-stresses whose second rates are not nothing
+    // the one combination of self-stresses whose second rates do not vanish
     let mut forms = Matrix::new(stresses.len(), k * k);
     let mut second = |w: &[f64]| x.bend(t, q, w);
     let squares: Vec<Vec<f64>> = kernel.iter().map(|w| second(w)).collect::<Result<_, _>>()?;
@@ -397,7 +398,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
         Some(Fit { v, miss, open })
     }
 
-    /// What is asked, at a velocity in characteristic displacements.
+    /// The request, at a velocity in characteristic displacements.
     fn read(&self, x: &Asked, w: &[f64]) -> f64 {
         x.row.iter().zip(w).zip(&self.displacement).map(|((r, w), displacement)| r * w * displacement).sum()
     }
@@ -583,11 +584,12 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
         self.velocity_of(&u)
     }
 
-    /// The accelerations with which the motion along `v`, one that [`admits`](Self::admits), leaves (t, q): the limit of
-    /// those next to it. None where nothing can be said.
+    /// The accelerations with which the motion along `v`, one that [`admits`](Self::admits), leaves (t, q): the limit
+    /// of those next to it. None where they are not determined.
     ///
-    /// To third order nᵀ Φ(q(t)) = 0 is linear in them; it takes the place of the row that says nothing here. Its
-    /// coefficient comes from differences over moves of a few hundredths of reaches, exact to some six digits.
+    /// To third order nᵀ Φ(q(t)) = 0 is linear in them; it replaces the row that is dependent here. Its coefficient
+    /// comes from differences over displacements of a few hundredths of the characteristic ones, exact to some six
+    /// digits.
     ///
     /// # Errors
     /// Where the system cannot be evaluated.
@@ -608,7 +610,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
             let part = -dot(left, &b) / s;
             forced.iter_mut().zip(right).for_each(|(f, r)| *f += part * r);
         }
-        // K^T (h - M a): what is left for the free rates
+        // K^T (h - M a): the remaining load for the free rates
         let moved = self.mass.matvec(&forced);
         let left: Vec<f64> = h.iter().zip(&self.displacement).zip(&moved).map(|((h, r), m)| h * r - m).collect();
         let kernel = columns(&self.kernel);

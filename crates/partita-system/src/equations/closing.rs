@@ -1,4 +1,4 @@
-//! Explicit closing of user-defined equations: one block, the user's function.                   (37)
+//! Explicit closing of user-defined equations: one block, the user function.                                     (37)
 
 use super::{Equations, ExplicitClosing, UserSystem};
 use crate::closing::{Block, BlockState, Closing};
@@ -129,6 +129,6 @@ impl<E: Equations> Closing for UserClosing<'_, E> {
     fn state(&self) -> &[BlockState] {
         &self.state
     }
-    /// The user's function decides the branch.
+    /// The user function decides the branch.
     fn set_branches(&mut self, _branches: &[i8]) {}
 }

@@ -81,8 +81,8 @@ pub trait FormulationSteps {
     }
     /// Count both from here on.
     fn forget_gaps(&mut self) {}
-    /// How far from a singular position the last step ended, where that is known, in parts of the
-    /// reaches: it falls linearly towards one.
+    /// Distance of the end of the last step from a singular position, where it is known, in characteristic
+    /// displacements: it falls linearly towards one.
     fn margin(&self) -> Option<f64> {
         None
     }
@@ -137,8 +137,8 @@ pub trait Formulation: FormulationSteps + PrescribedRows {
     /// Number of leading components of y whose error is controlled.
     fn controlled(&self) -> usize;
     /// Natural size of each component of y: 1 for angles, a characteristic length for displacements, the same for their
-    /// rates [1/s]. Absolute tolerances are in these, so that they mean the same for a watch and for a crane. Asked
-    /// again after `start` and wherever `commit` rewrites.
+    /// rates [1/s]. Absolute tolerances are in these units, so that they have the same meaning for a watch and for a
+    /// crane. Called again after `start` and wherever `commit` rewrites.
     fn natural_sizes(&self, out: &mut [f64]) {
         out.fill(1.0);
     }

@@ -101,7 +101,7 @@ impl<'s, S: ConstrainedSystem> Projective<'s, S> {
 }
 
 impl<'s, S: ConstrainedSystem> WehageHaug<'s, S> {
-    /// For a system of the given rank. There must be no nonholonomic rows. There is nothing left to correct.
+    /// For a system of the given rank. There must be no nonholonomic rows. No corrections are needed.
     pub fn new(system: impl Into<SystemRef<'s, S>>, rank: usize, options: &FormulationOptions) -> Result<Self> {
         let system = system.into();
         needs_positions(&*system, "wehage-haug", "integrates as many coordinates as velocities")?;
@@ -266,7 +266,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         Ok(applied + if self.system.rheonomic() { self.tangent.driving(t, q)? } else { 0.0 })
     }
 
-    /// Take the step or take it back, and choose anew where that is due.
+    /// Accept or reject the step, and choose anew where required.
     fn conclude(&mut self, verdict: Verdict, step: &mut Step) -> Result<bool> {
         let t = step.t;
         if verdict == Verdict::Repeat {

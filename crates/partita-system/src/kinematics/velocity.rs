@@ -61,7 +61,7 @@ pub fn near_with_rates<S: ConstrainedSystem>(
     pushed_with_rates(r, t, q, &momentum, rates)
 }
 
-/// The same for what has this momentum, `M v` with the loops open.
+/// The same for the velocities of this momentum, `M v` with the loops open.
 pub fn pushed_with_rates<S: ConstrainedSystem>(
     r: &mut Reduction<S>,
     t: f64,

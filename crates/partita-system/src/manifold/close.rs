@@ -42,7 +42,7 @@ const NEARLY_AT_REST: f64 = 1e-3;
 /// An iteration that lowers |Φ|² by less gains nothing. Scale: fraction of |Φ|². Reason: a hundred such iterations
 /// would be needed for one digit.
 const SLOW_GAIN: f64 = 1e-2;
-/// So many iterations in a row that gain nothing end the loop.
+/// This many iterations in a row that gain nothing end the loop.
 const PATIENCE: usize = 20;
 /// Rows that decrease by less do not close any further. Scale: ratio in one iteration. Reason: Newton's method at least
 /// halves the error, also next to a singular position, where it falls to a quarter.

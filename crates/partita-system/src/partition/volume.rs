@@ -72,7 +72,7 @@ pub fn largest(rows: &[f64], bias: &[f64], first: &[usize]) -> Largest {
     Largest { independent: best.1, exact: true }
 }
 
-/// C(n, k), at the most `usize::MAX`.
+/// C(n, k), at most `usize::MAX`.
 fn partitions(n: usize, k: usize) -> usize {
     let k = k.min(n - k);
     // C(n, i + 1) = C(n, i) (n − i) / (i + 1), exact at every step

@@ -2,7 +2,7 @@
 
 use partita_math::tolerance;
 
-/// What the last step ended with, to hold the next one against.
+/// The end of the last step, as a reference for the next one.
 ///
 /// At a dead point of its inputs the equations in 2k states have two solutions: the mechanism passes, and its dependent
 /// coordinates go over to the other branch, or it is thrown back on the branch it came from. Both have the same inputs
@@ -62,7 +62,7 @@ impl Continuity {
     const BLAMED_ADVANCE: f64 = 0.03;
     /// So many steps in a row that hardly advance end the run.
     const PATIENCE: u32 = 12;
-    /// After so many repetitions, each with half the step, it is no matter of the step any more.
+    /// After this many repetitions, each with half the step, the cause is not the step.
     const MOST: u32 = 10;
 
     /// How near the inputs are to a dead point, or the mechanism to a singular position; far is below 1.

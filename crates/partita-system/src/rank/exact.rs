@@ -57,7 +57,7 @@ pub fn exact<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], level: f64) ->
     Ok(if clear && fits(system, t, q, closings)? { Exact::Redundant(dof, smallest) } else { Exact::Open })
 }
 
-/// The contribution of the last of so many loop closures at (t, q), squared and in natural sizes: the strength of the
+/// The contribution of the last of these loop closures at (t, q), squared and in natural sizes: the strength of the
 /// weakest condition.
 ///
 /// # Errors

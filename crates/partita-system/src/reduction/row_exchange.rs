@@ -13,9 +13,9 @@ use partita_math::elimination::SparseRoom;
 /// Rows are exchanged where the volume of those kept grows by more. Scale: ratio of volumes. Reason: long before
 /// rounding matters, and seldom, as distances by other rows are not comparable.
 const ROW_GAIN: f64 = 2.5;
-/// Closings count for so many times a drive, and drives for so many times a row that holds for velocities alone. Unit:
-/// ratio of volumes. Reason: closings kept close the positions, and what drives prescribe is distinguished from what
-/// the mechanism can do; a drive takes the place of a closing only where closings lose rank that the drive holds.
+/// A loop closure has this weight relative to a drive, and a drive relative to a row that holds for velocities alone.
+/// Unit: ratio of volumes. Reason: kept loop closures close the positions, and prescribed motion is distinguished from
+/// possible motion; a drive replaces a loop closure only where closures lose rank that the drive provides.
 const PRECEDENCE: f64 = 8.0;
 
 /// A row left out that replaces a kept one.

@@ -2,7 +2,7 @@
 
 use partita_math::tolerance;
 
-/// How a march continues: its plan for the next step, and the advice.
+/// How an integration continues: its plan for the next step, and the advice.
 #[derive(Clone, Copy, Debug)]
 pub struct Pace {
     /// Length of the next step.
@@ -11,16 +11,16 @@ pub struct Pace {
     pub stretch: f64,
     /// Tolerances are not to be taken for smaller than this in the next step.
     pub floor: f64,
-    /// Errors up to so many tolerances are accepted there.
+    /// Errors up to this many tolerances are accepted there.
     pub limit: f64,
 }
 
 /// Stepping over singular positions of the mechanism.
 ///
-/// Next to one the tangent is a quotient of small numbers: what went wrong before is divided by the distance, so steps
-/// that end close to it are followed by ever shorter ones, while one step across it, with no stage near it, is as exact
-/// as any other. The distance falls linearly in time, so the crossing is foreseen: the march takes care to arrive with
-/// room to spare and crosses in one step whose stages keep away from it.
+/// Next to one the tangent is a quotient of small numbers: earlier errors are divided by the distance, so steps that
+/// end close to it are followed by ever shorter ones, while one step across it, with no stage near it, is as exact as
+/// any other. The distance falls linearly in time, so the crossing is foreseen: the integration arrives at a sufficient
+/// distance and crosses in one step whose stages stay away from it.
 #[derive(Default)]
 pub struct Crossing {
     /// Distance at the ends of the last two steps, the latest first: time, distance, number of its plan.
@@ -34,7 +34,7 @@ pub struct Crossing {
     settled: bool,
     /// One that was to be crossed in the last step, while C_D changed no side.
     unsigned: Option<f64>,
-    /// Attempts at crossing the one expected, from ever new places or with ever new lengths.
+    /// Attempts at crossing the expected one, from new starting points or with new lengths.
     tries: usize,
     /// When that is expected, at the latest.
     tried: Option<f64>,
@@ -136,7 +136,7 @@ impl Crossing {
         self.planned.is_none() && h < Self::CREEPING * self.usual
     }
 
-    /// Attempts at the one at hand.
+    /// Number of attempts at the current one.
     pub fn tries(&self) -> usize {
         self.tries
     }
@@ -146,7 +146,7 @@ impl Crossing {
         self.planned
     }
 
-    /// The march was put back to t, before the position at `zero`.
+    /// The integration was set back to t, before the position at `zero`.
     pub fn put_back(&mut self, zero: f64, t: f64, pace: &mut Pace) {
         self.before = [None; 2];
         self.cross(zero, t, pace);
@@ -160,7 +160,7 @@ impl Crossing {
         (self.tries < Self::CROSSING_LENGTHS.len() && self.usual > 0.0).then_some(zero - far * self.usual)
     }
 
-    /// Look at the distance at the start of the next step and choose its length if a singular position lies ahead.
+    /// Evaluate the distance at the start of the next step and choose its length if a singular position lies ahead.
     /// `probe` gives the distance that far ahead, by the same plan.
     pub fn foresee(
         &mut self,
@@ -250,13 +250,13 @@ impl Crossing {
             let approach = ahead - 0.9 * Self::CROSSING_STEP * self.usual / pace.stretch;
             pace.next = approach.min(pace.next);
         }
-        // a fall that may end is no reason to tolerate errors
+        // a decrease that may end is no reason to tolerate errors
         pace.floor = if sure { tolerance::SINGULAR_ROUNDING } else { 0.0 };
         Advice::Crossing
     }
 }
 
-/// What a look ahead finds.
+/// Result of a look ahead.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Probe {
     /// So far from singular.

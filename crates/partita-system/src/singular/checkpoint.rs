@@ -1,6 +1,6 @@
 //! A singular position crossed: states before it to return to, and whether the motion kept its branch.
 
-/// A state of the march.
+/// A state of the integration.
 #[derive(Clone, Debug)]
 pub struct Checkpoint {
     /// Time.
@@ -23,7 +23,7 @@ struct Mark {
     place: usize,
 }
 
-/// States since the last singular position, to return to where a march came too close to the next one to cross it.
+/// States since the last singular position, to return to if the integration came too close to the next one to cross it.
 #[derive(Clone, Debug)]
 pub struct Checkpoints {
     nq: usize,
@@ -40,7 +40,7 @@ impl Checkpoints {
     /// States kept.
     const LENGTH: usize = 8;
 
-    /// Room for states of nq coordinates and nv velocities.
+    /// Memory for states of nq coordinates and nv velocities.
     pub fn new(nq: usize, nv: usize) -> Self {
         let marks = std::array::from_fn(|place| Mark { t: 0.0, work: 0.0, place });
         let (numbers, turns) = (vec![0.0; Self::LENGTH * (nq + nv)], vec![0; Self::LENGTH * nq]);
@@ -91,15 +91,15 @@ pub struct StepBoundary {
 }
 
 impl StepBoundary {
-    /// What accelerations may leave unexplained over a step that keeps its branch. Scale: fraction of the mean speed.
-    /// Reason: the trapezoidal rule misses a twentieth over half a radian; where branches part, velocities differ by
-    /// about their own size.
+    /// Change of velocities that accelerations may leave unexplained over a step that keeps its branch. Scale: fraction
+    /// of the mean speed. Reason: the error of the trapezoidal rule is a twentieth over half a radian; where branches
+    /// part, velocities differ by about their own size.
     const MISSED_ON_BRANCH: f64 = 0.3;
-    /// What accelerations may leave unexplained in one velocity. Scale: fraction of its change, and of the fastest
-    /// velocity. Reason: one block of many that passes to its other branch is seen.
+    /// Change of one velocity that accelerations may leave unexplained. Scale: fraction of its change, and of the
+    /// fastest velocity. Reason: one block of many that changes to its other branch is detected.
     const MISSED_IN_ONE: (f64, f64) = (0.75, 0.1);
 
-    /// Room for nq coordinates and n velocities.
+    /// Memory for nq coordinates and n velocities.
     pub fn new(nq: usize, n: usize) -> Self {
         Self { t: 0.0, nq, nv: n, all: Vec::with_capacity(nq + 2 * n) }
     }

@@ -1,8 +1,8 @@
 //! Redundant rows that were dropped: do they follow from the rows kept, in values as in directions?
 //!
-//! A dropped row depends on the others in its direction alone. Whether it agrees with them is looked at before the first step,
-//! in its value, its rates and over a short motion, and after every step. Where it does not, the conditions contradict each
-//! other: no motion keeps them all.
+//! A dropped row depends on the others in its direction alone. Whether it agrees with them is checked before the first
+//! step, in its value, its rates and over a short motion, and after every step. Where it does not, the conditions
+//! contradict each other: no motion satisfies all of them.
 
 use crate::manifold::kept_rows::close_kept;
 use crate::record::{Gap, Gaps};
@@ -15,8 +15,8 @@ use crate::system::{ConstrainedSystem, SystemError};
 /// Dropped rows are judged only when they are open by more than kept ones by this factor. Scale: ratio of closure
 /// errors. Reason: kept rows that are open themselves decide nothing.
 const CLEARLY_OPEN: f64 = 1e3;
-/// Length of the motion at the start. Unit: time of a large move. Reason: long enough for second orders to stand out of
-/// rounding.
+/// Length of the motion at the start. Unit: time of a large displacement. Reason: long enough for second orders to
+/// exceed rounding.
 const SHORT_MOTION: f64 = 1e-3;
 
 /// Whether the dropped rows agree with the kept ones at the start, and for a short time after it.
@@ -24,8 +24,8 @@ const SHORT_MOTION: f64 = 1e-3;
 /// `longest` bounds that time.
 ///
 /// # Errors
-/// `Contradiction`, with who contradicts whom. Where the evaluation fails nothing is reported, because the run reports
-/// the failure.
+/// `Contradiction`, with the rows that contradict each other. Where the evaluation fails nothing is reported, because
+/// the run reports the failure.
 pub fn check<S: ConstrainedSystem>(
     system: &S,
     start: &Start,
@@ -82,13 +82,13 @@ fn close<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &mut [f64]) -> R
     r.factor(t)
 }
 
-/// At the point last evaluated, rates in parts of sizes alone [1/s].
+/// At the point last evaluated, rates relative to sizes alone [1/s].
 pub(crate) fn gaps<S: ConstrainedSystem>(t: f64, r: &Reduction<S>) -> Gaps {
     let gap = |(part, row): (f64, usize)| Gap { part, t, row };
     Gaps { position: gap(r.gap()), velocity: gap(r.velocity_gap()) }
 }
 
-/// What was open at the end of the step that is judged, and at the ends of those taken.
+/// Residuals at the end of the step that is judged, and at the ends of accepted ones.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Watch {
     /// |Φ| and |C v + a|.
@@ -104,12 +104,12 @@ pub struct Watch {
 }
 
 impl Watch {
-    /// The fastest rate up to the end of the step that was looked at last [1/s].
+    /// The fastest rate up to the end of the step that was examined last [1/s].
     pub fn fastest_yet(&self) -> f64 {
         self.trial_fastest
     }
 
-    /// Look at the end of a step, the point last evaluated.
+    /// Examine the end of a step, the point last evaluated.
     pub fn look<S: ConstrainedSystem>(&mut self, t: f64, r: &Reduction<S>) {
         self.trial = (r.closure(), r.velocity_closure());
         let fastest = self.fastest.max(r.fastest());
@@ -118,17 +118,17 @@ impl Watch {
         self.trial_gaps.in_parts_of(fastest);
     }
 
-    /// The step that was looked at is taken.
+    /// The step that was examined is accepted.
     pub fn accept(&mut self) {
         self.fastest = self.trial_fastest;
         self.open = (self.open.0.max(self.trial.0), self.open.1.max(self.trial.1));
         self.gaps.raise(&self.trial_gaps);
     }
 
-    /// Whether the dropped rows contradict the others at the end of the step that was looked at, (t, q, v).
+    /// Whether the dropped rows contradict the others at the end of the step that was examined, (t, q, v).
     ///
     /// # Errors
-    /// `Contradiction`, with who contradicts whom.
+    /// `Contradiction`, with the rows that contradict each other.
     pub fn check<S: ConstrainedSystem>(&self, t: f64, q: &[f64], r: &Reduction<S>) -> Result<(), SystemError> {
         if r.dropped().is_empty() {
             return Ok(());
@@ -141,7 +141,7 @@ impl Watch {
         if !open && rate <= limit * fastest {
             return Ok(());
         }
-        // with the kept rows closed for good, in a choice of its own
+        // with the kept rows closed to round-off, in a choice of its own
         let mut probe = Reduction::new(r.system.clone(), r.rank());
         let mut here = q.to_vec();
         if choose_partition(&mut probe, t, q, None, None).is_err() || close(&mut probe, t, &mut here).is_err() {

@@ -9,8 +9,8 @@ use crate::system::{ConstrainedSystem, SystemError};
 /// margin of ten.
 const SOUND: f64 = 1e-3;
 
-/// What to say of `independent` coordinates that fail next to `(t, q)` for the reason `seen`: would others do, and
-/// which?
+/// Advice on `independent` coordinates that fail next to `(t, q)` for the reason `seen`: whether others would serve,
+/// and which.
 ///
 /// Chooses a partition there: for failures only.
 pub(crate) fn dead_point<S: ConstrainedSystem>(
@@ -24,7 +24,7 @@ pub(crate) fn dead_point<S: ConstrainedSystem>(
     said(system, best_choice(system, rank, t, q), t, independent, seen)
 }
 
-/// The best choice at `(t, q)` and its smallest scaled pivot, 0 where none can be had.
+/// The best choice at `(t, q)` and its smallest scaled pivot, 0 where there is none.
 fn best_choice<S: ConstrainedSystem>(system: &S, rank: usize, t: f64, q: &[f64]) -> (Vec<usize>, f64) {
     let mut best = Reduction::new(system, rank);
     match start::choose_partition(&mut best, t, q, None, None) {
@@ -68,7 +68,7 @@ pub(crate) fn loss<S: ConstrainedSystem>(
     }
 }
 
-/// Does the C_D of the choice of r stand on one side at both ends?
+/// Whether the C_D of the choice of r is on one side at both ends.
 fn one_side<S: ConstrainedSystem>(r: &mut Reduction<S>, ends: [(f64, &[f64]); 2]) -> bool {
     let rows = r.size().rows;
     let [mut one, mut two] = [Sides::new(rows), Sides::new(rows)];
@@ -79,7 +79,7 @@ fn one_side<S: ConstrainedSystem>(r: &mut Reduction<S>, ends: [(f64, &[f64]); 2]
         }
         r.sides(sides);
     }
-    // a plan that had to be made anew compares with none
+    // a new plan is not comparable with any other
     r.choices() == choice && !one.differ(&two)
 }
 

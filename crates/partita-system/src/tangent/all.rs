@@ -305,7 +305,7 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> TangentClosing<'s, S> for Ev
         let r = &mut self.base.r;
         let rows = &r.partition.rows;
         let c = dense_rows(&*r.system, &r.c, rows);
-        // the next evaluation fills it anew
+        // the next evaluation refills it
         r.system.add_metric(&mut r.scratch, &mut self.mass);
         let p = MassProjection::new(&*r.system, t, &self.mass, &c)?;
         for _ in 0..2 {

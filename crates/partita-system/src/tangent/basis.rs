@@ -18,26 +18,26 @@ pub trait Basis: Send {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rule {
     /// Eigenvectors of the zero eigenvalues of CᵀC (Kamman, Huston 1984): orthonormal, they span the null space of C in
-    /// the units at hand. Forming CᵀC squares the condition of C: a zero and a small eigenvalue are distinguished only
+    /// the units given. Forming CᵀC squares the condition of C: a zero and a small eigenvalue are distinguished only
     /// down to √ε, 1e-8 of the largest. Cost when frozen: n²m/2 + about 4.5 n³. Of historical interest; prefer
     /// `OrthogonalTriangular` for the same space at less cost and full accuracy.
     ZeroEigenvalue,
     /// Right singular vectors of C (Singh, Likins 1985; Mani, Haug, Atkinson 1985): `C = U Σ [V₁ V₂]ᵀ`, S = V₂ᵀ,
-    /// orthonormal in the units at hand, to full accuracy however small the singular values are. Cost when frozen:
-    /// about 2n²m + 4nm² + 4.5m³, the dearest of the bases and the most reliable. The singular values depend on the
+    /// orthonormal in the units given, to full accuracy however small the singular values are. Cost when frozen: about
+    /// 2n²m + 4nm² + 4.5m³, the most expensive of the bases and the most reliable. The singular values depend on the
     /// units of the velocities; the space does not.
     SingularValues,
-    /// QR of Cᵀ (Kim, Vanderploeg 1986): `Cᵀ = [Q₁ Q₂] [R; 0]`, S = Q₂ᵀ, orthonormal in the units at hand, the cheapest
+    /// QR of Cᵀ (Kim, Vanderploeg 1986): `Cᵀ = [Q₁ Q₂] [R; 0]`, S = Q₂ᵀ, orthonormal in the units given, the cheapest
     /// such basis: nm² − m³/3 + (2nm − m²)k when frozen.
     OrthogonalTriangular,
-    /// The differentiable null space of Liang, Lance 1987: orthonormal in the units at hand, and the continuation of
-    /// the basis before it.
+    /// The differentiable null space of Liang, Lance 1987: orthonormal in the units given, and the continuation of the
+    /// previous basis.
     ///
-    /// A Gram-Schmidt process on the columns of [Cᵀ, Sᵀ] with S from the last basis: what is left of the old
-    /// directions orthogonal to the constraints of now, made orthonormal in their order. With the same C the same
-    /// basis comes out; along a motion it varies as smoothly as C does, where other orthonormal bases of the same
-    /// space may turn by any angle when they are made anew. The first basis is that of `OrthogonalTriangular`. Cost
-    /// when frozen: 2nmk + 2nk² besides that of the QR of Cᵀ.
+    /// A Gram-Schmidt process on the columns of [Cᵀ, Sᵀ] with S from the last basis: the components of the old
+    /// directions orthogonal to the present constraints, made orthonormal in their order. With the same C the same
+    /// basis results; along a motion it varies as smoothly as C does, where other orthonormal bases of the same space
+    /// may turn by any angle when they are renewed. The first basis is that of `OrthogonalTriangular`. Cost when
+    /// frozen: 2nmk + 2nk² besides that of the QR of Cᵀ.
     LiangLance,
     /// Mass-orthonormal tangent velocities (Agrawal, Saigal 1989; Blajer 1995).
     ///
@@ -127,7 +127,7 @@ fn gram_schmidt(mass: &Matrix, c: &Matrix) -> Result<Matrix, FactorError> {
     for i in 0..c.rows() {
         dense::cholesky_forward(&l, n, hats.row_mut(i));
     }
-    // the constraints first (the tangent vectors are what is orthogonal to them)
+    // the constraints first (the tangent vectors are orthogonal to them)
     let range = match c.rows() {
         0 => Matrix::new(n, 0),
         _ => factor::qr_null_space(&hats)?.range,

@@ -52,7 +52,7 @@ pub fn check(selection: Selection, weights: Option<&[f64]>, window: Option<f64>)
     }
 }
 
-/// What the rule would choose at the point last evaluated, with the scales of the reduction.
+/// The choice of the rule at the point last evaluated, with the scales of the reduction.
 ///
 /// Persistence, which has no past here, chooses as the collective rule by P5 alone.
 ///
@@ -189,8 +189,8 @@ pub struct Change {
     pub reason: String,
 }
 
-/// A rule during a run: asked after every accepted step, it changes the partition when its own measure says that
-/// another choice is better than the present one by more than the threshold.
+/// A rule during a run: applied after every accepted step, it changes the partition when its own measure of another
+/// choice exceeds that of the present one by more than the threshold.
 ///
 /// Cost: that of the rule; a poor choice of the rule is kept, with its numbers.
 pub struct Chooser {

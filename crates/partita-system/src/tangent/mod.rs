@@ -121,7 +121,7 @@ pub trait TangentChoice<'s, S: ConstrainedSystem + 's>: TangentLevels<'s, S> {
     fn independent<'a>(&'a self, _within: Option<&'a PartitionEvent>) -> Option<&'a [usize]> {
         None
     }
-    /// What the basis of `within`, or of the one in use, reports in `out` instead of independent velocities; r was
+    /// Report of the basis of `within`, or of the one in use, in `out` instead of independent velocities; r was
     /// evaluated there, none where the position is singular.
     fn describe(
         &mut self,

@@ -108,8 +108,8 @@ def five_link(m: Mechanism) -> None:
     spring(m, p["top"], "carrier", np.array(far[1]))
 
 
-@member(MEMBERS, "watt-axle", "rigid axle on three long rods, led sideways by Watt's linkage: it heaves and rolls",
-        Truth(2, 0, EVERYTHING, why="Kutzbach: the axle's 6 + the lever's turn - 5 rods = 2",
+@member(MEMBERS, "watt-axle", "rigid axle on three long rods, guided sideways by Watt's linkage: it heaves and rolls",
+        Truth(2, 0, EVERYTHING, why="Kutzbach: the axle's 6 + the lever's rotation - 5 rods = 2",
               source=DIXON), gravity=FALL)  # fmt: skip
 def watt_axle(m: Mechanism) -> None:
     """Two rods below, one above, and a lever on the axle between two rods that run sideways."""

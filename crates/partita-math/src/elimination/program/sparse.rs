@@ -1,4 +1,4 @@
-//! The transposed substitution for a right-hand side with few entries, at the cost of what it touches.
+//! The transposed substitution for a right-hand side with few entries, at a cost proportional to the entries touched.
 
 use super::Program;
 use crate::tolerance;

@@ -20,7 +20,7 @@ use wasm_encoder::{
 const PIECE: usize = 1000;
 const PAGE: usize = 65536;
 
-/// What the module takes from `Math`, with the count of arguments; `round` is halves away from zero.
+/// Functions that the module imports from `Math`, with the number of arguments; `round` is halves away from zero.
 const IMPORTS: [(&str, u32); 6] = [("sin", 1), ("cos", 1), ("round", 1), ("atan2", 2), ("hypot", 2), ("pow", 2)];
 const SIN: u32 = 0;
 const COS: u32 = 1;

@@ -310,7 +310,7 @@ fn taken_apart(nodes: usize, lines: &[[usize; 2]]) -> Taken {
             let first = waiting.iter().rposition(|&i| i == by).unwrap_or(0);
             let mut own = waiting.split_off(first);
             own.sort_unstable();
-            // a floating part has no reference body; what is attached to it has the body of attachment
+            // a floating part has no reference body; parts attached to it refer to the body of attachment
             let floats = root != 0 && above == root;
             taken.parts.push(Part { lines: own, from: (!floats).then_some(above) });
         }

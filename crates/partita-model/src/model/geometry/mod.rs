@@ -42,7 +42,7 @@ const FINEST_LEVEL: f64 = 1e-9;
 /// Number of velocities up to which singular values of the whole mechanism are cheap.
 const DENSE: usize = 150;
 /// The largest change of a joint frame. Scale: multiples of the drawing tolerance. Reason: one for the frame, one for
-/// what it is joined to.
+/// its counterpart.
 const LARGEST_CHANGE: f64 = 2.0;
 /// Axes are parallel within this in what was intended to be planar. Scale: multiples of the drawing tolerance. Reason:
 /// errors of several joints add up along a loop.

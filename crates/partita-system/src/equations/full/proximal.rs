@@ -22,18 +22,18 @@ use partita_math::tolerance;
 /// (1e-16), far below squared sines between healthy rows, which take three iterations then.
 const PROXIMAL_DAMPING: f64 = 1e-8;
 /// Least damping of the proximal iteration. Scale: squared sines, in natural scales. Reason: some hundred roundings of
-/// M_c; what is weaker than this is lost in them.
+/// M_c; weaker rows are lost in them.
 const LEAST_DAMPING: f64 = 1e-14;
 /// Damping after changes that fall too slowly. Scale: ratio to the damping before. Reason: directions that were halved in
 /// each iteration settle in four then.
 const DAMPING_LOWERED: f64 = 1e-3;
-/// A change that falls by less tells that the damping is too large. Scale: ratio of successive changes. Reason: an
-/// iteration with less damping costs a factorisation, which saves ten such iterations.
+/// A change that decreases by less indicates that the damping is too large. Scale: ratio of successive changes. Reason:
+/// an iteration with less damping costs a factorisation, which saves ten such iterations.
 const SLOW_CHANGE: f64 = 0.1;
 /// A change of v' that no longer falls is rounding below this. Scale: fraction of v' and the free acceleration. Reason:
 /// rows at squared sines near the damping amplify rounding.
 const STAGNANT_CHANGE: f64 = 1e-9;
-/// So many slow changes in a row are no chance.
+/// Number of consecutive slow changes that cannot be chance.
 const SLOW_IN_A_ROW: u32 = 2;
 
 /// One iteration's memory, for r rows.
@@ -53,7 +53,7 @@ pub struct Iteration {
 }
 
 impl Iteration {
-    /// Room for n velocities and m rows of the given rank.
+    /// Memory for n velocities and m rows of the given rank.
     pub fn new(n: usize, m: usize, rank: usize) -> Self {
         Self { kept: Room::new(n, rank), all: (rank < m).then(|| ((0..m).collect(), Room::new(n, m))) }
     }

@@ -1,4 +1,4 @@
-//! What accepted steps and outputs are held against besides the closure of the conditions at the ends of steps.
+//! Checks of accepted steps and outputs besides the closure of the conditions at the ends of steps.
 
 use super::Motion;
 use crate::positions::Positions;
@@ -116,7 +116,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         let mut gaps = gaps(t, r);
         let fastest = self.watch.fastest_yet();
         gaps.in_parts_of(fastest.max(r.fastest()));
-        // before the first step nothing is known of the speed
+        // before the first step the speed is unknown
         let explained = match self.monitor.length() {
             Some(h) => fastest + h * self.checks.trial_sizes.1 + tolerance::STANDING,
             None => f64::INFINITY,

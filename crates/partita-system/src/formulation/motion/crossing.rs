@@ -13,14 +13,14 @@ use crate::system::{ConstrainedSystem, Size, SystemError};
 use crate::tangent::Tangent;
 use partita_math::tolerance;
 
-/// Longest step. Unit: characteristic displacement. Reason: an error estimate that looks at a dozen places of a turn
-/// sees a circle, and singular positions lie half a turn apart.
+/// Longest step. Unit: characteristic displacement. Reason: an error estimate with a dozen points per turn resolves a
+/// circle, and singular positions lie half a turn apart.
 const LONGEST_MARCH: f64 = 1.2;
 
-/// What acts anew changes velocities by no more over the first step in it. Scale: fraction of the velocities. Reason: an
-/// error estimate is asked over a tenth of what acts.
+/// Largest change of velocities by a newly active load over the first step in it. Scale: fraction of the velocities.
+/// Reason: the error estimate is then based on a tenth of the load.
 const FELT: f64 = 0.1;
-/// So often is a shorter first step tried.
+/// Maximum number of attempts at a shorter first step.
 const MOST_TRIED: u32 = 30;
 /// And shortened at a time. Scale: ratio of lengths. Reason: what acts grows with a power of the length that is not known.
 const FELT_SHORTER: f64 = 0.1;
@@ -29,12 +29,11 @@ const FELT_SHORTER: f64 = 0.1;
 /// of other rows. Reason: a factor of three outweighs the change of rows.
 const POOR_BESIDE: f64 = 0.3;
 
-/// So often in a row is a step shortened in which the choice came to a dead point of its own; where it is not what is
-/// integrated
-/// that does no harm.
+/// Maximum number of consecutive steps that are shortened because the choice came to a dead point of its own; where the
+/// choice is not integrated that is harmless.
 const MOST_SPOILT: u32 = 6;
 
-/// Rows that may take the place of those kept, and how far from singular the mechanism is by them.
+/// Rows that may replace those kept, and the distance of the mechanism from a singular position by them.
 struct Others {
     rows: Vec<usize>,
     distance: f64,
@@ -121,7 +120,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         let there = t + ahead;
         let found = self.tangent.reduction().position(there, &q);
         let by_plan = match found.and_then(|()| self.tangent.tangent(there, &q, false)) {
-            // a plan made there was made for a place that the step keeps away from; one for here follows with the next
+            // a plan made there would be for a point that the step avoids; one for here follows with the next
             // evaluation
             Ok(()) => match self.tangent.margin() {
                 Some((distance, same)) if same == plan => Probe::Distance(distance),
@@ -136,9 +135,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         Probe::Distance(distance)
     }
 
-    /// Of redundant rows those kept lose rank in positions where nothing is wrong with the mechanism: those that serve
-    /// best at
-    /// (t, q). None where there are no other rows.
+    /// Of redundant rows those kept lose rank in positions where the mechanism is regular: those that serve best at (t,
+    /// q). None where there are no other rows.
     fn others(&self, t: f64, q: &[f64]) -> Option<Others> {
         let rank = self.tangent.seen().rank();
         if rank == self.system.size().rows {
@@ -269,7 +267,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         }
     }
 
-    /// Put the march back to a state not after `to`, before the singular position at `zero`. False where none is left.
+    /// Set the integration back to a state not after `to`, before the singular position at `zero`. False where none is
+    /// left.
     pub(super) fn go_back(&mut self, zero: f64, to: f64, step: &mut Step) -> Result<bool, SystemError> {
         let (p, w) = self.places();
         let (Some(checkpoint), Some(pace)) = (self.monitor.checkpoints.back_to(to), step.pace.as_deref_mut()) else {
@@ -310,14 +309,14 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         }
     }
 
-    /// Length, not above `longest`, of the first step on the other side of a guard: over it what acts anew changes the
-    /// velocities by a part of them. Stages of a longer one would lie beyond all that acts there, and agree.
+    /// Length, not above `longest`, of the first step on the other side of a guard: over it the new load changes the
+    /// velocities by a small part. Stages of a longer one would all miss the load, and agree.
     fn first_inside(&mut self, step: &Step, longest: f64) -> Result<f64> {
         let (p, w) = self.places();
         let norm = |motion: &Self, x: &dyn Fn(usize) -> f64| {
             (0..w - p).map(|j| (x(j) / motion.tangent.natural_size(j)).powi(2)).sum::<f64>().sqrt()
         };
-        // what is driven moves as well, where the independent velocities may stand still
+        // driven coordinates move as well, where the independent velocities may be zero
         let speed = norm(self, &|j| step.y[p + j]).max(self.monitor.fastest);
         let ((mut y, mut dy), mut h) = (std::mem::take(&mut self.ahead), longest);
         y.resize(step.y.len(), 0.0);

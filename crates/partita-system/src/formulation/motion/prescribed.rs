@@ -194,7 +194,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
 impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> PrescribedRows for Motion<'s, S, T, P> {
     fn prescribed_gap(&self, level: PrescribedLevel, (relative, absolute): (f64, f64)) -> Option<PrescribedGap> {
         let (r, place) = (self.tangent.seen(), level as usize);
-        // in parts of a row's size: what is absolute, and what rounding leaves of rates that nearly cancel
+        // relative to a row's size: the absolute part, and the round-off of rates that nearly cancel
         let rounding = match level {
             PrescribedLevel::Position => 0.0,
             PrescribedLevel::Rate => tolerance::SOLUTION_ROUNDING * self.watch.fastest_yet(),
