@@ -1,7 +1,7 @@
 """Errors: sentences with names, numbers and a next step.
 
-Every error that Partita raises on purpose derives from `PartitaError` and carries its numbers as attributes,
-so that a program can react to them without reading the sentence. The compiled core raises the same classes.
+Every error that Partita raises on purpose derives from `PartitaError` and carries its numbers as attributes, so that a
+program can react to them without parsing the sentence. The compiled core raises the same classes.
 
 >>> import partita as pt
 >>> try:

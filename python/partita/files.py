@@ -24,7 +24,7 @@ _ATTEMPTS = 20
 """To put a folder where others put theirs at the same time."""
 
 _LOOKS = 3
-"""At a folder, before it is taken for a stranger's."""
+"""At a folder, before it is treated as another program's."""
 
 _SMALL = 1 << 24
 """Bytes of a file in which a seal of a folder may stand."""
@@ -91,8 +91,9 @@ def other(content: bytes) -> str | None:
 
 
 def put(path: Path, content: bytes) -> Path:
-    """Write `content` beside `path` first and put it in place when it is safely stored: no half file is ever seen, and
-    where it cannot be written (no space, no permission) an older file stays as it is. Raises `FileFormatError`."""
+    """Write `content` beside `path` first and move it there when it is safely stored: a half-written file is never
+    visible, and where it cannot be written (no space, no permission) an older file is unchanged. Raises
+    `FileFormatError`."""
     draft = _beside(path, "part")
     try:
         try:
@@ -178,7 +179,7 @@ def intact_folder(files: dict[str, bytes]) -> bool | None:
 
 
 def _joined(files: dict[str, bytes]) -> bytes:
-    """Names, lengths and contents in one, so that no two folders read alike."""
+    """Names, lengths and contents in one, so that no two folders give the same bytes."""
     parts = (f"{name}\0{len(files[name])}\0".encode() + files[name] for name in sorted(files))
     return b"".join(parts)
 

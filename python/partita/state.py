@@ -266,7 +266,7 @@ def finite_time(t: Any) -> float:
 
 
 def _flat(what: str, values: ArrayLike, names: list[str]) -> Array:
-    """A new flat array of finite numbers, as many as there are names (if there are any)."""
+    """A new flat array of finite numbers, one for each name (if there are any)."""
     try:
         array = floats(values)
     except TypeError as error:

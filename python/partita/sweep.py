@@ -57,7 +57,7 @@ def sweep(
         arrays (`NAME_axis0`, ...) behind; `failed` tells, for each point, the error in which it ended (empty: none).
         Its numbers are NaN there.
 
-    A worker that dies takes nothing along: points that were not done go to new ones, up to three times each.
+    A worker that dies affects no other point: unfinished points are given to new workers, up to three times each.
 
     Raises:
         MissingDependencyError: without xarray. ArgumentError: parameters or executor make no sense, or every point

@@ -9,7 +9,7 @@ use partita_system::{start, ConstrainedSystem, SystemError};
 /// Scratch memory for the position and the velocity level of a system.
 pub struct Levels<'s, S: ConstrainedSystem> {
     system: &'s S,
-    /// Scratch of the system, at the state last taken.
+    /// Scratch of the system, at the current state.
     pub scratch: S::Scratch,
     /// Φ.
     pub phi: Vec<f64>,

@@ -8,7 +8,7 @@ use partita_model::joint::Motion;
 /// Names listed before the rest is counted.
 const LISTED: usize = 8;
 
-/// Free motions of some joints now, world axes.
+/// Present free motions of some joints, world axes.
 struct Motions {
     /// Rotations: a point of the axis, its direction.
     turns: Vec<(Vec3<f64>, Vec3<f64>)>,

@@ -210,7 +210,8 @@ pub fn report(model: &Model, t: f64, q: &[f64]) -> Result<Report, AnalysisError>
         guess: named(branching::guess(&joints, q, b)),
         mobility: b.mobility,
     };
-    // drives that hold it here need not hold it there, and what only seems mobile does so everywhere along the rest
+    // drives that lock it here need not lock it elsewhere, and a mobility that is only instantaneous remains so along
+    // the rest
     let on = found.branches.first().filter(|_| model.drives.is_empty() && found.seeming == 0);
     let singular = Singular {
         here: found.here,

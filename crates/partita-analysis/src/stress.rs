@@ -37,9 +37,9 @@ pub(crate) struct Stress {
 pub(crate) struct Pose<'m> {
     /// The mechanism in space.
     pub(crate) model: &'m Model,
-    /// Its links now.
+    /// Its links at present.
     pub(crate) tree: TreeScratch<Spatial<f64>>,
-    /// The joints' points on their children now.
+    /// The joints' points on their children at present.
     pub(crate) points: Vec<Vec3<f64>>,
     /// Tree edge that holds each node, and the number of edges between it and the ground.
     held: Vec<(usize, usize)>,

@@ -14,7 +14,7 @@ pub enum RhsError<E> {
 /// The implementer keeps its own scratch; `rhs` must depend on `t` and `y` alone, not on the calls before it, because
 /// steps are rejected and repeated.
 pub trait Ode {
-    /// What goes wrong in an evaluation; its `Display` becomes part of the stepper's message.
+    /// Error of an evaluation; its `Display` becomes part of the stepper's message.
     type Error: std::fmt::Display;
 
     /// Number of equations.

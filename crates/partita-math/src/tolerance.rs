@@ -33,8 +33,8 @@ pub const LONG_ROUNDING: f64 = 1e-12;
 /// Given numbers that differ by less are intended to be equal. Scale: fraction of their size; radians for axes. Reason:
 /// ten printed digits have this error, far above rounding.
 pub const EQUAL: f64 = 1e-9;
-/// Directions and values that differ by less are equal as far as six digits show. Scale: fraction of their size;
-/// radians for directions. Reason: the sixth digit.
+/// Directions and values that differ by less are equal to six digits. Scale: fraction of their size; radians for
+/// directions. Reason: the sixth digit.
 pub const EQUAL_IN_SIX_DIGITS: f64 = 1e-6;
 /// Directions are parallel, perpendicular or in a plane up to this. Scale: sine of the angle. Reason: directions in
 /// double precision, rotated a few times; it moves no position by more than [`CLOSED`].

@@ -1,8 +1,8 @@
 //! Points of a drawing that coincide up to rounding.
 //!
 //! A small body between two joints in one point, as in a gimbal or a ball of three hinges, has no arm between them.
-//! Where its points were computed in different ways they differ in their last digits, and a force through them turns
-//! the body by that arm: over an inertia of 1e-11 kg m² some 1e-17 m are as much as 1e-8 rad/s². Distances below the
+//! Where its points were computed in different ways they differ in their last digits, and a force through them rotates
+//! the body by that arm: for an inertia of 1e-11 kg m² an arm of 1e-17 m gives 1e-8 rad/s². Distances below the
 //! rounding of the coordinates carry no information, so such points are merged.
 
 use crate::spec::Spec;

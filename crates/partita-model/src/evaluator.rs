@@ -442,7 +442,7 @@ impl<S: Scalar> Evaluator<S> {
         &self.numbers.reference
     }
 
-    /// Offset of a zero-position point from the reference point of its link, in world axes now.
+    /// Offset of a zero-position point from the reference point of its link, in present world axes.
     pub(crate) fn arm_now(&self, s: &Scratch<S>, link: usize, zero: Vec3<S>) -> Vec3<S> {
         s.full.links[link].rot.apply(zero - self.numbers.reference[link])
     }

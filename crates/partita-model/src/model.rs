@@ -403,7 +403,7 @@ impl Model {
         self.curves.get_or_init(|| Curves::new(&self.spec, &self.own))
     }
 
-    /// Which coordinates the tree is made of.
+    /// Type of coordinates of the tree.
     pub fn coordinates(&self) -> Coordinates {
         self.coordinates
     }

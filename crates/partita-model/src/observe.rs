@@ -205,7 +205,7 @@ impl TurnCounter {
         self.turns[j].contains(&true) || self.quaternions[j].is_some()
     }
 
-    /// Add full turns to the angles of joint `j` at `t`; calls go forward in time.
+    /// Add full turns to the angles of joint `j` at `t`; calls are in order of time.
     pub fn unwrap(&mut self, j: usize, t: f64, state: &mut JointState) {
         if !self.counts(j) {
             return;

@@ -21,9 +21,9 @@ pub(crate) fn loads_lie_in_plane(spec: &Spec, normal: [f64; 3]) -> bool {
 /// Whether a friction needs reactions out of the plane with this `normal` (world, unit), which a planar model does not
 /// have. `motion` returns how a coordinate of a joint moves.
 ///
-/// A rotation is loaded in the plane, unless it has a collar or a length. A translation is, as long as no body is
-/// pushed out of the plane and it has no arm for moments about its axis; one with a length, which moments load, only if
-/// besides all masses, joints and forces lie in one plane.
+/// A rotation is loaded by forces in the plane only, unless it has a collar or a length. So is a translation, provided
+/// that no force pushes a body out of the plane and there is no arm for moments about its axis; one with a length,
+/// which moments load, only if besides all masses, joints and forces lie in one plane.
 pub(crate) fn needs_space(spec: &Spec, normal: [f64; 3], motion: impl Fn(&str, usize) -> Option<Motion>) -> bool {
     let leaves = || loaded_across(spec, Vec3(normal));
     spec.forces.iter().any(|f| match f {

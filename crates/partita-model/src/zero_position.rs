@@ -15,7 +15,7 @@ use partita_math::spatial::{Mat3, Vec3};
 use partita_math::tolerance;
 use std::collections::{HashMap, HashSet};
 
-/// Which coordinates the tree is made of.
+/// Type of coordinates of the tree.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Coordinates {
     /// Joint coordinates along a spanning tree; some joints are cut.

@@ -54,7 +54,7 @@ fn begins(item: &Item) -> Vec<usize> {
     }
 }
 
-/// Target of a JSON pointer, as far as the document has it: the position of the last existing key.
+/// Target of a JSON pointer, as far as the document contains it: the position of the last existing key.
 struct KeySearch<'t> {
     parts: std::str::Split<'t, char>,
     found: Option<usize>,

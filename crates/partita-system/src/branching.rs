@@ -333,7 +333,7 @@ pub fn look<S: ConstrainedSystem>(
             w.iter_mut().zip(d).for_each(|(w, d)| *w += u * d);
         }
         let (fastest, ahead) = w.iter().fold((0.0, 1.0), |m: (f64, f64), x| {
-            // of several that are as fast the first one goes ahead
+            // of several equally fast ones the first moves forward
             if x.abs() > m.0 * (1.0 + tolerance::TIE) {
                 (x.abs(), x.signum())
             } else {

@@ -147,7 +147,7 @@ impl Cubic {
 
     /// The lowest that is possible inside for what is off by at most this, in the middle: where, and how low.
     fn lowest(&self, off: f64) -> (f64, f64) {
-        // the error of Hermite's cubic goes with s² (1 − s)²
+        // the error of Hermite's cubic is proportional to s² (1 − s)²
         let bound = |s: f64| (s, self.at(s) - off * 16.0 * (s * (1.0 - s)).powi(2));
         let all = (1..PARTS).map(|i| f64::from(i) / f64::from(PARTS)).chain(self.minimum().map(|x| x.0)).map(bound);
         all.fold((INSIDE, f64::INFINITY), |least, x| if x.1 < least.1 { x } else { least })

@@ -11,7 +11,7 @@ pub fn some(names: &[String]) -> String {
     format!("{}{more}", names[..names.len().min(NAMED)].join(", "))
 }
 
-/// The loop that row i closes: the joints it runs through, as far as there are any.
+/// The loop that row i closes, by its joints, if there are any.
 pub fn loop_of<S: ConstrainedSystem>(system: &S, i: usize) -> String {
     let pattern = system.pattern();
     let mut through: Vec<String> = Vec::new();

@@ -287,7 +287,7 @@ impl Run {
         &self.found
     }
 
-    /// The motion of a joint at all outputs, whether or not it carries coordinates of the state.
+    /// The motion of a joint at all outputs, whether or not its coordinates are part of the state.
     ///
     /// # Errors
     /// `Unknown`.

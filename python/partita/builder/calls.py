@@ -1,7 +1,7 @@
 """From a record back to the call that makes it: the method, and its arguments in SI.
 
-Making the same call again gives the same record, to the last bit: what was drawn can be drawn again with one argument
-changed (`changes`), and can be read by the words with which it was said.
+Making the same call again gives the same record, to the last bit: an element can be drawn again with one argument
+changed (`changes`), and its arguments can be read by the names with which they were given.
 """
 
 from __future__ import annotations

@@ -131,7 +131,7 @@ def _derived(record: Any) -> dict[str, Any]:
 
 
 def _shown(mechanism: Drawing, value: Any) -> Any:
-    """A value for the user: read-only arrays, handles for elements without a name of their own."""
+    """A value for the user: read-only arrays, handles for elements that have no name."""
     if isinstance(value, list) and value and all(type(item) is float for item in value):
         value = np.array(value)
     if isinstance(value, np.ndarray):

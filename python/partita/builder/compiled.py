@@ -31,9 +31,8 @@ class Equations:
     """M v' = h + C^T lambda with Phi = 0, evaluated by the core. nq coordinates, nv velocities, `rows`
     constraint rows.
 
-    Every method takes q (nq,), some v (nv,), and the time t [s] where something depends on it, and returns
-    new arrays. Raises `ArgumentError` if an array has another shape or holds NaN, `EvaluationError` if a
-    user's function fails.
+    Every method takes q (nq,), some v (nv,), and the time t [s] where something depends on it, and returns new arrays.
+    Raises `ArgumentError` if an array has another shape or contains NaN, `EvaluationError` if a user function fails.
     """
 
     def __init__(self, core: _core.Model | _core.System, names: list[str], velocity_names: list[str]) -> None:

@@ -38,8 +38,8 @@ def add_drive(
     effort it takes is part of the joint's reaction.
 
     Give the position, or the velocity alone, or the acceleration alone. A drive of velocity or acceleration prescribes
-    rates: it starts wherever the mechanism is. A joint that turns about all axes is driven by its pose. What shall
-    follow another coordinate in place of time is coupled to it: `add_cam`.
+    rates: it starts from the present position of the mechanism. A joint with spatial rotation is driven by its pose. A
+    coordinate that should follow another one instead of time is coupled to it: `add_cam`.
 
     Args:
         joint: the joint or its name (in the tree, closing a loop, or in absolute coordinates); the coordinate must be a
@@ -61,10 +61,10 @@ def add_drive(
         rate: with an acceleration alone, the rate at t = 0 [rad/s or m/s].
         name: None: made from the joint's name.
 
-    Where derivatives of a function are not given, they are found exactly by evaluating f on a number that carries its
-    derivatives; f may use arithmetic and NumPy functions. For other functions (`math.sin`, interpolators) central
-    differences of order 8 take their place, and a note in the result says so with their accuracy. The same holds of a
-    pose; there rotation vector, quaternion and matrix are exact, a SciPy `Rotation` is not.
+    Where derivatives of a function are not given, they are computed exactly by evaluating f on a number that carries
+    its derivatives; f may use arithmetic and NumPy functions. For other functions (`math.sin`, interpolators) central
+    differences of order 8 are used, and a note in the result reports it with their accuracy. The same holds for a pose:
+    rotation vector, quaternion and matrix are exact, a SciPy `Rotation` is not.
 
     Raises:
         DescriptionError: the coordinate does not exist or is driven already; a derivative contradicts the

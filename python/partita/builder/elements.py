@@ -15,7 +15,7 @@ H = TypeVar("H", bound=Handle)
 
 
 class Elements(Mapping[str, H], Generic[H]):
-    """The elements of one kind by name, in the order in which they were added: a mapping that shows what is there now.
+    """The elements of one kind by name, in the order of addition: a mapping of the present content.
 
     >>> import partita as pt
     >>> m = pt.Mechanism("pendulum")
@@ -58,7 +58,7 @@ class Elements(Mapping[str, H], Generic[H]):
         Element(self._word, str(name)).fail(f"it cannot be assigned; use {verb}, or set the attributes of one")
 
     def remove(self, name: str | H) -> None:
-        """Take an element out of the mechanism, as if it had never been added.
+        """Remove an element from the mechanism, as if it had never been added.
 
         Raises `DescriptionError` where others refer to it, with their names: a drive to its joint, a joint to its
         bodies. `UnknownNameError`: there is none of this name.

@@ -1,4 +1,4 @@
-"""Rotations and inertias as the user may write them, checked and brought into one form."""
+"""Rotations and inertias as given by the user, checked and converted to one form."""
 
 from __future__ import annotations
 

@@ -253,9 +253,9 @@ def add_planar(
     """Add a joint that keeps `point` in the plane across `normal`. Coordinates: two slides [m], then the turn
     [rad].
 
-    `point` None: the child's origin as drawn. `child_axis` is the normal as it sits on the child in a rough
-    drawing. The slides go along two axes across the normal that the joint chooses by the axes of the drawing; to drive
-    it along a direction of your own, add a generic joint with a frame.
+    `point` None: the child's origin as drawn. `child_axis` is the normal on the child in a rough drawing. The
+    translations are along two axes perpendicular to the normal that the joint chooses by the axes of the drawing; to
+    drive it along a direction of your own, add a generic joint with a frame.
 
     >>> import partita as pt
     >>> m = pt.Mechanism("puck")
@@ -309,8 +309,8 @@ def add_free(
     """Let the child move freely, and give that motion a name. Coordinates: three slides [m], a quaternion (w,
     x, y, z).
 
-    It constrains nothing; use it to set or read the motion of a body that no other joint carries. `point`
-    None: the child's origin as drawn.
+    It constrains nothing; use it to set or read the motion of a body without another joint. `point` None: the child's
+    origin as drawn.
 
     >>> import partita as pt
     >>> m = pt.Mechanism("stone")
@@ -338,8 +338,7 @@ def add_joint(
 
     Args:
         free: some of "x", "y", "z" (slides along the joint axes) and "rx", "ry", "rz" (turns about them).
-            Coordinates come in this order, whatever the order here; all three turns together are a
-            quaternion.
+            Coordinates come in this order, whatever the order here; all three rotations together are a quaternion.
         point: where the joint sits in the world; None: the child's origin as drawn.
         frame: joint axes in the world as drawn, as `orientation` in `add_body`; None: parallel to the world.
 
@@ -427,7 +426,7 @@ def speeds(joint: JointRecord) -> int:
 
 
 def unit_of(joint: JointRecord, coordinate: int) -> str:
-    """Unit of a coordinate, of which there are as many as velocities: "m" of a slide, "rad" of a turn."""
+    """Unit of a coordinate, of which there are as many as velocities: "m" for a translation, "rad" for a rotation."""
     return "rad" if motions(joint)[coordinate].startswith("r") else "m"
 
 

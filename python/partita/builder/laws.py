@@ -77,9 +77,9 @@ def add_force_law(
       closes a loop in space (or in absolute coordinates) is known up to full turns, between -pi and pi.
 
     It returns, for each entry of `on`, the force (three numbers) or the pair (force, moment); with one entry, just that
-    one. All of it in world axes [m, N, N m], in whatever coordinates the mechanism is computed. What it does counts as
-    work. Prefer `add_spring` and its kin where they say the same: a function is by far the most expensive part of an
-    evaluation, and its derivatives are found by differences.
+    one. All quantities are in world axes [m, N, N m], in any coordinates of the mechanism. Its power counts as work.
+    Prefer `add_spring` and similar methods where they are equivalent: a function is by far the most expensive part of
+    an evaluation, and its derivatives are computed by differences.
 
     Args:
         name: unique among the forces.

@@ -296,7 +296,7 @@ def add_orientation(
     child_frame: Any = None,
     cut: str = "auto",
 ) -> Joint:
-    """Keep the child turned as the parent, as drawn, wherever it goes. Coordinates: three slides [m].
+    """Keep the orientation of the child relative to the parent as drawn. Coordinates: three slides [m].
 
     >>> import partita as pt
     >>> m = pt.Mechanism("carriage")

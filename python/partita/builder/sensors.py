@@ -131,7 +131,7 @@ def add_sensor(
     unit: str | None = None,
     text: str | None = None,
 ) -> Sensor:
-    """Add a named output: something that a run shows over time by `run.sensor(name)`, in saved files and in plots.
+    """Add a named output: a quantity that a run shows over time by `run.sensor(name)`, in saved files and in plots.
 
     A sensor does not affect the motion. Its values are computed on request, at the outputs, from the coordinates,
     velocities, accelerations and multipliers of the run, without finite differences.

@@ -60,8 +60,8 @@ class Bench:
         """The result of one case and the time it took [s]: set-up, steps and outputs. `rtol` takes atol along; `bare`
         leaves one output, at the end.
 
-        The same run takes longer now and then, when the machine does other things: short ones are repeated, and the
-        shortest time counts.
+        The same run takes longer at times, when the machine is busy: short ones are repeated, and the shortest time
+        counts.
         """
         options = {
             "t_eval": self.t_eval[-1:] if bare else self.t_eval,

@@ -35,7 +35,7 @@ class Comparison:
 
     Rows have two kinds of time. `time` is that of the whole run, with set-up, steps and outputs, and
     `time_without_outputs` that of the same run with one output. `time_per_evaluation` is that of one evaluation of the
-    accelerations alone: after the runs all formulations are asked at the same five places of the motion, in turns, for
+    accelerations alone: after the runs all formulations are timed at the same five states of the motion, in turn, for
     the stages of a step of their own usual length, and the fastest of 25 short batches counts.
     """
 

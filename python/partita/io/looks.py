@@ -50,7 +50,8 @@ def mesh_file(model: Path, name: str) -> tuple[Path | None, str]:
 
 
 def shapes_of(robot: Any, root: str | None) -> dict[str, list[dict[str, Any]]]:
-    """Shapes by the name of their body, in its axes; those of links that became frames, or the ground, go there."""
+    """Shapes by the name of their body, in its axes; those of links that became frames, or the ground, are moved
+    there."""
     found: dict[str, list[dict[str, Any]]] = {}
     lost: list[str] = []
     for look in robot.looks:

@@ -23,7 +23,7 @@ _NAMES = ("name", "class", "childclass", "model")
 _INCLUDES = 64
 """Files included in each other, at most."""
 SAME = 1e-6
-"""Points nearer to a line or a point than this part of their distance lie on it: files carry some six digits."""
+"""Points nearer to a line or a point than this fraction of their distance lie on it: files have some six digits."""
 
 
 def read(path: Path) -> Robot:

@@ -1,7 +1,7 @@
 """A mechanism as MJCF. Joints of several degrees of freedom are several joints of a body; loop closures are equalities.
 
-A point held is a `connect`, a hinge two of them, a weld is a `weld`. Any other joint that closes a loop carries half of
-its body: the body is cut in two halves of half the mass, one of them carried by the joint, and these are welded.
+A common point is a `connect`, a hinge two of them, a weld is a `weld`. Any other joint that closes a loop carries half
+of its body: the body is split into two halves of half the mass, one of them on the joint, and these are welded.
 """
 
 from __future__ import annotations

@@ -461,7 +461,7 @@ def _body(robot: Robot, mechanism: Builder, link: Link, pose: Array) -> Any:
 
 
 def nearest(rotation: Array) -> Array:
-    """The nearest rotation: products of many carry some round-off."""
+    """The nearest rotation: products of many have some round-off."""
     left, _, right = np.linalg.svd(rotation)
     return np.asarray(left @ right)
 

@@ -170,7 +170,7 @@ def _call_of(kind: str, item: dict[str, Any]) -> tuple[str, dict[str, Any]]:
 
 
 def _argument(value: Any) -> Any:
-    """A table {times, values} or {x, y} as the pair that the builder takes; all else as it is."""
+    """A table {times, values} or {x, y} as the pair that the builder takes; anything else unchanged."""
     if isinstance(value, dict):
         for first, second in (("times", "values"), ("x", "y")):
             if first in value and second in value:

@@ -1,4 +1,4 @@
-"""A mechanism as a TOML text that people can read and that gives the same numbers back."""
+"""A mechanism as a readable TOML text from which the same numbers are read back."""
 
 from __future__ import annotations
 

@@ -3,9 +3,9 @@
 Springs, dampers other than those of hinges and slides, links without gravity and the drawing tolerance are written to
 that file too: URDF cannot represent them, and other programs ignore them.
 
-A joint of more than one degree of freedom is a chain of slides and turns through links of no mass, which the reader
-makes one joint again. So is a joint that closes a loop: it carries a link of no mass, and that is welded to a frame of
-its child.
+A joint of more than one degree of freedom is a chain of translations and rotations through massless links, which the
+reader combines into one joint again. So is a joint that closes a loop: it carries a massless link that is welded to a
+frame of its child.
 """
 
 from __future__ import annotations

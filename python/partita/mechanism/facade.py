@@ -80,10 +80,9 @@ class Mechanism(Modelled):
         """Write a model file; the suffix says which kind: .toml, which holds all of it and which `partita.load` reads
         back to the last bit; .urdf, with a .yaml beside it where loops are closed; .mjcf or .xml (MuJoCo's MJCF).
 
-        Robots' formats carry bodies, joints, loops, springs of joints and couplers of two joints (docs/robots.md). What
-        is said otherwise there, and what they cannot carry, stands in the `Writing` that is returned; of the latter a
-        `LossyFileWarning` is given as well. Numbers are written with all their digits. Each file is there as a whole or
-        not at all.
+        Robots' formats contain bodies, joints, loops, springs of joints and couplers of two joints (docs/robots.md).
+        Changes and losses are listed in the `Writing` that is returned; for losses a `LossyFileWarning` is given as
+        well. Numbers are written with all their digits. Each file is written completely or not at all.
 
         Args:
             path: the file; an older one is replaced.

@@ -141,7 +141,7 @@ def asked(what: str, wanted: Any, model: CompiledModel) -> list[tuple[Any, list[
 
 
 def inputs_of(goals: list[Goal], model: CompiledModel) -> list[int] | None:
-    """Velocities whose coordinates the goals are, where they are as many as degrees of freedom; else None."""
+    """Velocities whose coordinates the goals are, if there are as many as degrees of freedom; else None."""
     names = model.velocity_names
     if len(goals) != model.mobility or any(goal[0] not in names for goal in goals):
         return None
@@ -153,7 +153,7 @@ def columns(
 ) -> tuple[list[Goal], NDArray[np.float64], dict[str, list[int]]]:
     """Goals and their values, a row for each pose; also the columns of each key.
 
-    Numbers stand for all poses; arrays of n (or n times as many as the key has numbers) for each one its own.
+    Numbers apply to all poses; arrays of n (or n times as many as the key has numbers) give one for each.
     """
     entries = asked(what, wanted, model)
     if not entries:

@@ -83,7 +83,7 @@ class Courses:
     - of an acceleration: acceleration u;
     - of a position: the cubic that ends at u with the mean rate (u - x) / h.
 
-    So positions and rates are continuous whatever is given, as a constraint must be (S3, S4).
+    So positions and rates are continuous for any input, as a constraint requires (S3, S4).
     """
 
     def __init__(self, inputs: Mapping[str, Input], model: CompiledModel) -> None:

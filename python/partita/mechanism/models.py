@@ -14,7 +14,7 @@ from ..state import Layout
 
 
 class Modelled(Builder):
-    """A builder that keeps the models made of it until the description changes."""
+    """A builder that caches the models made of it until the description changes."""
 
     def __init__(self, name: str, gravity: Any, drawing_tolerance: float) -> None:
         super().__init__(name, gravity, drawing_tolerance)

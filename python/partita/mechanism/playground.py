@@ -30,8 +30,8 @@ def to_playground(
     """Write a page (one HTML file) on which the mechanism runs: change lengths, masses, springs, gravity and drives,
     pull at a link, and the motion is computed there and then, by the equations of the core.
 
-    Prefer it to `Result.to_html`, which shows one computed run with its reactions, where people shall try things: in
-    teaching, in a discussion of a design. The page loads nothing and needs neither Python nor a network.
+    Prefer it to `Result.to_html`, which shows one computed run with its reactions, for experiments: in teaching, or in
+    discussing a design. The page loads nothing and needs neither Python nor a network.
 
     Args:
         path: the file, such as "four-bar.html"; an older one is replaced.

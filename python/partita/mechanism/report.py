@@ -38,8 +38,8 @@ class _Section:
 
 
 class Report(str):
-    """What is worth knowing about a mechanism in one position. It is its own text; `markdown` has the same with
-    headings and tables, `to_dict()` the numbers and names.
+    """The report on a mechanism in one position. It is its own text; `markdown` has the same with headings and tables,
+    `to_dict()` the numbers and names.
 
     >>> import partita as pt
     >>> report = pt.catalogue.load("four-bar").report()
@@ -167,7 +167,7 @@ def _mobility(found: dict[str, Any], bodies: int) -> _Section:
         more = general - len(idle)
         lines.append(
             f"{_degrees(len(idle), 'Of these ')} idle: {_named(spins)}, which moves nothing else{_held(idle)}; "
-            f"{_degrees(more)} {'is' if more == 1 else 'are'} left to the rest."
+            f"{_degrees(more)} {'remains' if more == 1 else 'remain'} for all other motion."
         )
     count = f"Gruebler's count is 6 x {bodies} - {rows} = {found['gruebler']}"
     if redundant:

@@ -144,10 +144,10 @@ class Stepper:
     def step(self, u: ArrayLike | Mapping[str, float] | None = None) -> State:
         """Advance by `dt` with the inputs `u`, and return the new state.
 
-        An effort is held over the step. A drive goes on from where it is, without a jump of its rate. That of a
-        velocity has a rate that changes linearly and is the one given at the end of the step, as in an FMU; the
-        position follows. That of an acceleration has the one given; its rate follows. That of a position is where it
-        was told at the end of the step, and has the mean rate of the step there.
+        An effort is constant over the step. A drive continues from its present position, without a jump of its rate.
+        For a velocity drive the rate changes linearly and has the given value at the end of the step, as in an FMU; the
+        position follows. For an acceleration drive the acceleration is the given one; its rate follows. For a position
+        drive the position has the given value at the end of the step, and the rate there is the mean rate of the step.
 
         Args:
             u: a number for each of `inputs`, in their order [N, N m; of drives what they prescribe: m, rad, m/s, ...];
@@ -195,9 +195,9 @@ class Stepper:
     def show(self, *, shapes: Mapping[str, Any] | None = None, host: str = "127.0.0.1", port: int = 8080) -> LiveView:
         """A page in the browser, or in the notebook, that follows the stepper; needs the extra `live` (viser).
 
-        Bodies and joints are drawn as on the animated page of a run. Steps are sent as they are made, at most 60 in a
-        second of the wall clock, and the last one always; a step costs some microseconds more. A second call ends the
-        first page.
+        Bodies and joints are drawn as on the animated page of a run. Steps are sent as they are made, at most 60 per
+        second of real time, and the last one always; a step costs some microseconds more. A second call ends the first
+        page.
 
         Args:
             shapes: solids in the place of what is guessed, as `partita.viewer.html` takes them.

@@ -61,7 +61,7 @@ class Drawn:
     panel: Callable[[ResultView, Axes, Wanted], object] | None = None
     """How it is drawn into given axes; None for several panels."""
     over: bool = False
-    """Whether its abscissa may be something else than time."""
+    """Whether its abscissa may be other than time."""
 
 
 @dataclass(frozen=True)

@@ -64,7 +64,7 @@ def _asked(result: ResultView, points: Any) -> dict[str, FloatArray]:
 
 
 def _plane(points: FloatArray) -> tuple[FloatArray, FloatArray, tuple[str, str]]:
-    """The two directions in which paths spread most: world axes where these do, else directions of their own."""
+    """The two directions in which paths spread most: world axes if these do, else other directions."""
     points = points[np.isfinite(points).all(axis=1)]
     _, extent, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
     normal = axes[2] if len(axes) > 2 else np.array([0.0, 0.0, 1.0])

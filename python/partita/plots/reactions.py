@@ -28,7 +28,7 @@ def draw_reactions(result: ResultView, canvas: Canvas, x: Abscissa | None = None
 
 
 def carries(result: ResultView, key: str) -> bool:
-    """Whether any joint carries a force, or a moment, that is more than rounding."""
+    """Whether any joint has a force, or a moment, above rounding."""
     if not result.names.joints:
         return False
     most, force = (float(np.nanmax(np.abs(result.reactions[what]), initial=0.0)) for what in (key, "force"))
@@ -38,8 +38,8 @@ def carries(result: ResultView, key: str) -> bool:
 def draw_loads(result: ResultView, ax: Axes, key: str, x: Abscissa | None = None) -> str:
     """|force| or |moment| of the most loaded joints in one panel, with a note on those that are not unique.
 
-    A joint is marked only where a part of its load that redundant constraints leave open carries something, and only
-    where other joints do not: a star on every line would say nothing.
+    A joint is marked only where an indeterminate part of its load is nonzero, and only if other joints are not: a star
+    on every line would have no meaning.
     """
     x = x or abscissa(result, None)
     part, title, label = PARTS[key]

@@ -40,9 +40,9 @@ class CouplingResult(_Efforts):
     """The effort of one coupling.
 
     `effort` (nt, rows) is the multiplier of each of its conditions: for a gear, rack or coupler the torque or force on
-    a coordinate whose factor is 1 (on others, times their factors); of a rolling contact the force on what rolls along
-    the normal, and along two directions in the plane. `determined` (rows,) and `determined_at` (nt, rows) tell which
-    are unique; the others go with the reactions that the rule for redundant joints chooses (docs/reactions.md).
+    a coordinate whose factor is 1 (on others, times their factors); for a rolling contact the force on the rolling body
+    along the normal, and along two directions in the plane. `determined` (rows,) and `determined_at` (nt, rows) state
+    which are unique; the others belong to the reactions that the rule for redundant joints chooses (docs/reactions.md).
 
     Attributes:
         name, kind: of the coupling.

@@ -116,7 +116,7 @@ class Record:
 
 
 def _pair(values: Sequence[float | None] | None) -> tuple[float, float]:
-    """Two numbers; nothing where a file does not know them, infinite where a file could not hold them."""
+    """Two numbers; empty where a file does not contain them, infinite where a file cannot represent them."""
     one, other = (0.0, 0.0) if values is None else values
     return (float("inf") if one is None else float(one), float("inf") if other is None else float(other))
 

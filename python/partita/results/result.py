@@ -105,7 +105,7 @@ class Result(Run):
     def to_pandas(self) -> pandas.DataFrame:
         """One row per output, one column per number, indexed by time; `df.attrs["units"]` has the units.
 
-        Columns are those of `save("x.csv")`: what people look at first, then rotation matrices, flags and the rest.
+        Columns are those of `save("x.csv")`: the most used first, then rotation matrices, flags and the rest.
         `MissingDependencyError` without pandas.
         """
         from .table import to_pandas

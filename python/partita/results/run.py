@@ -235,7 +235,7 @@ class Run:
         return EnergyResult(found["kinetic"], found["potential"], self._record.arrays["work"])
 
     def joint(self, name: str) -> JointResult:
-        """Motion and reaction of the joint `name`, tree or cut alike.
+        """Motion and reaction of the joint `name`, in the tree or cut.
 
         Raises `UnknownNameError` with the nearest names. Its quantities are computed on access, for this joint
         alone.

@@ -75,7 +75,7 @@ class Column:
 
 def columns(content: Content) -> list[Column]:
     """Columns of the table, time first: `q.A`, `v.A`, `joint.A.force.x`, `body.crank.position.x`, ...; of all arrays,
-    those that people look at first."""
+    the most used first."""
     values = {v.name: v.values for v in content.variables}
     return [Column(name, unit, _picked(values, array, at)) for name, unit, array, at in _plan(content.header())]
 

@@ -54,7 +54,7 @@ class Tables(Mapping[str, NDArray[Any]]):
 
     @property
     def notes(self) -> list[str]:
-        """Notes about outputs in which something is not determined."""
+        """Notes about outputs with undetermined quantities."""
         try:
             self["closure"]
         except Exception as error:  # of a user's function, which may have ended the run as well

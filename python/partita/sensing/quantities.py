@@ -133,7 +133,7 @@ def measured(signals: Signals, measure: Data, reads: str) -> Array:
 
 
 def _axis(signals: Signals, body: str, axis: Any, reads: str) -> list[Array]:
-    """A unit axis of a body and its derivatives, as many as are needed."""
+    """A unit axis of a body and the required number of its derivatives."""
     at = signals.body(body)
     unit = np.asarray(axis, dtype=float)
     found = [_turned(at.rotation, unit / np.linalg.norm(unit))]

@@ -8,8 +8,8 @@ Where a number with a dimension is expected, text with a unit is taken as well, 
 >>> m.to_spec()["bodies"][0]["shape"]["length"]
 0.25
 
-The same number comes of it however it is said: it is read as a decimal, multiplied exactly and rounded once; of degrees
-it is what `math.radians` makes. What has another dimension is refused. A bare number is one in SI.
+Every way of giving a quantity yields the same number: it is read as a decimal, multiplied exactly and rounded once; for
+degrees it equals `math.radians`. Other dimensions are refused. A bare number is in SI.
 
 A constant is the size of its unit in SI, so that a multiplication converts in and a division converts out:
 

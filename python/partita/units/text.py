@@ -3,8 +3,8 @@
     quantity := [+-] factor { [*] factor | / factor }
     factor   := (number | unit | "(" product ")") [ ^ exponent ]
 
-A space multiplies. Behind "/" and a unit nothing but another "/" may follow: "N/m s" is read differently by different
-people, so brackets are asked for. Numbers are read as the decimals that they are, without rounding.
+A space multiplies. After "/" and a unit only another "/" may follow: "N/m s" is ambiguous, so brackets are required.
+Numbers are read as decimals, without rounding.
 """
 
 from __future__ import annotations

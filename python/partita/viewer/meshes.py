@@ -100,7 +100,8 @@ def simplified(points: FloatArray, faces: NDArray[np.int_], most: int) -> tuple[
 
 
 def _clustered(points: FloatArray, faces: NDArray[np.int_], cell: float) -> tuple[FloatArray, NDArray[np.int_]]:
-    """Corners by cells of a grid, `cell` in parts of the extent; triangles that become lines, or twins, are gone."""
+    """Vertices merged by cells of a grid, `cell` relative to the extent; triangles that become lines, or duplicates,
+    are removed."""
     extent = float(np.ptp(points, axis=0).max()) or 1.0
     keys = np.floor((points - points.min(axis=0)) / (cell * extent)).astype(np.int64)
     _, of = np.unique(keys, axis=0, return_inverse=True)

@@ -48,9 +48,9 @@ def html(
 
     A run of a user-defined `System` has no bodies: its page shows coordinates and read-outs only.
 
-    Raises `ArgumentError` for a result without a single output and for a shape or a point that is not as said,
-    `UnknownNameError` with the nearest names for another body, `MissingFileError` and `FileFormatError` for a mesh that
-    is not there or cannot be read. Costs O(outputs x bodies).
+    Raises `ArgumentError` for a result without a single output and for an invalid shape or point, `UnknownNameError`
+    with the nearest names for another body, `MissingFileError` and `FileFormatError` for a mesh that does not exist or
+    cannot be read. Costs O(outputs x bodies).
     """
     checked_run(result)
     if title is not None and not isinstance(title, str):

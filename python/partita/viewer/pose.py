@@ -174,7 +174,7 @@ class Pose:
 
 
 def corners(part: Mapping[str, Any], wider: float = 1.0) -> FloatArray:
-    """Points of a solid in body axes that hold it in the picture (n, 3)."""
+    """Points of a solid in body axes that bound it in the picture (n, 3)."""
     kind = part.get("kind")
     if kind == "mesh":
         points = np.reshape(part["points"], (-1, 3))

@@ -333,7 +333,7 @@ struct Straight<'a, 'm> {
     continuation: &'a mut Continuation<'m>,
     from: &'a [f64],
     to: &'a [f64],
-    /// Values of the goals at the position last taken.
+    /// Values of the goals at the last accepted position.
     kept: Vec<f64>,
     /// Whether the conditions are evaluated at the position that was closed last.
     is_fresh: bool,

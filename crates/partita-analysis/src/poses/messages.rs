@@ -14,7 +14,7 @@ pub(super) fn listed(words: &[String]) -> String {
     }
 }
 
-/// A length and an angle, as far as there are any.
+/// A length and an angle, where they exist.
 pub(super) fn gap(length: f64, angle: f64) -> String {
     match (length > 0.0, angle > 0.0) {
         (true, true) => format!("{} m and {} rad", formatted(length), formatted(angle)),

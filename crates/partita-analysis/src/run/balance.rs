@@ -21,7 +21,7 @@ const ENERGY_MARGIN: f64 = 100.0;
 /// singular positions.
 const ENERGY_FLOOR: f64 = 1e-8;
 /// Energy errors that no tolerance, however loose, and no fixed step excuses. Scale: fraction of the energy exchanged.
-/// Reason: a twentieth is seen in every figure.
+/// Reason: a twentieth is visible in every figure.
 const ENERGY_TAKEN: f64 = 5e-2;
 /// Energy errors that invalidate a run; with loose tolerances, ten times what these explain. Scale: fraction of the
 /// energy exchanged. Reason: a hundredth is no longer an error of rounding or of steps.

@@ -28,7 +28,7 @@ pub fn ldlt_straight<T: Scalar>(a: &mut [T], n: usize) {
     }
 }
 
-/// `accept(i, pivot, reference)` may stop; the reference is the largest term the pivot is left over from.
+/// `accept(i, pivot, reference)` may stop; the reference is the largest term from which the pivot was computed.
 #[inline(always)]
 fn factored<T: Scalar, E>(a: &mut [T], n: usize, accept: impl Fn(usize, T, T) -> Result<(), E>) -> Result<(), E> {
     for i in 0..n {

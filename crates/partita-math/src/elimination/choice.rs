@@ -84,7 +84,7 @@ struct Remainder {
     /// Number of live rows in each column.
     col_count: Vec<usize>,
     row_live: Vec<bool>,
-    /// Largest entry of each row now, and at the beginning.
+    /// Largest entry of each row at present, and at the beginning.
     row_max: Vec<f64>,
     reference: Vec<f64>,
     level: usize,

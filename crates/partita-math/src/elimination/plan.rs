@@ -60,7 +60,7 @@ pub enum PlanError {
 pub struct PivotShrunk {
     /// The step of the elimination.
     pub step: usize,
-    /// The pivot now.
+    /// The present pivot.
     pub pivot: f64,
     /// Its magnitude when the plan was made.
     pub reference: f64,

@@ -91,7 +91,7 @@ impl<G: Space> Rolling<G> {
         G::dot(x.gap, x.n) - self.radius * x.s
     }
 
-    /// Directions of the rows now.
+    /// Present directions of the rows.
     fn directions(&self, contact: Contact, s: &TreeScratch<G>) -> [G::Vec; 2] {
         let ra = &s.links[self.links[0]].rot;
         match contact {

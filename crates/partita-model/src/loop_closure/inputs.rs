@@ -31,8 +31,8 @@ struct Candidate {
     rank: (u8, u8, usize),
 }
 
-/// Inputs first taken: of joints that something drives or turns, then at the ground, then others; the spin of a link
-/// between two balls after them.
+/// Inputs first taken: of joints that are driven or loaded, then at the ground, then others; the spin of a link between
+/// two balls after them.
 fn candidates(model: &Model, graph: &Graph) -> Vec<usize> {
     let loaded = |j: Option<usize>| {
         j.is_some_and(|j| {

@@ -118,7 +118,8 @@ impl RowMeasures<'_> {
 }
 
 /// Largest closure error of each closing row under a large displacement: 1 for rotations; for displacements the longest
-/// lever arm between the closing point and the joints of its loop, or the characteristic length where something slides.
+/// lever arm between the closing point and the joints of its loop, or the characteristic length where there is a
+/// translation.
 fn closing_displacements<G: Space>(tree: &Tree<G>, placed: &Placed) -> Vec<f64> {
     let mut displacements = Vec::with_capacity(tree.rows);
     for k in &tree.closings {

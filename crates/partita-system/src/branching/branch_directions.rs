@@ -36,7 +36,7 @@ const BESIDE_DEAD_CENTRE: f64 = 1e-4;
 /// exceed rounding, fourth powers are a hundredth of them.
 const THIRD_ORDER_MOVE: f64 = 0.03;
 
-/// The rate of something read off the mechanism: `row · v` is to be `rate`.
+/// The rate of a measurement of the mechanism: `row · v` must be `rate`.
 #[derive(Clone, Debug)]
 pub struct Asked {
     /// Its name.
@@ -89,7 +89,7 @@ struct Fit {
     v: Vec<f64>,
     /// The largest rate missed by, in characteristic displacements.
     miss: f64,
-    /// Velocities that the rates leave open.
+    /// Velocities that the rates leave free.
     open: Vec<Vec<f64>>,
 }
 

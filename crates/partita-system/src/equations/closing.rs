@@ -92,7 +92,7 @@ impl<'e, E: Equations> UserClosing<'e, E> {
         for (i, &row) in rows.iter().enumerate() {
             let line = &mut self.factor[i * m..(i + 1) * m];
             line.iter_mut().zip(unknown).for_each(|(x, &j)| *x = self.c[row * n + j]);
-            // brought to length 1, so that the determinant is the volume
+            // scaled to length 1, so that the determinant is the volume
             let length = dense::dot(line, line).sqrt();
             line.iter_mut().for_each(|x| *x /= length);
         }

@@ -302,7 +302,7 @@ fn listed(v: &[f64]) -> String {
     format!("({}{})", first.join(", "), if v.len() > 6 { ", ..." } else { "" })
 }
 
-/// Velocities with `C w + a = 0` next to irregular ones that go one length in `time`.
+/// Velocities with `C w + a = 0` next to irregular ones that cover one length in `time`.
 fn admissible(given: &Given, lengths: &[f64], time: f64, tried: usize) -> Vec<f64> {
     let n = lengths.len();
     let irregular = |j: usize| (1.3 + 2.7 * j as f64 + 1.9 * tried as f64).sin();

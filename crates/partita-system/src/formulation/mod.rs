@@ -158,7 +158,7 @@ impl Sample {
     /// An output with everything that `formulation` provides; `events` are those of the run.
     ///
     /// # Errors
-    /// Where something cannot be evaluated. What is not determined at a singular position is NaN, with a `note`.
+    /// Where something cannot be evaluated. Undetermined quantities at a singular position are NaN, with a `note`.
     pub fn of<F: Formulation + ?Sized>(
         formulation: &mut F,
         output: &Output,

@@ -102,7 +102,7 @@ pub trait Residuals {
 /// The linear step that closes [`Residuals`], where they were last evaluated.
 ///
 /// The loop calls [`evaluate`](Residuals::evaluate), then [`solve`](Self::solve), [`length`](Self::length),
-/// [`scale`](Self::scale) and [`advance`](Self::advance). Positions are whatever `advance` moves.
+/// [`scale`](Self::scale) and [`advance`](Self::advance). Positions are of any type that `advance` can move.
 pub trait Linearization: Residuals {
     /// The linear step at q, for the parts in progress. False: next to a singular position no step reduces the
     /// residual, which is round-off.

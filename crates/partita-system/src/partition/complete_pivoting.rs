@@ -7,8 +7,8 @@
 use partita_math::dense::Matrix;
 use partita_math::tolerance;
 
-/// The n − r velocities left over, ascending, and the last pivot over the first one. `None`: C has less than `rank`
-/// pivots that are not zero. Ties go to the first row, then the lower column. Cost: m n r.
+/// The n − r remaining velocities, ascending, and the last pivot over the first one. `None`: C has fewer than `rank`
+/// nonzero pivots. Ties go to the first row, then the lower column. Cost: m n r.
 pub fn choose(c: &Matrix, rank: usize) -> Option<(Vec<usize>, f64)> {
     let (m, n) = (c.rows(), c.cols());
     let mut x = c.clone();

@@ -60,7 +60,7 @@ pub enum Advice {
     Back {
         /// When it is expected.
         zero: f64,
-        /// Where to go back to.
+        /// State to return to.
         to: f64,
     },
 }
@@ -75,8 +75,7 @@ impl Crossing {
     /// Shorter steps do not cross. Scale: fraction of the usual step. Reason: stages of so short a step all lie next to
     /// the position.
     const CREEPING: f64 = 0.02;
-    /// Where to go back to before the position. Unit: fraction of the usual step. Reason: the middle of a crossing
-    /// step.
+    /// State to return to before the position. Unit: fraction of the usual step. Reason: the middle of a crossing step.
     const STEP_BACK: f64 = 0.3;
     /// Lengths of a crossing step to try. Unit: multiples of the best. Reason: stages lie elsewhere with each.
     const CROSSING_LENGTHS: [f64; 6] = [1.0, 1.25, 1.12, 0.9, 1.5, 1.06];
@@ -153,7 +152,7 @@ impl Crossing {
         self.tries += 1;
     }
 
-    /// Where to go back to before the position at `zero`; none where that was tried often enough.
+    /// State to return to before the position at `zero`; none where that was tried often enough.
     pub fn back(&self, zero: f64) -> Option<f64> {
         // each time from farther away
         let far = Self::STEP_BACK * (1.0 + self.tries as f64 / 2.0);
@@ -189,7 +188,7 @@ impl Crossing {
         }
         (pace.floor, pace.limit) = (0.0, 1.0);
         let Some(zero) = self.expected else {
-            // leaving: as long as it is as close behind as a usual step, the estimate is not to be trusted yet
+            // moving away: until it is as far behind as a usual step, the estimate is not reliable
             let leaving = self.times.last().is_some_and(|passed| t - passed < 2.0 * self.usual);
             if leaving {
                 pace.floor = tolerance::SINGULAR_ROUNDING;
@@ -216,7 +215,7 @@ impl Crossing {
         let mut sure = true;
         if planned <= Self::CROSSING_STEP * self.usual {
             if matches!(probe(ahead), Probe::Distance(there) if there > CONFIRMED * distance) {
-                // what fell was something else; look again from here
+                // another quantity decreased; examine again from here
                 self.before = [None; 2];
                 self.expected = None;
                 return Advice::Free;

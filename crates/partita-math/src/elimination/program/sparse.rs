@@ -7,7 +7,7 @@ use std::collections::BinaryHeap;
 /// Memory of [`Plan::solve_transposed_sparse`](crate::elimination::Plan::solve_transposed_sparse), reused.
 #[derive(Clone, Debug, Default)]
 pub struct SparseRoom {
-    /// Value of each unknown, and the sum of the magnitudes it is made of; zero between two solutions.
+    /// Value of each unknown, and the sum of the magnitudes of its terms; zero between two solutions.
     value: Vec<f64>,
     magnitude: Vec<f64>,
     waits: Vec<bool>,

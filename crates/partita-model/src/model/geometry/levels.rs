@@ -41,7 +41,7 @@ pub(super) struct Fit {
 pub(super) struct Seen {
     pub(super) fine: usize,
     pub(super) coarse: usize,
-    /// Degrees of freedom where all conditions are independent: then the drawing moves as it is.
+    /// Degrees of freedom where all conditions are independent: then the drawing moves without repair.
     pub(super) regular: Option<usize>,
     /// Those of the whole, if it is not attached.
     pub(super) afloat: usize,

@@ -105,7 +105,7 @@ impl CrossingMonitor {
 }
 
 impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> Motion<'s, S, T, P> {
-    /// How far from singular the mechanism will be so far ahead of the state (t, y), by the plan of now.
+    /// Distance from a singular position at this time after the state (t, y), by the present plan.
     pub(super) fn probe(&mut self, t: f64, y: &[f64], ahead: f64) -> Probe {
         // where a drive leads to the limit of a loop nothing lies beyond
         if (P::CLOSED && self.k == 0) || self.evaluate(t, y).is_err() {

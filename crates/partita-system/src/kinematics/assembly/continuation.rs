@@ -79,7 +79,7 @@ impl<S: ConstrainedSystem> Curve for Towards<'_, '_, S> {
 /// `tolerance` as in [`close`].
 ///
 /// # Errors
-/// With the value reached when the mechanism cannot go there.
+/// With the value that was reached if the mechanism cannot reach the target.
 pub fn move_to<S: ConstrainedSystem>(
     system: &S,
     t: f64,
