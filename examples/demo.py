@@ -103,7 +103,7 @@ def switches(result: Result) -> list[str]:
     gain = float(np.max(np.delete(result.measure, result.independent[0], axis=1) / own))
     return wrapped(
         f"Switches during the run: none. At no output was another coordinate more than {gain:.2f} times as mobile as "
-        f"the chosen one; they change places beyond {threshold:g}."
+        f"the chosen one; they are switched beyond {threshold:g}."
     )
 
 
@@ -124,7 +124,7 @@ def certificate(result: Result) -> list[str]:
     """Worst values over all outputs."""
     found = result.certificate
     rows = (
-        ("closure", found.closure, "largest opening of a loop [m, rad]"),
+        ("closure", found.closure, "largest closure error [m, rad]"),
         ("velocity closure", found.velocity_closure, "its rate [m/s, rad/s]"),
         ("energy balance", found.energy_balance, f"relative to the {result.energy.scale:.3g} J exchanged"),
         ("Newton-Euler", found.newton_euler, "residual with the joint reactions, over the largest force"),

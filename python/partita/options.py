@@ -86,7 +86,7 @@ def options(
     same. Raises `ArgumentError`."""
     if not isinstance(events, Sequence) or len(events) > 0:
         raise ArgumentError(
-            "this version does not offer events; simulate without them and look for the instant in the outputs",
+            "this version does not offer events; simulate without them and find the instant in the outputs",
             argument="events",
         )
     asked = (

@@ -61,7 +61,7 @@ def _mechanism(name: str, folder: Path, live: Path) -> str:
         ("degrees of freedom", str(summary["mobility"])),
         ("redundant conditions", str(len(summary["removed"]))),
         ("run", f"{entry.duration:g} s, {run.certificate.verdict}"),
-        ("largest opening of a loop", f"{run.certificate.closure:.1e}"),
+        ("largest closure error", f"{run.certificate.closure:.1e}"),
     ]
     if run.certificate.energy_balance is not None:
         facts.append(("energy balance", f"{run.certificate.energy_balance:.1e}"))

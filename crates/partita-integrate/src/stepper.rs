@@ -140,7 +140,7 @@ pub trait Stepper<E: Display>: StepControl {
     /// The state at `t` inside the concluded step, into `out`; exact at both ends, corrections included.
     ///
     /// # Errors
-    /// [`StepFailure::Interpolation`] if what dense output needs beside the step cannot be evaluated.
+    /// [`StepFailure::Interpolation`] if an additional stage of dense output cannot be evaluated.
     ///
     /// # Panics
     /// If `out` has not the dimension that the stepper was made for.

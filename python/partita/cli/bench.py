@@ -16,7 +16,7 @@ from .models import length_of, open_model, start_of
 from .printing import print_json
 
 REFERENCE = 100.0
-"""Tightening of the reference run relative to the tightest row; not below rtol 1e-13."""
+"""Factor by which the reference run is tighter than the tightest row; not below rtol 1e-13."""
 TIGHTEST = 1e-13
 ATOL = 1e-2
 """Absolute over relative tolerance, as in the defaults of `simulate`."""

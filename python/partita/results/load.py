@@ -125,7 +125,7 @@ def _check_version(path: Path, version: Any) -> None:
 def _check_seal(path: Path, content: bytes | dict[str, bytes], name: str) -> None:
     sound = intact_folder(content) if isinstance(content, dict) else intact(content)
     if sound is None:
-        raise _bad(path, f"it is not a result in {name} as it was saved: there is no checksum in it")
+        raise _bad(path, f"it is not a result in {name} as saved by Partita: it contains no checksum")
     if not sound:
         raise _bad(
             path,

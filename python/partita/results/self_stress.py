@@ -27,7 +27,7 @@ class SelfStresses:
         wrenches: force and moment of each joint on its child about the joint's point, world axes (s, nj, 6).
         drives: names of the drives.
         efforts: effort of each drive (s, drives).
-        length: what moments are divided by [m].
+        length: the length by which moments are divided [m].
     """
 
     joints: tuple[str, ...]

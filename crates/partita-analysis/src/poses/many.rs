@@ -63,7 +63,7 @@ pub struct Poses {
     pub detour: Vec<bool>,
     /// Why the others were not assembled: number and sentence.
     pub reasons: Vec<(usize, String)>,
-    /// Blocks of loops with their signs on this branch, where closed forms served.
+    /// Blocks of loops with their signs on this branch, where closed forms were used.
     pub branch: Option<Vec<(String, i8)>>,
 }
 

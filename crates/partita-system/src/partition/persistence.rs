@@ -118,7 +118,7 @@ impl Persistence {
         }
     }
 
-    /// The switch to make now, with `rows` those of the present choice. Cost: n k for each stored instant.
+    /// The switch to be made, with `rows` those of the present choice. Cost: n k for each stored instant.
     pub fn propose(&self, t: f64, rows: &[f64]) -> Option<Proposal> {
         let (n, k) = (rows.len() / self.independent.len().max(1), self.independent.len());
         let pairs = || (0..n).filter(|i| !self.independent.contains(i)).flat_map(|i| (0..k).map(move |j| (i, j)));

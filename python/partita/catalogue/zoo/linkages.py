@@ -83,7 +83,7 @@ def shaper(m: Mechanism) -> None:
     linkage(m, points, links, ground="A D", slides=slides)
 
 
-@member(MEMBERS, "scotch-yoke", "Scotch yoke: turning becomes a pure sine",
+@member(MEMBERS, "scotch-yoke", "Scotch yoke: rotation becomes a purely sinusoidal translation",
         planar(3, 4, REULEAUX), rates={"A": 9.0})  # fmt: skip
 def scotch_yoke(m: Mechanism) -> None:
     """The block on the crank pin slides across the yoke, the yoke along the ground."""
