@@ -26,7 +26,7 @@ FEW = np.pi / 3.0
 
 
 def turn_between_outputs(result: ResultView) -> tuple[str, float]:
-    """The first coordinate of those that turn farthest between outputs and its usual step [rad]; ("", 0.0): none turns.
+    """The coordinate that rotates farthest between outputs, and its usual step [rad]; ("", 0.0) if none rotates.
 
     The usual step is the median over the run. Beyond `FEW` a line from output to output would show a slower motion than
     there was, as a film shows the wheels of a coach.

@@ -171,8 +171,8 @@ SIDECARS = {
     "a: 1\n---\nb: 2\n": ("another document", 2),
     "\ngravity: [.nan, 0, 0]\n": ("three finite numbers", 2),
     "\tclosed_loop: []\n": ("not YAML", 1),
-    "42\n": ("holds no keys", None),
-    "": ("holds no keys", None),
+    "42\n": ("contains no keys", None),
+    "": ("contains no keys", None),
 }
 
 

@@ -71,7 +71,7 @@ def test_a_loop_moves_as_its_urdf(tmp_path: Path) -> None:
     read = loaded(tmp_path, model(CLOSED + CONNECT.format("C2", 0.2)))
     other = pt.load(written(tmp_path, tree(LOOP)))
     assert [j["kind"] for j in read.compile().summary["joints"] if j["name"] == "C"] == ["revolute"]
-    assert "C and C2 hold points of a line: a hinge" in str(read.reading)
+    assert "C and C2 join points of a line: a hinge" in str(read.reading)
     a, b = (m.simulate(1.0, initial=m.assemble(rates={"A": 2.0}), rtol=1e-11, atol=1e-13) for m in (read, other))
     assert a.success and b.success
     for joint in ("A", "B", "D"):

@@ -466,7 +466,7 @@ def test_a_bad_sensor_in_a_file_is_reported_with_its_line(tmp_path: Path, text: 
     ("add", "words"),
     [
         (lambda m: m.add_sensor("tip", "A", "position"), "already a sensor of this name"),
-        (lambda m: m.add_sensor("x", "A"), "say what it reads of the joint: position"),
+        (lambda m: m.add_sensor("x", "A"), "quantity to read of the joint: position"),
         (lambda m: m.add_sensor("x", "A", "angle"), "must be one of"),
         (lambda m: m.add_sensor("x", "A", "position", coordinate=1), "integer, 0"),
         (lambda m: m.add_sensor("x", "A", "position", axes="joint"), "not a vector"),
@@ -474,7 +474,7 @@ def test_a_bad_sensor_in_a_file_is_reported_with_its_line(tmp_path: Path, text: 
         (lambda m: m.add_sensor("x", ("rod", (1, 0, math.nan)), "position"), "NaN"),
         (lambda m: m.add_sensor("x", ("rod", ("1 kg", 0, 0)), "position"), "the point is a length"),
         (lambda m: m.add_sensor("x", m.sensors["tip"] * "2 mm"), "no sensor '2 mm'"),
-        (lambda m: m.add_sensor("x", m.add_sensor("y", "A", "velocity"), "position"), "expression says all"),
+        (lambda m: m.add_sensor("x", m.add_sensor("y", "A", "velocity"), "position"), "expression is complete"),
         (lambda m: m.add_sensor("x", pendulum().add_sensor("y", "A", "velocity")), "belongs to the mechanism"),
         (lambda m: m.add_sensor("x", ["tip"], function=3), "must be a function"),
         (lambda m: m.add_sensor("x", 3.0), "cannot read"),

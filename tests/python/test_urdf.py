@@ -267,7 +267,7 @@ def test_circles_and_crowds_end_in_one_sentence(tmp_path: Path) -> None:
         ("closed_loop: [[here]]\n", "pairs of frames"),
         ("closed_loop: [[here, there]]\ntype: []\n", "one for each closed loop"),
         ("a: [1\n", "not YAML"),
-        ("- 1\n", "holds no keys"),
+        ("- 1\n", "contains no keys"),
         ("a: &x [1]\nb: *x\n", "alias"),
     ],
 )

@@ -330,7 +330,7 @@ BESIDE = {
     "springs: 3\n": "must be a list",
     "springs: [3]\n": 'names a joint, or the points "from" and "to"',
     "springs: [{joint: A, stiffness: 1.0}]\n": "has no name",
-    "springs: [{name: s, joint: A, force: 1.0}]\n": "has force; it knows",
+    "springs: [{name: s, joint: A, force: 1.0}]\n": "has force; its keys are",
     "springs: [{name: s, joint: A, stiffness: .inf}]\n": "not a finite number",
     "springs: [{name: s, joint: A, stiffness: true}]\n": "not a finite number",
     "springs: [{name: s, joint: A}, {name: s, joint: B}]\n": "appears twice",

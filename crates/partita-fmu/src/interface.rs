@@ -66,7 +66,7 @@ fn log(logger: Option<Logger>, environment: *mut c_void, name: &CStr, status: c_
     }
 }
 
-/// What went wrong, and how badly.
+/// An error and its severity.
 struct Failed(c_int, String);
 
 impl From<String> for Failed {

@@ -188,7 +188,7 @@ fn persists<S: ConstrainedSystem>(
 ) -> Result<(), SystemError> {
     if start.gap < tolerance::RANK_GAP {
         let message = format!(
-            "the rank of the constraints is not clear, the last row kept has the squared sine {:.2e}, the first one \
+            "the rank of the constraints is not clear: the last row kept has the squared sine {:.2e}, the first one \
              dropped {largest_dropped:.2e} (of {}); start a little away from it, or give the joint positions with \
              all digits",
             start.smallest,
@@ -319,7 +319,7 @@ pub fn choose_partition<S: ConstrainedSystem>(
             return Err(SystemError::argument(
                 "independent",
                 format!(
-                    "{} independent coordinates were asked for, but the mechanism has {} degrees of freedom; name as \
+                    "{} independent coordinates were requested, but the mechanism has {} degrees of freedom; name as \
                  many, or none",
                     fixed.len(),
                     r.k()

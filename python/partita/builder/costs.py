@@ -47,8 +47,8 @@ def _numbers(what: str, value: Any, axes: int) -> Array:
         raise ArgumentError(f"{what} must be an array of numbers, not {shown(value)}", argument=what) from error
     if array.ndim != axes or not np.isfinite(array).all():
         raise ArgumentError(
-            f"{what} has shape {array.shape}; it must hold {'a row' if axes == 2 else 'a number'} for each state, all "
-            "finite",
+            f"{what} has shape {array.shape}; it must contain {'a row' if axes == 2 else 'a number'} for each state, "
+            f"all finite",
             argument=what,
         )
     return array

@@ -176,7 +176,7 @@ def add_torque(
         periodic=switch(element, "periodic", periodic),
     )
     if record.over is None and record.periodic:
-        element.fail("periodic belongs to a table over a coordinate; say over=")
+        element.fail("periodic applies to a table over a coordinate; give over=")
     if record.over is not None:
         if not isinstance(record.value, Table):
             element.fail("over= belongs to a table (x, values); a function can read the state itself")

@@ -37,7 +37,7 @@ def rotation(element: Element, what: str, value: Any) -> Array:
         return np.eye(3)
     if is_rotation(value):
         if not value.single:
-            element.fail(f"{what} holds {len(value)} rotations; give one, for instance {what}[0]")
+            element.fail(f"{what} contains {len(value)} rotations; give one, for instance {what}[0]")
         return _orthonormal(element, what, np.asarray(value.as_matrix(), dtype=float))
     if shape_of(value) == (4,):
         return _from_quaternion(element, what, vector(element, what, value, size=4))

@@ -142,7 +142,7 @@ def _parts(element: Element, given: Any, slides: int) -> tuple[Any, ...]:
 def _each(element: Element, turns: Any) -> list[Any]:
     if is_rotation(turns):
         if turns.single:
-            element.fail("orientations holds one rotation; give one for each time")
+            element.fail("orientations contains one rotation; give one for each time")
         return list(turns)
     if shape_of(turns) is None or len(shape_of(turns) or ()) < 2:
         element.fail(f"orientations must be a list of rotations, not {shown(turns)}")

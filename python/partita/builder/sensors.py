@@ -198,7 +198,7 @@ def add_sensor(
         given = {"reads": reads, "axes": axes, "coordinate": coordinate}
         more = next((what for what, value in given.items() if value is not None), None)
         if more is not None:
-            element.fail(f"{more} is of things that are measured; an expression says all by itself")
+            element.fail(f"{more} applies to measured quantities; an expression is complete by itself")
     else:
         _complete(self, element, data, reads, axes, coordinate)
     self._description.store(self._description.sensors, SensorRecord(element.name, data, unit, text, function))
@@ -338,7 +338,7 @@ def _complete(m: Drawing, element: Element, data: dict[str, Any], reads: Any, ax
     """Add the quantity that is read, and its direction, if the object has it."""
     form = data.get("form", data["of"])
     if reads is None:
-        element.fail(f"say what it reads of the {data['of']}: {', '.join(READS[form])}")
+        element.fail(f"give the quantity to read of the {data['of']}: {', '.join(READS[form])}")
     data["reads"] = choice(element, "reads", reads, READS[form])
     if data["of"] == "drive" and "measure" not in data and data["reads"] == "power":
         element.fail(

@@ -54,7 +54,7 @@ def simulate(arguments: argparse.Namespace) -> int:
         for path in written:
             print(f"wrote {path}")
     if result.certificate.verdict == "suspect":
-        print("partita: the result is suspect; its certificate says why", file=sys.stderr)
+        print("partita: the result is suspect; see its certificate", file=sys.stderr)
     if result.success:
         return 0
     if result.status == "invalid":

@@ -299,7 +299,7 @@ class _Reader:
         robot.loops.append(Loop(first.name, kind, ends[0], ends[1], first.at, np.array([1.0, 0.0, 0.0])))
         if count:
             names, what = " and ".join(x.name for x in held), ("", "a line: a hinge", "a plane: a weld")[min(count, 2)]
-            self.said(robot.reading.changed, first.at, f"{names} hold points of {what}, {first.name}")
+            self.said(robot.reading.changed, first.at, f"{names} join points of {what}, {first.name}")
 
     def tie(self, i: int, name: str, at: Element) -> None:
         """A joint that follows another one: y = a0 + a1 x + ..., both relative to the drawn position."""

@@ -83,7 +83,7 @@ class _Writer:
         tendons = [line for f in d.forces.values() if isinstance(f, SpringRecord) for line in self.spring(f)]
         bodies = self.bodies(carried)
         for joint, coordinate in self.springs:
-            report.dropped.append(f"spring of coordinate {coordinate} of joint {joint}, which holds points")
+            report.dropped.append(f"spring of coordinate {coordinate} of joint {joint}, which joins points")
         leftovers(d, report, (SpringRecord, TorsionSpringRecord))
         if d.drawing_tolerance != DRAWING_TOLERANCE:
             report.dropped.append(f"the drawing tolerance {d.drawing_tolerance:g}")

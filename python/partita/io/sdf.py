@@ -191,7 +191,7 @@ class _Reader:
         for tag in ("parent", "child"):
             link = self.carrier(self.word(item, tag), item)
             if link not in self.made.links and link != "world":
-                item.fail(f"has a {tag} that moves with no link")
+                item.fail(f"has a {tag} that is attached to no link")
             ends.append(link)
         where, dropped = self.frame(name, item), self.made.reading.dropped
         axes = [self.axis(item, tag, where) for tag in ("axis", "axis2") if item.first(tag) is not None]

@@ -114,7 +114,7 @@ def _springs(robot: Robot, items: Any, wrong: Callable[[str, str], NoReturn]) ->
         if unknown or "name" not in item:
             wrong(
                 "springs",
-                f"spring {number} has {', '.join(unknown) or 'no name'}; it knows {', '.join((*words, *numbers))}",
+                f"spring {number} has {', '.join(unknown) or 'no name'}; its keys are {', '.join((*words, *numbers))}",
             )
         if str(item["name"]) in named:
             wrong("springs", f'spring "{item["name"]}" appears twice; springs have names of their own')
@@ -202,7 +202,7 @@ def _loaded(path: Path) -> tuple[dict[str, Any], dict[str, int]]:
         for key, _ in root.value if isinstance(root, yaml.MappingNode) else ():
             line = key.start_mark.line + 1
             if lines.setdefault(key.value, line) != line:
-                refuse(path, line, f'"{key.value}" appears twice; the first one stands in line {lines[key.value]}')
+                refuse(path, line, f'"{key.value}" appears twice; the first one is in line {lines[key.value]}')
         said = yaml.safe_load(content)
     except (yaml.YAMLError, ValueError) as error:
         if isinstance(error, FileFormatError):
@@ -211,7 +211,7 @@ def _loaded(path: Path) -> tuple[dict[str, Any], dict[str, int]]:
         words = " ".join(str(getattr(error, "problem", None) or error).split())
         refuse(path, None if mark is None else mark.line + 1, f"it is not YAML: {words}")
     if not isinstance(said, dict):
-        refuse(path, None, "it holds no keys such as closed_loop")
+        refuse(path, None, "it contains no keys such as closed_loop")
     return said, lines
 
 

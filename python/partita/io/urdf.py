@@ -86,7 +86,7 @@ def _why(tag: str) -> str:
 def _link(robot: Robot, item: Element, left: Counter[str], lines: dict[str, int]) -> None:
     name = item.must("name")
     if name in robot.links:
-        item.fail(f"appears twice; the first one stands in line {robot.links[name].at.line}")
+        item.fail(f"appears twice; the first one is in line {robot.links[name].at.line}")
     for child in item.children:
         if child.tag == "visual":
             try:
@@ -157,7 +157,7 @@ def _axis(item: Element, otherwise: tuple[float, float, float] = (1.0, 0.0, 0.0)
 def _joint(robot: Robot, item: Element) -> None:
     name, kind = item.must("name"), item.must("type")
     if name in robot.joints:
-        item.fail(f"appears twice; the first one stands in line {robot.joints[name].at.line}")
+        item.fail(f"appears twice; the first one is in line {robot.joints[name].at.line}")
     if kind not in _KINDS:
         item.fail(f'has the type "{kind}"; known: {", ".join(_KINDS)}')
     place = origin(item.first("origin"))

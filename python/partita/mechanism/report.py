@@ -297,7 +297,7 @@ def _frictions(found: dict[str, Any]) -> _Section | None:
         "Friction",
         [
             f"The magnitude of {each} depends on {'a reaction' if one else 'reactions'} not determined here: "
-            f"{'it has' if one else 'they have'} no one value, and a run would be refused. Replace joints so that "
+            f"{'it has' if one else 'they have'} no unique value, and a run would be refused. Replace joints so that "
             "nothing is redundant (see Redundancy), or give the friction magnitude itself (dynamic=) instead of the "
             "coefficient."
         ],

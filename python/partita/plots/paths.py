@@ -87,9 +87,7 @@ def draw_bearings(result: ResultView, canvas: Canvas) -> None:
             loads.append((float(np.nanmax(np.hypot(*joint.force.T[:2]), initial=0.0)), name, joint))
     loads = sorted((load for load in loads if load[0] > 0.0), key=lambda load: -load[0])
     if not loads:
-        empty(
-            dressed(canvas.subplots(), "Loads of bearings", "", time_axis=False), "no joint that turns carries a load"
-        )
+        empty(dressed(canvas.subplots(), "Loads of bearings", "", time_axis=False), "no revolute joint is loaded")
         return
     kept = loads[:MOST_BEARINGS]
     columns = min(3, len(kept))

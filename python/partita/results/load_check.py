@@ -83,7 +83,7 @@ def _spans(joints: Sequence[Mapping[str, Any]], sizes: Mapping[str, int]) -> Non
     for joint in joints:
         for key, axis in limits.items():
             if joint[key] is not None and sum(joint[key]) > sizes[axis]:
-                raise ValueError(f"{key} of the joint {joint['name']!r} stands beyond the {sizes[axis]} that there are")
+                raise ValueError(f"{key} of the joint {joint['name']!r} exceeds the number {sizes[axis]} of entries")
 
 
 def _names(summary: Mapping[str, Any], key: str) -> int:

@@ -115,7 +115,7 @@ def _float(what: str, text: str, number: Fraction, unit: Unit) -> float:
     try:
         return unit.times(number)
     except OverflowError:
-        raise QuantityError(f"{what} is {text}, which no float can hold") from None
+        raise QuantityError(f"{what} is {text}, which no float can represent") from None
 
 
 def _of_pint(what: str, value: Any, unit: SI) -> Any:

@@ -113,9 +113,7 @@ class _Reader:
             if sign in ("*", "/"):
                 self._next()
             elif kind == "number":
-                raise NotAQuantity(
-                    f"the number {sign} does not belong there; one number stands in front, powers are m^2"
-                )
+                raise NotAQuantity(f"the number {sign} does not belong there; one number comes first, powers are m^2")
             elif not (kind == "unit" or sign == "("):
                 return found
             if sign != "/" and over_a_unit:
@@ -199,7 +197,7 @@ def _exactly(digits: str) -> Fraction:
     try:
         number = Decimal(digits)
     except InvalidOperation:
-        raise NotAQuantity(f"{digits} cannot be held by a float") from None
+        raise NotAQuantity(f"{digits} cannot be represented by a float") from None
     if number and abs(number.adjusted()) > _DIGITS:
-        raise NotAQuantity(f"{digits} cannot be held by a float")
+        raise NotAQuantity(f"{digits} cannot be represented by a float")
     return Fraction(number)

@@ -152,7 +152,7 @@ fn coupling<G: Space>(
             let (t1, t2) = n.complement();
             let axis = axis.as_ref().map(|x| unit(x, b, "axis")).transpose()?;
             let ends = measurements.ends([a, b], points);
-            // any quantity of displacements has the links between the two
+            // any measurement of displacements has the same links between the two bodies
             let between = measurements.between([a, b], Quantity::Along(ends, G::Vec::default()));
             let rolling = Rolling {
                 ends,

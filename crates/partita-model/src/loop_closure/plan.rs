@@ -78,7 +78,7 @@ impl<'m> LoopClosing<'m> {
                 "independent",
                 if k != inputs.len() {
                     format!(
-                        "{} inputs were asked for, but the mechanism has {k} degrees of freedom; name as many, or none",
+                        "{} inputs were requested, but the mechanism has {k} degrees of freedom; name as many, or none",
                         inputs.len()
                     )
                 } else {

@@ -245,7 +245,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     /// The best switch of each cluster at the last tangent, for these scales, those that gain more than `threshold`.
     /// (P6)
     ///
-    /// Cost: the entries of A; clusters that form no A have its columns solved for here.
+    /// Cost: the entries of A; for clusters that form no A its columns are computed here.
     pub fn best_switches(&mut self, scales: &[f64], threshold: f64) -> Vec<switch::CoordinateSwitch> {
         let p = &self.partition;
         if self.recursion.is_none() {
