@@ -99,6 +99,11 @@ ONLY ?=
 errors: $(BUILT)
 	$(BIN)/python tools/deliberate_errors.py $(ONLY)
 
+## package-errors: those of the package alone, with the native module that is installed; minutes, nothing is built
+.PHONY: package-errors
+package-errors: $(BUILT)
+	$(BIN)/python tools/deliberate_errors.py --package $(ONLY)
+
 ## install-check: wheel, source archive and folder, each installed into an empty environment and used there; minutes
 install-check: $(BUILT)
 	$(BIN)/python tools/install_check.py

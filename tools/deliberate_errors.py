@@ -2,6 +2,7 @@
 
 python tools/deliberate_errors.py               all of them
 python tools/deliberate_errors.py NAME ...      these alone
+python tools/deliberate_errors.py --package     those of the package, with the native module that is installed: no build
 python tools/deliberate_errors.py --list        what they spoil
 
 An error is an exact piece of text that stands once in its file, and what takes its place. The files that git knows are
@@ -26,8 +27,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from formulas_spoilt import ERRORS, PACKAGE, Error
+from formulas_spoilt import FORMULAS, PACKAGE, Error
+from package_spoilt import IN_PACKAGE
 
+ERRORS = (*FORMULAS, *IN_PACKAGE)
 ROOT = Path(__file__).resolve().parents[1]
 SCRATCH = ROOT / "target" / "errors"
 """Tree and builds stay here, so that the next error costs one incremental build."""
@@ -59,7 +62,8 @@ class Outcome:
 class Workshop:
     """The copied tree and its builds."""
 
-    def __init__(self, scratch: Path) -> None:
+    def __init__(self, scratch: Path, installed: bool = False) -> None:
+        self.installed = installed
         self.tree = scratch / "tree"
         self.builds = scratch / "build"
         self.log = scratch / "last.txt"
@@ -171,17 +175,14 @@ class Workshop:
         return Outcome() if ran > 0 else Outcome(trouble=f"{' '.join(command)} has no tests named {' '.join(names)}")
 
     def python(self, files: Sequence[str]) -> Outcome:
-        """`pytest` on these files, or on all, with the native module of the tree."""
-        code, said = self.run(["cargo", "build", "--release", "--workspace", "--locked"])
-        if code != 0:
-            return Outcome(trouble=f"it does not compile:\n{tail(said)}")
-        built = next(
-            path
-            for path in (self.builds / "release").glob(
-                "lib_core.*",
-            )
-            if path.suffix in (".so", ".dylib")
-        )
+        """`pytest` on these files, or on all, with the native module of the tree, or with that installed."""
+        built = ROOT / PACKAGE / "_core.abi3.so"
+        if not self.installed:
+            code, said = self.run(["cargo", "build", "--release", "--workspace", "--locked"])
+            if code != 0:
+                return Outcome(trouble=f"it does not compile:\n{tail(said)}")
+            found = (self.builds / "release").glob("lib_core.*")
+            built = next(path for path in found if path.suffix in (".so", ".dylib"))
         module = self.tree / PACKAGE / "_core.abi3.so"
         if not module.exists() or module.read_bytes() != built.read_bytes():
             module.unlink(missing_ok=True)
@@ -222,12 +223,15 @@ def main() -> int:
     parser.add_argument("names", nargs="*", metavar="NAME", help="errors to make; all if none is named")
     parser.add_argument("--list", action="store_true", help="say what each spoils")
     parser.add_argument("--narrow", action="store_true", help="do not ask all of make test where the named tests pass")
+    parser.add_argument("--package", action="store_true", help="errors of the package alone; nothing is built")
     arguments = parser.parse_args()
     errors = named(arguments.names)
+    if arguments.package:
+        errors = [error for error in errors if error.file.startswith(PACKAGE)]
     if arguments.list:
         print("\n".join(f"{error.name:24} {error.spoils}" for error in errors))
         return 0
-    workshop = Workshop(SCRATCH)
+    workshop = Workshop(SCRATCH, arguments.package)
     workshop.copy()
     for error in errors:
         spoil(error, (workshop.tree / error.file).read_text("utf-8"))
@@ -238,7 +242,7 @@ def main() -> int:
         for number, error in enumerate(errors, 1):
             print(f"[{number}/{len(errors)}] {error.name}: {error.spoils}", flush=True)
             began = time.monotonic()
-            by = hunt(workshop, error, arguments.narrow)
+            by = hunt(workshop, error, arguments.narrow or arguments.package)
             took = f"({time.monotonic() - began:.0f} s)"
             if by is None:
                 missed.append(error.name)

@@ -1,4 +1,4 @@
-"""The errors that `deliberate_errors.py` makes: one formula each, and the tests that should see it."""
+"""Errors that `deliberate_errors.py` makes: one formula each, and the tests that should see it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ MATH, SYSTEM, INTEGRATE, MODEL, ANALYSIS = (
 )
 PACKAGE = "python/partita"
 
-ERRORS = (
+FORMULAS = (
     # numbers and space
     Error(
         "dual-atan2",
@@ -504,8 +504,8 @@ ERRORS = (
         "proximal-once",
         "the proximal iteration stops after one",
         f"{SYSTEM}/equations/full/proximal.rs",
-        "const MOST: u64 = 80;",
-        "const MOST: u64 = 1;",
+        "if now <= tolerance::SOLUTION_ROUNDING * size ||",
+        "if iterations == 1 || now <= tolerance::SOLUTION_ROUNDING * size ||",
         ("reducing every_formulation", "whole closing::redundant_proximal"),
     ),
     Error(
@@ -863,5 +863,93 @@ ERRORS = (
         "(x - middle).scale(1.0 / TAU).round()",
         "x.scale(1.0 / TAU).round()",
         ("python test_forces_engineers.py",),
+    ),
+    Error(
+        "rolling-contact",
+        "the place of contact of a disc that rolls moves the other way (S5)",
+        f"{MODEL}/coupling/rolling.rs",
+        "G::cross(xb.w, to_centre) - G::scale(e1, self.radius)",
+        "G::cross(xb.w, to_centre) + G::scale(e1, self.radius)",
+        ("python test_oracle_couplings.py",),
+    ),
+    Error(
+        "cam-bend",
+        "sign of the bend of a cam in b (S5)",
+        f"{MODEL}/coupling/law.rs",
+        "- bend * rate * rate",
+        "+ bend * rate * rate",
+        ("python test_couplings.py",),
+    ),
+    Error(
+        "distance-bend",
+        "what the motion across adds to the second derivative of a distance (S5)",
+        f"{MODEL}/measurement/mod.rs",
+        "(G::dot(rate, rate) - along * along) / length",
+        "(G::dot(rate, rate) + along * along) / length",
+        ("python test_oracle_couplings.py",),
+    ),
+    Error(
+        "displacement-coriolis",
+        "half of the Coriolis term in the second derivative of a displacement along an axis (S5)",
+        f"{MODEL}/measurement/mod.rs",
+        "+ twice + twice + G::dot(d, acc)",
+        "+ twice + G::dot(d, acc)",
+        ("python test_oracle_couplings.py",),
+    ),
+    Error(
+        "cosine-wrench",
+        "the moment of a condition on the angle between two axes points the other way (S4)",
+        f"{MODEL}/measurement/mod.rs",
+        "turn(G::cross_ang(G::rotate_ang(b, *w), G::rotate_ang(a, *u)))",
+        "turn(G::cross_ang(G::rotate_ang(a, *u), G::rotate_ang(b, *w)))",
+        ("python test_oracle_couplings.py",),
+    ),
+    Error(
+        "gas-exponent",
+        "a gas spring keeps its pressure",
+        f"{MODEL}/force/load/gas_spring.rs",
+        "self.force / column.power(self.exponent)",
+        "self.force / column",
+        ("python test_oracle_forces.py",),
+    ),
+    Error(
+        "buffer-damping",
+        "damping of a contact lessens the force as it is pressed",
+        f"{MODEL}/force/resistance.rs",
+        "(S::one() + self.damping * speed)",
+        "(S::one() - self.damping * speed)",
+        ("python test_oracle_forces.py",),
+    ),
+    Error(
+        "bushing-damping",
+        "a bushing damps by what is displaced",
+        f"{MODEL}/force/bushing.rs",
+        "times(&self.damping, &rate))",
+        "times(&self.damping, &x))",
+        ("python test_oracle_forces.py",),
+    ),
+    Error(
+        "bushing-moment",
+        "the half in the moment that does work on a rotation vector",
+        f"{MODEL}/force/bushing.rs",
+        "along + once.times(S::from_f64(0.5))",
+        "along - once.times(S::from_f64(0.5))",
+        ("python test_oracle_forces.py",),
+    ),
+    Error(
+        "effort-in-a-self-stress",
+        "the effort of a coupling is added to the self-stress that it is to be taken out of (R2)",
+        f"{ANALYSIS}/stress.rs",
+        "sums.add(j, if p.reversed { 1.0 } else { -1.0 }, &w);",
+        "sums.add(j, if p.reversed { -1.0 } else { 1.0 }, &w);",
+        ("python test_oracle_couplings.py",),
+    ),
+    Error(
+        "repaired-far-away",
+        "repairs are measured in lengths where nothing closes",
+        f"{MODEL}/model/geometry/levels.rs",
+        "false => there.map(|x| x.min(self.length))",
+        "false => there",
+        ("python test_oracle.py",),
     ),
 )

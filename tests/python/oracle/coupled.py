@@ -1,4 +1,4 @@
-"""Mechanisms drawn by chance with couplings: sums, gears, belts, racks, distances, cams, balls that roll."""
+"""Mechanisms drawn by chance with couplings: sums, gears, belts, racks, distances, cams, balls and discs that roll."""
 
 from __future__ import annotations
 
@@ -100,7 +100,13 @@ class Chance:
             centre = self.point()
             at = next(b for b in self.drawing.bodies if b.name == body)
             point = at.position + at.rotation @ centre - radius * normal
-            self.m.add_rolling(name, body, radius, center=centre, ball=True, point=point, normal=normal)
+            shape: dict[str, Any] = {"ball": True}
+            if self.drawing.seed % 4 == 0:
+                name, axis = name.replace("ball", "disc"), unit(np.random.default_rng(self.drawing.seed).normal(size=3))
+                lying = at.rotation @ axis
+                point = at.position + at.rotation @ centre - radius * unit(normal - lying * (lying @ normal))
+                shape = {"axis": axis}
+            self.m.add_rolling(name, body, radius, center=centre, **shape, point=point, normal=normal)
         else:
             return False
         return True
