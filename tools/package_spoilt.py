@@ -419,7 +419,7 @@ IN_PACKAGE = (
         f"{PACKAGE}/builder/poses.py",
         "return slides, (matrix, 2.0 * _seen(value, first), 2.0 * _seen(value, second))",
         "return slides, (matrix, _seen(value, first), 2.0 * _seen(value, second))",
-        ("python test_efforts.py",),
+        ("python test_prescribed_derivatives.py",),
     ),
     Error(
         "jet-product",
@@ -427,6 +427,6 @@ IN_PACKAGE = (
         f"{PACKAGE}/builder/taylor.py",
         "self.d2 * b.x + 2.0 * self.d1 * b.d1",
         "self.d2 * b.x + self.d1 * b.d1",
-        ("python test_couplings.py",),
+        ("python test_prescribed_derivatives.py",),
     ),
 )

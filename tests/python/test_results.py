@@ -460,3 +460,11 @@ def test_a_notebook_shows_a_small_table_with_every_word_escaped() -> None:
     verdict = many.certificate.verdict
     assert verdict in many._repr_html_() and verdict in ElementTree.fromstring(many.certificate._repr_html_()).text
     assert "NaN" in failing([0.6])._repr_html_() or "evaluation" in failing([0.6])._repr_html_()
+
+
+def test_the_total_energy_of_a_table_is_the_sum() -> None:
+    pytest.importorskip("pandas")
+    run = pt.catalogue.load("four-bar").simulate(0.5, t_eval=[0.0, 0.25, 0.5])
+    table = run.to_pandas()
+    np.testing.assert_array_equal(table["energy.total"], run.energy.kinetic + run.energy.potential)
+    assert table["energy.kinetic"].iloc[-1] > 0.0

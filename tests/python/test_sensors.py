@@ -517,3 +517,26 @@ def test_sensors_change_nothing_of_a_motion() -> None:
     for body in sensed.bodies:
         sensed.add_sensor(body, {"body": body}, "acceleration")
     assert np.array_equal(bare.simulate(0.2).q, sensed.simulate(0.2).q)
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+def test_a_law_that_reads_a_joint_by_sensors_is_the_spring_and_damper(coordinates: str) -> None:
+    """Position and velocity of several joints: each law gets its own numbers."""
+
+    def drawn(by_sensors: bool) -> pt.Mechanism:
+        m = pt.Mechanism("two levers", gravity=(0.0, -9.81, 0.0))
+        for name, x, stiffness, damping in (("A", 0.0, 20.0, 0.7), ("B", 2.0, 30.0, 0.2)):
+            m.add_rod(f"rod {name}", start=(x, 0, 0), end=(x + 1.0, 0, 0), mass=1.0)
+            m.add_revolute(name, m.ground, f"rod {name}", point=(x, 0, 0))
+            if not by_sensors:
+                m.add_torsion_spring(name, stiffness=stiffness, damping=damping)
+                continue
+            m.add_sensor(f"angle {name}", name, "position")
+            m.add_sensor(f"rate {name}", name, "velocity")
+            m.add_torque(name, lambda t, s, n=name, k=stiffness, c=damping: -(
+                k * s.sensor(f"angle {n}") + c * s.sensor(f"rate {n}")))  # fmt: skip
+        return m
+
+    runs = [drawn(by).simulate(0.5, coordinates=coordinates, rtol=1e-10, t_eval=[0.0, 0.5]) for by in (True, False)]
+    for name in "AB":
+        np.testing.assert_allclose(*(run.joint(name).position for run in runs), atol=1e-8)
