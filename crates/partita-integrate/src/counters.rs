@@ -18,3 +18,18 @@ pub struct Counters {
     /// Calls of the right-hand side made only for dense output; not contained in `evaluations`.
     pub dense_evaluations: u64,
 }
+
+impl std::ops::Add for Counters {
+    type Output = Self;
+    fn add(self, other: Self) -> Self {
+        Self {
+            steps: self.steps + other.steps,
+            rejected: self.rejected + other.rejected,
+            retries: self.retries + other.retries,
+            not_finite: self.not_finite + other.not_finite,
+            lenient: self.lenient + other.lenient,
+            evaluations: self.evaluations + other.evaluations,
+            dense_evaluations: self.dense_evaluations + other.dense_evaluations,
+        }
+    }
+}

@@ -28,9 +28,6 @@ const NEAR_ZERO_TIME: f64 = 1e-6;
 /// behind.
 const STRETCH: f64 = 1.01;
 
-/// Capacity for alternative lengths of the next step; more of them allocate once.
-const OTHERS: usize = 4;
-
 /// Position in the cycle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Phase {
@@ -58,8 +55,6 @@ pub struct ExplicitRungeKutta {
     span: f64,
     /// Where the next step is to end at the latest.
     goal: Option<f64>,
-    /// Lengths to try before a step is shortened, the last first.
-    others: Vec<f64>,
     y_old: Vec<f64>,
     y_new: Vec<f64>,
     y_stage: Vec<f64>,
@@ -73,9 +68,6 @@ pub struct ExplicitRungeKutta {
     grid: Option<FixedGrid>,
     attempted_h: f64,
     error: f64,
-    /// Errors up to this many tolerances are accepted; 1 except at crossings.
-    lenience: f64,
-    floor: f64,
     norm: ErrorNorm,
     controller: StepController,
     dense: DenseOutput,
@@ -101,7 +93,6 @@ impl ExplicitRungeKutta {
             t_end: 0.0,
             span: 0.0,
             goal: None,
-            others: Vec::with_capacity(OTHERS),
             y_old: vector(),
             y_new: vector(),
             y_stage: vector(),
@@ -113,8 +104,6 @@ impl ExplicitRungeKutta {
             grid: None,
             attempted_h: 0.0,
             error: 0.0,
-            lenience: 1.0,
-            floor: 0.0,
             norm: ErrorNorm::new(&options, dim, stride),
             controller: controller(tableau),
             dense: DenseOutput::new(tableau, stride),
@@ -159,18 +148,6 @@ impl ExplicitRungeKutta {
         }
         let better = self.norm.second_guess(guess, self.tableau.error_order, &self.y_old, f0, &rest[..n]);
         Ok(if better.is_finite() { better.min(longest) } else { guess })
-    }
-
-    /// Whether this accepted error exceeds the requested tolerances.
-    fn exceeds_tolerance(&mut self, error: f64, h: f64) -> bool {
-        if error > 1.0 || !self.norm.has_floor() {
-            return error > 1.0;
-        }
-        let floor = self.floor;
-        self.norm.set_floor(0.0);
-        let error = self.method.error(&self.norm, h, &self.stages, &self.y_old, &self.y_new);
-        self.norm.set_floor(floor);
-        error > 1.0
     }
 
     /// Signed step and its end: `t_end`, the next grid point or the next discontinuity if within reach, so that they
@@ -280,11 +257,6 @@ impl<E: Display> Stepper<E> for ExplicitRungeKutta {
             match self.stages(ode, h, t_new) {
                 Ok(()) => {}
                 Err((_, RhsError::Retry(error))) => {
-                    if let Some(length) = self.others.pop() {
-                        self.counters.rejected += 1;
-                        self.step = length;
-                        continue;
-                    }
                     self.shorten_for_retry(h);
                     obstacle = Some(error);
                     self.check_length(h, &mut obstacle)?;
@@ -301,8 +273,7 @@ impl<E: Display> Stepper<E> for ExplicitRungeKutta {
                 self.check_finite(h, component)?;
                 continue;
             }
-            if error <= self.lenience {
-                self.counters.lenient += u64::from(self.exceeds_tolerance(error, h));
+            if error <= 1.0 {
                 self.t_new = t_new;
                 self.attempted_h = h;
                 self.error = error;
@@ -311,10 +282,6 @@ impl<E: Display> Stepper<E> for ExplicitRungeKutta {
                 return Ok(());
             }
             self.counters.rejected += 1;
-            if let Some(length) = self.others.pop() {
-                self.step = length;
-                continue;
-            }
             self.step = h.abs() * self.controller.rejected(error);
             self.check_length(h, &mut obstacle)?;
         }

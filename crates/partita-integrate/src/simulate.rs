@@ -1,12 +1,13 @@
 //! Integration of a mechanism: steps, corrections, changes of coordinates, outputs.
 
+use crate::collocation::CrossingStep;
 use crate::counters::Counters;
 use crate::discontinuity::{Location, Search};
 use crate::failure::StepFailure;
 use crate::method::Method;
 use crate::ode::{Ode, RhsError};
 use crate::options::{AbsoluteTolerance, Options, OptionsError};
-use crate::stepper::{Conclusion, StepPlan, Stepper};
+use crate::stepper::{Conclusion, StepControl, StepPlan, Stepper};
 use partita_math::tolerance;
 use partita_system::formulation::{Formulation, Pace, PrescribedLevel, Step, Verdict};
 use partita_system::guards::Look;
@@ -102,13 +103,6 @@ fn sorted(e: SystemError) -> RhsError<SystemError> {
     }
 }
 
-/// The length that keeps all these nodes of a step as far as possible from a point one unit after its start.
-fn stretch(nodes: &[f64]) -> f64 {
-    let clearance = |r: f64| nodes.iter().fold(r - 1.0, |m: f64, c| m.min((c * r - 1.0).abs()));
-    let tried = (130..300).map(|i| f64::from(i) / 100.0).map(|r| (r, clearance(r)));
-    tried.fold((1.3, f64::NEG_INFINITY), |best, x| if x.1 > best.1 { x } else { best }).0
-}
-
 /// Integrate from `(t, q, v)` to the end; `sink` receives an output at each time of `t_eval`, `watch` is called after
 /// each step.
 ///
@@ -149,7 +143,7 @@ pub fn simulate<F: Formulation>(
         };
     }
     let ended = march.go_on(formulation, &mut outputs, watch);
-    let counters = *march.stepper.counters();
+    let counters = march.counters();
     let t = march.time();
     let (status, message, error) = match ended {
         Ok(status) => (status, sentence(status, t, settings), None),
@@ -239,6 +233,13 @@ impl<'o> Outputs<'o> {
 pub struct March {
     control: Control,
     stepper: Box<dyn Stepper<SystemError>>,
+    /// Steps across singular positions; is the next one of them?
+    crossing: CrossingStep,
+    crosses: bool,
+    /// Where the step under way crosses one.
+    located: Option<f64>,
+    /// Length of the next step as the stepper would have it.
+    proposed: f64,
     /// Whether the step length is controlled by the error.
     free: bool,
     t: f64,
@@ -247,8 +248,6 @@ pub struct March {
     slope: Vec<f64>,
     /// State passed to the sink; its turns are those of the integration.
     output: Output,
-    /// See [`Pace::stretch`].
-    stretch: f64,
     /// Error that breakpoints may add to a step, relative to the velocities.
     tolerance: f64,
     /// Absolute tolerance, in natural sizes.
@@ -263,13 +262,15 @@ const ATTEMPTS: u32 = 4;
 /// nearer.
 const TICK_TOO_NEAR: f64 = 1e-5;
 
-/// A crossing step that fails is tried again with these lengths. Unit: multiples of its length. Reason: nodes lie about
-/// a tenth of a step apart, so where a stage came close to the position, it lies between two stages then.
-const CROSSING_AGAIN: [f64; 3] = [1.25, 1.12, 1.06];
-
 /// Outputs in singular positions are taken from others at this distance. Unit: fraction of the step. Reason: far enough
 /// for those to be exact, and so near that the polynomial through them is.
 const OUTPUTS_BESIDE: f64 = 1.0 / 80.0;
+
+/// A singular position on a crossing step is located to this. Scale: fraction of the step across it. Reason: nodes keep ten times as far from
+/// it.
+const ROOT_FOUND: f64 = 1e-3;
+/// Evaluations by which it is located, at the most.
+const LOCATING: usize = 12;
 
 /// Receiver of the outputs.
 pub type Sink<'s> = &'s mut dyn FnMut(&Output) -> Result<(), SystemError>;
@@ -292,11 +293,16 @@ impl March {
             AbsoluteTolerance::Same(x) => *x,
             AbsoluteTolerance::Each(x) => x.iter().copied().fold(f64::INFINITY, f64::min),
         };
-        let stepper = method.stepper(dim, Options { controlled: formulation.controlled(), ..options })?;
+        let options = Options { controlled: formulation.controlled(), ..options };
+        let crossing = CrossingStep::new(dim, &options);
+        let stepper = method.stepper(dim, options)?;
         Ok(Self {
             control,
-            stretch: stretch(stepper.nodes()),
             stepper,
+            crossing,
+            crosses: false,
+            located: None,
+            proposed: 0.0,
             free,
             t: 0.0,
             y: vec![0.0; dim],
@@ -325,8 +331,7 @@ impl March {
             None => self.output.turns.fill(0),
         }
         formulation.start(t, q, v, &mut self.y)?;
-        formulation.natural_sizes(&mut self.buffer);
-        self.stepper.set_sizes(&self.buffer);
+        self.set_sizes(formulation);
         Ok(())
     }
 
@@ -345,9 +350,9 @@ impl March {
         &self.output.turns
     }
 
-    /// Work of the stepper since it was made.
-    pub fn counters(&self) -> &Counters {
-        self.stepper.counters()
+    /// Work of the steps since the march was made.
+    pub fn counters(&self) -> Counters {
+        *self.stepper.counters() + *self.crossing.counters()
     }
 
     /// Integrate from the current state to `t_end`, with the outputs up to there; `watch` is called after each step.
@@ -367,7 +372,95 @@ impl March {
 
     /// Evaluate the start of the integration to `t_end`: the loads may have changed since the last step.
     fn set_out<F: Formulation>(&mut self, formulation: &mut F, t_end: f64) -> Result<(), StepFailure<SystemError>> {
-        self.stepper.start(&mut Adapter(formulation), self.t, &self.y, t_end)
+        self.stepper.start(&mut Adapter(formulation), self.t, &self.y, t_end)?;
+        (self.crosses, self.proposed) = (false, self.stepper.current().next);
+        if !self.free {
+            return Ok(());
+        }
+        let t = self.t;
+        self.buffer.copy_from_slice(&self.y);
+        self.slope.copy_from_slice(self.stepper.current().dy_old);
+        let mut pace = Pace { next: self.proposed, across: None };
+        let (y, dy, turns) = (&mut self.buffer[..], &mut self.slope[..], &mut self.output.turns[..]);
+        formulation
+            .set_out(&mut Step { t, y, dy, turns, pace: Some(&mut pace), located: None })
+            .map_err(|error| StepFailure::Rhs { t, error })?;
+        self.plan(formulation, pace);
+        Ok(())
+    }
+
+    /// Natural sizes of the state as it is now.
+    fn set_sizes<F: Formulation>(&mut self, formulation: &F) {
+        formulation.natural_sizes(&mut self.buffer);
+        self.stepper.set_sizes(&self.buffer);
+        self.crossing.set_sizes(&self.buffer);
+    }
+
+    /// The next step from where the stepper stands.
+    fn plan<F: Formulation>(&mut self, formulation: &F, pace: Pace) {
+        let from = self.stepper.current();
+        self.crosses = pace.across.is_some();
+        if let Some(across) = pace.across {
+            self.crossing.replace_start(from.t_old, from.y_old, from.dy_old);
+            self.crossing.aim(across.zero, (across.whole, across.longest), across.tries, from.t_end);
+        } else {
+            let goal = formulation.breakpoint_ahead(pace.next, self.tolerance);
+            self.stepper.plan(&StepPlan { length: pace.next, goal });
+        }
+    }
+
+    /// Attempt the step under way. Where it crosses a singular position, that is located on the polynomial of the step, and
+    /// the step taken anew if a node came close to it.
+    fn attempt<F: Formulation>(&mut self, formulation: &mut F) -> Result<(), StepFailure<SystemError>> {
+        self.located = None;
+        if !self.crosses {
+            return self.stepper.attempt(&mut Adapter(formulation));
+        }
+        self.crossing.attempt(&mut Adapter(formulation))?;
+        self.located = self.locate(formulation);
+        match self.located {
+            Some(zero) if self.crossing.aim_again(zero) => {
+                self.crossing.attempt(&mut Adapter(formulation))?;
+                self.located = self.locate(formulation);
+                Ok(())
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// The root of the signed volume of the choice on the polynomial of the crossing step, if it changes its sign there.
+    fn locate<F: Formulation>(&mut self, formulation: &mut F) -> Option<f64> {
+        let (from, to) = (self.crossing.current().t_old, self.crossing.current().t_new);
+        let mut side = |t: f64| {
+            self.crossing.polynomial(t, &mut self.buffer);
+            formulation.side(t, &self.buffer)
+        };
+        let (mut one, mut two) = ((from, side(from)?), (to, side(to)?));
+        if one.1 <= 0.0 || two.1 >= 0.0 {
+            return None;
+        }
+        // false position, an end that stays halved
+        let mut zero = from;
+        for _ in 0..LOCATING {
+            let last = std::mem::replace(&mut zero, one.0 + (two.0 - one.0) * one.1 / (one.1 - two.1));
+            if (zero - last).abs() < ROOT_FOUND * (to - from) {
+                break;
+            }
+            match side(zero) {
+                Some(here) if here > 0.0 => (one, two.1) = ((zero, here), 0.5 * two.1),
+                Some(here) => (two, one.1) = ((zero, here), 0.5 * one.1),
+                None => break, // in the position itself
+            }
+        }
+        Some(zero)
+    }
+
+    /// What takes the step under way.
+    fn active(&mut self) -> &mut dyn Stepper<SystemError> {
+        match self.crosses {
+            true => &mut self.crossing,
+            false => &mut *self.stepper,
+        }
     }
 
     /// The integration loop.
@@ -396,7 +489,7 @@ impl March {
         };
         while !self.stepper.current().finished() {
             if let Control::Free { max_steps } = self.control {
-                if self.stepper.counters().steps >= max_steps {
+                if self.counters().steps >= max_steps {
                     return Ok(Status::MaxSteps);
                 }
             }
@@ -433,22 +526,29 @@ impl March {
                 }
                 *attempts -= 1;
             }
-            let stepper = &mut self.stepper;
-            stepper.attempt(&mut Adapter(formulation))?;
+            let crosses = self.crosses;
             let mut verdict = Verdict::Keep;
             let free = self.free;
-            let concluded = stepper.conclude(&mut |t, y, dy, known| {
-                let judged = formulation.trial_end(t, y, dy, known).map_err(|e| match e {
-                    // no shorter step is allowed that could distinguish a jump from a drift
-                    SystemError::Jump { .. } if !free => RhsError::Fatal(e),
-                    e => sorted(e),
-                });
-                let (judged, evaluated) = judged?;
-                verdict = judged;
-                Ok(evaluated)
-            })?;
-            if concluded == Conclusion::Rejected {
-                continue;
+            let attempted = self.attempt(formulation);
+            let stepper = self.active();
+            let concluded = attempted.and_then(|()| {
+                stepper.conclude(&mut |t, y, dy, known| {
+                    let judged = formulation.trial_end(t, y, dy, known).map_err(|e| match e {
+                        // no shorter step is allowed that could distinguish a jump from a drift
+                        SystemError::Jump { .. } if !free => RhsError::Fatal(e),
+                        e => sorted(e),
+                    });
+                    let (judged, evaluated) = judged?;
+                    verdict = judged;
+                    Ok(evaluated)
+                })
+            });
+            match concluded {
+                Ok(Conclusion::Done) => {}
+                Ok(Conclusion::Rejected) => continue,
+                // a step across a singular position has one length; the formulation tells another
+                Err(StepFailure::TooSmall { .. }) if crosses => verdict = Verdict::Repeat,
+                Err(failure) => return Err(failure),
             }
             if verdict == Verdict::Repeat {
                 stepper.reject(0.5);
@@ -457,7 +557,7 @@ impl March {
             }
             let near = || formulation.margin().is_some_and(|m| m.abs() < TICK_TOO_NEAR);
             if matches!(self.control, Control::Ticks { .. }) && near() {
-                let t = stepper.current().t_new;
+                let t = self.active().current().t_new;
                 let message =
                     "the step would end next to a singular position (links in line, where the motion can branch), \
                      where velocities are not determined; step over it with another number of substeps or another \
@@ -467,29 +567,35 @@ impl March {
             if !self.guards_hold(formulation)? {
                 continue;
             }
-            let stepper = &mut self.stepper;
             if let Some(t) = self.free.then(|| formulation.breakpoint_within(self.tolerance)).flatten() {
-                stepper.end_at(t);
+                self.active().end_at(t);
                 continue;
             }
             match self.shortened(formulation) {
                 Ok(false) => {}
                 Ok(true) => continue,
-                Err(StepFailure::Interpolation { .. }) if self.free && self.stepper.current().may_shrink => {
-                    self.stepper.reject(0.5);
+                Err(StepFailure::Interpolation { .. }) if self.free && self.active().current().may_shrink => {
+                    self.active().reject(0.5);
                     continue;
                 }
                 Err(failure) => return Err(failure),
             }
             match self.outputs(formulation, outputs) {
                 Ok(()) => {}
-                Err(StepFailure::Interpolation { .. }) if self.stepper.current().may_shrink => {
-                    self.stepper.reject(0.5);
+                Err(StepFailure::Interpolation { .. }) if self.active().current().may_shrink => {
+                    self.active().reject(0.5);
                     continue;
                 }
                 Err(failure) => return Err(failure),
             }
-            self.stepper.commit();
+            self.active().commit();
+            match self.crosses {
+                true => {
+                    let end = self.crossing.current();
+                    self.stepper.replace_start(end.t_old, end.y_old, end.dy_old);
+                }
+                false => self.proposed = self.stepper.current().next,
+            }
             return self.commit(formulation, verdict);
         }
     }
@@ -497,14 +603,15 @@ impl March {
     /// Where a prescribed row misses the integral of its derivative over the concluded step: refuse a jump, and end the
     /// step where a derivative jumps or changes fast. True if the step was rejected.
     fn shortened<F: Formulation>(&mut self, formulation: &mut F) -> Result<bool, StepFailure<SystemError>> {
-        let step = self.stepper.current();
+        let stepper: &mut dyn Stepper<SystemError> = if self.crosses { &mut self.crossing } else { &mut *self.stepper };
+        let step = stepper.current();
         let (from, to, may) = (step.t_old, step.t_new, self.free && step.may_shrink);
         // a rate that jumps leaves a gap of positions as well
         for level in [PrescribedLevel::Rate, PrescribedLevel::Position] {
             let Some(gap) = formulation.prescribed_gap(level, (self.tolerance, self.absolute)) else { continue };
             let search = Search::new(from, to);
             let mut at = |t: f64| {
-                self.stepper.interpolate(&mut Adapter(formulation), t, &mut self.buffer)?;
+                stepper.interpolate(&mut Adapter(formulation), t, &mut self.buffer)?;
                 formulation.prescribed_at(t, &self.buffer, &gap).map_err(|error| StepFailure::Rhs { t, error })
             };
             let mut place = search.jump(&mut at, gap.by)?;
@@ -516,9 +623,9 @@ impl March {
                     return Err(StepFailure::Rhs { t, error: formulation.prescribed_jump(t, &gap, by) })
                 }
                 _ if !(may && gap.shorten) => continue,
-                Location::Within { before, .. } if before > from => self.stepper.end_at(before),
-                Location::Within { after, .. } if after < to => self.stepper.end_at(after),
-                _ => self.stepper.reject(0.5),
+                Location::Within { before, .. } if before > from => stepper.end_at(before),
+                Location::Within { after, .. } if after < to => stepper.end_at(after),
+                _ => stepper.reject(0.5),
             }
             return Ok(true);
         }
@@ -527,27 +634,28 @@ impl March {
 
     /// Check the guards along the concluded step. False where it was rejected, to end where it crosses one.
     fn guards_hold<F: Formulation>(&mut self, formulation: &mut F) -> Result<bool, StepFailure<SystemError>> {
+        let stepper: &mut dyn Stepper<SystemError> = if self.crosses { &mut self.crossing } else { &mut *self.stepper };
         loop {
             let t = match formulation.guard(self.tolerance, self.free) {
                 Look::Clear => return Ok(true),
                 Look::Crossed { t, .. } => {
-                    self.stepper.end_at(t);
+                    stepper.end_at(t);
                     return Ok(false);
                 }
                 Look::At(t) => t,
             };
-            let seen = match self.stepper.interpolate(&mut Adapter(formulation), t, &mut self.buffer) {
+            let seen = match stepper.interpolate(&mut Adapter(formulation), t, &mut self.buffer) {
                 Ok(()) => formulation.look_at(t, &self.buffer).map_err(|error| StepFailure::Rhs { t, error }),
                 Err(failure) => Err(failure),
             };
             match seen {
                 Ok(()) => {}
-                Err(StepFailure::Interpolation { .. }) if self.stepper.current().may_shrink => {
-                    self.stepper.reject(0.5);
+                Err(StepFailure::Interpolation { .. }) if stepper.current().may_shrink => {
+                    stepper.reject(0.5);
                     return Ok(false);
                 }
-                Err(StepFailure::Rhs { error, .. }) if error.is_local() && self.stepper.current().may_shrink => {
-                    self.stepper.reject(0.5);
+                Err(StepFailure::Rhs { error, .. }) if error.is_local() && stepper.current().may_shrink => {
+                    stepper.reject(0.5);
                     return Ok(false);
                 }
                 Err(failure) => return Err(failure),
@@ -561,31 +669,23 @@ impl March {
         formulation: &mut F,
         verdict: Verdict,
     ) -> Result<(), StepFailure<SystemError>> {
-        let (free, stepper) = (self.free, &mut self.stepper);
-        let step = stepper.current();
+        let free = self.free;
+        let step = self.stepper.current();
         let t = step.t_old;
         self.buffer.copy_from_slice(step.y_old);
         self.slope.copy_from_slice(step.dy_old);
-        let mut pace = Pace { next: step.next, stretch: self.stretch, floor: 0.0, limit: 1.0 };
+        let next = if self.crosses || verdict != Verdict::Repeat { self.proposed } else { step.next };
+        let mut pace = Pace { next, across: None };
         let (y, dy, turns) = (&mut self.buffer[..], &mut self.slope[..], &mut self.output.turns[..]);
-        let mut step = Step { t, y, dy, turns, pace: free.then_some(&mut pace) };
+        let mut step = Step { t, y, dy, turns, pace: free.then_some(&mut pace), located: self.located.take() };
         let rewritten = formulation.commit(verdict, &mut step);
         let now = step.t;
         if rewritten.map_err(|error| StepFailure::Rhs { t, error })? {
-            stepper.replace_start(now, &self.buffer, &self.slope);
-            formulation.natural_sizes(&mut self.buffer);
-            stepper.set_sizes(&self.buffer);
+            self.stepper.replace_start(now, &self.buffer, &self.slope);
+            self.set_sizes(formulation);
         }
         if free {
-            // half a crossing step would end next to the position; others across it have their stages elsewhere
-            let others = CROSSING_AGAIN.map(|x| x * pace.next);
-            stepper.plan(&StepPlan {
-                length: pace.next,
-                others: if pace.limit > 1.0 { &others } else { &[] },
-                floor: pace.floor,
-                limit: pace.limit,
-                goal: formulation.breakpoint_ahead(pace.next, self.tolerance),
-            });
+            self.plan(formulation, pace);
         }
         Ok(())
     }
@@ -597,7 +697,7 @@ impl March {
         t: f64,
         y: &mut [f64],
     ) -> Result<(), StepFailure<SystemError>> {
-        let stepper = &mut self.stepper;
+        let stepper: &mut dyn Stepper<SystemError> = if self.crosses { &mut self.crossing } else { &mut *self.stepper };
         let (from, to) = (stepper.current().t_old, stepper.current().t_new);
         let mut state = |t: f64, out: &mut Output| {
             stepper.interpolate(&mut Adapter(formulation), t, y)?;
@@ -633,7 +733,8 @@ impl March {
         formulation: &mut F,
         outputs: &mut Outputs,
     ) -> Result<(), StepFailure<SystemError>> {
-        while let Some(&t) = outputs.t_eval.get(outputs.next).filter(|t| **t <= self.stepper.current().t_new) {
+        let end = self.active().current().t_new;
+        while let Some(&t) = outputs.t_eval.get(outputs.next).filter(|t| **t <= end) {
             let mut y = std::mem::take(&mut self.buffer);
             let done = self.output_at(formulation, t, &mut y);
             self.buffer = y;

@@ -1,20 +1,14 @@
 //! The first step out of a singular position, along the branch that the velocities there single out.
 //!
-//! The motion along a branch is smooth, but in the position itself nothing can be evaluated: C has lost a rank. Gauss
-//! collocation has no node at its ends, and its polynomial goes through the start all the same:
-//!
-//! ```text
-//! q(t₀ + c_i h) = q₀ + h Σ a_ij q'_j,   u(t₀ + c_i h) = u₀ + h Σ a_ij u'_j,   (q', u')_i = f(t₀ + c_i h, q_i, u_i)
-//! ```
-//!
-//! u are independent velocities of a choice that is good a little along the branch. At every node the loops are closed
-//! next to the prediction, which stays on the branch, and the equations are the ordinary ones there. The stages are
-//! found by iteration with Anderson's extrapolation: where branches form a cone its curvature grows as one over the
-//! distance, and plain iteration need not contract, however short the step. The step is taken with two numbers of nodes
-//! and shortened until both agree.
+//! The motion along a branch is smooth, but in the position itself nothing can be evaluated: C has lost a rank. A step of
+//! [`collocation`](crate::collocation) has no node at its start. Its states are q, the independent velocities u of a choice
+//! that is good a little along the branch, and the work; at every node the loops are closed next to the prediction, which
+//! stays on the branch, and the equations are the ordinary ones there. The step is taken with two numbers of nodes and
+//! shortened until both agree.
 
-use partita_math::dense::Matrix;
-use partita_math::factor::least_squares_min_norm;
+use crate::collocation::{solve, Guess, Stages, Task, COMPARED, LESS, MORE, RULES};
+use crate::counters::Counters;
+use crate::ode::{Ode, RhsError};
 use partita_math::tolerance;
 use partita_system::manifold::kept_rows::close_kept;
 use partita_system::record::Output;
@@ -22,9 +16,6 @@ use partita_system::reduction::Reduction;
 use partita_system::start::choose_partition;
 use partita_system::{ConstrainedSystem, SystemError, SystemRef};
 
-/// Collocation is settled below this. Scale: fraction of the agreement asked for. Reason: the iteration adds no error
-/// that is seen.
-const START_SETTLED: f64 = 1e-3;
 /// No tolerance of a singular start is looser. Unit: relative tolerance. Reason: the branch must be identified
 /// reliably.
 const LOOSEST_START: f64 = 1e-4;
@@ -36,17 +27,12 @@ const START_MOVE: f64 = 0.4;
 const LEAST_START_MOVE: f64 = 1e-3;
 /// Halvings of the step.
 const HALVINGS: usize = 24;
-/// Nodes: of the step that is taken, of the other one.
-const NODES: (usize, usize) = (10, 8);
 /// Two solutions of a singular start may differ by this. Scale: fraction of the tolerance. Reason: the start adds no
 /// error that is seen.
 const START_AGREEMENT: f64 = 0.1;
 /// No tolerance of a singular start is tighter. Unit: relative tolerance. Reason: rounding in evaluations near the
 /// position.
 const TIGHTEST_START: f64 = 1e-11;
-/// Iterations, and how many of them the extrapolation remembers.
-const ITERATIONS: usize = 60;
-const REMEMBERED: usize = 12;
 /// Velocities through the nodes lead back to those of the start within this. Scale: fraction of the fastest. Reason: on
 /// another branch they differ by about their own size.
 const LEADS_BACK: f64 = 1e-3;
@@ -65,9 +51,10 @@ const SHIFTS: usize = 4;
 pub struct SingularStep<'s, S: ConstrainedSystem> {
     r: Reduction<'s, S>,
     start: (f64, Vec<f64>, Vec<f64>),
-    nodes: Nodes,
     h: f64,
     stages: Stages,
+    /// Velocities at its nodes.
+    velocities: Vec<Vec<f64>>,
     /// Distance from singularity at the end.
     distance: f64,
     /// End of the step.
@@ -88,82 +75,6 @@ pub struct SingularStep<'s, S: ConstrainedSystem> {
     pub evaluations: u64,
 }
 
-/// Solution at each node.
-#[derive(Default)]
-struct Stages {
-    /// q' and u', node by node.
-    rates: Vec<f64>,
-    /// What closing added at the last node.
-    shift: Vec<f64>,
-    v: Vec<Vec<f64>>,
-    power: Vec<f64>,
-}
-
-/// Gauss nodes on 0..1 with the coefficients of collocation.
-#[derive(Clone)]
-struct Nodes {
-    c: Vec<f64>,
-    /// Barycentric weights.
-    w: Vec<f64>,
-    /// Weights of the quadrature.
-    b: Vec<f64>,
-    /// The row of each node.
-    a: Vec<Vec<f64>>,
-}
-
-impl Nodes {
-    fn new(s: usize) -> Self {
-        // roots of the Legendre polynomial by Newton's method, its weights by its slope
-        let legendre = |x: f64| {
-            let (mut before, mut p) = (1.0, x);
-            for n in 1..s {
-                let m = n as f64;
-                (before, p) = (p, ((2.0 * m + 1.0) * x * p - m * before) / (m + 1.0));
-            }
-            (p, s as f64 * (x * p - before) / (x * x - 1.0))
-        };
-        let (mut c, mut b) = (Vec::new(), Vec::new());
-        for i in 0..s {
-            let mut x = -(std::f64::consts::PI * (i as f64 + 0.75) / (s as f64 + 0.5)).cos();
-            for _ in 0..20 {
-                let (p, slope) = legendre(x);
-                x -= p / slope;
-            }
-            let slope = legendre(x).1;
-            c.push(0.5 * (1.0 + x));
-            b.push(1.0 / ((1.0 - x * x) * slope * slope));
-        }
-        let w =
-            (0..s).map(|i| 1.0 / (0..s).filter(|&j| j != i).map(|j| 4.0 * (c[i] - c[j])).product::<f64>()).collect();
-        let mut nodes = Self { c, w, b, a: Vec::new() };
-        nodes.a = (0..s).map(|i| nodes.integrals(nodes.c[i])).collect();
-        nodes
-    }
-
-    fn count(&self) -> usize {
-        self.c.len()
-    }
-
-    /// Lagrange polynomials of the nodes at x.
-    fn values(&self, x: f64) -> Vec<f64> {
-        if let Some(i) = self.c.iter().position(|c| *c == x) {
-            return (0..self.count()).map(|j| if j == i { 1.0 } else { 0.0 }).collect();
-        }
-        let parts: Vec<f64> = self.c.iter().zip(&self.w).map(|(c, w)| w / (x - c)).collect();
-        let sum: f64 = parts.iter().sum();
-        parts.iter().map(|p| p / sum).collect()
-    }
-
-    /// Their integrals from 0 to x, exact by the quadrature of the nodes.
-    fn integrals(&self, x: f64) -> Vec<f64> {
-        let mut sum = vec![0.0; self.count()];
-        for (c, b) in self.c.iter().zip(&self.b) {
-            sum.iter_mut().zip(self.values(x * c)).for_each(|(s, l)| *s += x * b * l);
-        }
-        sum
-    }
-}
-
 fn fastest<S: ConstrainedSystem>(system: &S, v: &[f64]) -> f64 {
     v.iter().enumerate().fold(0.0, |m: f64, (i, v)| m.max(v.abs() / system.characteristic_displacement(i)))
 }
@@ -174,150 +85,17 @@ fn close<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &mut [f64]) -> R
     Ok(close_kept(r, t, q)?.is_closed())
 }
 
-/// Last differences of an iteration, to extrapolate from.
-#[derive(Default)]
-struct Anderson {
-    last: Option<(Vec<f64>, Vec<f64>)>,
-    steps: Vec<(Vec<f64>, Vec<f64>)>,
-}
-
-impl Anderson {
-    /// The next iterate after `x`, where the plain iteration gives `x + f`.
-    fn next(&mut self, x: &[f64], f: &[f64]) -> Vec<f64> {
-        let minus = |a: &[f64], b: &[f64]| -> Vec<f64> { a.iter().zip(b).map(|(a, b)| a - b).collect() };
-        if let Some((x0, f0)) = &self.last {
-            self.steps.push((minus(x, x0), minus(f, f0)));
-            if self.steps.len() > REMEMBERED {
-                self.steps.remove(0);
-            }
-        }
-        self.last = Some((x.to_vec(), f.to_vec()));
-        let mut next: Vec<f64> = x.iter().zip(f).map(|(x, f)| x + f).collect();
-        let mut slopes = Matrix::new(f.len(), self.steps.len());
-        for (j, (_, df)) in self.steps.iter().enumerate() {
-            df.iter().enumerate().for_each(|(i, d)| slopes[(i, j)] = *d);
-        }
-        if self.steps.is_empty() {
-            return next;
-        }
-        if let Ok((parts, _)) = least_squares_min_norm(&slopes, f, tolerance::NULL_VALUE) {
-            for (part, (dx, df)) in parts.iter().zip(&self.steps) {
-                next.iter_mut().zip(dx.iter().zip(df)).for_each(|(n, (x, f))| *n -= part * (x + f));
-            }
-        }
-        next
-    }
-}
-
-/// One attempt at a length.
-struct Attempt<'a, 's, S: ConstrainedSystem> {
+/// The equations on a branch: rates of q, u and work where the loops are closed next to q.
+struct OnBranch<'a, 's, S: ConstrainedSystem> {
     r: &'a mut Reduction<'s, S>,
-    start: (f64, &'a [f64], &'a [f64]),
-    h: f64,
-    /// What the iteration is to come to rest within, in parts of the motion.
-    tolerance: f64,
-    evaluations: u64,
+    /// Velocities at the points evaluated, and what closing added at the last one.
+    v: Vec<Vec<f64>>,
+    shift: Vec<f64>,
 }
 
-impl<S: ConstrainedSystem> Attempt<'_, '_, S> {
-    /// Natural sizes of q' and u' of one node: their fastest rate, and that over the step.
-    fn scales(&self, speed: f64) -> Vec<f64> {
-        let system = self.r.system.clone();
-        let mut of_q = vec![speed; system.size().nq];
-        for i in 0..system.size().nv {
-            for c in system.coordinates_of(i) {
-                of_q[c] = speed
-                    * if system.coordinates_of(i).len() == 1 { system.characteristic_displacement(i) } else { 1.0 };
-            }
-        }
-        of_q.extend(
-            self.r.partition.independent.iter().map(|&i| speed / self.h * system.characteristic_displacement(i)),
-        );
-        of_q
-    }
-
-    /// Rates at all nodes; none where they are not found.
-    fn solve(&mut self, nodes: &Nodes, first: &[f64]) -> Result<Option<Stages>, SystemError> {
-        let (q0, v0) = (self.start.1, self.start.2);
-        let system = self.r.system.clone();
-        let mut qdot = vec![0.0; q0.len()];
-        // the prediction uses the initial velocities and the accelerations next to the start
-        let mut x = Vec::new();
-        for c in &nodes.c {
-            let v: Vec<f64> = v0.iter().zip(first).map(|(v, a)| v + c * self.h * a).collect();
-            system.rate(q0, &v, &mut qdot);
-            x.extend_from_slice(&qdot);
-            x.extend(self.r.partition.independent.iter().map(|&i| first[i]));
-        }
-        let scales = self.scales(fastest(&*system, v0) + self.h * fastest(&*system, first));
-        self.iterate(nodes, x, &scales)
-    }
-
-    /// The positions that follow from the rates `x` at the nodes; none where the loops do not close.
-    fn sweep(&mut self, nodes: &Nodes, x: &[f64]) -> Result<Option<Stages>, SystemError> {
-        let (t, q0, v0) = self.start;
-        let (nq, s) = (q0.len(), nodes.count());
-        let u0: Vec<f64> = self.r.partition.independent.iter().map(|&i| v0[i]).collect();
-        let width = nq + u0.len();
-        let mut vdot = vec![0.0; v0.len()];
-        let mut stages = Stages { rates: vec![0.0; s * width], ..Stages::default() };
-        for i in 0..s {
-            let at = t + nodes.c[i] * self.h;
-            let (mut q, mut u) = (q0.to_vec(), u0.clone());
-            for (a, rates) in nodes.a[i].iter().zip(x.chunks_exact(width)) {
-                q.iter_mut().zip(&rates[..nq]).for_each(|(q, d)| *q += self.h * a * d);
-                u.iter_mut().zip(&rates[nq..]).for_each(|(u, d)| *u += self.h * a * d);
-            }
-            let predicted = q.clone();
-            if !close(self.r, at, &mut q)? {
-                return Ok(None);
-            }
-            stages.shift = q.iter().zip(&predicted).map(|(q, p)| q - p).collect();
-            self.r.evaluate(at, &q, &u)?;
-            self.evaluations += 1;
-            self.r.full_acceleration(&mut vdot);
-            let to = &mut stages.rates[i * width..(i + 1) * width];
-            self.r.system.rate(&q, &self.r.v, &mut to[..nq]);
-            to[nq..].iter_mut().zip(&self.r.partition.independent).for_each(|(to, &i)| *to = vdot[i]);
-            stages.v.push(self.r.v.clone());
-            stages.power.push(self.power(at, &q, &vdot)?);
-        }
-        Ok(Some(stages))
-    }
-
-    /// The extrapolated iteration from x.
-    fn iterate(&mut self, nodes: &Nodes, mut x: Vec<f64>, scales: &[f64]) -> Result<Option<Stages>, SystemError> {
-        let width = scales.len();
-        let mut anderson = Anderson::default();
-        let (mut least, mut since) = (f64::INFINITY, 0);
-        for _ in 0..ITERATIONS {
-            let Some(stages) = self.sweep(nodes, &x)? else { return Ok(None) };
-            let off: Vec<f64> =
-                stages.rates.iter().zip(&x).enumerate().map(|(e, (n, x))| (n - x) / scales[e % width]).collect();
-            // the error at a node counts by its weight: the first one is next to the singular position, where rounding
-            // is largest
-            let worst = off.chunks_exact(width.max(1)).zip(&nodes.b).fold(0.0, |m: f64, (off, b)| {
-                off.iter().fold(m, |m, o| if o.is_nan() { f64::INFINITY } else { m.max(b * o.abs()) })
-            });
-            if !worst.is_finite() {
-                return Ok(None);
-            }
-            // at rest up to rounding; the other nodes show whether this suffices
-            since = if worst < 0.5 * least { 0 } else { since + 1 };
-            least = least.min(worst);
-            if worst <= START_SETTLED * self.tolerance
-                || (worst <= tolerance::SINGULAR_LENIENCE * self.tolerance && since > 3)
-            {
-                return Ok(Some(stages));
-            }
-            if since > 12 {
-                return Ok(None);
-            }
-            let here: Vec<f64> = x.iter().enumerate().map(|(e, x)| x / scales[e % width]).collect();
-            let next = anderson.next(&here, &off);
-            x = next.iter().enumerate().map(|(e, x)| x * scales[e % width]).collect();
-        }
-        Ok(None)
+impl<'a, 's, S: ConstrainedSystem> OnBranch<'a, 's, S> {
+    fn new(r: &'a mut Reduction<'s, S>) -> Self {
+        Self { r, v: Vec::new(), shift: Vec::new() }
     }
 
     /// dE/dt that is not the work of conservative forces, at the point last evaluated.
@@ -334,25 +112,61 @@ impl<S: ConstrainedSystem> Attempt<'_, '_, S> {
         }
         Ok(power)
     }
+
+    fn rates(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<(), SystemError> {
+        let (nq, work) = (self.r.system.size().nq, y.len() - 1);
+        let mut q = y[..nq].to_vec();
+        if !close(self.r, t, &mut q)? {
+            return Err(SystemError::SingularStart { t, message: DID_NOT_CLOSE.into() });
+        }
+        self.shift.clear();
+        self.shift.extend(q.iter().zip(y).map(|(q, p)| q - p));
+        self.r.evaluate(t, &q, &y[nq..work])?;
+        let mut vdot = vec![0.0; self.r.v.len()];
+        self.r.full_acceleration(&mut vdot);
+        self.r.system.rate(&q, &self.r.v, &mut dy[..nq]);
+        dy[nq..work].iter_mut().zip(&self.r.partition.independent).for_each(|(to, &i)| *to = vdot[i]);
+        self.v.push(self.r.v.clone());
+        dy[work] = self.power(t, &q, &vdot)?;
+        Ok(())
+    }
 }
 
-/// q, u and work of the polynomial at the part x of the step.
-fn at(nodes: &Nodes, h: f64, stages: &Stages, q0: &[f64], u0: &[f64], x: f64) -> (Vec<f64>, Vec<f64>, f64) {
-    let (mut q, mut u, mut work) = (q0.to_vec(), u0.to_vec(), 0.0);
-    let width = q0.len() + u0.len();
-    for (i, weight) in nodes.integrals(x).into_iter().enumerate() {
-        let rates = &stages.rates[i * width..(i + 1) * width];
-        q.iter_mut().zip(rates).for_each(|(q, d)| *q += h * weight * d);
-        u.iter_mut().zip(&rates[q0.len()..]).for_each(|(u, d)| *u += h * weight * d);
-        work += h * weight * stages.power[i];
+impl<S: ConstrainedSystem> Ode for OnBranch<'_, '_, S> {
+    type Error = SystemError;
+    fn dim(&self) -> usize {
+        self.r.system.size().nq + self.r.partition.independent.len() + 1
     }
-    (q, u, work)
+    fn rhs(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<(), RhsError<SystemError>> {
+        self.rates(t, y, dy).map_err(|e| match e {
+            SystemError::SingularStart { .. } => RhsError::Retry(e),
+            e if e.is_local() => RhsError::Retry(e),
+            e => RhsError::Fatal(e),
+        })
+    }
+}
+
+const DID_NOT_CLOSE: &str = "the loops did not close along it";
+
+/// What each of q, u and the work may be off by over a step of length h: q by its move at this speed, u by its size.
+fn tolerances<S: ConstrainedSystem>(r: &Reduction<S>, speed: f64, h: f64, tolerance: f64) -> Vec<f64> {
+    let system = &*r.system;
+    let mut of = vec![h * speed * tolerance; system.size().nq];
+    for i in 0..system.size().nv {
+        if let [c] = system.coordinates_of(i).collect::<Vec<_>>()[..] {
+            of[c] *= system.characteristic_displacement(i);
+        }
+    }
+    let of_u = |&i: &usize| speed * tolerance * system.characteristic_displacement(i);
+    of.extend(r.partition.independent.iter().map(of_u));
+    of.push(f64::INFINITY);
+    of
 }
 
 /// Velocities of the polynomial through those at the nodes.
-fn velocities(nodes: &Nodes, stages: &Stages, x: f64) -> Vec<f64> {
-    let mut v = vec![0.0; stages.v[0].len()];
-    for (weight, of) in nodes.values(x).into_iter().zip(&stages.v) {
+fn velocities(stages: &Stages, at_nodes: &[Vec<f64>], x: f64) -> Vec<f64> {
+    let mut v = vec![0.0; at_nodes[0].len()];
+    for (weight, of) in stages.values(x).into_iter().zip(at_nodes) {
         v.iter_mut().zip(of).for_each(|(v, o)| *v += weight * o);
     }
     v
@@ -378,12 +192,11 @@ pub fn singular_step<'s, S: ConstrainedSystem>(
     let strong = leaving.map_or(0.0, |a| fastest(&*system, a));
     let mut h = (2.0 * START_MOVE / (speed + (speed * speed + 2.0 * START_MOVE * strong).sqrt())).min(limit - t);
     let mut evaluations = 0;
-    let mut why = String::from("the loops did not close along it");
-    let (taken, other) = (Nodes::new(NODES.0), Nodes::new(NODES.1));
+    let mut why = String::from(DID_NOT_CLOSE);
     let (mut best, mut worse): (Option<SingularStep<S>>, usize) = (None, 0);
     for _ in 0..HALVINGS {
         let whole = h == limit - t;
-        match attempt(system.clone(), rank, (t, q, v), leaving, h, tolerance, (&taken, &other), &mut evaluations) {
+        match attempt(system.clone(), rank, (t, q, v), leaving, h, tolerance, &mut evaluations) {
             Ok(Ok(mut found)) => {
                 if whole {
                     found.t = limit; // not a rounding error before it
@@ -428,7 +241,6 @@ fn attempt<'s, S: ConstrainedSystem>(
     leaving: Option<&[f64]>,
     h: f64,
     tolerance: f64,
-    (taken, other): (&Nodes, &Nodes),
     evaluations: &mut u64,
 ) -> Result<Result<SingularStep<'s, S>, String>, SystemError> {
     let mut r = Reduction::dense(system.clone(), rank);
@@ -439,7 +251,7 @@ fn attempt<'s, S: ConstrainedSystem>(
     for _ in 0..2 {
         choose_partition(&mut r, t_probe, &probe, None, None)?;
         if !close(&mut r, t_probe, &mut probe)? {
-            return Ok(Err("the loops did not close along it".into()));
+            return Ok(Err(DID_NOT_CLOSE.into()));
         }
     }
     choose_partition(&mut r, t_probe, &probe, None, None)?;
@@ -451,36 +263,56 @@ fn attempt<'s, S: ConstrainedSystem>(
         Some(a) => first.copy_from_slice(a),
         None => r.full_acceleration(&mut first),
     }
+    // the prediction uses the initial velocities and the accelerations next to the start
+    let (nq, width) = (q.len(), q.len() + u0.len() + 1);
+    let (mut slope, mut change) = (vec![0.0; width], vec![0.0; width]);
+    system.rate(q, v, &mut slope[..nq]);
+    system.rate(q, &first, &mut change[..nq]);
+    slope[nq..width - 1].iter_mut().zip(&independent).for_each(|(to, &i)| *to = first[i]);
+    let tolerances = tolerances(&r, fastest(&*system, v) + h * fastest(&*system, &first), h, tolerance);
+    let allowed: Vec<f64> = tolerances.iter().map(|x| tolerance::SINGULAR_LENIENCE * x).collect();
+    let mut y0: Vec<f64> = q.iter().chain(&u0).copied().chain([0.0]).collect();
+    let mut counters = Counters::default();
+    let mut stages_of = |r: &mut Reduction<'s, S>, y: &[f64], rule: usize, guess: Guess| {
+        let mut branch = OnBranch::new(r);
+        let task = Task { t, y, h, tolerances: &tolerances, allowed: &allowed };
+        let nodes = &RULES[rule];
+        let found = solve(&mut branch, &task, nodes, guess, &mut counters);
+        *evaluations += std::mem::take(&mut counters.evaluations);
+        let v = branch.v.split_off(branch.v.len().saturating_sub(nodes.count()));
+        match found {
+            Ok(stages) => Ok(stages.map(|stages| (stages, v, branch.shift))),
+            Err((_, RhsError::Retry(_))) => Ok(None),
+            Err((_, RhsError::Fatal(e))) => Err(e),
+        }
+    };
     // a start beside the position is on no branch, or on another: what closing adds along the step is taken off at its
     // start
-    let (given, mut q, mut less) = (q, q.to_vec(), None);
+    let (given, mut less) = (q, None);
     for _ in 0..SHIFTS {
-        let mut attempt = Attempt { r: &mut r, start: (t, &q, v), h, tolerance, evaluations: 0 };
-        less = attempt.solve(other, &first)?;
-        *evaluations += attempt.evaluations;
-        let Some(found) = &less else { break };
-        let shifted: Vec<f64> = q.iter().zip(&found.shift).map(|(q, s)| q + s).collect();
-        if system_move(&*system, &q, &shifted) <= tolerance::CLOSED {
+        less = stages_of(&mut r, &y0, LESS, Guess::Line(&slope, &change))?;
+        let Some((_, _, shift)) = &less else { break };
+        let mut shifted: Vec<f64> = y0[..nq].iter().zip(shift).map(|(q, s)| q + s).collect();
+        if system_move(&*system, &y0[..nq], &shifted) <= tolerance::CLOSED {
             break;
         }
-        q = shifted;
-        system.normalise(&mut q);
+        system.normalise(&mut shifted);
+        y0[..nq].copy_from_slice(&shifted);
     }
-    let Some(less) = less else { return Ok(Err("its collocation equations did not converge".into())) };
-    let mut attempt = Attempt { r: &mut r, start: (t, &q, v), h, tolerance, evaluations: 0 };
-    let stages = attempt.solve(taken, &first)?;
-    *evaluations += attempt.evaluations;
-    let Some(stages) = stages else { return Ok(Err("its collocation equations did not converge".into())) };
-    let q = &q[..];
-    let top = stages.v.iter().fold(fastest(&*system, v), |m, v| m.max(fastest(&*system, v)));
-    let (back, speed) = (velocities(taken, &stages, 0.0), fastest(&*system, v));
+    let Some((less, ..)) = less else { return Ok(Err("its collocation equations did not converge".into())) };
+    let Some((stages, at_nodes, _)) = stages_of(&mut r, &y0, MORE, Guess::Like(&less))? else {
+        return Ok(Err("its collocation equations did not converge".into()));
+    };
+    let q = &y0[..nq];
+    let top = at_nodes.iter().fold(fastest(&*system, v), |m, v| m.max(fastest(&*system, v)));
+    let (back, speed) = (velocities(&stages, &at_nodes, 0.0), fastest(&*system, v));
     let off: Vec<f64> = back.iter().zip(v).map(|(a, b)| a - b).collect();
     if fastest(&*system, &off) > LEADS_BACK * top {
         return Ok(Err("next to the position the closed mechanism does not continue with these velocities".into()));
     }
     let ahead: Vec<f64> = (0..v.len())
         .map(|i| {
-            (velocities(taken, &stages, START_BESIDE)[i] - velocities(taken, &stages, -START_BESIDE)[i])
+            (velocities(&stages, &at_nodes, START_BESIDE)[i] - velocities(&stages, &at_nodes, -START_BESIDE)[i])
                 / (2.0 * START_BESIDE * h)
         })
         .collect();
@@ -496,12 +328,17 @@ fn attempt<'s, S: ConstrainedSystem>(
     let moved = system_move(&*system, given, q);
     // the polynomials of q and u, and their values at the end
     let (mut end, mut error) = (None, 0.0f64);
-    for x in [0.1, 0.37, 0.63, 0.9, 1.0] {
-        let (mut q_one, u_one, work) = at(taken, h, &stages, q, &u0, x);
-        let (mut q_two, u_two, _) = at(other, h, &less, q, &u0, x);
+    for x in COMPARED {
+        let [one, two] = [&stages, &less].map(|stages| {
+            let mut y = y0.clone();
+            stages.advance(x, &mut y);
+            y
+        });
+        let (mut q_one, mut q_two) = (one[..nq].to_vec(), two[..nq].to_vec());
+        let (u_one, u_two, work) = (&one[nq..width - 1], &two[nq..width - 1], one[width - 1]);
         for q in [&mut q_one, &mut q_two] {
             if !close(&mut r, t + x * h, q)? {
-                return Ok(Err("the loops did not close along it".into()));
+                return Ok(Err(DID_NOT_CLOSE.into()));
             }
         }
         let mut off_q = 0.0f64;
@@ -512,7 +349,7 @@ fn attempt<'s, S: ConstrainedSystem>(
                 off_q = off_q.max((q_one[c] - q_two[c]).abs() / size);
             }
         }
-        let off_u = u_one.iter().zip(&u_two).zip(&independent);
+        let off_u = u_one.iter().zip(u_two).zip(&independent);
         let off_u =
             off_u.fold(0.0, |m: f64, ((a, b), &i)| m.max((a - b).abs() / system.characteristic_displacement(i)));
         let off = off_q.max(off_u / top);
@@ -520,7 +357,7 @@ fn attempt<'s, S: ConstrainedSystem>(
             return Ok(Err("it leads to NaN or infinity".into()));
         }
         error = error.max(off);
-        end = Some((q_one, u_one, work));
+        end = Some((q_one, u_one.to_vec(), work));
     }
     // what the step is off by is no move of its start
     let moved = if moved > tolerance::SINGULAR_ROUNDING.max(tolerance::CLEARLY * error) { moved } else { 0.0 };
@@ -538,9 +375,9 @@ fn attempt<'s, S: ConstrainedSystem>(
         r,
         start: if moved > 0.0 { (t, q.to_vec(), back) } else { (t, given.to_vec(), v.to_vec()) },
         moved,
-        nodes: taken.clone(),
         h,
         stages,
+        velocities: at_nodes,
         distance,
         t: t_end,
         q: q_end,
@@ -582,16 +419,18 @@ impl<S: ConstrainedSystem> SingularStep<'_, S> {
         }
         let x = (t - t0) / self.h;
         let u0: Vec<f64> = self.r.partition.independent.iter().map(|&i| v0[i]).collect();
-        let (mut q, u, work) = at(&self.nodes, self.h, &self.stages, &q0, &u0, x);
+        let mut y: Vec<f64> = q0.iter().chain(&u0).copied().chain([0.0]).collect();
+        self.stages.advance(x, &mut y);
+        let (mut q, u, work) = (y[..q0.len()].to_vec(), &y[q0.len()..y.len() - 1], y[y.len() - 1]);
         self.r.system.normalise(&mut q);
-        let v = velocities(&self.nodes, &self.stages, x);
+        let v = velocities(&self.stages, &self.velocities, x);
         let mut closed = q.clone();
         let regular = close(&mut self.r, t, &mut closed)
             .and_then(|there| self.r.tangent(t).map(|()| there))
             .is_ok_and(|there| there && self.r.distance().0 >= tolerance::AT_SINGULARITY * self.distance);
         match regular {
             true => {
-                self.r.spread(&u);
+                self.r.spread(u);
                 out.set(t, &closed, &self.r.v, work);
             }
             false => out.set(t, &q, &v, work),
@@ -603,42 +442,5 @@ impl<S: ConstrainedSystem> SingularStep<'_, S> {
     /// Length of the step (s).
     pub fn length(&self) -> f64 {
         self.h
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_nodes_integrate_what_gauss_does_exactly() {
-        for s in [2, 4, 8, 10] {
-            let nodes = Nodes::new(s);
-            for power in 0..2 * s {
-                let sum: f64 = nodes.c.iter().zip(&nodes.b).map(|(c, b)| b * c.powi(power as i32)).sum();
-                assert!((sum - 1.0 / (power as f64 + 1.0)).abs() < 1e-14, "{s} {power}");
-            }
-            for power in 0..s {
-                for x in [0.1, 0.7, 1.0] {
-                    let of: f64 = nodes.integrals(x).iter().zip(&nodes.c).map(|(w, c)| w * c.powi(power as i32)).sum();
-                    assert!((of - x.powi(power as i32 + 1) / (power as f64 + 1.0)).abs() < 1e-13, "{s} {power} {x}");
-                    let at: f64 = nodes.values(x).iter().zip(&nodes.c).map(|(w, c)| w * c.powi(power as i32)).sum();
-                    assert!((at - x.powi(power as i32)).abs() < 1e-12);
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn what_does_not_contract_is_extrapolated() {
-        // x = A x + b with |A| > 1: plain iteration leaves it
-        let (a, b) = ([[-1.7, 0.4], [0.3, -2.1]], [1.0, -0.5]);
-        let step = |x: &[f64]| -> Vec<f64> { (0..2).map(|i| a[i][0] * x[0] + a[i][1] * x[1] + b[i] - x[i]).collect() };
-        let (mut x, mut anderson) = (vec![0.0, 0.0], Anderson::default());
-        for _ in 0..6 {
-            let f = step(&x);
-            x = anderson.next(&x, &f);
-        }
-        assert!(step(&x).iter().all(|f| f.abs() < 1e-12));
     }
 }

@@ -92,8 +92,6 @@ pub(crate) struct ErrorNorm {
     /// Natural sizes of the components.
     sizes: Vec<f64>,
     atol: Vec<f64>,
-    /// Smallest tolerance, in natural sizes.
-    floor: f64,
     controlled: usize,
 }
 
@@ -106,26 +104,14 @@ impl ErrorNorm {
             AbsoluteTolerance::Same(value) => atol[..controlled].fill(*value),
             AbsoluteTolerance::Each(values) => atol[..controlled].copy_from_slice(values),
         }
-        let sizes = vec![1.0; stride];
-        Self { rtol: options.rtol, asked: atol.clone(), sizes, atol, floor: f64::MIN_POSITIVE, controlled }
+        Self { rtol: options.rtol, asked: atol.clone(), sizes: vec![1.0; stride], atol, controlled }
     }
 
     /// Absolute tolerances are in these sizes, one for each component.
     pub(crate) fn set_sizes(&mut self, sizes: &[f64]) {
         for (i, size) in sizes.iter().take(self.controlled).enumerate() {
-            self.sizes[i] = *size;
-            self.atol[i] = self.asked[i] * size;
+            (self.sizes[i], self.atol[i]) = (*size, self.asked[i] * size);
         }
-    }
-
-    /// Set a lower bound of the tolerances, in natural sizes.
-    pub(crate) fn set_floor(&mut self, floor: f64) {
-        self.floor = floor.max(f64::MIN_POSITIVE);
-    }
-
-    /// Whether a lower bound applies.
-    pub(crate) fn has_floor(&self) -> bool {
-        self.floor > f64::MIN_POSITIVE
     }
 
     /// For each of the rows, the largest `(Σ w_j k_j / tolerance)²` over the controlled components.
@@ -157,13 +143,26 @@ impl ErrorNorm {
     #[inline(always)]
     fn tolerance_tile(&self, at: usize, y_old: &[f64], y_new: &[f64]) -> [f64; TILE] {
         let (atol, a, b) = (&self.atol[at..at + TILE], &y_old[at..at + TILE], &y_new[at..at + TILE]);
-        let sizes = &self.sizes[at..at + TILE];
         let mut tolerance = [0.0; TILE];
         for lane in 0..TILE {
             let scale = atol[lane] + self.rtol * a[lane].abs().max(b[lane].abs());
-            tolerance[lane] = scale.max(self.floor * sizes[lane]);
+            tolerance[lane] = scale.max(f64::MIN_POSITIVE);
         }
         tolerance
+    }
+
+    /// Natural size of component i.
+    pub(crate) fn size(&self, i: usize) -> f64 {
+        self.sizes[i]
+    }
+
+    /// Tolerance of component i at `y`; infinite where its error is not controlled.
+    pub(crate) fn tolerance(&self, i: usize, y: &[f64]) -> f64 {
+        if i < self.controlled {
+            (self.atol[i] + self.rtol * y[i].abs()).max(f64::MIN_POSITIVE)
+        } else {
+            f64::INFINITY
+        }
     }
 
     /// Largest |x|, measured with the tolerance at `y`.

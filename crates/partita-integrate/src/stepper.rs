@@ -59,36 +59,19 @@ impl CurrentStep<'_> {
 
 /// Decisions of the caller about the next step.
 #[derive(Debug, Clone, Copy)]
-pub struct StepPlan<'p> {
+pub struct StepPlan {
     /// Length of the next attempt (positive). A fixed step returns with the step after it.
     pub length: f64,
-    /// Lengths to try before the step is shortened if that attempt fails by its error, the last first: for cases where
-    /// a shorter step does not help.
-    pub others: &'p [f64],
-    /// Lower bound of the tolerances, in natural sizes; normally 0.
-    pub floor: f64,
-    /// Errors up to this many tolerances are accepted; normally 1. Steps that the tolerances themselves would have
-    /// refused are counted.
-    pub limit: f64,
     /// The next step ends here if it would go beyond.
     pub goal: Option<f64>,
 }
 
-impl StepPlan<'_> {
-    /// A step of this length under the requested tolerances.
-    pub fn of(length: f64) -> Self {
-        Self { length, others: &[], floor: 0.0, limit: 1.0, goal: None }
-    }
-}
-
-/// Interface of a stepper between evaluations. None of it evaluates the equation.
+/// What is read from a stepper and decided between its evaluations. None of it evaluates the equation.
 pub trait StepControl: Debug + Send + Sync {
     /// The step at hand.
     fn current(&self) -> CurrentStep<'_>;
     /// The work done since the stepper was made.
     fn counters(&self) -> &Counters;
-    /// Where in a step the method evaluates, as ascending fractions of it; the ends need not be among them.
-    fn nodes(&self) -> &[f64];
     /// How the next step is to be taken; `commit` and `start` make plans of their own.
     fn plan(&mut self, plan: &StepPlan);
     /// Natural size of each component, in which absolute tolerances are meant from the next step on; 1 unless set.

@@ -228,8 +228,8 @@ pub enum SystemError {
     /// No step led across a singular position on the branch of the motion.
     #[error(
         "the mechanism crosses a singular position at t = {t}, where branches meet, and none of {tries} steps \
-         across it continued the velocities; loosen the tolerances, start from a slightly different state, or use \
-         another formulation"
+         across it continued the velocities; tighten rtol and atol by a factor of 100, start from a slightly different \
+         state, or use another formulation"
     )]
     Crossing {
         /// Time.
@@ -428,6 +428,7 @@ impl SystemError {
                 | Self::Choice { .. }
                 | Self::Jump { .. }
                 | Self::Jammed { .. }
+                | Self::Crossing { .. }
         )
     }
 }

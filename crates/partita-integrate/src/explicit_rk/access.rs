@@ -27,18 +27,9 @@ impl StepControl for ExplicitRungeKutta {
         &self.counters
     }
 
-    fn nodes(&self) -> &[f64] {
-        self.tableau.c
-    }
-
     fn plan(&mut self, plan: &StepPlan) {
         self.step = plan.length.abs();
-        self.others.clear();
-        self.others.extend_from_slice(plan.others);
         self.goal = plan.goal;
-        self.floor = plan.floor;
-        self.norm.set_floor(plan.floor);
-        self.lenience = plan.limit.max(1.0);
     }
 
     fn set_sizes(&mut self, sizes: &[f64]) {
@@ -68,8 +59,7 @@ impl StepControl for ExplicitRungeKutta {
             }
             None => {
                 let h = self.attempted_h.abs();
-                // a tolerated error is no reason to take shorter steps
-                let next = h * self.controller.accepted(self.error.min(1.0));
+                let next = h * self.controller.accepted(self.error);
                 // a step shortened by t_end does not change the planned length
                 let planned = if h < self.step { self.step } else { 0.0 };
                 self.step = next.max(planned).min(self.options.max_step);

@@ -9,7 +9,7 @@ use crate::record::{Gaps, History, Output, PartitionEvent, Sample, StepChecks};
 use crate::error::{Result, SystemError};
 pub use crate::record::Verdict;
 
-pub use crate::singular::change_point::Pace;
+pub use crate::singular::change_point::{Across, Pace};
 
 /// Where a verdict is applied: at the end of an accepted step, or at the start of one that is repeated. An integration
 /// that came too close to a singular position is set back: then t is an earlier time, and y, dy, turns are those of it.
@@ -24,6 +24,8 @@ pub struct Step<'a> {
     pub turns: &'a mut [i32],
     /// The control of the next steps, if it can be changed; `None` for fixed steps.
     pub pace: Option<&'a mut Pace>,
+    /// When C_D was singular in the step that was taken, where the march has located that.
+    pub located: Option<f64>,
 }
 
 /// Natural sizes of q (nq): those of the velocities they are integrals of, 1 for quaternions.
@@ -42,8 +44,13 @@ fn sizes_of_coordinates<S: crate::ConstrainedSystem>(system: &S, out: &mut [f64]
 /// `trial_end` is called at the end of a step that may be accepted; `commit` when it is, after the outputs inside it.
 /// Before `commit` nothing changes later evaluations, so a step is rejected by not committing it.
 pub trait FormulationSteps {
-    /// The end (t, y) of a step: removes the error of S3 from y, evaluates y' there and judges the step. `known` states
-    /// that dy contains `f(t, y)` from the last evaluation. The second result is true where f was evaluated again.
+    /// A march sets out from here: what lies ahead of its first step. Nothing is rewritten.
+    fn set_out(&mut self, _step: &mut Step) -> Result<()> {
+        Ok(())
+    }
+    /// The end (t, y) of a step: removes the remainder of S3 from y, evaluates y' there and judges the step. `known`
+    /// states that dy contains `f(t, y)` from the last evaluation. The second answer is true where f was evaluated
+    /// anew.
     fn trial_end(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], known: bool) -> Result<(Verdict, bool)>;
     /// Carry out the verdict of the last `trial_end`; (q, v) stay the same. True if y or y' was rewritten.
     fn commit(&mut self, verdict: Verdict, step: &mut Step) -> Result<bool>;
@@ -81,8 +88,13 @@ pub trait FormulationSteps {
     }
     /// Count both from here on.
     fn forget_gaps(&mut self) {}
-    /// Distance of the end of the last step from a singular position, where it is known, in characteristic
-    /// displacements: it falls linearly towards one.
+    /// The signed volume of the choice at (t, y) inside the step under way: the distance from a singular position, negative
+    /// beyond one. None where that cannot be told.
+    fn side(&mut self, _t: f64, _y: &[f64]) -> Option<f64> {
+        None
+    }
+    /// How far from a singular position the last step ended, where that is known, in parts of the
+    /// reaches: it falls linearly towards one.
     fn margin(&self) -> Option<f64> {
         None
     }
@@ -173,6 +185,9 @@ impl Sample {
 }
 
 impl<F: Formulation + ?Sized> FormulationSteps for Box<F> {
+    fn set_out(&mut self, step: &mut Step) -> Result<()> {
+        (**self).set_out(step)
+    }
     fn trial_end(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], known: bool) -> Result<(Verdict, bool)> {
         (**self).trial_end(t, y, dy, known)
     }
@@ -205,6 +220,9 @@ impl<F: Formulation + ?Sized> FormulationSteps for Box<F> {
     }
     fn forget_gaps(&mut self) {
         (**self).forget_gaps();
+    }
+    fn side(&mut self, t: f64, y: &[f64]) -> Option<f64> {
+        (**self).side(t, y)
     }
     fn margin(&self) -> Option<f64> {
         (**self).margin()

@@ -270,9 +270,11 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     fn conclude(&mut self, verdict: Verdict, step: &mut Step) -> Result<bool> {
         let t = step.t;
         if verdict == Verdict::Repeat {
-            if self.monitor.lost {
+            let failed = self.monitor.crosses_next && !self.monitor.judged;
+            if self.monitor.lost || failed {
                 return self.cross_again(step);
             }
+            self.monitor.judged = false;
             let serving = self.monitor.serving.take();
             if self.monitor.spoilt {
                 self.monitor.spoilt_in_a_row += 1;
@@ -297,8 +299,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             self.derivative(t, step.y, step.dy)?;
             self.tangent.seen().sides(&mut self.monitor.sides);
             if let (Some(zero), Some(pace)) = (self.monitor.crossing.zero(), step.pace.as_deref_mut()) {
-                // half a crossing step would end next to the position
-                self.monitor.crossing.cross(zero, t, pace);
+                self.monitor.crossing.cross(zero, pace);
             }
             return Ok(true);
         }
@@ -315,7 +316,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         let mut rewritten = !self.prescribed.is_empty();
         rewritten |= verdict == Verdict::Change && self.choose_anew(t, step.y, step.dy, why)?;
         self.tangent.accept(t, self.positions.q())?;
-        if self.monitor.crossing.crossed(t, self.flip(t)) {
+        let taken = (t, self.monitor.length().unwrap_or(0.0));
+        if self.monitor.crossing.crossed(taken, self.flip(t, step.located)) {
             self.monitor.checkpoints.clear();
         }
         self.begin();
@@ -351,6 +353,13 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
 impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> FormulationSteps
     for Motion<'s, S, T, P>
 {
+    fn set_out(&mut self, step: &mut Step) -> Result<()> {
+        self.evaluate(step.t, step.y)?;
+        self.margin = self.tangent.margin();
+        self.look_back(step.t);
+        self.begin();
+        self.plan_ahead(step).map(drop)
+    }
     fn trial_end(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], known: bool) -> Result<(Verdict, bool)> {
         self.looking = false;
         let (p, w) = self.places();
@@ -374,6 +383,9 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         self.margin = self.tangent.margin();
         self.look_back(t);
         self.check_step(t);
+        if self.monitor.jumped {
+            return Err(SystemError::Crossing { t, tries: self.monitor.crossing.tries() });
+        }
         if self.monitor.lost || self.monitor.spoilt {
             return Ok((Verdict::Repeat, evaluates));
         }
@@ -434,6 +446,13 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
     fn forget_gaps(&mut self) {
         self.watch.gaps = Gaps::default();
         self.checks.forget();
+    }
+    fn side(&mut self, t: f64, y: &[f64]) -> Option<f64> {
+        self.moved = true;
+        let factored = self.positions.locate(&mut self.tangent, t, y, self.monitor.crosses_next).ok()?;
+        self.tangent.tangent(t, self.positions.q(), factored).ok()?;
+        let (distance, _) = self.tangent.margin()?;
+        self.monitor.side(self.tangent.seen()).map(|side| side * distance)
     }
     fn margin(&self) -> Option<f64> {
         self.margin.map(|m| m.0)

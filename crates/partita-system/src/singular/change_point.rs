@@ -1,27 +1,33 @@
 //! Change points foreseen and stepped over.
 
-use partita_math::tolerance;
-
-/// How an integration continues: its plan for the next step, and the advice.
+/// How a march continues: its plan for the next step.
 #[derive(Clone, Copy, Debug)]
 pub struct Pace {
     /// Length of the next step.
     pub next: f64,
-    /// Length of a step whose stages all keep clear of a point in its middle, in units of the distance to that point.
-    pub stretch: f64,
-    /// Tolerances are not to be taken for smaller than this in the next step.
-    pub floor: f64,
-    /// Errors up to this many tolerances are accepted there.
-    pub limit: f64,
+    /// The singular position that the next step is to cross, if it is to cross one.
+    pub across: Option<Across>,
+}
+
+/// A singular position to be crossed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Across {
+    /// When it is expected.
+    pub zero: f64,
+    /// Length of a step across it, as has served.
+    pub whole: f64,
+    /// The one that the motion suggests.
+    pub longest: f64,
+    /// How often that was tried before.
+    pub tries: usize,
 }
 
 /// Stepping over singular positions of the mechanism.
 ///
-/// Next to one the tangent is a quotient of small numbers: earlier errors are divided by the distance, so steps that
-/// end close to it are followed by ever shorter ones, while one step across it, with no stage near it, is as exact as
-/// any other. The distance falls linearly in time, so the crossing is foreseen: the integration arrives at a sufficient
-/// distance and crosses in one step whose stages stay away from it.
-#[derive(Default)]
+/// Next to one the tangent is a quotient of small numbers: what went wrong before is divided by the distance, so steps
+/// that end close to it are followed by ever shorter ones, while one step across it, with no stage near it, is as exact
+/// as any other. The distance falls linearly in time, so the crossing is foreseen; one that was not is seen by the sides
+/// of C_D, and its step taken again.
 pub struct Crossing {
     /// Distance at the ends of the last two steps, the latest first: time, distance, number of its plan.
     before: [Option<(f64, f64, u64)>; 2],
@@ -29,27 +35,47 @@ pub struct Crossing {
     expected: Option<f64>,
     /// The one that the step under way is to cross.
     planned: Option<f64>,
-    /// The usual step size away from singular positions, and whether one was seen yet.
-    usual: f64,
-    settled: bool,
+    /// Length of a crossing step, by the motion at its start, and the part of what that suggests that has served.
+    whole: f64,
+    part: f64,
+    /// Was the last step one that crosses?
+    behind: bool,
     /// One that was to be crossed in the last step, while C_D changed no side.
     unsigned: Option<f64>,
     /// Attempts at crossing the expected one, from new starting points or with new lengths.
     tries: usize,
     /// When that is expected, at the latest.
     tried: Option<f64>,
-    /// The expected one, if a look ahead showed the distance to fall that far.
-    confirmed: Option<f64>,
+    /// One that no step led across: perhaps a limit, and nothing lies beyond. Ordinary steps go on towards it.
+    barred: Option<f64>,
     /// Times stepped over.
     pub times: Vec<f64>,
+}
+
+impl Default for Crossing {
+    fn default() -> Self {
+        Self {
+            before: [None; 2],
+            expected: None,
+            planned: None,
+            whole: 0.0,
+            part: 1.0,
+            behind: false,
+            unsigned: None,
+            tries: 0,
+            tried: None,
+            barred: None,
+            times: Vec::new(),
+        }
+    }
 }
 
 /// What to do about a singular position ahead.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Advice {
-    /// Nothing: none is near.
+    /// Nothing: none is near, or the march comes nearer first.
     Free,
-    /// One is being passed.
+    /// It is crossed in the next step.
     Crossing,
     /// It was tried often enough.
     GiveUp {
@@ -66,35 +92,44 @@ pub enum Advice {
 }
 
 impl Crossing {
-    /// Length of a crossing step. Scale: fraction of the usual step. Reason: its own error is far below the tolerance.
-    const CROSSING_STEP: f64 = 0.6;
-
-    /// From this distance on a crossing would have its first stages next to the position. Scale: fraction of the usual
-    /// step. Reason: the first nodes of the methods.
-    const TOO_CLOSE: f64 = 0.15;
-    /// Shorter steps do not cross. Scale: fraction of the usual step. Reason: stages of so short a step all lie next to
-    /// the position.
-    const CREEPING: f64 = 0.02;
-    /// State to return to before the position. Unit: fraction of the usual step. Reason: the middle of a crossing step.
-    const STEP_BACK: f64 = 0.3;
-    /// Lengths of a crossing step to try. Unit: multiples of the best. Reason: stages lie elsewhere with each.
-    const CROSSING_LENGTHS: [f64; 6] = [1.0, 1.25, 1.12, 0.9, 1.5, 1.06];
-    /// How far ahead the fall of the distance is probed. Unit: fraction of a step. Reason: far enough for a difference,
-    /// near enough for a line.
+    /// From this far a position is crossed; from farther away the march comes nearer first. Scale: fraction of a crossing
+    /// step. Reason: enough of the step lies beyond.
+    const FARTHEST_AHEAD: f64 = 0.6;
+    /// Where an approach ends. Unit: fraction of a crossing step before the position. Reason: its middle.
+    const APPROACH: f64 = 0.4;
+    /// No other step ends so close before a position. Scale: fraction of a crossing step. Reason: what rounding leaves at
+    /// its end, over the square of the distance, stays below 1e-13.
+    const ROOM: f64 = 0.1;
+    /// From nearer than this the march goes back. Scale: fraction of a crossing step. Reason: a tenth of the room, where
+    /// rounding has grown a hundredfold.
+    const TOO_CLOSE: f64 = 0.01;
+    /// Attempts before the march goes back.
+    const FROM_ONE_PLACE: usize = 3;
+    /// Attempts in all.
+    const ATTEMPTS: usize = 9;
+    /// Shortening of a crossing step that failed. Unit: ratio of lengths. Reason: collocation gains a digit or two.
+    const SHORTER: f64 = 0.6;
+    /// Looks ahead that refine when a position is expected.
+    const REFINEMENTS: usize = 2;
+    /// How far ahead the fall of the distance is probed. Unit: fraction of a step. Reason: far enough for a
+    /// difference, near enough for a line.
     const LOOK_AHEAD: f64 = 0.1;
 
-    /// The usual step away from singular positions; 0 at first.
-    pub fn usual(&self) -> f64 {
-        self.usual
-    }
-
-    /// The step to t was taken; `flip` is where C_D changed sides in it, if it did. True if a singular position was
+    /// The step to t was taken, h long; `flip` is where C_D changed sides in it, if it did. True if a singular position was
     /// crossed.
-    pub fn crossed(&mut self, t: f64, flip: Option<f64>) -> bool {
+    pub fn crossed(&mut self, (t, h): (f64, f64), flip: Option<f64>) -> bool {
+        self.behind = self.planned.is_some();
+        if self.behind {
+            // half-way back to what the motion suggests: the next one may be another one
+            self.part = (self.part * h / self.whole).sqrt().min(1.0);
+        }
         let foreseen = self.planned.take().filter(|zero| *zero < t);
         // two that coincide change no sign: they count when the step after them has changed none either
         let Some(zero) = flip.or(self.unsigned.take()) else {
             self.unsigned = foreseen;
+            if foreseen.is_some() {
+                (self.before, self.expected) = ([None; 2], None);
+            }
             return foreseen.is_some();
         };
         self.unsigned = None;
@@ -105,24 +140,56 @@ impl Crossing {
         true
     }
 
-    /// The step under way failed to cross: another length from the same place, if there is one.
-    pub fn again(&mut self, zero: f64, t: f64, pace: &mut Pace) -> bool {
-        self.tries += 1;
-        if zero - t < Self::TOO_CLOSE * self.usual || self.tries >= Self::CROSSING_LENGTHS.len() {
-            return false;
+    /// A step from t passed the position at `zero` without being made for it.
+    pub fn found(&mut self, zero: f64, t: f64, pace: &mut Pace) -> Advice {
+        if self.barred.is_some() {
+            return Advice::GiveUp { zero };
         }
-        self.cross(zero, t, pace);
-        true
+        self.approach_or_cross(zero, zero - t, pace)
     }
 
-    /// The next step, from t, crosses the position at `zero`.
-    pub fn cross(&mut self, zero: f64, t: f64, pace: &mut Pace) {
+    /// Cross the position at `zero`, so far `ahead`, or come nearer first.
+    fn approach_or_cross(&mut self, zero: f64, ahead: f64, pace: &mut Pace) -> Advice {
+        if ahead > Self::FARTHEST_AHEAD * self.whole {
+            self.expected = Some(zero);
+            pace.next = pace.next.min(ahead - Self::APPROACH * self.whole);
+            return Advice::Free;
+        }
+        self.cross(zero, pace);
+        Advice::Crossing
+    }
+
+    /// The step from t failed to cross: by a shorter one from there, or from nearer, if that is worth a try.
+    pub fn again(&mut self, zero: f64, t: f64, pace: &mut Pace) -> Advice {
+        self.tries += 1;
+        self.part *= Self::SHORTER;
+        self.whole *= Self::SHORTER;
+        let ahead = zero - t;
+        if self.tries % Self::FROM_ONE_PLACE == 0 || ahead < Self::TOO_CLOSE * self.whole {
+            return Advice::GiveUp { zero };
+        }
+        self.planned = None;
+        self.approach_or_cross(zero, ahead, pace)
+    }
+
+    /// It failed again and again, and there is no state to go back to: go on half of the way, and cross from there, or go
+    /// on without crossing. False where that was tried too.
+    pub fn nearer(&mut self, zero: f64, t: f64, pace: &mut Pace) -> bool {
+        let ahead = zero - t;
+        (self.planned, self.expected, self.before) = (None, Some(zero), [None; 2]);
+        pace.next = pace.next.min(0.5 * ahead);
+        if self.tries < Self::ATTEMPTS && ahead > Self::ROOM * self.whole {
+            return true;
+        }
+        self.barred.replace(zero).is_none()
+    }
+
+    /// The next step crosses the position at `zero`.
+    pub fn cross(&mut self, zero: f64, pace: &mut Pace) {
         self.planned = Some(zero);
         self.tried = Some(self.tried.map_or(zero, |z| zero.max(z)));
         self.expected = None;
-        pace.next =
-            Self::CROSSING_LENGTHS[self.tries.min(Self::CROSSING_LENGTHS.len() - 1)] * pace.stretch * (zero - t);
-        (pace.floor, pace.limit) = (tolerance::SINGULAR_ROUNDING, tolerance::SINGULAR_LENIENCE);
+        pace.across = Some(Across { zero, whole: self.whole, longest: self.whole / self.part, tries: self.tries });
     }
 
     /// There is nothing to cross at the time foreseen.
@@ -130,12 +197,7 @@ impl Crossing {
         (self.planned, self.unsigned, self.expected) = (None, None, None);
     }
 
-    /// Whether a step of length h is negligible. One that crosses a position has its stages too close to it.
-    pub fn creeps(&self, h: f64) -> bool {
-        self.planned.is_none() && h < Self::CREEPING * self.usual
-    }
-
-    /// Number of attempts at the current one.
+    /// Attempts at the one at hand.
     pub fn tries(&self) -> usize {
         self.tries
     }
@@ -145,120 +207,110 @@ impl Crossing {
         self.planned
     }
 
-    /// The integration was set back to t, before the position at `zero`.
-    pub fn put_back(&mut self, zero: f64, t: f64, pace: &mut Pace) {
+    /// Is one expected ahead, though no step is made for it yet?
+    pub fn is_expected(&self) -> bool {
+        self.expected.is_some()
+    }
+
+    /// Is one ahead that no step led across?
+    pub fn is_barred(&self) -> bool {
+        self.barred.is_some()
+    }
+
+    /// Length of a crossing step.
+    pub fn whole(&self) -> f64 {
+        self.whole
+    }
+
+    /// The march was put back before the position at `zero`.
+    pub fn put_back(&mut self, zero: f64, pace: &mut Pace) {
         self.before = [None; 2];
-        self.cross(zero, t, pace);
-        self.tries += 1;
+        self.cross(zero, pace);
     }
 
-    /// State to return to before the position at `zero`; none where that was tried often enough.
+    /// Where to go back to before the position at `zero`, each time farther; none where that was tried often enough.
     pub fn back(&self, zero: f64) -> Option<f64> {
-        // each time from farther away
-        let far = Self::STEP_BACK * (1.0 + self.tries as f64 / 2.0);
-        (self.tries < Self::CROSSING_LENGTHS.len() && self.usual > 0.0).then_some(zero - far * self.usual)
+        let far = Self::ROOM * (1 + self.tries / Self::FROM_ONE_PLACE) as f64;
+        (self.tries < Self::ATTEMPTS).then_some(zero - far * self.whole)
     }
 
-    /// Evaluate the distance at the start of the next step and choose its length if a singular position lies ahead.
-    /// `probe` gives the distance that far ahead, by the same plan.
+    /// Look at the distance at the start of the next step, and cross if a singular position lies ahead. `whole` is the
+    /// length of a crossing step by the motion here; `probe` tells the distance so far ahead, by the same plan.
     pub fn foresee(
         &mut self,
         t: f64,
         pace: &mut Pace,
         now: Option<(f64, u64)>,
+        whole: f64,
         mut probe: impl FnMut(f64) -> Probe,
     ) -> Advice {
-        let Some((distance, plan)) = now else { return Advice::Free };
-        let ([one, two], last) = (self.before, self.expected);
+        let whole = self.part * whole;
+        let before = std::mem::replace(&mut self.whole, whole);
+        if std::mem::take(&mut self.behind) {
+            // the length of the last ordinary step belongs to the rates before the crossing
+            pace.next *= (whole / before).min(1.0);
+        }
+        let Some((distance, plan)) = now.filter(|_| whole.is_finite()) else { return Advice::Free };
+        let [one, two] = self.before;
         self.before = [Some((t, distance, plan)), one];
         let same = |x: Option<(f64, f64, u64)>| x.filter(|x| x.2 == plan && x.0 < t).map(|x| (x.0, x.1));
-        let displacement = 10.0 * if self.usual > 0.0 { self.usual } else { pace.next };
+        let horizon = pace.next + 2.0 * whole;
         match same(one) {
-            Some(one) => self.expected = zero_ahead((t, distance), one, same(two)).filter(|z| z - t < displacement),
+            Some(one) => self.expected = zero_ahead((t, distance), one, same(two)).filter(|z| z - t < horizon),
             // a choice just made has no past
             None => {
-                let ahead = Self::LOOK_AHEAD * pace.next.min(displacement);
+                let ahead = Self::LOOK_AHEAD * pace.next.min(whole);
                 self.expected = match probe(ahead) {
                     Probe::Distance(there) if there < distance => {
-                        Some(t + ahead * distance / (distance - there)).filter(|z| z - t < displacement)
+                        Some(t + ahead * distance / (distance - there)).filter(|z| z - t < horizon)
                     }
                     _ => self.expected.filter(|z| *z > t),
                 };
             }
         }
-        (pace.floor, pace.limit) = (0.0, 1.0);
-        let Some(zero) = self.expected else {
-            // moving away: until it is as far behind as a usual step, the estimate is not reliable
-            let leaving = self.times.last().is_some_and(|passed| t - passed < 2.0 * self.usual);
-            if leaving {
-                pace.floor = tolerance::SINGULAR_ROUNDING;
-                pace.next = pace.next.min(self.usual);
-                return Advice::Crossing;
-            }
-            self.usual = pace.next.max(0.9 * self.usual).min(1.3 * pace.next);
-            self.settled = true;
+        let Some(zero) = self.expected.filter(|zero| *zero > t) else {
+            (self.expected, self.barred) = (None, None);
             if self.tried.is_none_or(|zero| t > zero) {
                 self.tries = 0; // the motion turned away from it
             }
             return Advice::Free;
         };
-        if !self.settled {
-            // a run that begins next to one: the longest step so far
-            self.usual = self.usual.max(pace.next);
-        }
+        // as long as it is where it was expected
+        self.barred = self.barred.filter(|barred| zero - *barred < Self::ROOM * whole);
         let ahead = zero - t;
-        if ahead <= 0.0 || ahead > 3.0 * self.usual {
-            self.expected = self.expected.filter(|_| ahead > 0.0);
+        if self.barred.is_some() || ahead > pace.next + Self::ROOM * whole {
             return Advice::Free;
         }
-        let planned = pace.stretch * ahead;
-        let mut sure = true;
-        if planned <= Self::CROSSING_STEP * self.usual {
-            if matches!(probe(ahead), Probe::Distance(there) if there > CONFIRMED * distance) {
-                // another quantity decreased; examine again from here
-                self.before = [None; 2];
-                self.expected = None;
-                return Advice::Free;
-            }
-            if ahead < Self::TOO_CLOSE * self.usual {
-                if self.tries >= Self::CROSSING_LENGTHS.len() {
-                    return Advice::GiveUp { zero };
+        let (mut zero, mut ahead) = (zero, ahead);
+        if ahead <= Self::FARTHEST_AHEAD * whole {
+            // the line through the distances here and there, once more from where it leads
+            for _ in 0..Self::REFINEMENTS {
+                let Probe::Distance(there) = probe(ahead) else { break };
+                if there > CONFIRMED * distance {
+                    // what fell was something else; look again from the end of the next step
+                    (self.before, self.expected) = ([None; 2], None);
+                    return Advice::Free;
                 }
-                if let Some(to) = self.back(zero) {
-                    return Advice::Back { zero, to };
-                }
+                ahead *= distance / (distance - there);
             }
-            self.cross(zero, t, pace);
-        } else {
-            // one that was expected at the same time a step ago is there; a look ahead costs digits, for it may need
-            // new plans
-            let differs = |x: f64| (x - zero).abs() > 0.3 * ahead;
-            if last.is_none_or(differs) && self.confirmed.is_none_or(differs) {
-                match probe(ahead) {
-                    // it only falls for a while, as for coordinates that another choice will replace
-                    Probe::Distance(there) if there > FALLING * distance => {
-                        self.confirmed = None;
-                        return Advice::Free;
-                    }
-                    Probe::Distance(there) => sure = there <= CONFIRMED * distance,
-                    Probe::Unknown => {}
-                }
-                self.confirmed = Some(zero);
-            }
-            // leave the distance that one comfortable crossing needs
-            let approach = ahead - 0.9 * Self::CROSSING_STEP * self.usual / pace.stretch;
-            pace.next = approach.min(pace.next);
+            zero = t + ahead;
         }
-        // a decrease that may end is no reason to tolerate errors
-        pace.floor = if sure { tolerance::SINGULAR_ROUNDING } else { 0.0 };
-        Advice::Crossing
+        if ahead < Self::TOO_CLOSE * whole {
+            if self.tries >= Self::ATTEMPTS {
+                return Advice::GiveUp { zero };
+            }
+            if let Some(to) = self.back(zero) {
+                return Advice::Back { zero, to };
+            }
+        }
+        self.approach_or_cross(zero, ahead, pace)
     }
 }
 
 /// Result of a look ahead.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Probe {
-    /// So far from singular.
+    /// So far from singular, negative beyond it.
     Distance(f64),
     /// Nothing that could be compared.
     Unknown,
@@ -267,10 +319,6 @@ pub enum Probe {
 /// A singular position that is expected must lie below this distance. Scale: fraction of the present distance. Reason:
 /// beside it the distance is small already, and a guess off by more is none.
 const CONFIRMED: f64 = 0.3;
-
-/// From far away the distance must have fallen to this. Scale: fraction of the present distance. Reason: a look ahead
-/// is rough there.
-const FALLING: f64 = 0.7;
 
 /// Where a falling distance will be zero: by the parabola through the last three values, by the line through two.
 fn zero_ahead(now: (f64, f64), one: (f64, f64), two: Option<(f64, f64)>) -> Option<f64> {

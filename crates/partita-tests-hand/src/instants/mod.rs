@@ -214,7 +214,7 @@ impl TangentMap for Given {
 /// Carry out a verdict where steps are fixed; true if y was rewritten.
 pub fn commit<F: Formulation>(f: &mut F, verdict: Verdict, t: f64, y: &mut [f64], dy: &mut [f64]) -> bool {
     let mut turns = vec![0; y.len()];
-    f.commit(verdict, &mut Step { t, y, dy, turns: &mut turns, pace: None }).unwrap()
+    f.commit(verdict, &mut Step { t, y, dy, turns: &mut turns, pace: None, located: None }).unwrap()
 }
 
 /// All that a formulation tells about the state y.

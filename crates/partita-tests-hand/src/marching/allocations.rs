@@ -32,7 +32,8 @@ fn steps_allocate_nothing() {
                 stepper.commit();
                 slope.copy_from_slice(stepper.current().dy_old);
                 stepper.replace_start(to, &Kepler::at(to), &slope);
-                stepper.plan(&StepPlan { others: &[0.01, 0.02], ..StepPlan::of(stepper.current().next) });
+                let length = stepper.current().next;
+                stepper.plan(&StepPlan { length, goal: Some(to + length) });
             }
         });
         assert!(stepper.counters().rejected >= 10, "{}", method.name);

@@ -176,16 +176,20 @@ impl<E: Equations> FormulationSteps for Watched<'_, E> {
         if verdict != Verdict::Change {
             return self.inner.commit(verdict, step);
         }
-        let Step { t, y, dy, turns, pace } = step;
+        let Step { t, y, dy, turns, pace, located } = step;
         let t = *t;
         let before = (y.to_vec(), self.velocities(t, y));
         let independent = self.inner.reduction().partition.independent.clone();
         match self.force {
             None => {
-                self.inner.commit(verdict, &mut Step { t, y, dy, turns, pace: pace.as_deref_mut() })?;
+                self.inner
+                    .commit(verdict, &mut Step { t, y, dy, turns, pace: pace.as_deref_mut(), located: *located })?;
             }
             Some(least) => {
-                self.inner.commit(Verdict::Keep, &mut Step { t, y, dy, turns, pace: pace.as_deref_mut() })?;
+                self.inner.commit(
+                    Verdict::Keep,
+                    &mut Step { t, y, dy, turns, pace: pace.as_deref_mut(), located: *located },
+                )?;
                 let r = self.inner.reduction();
                 let (nq, mut vdot, mut rho) = (r.size().nq, vec![0.0; r.size().nv], vec![0.0; r.size().nv]);
                 r.full_acceleration(&mut vdot);

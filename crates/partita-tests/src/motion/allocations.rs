@@ -130,7 +130,8 @@ fn count(model: &Model, what: &str) {
             f.reduction().evaluate(0.0, &q, &speeds).unwrap();
             // corrects and evaluates the end; the scales are refreshed when it is taken, now and then
             f.trial_end(1e-3 * f64::from(i), &mut y, &mut dy, true).unwrap();
-            let mut step = Step { t: 1e-3 * f64::from(i), y: &mut y, dy: &mut dy, turns: &mut turns, pace: None };
+            let mut step =
+                Step { t: 1e-3 * f64::from(i), y: &mut y, dy: &mut dy, turns: &mut turns, pace: None, located: None };
             f.commit(Verdict::Keep, &mut step).unwrap();
         }
     });
@@ -198,7 +199,8 @@ fn count_moving(name: &str, model: &Model, m: &Moment, what: &str) {
             // where rates alone are held, the end of a step is corrected in all velocities, with matrices of its own
             if name == "projective" && holonomic {
                 f.trial_end(m.t + h, &mut y, &mut dy, true).unwrap();
-                let mut step = Step { t: m.t + h, y: &mut y, dy: &mut dy, turns: &mut turns, pace: None };
+                let mut step =
+                    Step { t: m.t + h, y: &mut y, dy: &mut dy, turns: &mut turns, pace: None, located: None };
                 f.commit(Verdict::Keep, &mut step).unwrap();
             }
         }

@@ -24,13 +24,25 @@ const FELT: f64 = 0.1;
 const MOST_TRIED: u32 = 30;
 /// And shortened at a time. Scale: ratio of lengths. Reason: what acts grows with a power of the length that is not known.
 const FELT_SHORTER: f64 = 0.1;
+/// Length of a step across a singular position. Unit: characteristic displacement. Reason: Gauss collocation of ten nodes
+/// is exact to round-off over it, and its nodes keep hundredths of it clear of the position.
+const CROSSING_MOVE: f64 = 0.8;
 
 /// Redundant rows that are kept are given up when they approach dependence by this factor. Scale: ratio to the distance
 /// of other rows. Reason: a factor of three outweighs the change of rows.
 const POOR_BESIDE: f64 = 0.3;
 
-/// Maximum number of consecutive steps that are shortened because the choice came to a dead point of its own; where the
-/// choice is not integrated that is harmless.
+/// Next to a singular position velocities must be continuous over every step. Scale: distance in natural scales. Reason: no
+/// step ends so near one but in front of what cannot be crossed, where rounding may throw it onto another branch.
+const JUDGED_NEAR: f64 = 0.05;
+
+/// An ordinary step that ends nearer to a singular position tells nothing of what follows. Scale: distance in natural scales.
+/// Reason: positions are off by rounding over the distance, and on both branches as near to it as 1e-8.
+const LANDED: f64 = 1e-6;
+
+/// So often in a row is a step shortened in which the choice came to a dead point of its own; where it is not what is
+/// integrated
+/// that does no harm.
 const MOST_SPOILT: u32 = 6;
 
 /// Rows that may replace those kept, and the distance of the mechanism from a singular position by them.
@@ -60,12 +72,16 @@ pub(super) struct CrossingMonitor {
     /// there.
     flipped: bool,
     pub(super) lost: bool,
+    /// Or jumped they next to one?
+    pub(super) jumped: bool,
     /// Or was it a dead point of the choice alone; how often in a row? And of redundant rows alone: those that serve.
     pub(super) spoilt: bool,
     pub(super) serving: Option<Vec<usize>>,
     pub(super) spoilt_in_a_row: u32,
-    /// Largest rate at the end of the step that was judged, in characteristic displacements.
-    fastest: f64,
+    /// Largest rate and acceleration at the end of the step that was judged, in characteristic displacements.
+    fastest: (f64, f64),
+    /// Was the end of the step under way reached and judged?
+    pub(super) judged: bool,
 }
 
 impl CrossingMonitor {
@@ -83,10 +99,12 @@ impl CrossingMonitor {
             sides_ahead: Sides::new(size.rows),
             flipped: false,
             lost: false,
+            jumped: false,
             spoilt: false,
             serving: None,
             spoilt_in_a_row: 0,
-            fastest: 0.0,
+            fastest: (0.0, 0.0),
+            judged: false,
         }
     }
 }
@@ -95,6 +113,13 @@ impl CrossingMonitor {
     /// Does the step that was judged pass a singular position?
     pub(super) fn passes_a_singular_position(&self) -> bool {
         self.flipped || self.crosses_next || self.crossing.zero().is_some()
+    }
+
+    /// The side of C_D at the point last evaluated, against that at the start of the step under way.
+    pub(super) fn side<S: ConstrainedSystem>(&mut self, r: &Reduction<S>) -> Option<f64> {
+        r.sides(&mut self.sides_ahead);
+        let comparable = self.sides_ahead.choice() == self.sides.choice();
+        comparable.then(|| if self.sides.differ(&self.sides_ahead) { -1.0 } else { 1.0 })
     }
 
     /// Length of the step that was judged; none before the first.
@@ -123,34 +148,41 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             // a plan made there would be for a point that the step avoids; one for here follows with the next
             // evaluation
             Ok(()) => match self.tangent.margin() {
-                Some((distance, same)) if same == plan => Probe::Distance(distance),
+                Some((distance, same)) if same == plan => {
+                    Probe::Distance(distance * self.monitor.side(self.tangent.seen()).unwrap_or(1.0))
+                }
                 _ => Probe::Unknown,
             },
             Err(_) => Probe::Unknown,
         };
         let Some(others) = self.others(there, &q) else { return by_plan };
-        let kept = if let Probe::Distance(kept) = by_plan { kept } else { 0.0 };
+        let kept = if let Probe::Distance(kept) = by_plan { kept.abs() } else { 0.0 };
         let distance = kept.max(others.distance);
         self.monitor.others = (kept < POOR_BESIDE * others.distance).then_some(others);
         Probe::Distance(distance)
     }
 
-    /// Of redundant rows those kept lose rank in positions where the mechanism is regular: those that serve best at (t,
-    /// q). None where there are no other rows.
+    /// Are there rows that are not kept?
+    fn is_redundant(&self) -> bool {
+        self.tangent.seen().rank() < self.system.size().rows
+    }
+
+    /// Of redundant rows those kept lose rank in positions where nothing is wrong with the mechanism: those that serve
+    /// best at
+    /// (t, q). None where there are no other rows.
     fn others(&self, t: f64, q: &[f64]) -> Option<Others> {
-        let rank = self.tangent.seen().rank();
-        if rank == self.system.size().rows {
+        if !self.is_redundant() {
             return None;
         }
+        let rank = self.tangent.seen().rank();
         let mut best = Reduction::new(self.system.clone(), rank).keeping(&self.tangent.seen().partition.rows);
         choose_partition(&mut best, t, q, None, None).ok()?;
         Some(Others { distance: best.distance().0, rows: best.partition.rows })
     }
 
-    /// Keep other rows from (t, y) on, if a look ahead found those in use about to lose rank and others not. True if
-    /// so.
-    fn keep_others(&mut self, t: f64, y: &[f64]) -> Result<bool> {
-        let Some(others) = self.monitor.others.take() else { return Ok(false) };
+    /// Keep other rows from (t, y) on, if a look ahead found those in use about to lose rank and others not.
+    fn keep_others(&mut self, t: f64, y: &[f64]) -> Result<()> {
+        let Some(others) = self.monitor.others.take() else { return Ok(()) };
         self.evaluate(t, y)?;
         let r = self.tangent.reduction();
         let serves = r.keep_rows(t, &others.rows).is_ok() && r.distance().0 > POOR_BESIDE * others.distance;
@@ -160,7 +192,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         }
         r.sides(&mut self.monitor.sides);
         self.monitor.margin_before = None;
-        Ok(true)
+        Ok(())
     }
 
     /// The end of a step, the point last evaluated: was a singular position crossed, and was the branch kept?
@@ -176,10 +208,14 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         }
         self.tangent.full_acceleration(&mut self.vdot);
         let r = self.tangent.seen();
-        self.monitor.fastest =
-            (0..r.v.len()).fold(0.0, |m, i| m.max(r.v[i].abs() / self.system.characteristic_displacement(i)));
+        let largest = |x: &[f64]| {
+            (0..x.len()).fold(0.0, |m: f64, i| m.max(x[i].abs() / self.system.characteristic_displacement(i)))
+        };
+        self.monitor.fastest = (largest(&r.v), largest(&self.vdot));
+        self.monitor.judged = true;
         self.monitor.step_end.start(t, self.positions.q(), &r.v, &self.vdot);
         (self.monitor.flipped, self.monitor.lost, self.monitor.spoilt) = (false, false, false);
+        self.monitor.jumped = false;
         if self.margin.is_none() {
             return;
         }
@@ -200,11 +236,15 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         if P::CLOSED {
             return; // positions on another branch are distinguished where they are solved for
         }
+        // one that no step was to cross is crossed by a step made for it
+        let unforeseen = self.monitor.flipped && self.monitor.crossing.zero().is_none();
         let crosses = self.monitor.flipped || self.monitor.crossing.zero().is_some();
-        let creeps = self.monitor.flipped && self.monitor.crossing.creeps(t - self.monitor.step_start.t());
-        self.monitor.lost = crosses
-            && self.monitor.paced
-            && (creeps || !self.monitor.step_start.continues_to(&self.monitor.step_end, r.scales()));
+        let near = [self.monitor.margin_before, self.margin].iter().flatten().any(|m| m.0 < JUDGED_NEAR);
+        let jumps = (crosses || near) && !self.monitor.step_start.continues_to(&self.monitor.step_end, r.scales());
+        self.monitor.lost = crosses && self.monitor.paced && (unforeseen || jumps);
+        // an ordinary step that ends in the position itself goes on by rounding alone
+        let lands = !crosses && self.monitor.crossing.is_barred() && self.margin.is_some_and(|m| m.0 < LANDED);
+        self.monitor.jumped = (jumps || lands) && !self.monitor.lost && self.monitor.paced;
     }
 
     /// What lost rank in the step that was judged, in which C_D changed sides?
@@ -239,32 +279,45 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         (0.5 * (self.monitor.step_start.t() + self.monitor.step_end.t()), q)
     }
 
-    /// When C_D was singular within the step to t that was judged: between the distances at both its ends, which are
-    /// of one
-    /// choice, or, where the first is not known, as foreseen.
-    pub(super) fn flip(&self, t: f64) -> Option<f64> {
+    /// When C_D was singular within the step to t that was judged: where that was located, or else between the distances
+    /// at both its ends, which are of one choice, or, where the first is not known, as foreseen.
+    pub(super) fn flip(&self, t: f64, located: Option<f64>) -> Option<f64> {
         let (from, h) = (self.monitor.step_start.t(), t - self.monitor.step_start.t());
-        let zero = match (self.monitor.margin_before, self.margin) {
+        let between = || match (self.monitor.margin_before, self.margin) {
             (Some((one, _)), Some((two, _))) if one + two > 0.0 => from + h * one / (one + two),
             _ => self.monitor.crossing.zero().filter(|zero| (from..t).contains(zero)).unwrap_or(from + 0.5 * h),
         };
-        self.monitor.flipped.then_some(zero)
+        self.monitor.flipped.then(|| located.unwrap_or_else(between))
     }
 
     /// The step that was judged lost the branch: cross with another length, or from farther away.
     pub(super) fn cross_again(&mut self, step: &mut Step) -> Result<bool, SystemError> {
-        let zero = self.monitor.crossing.zero().or_else(|| self.flip(self.monitor.step_end.t())).unwrap_or(step.t);
+        let zero =
+            self.monitor.crossing.zero().or_else(|| self.flip(self.monitor.step_end.t(), None)).unwrap_or(step.t);
         if let Some(pace) = step.pace.as_deref_mut() {
-            if self.monitor.crossing.again(zero, step.t, pace) {
-                self.monitor.crosses_next = true;
+            let advice = match self.monitor.crossing.zero() {
+                None => self.monitor.crossing.found(zero, step.t, pace),
+                Some(_) => self.monitor.crossing.again(zero, step.t, pace),
+            };
+            if !matches!(advice, Advice::GiveUp { .. }) {
+                self.monitor.crosses_next = advice == Advice::Crossing;
                 self.derivative(step.t, step.y, step.dy)?;
                 return Ok(true);
             }
         }
-        match self.monitor.crossing.back(zero) {
-            Some(to) if self.go_back(zero, to, step)? => Ok(true),
-            _ => Err(SystemError::Crossing { t: zero, tries: self.monitor.crossing.tries() }),
+        if let Some(to) = self.monitor.crossing.back(zero) {
+            if self.go_back(zero, to, step)? {
+                return Ok(true);
+            }
         }
+        if let Some(pace) = step.pace.as_deref_mut() {
+            if self.monitor.crossing.nearer(zero, step.t, pace) {
+                self.monitor.crosses_next = false;
+                self.derivative(step.t, step.y, step.dy)?;
+                return Ok(true);
+            }
+        }
+        Err(SystemError::Crossing { t: zero, tries: self.monitor.crossing.tries() })
     }
 
     /// Set the integration back to a state not after `to`, before the singular position at `zero`. False where none is
@@ -285,7 +338,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         self.prescribed.start(&q, &checkpoint.v, &mut step.y[beside..]);
         step.turns.copy_from_slice(&checkpoint.turns);
         step.t = t;
-        self.monitor.crossing.put_back(zero, t, pace);
+        self.monitor.crossing.put_back(zero, pace);
         self.monitor.crosses_next = true;
         self.derivative(t, step.y, step.dy)?;
         self.margin = self.tangent.margin();
@@ -301,7 +354,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         std::mem::swap(&mut self.monitor.step_start, &mut self.monitor.step_end);
         std::mem::swap(&mut self.monitor.sides, &mut self.monitor.sides_ahead);
         self.monitor.margin_before = self.margin;
-        (self.monitor.flipped, self.monitor.lost) = (false, false);
+        (self.monitor.flipped, self.monitor.lost, self.monitor.judged) = (false, false, false);
         let r = self.tangent.seen();
         if r.choices() != self.monitor.sides.choice() {
             r.sides(&mut self.monitor.sides); // of a choice made at the end
@@ -316,8 +369,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         let norm = |motion: &Self, x: &dyn Fn(usize) -> f64| {
             (0..w - p).map(|j| (x(j) / motion.tangent.natural_size(j)).powi(2)).sum::<f64>().sqrt()
         };
-        // driven coordinates move as well, where the independent velocities may be zero
-        let speed = norm(self, &|j| step.y[p + j]).max(self.monitor.fastest);
+        // what is driven moves as well, where the independent velocities may stand still
+        let speed = norm(self, &|j| step.y[p + j]).max(self.monitor.fastest.0);
         let ((mut y, mut dy), mut h) = (std::mem::take(&mut self.ahead), longest);
         y.resize(step.y.len(), 0.0);
         dy.resize(step.dy.len(), 0.0);
@@ -345,19 +398,25 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     pub(super) fn plan_ahead(&mut self, step: &mut Step) -> Result<bool, SystemError> {
         let Some(pace) = step.pace.take() else { return Ok(false) };
         self.monitor.paced = true;
-        if self.tangent.seen().rank() > 0 && self.monitor.fastest > 0.0 {
-            pace.next = pace.next.min(LONGEST_MARCH / self.monitor.fastest);
+        let (rate, acceleration) = self.monitor.fastest;
+        if self.tangent.seen().rank() > 0 && rate > 0.0 {
+            pace.next = pace.next.min(LONGEST_MARCH / rate);
         }
         if let Some(longest) = self.guards.entered() {
             pace.next = self.first_inside(step, pace.next.min(longest))?;
         }
+        // v h + v' h^2 / 2 = CROSSING_MOVE
+        let whole = 2.0 * CROSSING_MOVE / (rate + (rate * rate + 2.0 * CROSSING_MOVE * acceleration).sqrt());
         let mut crossing = std::mem::take(&mut self.monitor.crossing);
         let (t, y) = (step.t, &*step.y);
-        let advice = crossing.foresee(t, pace, self.margin, |ahead| self.probe(t, y, ahead));
+        let advice = crossing.foresee(t, pace, self.margin, whole, |ahead| self.probe(t, y, ahead));
         self.monitor.crossing = crossing;
-        if self.keep_others(t, y)? && self.monitor.crossing.zero().is_none() {
-            pace.floor = 0.0; // what fell was the distance of the rows given up
+        let nears = self.monitor.crossing.is_expected() && self.monitor.others.is_none();
+        if nears && advice == Advice::Free && self.is_redundant() {
+            // rows that come near to dependence in the next step are given up before it, not when a stage has met it
+            self.probe(t, y, pace.next);
         }
+        self.keep_others(t, y)?;
         self.monitor.crosses_next = advice != Advice::Free;
         if let Advice::GiveUp { zero } = advice {
             return Err(SystemError::Crossing { t: zero, tries: self.monitor.crossing.tries() });
@@ -368,10 +427,10 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
                 return Ok(true);
             }
             if let Some(pace) = step.pace.as_deref_mut() {
-                self.monitor.crossing.cross(zero, t, pace);
+                self.monitor.crossing.cross(zero, pace);
             }
         } else if !P::CLOSED {
-            let (w, apart) = (self.work(y), 0.25 * self.monitor.crossing.usual());
+            let (w, apart) = (self.work(y), 0.25 * self.monitor.crossing.whole());
             let (q, v) = (&y[..self.system.size().nq], self.monitor.step_start.v());
             self.monitor.checkpoints.push(t, apart, (q, v), w, step.turns);
         }
