@@ -53,9 +53,9 @@ pub trait Balance: ConstrainedSystem {
     fn cause(&self, _error: &SystemError) -> Option<String> {
         None
     }
-    /// The reason why a motion that stopped at t cannot continue to `until` as driven, from the closed position q
-    /// shortly before.
-    fn driven_beyond(&self, _t: f64, _q: &[f64], _until: f64) -> Option<String> {
+    /// The reason why a motion that stopped at t cannot continue to `until` as driven, from a closed position shortly
+    /// before and its time.
+    fn driven_beyond(&self, _from: (f64, &[f64]), _t: f64, _until: f64) -> Option<String> {
         None
     }
 }
@@ -94,8 +94,8 @@ impl Balance for Model {
         }
     }
 
-    fn driven_beyond(&self, t: f64, q: &[f64], until: f64) -> Option<String> {
-        poses::driven_beyond(self, t, q, until)
+    fn driven_beyond(&self, from: (f64, &[f64]), t: f64, until: f64) -> Option<String> {
+        poses::driven_beyond(self, from, t, until)
     }
 }
 

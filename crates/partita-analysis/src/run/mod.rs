@@ -79,9 +79,10 @@ fn report_driven_beyond<S: Balance>(
     if !matches!(outcome.status, Status::Singular | Status::StepTooSmall) {
         return;
     }
+    let since = last.map_or(request.t0, |x| x.t);
     let last =
         last.map_or_else(|| q.to_vec(), |x| x.q.iter().zip(&x.turns).map(|(q, n)| turns::whole(*q, *n)).collect());
-    if let Some(why) = system.driven_beyond(outcome.t, &last, request.t_end) {
+    if let Some(why) = system.driven_beyond((since, &last), outcome.t, request.t_end) {
         outcome.status = Status::Singular;
         outcome.message = format!("stopped at t = {:.6} s, a drive exceeds what the joints allow: {why}", outcome.t);
     }
