@@ -10,8 +10,8 @@ import partita as pt
 A, B, C, D = (0, 0, 0), (0.5, 0.3, 0), (0.8, 0.6, 0), (1.2, 0, 0)
 
 
-def rocker_driven_on(scale: float = 1.0) -> pt.Mechanism:
-    """A four-bar none of whose links can turn fully, its left link driven round."""
+def rocker_driven_on(scale: float = 1.0, level: str = "position") -> pt.Mechanism:
+    """A four-bar none of whose links can turn fully, its left link driven round by its position or its velocity."""
     a, b, c, d = (scale * np.array(p, dtype=float) for p in (A, B, C, D))
     m = pt.Mechanism("double rocker", gravity=(0, 0, 0))
     left, top, right = (
@@ -21,7 +21,10 @@ def rocker_driven_on(scale: float = 1.0) -> pt.Mechanism:
     m.add_revolute("B", left, top, point=b, axis=(0, 0, 1))
     m.add_revolute("C", top, right, point=c, axis=(0, 0, 1))
     m.add_revolute("D", m.ground, right, point=d, axis=(0, 0, 1))
-    m.add_drive("A", position=lambda t: -1.0 * t)
+    if level == "position":
+        m.add_drive("A", position=lambda t: -1.0 * t)
+    else:
+        m.add_drive("A", velocity=lambda t: -1.0)
     return m
 
 
@@ -34,8 +37,9 @@ def limit() -> float:
 
 @pytest.mark.parametrize("coordinates", ["relative", "absolute"])
 @pytest.mark.parametrize("scale", [1.0, 1e-3])
-def test_a_crank_driven_too_far(coordinates: str, scale: float) -> None:
-    run = rocker_driven_on(scale).simulate(10.0, coordinates=coordinates)
+@pytest.mark.parametrize("level", ["position", "velocity"])
+def test_a_crank_driven_too_far(coordinates: str, scale: float, level: str) -> None:
+    run = rocker_driven_on(scale, level).simulate(10.0, coordinates=coordinates)
     assert not run.success and run.status == "singular"
     assert "a drive exceeds what the joints allow" in run.message
     where = re.search(r"A ends at (\S+) rad; at the target, the loop .* keeps a closure error of (\S+) m", run.message)

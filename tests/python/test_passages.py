@@ -1,0 +1,148 @@
+"""Passages of singular positions: at every tolerance, in the first step, of loops that pass many."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+from test_singular_starts import stretched
+
+import partita as pt
+
+Array = NDArray[np.float64]
+TOLERANCES = [1e-3, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12]
+ROUNDING = 1e-10
+"""Rounding over the square of the distance that a crossing step keeps from the position."""
+
+
+def crossed(run: pt.Result) -> int:
+    """Singular positions that the notes of a run tell."""
+    return sum(int(note.split()[0]) for note in run.notes if "were crossed" in note)
+
+
+def leaning(loops: int, t: Array, rate: float) -> Array:
+    """Angle and rate of the uprights of a chain of four-bars, begun upright with this rate."""
+    pull = 9.81 * ((loops + 1) / 2 + loops) / ((loops + 1) / 3 + loops)
+    found = solve_ivp(
+        lambda _, y: [y[1], pull * np.sin(y[0])],
+        (0.0, t[-1]),
+        [0.0, rate],
+        method="DOP853",
+        rtol=1e-13,
+        atol=1e-14,
+        t_eval=t,
+    )
+    return np.asarray(found.y)
+
+
+@pytest.mark.parametrize(
+    ("loops", "tolerances"), [(2, TOLERANCES), (40, TOLERANCES), (200, TOLERANCES), (1000, [1e-3])]
+)
+def test_chains_pass_their_positions_at_every_tolerance(loops: int, tolerances: list[float]) -> None:
+    m, t = pt.catalogue.load("n-four-bar", loops=loops), np.linspace(0.0, 10.0, 101)
+    angle, rate = leaning(loops, t, 1.0)
+    # an error of the rate where it is fastest is one of the energy, and so of the rate at the start
+    off = 1e-6 * np.abs(rate).max() ** 2
+    growth = np.abs(leaning(loops, t, 1.0 + off)[0] - angle).max() / 1e-6
+    for rtol in tolerances:
+        run = m.simulate(t[-1], t_eval=t, initial=m.assemble(rates={"P0": -1.0}), rtol=rtol, atol=0.01 * rtol)
+        assert run.success, (rtol, run.message)
+        assert crossed(run) == 10
+        top = run.body("upright 0").point((1, 0, 0))
+        error = np.hypot(top[:, 0] - np.sin(angle), top[:, 1] - np.cos(angle)).max()
+        assert error < 20 * growth * (rtol + ROUNDING), rtol
+        # some sweeps of four to sixteen nodes for each passage, a dozen evaluations for each other step
+        assert run.counters["evaluations"] < 14 * (run.counters["steps"] + run.counters["rejected"]) + 10 * 100
+
+
+def pantograph() -> pt.Mechanism:
+    """Two long bars OP and PT, and two short ones that make a parallelogram with them; it falls as drawn."""
+    m = pt.Mechanism("pantograph", gravity=(0, -9.81, 0))
+    u, w = (np.array([math.cos(x), math.sin(x), 0.0]) for x in (1.2, 0.3))
+    p, a = u, 0.4 * u
+    long, other = m.add_rod("OP", start=(0, 0, 0), end=p, mass=1.0), m.add_rod("PT", start=p, end=p + w, mass=1.0)
+    one = m.add_rod("AQ", start=a, end=a + 0.6 * w, mass=0.5)
+    two = m.add_rod("QB", start=a + 0.6 * w, end=p + 0.6 * w, mass=0.5)
+    m.add_revolute("O", m.ground, long, point=(0, 0, 0))
+    m.add_revolute("P", long, other, point=p)
+    m.add_revolute("A", long, one, point=a)
+    m.add_revolute("Q", one, two, point=a + 0.6 * w)
+    m.add_revolute("B", two, other, point=p + 0.6 * w)
+    return m
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+@pytest.mark.parametrize("method", ["dop853", "dopri5"])
+def test_a_pantograph_passes_its_flat_parallelogram(coordinates: str, method: str) -> None:
+    m, ends = pantograph(), []
+    for rtol in TOLERANCES[1:]:
+        run = m.simulate(3.0, coordinates=coordinates, method=method, rtol=rtol, atol=0.01 * rtol, t_eval=[0.0, 3.0])
+        assert run.success, (rtol, run.message)
+        assert crossed(run) == 6
+        ends.append(run.body("PT").point((1, 0, 0))[-1])
+    for rtol, end in zip(TOLERANCES[1:], ends, strict=True):
+        # six passages of bars that swing against each other
+        assert np.abs(end - ends[-1]).max() < 1e4 * (rtol + ROUNDING)
+
+
+def kaleidocycle(hinges: int, lean: float) -> pt.Mechanism:
+    """A ring of tetrahedra whose opposite edges are hinges at right angles, each hinge in a plane through the axis."""
+    half, turn = hinges // 2, 2.0 * math.pi / hinges
+    c, s = math.cos(turn), math.sin(turn)
+    slope = math.tan(lean) ** 2
+    # the next hinge: at right angles to the first, and both to the edge from one to the other
+    ratio = c * (1.0 + slope) / (slope + c * c)
+    other = math.atan2(-c * math.cos(lean), math.sin(lean))
+    points = [
+        np.array([1.0, 0.0, 0.0]),
+        np.array([ratio * c, ratio * s, (ratio - c) * math.tan(lean) / c]),
+    ]
+    axes = [
+        np.array([math.cos(lean), 0.0, math.sin(lean)]),
+        np.array([c * math.cos(other), s * math.cos(other), math.sin(other)]),
+    ]
+    size = float(np.linalg.norm(points[1] - points[0]))
+    about = [
+        np.array([[math.cos(x), -math.sin(x), 0], [math.sin(x), math.cos(x), 0], [0, 0, 1]])
+        for x in (2.0 * turn * i for i in range(half))
+    ]
+    at = [r @ p / size for r in about for p in points]
+    along = [r @ u for r in about for u in axes]
+    m = pt.Mechanism("kaleidocycle", gravity=(0, 0, 0))
+    bodies = [m.ground] + [
+        m.add_body(f"b{i}", mass=1.0, inertia=(0.1, 0.1, 0.1), position=0.5 * (at[i] + at[(i + 1) % hinges]))
+        for i in range(1, hinges)
+    ]
+    for i in range(hinges):
+        m.add_revolute(f"h{i}", bodies[i - 1], bodies[i], point=at[i], axis=along[i])
+    return m
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+def test_a_kaleidocycle_of_eight_hinges_passes_its_positions(coordinates: str) -> None:
+    m, ends = kaleidocycle(8, 0.4), []
+    start = m.assemble({"h1": 0.15, "h3": 0.05}, rates={"h1": 0.7, "h3": 0.7}, coordinates=coordinates)
+    tolerances = [1e-6, 1e-8, 1e-10, 1e-12]
+    for rtol in tolerances:
+        run = m.simulate(15.0, initial=start, coordinates=coordinates, rtol=rtol, atol=0.01 * rtol, t_eval=[0.0, 15.0])
+        assert run.success, (rtol, run.message)
+        assert crossed(run) == 6
+        ends.append(run.body("b4").position[-1])
+    for rtol, end in zip(tolerances, ends, strict=True):
+        assert np.abs(end - ends[-1]).max() < 1e3 * (rtol + ROUNDING)
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+@pytest.mark.parametrize("beside", [-0.3, -0.03, -1e-3])
+def test_a_passage_in_the_first_step_is_told(coordinates: str, beside: float) -> None:
+    m = stretched(beside=beside)
+    start = m.assemble(rates={"A": 2.0}, coordinates=coordinates)
+    for rtol in TOLERANCES[:-1]:
+        run = m.simulate(0.3, initial=start, coordinates=coordinates, rtol=rtol, atol=0.01 * rtol, t_eval=[0.0, 0.3])
+        assert run.success and crossed(run) == 1
+        # without forces crank and rocker go on as they went
+        turned = [np.ptp(run.joint(name).position[:, 0]) for name in "AD"]
+        assert np.abs(np.array(turned) - 0.6).max() < 100 * (rtol + ROUNDING)
