@@ -8,10 +8,10 @@
 //! y(t₀ + c_i h) = y₀ + h Σ a_ij y'_j,   y'_i = f(t₀ + c_i h, y_i)
 //! ```
 //!
-//! The stages are found by iteration with Anderson's extrapolation: where branches form a cone its curvature grows as one
-//! over the distance, and plain iteration need not contract, however short the step. A step is solved with two numbers of
-//! nodes, and is as exact as both agree. It crosses a singular position ([`CrossingStep`]) and leaves one
-//! ([`singular_start`](crate::singular_start)).
+//! A step across a singular position ([`CrossingStep`]) is solved by sweeps over an increasing number of nodes: each sweep
+//! gains an order, and the difference of two rules is the error. Where the branches form a cone its curvature grows as one
+//! over the distance, and sweeps need not converge, however short the step: then, and for the step out of a singular
+//! position ([`singular_start`](crate::singular_start)), the iteration uses Anderson's extrapolation.
 
 use crate::counters::Counters;
 use crate::failure::StepFailure;
@@ -25,10 +25,10 @@ use partita_math::tolerance;
 use std::fmt::Display;
 use std::sync::LazyLock;
 
-/// Collocation is settled below this. Scale: fraction of the agreement asked for. Reason: the iteration adds no error
-/// that is seen.
+/// The extrapolated iteration has converged below this. Scale: fraction of the requested agreement. Reason: the iteration
+/// adds no visible error.
 const SETTLED: f64 = 1e-3;
-/// Iterations, and how many of them the extrapolation remembers.
+/// Largest number of iterations, and the number of them used by the extrapolation.
 const ITERATIONS: usize = 60;
 const REMEMBERED: usize = 12;
 /// Where two polynomials are compared. Unit: fraction of the step. Reason: inside it outputs lie, at its end the next step
@@ -37,16 +37,16 @@ pub(crate) const COMPARED: [f64; 5] = [0.1, 0.37, 0.63, 0.9, 1.0];
 
 /// Rules of ever more nodes. Their numbers are even: the middle of a step, where the position is aimed at, is no node.
 pub(crate) static RULES: LazyLock<[Nodes; 7]> = LazyLock::new(|| [4, 6, 8, 10, 12, 14, 16].map(Nodes::new));
-/// Two of them that agree tell the error of a long step, of the first of them.
+/// Places of the two rules whose difference is the error of a step out of a singular position.
 pub(crate) const LESS: usize = 2;
 pub(crate) const MORE: usize = 3;
-/// Sweeps that stall below this stall by rounding. Scale: fraction of the first change. Reason: four digits were gained, as
-/// by none that do not contract.
-const AT_REST: f64 = 1e-4;
-/// Rules of which a step is solved as a rule.
+/// Sweeps that stop converging below this are limited by rounding. Scale: fraction of the largest change. Reason: four
+/// digits were gained; sweeps that do not converge gain none.
+const SWEEPS_AT_REST: f64 = 1e-4;
+/// Number of rules whose nodes must be clear of the position; more are rarely needed.
 const USUAL: usize = 5;
-/// Sweeps in a row that gain less than this do not contract, or come to rest at rounding. Scale: ratio of two errors.
-/// Reason: sweeps that contract gain a digit or two each.
+/// Sweeps that reduce the error by less do not converge, or have reached rounding. Scale: ratio of two errors. Reason:
+/// sweeps that converge gain a digit or two each.
 const GAINS: f64 = 0.5;
 
 /// Gauss nodes on 0..1 with the coefficients of collocation.
@@ -321,7 +321,7 @@ pub(crate) fn solve<E: Display>(
 
 /// Limits of the lengths of steps across one position. Unit: fraction of the length that the motion suggests. Reason:
 /// collocation gains two digits or more by each halving, so three serve where one can.
-const SHORTER: [f64; 4] = [1.25, 0.7, 0.4, 0.2];
+const CROSSING_LENGTHS: [f64; 4] = [1.25, 0.7, 0.4, 0.2];
 /// A longer step keeps its nodes clearer by this. Scale: ratio of lengths. Reason: rounding falls by its square.
 const LONGER: f64 = 1.3;
 /// A crossing step is at least so long. Unit: multiples of the way to the position. Reason: beyond it lies enough of the
@@ -348,8 +348,8 @@ fn clearest(shortest: f64, longest: f64, ahead: f64) -> f64 {
 /// is the length that motion and accuracy suggest; none is longer than `rest`.
 fn lengths(ahead: f64, whole: f64, rest: f64) -> Vec<f64> {
     let least = BEYOND * ahead;
-    let mut lengths = Vec::with_capacity(SHORTER.len() - 1);
-    for pair in SHORTER.windows(2) {
+    let mut lengths = Vec::with_capacity(CROSSING_LENGTHS.len() - 1);
+    for pair in CROSSING_LENGTHS.windows(2) {
         let (longest, shortest) = ((pair[0] * whole).max(least), (pair[1] * whole).max(least));
         if longest > shortest || lengths.is_empty() {
             let longest = longest.min(rest);
@@ -454,14 +454,14 @@ impl CrossingStep {
             *allowed = to.max(tolerance::SINGULAR_ROUNDING * moved);
         }
         let task = Task { t: self.t_old, y: &self.y_old, h, tolerances: &self.tolerances, allowed: &self.allowed };
-        match climbed(ode, &task, &self.dy_old, &mut self.counters)? {
-            Climbed::Found(found) => return Ok(Some(found)),
-            Climbed::Slow => return Ok(None),
-            Climbed::Rounded(found) => {
+        match by_sweeps(ode, &task, &self.dy_old, &mut self.counters)? {
+            Sweeps::Converged(found) => return Ok(Some(found)),
+            Sweeps::Slow => return Ok(None),
+            Sweeps::Rounded(found) => {
                 self.rounded = true;
                 return Ok(Some(found));
             }
-            Climbed::Diverging => {}
+            Sweeps::Diverging => {}
         }
         let still = vec![0.0; self.y_old.len()];
         let [first, second, third] = [LESS, MORE, MORE + 1].map(|i| &RULES[i]);
@@ -484,30 +484,30 @@ impl CrossingStep {
     }
 }
 
-/// Where sweeps over ever more nodes lead.
-enum Climbed {
-    Found(Solved),
-    /// They contract, but no rule would be exact enough: the step is too long.
+/// The outcome of sweeps over an increasing number of nodes.
+enum Sweeps {
+    Converged(Solved),
+    /// They converge, but no rule would be accurate enough: the step is too long.
     Slow,
-    /// They do not contract.
+    /// They do not converge.
     Diverging,
-    /// They came to rest where rounding lets them: the step is too short, its nodes too near the position.
+    /// They are limited by rounding: the step is too short, its nodes are too near the position.
     Rounded(Solved),
 }
 
-/// A step by sweeps over ever more nodes, two by each rule: each gains an order, so none is exacter than the nodes allow.
-fn climbed<E: Display>(
+/// A step by sweeps over an increasing number of nodes, two by each rule, since each gains an order.
+fn by_sweeps<E: Display>(
     ode: &mut dyn Ode<Error = E>,
     task: &Task,
     slope: &[f64],
     counters: &mut Counters,
-) -> Result<Climbed, (f64, RhsError<E>)> {
+) -> Result<Sweeps, (f64, RhsError<E>)> {
     let first = &RULES[0];
     let mut stages = Stages { nodes: first, h: task.h, rates: slope.repeat(first.count()) };
     let (mut last, mut raised, mut largest, mut poor) = (f64::INFINITY, f64::INFINITY, 0.0f64, 0);
-    let stalled = |found: Solved, largest: f64| match found.error < AT_REST * largest {
-        true => Climbed::Rounded(found),
-        false => Climbed::Diverging,
+    let stalled = |found: Solved, largest: f64| match found.error < SWEEPS_AT_REST * largest {
+        true => Sweeps::Rounded(found),
+        false => Sweeps::Diverging,
     };
     for (place, nodes) in RULES.iter().enumerate().flat_map(|(i, nodes)| [(i, nodes), (i, nodes)]) {
         let found = match refined(ode, task, &stages, nodes, counters) {
@@ -520,7 +520,7 @@ fn climbed<E: Display>(
         let (error, beyond) = (found.differ(&stages, task.tolerances), found.differ(&stages, task.allowed));
         stages = found;
         if !error.is_finite() {
-            return Ok(Climbed::Diverging);
+            return Ok(Sweeps::Diverging);
         }
         poor = if error < GAINS * last { 0 } else { poor + 1 };
         (last, largest) = (error, largest.max(error));
@@ -531,18 +531,18 @@ fn climbed<E: Display>(
             continue;
         }
         if error <= 1.0 || (beyond <= 1.0 && poor > 0) {
-            return Ok(Climbed::Found(Solved { stages, error, beyond }));
+            return Ok(Sweeps::Converged(Solved { stages, error, beyond }));
         }
         // as much gained by each of the rules that are left
         let gain = error / std::mem::replace(&mut raised, error);
         if gain > 0.0 && beyond * gain.powi((RULES.len() - 1 - place) as i32) > 1.0 {
             return Ok(match gain < GAINS {
-                true => Climbed::Slow,
+                true => Sweeps::Slow,
                 false => stalled(Solved { stages, error, beyond }, largest),
             });
         }
     }
-    Ok(Climbed::Slow)
+    Ok(Sweeps::Slow)
 }
 
 /// A step, and what it is off by: in tolerances, and in what rounding next to the position excuses.

@@ -157,9 +157,6 @@ pub const FARTHEST: f64 = 1e4;
 /// Round-off of errors and displacements next to a singular position. Scale: natural scales. Reason: rounding over the
 /// square of the distance, 1e-12 in a typical crossing, this in one of a thousand crossings of forty loops.
 pub const SINGULAR_ROUNDING: f64 = 1e-10;
-/// Errors that a step out of or across a singular position may have. Scale: multiples of the tolerance. Reason:
-/// rounding over the square of the distance adds to its estimate; its own error is small by its length.
-pub const SINGULAR_LENIENCE: f64 = 1e3;
 /// Default relative tolerance of a run. Unit: fraction of each coordinate and velocity. Reason: a thousandth of what a
 /// figure shows, over the steps of a run.
 pub const RTOL: f64 = 1e-8;

@@ -228,8 +228,8 @@ pub enum SystemError {
     /// No step led across a singular position on the branch of the motion.
     #[error(
         "the mechanism crosses a singular position at t = {t}, where branches meet, and none of {tries} steps \
-         across it continued the velocities; tighten rtol and atol by a factor of 100, start from a slightly different \
-         state, or use another formulation"
+         across it continued the velocities; repeat with rtol = 1e-6 where it was tighter, or with a hundredth of it where \
+         it was looser, start from a slightly different state, or use another formulation"
     )]
     Crossing {
         /// Time.

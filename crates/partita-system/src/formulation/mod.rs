@@ -44,10 +44,6 @@ fn sizes_of_coordinates<S: crate::ConstrainedSystem>(system: &S, out: &mut [f64]
 /// `trial_end` is called at the end of a step that may be accepted; `commit` when it is, after the outputs inside it.
 /// Before `commit` nothing changes later evaluations, so a step is rejected by not committing it.
 pub trait FormulationSteps {
-    /// A march sets out from here: what lies ahead of its first step. Nothing is rewritten.
-    fn set_out(&mut self, _step: &mut Step) -> Result<()> {
-        Ok(())
-    }
     /// The end (t, y) of a step: removes the remainder of S3 from y, evaluates y' there and judges the step. `known`
     /// states that dy contains `f(t, y)` from the last evaluation. The second answer is true where f was evaluated
     /// anew.
@@ -88,11 +84,6 @@ pub trait FormulationSteps {
     }
     /// Count both from here on.
     fn forget_gaps(&mut self) {}
-    /// The signed volume of the choice at (t, y) inside the step under way: the distance from a singular position, negative
-    /// beyond one. None where that cannot be told.
-    fn side(&mut self, _t: f64, _y: &[f64]) -> Option<f64> {
-        None
-    }
     /// How far from a singular position the last step ended, where that is known, in parts of the
     /// reaches: it falls linearly towards one.
     fn margin(&self) -> Option<f64> {
@@ -156,8 +147,17 @@ pub trait Formulation: FormulationSteps + PrescribedRows {
     }
     /// Start from the assembled state and write y.
     fn start(&mut self, t: f64, q: &[f64], v: &[f64], y: &mut [f64]) -> Result<()>;
+    /// The integration begins at the current state: plan its first step. Nothing is rewritten.
+    fn set_out(&mut self, _step: &mut Step) -> Result<()> {
+        Ok(())
+    }
     /// `y' = f(t, y)`.
     fn derivative(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<()>;
+    /// The signed volume of the choice at (t, y) inside the current step: the distance from a singular position, negative
+    /// beyond it. `None` where the sides cannot be compared.
+    fn side(&mut self, _t: f64, _y: &[f64]) -> Option<f64> {
+        None
+    }
     /// Closed position, velocities and work at (t, y), y near the motion; about the cost of an evaluation.
     fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<()>;
     /// Everything else `at` a closed (t, q, v), with the choice of `within`, an event of this run or of one with the
@@ -185,9 +185,6 @@ impl Sample {
 }
 
 impl<F: Formulation + ?Sized> FormulationSteps for Box<F> {
-    fn set_out(&mut self, step: &mut Step) -> Result<()> {
-        (**self).set_out(step)
-    }
     fn trial_end(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], known: bool) -> Result<(Verdict, bool)> {
         (**self).trial_end(t, y, dy, known)
     }
@@ -221,9 +218,6 @@ impl<F: Formulation + ?Sized> FormulationSteps for Box<F> {
     fn forget_gaps(&mut self) {
         (**self).forget_gaps();
     }
-    fn side(&mut self, t: f64, y: &[f64]) -> Option<f64> {
-        (**self).side(t, y)
-    }
     fn margin(&self) -> Option<f64> {
         (**self).margin()
     }
@@ -242,6 +236,12 @@ impl<F: Formulation + ?Sized> PrescribedRows for Box<F> {
 }
 
 impl<F: Formulation + ?Sized> Formulation for Box<F> {
+    fn set_out(&mut self, step: &mut Step) -> Result<()> {
+        (**self).set_out(step)
+    }
+    fn side(&mut self, t: f64, y: &[f64]) -> Option<f64> {
+        (**self).side(t, y)
+    }
     fn dim(&self) -> usize {
         (**self).dim()
     }

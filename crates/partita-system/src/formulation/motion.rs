@@ -353,13 +353,6 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
 impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> FormulationSteps
     for Motion<'s, S, T, P>
 {
-    fn set_out(&mut self, step: &mut Step) -> Result<()> {
-        self.evaluate(step.t, step.y)?;
-        self.margin = self.tangent.margin();
-        self.look_back(step.t);
-        self.begin();
-        self.plan_ahead(step).map(drop)
-    }
     fn trial_end(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], known: bool) -> Result<(Verdict, bool)> {
         self.looking = false;
         let (p, w) = self.places();
@@ -447,13 +440,6 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         self.watch.gaps = Gaps::default();
         self.checks.forget();
     }
-    fn side(&mut self, t: f64, y: &[f64]) -> Option<f64> {
-        self.moved = true;
-        let factored = self.positions.locate(&mut self.tangent, t, y, self.monitor.crosses_next).ok()?;
-        self.tangent.tangent(t, self.positions.q(), factored).ok()?;
-        let (distance, _) = self.tangent.margin()?;
-        self.monitor.side(self.tangent.seen()).map(|side| side * distance)
-    }
     fn margin(&self) -> Option<f64> {
         self.margin.map(|m| m.0)
     }
@@ -469,6 +455,20 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
 }
 
 impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> Formulation for Motion<'s, S, T, P> {
+    fn set_out(&mut self, step: &mut Step) -> Result<()> {
+        self.evaluate(step.t, step.y)?;
+        self.margin = self.tangent.margin();
+        self.look_back(step.t);
+        self.begin();
+        self.plan_ahead(step).map(drop)
+    }
+    fn side(&mut self, t: f64, y: &[f64]) -> Option<f64> {
+        self.moved = true;
+        let factored = self.positions.locate(&mut self.tangent, t, y, self.monitor.crosses_next).ok()?;
+        self.tangent.tangent(t, self.positions.q(), factored).ok()?;
+        let (distance, _) = self.tangent.margin()?;
+        self.monitor.side(self.tangent.seen()).map(|side| side * distance)
+    }
     fn dim(&self) -> usize {
         self.place_of_prescribed() + self.prescribed.count()
     }

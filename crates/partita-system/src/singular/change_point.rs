@@ -108,7 +108,7 @@ impl Crossing {
     /// Attempts in all.
     const ATTEMPTS: usize = 9;
     /// Shortening of a crossing step that failed. Unit: ratio of lengths. Reason: collocation gains a digit or two.
-    const SHORTER: f64 = 0.6;
+    const NEXT_TRY: f64 = 0.6;
     /// Looks ahead that refine when a position is expected.
     const REFINEMENTS: usize = 2;
     /// How far ahead the fall of the distance is probed. Unit: fraction of a step. Reason: far enough for a
@@ -162,8 +162,8 @@ impl Crossing {
     /// The step from t failed to cross: by a shorter one from there, or from nearer, if that is worth a try.
     pub fn again(&mut self, zero: f64, t: f64, pace: &mut Pace) -> Advice {
         self.tries += 1;
-        self.part *= Self::SHORTER;
-        self.whole *= Self::SHORTER;
+        self.part *= Self::NEXT_TRY;
+        self.whole *= Self::NEXT_TRY;
         let ahead = zero - t;
         if self.tries % Self::FROM_ONE_PLACE == 0 || ahead < Self::TOO_CLOSE * self.whole {
             return Advice::GiveUp { zero };
