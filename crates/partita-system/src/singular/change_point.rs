@@ -1,6 +1,6 @@
 //! Change points foreseen and stepped over.
 
-/// How a march continues: its plan for the next step.
+/// How an integration continues: its plan for the next step.
 #[derive(Clone, Copy, Debug)]
 pub struct Pace {
     /// Length of the next step.
@@ -24,10 +24,10 @@ pub struct Across {
 
 /// Stepping over singular positions of the mechanism.
 ///
-/// Next to one the tangent is a quotient of small numbers: what went wrong before is divided by the distance, so steps
-/// that end close to it are followed by ever shorter ones, while one step across it, with no stage near it, is as exact
-/// as any other. The distance falls linearly in time, so the crossing is foreseen; one that was not is seen by the sides
-/// of C_D, and its step taken again.
+/// Next to one the tangent is a quotient of small numbers: earlier errors are divided by the distance, so steps that
+/// end close to it are followed by ever shorter ones, while one step across it, with no stage near it, is as exact as
+/// any other. The distance falls linearly in time, so the crossing is foreseen; one that was not is detected by the
+/// sides of C_D, and its step is repeated.
 pub struct Crossing {
     /// Distance at the ends of the last two steps, the latest first: time, distance, number of its plan.
     before: [Option<(f64, f64, u64)>; 2],
@@ -197,7 +197,7 @@ impl Crossing {
         (self.planned, self.unsigned, self.expected) = (None, None, None);
     }
 
-    /// Attempts at the one at hand.
+    /// Number of attempts at the current one.
     pub fn tries(&self) -> usize {
         self.tries
     }
@@ -207,7 +207,7 @@ impl Crossing {
         self.planned
     }
 
-    /// Is one expected ahead, though no step is made for it yet?
+    /// Whether one is expected ahead for which no step is planned yet.
     pub fn is_expected(&self) -> bool {
         self.expected.is_some()
     }

@@ -32,17 +32,16 @@ const CROSSING_MOVE: f64 = 0.8;
 /// of other rows. Reason: a factor of three outweighs the change of rows.
 const POOR_BESIDE: f64 = 0.3;
 
-/// Next to a singular position velocities must be continuous over every step. Scale: distance in natural scales. Reason: no
-/// step ends so near one but in front of what cannot be crossed, where rounding may throw it onto another branch.
+/// Nearer to a singular position velocities must be continuous over every step. Scale: distance in natural scales. Reason:
+/// steps end so near only before a position that cannot be crossed, where rounding may lead onto another branch.
 const JUDGED_NEAR: f64 = 0.05;
 
-/// An ordinary step that ends nearer to a singular position tells nothing of what follows. Scale: distance in natural scales.
-/// Reason: positions are off by rounding over the distance, and on both branches as near to it as 1e-8.
+/// An ordinary step must not end nearer to a singular position. Scale: distance in natural scales. Reason: positions err by
+/// rounding over the distance, so the branch is not determined any more at 1e-8.
 const LANDED: f64 = 1e-6;
 
-/// So often in a row is a step shortened in which the choice came to a dead point of its own; where it is not what is
-/// integrated
-/// that does no harm.
+/// Maximum number of consecutive steps that are shortened because the choice came to a dead point of its own; where the
+/// choice is not integrated that is harmless.
 const MOST_SPOILT: u32 = 6;
 
 /// Rows that may replace those kept, and the distance of the mechanism from a singular position by them.
@@ -162,14 +161,13 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         Probe::Distance(distance)
     }
 
-    /// Are there rows that are not kept?
+    /// Whether there are rows that are not kept.
     fn is_redundant(&self) -> bool {
         self.tangent.seen().rank() < self.system.size().rows
     }
 
-    /// Of redundant rows those kept lose rank in positions where nothing is wrong with the mechanism: those that serve
-    /// best at
-    /// (t, q). None where there are no other rows.
+    /// Of redundant rows those kept lose rank in positions where the mechanism is regular: those that serve best at (t,
+    /// q). None where there are no other rows.
     fn others(&self, t: f64, q: &[f64]) -> Option<Others> {
         if !self.is_redundant() {
             return None;
@@ -369,7 +367,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         let norm = |motion: &Self, x: &dyn Fn(usize) -> f64| {
             (0..w - p).map(|j| (x(j) / motion.tangent.natural_size(j)).powi(2)).sum::<f64>().sqrt()
         };
-        // what is driven moves as well, where the independent velocities may stand still
+        // driven coordinates move as well, where the independent velocities may be zero
         let speed = norm(self, &|j| step.y[p + j]).max(self.monitor.fastest.0);
         let ((mut y, mut dy), mut h) = (std::mem::take(&mut self.ahead), longest);
         y.resize(step.y.len(), 0.0);
@@ -413,7 +411,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         self.monitor.crossing = crossing;
         let nears = self.monitor.crossing.is_expected() && self.monitor.others.is_none();
         if nears && advice == Advice::Free && self.is_redundant() {
-            // rows that come near to dependence in the next step are given up before it, not when a stage has met it
+            // rows that come near to dependence in the next step are replaced before it
             self.probe(t, y, pace.next);
         }
         self.keep_others(t, y)?;
