@@ -110,7 +110,8 @@ impl ErrorNorm {
     /// Absolute tolerances are in these sizes, one for each component.
     pub(crate) fn set_sizes(&mut self, sizes: &[f64]) {
         for (i, size) in sizes.iter().take(self.controlled).enumerate() {
-            (self.sizes[i], self.atol[i]) = (*size, self.asked[i] * size);
+            self.sizes[i] = *size;
+            self.atol[i] = self.asked[i] * size;
         }
     }
 
