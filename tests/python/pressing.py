@@ -8,6 +8,16 @@ from contextlib import contextmanager
 
 
 @contextmanager
+def heard() -> Iterator[None]:
+    """Ctrl-C is heard; where the tests run in the background the signal may come ignored, as no terminal's would."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+@contextmanager
 def pressed_after(delay: float) -> Iterator[list[float]]:
     """Ctrl-C, some time after; the list holds when."""
     when: list[float] = []
@@ -17,12 +27,10 @@ def pressed_after(delay: float) -> Iterator[list[float]]:
         signal.raise_signal(signal.SIGINT)
 
     timer = threading.Timer(delay, press)
-    # where the tests run in the background the signal may come ignored, as no terminal's would
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    timer.start()
-    try:
-        yield when
-    finally:
-        timer.cancel()
-        timer.join()
-        signal.signal(signal.SIGINT, before)
+    with heard():
+        timer.start()
+        try:
+            yield when
+        finally:
+            timer.cancel()
+            timer.join()

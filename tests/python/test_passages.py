@@ -137,7 +137,7 @@ def test_a_kaleidocycle_of_eight_hinges_passes_its_positions(coordinates: str) -
 
 @pytest.mark.parametrize("coordinates", ["relative", "absolute"])
 @pytest.mark.parametrize("beside", [-0.3, -0.03, -1e-3])
-def test_a_passage_in_the_first_step_is_told(coordinates: str, beside: float) -> None:
+def test_a_passage_in_the_first_step_is_reported(coordinates: str, beside: float) -> None:
     m = stretched(beside=beside)
     start = m.assemble(rates={"A": 2.0}, coordinates=coordinates)
     for rtol in TOLERANCES[:-1]:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pressing import pressed_after
+from pressing import heard
 
 import partita as pt
 
@@ -103,8 +103,14 @@ def test_nonsense_is_refused(parameters: object, executor: object, words: str) -
 
 def test_a_sweep_of_many_points_by_threads_keeps_what_came_back() -> None:
     """Handed out a few ahead: points come back from the first on, and Ctrl-C finds them."""
-    with pressed_after(1.0), pytest.raises(pt.errors.Interrupted) as stopped:
-        pt.sweep(lambda x: 2.0 * x, {"x": range(2_000_000)}, executor="threads", workers=2)
+
+    def doubled(x: float) -> float:
+        if x == 5000:
+            signal.raise_signal(signal.SIGINT)
+        return 2.0 * x
+
+    with heard(), pytest.raises(pt.errors.Interrupted) as stopped:
+        pt.sweep(doubled, {"x": range(2_000_000)}, executor="threads", workers=2)
     found = stopped.value.result
     known = np.flatnonzero(np.isfinite(found["value"].values))
     assert len(known) > 100 and f"after {len(known)} of 2000000 points" in str(stopped.value)

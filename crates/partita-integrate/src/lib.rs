@@ -8,6 +8,7 @@
 pub mod collocation;
 mod combination;
 pub mod counters;
+pub mod crossing_step;
 mod dense_output;
 mod discontinuity;
 pub mod explicit_rk;

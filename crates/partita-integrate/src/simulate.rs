@@ -1,7 +1,7 @@
 //! Integration of a mechanism: steps, corrections, changes of coordinates, outputs.
 
-use crate::collocation::CrossingStep;
 use crate::counters::Counters;
+use crate::crossing_step::CrossingStep;
 use crate::discontinuity::{Location, Search};
 use crate::failure::StepFailure;
 use crate::method::Method;

@@ -254,15 +254,15 @@ impl Crossing {
         let [one, two] = self.before;
         self.before = [Some((t, distance, plan)), one];
         let same = |x: Option<(f64, f64, u64)>| x.filter(|x| x.2 == plan && x.0 < t).map(|x| (x.0, x.1));
-        let horizon = pace.next + 2.0 * whole;
+        let limit = pace.next + 2.0 * whole;
         match same(one) {
-            Some(one) => self.expected = zero_ahead((t, distance), one, same(two)).filter(|z| z - t < horizon),
+            Some(one) => self.expected = zero_ahead((t, distance), one, same(two)).filter(|z| z - t < limit),
             // a choice just made has no past
             None => {
                 let ahead = Self::LOOK_AHEAD * pace.next.min(whole);
                 self.expected = match probe(ahead) {
                     Probe::Distance(there) if there < distance => {
-                        Some(t + ahead * distance / (distance - there)).filter(|z| z - t < horizon)
+                        Some(t + ahead * distance / (distance - there)).filter(|z| z - t < limit)
                     }
                     _ => self.expected.filter(|z| *z > t),
                 };

@@ -1,0 +1,397 @@
+//! Steps across singular positions by Gauss collocation, behind the contract of a stepper.
+
+use crate::collocation::{refined, solve, Guess, Stages, Task, LESS, MORE, RULES};
+use crate::counters::Counters;
+use crate::failure::StepFailure;
+use crate::ode::{Ode, RhsError};
+use crate::options::Options;
+use crate::step_size::ErrorNorm;
+use crate::stepper::{Conclusion, CurrentStep, StepControl, StepEnd, StepPlan, Stepper};
+use partita_math::tolerance;
+use std::fmt::Display;
+
+/// Sweeps that stop converging below this are limited by rounding. Scale: fraction of the largest change. Reason: four
+/// digits were gained; sweeps that do not converge gain none.
+const SWEEPS_AT_REST: f64 = 1e-4;
+/// Number of rules whose nodes must be clear of the position; more are rarely needed.
+const USUAL: usize = 5;
+/// Sweeps that reduce the error by less do not converge, or have reached rounding. Scale: ratio of two errors. Reason:
+/// sweeps that converge gain a digit or two each.
+const GAINS: f64 = 0.5;
+/// Limits of the lengths of steps across one position. Unit: fraction of the length that the motion suggests. Reason:
+/// collocation gains two digits or more by each halving, so three serve where one can.
+const CROSSING_LENGTHS: [f64; 4] = [1.25, 0.7, 0.4, 0.2];
+/// A longer step keeps its nodes clearer by this. Scale: ratio of lengths. Reason: rounding falls by its square.
+const LONGER: f64 = 1.3;
+/// A crossing step is at least so long. Unit: multiples of the way to the position. Reason: beyond it lies enough of the
+/// step to lead on.
+const BEYOND: f64 = 1.25;
+/// Lengths that are looked at for one whose nodes keep clear of a position.
+const LENGTHS_TRIED: usize = 60;
+/// A step whose nodes keep less clear of the position than they could is taken anew. Scale: ratio of clearances. Reason:
+/// rounding grows by its square, a digit.
+const CLEAR: f64 = 0.3;
+
+/// How clear the nodes of a step of length h keep of a position `ahead`, by all rules but the last, which are seldom asked.
+fn clearance(h: f64, ahead: f64) -> f64 {
+    RULES[..USUAL].iter().flat_map(|nodes| &nodes.c).fold(f64::INFINITY, |m: f64, c| m.min((c * h - ahead).abs()))
+}
+
+/// The length between both that keeps clearest of a position `ahead`.
+fn clearest(shortest: f64, longest: f64, ahead: f64) -> f64 {
+    let tried = (0..=LENGTHS_TRIED).map(|i| shortest + (longest - shortest) * i as f64 / LENGTHS_TRIED as f64);
+    tried.fold(longest, |best, h| if clearance(h, ahead) > clearance(best, ahead) { h } else { best })
+}
+
+/// Lengths of a step across a position `ahead`, ever shorter ones, each with the position between two other nodes. `whole`
+/// is the length that motion and accuracy suggest; none is longer than `rest`.
+fn lengths(ahead: f64, whole: f64, rest: f64) -> Vec<f64> {
+    let least = BEYOND * ahead;
+    let mut lengths = Vec::with_capacity(CROSSING_LENGTHS.len() - 1);
+    for pair in CROSSING_LENGTHS.windows(2) {
+        let (longest, shortest) = ((pair[0] * whole).max(least), (pair[1] * whole).max(least));
+        if longest > shortest || lengths.is_empty() {
+            let longest = longest.min(rest);
+            lengths.push(clearest(shortest.min(longest), longest, ahead));
+        }
+    }
+    lengths
+}
+
+/// Steps across singular positions, behind the contract of a stepper.
+#[derive(Debug)]
+pub struct CrossingStep {
+    t_old: f64,
+    t_new: f64,
+    t_end: f64,
+    y_old: Vec<f64>,
+    dy_old: Vec<f64>,
+    y_new: Vec<f64>,
+    dy_new: Vec<f64>,
+    /// What the end was corrected by.
+    shift: Vec<f64>,
+    length: f64,
+    /// The longest that the motion suggests; was the last one tried so short that rounding spoilt it?
+    longest: f64,
+    rounded: bool,
+    /// What is tried, one after the other, until a step is as exact as was asked for.
+    lengths: Vec<f64>,
+    norm: ErrorNorm,
+    tolerances: Vec<f64>,
+    allowed: Vec<f64>,
+    stages: Option<Stages>,
+    counters: Counters,
+}
+
+impl CrossingStep {
+    /// For an equation of dimension `dim`.
+    pub fn new(dim: usize, options: &Options) -> Self {
+        let zeros = || vec![0.0; dim];
+        Self {
+            t_old: 0.0,
+            t_new: 0.0,
+            t_end: 0.0,
+            y_old: zeros(),
+            dy_old: zeros(),
+            y_new: zeros(),
+            dy_new: zeros(),
+            shift: zeros(),
+            length: 0.0,
+            longest: 0.0,
+            rounded: false,
+            lengths: Vec::new(),
+            norm: ErrorNorm::new(options, dim, crate::combination::padded(dim)),
+            tolerances: zeros(),
+            allowed: zeros(),
+            stages: None,
+            counters: Counters::default(),
+        }
+    }
+
+    /// Plan a step from `t_old` across the position at `zero`; `whole` is the length that has served, `longest` the
+    /// one that the motion suggests, `tries` how often it was tried before. It ends at `t_end` at the latest.
+    pub fn aim(&mut self, zero: f64, (whole, longest): (f64, f64), tries: usize, t_end: f64) {
+        let (ahead, rest) = (zero - self.t_old, t_end - self.t_old);
+        self.lengths = lengths(ahead, whole, rest);
+        self.longest = lengths(ahead, longest, rest)[0];
+        let first = tries % self.lengths.len();
+        self.lengths.rotate_left(first);
+        self.t_end = t_end;
+    }
+
+    /// The attempted step crosses the position at `zero`: plan another one if that lies close to a node. True if so.
+    pub fn aim_again(&mut self, zero: f64) -> bool {
+        let (h, ahead) = (self.t_new - self.t_old, zero - self.t_old);
+        let better =
+            clearest((0.7 * h).max(BEYOND * ahead), (1.3 * h).max(BEYOND * ahead), ahead).min(self.t_end - self.t_old);
+        let poor = clearance(h, ahead) < CLEAR * clearance(better, ahead);
+        if poor {
+            self.lengths.clear();
+            self.lengths.push(better);
+            self.counters.rejected += 1;
+        }
+        poor
+    }
+
+    /// The state at `t` in the attempted step, its end not corrected.
+    pub fn polynomial(&self, t: f64, out: &mut [f64]) {
+        out.copy_from_slice(&self.y_old);
+        if let Some(stages) = &self.stages {
+            stages.advance((t - self.t_old) / (self.t_new - self.t_old), out);
+        }
+    }
+
+    /// The step of length h by as many nodes as it takes.
+    fn solved<E: Display>(
+        &mut self,
+        ode: &mut dyn Ode<Error = E>,
+        h: f64,
+    ) -> Result<Option<Solved>, (f64, RhsError<E>)> {
+        for (i, (to, allowed)) in self.tolerances.iter_mut().zip(&mut self.allowed).enumerate() {
+            *to = self.norm.tolerance(i, &self.y_old);
+            let moved = self.norm.size(i).max(self.y_old[i].abs()).max((h * self.dy_old[i]).abs());
+            *allowed = to.max(tolerance::SINGULAR_ROUNDING * moved);
+        }
+        let task = Task { t: self.t_old, y: &self.y_old, h, tolerances: &self.tolerances, allowed: &self.allowed };
+        match by_sweeps(ode, &task, &self.dy_old, &mut self.counters)? {
+            Sweeps::Converged(found) => return Ok(Some(found)),
+            Sweeps::Slow => return Ok(None),
+            Sweeps::Rounded(found) => {
+                self.rounded = true;
+                return Ok(Some(found));
+            }
+            Sweeps::Diverging => {}
+        }
+        let still = vec![0.0; self.y_old.len()];
+        let [first, second, third] = [LESS, MORE, MORE + 1].map(|i| &RULES[i]);
+        let judged = |stages: Stages, other: &Stages| Solved {
+            error: stages.differ(other, task.tolerances),
+            beyond: stages.differ(other, task.allowed),
+            stages,
+        };
+        let Some(few) = solve(ode, &task, first, Guess::Line(&self.dy_old, &still), &mut self.counters)? else {
+            return Ok(None);
+        };
+        let more = judged(refined(ode, &task, &few, second, &mut self.counters)?, &few);
+        if more.error <= 1.0 {
+            return Ok(Some(more));
+        }
+        let Some(more) = solve(ode, &task, second, Guess::Like(&more.stages), &mut self.counters)? else {
+            return Ok(None);
+        };
+        Ok(Some(judged(refined(ode, &task, &more, third, &mut self.counters)?, &more)))
+    }
+}
+
+/// The outcome of sweeps over an increasing number of nodes.
+enum Sweeps {
+    Converged(Solved),
+    /// They converge, but no rule would be accurate enough: the step is too long.
+    Slow,
+    /// They do not converge.
+    Diverging,
+    /// They are limited by rounding: the step is too short, its nodes are too near the position.
+    Rounded(Solved),
+}
+
+/// A step by sweeps over an increasing number of nodes, two by each rule, since each gains an order.
+fn by_sweeps<E: Display>(
+    ode: &mut dyn Ode<Error = E>,
+    task: &Task,
+    slope: &[f64],
+    counters: &mut Counters,
+) -> Result<Sweeps, (f64, RhsError<E>)> {
+    let first = &RULES[0];
+    let mut stages = Stages { nodes: first, h: task.h, rates: slope.repeat(first.count()) };
+    let (mut last, mut raised, mut largest, mut poor) = (f64::INFINITY, f64::INFINITY, 0.0f64, 0);
+    let stalled = |found: Solved, largest: f64| match found.error < SWEEPS_AT_REST * largest {
+        true => Sweeps::Rounded(found),
+        false => Sweeps::Diverging,
+    };
+    for (place, nodes) in RULES.iter().enumerate().flat_map(|(i, nodes)| [(i, nodes), (i, nodes)]) {
+        let found = match refined(ode, task, &stages, nodes, counters) {
+            Ok(found) => found,
+            // a node so near the position that nothing can be evaluated there: others lie elsewhere
+            Err((_, RhsError::Retry(_))) => continue,
+            Err(fatal) => return Err(fatal),
+        };
+        let more = nodes.count() > stages.nodes.count();
+        let (error, beyond) = (found.differ(&stages, task.tolerances), found.differ(&stages, task.allowed));
+        stages = found;
+        if !error.is_finite() {
+            return Ok(Sweeps::Diverging);
+        }
+        poor = if error < GAINS * last { 0 } else { poor + 1 };
+        (last, largest) = (error, largest.max(error));
+        if poor > 2 {
+            return Ok(stalled(Solved { stages, error, beyond }, largest));
+        }
+        if !more {
+            continue;
+        }
+        if error <= 1.0 || (beyond <= 1.0 && poor > 0) {
+            return Ok(Sweeps::Converged(Solved { stages, error, beyond }));
+        }
+        // as much gained by each of the rules that are left
+        let gain = error / std::mem::replace(&mut raised, error);
+        if gain > 0.0 && beyond * gain.powi((RULES.len() - 1 - place) as i32) > 1.0 {
+            return Ok(match gain < GAINS {
+                true => Sweeps::Slow,
+                false => stalled(Solved { stages, error, beyond }, largest),
+            });
+        }
+    }
+    Ok(Sweeps::Slow)
+}
+
+/// A step, and what it is off by: in tolerances, and in what rounding next to the position excuses.
+struct Solved {
+    stages: Stages,
+    error: f64,
+    beyond: f64,
+}
+
+impl StepControl for CrossingStep {
+    fn current(&self) -> CurrentStep<'_> {
+        CurrentStep {
+            t_old: self.t_old,
+            t_new: self.t_new,
+            t_end: self.t_end,
+            y_old: &self.y_old,
+            dy_old: &self.dy_old,
+            y_new: &self.y_new,
+            dy_new: &self.dy_new,
+            next: self.length,
+            may_shrink: false,
+        }
+    }
+    fn counters(&self) -> &Counters {
+        &self.counters
+    }
+    fn plan(&mut self, plan: &StepPlan) {
+        self.lengths.clear();
+        self.lengths.push(plan.length);
+    }
+    fn set_sizes(&mut self, sizes: &[f64]) {
+        self.norm.set_sizes(sizes);
+    }
+    fn replace_start(&mut self, t: f64, y: &[f64], dy: &[f64]) {
+        (self.t_old, self.t_new) = (t, t);
+        self.y_old.copy_from_slice(y);
+        self.dy_old.copy_from_slice(dy);
+    }
+    fn commit(&mut self) {
+        self.t_old = self.t_new;
+        std::mem::swap(&mut self.y_old, &mut self.y_new);
+        std::mem::swap(&mut self.dy_old, &mut self.dy_new);
+        self.counters.steps += 1;
+    }
+    fn reject(&mut self, factor: f64) {
+        let length = factor * (self.t_new - self.t_old);
+        self.plan(&StepPlan { length, goal: None });
+        self.counters.rejected += 1;
+    }
+    fn end_at(&mut self, t: f64) {
+        let length = t - self.t_old;
+        self.plan(&StepPlan { length, goal: None });
+        self.counters.rejected += 1;
+    }
+}
+
+impl<E: Display> Stepper<E> for CrossingStep {
+    fn start(&mut self, ode: &mut dyn Ode<Error = E>, t: f64, y: &[f64], t_end: f64) -> Result<(), StepFailure<E>> {
+        self.t_end = t_end;
+        self.counters.evaluations += 1;
+        let mut slope = std::mem::take(&mut self.dy_new);
+        let evaluated = ode.rhs(t, y, &mut slope);
+        self.replace_start(t, y, &slope);
+        self.dy_new = slope;
+        match evaluated {
+            Ok(()) => Ok(()),
+            Err(RhsError::Retry(error) | RhsError::Fatal(error)) => Err(StepFailure::Rhs { t, error }),
+        }
+    }
+
+    fn attempt(&mut self, ode: &mut dyn Ode<Error = E>) -> Result<(), StepFailure<E>> {
+        let (t, rest) = (self.t_old, self.t_end - self.t_old);
+        let (mut best, mut last): (Option<Solved>, _) = (None, None);
+        let mut next = self.lengths.first().copied();
+        let mut i = 0;
+        while let Some(h) = next.map(|h| h.min(rest)) {
+            self.rounded = false;
+            match self.solved(ode, h) {
+                // one that is no number is none
+                Ok(Some(found))
+                    if found.beyond
+                        <= best
+                            .as_ref()
+                            .map_or(if self.rounded { tolerance::CLEARLY } else { 1.0 }, |best| best.beyond) =>
+                {
+                    best = Some(found)
+                }
+                Ok(_) => {}
+                Err((_, RhsError::Retry(error))) => last = Some(error),
+                Err((t, RhsError::Fatal(error))) => return Err(StepFailure::Rhs { t, error }),
+            }
+            if best.as_ref().is_some_and(|best| best.beyond <= 1.0) {
+                break;
+            }
+            i += 1;
+            next = match self.rounded {
+                true => Some(self.longest).filter(|longest| *longest > LONGER * h),
+                false => self.lengths.get(i).copied(),
+            };
+            self.counters.rejected += u64::from(next.is_some());
+        }
+        let h = self.lengths.first().copied().unwrap_or(0.0);
+        let Some(Solved { stages, error, .. }) = best else {
+            return Err(StepFailure::TooSmall { t, h, last });
+        };
+        self.counters.lenient += u64::from(error > 1.0);
+        self.length = stages.h;
+        self.t_new = if stages.h == rest { self.t_end } else { t + stages.h };
+        self.y_new.copy_from_slice(&self.y_old);
+        stages.advance(1.0, &mut self.y_new);
+        self.shift.copy_from_slice(&self.y_new);
+        self.stages = Some(stages);
+        Ok(())
+    }
+
+    fn conclude(&mut self, end: StepEnd<'_, E>) -> Result<Conclusion, StepFailure<E>> {
+        let t = self.t_new;
+        match end(t, &mut self.y_new, &mut self.dy_new, false) {
+            Ok(evaluated) => self.counters.evaluations += u64::from(evaluated),
+            Err(RhsError::Retry(error)) => {
+                self.counters.evaluations += 1;
+                return Err(StepFailure::TooSmall { t: self.t_old, h: self.length, last: Some(error) });
+            }
+            Err(RhsError::Fatal(error)) => return Err(StepFailure::Rhs { t, error }),
+        }
+        self.shift.iter_mut().zip(&self.y_new).for_each(|(shift, y)| *shift = y - *shift);
+        Ok(Conclusion::Done)
+    }
+
+    fn interpolate(&mut self, _: &mut dyn Ode<Error = E>, t: f64, out: &mut [f64]) -> Result<(), StepFailure<E>> {
+        self.polynomial(t, out);
+        let x = (t - self.t_old) / (self.t_new - self.t_old);
+        out.iter_mut().zip(&self.shift).for_each(|(out, shift)| *out += x * shift);
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_crossing_step_keeps_clear_of_the_position_wherever_it_lies() {
+        for ahead in [0.0, 1e-3, 0.02, 0.1, 0.3, 0.5, 0.6] {
+            let found = lengths(ahead, 1.0, f64::MAX);
+            assert!(found.windows(2).all(|pair| pair[1] < pair[0]), "{ahead}: {found:?}");
+            for h in found {
+                let clear = clearance(h, ahead) > 5e-3 * h;
+                assert!(clear && h >= 1.25 * ahead && (0.2..=1.25).contains(&h), "{ahead}: {h}");
+            }
+        }
+    }
+}
