@@ -445,7 +445,7 @@ def test_what_a_sensor_looks_at_stays() -> None:
             table.remove(name)
     before = spec(m)
     for handle, word, value, words in [
-        (tip, "of", {"expression": "speed"}, "expression says all"),
+        (tip, "of", {"expression": "speed"}, "an expression is complete by itself"),
         (tip, "reads", "rotation", "must be one of"),
         (tip, "of", ("coupler", ("1 kg", 0, 0)), "the point is a length"),
         (m.sensors["turn"], "coordinate", 1, "integer, 0"),
