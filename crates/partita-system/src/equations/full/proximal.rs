@@ -21,9 +21,6 @@ use partita_math::tolerance;
 /// Damping of the proximal iteration. Scale: squared sines, in natural scales. Reason: far above the rounding of M_c
 /// (1e-16), far below squared sines between healthy rows, which take three iterations then.
 const PROXIMAL_DAMPING: f64 = 1e-8;
-/// Least damping of the proximal iteration. Scale: squared sines, in natural scales. Reason: some hundred roundings of
-/// M_c; weaker rows are lost in them.
-const LEAST_DAMPING: f64 = 1e-14;
 /// Damping after changes that fall too slowly. Scale: ratio to the damping before. Reason: directions that were halved in
 /// each iteration settle in four then.
 const DAMPING_LOWERED: f64 = 1e-3;
@@ -36,73 +33,82 @@ const STAGNANT_CHANGE: f64 = 1e-9;
 /// Number of consecutive slow changes that cannot be chance.
 const SLOW_IN_A_ROW: u32 = 2;
 
-/// One iteration's memory, for r rows.
-struct Room {
+/// `v'` and λ by proximal iteration.
+pub struct Iteration {
+    /// All rows.
     metric: MassMetric,
+    all: Vec<usize>,
+    /// Number of independent rows.
+    rank: usize,
+    /// `L⁻¹ h`.
+    free: Vec<f64>,
+    /// `W Wᵀ` of the rows in use, lower triangle, and the factor of the regularised one.
+    gram: Vec<f64>,
     factor: Vec<f64>,
     x: Vec<f64>,
     change: Vec<f64>,
     step: Vec<f64>,
-}
-
-/// `v'` and λ by proximal iteration.
-pub struct Iteration {
-    kept: Room,
-    /// All rows, where some are redundant.
-    all: Option<(Vec<usize>, Room)>,
+    unshared: u64,
 }
 
 impl Iteration {
     /// Memory for n velocities and m rows of the given rank.
     pub fn new(n: usize, m: usize, rank: usize) -> Self {
-        Self { kept: Room::new(n, rank), all: (rank < m).then(|| ((0..m).collect(), Room::new(n, m))) }
-    }
-}
-
-impl Room {
-    fn new(n: usize, r: usize) -> Self {
         Self {
-            metric: MassMetric::new(n, r),
-            factor: vec![0.0; r * r],
-            x: vec![0.0; r],
-            change: vec![0.0; r],
+            metric: MassMetric::new(n, m),
+            all: (0..m).collect(),
+            rank,
+            free: vec![0.0; n],
+            gram: vec![0.0; m * m],
+            factor: vec![0.0; m * m],
+            x: vec![0.0; m],
+            change: vec![0.0; m],
             step: vec![0.0; n],
+            unshared: 0,
         }
     }
 
-    /// From λ = 0 to the λ that keeps the rows of the metric, left in `x`; `metric.y` holds Lᵀ v' then. The damping is
-    /// lowered down to `least` where a change falls slowly. Returns the iterations it took.
-    fn settle(&mut self, least: f64) -> Result<u64, Failure> {
-        let Self { metric, factor, x, change, step } = self;
-        let (m, n) = (x.len(), step.len());
-        let free = dense::dot(&metric.y, &metric.y).sqrt();
+    /// From λ = 0 to the λ that satisfies these `rows`, left in `x` one by one; `metric.y` holds Lᵀ v' then. The damping is
+    /// lowered down to `least` where a change falls slowly. Returns the number of iterations.
+    fn converge(&mut self, rows: &[usize], least: f64) -> Result<u64, Failure> {
+        let Self { metric, free, gram, factor, x, change, step, .. } = self;
+        let (r, n) = (rows.len(), step.len());
+        let (x, change) = (&mut x[..r], &mut change[..r]);
+        let (gram, factor) = (&mut gram[..r * r], &mut factor[..r * r]);
+        for i in 0..r {
+            for j in 0..=i {
+                gram[i * r + j] = dense::dot(metric.w(rows[i], n), metric.w(rows[j], n));
+            }
+        }
+        metric.y.copy_from_slice(free);
+        let length = dense::dot(free, free).sqrt();
         x.fill(0.0);
         let (mut iterations, mut damping) = (0, PROXIMAL_DAMPING);
         loop {
-            metric.gram(damping, factor);
-            dense::cholesky(factor, m).map_err(|e| Failure::Rows { sine2: e.pivot })?;
+            factor.copy_from_slice(gram);
+            (0..r).for_each(|i| factor[i * r + i] += damping);
+            dense::cholesky(factor, r).map_err(|e| Failure::Rows { sine2: e.pivot })?;
             let (mut last, mut slow) = (f64::INFINITY, 0);
             while slow < SLOW_IN_A_ROW {
                 // λ⁺ − λ = (M_c + ε 1)⁻¹ (−(b + C v')), with the v' of λ
-                for i in 0..m {
-                    change[i] = -(metric.b[i] + dense::dot(metric.w(i, n), &metric.y));
+                for (change, &row) in change.iter_mut().zip(rows) {
+                    *change = -(metric.b[row] + dense::dot(metric.w(row, n), &metric.y));
                 }
-                dense::cholesky_solve(factor, m, change);
+                dense::cholesky_solve(factor, r, change);
                 step.fill(0.0);
-                for i in 0..m {
-                    dense::axpy(change[i], metric.w(i, n), step);
-                    x[i] += change[i];
+                for ((x, change), &row) in x.iter_mut().zip(change.iter()).zip(rows) {
+                    dense::axpy(*change, metric.w(row, n), step);
+                    *x += change;
                 }
                 metric.y.iter_mut().zip(step.iter()).for_each(|(y, d)| *y += d);
                 iterations += 1;
                 // lengths of accelerations in the mass metric; without constraints nothing changes at all
-                let size = free.max(dense::dot(&metric.y, &metric.y).sqrt());
+                let size = length.max(dense::dot(&metric.y, &metric.y).sqrt());
                 let now = dense::dot(step, step).sqrt();
-                if now <= tolerance::SOLUTION_ROUNDING * size || (now >= last && now <= STAGNANT_CHANGE * size) {
+                // what is not finite is named by who asked for the accelerations
+                let settled = now <= tolerance::SOLUTION_ROUNDING * size || !now.is_finite();
+                if settled || (now >= last && now <= STAGNANT_CHANGE * size) {
                     return Ok(iterations);
-                }
-                if !now.is_finite() {
-                    return Err(Failure::Rows { sine2: f64::NAN });
                 }
                 slow = if now > SLOW_CHANGE * last { slow + 1 } else { 0 };
                 last = now;
@@ -125,28 +131,50 @@ impl AccelerationRule for Iteration {
     }
 
     fn solve(&mut self, x: &Instant, vdot: &mut [f64], lambda: &mut [f64]) -> Result<u64, Failure> {
-        let Self { kept, all } = self;
-        kept.metric.set(x)?;
-        let mut iterations = kept.settle(LEAST_DAMPING)?;
-        for (i, &row) in x.rows.iter().enumerate() {
-            lambda[row] = kept.x[i] * kept.metric.scale[i];
+        let all = std::mem::take(&mut self.all);
+        let found = self.solve_with(&all, x, vdot, lambda);
+        self.all = all;
+        found
+    }
+
+    fn notes(&self) -> Vec<String> {
+        if self.unshared == 0 {
+            return Vec::new();
         }
-        if let Some((rows, all)) = all {
-            all.metric.set(&Instant { rows, ..*x })?;
-            // b as v' gives it: what redundant rows are open by is no motion
-            let n = kept.metric.y.len();
-            for i in 0..rows.len() {
-                all.metric.b[i] = -dense::dot(all.metric.w(i, n), &kept.metric.y);
+        vec![format!(
+            "in {} evaluations the proximal iteration did not converge on all conditions, as some of them are nearly \
+             dependent; there the multipliers are those of the independent conditions alone, and the accelerations follow \
+             from these",
+            self.unshared
+        )]
+    }
+}
+
+impl Iteration {
+    fn solve_with(&mut self, all: &[usize], x: &Instant, vdot: &mut [f64], lambda: &mut [f64]) -> Result<u64, Failure> {
+        self.metric.set_with(x, all)?;
+        self.free.copy_from_slice(&self.metric.y);
+        let mut iterations = self.converge(x.rows, tolerance::LOST_PIVOT)?;
+        for (x, &row) in self.x.iter().zip(x.rows) {
+            lambda[row] = x * self.metric.scale[row];
+        }
+        self.metric.acceleration(vdot);
+        if self.rank < all.len() {
+            // b as v' gives it: the residual of redundant rows is no motion
+            let n = vdot.len();
+            for i in 0..all.len() {
+                self.metric.b[i] = -dense::dot(self.metric.w(i, n), &self.metric.y);
             }
-            // where it does not settle the λ of the rows kept stays, which gives the same v'
-            if let Ok(more) = all.settle(PROXIMAL_DAMPING) {
-                iterations += more;
-                for (i, &row) in rows.iter().enumerate() {
-                    lambda[row] = all.x[i] * all.metric.scale[i];
+            match self.converge(all, PROXIMAL_DAMPING) {
+                Ok(more) => {
+                    iterations += more;
+                    for (lambda, (x, scale)) in lambda.iter_mut().zip(self.x.iter().zip(&self.metric.scale)) {
+                        *lambda = x * scale;
+                    }
                 }
+                Err(_) => self.unshared += 1,
             }
         }
-        kept.metric.acceleration(vdot);
         Ok(iterations)
     }
 }

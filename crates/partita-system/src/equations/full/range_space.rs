@@ -31,7 +31,7 @@ impl AccelerationRule for Range {
         let (r, n) = (x.rows.len(), x.h.len());
         let m = &mut self.metric;
         m.set(x)?;
-        m.gram(0.0, &mut self.mc);
+        m.gram(&mut self.mc);
         dense::cholesky(&mut self.mc, r).map_err(|e| Failure::Rows { sine2: e.pivot })?;
         for i in 0..r {
             self.x[i] = -(m.b[i] + dense::dot(m.w(i, n), &m.y));
@@ -72,15 +72,20 @@ impl MassMetric {
         &self.w[i * n..(i + 1) * n]
     }
 
-    /// Set up an instant.
+    /// Set up an instant, with the rows in use.
     pub(super) fn set(&mut self, x: &Instant) -> Result<(), Failure> {
+        self.set_with(x, x.rows)
+    }
+
+    /// Set up an instant, with these rows of C in W.
+    pub(super) fn set_with(&mut self, x: &Instant, rows: &[usize]) -> Result<(), Failure> {
         let n = x.h.len();
         self.l.copy_from_slice(x.mass);
         self.y.copy_from_slice(x.h);
         x.heavier(&mut self.l, &mut self.y);
         dense::cholesky(&mut self.l, n).map_err(|e| Failure::Mass { index: e.index, pivot: e.pivot })?;
         dense::cholesky_forward(&self.l, n, &mut self.y);
-        for (i, &row) in x.rows.iter().enumerate() {
+        for (i, &row) in rows.iter().enumerate() {
             let w = &mut self.w[i * n..(i + 1) * n];
             x.row(row, w);
             dense::cholesky_forward(&self.l, n, w);
@@ -92,14 +97,13 @@ impl MassMetric {
         Ok(())
     }
 
-    /// `W Wᵀ + ε 1`, its lower triangle.
-    pub(super) fn gram(&self, epsilon: f64, out: &mut [f64]) {
+    /// `W Wᵀ`, its lower triangle.
+    fn gram(&self, out: &mut [f64]) {
         let (r, n) = (self.scale.len(), self.y.len());
         for i in 0..r {
             for j in 0..=i {
                 out[i * r + j] = dense::dot(self.w(i, n), self.w(j, n));
             }
-            out[i * r + i] += epsilon;
         }
     }
 
