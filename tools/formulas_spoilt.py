@@ -504,8 +504,8 @@ FORMULAS = (
         "proximal-once",
         "the proximal iteration stops after one",
         f"{SYSTEM}/equations/full/proximal.rs",
-        "if now <= tolerance::SOLUTION_ROUNDING * size ||",
-        "if iterations == 1 || now <= tolerance::SOLUTION_ROUNDING * size ||",
+        "let settled = now <= tolerance::SOLUTION_ROUNDING * size ||",
+        "let settled = iterations == 1 || now <= tolerance::SOLUTION_ROUNDING * size ||",
         ("reducing every_formulation", "whole closing::redundant_proximal"),
     ),
     Error(
@@ -608,7 +608,7 @@ FORMULAS = (
     Error(
         "output-in-a-singular-position",
         "a weight of the polynomial through outputs beside it",
-        f"{INTEGRATE}/simulate.rs",
+        f"{INTEGRATE}/march.rs",
         "[1.0, -6.0, 15.0, 15.0, -6.0, 1.0]",
         "[1.0, -6.0, 15.0, 15.0, -6.0, 1.001]",
         ("python test_trust.py",),

@@ -202,7 +202,7 @@ class Pose:
             try:
                 last = self._last = (t, self._found(t))
             except _NoPoseError as error:
-                # the type is told here alone: what is raised is public
+                # the reason is named here alone: the error raised is public
                 raise EvaluationError(str(error), t=t, where=self.element.name) from error.__cause__
         return last[1]
 

@@ -6,8 +6,9 @@ use super::{verdict, Balance, Limits, Looked, Prepared, Recipe, Request, Run, So
 use crate::error::AnalysisError;
 use partita_integrate::counters::Counters;
 use partita_integrate::failure::StepFailure;
+use partita_integrate::march::{Control, March, Outputs};
 use partita_integrate::options::Options;
-use partita_integrate::simulate::{explain, Control, March, Outcome, Outputs, Status};
+use partita_integrate::simulate::{explain, Outcome, Status};
 use partita_system::formulation::Formulation;
 use partita_system::positions::turns;
 use partita_system::record::{Gaps, Output, StepChecks};

@@ -1,0 +1,642 @@
+//! Marching: steps, corrections, changes of coordinates, outputs.
+
+use crate::counters::Counters;
+use crate::crossing_step::CrossingStep;
+use crate::discontinuity::{Location, Search};
+use crate::failure::StepFailure;
+use crate::method::Method;
+use crate::ode::{Ode, RhsError};
+use crate::options::{AbsoluteTolerance, Options, OptionsError};
+use crate::stepper::{Conclusion, StepControl, StepPlan, Stepper};
+use partita_math::tolerance;
+use partita_system::formulation::{Formulation, Pace, PrescribedLevel, Step, Verdict};
+use partita_system::guards::Look;
+use partita_system::record::Output;
+use partita_system::SystemError;
+use std::ops::ControlFlow;
+
+struct Adapter<'f, F: Formulation>(&'f mut F);
+
+impl<F: Formulation> Ode for Adapter<'_, F> {
+    type Error = SystemError;
+    fn dim(&self) -> usize {
+        self.0.dim()
+    }
+    #[inline]
+    fn rhs(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<(), RhsError<SystemError>> {
+        self.0.derivative(t, y, dy).map_err(sorted)
+    }
+}
+
+fn sorted(e: SystemError) -> RhsError<SystemError> {
+    if e.is_local() {
+        RhsError::Retry(e)
+    } else {
+        RhsError::Fatal(e)
+    }
+}
+
+/// How a run ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Status {
+    /// At its end.
+    Finished,
+    /// It reached its end, but a finding makes the result invalid.
+    Invalid,
+    /// By the user; the results so far are kept.
+    Interrupted,
+    /// No acceptable step was found.
+    StepTooSmall,
+    /// At a singular position of the mechanism, or at a dead point of coordinates that stay.
+    Singular,
+    /// Where redundant constraints no longer agree.
+    Contradiction,
+    /// After the number of steps allowed.
+    MaxSteps,
+    /// Because something could not be evaluated.
+    EvaluationFailed,
+}
+
+impl Status {
+    /// In a word.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Finished => "finished",
+            Self::Invalid => "invalid",
+            Self::Interrupted => "interrupted",
+            Self::StepTooSmall => "step-too-small",
+            Self::Singular => "singular",
+            Self::Contradiction => "contradiction",
+            Self::MaxSteps => "max-steps",
+            Self::EvaluationFailed => "evaluation-failed",
+        }
+    }
+}
+
+/// Whether the failure is due to a position rather than a function.
+pub(crate) fn is_of_a_position(e: &SystemError) -> bool {
+    matches!(
+        e,
+        SystemError::Singular { .. }
+            | SystemError::DeadPoint { .. }
+            | SystemError::Limit { .. }
+            | SystemError::Crossing { .. }
+    )
+}
+
+/// How steps are taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Control {
+    /// Step lengths controlled by the error, or the fixed length requested.
+    Free {
+        /// Maximum number of accepted steps.
+        max_steps: u64,
+    },
+    /// This many equal steps to each end, unconditionally: for control loops. Inputs may change at these ends, and only
+    /// there. None of them may be next to a singular position.
+    Ticks {
+        /// Steps to each end.
+        steps: u32,
+    },
+}
+
+/// Outputs requested before the end.
+pub struct Outputs<'o> {
+    t_eval: &'o [f64],
+    next: usize,
+    sink: Sink<'o>,
+}
+
+impl<'o> Outputs<'o> {
+    /// At these ascending times, into `sink`.
+    pub fn new(t_eval: &'o [f64], sink: Sink<'o>) -> Self {
+        Self { t_eval, next: 0, sink }
+    }
+}
+
+/// The state of a formulation and its stepper. Memory is taken at the start; steps take
+/// none, but where the formulation changes coordinates.
+#[derive(Debug)]
+pub struct March {
+    control: Control,
+    stepper: Box<dyn Stepper<SystemError>>,
+    /// Steps across singular positions; is the next one of them?
+    crossing: CrossingStep,
+    crosses: bool,
+    /// Where the step under way crosses one.
+    located: Option<f64>,
+    /// Length of the next step as the stepper would have it.
+    proposed: f64,
+    /// Whether the step length is controlled by the error.
+    free: bool,
+    t: f64,
+    y: Vec<f64>,
+    buffer: Vec<f64>,
+    slope: Vec<f64>,
+    /// State passed to the sink; its turns are those of the integration.
+    output: Output,
+    /// Error that breakpoints may add to a step, relative to the velocities.
+    tolerance: f64,
+    /// Absolute tolerance, in natural sizes.
+    absolute: f64,
+}
+
+/// Attempts for each step of a tick: a choice of coordinates that has become poor is renewed and the step repeated.
+const ATTEMPTS: u32 = 4;
+
+/// No step of a tick may end nearer to a singular position. Scale: characteristic displacement. Reason: rates are
+/// quotients of the round-off of the closure by the square of the distance; six digits remain here, and none a little
+/// nearer.
+const TICK_TOO_NEAR: f64 = 1e-5;
+
+/// Outputs in singular positions are taken from others at this distance. Unit: fraction of the step. Reason: far enough
+/// for those to be exact, and so near that the polynomial through them is.
+const OUTPUTS_BESIDE: f64 = 1.0 / 80.0;
+
+/// A singular position on a crossing step is located to this. Scale: fraction of the step across it. Reason: nodes keep ten times as far from
+/// it.
+const ROOT_FOUND: f64 = 1e-3;
+/// Evaluations by which it is located, at the most.
+const LOCATING: usize = 12;
+
+/// Receiver of the outputs.
+pub type Sink<'s> = &'s mut dyn FnMut(&Output) -> Result<(), SystemError>;
+
+impl March {
+    /// For a formulation with nq coordinates, by a method with these options; their `controlled` is the formulation's.
+    ///
+    /// # Errors
+    /// Options out of range.
+    pub fn new<F: Formulation>(
+        formulation: &F,
+        nq: usize,
+        method: &'static dyn Method,
+        options: Options,
+        control: Control,
+    ) -> Result<Self, OptionsError> {
+        let dim = formulation.dim();
+        let (free, tolerance) = (options.fixed_step.is_none(), options.rtol.max(tolerance::SUM_ROUNDING));
+        let absolute = match &options.atol {
+            AbsoluteTolerance::Same(x) => *x,
+            AbsoluteTolerance::Each(x) => x.iter().copied().fold(f64::INFINITY, f64::min),
+        };
+        let options = Options { controlled: formulation.controlled(), ..options };
+        let crossing = CrossingStep::new(dim, &options);
+        let stepper = method.stepper(dim, options)?;
+        Ok(Self {
+            control,
+            stepper,
+            crossing,
+            crosses: false,
+            located: None,
+            proposed: 0.0,
+            free,
+            t: 0.0,
+            y: vec![0.0; dim],
+            buffer: vec![0.0; dim],
+            slope: vec![0.0; dim],
+            output: Output { turns: vec![0; nq], ..Output::default() },
+            tolerance,
+            absolute: absolute.clamp(f64::MIN_POSITIVE, f64::MAX),
+        })
+    }
+
+    /// Start at (t, q, v), from which `turns` whole turns of each coordinate were removed.
+    ///
+    /// # Errors
+    /// Where the formulation cannot start.
+    pub fn begin<F: Formulation>(
+        &mut self,
+        formulation: &mut F,
+        t: f64,
+        (q, v): (&[f64], &[f64]),
+        turns: Option<&[i32]>,
+    ) -> Result<(), SystemError> {
+        self.t = t;
+        match turns {
+            Some(turns) => self.output.turns.copy_from_slice(turns),
+            None => self.output.turns.fill(0),
+        }
+        formulation.start(t, q, v, &mut self.y)?;
+        self.set_sizes(formulation);
+        Ok(())
+    }
+
+    /// Time reached.
+    pub fn time(&self) -> f64 {
+        self.t
+    }
+
+    /// State of the formulation there.
+    pub fn state(&self) -> &[f64] {
+        &self.y
+    }
+
+    /// Whole turns taken off each coordinate.
+    pub fn turns(&self) -> &[i32] {
+        &self.output.turns
+    }
+
+    /// Work of the steps since the march was made.
+    pub fn counters(&self) -> Counters {
+        *self.stepper.counters() + *self.crossing.counters()
+    }
+
+    /// Integrate from the current state to `t_end`, with the outputs up to there; `watch` is called after each step.
+    ///
+    /// # Errors
+    /// The cause of an early end. The integration must [`begin`](Self::begin) again then, at its state or elsewhere.
+    pub fn advance_to<F: Formulation>(
+        &mut self,
+        formulation: &mut F,
+        t_end: f64,
+        outputs: &mut Outputs,
+        watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
+    ) -> Result<Status, StepFailure<SystemError>> {
+        self.set_out(formulation, t_end)?;
+        self.go_on(formulation, outputs, watch)
+    }
+
+    /// Evaluate the start of the integration to `t_end`: the loads may have changed since the last step.
+    pub(crate) fn set_out<F: Formulation>(
+        &mut self,
+        formulation: &mut F,
+        t_end: f64,
+    ) -> Result<(), StepFailure<SystemError>> {
+        self.stepper.start(&mut Adapter(formulation), self.t, &self.y, t_end)?;
+        (self.crosses, self.proposed) = (false, self.stepper.current().next);
+        if !self.free {
+            return Ok(());
+        }
+        let t = self.t;
+        self.buffer.copy_from_slice(&self.y);
+        self.slope.copy_from_slice(self.stepper.current().dy_old);
+        let mut pace = Pace { next: self.proposed, across: None };
+        let (y, dy, turns) = (&mut self.buffer[..], &mut self.slope[..], &mut self.output.turns[..]);
+        formulation
+            .set_out(&mut Step { t, y, dy, turns, pace: Some(&mut pace), located: None })
+            .map_err(|error| StepFailure::Rhs { t, error })?;
+        self.plan(formulation, pace);
+        Ok(())
+    }
+
+    /// Natural sizes of the state as it is now.
+    fn set_sizes<F: Formulation>(&mut self, formulation: &F) {
+        formulation.natural_sizes(&mut self.buffer);
+        self.stepper.set_sizes(&self.buffer);
+        self.crossing.set_sizes(&self.buffer);
+    }
+
+    /// The next step from where the stepper stands.
+    fn plan<F: Formulation>(&mut self, formulation: &F, pace: Pace) {
+        let from = self.stepper.current();
+        self.crosses = pace.across.is_some();
+        if let Some(across) = pace.across {
+            self.crossing.replace_start(from.t_old, from.y_old, from.dy_old);
+            self.crossing.aim(across.zero, (across.whole, across.longest), across.tries, from.t_end);
+        } else {
+            let goal = formulation.breakpoint_ahead(pace.next, self.tolerance);
+            self.stepper.plan(&StepPlan { length: pace.next, goal });
+        }
+    }
+
+    /// Attempt the step under way. Where it crosses a singular position, that is located on the polynomial of the step, and
+    /// the step taken anew if a node came close to it.
+    fn attempt<F: Formulation>(&mut self, formulation: &mut F) -> Result<(), StepFailure<SystemError>> {
+        self.located = None;
+        if !self.crosses {
+            return self.stepper.attempt(&mut Adapter(formulation));
+        }
+        self.crossing.attempt(&mut Adapter(formulation))?;
+        self.located = self.locate(formulation);
+        match self.located {
+            Some(zero) if self.crossing.aim_again(zero) => {
+                self.crossing.attempt(&mut Adapter(formulation))?;
+                self.located = self.locate(formulation);
+                Ok(())
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// The root of the signed volume of the choice on the polynomial of the crossing step, if it changes its sign there.
+    fn locate<F: Formulation>(&mut self, formulation: &mut F) -> Option<f64> {
+        let (from, to) = (self.crossing.current().t_old, self.crossing.current().t_new);
+        let mut side = |t: f64| {
+            self.crossing.polynomial(t, &mut self.buffer);
+            formulation.side(t, &self.buffer)
+        };
+        let (mut one, mut two) = ((from, side(from)?), (to, side(to)?));
+        if one.1 <= 0.0 || two.1 >= 0.0 {
+            return None;
+        }
+        // false position, an end that stays halved
+        let mut zero = from;
+        for _ in 0..LOCATING {
+            let last = std::mem::replace(&mut zero, one.0 + (two.0 - one.0) * one.1 / (one.1 - two.1));
+            if (zero - last).abs() < ROOT_FOUND * (to - from) {
+                break;
+            }
+            match side(zero) {
+                Some(here) if here > 0.0 => (one, two.1) = ((zero, here), 0.5 * two.1),
+                Some(here) => (two, one.1) = ((zero, here), 0.5 * one.1),
+                None => break, // in the position itself
+            }
+        }
+        Some(zero)
+    }
+
+    /// What takes the step under way.
+    fn active(&mut self) -> &mut dyn Stepper<SystemError> {
+        match self.crosses {
+            true => &mut self.crossing,
+            false => &mut *self.stepper,
+        }
+    }
+
+    /// The integration loop.
+    pub(crate) fn go_on<F: Formulation>(
+        &mut self,
+        formulation: &mut F,
+        outputs: &mut Outputs,
+        watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
+    ) -> Result<Status, StepFailure<SystemError>> {
+        let ended = self.steps(formulation, outputs, watch);
+        let reached = self.stepper.current();
+        self.t = reached.t_old;
+        self.y.copy_from_slice(reached.y_old);
+        ended
+    }
+
+    fn steps<F: Formulation>(
+        &mut self,
+        formulation: &mut F,
+        outputs: &mut Outputs,
+        watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
+    ) -> Result<Status, StepFailure<SystemError>> {
+        let mut attempts = match self.control {
+            Control::Free { .. } => u32::MAX,
+            Control::Ticks { steps } => ATTEMPTS * steps,
+        };
+        while !self.stepper.current().finished() {
+            if let Control::Free { max_steps } = self.control {
+                if self.counters().steps >= max_steps {
+                    return Ok(Status::MaxSteps);
+                }
+            }
+            self.step(formulation, outputs, &mut attempts)?;
+            if watch(self.stepper.current().t_old).is_break() {
+                return Ok(Status::Interrupted);
+            }
+        }
+        Ok(Status::Finished)
+    }
+
+    /// The outputs at the current state.
+    pub(crate) fn emit<F: Formulation>(
+        &mut self,
+        formulation: &mut F,
+        outputs: &mut Outputs,
+    ) -> Result<(), SystemError> {
+        while outputs.t_eval.get(outputs.next).is_some_and(|t| *t <= self.t) {
+            formulation.state_at(self.t, &self.y, &mut self.output)?;
+            (outputs.sink)(&self.output)?;
+            outputs.next += 1;
+        }
+        Ok(())
+    }
+
+    /// One accepted step with its outputs.
+    fn step<F: Formulation>(
+        &mut self,
+        formulation: &mut F,
+        outputs: &mut Outputs,
+        attempts: &mut u32,
+    ) -> Result<(), StepFailure<SystemError>> {
+        loop {
+            if let Control::Ticks { .. } = self.control {
+                if *attempts == 0 {
+                    let step = self.stepper.current();
+                    return Err(StepFailure::TooSmall { t: step.t_old, h: step.next, last: None });
+                }
+                *attempts -= 1;
+            }
+            let crosses = self.crosses;
+            let mut verdict = Verdict::Keep;
+            let free = self.free;
+            let attempted = self.attempt(formulation);
+            let stepper = self.active();
+            let concluded = attempted.and_then(|()| {
+                stepper.conclude(&mut |t, y, dy, known| {
+                    let judged = formulation.trial_end(t, y, dy, known).map_err(|e| match e {
+                        // no shorter step is allowed that could distinguish a jump from a drift
+                        SystemError::Jump { .. } if !free => RhsError::Fatal(e),
+                        e => sorted(e),
+                    });
+                    let (judged, evaluated) = judged?;
+                    verdict = judged;
+                    Ok(evaluated)
+                })
+            });
+            match concluded {
+                Ok(Conclusion::Done) => {}
+                Ok(Conclusion::Rejected) => continue,
+                // a step across a singular position has one length; the formulation tells another
+                Err(StepFailure::TooSmall { .. }) if crosses => verdict = Verdict::Repeat,
+                Err(failure) => return Err(failure),
+            }
+            if verdict == Verdict::Repeat {
+                stepper.reject(0.5);
+                self.commit(formulation, verdict)?;
+                continue;
+            }
+            let near = || formulation.margin().is_some_and(|m| m.abs() < TICK_TOO_NEAR);
+            if matches!(self.control, Control::Ticks { .. }) && near() {
+                let t = self.active().current().t_new;
+                let message =
+                    "the step would end next to a singular position (links in line, where the motion can branch), \
+                     where velocities are not determined; step over it with another number of substeps or another \
+                     step length";
+                return Err(StepFailure::Rhs { t, error: SystemError::Tick { t, message: message.into() } });
+            }
+            if !self.guards_hold(formulation)? {
+                continue;
+            }
+            if let Some(t) = self.free.then(|| formulation.breakpoint_within(self.tolerance)).flatten() {
+                self.active().end_at(t);
+                continue;
+            }
+            match self.shortened(formulation) {
+                Ok(false) => {}
+                Ok(true) => continue,
+                Err(StepFailure::Interpolation { .. }) if self.free && self.active().current().may_shrink => {
+                    self.active().reject(0.5);
+                    continue;
+                }
+                Err(failure) => return Err(failure),
+            }
+            match self.outputs(formulation, outputs) {
+                Ok(()) => {}
+                Err(StepFailure::Interpolation { .. }) if self.active().current().may_shrink => {
+                    self.active().reject(0.5);
+                    continue;
+                }
+                Err(failure) => return Err(failure),
+            }
+            self.active().commit();
+            match self.crosses {
+                true => {
+                    let end = self.crossing.current();
+                    self.stepper.replace_start(end.t_old, end.y_old, end.dy_old);
+                }
+                false => self.proposed = self.stepper.current().next,
+            }
+            return self.commit(formulation, verdict);
+        }
+    }
+
+    /// Where a prescribed row misses the integral of its derivative over the concluded step: refuse a jump, and end the
+    /// step where a derivative jumps or changes fast. True if the step was rejected.
+    fn shortened<F: Formulation>(&mut self, formulation: &mut F) -> Result<bool, StepFailure<SystemError>> {
+        let stepper: &mut dyn Stepper<SystemError> = if self.crosses { &mut self.crossing } else { &mut *self.stepper };
+        let step = stepper.current();
+        let (from, to, may) = (step.t_old, step.t_new, self.free && step.may_shrink);
+        // a rate that jumps leaves a gap of positions as well
+        for level in [PrescribedLevel::Rate, PrescribedLevel::Position] {
+            let Some(gap) = formulation.prescribed_gap(level, (self.tolerance, self.absolute)) else { continue };
+            let search = Search::new(from, to);
+            let mut at = |t: f64| {
+                stepper.interpolate(&mut Adapter(formulation), t, &mut self.buffer)?;
+                formulation.prescribed_at(t, &self.buffer, &gap).map_err(|error| StepFailure::Rhs { t, error })
+            };
+            let mut place = search.jump(&mut at, gap.by)?;
+            if may && gap.shorten && place == Location::Smooth && level == PrescribedLevel::Rate {
+                place = search.kink(&mut at, gap.by)?;
+            }
+            match place {
+                Location::Jump { t, by } => {
+                    return Err(StepFailure::Rhs { t, error: formulation.prescribed_jump(t, &gap, by) })
+                }
+                _ if !(may && gap.shorten) => continue,
+                Location::Within { before, .. } if before > from => stepper.end_at(before),
+                Location::Within { after, .. } if after < to => stepper.end_at(after),
+                _ => stepper.reject(0.5),
+            }
+            return Ok(true);
+        }
+        Ok(false)
+    }
+
+    /// Check the guards along the concluded step. False where it was rejected, to end where it crosses one.
+    fn guards_hold<F: Formulation>(&mut self, formulation: &mut F) -> Result<bool, StepFailure<SystemError>> {
+        let stepper: &mut dyn Stepper<SystemError> = if self.crosses { &mut self.crossing } else { &mut *self.stepper };
+        loop {
+            let t = match formulation.guard(self.tolerance, self.free) {
+                Look::Clear => return Ok(true),
+                Look::Crossed { t, .. } => {
+                    stepper.end_at(t);
+                    return Ok(false);
+                }
+                Look::At(t) => t,
+            };
+            let seen = match stepper.interpolate(&mut Adapter(formulation), t, &mut self.buffer) {
+                Ok(()) => formulation.look_at(t, &self.buffer).map_err(|error| StepFailure::Rhs { t, error }),
+                Err(failure) => Err(failure),
+            };
+            match seen {
+                Ok(()) => {}
+                Err(StepFailure::Interpolation { .. }) if stepper.current().may_shrink => {
+                    stepper.reject(0.5);
+                    return Ok(false);
+                }
+                Err(StepFailure::Rhs { error, .. }) if error.is_local() && stepper.current().may_shrink => {
+                    stepper.reject(0.5);
+                    return Ok(false);
+                }
+                Err(failure) => return Err(failure),
+            }
+        }
+    }
+
+    /// Apply a verdict at the current state: the end of an accepted step, or its start.
+    fn commit<F: Formulation>(
+        &mut self,
+        formulation: &mut F,
+        verdict: Verdict,
+    ) -> Result<(), StepFailure<SystemError>> {
+        let free = self.free;
+        let step = self.stepper.current();
+        let t = step.t_old;
+        self.buffer.copy_from_slice(step.y_old);
+        self.slope.copy_from_slice(step.dy_old);
+        let next = if self.crosses || verdict != Verdict::Repeat { self.proposed } else { step.next };
+        let mut pace = Pace { next, across: None };
+        let (y, dy, turns) = (&mut self.buffer[..], &mut self.slope[..], &mut self.output.turns[..]);
+        let mut step = Step { t, y, dy, turns, pace: free.then_some(&mut pace), located: self.located.take() };
+        let rewritten = formulation.commit(verdict, &mut step);
+        let now = step.t;
+        if rewritten.map_err(|error| StepFailure::Rhs { t, error })? {
+            self.stepper.replace_start(now, &self.buffer, &self.slope);
+            self.set_sizes(formulation);
+        }
+        if free {
+            self.plan(formulation, pace);
+        }
+        Ok(())
+    }
+
+    /// The output at t inside the step that was concluded; y is memory for a state.
+    fn output_at<F: Formulation>(
+        &mut self,
+        formulation: &mut F,
+        t: f64,
+        y: &mut [f64],
+    ) -> Result<(), StepFailure<SystemError>> {
+        let stepper: &mut dyn Stepper<SystemError> = if self.crosses { &mut self.crossing } else { &mut *self.stepper };
+        let (from, to) = (stepper.current().t_old, stepper.current().t_new);
+        let mut state = |t: f64, out: &mut Output| {
+            stepper.interpolate(&mut Adapter(formulation), t, y)?;
+            formulation.state_at(t, y, out).map_err(|error| StepFailure::Rhs { t, error })
+        };
+        let failed = match state(t, &mut self.output) {
+            Ok(()) if !self.output.singular => return Ok(()),
+            Ok(()) => None,
+            Err(StepFailure::Rhs { t, error }) if is_of_a_position(&error) => Some(StepFailure::Rhs { t, error }),
+            Err(other) => return Err(other),
+        };
+        // In a singular position q_D and v_D are quotients 0 / 0, although the motion is smooth: they are taken from
+        // the polynomial through three positions on either side, with an error of the sixth power of their distance.
+        let apart = ((t - from) / 3.0).min((to - t) / 3.0).min((to - from) * OUTPUTS_BESIDE);
+        let (mut side, mut q, mut v, mut work) = (Output::default(), Vec::new(), Vec::new(), 0.0);
+        for (i, weight) in [-3.0, -2.0, -1.0, 1.0, 2.0, 3.0].into_iter().zip([1.0, -6.0, 15.0, 15.0, -6.0, 1.0]) {
+            if let Err(beside) = state(t + i * apart, &mut side) {
+                return Err(failed.unwrap_or(beside));
+            }
+            q.resize(side.q.len(), 0.0);
+            v.resize(side.v.len(), 0.0);
+            q.iter_mut().zip(&side.q).for_each(|(to, x)| *to += weight / 20.0 * x);
+            v.iter_mut().zip(&side.v).for_each(|(to, x)| *to += weight / 20.0 * x);
+            work += weight / 20.0 * side.work;
+        }
+        self.output.set(t, &q, &v, work);
+        (self.output.choice, self.output.singular) = (side.choice, true);
+        Ok(())
+    }
+
+    fn outputs<F: Formulation>(
+        &mut self,
+        formulation: &mut F,
+        outputs: &mut Outputs,
+    ) -> Result<(), StepFailure<SystemError>> {
+        let end = self.active().current().t_new;
+        while let Some(&t) = outputs.t_eval.get(outputs.next).filter(|t| **t <= end) {
+            let mut y = std::mem::take(&mut self.buffer);
+            let done = self.output_at(formulation, t, &mut y);
+            self.buffer = y;
+            done?;
+            (outputs.sink)(&self.output).map_err(|error| StepFailure::Rhs { t, error })?;
+            outputs.next += 1;
+        }
+        Ok(())
+    }
+}
