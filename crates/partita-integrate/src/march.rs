@@ -120,7 +120,7 @@ impl<'o> Outputs<'o> {
 pub struct March {
     control: Control,
     stepper: Box<dyn Stepper<SystemError>>,
-    /// Steps across singular positions; is the next one of them?
+    /// Steps across singular positions, and whether the next one is of them.
     crossing: CrossingStep,
     crosses: bool,
     /// Where the step under way crosses one.
@@ -153,8 +153,8 @@ const TICK_TOO_NEAR: f64 = 1e-5;
 /// for those to be exact, and so near that the polynomial through them is.
 const OUTPUTS_BESIDE: f64 = 1.0 / 80.0;
 
-/// A singular position on a crossing step is located to this. Scale: fraction of the step across it. Reason: nodes keep ten times as far from
-/// it.
+/// A singular position on a crossing step is located to this. Scale: fraction of the step across it. Reason: nodes keep
+/// ten times as far from it.
 const ROOT_FOUND: f64 = 1e-3;
 /// Evaluations by which it is located, at the most.
 const LOCATING: usize = 12;

@@ -48,7 +48,6 @@ pub struct Iteration {
     x: Vec<f64>,
     change: Vec<f64>,
     step: Vec<f64>,
-    unshared: u64,
 }
 
 impl Iteration {
@@ -64,7 +63,6 @@ impl Iteration {
             x: vec![0.0; m],
             change: vec![0.0; m],
             step: vec![0.0; n],
-            unshared: 0,
         }
     }
 
@@ -136,18 +134,6 @@ impl AccelerationRule for Iteration {
         self.all = all;
         found
     }
-
-    fn notes(&self) -> Vec<String> {
-        if self.unshared == 0 {
-            return Vec::new();
-        }
-        vec![format!(
-            "in {} evaluations the proximal iteration did not converge on all conditions, as some of them are nearly \
-             dependent; there the multipliers are those of the independent conditions alone, and the accelerations follow \
-             from these",
-            self.unshared
-        )]
-    }
 }
 
 impl Iteration {
@@ -165,14 +151,13 @@ impl Iteration {
             for i in 0..all.len() {
                 self.metric.b[i] = -dense::dot(self.metric.w(i, n), &self.metric.y);
             }
-            match self.converge(all, PROXIMAL_DAMPING) {
-                Ok(more) => {
-                    iterations += more;
-                    for (lambda, (x, scale)) in lambda.iter_mut().zip(self.x.iter().zip(&self.metric.scale)) {
-                        *lambda = x * scale;
-                    }
+            // between the ends of steps redundant rows depend on the others only nearly, and it may not converge: the λ of
+            // the rows kept stays, which gives the same v' and is as valid
+            if let Ok(more) = self.converge(all, PROXIMAL_DAMPING) {
+                iterations += more;
+                for (lambda, (x, scale)) in lambda.iter_mut().zip(self.x.iter().zip(&self.metric.scale)) {
+                    *lambda = x * scale;
                 }
-                Err(_) => self.unshared += 1,
             }
         }
         Ok(iterations)

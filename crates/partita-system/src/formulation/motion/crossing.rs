@@ -71,7 +71,7 @@ pub(super) struct CrossingMonitor {
     /// there.
     flipped: bool,
     pub(super) lost: bool,
-    /// Or jumped they next to one?
+    /// Whether velocities jumped next to one.
     pub(super) jumped: bool,
     /// Or was it a dead point of the choice alone; how often in a row? And of redundant rows alone: those that serve.
     pub(super) spoilt: bool,
@@ -79,7 +79,7 @@ pub(super) struct CrossingMonitor {
     pub(super) spoilt_in_a_row: u32,
     /// Largest rate and acceleration at the end of the step that was judged, in characteristic displacements.
     fastest: (f64, f64),
-    /// Was the end of the step under way reached and judged?
+    /// Whether the end of the current step was reached and judged.
     pub(super) judged: bool,
 }
 
