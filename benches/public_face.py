@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -86,8 +85,8 @@ def second_run(name: str, few: int = 1, many: int = 41) -> Again:
 
     def core(steps: int) -> Callable[[], object]:
         chosen = run_options.options(start.t, STEP * steps, model.velocity_names, **settings)
-        text, end = json.dumps(chosen), np.array([chosen["t_end"]])
-        return lambda: model.core.simulate(text, end, q, v, None)
+        end = np.array([chosen["t_end"]])
+        return lambda: model.core.simulate(chosen.core, end, q, v, None)
 
     def face(steps: int) -> Callable[[], object]:
         return lambda: m.simulate(STEP * steps, t_eval=[start.t + STEP * steps], initial=start, **settings)

@@ -225,9 +225,9 @@ def prepared(entry: Entry, duration: float, step: float | None = None) -> Callab
     chosen = run_options.options(
         start.t, duration, model.velocity_names, rtol=RTOL, atol=ATOL, max_steps=200_000, step=step
     )
-    text, end = json.dumps(chosen), np.array([chosen["t_end"]])
+    end = np.array([chosen["t_end"]])
     core, q, v = model.core, start.q.copy(), start.v.copy()
-    return lambda: core.simulate(text, end, q, v, None)
+    return lambda: core.simulate(chosen.core, end, q, v, None)
 
 
 def timed(run: Callable[[], dict[str, Any]]) -> tuple[list[float], dict[str, Any]]:

@@ -14,13 +14,18 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Goal = tuple[str, str, int, int, tuple[float, float, float]]
 
+class Options:
+    """Options of runs, read once from JSON."""
+
+    def __init__(self, text: str) -> None: ...
+
 class Stepper:
-    """A motion stepped tick by tick under inputs, on a thread of its own."""
+    """A motion stepped tick by tick under inputs."""
 
     def __init__(
         self,
         model: Model,
-        options: str,
+        options: Options,
         dt: float,
         steps: int,
         inputs: list[tuple[int, int | None]],
@@ -148,7 +153,7 @@ class Model:
 
     def simulate(
         self,
-        options: str,
+        options: Options,
         t_eval: Array,
         q: Array,
         v: Array,
@@ -266,7 +271,7 @@ class System:
     def measure(self, t: float, q: Array) -> Array: ...
     def simulate(
         self,
-        options: str,
+        options: Options,
         t_eval: Array,
         q: Array,
         v: Array,
@@ -316,4 +321,5 @@ FORMULATIONS: tuple[str, ...]
 SELECTIONS: tuple[str, ...]
 """Words that options may be, the default first."""
 
+def increases(times: object, t0: float, t_end: float) -> bool: ...
 def version() -> str: ...

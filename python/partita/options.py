@@ -40,7 +40,7 @@ class Core(Protocol):
 
     def simulate(
         self,
-        options: str,
+        options: _core.Options,
         t_eval: Array,
         q: Array,
         v: Array,
@@ -51,13 +51,24 @@ class Core(Protocol):
 
 
 class Options(dict[str, Any]):
-    """Checked options of a run as plain data, and the text of them that the core reads. Equal runs share one, so it is
-    never changed."""
+    """Checked options of a run as plain data, and as the core takes them. Equal runs share one, so it is never
+    changed."""
 
     @cached_property
-    def text(self) -> str:
-        """As JSON."""
-        return json.dumps(self)
+    def core(self) -> _core.Options:
+        """As the core takes them."""
+        return _core.Options(json.dumps(self))
+
+    @cached_property
+    def _of(self) -> dict[str, dict[str, Any]]:
+        """The options of runs in these coordinates."""
+        return {}
+
+    def of(self, coordinates: str) -> dict[str, Any]:
+        """Those of a run in these coordinates, which its result reports."""
+        if coordinates not in self._of:
+            self._of[coordinates] = {**self, "coordinates": coordinates}
+        return self._of[coordinates]
 
 
 def options(
@@ -82,8 +93,8 @@ def options(
     baumgarte: tuple[float, float] | None = None,
     renew: float | str = 0.5,
 ) -> Options:
-    """Checked options of a run from t0. Those of numbers and words alone are checked once for all runs that ask the
-    same. Raises `ArgumentError`."""
+    """Checked options of a run from t0. Those without lists of names are checked once for all runs that ask the same.
+    Raises `ArgumentError`."""
     if not isinstance(events, Sequence) or len(events) > 0:
         raise ArgumentError(
             "this version does not offer events; simulate without them and find the instant in the outputs",
@@ -93,19 +104,19 @@ def options(
         t0, duration, rtol, atol, method, formulation, correction, switch_threshold, step, max_step, max_steps,
         selection, window, renew,
     )  # fmt: skip
-    if independent is None and weights is None and baumgarte is None and _WORDS.issuperset(map(type, asked)):
-        return _checked_once(tuple(map(type, asked)), asked)
+    if independent is None and weights is None and baumgarte is None:
+        try:
+            return _checked_once(*asked)
+        except TypeError:  # an array, which no table finds again
+            return _checked(*asked)
     named = None if independent is None else velocities("independent", independent, velocity_names)
     preferred = None if weights is None else _weights(weights, velocity_names)
     return _checked(*asked, named, preferred, None if baumgarte is None else _baumgarte(baumgarte))
 
 
-_WORDS = frozenset({float, int, bool, str, type(None)})
-
-
-@lru_cache(maxsize=64)
-def _checked_once(types: tuple[type, ...], asked: tuple[Any, ...]) -> Options:
-    """`types` distinguish equal values of different type, such as True and 1."""
+@lru_cache(maxsize=64, typed=True)
+def _checked_once(*asked: Any) -> Options:
+    """Those of numbers, words and quantities, by their types too: 1 is a number of steps, True is none."""
     return _checked(*asked)
 
 
@@ -159,6 +170,8 @@ def output_times(t_eval: ArrayLike | None, t0: float, t_end: float) -> Array:
     """Times of the outputs (nt,): as given if increasing and inside the run; None: 201 evenly spaced ones."""
     if t_eval is None:
         return np.linspace(t0, t_end, OUTPUTS)
+    if type(t_eval) is np.ndarray and _core.increases(t_eval, t0, t_end):
+        return t_eval
     given = si("t_eval", t_eval, "s")
     try:
         times = floats(given)
@@ -204,9 +217,9 @@ def run(
     own = None if tangent is None else tangent_of(tangent, v.size)
     q, v = np.ascontiguousarray(q), np.ascontiguousarray(v)
     if progress is False:
-        return core.simulate(chosen.text, t_eval, q, v, None, own)
+        return core.simulate(chosen.core, t_eval, q, v, None, own)
     with reporting(progress, chosen["t_end"] - chosen["t0"], "s") as report:
-        return core.simulate(chosen.text, t_eval, q, v, report, own)
+        return core.simulate(chosen.core, t_eval, q, v, report, own)
 
 
 def si(what: str, value: Any, unit: SI) -> Any:

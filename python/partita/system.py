@@ -255,7 +255,7 @@ def simulate(
     times = run_options.output_times(t_eval, start.t, chosen["t_end"])
     summary = system.summary(start.t, start.q)
     raw = run_options.run(system.core, chosen, times, start.q, start.v, progress, tangent)
-    return Result.from_run(raw, model=system.core, summary=summary, options=chosen)
+    return Result.from_run(raw, model=system.core, summary=summary, options=dict(chosen))
 
 
 def _start(system: System, q0: ArrayLike | None, v0: ArrayLike | None, t0: float, initial: State | None) -> State:

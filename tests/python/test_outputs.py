@@ -32,8 +32,7 @@ def watched(m: pt.Mechanism, run: Result) -> tuple[Result, Counting]:
     """The same result, over a model that notes what it is asked for."""
     model = m.compile()
     counting = Counting(model.core)
-    counts = len(model.summary["bodies"]), len(model.summary["joints"]), int(model.summary["closing_rows"])
-    return Result(run.record, ModelSource(counting, run.record.arrays, *counts)), counting
+    return Result(run.record, ModelSource(counting, run.record.arrays, model.summary)), counting
 
 
 def loaded(name: str) -> tuple[pt.Mechanism, dict[str, int]]:

@@ -29,6 +29,16 @@ pub fn any_vector(x: &PyReadonlyArray1<'_, f64>) -> Vec<f64> {
     x.as_array().iter().copied().collect()
 }
 
+/// Whether `times` is a flat array of increasing numbers from t0 to t_end.
+#[pyfunction]
+pub fn increases(times: &Bound<'_, PyAny>, t0: f64, t_end: f64) -> bool {
+    let Ok(times) = times.extract::<PyReadonlyArray1<'_, f64>>() else { return false };
+    let times = entries_of(&times);
+    let (Some(first), Some(last)) = (times.first(), times.last()) else { return false };
+    // written so that NaN is outside
+    *first >= t0 && *last <= t_end && times.windows(2).all(|x| x[0] < x[1])
+}
+
 /// An array of the given shape from its entries, row by row.
 pub fn array<'py>(py: Python<'py>, shape: &[usize], data: Vec<f64>) -> Bound<'py, PyArrayDyn<f64>> {
     shaped(py, shape, data)

@@ -33,6 +33,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<model::Model>()?;
     m.add_class::<user_system::System>()?;
     m.add_class::<run::Account>()?;
+    m.add_class::<run::Options>()?;
     m.add_class::<stepper::Stepper>()?;
     m.add_function(wrap_pyfunction!(partition::measure, m)?)?;
     m.add_function(wrap_pyfunction!(partition::choose, m)?)?;
@@ -42,6 +43,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(balance::reaction_findings, m)?)?;
     m.add_function(wrap_pyfunction!(balance::energy_findings, m)?)?;
     m.add_function(wrap_pyfunction!(balance::energy_floor, m)?)?;
+    m.add_function(wrap_pyfunction!(arrays::increases, m)?)?;
     m.add_function(wrap_pyfunction!(version, m)?)?;
     let methods: Vec<&str> = partita_integrate::method::all().map(|method| method.name()).collect();
     let selections = partita_system::partition::Selection::ALL.map(|rule| rule.name());

@@ -6,7 +6,7 @@ use crate::functions::Callables;
 use crate::outputs::{self, Acting, Flags, Motion};
 use crate::poses;
 use crate::program;
-use crate::run::{self, read_options, ClosedStates};
+use crate::run::{self, ClosedStates, Options};
 use crate::state::{self, Array};
 use crate::summary::summary;
 use crate::tangent::TangentFunctions;
@@ -391,7 +391,7 @@ impl Model {
     fn simulate<'py>(
         &self,
         py: Python<'py>,
-        options: &str,
+        options: &Bound<'py, Options>,
         t_eval: Vector<'py>,
         q: Vector<'py>,
         v: Vector<'py>,
@@ -399,11 +399,11 @@ impl Model {
         tangent: Option<TangentFunctions>,
     ) -> PyResult<Bound<'py, PyDict>> {
         guarded(py, || {
-            let options = read_options(py, options)?;
+            let options = options.get().request();
             let (q, v) = self.state(&q, &v)?;
             let (system, calls) = (self.inner.clone(), self.inner.calls_functions());
             let tangent = run::tangent(self.nv(), tangent);
-            run::run(py, system, &options, &t_eval, (&q, &v), tangent, progress, calls)
+            run::run(py, system, options, &t_eval, (&q, &v), tangent, progress, calls)
         })
     }
 

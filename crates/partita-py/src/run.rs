@@ -20,9 +20,28 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Read options written by the Python package.
-pub fn read_options(py: Python<'_>, text: &str) -> PyResult<Request> {
+fn read_options(py: Python<'_>, text: &str) -> PyResult<Request> {
     serde_json::from_str(text)
         .map_err(|e| raise(py, "ArgumentError", &format!("options: {e}"), &[("argument", "options".into())]))
+}
+
+/// Options of runs, read once.
+#[pyclass(frozen, module = "partita._core")]
+pub struct Options(Request);
+
+#[pymethods]
+impl Options {
+    #[new]
+    fn new(py: Python<'_>, text: &str) -> PyResult<Self> {
+        guarded(py, || Ok(Self(read_options(py, text)?)))
+    }
+}
+
+impl Options {
+    /// As the core takes them.
+    pub fn request(&self) -> &Request {
+        &self.0
+    }
 }
 
 /// The user's tangent velocities for a system of n velocities.

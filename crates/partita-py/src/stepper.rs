@@ -169,7 +169,7 @@ impl Stepper {
     fn new(
         py: Python<'_>,
         model: &crate::model::Model,
-        options: &str,
+        options: &Bound<'_, run::Options>,
         dt: f64,
         steps: u32,
         inputs: Vec<Input>,
@@ -180,7 +180,7 @@ impl Stepper {
         keeps: bool,
     ) -> PyResult<Self> {
         guarded(py, || {
-            let request = run::read_options(py, options)?;
+            let request = options.get().request().clone();
             let size = model.inner().size();
             let (q, v) = (vector(&q, size.nq, "q")?, vector(&v, size.nv, "v")?);
             Self::around(py, model.inner(), (inputs, held), request, (dt, steps), (t, q, v), keeps)

@@ -3,7 +3,7 @@
 use crate::arrays::{any_vector, array, entries_of, rows_of, vector};
 use crate::calls;
 use crate::failure::{self, guarded, raise};
-use crate::run::{self, read_options, ClosedStates};
+use crate::run::{self, ClosedStates, Options};
 use crate::state::{self, Array};
 use crate::tangent::TangentFunctions;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
@@ -308,7 +308,7 @@ impl System {
     fn simulate<'py>(
         &self,
         py: Python<'py>,
-        options: &str,
+        options: &Bound<'py, Options>,
         t_eval: PyReadonlyArray1<'py, f64>,
         q: PyReadonlyArray1<'py, f64>,
         v: PyReadonlyArray1<'py, f64>,
@@ -316,11 +316,11 @@ impl System {
         tangent: Option<TangentFunctions>,
     ) -> PyResult<Bound<'py, PyDict>> {
         guarded(py, || {
-            let options = read_options(py, options)?;
+            let options = options.get().request();
             let (q, v) = (vector(&q, self.f.n, "q")?, vector(&v, self.f.n, "v")?);
             let system = Arc::new(self.measured(py, options.t0, &q)?);
             let tangent = run::tangent(self.f.n, tangent);
-            run::run(py, system, &options, &t_eval, (&q, &v), tangent, progress, true)
+            run::run(py, system, options, &t_eval, (&q, &v), tangent, progress, true)
         })
     }
 

@@ -278,14 +278,18 @@ def _fitting(what: str, state: Any, model: CompiledModel) -> None:
         raise ArgumentError(
             f"{what} must be a State as assemble() returns it, not {type(state).__name__}", argument=what
         )
-    fits = state.q.size == model.core.nq and state.v.size == model.core.nv
-    if not fits or (state.names and not state.is_of(model.summary)):
+    if not _as_large(state, model) or (state.names and not state.is_of(model.summary)):
         raise ArgumentError(
             f"{what} has the coordinates {', '.join(state.names) or state.q.size}, but this model "
             f"({model.coordinates}) has "
             f"{', '.join(model.names)}; make the state with assemble(..., coordinates={model.coordinates!r})",
             argument=what,
         )
+
+
+def _as_large(state: State, model: CompiledModel) -> bool:
+    """Whether the state has as many coordinates and velocities as the model."""
+    return bool(state.q.size == model.core.nq and state.v.size == model.core.nv)
 
 
 def _drawn(self: Modelled, model: CompiledModel, coordinates: str, parameters: Mapping[str, ArrayLike] | None) -> State:
@@ -306,6 +310,8 @@ def start_of(
 ) -> State:
     """Start of a motion: the given state, in the requested coordinates, or the drawing, assembled, at rest."""
     start = initial if initial is not None else _drawn(self, model, coordinates, parameters)
+    if isinstance(start, State) and start._layout is self._compiled[coordinates][2] and _as_large(start, model):
+        return start
     if (
         isinstance(start, State)
         and not start.is_of(model.summary)
@@ -438,8 +444,13 @@ def simulate(
     )
     times = run_options.output_times(t_eval, start.t, chosen["t_end"])
     raw = run_options.run(model.core, chosen, times, start.q, start.v, progress, tangent)
-    raw["notes"] = [*(note for note in model.notes if note not in raw["notes"]), *raw["notes"]]
-    options = {**chosen, "coordinates": coordinates}
+    if notes := model.notes:
+        raw["notes"] = [*(note for note in notes if note not in raw["notes"]), *raw["notes"]]
     return Result.from_run(
-        raw, model=model.core, summary=model.summary, spec=model.description, options=options, sensors=model.sensors
+        raw,
+        model=model.core,
+        summary=model.summary,
+        spec=model.description,
+        options=chosen.of(wanted),
+        sensors=model.sensors,
     )

@@ -67,7 +67,7 @@ class Stepper:
         self._inputs, self._courses = tuple(inputs), Courses(inputs, model)
         self._numbers, self._held = self._courses.first(self._signals(start))
         self._core = model._stepping(
-            options.text,
+            options.core,
             dt,
             substeps,
             self._courses.places,

@@ -66,26 +66,19 @@ class Record:
         options: Mapping[str, Any],
         description: str | None,
     ) -> Record:
-        """From the dictionary that the core returns, and options as plain data."""
-        return cls(
-            Tables.of_run(raw),
-            dict(summary),
-            raw["partitions"],
-            raw["notes"],
-            raw["counters"],
-            raw["status"],
-            raw["success"],
-            raw["message"],
-            raw["steps_open"],
-            raw["gaps"],
-            raw["exchanged"],
-            float(summary.get("repaired") or 0.0),
-            findings_of(raw["findings"]),
-            dict(options),
-            raw["error"],
-            description,
-            core_version(),
+        """From the dictionary that the core returns, and options as plain data; neither is changed afterwards."""
+        found = cls.__new__(cls)
+        found.__dict__.update(
+            {name: raw[name] for name in _OF_THE_CORE},
+            arrays=Tables.of_run(raw),
+            summary=summary,
+            geometric_error=float(summary.get("repaired") or 0.0),
+            findings=findings_of(raw["findings"]),
+            options=options,
+            description=description,
+            version=core_version(),
         )
+        return found
 
     def account(self) -> dict[str, Any]:
         """Everything but the arrays, ready for JSON; the inverse is `from_account` of what `read_exact` finds."""
@@ -113,6 +106,11 @@ class Record:
         reported["status"] = deprecated.VERDICTS.get(reported["status"], reported["status"])
         reported["version"] = str(account.get("version", ""))
         return cls(arrays=Tables(arrays), **reported, description=None if spec is None else json.dumps(spec))
+
+
+_OF_THE_CORE = (
+    "partitions", "notes", "counters", "status", "success", "message", "steps_open", "gaps", "exchanged", "error",
+)  # fmt: skip
 
 
 def _pair(values: Sequence[float | None] | None) -> tuple[float, float]:

@@ -24,7 +24,7 @@ from .names import Names, index_of
 from .partition_log import PartitionChange, partition_changes
 from .record import Record
 from .self_stress import SelfStresses, self_stresses_of
-from .sensor import LiveSensors, RunSignals, SensorResult, StoredSensors, account_of, result_of
+from .sensor import LiveSensors, SensorResult, StoredSensors, account_of, result_of
 from .source import BODIES, Arrays, ModelSource, Source
 from .variables import units
 from .verdict import SUSPECT, Finding, verdict_of
@@ -56,8 +56,11 @@ class Run:
         self.error = record.error
         """What ended the run early, for instance an `EvaluationError` raised from what a function raised; None for a
         run that ended otherwise, and in a stored result. `raise run.error` shows where."""
-        self.summary = dict(record.summary)
+
+    @cached_property
+    def summary(self) -> dict[str, Any]:
         """The model's own description: bodies, joints, sizes, removed rows."""
+        return dict(self._record.summary)
 
     @cached_property
     def counters(self) -> dict[str, int]:
@@ -89,17 +92,17 @@ class Run:
         hand-written `System`, which has no bodies and joints. Raises `Interrupted`, with the result, for a run that
         Ctrl-C ended.
         """
-        account = account_of(sensors or {}, summary)
+        account = account_of(sensors, summary) if sensors else []
         if account:
             summary = {**summary, "sensors": account}
         record = Record.from_raw(raw, summary, options or {}, spec)
         source, read = None, None
         if spec is not None:
-            counts = len(summary.get("bodies", ())), len(summary.get("joints", ()))
-            source = ModelSource(model, record.arrays, *counts, int(summary.get("closing_rows", 0)))
-            read = LiveSensors(sensors or {}, RunSignals(source, model, record.arrays, summary), account)
+            source = ModelSource(model, record.arrays, summary)
+            read = LiveSensors(sensors or {}, source, account)
         result = cls(record, source, read)
-        result._warn(record.findings)
+        if record.findings:
+            result._warn(record.findings)
         if record.status == INTERRUPTED and record.error is None:
             raise Interrupted(f"{record.message}, in `result` of this error (here and now: {AT_A_PROMPT})", result)
         return result

@@ -54,8 +54,9 @@ def account_of(sensors: Mapping[str, SensorRecord], summary: Mapping[str, Any]) 
 class RunSignals:
     """Numbers of all outputs of a run."""
 
-    def __init__(self, source: ModelSource, model: Any, run: Mapping[str, Array], summary: Mapping[str, Any]) -> None:
-        self._source, self._model, self._run, self._summary = source, model, run, summary
+    def __init__(self, source: ModelSource) -> None:
+        self._source = source
+        self._model, self._run, self._summary = source.model, source.run, source.summary
         self._loads: dict[str, Mapping[str, Array]] = {}
         self._accelerations: dict[str, tuple[Array, Array]] = {}
 
@@ -144,10 +145,17 @@ class LiveSensors:
     """Sensors read on request, from the model of the run."""
 
     def __init__(
-        self, sensors: Mapping[str, SensorRecord], signals: RunSignals, account: Sequence[Mapping[str, str]]
+        self, sensors: Mapping[str, SensorRecord], source: ModelSource, account: Sequence[Mapping[str, str]]
     ) -> None:
-        self._reader, self._account, self._outputs = Reader(sensors, signals), account, len(signals.t)
-        self._signals = signals
+        self._sensors, self._source, self._account = sensors, source, account
+
+    @cached_property
+    def _signals(self) -> RunSignals:
+        return RunSignals(self._source)
+
+    @cached_property
+    def _reader(self) -> Reader:
+        return Reader(self._sensors, self._signals)
 
     def read(self, name: str) -> Array:
         return self._reader.read(name)
@@ -159,7 +167,7 @@ class LiveSensors:
     def __reduce__(self) -> tuple[type[StoredSensors], tuple[Any, ...]]:
         """Their readings, for use without a model."""
         arrays = {item["variable"]: self.read(item["name"]) for item in self._account}
-        return StoredSensors, (self._account, arrays, self._outputs)
+        return StoredSensors, (self._account, arrays, len(self._signals.t))
 
 
 class StoredSensors:

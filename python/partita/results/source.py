@@ -93,10 +93,8 @@ class ModelSource:
     """Evaluates the compiled model for one body, joint or reaction on first use, at all outputs at once, and stores the
     result. The cost is that of the part on which it depends: the links down to the ground, the connected bodies."""
 
-    def __init__(self, model: Any, run: Arrays, bodies: int, joints: int, closing_rows: int) -> None:
-        self._model = model
-        self._run = run
-        self._counts = bodies, joints, closing_rows
+    def __init__(self, model: Any, run: Arrays, summary: Mapping[str, Any]) -> None:
+        self._model, self._run, self._summary = model, run, summary
         self._accelerations: dict[int, NDArray[np.float64]] = {}
         self._bodies: dict[int, Arrays] = {}
         self._joints: dict[int, Arrays] = {}
@@ -107,6 +105,16 @@ class ModelSource:
     def model(self) -> Any:
         """The compiled model."""
         return self._model
+
+    @property
+    def run(self) -> Arrays:
+        """The arrays of the run."""
+        return self._run
+
+    @property
+    def summary(self) -> Mapping[str, Any]:
+        """The model's description of itself."""
+        return self._summary
 
     def body(self, i: int) -> Arrays:
         if i not in self._bodies:
@@ -125,14 +133,14 @@ class ModelSource:
 
     @cached_property
     def joint_accelerations(self) -> NDArray[np.float64]:
-        every = list(range(self._counts[1]))
+        every = list(range(self._number("joints")))
         return np.asarray(self._model.joint_accelerations(*self._motion, self._run["vdot"], every))
 
     @property
     def efforts(self) -> NDArray[np.float64]:
         if self._shares_loads:
             return np.asarray(self.reactions["effort"])
-        return np.asarray(self._run["multipliers"][:, self._counts[2] :])
+        return np.asarray(self._run["multipliers"][:, int(self._summary.get("closing_rows", 0)) :])
 
     @property
     def determined_efforts(self) -> NDArray[np.bool_]:
@@ -146,6 +154,9 @@ class ModelSource:
                 self._reactions[j] = self._model.reaction(*self._motion, *self._acting, j)
         return self._reactions[j]
 
+    def _number(self, of: str) -> int:
+        return len(self._summary.get(of, ()))
+
     @cached_property
     def _shares_loads(self) -> bool:
         """Whether there are loads that redundant joints share, so that the reaction of one depends on all."""
@@ -153,7 +164,7 @@ class ModelSource:
 
     @cached_property
     def observed(self) -> Arrays:
-        bodies, joints = (list(range(count)) for count in self._counts[:2])
+        bodies, joints = (list(range(self._number(what))) for what in ("bodies", "joints"))
         return {**self._model.bodies(*self._motion, bodies), **self._model.joints(*self._motion, joints)}
 
     @cached_property
@@ -206,7 +217,7 @@ class ModelSource:
         return found
 
     def __deepcopy__(self, memo: dict[int, Any]) -> ModelSource:
-        return ModelSource(self._model, copy.deepcopy(self._run, memo), *self._counts)  # a model never changes
+        return ModelSource(self._model, copy.deepcopy(self._run, memo), self._summary)  # a model never changes
 
     def __reduce__(self) -> tuple[type[StoredSource], tuple[Arrays]]:
         return StoredSource, (complete(self),)  # all that it knows, so that it can be read where no model is
