@@ -35,7 +35,7 @@ def test_the_remedy_that_is_named_works() -> None:
     for remedy in found["remedies"]:
         kinds[remedy["joint"]] = {"a ball joint": "S", "a cylindrical joint": "C"}[remedy["by"]]
     cured = four_bar("".join(kinds.values())).report()
-    assert "all 17 conditions of the joints are independent" in cured
+    assert "all 17 constraints of the joints are independent" in cured
     assert cured.to_dict()["mobility"] == 1 and cured.to_dict()["redundancy"] == ""
     assert "All components of all reactions are determined" in cured
     # once, in one paragraph

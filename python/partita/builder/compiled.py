@@ -83,7 +83,7 @@ class Equations:
     def measure(self, q: ArrayLike, *, t: float = 0.0) -> Array:
         """Projective measure rho (nv,) of every velocity (P4), without units.
 
-        How mobile it is with the loops closed, relative to the loops opened: 1 = they do not hinder it, 0 =
+        Its mobility with the loops closed, relative to that with the loops cut open: 1 = not restricted, 0 =
         locked.
         """
         return _finite("the measure", self._core.measure(finite_time(t), self._q(q)), t)

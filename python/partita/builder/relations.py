@@ -138,7 +138,7 @@ class Law:
             raise self._error(
                 t,
                 f"the function is not smooth here (its value is {value:g}, its slope {slope:g}, its curvature known "
-                f"within {error:.0e} only); a condition must be twice differentiable",
+                f"within {error:.0e} only); a constraint must be twice differentiable",
             )
 
     def _number(self, value: Any, t: float) -> float:

@@ -32,7 +32,7 @@ def read(path: Path) -> Robot:
     found = _looked_at(path, path.parent, (), named)
     named.stay(path.parent)
     if found.tag != "mujoco":
-        found.fail("is no <mujoco>: this is not MJCF")
+        found.fail("is not <mujoco>: this is not MJCF")
     try:
         import mujoco
     except ImportError as error:

@@ -105,7 +105,9 @@ class _Writer:
         for closure in tree.closures:
             self.closure(closure)
         for joint, coordinate in self.springs:
-            report.dropped.append(f"spring of coordinate {coordinate} of joint {joint}, which is no hinge and no slide")
+            report.dropped.append(
+                f"spring of coordinate {coordinate} of joint {joint}, which is neither a hinge nor a slide"
+            )
         for force in d.forces.values():
             if isinstance(force, SpringRecord):
                 self.spring(force)

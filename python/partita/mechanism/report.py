@@ -176,7 +176,7 @@ def _mobility(found: dict[str, Any], bodies: int) -> _Section:
             f"the count assumes to be independent."
         )
     else:
-        lines.append(f"{count}, which is the true number: all {rows} conditions of the joints are independent.")
+        lines.append(f"{count}, which is the true number: all {rows} constraints of the joints are independent.")
     if found["locked"]:
         lines.append(f"Locked by the loops in any position: {_named(found['locked'])}.")
     if found["dead"]:
@@ -230,8 +230,9 @@ def _coordinates(found: dict[str, Any]) -> _Section | None:
     if not rows:
         return None
     lead = (
-        "The measure rho is the mobility of a coordinate with the loops closed, relative to the loops opened: 1 = not "
-        "hindered, 0 = locked. It is dimensionless. The most mobile coordinates are chosen as independent."
+        "The measure rho is the mobility of a coordinate with the loops closed, relative to that with the loops cut "
+        "open: 1 = not restricted, 0 = locked. It is dimensionless. The most mobile coordinates are chosen as "
+        "independent."
     )
     below = []
     if found["sigma"] is not None:

@@ -124,7 +124,7 @@ def program(model: CompiledModel, state: State, drives: list[dict[str, Any]], fu
         "bounds": bounds(drawn),
         "start": {"t": state.t, "q": state.q.tolist(), "v": state.v.tolist()},
         "lengths": lengths(drawn, normal),
-        # allowed closure error of redundant conditions: rounding
+        # allowed closure error of redundant constraints: rounding
         "loose": 1e-6,
         "normal": None if normal is None else normal.tolist(),
         "loops": loops(model.summary),

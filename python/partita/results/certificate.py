@@ -64,7 +64,7 @@ class Certificate:
     rank: tuple[int, ...] = ()
     """Ranks of the conditions met, in order; one number where the rank never changed."""
     margin: float = float("nan")
-    """Smallest squared sine between an accepted condition and the others, and when: 0 in a singular position."""
+    """Smallest squared sine between an accepted constraint and the others, and when: 0 in a singular position."""
     margin_t: float = float("nan")
     geometric_error: float = 0.0
     """Largest change of a joint frame (rad, fractions of the loop's length) by which the drawing was repaired; 0 where
@@ -226,7 +226,7 @@ def _grouped(notes: tuple[str, ...]) -> list[str]:
     rows = [note for note in notes if note.startswith(("row ", "rows ")) and " removed: " in note]
     if not rows:
         return list(notes)
-    rest = [note for note in notes if note not in rows and "closing rows are redundant" not in note]
+    rest = [note for note in notes if note not in rows and "loop-closure constraints are redundant" not in note]
     others = len(rows) - 1
     more = [f"and similarly {others} other group{'s' * (others > 1)} of joints, in certificate.notes"] * (others > 0)
     return [rows[0], *more, *rest]
