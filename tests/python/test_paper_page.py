@@ -78,7 +78,8 @@ CLAIMS = (
     *margins(),
     Claim("drift", "after 32 s the closure error is # m; it grows like t to the #, and with the step to the #.",
           ("k + n: largest |Phi|", "k + n: |Phi| grows like t to the", "k + n: |Phi| falls with the step to the")),
-    Claim("drift", "integrated, the closure error is # m; it grows like t to the #, and the error of the rates like t to the #.",
+    Claim("drift", "integrated, the closure error is # m; it grows like t to the #, and the error of the rates like "
+          "t to the #.",
           ("accelerations: largest |Phi|", "accelerations: |Phi| grows like t to the",
            "accelerations: |C v| grows like t to the")),
     *orders(),

@@ -161,7 +161,7 @@ def _drive_pose(
 
 
 def driven_key(found: Mapping[str, Any]) -> str:
-    """A measure as text, by which existing drives are found."""
+    """A measurement as text, by which existing drives are found."""
     return json.dumps(found, sort_keys=True)
 
 

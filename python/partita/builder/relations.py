@@ -89,7 +89,7 @@ class Law:
         return self._finite([value, rate, bend, *slopes], t)
 
     def compare(self, x: Sequence[float]) -> None:
-        """Refuse a gradient that clearly belongs to another function, at x and a little beside it.
+        """Refuse a gradient that clearly belongs to another function, at x and close to it.
 
         A point where the function cannot be evaluated or differentiated is ignored.
         """
@@ -101,7 +101,7 @@ class Law:
             try:
                 slopes = alone(0.0, at, [0.0] * len(at))[3:]
                 given = self._numbers(self.gradient(0.0, *at), len(at), 0.0)
-            except Exception:  # whatever a user's function does where nobody asked it to be defined
+            except Exception:  # a user's function may fail in any way at points where it need not be defined
                 continue
             size = max(map(abs, [*slopes, *given]))
             for i, (slope, number) in enumerate(zip(slopes, given, strict=True)):
@@ -177,7 +177,7 @@ class Follows:
         try:
             return y - found
         except TypeError:
-            return found  # no number: whoever asks for one says so
+            return found  # not a number: the caller reports it
 
 
 class RateLaw(Law):

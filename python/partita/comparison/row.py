@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 FINISHED, FAILED, NOT_RUN = "finished", "failed", "not run"
 NEEDS = "needs "
 """Status of a run that lacks an option: this and the option's name."""
-# Formulations whose velocities are coordinates, so that C_D has a meaning; and those that choose nothing at all.
+# Formulations whose velocities are coordinates, so that C_D is defined; and those without any choice.
 _CHOOSING = ("projective", "fixed", "wehage-haug", "explicit-closing")
 _RENEWING = (*TANGENTS, "tangent-space")
 _NEWTON = ("wehage-haug", "explicit-closing", "tangent-space")

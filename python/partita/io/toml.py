@@ -92,8 +92,8 @@ def parse(text: str, make: Maker, path: str = "text") -> Any:
 
 @contextmanager
 def _growing() -> Iterator[None]:
-    """Without search for circular garbage: what is read makes none, and searching through all of it, again and again,
-    would be a third of the time."""
+    """Disable the search for circular garbage: reading creates none, and repeated searches would take a third of the
+    time."""
     was = gc.isenabled()
     gc.disable()
     try:

@@ -53,7 +53,7 @@ class Writing:
         }
 
     def judge(self, strict: bool) -> None:
-        """Before anything is written: refuse what would be lost, or warn of it."""
+        """Before anything is written, refuse losses or warn about them."""
         if not self.dropped:
             return
         shown = "; ".join(self.dropped[:_SHOWN])

@@ -38,7 +38,7 @@ class Assembled:
 
 @dataclass(frozen=True)
 class Assemblies:
-    """All of them, the one that was asked from first. Iterable.
+    """All assemblies, that of the given state first. Iterable.
 
     Attributes:
         found: the assemblies.

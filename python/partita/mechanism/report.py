@@ -78,8 +78,8 @@ def _reported(found: dict[str, Any], sections: tuple[_Section, ...]) -> Report:
 
 def report(self: Modelled, state: State | None = None, *, coordinates: str = "relative") -> Report:
     """Describe the mechanism in words: what moves and how freely, redundancy and its remedies, coordinates and their
-    measure, reactions, data that look like a slip. At a singular position: which branches meet there, and how to be
-    drawn on each.
+    measure, reactions, data that look like mistakes. At a singular position it lists the branches that meet, with a
+    guess for each.
 
     Args:
         state: where to look; None: the drawing, assembled.
@@ -282,7 +282,7 @@ def _open_frictions(
             where = State(where.t, *other.core.transferred(model.core, where.q, where.v), layout=layout)
             model = other
         except EvaluationError:
-            break  # for another reason, which a run tells
+            break  # for another reason, which a run reports
         else:
             break
     return found, model, where

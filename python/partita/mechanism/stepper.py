@@ -173,8 +173,8 @@ class Stepper:
         return self.state
 
     def reset(self, initial: State | None = None) -> State:
-        """Begin again at a state, or where it began; what was kept for `result` is dropped, the inputs are as at the
-        start. Angles of drives that close loops are counted from within half a turn there.
+        """Start again from a state, or from the initial one; the record for `result` is dropped and the inputs are
+        reset. Angles of drives of joints that close loops start within half a turn.
 
         Raises `ArgumentError` for a state of another model.
         """

@@ -172,8 +172,8 @@ def _part(result: ResultView, word: str) -> Drawn:
 
 
 def overview(result: ResultView, path: PathLike | None = None) -> Figure:
-    """The run at a glance: coordinates, velocities, accelerations, forces, speeds and forces over the angle of a
-    crank where one turns; then measure, closure, energy balance."""
+    """The run at a glance: coordinates, velocities, accelerations, forces, speeds and forces over the crank angle if
+    there is a rotating crank; then measure, closure error, energy balance."""
     return plot(result, "overview", path=path)
 
 

@@ -204,7 +204,7 @@ def _of_outputs(result: ResultView) -> dict[str, Any]:
 
 
 def _of_bodies(result: ResultView) -> dict[str, Any]:
-    """Newton-Euler residual body by body; of a singular position none is known."""
+    """Newton-Euler residual of each body; unknown at singular positions."""
     residuals = np.nan_to_num(np.abs(result.reactions["residuals"]), nan=0.0)
     if residuals.shape != (len(result.t), len(result.names.bodies)) or not residuals.size:
         return {}

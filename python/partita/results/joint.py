@@ -317,7 +317,7 @@ def _free_of(stresses: FloatArray, turn: FloatArray) -> NDArray[np.bool_]:
 
 
 def _split(stresses: FloatArray, turn: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Of directions (3, 3, rows; longer than 1 where there is any) those that are, and the rest of space."""
+    """The span of the given directions (3, 3, rows; zero rows are ignored), and its orthogonal complement."""
     if not np.isfinite(stresses).all():
         return np.eye(3), np.zeros((0, 3))
     lengths = np.linalg.norm(stresses, axis=1)
@@ -329,7 +329,8 @@ def _split(stresses: FloatArray, turn: FloatArray) -> tuple[FloatArray, FloatArr
         rest = row - sum((np.dot(k, row) * k for k in kept), np.zeros(3))
         rest -= sum((np.dot(k, rest) * k for k in kept), np.zeros(3))
         size = float(np.linalg.norm(rest))
-        if len(kept) < there.sum() or size > 0.5:  # of three unit axes one stands out of any plane by more than that
+        # of three orthonormal axes at least one leaves any plane by more than 0.5
+        if len(kept) < there.sum() or size > 0.5:
             kept.append(_upright(rest / size))
     together = np.array(kept)
     return together[: there.sum()], together[there.sum() :]
