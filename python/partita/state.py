@@ -53,7 +53,7 @@ class Layout:
                 first += shown
 
     def fits(self, summary: dict[str, Any]) -> bool:
-        """Whether the coordinates are those of a model: a joint and a body of one name give theirs the same names."""
+        """Whether the state has the coordinates of a model; a joint and a body may share the names of theirs."""
         joints = summary["joints"]
         if self.by_names_alone or self.names != list(summary["coordinates"]):
             return self.names == list(summary["coordinates"])

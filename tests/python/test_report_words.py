@@ -30,7 +30,7 @@ def test_the_remedy_that_is_named_works() -> None:
     said = four_bar().report()
     found = said.to_dict()
     assert (found["gruebler"], found["degrees_of_freedom"], found["mobility"]) == (-2, 1, 1)
-    assert "6 x 3 - 20 = -2" in said and "larger by 3 redundant conditions" in said.replace("\n", " ")
+    assert "6 x 3 - 20 = -2" in said and "larger by 3 redundant constraints" in said.replace("\n", " ")
     kinds = {"A": "R", "B": "R", "C": "R", "D": "R"}
     for remedy in found["remedies"]:
         kinds[remedy["joint"]] = {"a ball joint": "S", "a cylindrical joint": "C"}[remedy["by"]]

@@ -1,4 +1,4 @@
-"""Joints of one condition or two, and joints with a condition of their own: `Mechanism.add_screw` and similar methods.
+"""Joints of one or two constraints, and joints with a coupling built in: `Mechanism.add_screw` and similar methods.
 
 Properties common to all joints are described in `joints`.
 """

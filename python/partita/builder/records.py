@@ -91,7 +91,7 @@ class Drive(Handle):
 
 
 class Coupling(Handle):
-    """A condition between joints or bodies that is not a joint: a gear, a distance, a rolling contact, ..."""
+    """A constraint between joints or bodies that is not a joint: a gear, a distance, a rolling contact, ..."""
 
     table = "couplings"
 

@@ -1,4 +1,4 @@
-"""User-defined conditions F(t, readings) = 0 in the form in which the core calls them."""
+"""User-defined constraints F(t, readings) = 0 in the form in which the core calls them."""
 
 from __future__ import annotations
 
@@ -167,7 +167,7 @@ class Law:
 
 
 class Follows:
-    """The condition of a follower: y - law(x1, x2, ...)."""
+    """The constraint of a follower: y - law(x1, x2, ...)."""
 
     def __init__(self, law: Callable[..., Any]) -> None:
         self.law = law
@@ -181,7 +181,7 @@ class Follows:
 
 
 class RateLaw(Law):
-    """Coefficients g_i(t, x) and a drift g_0 of the condition sum g_i x_i' + g_0 = 0 on rates alone."""
+    """Coefficients g_i(t, x) and a drift g_0 of the nonholonomic constraint sum g_i x_i' + g_0 = 0."""
 
     def _answer(self, t: float, at: list[float], along: list[float]) -> list[float]:
         values = self._coefficients(t, at)

@@ -125,7 +125,7 @@ def measured(case: Case, bench: Bench, result: Result, time: float, bare: float 
 
 
 def _condition(bench: Bench, result: Result) -> float | None:
-    """Worst condition of C_D over the outputs, or over as many evenly spread ones as `_WORK` allows."""
+    """Worst condition number of C_D over the outputs, or over as many evenly spread ones as `_WORK` allows."""
     nt, n = result.v.shape
     k = result.independent.shape[1]
     if nt == 0 or k == 0 or k == n or np.any(result.independent < 0):

@@ -51,7 +51,8 @@ Maker = Callable[..., Builder]
 
 SEAL = "# as saved by partita (delete this line after editing): "
 
-# Tables that are made together, in the order of the file. Forces are all others that the schema has; sensors come last.
+# Tables whose elements are created together, in the order of the file. All other tables of the schema are forces;
+# sensors come last.
 _STAGES = (
     ("body", "rod"),
     ("joint",),

@@ -172,7 +172,7 @@ def _mobility(found: dict[str, Any], bodies: int) -> _Section:
     count = f"Gruebler's count is 6 x {bodies} - {rows} = {found['gruebler']}"
     if redundant:
         lines.append(
-            f"{count}. The true number is larger by {_count(redundant, 'redundant condition')} of the joints, which "
+            f"{count}. The true number is larger by {_count(redundant, 'redundant constraint')} of the joints, which "
             f"the count assumes to be independent."
         )
     else:

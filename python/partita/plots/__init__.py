@@ -112,7 +112,7 @@ def plot(
     """Words among overview (the default), coordinates, velocities, accelerations, reactions, bearings, paths, energy,
     measure, closure, names of joints or sensors, below each other in one figure.
 
-    `x` is a coordinate, joint or sensor to stand along the bottom in the place of time; angles in degrees, of one turn
+    `x` is a coordinate, joint or sensor as abscissa instead of time; angles in degrees, of one turn
     where there are more. `ax`: existing Matplotlib axes to draw a single panel into. `points` are those whose
     "paths" are drawn, {name: (body, place in body axes)}. `UnknownNameError` for another word or name,
     `ArgumentError` where a word cannot stand over `x` or in `ax`.

@@ -50,10 +50,10 @@ class Certificate:
     notes: tuple[str, ...]
     """Everything that was dropped, switched, repaired or not found, in sentences."""
     closure_row: str | None = None
-    """The condition with the largest closure error at any output, and its time."""
+    """The constraint with the largest closure error at any output, and its time."""
     closure_t: float = float("nan")
     acceleration_closure: float | None = None
-    """Largest |C v' + b| at the outputs [m/s^2 or rad/s^2, mixed], its condition, and when."""
+    """Largest |C v' + b| at the outputs [m/s^2 or rad/s^2, mixed], its constraint, and its time."""
     acceleration_row: str | None = None
     acceleration_t: float = float("nan")
     worst_body: str | None = None
@@ -62,7 +62,7 @@ class Certificate:
     bodies: tuple[tuple[str, float, float], ...] = ()
     """Of each body: name, largest Newton-Euler residual over the largest force, and when."""
     rank: tuple[int, ...] = ()
-    """Ranks of the conditions met, in order; one number where the rank never changed."""
+    """Ranks of the constraints during the run, in order; one number if the rank never changed."""
     margin: float = float("nan")
     """Smallest squared sine between an accepted constraint and the others, and when: 0 in a singular position."""
     margin_t: float = float("nan")
@@ -180,7 +180,7 @@ def certify(result: ResultView) -> Certificate:
 
 
 def _of_outputs(result: ResultView) -> dict[str, Any]:
-    """Largest closure error with its condition and time, accelerations, rank and margin."""
+    """Largest closure error with its constraint and time, accelerations, rank and margin."""
     checks, names = result.checks, result.names.multipliers
 
     def row(key: str, i: int) -> str | None:
@@ -222,7 +222,7 @@ def _line(name: str, words: str) -> str:
 
 
 def _grouped(notes: tuple[str, ...]) -> list[str]:
-    """Notes in which redundant conditions are listed for one group, with the number of similar groups."""
+    """Notes in which redundant constraints are listed for one group, with the number of similar groups."""
     rows = [note for note in notes if note.startswith(("row ", "rows ")) and " removed: " in note]
     if not rows:
         return list(notes)

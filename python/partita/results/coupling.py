@@ -13,7 +13,7 @@ from .source import Source
 
 
 class _Efforts:
-    """Efforts of a coupling or of a drive: columns of those of all conditions. They are computed on first access."""
+    """Efforts of a coupling or of a drive: columns of those of all constraints. They are computed on first access."""
 
     def __init__(self, name: str, source: Source, conditions: Sequence[int]) -> None:
         self.name = name
@@ -21,8 +21,8 @@ class _Efforts:
 
     @property
     def effort(self) -> FloatArray:
-        """(nt, rows): the multiplier of each condition [N, N m]. Times the rate of the coupled or driven quantity it is
-        a power."""
+        """(nt, rows): the multiplier of each constraint [N, N m]. Times the rate of the coupled or driven quantity it
+        is a power."""
         return np.asarray(self._source.efforts[:, self._conditions])
 
     @property

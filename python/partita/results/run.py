@@ -169,7 +169,7 @@ class Run:
 
     @property
     def measure(self) -> FloatArray:
-        """(nt, nv): projective measure rho of every coordinate: 1 = the loops do not hinder it, 0 = locked."""
+        """(nt, nv): projective measure rho of every coordinate: 1 = not restricted by the loops, 0 = locked."""
         return self._record.arrays["measure"]
 
     @property

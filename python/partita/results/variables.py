@@ -79,7 +79,7 @@ CHECKS: dict[str, tuple[tuple[str, ...], str, str]] = {
     "acceleration_closure": ((), "", "largest closure error in accelerations, m/s^2 or rad/s^2"),
     "acceleration_row": ((), "1", "its index along `multiplier` (from 0)"),
     "closure_row": ((), "1", "index along `multiplier` (from 0) of the constraint with the largest closure error"),
-    "rank": ((), "1", "independent conditions"),
+    "rank": ((), "1", "independent constraints"),
     "margin": (
         (),
         "1",

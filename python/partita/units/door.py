@@ -78,7 +78,7 @@ def agree(wanted: Dimension, given: Dimension) -> bool:
 
 
 def _one(unit: SI) -> str:
-    """A single unit of a list of them: the first."""
+    """The first unit of a list of units, or the unit itself."""
     while not isinstance(unit, str):
         unit = unit[0]
     return unit

@@ -99,7 +99,7 @@ class _Artist:
         return self.found
 
     def drawn(self, coupling: Mapping[str, Any]) -> bool:
-        """Whether there is a picture of a coupling between joints. If so it is drawn."""
+        """Draw a coupling between joints, if it has a picture; return whether it has."""
         terms, word = coupling["terms"], coupling.get("word")
         joints = [term["joint"] for term in terms if term["of"] == "joint"]
         if len(joints) != len(terms):

@@ -69,7 +69,7 @@ class LiveView:
 
     @property
     def time(self) -> float:
-        """Time that is shown [s]."""
+        """Time of the displayed state [s]."""
         return self._scene.time
 
     @property

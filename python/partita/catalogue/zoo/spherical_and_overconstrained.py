@@ -150,7 +150,7 @@ def two_bennetts(m: Mechanism, alpha: float, gamma: float, beta: float, between:
     ring(m, [f[:3, 3] + 0.2 * f[:3, 2] for f in frames], [f[:3, 2] for f in frames], "ABCDE")
 
 
-FIVE = "Kutzbach's 6 x 4 - 5 x 5 = -1; it moves like the two Bennett loops it consists of: two redundant conditions"
+FIVE = "Kutzbach's 6 x 4 - 5 x 5 = -1; it moves like the two Bennett loops it consists of: two redundant constraints"
 
 
 @member(MEMBERS, "goldberg", "Goldberg's five-bar: two of Bennett's loops joined at a link, five hinges in space",
@@ -172,8 +172,9 @@ def myard(m: Mechanism) -> None:
 
 @member(MEMBERS, "bricard-plane-symmetric", "Bricard's plane-symmetric loop: six hinges, two in a plane, two pairs of "
         "mirror images", Truth(1, 1, ABOUT_AXES, axes="joint",
-                               why="half of it has three rotations, and the line of its last hinge must lie in the plane "
-                               "of symmetry, two constraints: 1; Kutzbach's 0 + 1, the self-stress a force in the plane",
+                               why="half of it has three rotations, and the line of its last hinge must lie in the "
+                               "plane of symmetry, two constraints: 1; Kutzbach's 0 + 1, the self-stress a force in "
+                               "the plane",
                                source="R. Bricard, Lecons de cinematique, 1927; " + PHILLIPS),
         rates={"A": 1.0}, gravity=FALL)  # fmt: skip
 def bricard_plane_symmetric(m: Mechanism) -> None:
