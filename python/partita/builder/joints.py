@@ -416,7 +416,7 @@ def store_joint(
 
 
 def motions(joint: JointRecord) -> tuple[str, ...]:
-    """Directions in which a joint moves, in the order of its coordinates: slides "x", "y", "z", turns "r" and more."""
+    """Directions in which a joint moves, in the order of its coordinates: "x", "y", "z", then rotations "r..."."""
     return joint.free if joint.kind in CHOSEN else _MOTIONS[joint.kind]
 
 

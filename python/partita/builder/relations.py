@@ -59,7 +59,7 @@ class Law:
         except EvaluationError:
             raise
         except Exception as error:
-            # during a run the core names the function; what fails where it is asked first is named here
+            # during a run the core names the function; a failure of the first evaluation is named here
             if self._answered:
                 raise
             why = f"the function fails there ({type(error).__name__}: {error})"

@@ -78,7 +78,7 @@ class Skeleton:
 
 
 class Names:
-    """Names that are used; `new` finds one that is not."""
+    """The names in use; `new` returns an unused one."""
 
     def __init__(self, used: Iterable[str]) -> None:
         self.used = set(used)

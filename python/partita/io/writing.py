@@ -14,7 +14,7 @@ _SHOWN = 3
 
 @dataclass
 class Writing:
-    """What became of a mechanism in a file; `print(m.save("robot.urdf"))`.
+    """Report on a mechanism that was written to a file; `print(m.save("robot.urdf"))`.
 
     Attributes:
         path: the file that was asked for.

@@ -153,7 +153,7 @@ def bounds(drawn: Mapping[str, Any]) -> dict[str, str]:
 
 
 def functions_of(compiled: CompiledModel) -> list[str]:
-    """Elements that call Python functions, which a page cannot do, in words."""
+    """Descriptions of the elements that call Python functions, which a page cannot run."""
     drawn = json.loads(compiled.description)
     found = []
     for table, word in (("forces", "force"), ("drives", "drive"), ("couplings", "coupling")):
