@@ -30,7 +30,7 @@ def main(folder: Path) -> int:
 
 
 def show(entry: Entry, outputs: int, folder: Path) -> bool:
-    """One mechanism from its drawing to its pictures; whether it met its answers."""
+    """Simulate, check and draw one mechanism; return whether it met its known answers."""
     began = perf_counter()
     mechanism = entry.mechanism()
     start = entry.initial(mechanism)
@@ -58,7 +58,7 @@ def show(entry: Entry, outputs: int, folder: Path) -> bool:
 
 
 def head(entry: Entry, result: Result) -> None:
-    """Name, what it is, how it was run."""
+    """Print the name, the description and the options of the run."""
     about, options = result.summary, result.options
     print("=" * WIDTH)
     say(f"{entry.name}: {entry.title}")
@@ -108,7 +108,7 @@ def switches(result: Result) -> list[str]:
 
 
 def left_out(result: Result) -> tuple[str, list[str]]:
-    """Closing rows that were dropped, those with the same reason together."""
+    """Redundant closure constraints that were dropped, grouped by reason."""
     removed = result.summary["removed"]
     reasons: dict[str, list[str]] = {}
     for row in removed:
@@ -117,7 +117,7 @@ def left_out(result: Result) -> tuple[str, list[str]]:
     lines = []
     for why, rows in reasons.items():
         lines += [f"  {', '.join(rows)}:", *wrapped(why, "    ")]
-    return f"Closing conditions: {total}, of which {len(removed)} are redundant and left out", lines
+    return f"Closure constraints: {total}, of which {len(removed)} are redundant and left out", lines
 
 
 def certificate(result: Result) -> list[str]:

@@ -1,4 +1,4 @@
-"""The determinant criterion changes its mind with the units; the measure does not.
+"""The choice by determinant depends on the units; that by the measure does not.
 
 Scaling coordinate j by s_j divides |det C_D| by s_j for every set that leaves j dependent: which determinant is the
 largest is a question of metres or millimetres, radians or degrees. rho_j is a ratio of two lengths of the same vector.

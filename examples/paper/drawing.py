@@ -1,4 +1,4 @@
-"""Where the figures of these scripts go, and how the numbers they found are told."""
+"""Save the figures of these scripts and print their numbers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Drift of the closing conditions: k + n equations against accelerations of everything, both without correction.
+"""Drift of the closure constraints: k + n equations against all accelerations, both without correction.
 
 Where v_I and all q are integrated, Phi is a first integral: only errors of the steps add up, |Phi| grows like t, and
 the rates fit the closed loops at any time, because they are computed. Where all accelerations are integrated, only the
@@ -42,7 +42,7 @@ def growth(t: np.ndarray, values: np.ndarray) -> float:
 
 
 def main(short: bool = False, folder: Path = FOLDER) -> Numbers:
-    """March both ways with several steps, fit the exponents, draw."""
+    """Integrate both ways with several steps, fit the exponents, draw."""
     duration = 16.0 if short else 32.0
     runs = {(name, h): march(f, duration, h) for name, f in METHODS.items() for h in (STEPS[1:] if short else STEPS)}
     found: Numbers = {}

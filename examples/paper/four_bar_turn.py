@@ -1,4 +1,4 @@
-"""The measure along a full turn of a four-bar, in joint and in absolute coordinates, with the switches.
+"""The measure over a full turn of a four-bar, in joint and in absolute coordinates, with the switches.
 
 In joint coordinates two of three are good all the way round. In absolute ones the most mobile changes again and again,
 and only the angle of the crank never fails, although it is never the most mobile: a margin saves some switches, a
@@ -20,7 +20,7 @@ MARGINS = (1.0, 1.2, 1.5, 2.0, 3.0)
 
 
 def follow(rho: Array, margin: float) -> list[int]:
-    """The independent coordinate at each position: another takes its place where it is `margin` times as mobile."""
+    """The independent coordinate at each position: another one replaces it where it is `margin` times as mobile."""
     chosen = [int(np.argmax(rho[0]))]
     for row in rho[1:]:
         best = int(np.argmax(row))

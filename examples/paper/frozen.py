@@ -1,4 +1,4 @@
-"""Artificial tangent velocities are best where they are made, if at all, and fade as the mechanism moves on.
+"""Artificial tangent velocities are best where they are defined, if at all, and deteriorate along the motion.
 
 S = D_0 M_0 with D_0 M_0 D_0^T = 1 makes u' = S v the mass-orthonormal velocity of one position. Kept frozen, its
 quality sqrt(mu_S), the cosine between the directions it measures and those the loops allow, falls from 1 to zero, where
@@ -28,7 +28,7 @@ Array = np.ndarray
 TANGENTS = ("gram-schmidt", "tangent-space", "svd", "qr", "zero-eigenvalue")
 SHOWN = (10, 40, 80, 120)
 RATE, TURNED = 6.0, 100.0
-"""Of the crank in the run with frozen velocities [rad/s]; how far it is compared [deg], short of where they fail."""
+"""Rate of the crank in the run with frozen velocities [rad/s]; end of the comparison [deg], before they fail."""
 
 
 def made(crank: float) -> Array:
@@ -39,7 +39,7 @@ def made(crank: float) -> Array:
 
 
 def quality(s: Array, crank: float) -> float:
-    """sqrt(mu_S): the length of S along the possible motions over its whole length."""
+    """sqrt(mu_S): the length of S along the possible motions divided by its total length."""
     m, g = instant(crank, coordinates="absolute").M, geometry(crank, "absolute")
     return float(abs(g.T_cd[-1] @ s) / np.sqrt(g.M_d[0, 0] * (s @ np.linalg.solve(m, s))))
 
@@ -59,7 +59,7 @@ def zero(s: Array, low: float, high: float) -> float:
 
 
 def frozen_run(tangent: str) -> Result:
-    """The product's own frozen velocities, never renewed, while the crank turns by something more than TURNED."""
+    """Partita's frozen velocities, never renewed, while the crank turns by slightly more than TURNED."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SuspectResultWarning)  # how they fail is what is looked at
         return FOUR_BAR.simulate(
@@ -84,13 +84,13 @@ def in_millimetres() -> pt.Mechanism:
 
 
 def first(m: pt.Mechanism, tangent: str) -> float:
-    """sqrt(mu) of velocities that a run has just made."""
+    """sqrt(mu) of velocities that a run has just renewed."""
     start = m.assemble(rates={"A": RATE})
     return float(m.simulate(1e-3, initial=start, coordinates="absolute", formulation=tangent).sqrt_mu[0])
 
 
 def main(short: bool = False, folder: Path = FOLDER) -> Numbers:
-    """Freeze, turn the crank, watch the quality; renewed tangents and switched coordinates beside it; draw."""
+    """Freeze, turn the crank, record the quality, next to that of renewed tangents and switched coordinates; draw."""
     s0 = made(START)
     turned = np.linspace(0.0, 180.0, 61 if short else 361)
     crank = START + np.radians(turned)

@@ -33,7 +33,7 @@ def from_tangent(g: pt.partition.Geometry) -> Array:
 
 
 def main(short: bool = False, folder: Path = FOLDER) -> Numbers:
-    """Lengths along a turn, both ways to the measure, projectors at the start; draw."""
+    """Lengths over a turn, the measure computed in two ways, projectors at the start; draw."""
     crank = np.linspace(0.0, 2.0 * np.pi, 121 if short else 721)
     along = [geometry(angle) for angle in crank]
     k, normal, tangent = (

@@ -1,4 +1,4 @@
-"""The k individually most mobile coordinates may be useless together; chosen one after the other they are not.
+"""The k individually most mobile coordinates may fail together; those chosen one after the other do not.
 
 Three exact failures of taking the k largest rho: two mechanisms side by side, a parallel robot whose base angles are
 in their singular position, and coupled inertia with a single condition. "Lock and repeat" with switches avoids them.
@@ -53,13 +53,13 @@ def sigma(m: Array, c: Array, independent: Array) -> float:
 def both(m: Array, c: Array) -> tuple[float, float, float]:
     """sigma of the k largest rho, |det C_D| of that choice, and sigma of the collective choice."""
     k = m.shape[0] - c.shape[0]
-    # equal measures: the first ones, as a table sorted by hand would have them
+    # equal measures: the first ones, as in a table sorted by hand
     top = np.sort(np.argsort(-pt.partition.measure(m, c).round(9), kind="stable")[:k])
     return sigma(m, c, top), abs(float(np.linalg.det(np.delete(c, top, axis=1)))), pt.partition.choose(m, c).sigma
 
 
 def poses(count: int) -> list[Array]:
-    """Random poses that all three legs reach."""
+    """Random poses that all three legs can reach."""
     random = np.random.default_rng(1994)
     found: list[Array] = []
     while len(found) < count:

@@ -25,7 +25,7 @@ FORMULATIONS = ("projective", "wehage-haug", "explicit-closing", "gram-schmidt",
 MARKERS = ("o", "s", "^", "D", "v", "P")
 DURATION, OUTPUTS = 1.0, 5
 """Length of the motion [s], and outputs where every step below ends, so that no interpolation adds to the error."""
-# method: order, steps per second; from where its own term is the largest down to a hundred times round-off or so
+# method: order, steps per second; from where its leading error term dominates to about a hundred times round-off
 METHODS = {
     "rk4": (4, (100, 200, 400, 800)),
     "dopri5": (5, (160, 240, 320, 480)),
@@ -52,7 +52,7 @@ def positions(m: pt.Mechanism, start: State, **options: Any) -> Array:
 
 
 def main(short: bool = False, folder: Path = FOLDER) -> Numbers:
-    """March with several steps, fit the orders, draw."""
+    """Integrate with several steps, fit the orders, draw."""
     found: Numbers = {}
     m, start = motion()
     exact = positions(m, start, method="dop853", step=1.0 / REFERENCE)

@@ -43,7 +43,7 @@ def switches(short: bool) -> list[float]:
         names=["x", "y"],
     )
     step = 0.005 if short else 0.001
-    # a switch threshold of 1: no margin, so that the places of the switches are those of the formula
+    # a switch threshold of 1: no margin, so that switches occur where the formula predicts them
     result = pt.simulate(swing, 2.0, [1.0, 0.0], [0.0, 0.0], method="rk4", step=step, switch_threshold=1.0)
     at = [np.interp(change.t, result.t, np.arctan2(np.abs(result.q[:, 0]), -result.q[:, 1]))
           for change in result.partitions if change.is_switch]  # fmt: skip

@@ -1,4 +1,4 @@
-"""The four-bar that the pages on the criterion measure: that of the catalogue, asked at any angle of its crank."""
+"""The four-bar used by the pages on the criterion: that of the catalogue, at any angle of its crank."""
 
 from __future__ import annotations
 

@@ -28,14 +28,14 @@ from partita.state import State
 Array = np.ndarray
 THRESHOLDS = (1.0001, 1.01, 1.1, 1.25, 1.5, 2.0, 3.0, 5.0)
 NEVER = 1e6
-"""A threshold that no switch reaches: coordinates are left only when a step with them fails."""
+"""A threshold that no switch reaches: coordinates are switched only when a step with them fails."""
 KEPT = "crank.turn"
 RATE, DAMPING = 3.0, 100.0  # of the crank [rad/s], of each dashpot [N s/m]
 OUTPUT = 0.25  # [s]: every step below ends there, so that no interpolation adds to the error
 STEP = 1.0 / 400.0  # of the table [s]
 LOW = (1.0001, 1.01)
-# method: order, motion, steps per second from where its own term leads down to where round-off begins. The term of
-# order 5 of dopri5 is so small that along the damped turns the next one hides it down to round-off.
+# method: order, motion, steps per second from where its leading error term dominates to where round-off begins. The
+# term of order 5 of dopri5 is so small that for the damped turns the next one hides it down to round-off.
 ORDERS = {
     "rk4": (4, "turning", (200, 240, 280, 320, 400, 480, 560, 640, 800)),
     "dopri5": (5, "swing", (400, 440, 480, 520, 560, 640, 720, 800, 960)),
@@ -68,7 +68,7 @@ def march(name: str, **options: Any) -> Result:
 
 
 def succeeded(done: Result) -> bool:
-    """Whether a run succeeded; that it may be doubtful besides is what the error shows."""
+    """Whether a run succeeded; it may still be suspect, which the error shows."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SuspectResultWarning)
         return done.success
@@ -125,7 +125,7 @@ def errors(method: str, threshold: float) -> tuple[list[float], int]:
 
 
 def handed_over() -> dict[str, float]:
-    """What a switch does to (q, v), looked at from outside, at every switch of some turns.
+    """Effect of a switch on (q, v), observed from outside, at every switch of some turns.
 
     An output at the time of a switch is told in the old coordinates. A new run starts from it with the new ones
     kept: what it is then compared with is what the marching run goes on with behind the switch.

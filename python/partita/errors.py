@@ -1,7 +1,7 @@
-"""Errors: sentences with names, numbers and a next step.
+"""Errors: messages with names, numbers and a next step.
 
 Every error that Partita raises on purpose derives from `PartitaError` and carries its numbers as attributes, so that a
-program can react to them without parsing the sentence. The compiled core raises the same classes.
+program can react to them without parsing the message. The compiled core raises the same classes.
 
 >>> import partita as pt
 >>> try:
@@ -131,8 +131,8 @@ class AssemblyError(PartitaError, RuntimeError):
 
 
 class ContradictionError(PartitaError, RuntimeError):
-    """Redundant conditions contradict each other: no motion satisfies all of them. Fields: time `t` [s] at which it was
-    detected, the `gap` there, `who` is violated and `whom` it contradicts."""
+    """Redundant constraints contradict each other: no motion satisfies all of them. Fields: time `t` [s] at which it
+    was detected, the `gap` there, `who` is violated and `whom` it contradicts."""
 
     t: float
     gap: float
@@ -156,7 +156,7 @@ class EvaluationError(PartitaError, RuntimeError):
 
 
 class OpenReactionError(EvaluationError):
-    """A friction follows a reaction that is indeterminate for rigid bodies, so that it has no unique value. Fields:
+    """A friction depends on a reaction that is indeterminate for rigid bodies, so it has no unique value. Fields:
     time `t` [s], `where`, the friction, and its `joint`."""
 
     joint: str
@@ -187,8 +187,8 @@ class Interrupted(KeyboardInterrupt):
     """Ctrl-C ended a run, a sweep or a comparison; nothing that was computed is lost.
 
     It is a `KeyboardInterrupt`, not a `PartitaError`, so that a loop of runs stops even where it catches errors. Field:
-    `result`, what there was: a `Result` with the outputs reached, a `Comparison` with the rows so far, the dataset of a
-    sweep. At a prompt, where nobody caught it, it is `sys.last_value.result`.
+    `result`, what was computed: a `Result` with the outputs reached, a `Comparison` with the rows so far, the dataset
+    of a sweep. At the interactive prompt, if it was not caught, it is `sys.last_value.result`.
     """
 
     message: str

@@ -23,7 +23,7 @@ def wanted(packages: tuple[str, ...], name: str, purpose: str) -> None:
     for package in packages:
         try:
             found = importlib.util.find_spec(package)
-        except ValueError:  # a module without a specification is there all the same
+        except ValueError:  # a module without a specification is installed all the same
             continue
         if found is None:
             raise missing(package, name, purpose)

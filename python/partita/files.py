@@ -115,7 +115,7 @@ def put(path: Path, content: bytes) -> Path:
 
 
 def _beside(path: Path, ending: str) -> Path:
-    """A name beside `path` that no other writer has, be it another thread, process or machine."""
+    """A temporary name next to `path` that no other thread, process or machine uses."""
     return path.with_name(f".{path.name}.{secrets.token_hex(8)}.{ending}")
 
 
@@ -140,7 +140,7 @@ def put_folder(path: Path, files: dict[str, bytes]) -> Path:
                     os.replace(draft, path)
                     break
                 except OSError:
-                    # another writer may have put its folder there in between: that one is replaced in turn
+                    # another writer may have put its folder there meanwhile, which is then replaced
                     if older.exists() and not path.exists():
                         os.replace(older, path)
                     if attempt + 1 == _ATTEMPTS or not path.exists():
@@ -170,7 +170,7 @@ def get_folder(path: Path) -> dict[str, bytes]:
 
 
 def intact_folder(files: dict[str, bytes]) -> bool | None:
-    """Whether a sealed folder is as it was written: every file, and none more; None where no seal is found."""
+    """Whether a sealed folder has exactly the files that were written, unchanged; None if there is no seal."""
     mark = next((found for content in files.values() if (found := _MARK.search(content))), None)
     if mark is None:
         return None

@@ -29,7 +29,7 @@ def without_units(values: Any) -> NDArray[np.float64]:
             return np.array(array, dtype=np.float64, order="C")
     except TypeError:
         raise
-    except Exception as error:  # whatever an object does when it is asked for its numbers
+    except Exception as error:  # an object may raise anything when it is converted to numbers
         raise TypeError(str(error)) from error
     if array.dtype.kind == "O" and all(type(x) in (int, float) for x in array.flat):
         try:

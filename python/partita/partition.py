@@ -37,12 +37,11 @@ class Partition:
         A: v_D = A v_I + eta, (n - k, k), rows in the order of `dependent`, columns in that of `independent`.
         D: (k, n) with D C^T = 0 and v = D^T v_I + [0; eta]; columns in the order of the coordinates.
         rho: projective measure of every coordinate (n,), 0 to 1.
-        sigma: smallest singular value of the projections of the chosen coordinate directions, made unit vectors
-            first, on the possible motions: 1 best, 0 singular. It bounds the conditioning of the reduced equations.
-            The best choice may have as little as 1 / sqrt(1 + k m), for a diagonal M no less.
+        sigma: smallest singular value of the normalised chosen coordinate directions, projected onto the possible
+            motions: 1 best, 0 singular. It bounds the condition number of the reduced equations. For the best choice it
+            may be as small as 1 / sqrt(1 + k m), but no smaller if M is diagonal.
         sqrt_mu: smallest principal cosine between the chosen directions and the possible motions: 1 best, 0
-            singular. Its inverse is the most by which an error in the constraints can be magnified in the
-            dependent coordinates.
+            singular. Its inverse bounds the amplification of constraint errors in the dependent coordinates.
         rows: indices (r,) of the constraint rows that were kept.
     """
 
@@ -59,8 +58,8 @@ class Partition:
 def measure(M: ArrayLike, C: ArrayLike) -> Array:
     """Projective measure rho (n,) of every coordinate (P4).
 
-    How mobile a coordinate is with the constraints, relative to without: 1 = they do not hinder it, 0 =
-    locked. Computed in the mass metric, so the same in all units. Redundant rows do no harm. Costs O(n^3).
+    The mobility of a coordinate with the constraints, relative to that without: 1 = not restricted, 0 = locked.
+    Computed in the mass metric, so it is the same in all units. Redundant rows do no harm. Costs O(n^3).
 
     Args:
         M: mass matrix (n, n), symmetric and positive definite.
@@ -91,31 +90,33 @@ def choose(
     Args:
         M: mass matrix (n, n), symmetric and positive definite.
         C: constraint Jacobian (m, n).
-        selection: the rule. Free of units:
+        selection: the rule. Independent of units:
 
-            * "collective": greedily by the measure (P5), then by switches (P6). The one to take.
-            * "greedy": by the measure, each choice locked before the next (P5), without switches.
-            * "normalised-determinant": largest volume of the choice. All partitions are compared up to 50 000 of
-              them (some milliseconds); beyond, no single switch improves the answer.
-            * "individual": the k largest measures, one by one; with k > 1 they may contradict each other.
-            * "geometric": as "greedy", each coordinate measured in its own unit instead of against its own inertia.
-              Of plain matrices that unit is 1, so that units decide here; of mechanisms and systems it is known.
+            * "collective": greedily by the measure (P5), then by exchanges (P6). Recommended.
+            * "greedy": by the measure, each choice locked before the next (P5), without exchanges.
+            * "normalised-determinant": largest volume of the choice. Up to 50 000 partitions all of them are compared
+              (a few milliseconds); beyond, the result cannot be improved by a single exchange.
+            * "individual": the k largest measures, each judged separately; with k > 1 they may not be independent
+              together.
+            * "geometric": as "greedy", with displacements relative to a characteristic one instead of the coordinate's
+              inertia. For plain matrices the characteristic displacement is 1, so the result depends on units here;
+              mechanisms and systems have their own.
 
-            To compare with, decided by the units at hand:
+            For comparison, dependent on units:
 
             * "determinant": largest determinant of C_D, searched as above.
-            * "complete-pivoting": Gauss elimination with complete pivoting; the columns of the pivots are dependent.
+            * "complete-pivoting": Gaussian elimination with complete pivoting; the columns of the pivots are dependent.
         threshold: for "collective": a dependent coordinate replaces an independent one when this multiplies the
-            volume of the choice by more than `threshold`; at least 1. With 1 no single switch can improve the
-            choice any more.
-        weights: preference (n,) for coordinates, positive: the measure is multiplied by it; None: all equal. Not
-            for "determinant" and "complete-pivoting", which do not measure.
+            volume of the choice by more than `threshold`; at least 1. With 1, no single exchange can improve the
+            result.
+        weights: positive factors (n,) on the measures, to express preferences; None: all equal. Not for "determinant"
+            and "complete-pivoting", which do not use the measure.
         fixed: the k independent coordinates themselves, by index, instead of a rule.
 
     Raises:
         ArgumentError: wrong shapes, NaN, M not symmetric and positive definite, threshold below 1, options that
             contradict each other, `fixed` coordinates that cannot be independent.
-        SingularityError: the rule takes coordinates that cannot be independent; it names them.
+        SingularityError: the rule chooses coordinates that cannot be independent; the message names them.
 
     >>> import partita as pt
     >>> choice = pt.partition.choose([[1.0, 0.0], [0.0, 1.0]], [[3.0, 4.0]])
@@ -179,20 +180,20 @@ def choose(
 class Geometry:
     """Metric geometry of n coordinates with the mass matrix as metric, under r independent constraint rows; k = n - r.
 
-    k_i is the gradient of coordinate i: q'_i = q' . k_i. The constraints take one part of it and leave the other, at
-    right angles in the mass metric, so k^2 = k_constrained^2 + k_tangential^2, and rho = k_tangential / k.
+    k_i is the gradient of coordinate i: q'_i = q' . k_i. Its parts normal and tangential to the possible motions are
+    orthogonal in the mass metric, so k^2 = k_constrained^2 + k_tangential^2, and rho = k_tangential / k.
 
     Attributes:
         k: lengths |k_i| (n,): square roots of the diagonal of M^-1. (19)
         k_constrained: lengths of the components normal to the possible motions (n,). (20)
         k_tangential: lengths of the components along them (n,). (21)
-        P_c, P_d: projectors (n, n) of velocities on the constrained directions and on the possible motions;
-            P_c + P_d = 1. On forces their transposes act.
+        P_c, P_d: projectors (n, n) of velocities onto the constrained directions and onto the possible motions; P_c +
+            P_d = 1. Their transposes act on forces.
         M_c: metric of the constrained space, C M^-1 C^T (r, r). (15)
         M_d: metric of the tangent space, D M D^T (k, k). (13)
         T_cd: (n, n), the rows of C M^-1, then those of D: T_cd M T_cd^T is block-diagonal in M_c and M_d. (11), (15)
         independent, dependent: the choice that D belongs to; lengths and projectors do not depend on it.
-        rows: indices (r,) of the constraint rows that count; others say nothing of their own.
+        rows: indices (r,) of the independent constraint rows; the others are redundant.
     """
 
     k: Array
@@ -213,7 +214,7 @@ def geometry(M: ArrayLike, C: ArrayLike, independent: Iterable[int] | None = Non
 
     Args:
         M: mass matrix (n, n), symmetric and positive definite.
-        C: constraint Jacobian (m, n). Of rows that depend on each other only independent ones count: `rows`.
+        C: constraint Jacobian (m, n). Of dependent rows only independent ones are used: `rows`.
         independent: the k independent coordinates by index, to which D, M_d and T_cd refer; None: as `choose` does.
 
     Raises:

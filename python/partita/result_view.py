@@ -36,7 +36,7 @@ def turn_between_outputs(result: ResultView) -> tuple[str, float]:
     if len(result.t) < 3 or not turning:
         return "", 0.0
     steps = np.nan_to_num(np.median(np.abs(np.diff(np.asarray(result.q)[:, turning], axis=0)), axis=0))
-    most = int(np.argmax(steps >= 0.8 * steps.max()))  # of several that turn alike the first: a crank before its rods
+    most = int(np.argmax(steps >= 0.8 * steps.max()))  # of equal rotations the first: a crank before its rods
     return str(result.names.coordinates[turning[most]]), float(steps[most])
 
 

@@ -53,7 +53,7 @@ class Layout:
                 first += shown
 
     def fits(self, summary: dict[str, Any]) -> bool:
-        """Whether the coordinates are those of a model: a joint and a body of one name give theirs the same names."""
+        """Whether the state has the coordinates of a model; a joint and a body may share the names of theirs."""
         joints = summary["joints"]
         if self.by_names_alone or self.names != list(summary["coordinates"]):
             return self.names == list(summary["coordinates"])
@@ -140,8 +140,8 @@ class StateView:
     def sensor(self, name: Any) -> Any:
         """The value of a position or velocity sensor: a float or an array, see `Mechanism.add_sensor`.
 
-        Inside of functions f(t, state) alone. Raises `UnknownNameError` for a sensor that there is not, `ArgumentError`
-        for one that needs accelerations or forces, which follow from what such functions answer.
+        Available only inside functions f(t, state). Raises `UnknownNameError` for an unknown sensor, and
+        `ArgumentError` for one that needs accelerations or forces, since these depend on such functions.
         """
         if self._seen is None:
             raise ArgumentError(
@@ -154,14 +154,14 @@ class StateView:
 class State(StateView):
     """Time, coordinates and velocities of a mechanism or a system.
 
-    `Mechanism.assemble` returns states that satisfy the constraints. States are plain values: nothing refers
-    back to the model, and `copy` gives an independent one.
+    `Mechanism.assemble` returns states that satisfy the constraints. States are plain values without a reference to the
+    model, and `copy` returns an independent one.
 
     Attributes:
         t: time [s].
         q: coordinates (nq,), named by `names`.
         v: velocities (nv,), named by `velocity_names`.
-        assembly: what the assembly said (residual, iterations, ...), or None.
+        assembly: report of the assembly (residual, iterations, ...), or None.
 
     Raises:
         ArgumentError: the arrays are not flat, hold NaN or infinity, or do not fit the names.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent import futures  # which imports its processes and threads when they are asked for
+from concurrent import futures  # which imports processes and threads on first use
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from queue import Empty, SimpleQueue
@@ -39,29 +39,29 @@ def sweep(
     workers: int | None = None,
     progress: Any = False,
 ) -> xarray.Dataset:
-    """Call `model(**point)` for every point of a grid and collect what it returns into one labelled dataset.
+    """Call `model(**point)` for every point of a grid and collect the returned values in one labelled dataset.
 
     Args:
-        model: takes the parameters by their names; returns names -> numbers or arrays of one shape throughout, or one
-            number. For processes it must be importable (defined in a module).
-        parameters: name -> values; the grid is their product, and each is a dimension of the dataset.
-        executor: None: one after the other; "threads" (a run leaves Python most of the time), "processes"; or anything
-            with `submit`, as those of `concurrent.futures`, Dask's `client.get_executor()`, `mpi4py`'s
-            `MPIPoolExecutor`.
-        workers: how many, for "threads" and "processes"; None: as many as there are cores.
-        progress: True: a bar on the terminal with the rate and the time that remains (needs tqdm); or a function of
-            the part done, 0 to 1.
+        model: function of the parameters, by their names, that returns a dict of numbers or arrays (with the same
+            shapes at all points), or one number. For processes it must be importable (defined in a module).
+        parameters: name -> values; the grid is their Cartesian product, and each is a dimension of the dataset.
+        executor: None: one point after the other; "threads" (a run releases the interpreter lock most of the time);
+            "processes"; or any object with `submit`, such as those of `concurrent.futures`, Dask's
+            `client.get_executor()` or the `MPIPoolExecutor` of `mpi4py`.
+        workers: number of workers for "threads" and "processes"; None: the number of cores.
+        progress: True: a progress bar on the terminal with the rate and the remaining time (needs tqdm); or a function
+            of the completed fraction, 0 to 1.
 
     Returns:
-        An `xarray.Dataset`: a variable for each name, with the parameters as its first dimensions and the axes of
-        arrays (`NAME_axis0`, ...) behind; `failed` tells, for each point, the error in which it ended (empty: none).
-        Its numbers are NaN there.
+        An `xarray.Dataset`: one variable for each name, with the parameters as its first dimensions, followed by the
+        axes of arrays (`NAME_axis0`, ...); `failed` holds the error message of each point (empty: none). The numbers of
+        a failed point are NaN.
 
-    A worker that dies affects no other point: unfinished points are given to new workers, up to three times each.
+    If a worker dies, its unfinished points are given to new workers, up to three times each.
 
     Raises:
-        MissingDependencyError: without xarray. ArgumentError: parameters or executor make no sense, or every point
-            failed. Interrupted: Ctrl-C; its `result` is the dataset so far.
+        MissingDependencyError: xarray is not installed. ArgumentError: parameters or executor are invalid, or every
+            point failed. Interrupted: Ctrl-C was pressed; `result` of the error is the dataset so far.
 
     >>> import partita as pt
     >>> def period(length):
@@ -243,7 +243,7 @@ class _Work:
             raise
 
     def one_by_one(self, make: Make, points: list[Point]) -> None:
-        """Each point in a pool of its own, so that a point that kills its worker affects no other."""
+        """Each point in a separate pool, so that a point that kills its worker affects no other."""
         for point in points:
             try:
                 self.keep(point, make().submit(self.model, **self.named(point)).result())

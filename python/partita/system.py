@@ -28,31 +28,31 @@ _SYMMETRY = 1e-9
 class System(Equations):
     """n coordinates with M v' = h + C^T lambda, q' = v, and m constraint rows, given as Python functions.
 
-    For mechanisms prefer `Mechanism`: it runs without Python and is faster by orders of magnitude.
+    For mechanisms prefer `Mechanism`: its equations run without Python and are faster by orders of magnitude.
 
     Args:
         n: number of coordinates and of velocities.
         mass: f(t, q) -> M (n, n), symmetric and positive definite; or a constant matrix.
         forces: f(t, q, v) -> h (n,); or a constant vector.
         constraints: f(t, q) -> Phi (p,), p <= m (S3).
-        jacobian: f(t, q) -> C (m, n) of C v + a = 0 (S4). Its first p rows are dPhi/dq; the others exist as
-            conditions on the velocities only (nonholonomic).
+        jacobian: f(t, q) -> C (m, n) of C v + a = 0 (S4). Its first p rows are dPhi/dq; the others are nonholonomic
+            constraints, on velocities only.
         constraint_rate: f(t, q) -> a (m,), dPhi/dt for the first p rows; None: zero.
         bias: f(t, q, v) -> b (m,) of C v' + b = 0 (S5): b = (dC/dt) v + da/dt.
         names: of the coordinates (n,); None: q0, q1, ...
         closing: for the formulation "explicit-closing": a pair (dependent, f) of coordinate names and a
             function f(t, q) -> values (m,) of these coordinates that close the loops for the others in q.
-        lengths: how far each coordinate moves in a large motion (n,), or one number for all: 1 for an angle, the extent
-            of a body for a displacement. Tolerances are parts of it. None: estimated from how fast the rows of the
-            jacobian turn, to a power of ten.
-        check_derivatives: compare jacobian, constraint_rate and bias with differences of the constraints at the start
-            of a run and, once more, where it has been; False: believe them.
+        lengths: characteristic displacement of each coordinate (n,), or one number for all: 1 for an angle, the extent
+            of a body for a displacement. Tolerances are relative to it. None: estimated, to a power of ten, from how
+            fast the rows of the Jacobian change.
+        check_derivatives: compare jacobian, constraint_rate and bias with finite differences of the constraints at the
+            start of a run and once more at a later position; False: do not check them.
 
     Without `jacobian` the system is unconstrained. Each array is checked at every evaluation: a wrong shape
     or NaN raises `EvaluationError` with the time and the name of the function.
 
     Raises:
-        DescriptionError: n, names or the set of functions makes no sense.
+        DescriptionError: n, the names or the set of functions is invalid.
 
     >>> import numpy as np
     >>> import partita as pt
@@ -117,7 +117,8 @@ class System(Equations):
     def assemble(
         self, q0: ArrayLike, v0: ArrayLike | None = None, *, t: float = 0.0, tolerance: float = 1e-12
     ) -> State:
-        """A state that satisfies the constraints, nearest to q0 (n,) and v0 (n,) (None: at rest) at time `t`.
+        """Compute the state that satisfies the constraints and is nearest to q0 (n,) and v0 (n,) (None: at rest) at
+        `t`.
 
         Raises `AssemblyError` if the constraints cannot be met from there.
 
@@ -211,10 +212,10 @@ def simulate(
 
     Args:
         system: the equations.
-        duration: [s].
-        q0, v0: start (n,), which satisfies the constraints; or give `initial`, a state from
+        duration: length of the run [s].
+        q0, v0: initial state (n,), which must satisfy the constraints; or give `initial`, a state from
             `System.assemble`.
-        t0: time of the start [s]; with `initial` its time counts.
+        t0: initial time [s]; with `initial` its time is used.
 
     The other options, their defaults, the result and the errors are those of `Mechanism.simulate`.
 

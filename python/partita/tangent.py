@@ -17,17 +17,17 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class TangentVelocities:
-    """k velocities u of one's own choice: v = D(t, q)^T u + gamma(t, q), with C D^T = 0.
+    """k user-defined velocities u: v = D(t, q)^T u + gamma(t, q), with C D^T = 0.
 
-    Prefer them where good velocities are known by inspection, such as those of symbolic codes; elsewhere the
-    default formulation finds its own. The directions are checked against the constraints at the start.
+    Prefer them if good velocities are known by inspection, as in symbolic codes; otherwise use the default formulation,
+    which finds its own. The directions are checked against the constraints at the start.
 
     Args:
         directions: f(t, q) -> D (k, n); its rows span all velocities that the constraints allow.
         offset: f(t, q) -> gamma (n,), with C gamma + a = 0; None: zero (constraints do not depend on time).
-        bias: f(t, q, v) -> delta (n,), the part of v' without u': (dD^T/dt) u + dgamma/dt; None: found by
-            differences along the motion, which costs more evaluations of `directions`; the result says how
-            exact they are.
+        bias: f(t, q, v) -> delta (n,), the part of v' without u': (dD^T/dt) u + dgamma/dt; None: computed by finite
+            differences along the motion, which costs further evaluations of `directions`; the result reports their
+            accuracy.
 
     >>> import numpy as np
     >>> import partita as pt

@@ -73,7 +73,7 @@ def test_torsion_spring_needs_an_angle() -> None:
     m.add_body("ball", mass=1.0, inertia=INERTIA)
     m.add_spherical("S", m.ground, "ball", point=(0, 0, 0))
     m.add_torque("S", 1.0, coordinate=2)
-    with pytest.raises(DescriptionError, match="no slide or angle"):
+    with pytest.raises(DescriptionError, match="no translation or angle"):
         m.add_torsion_spring("S", stiffness=1.0)
 
 

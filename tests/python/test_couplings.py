@@ -335,7 +335,7 @@ def test_couplings_that_cannot_be() -> None:
         ("closes after a whole turn", lambda: m.add_point_on_curve(
             "p", "ground", "wheel 1", (0, 0, 0), ([0.0, 1.0, 2.0], [1.0, 1.0, 1.0]), polar=True)),
         ("cannot roll on itself", lambda: m.add_rolling("r", "wheel 1", 1.0, on="wheel 1")),
-        ("advances", lambda: m.add_screw("s", "wheel 1", "wheel 2", (0, 0, 0), pitch=0.0)),
+        ("must advance", lambda: m.add_screw("s", "wheel 1", "wheel 2", (0, 0, 0), pitch=0.0)),
     ]:  # fmt: skip
         with pytest.raises(DescriptionError, match=words):
             call()

@@ -285,10 +285,11 @@ def user_defined(formulation: str) -> tuple[Result, np.ndarray]:
 
 
 def test_every_algorithm_has_a_name_a_file_and_a_test() -> None:
-    """The table "Where each stands" of docs/formulations.md: its files exist, its names are options that run."""
+    """The table of algorithms in docs/formulations.md: its files exist, its names are options that run."""
     root = Path(__file__).parents[2]
     page = (root / "docs" / "formulations.md").read_text("utf-8")
-    rows = [line.split(" | ") for line in page.split("## Where each stands")[1].split("\n## ")[0].splitlines()[8:]]
+    section = page.split("## Sources and tests of each algorithm")[1].split("\n## ")[0]
+    rows = [line.split(" | ") for line in section.splitlines()[8:]]
     rows = [[cell.strip("| ") for cell in row] for row in rows if len(row) == 5]
     assert len(rows) >= 24 and len({row[0] for row in rows}) == len(rows)
     m = pt.catalogue.load("four-bar")

@@ -293,7 +293,7 @@ def test_poses_that_cannot_be() -> None:
         ({"joint": "S", "pose": ([0, 1], Rotation.from_rotvec([(0, 0, 0), (0, 0, np.pi)]))}, "half a turn"),
         ({"joint": "S", "pose": ([0, 1, 2], Rotation.from_rotvec([(0, 0, 0), (0, 0, 1)]))}, "3 times but 2"),
         ({"joint": "S", "pose": np.diag([1, 1, -1])}, "reflection"),
-        ({"joint": "S", "pose": (0, 0, 1), "velocity": 1.0}, "leave position, velocity"),
+        ({"joint": "S", "pose": (0, 0, 1), "velocity": 1.0}, "omit position, velocity"),
         ({"joint": "S", "position": 1.0}, "give its pose"),
         ({"joint": body, "position": 1.0}, "no single coordinate"),
         ({"joint": m.ground, "pose": ((0, 0, 0), (0, 0, 1))}, "does not move"),

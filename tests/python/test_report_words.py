@@ -30,12 +30,12 @@ def test_the_remedy_that_is_named_works() -> None:
     said = four_bar().report()
     found = said.to_dict()
     assert (found["gruebler"], found["degrees_of_freedom"], found["mobility"]) == (-2, 1, 1)
-    assert "6 x 3 - 20 = -2" in said and "larger by 3 redundant conditions" in said.replace("\n", " ")
+    assert "6 x 3 - 20 = -2" in said and "larger by 3 redundant constraints" in said.replace("\n", " ")
     kinds = {"A": "R", "B": "R", "C": "R", "D": "R"}
     for remedy in found["remedies"]:
         kinds[remedy["joint"]] = {"a ball joint": "S", "a cylindrical joint": "C"}[remedy["by"]]
     cured = four_bar("".join(kinds.values())).report()
-    assert "all 17 conditions of the joints are independent" in cured
+    assert "all 17 constraints of the joints are independent" in cured
     assert cured.to_dict()["mobility"] == 1 and cured.to_dict()["redundancy"] == ""
     assert "All components of all reactions are determined" in cured
     # once, in one paragraph

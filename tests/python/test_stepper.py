@@ -192,7 +192,7 @@ def test_reset_begins_again_and_a_stepper_is_reproducible() -> None:
     assert abs(sim.v).max() == 0.0
     with pytest.raises(ArgumentError, match="coordinates"):
         sim.reset(m.assemble(coordinates="absolute"))
-    with pytest.raises(ArgumentError, match="no step yet"):
+    with pytest.raises(ArgumentError, match="no step has been taken yet"):
         sim.result()
     for what in (copy.deepcopy, pickle.dumps):
         with pytest.raises(ArgumentError, match="cannot be pickled"):

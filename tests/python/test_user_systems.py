@@ -131,7 +131,7 @@ def test_bad_options_of_the_choice() -> None:
         ({"fixed": [2]}, "from 0 to 1"),
         ({"fixed": [0, 0]}, "different indices"),
         ({"fixed": ["x"]}, "must be indices"),
-        ({"fixed": [0, 1]}, "1 degrees of freedom"),
+        ({"fixed": [0, 1]}, "number of degrees of freedom is 1"),
     ],
 )
 def test_contradictory_options_of_the_choice(options: dict[str, Any], words: str) -> None:

@@ -132,7 +132,7 @@ def test_truth_says_what_is_unique() -> None:
     assert truth.flags("hook").all()
     assert truth.flags("A").tolist() == [True, True, False, False, False, True]
     assert not Truth(0, 0, {"A": "fx"}, why="", source="").flags("B").any()
-    assert "1 degree of freedom, 3 redundant conditions (a reason). Idle: rod." in str(truth)
+    assert "1 degree of freedom, 3 redundant constraints (a reason). Idle: rod." in str(truth)
 
 
 def test_a_wrong_statement_is_found() -> None:

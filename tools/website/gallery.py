@@ -59,7 +59,7 @@ def _mechanism(name: str, folder: Path, live: Path) -> str:
     facts = [
         ("bodies, joints", f"{len(summary['bodies'])}, {len(summary['joints'])}"),
         ("degrees of freedom", str(summary["mobility"])),
-        ("redundant conditions", str(len(summary["removed"]))),
+        ("redundant constraints", str(len(summary["removed"]))),
         ("run", f"{entry.duration:g} s, {run.certificate.verdict}"),
         ("largest closure error", f"{run.certificate.closure:.1e}"),
     ]

@@ -431,7 +431,7 @@ mod tests {
         );
         assert_eq!(r.tree.iter().map(|t| t.joint.as_str()).collect::<Vec<_>>(), ["A", "D", "B"]);
         assert!(r.tree.iter().all(|t| t.kind == "revolute"));
-        assert!(says(&r, "Over-constrained: 3 of the 20 conditions of the joints are redundant"), "{}", r.redundancy);
+        assert!(says(&r, "Over-constrained: 3 of the 20 constraints of the joints are redundant"), "{}", r.redundancy);
         assert!(says(
             &r,
             "replace hinge C by a cylindrical joint and hinge D by a ball joint; then nothing is redundant"
@@ -542,7 +542,7 @@ mod tests {
         let r = of(chain(40, 0.3));
         assert_eq!((r.mobility, r.redundant.len()), (1, 120));
         assert!(
-            r.notes.len() < 3 && r.redundancy.len() < 2000 && says(&r, "further conditions"),
+            r.notes.len() < 3 && r.redundancy.len() < 2000 && says(&r, "further constraints"),
             "{:#?}",
             r.redundancy
         );

@@ -455,7 +455,7 @@ pub fn of_joints<S: ConstrainedSystem>(system: &S, q: &[f64], found: &Branching)
         (false, n) => format!("{n} branches meet"),
     };
     format!(
-        "it has {here} here and {} next to it, where {meet}: {}; start a little away from it, with the joints bent \
+        "the mechanism has {here} here and {} next to it, where {meet}: {}; start a little away from it, with the joints bent \
          by a few degrees onto the branch you want",
         found.beside(),
         branches.join("; or ")

@@ -100,7 +100,8 @@ const HIDDEN: &str = "the mechanism is locked by constraints so weak that their 
     drawing_tolerance for the play they have";
 
 /// Message for a condition with an error of about the drawing tolerance.
-const AMBIGUOUS: &str = "nearly follows from the other conditions, by a difference of about the drawing_tolerance: if \
+const AMBIGUOUS: &str =
+    "nearly follows from the other constraints, by a difference of about the drawing_tolerance: if \
     it should follow from them (wheels on one axis, equal bars, a ring of gears), give its axis, radius, length or \
                          ratio exactly; if it is intended as drawn, give a smaller drawing_tolerance";
 
@@ -171,10 +172,9 @@ fn singular<S: ConstrainedSystem>(
     let advice = branching::words(system, t, q)?
         .unwrap_or_else(|| "the motion from here is not unique; start a little away from it".into());
     let message = format!(
-        "{} closing rows ({}) are dependent here but not next to it (rank {} here, {there} next to it): {advice}",
-        start.dropped.len(),
-        names.join(", "),
+        "the rank of the constraints is {} here and {there} next to it (dependent here: {}); {advice}",
         start.rank,
+        names.join(", "),
     );
     Ok(SystemError::SingularStart { t, message })
 }
@@ -319,7 +319,7 @@ pub fn choose_partition<S: ConstrainedSystem>(
             return Err(SystemError::argument(
                 "independent",
                 format!(
-                    "{} independent coordinates were requested, but the mechanism has {} degrees of freedom; name as \
+                    "{} independent coordinates were requested, but the number of degrees of freedom is {}; name as \
                  many, or none",
                     fixed.len(),
                     r.k()

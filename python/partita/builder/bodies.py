@@ -29,17 +29,17 @@ def add_body(
         name: unique among the bodies; "ground" is reserved.
         mass: [kg], not negative.
         inertia: about the centre of mass, in body axes [kg m^2]: (Ixx, Iyy, Izz) or a symmetric 3x3 matrix.
-            Principal values must be possible for a real body (none negative, none above the sum of the
-            others, to 1e-6 of the largest). All zero is a point mass.
+            Principal moments must be physically possible (none negative, none larger than the sum of the other two, to
+            1e-6 of the largest). All zeros make a point mass.
         com: centre of mass in body axes [m].
         position: of the body's origin in the world, as drawn [m].
         orientation: body axes in the world, as drawn: None (parallel to the world), a 3x3 rotation whose
-            columns are the body axes, a quaternion (w, x, y, z) of any length, or a SciPy `Rotation`. A
-            matrix may miss being orthonormal by 1e-9; the nearest rotation is used.
-        gravity: False: gravity leaves this body alone.
+            columns are the body axes, a quaternion (w, x, y, z) of any length, or a SciPy `Rotation`. A matrix may
+            deviate from orthonormal by 1e-9; the nearest rotation is used.
+        gravity: False: gravity does not act on this body.
 
     Returns:
-        A handle; its name serves as well.
+        A handle; other methods accept the handle or the name.
 
     Raises:
         DescriptionError: a number is impossible, or the name is taken.
@@ -69,15 +69,15 @@ def add_rod(self: Drawing, name: str, start: ArrayLike, end: ArrayLike, mass: fl
 
     Its frame has the origin at `start` and x towards `end`. z stays as near to the world's z as possible, so
     that a rod drawn in the x-y plane turns about its own z; only for rods within 26 degrees of the world's z
-    does y stay near the world's y instead. Inertia about the centre: (0, m L^2/12, m L^2/12), none about the
-    rod itself. A rod between two balls is therefore held from spinning about its line, unless a force, a drive or a
-    coupling sees the spin; where the spin itself matters, use `add_body` with the axial inertia.
+    does y stay near the world's y instead. Its inertia about the centre is (0, m L^2/12, m L^2/12), with none about its
+    own axis. The spin of a rod between two balls about its line is therefore held, unless a force, a drive or a
+    coupling depends on it; where the spin matters, use `add_body` with the axial inertia.
 
     Args:
         name: unique among the bodies.
         start, end: two different points in the world [m].
-        mass: [kg], not negative. Zero makes a link without mass: every motion must move mass elsewhere.
-        gravity: False: gravity leaves this rod alone.
+        mass: [kg], not negative. Zero makes a massless link; then every motion must move mass elsewhere.
+        gravity: False: gravity does not act on this rod.
 
     Raises:
         DescriptionError: a number is impossible, the rod has no length, or the name is taken.

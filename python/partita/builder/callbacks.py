@@ -22,8 +22,7 @@ class Callback:
         self.notes: list[str] = []
 
     def bind(self, layout: Layout) -> Callable[[float, Array, Array], Any]:
-        """The function as the core calls it. `layout` may be filled in later, but before the first call needs
-        it."""
+        """The function as called by the core. `layout` may be filled in later, but before the first call."""
 
         def call(t: float, q: Array, v: Array) -> Any:
             # the coordinates of joints that close loops follow those of the state

@@ -123,7 +123,7 @@ def _unknown(handle: Handle, kind: str, word: str, known: list[str]) -> NoReturn
 
 
 def _derived(record: Any) -> dict[str, Any]:
-    """What follows from the arguments."""
+    """Data derived from the arguments."""
     if isinstance(record, BodyRecord) and record.rod is not None:
         frame = {"inertia": record.inertia, "com": record.com, "position": record.position}
         return {**frame, "orientation": record.rotation, "length": record.rod[2]}
@@ -187,7 +187,7 @@ def _again(mechanism: Drawing, table: str, name: str, method: str, said: Mapping
     if isinstance(old, JointRecord) and old.compliance is not None:
         d.joints[name] = replace(d.joints[name], compliance=old.compliance)
     carriers = _carrier(old), _carrier(getattr(d, table)[name])
-    if None not in carriers:  # the joint that carries a body stands where the one before it stood
+    if None not in carriers:  # the joint that carries a body keeps the position of its predecessor in the list
         orders["joints"] = [carriers[1] if own == carriers[0] else own for own in orders["joints"]]
     for each, order in orders.items():
         records = getattr(d, each)

@@ -55,8 +55,8 @@ def _plural(kind: str) -> str:
 
 
 def takes(element: Element, what: str, function: Callable[..., Any], arguments: str, count: int) -> None:
-    """Refuse a function that cannot be called with `count` arguments; `arguments` says which these are. Of functions
-    written in C nothing may be known."""
+    """Refuse a function that cannot be called with `count` arguments; `arguments` says which these are. The signature
+    of a function written in C may be unknown."""
     try:
         signature = inspect.signature(function)
     except (TypeError, ValueError):
@@ -90,7 +90,7 @@ def number(
     least: float | None = None,
     above: float | None = None,
 ) -> float:
-    """A finite number, optionally `>= least` or `> above`, in its SI unit; "" for one that has none."""
+    """A finite number, optionally `>= least` or `> above`, in its SI unit ("" if it has none)."""
     if type(value) is float:
         result = value
     else:

@@ -83,18 +83,19 @@ class Equations:
     def measure(self, q: ArrayLike, *, t: float = 0.0) -> Array:
         """Projective measure rho (nv,) of every velocity (P4), without units.
 
-        How mobile it is with the loops closed, relative to the loops opened: 1 = they do not hinder it, 0 =
+        Its mobility with the loops closed, relative to that with the loops cut open: 1 = not restricted, 0 =
         locked.
         """
         return _finite("the measure", self._core.measure(finite_time(t), self._q(q)), t)
 
     def at(self, q: ArrayLike, v: ArrayLike | None = None, t: float = 0.0) -> Instant:
-        """One instant: every term of the equations and of their reduction, with the best choice of coordinates there.
+        """Return every term of the equations and of their reduction at one instant, with the best choice of
+        coordinates.
 
         For inspection, teaching and checking; dense, O(nv^3). `q` must satisfy the constraints, and so must `v`; None:
         at rest except for prescribed motion.
 
-        Raises `SingularityError` in a singular position.
+        Raises `SingularityError` at a singular position.
 
         >>> import numpy as np
         >>> import partita as pt
@@ -119,19 +120,20 @@ class Equations:
         v: ArrayLike,
         tangent: Any = None,
     ) -> list[float]:
-        """Seconds of one evaluation of the accelerations and nothing else, for formulations side by side.
+        """Measure the time of one evaluation of the accelerations alone [s], for formulations side by side.
 
-        For `compare`, whose column it is. Evaluations are those of the stages of a step from each of the states (t, q,
-        v), one per row; at each state the formulations take turns in batches of some 40 us, and the fastest of 25
-        counts, so that other loads of the machine affect none of them. A millisecond for each formulation and state.
+        `compare` shows it as a column. The evaluations are those of the stages of a step from each of the states (t, q,
+        v), one per row; at each state the formulations take turns in batches of about 40 us, and the fastest of 25
+        counts, so that other loads of the machine do not favour any of them. It takes a millisecond for each
+        formulation and state.
 
         Args:
-            options: of runs, as `Result.options` has them.
-            steps: length of a usual step of each [s].
+            options: list of options of runs, in the form of `Result.options`.
+            steps: typical step length of each run [s].
             t, q, v: closed states (nt,), (nt, nq), (nt, nv).
-            tangent: what "user-tangent" needs.
+            tangent: `TangentVelocities` for "user-tangent".
 
-        NaN for one that cannot be evaluated at any of the states.
+        The time is NaN for a formulation that cannot be evaluated at any of the states.
         """
         return evaluation_costs(self._core, options, steps, (t, q, v), tangent)
 
@@ -143,17 +145,16 @@ class Equations:
 
 
 class CompiledModel(Equations):
-    """A mechanism compiled into equations: made by `Mechanism.compile`, never changes. Copies are itself; pickled, it
-    travels as its description and is compiled again.
+    """A mechanism compiled into equations by `Mechanism.compile`; immutable. A copy is the object itself; pickling
+    stores the description, which is compiled again.
 
-    `with_parameters` gives the same mechanism with other masses, points, stiffnesses, ... at a fraction of the cost.
+    `with_parameters` returns the same mechanism with other masses, points, stiffnesses, ... at a fraction of the cost.
 
     Attributes:
         summary: names, sizes and layout as plain data.
         coordinates: "relative" or "absolute".
         description: what was compiled, as JSON.
-        notes: what the compiler wants known: rows left out as redundant, derivatives found by differences,
-            ...
+        notes: remarks of the compiler: redundant rows left out, derivatives computed by differences, ...
 
     >>> import partita as pt
     >>> m = pt.Mechanism("pendulum")
@@ -178,7 +179,7 @@ class CompiledModel(Equations):
         self._changes: dict[str, list[float]] = dict(changes or {})
         self.summary, self.coordinates = summary, coordinates
         self._notes = notes
-        self._at_rest: State | None = None  # the drawing, assembled, once it was asked for
+        self._at_rest: State | None = None  # the assembled drawing, computed on first use
 
     @property
     def notes(self) -> list[str]:
@@ -202,29 +203,29 @@ class CompiledModel(Equations):
 
     @property
     def parameters(self) -> dict[str, float | list[float]]:
-        """All parameters by name, with their present numbers (SI): what `with_parameters` takes.
+        """All parameters that `with_parameters` accepts, by name, with their current values (SI).
 
         "gravity" (3), "BODY.mass", "BODY.com" (3, body axes), "BODY.inertia" (9, row by row, about the centre of mass),
         "JOINT.point" (3, world of the drawing), "SPRING.stiffness", ".damping", ".length", ".point1", ".point2",
         "TORSION.stiffness", ".damping", ".angle", "TORQUE.value", "FORCE.value", "FORCE.point"; values only where they
-        are constants. "BUSHING.stiffness" and ".damping" (36, row by row), ".point1", ".point2"; of friction, stops,
-        contacts and tyres the numbers by the names of the arguments, exponents excepted. "GEAR.ratio", "RACK.radius",
+        are constants. "BUSHING.stiffness" and ".damping" (36, row by row), ".point1", ".point2"; for friction, stops,
+        contacts and tyres the numbers, named after the arguments, except exponents. "GEAR.ratio", "RACK.radius",
         "BELT.radius1", ".radius2", "DISTANCE.length", ".point1", ".point2", "SCREW.pitch", "ROLLING.radius", ".center",
         ".point", and "COUPLER.factors", ".offset" of what was added by `add_coupler`; curves, tables and functions are
-        none.
+        not parameters.
         """
         return {name: x[0] if len(x) == 1 else x for name, x in self.core.parameters()}
 
     def with_parameters(self, changes: Mapping[str, ArrayLike]) -> CompiledModel:
-        """The same mechanism with other parameters (see `parameters`), without compiling it anew: bodies, joints,
-        coordinates and constraint rows stay as they are.
+        """Return the same mechanism with other parameters (see `parameters`), without compiling it again: bodies,
+        joints, coordinates and constraint rows stay the same.
 
-        Every number stands for itself: a new mass leaves the inertia as it was, a joint's point moves on both of its
-        bodies, which stay where they are drawn. Prefer it to a new mechanism in sweeps and gradients.
+        Every number changes only itself: a new mass leaves the inertia unchanged; the point of a joint moves on both of
+            its bodies, which stay where they are drawn. Prefer it to a new mechanism in sweeps and gradients.
 
         Raises `DescriptionError` for unknown names, wrong counts, numbers that no body, coupling or screw can have,
-        points that would take a planar mechanism out of its plane, and factors by which a coupling in space would hold
-        rates alone where it holds positions (see `add_coupler`); `ArgumentError` for what is no number.
+        points that would move a planar mechanism out of its plane, and factors with which a spatial coupling would
+        constrain only rates instead of positions (see `add_coupler`); `ArgumentError` for a value that is not a number.
 
         >>> import partita as pt
         >>> m = pt.Mechanism("pendulum")

@@ -14,12 +14,12 @@ from .records import Joint
 
 
 def add_compliance(self: Drawing, joint: Joint | str, translation: ArrayLike = 0.0, rotation: ArrayLike = 0.0) -> Joint:
-    """Give the compliance of a joint, by which redundant joints share the load that is indeterminate for rigid bodies.
+    """Specify the compliance of a joint, by which redundant joints share loads that rigid bodies leave indeterminate.
 
-    The motion does not change, and no determined reaction does. Of all distributions of the load the one with the least
-    energy stored in the joints is returned, as for rigid bodies on elastic joints. A joint without compliance is rigid
-    beside those that have one, and so is a direction given as 0. Without any compliance the rule is the least sum of
-    squares of forces and of moments over a length.
+    Neither the motion nor any determined reaction changes. Of all load distributions the one with the least energy
+    stored in the joints is returned, as for rigid bodies on elastic joints. A joint without compliance is then rigid,
+    and so is a direction given as 0. Without any compliance the rule is the least sum of squares of forces and of
+    moments divided by a length.
 
     Args:
         joint: the joint or its name.

@@ -1,7 +1,7 @@
 """Contacts: spheres against planes and spheres, and wheels on a road.
 
-They are compliant: bodies overlap by a depth, and the force grows with it. A run sees the first touch as a corner of
-the force and takes small steps there; the stiffer the contact, the smaller.
+They are compliant: bodies overlap by a depth, and the force grows with it. At first touch the derivative of the force
+is discontinuous, and a run takes small steps there; the stiffer the contact, the smaller.
 """
 
 from __future__ import annotations
@@ -39,24 +39,23 @@ def add_contact(
     At the depth d the bodies push each other apart by N = stiffness d^exponent (1 + damping dd/dt), never together
     (Hunt and Crossley, J. Appl. Mech. 42, 1975); nothing acts before they touch. For elastic spheres of one material
     Hertz's law has exponent 1.5 and stiffness 4/3 E* sqrt(R), 1/R = 1/radius1 + 1/radius2. The force acts at the plane,
-    or midway in the overlap of two spheres. Friction resists the sliding speed there by N times the law of
-    `add_friction`.
+    or midway in the overlap of two spheres. Friction opposes sliding there with N times the law of `add_friction`.
 
     Args:
         name: unique among the forces.
-        body1: body of the sphere, or the ground.
+        body1: body that carries the sphere, or the ground.
         point1: its centre, in body axes [m].
-        body2: body of the plane or the other sphere, or the ground.
+        body2: body that carries the plane or the other sphere, or the ground.
         point2: a point of the plane, or the other centre, in body axes (world for the ground) [m].
         radius1: of the sphere [m]; 0: a point, on a plane only.
         stiffness: force at a depth of 1 m [N/m^exponent], not negative.
         normal: of the plane, towards its free side, in the axes of body 2; the plane has no edge.
-        radius2: of the other sphere [m], above 0. One of `normal` and `radius2` is given.
+        radius2: of the other sphere [m], above 0. Give either `normal` or `radius2`.
         exponent: power of the depth, at least 1.
-        damping: growth of the force with the speed inward [s/m], not negative.
-        friction: coefficient while it slides; 0: none.
-        static_friction: coefficient to be overcome; None: that of sliding.
-        stick_velocity: sliding speed at which it is reached [m/s], needed where there is friction.
+        damping: relative increase of the force per approach speed [s/m], not negative.
+        friction: coefficient of sliding friction; 0: none.
+        static_friction: coefficient of static friction; None: equal to that of sliding.
+        stick_velocity: sliding speed at which static friction is reached [m/s]; required with friction.
 
     >>> import partita as pt
     >>> m = pt.Mechanism("ball")
@@ -125,28 +124,29 @@ def add_tyre(
     lateral: float = 0.0,
     slow_speed: float | None = None,
 ) -> Force:
-    """Add a tyre: a wheel's disc that presses on a road, with forces against slip if wanted.
+    """Add a tyre: the disc of a wheel that presses on a road, optionally with slip forces.
 
     The lowest point of the free disc lies below the road by the depth d; the road pushes it along the normal by
-    N = stiffness d (1 + damping dd/dt), never down. Forces against slip act where the radius to that point meets the
-    road. With the velocity s of the wheel's material there, along the wheel and across it, and the speed V of the
-    centre along the wheel, z = (longitudinal s_x, lateral s_y) / sqrt(V^2 + slow_speed^2) and the force is -z / sqrt(1
-    + |z|^2 / (friction N)^2): linear at small slip, never above friction N.
+    N = stiffness d (1 + damping dd/dt), never down. Slip forces act where the radius to that point meets the road. With
+    the velocity s of the wheel's material there, along the wheel and across it, and the speed V of the centre along the
+    wheel, z = (longitudinal s_x, lateral s_y) / sqrt(V^2 + slow_speed^2) and the force is -z / sqrt(1 + |z|^2 /
+    (friction N)^2): linear at small slip, never above friction N.
 
     Args:
         name: unique among the forces.
-        body: the wheel's body, which turns about `axis`.
+        body: the wheel, which rotates about `axis`.
         center: centre of the wheel, in body axes [m].
         axis: axis of the wheel, in body axes; its sign does not matter.
         radius: of the free disc [m].
-        normal: of the road, upward, in the axes of `ground`; the road is a plane without an edge.
+        normal: upward normal of the road, in the axes of `ground`; the road is an unbounded plane.
         stiffness: [N/m], not negative.
-        ground: body of the road.
+        ground: body that carries the road.
         point: a point of the road, in the axes of `ground` [m].
-        damping: growth of the force with the speed inward [s/m]; a damper of c [N s/m] at the depth d is c / (stiffness
-        d). friction: coefficient that limits the slip force; 0: the wheel slides freely. longitudinal, lateral: slip
-        stiffness, force for a slip of 1 [N]. slow_speed: speed below which slip is counted as if at it [m/s], needed
-        where there is slip stiffness.
+        damping: relative increase of the force per approach speed [s/m]; a damper of c [N s/m] at the depth d has
+            damping = c / (stiffness d).
+        friction: coefficient that limits the slip force; 0: the wheel slides freely.
+        longitudinal, lateral: slip stiffness, the force for a slip of 1 [N].
+        slow_speed: speed [m/s] below which the slip is computed as at this speed; required with a slip stiffness.
 
     >>> import partita as pt
     >>> m = pt.Mechanism("wheel")

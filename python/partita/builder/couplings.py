@@ -1,4 +1,4 @@
-"""Couplings: conditions between joints or bodies that are not joints: `Mechanism.add_gear` and similar methods.
+"""Couplings: constraints between joints or bodies other than joints: `Mechanism.add_gear` and similar methods.
 
 A coupling acts on the coordinates of joints in the spanning tree, of joints that close loops, and in absolute
 coordinates. Coordinates are zero as drawn, so a coupling is satisfied as drawn. Its force is
@@ -40,20 +40,20 @@ def add_coupler(
     *,
     word: str = "coupler",
 ) -> Coupling:
-    """Hold a sum of coordinates: factors[0] x terms[0] + factors[1] x terms[1] + ... = offset.
+    """Constrain a weighted sum of coordinates: factors[0] x terms[0] + factors[1] x terms[1] + ... = offset.
 
-    The general form of gear, rack, belt and distance: a differential has three terms, a planetary gear too.
+    The general form of gear, rack, belt and distance; a differential or a planetary gear has three terms.
 
     Args:
         terms: joints (their first coordinates), or `pt.Coordinate`, `pt.Distance`, `pt.Along`, `pt.Cosine`; any
             number of them.
-        factors: one number for each, none of them 0. With units, the first is a number without one, and the others
-            bring their terms into its unit: (1, "-20 mm/rad") of a slide and a turn.
-        offset: the sum, in the unit of the first term; coordinates of joints are zero as drawn.
+        factors: one nonzero number for each term. The first has no unit; the others convert their terms to the unit of
+            the first: (1, "-20 mm/rad") for a translation and a rotation.
+        offset: value of the sum, in the unit of the first term; coordinates of joints are zero as drawn.
         word: what reports and messages call it.
 
-    In absolute coordinates, and for joints that close loops in space, whole turns are not known; where the factors
-    leave no common period, the condition then holds the rates alone, which keeps the same motion.
+    In absolute coordinates, and for joints that close loops in space, whole turns are not known. If the factors have no
+    common period, the coupling then constrains only the rates, which gives the same motion.
 
     >>> import partita as pt
     >>> m = pt.Mechanism("differential")
@@ -91,8 +91,8 @@ def add_gear(
 ) -> Coupling:
     """Couple two joints: the rate of `joint2` is `ratio` times the rate of `joint1`.
 
-    Of two wheels on fixed axes that mesh outside, the ratio is minus the radius of the first over that of the second;
-    inside it is positive.
+    For two external gears on fixed axes the ratio is minus the radius of the first over that of the second; for an
+    internal gear it is positive.
 
     >>> import partita as pt
     >>> m = pt.Mechanism("gears")
@@ -125,7 +125,7 @@ def add_belt(
 ) -> Coupling:
     """Couple two revolute joints by a belt or chain that does not slip: radius1 x rate1 = radius2 x rate2.
 
-    The axes shall point the same way; a crossed belt turns the second pulley backwards.
+    The axes must point in the same direction; for a crossed belt reverse the axis of the second pulley.
 
     >>> import partita as pt
     >>> m = pt.Mechanism("belt")
@@ -154,7 +154,7 @@ def add_rack(
     coordinate2: int = 0,
     name: str | None = None,
 ) -> Coupling:
-    """Couple a rotation and a translation: the rate of `slide` is `radius` times that of `pinion`; below 0 backwards.
+    """Couple a rotation and a translation: the rate of `slide` is `radius` times that of `pinion`; negative: reversed.
 
     >>> import partita as pt
     >>> m = pt.Mechanism("steering")
@@ -184,10 +184,10 @@ def add_distance(
     point2: ArrayLike,
     length: float | None = None,
 ) -> Coupling:
-    """Hold two points at a distance: a massless rod between two balls, whose spin is not a degree of freedom.
+    """Keep two points at a constant distance: a massless rod between two balls, without an idle rotation.
 
-    Prefer it to a body where the rod's mass does not matter: a rod with ball joints at both ends spins idly. The force
-    in it is `result.coupling(name).tension`.
+    Prefer it to a body if the mass of the rod does not matter: a rod with ball joints at both ends has an idle
+    rotation. The force in it is `result.coupling(name).tension`.
 
     Args:
         point1, point2: in body axes, of the ground in the world [m].
@@ -224,11 +224,10 @@ def add_cam(
     """Let one coordinate follow another: follower = law(cam).
 
     Args:
-        follower, cam: joints (their first coordinates), or measures as in `add_coupler`.
+        follower, cam: joints (their first coordinates), or measurements as in `add_coupler`.
         law: a table (x, y), joined by a twice differentiable cubic spline and computed without Python; or a function of
             one number (arithmetic, NumPy functions, `np.polynomial.Polynomial`).
-        periodic: the table repeats itself after its last x, as smoothly as it runs elsewhere; first and last y are
-            equal.
+        periodic: the table repeats after its last x, as smoothly as elsewhere; first and last y must be equal.
 
     >>> import numpy as np
     >>> import partita as pt
@@ -279,15 +278,15 @@ def add_point_on_curve(
     y_axis: ArrayLike = (0.0, 1.0, 0.0),
     polar: bool = False,
 ) -> Coupling:
-    """Hold a point of `body2` on a curve of `body1`, seen along the normal of the curve's plane: a slot, a rail, a cam.
+    """Keep a point of `body2` on a curve of `body1`, seen along the normal of the curve's plane: a slot, a rail, a cam.
 
-    Across the plane it holds nothing; a joint or `add_point_on_plane` does.
+    It does not constrain the point across the plane; use a joint or `add_point_on_plane` for that.
 
     Args:
         point2: the point, in axes of `body2` [m].
-        curve: y over x: a table or a function; or, `polar`, a table (angle [rad], radius [m]) that closes after a whole
-            turn, as of a cam's outline.
-        origin, x_axis, y_axis: where the curve lies, in axes of `body1`.
+        curve: y over x: a table or a function; or, with `polar`, a table (angle [rad], radius [m]) that closes after a
+            whole turn, such as the outline of a cam.
+        origin, x_axis, y_axis: origin and axes of the curve, in axes of `body1`.
 
     >>> import partita as pt
     >>> m = pt.Mechanism("bead")
@@ -340,17 +339,18 @@ def add_rolling(
     normal: ArrayLike = (0.0, 1.0, 0.0),
     slips: bool = False,
 ) -> Coupling:
-    """Let a disc (a wheel with a sharp edge) or a ball roll on a plane: it touches, and does not slip.
+    """Let a disc (a wheel with a sharp edge) or a ball roll on a plane without slipping.
 
-    Touching is a condition on positions, rolling two conditions on rates (nonholonomic): they take no position away.
+    Contact is one constraint on positions; rolling adds two nonholonomic constraints on velocities, which leave every
+    position accessible.
 
     Args:
-        body: what rolls; `center` and `axis` of the disc in its axes [m].
+        body: the rolling body; `center` [m] and `axis` of the disc are in its axes.
         ball: a ball, which has no axis.
         radius: [m].
         on: the body that carries the plane; None: the ground.
         point, normal: a point of the plane, and its normal towards the centre, in axes of `on`.
-        slips: touches only.
+        slips: True: contact only, without the constraints of rolling.
 
     >>> import partita as pt
     >>> m = pt.Mechanism("coin")
@@ -388,24 +388,25 @@ def add_constraint(
     level: str = "position",
     word: str = "constraint",
 ) -> Coupling:
-    """Add a condition of your own: function(t, x1, x2, ...) = 0 of what is read off the mechanism.
+    """Add a user-defined constraint: function(t, x1, x2, ...) = 0 of measurements of the mechanism.
 
-    Several of them between two bodies make a joint of your own.
+    Several of them between two bodies make a user-defined joint.
 
     Args:
-        function: returns one number. With level "velocity" it returns the coefficients g_i of a condition on rates,
-            g_1 x1' + g_2 x2' + ... = 0, and, if there is one number more, a drift that is added (nonholonomic).
-        of: what it sees, in order: joints (their first coordinates) or measures as in `add_coupler`; up to 12.
-        gradient: (t, x1, x2, ...) -> the partial derivatives; None: found exactly where the function takes numbers that
-            carry derivatives (arithmetic, NumPy functions), else by central differences, and a note says so.
+        function: returns one number. With level "velocity" it returns the coefficients g_i of a nonholonomic constraint
+            g_1 x1' + g_2 x2' + ... = 0, and optionally one further number that is added to the sum.
+        of: its arguments, in order: joints (their first coordinates) or measurements as in `add_coupler`; at most 12.
+        gradient: (t, x1, x2, ...) -> the partial derivatives; None: computed exactly if the function uses only
+            arithmetic and NumPy functions, otherwise by central differences, which a note reports.
 
-    The function must be continuous with its slopes. Of an angle of a joint that closes a loop in space (or in absolute
-    coordinates) whole turns are not known: where it comes to half a turn, the function must repeat itself.
+    The function and its first derivatives must be continuous. Whole turns are not known for the angle of a joint that
+    closes a loop in space (or in absolute coordinates): if such an angle reaches half a turn, the function must be
+    periodic.
 
     Raises:
-        DescriptionError: the gradient given is that of another function.
-        EvaluationError: the function returns anything but finite numbers, jumps, or would have to count turns (here or
-            during a run).
+        DescriptionError: the given gradient is not that of the function.
+        EvaluationError: the function returns anything but finite numbers, jumps, or depends on whole turns that are not
+            known (here or during a run).
 
     >>> import partita as pt
     >>> m = pt.Mechanism("pendulum on a parabola")
@@ -426,7 +427,7 @@ def add_constraint(
     if not callable(function):
         element.fail(f"function must be callable, not {function!r}")
     if gradient is not None and (kind == "velocity" or not callable(gradient)):
-        element.fail("gradient is a function of (t, x1, x2, ...), of a condition on positions")
+        element.fail("gradient must be a function of (t, x1, x2, ...) and applies to constraints on positions only")
     for what, one in (("function", function), ("gradient", gradient)):
         if one is not None:
             takes(element, what, one, f"t and {len(terms)} readings", 1 + len(terms))
@@ -475,9 +476,9 @@ def _which(mechanism: Drawing, made: Coupling) -> dict[str, Any]:
 
 def _terms(mechanism: Drawing, element: Element, terms: Any) -> list[dict[str, Any]]:
     if isinstance(terms, str | dict) or not isinstance(terms, Sequence):
-        element.fail(f"terms must be a list of joints or measures, not {terms!r}")
+        element.fail(f"terms must be a list of joints or measurements, not {terms!r}")
     if not terms:
-        element.fail("it has no terms; name one joint or measure at least")
+        element.fail("it has no terms; name at least one joint or measurement")
     return [measure(mechanism, element, term) for term in terms]
 
 

@@ -34,43 +34,43 @@ def add_drive(
     rate: float = 0.0,
     name: str | None = None,
 ) -> Drive:
-    """Prescribe a motion over time: of one joint coordinate, a distance, a displacement, the whole pose of a body; the
-    effort it takes is part of the joint's reaction.
+    """Prescribe a motion over time: of a joint coordinate, a distance, a displacement, or the whole pose of a body.
 
-    Give the position, or the velocity alone, or the acceleration alone. A drive of velocity or acceleration prescribes
-    rates: it starts from the present position of the mechanism. A joint with spatial rotation is driven by its pose. A
-    coordinate that should follow another one instead of time is coupled to it: `add_cam`.
+    Its effort is part of the joint's reaction. Give the position, or the velocity alone, or the acceleration alone. A
+    drive of velocity or acceleration prescribes rates: it starts from the current position of the mechanism. A joint
+    with spatial rotation is driven by its pose. To make a coordinate a function of another one instead of time, use
+    `add_cam`.
 
     Args:
         joint: the joint or its name (in the tree, closing a loop, or in absolute coordinates); the coordinate must be a
-            slide or an angle; of a turn in space its three angular velocities can be driven, in child axes [rad/s]. Or
-            `pt.Distance`, `pt.Along`, `pt.Cosine`. With a pose also a body: a free joint "pose of ..." from the ground
-            is added for it, whose `force`, `moment` and `drive` are what the drive exerts.
-        position: [m] or [rad], measured from the drawn position (distances and displacements as they are): a number
-            (it is held there), a table (times, values) joined by a twice differentiable cubic spline (two points make
-            a straight line, three a parabola), or f(t).
-        velocity, acceleration: beside a position that is a function, its derivatives as functions of t; alone, what is
-            prescribed, as number, table or f(t). A table of accelerations is joined by straight lines.
-        pose: (position, orientation), held; a table (times, positions, orientations), positions joined by a twice
+            translation or an angle; of a spatial rotation the three angular velocities can be driven, in child axes
+            [rad/s]. Or `pt.Distance`, `pt.Along`, `pt.Cosine`. With a pose it may be a body: a free joint "pose of ..."
+            from the ground is then added, whose `force`, `moment` and `drive` are the efforts of the drive.
+        position: [m] or [rad], measured from the drawn position (distances and displacements: their own values): a
+            number (constant), a table (times, values) joined by a twice differentiable cubic spline (two points make a
+            straight line, three a parabola), or f(t).
+        velocity, acceleration: with a position that is a function, its derivatives as functions of t; alone, the
+            prescribed quantity, as number, table or f(t). A table of accelerations is interpolated linearly.
+        pose: (position, orientation), constant; a table (times, positions, orientations), positions joined by a twice
             differentiable cubic spline, orientations by a curve of rotations with continuous angular acceleration; or
-            f(t) that returns (position, orientation). Of a joint its coordinates, zero as drawn: as many slides [m] as
-            it has (none: the orientation alone), and how the child is turned. Of a body its position and orientation in
-            the world. Orientations are rotation vectors [rad], quaternions (w, x, y, z), matrices or a SciPy
-            `Rotation`; any angle goes, by any number of turns.
+            f(t) that returns (position, orientation). For a joint these are its coordinates, zero as drawn: as many
+            translations [m] as it has (none: the orientation alone), and the rotation of the child. For a body they are
+            its position and orientation in the world. Orientations are rotation vectors [rad], quaternions (w, x, y,
+            z), matrices or a SciPy `Rotation`, through any angle and any number of turns.
         coordinate: which coordinate of the joint, from 0.
         rate: with an acceleration alone, the rate at t = 0 [rad/s or m/s].
         name: None: made from the joint's name.
 
-    Where derivatives of a function are not given, they are computed exactly by evaluating f on a number that carries
-    its derivatives; f may use arithmetic and NumPy functions. For other functions (`math.sin`, interpolators) central
-    differences of order 8 are used, and a note in the result reports it with their accuracy. The same holds for a pose:
-    rotation vector, quaternion and matrix are exact, a SciPy `Rotation` is not.
+    Derivatives of a function that are not given are computed exactly, by automatic differentiation, if f uses only
+    arithmetic and NumPy functions. For other functions (`math.sin`, interpolators) central differences of order 8 are
+    used, and a note in the result reports their accuracy. The same applies to a pose: rotation vectors, quaternions and
+    matrices are differentiated exactly, a SciPy `Rotation` is not.
 
     Raises:
-        DescriptionError: the coordinate does not exist or is driven already; a derivative contradicts the
+        DescriptionError: the coordinate does not exist or is already driven; a given derivative contradicts the
             function.
-        EvaluationError: the function returns anything but a finite number (here or during a run); a run
-            leaves the table.
+        EvaluationError: the function returns anything but a finite number (here or during a run), or a run leaves the
+            table.
 
     >>> import numpy as np
     >>> import partita as pt
@@ -92,7 +92,9 @@ def add_drive(
     if isinstance(joint, Joint | str):
         found = _coordinate(self, element, joint, coordinate, level)
     elif isinstance(joint, Body):
-        element.fail("a body has no single coordinate; give its pose (pose=...), or drive a joint or a measure of it")
+        element.fail(
+            "a body has no single coordinate; give its pose (pose=...), or drive a joint or a measurement of it"
+        )
     else:
         found = measure(self, element, joint)
     _alone(self, element, found)
@@ -128,9 +130,7 @@ def _drive_pose(
     default = free_name(mechanism, f"drive of {what}", d.drives)
     element = name_of("drive", default if name is None else name, d.drives)
     if any(x is not None for x in others) or coordinate != 0 or rate != 0.0:
-        element.fail(
-            "a pose is all coordinates at all times; leave position, velocity, acceleration, coordinate, rate out"
-        )
+        element.fail("a pose prescribes all coordinates; omit position, velocity, acceleration, coordinate and rate")
     if is_body:
         body = resolve(mechanism, element, "the body", joint, ground=False)
         record = d.bodies[body]
@@ -161,7 +161,7 @@ def _drive_pose(
 
 
 def driven_key(found: Mapping[str, Any]) -> str:
-    """A measure as text, by which existing drives are found."""
+    """A measurement as text, by which existing drives are found."""
     return json.dumps(found, sort_keys=True)
 
 

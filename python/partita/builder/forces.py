@@ -1,10 +1,10 @@
 """Forces: springs, torques and forces on a mechanism.
 
-A value that changes may be a number, a table or a Python function f(t, state). `state` offers `.t`, `.q`,
-`.v` and, for joints of the spanning tree, `.position(joint)` and `.velocity(joint)` by name. A table is
-(times [s], values), joined by PCHIP, which never overshoots the samples; a run that leaves the table stops
-with `EvaluationError`. A function is called several times per step, from the compiled core, and is by far the
-most expensive part of an evaluation; numbers and tables cost nothing.
+A value may be a number, a table or a Python function f(t, state). `state` offers `.t`, `.q`,
+`.v` and, for joints of the spanning tree, `.position(joint)` and `.velocity(joint)` by name. A table is (times [s],
+values), interpolated by PCHIP, which never overshoots the samples; a run that leaves the table stops with
+`EvaluationError`. A function is called several times per step from the compiled core and is by far the most expensive
+part of an evaluation; numbers and tables cost almost nothing.
 """
 
 from __future__ import annotations
@@ -49,8 +49,8 @@ def add_spring(
 ) -> Force:
     """Add a linear spring and damper between two points.
 
-    The force along the line is stiffness (distance - length) + damping d(distance)/dt, pulling when positive.
-    Negative stiffness or damping is allowed: some controllers and magnets are like that.
+    The force along the line is stiffness (distance - length) + damping d(distance)/dt, positive in tension. Negative
+    stiffness or damping is allowed, as for some controllers and magnets.
 
     Args:
         name: unique among the forces.
@@ -58,7 +58,7 @@ def add_spring(
         point1, point2: in the axes of their body (world for the ground) [m].
         stiffness: [N/m].
         damping: [N s/m].
-        length: free length [m], not negative; None: as drawn, so that the drawn spring carries no force.
+        length: free length [m], not negative; None: the drawn distance, so that the spring is unloaded as drawn.
 
     >>> import partita as pt
     >>> m = pt.Mechanism("swing")
@@ -75,7 +75,7 @@ def add_spring(
     drawn = float(np.linalg.norm(to_world(d, second, end2) - to_world(d, first, end1)))
     if drawn == 0.0:
         element.fail(
-            "both ends are at the same point as drawn, where the direction of the force is unknown; move one end"
+            "both ends are at the same point as drawn, where the direction of the force is undefined; move one end"
         )
     record = SpringRecord(
         name=name,
@@ -104,8 +104,8 @@ def add_torsion_spring(
     the child.
 
     Args:
-        joint: the joint or its name; not one whose coordinate is part of a quaternion.
-        stiffness: [N m/rad] on a turn, [N/m] on a slide.
+        joint: the joint or its name; its coordinate must not be part of a quaternion.
+        stiffness: [N m/rad] for a rotation, [N/m] for a translation.
         damping: [N m s/rad] or [N s/m].
         angle: coordinate at which the spring is at rest [rad] or [m]; 0: the drawn position.
         coordinate: which coordinate of the joint, from 0.
@@ -143,15 +143,15 @@ def add_torque(
     coordinate: int = 0,
     name: str | None = None,
 ) -> Force:
-    """Add an effort along one coordinate of a joint: on the child, its opposite on the parent.
+    """Add an effort along one coordinate of a joint; it acts on the child, its opposite on the parent.
 
     Args:
         joint: the joint or its name.
-        value: torque on a turn [N m], force on a slide [N]: a number, a table (times, values), or f(t, state)
-            that returns a number.
-        over: what a table is over, in place of time: a joint (its first coordinate) or a measure such as
-            `pt.Distance`; a gas force over the crank's angle. Computed without Python.
-        periodic: that table repeats itself after its last entry; first and last value are then equal.
+        value: torque for a rotation [N m], force for a translation [N]: a number, a table (times, values), or f(t,
+            state) that returns a number.
+        over: abscissa of a table instead of time: a joint (its first coordinate) or a measurement such as
+            `pt.Distance`, for example for a gas force over the crank angle. Computed without Python.
+        periodic: this table repeats after its last entry; its first and last value must be equal.
         coordinate: which velocity of the joint, from 0.
         name: None: made from the joint's name.
 
@@ -201,8 +201,8 @@ def add_force(
         body: the body or its name, not the ground.
         force: [N] three components, each a number, a table (times, values) or f(t, state); or one table
             (times (n,), values (n, 3)); or one function f(t, state) that returns three numbers.
-        point: where it acts, in body axes [m]; None: the centre of mass.
-        axes: "world": components along the world's axes; "body": along the body's axes, turning with it.
+        point: point of application in body axes [m]; None: the centre of mass.
+        axes: "world": components along the world axes; "body": along the axes of the body, which rotate with it.
         name: None: made from the body's name.
 
     >>> import partita as pt

@@ -1,7 +1,8 @@
 """Loads along a coordinate of a joint: friction, end stops, gas springs.
 
-They follow smooth laws: friction depends on the speed with a steep slope instead of a jump, stops on the depth. Both
-make a motion stiffer, and a run takes shorter steps, the smaller the stick velocity and the stiffer the stop.
+They follow smooth laws: friction is a steep function of the speed instead of a jump, the force of a stop a function of
+the depth. Both make the equations stiffer: the smaller the stick velocity and the stiffer the stop, the shorter the
+steps of a run.
 """
 
 from __future__ import annotations
@@ -44,44 +45,47 @@ def add_friction(
         -(dynamic 4u / sqrt(1 + 16 u^2) + (static - dynamic) u / (3/4 + u^2/4)^2).
 
     The second part, whose maximum 1 is at u = 1, is that of Brown and McPhee (J. Comput. Nonlinear Dynam. 11, 2016). At
-    rest there is no effort: a body that should stick creeps, slower than the stick velocity as long as the load is
-    below `static` less 3 per cent of `dynamic`. A small stick velocity approximates Coulomb's law and requires small
+    rest the effort is zero: a body that should stick creeps, more slowly than the stick velocity as long as the load is
+    below `static` minus 3 per cent of `dynamic`. A small stick velocity approximates Coulomb's law and requires small
     steps.
 
-    Either the magnitude is given (`dynamic`, `static`), or a `coefficient`, and it depends on the reaction of this
-    joint, which the friction affects in turn: magnitude = coefficient N. With F and M the force and the moment of the
-    joint's constraints (as `run.joint(...)` gives them), N is on a slide |F| across the axis, on a turn radius |F|
-    across the axis. Give the `length` L of the bearing where it carries a moment: two short bearings at its ends then
-    share F and take M across the axis, N = |F/2 + M x a / L| + |F/2 - M x a / L| (on a turn times the radius), a the
-    axis. `collar` adds collar |F along the axis| on a turn, `radius` adds |M about the axis| / radius on a slide.
+    Give either the magnitude (`dynamic`, `static`) or a `coefficient`; with a coefficient the magnitude is coefficient
+    N and depends on the reaction of this joint, which the friction affects in turn. With F and M the force and the
+    moment of the joint's constraints (as in `run.joint(...)`), N is |F| across the axis for a translation, and radius
+    |F| across the axis for a rotation. Give the `length` L of the bearing if it carries a moment: two short bearings at
+    its ends then share F and take M across the axis, N = |F/2 + M x a / L| + |F/2 - M x a / L| (times the radius for a
+    rotation), with the axis a. `collar` adds collar |F along the axis| for a rotation, `radius` adds |M about the axis|
+    / radius for a translation.
 
-    For a mechanism that moves in a plane the reaction in the plane is used where it is complete: for a rotation without
-    collar and length, for a translation as long as no load acts across the plane (gravity, forces; functions of forces
-    and contacts count as such) and, with a length, everything lies in one plane. Otherwise its joints are treated in
-    space, where their load distribution may not be determined.
+    For a planar mechanism the reaction in the plane is used if it is sufficient: for a rotation without collar and
+    length; for a translation if no load acts across the plane (gravity, forces; force functions and contacts count as
+    such loads) and, with a length, if everything lies in one plane. Otherwise the joints are treated as spatial, and
+    their load distribution may not be determined.
 
-    Prefer the coefficient where loads change along the motion. An evaluation then solves for the accelerations once
+    Prefer the coefficient if the loads change during the motion. An evaluation then solves for the accelerations once
     more, densely: (n + m)^3 / 6 multiplications for n velocities and m constraint rows.
 
     Args:
         joint: the joint or its name, in the tree or closing a loop; not a coordinate that is part of a quaternion.
-        dynamic: magnitude while it slides, torque on a turn [N m], force on a slide [N]: a number that is not negative,
-        a table (times, values), or f(t, state).
+        dynamic: magnitude of sliding friction, a torque for a rotation [N m], a force for a translation [N]: a number
+            that is not negative, a table (times, values), or f(t, state).
         stick_velocity: rate at which `static` is reached, above 0 [rad/s] or [m/s].
-        static: magnitude to be overcome; None: that of sliding.
-        coefficient: instead of `dynamic`: friction over what presses, while it slides, not negative.
-        static_coefficient: the same to be overcome; None: that of sliding.
-        radius: on a turn, where it slides (needed with a coefficient); on a slide, the arm that holds it from turning;
-            above 0 [m].
-        length: of the bearing, above 0 [m]; None: moments do not press.
-        collar: mean radius of the collar that carries the force along the axis of a turn [m]; None: it does not press.
+        static: magnitude of static friction; None: equal to `dynamic`.
+        coefficient: instead of `dynamic`: sliding friction divided by the normal force N, not negative.
+        static_coefficient: the same for static friction; None: equal to `coefficient`.
+        radius: for a rotation, the radius of the sliding surface (required with a coefficient); for a translation, the
+            arm that prevents rotation; above 0 [m].
+        length: of the bearing, above 0 [m]; None: moments cause no normal force.
+        collar: mean radius of the collar that carries the axial force of a rotation [m]; None: the axial force causes
+            no friction.
         preload: constant normal force, not negative [N].
         coordinate: which coordinate of the joint, from 0.
         name: None: made from the joint's name.
 
-    Raises `DescriptionError` for what is said above. A run with a coefficient ends with an `OpenReactionError` that
-    names the joint where its reaction is not determined (a joint held twice), and with an `EvaluationError` where
-    friction and reaction have no values that agree or more than one: jamming, Painleve's paradox.
+    Raises `DescriptionError` if a number violates these conditions. A run with a coefficient ends with an
+    `OpenReactionError` that names the joint if its reaction is not determined (redundant joints), and with an
+    `EvaluationError` if no consistent values of friction and reaction exist or more than one: jamming, Painleve's
+    paradox.
 
     >>> import partita as pt
     >>> m = pt.Mechanism("sledge", gravity=None)
@@ -167,19 +171,19 @@ def add_stop(
     coordinate: int = 0,
     name: str | None = None,
 ) -> Force:
-    """Add end stops to one coordinate of a joint: springs that act only beyond the ends.
+    """Add end stops to one coordinate of a joint: springs that act only beyond its limits.
 
-    Past an end by the depth d the joint is pushed back by stiffness d^exponent (1 + damping dd/dt), never pulled (Hunt
-    and Crossley, J. Appl. Mech. 42, 1975): no jump at the first touch. For exponent 1 a damper of c [N s/m] at the
-    depth d is damping = c / (stiffness d).
+    Beyond a limit by the depth d the joint is pushed back with stiffness d^exponent (1 + damping dd/dt), never pulled
+    (Hunt and Crossley, J. Appl. Mech. 42, 1975): no jump at the first touch. For exponent 1 a damper of c [N s/m] at
+    the depth d is damping = c / (stiffness d).
 
     Args:
         joint: the joint or its name, in the tree or closing a loop; not a coordinate that is part of a quaternion. The
-            angle of a joint that closes a loop in space (or in absolute coordinates) is known up to full turns: it is
-            taken between half a turn below and above the middle of the ends, or the one end.
+            angle of a joint that closes a loop in space (or in absolute coordinates) is known up to full turns: its
+            value within half a turn of the middle of the two limits, or of the single limit, is used.
         stiffness: effort at a depth of 1 rad or 1 m, not negative.
-        lower, upper: ends of the coordinate, from the drawn position [rad] or [m]; None: there is none.
-        damping: growth of the effort with the speed inward [s/rad] or [s/m], not negative.
+        lower, upper: limits of the coordinate, from the drawn position [rad] or [m]; None: no limit.
+        damping: relative increase of the effort per approach speed [s/rad] or [s/m], not negative.
         exponent: power of the depth, at least 1.
         coordinate: which coordinate of the joint, from 0.
         name: None: made from the joint's name.
@@ -229,14 +233,14 @@ def add_gas_spring(
 
     With x the coordinate from its drawn position the effort on the child is force / (1 + x / length)^exponent: the
     column is `length` long as drawn and grows with x. A negative force pushes the coordinate back, and the column gets
-    shorter as x grows. No motion compresses it to nothing, where the effort would be infinite.
+    shorter as x grows. The motion cannot compress it to zero length, since the effort would become infinite.
 
     Args:
         joint: the joint or its name, in the tree or closing a loop; not a coordinate that is part of a quaternion.
-        force: effort as drawn, not 0: force on a slide [N], torque on a turn [N m].
-        length: of the column as drawn, volume over area on a slide [m], volume over its change with the angle on a turn
-            [rad]; above 0.
-        exponent: of the polytropic change of state, above 1: 1.4 for fast motions in air, near 1 for slow ones.
+        force: effort as drawn, not 0: force for a translation [N], torque for a rotation [N m].
+        length: of the column as drawn: volume divided by area for a translation [m], volume divided by its change with
+            the angle for a rotation [rad]; above 0.
+        exponent: polytropic exponent, above 1: 1.4 for fast motions of air, near 1 for slow ones.
         coordinate: which coordinate of the joint, from 0.
         name: None: made from the joint's name.
 

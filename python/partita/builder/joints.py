@@ -1,12 +1,12 @@
 """Joints: `Mechanism.add_revolute` and similar methods.
 
-All share: `parent` and `child` are bodies or their names (or the ground), points and axes are world data of
-the drawn position, coordinates are zero there, and positive turns and slides move the child along the axis as
-seen from the parent. `child_point` and `child_axis` serve a rough drawing in which the loops are still open:
-they say where the same joint sits on the child, `child_frame` (instead of `child_axis`) how it is turned there: the
-directions on the child that lie along the world's axes (along `frame` where a joint has one) when all coordinates are
-zero; `assemble` closes the gap. `cut` says whether the joint may
-close a loop instead of being part of the spanning tree: "auto" (chosen by Partita), "always" or "never".
+All methods share these conventions. `parent` and `child` are bodies or their names (or the ground); points and axes are
+in world axes, in the drawn position; coordinates are zero there; positive rotations and translations move the child
+about or along the axis, relative to the parent. `child_point` and `child_axis` are for a rough drawing in which the
+loops are still open: they give the point and the axis of the joint on the child, as drawn. `child_frame` (instead of
+`child_axis`) gives its full orientation there: the directions on the child that lie along the world's axes (along
+`frame` if the joint has one) when all coordinates are zero. `assemble` then closes the loops. `cut` says whether the
+joint closes a loop instead of being part of the spanning tree: "auto" (chosen by Partita), "always" or "never".
 
 Every function raises `DescriptionError` for impossible data and `UnknownNameError` for a body that does not
 exist.
@@ -68,7 +68,7 @@ def add_revolute(
     child_frame: Any = None,
     cut: str = "auto",
 ) -> Joint:
-    """Add a hinge: the child turns about `axis` through `point`. One coordinate, the angle [rad].
+    """Add a hinge: the child rotates about `axis` through `point`. One coordinate, the angle [rad].
 
     >>> import partita as pt
     >>> m = pt.Mechanism("pendulum")
@@ -96,9 +96,9 @@ def add_prismatic(
     child_frame: Any = None,
     cut: str = "auto",
 ) -> Joint:
-    """Add a slide along `axis` without turning. One coordinate, the slide [m].
+    """Add a slide along `axis` without rotation. One coordinate, the translation [m].
 
-    `point` is where the reaction is reduced to; None: the child's origin as drawn.
+    The reaction moment is about `point`; None: the child's origin as drawn.
 
     >>> import partita as pt
     >>> m = pt.Mechanism("slide")
@@ -186,7 +186,7 @@ def add_universal(
     """Add a universal joint at `point`: a turn about `axis1`, fixed in the parent, then about `axis2`, fixed
     in the child.
 
-    The axes must cross; a right angle is usual. Coordinates: the two turns [rad].
+    The axes must not be parallel; a right angle is usual. Coordinates: the two angles [rad].
 
     >>> import partita as pt
     >>> m = pt.Mechanism("shaft")
@@ -199,8 +199,8 @@ def add_universal(
     sine = np.linalg.norm(np.cross(first, second)) / float(np.linalg.norm(first) * np.linalg.norm(second))
     if sine < _PARALLEL:
         element.fail(
-            f"axis1 {first.tolist()} and axis2 {second.tolist()} are parallel; a universal joint needs two axes that "
-            "cross, at best at a right angle"
+            f"axis1 {first.tolist()} and axis2 {second.tolist()} are parallel; a universal joint needs two axes at "
+            "an angle, ideally a right angle"
         )
     axes = {"axis1": first, "axis2": second}
     return store_joint(self, element, "universal", parent, child, point, axes, cut, child_point, None, child_frame)
@@ -222,8 +222,8 @@ def add_pin_slot(
     """Add a pin in a slot: a slide along the slot `axis1`, fixed in the parent, then a turn about the pin `axis2`,
     fixed in the child, at a right angle to it.
 
-    Scotch yokes, slotted levers and Geneva wheels have one. Coordinates: slide [m], turn [rad]; its force is across
-    the slot. A pin that may also tilt or move along itself needs `add_point_on_line` or `add_joint`.
+    Scotch yokes, slotted levers and Geneva wheels have one. Coordinates: translation [m], angle [rad]; the force acts
+    across the slot. For a pin that can also tilt or move along its own axis use `add_point_on_line` or `add_joint`.
 
     >>> import partita as pt
     >>> m = pt.Mechanism("yoke")
@@ -254,8 +254,8 @@ def add_planar(
     [rad].
 
     `point` None: the child's origin as drawn. `child_axis` is the normal on the child in a rough drawing. The
-    translations are along two axes perpendicular to the normal that the joint chooses by the axes of the drawing; to
-    drive it along a direction of your own, add a generic joint with a frame.
+    translations are along two axes perpendicular to the normal that follow from the axes of the drawing; to drive along
+    a given direction, use `add_joint` with a frame.
 
     >>> import partita as pt
     >>> m = pt.Mechanism("puck")
@@ -309,8 +309,8 @@ def add_free(
     """Let the child move freely, and give that motion a name. Coordinates: three slides [m], a quaternion (w,
     x, y, z).
 
-    It constrains nothing; use it to set or read the motion of a body without another joint. `point` None: the child's
-    origin as drawn.
+    It imposes no constraint; use it to set or read the motion of a body that has no other joint. `point` None: the
+    child's origin as drawn.
 
     >>> import partita as pt
     >>> m = pt.Mechanism("stone")
@@ -339,7 +339,7 @@ def add_joint(
     Args:
         free: some of "x", "y", "z" (slides along the joint axes) and "rx", "ry", "rz" (turns about them).
             Coordinates come in this order, whatever the order here; all three rotations together are a quaternion.
-        point: where the joint sits in the world; None: the child's origin as drawn.
+        point: position of the joint in the world [m]; None: the child's origin as drawn.
         frame: joint axes in the world as drawn, as `orientation` in `add_body`; None: parallel to the world.
 
     >>> import partita as pt
@@ -416,7 +416,7 @@ def store_joint(
 
 
 def motions(joint: JointRecord) -> tuple[str, ...]:
-    """Directions in which a joint moves, in the order of its coordinates: slides "x", "y", "z", turns "r" and more."""
+    """Directions in which a joint moves, in the order of its coordinates: "x", "y", "z", then rotations "r..."."""
     return joint.free if joint.kind in CHOSEN else _MOTIONS[joint.kind]
 
 
@@ -452,7 +452,7 @@ def joint_record(mechanism: Drawing, element: Element, joint: Joint | str) -> Jo
 def coordinate_of(element: Element, joint: JointRecord, coordinate: Any, count: int) -> int:
     """A coordinate number that the joint has and the element can use."""
     if count == 0:
-        element.fail(f'the {joint.kind} joint "{joint.name}" has no slide or angle that this could act along')
+        element.fail(f'the {joint.kind} joint "{joint.name}" has no translation or angle along which this could act')
     return index(element, f'coordinate of the {joint.kind} joint "{joint.name}"', coordinate, count)
 
 

@@ -76,16 +76,16 @@ def add_force_law(
     - a joint: has `.position` and `.rate`, numbers if it has one coordinate, else arrays. The angle of a joint that
       closes a loop in space (or in absolute coordinates) is known up to full turns, between -pi and pi.
 
-    It returns, for each entry of `on`, the force (three numbers) or the pair (force, moment); with one entry, just that
-    one. All quantities are in world axes [m, N, N m], in any coordinates of the mechanism. Its power counts as work.
-    Prefer `add_spring` and similar methods where they are equivalent: a function is by far the most expensive part of
-    an evaluation, and its derivatives are computed by differences.
+    It returns, for each entry of `on`, the force (three numbers) or the pair (force, moment); with a single entry, just
+    that one. All quantities are in world axes [m, N, N m], whatever the coordinates of the mechanism. Its power counts
+    as work. Prefer `add_spring` and similar methods where they are equivalent: a function is by far the most expensive
+    part of an evaluation, and its derivatives are computed by differences.
 
     Args:
         name: unique among the forces.
-        function: f(t, *seen); it must depend on its arguments alone.
+        function: f(t, *seen); its result must depend only on its arguments.
         on: bodies (the force acts at the centre of mass) and pairs (body, point in body axes); not the ground.
-        sees: what it asks for; handles, or names where no body and joint share one.
+        sees: what the function reads; handles, or names that are not shared by a body and a joint.
 
     >>> import numpy as np
     >>> import partita as pt
@@ -154,7 +154,7 @@ def _sight(mechanism: Drawing, element: Element, what: str, item: Any) -> tuple[
         count = scalars(record)
         if count == 0:
             element.fail(
-                f'{what}: the {record.kind} joint "{record.name}" has no slide or angle to read; read its '
+                f'{what}: the {record.kind} joint "{record.name}" has no translation or angle to read; read its '
                 "bodies instead"
             )
         return "joint", [{"joint": [record.name, i]} for i in range(count)]

@@ -26,21 +26,21 @@ def add_bushing(
     damping: ArrayLike = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
     frame: Any = None,
 ) -> Force:
-    """Add a bushing: stiffness and damping in all six directions between two bodies, at rest as drawn.
+    """Add a bushing: stiffness and damping in all six directions between two bodies, unloaded as drawn.
 
-    Both bodies carry a frame that is drawn at `point` with the axes `frame`. With x = (d, theta), the displacement of
-    the frame of body 2 and the rotation vector of its turn, both seen in the axes of the frame of body 1, body 2 feels
-    -(stiffness x + damping dx/dt): three forces along these axes and three moments, which do work on x alone. Body 1
-    feels the opposite at the same point of space. A symmetric stiffness has a potential, half x K x; what the damping
-    and the part of K that is not symmetric do counts as work. The turn must stay below half a turn.
+    Both bodies carry a frame that is drawn at `point` with the axes `frame`. Let x = (d, theta) be the displacement and
+    the rotation vector of the frame of body 2 in the axes of the frame of body 1. The wrench on body 2 is -(stiffness x
+    + damping dx/dt): three forces along these axes and three moments, the generalised forces conjugate to x. The
+    opposite wrench acts on body 1 at the same point of space. A symmetric stiffness K has the potential x K x / 2; the
+    work of the damping and of the nonsymmetric part of K counts as work. The rotation must stay below half a turn.
 
     Args:
         name: unique among the forces.
         body1, body2: two different bodies or the ground; body 1 carries the axes.
         point: origin of both frames in the world, as drawn [m].
-        stiffness: six numbers (x, y, z [N/m], about x, y, z [N m/rad]) or a 6x6 matrix, displacements before turns.
+        stiffness: six numbers (x, y, z [N/m], about x, y, z [N m/rad]) or a 6x6 matrix, translations before rotations.
         damping: the same [N s/m, N m s/rad].
-        frame: axes of both frames in the world, as drawn: as `orientation` of `add_body`; None: the world's.
+        frame: axes of both frames in the world as drawn, given like `orientation` of `add_body`; None: the world axes.
 
     >>> import partita as pt
     >>> m = pt.Mechanism("mount")

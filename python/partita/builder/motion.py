@@ -60,7 +60,7 @@ class Motion:
             raise
         except Exception as error:
             raise EvaluationError(
-                f'drive "{element.name}": the function fails where it is tried first ({type(error).__name__}: {error})',
+                f'drive "{element.name}": the function fails at its first evaluation ({type(error).__name__}: {error})',
                 t=_PROBES[0],
                 where=element.name,
             ) from error

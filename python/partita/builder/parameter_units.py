@@ -1,4 +1,4 @@
-"""Units of the parameters of a compiled model, by their names: what `with_parameters` reads texts by."""
+"""Units of the parameters of a compiled model by name, with which `with_parameters` converts text."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Joints of one condition or two, and joints with a condition of their own: `Mechanism.add_screw` and similar methods.
+"""Joints of one or two constraints, and joints with a coupling built in: `Mechanism.add_screw` and similar methods.
 
 Properties common to all joints are described in `joints`.
 """
@@ -38,7 +38,7 @@ def add_screw(
 ) -> Joint:
     """Add a screw: the child advances `pitch` [m] along `axis` for each turn about it; negative: a left-hand thread.
 
-    A cylindrical joint with a coupling of its own. Coordinates: slide [m], turn [rad].
+    A cylindrical joint whose two coordinates are coupled. Coordinates: translation [m], rotation [rad].
 
     >>> import partita as pt
     >>> m = pt.Mechanism("jack")
@@ -49,7 +49,7 @@ def add_screw(
     element = joint_element(self, name)
     value = number(element, "pitch", pitch, "m")
     if value == 0.0:
-        element.fail("pitch = 0 m: a screw advances; use a revolute joint for one that does not")
+        element.fail("pitch = 0 m: a screw must advance; use a revolute joint instead")
     geometry = {"axis": direction(element, "axis", axis)}
     return store_joint(
         self, element, "screw", parent, child, point, geometry, cut, child_point, child_axis, child_frame, pitch=value
@@ -70,23 +70,23 @@ def add_custom_joint(
     child_frame: Any = None,
     cut: str = "auto",
 ) -> Joint:
-    """Add a joint of your own: each of six directions is locked, free, or a function of those that are free.
+    """Add a user-defined joint: each of six directions is locked, free, or a function of the free ones.
 
     The child translates along the joint axes x, y, z and then rotates about them, as with `add_joint`: a knee that
     rolls as it bends, a roller in a curved slot, a screw of varying pitch. It may be in the tree, close a loop or be
-    used in absolute coordinates; its reaction is that of all its conditions.
+    used in absolute coordinates; its reaction is that of all its constraints.
 
     Args:
         free: the coordinates, some of "x", "y", "z", "rx", "ry", "rz".
-        follows: for each direction that follows, its function of the free coordinates in the order of this list:
-            {"x": lambda rz: ...} in m or rad, 0 where all are 0. It must be twice differentiable; derivatives are found
-            exactly where it takes numbers that carry them (arithmetic, NumPy functions), else by central differences,
-            and a note says so. At most two turns, free and following together.
+        follows: for each dependent direction, its function of the free coordinates in the order of this list: {"x":
+            lambda rz: ...} in m or rad, 0 where all of them are 0. It must be twice differentiable; its derivatives are
+            exact if it uses only arithmetic and NumPy functions, otherwise central differences, which a note reports.
+            At most two rotations may be free or dependent.
         point, frame, child_point, child_frame, cut: as in `add_joint`.
 
-    `run.joint(...)` has the coordinates of all directions that move, in the order of the list above. Of an angle of a
-    joint that closes a loop in space (or in absolute coordinates) whole turns are not known: where it comes to half a
-    turn, the functions must repeat themselves. Files cannot hold functions.
+    `run.joint(...)` has the coordinates of all directions that move, in the order of the list above. Whole turns are
+    not known for the angle of a joint that closes a loop in space (or in absolute coordinates): if such an angle
+    reaches half a turn, the functions must be periodic. Files cannot hold functions.
 
     >>> import partita as pt
     >>> m = pt.Mechanism("knee")
@@ -155,10 +155,10 @@ def add_constant_velocity(
     child_axis: ArrayLike | None = None,
     child_frame: Any = None,
 ) -> Joint:
-    """Add a constant-velocity joint: two shafts in line along `axis` as drawn may bend, and turn equally fast.
+    """Add a constant-velocity joint: two shafts, aligned along `axis` as drawn, rotate at equal speed at any angle.
 
-    Prefer it to two universal joints where the intermediate shaft does not matter. It always closes a loop and has no
-    coordinates: read the bodies.
+    Prefer it to two universal joints if the intermediate shaft does not matter. It always closes a loop and has no
+    coordinates: read the motion from the bodies.
 
     >>> import partita as pt
     >>> m = pt.Mechanism("drive shaft")
@@ -186,7 +186,7 @@ def add_point_on_line(
     child_frame: Any = None,
     cut: str = "auto",
 ) -> Joint:
-    """Hold a point of the child on a line of the parent along `axis`; all turns are free.
+    """Keep a point of the child on a line of the parent along `axis`; all rotations are free.
 
     Coordinates: the slide [m], then a unit quaternion (w, x, y, z).
 
@@ -216,7 +216,7 @@ def add_point_on_plane(
     child_frame: Any = None,
     cut: str = "auto",
 ) -> Joint:
-    """Hold a point of the child in a plane of the parent across `normal`; all turns are free.
+    """Keep a point of the child in a plane of the parent with this `normal`; all rotations are free.
 
     Coordinates: two slides [m], then a unit quaternion (w, x, y, z).
 

@@ -29,7 +29,7 @@ class Handle:
 
     table = ""
     name: str
-    mechanism: Any  # a Builder, which stands above this module
+    mechanism: Any  # a Builder; the import would go up
 
     def __init__(self, name: str, mechanism: Any) -> None:
         object.__setattr__(self, "name", name)
@@ -91,7 +91,7 @@ class Drive(Handle):
 
 
 class Coupling(Handle):
-    """A condition between joints or bodies that is not a joint: a gear, a distance, a rolling contact, ..."""
+    """A constraint between joints or bodies that is not a joint: a gear, a distance, a rolling contact, ..."""
 
     table = "couplings"
 
@@ -149,7 +149,7 @@ class JointRecord:
 
 @dataclass(frozen=True)
 class DriveRecord:
-    """Prescribed motion of a measure: its position, velocity or acceleration, according to `level`; `rate` is the
+    """Prescribed motion of a measurement: its position, velocity or acceleration, according to `level`; `rate` is the
     initial rate of an acceleration. Or the pose of a joint, with this many translations before its spatial rotation."""
 
     name: str

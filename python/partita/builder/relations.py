@@ -1,4 +1,4 @@
-"""User-defined conditions F(t, readings) = 0 in the form in which the core calls them."""
+"""User-defined constraints F(t, readings) = 0 in the form in which the core calls them."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class Law:
         except EvaluationError:
             raise
         except Exception as error:
-            # during a run the core names the function; what fails where it is asked first is named here
+            # during a run the core names the function; a failure of the first evaluation is named here
             if self._answered:
                 raise
             why = f"the function fails there ({type(error).__name__}: {error})"
@@ -89,7 +89,7 @@ class Law:
         return self._finite([value, rate, bend, *slopes], t)
 
     def compare(self, x: Sequence[float]) -> None:
-        """Refuse a gradient that clearly belongs to another function, at x and a little beside it.
+        """Refuse a gradient that clearly belongs to another function, at x and close to it.
 
         A point where the function cannot be evaluated or differentiated is ignored.
         """
@@ -101,7 +101,7 @@ class Law:
             try:
                 slopes = alone(0.0, at, [0.0] * len(at))[3:]
                 given = self._numbers(self.gradient(0.0, *at), len(at), 0.0)
-            except Exception:  # whatever a user's function does where nobody asked it to be defined
+            except Exception:  # a user's function may fail in any way at points where it need not be defined
                 continue
             size = max(map(abs, [*slopes, *given]))
             for i, (slope, number) in enumerate(zip(slopes, given, strict=True)):
@@ -138,7 +138,7 @@ class Law:
             raise self._error(
                 t,
                 f"the function is not smooth here (its value is {value:g}, its slope {slope:g}, its curvature known "
-                f"within {error:.0e} only); a condition must be twice differentiable",
+                f"within {error:.0e} only); a constraint must be twice differentiable",
             )
 
     def _number(self, value: Any, t: float) -> float:
@@ -167,7 +167,7 @@ class Law:
 
 
 class Follows:
-    """The condition of a follower: y - law(x1, x2, ...)."""
+    """The constraint of a follower: y - law(x1, x2, ...)."""
 
     def __init__(self, law: Callable[..., Any]) -> None:
         self.law = law
@@ -177,11 +177,11 @@ class Follows:
         try:
             return y - found
         except TypeError:
-            return found  # no number: whoever asks for one says so
+            return found  # not a number: the caller reports it
 
 
 class RateLaw(Law):
-    """Coefficients g_i(t, x) and a drift g_0 of the condition sum g_i x_i' + g_0 = 0 on rates alone."""
+    """Coefficients g_i(t, x) and a drift g_0 of the nonholonomic constraint sum g_i x_i' + g_0 = 0."""
 
     def _answer(self, t: float, at: list[float], along: list[float]) -> list[float]:
         values = self._coefficients(t, at)

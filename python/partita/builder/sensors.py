@@ -131,47 +131,47 @@ def add_sensor(
     unit: str | None = None,
     text: str | None = None,
 ) -> Sensor:
-    """Add a named output: a quantity that a run shows over time by `run.sensor(name)`, in saved files and in plots.
+    """Add a named output: a quantity over time, for `run.sensor(name)`, saved files and plots.
 
     A sensor does not affect the motion. Its values are computed on request, at the outputs, from the coordinates,
     velocities, accelerations and multipliers of the run, without finite differences.
 
-    What `of` may be, and what it `reads`:
+    Possible values of `of`, and of `reads` for each:
 
     - (body, point), the point in body axes: "position", "velocity", "acceleration" (3);
-    - a body: the same of its origin, "rotation" (3, 3), "angular_velocity", "angular_acceleration" (3);
-    - a joint, one that closes a loop too: "position", "velocity", "acceleration", "drive" (its coordinates side by
-      side, or one of them by `coordinate`), "force", "moment" (3) on its child;
+    - a body: the same for its origin, "rotation" (3, 3), "angular_velocity", "angular_acceleration" (3);
+    - a joint, including one that closes a loop: "position", "velocity", "acceleration", "drive" (all its coordinates,
+      or one selected by `coordinate`), "force", "moment" (3) on its child;
     - pt.Distance, pt.Along, pt.Cosine, pt.Coordinate: "position", "velocity", "acceleration" (a number);
-    - a spring between points: "length", "rate", "force" (positive: it pulls them together), "power", "energy";
+    - a spring between points: "length", "rate", "force" (positive in tension), "power", "energy";
     - a torque, torsion spring or other load along a joint coordinate: "effort", "power", "energy";
-    - any other force: "force", "moment" about the point where it acts, "position" of that point (3), on its first body
-      (`coordinate` counts the others), "power", "energy";
+    - any other force: "force", "moment" about its point of application, "position" of that point (3), on its first body
+      (`coordinate` selects the others), "power", "energy";
     - a drive: "effort", and "power" where it drives one coordinate; a coupling: "effort";
     - an expression of other sensors: `front + rear`, `2 * tip[0]`, `force * rate`, `tip.norm()`, `a.dot(b)`;
     - a list of other sensors with a `function` f(t, a, b, ...) of their values at one output: a number or an array.
 
-    Powers are those done on the bodies. Vectors stand in world axes unless `axes` says others. Force laws f(t, state)
-    read sensors of positions and velocities by `state.sensor(name)`; one that would need accelerations or forces,
-    which follow from what laws answer, is refused there.
+    Power is the power delivered to the bodies. Vectors are in world axes unless `axes` says otherwise. Force laws f(t,
+    state) read sensors of positions and velocities by `state.sensor(name)`; they cannot read sensors that need
+    accelerations or forces, since these depend on the force laws.
 
     Args:
         name: unique among the sensors.
-        of: what is looked at; handles, or a name that only one element of the mechanism has.
-        reads: which quantity of it; None for expressions and functions.
-        axes: a body whose axes vectors are given in, as an accelerometer on it would (points, bodies, forces); "joint"
-            or "world" of a joint's force and moment.
-        coordinate: of a joint with several, or of a force on several bodies; None: all of a joint, the first of a
-            force.
-        function: f(t, *values); it must depend on its arguments alone. A file cannot hold it.
-        unit: for files and plots; None: as it follows from what is read.
-        text: a long name; None: made from what is read.
+        of: the measured object: a handle, or a name that only one element of the mechanism has.
+        reads: the measured quantity; None for expressions and functions.
+        axes: a body in whose axes vectors are given, as measured by a sensor mounted on it (points, bodies, forces);
+            for the force and moment of a joint "joint" or "world".
+        coordinate: index of the coordinate of a joint, or of the body of a force on several bodies; None: all
+            coordinates of a joint, the first body of a force.
+        function: f(t, *values); its result must depend only on its arguments. A file cannot hold it.
+        unit: for files and plots; None: the unit of the measured quantity.
+        text: a long name; None: made from the measured quantity.
 
     Returns:
-        A handle: accepted in expressions.
+        A handle, which can be used in expressions.
 
     Raises:
-        DescriptionError: the name is taken, the quantity is not one of `of`, an expression has no sense.
+        DescriptionError: the name is taken, `of` does not have this quantity, or an expression is not meaningful.
         UnknownNameError: nothing has that name.
 
     >>> import partita as pt

@@ -242,7 +242,7 @@ _RULES: dict[str, Callable[..., Any]] = {
 
 
 def _jet(other: Any) -> Jet | None:
-    """`other` as a Jet; None for what is not a real number."""
+    """`other` as a Jet; None if it is not a real number."""
     if isinstance(other, Jet):
         return other
     return Jet(float(other)) if isinstance(other, int | float | np.integer | np.floating) else None

@@ -1,4 +1,4 @@
-"""Numbers, tables and functions of time: what a force, a torque or a prescribed motion may be given as."""
+"""Numbers, tables and functions of time: the forms of a force, a torque or a prescribed motion."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ class Binding(Protocol):
         """Notes for the user on how it is evaluated; may grow during a run."""
 
     def bind(self, layout: Layout) -> Callable[..., Any]:
-        """The function as the core calls it. `layout` may be filled in later, but before it is needed."""
+        """The function as called by the core. `layout` may be filled in later, but before the first call."""
 
 
 Value = Constant | Table | Cubics | Function

@@ -79,8 +79,8 @@ def entry(name: str, **parameters: Any) -> Entry:
     Parameters: "n-four-bar" takes `loops`, the number of four-bars in the chain (40 if not given); others take none.
 
     Raises:
-        UnknownNameError: there is no such entry; the nearest names are told.
-        ArgumentError: a parameter that the entry does not have, or an impossible value.
+        UnknownNameError: there is no such entry; the message lists the most similar names.
+        ArgumentError: the entry does not have this parameter, or its value is impossible.
     """
     if not isinstance(name, str) or name not in _ENTRIES:
         near = difflib.get_close_matches(shown(name), names(), n=3)

@@ -159,7 +159,7 @@ def entry() -> Entry:
         name="andrews-squeezer",
         title="Andrews' squeezing mechanism: seven bodies, three loops, a motor torque and a spring",
         source="Test Set for Initial Value Problem Solvers, Andrews' squeezing mechanism (also IFToMM A03); the "
-        "values at 0.03 s recomputed in quadruple precision, since the published ones are good to 1e-10 in position "
+        "values at 0.03 s recomputed in quadruple precision, since the published ones hold to 1e-10 in position "
         "and 1e-6 in acceleration and multipliers",
         duration=0.05,
         build=build,

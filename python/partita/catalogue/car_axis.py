@@ -25,8 +25,8 @@ def tilt(t: float) -> float:
 def build() -> Mechanism:
     """The drawing: axle along x, the left mass above its pivot, the right one above its far end.
 
-    `left` slides at right angles to the axle, `right` sits at the end of a massless rod that turns at `left`: the two
-    constraints of the published equations. The axle's own mass does not matter, for its motion is prescribed.
+    `left` slides perpendicular to the axle, `right` is at the end of a massless rod hinged at `left`: the two
+    constraints of the published equations. The mass of the axle does not matter, since its motion is prescribed.
     """
     m = Mechanism("car-axis", gravity=(0, -1, 0))
     axle = m.add_rod("axle", start=(0, 0, 0), end=(L, 0, 0), mass=MASS)
@@ -42,7 +42,7 @@ def build() -> Mechanism:
 
 
 def start(m: Mechanism) -> State:
-    """Both masses move with (-0.5, 0): the slide rests, and the rod's turn undoes that of the axle."""
+    """Both masses move with (-0.5, 0): the slide is at rest, and the rod's rotation cancels that of the axle."""
     return m.assemble(rates={"slide": 0.0, "rod": -R * OMEGA / L})
 
 

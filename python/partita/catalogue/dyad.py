@@ -1,4 +1,4 @@
-"""Closing planar loops by ruler and compass: reference solutions for motions."""
+"""Closed planar loops by ruler and compass: reference solutions for motions."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ FloatArray = NDArray[np.float64]
 def meet(p: ArrayLike, q: ArrayLike, to_p: float, to_q: float, side: int) -> FloatArray:
     """The point (..., 2) at the distances `to_p` from p and `to_q` from q (..., 2) [m].
 
-    Two circles meet twice: `side` 1 takes the point to the left of the way from p to q, -1 that to its right. Circles
+    Two circles meet twice: `side` 1 is the point to the left of the line from p to q, -1 that to its right. Circles
     that do not meet give NaN.
     """
     first, second = np.asarray(p, dtype=float), np.asarray(q, dtype=float)

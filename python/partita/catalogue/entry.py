@@ -56,10 +56,10 @@ class Check:
 class Entry:
     """A problem with a known answer.
 
-    `title` and `source` are words for people; `duration` [s] is the length of the run that `checks` judge, with
-    `options` of `Mechanism.simulate`; `times` [s] are outputs the checks need, `samples` how many others there are;
-    `notes` states conventions and pitfalls. A member of the zoo has `truth`: its mobility, redundancy and unique
-    reactions by the theory of mechanisms.
+    `title` and `source` are descriptions for readers; `duration` [s] is the length of the run to which `checks` apply,
+    with `options` of `Mechanism.simulate`; `times` [s] are the outputs that the checks need, `samples` the number of
+    other outputs; `notes` states conventions and pitfalls. A member of the zoo has `truth`: its mobility, redundancy
+    and unique reactions by the theory of mechanisms.
 
     >>> import partita as pt
     >>> entry = pt.catalogue.entry("planar-pendulum")
@@ -97,7 +97,7 @@ class Entry:
         return np.sort(np.concatenate([even[~near.any(axis=1)], wanted]))
 
     def simulate(self, **options: Any) -> Result:
-        """Run the problem from its start; `options` of `Mechanism.simulate` go before those of the entry."""
+        """Run the problem from its start; `options` of `Mechanism.simulate` override those of the entry."""
         mechanism = self.mechanism()
         own: dict[str, Any] = {"t_eval": self.t_eval(), "initial": self.initial(mechanism), **self.options}
         return mechanism.simulate(self.duration, **{**own, **options})

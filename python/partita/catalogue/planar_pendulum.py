@@ -38,7 +38,7 @@ def path(result: Result) -> float:
 
 
 def returns(result: Result) -> float:
-    """Distance from the starting point after one period: the motion there is only second order in the time error."""
+    """Distance from the starting point after one period: at rest there, it is of second order in the time error."""
     return path_error(result.body("bob").position[:, :2], result, {PERIOD: (-1.0, 0.0)})
 
 

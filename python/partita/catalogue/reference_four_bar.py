@@ -69,7 +69,7 @@ def crank(result: Result) -> float:
 def rocker(result: Result) -> float:
     """Largest difference between the rocker angle and the one ruler and compass give for the crank angle.
 
-    A turn of the crank may be counted by joint B or by joint C, so that whole turns do not count.
+    A turn of the crank may be counted by joint B or by joint C, so whole turns are disregarded.
     """
     _, drawn = LENGTHS.angles(CRANK_ANGLE)
     _, expected = LENGTHS.angles(angle(result, "A", CRANK_ANGLE))
@@ -79,7 +79,7 @@ def rocker(result: Result) -> float:
 
 
 def motion(result: Result) -> float:
-    """Largest error of the rates of A, B, C at the start, from the joints themselves: in any coordinates."""
+    """Largest error of the rates of A, B, C at the start, read from the joints: valid in any coordinates."""
     row = row_at(result, 0.0)
     return largest_gap(np.array([result.joint(name).velocity[row, 0] for name in "ABC"]), np.array(VELOCITIES))
 
@@ -123,5 +123,5 @@ def entry() -> Entry:
             Check("energy at the start [J]", 1e-11, "16 printed digits", energy),
         ),
         notes="Crank 1, coupler 2.5, rocker 2, ground 2.2 m, crank at 0.8 rad and 1.5 rad/s. The lengths, masses and "
-        "the start are this project's own; the paper's own example is a four-bar with numbers that are not known here.",
+        "the start are this project's own; the paper's example is a four-bar whose numbers were not available.",
     )

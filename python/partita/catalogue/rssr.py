@@ -54,8 +54,8 @@ def build() -> Mechanism:
 def _round_rod(m: Mechanism, name: str, near: FloatArray, far: FloatArray, mass: float) -> Body:
     """A uniform rod that resists spin about its own axis, which is the x axis of its frame.
 
-    Only the coupler spins; the others turn across themselves, and their small inertia matters to no motion. It makes
-    the mass matrix in absolute coordinates regular.
+    Only the coupler spins; the others rotate about axes perpendicular to their own, so their small axial inertia
+    affects no motion. It makes the mass matrix in absolute coordinates regular.
     """
     length = float(np.linalg.norm(far - near))
     x = (far - near) / length
@@ -73,10 +73,10 @@ def _round_rod(m: Mechanism, name: str, near: FloatArray, far: FloatArray, mass:
 
 
 def start(m: Mechanism) -> State:
-    """As drawn, the crank turning with 8 rad/s and the coupler spinning about its own axis with 5 rad/s.
+    """As drawn, the crank at 8 rad/s and the coupler spinning about its own axis at 5 rad/s.
 
-    The ball at P measures turns relative to the crank, in axes that are parallel to the world's as drawn. Turning the
-    coupler about its own axis moves neither ball: what the spin lacks is added to what the loop asks for.
+    The ball at P measures rotations relative to the crank, in axes that are parallel to the world's as drawn. Rotating
+    the coupler about its own axis moves neither ball: the missing spin is added to the rates that the loop requires.
     """
     p, q = points(CRANK_ANGLE)
     axis = (q - p) / COUPLER

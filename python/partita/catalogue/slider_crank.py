@@ -25,8 +25,8 @@ PATH = {
 def build() -> Mechanism:
     """The drawing: crank upright on the origin, slider on the x axis.
 
-    The published kinetic energy is J1 q'^2 / 2 + J2 p'^2 / 2 + m2 x'^2 / 2: the crank's centre of mass rests in its
-    pivot, the rod turns without translating mass, the slider is a mass point. The published generalized forces hold F
+    The published kinetic energy is J1 q'^2 / 2 + J2 p'^2 / 2 + m2 x'^2 / 2: the centre of mass of the crank is at its
+    pivot, the rod has rotational inertia only, the slider is a point mass. The published generalized forces hold F
     twice: F along x, and again F d(cos p)/dp = -F sin p along p. The second is a couple on the rod, +F at its slider
     end and -F at its crank end.
     """

@@ -31,8 +31,8 @@ def slide(crank_angle: FloatArray | float) -> FloatArray:
 
 
 def build() -> Mechanism:
-    """The drawing: crank upright, slider at 0.2 m. The universal joint lets the rod turn about the slide, and about an
-    axis of the rod that stays at right angles to the slide."""
+    """The drawing: crank upright, slider at 0.2 m. The universal joint lets the rod rotate about the slide, and about
+    an axis of the rod that stays perpendicular to the slide."""
     m = Mechanism("spatial-slider-crank", gravity=(0, 0, -9.81))
     p, q = ball(0.0), np.array([float(slide(0.0)), 0.0, 0.0])
     x = np.array([1.0, 0.0, 0.0])
@@ -95,6 +95,6 @@ def entry() -> Entry:
             Check("crank angle [rad]", 1e-7, "rtol 1e-11 of 54 rad over some hundred steps, some margin", crank),
             Check("slider over crank angle [m]", 1e-11, "closure 1e-12, at most tenfold in the slide", slider),
         ),
-        notes="The rod's universal joint keeps the axis fixed in the rod at right angles to the slide; the other way "
-        "round the rod would roll differently, which changes the motion.",
+        notes="The universal joint keeps the axis that is fixed in the rod perpendicular to the slide; with its two "
+        "axes exchanged the rod would roll differently, which changes the motion.",
     )

@@ -1,4 +1,4 @@
-"""A rhombus of rods that hangs in a spring and damper: motion near its equilibrium."""
+"""A rhombus of rods hung from a spring and damper: motion near its equilibrium."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ DIRECTIONS = np.radians([90.0, 210.0, 330.0])
 CIRCLE = np.column_stack([np.cos(DIRECTIONS), np.sin(DIRECTIONS)])
 BASE, PLATFORM = 1.5 * CIRCLE, 0.5 * CIRCLE  # pins on the ground, and on the platform in its own axes [m]
 LINK = 0.9
-ELBOWS = (1, -1, 1)  # side of each elbow on the way from the ground to the platform
+ELBOWS = (1, -1, 1)  # side of each elbow of the line from the ground to the platform
 PLATFORM_MASS, PLATFORM_INERTIA = 1.0, 0.125
 TWIST = np.array([0.3, -0.2, 0.8])  # of the platform at the start: m/s, m/s, rad/s
 
@@ -69,7 +69,8 @@ def build() -> Mechanism:
 def start(m: Mechanism) -> State:
     """As drawn, the platform moving with TWIST; each leg gives the rate of its inner link.
 
-    Along the outer link elbow and pin move equally fast, and the elbow moves across the inner link.
+    Elbow and pin have the same velocity component along the outer link, and the elbow moves perpendicular to the inner
+    link.
     """
     elbows, pins = points(np.zeros(3))
     moving = TWIST[:2] + TWIST[2] * turned(pins)
@@ -115,6 +116,6 @@ def entry() -> Entry:
             Check("pose of the platform [m, rad]", 1e-9, "rtol 1e-11 over some tens of steps, some margin", path),
             Check("legs over pose [rad]", 1e-11, "closure 1e-12, at most tenfold in angle", legs),
         ),
-        notes="Where the three outer links meet in one point or are parallel, the inner links cannot carry the motion "
-        "together, however large the measure of each: their choice must be judged as a whole.",
+        notes="Where the lines of the three outer links meet in one point or are parallel, the inner links together do "
+        "not determine the motion, however large the measure of each: a choice must be judged as a whole.",
     )

@@ -24,9 +24,9 @@ ABOUT_AXES = {"*": "mz"}
 class Truth:
     """Mobility, redundancy and unique reactions of a mechanism, with the reason and where to read it.
 
-    `redundant` counts the conditions of all joints that say what others say. `determined` names the unique components
-    of each joint's reaction, along `axes`: patterns of joint names, the first that fits counts. `idle` names bodies,
-    or groups of them joined by "+", that can spin by themselves while all others rest.
+    `redundant` is the number of redundant constraints of all joints. `determined` names the unique components of each
+    joint's reaction, along `axes`, by patterns of joint names, of which the first match applies. `idle` names bodies,
+    or groups of them joined by "+", that can spin by themselves while all others are at rest.
 
     >>> from partita.catalogue import Truth
     >>> truth = Truth(1, 3, {"*": "fx fy mz"}, why="3 (4 - 1) - 2 4 = 1", source="Gruebler")
@@ -53,7 +53,7 @@ class Truth:
         dof = "1 degree" if self.mobility == 1 else f"{self.mobility} degrees"
         unique = "; ".join(f"{joint}: {words}" for joint, words in self.determined.items())
         return (
-            f"Theory: {dof} of freedom, {self.redundant} redundant conditions ({self.why}).{idle} Unique "
+            f"Theory: {dof} of freedom, {self.redundant} redundant constraints ({self.why}).{idle} Unique "
             f"reactions along {self.axes} axes: {unique}."
         )
 
@@ -62,9 +62,9 @@ def planar(links: int, joints: int, source: str, bridges: tuple[str, ...] = ()) 
     """A linkage in the x-y plane of `links` besides the ground and `joints` of one degree of freedom (Gruebler,
     Chebyshev).
 
-    In the plane a link has three degrees of freedom and a joint takes two. In space a joint takes five, and three of
-    these say, in each of the joints - links loops, once more that the loop is flat. `bridges` lie in no loop: nothing
-    else holds what they hold.
+    In the plane a link has three degrees of freedom and a joint removes two. In space a joint removes five; in each of
+    the (joints - links) loops three of these constraints repeat that the loop is planar. `bridges` are joints outside
+    all loops, whose constraints nothing repeats.
     """
     loops = joints - links
     return Truth(
@@ -72,6 +72,6 @@ def planar(links: int, joints: int, source: str, bridges: tuple[str, ...] = ()) 
         redundant=3 * loops,
         determined={**dict.fromkeys(bridges, EVERYTHING["*"]), **IN_PLANE},
         why=f"Gruebler: 3 x {links} links - 2 x {joints} joints of the plane; planarity is imposed redundantly by "
-        f"three conditions in each of {loops} loops",
+        f"three constraints in each of {loops} loops",
         source=source,
     )

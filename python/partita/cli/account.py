@@ -1,4 +1,4 @@
-"""Account of a run, in words."""
+"""The summary of a run that the command line prints."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ def bench(arguments: argparse.Namespace) -> int:
     def run(rtol: float) -> Any:
         tolerances: dict[str, Any] = {"rtol": rtol, "atol": ATOL * rtol}
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", SuspectResultWarning)  # it stands in the column of states
+            warnings.simplefilter("ignore", SuspectResultWarning)  # its state is shown in the column of states
             return opened.mechanism.simulate(duration, t_eval=at, initial=start, **tolerances, **options)
 
     exact = run(max(min(arguments.tolerances) / REFERENCE, TIGHTEST))

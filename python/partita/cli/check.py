@@ -38,7 +38,7 @@ def _words(found: dict[str, Any]) -> list[str]:
     if report["idle"]:
         words.append(f"  of which idle: {len(report['idle'])}")
     redundant = report["joint_rows"] - report["joint_rank"]
-    words.append(f"redundant conditions: {redundant} of {report['joint_rows']}")
+    words.append(f"redundant constraints: {redundant} of {report['joint_rows']}")
     if report["geometric_errors"]:
         words.append(f"geometric error: {report['geometric_error']:.2e} (radians, and fractions of the size)")
     if report["remedies"]:

@@ -1,4 +1,4 @@
-"""FILE|NAME: source of a mechanism."""
+"""The mechanism of the argument FILE|NAME, from a file or from the catalogue."""
 
 from __future__ import annotations
 

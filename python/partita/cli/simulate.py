@@ -87,7 +87,7 @@ def _run(opened: Opened, start: State | None, duration: float, arguments: argpar
         if getattr(arguments, name) is not None:
             options[name] = getattr(arguments, name)
     progress = not arguments.quiet and has_bars() and sys.stderr.isatty()
-    warnings.simplefilter("ignore", SuspectResultWarning)  # told in a line of its own
+    warnings.simplefilter("ignore", SuspectResultWarning)  # reported in a separate line
     times = _outputs(opened, start, duration, arguments)
     return so_far(
         lambda: opened.mechanism.simulate(duration, t_eval=times, initial=start, progress=progress, **options)

@@ -18,7 +18,7 @@ _NEEDS = {
     "user-tangent": ("tangent", "it needs tangent=TangentVelocities(...)"),
     "persistence": ("window", "it needs window=, the time [s] over which it looks back"),
 }
-# Rows beside the plain one: a word after the name, and its option of `simulate`.
+# Variants of a formulation, as further rows: the suffix of the name, and the option of `simulate`.
 _VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
     "wehage-haug": {"complete-pivoting": {"selection": "complete-pivoting"}},
     **{name: {EACH_STEP: {"renew": EACH_STEP}} for name in TANGENTS},

@@ -28,10 +28,10 @@ TOLERANCES = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
 
 
 class Comparison:
-    """Formulations and rules side by side: `rows`, one for each, and `caption`, which says what was run.
+    """Formulations and rules side by side: `rows`, one for each, and `caption`, which describes the runs.
 
-    `print(comparison)` shows the table. `interrupted` states whether Ctrl-C ended it before the last run; the rows up
-    to there are kept, the others are "not run".
+    `print(comparison)` shows the table. `interrupted` says whether Ctrl-C ended it before the last run; finished rows
+    are kept, the others are "not run".
 
     Rows have two kinds of time. `time` is that of the whole run, with set-up, steps and outputs, and
     `time_without_outputs` that of the same run with one output. `time_per_evaluation` is that of one evaluation of the
@@ -99,10 +99,10 @@ class Comparison:
     def work_precision(
         self, tolerances: Sequence[float] = TOLERANCES, *, names: Sequence[str] | None = None, progress: Any = False
     ) -> WorkPrecision:
-        """Error against evaluations and against time, from runs with each of the `tolerances`.
+        """Compute errors over evaluations and over time, from runs with each of the `tolerances`.
 
         Args:
-            tolerances: values of rtol; atol keeps its ratio to it.
+            tolerances: values of rtol; the ratio of atol to rtol is kept.
             names: rows to run again; None: every formulation that finished, "projective" with its default rule only
                 unless that is not among the rows.
             progress: as in `compare`.

@@ -54,27 +54,28 @@ def compare_mechanism(
     reference: Result | None = None,
     progress: Any = False,
 ) -> Comparison:
-    """Run every formulation, and "projective" with every rule of choice, from one start; a row of numbers for each.
+    """Run every formulation, and "projective" with every rule of choice, from one initial state; one row for each.
 
-    Takes as long as all runs together; the dense formulations cost O(n^3) per evaluation. Ctrl-C keeps the rows that
-    are there. A run that fails has its reason in its row and does not stop the others.
+    It takes as long as all runs together; the dense formulations cost O(n^3) per evaluation. Ctrl-C keeps the finished
+    rows. A run that fails has the reason in its row and does not stop the others.
 
     Args:
         duration: length of the runs [s]; None: that of `reference`.
         initial: state to start from, as for `simulate`; None: the drawing, assembled, at rest.
-        formulations: names as for `simulate`, or of rows ("svd: each step"); None: all, and all variants of each:
-            frozen tangent velocities also made anew at each step, "wehage-haug" also with complete pivoting. Rows that
-            need something not given say what.
+        formulations: names as for `simulate`, or of rows ("svd: each step"); None: all, with all variants: frozen
+            tangent velocities also renewed at each step, "wehage-haug" also with complete pivoting. A row that needs an
+            argument that was not given says which.
         selections: rules for "projective"; None: all.
-        corrections: what closes the loops of "projective" after a step, a row for each; None: all three where neither
-            formulations nor selections are given, else the usual one.
+        corrections: corrections of "projective" after each step, one row for each; None: all three if neither
+            formulations nor selections are given, otherwise the default.
         rtol, atol, method, coordinates: as for `simulate`, for all runs.
-        baumgarte, window, tangent: what "baumgarte", the rule "persistence" and "user-tangent" need.
-        max_steps: a run stops with status "max-steps" after so many; None: ten times those of the reference (fifty for
-            methods of lower order) or 2000, which only runs exceed that creep towards a place they cannot pass.
-        reference: a finished run of this mechanism, from the same start, to measure errors against; its outputs are
-            used. None: "projective" with "dop853" at rtol 1e-13, or the tightest that finishes.
-        progress: True: a bar on the terminal (needs tqdm); or a function of the fraction done, 0 to 1.
+        baumgarte, window, tangent: arguments of "baumgarte", the rule "persistence" and "user-tangent".
+        max_steps: after this number of steps a run stops with status "max-steps"; None: ten times the number of the
+            reference (fifty times for methods of lower order), at least 2000, which only runs exceed that creep towards
+            a position they cannot pass.
+        reference: a finished run of this mechanism from the same initial state, from which errors are measured, at its
+            outputs; None: "projective" with "dop853" at rtol 1e-13, or at the tightest tolerance that finishes.
+        progress: True: a progress bar on the terminal (needs tqdm); or a function of the completed fraction, 0 to 1.
 
     Raises:
         ArgumentError: an unknown name, no duration, or a reference that did not finish. Errors of `assemble`.
@@ -117,10 +118,10 @@ def compare(
     reference: Result | None = None,
     progress: Any = False,
 ) -> Comparison:
-    """The same for a `System`, from q0 and v0 (n,) at t0 or from `initial`; for a mechanism call its own `compare`.
+    """Compare formulations on a `System`, from q0 and v0 (n,) at t0 or from `initial`.
 
-    Errors are largest differences of a coordinate; energies are not known. Other options, result and errors are those
-    of `Mechanism.compare`.
+    For a mechanism call its own `compare`. Errors are the largest differences of a coordinate; energies are not known.
+    Other options, result and errors are those of `Mechanism.compare`.
 
     >>> import numpy as np
     >>> import partita as pt

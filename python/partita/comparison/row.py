@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 FINISHED, FAILED, NOT_RUN = "finished", "failed", "not run"
 NEEDS = "needs "
 """Status of a run that lacks an option: this and the option's name."""
-# Formulations whose velocities are coordinates, so that C_D has a meaning; and those that choose nothing at all.
+# Formulations whose velocities are coordinates, so that C_D is defined; and those without any choice.
 _CHOOSING = ("projective", "fixed", "wehage-haug", "explicit-closing")
 _RENEWING = (*TANGENTS, "tangent-space")
 _NEWTON = ("wehage-haug", "explicit-closing", "tangent-space")
@@ -125,7 +125,7 @@ def measured(case: Case, bench: Bench, result: Result, time: float, bare: float 
 
 
 def _condition(bench: Bench, result: Result) -> float | None:
-    """Worst condition of C_D over the outputs, or over as many evenly spread ones as `_WORK` allows."""
+    """Worst condition number of C_D over the outputs, or over as many evenly spread ones as `_WORK` allows."""
     nt, n = result.v.shape
     k = result.independent.shape[1]
     if nt == 0 or k == 0 or k == n or np.any(result.independent < 0):

@@ -1,4 +1,4 @@
-"""FMI 2.0 for co-simulation: what an FMU's inputs and outputs mean, its description, and the archive.
+"""FMI 2.0 for co-simulation: the inputs and outputs of an FMU, its description, and the archive.
 
 The binary is the same in all of them: the core without Python, which reads the mechanism from the resources.
 """
@@ -56,7 +56,7 @@ class Output:
 
 
 def prepared(d: Description, names: Iterable[str]) -> tuple[Description, list[Input]]:
-    """The mechanism with what its inputs act by: torques and drives that it has, a torque for each joint named."""
+    """The mechanism with the elements through which its inputs act; a torque is added for each joint named."""
     copy, found = d.copy(), list[Input]()
     for name in _listed("inputs", names):
         kinds = [

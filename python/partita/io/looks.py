@@ -27,7 +27,7 @@ class Look:
 
 
 def mesh_file(model: Path, name: str) -> tuple[Path | None, str]:
-    """The file that a model names for a mesh, or None and why not: only files beside the model or below are looked at.
+    """The mesh file that a model refers to, or None and the reason; only files in its folder or below are read.
 
     `package://NAME/rest` and `model://NAME/rest` are looked for as NAME/rest and as rest.
     """

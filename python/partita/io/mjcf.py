@@ -32,7 +32,7 @@ def read(path: Path) -> Robot:
     found = _looked_at(path, path.parent, (), named)
     named.stay(path.parent)
     if found.tag != "mujoco":
-        found.fail("is no <mujoco>: this is not MJCF")
+        found.fail("is not <mujoco>: this is not MJCF")
     try:
         import mujoco
     except ImportError as error:
@@ -63,8 +63,7 @@ class _Named:
 
 
 def _looked_at(path: Path, folder: Path, including: tuple[Path, ...], named: _Named) -> Element:
-    """The root of a file, once neither it nor what it includes leads out of the folder; `including` are the files that
-    include it."""
+    """The root of a file whose includes stay within the folder; `including` lists the files that include it."""
     root = parse(path)
     try:
         get(path).decode("utf-8")

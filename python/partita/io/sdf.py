@@ -34,7 +34,7 @@ def read(path: Path) -> Robot:
     """The model in a file. Raises `FileFormatError` with the line of what is wrong."""
     root = parse(path)
     if root.tag != "sdf":
-        root.fail("is no <sdf>: this is not SDFormat")
+        root.fail("is not <sdf>: this is not SDFormat")
     world = root.first("world")
     models = list((world or root).all("model"))
     if len(models) != 1:

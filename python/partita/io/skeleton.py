@@ -78,7 +78,7 @@ class Skeleton:
 
 
 class Names:
-    """Names that are used; `new` finds one that is not."""
+    """The names in use; `new` returns an unused one."""
 
     def __init__(self, used: Iterable[str]) -> None:
         self.used = set(used)
@@ -219,7 +219,7 @@ def _between(one: Array, other: Array) -> Array:
     sine = float(np.linalg.norm(w))
     if cosine >= 0.0:
         factor = 1.0 / (1.0 + cosine)
-    else:  # opposite directions do not say about which axis across them
+    else:  # opposite directions do not determine the axis of rotation
         w = w if sine > 1e-14 else _across(a)[0]
         factor = (1.0 - cosine) / float(w @ w)
     cross = np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]]) if sine > 1e-14 else np.zeros((3, 3))
@@ -260,7 +260,7 @@ def _branch(
     apart = joint.child_point is not None or joint.child_axis is not None or joint.child_frame is not None
     if apart:
         there = placed(point if joint.child_point is None else joint.child_point, _turn_of_child(joint))
-        moved = placed(point, np.eye(3)) @ inverse(there)  # what brings the child to where the parent has the joint
+        moved = placed(point, np.eye(3)) @ inverse(there)  # the transformation of the child to the joint on the parent
         place = inverse(drawn[joint.parent]) @ moved @ drawn[joint.child]
         place = inverse(place) if reverse else place
         place[:3, :3] = nearest(place[:3, :3])

@@ -51,7 +51,8 @@ Maker = Callable[..., Builder]
 
 SEAL = "# as saved by partita (delete this line after editing): "
 
-# Tables that are made together, in the order of the file. Forces are all others that the schema has; sensors come last.
+# Tables whose elements are created together, in the order of the file. All other tables of the schema are forces;
+# sensors come last.
 _STAGES = (
     ("body", "rod"),
     ("joint",),
@@ -92,8 +93,8 @@ def parse(text: str, make: Maker, path: str = "text") -> Any:
 
 @contextmanager
 def _growing() -> Iterator[None]:
-    """Without search for circular garbage: what is read makes none, and searching through all of it, again and again,
-    would be a third of the time."""
+    """Disable the search for circular garbage: reading creates none, and repeated searches would take a third of the
+    time."""
     was = gc.isenabled()
     gc.disable()
     try:

@@ -39,7 +39,7 @@ def read(path: Path) -> Robot:
     """The robot in a file. Raises `FileFormatError` with the line of what is wrong."""
     root = parse(path)
     if root.tag != "robot":
-        root.fail("is no <robot>: this is not URDF")
+        root.fail("is not <robot>: this is not URDF")
     robot = Robot(root.get("name") or path.stem, Reading(path, "URDF"))
     left: Counter[str] = Counter()
     lines: dict[str, int] = {}

@@ -105,7 +105,9 @@ class _Writer:
         for closure in tree.closures:
             self.closure(closure)
         for joint, coordinate in self.springs:
-            report.dropped.append(f"spring of coordinate {coordinate} of joint {joint}, which is no hinge and no slide")
+            report.dropped.append(
+                f"spring of coordinate {coordinate} of joint {joint}, which is neither a hinge nor a slide"
+            )
         for force in d.forces.values():
             if isinstance(force, SpringRecord):
                 self.spring(force)
@@ -245,7 +247,7 @@ class _Writer:
         there = inverse(self.frames[joint.child]) @ closure.there
         word = (
             "meeting" if joint.kind == "spherical" else "closing"
-        )  # frames called closing are welded where no file says
+        )  # without a sidecar file, frames named closing_... are welded by the reader
         first, second = (self.names.new(f"{word} {joint.name} {side}") for side in "12")
         self.mark(second, child, there)
         if joint.kind in ("fixed", "spherical"):

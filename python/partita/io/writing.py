@@ -14,7 +14,7 @@ _SHOWN = 3
 
 @dataclass
 class Writing:
-    """What became of a mechanism in a file; `print(m.save("robot.urdf"))`.
+    """Report on a mechanism that was written to a file; `print(m.save("robot.urdf"))`.
 
     Attributes:
         path: the file that was asked for.
@@ -53,7 +53,7 @@ class Writing:
         }
 
     def judge(self, strict: bool) -> None:
-        """Before anything is written: refuse what would be lost, or warn of it."""
+        """Before anything is written, refuse losses or warn about them."""
         if not self.dropped:
             return
         shown = "; ".join(self.dropped[:_SHOWN])

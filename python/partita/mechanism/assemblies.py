@@ -18,11 +18,11 @@ from .solve import assemble
 
 @dataclass(frozen=True)
 class Assembled:
-    """One way to put a mechanism together.
+    """One assembly of a mechanism.
 
     Attributes:
-        state: closed, on these branches; simulate from it, or hand it to `assemble` as `near`.
-        branches: sign of each block of loops that has two solutions, by the block's words.
+        state: the closed state on these branches; simulate from it, or pass it to `assemble` as `near`.
+        branches: block of loops -> its sign, for each block that has two solutions.
         residual: largest |Phi| [m, rad].
     """
 
@@ -38,7 +38,7 @@ class Assembled:
 
 @dataclass(frozen=True)
 class Assemblies:
-    """All of them, the one that was asked from first. Iterable.
+    """All assemblies, that of the given state first. Iterable.
 
     Attributes:
         found: the assemblies.
@@ -75,23 +75,23 @@ def assemblies(
     inputs: Iterable[str] | None = None,
     t: float | None = None,
 ) -> Assemblies:
-    """All positions in which the loops close for given values of the inputs, by inverse kinematics.
+    """Find all positions in which the loops close for given values of the inputs, by inverse kinematics.
 
     Loops are solved one after the other in closed form where they can be ordered: planar dyads of revolute and
     prismatic joints, spatial loops with a ball joint or two (a characteristic pair). Each has up to two solutions, its
-    branches. Gears, racks, screws and cams lead from one loop to the next. Loops that cannot be ordered are solved by
+    branches. Gears, racks, screws and cams connect one loop to the next. Loops that cannot be ordered are solved by
     iteration, near the given position only.
 
     Args:
-        targets, rates, near, t: where the inputs stand and how they move, as in `assemble`.
+        targets, rates, near, t: values and rates of the inputs, as in `assemble`.
         inputs: names of velocities, as many as degrees of freedom; None: those that order the most loops.
 
     Returns:
-        The assemblies, that of `assemble(targets, rates, near)` first.
+        The assemblies; that of `assemble(targets, rates, near)` is the first.
 
     Raises:
-        ArgumentError: the inputs do not determine the other coordinates, there are more than 4096
-            combinations, or a coupling or drive holds rates alone. AssemblyError as in `assemble`.
+        ArgumentError: the inputs do not determine the other coordinates, there are more than 4096 combinations, or a
+            coupling or drive constrains only rates. AssemblyError: as in `assemble`.
 
     >>> import partita as pt
     >>> m = pt.catalogue.load("four-bar")

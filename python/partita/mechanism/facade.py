@@ -22,23 +22,23 @@ from .report import report
 class Mechanism(Modelled):
     """Rigid bodies, joints, forces and drives: a description that can be compiled and simulated.
 
-    SI units and radians (see `partita.units`). Data of joints are world data of the drawn position; data of
-    bodies are in body axes. Where a loop does not quite close in the drawing, `assemble` closes it.
+    SI units and radians (see `partita.units`). Data of joints are in world axes, in the drawn position; data of bodies
+    are in body axes. If a loop does not quite close in the drawing, `assemble` closes it.
 
     Args:
         name: shown in reports and results.
-        gravity: acceleration of gravity in world axes [m/s^2]: three numbers; None: there is none; or, where it
-            changes, as `add_force` takes a force: components that are tables (times, values) or functions f(t, state),
-            one table (times (n,), values (n, 3)), or one function that returns three numbers. Gravity that changes has
-            no potential: what it does counts as work.
-        drawing_tolerance: how far the drawing may be off, in radians and in parts of the characteristic lengths (0 to
-            0.01). Where joint frames moved by no more than twice that let an over-constrained mechanism move, it is
-            repaired so when it is compiled; what does not fit is named in `report`, in the notes of a result and in
-            its certificate. 0 means every digit.
+        gravity: acceleration of gravity in world axes [m/s^2]: three numbers; None: no gravity; or, if it varies, in
+            the forms of a force in `add_force`: components that are tables (times, values) or functions f(t, state),
+            one table (times (n,), values (n, 3)), or one function that returns three numbers. Varying gravity has no
+            potential; its power counts as work.
+        drawing_tolerance: allowed geometric error of the drawing, in radians and in fractions of the characteristic
+            lengths (0 to 0.01). If moving joint frames by at most twice this amount lets an over-constrained mechanism
+            move, it is repaired when it is compiled; `report`, the notes of a result and its certificate name the
+            changes. 0: every digit is taken literally.
 
     Raises:
-        DescriptionError: the name is not text, gravity is not three finite numbers, or drawing_tolerance is no number
-            above or equal to 0.
+        DescriptionError: the name is not text, gravity is not three finite numbers, or drawing_tolerance is not a
+            number from 0 to 0.01.
 
     >>> import partita as pt
     >>> m = pt.Mechanism("four-bar")
@@ -80,17 +80,17 @@ class Mechanism(Modelled):
         """Write a model file; the suffix says which kind: .toml, which holds all of it and which `partita.load` reads
         back to the last bit; .urdf, with a .yaml beside it where loops are closed; .mjcf or .xml (MuJoCo's MJCF).
 
-        Robots' formats contain bodies, joints, loops, springs of joints and couplers of two joints (docs/robots.md).
-        Changes and losses are listed in the `Writing` that is returned; for losses a `LossyFileWarning` is given as
-        well. Numbers are written with all their digits. Each file is written completely or not at all.
+        Robots' formats hold bodies, joints, loops, springs of joints and couplers of two joints (docs/robots.md). The
+        returned `Writing` lists changes and losses; for losses a `LossyFileWarning` is issued as well. Numbers are
+        written with all their digits. Each file is written completely or not at all.
 
         Args:
-            path: the file; an older one is replaced.
-            strict: fail if the format cannot represent the model in place of a warning.
+            path: the file; an existing one is replaced.
+            strict: raise an error instead of a warning if the format cannot represent the model.
 
         Raises:
             DescriptionError: a force or drive is a Python function, which a file cannot contain; use a table.
-            FileFormatError: no writer for this suffix, or what would be lost if `strict`.
+            FileFormatError: there is no writer for this suffix, or, if `strict`, something would be lost.
             MissingFileError: the folder does not exist.
 
         >>> import os, tempfile

@@ -33,34 +33,35 @@ def to_fmu(
     method: str = "dop853",
     formulation: str = "projective",
 ) -> Path:
-    """Write an FMU (FMI 2.0, co-simulation): the mechanism as a part of other programs' simulations.
+    """Write an FMU (FMI 2.0, co-simulation): the mechanism as a component in the simulations of other programs.
 
-    It holds the mechanism and Partita's core, built before: neither a compiler nor Python is needed, here or there. An
-    FMU runs on the system that it was written on (Linux, macOS, Windows; 64 bit).
+    It contains the mechanism and Partita's compiled core: no compiler is needed to write it, and neither a compiler nor
+    Python to run it. An FMU runs on the operating system on which it was written (Linux, macOS, Windows; 64 bit).
 
     Args:
-        path: the file, such as "four-bar.fmu"; an older one is replaced.
-        inputs: names of torques (`add_torque`), whose values they become; of drives of joint coordinates, whose rates
-            they become; of joints with one coordinate, along which they act as an effort. An effort is held over a
-            communication step; the rate of a drive changes linearly over it and is reached at its end.
+        path: the file, such as "four-bar.fmu"; an existing one is replaced.
+        inputs: names of torques (`add_torque`), for their values; of drives of joint coordinates, for their rates; of
+            joints with one coordinate, for an effort along it. An effort is constant over a communication step; the
+            rate of a drive varies linearly and reaches the given value at its end.
         outputs: "A.position", "A.velocity", "A.force", "A.moment" (reaction on the child, world axes) and "A.effort"
             (of a drive) of a joint A; "A" for position and velocity; "energy.kinetic", "energy.potential", "energy" for
-            both. None: all joints, and the energies. Angles of joints that close loops in space are told within a turn.
-        initial: where it starts; None: as drawn, assembled, at rest.
-        duration, communication_step: what the FMU proposes [s].
-        rtol, atol, method, formulation: as in `simulate`; the environment may give another rtol.
+            both. None: all joints and the energies. Angles of joints that close loops in space are reported within one
+            turn.
+        initial: state to start from; None: the drawing, assembled, at rest.
+        duration, communication_step: default values stored in the FMU [s].
+        rtol, atol, method, formulation: as in `simulate`; the simulation environment may set another rtol.
 
     Returns:
         The path.
 
     Raises:
-        ArgumentError: names that do not exist or cannot be an input or output, or a state of another mechanism.
-        DescriptionError: a Python function acts in the mechanism.
+        ArgumentError: a name does not exist or cannot be an input or output, or the state belongs to another mechanism.
+        DescriptionError: the mechanism uses a Python function.
         AssemblyError: its loops cannot be closed.
         MissingDependencyError: this installation has no binary.
 
-    A step costs a start of the integrator, and each output that is a reaction an evaluation. A step that cannot be done
-    (a singular position, a drive that contradicts) is discarded with the reason, and the FMU stays where it was.
+    Each step restarts the integrator, and each output that is a reaction costs an evaluation. A step that cannot be
+    completed (a singular position, a contradictory drive) is discarded with the reason, and the FMU keeps its state.
 
     >>> import os, tempfile
     >>> import partita as pt

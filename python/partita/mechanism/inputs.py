@@ -115,7 +115,7 @@ class Courses:
         return np.array(held), np.array(u)
 
     def over(self, held: Array, u: Array, t: float, h: float) -> Array:
-        """The numbers of the step from t on, after those of the step before."""
+        """Coefficients for the step that starts at t, given those of the previous step."""
         new, place = held.copy(), 0
         for one, value in zip(self._inputs, u, strict=True):
             if one.component is not None:

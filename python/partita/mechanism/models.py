@@ -26,11 +26,11 @@ class Modelled(Builder):
 
 
 def compile(self: Modelled, coordinates: str = "relative") -> CompiledModel:
-    """Compile the description into equations. The model is kept until the description changes.
+    """Compile the description into equations. The model is cached until the description changes.
 
     Args:
-        coordinates: "relative": joint coordinates along a spanning tree and closing conditions (few and
-            fast); "absolute": six velocities per body and conditions for every joint (an independent check).
+        coordinates: "relative": joint coordinates of a spanning tree and loop-closure constraints (few and fast);
+            "absolute": six velocities per body and the constraints of every joint (an independent check).
 
     Raises:
         DescriptionError: there is nothing to move, or the core finds the description inconsistent.

@@ -28,30 +28,30 @@ def to_playground(
     speed: float = 1.0,
 ) -> Path:
     """Write a page (one HTML file) on which the mechanism runs: change lengths, masses, springs, gravity and drives,
-    pull at a link, and the motion is computed there and then, by the equations of the core.
+    pull a link, and the page computes the motion with the equations of the core.
 
-    Prefer it to `Result.to_html`, which shows one computed run with its reactions, for experiments: in teaching, or in
-    discussing a design. The page loads nothing and needs neither Python nor a network.
+    Prefer it for experiments, in teaching or when discussing a design; `Result.to_html` shows one computed run with its
+    reactions. The page loads nothing and needs neither Python nor a network.
 
     Args:
-        path: the file, such as "four-bar.html"; an older one is replaced.
-        initial: where it starts; None: as drawn, assembled, at rest.
-        title: of the page; None: the name of the mechanism.
-        speed: seconds of the mechanism that pass in one second; the page lets people change it.
+        path: the file, such as "four-bar.html"; an existing one is replaced.
+        initial: state to start from; None: the drawing, assembled, at rest.
+        title: title of the page; None: the name of the mechanism.
+        speed: simulated seconds per second of real time; it can be changed on the page.
 
     Returns:
         The path.
 
     Raises:
-        DescriptionError: something acts that a page cannot compute, by name: Python functions, frictions whose levels
-            follow reactions, drives of turns in space.
+        DescriptionError: the mechanism contains something that a page cannot compute, which is named: Python functions,
+            reaction-dependent friction, drives of spatial rotations.
         AssemblyError: its loops cannot be closed. SingularityError: it starts in a singular position.
-        ArgumentError: a state of another mechanism, a speed or a title that is none.
+        ArgumentError: the state belongs to another mechanism, or speed or title is invalid.
         MissingFileError, FileFormatError: the file cannot be written.
 
     The equations are recorded with their parameters as inputs and emitted as WebAssembly; choice of coordinates, steps
-    (orders 5 and 8, error controlled to 1e-8) and closing are those of docs/playground.md. Each number stands for
-    itself: a longer link keeps its mass and inertia. Costs less than a second and half a megabyte for a hundred
+    (orders 5 and 8, error controlled to 1e-8) and closing are those of docs/playground.md. Each number changes only
+    itself: a longer link keeps its mass and inertia. It takes less than a second and half a megabyte for a hundred
     bodies.
 
     >>> import os, tempfile

@@ -23,20 +23,22 @@ FloatArray = NDArray[np.float64]
 
 
 class Poses:
-    """Poses that `Mechanism.assemble_many` found, a row for each in the order asked for. Iterable: a `State` each.
+    """Poses found by `Mechanism.assemble_many`, one row for each, in the given order. Iterating yields a `State` for
+    each.
 
     Attributes:
         q: coordinates (n, nq), named by `names`; NaN where a pose was not assembled.
         ok: (n,) bool: assembled on the branch.
         status: (n,) words: "closed", "open" (the loops cannot close there), "other branch" (they can, but not on this
             one), "singular" (behind a position in which branches meet) or "contradiction" (of the targets).
-        reasons: why, by the number of the pose, for those that were not assembled: which loop and joints, where the
-        path of the targets ended, and the closure error. shortfall: (n,) by how much the nearest position stays open
-        [m]; 0 where assembled, NaN where unknown. shortfall_angle: (n,) the same for directions [rad]. reached: target
-        -> how far the direct path from the state of the branch led, (n,) or (n, numbers of the target). detour: (n,)
-        bool: not reached on the direct path, but on another path of the branch. branch: sign of each block of loops by
-        its words, where the poses were found in closed form; else None. near: the state whose branch it is.
-    """
+        reasons: index of a pose -> why it was not assembled: the loop and its joints, where the path of the targets
+            ended, and the closure error.
+        shortfall: (n,) closure error of the nearest position [m]; 0 where assembled, NaN where unknown.
+        shortfall_angle: (n,) the same for directions [rad].
+        reached: target -> how far the direct path from the state of the branch led, (n,) or (n, numbers of the target).
+        detour: (n,) bool: reached not on the direct path, but on another path of the branch.
+        branch: block of loops -> its sign, if the poses were found in closed form; otherwise None.
+        near: the state whose branch it is."""
 
     def __init__(
         self,
@@ -134,30 +136,29 @@ def assemble_many(
 ) -> Poses:
     """Assemble the mechanism for many values of its targets at once, every pose on the branch of one state.
 
-    A pose is found by following the motion while the targets go straight from where they are in the branch's state: in
-    steps that are checked to stay on the branch, refused where a limit or a singular position (in which branches meet)
-    stands in the way, and then tried with the targets going one after the other. Where several targets are inputs from
-    which all loops follow in closed form (planar dyads, spatial loops with a ball joint or two), the branch is the
-    sign of each block, and a pose is found wherever its loops close with these signs. Prefer it to calls of
-    `assemble` in sweeps: it runs on all cores, and what it says of a pose depends on that pose and the branch's state
-    alone.
+    A pose is found by continuation: the targets vary linearly from their values in the branch's state, in steps that
+    are checked to stay on the branch and that end at a limit or a singular position, where branches meet; then the
+    targets are varied one after the other. If the targets are inputs from which all loops follow in closed form (planar
+    dyads, spatial loops with one or two ball joints), the branch is the sign of each block, and a pose is found
+    wherever its loops close with these signs. Prefer it to repeated calls of `assemble`: it runs on all cores, and the
+    result for a pose depends only on that pose and the branch's state.
 
     Args:
         targets: joint (name or handle) -> positions [rad or m], (n,) or (n, coordinates); one coordinate of several by
-            its name; joints that close loops count as all others. A point of a body, ("coupler", (0.6, 0, 0)) in body
-            axes, -> places (n, 3) in the world [m]; ("coupler", (0.6, 0, 0), "xy") -> (n, 2). One value serves all
-            poses. What the targets leave free moves as little as it can.
-        near: state whose branch it is, as `assemble` or `assemblies` returns it; None: that of the drawing.
-        branch: signs of the blocks, such as "+-", as `Assembled.branch` tells them for the targets as inputs, instead
-            of those of `near`.
-        t: time [s], which matters where motion is prescribed; None: that of `near`, else 0.
+            its name; joints that close loops are treated like all others. A point of a body, ("coupler", (0.6, 0, 0))
+            in body axes, -> positions (n, 3) in the world [m]; ("coupler", (0.6, 0, 0), "xy") -> (n, 2). A single value
+            applies to all poses. Coordinates that the targets leave free move as little as possible.
+        near: state that defines the branch, as returned by `assemble` or `assemblies`; None: the drawing.
+        branch: signs of the blocks, such as "+-", instead of those of `near`, as reported in `Assembled.branch` with
+            the targets as inputs.
+        t: time [s], which matters if motions are prescribed; None: that of `near`, otherwise 0.
 
     Returns:
         `Poses`: coordinates, which poses were assembled, and why the others were not.
 
     Raises:
-        ArgumentError: shapes that do not fit, numbers that are not finite. UnknownNameError: a key is no joint,
-            coordinate or body. AssemblyError: `near` cannot be closed.
+        ArgumentError: shapes do not match, or numbers are not finite. UnknownNameError: a key is not a joint,
+            coordinate or body. AssemblyError: the loops cannot be closed at `near`.
 
     >>> import numpy as np
     >>> import partita as pt

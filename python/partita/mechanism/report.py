@@ -78,8 +78,8 @@ def _reported(found: dict[str, Any], sections: tuple[_Section, ...]) -> Report:
 
 def report(self: Modelled, state: State | None = None, *, coordinates: str = "relative") -> Report:
     """Describe the mechanism in words: what moves and how freely, redundancy and its remedies, coordinates and their
-    measure, reactions, data that look like a slip. At a singular position: which branches meet there, and how to be
-    drawn on each.
+    measure, reactions, data that look like mistakes. At a singular position it lists the branches that meet, with a
+    guess for each.
 
     Args:
         state: where to look; None: the drawing, assembled.
@@ -172,11 +172,11 @@ def _mobility(found: dict[str, Any], bodies: int) -> _Section:
     count = f"Gruebler's count is 6 x {bodies} - {rows} = {found['gruebler']}"
     if redundant:
         lines.append(
-            f"{count}. The true number is larger by {_count(redundant, 'redundant condition')} of the joints, which "
+            f"{count}. The true number is larger by {_count(redundant, 'redundant constraint')} of the joints, which "
             f"the count assumes to be independent."
         )
     else:
-        lines.append(f"{count}, which is the true number: all {rows} conditions of the joints are independent.")
+        lines.append(f"{count}, which is the true number: all {rows} constraints of the joints are independent.")
     if found["locked"]:
         lines.append(f"Locked by the loops in any position: {_named(found['locked'])}.")
     if found["dead"]:
@@ -230,8 +230,9 @@ def _coordinates(found: dict[str, Any]) -> _Section | None:
     if not rows:
         return None
     lead = (
-        "The measure rho is the mobility of a coordinate with the loops closed, relative to the loops opened: 1 = not "
-        "hindered, 0 = locked. It is dimensionless. The most mobile coordinates are chosen as independent."
+        "The measure rho is the mobility of a coordinate with the loops closed, relative to that with the loops cut "
+        "open: 1 = not restricted, 0 = locked. It is dimensionless. The most mobile coordinates are chosen as "
+        "independent."
     )
     below = []
     if found["sigma"] is not None:
@@ -281,7 +282,7 @@ def _open_frictions(
             where = State(where.t, *other.core.transferred(model.core, where.q, where.v), layout=layout)
             model = other
         except EvaluationError:
-            break  # for another reason, which a run tells
+            break  # for another reason, which a run reports
         else:
             break
     return found, model, where

@@ -36,42 +36,42 @@ def assemble(
     coordinates: str = "relative",
     parameters: Mapping[str, ArrayLike] | None = None,
 ) -> State:
-    """Close the loops: a state that satisfies the constraints, nearest to the drawing or to `near`.
+    """Close the loops: compute the state that satisfies the constraints and is nearest to the drawing or to `near`.
 
     Args:
-        targets: joint (name or handle) -> position [rad or m] that it shall have; a sequence for a joint with
-            several coordinates, or a single one by its name, such as "C.slide" (see `compile().names`). Joints that
-            close loops count as all others. A point of a body, ("coupler", (0.6, 0, 0)) in body axes, -> its place in
-            the world [m]; ("coupler", (0.6, 0, 0), "xy") -> two of its coordinates. A list of such dicts gives
-            priorities, strictly one after the other: the targets of the first are met; those of each next one come as
-            near as the earlier ones let them, in the sense of least squares (angles in radians, lengths in parts of
-            the mechanism's).
-        rates: the same for velocities of joints [rad/s or m/s]. What is not given stays as near to rest (to `near`) as
-            it can. In a change point, where branches meet, they are completed on the branch that they single out; they
-            may miss it by 2e-3 (digits as refusals print them), and what comes out lies on it. Where drives leave no
-            degree of freedom (a slider driven out of its dead centre) a rate tells the way alone: it is taken for the
-            way whose rate lies between half and twice of it, and the drive says its value.
-        near: where to start, for another branch; None: the drawing at rest.
-        fixed: joints (or coordinates) that keep their position in the start, drawn or guessed, while loops are closed
-            and targets met.
-        guess: joint -> position in the start, which need not close: for a branch that the drawing does not show. Prefer
-            `near` or `branch` where the branch is known.
-        branch: signs of the blocks in which the loops are closed, such as "+-", as `Assembled.branch` of `assemblies`
-            names them for the targets as inputs (where there is a target for each degree of freedom).
-        t: time [s], which matters where motion is prescribed; None: that of `near`, else 0.
-        tolerance: largest residual |Phi| allowed, in radians for directions and in parts of the loop's own length for
-            points; what is closed is then closed further, to round-off.
-        coordinates: as in `compile`; a run with "absolute" needs a state of that kind.
-        parameters: numbers other than the drawn ones, as `CompiledModel.with_parameters` takes them.
+        targets: joint (name or handle) -> required position [rad or m]: a sequence for a joint with several
+            coordinates, or a single coordinate by its name, such as "C.slide" (see `compile().names`). Joints that
+            close loops are treated like all others. A point of a body, ("coupler", (0.6, 0, 0)) in body axes, -> its
+            position in the world [m]; ("coupler", (0.6, 0, 0), "xy") -> two of its world coordinates. A list of such
+            dicts sets strict priorities: the targets of the first dict are met; those of each later one are met as
+            nearly as the earlier ones allow, in the sense of least squares (angles in radians, lengths as fractions of
+            the size of the mechanism).
+        rates: the same for velocities of joints [rad/s or m/s]. Velocities that are not given stay as near to rest (or
+            to those of `near`) as possible. At a change point, where branches meet, the rates select a branch and are
+            completed on it; they may deviate from it by 2e-3, as when copied from a message, and the result lies on it.
+            Where drives leave no degree of freedom (a slider driven out of its dead centre), a rate only selects the
+            branch, the one whose own rate lies between half and twice the given one; the drive determines its value.
+        near: state from which to start, for instance to reach another branch; None: the drawing at rest.
+        fixed: joints (or coordinates) that keep their starting position, drawn or guessed, while the loops are closed
+            and the targets met.
+        guess: joint -> starting position; the loops need not close there. Use it to reach a branch other than that of
+            the drawing; prefer `near` or `branch` if the branch is known.
+        branch: signs of the blocks in which the loops are closed, such as "+-", as `assemblies` reports them in
+            `Assembled.branch` with the targets as inputs (one target for each degree of freedom).
+        t: time [s], which matters if motions are prescribed; None: that of `near`, otherwise 0.
+        tolerance: largest allowed residual |Phi|, in radians for directions and as a fraction of the length of the loop
+            for points; once it is reached, the loops are closed further, to round-off.
+        coordinates: "relative" or "absolute", as in `compile`.
+        parameters: name -> value, numbers that replace those of the drawing, as in `CompiledModel.with_parameters`.
 
     Returns:
-        The state; `state.assembly` says what residual was reached, and of each target what was asked and reached.
+        The state; `state.assembly` has the residual and, for each target, the requested and the reached value.
 
     Raises:
-        AssemblyError: the lengths cannot close, or not with these targets: which contradict each other, where a joint
-            ends, what length is missing.
-        UnknownNameError: a key is no joint and no coordinate. ArgumentError: a value does not fit its joint.
-        SingularityError: rates in a change point that single out no branch; which there are.
+        AssemblyError: the loops cannot close, or not with these targets; the message says which targets contradict each
+            other, how far a joint gets, or which closure error remains.
+        UnknownNameError: a key is neither a joint nor a coordinate. ArgumentError: a value does not fit its joint.
+        SingularityError: at a change point the rates select no branch; the message lists the branches.
 
     >>> import partita as pt
     >>> m = pt.Mechanism("pendulum")
@@ -175,7 +175,7 @@ def _not_of_a_turn_in_space(key: str, model: CompiledModel) -> None:
 
 
 def convert(self: Modelled, state: State, coordinates: str) -> State:
-    """The same state in other coordinates: every body is and moves as before.
+    """Convert a state to other coordinates: every body keeps its position and velocity.
 
     Args:
         state: as `assemble` returns it, in relative or absolute coordinates.
@@ -187,7 +187,7 @@ def convert(self: Modelled, state: State, coordinates: str) -> State:
     >>> m = pt.Mechanism("pendulum")
     >>> rod = m.add_rod("rod", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
     >>> hinge = m.add_revolute("A", m.ground, rod, point=(0, 0, 0))
-    >>> m.convert(m.assemble(rates={"A": 2.0}), "absolute").v.round(12).tolist()    # centre of mass, then the turn
+    >>> m.convert(m.assemble(rates={"A": 2.0}), "absolute").v.round(12).tolist()    # centre of mass, then rotation
     [0.0, 1.0, 2.0]
     """
     return _converted(self, state, run_options.one_of("coordinates", coordinates, run_options.COORDINATES), None)
@@ -353,59 +353,62 @@ def simulate(
     """Compute the motion over `duration` seconds. The loops stay closed to round-off; nothing needs tuning.
 
     Args:
-        duration: [s], from the time of the initial state.
-        t_eval: increasing times of the outputs (nt,) inside the run; None: 201 evenly spaced ones. Outputs
-            satisfy the constraints whatever their spacing and do not change the steps.
-        initial: state to start from, as `assemble` returns it, in whatever coordinates; None: the drawing,
-            assembled, at rest. In a change point its velocities say along which branch it goes; a note tells.
-        rtol, atol: tolerances of the step control on each integrated quantity. `atol` is in radians for angles and in
-            parts of the characteristic length (the extent of a typical body) for displacements; the same per second
-            for velocities.
+        duration: length of the run [s], from the time of the initial state.
+        t_eval: increasing times of the outputs (nt,) within the run; None: 201 evenly spaced ones. Outputs satisfy the
+            constraints whatever their spacing and do not affect the steps.
+        initial: state to start from, as returned by `assemble`, in relative or absolute coordinates; None: the drawing,
+            assembled, at rest. At a change point the branch follows from the velocities and is recorded in the notes.
+        rtol, atol: relative and absolute tolerance of the step control on each integrated quantity. `atol` is in
+            radians for angles and in fractions of the characteristic length (the extent of a typical body) for
+            displacements; for velocities the same per second.
         method: "dop853" (order 8; best at small tolerances), "dopri5", "tsit5" (order 5), "bs23" (order 3; for
             tolerances of 1e-3 and looser), "rk4" (order 4, fixed steps only).
-        formulation: "projective" (equations without reactions in independent coordinates; the default and the
-            fastest), or one of those it can be held against: "fixed" (the same, its coordinates kept throughout),
-            "wehage-haug" (2k states, the dependent coordinates solved for at every stage), "explicit-closing" (2k
-            states, the loops closed by inverse kinematics), "zero-eigenvalue", "svd", "qr", "liang-lance",
-            "gram-schmidt" (frozen tangent velocities, renewed when they have gone bad), "tangent-space" (2k
-            states in a tangent chart), "user-tangent" (velocities of your own, needs `tangent`), "multipliers"
-            (all accelerations and multipliers from one matrix), "sparse-multipliers" (the same, eliminated with
-            its sparsity), "range-space" (the same by way of the constraints), "proximal" (the same regularised,
-            loads shared among redundant rows), "baumgarte" (stabilised, never exactly closed; needs `baumgarte`).
+        formulation: "projective" (equations without reactions in independent coordinates; the default and the fastest),
+            or, for comparison: "fixed" (the same without switches of coordinates), "wehage-haug" (2k states, dependent
+            coordinates by Newton's method at every stage), "explicit-closing" (2k states, the loops closed by inverse
+            kinematics), "zero-eigenvalue", "svd", "qr", "liang-lance", "gram-schmidt" (frozen tangent velocities,
+            renewed when their quality has fallen), "tangent-space" (2k states in a tangent chart), "user-tangent"
+            (user-defined velocities, needs `tangent`), "multipliers" (all accelerations and multipliers from one
+            matrix), "sparse-multipliers" (the same with sparse elimination), "range-space" (the same by eliminating the
+            accelerations first), "proximal" (the same with regularisation; loads are shared among redundant rows),
+            "baumgarte" (stabilised, closed only approximately; needs `baumgarte`).
         coordinates: "relative" or "absolute", as in `compile`.
-        events: not offered by this version; anything but an empty sequence raises `ArgumentError`.
-        progress: True: a bar on the terminal with the rate and the time that remains (needs tqdm); or a function of
-            the fraction done, 0 to 1.
-        correction: how the remainder of the constraints is removed after each step: "partition" (dependent
-            coordinates only), "mass-orthogonal" or "none" (a drift then remains, and the result shows it).
+        events: not supported by this version; anything but an empty sequence raises `ArgumentError`.
+        progress: True: a progress bar on the terminal with the rate and the remaining time (needs tqdm); or a function
+            of the completed fraction, 0 to 1.
+        correction: how the closure error is removed after each step: "partition" (moves only dependent coordinates),
+            "mass-orthogonal" (the smallest change in the mass metric) or "none" (the constraints drift, which the
+            result reports).
         switch_threshold: independent coordinates are switched when others span a volume larger by this factor; at
             least 1. (`switch` is its old name.)
         step: fixed step [s]; None: adaptive.
         max_step: largest adaptive step [s].
-        max_steps: the run stops with status "max-steps" after so many.
-        independent: names of velocities to be kept independent throughout; None: chosen, and switched when
-            others serve better. A fixed choice fails where it becomes singular.
-        selection: the rule that chooses the independent coordinates of "projective": "collective" (the
-            projective criterion with lock and repeat, then switches), "greedy" (without switches),
-            "normalised-determinant", "persistence" (the least volume over `window`), "geometric" (as "greedy", but by
-            how far coordinates move alone), and those the criterion is held against: "individual",
-            "determinant", "complete-pivoting".
-        weights: preferences, velocity name -> factor on its measure; 1 for those not named.
-        window: length of the window of "persistence" [s].
-        baumgarte: (alpha, beta) [1/s] of that formulation; there is no default, because no value fits all.
-        renew: frozen tangent velocities are renewed when their sqrt_mu falls below this part of what it was when they
-            were frozen, 0 to 1; 0: never; "each step": after every step, whatever their quality. Bases made are counted
-            in `counters["renewals"]`.
+        max_steps: after this number of steps the run stops with status "max-steps".
+        independent: names of velocities that stay independent throughout; None: chosen by `selection`, and switched
+            when others are better. A run with a fixed choice ends where the choice becomes singular.
+        selection: the rule that chooses the independent coordinates of "projective": "collective" (the projective
+            criterion, one coordinate after the other, then exchanges), "greedy" (without exchanges),
+            "normalised-determinant", "persistence" (the largest minimum volume over `window`), "geometric" (as
+            "greedy", but by displacements only), and, for comparison, "individual", "determinant" and
+            "complete-pivoting".
+        weights: velocity name -> factor on its measure, to express preferences; 1 for those not named.
+        window: time over which "persistence" looks back [s].
+        baumgarte: (alpha, beta) [1/s] of the formulation "baumgarte"; there is no default, because no value suits all
+            mechanisms.
+        renew: frozen tangent velocities are renewed when sqrt_mu has fallen to this fraction of its value when they
+            were frozen, 0 to 1; 0: never; "each step": after every step, whatever their quality. `counters["renewals"]`
+            counts the renewals.
         tangent: `TangentVelocities` for "user-tangent".
-        parameters: numbers other than the drawn ones, name -> value, as `CompiledModel.with_parameters` takes them: for
-            sweeps and gradients, where compiling anew would cost more than the run. `initial` must close their loops.
+        parameters: name -> value, numbers that replace those of the drawing, as in `CompiledModel.with_parameters`: for
+            sweeps and gradients, where compiling again would cost more than the run. The loops must close in `initial`
+            with these numbers.
 
     Returns:
-        A result, also for a run that stopped early: look at `success` and `message`.
+        The result, also of a run that stopped early: check `success` and `message`.
 
     Raises:
         ArgumentError, AssemblyError, EvaluationError, SingularityError; DescriptionError from `compile`.
-        Interrupted: Ctrl-C; its `result` is the run up to there.
+        Interrupted: Ctrl-C was pressed; `result` of the error is the run up to that time.
 
     >>> import partita as pt
     >>> m = pt.Mechanism("pendulum")

@@ -128,9 +128,9 @@ class Stepper:
     def sensor(self, name: Any) -> Any:
         """The value of a sensor at the current state: a float or an array, see `Mechanism.add_sensor`.
 
-        Those of positions and velocities cost a look at their bodies and joints. What needs accelerations, reactions or
-        forces is found with the inputs held over the step that led here, at the cost of an evaluation with its
-        multipliers; all such sensors of one instant share it. Raises `UnknownNameError` with the nearest names.
+        Sensors of positions and velocities cost almost nothing. Those that need accelerations, reactions or forces use
+        the inputs of the last step and cost one evaluation with multipliers, which all such sensors of one instant
+        share. Raises `UnknownNameError` with the most similar names.
         """
         sensors = self._model.sensors
         names = list(sensors)
@@ -150,15 +150,16 @@ class Stepper:
         drive the position has the given value at the end of the step, and the rate there is the mean rate of the step.
 
         Args:
-            u: a number for each of `inputs`, in their order [N, N m; of drives what they prescribe: m, rad, m/s, ...];
-                or a dict of some of them, the others stay as they are held; None: all stay. At the start efforts are
-                as drawn, accelerations 0, positions and velocities those of the start.
+            u: one number for each of `inputs`, in their order [N, N m; for drives the unit of what they prescribe: m,
+                rad, m/s, ...]; or a dict of some of them, the others keep their values; None: all keep their values.
+                Initially efforts have the values with which they were added, accelerations are 0, and positions and
+                velocities those of the initial state.
 
         Raises:
-            ArgumentError: another number of inputs, NaN or infinity. UnknownNameError: no input has that name.
-            SingularityError, EvaluationError: the step leads into a position that cannot be passed, a function fails.
+            ArgumentError: a wrong number of inputs, NaN or infinity. UnknownNameError: there is no input of that name.
+            SingularityError, EvaluationError: the step leads to a position that cannot be passed, or a function fails.
 
-        After an error the state and the inputs held are those before.
+        After an error the state and the inputs are those before the call.
         """
         wanted = self._wanted(u)
         numbers = self._courses.over(self._numbers, wanted, self.state.t, self._dt)
@@ -172,8 +173,8 @@ class Stepper:
         return self.state
 
     def reset(self, initial: State | None = None) -> State:
-        """Begin again at a state, or where it began; what was kept for `result` is dropped, the inputs are as at the
-        start. Angles of drives that close loops are counted from within half a turn there.
+        """Start again from a state, or from the initial one; the record for `result` is dropped and the inputs are
+        reset. Angles of drives of joints that close loops start within half a turn.
 
         Raises `ArgumentError` for a state of another model.
         """
@@ -193,16 +194,16 @@ class Stepper:
         return self.state
 
     def show(self, *, shapes: Mapping[str, Any] | None = None, host: str = "127.0.0.1", port: int = 8080) -> LiveView:
-        """A page in the browser, or in the notebook, that follows the stepper; needs the extra `live` (viser).
+        """Open a page in the browser, or in the notebook, that follows the stepper; needs the extra `live` (viser).
 
         Bodies and joints are drawn as on the animated page of a run. Steps are sent as they are made, at most 60 per
-        second of real time, and the last one always; a step costs some microseconds more. A second call ends the first
-        page.
+        second of real time, and always the last one; this adds a few microseconds to each step. A second call closes
+        the first page.
 
         Args:
-            shapes: solids in the place of what is guessed, as `partita.viewer.html` takes them.
-            host: who may look: "127.0.0.1" this machine alone, "0.0.0.0" everybody in the network.
-            port: where it is served; one in use is passed over to the next that is free, and 0 is any that is free.
+            shapes: solids to draw instead of the default shapes, as in `partita.viewer.html`.
+            host: who has access: "127.0.0.1" only this machine, "0.0.0.0" everybody in the network.
+            port: port on which it is served; if it is in use, the next free one is taken; 0: any free one.
 
         Raises:
             MissingDependencyError: viser is not installed. ArgumentError, UnknownNameError: host, port or a shape is
@@ -236,7 +237,7 @@ class Stepper:
         if not self._record:
             raise ArgumentError("nothing was recorded; make the stepper with record=True", argument="record")
         if not self._given:
-            raise ArgumentError("there is no step yet to make a result of; call step", argument="record")
+            raise ArgumentError("no step has been taken yet, so there is no result; call step", argument="record")
         return self._reported(*self._core.result(self._times, self._given), self._times[0])
 
     def _signals(self, at: State) -> StateSignals:
@@ -306,26 +307,26 @@ def stepper(
     record: bool = True,
     exchange: float | None = None,
 ) -> Stepper:
-    """A motion to be stepped by `dt` from outside, for control loops: `sim.step(u)`.
+    """Advance a motion step by step, for control loops: `sim.step(u)`.
 
-    Each step takes `substeps` equal steps of an explicit method, with the inputs held; the loops are closed to
-    round-off after each of them, and coordinates are switched when the criterion says so, as in `simulate`. So the
-    work of a step is bounded, and its error is of the order of the method in dt / substeps: nothing controls it. Stiff
-    mechanisms need short steps. Prefer `simulate` where what acts is known beforehand.
+    Each step takes `substeps` equal steps of an explicit method with constant inputs; the loops are closed to round-off
+    after each of them, and coordinates are switched when the criterion requires it, as in `simulate`. The work per step
+    is therefore bounded; its error decreases with dt / substeps to the power of the method's order and is not
+    controlled. Stiff mechanisms need short steps. Prefer `simulate` if all loads are known in advance.
 
     Args:
         dt: length of a step [s].
-        inputs: which of `Mechanism.inputs` the steps are given; None: all but the drives. Drives that are not among
-            them go on as drawn; of one that is, the start and the steps say how it moves (see `Stepper.step`).
+        inputs: those of `Mechanism.inputs` that `step` sets; None: all but the drives. Other drives keep their own
+            function of time; for a drive that is an input see `Stepper.step`.
         initial: state to start from; None: the drawing, assembled, at rest.
         method: "rk4" (order 4, the default), or another one of `simulate`.
-        substeps: steps of the method in each dt, 1 to 1000.
+        substeps: number of steps of the method in each dt, 1 to 1000.
         coordinates, switch_threshold, parameters: as in `simulate`.
-        record: keep every step for `result`; without, nothing grows however long it runs.
+        record: keep every step for `result`; False: memory does not grow, however long it runs.
 
     Raises:
-        ArgumentError: a number out of range, a state of another model; a structure, which cannot move.
-        UnknownNameError: no input has that name. SingularityError: the start is a singular position.
+        ArgumentError: a number is out of range, the state belongs to another model, or the mechanism is a structure.
+        UnknownNameError: there is no input of that name. SingularityError: the initial state is in a singular position.
 
     >>> import partita as pt
     >>> m = pt.Mechanism("pendulum")

@@ -90,7 +90,7 @@ about.lengths.slice(0, 60).forEach((one, i) => {
   const parent = more($("lengths"), i, Math.min(60, about.lengths.length));
   field(parent, words, "m", () => motion.lengthOf(one), set, [0.3 * one.drawn, 2 * one.drawn]);
 });
-if (about.lengths.length === 0) $("lengths").textContent = "No body has two joints that turn.";
+if (about.lengths.length === 0) $("lengths").textContent = "No body has two rotational joints.";
 // what drawing refuses as well
 const outside = (name, words, x) => {
   if (about.bounds[name] === "above" && !(x > 0)) return `${words} must be above 0.`;

@@ -144,7 +144,7 @@ function makeMotion(run, about) {
         expand(y1, next);
         if (jumps(step)) {
           error = Infinity;
-          words = "branches meet here, and the motion cannot be kept on its own";
+          words = "branches meet here, and the motion cannot be kept on its branch";
         }
       }
       if (!(error <= 1)) {
@@ -170,7 +170,7 @@ function makeMotion(run, about) {
       if (closureError(eq.dropped) > about.loose) {
         const words = named(gaps());
         settle();
-        throw new Fault(`A condition that was redundant as drawn is not with these lengths: ${words}.`);
+        throw new Fault(`With these lengths a constraint that was redundant as drawn contradicts the others: ${words}.`);
       }
       q.set(closed);
       t = step === rest ? until : t + step;

@@ -124,7 +124,7 @@ def program(model: CompiledModel, state: State, drives: list[dict[str, Any]], fu
         "bounds": bounds(drawn),
         "start": {"t": state.t, "q": state.q.tolist(), "v": state.v.tolist()},
         "lengths": lengths(drawn, normal),
-        # allowed closure error of redundant conditions: rounding
+        # allowed closure error of redundant constraints: rounding
         "loose": 1e-6,
         "normal": None if normal is None else normal.tolist(),
         "loops": loops(model.summary),
@@ -153,7 +153,7 @@ def bounds(drawn: Mapping[str, Any]) -> dict[str, str]:
 
 
 def functions_of(compiled: CompiledModel) -> list[str]:
-    """Elements that call Python functions, in words: a page cannot."""
+    """Descriptions of the elements that call Python functions, which a page cannot run."""
     drawn = json.loads(compiled.description)
     found = []
     for table, word in (("forces", "force"), ("drives", "drive"), ("couplings", "coupling")):
@@ -168,7 +168,7 @@ def _calls(x: Any) -> bool:
 
 
 def plane_of(summary: Mapping[str, Any], drawn: Mapping[str, Any]) -> NDArray[np.float64] | None:
-    """Unit normal of the plane of a planar mechanism; None where it moves in space or does not rotate."""
+    """Unit normal of the plane of a planar mechanism; None if it is spatial or has no rotation."""
     axes = [joint["axis"] for joint in drawn["joints"] if joint["kind"] == "revolute" and joint.get("axis") is not None]
     if not summary.get("planar") or not axes:
         return None
@@ -204,7 +204,8 @@ def loops(summary: Mapping[str, Any]) -> dict[str, list[str]]:
 
 def lengths(drawn: Mapping[str, Any], normal: NDArray[np.float64] | None) -> list[dict[str, Any]]:
     """Lengths of bodies between their joints, in the plane of a planar mechanism: from the first joint of a body to
-    each other one of it. `moves` is the parameter that changes by `along` per metre of length, relative to `origin`."""
+    each of its other joints. `moves` is the parameter that changes by `along` per metre of length, relative to
+    `origin`."""
     found = []
     for body in ("ground", *(b["name"] for b in drawn["bodies"])):
         sites = list[tuple[str, str, list[float]]]()

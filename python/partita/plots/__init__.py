@@ -112,7 +112,7 @@ def plot(
     """Words among overview (the default), coordinates, velocities, accelerations, reactions, bearings, paths, energy,
     measure, closure, names of joints or sensors, below each other in one figure.
 
-    `x` is a coordinate, joint or sensor to stand along the bottom in the place of time; angles in degrees, of one turn
+    `x` is a coordinate, joint or sensor as abscissa instead of time; angles in degrees, of one turn
     where there are more. `ax`: existing Matplotlib axes to draw a single panel into. `points` are those whose
     "paths" are drawn, {name: (body, place in body axes)}. `UnknownNameError` for another word or name,
     `ArgumentError` where a word cannot stand over `x` or in `ax`.
@@ -172,8 +172,8 @@ def _part(result: ResultView, word: str) -> Drawn:
 
 
 def overview(result: ResultView, path: PathLike | None = None) -> Figure:
-    """The run at a glance: coordinates, velocities, accelerations, forces, speeds and forces over the angle of a
-    crank where one turns; then measure, closure, energy balance."""
+    """The run at a glance: coordinates, velocities, accelerations, forces, speeds and forces over the crank angle if
+    there is a rotating crank; then measure, closure error, energy balance."""
     return plot(result, "overview", path=path)
 
 

@@ -32,7 +32,7 @@ class Abscissa:
 
     values: FloatArray
     label: str
-    breaks: NDArray[np.bool_]  # (nt,): no line from the output before to this one
+    breaks: NDArray[np.bool_]  # (nt,): whether the line from the previous output to this one is omitted
     is_time: bool = False
     apart: bool = False
     """Whether outputs are so far apart in time that lines between them would misrepresent the motion."""
@@ -51,7 +51,7 @@ class Abscissa:
             }
             ax.plot(self.values, y, ls="none", color=colour, label=style.get("label"), **look)
             return
-        if len(self.values) == 1:  # of a single output there is no line
+        if len(self.values) == 1:  # a single output makes no line
             style = {**style, "marker": "o", "ms": 4}
         at = np.flatnonzero(self.breaks)
         ax.plot(np.insert(self.values, at, np.nan), np.insert(np.asarray(y, dtype=float), at, np.nan), *form, **style)
@@ -70,7 +70,7 @@ class Abscissa:
 
 
 def abscissa(result: ResultView, x: Any) -> Abscissa:
-    """Time for None; else the coordinate, joint or sensor `x`: angles in degrees, of one turn where there are more."""
+    """Time for None; otherwise the coordinate, joint or sensor `x`, with angles in degrees, reduced to one turn."""
     if x is None:
         name, step = turn_between_outputs(result)
         label = (
@@ -92,14 +92,14 @@ def abscissa(result: ResultView, x: Any) -> Abscissa:
         )
     degrees = np.degrees(values)
     finite = degrees[np.isfinite(degrees)]
-    if not finite.size or float(finite.max() - finite.min()) <= 370.0:  # one turn, and what a run goes beyond it
+    if not finite.size or float(finite.max() - finite.min()) <= 370.0:  # one turn, plus the part beyond it
         return Abscissa(degrees, f"{name} [deg]", np.zeros(len(values), dtype=bool))
     turn = np.floor(degrees / 360.0)
     return Abscissa(degrees - 360.0 * turn, f"{name} [deg], every turn", np.diff(turn, prepend=turn[:1]) != 0.0)
 
 
 def crank(result: ResultView) -> str | None:
-    """The first joint that turns on about its one axis, once around at least; None where none does."""
+    """The first joint that rotates steadily about a single axis through at least one turn; None if there is none."""
     for about in result.summary.get("joints", ()):
         if joint_units(about)[0] != ["rad"]:
             continue

@@ -16,7 +16,7 @@ PathLike = str | os.PathLike[str]
 
 
 def save_figure(figure: Figure, path: PathLike) -> Path:
-    """Save in the format of the ending; errors of `figure_path`, and `FileFormatError` where there is no room."""
+    """Save in the format of the ending; raises the errors of `figure_path`, and `FileFormatError` on a full disk."""
     where = figure_path(path)
     stream = BytesIO()
     figure.savefig(stream, format=where.suffix.lower().lstrip("."))

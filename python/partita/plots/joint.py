@@ -64,7 +64,7 @@ def _wrench(
 
 
 def _effort(joint: Any, rates: list[str]) -> str:
-    """For the title of the velocities: the greatest effort of a drive, where there is one."""
+    """For the title of the velocities: the largest effort of the drive, if there is one."""
     peaks = np.max(np.abs(joint.drive), axis=0, initial=0.0)
     units = ["N" if rate == "m/s" else "N m" for rate in rates]
     known = np.where(joint.drive_determined, "", ", not unique")

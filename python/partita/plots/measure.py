@@ -59,7 +59,7 @@ def _draw_strip(result: ResultView, ax: Axes, colour: dict[int, str], rows: int)
 
 
 def bands(result: ResultView) -> list[list[tuple[float, float, int]]]:
-    """For each place among the independent: spans (from, to, column of v) between the outputs.
+    """For each position in the list of independent coordinates: spans (from, to, column of v) between the outputs.
 
     A coordinate that remains independent keeps its place when another one is switched.
     """

@@ -16,7 +16,7 @@ ROW = 3.0
 
 
 def overview_height(result: ResultView, x: Abscissa) -> float:
-    """In inches: a row more where a crank turns."""
+    """Height in inches, with one more row if a crank rotates."""
     return ROW * (4 if x.is_time and crank(result) else 3)
 
 

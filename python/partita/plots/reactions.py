@@ -21,7 +21,7 @@ def draw_reactions(result: ResultView, canvas: Canvas, x: Abscissa | None = None
     notes = {draw_loads(result, ax, key, x) for ax, key in zip(panels, carried or ["force"], strict=True)} - {""}
     for upper in panels[:-1]:
         upper.set_xlabel("")
-    if len(carried) == 1:  # an empty panel would say the same on half of the paper
+    if len(carried) == 1:  # an empty panel would take half of the space to say the same
         notes.add(f"no joint carries a {next(key for key in PARTS if key not in carried)}")
     if notes:
         canvas.supxlabel("; ".join(sorted(notes)), fontsize=8, color="#555555")

@@ -23,7 +23,8 @@ def draw_coordinates(result: ResultView, ax: Axes, x: Abscissa | None = None) ->
     columns = reporting(result, result.q) if result.q.shape[1] == result.v.shape[1] else _widest(result)
     units, labels = coordinate_units(result.summary, result.names)[0], result.names.coordinates
     turning = [i for i in columns if units[i] == "rad" and float(np.ptp(result.q[:, i])) > MOST_TURNS * 2.0 * np.pi]
-    if turning and len(turning) < len(columns):  # beside a crank that turns on and on, all others would look still
+    # next to a steadily rotating crank all other curves would look constant
+    if turning and len(turning) < len(columns):
         columns = [i for i in columns if i not in turning]
     else:
         turning = []
@@ -57,7 +58,7 @@ def _draw(
     x = x or abscissa(result, None)
     lengths = [i for i in columns if is_length(units[i])]
     right = None
-    if lengths and len(lengths) < len(columns):  # beside a crank in rad/s a piston in m/s would look still
+    if lengths and len(lengths) < len(columns):  # next to a crank in rad/s a piston in m/s would look constant
         right = ax.twinx()
         right.set_ylabel(f"{symbol}{unit_label([units[i] for i in lengths])}", fontsize=9, labelpad=1.0)
         right.tick_params(labelsize=8)

@@ -1,4 +1,4 @@
-"""What kind of thing stands where in the account of a stored result: text, numbers, lists, spans."""
+"""The types of the entries in the record of a stored result: text, numbers, lists, spans."""
 
 from __future__ import annotations
 
@@ -201,5 +201,5 @@ ACCOUNT = table(
 
 
 def check_account(account: Any) -> None:
-    """Raise `ValueError` for the first entry that is not of the kind that belongs there."""
+    """Raise `ValueError` for the first entry of the wrong type."""
     ACCOUNT(account, "its account")

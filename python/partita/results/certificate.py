@@ -50,10 +50,10 @@ class Certificate:
     notes: tuple[str, ...]
     """Everything that was dropped, switched, repaired or not found, in sentences."""
     closure_row: str | None = None
-    """The condition with the largest closure error at any output, and its time."""
+    """The constraint with the largest closure error at any output, and its time."""
     closure_t: float = float("nan")
     acceleration_closure: float | None = None
-    """Largest |C v' + b| at the outputs [m/s^2 or rad/s^2, mixed], its condition, and when."""
+    """Largest |C v' + b| at the outputs [m/s^2 or rad/s^2, mixed], its constraint, and its time."""
     acceleration_row: str | None = None
     acceleration_t: float = float("nan")
     worst_body: str | None = None
@@ -62,9 +62,9 @@ class Certificate:
     bodies: tuple[tuple[str, float, float], ...] = ()
     """Of each body: name, largest Newton-Euler residual over the largest force, and when."""
     rank: tuple[int, ...] = ()
-    """Ranks of the conditions met, in order; one number where the rank never changed."""
+    """Ranks of the constraints during the run, in order; one number if the rank never changed."""
     margin: float = float("nan")
-    """Smallest squared sine between an accepted condition and the others, and when: 0 in a singular position."""
+    """Smallest squared sine between an accepted constraint and the others, and when: 0 in a singular position."""
     margin_t: float = float("nan")
     geometric_error: float = 0.0
     """Largest change of a joint frame (rad, fractions of the loop's length) by which the drawing was repaired; 0 where
@@ -180,7 +180,7 @@ def certify(result: ResultView) -> Certificate:
 
 
 def _of_outputs(result: ResultView) -> dict[str, Any]:
-    """Largest closure error with its condition and time, accelerations, rank and margin."""
+    """Largest closure error with its constraint and time, accelerations, rank and margin."""
     checks, names = result.checks, result.names.multipliers
 
     def row(key: str, i: int) -> str | None:
@@ -204,7 +204,7 @@ def _of_outputs(result: ResultView) -> dict[str, Any]:
 
 
 def _of_bodies(result: ResultView) -> dict[str, Any]:
-    """Newton-Euler residual body by body; of a singular position none is known."""
+    """Newton-Euler residual of each body; unknown at singular positions."""
     residuals = np.nan_to_num(np.abs(result.reactions["residuals"]), nan=0.0)
     if residuals.shape != (len(result.t), len(result.names.bodies)) or not residuals.size:
         return {}
@@ -222,11 +222,11 @@ def _line(name: str, words: str) -> str:
 
 
 def _grouped(notes: tuple[str, ...]) -> list[str]:
-    """Notes in which redundant conditions are listed for one group, with the number of similar groups."""
+    """Notes in which redundant constraints are listed for one group, with the number of similar groups."""
     rows = [note for note in notes if note.startswith(("row ", "rows ")) and " removed: " in note]
     if not rows:
         return list(notes)
-    rest = [note for note in notes if note not in rows and "closing rows are redundant" not in note]
+    rest = [note for note in notes if note not in rows and "loop-closure constraints are redundant" not in note]
     others = len(rows) - 1
     more = [f"and similarly {others} other group{'s' * (others > 1)} of joints, in certificate.notes"] * (others > 0)
     return [rows[0], *more, *rest]

@@ -13,7 +13,7 @@ from .source import Source
 
 
 class _Efforts:
-    """Efforts of a coupling or of a drive: columns of those of all conditions. They are computed on first access."""
+    """Efforts of a coupling or of a drive: columns of those of all constraints. They are computed on first access."""
 
     def __init__(self, name: str, source: Source, conditions: Sequence[int]) -> None:
         self.name = name
@@ -21,8 +21,8 @@ class _Efforts:
 
     @property
     def effort(self) -> FloatArray:
-        """(nt, rows): the multiplier of each condition [N, N m]. Times the rate of the coupled or driven quantity it is
-        a power."""
+        """(nt, rows): the multiplier of each constraint [N, N m]. Times the rate of the coupled or driven quantity it
+        is a power."""
         return np.asarray(self._source.efforts[:, self._conditions])
 
     @property
@@ -37,12 +37,12 @@ class _Efforts:
 
 
 class CouplingResult(_Efforts):
-    """The effort of one coupling.
+    """Efforts of one coupling over the outputs of a run.
 
-    `effort` (nt, rows) is the multiplier of each of its conditions: for a gear, rack or coupler the torque or force on
+    `effort` (nt, rows) is the multiplier of each of its constraints: for a gear, rack or coupler the torque or force on
     a coordinate whose factor is 1 (on others, times their factors); for a rolling contact the force on the rolling body
-    along the normal, and along two directions in the plane. `determined` (rows,) and `determined_at` (nt, rows) state
-    which are unique; the others belong to the reactions that the rule for redundant joints chooses (docs/reactions.md).
+    along the normal, and along two directions in the plane. `determined` (rows,) and `determined_at` (nt, rows) say
+    which are unique; the others are chosen by the rule for redundant joints (docs/reactions.md).
 
     Attributes:
         name, kind: of the coupling.
@@ -74,14 +74,15 @@ class CouplingResult(_Efforts):
 
 
 class DriveResult(_Efforts):
-    """The effort that one drive takes.
+    """Efforts of one drive over the outputs of a run.
 
-    `effort` (nt, rows) has one column for each coordinate driven: one, or of a pose the slides and then the three
-    turns. Of a slide, a `Distance` or an `Along` it is a force [N], of an angle or a `Cosine` a torque [N m], positive
-    where it acts towards larger values; of a pose's turns it goes with the errors of the orientation, so read
-    `run.joint(name).moment` there. Of a joint's slide or angle it is `run.joint(name).drive` as well. `determined`
-    (rows,) and `determined_at` (nt, rows) tell which are unique: two drives that agree on one degree of freedom share
-    its load by the rule for redundant joints (docs/reactions.md), which looks at the wrenches of joints alone.
+    `effort` (nt, rows) has one column for each driven coordinate: one, or, for a pose, the translations and then the
+    three rotations. For a translation, a `Distance` or an `Along` it is a force [N], for an angle or a `Cosine` a
+    torque [N m], positive towards larger values. For the rotations of a pose it is conjugate to the orientation error;
+    use `run.joint(name).moment` instead. For a translation or an angle of a joint it equals `run.joint(name).drive`.
+    `determined` (rows,) and `determined_at` (nt, rows) say which are unique: two compatible drives of one degree of
+    freedom share its load by the rule for redundant joints (docs/reactions.md), which considers only the wrenches of
+    joints.
 
     >>> import partita as pt
     >>> m = pt.Mechanism("winch", gravity=(0, 0, -9.81))

@@ -115,21 +115,20 @@ class JointResult:
     its accelerations at the first `acceleration`, its reaction at the first `force`, `moment` or `drive`, each for all
     outputs at once.
 
-    The reaction is the action of the joint's constraints on its *child* body, a drive's effort included,
-    reduced to the joint's point on the child. `force` and `moment` stand in world axes unless `in_frame`
-    asked for others; `axes` tells which.
+    The reaction is the wrench of the joint's constraints on its *child* body, including the effort of a drive, about
+    the joint's point on the child. `force` and `moment` are in world axes unless `in_frame` selected others; `axes`
+    says which.
 
-    Some reactions cannot be known from rigid bodies: where constraints are redundant, their share is a
-    matter of elasticity. `determined_at` says of each component at each output whether it is unique,
-    `determined` of each component whether it is so at all of them, `drive_determined` the same of the efforts of
-    drives. What is not determined is chosen by one rule: the least sum of squares of all forces, and of all moments
-    over a length, that the joints can carry the load with; or the least elastic energy, where
-    `Mechanism.set_compliance` said how far joints give. See docs/reactions.md.
+    Rigid-body dynamics does not determine all reactions: where constraints are redundant, the load distribution depends
+    on elasticity. `determined_at` says for each component and output whether it is unique, `determined` whether it is
+    unique at all outputs, and `drive_determined` the same for the efforts of drives. Undetermined components are chosen
+    by one rule: the least sum of squares of all forces, and of all moments divided by a length, that is consistent with
+    the motion; or the least elastic energy if `Mechanism.add_compliance` gave compliances. See docs/reactions.md.
 
     Attributes:
         name, kind: of the joint.
         parent, child: names of its bodies.
-        axes: "world", "joint" or "own": those of `force`, `moment`, `determined` and `determined_at`.
+        axes: "world", "joint" or "own", the axes of `force`, `moment`, `determined` and `determined_at`.
     """
 
     def __init__(
@@ -200,10 +199,10 @@ class JointResult:
     def determined_at(self) -> NDArray[np.bool_]:
         """(nt, 6): which of fx, fy, fz, mx, my, mz are unique at each output, in the axes named by `axes`.
 
-        In a singular position more is open than next to it, for that instant; what is unique there has no value
-        either, since accelerations do not follow: it is NaN. The answer is exact, but for axes of your own in a
-        result read from a file: there `True` is certain, and `False` may also mean that the component mixes a unique
-        and a non-unique one of the world's and the joint's axes.
+        At a singular position, for that instant, fewer components are unique than next to it; even the unique ones are
+        NaN there, since accelerations are not determined. The answer is exact, except for user-defined axes in a result
+        read from a file: there `True` is certain, while `False` may also mean that the component combines unique and
+        non-unique ones of the world's or the joint's axes.
         """
         world, joint = self._data.determined
         if self.axes == "world" or self._turn is None:
@@ -216,10 +215,10 @@ class JointResult:
         return _mixed(world, self._turn) | _mixed(joint, _transposed(self._rotation) @ self._turn)
 
     def directions(self, output: int = -1) -> Directions:
-        """Which forces and moments at an output are unique and which are not, as directions along `axes`.
+        """Directions, in `axes`, in which the forces and moments at an output are unique and in which they are not.
 
-        In the axes of a tilted guide a force may be unique that no axis of the world shows alone.
-        Raises `ArgumentError` for a result read from a file, which has no model to ask.
+        A tilted guide may have a unique force component that lies along no world axis. Raises `ArgumentError` for a
+        result read from a file, which has no model.
 
         >>> import partita as pt
         >>> m = pt.Mechanism("tilted guides")
@@ -248,11 +247,11 @@ class JointResult:
         return Directions(*forces, *moments)
 
     def in_frame(self, axes: Literal["world", "joint"] | ArrayLike) -> JointResult:
-        """The same joint with `force`, `moment`, `determined` and `determined_at` along other axes.
+        """Return the same joint with `force`, `moment`, `determined` and `determined_at` along other axes.
 
-        `"joint"`: the joint's axes on the parent body, moving with it. `"world"`: back again. A rotation
-        matrix (3, 3), or one per output (nt, 3, 3), has the wanted axes as columns, given in the world.
-        The point of reduction stays where it is. Raises `ArgumentError` for anything else.
+        `"joint"`: the joint's axes on the parent body, moving with it. `"world"`: back again. A rotation matrix (3, 3),
+        or one per output (nt, 3, 3), has the new axes as columns, in world axes. The point about which moments are
+        taken does not change. Raises `ArgumentError` for anything else.
 
         >>> load = result.joint("A").in_frame("joint").force          # doctest: +SKIP
         """
@@ -318,7 +317,7 @@ def _free_of(stresses: FloatArray, turn: FloatArray) -> NDArray[np.bool_]:
 
 
 def _split(stresses: FloatArray, turn: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Of directions (3, 3, rows; longer than 1 where there is any) those that are, and the rest of space."""
+    """The span of the given directions (3, 3, rows; zero rows are ignored), and its orthogonal complement."""
     if not np.isfinite(stresses).all():
         return np.eye(3), np.zeros((0, 3))
     lengths = np.linalg.norm(stresses, axis=1)
@@ -330,7 +329,8 @@ def _split(stresses: FloatArray, turn: FloatArray) -> tuple[FloatArray, FloatArr
         rest = row - sum((np.dot(k, row) * k for k in kept), np.zeros(3))
         rest -= sum((np.dot(k, rest) * k for k in kept), np.zeros(3))
         size = float(np.linalg.norm(rest))
-        if len(kept) < there.sum() or size > 0.5:  # of three unit axes one stands out of any plane by more than that
+        # of three orthonormal axes at least one leaves any plane by more than 0.5
+        if len(kept) < there.sum() or size > 0.5:
             kept.append(_upright(rest / size))
     together = np.array(kept)
     return together[: there.sum()], together[there.sum() :]

@@ -35,14 +35,14 @@ STORED = (*ENERGIES, *CHECKS, *OBSERVED, *REACTIONS, "joint_acceleration", *FLAG
 
 
 def load_result(path: str | os.PathLike[str]) -> Result:
-    """The result stored in `path`, in any of the formats that `Result.save` writes, known by its ending.
+    """Load the result stored in `path`, in any format that `Result.save` writes; the ending determines the format.
 
     It is equal to the original, number for number: arrays, names, units, settings, joints, bodies, reactions, log,
-    certificate, plots and page. Only what was computed then is there; for other times, run the mechanism again. A file
-    that was changed or damaged is refused, by the checksum inside.
+    certificate, plots and page. It contains only what was computed; for other times, run the mechanism again. The
+    checksum reveals a file that was changed or damaged, which is refused.
 
-    Raises `MissingFileError`, `FileFormatError` when the file is not a stored result or not as it was written, and
-    `MissingDependencyError` where its format needs a package that is not installed.
+    Raises `MissingFileError`, `FileFormatError` if the file is not a stored result or has changed, and
+    `MissingDependencyError` if its format needs a package that is not installed.
 
     >>> import os, tempfile
     >>> import partita as pt
@@ -59,7 +59,7 @@ def load_result(path: str | os.PathLike[str]) -> Result:
     form = format_of(source, f"cannot read {str(source)!r}")
     form.check("reading")
     try:
-        if form.name != "JSON":  # a text tells a slip better than its seal does
+        if form.name != "JSON":  # for text a syntax error says more than a wrong checksum
             _check_seal(source, content, form.name)
         header, values = form.read(source if folder else content)
         _check_version(source, header.get("partita_result"))

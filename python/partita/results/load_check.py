@@ -78,7 +78,7 @@ def check(record: Record, arrays: Mapping[str, NDArray[Any]]) -> None:
 
 
 def _spans(joints: Sequence[Mapping[str, Any]], sizes: Mapping[str, int]) -> None:
-    """Where a joint's coordinates and velocities stand, among those of all joints and in the state."""
+    """Positions of a joint's coordinates and velocities among those of all joints and in the state."""
     limits = {"q": "joint_coordinate", "v": "joint_freedom", "state_q": "coordinate", "state_v": "velocity"}
     for joint in joints:
         for key, axis in limits.items():

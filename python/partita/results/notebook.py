@@ -21,7 +21,7 @@ def table(title: str, rows: Iterable[tuple[str, str]]) -> str:
 
 
 def lines(text: str) -> str:
-    """A text as it stands."""
+    """Preformatted text."""
     return f'<pre style="white-space:pre-wrap">{escape(text)}</pre>'
 
 

@@ -37,7 +37,7 @@ class Record:
     steps_open: tuple[float, float] = (0.0, 0.0)
     """Largest |Phi| and |C v + a| at the ends of accepted steps."""
     gaps: tuple[float, float] = (0.0, 0.0)
-    """The same relative to the effect of a large displacement on each condition, and to the fastest rate."""
+    """The same relative to the effect of a large displacement on each constraint, and to the fastest rate."""
     exchanged: float = 0.0
     """Lower bound of the energy exchanged [J], from the speeds at the ends of accepted steps."""
     geometric_error: float = 0.0

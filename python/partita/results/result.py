@@ -26,24 +26,23 @@ if TYPE_CHECKING:
 class Result(Run):
     """Motion and forces of one run, over nt outputs; SI units and radians, names in `names`.
 
-    A run keeps times, coordinates and velocities. Accelerations, multipliers and closures are computed together when
-    one of them is first asked for, so are measures and qualities; bodies, joints and reactions one by one; all are
-    kept. A result that was stopped (`success` False, or by Ctrl-C) holds every output reached; `status` and `message`
-    say why it ended. A pickled result takes along all that can be asked of it, as a stored one does, and needs no
-    model where it is read.
+    A run stores times, coordinates and velocities. Accelerations, multipliers and closure errors are computed together
+    at the first access to one of them, and so are measures and qualities; bodies, joints and reactions are computed one
+    by one; all are cached. A run that stopped early (`success` False, or Ctrl-C) has every output that it reached;
+    `status` and `message` say why it ended. A pickled result contains everything that can be read from it, like a
+    stored one, and needs no model where it is loaded.
 
     >>> result.joint("A").force[-1], result.energy.total[0]        # doctest: +SKIP
     """
 
     def state(self, t: float | None = None) -> State:
-        """The state at time `t` [s] of the run, to start another one from (`initial=`); None: at its end.
+        """The state at time `t` [s] of the run, from which another one can start (`initial=`); None: at its end.
 
-        At an output it is that output. Between two it is integrated from the previous one, with the method and the
-        tolerances of the run, and closed to round-off: it lies on the motion within these tolerances. So runs can be
-        restarted from any instant.
+        At the time of an output it is that output. Between two outputs it is integrated from the previous one, with the
+        method and the tolerances of the run, and closed to round-off. Runs can therefore be restarted from any instant.
 
-        Raises `ArgumentError` outside of the run, for a stored result between its outputs, and where the tangent
-        velocities of the run were the user's own functions.
+        Raises `ArgumentError` for a time outside the run and, between outputs, for a stored result or a run with
+        user-defined tangent velocities.
 
         >>> import partita as pt
         >>> m = pt.catalogue.load("four-bar")
@@ -89,9 +88,9 @@ class Result(Run):
 
     def to_xarray(self) -> xarray.Dataset:
         """All arrays as an `xarray.Dataset`: dimensions `time`, `joint`, `body`, `axis`, `coordinate`, ... with the
-        names as coordinates, `units` and `long_name` of every array, and as texts `model` (JSON) and `account`;
-        attributes tell settings and certificate. `save("x.nc")` stores this dataset. `MissingDependencyError` without
-        xarray.
+        names as coordinates, `units` and `long_name` of every array, and `model` (JSON) and `account` as text;
+        attributes hold the settings and the certificate. `save("x.nc")` stores this dataset. `MissingDependencyError`
+        without xarray.
 
         >>> import partita as pt
         >>> found = pt.catalogue.load("four-bar").simulate(0.5).to_xarray()
@@ -113,18 +112,18 @@ class Result(Run):
         return to_pandas(self)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write to `path`, in the format of its ending, and return the path; `partita.load_result` reads all of them.
+        """Write to `path` in the format of its ending, and return the path; `partita.load_result` reads all formats.
 
         `.nc`: NetCDF 4, the dataset of `to_xarray`, for xarray, MATLAB and the tools of the geosciences (extra
         `netcdf`). `.zarr`: the same as a folder of chunks (extra `zarr`). `.json`: one readable text. `.mat`: for
         MATLAB and Octave. `.csv`, `.parquet` (extra `parquet`): a table, one row per output, for spreadsheets.
 
-        Every format holds everything: arrays, names, units, model, settings, certificate, version, and a checksum by
-        which a later change or damage is noticed. What is there already is replaced only when the new one is complete.
+        Every format holds everything: arrays, names, units, model, settings, certificate, version, and a checksum that
+            reveals later changes or damage. An existing file is replaced only when the new one is complete.
 
-        Raises `FileFormatError` for another ending and where the file cannot be written, `MissingFileError` when the
-        folder does not exist, `MissingDependencyError` naming the extra where a package is not installed. Costs the
-        reactions and the certificate at all outputs, if they were not asked for before.
+        Raises `FileFormatError` for another ending and if the file cannot be written, `MissingFileError` if the folder
+        does not exist, `MissingDependencyError` with the name of the extra if a package is not installed. Costs the
+        reactions and the certificate at all outputs, unless they have been computed before.
 
         >>> import os, tempfile
         >>> import partita as pt
@@ -146,16 +145,16 @@ class Result(Run):
         ax: Axes | None = None,
         points: Mapping[str, Any] | None = None,
     ) -> Figure:
-        """A matplotlib figure of `what`; several words stand below each other. `path` saves it too.
+        """Plot `what` in a Matplotlib figure; several words give panels one below the other. `path` saves it too.
 
-        "overview" (the default), "coordinates", "velocities", "accelerations", "reactions", "bearings" (polar: how
-        much, in which direction), "paths" (of `points`, {name: (body, place in body axes)}, or of the joints),
-        "energy", "measure", "closure", or the name of a joint or of a sensor. `x` names a coordinate, joint or sensor
-        to stand along the bottom in the place of time: over what angle is it loaded? Angles are in degrees, of one
-        turn where there are more. `ax`: existing Matplotlib axes to draw a single panel into.
+        "overview" (the default), "coordinates", "velocities", "accelerations", "reactions", "bearings" (polar: size and
+        direction), "paths" (of `points`, {name: (body, point in body axes)}, or of the joints), "energy", "measure",
+        "closure", or the name of a joint or of a sensor. `x` names a coordinate, joint or sensor as abscissa instead of
+        time, for instance a crank angle. Angles are in degrees, reduced to one turn. `ax`: existing Matplotlib axes to
+        draw a single panel into.
 
         Nothing is shown on the screen; in a notebook the figure displays itself. Raises `UnknownNameError` with the
-        nearest names, `ArgumentError` where a word cannot stand over `x` or in `ax`.
+        most similar names, and `ArgumentError` if a word cannot be combined with `x` or `ax`.
 
         >>> import partita as pt
         >>> run = pt.catalogue.load("four-bar").simulate(0.5)
@@ -175,10 +174,10 @@ class Result(Run):
         shapes: Mapping[str, Any] | None = None,
         points: Mapping[str, Any] | None = None,
     ) -> Path:
-        """One self-contained page with the animated mechanism; opens from disk without a network.
+        """Write one self-contained page with the animated mechanism; it opens from disk without a network.
 
         `shapes` draws bodies as boxes, cylinders, wheels, balls, plates, rods; `points` marks points and traces their
-        paths. Both are told at `partita.viewer.html`. The page is on paper light or dark as its reader prefers.
+        paths. Both are described at `partita.viewer.html`. The page is light or dark, as its reader prefers.
 
         >>> import os, tempfile
         >>> import partita as pt
@@ -208,20 +207,21 @@ class Result(Run):
         shapes: Mapping[str, Any] | None = None,
         points: Mapping[str, Any] | None = None,
     ) -> Path:
-        """A film of the motion for slides and papers: a .gif, or an .mp4 where the program ffmpeg is installed.
+        """Make a film of the motion for slides and papers: a .gif, or an .mp4 if the program ffmpeg is installed.
 
-        The mechanism stands as on the page of `to_html`, which is the better choice where it can be turned and asked.
-        Of each picture the computed output nearest in time is shown, with the forces of the joints.
+        The view is that of the page of `to_html`, which is preferable where readers can interact with it. Each frame
+        shows the computed output nearest in time, with the forces of the joints.
 
         Args:
-            fps: pictures a second.
-            speed: how many times faster than time; None: real time where that takes 2 to 20 s, else ten seconds.
+            fps: frames per second.
+            speed: simulated seconds per second of film; None: 1 if the film then takes 2 to 20 s, otherwise such that
+                it takes ten seconds.
             size: width and height in pixels.
-            forces: arrows of reactions and loads?
+            forces: draw arrows of reactions and loads.
             shapes, points: as in `to_html`.
 
-        Needs the extra "plots". Raises `ArgumentError` for more than 900 pictures and for another ending,
-        `MissingDependencyError` without ffmpeg, `MissingFileError` where the folder does not exist.
+        Needs the extra "plots". Raises `ArgumentError` for more than 900 frames and for another ending,
+        `MissingDependencyError` without ffmpeg, `MissingFileError` if the folder does not exist.
 
         >>> import os, tempfile
         >>> import partita as pt

@@ -109,9 +109,9 @@ class Run:
 
     @property
     def success(self) -> bool:
-        """Whether the run reached its end and is valid: all conditions satisfied at every step and output, velocities
-        without a jump, the energy balanced, reactions of the first and the last output in balance with the motion. It
-        is decided when the run ends; the certificate checks more and does not change it."""
+        """Whether the run reached its end and is valid: all constraints satisfied at every step and output, velocities
+        without jumps, the energy balanced, and the reactions of the first and the last output consistent with the
+        motion. It is decided when the run ends; the certificate checks more and does not change it."""
         return self._record.success
 
     @property
@@ -140,8 +140,8 @@ class Run:
     @property
     def units(self) -> dict[str, str | tuple[str, ...]]:
         """Unit of each array by its name in files; of those whose columns differ, such as `q`, one for each column. ""
-        is a number whose unit depends on the row (`axes` of the stored file name it) or is known to the author of a
-        `System` alone.
+        means that the unit depends on the row (named in `axes` of the stored file) or is known only to the author of a
+        `System`.
 
         >>> import partita as pt
         >>> run = pt.catalogue.load("four-bar").simulate(0.1)
@@ -172,7 +172,7 @@ class Run:
 
     @property
     def measure(self) -> FloatArray:
-        """(nt, nv): projective measure rho of every coordinate: 1 = the loops do not hinder it, 0 = locked."""
+        """(nt, nv): projective measure rho of every coordinate: 1 = not restricted by the loops, 0 = locked."""
         return self._record.arrays["measure"]
 
     @property
@@ -304,11 +304,11 @@ class Run:
         """All reactions by an independent method: `force` and `moment` (nt, nj, 3), as in `reactions`.
 
         `"recursion"`: the Newton-Euler sweep that `joint(name)` shows. `"augmented"`: augmented joint coordinates
-        (Blajer 2004), each prohibited displacement of a joint moving all that lies outboard. The two share no
-        formula, so their difference measures the round-off of both. Of joints that close a loop both give the
-        multipliers' wrench: cut another joint (`cut="always"` there) to have it computed through the tree.
+        (Blajer 2004), in which each locked displacement of a joint moves everything outboard. The two share no formula,
+        so their difference measures the round-off of both. For joints that close a loop both give the wrench of the
+        multipliers: cut another joint (`cut="always"`) to have it computed through the tree.
 
-        Raises `ArgumentError` for another word, and where no model is at hand (a stored result).
+        Raises `ArgumentError` for any other word, and for a stored result, which has no model.
 
         >>> import numpy as np
         >>> import partita as pt
@@ -358,9 +358,10 @@ class Run:
         return self._source_for("joint", "all").determined_drive
 
     def self_stresses(self, output: int = -1) -> SelfStresses:
-        """Orthonormal basis of all that can be added to the reactions at one output without any change of the motion.
+        """Orthonormal basis of the self-stresses at one output: of all that can be added to the reactions without
+        changing the motion.
 
-        Raises `ArgumentError` for an output that is not there, and for a stored result, which has no model.
+        Raises `ArgumentError` for an output that does not exist, and for a stored result, which has no model.
 
         >>> import partita as pt
         >>> run = pt.catalogue.load("bricard").simulate(0.1)
@@ -409,10 +410,10 @@ class Run:
         return self._source is not None
 
     def applied_forces(self) -> dict[str, tuple[FloatArray, FloatArray]]:
-        """Where each load of `add_force` acts and its force, in the world: {name: (places (nt, 3) [m], (nt, 3) [N])}.
+        """Point of application and force of each load of `add_force`, world axes: {name: ((nt, 3) [m], (nt, 3) [N])}.
 
-        To see loads beside reactions; for one load that is to be stored too, prefer a sensor of it. Empty for a run
-        read from a file, which keeps what its sensors read. Costs an evaluation of each load at all outputs.
+        For comparing loads with reactions; to store a load with the result, use a sensor. Empty for a run read from a
+        file, which keeps only its sensors. Costs one evaluation of each load at all outputs.
 
         >>> import partita as pt
         >>> m = pt.Mechanism("pushed")

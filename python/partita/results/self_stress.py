@@ -1,4 +1,4 @@
-"""Self-stresses: what can be added to the reactions without any change of the motion."""
+"""Self-stresses: reactions that can be added without changing the motion."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ class SelfStresses:
 
     Each is a set of joint wrenches, and of efforts of drives, that balance one another without any load. They are
     orthonormal in the metric of the rule by which loads are shared: the sum over all joints of squares of forces and of
-    moments over `length`, or the elastic energy where compliances were given. The order depends on the mechanism alone:
-    the first loads some component along the axes of the joints as heavily as any can, the next does not load it and
-    loads another one as heavily as is left.
+    moments divided by `length`, or the elastic energy if compliances were given. The order depends only on the
+    mechanism: the first loads some component along the joint axes as heavily as possible; the next does not load this
+    component and loads another one as heavily as then possible.
 
     Attributes:
         joints: names of the joints (nj).

@@ -159,7 +159,7 @@ class ModelSource:
 
     @cached_property
     def _shares_loads(self) -> bool:
-        """Whether there are loads that redundant joints share, so that the reaction of one depends on all."""
+        """Whether redundant joints share loads, so that the reaction of each depends on all."""
         return bool(self._model.shares_loads(*self._motion, *self._acting))
 
     @cached_property
@@ -220,7 +220,7 @@ class ModelSource:
         return ModelSource(self._model, copy.deepcopy(self._run, memo), self._summary)  # a model never changes
 
     def __reduce__(self) -> tuple[type[StoredSource], tuple[Arrays]]:
-        return StoredSource, (complete(self),)  # all that it knows, so that it can be read where no model is
+        return StoredSource, (complete(self),)  # all its data, so that it can be read without the model
 
     @property
     def _motion(self) -> tuple[NDArray[Any], ...]:

@@ -19,7 +19,7 @@ NAMES = ("t", *KEPT_2D, *KEPT_1D, *DESCRIBED_2D, *DESCRIBED_1D, *ASSESSED, "inde
 
 
 class SolutionLog(Protocol):
-    """Data of the core from a run: the choices of coordinates and all else that describes an instant."""
+    """Data of the core from a run: the choices of coordinates and everything else that describes an instant."""
 
     def describe(self) -> dict[str, Any]:
         """Accelerations, multipliers, closures and the choice at every output, and notes."""

@@ -40,7 +40,7 @@ RUN: dict[str, tuple[tuple[str, ...], str, str]] = {
     "v": (("velocity",), "", "velocities; units along the axis `velocity`"),
     "vdot": (("velocity",), "", "accelerations; units of `velocity` per second"),
     "multipliers": (("multiplier",), "", "lambda in M vdot = h + C^T lambda; N for lengths, N m for angles"),
-    "measure": (("velocity",), "1", "projective measure rho: 1 = not hindered by the loops, 0 = locked"),
+    "measure": (("velocity",), "1", "projective measure rho: 1 = not restricted by the loops, 0 = locked"),
     "independent": (("choice",), "1", "indices along `velocity` (from 0) of the independent coordinates"),
     "closure": ((), "", "largest closure error of the constraints, m or rad"),
     "velocity_closure": ((), "", "largest closure error in velocities, m/s or rad/s"),
@@ -78,12 +78,12 @@ REACTIONS: dict[str, tuple[tuple[str, ...], str, str]] = {
 CHECKS: dict[str, tuple[tuple[str, ...], str, str]] = {
     "acceleration_closure": ((), "", "largest closure error in accelerations, m/s^2 or rad/s^2"),
     "acceleration_row": ((), "1", "its index along `multiplier` (from 0)"),
-    "closure_row": ((), "1", "index along `multiplier` (from 0) of the condition with the largest closure error"),
-    "rank": ((), "1", "independent conditions"),
+    "closure_row": ((), "1", "index along `multiplier` (from 0) of the constraint with the largest closure error"),
+    "rank": ((), "1", "independent constraints"),
     "margin": (
         (),
         "1",
-        "smallest squared sine between an accepted condition and the others; 0 in a singular position",
+        "smallest squared sine between an accepted constraint and the others; 0 in a singular position",
     ),
 }
 

@@ -159,7 +159,7 @@ def _product_rule(a: Sequence[Array], b: Sequence[Array], reads: str) -> Array:
 
 
 def _distance(gaps: Sequence[Array]) -> Array:
-    """Length of a gap, or its derivative; NaN where points coincide, since there is no direction."""
+    """Length of a gap, or its derivative; NaN where the points coincide, since the direction is undefined."""
     length = np.sqrt(_dot(gaps[0], gaps[0]))
     if len(gaps) == 1:
         return length

@@ -1,6 +1,6 @@
-"""Units in the interface: inside Partita everything is SI and radians.
+"""Units in the interface; internally everything is in SI units and radians.
 
-Where a number with a dimension is expected, text with a unit is taken as well, and so is a quantity of pint:
+Where a number with a dimension is expected, text with a unit and pint quantities are accepted as well:
 
 >>> import partita as pt
 >>> m = pt.Mechanism("pendulum")
@@ -76,7 +76,7 @@ def convert(value: ArrayLike, unit: str, to: str) -> float | NDArray[np.float64]
 def convert(value: ArrayLike, unit: str, to: str) -> float | NDArray[np.float64]:
     """Convert `value`, a number or an array of any shape, from `unit` into the unit `to`.
 
-    Both are units as they stand in quantities, such as "mm", "rpm", "lbf inch" or "kg m^2". Raises `ArgumentError` for
+    Both are written as in quantities, such as "mm", "rpm", "lbf inch" or "kg m^2". Raises `ArgumentError` for
     an unknown unit and for units of different kinds.
 
     >>> from partita.units import convert

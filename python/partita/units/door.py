@@ -44,7 +44,7 @@ def in_si(what: str, value: Any, unit: SI) -> Any:
             return value
         units: SI = [unit] * len(value) if isinstance(unit, str) else unit
         if len(units) != len(value):
-            units = [_one(unit)] * len(value)  # the shape is wrong, which is told when it is looked at
+            units = [_one(unit)] * len(value)  # the shape is wrong, which the later check reports
         new = [in_si(what, item, each) for item, each in zip(value, units, strict=True)]
         return value if all(a is b for a, b in zip(new, value, strict=True)) else new
     if (library := foreign(value)) is not None:
@@ -78,7 +78,7 @@ def agree(wanted: Dimension, given: Dimension) -> bool:
 
 
 def _one(unit: SI) -> str:
-    """A single unit of a list of them: the first."""
+    """The first unit of a list of units, or the unit itself."""
     while not isinstance(unit, str):
         unit = unit[0]
     return unit

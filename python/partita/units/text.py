@@ -117,7 +117,7 @@ class _Reader:
             elif not (kind == "unit" or sign == "("):
                 return found
             if sign != "/" and over_a_unit:
-                raise NotAQuantity("behind a / it can be read in two ways; write for instance N/(m s) or N s/m")
+                raise NotAQuantity("a product after a / is ambiguous; write for instance N/(m s) or N s/m")
             divisor_is_unit = self._peek()[0] == "unit" or self._peek()[1] == "("
             inverse = sign == "/"
             factor = self._factor(depth, inverse)

@@ -99,7 +99,7 @@ class _Artist:
         return self.found
 
     def drawn(self, coupling: Mapping[str, Any]) -> bool:
-        """Whether there is a picture of a coupling between joints. If so it is drawn."""
+        """Draw a coupling between joints, if it has a picture; return whether it has."""
         terms, word = coupling["terms"], coupling.get("word")
         joints = [term["joint"] for term in terms if term["of"] == "joint"]
         if len(joints) != len(terms):
@@ -216,7 +216,7 @@ class _Artist:
         side = direction if large == 0 else -direction
         contact = (side, side) if inside else (direction, -direction)
         centres = list(at)
-        if inside:  # the ring stands beside its wheel, wherever on its axis it is said to turn
+        if inside:  # the ring is drawn next to its wheel, wherever on its axis it is hinged
             centres[large] = at[large] + ((at[1 - large] - at[large]) @ axis) * axis
         wheels = []
         for i in (0, 1):
@@ -251,7 +251,7 @@ class _Artist:
 
     @staticmethod
     def teeth(radii: Sequence[float], known: Sequence[int | None]) -> list[int]:
-        """Numbers of teeth as the radii; of a new pair those that come nearest to the ratio."""
+        """Numbers of teeth in proportion to the radii; for a new pair those that approximate the ratio best."""
         for i, n in enumerate(known):
             if n is not None:
                 return [n if i == j else known[j] or max(5, round(n * radii[j] / radii[i])) for j in (0, 1)]
@@ -264,7 +264,7 @@ class _Artist:
     def follow(
         self, known: Mapping[str, Any], new: dict[str, Any], contact: FloatArray, axis: FloatArray, inside: bool
     ) -> None:
-        """Turn the teeth of a new wheel so that a gap stands where the known one has a tooth."""
+        """Rotate the teeth of a new wheel so that a gap faces a tooth of the known one."""
         turn = self.pose[known["body"]][1]
         first = turn @ np.array(known["first"])
         angle = float(np.arctan2(np.cross(first, contact) @ axis, first @ contact)) - known["phase"]
@@ -280,7 +280,7 @@ class _Artist:
         normal = np.cross(a.axis, b.axis)
         beside = b.point - a.point
         if abs(beside @ normal) > 1e-6 * self.size * np.linalg.norm(normal):
-            return False  # the axes pass each other
+            return False  # the axes are skew
         along = np.cross(beside, b.axis) @ normal / (normal @ normal)
         apex = a.point + along * a.axis
         line = factors[1] * a.axis + factors[0] * b.axis
@@ -299,7 +299,7 @@ class _Artist:
             return False
         teeth = self.teeth(lengths, [None, None])
         for (centre, radius, turn), n in zip(tips, teeth, strict=True):
-            if np.linalg.norm(centre - turn.point) > 0.2 * radius:  # a shaft to the wheel from where it is held
+            if np.linalg.norm(centre - turn.point) > 0.2 * radius:  # a shaft to the wheel from its bearing
                 ends = {f"body{end}": turn.child for end in (1, 2)}
                 places = self.local(turn.child, turn.point), self.local(turn.child, centre)
                 self.found.rods.append({**ends, "point1": places[0], "point2": places[1]})
@@ -340,7 +340,7 @@ class _Artist:
         crossed = factors[0] * factors[1] * float(np.sign(a.axis @ b.axis)) > 0
         weights = abs(factors[0]), abs(factors[1])
         scale = PULLEYS * distance / sum(weights)
-        for turn, weight in zip((a, b), weights, strict=True):  # a pulley that another belt has found already
+        for turn, weight in zip((a, b), weights, strict=True):  # a pulley already drawn for another belt
             known = self.pulleys.get((turn.child, tuple(np.round(turn.point, 9))))
             if known is not None and known / weight * sum(weights) < 0.85 * distance:
                 scale = known / weight
@@ -413,7 +413,7 @@ class _Artist:
         return lift, angle
 
     def cam(self, slide: Turn, turn: Turn, lift: FloatArray, angle: FloatArray) -> bool:
-        """The outline that a pointed follower on its slide feels, and the follower."""
+        """The outline of the cam for a pointed follower on its slide, and the follower."""
         if abs(slide.axis @ turn.axis) > 1e-6 or len(lift) < 8 or not np.isfinite(lift + angle).all():
             return False
         arms = slide.point - turn.point

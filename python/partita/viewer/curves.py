@@ -84,7 +84,7 @@ def _first(result: ResultView, found: list[dict[str, Any]]) -> list[int]:
 
 
 def loads_open(result: ResultView, name: str) -> list[bool]:
-    """Whether any drawn part of a joint's force and moment is indeterminate (redundant constraints)."""
+    """Whether any displayed component of a joint's force and moment is indeterminate (redundant constraints)."""
     joint = result.joint(name).in_frame("joint")
     found = []
     for values, flags in ((joint.force, joint.determined[:3]), (joint.moment, joint.determined[3:])):

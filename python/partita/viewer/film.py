@@ -64,7 +64,7 @@ def save_film(
     bodies = list(result.names.bodies)
     scene = describe(result, None, solids(shapes, bodies), traced(points, bodies), packed=False)
     stage = Stage(Pose(scene), (width, height), forces, factor)
-    runs = [(frame, len(list(same))) for frame, same in groupby(frames)]  # fewer outputs than pictures stand longer
+    runs = [(frame, len(list(same))) for frame, same in groupby(frames)]  # an output may fill several frames
     pictures = ((stage.picture(frame), count) for frame, count in runs)
     if program is not None:
         _mp4(program, where, pictures, (width, height), rate)
@@ -79,7 +79,7 @@ def _pixels(size: Any) -> tuple[int, int]:
             f"size must be (width, height), two whole numbers of pixels from 120 to 4000, not {shown(size)}",
             argument="size",
         )
-    return int(size[0]) // 2 * 2, int(size[1]) // 2 * 2  # films are made of blocks of two
+    return int(size[0]) // 2 * 2, int(size[1]) // 2 * 2  # video encoders need even numbers of pixels
 
 
 def _positive(name: str, value: Any) -> float:
@@ -93,7 +93,7 @@ def _positive(name: str, value: Any) -> float:
 
 
 def _chosen(t: FloatArray, fps: float, speed: float | None) -> tuple[list[int], float, float]:
-    """Outputs shown, pictures a second, and how many times faster than time the film runs.
+    """Outputs shown, frames per second, and the speed of the film relative to real time.
 
     In real time where that takes 2 to 20 s, else in ten seconds. Only computed outputs are shown, each nearest its
     time.
@@ -116,7 +116,7 @@ def _chosen(t: FloatArray, fps: float, speed: float | None) -> tuple[list[int], 
 
 
 def _gif(pictures: Iterator[tuple[Any, int]], rate: float) -> bytes:
-    """All pictures in the colours of the first ones: a palette of its own for each would flicker."""
+    """All frames with the palette of the first ones: a separate palette for each frame would flicker."""
     from PIL import Image
 
     images, counts = zip(*pictures, strict=True)
@@ -129,7 +129,7 @@ def _gif(pictures: Iterator[tuple[Any, int]], rate: float) -> bytes:
     shades = [shade(colour, amount) for colour in BODIES for amount in (-0.45, -0.3, -0.15, 0.0, 0.2, 0.4)]
     own = [*PALETTE, *shades]
     colours = Image.new("P", (1, 1))
-    # The colours that are drawn with stay themselves; of mixtures, the paper takes those close to it.
+    # Drawing colours are kept exactly; blended colours close to the background become the background.
     near = [
         c for c in zip(*[iter(mixed)] * 3, strict=True) if max(abs(a - b) for a, b in zip(c, PAPER, strict=True)) > 9
     ]

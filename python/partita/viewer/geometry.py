@@ -122,7 +122,7 @@ def view(
 def _hidden(
     parts: FloatArray, right: FloatArray, up: FloatArray, back: FloatArray, azimuth: float, elevation: float
 ) -> float:
-    """Share of parts (np, 3) behind another one that is apart in space but not in the picture."""
+    """Fraction of the parts (np, 3) that lie behind another one, apart in space but not in the picture."""
     across, towards = _seen(right, up, back, azimuth, elevation)
     apart = np.linalg.norm(parts[:, None] - parts[None], axis=2)
     size = float(apart.max(initial=0.0))

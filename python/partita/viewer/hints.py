@@ -48,11 +48,12 @@ def solids(shapes: Any, bodies: Sequence[str]) -> dict[int, list[dict[str, Any]]
 
 
 def _load_meshes(parts: list[dict[str, Any]]) -> None:
-    """Replace the names of mesh files by vertices and triangles, fewer where all together are too many to draw."""
+    """Replace the names of mesh files by vertices and triangles, reduced if there are too many to draw in total."""
     whole = [load(part.pop("file")) for part in parts]
     left, most = MOST_TRIANGLES, {}
     for count, n in enumerate(sorted(range(len(whole)), key=lambda n: len(whole[n][1]))):
-        most[n] = max(FEWEST_TRIANGLES, left // (len(whole) - count))  # what small ones do not take is for large ones
+        # triangles that small meshes do not need are left to large ones
+        most[n] = max(FEWEST_TRIANGLES, left // (len(whole) - count))
         left -= min(most[n], len(whole[n][1]))
     for n, (part, (points, faces)) in enumerate(zip(parts, whole, strict=True)):
         corners, triangles = simplified(points, faces, most[n])

@@ -55,7 +55,7 @@ class LiveView:
         self._now, self._lock = now, threading.Lock()
         self._wanted, self._busy, self._closed = False, False, False
         self._last, self._sent = -np.inf, 0
-        with redirect_stdout(StringIO()):  # it greets and takes leave in a frame of its own
+        with redirect_stdout(StringIO()):  # viser prints its start and stop messages in a frame
             self._server = viser.ViserServer(host=host, port=int(port), label=drawn["title"], verbose=False)
         self._host = host
         self._scene = _Drawing(self._server, drawn, chosen, _middle(at))
@@ -63,13 +63,13 @@ class LiveView:
 
     @property
     def url(self) -> str:
-        """Where a browser finds it; the port is the next free one from that asked for."""
+        """Address of the page; the port is the next free one from the requested one on."""
         host = "localhost" if self._host in ("127.0.0.1", "0.0.0.0", "::") else self._host
         return f"http://{host}:{self._server.get_port()}"
 
     @property
     def time(self) -> float:
-        """Time that is shown [s]."""
+        """Time of the displayed state [s]."""
         return self._scene.time
 
     @property
@@ -79,7 +79,7 @@ class LiveView:
 
     @property
     def sent(self) -> int:
-        """How many pictures were sent."""
+        """Number of frames sent."""
         return self._sent
 
     def update(self) -> None:
@@ -96,14 +96,14 @@ class LiveView:
                     self._server.stop()
 
     def moved(self) -> None:
-        """The stepper has advanced: show it now, or as soon as the next picture is due."""
+        """The stepper has advanced: show it now, or as soon as the next frame is due."""
         with self._lock:
             if self._closed or self._busy:
                 self._wanted = True
                 return
             left = self._last + 1.0 / RATE - monotonic()
             if left > 0.0:
-                # The previous picture is too recent: the last step of a burst is shown when the next one is due.
+                # The previous frame is too recent: the last step of a burst is shown when the next frame is due.
                 self._busy, self._wanted = True, False
                 later = threading.Timer(left, self._due)
                 later.daemon = True
@@ -262,7 +262,7 @@ class _Drawing:
         )
 
     def _look(self, view: Mapping[str, Any], middle: FloatArray) -> None:
-        """From where the animated page of a run looks as well."""
+        """Use the view of the animated page of a run."""
         right, up, back = (np.array(view[key], dtype=float) for key in ("right", "up", "back"))
         azimuth, elevation = float(view["azimuth"]), float(view["elevation"])
         towards = np.cos(elevation) * (np.cos(azimuth) * back + np.sin(azimuth) * right) + np.sin(elevation) * up

@@ -1,4 +1,4 @@
-"""Meshes from files, STL, OBJ and glTF, as few triangles as a page can draw at once."""
+"""Meshes from STL, OBJ and glTF files, reduced to as many triangles as a page can draw."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SIZE = 128 * 2**20
 
 
 def load(path: str | os.PathLike[str]) -> tuple[FloatArray, NDArray[np.int_]]:
-    """Corners (n, 3) and triangles (m, 3) of a mesh file, all its parts where they stand in it, in units of the file.
+    """Vertices (n, 3) and triangles (m, 3) of a mesh file, all parts in their positions, in units of the file.
 
     Nothing but the file is read, and of glTF with its data beside it those files of the same folder and below.
 
@@ -47,7 +47,7 @@ def load(path: str | os.PathLike[str]) -> tuple[FloatArray, NDArray[np.int_]]:
         points, faces = np.asarray(mesh.vertices, dtype=float), np.asarray(mesh.faces, dtype=int)
     except (FileFormatError, MemoryError):
         raise
-    except Exception as error:  # a parser of many formats fails in many ways
+    except Exception as error:  # the parser raises different exceptions for different formats
         raise FileFormatError(
             f'the mesh "{where}" cannot be read: {error or type(error).__name__}', path=str(where)
         ) from error
@@ -57,7 +57,7 @@ def load(path: str | os.PathLike[str]) -> tuple[FloatArray, NDArray[np.int_]]:
 
 
 def _resolver(trimesh: Any, folder: Path) -> Any:
-    """Gives the files that a glTF names, where they lie in its folder or below."""
+    """Provides the files that a glTF refers to, if they are in its folder or below."""
 
     class Beside(trimesh.resolvers.Resolver):  # type: ignore[misc]
         def __init__(self) -> None:
@@ -79,7 +79,7 @@ def _resolver(trimesh: Any, folder: Path) -> Any:
 
 
 def inside(folder: Path, name: str) -> Path:
-    """A file of a folder or below, named by an untrusted file: nothing else can be reached."""
+    """A file in a folder or below, named by an untrusted file; files elsewhere are refused."""
     root = folder.resolve()
     found = (root / name).resolve()
     if not found.is_relative_to(root):
@@ -88,7 +88,7 @@ def inside(folder: Path, name: str) -> Path:
 
 
 def simplified(points: FloatArray, faces: NDArray[np.int_], most: int) -> tuple[FloatArray, NDArray[np.int_]]:
-    """The same with at most `most` triangles: corners in one cell of a grid become one, in their middle."""
+    """The same with at most `most` triangles: vertices in one cell of a grid are merged at their centroid."""
     points, faces = _clustered(points, faces, 1e-7)
     cells = 4.0 * np.sqrt(most)
     while len(faces) > most:

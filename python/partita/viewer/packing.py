@@ -27,7 +27,7 @@ LEVELS = 65534
 
 @dataclass(frozen=True)
 class Packed:
-    """Tables as text, the outputs kept, whether in two bytes, and how far what was left out strays from what is there.
+    """Tables as text, the outputs kept, whether in two bytes, and the largest deviation of the omitted outputs.
 
     `strays`: the largest distance of what steers, where left out, from the straight way between the outputs kept.
     """
@@ -49,7 +49,7 @@ def pack_tables(tables: Mapping[str, FloatArray], others: int = 0, steering: Flo
     moving = {name: _moving(table) for name, table in tables.items()}
     still = sum(int((~own).sum()) * 14 + int(own.sum()) * 3 for own in moving.values())
     columns = max(1, sum(int(own.sum()) for own in moving.values()))
-    room = max(0, BYTES - others - still) * 3 // 4  # three bytes are four letters
+    room = max(0, BYTES - others - still) * 3 // 4  # base64 encodes three bytes as four characters
     fine = room // (4 * columns)
     coarse = fine < min(nt, SMOOTH)
     count = min(nt, MOST_FRAMES, max(FEWEST_FRAMES, room // (2 * columns) if coarse else fine))
@@ -59,7 +59,7 @@ def pack_tables(tables: Mapping[str, FloatArray], others: int = 0, steering: Flo
 
 
 def _moving(table: FloatArray) -> NDArray[np.bool_]:
-    """Which columns (columns,) change over time; one with anything not finite counts as changing."""
+    """Which columns (columns,) change over time; a column with a value that is not finite counts as changing."""
     finite = np.isfinite(table)
     scale = float(np.max(np.abs(table), where=finite, initial=0.0))
     with np.errstate(invalid="ignore"):
@@ -69,13 +69,13 @@ def _moving(table: FloatArray) -> NDArray[np.bool_]:
 
 
 def _chosen(table: FloatArray, nt: int, count: int) -> tuple[NDArray[np.int_], float]:
-    """Outputs kept, and the largest distance of a number of another one from the line between its neighbours kept."""
+    """Outputs kept, and the largest distance of an omitted value from the line between the outputs kept around it."""
     if count >= nt:
         return np.arange(nt), 0.0
     even = np.unique(np.round(np.linspace(0, nt - 1, max(2, (count + 1) // 2))).astype(int))
     stray = _stray(table, even)
     stray[even] = -1.0
-    # Ties are common (a table that does not move): those fall evenly too.
+    # Ties are common (a constant table): they are spread evenly too.
     spread = np.unique(np.round(np.linspace(0, nt - 1, count)).astype(int))
     stray[spread] += 1e-12 * (1.0 + float(stray.max(initial=0.0)))
     worst = np.argsort(-stray, kind="stable")[: count - len(even)]
@@ -84,13 +84,13 @@ def _chosen(table: FloatArray, nt: int, count: int) -> tuple[NDArray[np.int_], f
 
 
 def _stray(table: FloatArray, kept: NDArray[np.int_]) -> FloatArray:
-    """Of each output (nt,) the largest distance from the line between the outputs kept before and after it."""
+    """For each output (nt,), the largest distance from the line between the outputs kept before and after it."""
     at = np.arange(len(table))
     after = np.clip(np.searchsorted(kept, at, side="right"), 1, len(kept) - 1)
     low, high = kept[after - 1], kept[after]
     found = np.zeros(len(table))
     part = (at - low) / (high - low)
-    for column in table.T:  # one at a time: all at once would be as large as the run
+    for column in table.T:  # one table at a time: all at once would need as much memory as the run
         between = column[low] + part * (column[high] - column[low])
         found = np.fmax(found, np.abs(column - between))
     return np.nan_to_num(found)
@@ -101,7 +101,7 @@ def _packed(table: FloatArray, moving: NDArray[np.bool_], frames: NDArray[np.int
     still = [float(f"{x:.9g}") for x in table[0, ~moving]]
     about = {
         "columns": int(table.shape[1]),
-        # from one to the next, and nothing where all that is still is 0: both are long lists of large mechanisms
+        # differences from one to the next, and nothing if all constants are 0: both lists are long for large mechanisms
         "moving": np.diff(np.flatnonzero(moving), prepend=0).tolist(),
         "still": still if any(still) else [],
     }

@@ -6,7 +6,7 @@ const MOST_LOG_ROWS = 400;
 
 const READOUTS = [
   // table, words, title, unit
-  ["closure", "loops open by", "closure: largest remainder of the loop conditions"],
+  ["closure", "closure error", "closure: largest closure error of the loops"],
   ["energy", "energy", "kinetic and potential energy together", "J"],
   ["kinetic", "kinetic", "kinetic energy", "J"], ["potential", "potential", "potential energy", "J"],
   ["sigma", "quality of choice σ", "smallest singular value of the choice; small near a position where it fails"],
@@ -130,7 +130,7 @@ class Panel {
     for (const s of switches.slice(0, MOST_LOG_ROWS).filter((one) => one.entering)) {
       const item = element("li"), button = element("button");
       button.type = "button";
-      button.textContent = `t = ${short(s.t)} s: ${s.entering.join(", ")} in the place of ${s.leaving.join(", ")}`;
+      button.textContent = `t = ${short(s.t)} s: ${s.entering.join(", ")} instead of ${s.leaving.join(", ")}`;
       button.title = s.reason;
       button.addEventListener("click", () => jumpTo(s.t));
       item.append(button);

@@ -95,8 +95,8 @@ class Pose:
         return whole > 2.0 * near
 
     def strokes(self, least: float) -> list[FloatArray]:
-        """Strokes (n, 3) of the paths to trace, dots where n is 1: of the points asked for, or of joints that move,
-        where these are few and no path is a tangle."""
+        """Strokes (n, 3) of the paths to trace, dots where n is 1: of the requested points, or of moving joints if
+        these are few and no path is tangled."""
         asked = [self.path(point["body"], point["at"]) for point in self.scene["points"]]
         if asked:
             return [stroke for path in asked for stroke in strokes_of(path, self.t, least)]
@@ -123,7 +123,7 @@ class Pose:
         return 0.0
 
     def pushes(self, frame: int, reaction: Any, load: Any) -> Iterator[tuple[FloatArray, FloatArray, Any, bool]]:
-        """Place, force and colour of every reaction and load, and whether it is not unique."""
+        """Point, force and colour of every reaction and load, and whether it is not unique."""
         forces = self.tables["force"][frame].reshape(-1, 3)
         for joint, force in zip(self.scene["joints"], forces, strict=True):
             yield self.placed(frame, joint["child"], np.array(joint["at"])), force, reaction, bool(joint["open"][0])
@@ -150,7 +150,7 @@ class Pose:
     def teeth(
         wheel: Mapping[str, Any], centre: FloatArray, axis: FloatArray, first: FloatArray, back: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Outline (n, 3) of the face of a wheel that is seen, and the middle of that face."""
+        """Outline (n, 3) of the visible face of a wheel, and the centre of that face."""
         n = wheel["teeth"]
         second = np.cross(axis, first)
         face = centre + (0.5 if axis @ back >= 0 else -0.5) * wheel["width"] * axis
@@ -207,8 +207,9 @@ TANGLE = 9
 
 
 def strokes_of(points: FloatArray, t: FloatArray, least: float) -> list[FloatArray]:
-    """A path (nt, 3) as strokes: smooth through the outputs (Hermite, with the rates that their neighbours tell), a
-    single point where these lie too far apart for a line. Steps shorter than `least` do not turn."""
+    """A path (nt, 3) as strokes: smooth through the outputs (Hermite, with rates estimated from their neighbours), or
+    single points where the outputs are too far apart for a line. Steps shorter than `least` do not affect the
+    direction."""
     n = len(points)
     steps = np.diff(points, axis=0)
     sizes = np.linalg.norm(steps, axis=1)

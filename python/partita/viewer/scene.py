@@ -29,7 +29,7 @@ MOST_FULL = 400
 
 @dataclass(frozen=True)
 class Motion:
-    """Where everything is: bodies nb, joints nj over nt outputs; the ground is body -1."""
+    """Positions of nb bodies and nj joints over nt outputs; the ground is body -1."""
 
     position: FloatArray  # (nt, nb, 3) origins of the bodies
     rotation: FloatArray  # (nt, nb, 3, 3)
@@ -119,7 +119,7 @@ def describe(
 
 
 def _apart(result: ResultView) -> dict[str, Any] | None:
-    """The coordinate that turns too far between outputs for lines, how far [deg], and a step in time that would do."""
+    """The coordinate that rotates too far between outputs for lines, its angle [deg], and a sufficient time step."""
     name, step = turn_between_outputs(result)
     if step <= FEW:
         return None
@@ -160,7 +160,7 @@ def _tables(result: ResultView, motion: Motion) -> dict[str, FloatArray]:
 
 
 def _quaternions(rotation: FloatArray) -> FloatArray:
-    """Rotations (nt, nb, 3, 3) as quaternions (nt, nb, 4), scalar last; what is not finite becomes unit."""
+    """Rotations (nt, nb, 3, 3) as quaternions (nt, nb, 4), scalar last; values that are not finite become identity."""
     nt, nb = rotation.shape[:2]
     if nb == 0:
         return np.empty((nt, 0, 4))
@@ -198,7 +198,7 @@ def _joints(
                 "axis2": _listed(axis2),
                 "velocities": list(range(span[0], span[0] + span[1])) if span else [],
                 "at": on_child[0].tolist(),
-                # Where the point also rests on the parent, it shapes the parent; where it slides, a rail does.
+                # A point fixed on the parent shapes the parent; for a point that slides, a rail does.
                 "atParent": on_parent[0].tolist() if _rests(on_parent, motion.size) else None,
                 "rail": _rail(on_parent, axis, motion.size) if joint["kind"] in SLIDING else None,
             }
@@ -216,7 +216,7 @@ def _ends(joint: Mapping[str, Any]) -> tuple[int, int]:
 
 
 def _seats(spec: Mapping[str, Any], motion: Motion, joints: list[dict[str, Any]]) -> None:
-    """Hinges whose axes all pass one point are drawn where their axes leave a ball about it: `seat` on the child.
+    """Hinges whose axes all intersect in one point are drawn where the axes leave a ball about it: `seat` on the child.
 
     Reactions stay in the point: the place of a hinge on its axis is a matter of drawing, that of its moment is not.
     """
@@ -325,7 +325,7 @@ def _bodies(
             continue
         figure = outline(np.array(points, dtype=float).reshape(-1, 3), com, motion.size)
         if figure["kind"] == "plate" and any(joint["parent"] == i and joint["rail"] is not None for joint in joints):
-            figure["kind"] = "frame"  # a plate from a rail to elsewhere would hide what slides on it
+            figure["kind"] = "frame"  # a plate from a rail to another point would hide the slider on it
         found.append({"name": name, "com": com.tolist(), **figure})
     return found
 
@@ -341,11 +341,11 @@ def _solids(
     joints: list[dict[str, Any]],
     coupled: Pictures,
 ) -> dict[int, list[dict[str, Any]]]:
-    """What rolls, and the solids of bodies of which no points are known: uniform ones with their mass and inertia."""
+    """Rolling bodies, and bodies without known points as uniform solids with their mass and inertia."""
     found = dict(coupled.rolling)
     drawn = {body["name"]: body for body in spec.get("bodies", ())}
     wheels = {wheel["body"] for wheel in coupled.wheels if not wheel["ring"]}
-    wheels |= {joint["child"] for joint in joints if joint["rail"] is not None}  # a slide has its block
+    wheels |= {joint["child"] for joint in joints if joint["rail"] is not None}  # a slide is drawn as a block
     wheels |= {line["body"] for line in coupled.lines if line["look"] == "cam"}
     for i, body in enumerate(bodies):
         given = drawn.get(body["name"])
@@ -382,7 +382,7 @@ def _springs(spec: Mapping[str, Any], names: list[str]) -> list[dict[str, Any]]:
 
 
 def _loads(result: ResultView) -> tuple[list[str], dict[str, FloatArray]]:
-    """Names of the loads that push at a point, and a table (nt, 6) of place and force for each, in the world."""
+    """Names of the loads that act at a point, and a table (nt, 6) of point and force for each, in the world."""
     names: list[str] = []
     tables: dict[str, FloatArray] = {}
     for name, (place, force) in result.applied_forces().items():

@@ -1,5 +1,4 @@
-"""A scene without the entries that its page fills in again: for large mechanisms descriptions would be as large as the
-motion."""
+"""A scene without entries that its page can restore: in large mechanisms these would be as large as the motion."""
 
 from __future__ import annotations
 
@@ -22,7 +21,7 @@ def slim(scene: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _curve(curve: Mapping[str, Any]) -> dict[str, Any]:
-    if curve["size"]:  # a joint's force or moment: all is said by which
+    if curve["size"]:  # a joint's force or moment: the label determines all other entries
         return {"load": curve["columns"][0] // 3, "of": curve["table"]}
     usual = {"labels": [""], "size": False, "open": False}
     return {key: x for key, x in curve.items() if key not in usual or x != usual[key]}

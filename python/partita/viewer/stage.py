@@ -1,4 +1,4 @@
-"""The mechanism in a film: in front of a camera that is fixed or moves along, drawn with Pillow."""
+"""The mechanism in a film, drawn with Pillow; the camera is fixed or follows."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ HOLLOW, LONGER = "hollow: not unique, shared by least squares", "double stroke: 
 
 
 class Stage:
-    """The mechanism before a camera that stands still."""
+    """The mechanism in front of a fixed camera."""
 
     def __init__(self, pose: Pose, size: tuple[int, int], forces: bool, factor: float) -> None:
         from PIL import ImageFont
@@ -84,7 +84,7 @@ class Stage:
         return np.stack([x, y], axis=-1)
 
     def depth(self, points: Any) -> float:
-        """Towards the viewer, in steps: what is as near as that keeps the order in which it was drawn."""
+        """Depth towards the viewer, in steps; objects at the same depth keep the order in which they were drawn."""
         z = float(np.mean(np.asarray(points, dtype=float) @ self.back))
         return float(np.round(z / (0.5 * self.radius)))
 
@@ -186,7 +186,7 @@ class Stage:
         self, sheet: Sheet, centre: FloatArray, axis: FloatArray, radius: float, half: float, colour: Colour,
         lift: float = 0.0,
     ) -> FloatArray:  # fmt: skip
-        """A cylinder; returns the centre of the face that is seen."""
+        """A cylinder; returns the centre of the visible face."""
         facing = axis if axis @ self.back >= 0 else -axis
         u = np.cross(facing, [1.0, 0, 0] if abs(facing[0]) < 0.7 else [0, 1.0, 0])
         u /= np.linalg.norm(u)
@@ -431,7 +431,7 @@ class Stage:
             self.ball(sheet, point, (1.2 if kind == "revolute" else 1.7) * r, JOINT, lift)
 
     def arrows(self, sheet: Sheet, frame: int) -> set[str]:
-        """Forces and loads, with notes: which are hollow, which longer than drawn."""
+        """Forces and loads, with notes on hollow arrows and arrows longer than drawn."""
         reported: set[str] = set()
         if not self.unit > 0:
             return reported

@@ -1,8 +1,8 @@
 """Loads across the plane
 
 A planar mechanism has reactions across its plane too: forces along the axes of its hinges and moments about the other
-two directions. They are there in relative and in absolute coordinates and with every formulation, and what is called
-determined is.
+two directions. They are reported in relative and in absolute coordinates and by every formulation, and components
+reported as determined are unique.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Branches at change points
 
-Where all links of a mechanism come into one line its branches meet. A run keeps the branch it came on and says when
-it passed; one that cannot stops and says so. No run changes its branch in silence.
+Where all links of a mechanism are in line, its branches meet. A run stays on its branch and reports the time of the
+crossing; one that cannot cross stops with a message. No run changes its branch silently.
 """
 
 from __future__ import annotations

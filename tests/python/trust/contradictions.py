@@ -1,7 +1,7 @@
-"""Contradictory conditions
+"""Contradictory constraints
 
-Drives, welds and loops that no motion can keep together are refused with the name of who contradicts whom; where they
-part only later the run ends there. Conditions that depend on each other and agree are no contradiction.
+Drives, welds and loops that no motion can satisfy together are refused with the names of those that contradict each
+other; if they become incompatible only later, the run ends there. Redundant constraints that agree are accepted.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Dead points of fixed coordinates
 
-Coordinates that the user fixed may come to a dead point, where they say nothing about the motion any more. A run may
-end there and say so, or pass rightly; it does not go on wrongly.
+Coordinates fixed by the user may reach a dead point, where they no longer determine the motion. A run may end there
+with a message, or pass correctly; it never continues with a wrong motion.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Drives
 
-What a drive prescribes happens, what it costs is the effort by Newton and Euler, and its work is under step control
-also where no degree of freedom is left. A drive that jumps or whose table ends stops the run there.
+A prescribed motion is followed, its effort satisfies Newton's and Euler's equations, and its work is subject to step
+control even if no degree of freedom is left. A drive that jumps or whose table ends stops the run there.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Input that is wrong
 
-A start that misses its conditions is told with by how much it was moved, or refused; derivatives of equations by hand
-that are not those of their constraints are named, at the start or where the run has been.
+An initial state that violates the constraints is corrected, with a report of the change, or refused; derivatives of a
+user-defined system that do not match its constraints are named, at the start or at a later position.
 """
 
 from __future__ import annotations

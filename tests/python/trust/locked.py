@@ -1,7 +1,7 @@
 """Joints that are locked
 
-A joint that the loops lock has no rate to be given, also where round-off in the drawing hides that it is locked; a
-mechanism that does not close has no mobility.
+A joint locked by the loops accepts no rate, even where round-off in the drawing hides that it is locked; a mechanism
+that does not close has no mobility.
 """
 
 from __future__ import annotations

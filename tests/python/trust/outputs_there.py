@@ -1,7 +1,7 @@
 """Outputs in change points
 
-A parallelogram turns through its change points while outputs lie around them and in them. Time, coordinates and
-velocities are right; accelerations and reactions that have no value there are NaN, and none is garbage.
+A parallelogram moves through its change points with outputs near them and at them. Times, coordinates and velocities
+are right; accelerations and reactions that are not determined there are NaN, never arbitrary numbers.
 """
 
 from __future__ import annotations

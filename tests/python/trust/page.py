@@ -52,7 +52,7 @@ def tables(found: Iterable[Class]) -> str:
             "",
             c.words,
             "",
-            "| case | outcome | held against, or what is said |",
+            "| case | outcome | compared with, or message |",
             "|---|---|---|",
         ]
         lines += [f"| {_cell(case.title)} | {case.kind} | {_cell(_words(case))} |" for case in c.cases]

@@ -1,7 +1,7 @@
-"""Nothing raw
+"""No raw errors
 
-Numbers out of range, arguments of the wrong kind, damaged files: each is a sentence of its own kind, never an error
-of Python or NumPy and never a number made up.
+Numbers out of range, arguments of the wrong type, damaged files: each raises a typed error with a message, never a raw
+error of Python or NumPy, and never yields an invented number.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Which reactions are unique, at each output
 
-What self-stresses can do to a joint turns with the mechanism. Each output is judged by itself, in world axes and in
-those of the joint, and what is called determined does not change when a redundant joint is taken away.
+The directions in which self-stresses load a joint move with the mechanism. Each output is judged separately, in world
+axes and in those of the joint, and determined components do not change when a redundant joint is removed.
 """
 
 from __future__ import annotations

@@ -125,7 +125,7 @@ impl<'m> Field<'m> {
             });
         }
         if !self.phi.iter().chain(&self.c).all(|x| x.is_finite()) {
-            return Err(SystemError::NotFinite { what: "a closing condition".into(), t: self.t });
+            return Err(SystemError::NotFinite { what: "a loop-closure constraint".into(), t: self.t });
         }
         self.y.copy_from_slice(&self.next);
         Ok(())

@@ -143,7 +143,7 @@ pub fn many<E: Send + From<SystemError>>(
         Some(explicit) => {
             let row = |i: usize, room: &mut Option<Explicit>, rows: &mut Rows| {
                 let Some(room) = room else {
-                    let message = "no second order of solution was found for the loops; give a state farther from a \
+                    let message = "the loops cannot be solved in a second order; give a state farther from a \
                         limit position";
                     return Err(SystemError::argument("near", message.into()).into());
                 };
@@ -277,7 +277,7 @@ impl<'m> Explicit<'m> {
         let open = |(i, x): (usize, &f64)| x.abs() / self.model.row_displacement(i).unwrap_or(1.0);
         let worst = self.levels.phi.iter().enumerate().map(open).fold(0.0, f64::max);
         if !worst.is_finite() {
-            return Err(SystemError::NotFinite { what: "a closing condition".into(), t: self.t });
+            return Err(SystemError::NotFinite { what: "a loop-closure constraint".into(), t: self.t });
         }
         if worst > tolerance::CLOSED_FORM {
             let raw = self.levels.phi.iter().fold(0.0, |m: f64, x| m.max(x.abs()));

@@ -132,7 +132,7 @@ pub fn with_rates(
             .chain(own.iter().map(|&(i, rate)| format!("{} = {rate}", model.velocity_name(i))))
             .collect();
         let message = format!(
-            "the rates {} are incompatible: the loops leave {} degrees of freedom here",
+            "the rates {} are incompatible: with the loops closed, the number of independent rates here is {}",
             words.join(", "),
             r.k()
         );

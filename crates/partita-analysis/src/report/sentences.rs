@@ -58,14 +58,14 @@ pub(super) fn redundancy(found: &Mobility, replacements: &[Remedy]) -> String {
     let mut reported = vec![format!(
         "Over-constrained: {} of the {} {verb} redundant (rank {}).",
         rows.len(),
-        count(found.joint_rows, "condition of the joints", "conditions of the joints"),
+        count(found.joint_rows, "constraint of the joints", "constraints of the joints"),
         found.joint_rank
     )];
     reported.extend(reasons.iter().map(|(why, of)| format!("{}: {why}.", names(of))));
     if others > 0 {
         reported.push(format!(
             "Redundant for similar reasons: {}.",
-            count(others, "further condition", "further conditions")
+            count(others, "further constraint", "further constraints")
         ));
     }
     reported.push(

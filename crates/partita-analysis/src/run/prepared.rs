@@ -191,7 +191,7 @@ fn within(end: f64, request: &Request) -> bool {
 
 fn note_of_dropped<S: ConstrainedSystem>(system: &S, found: &Start) -> String {
     format!(
-        "{} closing rows are redundant and were removed by a rank decision ({}); the gap between kept and dropped \
+        "{} loop-closure constraints are redundant and were removed by a rank decision ({}); the gap between kept and dropped \
          pivots is {:.1e}",
         found.dropped.len(),
         some(&found.dropped, |&i| system.row_name(i)),

@@ -12,7 +12,7 @@ pub(super) fn shape(joint: &Joint) -> Result<Shape, DescriptionError> {
     let b = axis_of(joint, joint.axis2, "axis2")?;
     let z = a.cross(b);
     let Some(z) = z.unit().filter(|_| z.norm() > tolerance::AXES_CROSS) else {
-        let message = format!("axis1 and axis2 are parallel ({:?}, {:?}); cross them", a.0, b.0);
+        let message = format!("axis1 and axis2 are parallel ({:?}, {:?}); they must be at an angle", a.0, b.0);
         return Err(DescriptionError::new("joint", &joint.name, message));
     };
     Ok(Shape {

@@ -78,7 +78,7 @@ impl<'m> LoopClosing<'m> {
                 "independent",
                 if k != inputs.len() {
                     format!(
-                        "{} inputs were requested, but the mechanism has {k} degrees of freedom; name as many, or none",
+                        "{} inputs were requested, but the number of degrees of freedom is {k}; name as many, or none",
                         inputs.len()
                     )
                 } else {
@@ -94,7 +94,8 @@ impl<'m> LoopClosing<'m> {
             false => closing.plan_steps(at, &task, false)?,
         };
         if !found {
-            let message = format!("no order of solution was found for the inputs {}; choose others", names());
+            let message =
+                format!("the loops cannot be solved one after the other for the inputs {}; choose others", names());
             return Err(SystemError::argument("independent", message));
         }
         let mut found = vec![false; closing.graph.edges.len()];

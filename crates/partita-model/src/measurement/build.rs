@@ -93,7 +93,7 @@ fn any_motion(
         left -= m.velocities();
     }
     let message = format!(
-        "joint \"{joint}\" has {} coordinates, but number {coordinate} was requested (the first is 0)",
+        "joint \"{joint}\" has {} coordinates, but number {coordinate} was requested (the first is number 0)",
         p.shape.dof()
     );
     Err(DescriptionError::new(element, name, message))

@@ -84,7 +84,10 @@ pub fn pushed_with_rates<S: ConstrainedSystem>(
             .collect();
         SystemError::argument(
             "rates",
-            format!("the rates {} are incompatible: the loops leave {k} degrees of freedom here", words.join(", ")),
+            format!(
+                "the rates {} are incompatible: with the loops closed, the number of independent rates here is {k}",
+                words.join(", ")
+            ),
         )
     };
     let displacement = |i: usize| system.characteristic_displacement(i);

@@ -56,7 +56,7 @@ impl<S: ConstrainedSystem> Residuals for KeptRows<'_, '_, S> {
         self.open = Open::of(self.r.closure_error_of_rows());
         match self.open.worst.is_finite() {
             true => Ok(()),
-            false => Err(SystemError::NotFinite { what: "a closing condition".into(), t: self.t }),
+            false => Err(SystemError::NotFinite { what: "a loop-closure constraint".into(), t: self.t }),
         }
     }
     fn open(&self, _part: usize) -> Open {

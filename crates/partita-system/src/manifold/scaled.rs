@@ -84,7 +84,7 @@ impl<'s, S: ConstrainedSystem> Scaled<'s, S> {
     pub fn evaluate(&mut self, t: f64, q: &[f64]) -> Result<(), SystemError> {
         self.system.position(t, q, &mut self.scratch, &mut self.raw_phi, &mut self.raw_c, &mut self.raw_a)?;
         if !self.raw_phi.iter().chain(&self.raw_c).all(|x| x.is_finite()) {
-            return Err(SystemError::NotFinite { what: "a closing condition".into(), t });
+            return Err(SystemError::NotFinite { what: "a loop-closure constraint".into(), t });
         }
         self.phi.fill(0.0);
         self.c.fill(0.0);

@@ -170,7 +170,7 @@ impl<'s, S: ConstrainedSystem> Truncated<'s, S> {
     }
 
     fn not_finite(&self) -> SystemError {
-        SystemError::NotFinite { what: "a closing condition".into(), t: self.t }
+        SystemError::NotFinite { what: "a loop-closure constraint".into(), t: self.t }
     }
 }
 

@@ -52,7 +52,7 @@ impl<'s, S: ConstrainedSystem> Blocks<'s, S> {
                 return Err(SystemError::argument(
                     "independent",
                     format!(
-                        "{} inputs were requested, but the mechanism has {k} degrees of freedom; name as many, or \
+                        "{} inputs were requested, but the number of degrees of freedom is {k}; name as many, or \
                      none",
                         inputs.len()
                     ),

@@ -80,7 +80,7 @@ pub fn ask<S: ConstrainedSystem>(
             match complete_pivoting::choose(&c, r.rank()) {
                 Some((independent, _)) => exact(independent),
                 None => {
-                    let reason = format!("fewer than {} pivots are not zero", r.rank());
+                    let reason = format!("C has fewer than {} nonzero pivots", r.rank());
                     return Err(impossible(r, t, selection, &[], reason));
                 }
             }

@@ -21,7 +21,7 @@ def checks(truth: Truth) -> tuple[Check, ...]:
         return float(sum((joint.determined_at != truth.flags(name)).sum() for name, joint in joints.items()))
 
     return (
-        Check("degrees of freedom and redundant conditions", 0.0, "whole numbers", counts),
+        Check("degrees of freedom and redundant constraints", 0.0, "whole numbers", counts),
         Check("reactions judged otherwise", 0.0, "whole numbers, over all components and outputs", judged),
         Check("closure over size", 1e-12, "round-off over the few joints of a loop", closure),
         Check("energy balance over rtol", 100.0, "errors of some thousand steps, some of them alike", energy),
@@ -38,11 +38,11 @@ def size(result: Result) -> float:
 
 
 def closure(result: Result) -> float:
-    """Largest residual of the closing conditions over outputs and steps, in parts of the size; zero without loops."""
+    """Largest closure error over outputs and steps, as a fraction of the size; zero without loops."""
     open_by = max(float(result.closure.max(initial=0.0)), float(result.record.steps_open[0]))
     return open_by / size(result) if open_by > 0.0 else 0.0
 
 
 def energy(result: Result) -> float:
-    """Largest imbalance over the largest energy exchanged, in parts of the tolerance of the run."""
+    """Largest energy imbalance over the largest energy exchanged, as a multiple of the tolerance of the run."""
     return result.energy.relative_balance / float(result.record.options["rtol"])

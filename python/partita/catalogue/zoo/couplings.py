@@ -71,7 +71,7 @@ def car_differential(m: Mechanism) -> None:
         Truth(1, 0, EVERYTHING, why="4 degrees of freedom of the joints - the rack's mesh - 2 rods = 1",
               source="W. Matschinsky, Road Vehicle Suspensions"), rates={"column": 3.0}, gravity=FALL)  # fmt: skip
 def rack_steering(m: Mechanism) -> None:
-    """Inclined king pins; the rods, without mass, rise a little outwards. A spring brings the rack back."""
+    """Inclined king pins; the massless rods rise slightly outwards. A spring returns the rack."""
     link(m, "pinion", (-0.1, 0.1, 0.4), (-0.25, 0.1, 0.55), (-0.25, 0.22, 0.5), density=4.0)
     block(m, "rack", (-0.1, 0.0, 0.3), 3.0, 0.1)
     m.add_revolute("column", "ground", "pinion", point=(-0.1, 0.1, 0.4), axis=(-1, 0, 1))
@@ -87,11 +87,11 @@ def rack_steering(m: Mechanism) -> None:
 
 @member(MEMBERS, "screw-press", "screw press: a flywheel turns the spindle in a nut that a guide keeps from turning",
         Truth(1, 4, {"*": "fz mz"}, why="Kutzbach: 1 + 1 + 1 degrees of freedom of the joints - 6 of the loop = -3; "
-              "spindle, thread and guide on one line impose four redundant conditions across it: a self-stress has "
+              "spindle, thread and guide on one line impose four redundant constraints across it: a self-stress has "
               "any force and any moment perpendicular to that line", source=DUBBEL),
         rates={"bearing": 20.0}, gravity=FALL)  # fmt: skip
 def screw_press(m: Mechanism) -> None:
-    """The thread does not lock itself: 60 mm for a turn. The ram works on a spring."""
+    """The thread is not self-locking: 60 mm per turn. The ram works against a spring."""
     disc(m, "spindle", (0, 0, 1.0), Z, 0.2, 15.0)
     block(m, "ram", (0, 0, 0.4), 30.0, 0.3)
     m.add_revolute("bearing", "ground", "spindle", point=(0, 0, 1.0))
@@ -101,9 +101,9 @@ def screw_press(m: Mechanism) -> None:
 
 
 @member(MEMBERS, "belt-drive", "belt drive: an open and a crossed belt over three pulleys",
-        Truth(1, 0, EVERYTHING, why="3 turns - 2 belts = 1", source=DUBBEL), rates={"A": 4.0})  # fmt: skip
+        Truth(1, 0, EVERYTHING, why="3 rotations - 2 belts = 1", source=DUBBEL), rates={"A": 4.0})  # fmt: skip
 def belt_drive(m: Mechanism) -> None:
-    """Radii 0.1, 0.25 and 0.15; an arm on the last pulley swings against a spring of torsion."""
+    """Radii 0.1, 0.25 and 0.15; an arm on the last pulley swings against a torsion spring."""
     disc(m, "pulley 1", (0, 0, 0), Z, 0.1, 1.0)
     disc(m, "pulley 2", (0.8, 0.1, 0), Z, 0.25, 4.0)
     link(m, "pulley 3", (1.5, 0.0, 0.0), (1.7, 0.05, 0.02), density=5.0)
@@ -137,7 +137,7 @@ def cam_rocker(m: Mechanism) -> None:
 
 @member(MEMBERS, "cv-shaft", "two shafts that bend by 25 degrees, on a constant-velocity joint",
         Truth(1, 3, {"CV": "mx my mz", "*": "mz"}, axes="joint",
-              why="the two axes meet at the centre of the joint, which both keep at rest: its three conditions on "
+              why="the two axes meet at the centre of the joint, which both keep at rest: its three constraints on "
               "position are redundant; a self-stress is any force through the centre, with its moments in the bearings "
               "beside it",
               source="H. C. Seherr-Thoss, F. Schmelz, E. Aucktor, Universal Joints and Driveshafts"),

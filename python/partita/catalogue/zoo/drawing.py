@@ -25,7 +25,7 @@ def polar(length: float, degrees: float) -> complex:
 
 
 def meet(p: complex, q: complex, to_p: float, to_q: float, side: int = 1) -> complex:
-    """Where circles about p and q meet: to the left of the way from p to q (side 1) or to its right (-1)."""
+    """Where circles about p and q meet: to the left of the line from p to q (side 1) or to its right (-1)."""
     offset = q - p
     along = (abs(offset) ** 2 + to_p**2 - to_q**2) / (2.0 * abs(offset))
     return p + offset / abs(offset) * complex(along, side * math.sqrt(to_p**2 - along**2))
@@ -102,8 +102,8 @@ def linkage(
 ) -> None:
     """Links of a plane, each a list of points, pinned together wherever they share one; `ground` lists the fixed ones.
 
-    Of the bodies at a point the first holds the others: by the pins P, P2, P3. A slide of the block S is the joint "S
-    slide". `turned` carries the plane somewhere else in space.
+    The first of the bodies at a point is pinned to the others by P, P2, P3. The slide of the block S is the joint "S
+    slide". `turned` rotates the plane in space.
     """
     turn = np.eye(3) if turned is None else turned
     place = {name: turn @ in_space(z) for name, z in points.items()}

@@ -1,4 +1,4 @@
-"""Cranks, rods and pistons: in line, opposed, in a V, in a star, and on a wobbling plate."""
+"""Cranks, rods and pistons: in line, opposed, in a V, radial, and on a wobble plate."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ def drag_link(m: Mechanism) -> None:
 @member(MEMBERS, "parallelogram", "parallelogram that swings below its change points: its coupler only translates",
         planar(3, 4, NORTON), rates={"A": 1.5})  # fmt: skip
 def parallelogram(m: Mechanism) -> None:
-    """Opposite sides are equal; the cranks hang down and swing less than to the line of the ground."""
+    """Opposite sides are equal; the cranks hang down and do not swing as far as the line of the ground."""
     four_bar(m, polar(0.6, -70.0), 1.0 + 0j, 1.0, 0.6, side=-1)
 
 

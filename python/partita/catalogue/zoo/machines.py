@@ -31,7 +31,8 @@ def peaucellier(m: Mechanism) -> None:
 def hart_inversor(m: Mechanism) -> None:
     """Long bars l, short bars s: diagonals and legs of a trapezoid with parallel sides 2u, 2w, where 4 u w = l^2 - s^2.
 
-    O, P and R lie in a third of three bars, on a line parallel to these sides; P is led about Q on a circle through O.
+    O, P and R divide three bars in the ratio 1 : 2, on a line parallel to these sides; P moves about Q on a circle
+    through O.
     """
     u, long, short = 0.35, 0.9, 0.4
     w = (long**2 - short**2) / (4.0 * u)
@@ -107,7 +108,7 @@ def jaw_crusher(m: Mechanism) -> None:
 @member(MEMBERS, "windscreen-wiper", "windscreen wiper: one crank swings two blades side by side",
         planar(5, 7, NORTON), rates={"A": 10.0})  # fmt: skip
 def windscreen_wiper(m: Mechanism) -> None:
-    """A crank-rocker moves the first blade, a parallelogram hands its motion on to the second."""
+    """A crank-rocker moves the first blade, and a parallelogram transmits its motion to the second."""
     pin, first = polar(0.05, 80.0), 0.3 + 0.02j
     arm = meet(pin, first, 0.29, 0.08) - first
     offset = 0.45 + 0j
@@ -134,7 +135,7 @@ def needle_bar(m: Mechanism) -> None:
         planar(11, 15, ARTOBOLEVSKY),
         rates={"A": 0.1, "B": -0.2, "C": 0.2})  # fmt: skip
 def excavator(m: Mechanism) -> None:
-    """Each cylinder is a barrel on which a piston slides, held by oil: a stiff spring and a damper."""
+    """Each cylinder is a barrel in which a piston slides, supported by oil: a stiff spring and a damper."""
     boom, stick, bucket = 2.6 + 1.6j, 3.6 - 0.2j, 4.0 - 0.8j
     crook, horn, toe = 1.2 + 1.5j, 2.2 + 2.1j, beside(boom, stick, 0.35, 0.35)
     rocker = beside(boom, stick, 1.65)

@@ -29,8 +29,8 @@ def member(
     notes: str = "",
     samples: int = 201,
 ) -> Callable[[Draw], Draw]:
-    """Enter what the decorated function draws: closed as drawn, it starts with `rates` and runs ten seconds. What turns
-    fast has more `samples`: its motion is seen where it turns by less than a sixth of a turn from one to the next."""
+    """Register the mechanism that the decorated function draws: closed as drawn, it starts with `rates` and runs ten
+    seconds. Fast rotation needs more `samples`: less than a sixth of a turn from one to the next."""
 
     def enter(draw: Draw) -> Draw:
         def build() -> Mechanism:

@@ -26,7 +26,7 @@ def crossing(along: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def telescope(m: Mechanism, leg: str, foot: FloatArray, head: FloatArray, base: str, stiffness: float = 3e3) -> None:
-    """A leg of two parts that slide in each other, its foot a universal joint or a ball (`base`), and a spring."""
+    """A leg of two telescoping parts, its foot a universal joint or a ball (`base`), and a spring."""
     along = head - foot
     link(m, f"lower {leg}", foot, foot + 0.55 * along, density=2.0)
     link(m, f"upper {leg}", head, head - 0.55 * along, density=1.0)
@@ -55,7 +55,7 @@ PUSHED = {"pose": (0.2, -0.1, 0.3, 0.5, 0.3, -0.8)}
 
 
 @member(MEMBERS, "stewart-ups", "Gough and Stewart's platform on six legs U-P-S: six degrees of freedom",
-        Truth(6, 0, EVERYTHING, why="a leg U-P-S has six degrees of freedom and takes none of the platform's; "
+        Truth(6, 0, EVERYTHING, why="a U-P-S leg has six degrees of freedom and constrains none of the platform's; "
                                     "Kutzbach: 6 x 13 - "
               "6 x (4 + 5 + 3) = 6", source=MERLET), rates=PUSHED, gravity=FALL)  # fmt: skip
 def stewart_ups(m: Mechanism) -> None:
@@ -169,7 +169,7 @@ def three_rps(m: Mechanism) -> None:
               source="C. Zhou and N. Tsagarakis, On the comprehensive kinematics analysis of a humanoid parallel ankle "
               "mechanism, J. Mech. Robot. 10 (2018)"), rates={"ankle": (0.5, 0.8)}, gravity=FALL)  # fmt: skip
 def parallel_ankle(m: Mechanism) -> None:
-    """The shank stands; levers turn across it at two heights, rods lead to the heel left and right."""
+    """The shank is fixed; levers rotate across it at two heights, and rods connect them to the heel, left and right."""
     heel = [np.array([-0.06, y, -0.03]) for y in (0.045, -0.045)]
     link(m, "foot", np.zeros(3), (0.15, 0.0, -0.06), (-0.08, 0.0, -0.06), *heel, density=4.0)
     m.add_universal("ankle", "ground", "foot", point=(0, 0, 0), axis1=(0, 1, 0), axis2=(1, 0, 0), cut="never")

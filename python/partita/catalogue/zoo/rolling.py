@@ -1,4 +1,4 @@
-"""Rolling bodies: a coin, a ball, a bicycle. Contact removes positions; rolling removes rates but no position."""
+"""Rolling bodies: a coin, a ball, a bicycle. Contact constrains positions; rolling constrains only velocities."""
 
 from __future__ import annotations
 

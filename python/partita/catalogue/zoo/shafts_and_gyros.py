@@ -19,12 +19,12 @@ MAGNUS = "K. Magnus, Kreisel: Theorie und Anwendungen"
 
 @member(MEMBERS, "double-cardan", "double Cardan shaft in Z: two universal joints in phase make the speeds equal",
         Truth(1, 1, {"in": "fy fz mx my", "out": "fy fz mx my", "*": "fy fz mx my mz"},
-              why="the axes at each end meet at the centre of a cross, and both centres are at rest: the condition on "
+              why="the axes at each end meet at the centre of a cross, and both centres are at rest: the constraint on "
               "their distance is redundant, Kutzbach's 0 + 1; the self-stress is a force from centre to centre, along "
               "x, with a moment about z in bearings beside the centres", source="H. C. Seherr-Thoss, F. Schmelz, "
               "E. Aucktor, Universal Joints and Driveshafts"), rates={"in": 15.0}, gravity=FALL)  # fmt: skip
 def double_cardan(m: Mechanism) -> None:
-    """Bearings drawn 0.3 m outside the crosses; both shafts 25 degrees off the middle one, in the x-y plane."""
+    """Bearings drawn 0.3 m outside the crosses; both shafts at 25 degrees to the middle one, in the x-y plane."""
     p, q = np.zeros(3), np.array([0.5, 0.0, 0.0])
     lean = around((0, 0, 1), 25.0) @ (1.0, 0.0, 0.0)
     up, across = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])
@@ -73,7 +73,7 @@ def rccc(m: Mechanism) -> None:
         Truth(3, 0, EVERYTHING, why="an open chain of three hinges", source=MAGNUS),
         rates={"outer": 0.3, "inner": 0.2, "spin": 60.0}, gravity=FALL, samples=801)  # fmt: skip
 def gyroscope(m: Mechanism) -> None:
-    """The rotor's centre lies 5 mm beside the crossing of the axes; the inner frame begins 30 degrees tilted."""
+    """The rotor's centre is 5 mm from the intersection of the axes; the inner frame starts tilted by 30 degrees."""
     axis = around((1, 0, 0), 30.0) @ (0.0, 1.0, 0.0)
     disc(m, "outer frame", REST, (0, 1, 0), 0.12, 0.3)
     disc(m, "inner frame", REST, (1, 0, 0), 0.1, 0.2)

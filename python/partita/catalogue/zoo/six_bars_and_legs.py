@@ -39,7 +39,7 @@ def stephenson_one(m: Mechanism) -> None:
 @member(MEMBERS, "stephenson-two", "Stephenson II: the ground lies in the long path between two ternary links",
         planar(5, 7, SIX_BARS), rates={"D": 6.0})  # fmt: skip
 def stephenson_two(m: Mechanism) -> None:
-    """A crank at D moves the floating ternary link, whose two ties swing the other about A."""
+    """A crank at D moves the floating ternary link, whose two connecting links swing the other one about A."""
     d, a = 0j, 0.7 - 0.1j
     g = polar(0.12, 40.0)
     e, f = g + 0.45 + 0.1j, g + 0.5 + 0.45j
@@ -53,7 +53,7 @@ def stephenson_two(m: Mechanism) -> None:
 @member(MEMBERS, "klann-leg", "Klann's leg: a crank lifts and sets down a foot, six links",
         planar(5, 7, "J. C. Klann, US patent 6260862, 2001"), rates={"M": 10.0})  # fmt: skip
 def klann_leg(m: Mechanism) -> None:
-    """In parts of 0.1 m about the crank's pivot, proportions our own; the crank turns fully: 1 + 3.07 < 2.8 + 1.7."""
+    """In units of 0.1 m about the crank's pivot, own proportions; the crank makes full turns: 1 + 3.07 < 2.8 + 1.7."""
     unit, crank = 0.1, polar(1.0, 30.0)
     lower, upper = -2.9 - 1.0j, -2.0 + 3.0j
     elbow = meet(crank, lower, 2.8, 1.7, side=-1)

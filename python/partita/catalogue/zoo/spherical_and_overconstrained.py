@@ -1,4 +1,4 @@
-"""Linkages that move because of their proportions: axes through one point, and the closed chains that bear names."""
+"""Linkages that move because of their proportions: spherical linkages and the named overconstrained chains."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SPHERICAL = "any force through the common point of all axes can act around a loo
 
 
 def ring(m: Mechanism, points: list[FloatArray], axes: list[FloatArray], names: str) -> None:
-    """A single loop of hinges: the ground from the last to the first, a link between each and the next."""
+    """A single loop of hinges with a link between successive hinges; the ground closes the loop."""
     bodies = [f"link {a}{b}" for a, b in itertools.pairwise(names)]
     for body, (near, far) in zip(bodies, itertools.pairwise(points), strict=True):
         link(m, body, near, far)
@@ -46,7 +46,7 @@ def spherical_four_bar(m: Mechanism) -> None:
 
 
 def meeting(b: FloatArray, d: FloatArray, to_b: float, to_d: float) -> FloatArray:
-    """The direction at these angles [deg] from two others, on the left of the way from b to d."""
+    """The direction at these angles [deg] from two others, on the left of the arc from b to d."""
     cosines, between = np.cos(np.radians((to_b, to_d))), float(b @ d)
     x = (cosines[0] - between * cosines[1]) / (1.0 - between**2)
     y = (cosines[1] - between * cosines[0]) / (1.0 - between**2)
@@ -77,7 +77,7 @@ def wrist(m: Mechanism, axes: list[tuple[FloatArray, FloatArray, FloatArray]], r
               "kinematic design of a spherical three-degree-of-freedom parallel manipulator, 1989. " + SPHERICAL),
         rates={"A1": 0.8}, gravity=FALL)  # fmt: skip
 def spherical_wrist(m: Mechanism) -> None:
-    """Base axes 40 degrees from upright, elbows wide, platform axes 60 degrees from upright below."""
+    """Base axes 40 degrees from the vertical, elbows outwards, platform axes 60 degrees from the vertical, below."""
     legs = [(pole(140.0, 120.0 * i), pole(95.0, 120.0 * i + 55.0), pole(50.0, 120.0 * i + 20.0)) for i in range(3)]
     wrist(m, legs, 0.2)
 
@@ -131,10 +131,10 @@ def bennett(m: Mechanism) -> None:
 
 
 def two_bennetts(m: Mechanism, alpha: float, gamma: float, beta: float, between: float) -> None:
-    """Five hinges: two of Bennett's loops with a link of twist beta in common, taken out; twists in degrees.
+    """Five hinges: two of Bennett's loops that shared a link of twist beta, which is removed; twists in degrees.
 
-    Frame 2 has the common hinge of the two links made one, `between` them in angle; hinge 3 is the other end of the
-    common link. Left are hinges 1, 4 of the first loop, 3, and 6, 5 of the second.
+    Frame 2 has the common hinge of the two links that are merged at the angle `between`; hinge 3 is the other end of
+    the common link. Hinges 1, 4 of the first loop, 3, and 6, 5 of the second remain.
     """
     al, be, ga, shift = (math.radians(x) for x in (alpha, beta, gamma, between))
     a, b, c = math.sin(al), math.sin(be), math.sin(ga)
@@ -150,7 +150,7 @@ def two_bennetts(m: Mechanism, alpha: float, gamma: float, beta: float, between:
     ring(m, [f[:3, 3] + 0.2 * f[:3, 2] for f in frames], [f[:3, 2] for f in frames], "ABCDE")
 
 
-FIVE = "Kutzbach's 6 x 4 - 5 x 5 = -1; it moves like the two Bennett loops it consists of: two redundant conditions"
+FIVE = "Kutzbach's 6 x 4 - 5 x 5 = -1; it moves like the two Bennett loops it consists of: two redundant constraints"
 
 
 @member(MEMBERS, "goldberg", "Goldberg's five-bar: two of Bennett's loops joined at a link, five hinges in space",
@@ -172,8 +172,9 @@ def myard(m: Mechanism) -> None:
 
 @member(MEMBERS, "bricard-plane-symmetric", "Bricard's plane-symmetric loop: six hinges, two in a plane, two pairs of "
         "mirror images", Truth(1, 1, ABOUT_AXES, axes="joint",
-                               why="half of it has three turns, and the line of its last hinge must lie in the plane "
-                               "of symmetry, two conditions: 1; Kutzbach's 0 + 1, the self-stress a force in the plane",
+                               why="half of it has three rotations, and the line of its last hinge must lie in the "
+                               "plane of symmetry, two constraints: 1; Kutzbach's 0 + 1, the self-stress a force in "
+                               "the plane",
                                source="R. Bricard, Lecons de cinematique, 1927; " + PHILLIPS),
         rates={"A": 1.0}, gravity=FALL)  # fmt: skip
 def bricard_plane_symmetric(m: Mechanism) -> None:
@@ -184,7 +185,7 @@ def bricard_plane_symmetric(m: Mechanism) -> None:
     points = [np.array(x) for x in half]
     points += [mirror * points[2], mirror * points[1]]
     axes += [mirror * axes[2], mirror * axes[1]]
-    # all turned: along no axis of the world or of a joint shall a component be unique by chance
+    # rotated, so that no component is unique along an axis of the world or of a joint by chance
     turned = around((1.0, 2.0, 3.0), 50.0)
     ring(m, [turned @ p for p in points], [turned @ a for a in axes], "ABCDEF")
 

@@ -67,7 +67,7 @@ def double_wishbone(m: Mechanism) -> None:
               "= 2, one of them the piston's idle turn", source=MATSCHINSKY, idle=("piston",)),
         rates={"lower hinge": 0.5}, gravity=FALL)  # fmt: skip
 def macpherson(m: Mechanism) -> None:
-    """The tube of the strut belongs to the knuckle; its piston hangs in the body by a ball."""
+    """The tube of the strut belongs to the knuckle; its piston is attached to the car body by a ball joint."""
     p = points(lf=(0.2, 0.35, 0.2), lr=(-0.2, 0.37, 0.21), lb=(0.02, 0.72, 0.18), top=(-0.04, 0.58, 0.85),
                ti=(-0.14, 0.38, 0.25), to=(-0.13, 0.7, 0.26), w=(0.0, 0.78, 0.3), tube=(0.0, 0.68, 0.45))  # fmt: skip
     link(m, "knuckle", p["w"], p["lb"], p["tube"], p["to"], density=20.0)
@@ -80,7 +80,7 @@ def macpherson(m: Mechanism) -> None:
 
 
 @member(MEMBERS, "trailing-arm", "semi-trailing arm: a skew hinge and a wheel, two degrees of freedom, no loop",
-        Truth(2, 0, EVERYTHING, why="an open chain of one hinge each, without redundant conditions",
+        Truth(2, 0, EVERYTHING, why="an open chain of one hinge each, without redundant constraints",
               source=MATSCHINSKY), rates={"pivot": 0.5, "axle": 20.0}, gravity=FALL)  # fmt: skip
 def trailing_arm(m: Mechanism) -> None:
     """The hinge runs obliquely below the body, 20 degrees from across."""
