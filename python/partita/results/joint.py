@@ -250,7 +250,10 @@ class JointResult:
     def in_frame(self, axes: Literal["world", "joint"] | ArrayLike) -> JointResult:
         """The same joint with `force`, `moment`, `determined` and `determined_at` along other axes.
 
-        `"joint"`: the joint's axes on the parent body, moving with it. `"world"`: back again. A rotation
+        `"joint"`: the joint's axes on the parent body, moving with it: z along its axis, x as the x axis of the
+        parent lies across it (of the child where the parent is the ground; the y axis where x is within 26 degrees of
+        the joint's axis); of a ball or a weld the axes of that body. They turn with the drawing, so the components do
+        not depend on how the whole mechanism lies in the world. `"world"`: back again. A rotation
         matrix (3, 3), or one per output (nt, 3, 3), has the wanted axes as columns, given in the world.
         The point of reduction stays where it is. Raises `ArgumentError` for anything else.
 
