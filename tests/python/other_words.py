@@ -132,6 +132,7 @@ def verdicts(m: pt.Mechanism, d: Drawing, back: bool, coordinates: str = "relati
     found |= {
         "redundant": len(report["redundant"]),
         "determined": [freely(of_joint[name], kind) for name, kind in zip(order, kinds(d, back), strict=True)],
+        "components": [tuple(of_joint[name]) for name in order],
         "geometric_error": report["geometric_error"],
         "geometric_errors": len(report["geometric_errors"]),
         "suspicious": len(report["suspicious"]),
@@ -149,21 +150,16 @@ def kinds(d: Drawing, back: bool) -> list[str]:
 
 
 def freely(flags: list[bool], kind: str) -> tuple[Any, ...]:
-    """The flags of a joint in its axes as far as the axes are its own: across the axis of a turn any two will do."""
+    """The flags of a joint as far as parent and child agree on its axes: across the axis of a turn each has two of its
+    own."""
     if kind in ("revolute", "cylindrical", "prismatic"):
         return flags[2], flags[5], sum(flags[:2]) == 2, sum(flags[3:5]) == 2
     return (all(flags[:3]), all(flags[3:]))
 
 
 def by_chance(seed: int) -> Drawing:
-    """A mechanism drawn by chance, without forces; all bodies have an extent: masses hide no geometry.
-
-    A planar joint lays its slides along axes of its own choice in its plane, by the axes of the drawing: driven along
-    one of them it is another mechanism when it is turned. Such drives are left out.
-    """
+    """A mechanism drawn by chance, without forces; all bodies have an extent: masses hide no geometry."""
     d = replace(chance.mechanism(seed), forces=())
-    planar = {j.name for j in d.joints if j.kind == "planar"}
-    d = replace(d, drives=tuple(x for x in d.drives if x.joint not in planar or x.coordinate > 1))
     thick = [replace(b, inertia=b.inertia + 0.01 * b.mass * d.size**2 * np.eye(3)) for b in d.bodies]
     return replace(d, bodies=tuple(thick))
 
@@ -188,7 +184,9 @@ def differences(d: Drawing, seed: int) -> list[str]:
     for how in (*SAID, "by bodies"):
         other = d if how == "by bodies" else said(d, how, rng)
         now = answered(other, how == "reversed", "absolute" if how == "by bodies" else "relative")
-        for key in sorted((known.keys() | now.keys()) - {"rho"}):
+        # the axes of a joint are laid by its parent
+        aside = {"rho", "components"} if how == "swapped" else {"rho"}
+        for key in sorted((known.keys() | now.keys()) - aside):
             if not same(known.get(key), now.get(key), key if key in known and key in now else ""):
                 found.append(f"{how}: {key} {known.get(key)}, then {now.get(key)}")
     return found

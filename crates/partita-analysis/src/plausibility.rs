@@ -4,42 +4,51 @@ use crate::reason::names;
 use partita_math::dense::Matrix;
 use partita_math::factor::symmetric_eigen;
 use partita_math::tolerance;
-use partita_model::massless;
 use partita_model::spec::{Body, Force, Measure, Value};
+use partita_model::spin;
 use partita_model::Model;
 use serde::Serialize;
 
-/// A body that can spin about its own axis without moving anything else.
+/// A rotation of bodies about a line that moves no other body.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Idle {
-    /// The body.
-    pub body: String,
-    /// The ball joints that it spins between.
+    /// The bodies: one, or several that rotate as one.
+    pub bodies: Vec<String>,
+    /// Joints and couplings that link them to others.
     pub joints: Vec<String>,
     /// Whether the spin is held: the body has no inertia about its axis and no initial spin is given.
     pub held: bool,
 }
 
-/// Bodies held only by ball joints on one line.
+/// Spins that move no other body and on which no load depends.
 pub(crate) fn idle(model: &Model) -> Vec<Idle> {
-    let joints = |x: &[usize]| x.iter().map(|&j| model.spec.joints[j].name.clone()).collect();
-    let line = |x: massless::Idle| Idle {
-        body: model.spec.bodies[x.body].name.clone(),
-        joints: joints(&x.joints),
-        held: model.placed.held.iter().any(|h| h.body == x.body),
-    };
-    massless::idle(&model.spec, &model.placed).into_iter().map(line).collect()
+    free_spins(model).into_iter().filter(|x| !x.loaded).map(|x| named(model, &x)).collect()
+}
+
+/// The same, and those on which some load depends.
+fn free_spins(model: &Model) -> Vec<spin::Idle> {
+    spin::idle(&model.spec, &model.placed)
+}
+
+fn named(model: &Model, x: &spin::Idle) -> Idle {
+    let joints = x.joints.iter().map(|&j| model.spec.joints[j].name.clone());
+    let couplings = x.couplings.iter().map(|&k| model.spec.couplings[k].name().to_string());
+    Idle {
+        bodies: x.bodies.iter().map(|&b| model.spec.bodies[b].name.clone()).collect(),
+        joints: joints.chain(couplings).collect(),
+        held: model.placed.held.iter().any(|h| x.bodies == [h.body]),
+    }
 }
 
 /// The body without mass or inertia that makes the mass matrix indefinite; none if all bodies have both.
 pub fn weightless(model: &Model) -> Option<String> {
     let massless = |b: &Body| b.mass <= 0.0 || least_inertia(b) <= 0.0;
-    model.spec.bodies.iter().any(massless).then(|| without_inertia(model, &idle(model)))
+    model.spec.bodies.iter().any(massless).then(|| without_inertia(model))
 }
 
 /// The body whose missing inertia makes the motion indeterminate.
-pub(crate) fn without_inertia(model: &Model, idle: &[Idle]) -> String {
-    if let Some(words) = spins_unfelt(model, idle) {
+pub(crate) fn without_inertia(model: &Model) -> String {
+    if let Some(words) = spins_unfelt(model) {
         return words;
     }
     let massless: Vec<&str> = model
@@ -52,12 +61,15 @@ pub(crate) fn without_inertia(model: &Model, idle: &[Idle]) -> String {
     format!("one motion has no inertia; check {}, where the mass or a moment of inertia is 0", names(&massless))
 }
 
-/// Rods that can spin between balls without inertia, and are not held because some element depends on the spin.
-pub(crate) fn spins_unfelt(model: &Model, idle: &[Idle]) -> Option<String> {
+/// Bodies that can spin without inertia, and are not held because some element depends on the spin.
+pub(crate) fn spins_unfelt(model: &Model) -> Option<String> {
     let number = |name: &str| model.spec.bodies.iter().find(|b| b.name == name);
-    let spins = idle.iter().filter(|x| !x.held && number(&x.body).is_some_and(|b| least_inertia(b) <= 0.0));
-    let said: Vec<String> =
-        spins.map(|x| format!("{} about its own line between {}", x.body, names(&x.joints))).collect();
+    let empty = |x: &Idle| x.bodies.iter().all(|b| number(b).is_some_and(|b| least_inertia(b) <= 0.0));
+    let spins: Vec<Idle> = free_spins(model).iter().map(|x| named(model, x)).filter(|x| !x.held && empty(x)).collect();
+    let said: Vec<String> = spins
+        .iter()
+        .map(|x| format!("{} about its own line between {}", x.bodies.join(" with "), names(&x.joints)))
+        .collect();
     (!said.is_empty()).then(|| {
         format!(
             "no inertia: {} can spin without resistance; give it an axial inertia (add_body; a round bar has m r^2 \

@@ -306,7 +306,7 @@ fn regular(model: &Model, t: f64, q: &[f64], found: Mobility) -> Result<Report, 
     let weightless = measured.is_none();
     if weightless {
         let unfelt = weight::words(model, t, q, placed.nv - found.mobility)?;
-        let spins = spins_unfelt(model, &idle);
+        let spins = spins_unfelt(model);
         notes.push(match (unfelt, spins) {
             (_, Some(words)) => words,
             (Some((motion, bodies)), _) => format!(
@@ -314,7 +314,7 @@ fn regular(model: &Model, t: f64, q: &[f64], found: Mobility) -> Result<Report, 
                  or inertia in that direction",
                 names(&bodies)
             ),
-            (None, None) => without_inertia(model, &idle),
+            (None, None) => without_inertia(model),
         });
     }
     notes.extend(model.held_note());
@@ -522,7 +522,10 @@ mod tests {
         let m = model(spec.clone());
         let r = report(&m, 0.0, &m.initial()).unwrap();
         assert_eq!((r.degrees_of_freedom, r.gruebler), (2, 2));
-        assert_eq!(r.idle, [Idle { body: "coupler".into(), joints: vec!["B".into(), "C".into()], held: false }]);
+        assert_eq!(
+            r.idle,
+            [Idle { bodies: vec!["coupler".into()], joints: vec!["B".into(), "C".into()], held: false }]
+        );
         let line = [0, 1, 2].map(|i| spec.joints[2].point[i] - spec.joints[1].point[i]);
         let square: f64 = line.iter().map(|x| x * x).sum();
         spec.bodies[1].inertia = std::array::from_fn(|i| {

@@ -35,6 +35,7 @@ pub mod rows;
 pub mod shown;
 mod sparse_mass;
 pub mod spec;
+pub mod spin;
 pub mod time_domain;
 pub mod topology;
 mod transfer;

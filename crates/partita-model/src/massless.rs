@@ -9,7 +9,8 @@
 //! a fictitious inertia about the line, which has no effect because the body never spins. A point mass, or a massless
 //! body on one ball joint, is held about all axes in the same way.
 
-use crate::spec::{Coupling, Force, JointKind, Measure, Spec};
+use crate::spec::{JointKind, Spec};
+use crate::spin::{around, attachment, is_seen, line_through, point_on, Turning};
 use crate::zero_position::{HeldSpin, Massless, Placed};
 use partita_math::dense::Matrix;
 use partita_math::factor::symmetric_eigen;
@@ -24,41 +25,9 @@ const MASSLESS: f64 = 1e-6;
 /// times as mobile as its neighbours for want of mass alone.
 const MASSLESS_COUNTS: f64 = 1e-2;
 
-/// A body that is held only by ball joints on one line.
-#[derive(Clone, Debug)]
-pub struct Idle {
-    /// The body, by number.
-    pub body: usize,
-    /// The joints.
-    pub joints: Vec<usize>,
-    /// Their line, mechanism axes in the zero position.
-    pub line: Vec3<f64>,
-}
-
-/// The possible rotation without effect on anything else: fixed points, and the line through them, if they have one.
-struct Turning {
-    body: usize,
-    point: Vec3<f64>,
-    line: Option<Vec3<f64>>,
-}
-
 /// `m 1`.
 fn all_round(m: f64) -> Mat3<f64> {
     Mat3([[m, 0.0, 0.0], [0.0, m, 0.0], [0.0, 0.0, m]])
-}
-
-/// The joints of each body, in their order: collected once, for any number of bodies.
-fn around(placed: &Placed) -> Vec<Vec<usize>> {
-    let mut found = vec![Vec::new(); placed.bodies.len()];
-    for (j, p) in placed.joints.iter().enumerate() {
-        if p.parent > 0 {
-            found[p.parent - 1].push(j);
-        }
-        if p.child > 0 && p.child != p.parent {
-            found[p.child - 1].push(j);
-        }
-    }
-    found
 }
 
 /// The points of a body's joints.
@@ -137,31 +106,11 @@ fn along(e: Vec3<f64>, m: f64) -> Mat3<f64> {
     Mat3(e.0.map(|a| e.0.map(|b| a * b * m)))
 }
 
-/// The line through points, none where they coincide; nothing where they are not collinear.
-fn line_through(at: &[Vec3<f64>], placed: &Placed) -> Option<Option<Vec3<f64>>> {
-    let &first = at.first()?;
-    let near = tolerance::EQUAL * placed.size;
-    let far = at.iter().map(|x| *x - first).max_by(|a, b| a.norm().total_cmp(&b.norm()))?;
-    let Some(line) = far.unit().filter(|_| far.norm() >= near) else { return Some(None) };
-    at.iter().all(|x| (*x - first).cross(line).norm() < near).then_some(Some(line))
-}
-
-/// The joints of a body, if all of them are balls.
-fn balls(spec: &Spec, around: &[Vec<usize>], body: usize) -> Option<Vec<usize>> {
+/// The joints of a body, if all of them leave it free to rotate about one of its points.
+fn balls(spec: &Spec, placed: &Placed, around: &[Vec<usize>], body: usize) -> Option<Vec<usize>> {
     let joints: Vec<usize> = around[body].iter().copied().filter(|&j| spec.joints[j].kind != JointKind::Free).collect();
-    joints.iter().all(|&j| spec.joints[j].kind == JointKind::Spherical).then_some(joints)
-}
-
-/// Bodies held only by ball joints on one line.
-pub fn idle(spec: &Spec, placed: &Placed) -> Vec<Idle> {
-    let around = around(placed);
-    let of = |body: usize| {
-        let joints = balls(spec, &around, body).filter(|x| x.len() > 1)?;
-        let at: Vec<Vec3<f64>> = points(placed, &around, body).collect();
-        let line = line_through(&at, placed)??;
-        Some(Idle { body, joints, line })
-    };
-    (0..spec.bodies.len()).filter_map(of).collect()
+    let ball = |&j: &usize| attachment(placed, j, body).is_some_and(|x| x.is_ball());
+    joints.iter().all(ball).then_some(joints)
 }
 
 /// Bodies without inertia about the axis that their ball joints and their mass leave free, if no spin is prescribed.
@@ -171,7 +120,7 @@ pub fn held(spec: &Spec, placed: &Placed) -> Vec<HeldSpin> {
     }
     let (heaviest, around) = (heaviest(placed), around(placed));
     let of = |body: usize| {
-        let joints = balls(spec, &around, body)?;
+        let joints = balls(spec, placed, &around, body)?;
         let b = &placed.bodies[body];
         // a free joint constrains nothing, but is the reference point of others
         let mut at: Vec<Vec3<f64>> =
@@ -189,7 +138,8 @@ pub fn held(spec: &Spec, placed: &Placed) -> Vec<HeldSpin> {
             line = Some(Vec3([axes[(0, 0)], axes[(1, 0)], axes[(2, 0)]]));
         }
         let own = line.map_or(moments[2], |e| e.dot(b.inertia.apply(e)));
-        let turning = Turning { body, point, line };
+        let bodies = &[body];
+        let turning = Turning { bodies, point, line };
         if own > nothing || is_seen(spec, placed, &turning) {
             return None;
         }
@@ -199,53 +149,4 @@ pub fn held(spec: &Spec, placed: &Placed) -> Vec<HeldSpin> {
         Some(HeldSpin { body, line, inertia })
     };
     (0..spec.bodies.len()).filter_map(of).collect()
-}
-
-/// A joint's point on one of its two bodies.
-fn point_on(placed: &Placed, joint: usize, body: usize) -> Vec3<f64> {
-    let p = &placed.joints[joint];
-    if p.child == body + 1 {
-        p.child_point
-    } else {
-        p.parent_point
-    }
-}
-
-/// Whether a force, a drive or a condition depends on the rotation of this body.
-fn is_seen(spec: &Spec, placed: &Placed, x: &Turning) -> bool {
-    let b = &placed.bodies[x.body];
-    let name = spec.bodies[x.body].name.as_str();
-    let off = |body: &str, point: &[f64; 3]| {
-        let from = b.origin + b.rot.apply(Vec3(*point)) - x.point;
-        let by = x.line.map_or_else(|| from.norm(), |e| from.cross(e).norm());
-        body == name && by >= tolerance::EQUAL * placed.size
-    };
-    let turned = |body: &str, axis: &[f64; 3]| {
-        let axis = b.rot.apply(Vec3(*axis));
-        body == name && x.line.is_none_or(|e| axis.cross(e).norm() >= tolerance::EQUAL * axis.norm())
-    };
-    let joint = |j: &str| {
-        let on = |i: usize| [placed.joints[i].parent, placed.joints[i].child].contains(&(x.body + 1));
-        placed.joint_numbers.get(j).is_some_and(|&i| on(i))
-    };
-    let measured = |m: &Measure| match m {
-        Measure::Joint { joint: j, .. } => joint(j),
-        Measure::Distance { body1, point1, body2, point2 } => off(body1, point1) || off(body2, point2),
-        Measure::Along { body1, body2, point2, .. } => body1 == name || off(body2, point2),
-        Measure::Cosine { body1, axis1, body2, axis2 } => turned(body1, axis1) || turned(body2, axis2),
-    };
-    let by_force = |f: &Force| match f {
-        Force::Spring { body1, point1, body2, point2, .. } => off(body1, point1) || off(body2, point2),
-        Force::Force { body, point, .. } => off(body, point),
-        Force::Torque { joint: j, over, .. } => joint(j) || over.as_ref().is_some_and(measured),
-        Force::Weightless(_) | Force::Gravity(_) => false,
-        other => other.record().is_some_and(|x| x.bodies().contains(&name)) || other.joints().into_iter().any(joint),
-    };
-    let by_coupling = |c: &Coupling| match c {
-        Coupling::Roll { body, on, .. } => body == name || on == name,
-        other => other.terms().iter().any(measured),
-    };
-    spec.drives.iter().any(|d| measured(&d.measure))
-        || spec.couplings.iter().any(by_coupling)
-        || spec.forces.iter().any(by_force)
 }

@@ -294,7 +294,7 @@ impl Model {
         let mut numbers = Numbers::from_parameters(&spec, &self.placed, &described);
         let mut placed = moved(&self.placed, &spec, &numbers);
         for (p, j) in placed.joints.iter_mut().zip(&spec.joints).filter(|(_, j)| j.kind == JointKind::Screw) {
-            p.shape.own = joint::shape(j)?.own;
+            p.shape.own = joint::shape(j, &p.shape.frame)?.own;
         }
         same_rows(&coupling::order(&self.spec, &self.placed)?, &spec, &placed)?;
         // the set of massive links may have changed

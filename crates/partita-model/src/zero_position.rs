@@ -5,7 +5,7 @@
 
 use crate::coincident;
 use crate::error::DescriptionError;
-use crate::joint::{self, Motion, Shape};
+use crate::joint::{self, alignment, Motion, Shape};
 use crate::planarity;
 use crate::spec::{Body, Coupling, Cut, Force, Joint, Measure, Spec};
 use crate::topology::{Edge, Topology, TreeEdge, CUT};
@@ -202,21 +202,6 @@ fn edges(spec: &Spec, shapes: &[Shape]) -> Result<Vec<Edge>, DescriptionError> {
         .collect())
 }
 
-/// Rotation of the child's joint axis in the drawing from the parent's.
-pub(crate) fn alignment(joint: &Joint) -> Result<Mat3<f64>, DescriptionError> {
-    if let Some(child) = joint.child_frame {
-        let frame = joint.frame.map_or_else(Mat3::identity, Mat3);
-        return Ok(frame.mul(&Mat3(child).transpose()));
-    }
-    match (joint.axis, joint.child_axis) {
-        (Some(axis), Some(child)) => match (Vec3(child).unit(), Vec3(axis).unit()) {
-            (Some(c), Some(a)) => Ok(Mat3::between(c, a)),
-            _ => Err(DescriptionError::new("joint", &joint.name, "child_axis has no direction")),
-        },
-        _ => Ok(Mat3::identity()),
-    }
-}
-
 /// Guides that are out of parallel by less were, or may have been, intended to be parallel. Scale: rad. Reason: twice
 /// the largest drawing tolerance.
 const GUIDES_PARALLEL: f64 = 0.02;
@@ -284,7 +269,7 @@ impl Placed {
 
     /// Build the zero position of a validated description.
     pub fn new(spec: &Spec, coordinates: Coordinates, allow_plane: bool) -> Result<Self, DescriptionError> {
-        let shapes: Vec<Shape> = spec.joints.iter().map(joint::shape).collect::<Result<_, _>>()?;
+        let shapes: Vec<Shape> = joint::shapes(spec)?;
         let edges = edges(spec, &shapes)?;
         let count = spec.bodies.len() + 1;
         let topology = match coordinates {
@@ -295,7 +280,7 @@ impl Placed {
             },
         };
         let moved = Self::zero_position(spec, &edges, &topology, count)?;
-        let free = joint::shape(&floating(spec, 1))?;
+        let free = joint::shape(&floating(spec, 1), &Mat3::identity())?;
 
         // motions in world axes, to see whether they share a plane
         let mut motions = Vec::new();

@@ -254,8 +254,9 @@ def add_planar(
     [rad].
 
     `point` None: the child's origin as drawn. `child_axis` is the normal on the child in a rough drawing. The
-    translations are along two axes perpendicular to the normal that follow from the axes of the drawing; to drive along
-    a given direction, use `add_joint` with a frame.
+    first translation is along the x axis of the parent, projected into the plane (of the child where the parent is the
+    ground; the y axis where x is within 26 degrees of the normal), the second perpendicular to it. To drive along a
+    given direction, use `add_joint` with a frame.
 
     >>> import partita as pt
     >>> m = pt.Mechanism("puck")

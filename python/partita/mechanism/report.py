@@ -163,7 +163,7 @@ def _mobility(found: dict[str, Any], bodies: int) -> _Section:
     lines = [first]
     idle = found["idle"]
     if idle:
-        spins = [f"{item['body']} spins about its own line between {_named(item['joints'])}" for item in idle]
+        spins = [_spin(item["bodies"], _named(item["joints"])) for item in idle]
         more = general - len(idle)
         lines.append(
             f"{_degrees(len(idle), 'Of these ')} idle: {_named(spins)}, which moves nothing else{_held(idle)}; "
@@ -187,9 +187,16 @@ def _mobility(found: dict[str, Any], bodies: int) -> _Section:
     return _Section("Mobility", lines)
 
 
+def _spin(bodies: list[str], between: str) -> str:
+    """One idle spin: of a body, or of several as one."""
+    if len(bodies) == 1:
+        return f"{bodies[0]} spins about its own line between {between}"
+    return f"{_named(bodies)} spin as one about the line between {between}"
+
+
 def _held(idle: list[dict[str, Any]]) -> str:
     """Which of the idle spins are held."""
-    held = [item["body"] for item in idle if item["held"]]
+    held = [body for item in idle if item["held"] for body in item["bodies"]]
     if not held:
         return ""
     if len(held) == len(idle):

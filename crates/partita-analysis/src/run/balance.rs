@@ -89,7 +89,7 @@ impl Balance for Model {
         match error {
             SystemError::Mass { .. } => plausibility::weightless(self),
             // a motion that is named needs no more than the rod that spins
-            SystemError::Unfelt { .. } => plausibility::spins_unfelt(self, &plausibility::idle(self)),
+            SystemError::Unfelt { .. } => plausibility::spins_unfelt(self),
             _ => None,
         }
     }

@@ -5,15 +5,16 @@
 use super::{axis_of, frame_about, LockedSlides, Own, Shape};
 use crate::error::DescriptionError;
 use crate::spec::Joint;
+use partita_math::spatial::Mat3;
 
-pub(super) fn shape(joint: &Joint) -> Result<Shape, DescriptionError> {
+pub(super) fn shape(joint: &Joint, carrier: &Mat3<f64>) -> Result<Shape, DescriptionError> {
     let axis = axis_of(joint, joint.axis, "an axis: that of the aligned shafts")?;
     Ok(Shape {
         motions: vec![],
         names: vec![],
         slides: LockedSlides::All,
         locks: vec![],
-        frame: frame_about(axis),
+        frame: frame_about(axis, carrier),
         own: Some(Own::Twist),
     })
 }

@@ -3,16 +3,17 @@
 use super::{axis_of, frame_about, LockedSlides, Motion, Shape};
 use crate::error::DescriptionError;
 use crate::spec::Joint;
+use partita_math::spatial::Mat3;
 
-pub(super) fn shape(joint: &Joint) -> Result<Shape, DescriptionError> {
+pub(super) fn shape(joint: &Joint, carrier: &Mat3<f64>) -> Result<Shape, DescriptionError> {
     let z = axis_of(joint, joint.axis, "axis")?;
-    let frame = frame_about(z);
+    let (x, y) = z.complement();
     Ok(Shape {
         motions: vec![Motion::Slide(z), Motion::Turn(z)],
         names: vec!["slide", "turn"],
-        slides: LockedSlides::Along(vec![frame.column(0), frame.column(1)]),
-        locks: vec![(frame.column(0), z), (frame.column(1), z)],
-        frame,
+        slides: LockedSlides::Along(vec![x, y]),
+        locks: vec![(x, z), (y, z)],
+        frame: frame_about(z, carrier),
         own: None,
     })
 }

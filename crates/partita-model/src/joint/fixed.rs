@@ -3,7 +3,13 @@
 use super::{parallel, LockedSlides, Shape};
 use partita_math::spatial::Mat3;
 
-pub(super) fn shape() -> Shape {
-    let frame = Mat3::identity();
-    Shape { motions: vec![], names: vec![], slides: LockedSlides::All, locks: parallel(&frame), frame, own: None }
+pub(super) fn shape(carrier: &Mat3<f64>) -> Shape {
+    Shape {
+        motions: vec![],
+        names: vec![],
+        slides: LockedSlides::All,
+        locks: parallel(&Mat3::identity()),
+        frame: *carrier,
+        own: None,
+    }
 }

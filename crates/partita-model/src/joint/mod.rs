@@ -22,9 +22,10 @@ mod universal;
 pub use coordinates::{position_of, rate_of};
 
 use crate::error::DescriptionError;
-use crate::spec::{Joint, JointKind};
+use crate::spec::{Joint, JointKind, Spec};
 use partita_math::spatial::{Mat3, Vec3};
 use partita_math::tolerance;
+use std::collections::HashMap;
 
 /// One free motion, its axis in the drawing.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -155,10 +156,44 @@ fn axis_of(joint: &Joint, axis: Option<[f64; 3]>, which: &str) -> Result<Vec3<f6
     })
 }
 
-/// Frame whose z is the given axis.
-fn frame_about(z: Vec3<f64>) -> Mat3<f64> {
-    let (x, y) = z.complement();
-    Mat3::from_columns(x, y, z)
+/// A body axis this nearly along the axis of a joint does not define the direction across it. Scale: cosine. Reason: 26
+/// degrees, as for the frame of a rod; the other two body axes then stand well across.
+const NEARLY_ALONG: f64 = 0.9;
+
+/// Frame whose z is the given axis: x is the x axis of the carrier, projected across z, or its y axis where x is nearly
+/// along z. Nothing but the drawing itself defines the frame, so the frame turns with it. Reactions and free motions are
+/// given along it; conditions span the same space along any directions across z.
+fn frame_about(z: Vec3<f64>, carrier: &Mat3<f64>) -> Mat3<f64> {
+    let [x, y] = [0, 1].map(|i| carrier.column(i));
+    let seed = if x.dot(z).abs() < NEARLY_ALONG { x } else { y };
+    let across = seed - z.times(seed.dot(z));
+    let across = across.times(1.0 / across.norm());
+    Mat3::from_columns(across, z.cross(across), z)
+}
+
+/// Axes, in the drawing, of the body that lays the axes of a joint about its own: the parent, or the child where the
+/// parent is the ground, which does not turn with a drawing.
+fn carrier(joint: &Joint, orientation: &HashMap<&str, Mat3<f64>>) -> Result<Mat3<f64>, DescriptionError> {
+    if let Some(parent) = orientation.get(joint.parent.as_str()) {
+        return Ok(*parent);
+    }
+    let child = orientation.get(joint.child.as_str()).copied().unwrap_or_else(Mat3::identity);
+    Ok(alignment(joint)?.mul(&child))
+}
+
+/// Rotation of the child's joint axis in the drawing from the parent's.
+pub(crate) fn alignment(joint: &Joint) -> Result<Mat3<f64>, DescriptionError> {
+    if let Some(child) = joint.child_frame {
+        let frame = joint.frame.map_or_else(Mat3::identity, Mat3);
+        return Ok(frame.mul(&Mat3(child).transpose()));
+    }
+    match (joint.axis, joint.child_axis) {
+        (Some(axis), Some(child)) => match (Vec3(child).unit(), Vec3(axis).unit()) {
+            (Some(c), Some(a)) => Ok(Mat3::between(c, a)),
+            _ => Err(DescriptionError::new("joint", &joint.name, "child_axis has no direction")),
+        },
+        _ => Ok(Mat3::identity()),
+    }
 }
 
 /// Refuses two axes that are not drawn at a right angle.
@@ -172,24 +207,30 @@ fn at_right_angle(joint: &Joint, first: Vec3<f64>, second: Vec3<f64>) -> Result<
     Ok(())
 }
 
-/// The shape of a described joint.
-pub fn shape(joint: &Joint) -> Result<Shape, DescriptionError> {
+/// The shapes of all joints.
+pub fn shapes(spec: &Spec) -> Result<Vec<Shape>, DescriptionError> {
+    let orientation = spec.bodies.iter().map(|b| (b.name.as_str(), Mat3(b.orientation))).collect();
+    spec.joints.iter().map(|joint| shape(joint, &carrier(joint, &orientation)?)).collect()
+}
+
+/// The shape of a described joint, its axes laid by those of a body as drawn.
+pub fn shape(joint: &Joint, carrier: &Mat3<f64>) -> Result<Shape, DescriptionError> {
     match joint.kind {
-        JointKind::Revolute => revolute::shape(joint),
-        JointKind::Prismatic => prismatic::shape(joint),
-        JointKind::Cylindrical => cylindrical::shape(joint),
+        JointKind::Revolute => revolute::shape(joint, carrier),
+        JointKind::Prismatic => prismatic::shape(joint, carrier),
+        JointKind::Cylindrical => cylindrical::shape(joint, carrier),
         JointKind::Universal => universal::shape(joint),
-        JointKind::Spherical => Ok(spherical::shape()),
-        JointKind::Planar => planar::shape(joint),
-        JointKind::Fixed => Ok(fixed::shape()),
+        JointKind::Spherical => Ok(spherical::shape(carrier)),
+        JointKind::Planar => planar::shape(joint, carrier),
+        JointKind::Fixed => Ok(fixed::shape(carrier)),
         JointKind::Free => Ok(free::shape()),
         JointKind::Generic => generic::shape(joint),
-        JointKind::Screw => screw::shape(joint),
-        JointKind::ConstantVelocity => constant_velocity::shape(joint),
-        JointKind::PointOnLine => primitive::point_on_line(joint),
-        JointKind::PointOnPlane => primitive::point_on_plane(joint),
-        JointKind::Parallel => primitive::parallel(joint),
-        JointKind::Perpendicular => primitive::perpendicular(joint),
+        JointKind::Screw => screw::shape(joint, carrier),
+        JointKind::ConstantVelocity => constant_velocity::shape(joint, carrier),
+        JointKind::PointOnLine => primitive::point_on_line(joint, carrier),
+        JointKind::PointOnPlane => primitive::point_on_plane(joint, carrier),
+        JointKind::Parallel => primitive::parallel(joint, carrier),
+        JointKind::Perpendicular => primitive::perpendicular(joint, carrier),
         JointKind::Orientation => primitive::orientation(joint),
         JointKind::PinSlot => pin_slot::shape(joint),
         JointKind::Custom => custom::shape(joint),

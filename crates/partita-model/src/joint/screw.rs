@@ -3,8 +3,9 @@
 use super::{cylindrical, Own, Shape};
 use crate::error::DescriptionError;
 use crate::spec::Joint;
+use partita_math::spatial::Mat3;
 
-pub(super) fn shape(joint: &Joint) -> Result<Shape, DescriptionError> {
+pub(super) fn shape(joint: &Joint, carrier: &Mat3<f64>) -> Result<Shape, DescriptionError> {
     let fail = |message: String| Err(DescriptionError::new("joint", &joint.name, message));
     match joint.pitch {
         None => fail("a screw needs a pitch: its advance (m) per turn".into()),
@@ -13,7 +14,7 @@ pub(super) fn shape(joint: &Joint) -> Result<Shape, DescriptionError> {
         }
         Some(pitch) => {
             let own = Some(Own::Advance(pitch / std::f64::consts::TAU));
-            Ok(Shape { own, ..cylindrical::shape(joint)? })
+            Ok(Shape { own, ..cylindrical::shape(joint, carrier)? })
         }
     }
 }

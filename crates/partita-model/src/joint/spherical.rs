@@ -3,13 +3,13 @@
 use super::{LockedSlides, Motion, Shape};
 use partita_math::spatial::Mat3;
 
-pub(super) fn shape() -> Shape {
+pub(super) fn shape(carrier: &Mat3<f64>) -> Shape {
     Shape {
         motions: vec![Motion::Ball],
         names: vec!["ball"],
         slides: LockedSlides::All,
         locks: vec![],
-        frame: Mat3::identity(),
+        frame: *carrier,
         own: None,
     }
 }

@@ -7,9 +7,9 @@
 
 use super::change::{is_sought, LARGEST, NEARLY_PARALLEL, OWN};
 use super::{blocks, Drawing};
+use crate::joint::alignment;
 use crate::model::Model;
 use crate::spec::JointKind;
-use crate::zero_position::alignment;
 use partita_math::dense::Matrix;
 use partita_math::factor::svd;
 use partita_math::spatial::Vec3;

@@ -11,9 +11,9 @@
 
 use super::alike::{Alike, Condition};
 use super::Drawing;
+use crate::joint::alignment;
 use crate::spec::{Joint, JointKind, Spec};
 use crate::tree::TreeScratch;
-use crate::zero_position::alignment;
 use partita_math::dense::Matrix;
 use partita_math::factor::svd;
 use partita_math::spatial::{Mat3, Quaternion, Spatial, Vec3};
