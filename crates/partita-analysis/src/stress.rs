@@ -379,7 +379,7 @@ impl<'g, 'm> Balance<'g, 'm> {
             pose.wrenches(of_model, &self.closing_of, room_of_wrenches, &mut stress.joints);
             let magnitude = |w: &Wrench| w.force.norm().max(w.moment.norm() / length);
             let largest = stress.joints.iter().fold(top, |m: f64, (_, w)| m.max(magnitude(w)));
-            let zero = (self.least * largest).max(10.0 * unbalanced);
+            let zero = (self.least * largest).max(tolerance::CLEARLY * unbalanced);
             stress.joints.retain(|(_, w)| magnitude(w) > zero);
             stress.drives.clear();
             stress.drives.extend(lambda.iter().filter_map(|&(row, x)| Some((self.drive_of[row]?, x))));

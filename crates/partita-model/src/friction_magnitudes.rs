@@ -19,10 +19,6 @@ use partita_math::tolerance;
 const MOST_TERMS: usize = 12;
 /// Maximum number of Newton steps; where there is one solution, some ten suffice.
 const MOST_STEPS: usize = 200;
-/// Friction magnitudes nearer to having no solution have none. Scale: distance of the amplification from one. Reason:
-/// friction would be a thousand million times the normal force.
-const JAM_MARGIN: f64 = 1e-9;
-
 /// Memory of an evaluation.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Hold {
@@ -210,7 +206,7 @@ impl FrictionMagnitudes {
 
     /// Whether there is one solution for every load.
     fn single(&mut self) -> bool {
-        self.fill(-1.0 - JAM_MARGIN, true, |_, b| size(b));
+        self.fill(-1.0 - tolerance::NEGLIGIBLE, true, |_, b| size(b));
         if !self.fails() {
             return true;
         }
@@ -228,7 +224,7 @@ impl FrictionMagnitudes {
         (0..1usize << terms).all(|corner| {
             let sign = |t: usize| if corner >> t & 1 == 1 { 1.0 } else { -1.0 };
             self.fill(1.0, false, |t, b| sign(t) * dot(&lines[t], b));
-            self.determinant() > JAM_MARGIN
+            self.determinant() > tolerance::NEGLIGIBLE
         })
     }
 

@@ -7,6 +7,7 @@ use crate::coincident;
 use crate::error::DescriptionError;
 use crate::joint::{self, Motion, Shape};
 use crate::planarity;
+use crate::spec::LARGEST_TOLERANCE;
 use crate::spec::{Body, Coupling, Cut, Force, Joint, Measure, Spec};
 use crate::topology::{Edge, Topology, TreeEdge, CUT};
 use crate::validate;
@@ -217,10 +218,6 @@ pub(crate) fn alignment(joint: &Joint) -> Result<Mat3<f64>, DescriptionError> {
     }
 }
 
-/// Guides that are out of parallel by less were, or may have been, intended to be parallel. Scale: rad. Reason: twice
-/// the largest drawing tolerance.
-const GUIDES_PARALLEL: f64 = 0.02;
-
 /// The plane of the mechanism, if all its motions lie in one: rows of the basis.
 fn plane(motions: &[Motion], shapes: &[(&Shape, Mat3<f64>)]) -> Option<Mat3<f64>> {
     let parallel = |a: Vec3<f64>, b: Vec3<f64>| a.cross(b).norm() < tolerance::PARALLEL;
@@ -235,7 +232,7 @@ fn plane(motions: &[Motion], shapes: &[(&Shape, Mat3<f64>)]) -> Option<Mat3<f64>
         normal = Some(match across.norm() {
             sine if sine < tolerance::PARALLEL => first.complement().0,
             // guides that were intended to be parallel define no plane
-            sine if sine < GUIDES_PARALLEL => return None,
+            sine if sine < tolerance::INTENDED_PARALLEL * LARGEST_TOLERANCE => return None,
             _ => across.unit()?,
         });
     }

@@ -58,7 +58,7 @@ pub fn unfelt<S: ConstrainedSystem>(
         let length = dense::dot(&y, &y).sqrt();
         y.iter_mut().for_each(|y| *y /= length);
     }
-    if dense::dot(&y, &share.matvec(&y)) > tolerance::NO_INERTIA {
+    if dense::dot(&y, &share.matvec(&y)) > tolerance::LONG_ROUNDING {
         return Ok(None);
     }
     dense::cholesky_backward(&metric, k, &mut y);

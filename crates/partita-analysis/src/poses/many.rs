@@ -307,11 +307,9 @@ impl<'m> Explicit<'m> {
             let limit = self.close(values, next)?.is_some();
             // a pivot that halves within a step may have passed zero, or may reach it next
             let well = !limit
-                && self
-                    .pivots
-                    .iter()
-                    .zip(self.closing.state())
-                    .all(|(before, now)| now.branch == 0 || now.pivot >= 2.0 * (now.pivot - before).abs());
+                && self.pivots.iter().zip(self.closing.state()).all(|(before, now)| {
+                    now.branch == 0 || tolerance::HALF_LOST * now.pivot >= (now.pivot - before).abs()
+                });
             if well {
                 self.pivots.iter_mut().zip(self.closing.state()).for_each(|(before, now)| *before = now.pivot);
                 done = next;

@@ -213,7 +213,7 @@ impl Model {
             closing.close(t, &mut there).ok()?;
             for (before, now) in pivots.iter_mut().zip(closing.state()) {
                 // a pivot that halves within a step may have passed zero, or may reach it next
-                if now.branch != 0 && now.pivot < 2.0 * (now.pivot - *before).abs() {
+                if now.branch != 0 && tolerance::HALF_LOST * now.pivot < (now.pivot - *before).abs() {
                     return None;
                 }
                 *before = now.pivot;

@@ -110,7 +110,7 @@ impl Following {
                  mechanism with them";
             return Err(DescriptionError::new("mechanism", &spec.name, message));
         }
-        let dependent = tolerance::DEPENDENT.max(10.0 * spec.drawing_tolerance).powi(2);
+        let dependent = tolerance::DEPENDENT.max(tolerance::CLEARLY * spec.drawing_tolerance).powi(2);
         let short_of_mass = !placed.massless.is_empty();
         let pattern = pattern.clone();
         Ok((!frictions.is_empty()).then_some(Self { frictions, pattern, dependent, short_of_mass }))

@@ -165,7 +165,7 @@ fn off(given: f64, found: Best, nothing: f64) -> Option<f64> {
     if found.error.is_infinite() {
         return None;
     }
-    let allowed = OTHER_DERIVATIVE * given.abs().max(found.value.abs()) + 10.0 * found.error + nothing;
+    let allowed = OTHER_DERIVATIVE * given.abs().max(found.value.abs()) + tolerance::CLEARLY * found.error + nothing;
     let miss = (given - found.value).abs();
     (miss > allowed).then(|| miss / allowed.max(f64::MIN_POSITIVE))
 }

@@ -17,10 +17,7 @@ pub use continuation::move_to;
 use crate::manifold::Residuals;
 use crate::system::{ConstrainedSystem, SystemError};
 use descent::{to_round_off, Descent, Ending};
-
-/// A drawing closed to this is left unchanged. Scale: fraction of the closing tolerance. Reason: the remainder is its
-/// own round-off.
-const AS_DRAWN: f64 = 1e-3;
+use partita_math::tolerance;
 
 /// Closure error of a drawing with twelve digits, which no motion closes. Scale: characteristic displacement. Reason: a
 /// tenth of [`tolerance::CLOSED_IN_RUN`].
@@ -67,7 +64,7 @@ pub fn close<S: ConstrainedSystem>(
     let mut report = Assembly::default();
     let drawn = q.to_vec();
     d.rows.evaluate(q)?;
-    d.leave(tolerance * AS_DRAWN);
+    d.leave(tolerance * tolerance::NEGLIGIBLE_ERROR);
     d.turn_over(q);
     if d.is_closed() {
         report.residual = d.rows.scaled.residual();

@@ -44,9 +44,6 @@ const NEARLY_AT_REST: f64 = 1e-3;
 const SLOW_GAIN: f64 = 1e-2;
 /// This many iterations in a row that gain nothing end the loop.
 const PATIENCE: usize = 20;
-/// Rows that decrease by less do not close any further. Scale: ratio in one iteration. Reason: Newton's method at least
-/// halves the error, also next to a singular position, where it falls to a quarter.
-const STALLED: f64 = 0.5;
 /// Steps at a minimum with open rows are converging when they shorten by this factor. Scale: ratio of successive steps.
 /// Reason: only linear convergence is possible there.
 const SHORTER: f64 = 0.7;
@@ -363,8 +360,8 @@ impl Room {
                 };
                 // where rows cannot be closed the step length indicates the minimum
                 p.idle = if rule.rest > 0.0 || gain > SLOW_GAIN * p.open.square { 0 } else { p.idle + 1 };
-                let stalls = now.worst > STALLED * p.open.worst && now.worst <= rule.accepted;
-                let rounding = p.length <= rule.rounding && p.length >= STALLED * p.before;
+                let stalls = now.worst > tolerance::CONVERGES * p.open.worst && now.worst <= rule.accepted;
+                let rounding = p.length <= rule.rounding && p.length >= tolerance::CONVERGES * p.before;
                 let last = (p.length <= rule.rest || rounding) && p.fraction == 1.0;
                 // step lengths under different damping are not comparable
                 (p.open, p.before) = (now, if l.is_settled() { p.length } else { f64::INFINITY });

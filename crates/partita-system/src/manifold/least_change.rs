@@ -25,15 +25,12 @@ pub const fn from_afar(tolerance: f64) -> Rule {
 /// Largest first correction of a predicted position. Scale: characteristic displacement. Reason: the curvature over the
 /// longest prediction.
 const FIRST_CORRECTION: f64 = 0.05;
-/// Largest ratio of successive corrections. Scale: ratio. Reason: Newton's method in its own neighbourhood has less
-/// than a half.
-const CORRECTIONS_SHRINK: f64 = 0.25;
 /// Corrections of one position; a step that needs more is too long.
 const CORRECTIONS: usize = 8;
 
 /// From a predictor: to `tolerance`, by corrections that lead to the adjacent solution and to no other.
 pub const fn near_by(tolerance: f64) -> Rule {
-    Rule::new(CORRECTIONS, tolerance, tolerance).contracting(FIRST_CORRECTION, CORRECTIONS_SHRINK)
+    Rule::new(CORRECTIONS, tolerance, tolerance).contracting(FIRST_CORRECTION, tolerance::CONVERGES)
 }
 
 /// Rows and velocities that depend on each other.

@@ -18,7 +18,7 @@ use partita_math::factor::{pivoted_least_norm, qr_null_space_by};
 use partita_math::tolerance;
 
 /// First grade of the level. Unit: singular values in natural scales. Reason: rows that are clearly independent.
-const FIRST_GRADE: f64 = 0.03;
+pub const FIRST_GRADE: f64 = 0.03;
 /// Ratio between grades. Unit: ratio. Reason: one digit at a time.
 const GRADE_RATIO: f64 = 0.1;
 /// Displacements below this end a grade. Scale: fraction of the grade. Reason: null directions turn by no more than it.
@@ -27,21 +27,11 @@ const GRADE_SETTLED: f64 = 1e-2;
 const FARTHEST: usize = 400;
 /// Further iterations: three or four of Newton's method for each grade.
 const ITERATIONS: usize = 60;
-/// Steps below this that no longer shorten are rounding. Scale: characteristic displacement. Reason: rounding over the
-/// weakest accepted pivot.
-const UNDAMPED_ROUNDING: f64 = 1e-11;
-/// Rows with a smaller residual need no further iteration. Scale: characteristic displacement. Reason: some units in
-/// the last place.
-const CLOSED_TO_REST: f64 = 2e-15;
-/// A direction that loses more of itself from one position to the next ends. Scale: fraction of the unit direction.
-/// Reason: more than half of it belongs to other directions then.
-const DIRECTION_ENDS: f64 = 0.5;
-
 /// Closes the accepted rows: the remaining residual cannot be closed by a motion of the level.
-pub const TO_REST: Rule = Rule::new(ITERATIONS, CLOSED_TO_REST, tolerance::SUM_ROUNDING)
+pub const TO_REST: Rule = Rule::new(ITERATIONS, tolerance::TEN_ROUNDINGS, tolerance::SUM_ROUNDING)
     .cut(LONGEST_PREDICTION)
     .to_rest(tolerance::SUM_ROUNDING)
-    .undamped(UNDAMPED_ROUNDING, FARTHEST);
+    .undamped(tolerance::SINGULAR_ROUNDING, FARTHEST);
 
 /// Which pivots or singular values of C are accepted.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -247,7 +237,7 @@ impl<S: ConstrainedSystem> Curve for Along<'_, '_, S> {
         self.free = Some(found);
         let (after, fastest) = (norm(&on), self.travel(&on));
         tangent.iter_mut().zip(&on).for_each(|(t, x)| *t = x / fastest);
-        Ok(after > DIRECTION_ENDS * before && fastest > 0.0 && fastest.is_finite())
+        Ok(after > tolerance::HALF_LOST * before && fastest > 0.0 && fastest.is_finite())
     }
     fn predict(&mut self, q: &mut [f64], tangent: &[f64], ds: f64) {
         self.rows.step(q, ds, tangent);

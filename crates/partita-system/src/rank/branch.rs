@@ -9,7 +9,7 @@ use partita_math::dense::Matrix;
 use partita_math::factor::svd;
 use partita_math::tolerance;
 
-/// Steps that would have to be shorter end a path. Scale: fraction of the step. Reason: positions of one path are
+/// Shortest step along a path. Unit: fraction of the longest. Reason: positions of one path are
 /// compared at one distance.
 pub(super) const WHOLE_STEP: f64 = 0.9;
 /// Length of a path: a short one does not distinguish order four from a geometric error.

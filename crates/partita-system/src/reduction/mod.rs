@@ -23,10 +23,6 @@ use partita_math::tolerance;
 /// No column.
 const NONE: u32 = u32::MAX;
 
-/// Pivots of M_d below this are rounding: a degree of freedom that moves no mass. Scale: fraction of the pivot of the
-/// metric. Reason: far below any that moves mass, with the worst choice of coordinates allowed for.
-const UNFELT: f64 = 1e-13;
-
 /// A correction with a larger displacement is rounding, unless it is longer than [`tolerance::OPEN`]. Scale: multiples
 /// of the relative residual. Reason: three digits lost to a poor choice of coordinates.
 pub const LARGEST_AMPLIFICATION: f64 = 1e3;
@@ -399,7 +395,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
     fn feels(&self) -> Result<(), SystemError> {
         for (j, &i) in self.partition.independent.iter().enumerate() {
             let pivot = self.md_factor[j * self.k + j].powi(2);
-            if pivot * self.s2[i] < UNFELT {
+            if pivot * self.s2[i] < tolerance::SOLUTION_ROUNDING {
                 return Err(SystemError::Mass { name: self.system.velocity_name(i), pivot });
             }
         }

@@ -1,5 +1,7 @@
 //! Change points foreseen and stepped over.
 
+use partita_math::tolerance;
+
 /// How an integration continues: its plan for the next step.
 #[derive(Clone, Copy, Debug)]
 pub struct Pace {
@@ -286,7 +288,7 @@ impl Crossing {
             // the line through the distances here and there, once more from where it leads
             for _ in 0..Self::REFINEMENTS {
                 let Probe::Distance(there) = probe(ahead) else { break };
-                if there > CONFIRMED * distance {
+                if there > tolerance::MUCH_NEARER * distance {
                     // what fell was something else; look again from the end of the next step
                     (self.before, self.expected) = ([None; 2], None);
                     return Advice::Free;
@@ -315,10 +317,6 @@ pub enum Probe {
     /// Nothing that could be compared.
     Unknown,
 }
-
-/// A singular position that is expected must lie below this distance. Scale: fraction of the present distance. Reason:
-/// beside it the distance is small already, and a guess off by more is none.
-const CONFIRMED: f64 = 0.3;
 
 /// Where a falling distance will be zero: by the parabola through the last three values, by the line through two.
 fn zero_ahead(now: (f64, f64), one: (f64, f64), two: Option<(f64, f64)>) -> Option<f64> {

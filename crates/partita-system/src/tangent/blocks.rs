@@ -21,6 +21,9 @@ use partita_math::formatted;
 /// Number of steps after which the system is asked again at the latest, with a gain that has not doubled: the cost of
 /// one plan is then negligible.
 const MOST_PATIENCE: u32 = 1024;
+/// A system is asked for other inputs at once where the gain has grown by this. Scale: ratio of gains. Reason: one bit
+/// of the velocities is lost, and the question is not repeated in every step.
+const GAIN_GROWN: f64 = 2.0;
 
 /// The tangent of a closing in use. Of the options it reads `independent` (fixed inputs) and `switch_threshold`
 /// (hysteresis of a change of inputs).
@@ -173,7 +176,7 @@ impl<'s, S: ConstrainedSystem> Blocks<'s, S> {
     fn better_inputs(&mut self, t: f64, q: &[f64], gain: f64) -> bool {
         self.patience = self.patience.saturating_sub(1);
         self.asked_at = self.asked_at.min(gain);
-        if self.patience > 0 && gain < 2.0 * self.asked_at {
+        if self.patience > 0 && gain < GAIN_GROWN * self.asked_at {
             return false;
         }
         self.waited = (2 * self.waited).clamp(PERIOD, MOST_PATIENCE);

@@ -33,9 +33,6 @@ const FEWEST: usize = 3;
 /// Singular values of the conditions below this multiple of the closure error are null. Scale: multiples of the closure
 /// error. Reason: the error of the conditions is as large as the closure error, times the length of a loop.
 const CLOSURE_FACTOR: f64 = 30.0;
-/// Axes that are parallel within this were intended to be. Scale: multiples of the drawing tolerance. Reason: both axes
-/// may be off by one, and the loop between them.
-pub(super) const NEARLY_PARALLEL: f64 = 3.0;
 /// Largest number of products in a decomposition for which a change is sought.
 pub(super) const LARGEST: usize = 150_000_000;
 /// A fit that depends on smaller singular values may be near a double root. Scale: fraction of the largest singular
@@ -96,7 +93,7 @@ impl Drawing {
                 return Ok(None);
             }
             let worst = open.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-            if worst < tolerance::ROUNDING || worst < tolerance::CLOSED && worst > 0.5 * before {
+            if worst < tolerance::ROUNDING || worst < tolerance::CLOSED && worst > tolerance::CONVERGES * before {
                 return Ok(Some(change));
             }
             if !worst.is_finite() {
@@ -228,7 +225,7 @@ impl Drawing {
             off = more.iter().fold(off, |m: f64, x| m.max(x.abs()));
             self.changed(&numbers)
         };
-        let parallel = add(&self.changed(change)?.parallel(q, NEARLY_PARALLEL * tolerance))?;
+        let parallel = add(&self.changed(change)?.parallel(q, tolerance::INTENDED_PARALLEL * tolerance))?;
         let alike = parallel.alike(tolerance);
         add(&parallel.made_alike(&alike)?)?;
         (off > tolerance::SUM_ROUNDING).then_some((numbers, alike, off))

@@ -1,7 +1,7 @@
 //! Levels of singular values: how a drawing fits along finite motions, and which of its conditions count.    (11.9)
 
 use super::change::{largest, Change, OWN};
-use super::{coarsest, Drawing, Wanted, FINEST_LEVEL, LARGEST_CHANGE, PLANE, WEAK_CONDITION};
+use super::{coarsest, Drawing, Wanted, FINEST_LEVEL, LARGEST_CHANGE, WEAK_CONDITION};
 use crate::model::Model;
 use crate::spec::Joint;
 use partita_math::tolerance;
@@ -9,8 +9,11 @@ use partita_system::prelude::*;
 use partita_system::rank::{Branch, Cut, Kernel};
 use partita_system::SystemError;
 
-/// Finer levels of singular values. Scale: singular values in natural scales. Reason: two digits apart.
+/// Finer levels of singular values. Unit: singular values in natural scales. Reason: two digits apart.
 const FINER_LEVELS: [f64; 2] = [1e-5, 1e-7];
+/// A length that shrinks to less is folded away. Scale: fraction of the length. Reason: a geometric error changes no
+/// length by as much as a half.
+const FOLDED: f64 = 0.5;
 /// The drawing of a block may have this closure error for a decision to be meaningful. Scale: lengths of its bodies.
 /// Reason: a drawing with a larger error shows another assembly.
 const NEARLY_DRAWN: f64 = 0.5;
@@ -116,7 +119,8 @@ impl Drawing {
             return Ok(Some(((seen.coarse > 0).then_some(fit), seen)));
         }
         let mut levels = vec![coarsest];
-        levels.extend(FINER_LEVELS.into_iter().filter(|x| *x < coarsest));
+        levels.extend(FINER_LEVELS);
+        levels.retain(|x| *x <= coarsest);
         if seen.fine == seen.coarse {
             let finest = levels.pop().unwrap_or(coarsest);
             let fit = self.at_level(&home, finest, (tolerance, &seen))?;
@@ -267,7 +271,7 @@ impl Drawing {
     fn folds(&self, numbers: &[f64]) -> bool {
         let Some(changed) = self.changed(numbers) else { return false };
         let (before, after) = (self.lengths(), changed.lengths());
-        before.iter().zip(&after).any(|(d, now)| *d > tolerance::EQUAL * self.length && *now < 0.5 * d)
+        before.iter().zip(&after).any(|(d, now)| *d > tolerance::EQUAL * self.length && *now < FOLDED * d)
     }
 
     /// Whether it removes a length that is too large for a geometric error.
@@ -275,7 +279,7 @@ impl Drawing {
         let Some(changed) = self.changed(numbers) else { return true };
         let (before, after) = (self.lengths(), changed.lengths());
         let longest = before.iter().fold(0.0, |m: f64, x| m.max(*x));
-        before.iter().zip(&after).any(|(d, now)| *d > PLANE * tolerance * longest && *now < 0.5 * d)
+        before.iter().zip(&after).any(|(d, now)| *d > LARGEST_CHANGE * tolerance * longest && *now < FOLDED * d)
     }
 }
 

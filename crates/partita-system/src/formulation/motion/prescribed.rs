@@ -14,10 +14,6 @@ use crate::system::{ConstrainedSystem, SystemError};
 use crate::tangent::Tangent;
 use partita_math::tolerance;
 
-/// A step whose prescribed rows differ from their quadrature by more is repeated. Scale: multiples of the tolerance.
-/// Reason: smooth functions differ by a few, and where only driven coordinates move no other estimate shows the error.
-const SMOOTH_MISSED: f64 = 100.0;
-
 /// A row and what belongs to it.
 struct Row {
     row: usize,
@@ -211,7 +207,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> P
             level,
             before: worst.open[place],
             by: worst.missed[place],
-            shorten: part(worst) > SMOOTH_MISSED && !self.monitor.passes_a_singular_position(),
+            shorten: part(worst) > tolerance::ERROR_GROWTH && !self.monitor.passes_a_singular_position(),
         })
     }
 
