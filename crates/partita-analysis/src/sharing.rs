@@ -217,8 +217,8 @@ pub(crate) fn with_rule<T, E: From<AnalysisError>>(
     f(Some(&Rule { model, twin: &twin, sharing, rows: rows_between(model, &twin) }))
 }
 
-/// The same for reactions of a motion, without a rule where it would change none of them: self-stresses of a mechanism
-/// whose loop closures are independent in its plane are perpendicular to it, and where all forces lie in the plane they
+/// As `with_rule`, for reactions of a motion, without a rule where it would change none of them: self-stresses of a
+/// mechanism whose loop closures are independent in its plane are perpendicular to it, and where all forces lie in the plane they
 /// do no work on the reactions. Then each joint is computed by itself. Compliances along axes inclined to the plane
 /// would couple both.
 ///

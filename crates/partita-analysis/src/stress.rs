@@ -104,7 +104,7 @@ impl<'m> Pose<'m> {
         self.points.clear();
         self.points.extend(model.placed.joints.iter().map(|p| {
             let link = model.placed.link_of(p.child);
-            model.full.place(link, tree) + tree.links[link].rot.apply(p.child_point - reference[link])
+            model.full.reference_point(link, tree) + tree.links[link].rot.apply(p.child_point - reference[link])
         }));
         self.at.0 = t;
         self.at.1.clear();
@@ -349,7 +349,7 @@ impl<'g, 'm> Balance<'g, 'm> {
         self.stresses_into(pose, c, &mut self.room(), &mut found).then_some(found)
     }
 
-    /// The same, replacing those `found` before; false where the elimination plan no longer applies.
+    /// As `stresses`, replacing those `found` before; false where the elimination plan no longer applies.
     pub(crate) fn stresses_into(
         &self,
         pose: &Pose,

@@ -63,8 +63,9 @@ pub const CLOSED: f64 = 1e-12;
 /// Conditions that are redundant, or that compete with others, are satisfied if their error is below this. Scale: size
 /// of the row. Reason: ten times [`CLOSED`], so that closed positions pass.
 pub const FITS: f64 = 1e-11;
-/// Largest residual of a position computed in closed form. Scale: characteristic displacement. Reason: round-off,
-/// amplified a hundred thousand times next to a limit position; a branch that is open by more does not close.
+/// Largest residual of a position that no iteration closed: computed in closed form, or drawn. Scale: characteristic
+/// displacement. Reason: round-off, amplified a hundred thousand times next to a limit position; twelve digits of a
+/// drawing.
 pub const CLOSED_FORM: f64 = 1e-10;
 /// Constraint violations below this count as closed over a whole run. Scale: size of the row. Reason: the accuracy
 /// required of whole runs.
@@ -75,6 +76,9 @@ pub const FAR_OPEN: f64 = 1e-2;
 /// Constraint violations above this count as open. Scale: size of the row. Reason: a thousand times [`CLOSED_IN_RUN`],
 /// so that badly conditioned rows stay below.
 pub const OPEN: f64 = 1e-6;
+/// Rows with a larger closure error are open. Scale: multiples of their own round-off. Reason: an assembly leaves a
+/// thousandth of it.
+pub const OPEN_ROUNDINGS: f64 = 1e4;
 /// Violations of constraint rates above this count as open. Scale: fraction of the fastest velocity. Reason: next to a
 /// singular position the root of [`OPEN`]; conditions on rates alone must satisfy [`OPEN`].
 pub const OPEN_RATE: f64 = 1e-3;
@@ -150,6 +154,9 @@ pub const SINGULAR_PIVOT: f64 = 1e-7;
 pub const TIE: f64 = 1e-9;
 /// Of two measures one is clearly larger by this factor. Scale: ratio. Reason: one digit.
 pub const CLEARLY: f64 = 10.0;
+/// A mobility, or the gain of a switch, has grown by this. Scale: ratio. Reason: one bit is lost; below, no choice
+/// changes.
+pub const DOUBLED: f64 = 2.0;
 /// Switches of coordinates with a smaller gain are not made. Scale: ratio of volumes. Reason: rounding must not cause
 /// endless switching.
 pub const LEAST_SWITCH_GAIN: f64 = 1.0 + 1e-6;

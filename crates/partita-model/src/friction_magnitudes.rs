@@ -243,7 +243,7 @@ impl FrictionMagnitudes {
     }
 
     /// Residual of (G1) at `tried`, and the terms there.
-    fn open(&mut self) -> (f64, f64) {
+    fn residual(&mut self) -> (f64, f64) {
         let tried = std::mem::take(&mut self.tried);
         let mut normal = std::mem::take(&mut self.normal);
         self.normals(&tried, &mut normal);
@@ -267,7 +267,7 @@ impl FrictionMagnitudes {
         let n = self.kappa.len();
         self.f.fill(0.0);
         self.tried.fill(0.0);
-        let (mut worst, mut scale) = self.open();
+        let (mut worst, mut scale) = self.residual();
         for _ in 0..MOST_STEPS {
             // exact to the last digits: one more step gains nothing
             if worst <= tolerance::FEW_ROUNDINGS * scale {
@@ -302,7 +302,7 @@ impl FrictionMagnitudes {
                 for i in 0..n {
                     self.tried[i] = self.f[i] - part * self.step[i];
                 }
-                let (now, size) = self.open();
+                let (now, size) = self.residual();
                 if now < worst {
                     (worst, scale, better) = (now, size, true);
                     break;
@@ -311,7 +311,7 @@ impl FrictionMagnitudes {
             }
             if !better {
                 self.tried.copy_from_slice(&self.f);
-                (worst, scale) = self.open();
+                (worst, scale) = self.residual();
                 break;
             }
             self.f.copy_from_slice(&self.tried);

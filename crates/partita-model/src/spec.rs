@@ -4,7 +4,7 @@ mod couplings;
 mod forces;
 mod loads;
 
-pub use couplings::{Coupling, Said};
+pub use couplings::{Coupling, GivenAs};
 pub use forces::*;
 pub use loads::{Bushing, Contact, Gravity, Law, Sight, Spot, Tyre, Weightless};
 

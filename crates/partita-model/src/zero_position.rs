@@ -88,7 +88,7 @@ pub struct PlacedJoint {
     pub shape: Shape,
     /// Axes of the drawing, as the parent carries them, in mechanism axes.
     pub on_parent: Mat3<f64>,
-    /// The same on the child.
+    /// As `on_parent`, on the child.
     pub on_child: Mat3<f64>,
     /// Its point on the parent.
     pub parent_point: Vec3<f64>,

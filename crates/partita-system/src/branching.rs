@@ -134,7 +134,7 @@ impl<'s, S: ConstrainedSystem> Scaled<'s, S> {
     }
 
     /// The residual there.
-    fn open(&self) -> Vec<f64> {
+    fn violation(&self) -> Vec<f64> {
         self.rows.iter().map(|&i| self.phi[i] / self.sizes[i]).collect()
     }
 
@@ -261,7 +261,7 @@ pub fn look<S: ConstrainedSystem>(
     }
     let mut x = Scaled::new(system, t, q, drives)?;
     let rows = x.rows.len();
-    if x.open().iter().any(|x| x.abs() > tolerance::OPEN) {
+    if x.violation().iter().any(|x| x.abs() > tolerance::OPEN) {
         return Ok(None);
     }
     let Ok(f) = svd_full(&x.jacobian()) else { return Ok(None) };

@@ -145,7 +145,7 @@ impl Cubic {
         all.fold((INSIDE, f64::INFINITY), |least, x| if x.1 < least.1 { x } else { least })
     }
 
-    /// Where it is zero, if its ends have different signs.
+    /// The root of the cubic, if the values at its ends have different signs.
     fn zero(&self) -> f64 {
         let (mut low, mut high, ends) = (0.0, 1.0, [self.at(0.0), self.at(1.0)]);
         // one of the ends may be a zero already
@@ -175,7 +175,7 @@ impl GuardMonitor {
         Self { passed: vec![None; guards.len()], recent: vec![0.0; guards.len()], guards, ..Self::default() }
     }
 
-    /// Whether there is none.
+    /// Whether there are no guards.
     pub fn is_empty(&self) -> bool {
         self.guards.is_empty()
     }

@@ -85,7 +85,7 @@ pub fn refuse<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], rank: usize) 
     }
 }
 
-/// That motion in words, and the bodies that move in it.
+/// Description of the motion that moves no mass, and the bodies that move in it.
 pub fn words<S: ConstrainedSystem>(
     system: &S,
     t: f64,

@@ -25,7 +25,7 @@ use partita_system::SystemError;
 pub struct Orientation<G: Space> {
     /// Axes on A.
     pub on_a: [G::Ang; 3],
-    /// The same on B.
+    /// As `on_a`, on B.
     pub on_b: [G::Ang; 3],
     /// Which component.
     pub component: usize,
@@ -101,7 +101,7 @@ impl<G: Space> Orientation<G> {
 
     fn unit(&self, moment: G::Ang, tree: &Tree<G>, s: &TreeScratch<G>) -> Unit<G> {
         let point = [s.links[self.links[1]].centre, s.links[self.links[0]].centre];
-        Unit { moment, force: G::Vec::default(), point, place: tree.place(self.links[1], s) }
+        Unit { moment, force: G::Vec::default(), point, place: tree.reference_point(self.links[1], s) }
     }
 
     /// Φ, a and the unit moment at the last poses.                                         (S3, S4)

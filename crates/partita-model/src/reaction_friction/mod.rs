@@ -62,7 +62,7 @@ pub(crate) struct Following {
 }
 
 impl Following {
-    /// Those of a mechanism, if there are any.
+    /// Reaction-dependent frictions of a mechanism, if there are any.
     pub(crate) fn new(own: &Evaluator<f64>, spec: &Spec, pattern: &Pattern) -> Result<Option<Self>, DescriptionError> {
         let placed = &own.placed;
         let mut frictions = Vec::new();

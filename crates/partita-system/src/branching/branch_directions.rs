@@ -190,7 +190,7 @@ pub fn look<'s, S: ConstrainedSystem>(system: &'s S, t: f64, q: &[f64]) -> Resul
     }
     let mut x = Scaled::new(system, t, q, true)?;
     let rows = x.rows.len();
-    if x.open().iter().any(|x| x.abs() > tolerance::OPEN) {
+    if x.violation().iter().any(|x| x.abs() > tolerance::OPEN) {
         return Ok(Found::Nothing);
     }
     let Ok(f) = svd_full(&x.jacobian()) else { return Ok(Found::Nothing) };

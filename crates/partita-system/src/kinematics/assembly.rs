@@ -19,10 +19,6 @@ use crate::system::{ConstrainedSystem, SystemError};
 use descent::{to_round_off, Descent, Ending};
 use partita_math::tolerance;
 
-/// Closure error of a drawing with twelve digits, which no motion closes. Scale: characteristic displacement. Reason: a
-/// tenth of [`tolerance::CLOSED_IN_RUN`].
-const DRAWN_DIGITS: f64 = 1e-10;
-
 /// Starts around the drawing that are tried where the drawing itself leads to a local minimum of the closure error:
 /// with a chance of one half each, one in ten million is missed.
 const STARTS: usize = 24;
@@ -71,7 +67,7 @@ pub fn close<S: ConstrainedSystem>(
         return Ok(report);
     }
     report.iterations += d.descend(q, &to_round_off(tolerance))?;
-    d.accept_last_digits(DRAWN_DIGITS);
+    d.accept_last_digits(tolerance::CLOSED_FORM);
     let mut turned = d.turn_over(q);
     // the best of each part of the mechanism over the starts
     let mut best = q.to_vec();

@@ -38,7 +38,7 @@ pub fn with_rates<S: ConstrainedSystem>(
     near_with_rates(r, t, q, &vec![0.0; r.size().nv], rates)
 }
 
-/// The same, but otherwise as near to `near` as the constraints allow, in the mass metric: the difference has least
+/// As `with_rates`, but otherwise as near to `near` as the constraints allow, in the mass metric: the difference has least
 /// energy.
 pub fn near_with_rates<S: ConstrainedSystem>(
     r: &mut Reduction<S>,
@@ -51,7 +51,7 @@ pub fn near_with_rates<S: ConstrainedSystem>(
     pushed_with_rates(r, t, q, &momentum, rates)
 }
 
-/// The same for the velocities of this momentum, `M v` with the loops open.
+/// As `near_with_rates`, for the velocities of this momentum, `M v` with the loops open.
 pub fn pushed_with_rates<S: ConstrainedSystem>(
     r: &mut Reduction<S>,
     t: f64,

@@ -81,7 +81,7 @@ pub enum End {
     /// The correction removes more than half of every step.
     ThrownBack,
     /// Positions further on do not close.
-    Open(Ending),
+    ClosureError(Ending),
     /// The tangent grows or turns without bound: a limit.
     Limit,
     /// The visitor refused every position further on.
@@ -129,12 +129,12 @@ fn step<C: Curve + ?Sized>(
 ) -> Result<std::result::Result<(f64, Visit), End>> {
     curve.predict(q, tangent, ds);
     let closed = match curve.close(q, s + ds) {
-        Err(SystemError::NotFinite { .. }) => return Ok(Err(End::Open(Ending::Unfinished))),
+        Err(SystemError::NotFinite { .. }) => return Ok(Err(End::ClosureError(Ending::Unfinished))),
         other => other?,
     };
     *iterations += closed.iterations;
     if !curve.accepts(&closed) {
-        return Ok(Err(End::Open(closed.ending)));
+        return Ok(Err(End::ClosureError(closed.ending)));
     }
     if closed.moved > tolerance::HALF_LOST * ds * curve.travel(tangent) {
         return Ok(Err(End::ThrownBack));
@@ -157,7 +157,7 @@ fn step<C: Curve + ?Sized>(
 /// q ends at the last accepted position. `direction` is the initial tangent, for curves that continue one.
 ///
 /// # Errors
-/// Those of the curve, and of `visit`.
+/// The errors of the curve, and of `visit`.
 pub fn follow<C: Curve + ?Sized>(
     curve: &mut C,
     q: &mut [f64],

@@ -7,7 +7,7 @@
 //! Pivots (or singular values) up to the level s count as null: weaker rows are not closed. Far from the solution the
 //! level is graded, strong rows first, since otherwise steps jump along weak ones.                             (11.9)
 
-use super::close::{close, Closed, Ending, Linearization, Open, Part, Residuals, Room, Rule};
+use super::close::{close, Closed, ClosureError, Ending, Linearization, Part, Residuals, Room, Rule};
 use super::follow::{Curve, LONGEST_PREDICTION};
 use super::scaled::Scaled;
 use crate::error::Result;
@@ -36,7 +36,7 @@ pub const TO_REST: Rule = Rule::new(ITERATIONS, tolerance::TEN_ROUNDINGS, tolera
 /// Which pivots or singular values of C are accepted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Cut {
-    /// Those above a level; the others are null.
+    /// Keep the singular values above a level; the others are null.
     Level(f64),
     /// This many of the largest.
     Rank(usize),
@@ -79,7 +79,7 @@ pub struct Truncated<'s, S: ConstrainedSystem> {
     pub moved: Vec<f64>,
     t: f64,
     grade: f64,
-    open: Open,
+    closure_error: ClosureError,
     y: Vec<f64>,
     dv: Vec<f64>,
     /// Length of the step last found.
@@ -96,7 +96,7 @@ impl<'s, S: ConstrainedSystem> Truncated<'s, S> {
             moved: vec![0.0; n],
             t,
             grade: FIRST_GRADE,
-            open: Open::default(),
+            closure_error: ClosureError::default(),
             y: vec![0.0; n],
             dv: vec![0.0; n],
             length: f64::INFINITY,
@@ -167,11 +167,11 @@ impl<'s, S: ConstrainedSystem> Truncated<'s, S> {
 impl<S: ConstrainedSystem> Residuals for Truncated<'_, S> {
     fn evaluate(&mut self, q: &[f64]) -> Result<()> {
         self.scaled.evaluate(self.t, q)?;
-        self.open = Open::of(self.scaled.phi.iter().copied());
+        self.closure_error = ClosureError::of(self.scaled.phi.iter().copied());
         Ok(())
     }
-    fn open(&self, _part: usize) -> Open {
-        self.open
+    fn closure_error(&self, _part: usize) -> ClosureError {
+        self.closure_error
     }
 }
 
@@ -213,14 +213,14 @@ pub struct Along<'r, 's, S: ConstrainedSystem> {
     /// The free motions at the position last closed.
     pub free: Option<Motions>,
     /// Allowed residual of the rows.
-    open: f64,
+    closure_error: f64,
     room: Room,
 }
 
 impl<'r, 's, S: ConstrainedSystem> Along<'r, 's, S> {
-    /// Along the motions that these rows leave free, with the allowed residual `open`.
-    pub fn new(rows: &'r mut Truncated<'s, S>, open: f64) -> Self {
-        Self { rows, free: None, open, room: Room::default() }
+    /// Along the motions that these rows leave free, with the allowed residual `closure_error`.
+    pub fn new(rows: &'r mut Truncated<'s, S>, closure_error: f64) -> Self {
+        Self { rows, free: None, closure_error, room: Room::default() }
     }
 }
 
@@ -246,7 +246,7 @@ impl<S: ConstrainedSystem> Curve for Along<'_, '_, S> {
         self.rows.close(q, &mut self.room)
     }
     fn accepts(&self, closed: &Closed) -> bool {
-        closed.ending <= Ending::AtRest && closed.open.worst <= self.open
+        closed.ending <= Ending::AtRest && closed.closure_error.worst <= self.closure_error
     }
     fn travel(&self, tangent: &[f64]) -> f64 {
         self.rows.travel(tangent)

@@ -37,7 +37,7 @@ struct Instant {
     rows: Vec<f64>,
     /// Sign and ln of the volume of the present choice.
     own: (f64, f64),
-    /// The same with the coordinate of the row instead of that of the column (n x k).
+    /// Sign and ln of the volume with the coordinate of the row instead of that of the column (n x k).
     neighbours: Vec<(f64, f64)>,
 }
 

@@ -75,7 +75,7 @@ impl Continuity {
         }
     }
 
-    /// The same for t inside the step that was judged, by the cubic of velocities and accelerations at both its ends;
+    /// As `predict`, for t inside the step that was judged, by the cubic of velocities and accelerations at both its ends;
     /// where no step was judged, as [`predict`](Self::predict).
     pub(super) fn inside(&self, t: f64, dv: &mut [f64]) {
         let (from, to) = (&self.last, &self.next);
@@ -94,7 +94,7 @@ impl Continuity {
         }
     }
 
-    /// From here on.
+    /// Restart from this state.
     pub(super) fn start(&mut self, t: f64, v: &[f64], vdot: &[f64], near: f64) {
         self.last = End { t, v: v.to_vec(), vdot: vdot.to_vec(), near, creeping: 0 };
         (self.before, self.next) = (self.last.clone(), self.last.clone());

@@ -165,7 +165,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         Self::new(system, rank).weighing_displacements()
     }
 
-    /// The same for an existing reduction.
+    /// As `geometric`, for an existing reduction.
     pub fn weighing_displacements(mut self) -> Self {
         self.weighs_displacements = true;
         self
@@ -176,14 +176,14 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         self.weighs_displacements = displacements;
     }
 
-    /// The same with `dt` in full.
+    /// As `geometric`, with `dt` in full.
     pub fn geometric_dense(system: impl Into<SystemRef<'s, S>>, rank: usize) -> Self {
         let mut new = Self::dense(system, rank);
         new.weighs_displacements = true;
         new
     }
 
-    /// The same with `dt` (nv x k), `a_matrix` (r x k) and M_d in full, however many degrees of freedom there are.
+    /// As `new`, with `dt` (nv x k), `a_matrix` (r x k) and M_d in full, however many degrees of freedom there are.
     pub fn dense(system: impl Into<SystemRef<'s, S>>, rank: usize) -> Self {
         Self::room(system.into(), rank, None)
     }
@@ -249,7 +249,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         }
     }
 
-    /// The choice in use, for evaluations over other numbers.
+    /// The choice in use, for evaluations over another scalar type.
     pub fn choice(&self) -> Choice<'_> {
         choice!(self)
     }

@@ -18,7 +18,7 @@ pub struct Across {
     pub zero: f64,
     /// Length of a step across it, as has served.
     pub whole: f64,
-    /// The one that the motion suggests.
+    /// Length of a step across it that the motion suggests.
     pub longest: f64,
     /// How often that was tried before.
     pub tries: usize,
@@ -35,20 +35,20 @@ pub struct Crossing {
     before: [Option<(f64, f64, u64)>; 2],
     /// When the next singular position is expected.
     expected: Option<f64>,
-    /// The one that the step under way is to cross.
+    /// Singular position that the current step is to cross.
     planned: Option<f64>,
     /// Length of a crossing step, by the motion at its start, and the part of what that suggests that has served.
     whole: f64,
     part: f64,
     /// Was the last step one that crosses?
     behind: bool,
-    /// One that was to be crossed in the last step, while C_D changed no side.
+    /// Singular position that the last step was to cross without a change of sign of C_D.
     unsigned: Option<f64>,
     /// Attempts at crossing the expected one, from new starting points or with new lengths.
     tries: usize,
     /// When that is expected, at the latest.
     tried: Option<f64>,
-    /// One that no step led across: perhaps a limit, and nothing lies beyond. Ordinary steps go on towards it.
+    /// Singular position that no step crossed, perhaps a limit of the motion; ordinary steps go on towards it.
     barred: Option<f64>,
     /// Times stepped over.
     pub times: Vec<f64>,

@@ -31,7 +31,7 @@ pub struct Checkpoints {
     nq: usize,
     nv: usize,
     marks: [Mark; Checkpoints::LENGTH],
-    /// How many of them count; the latest first.
+    /// Number of stored states in use; the latest is the first.
     count: usize,
     /// Coordinates and velocities of each.
     numbers: Vec<f64>,

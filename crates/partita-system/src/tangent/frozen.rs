@@ -161,7 +161,7 @@ impl<'s, S: ConstrainedSystem> Frozen<'s, S> {
         self.factor(t, covectors)
     }
 
-    /// The same after each step: nothing is judged or listed, only S is renewed.
+    /// Renew S after each step, where it is neither judged nor recorded.
     fn follow(&mut self, t: f64, q: &[f64], v: &[f64]) -> Result<bool> {
         if std::mem::take(&mut self.base.fading) {
             start::choose_partition(&mut self.base.r, t, q, None, None)?;

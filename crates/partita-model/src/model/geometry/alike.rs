@@ -159,7 +159,7 @@ fn alike(pins: &[Pin], near: f64) -> Vec<Alike> {
     found
 }
 
-/// From one axis to another, perpendicular to the first.
+/// Vector from one axis to another, perpendicular to the first.
 fn between(pins: &[Pin], i: usize, j: usize) -> Vec3<f64> {
     let (axis, to) = (pins[i].axis, pins[j].at - pins[i].at);
     to - axis.times(axis.dot(to))

@@ -228,14 +228,14 @@ pub(super) fn decide(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joi
 fn closed(model: &Model, level: f64) -> Option<Vec<f64>> {
     let mut q = model.initial();
     let mut kernel = Kernel::new(model, 0.0);
-    if kernel.open(&q).is_ok_and(|open| open < tolerance::CLOSED_IN_RUN) {
+    if kernel.closure_error(&q).is_ok_and(|closure_error| closure_error < tolerance::CLOSED_IN_RUN) {
         return Some(q);
     }
     if model.size().nv > DENSE {
         return assembly::close(model, 0.0, &mut q, tolerance::CLOSED, &[]).ok().map(|_| q);
     }
     let closed = kernel.close(&mut q, Cut::Level(level)).ok().flatten()?;
-    (closed.open < tolerance::CLOSED_IN_RUN && model.turned_over(&q).is_empty()).then_some(q)
+    (closed.closure_error < tolerance::CLOSED_IN_RUN && model.turned_over(&q).is_empty()).then_some(q)
 }
 
 /// Where the loops close to the drawing tolerance, or come nearest to it, drives released.
@@ -292,7 +292,7 @@ impl Decided {
         Self { ambiguous: Some(of.row_owner(row)), ..Self::plain(Verdict::Ambiguous, None) }
     }
 
-    /// The same for a drawing that was first made `plane`, by these numbers in fractions of `length`.
+    /// Add the change that first made the drawing `plane`: these numbers, in fractions of `length`.
     fn after(mut self, mut numbers: Vec<f64>, length: f64, drawn: &Spec, plane: &[Joint]) -> Self {
         let last: Vec<Joint> = match self.joints.is_empty() {
             true => plane.to_vec(),

@@ -63,7 +63,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
         )
     }
 
-    /// The same for velocities of a state.
+    /// As `none`, for velocities of a state.
     pub(super) fn nearest(&self, w: &[f64], asked: &[Asked]) -> String {
         let fits = self.planes.iter().flatten().filter_map(|plane| self.on_plane(plane));
         let fits = fits.filter_map(|(base, basis)| self.fit(&base, &basis, w, &[]));

@@ -50,7 +50,7 @@ pub(super) struct CrossingMonitor {
     /// Start of the step under way, and the end of the one that was judged.
     step_start: StepBoundary,
     step_end: StepBoundary,
-    /// Rows to be kept from the start of the step under way on.
+    /// Rows to be kept from the start of the current step.
     others: Option<Others>,
     /// Margin at the start of the step under way.
     margin_before: Option<(f64, u64)>,
@@ -226,7 +226,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         if P::CLOSED {
             return; // positions on another branch are distinguished where they are solved for
         }
-        // one that no step was to cross is crossed by a step made for it
+        // a singular position that was not foreseen is crossed by a step of its own
         let unforeseen = self.monitor.flipped && self.monitor.crossing.zero().is_none();
         let crosses = self.monitor.flipped || self.monitor.crossing.zero().is_some();
         let near = [self.monitor.margin_before, self.margin].iter().flatten().any(|m| m.0 < JUDGED_NEAR);

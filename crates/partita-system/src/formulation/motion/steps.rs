@@ -184,7 +184,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
     }
     fn history(&self) -> History {
         let mut history = History { name: self.name, crossings: self.crossings(), ..History::default() };
-        (history.open, history.gaps, history.checks) = (self.watch.open, self.watch.gaps, self.checks.taken);
+        (history.closure_error, history.gaps, history.checks) =
+            (self.watch.closure_error, self.watch.gaps, self.checks.taken);
         self.tangent.base().report(&mut history);
         self.tangent.report(&mut history);
         self.positions.report(&mut history);
