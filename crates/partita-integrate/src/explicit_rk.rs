@@ -121,7 +121,7 @@ impl ExplicitRungeKutta {
         self.grid = self.options.fixed_step.map(|h| FixedGrid::new(h, self.t_old, t_end));
     }
 
-    /// Hairer's choice of the first step: two slopes show how fast the motion and its slope change.
+    /// First step by the rule of Hairer, Norsett and Wanner, from two slopes.
     fn first_step<E: Display>(&mut self, ode: &mut dyn Ode<Error = E>) -> Result<f64, StepFailure<E>> {
         let longest = self.options.max_step.min((self.t_end - self.t_old).abs());
         let n = self.stride;

@@ -388,7 +388,7 @@ pub enum Turning {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum VectorValue {
-    /// One by one.
+    /// A value for each component.
     Components([Value; 3]),
     /// A function returning three numbers.
     Whole(Value),

@@ -23,8 +23,8 @@ const MOST_PLACES: usize = 120;
 /// Point of evaluation where a cubic has no minimum of its own. Unit: fraction of the interval. Reason: the golden
 /// section, so that no period of the motion coincides with repeated halves.
 const INSIDE: f64 = 0.381_966;
-/// Least distance of the place at which a crossing is sought from the ends of its interval. Unit: fraction of the interval. Reason: the interval
-/// shrinks at least by that.
+/// Least distance of the place at which a crossing is sought from the ends of its interval. Unit: fraction of the
+/// interval. Reason: the interval shrinks at least by that.
 const NEAR_AN_END: f64 = 1e-9;
 /// Longest first step on the other side of a guard. Unit: fraction of the natural size of the guard. Reason: a contact
 /// still acts there, whatever the motion.
@@ -32,8 +32,8 @@ const FIRST_INSIDE: f64 = 0.1;
 /// The error of a cubic over an interval, from one sample in a longer one. Unit: the error for constant
 /// fourth derivatives. Reason: allows for as much as was observed half-way along twice the interval.
 const OTHER_FOURTH: f64 = 16.0;
-/// Least distance of the place at which a minimum is evaluated from the ends of its interval. Unit: fraction of the interval. Reason: a second
-/// evaluation at the same point adds nothing.
+/// Least distance of the place at which a minimum is evaluated from the ends of its interval. Unit: fraction of the
+/// interval. Reason: a second evaluation at the same point adds nothing.
 const EDGE: f64 = 0.01;
 
 /// A guard.
@@ -71,7 +71,7 @@ pub enum Look {
     Crossed {
         /// When.
         t: f64,
-        /// Which.
+        /// Index of the guard.
         guard: usize,
         /// Whether the guard is on the same side at both ends of the step.
         hidden: bool,

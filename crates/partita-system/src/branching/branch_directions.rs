@@ -357,7 +357,8 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
         w.iter().zip(&self.displacement).map(|(w, r)| w * r).collect()
     }
 
-    /// The velocity of least energy beside `near` among base + basis z that meets the rates as well as can be.
+    /// The velocity among base + basis z that meets the rates best and, among those, is nearest to `near` in kinetic
+    /// energy.
     fn fit(&self, base: &[f64], basis: &[Vec<f64>], near: &[f64], asked: &[Asked]) -> Option<Fit> {
         let d = basis.len();
         let miss_of =

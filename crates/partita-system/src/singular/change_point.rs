@@ -16,7 +16,7 @@ pub struct Pace {
 pub struct Across {
     /// When it is expected.
     pub zero: f64,
-    /// Length of a step across it, as has served.
+    /// Length of a step across it that has succeeded before.
     pub whole: f64,
     /// Length of a step across it that the motion suggests.
     pub longest: f64,
@@ -111,7 +111,7 @@ impl Crossing {
     const ATTEMPTS: usize = 9;
     /// Shortening of a crossing step that failed. Unit: ratio of lengths. Reason: collocation gains a digit or two.
     const NEXT_TRY: f64 = 0.6;
-    /// Looks ahead that refine when a position is expected.
+    /// Number of evaluations ahead that refine the time at which a position is expected.
     const REFINEMENTS: usize = 2;
     /// How far ahead the fall of the distance is probed. Unit: fraction of a step. Reason: far enough for a
     /// difference, near enough for a line.

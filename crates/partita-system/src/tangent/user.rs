@@ -27,7 +27,7 @@ use std::sync::Arc;
 /// power is far below round-off.
 const TANGENT_MOVE: f64 = 1e-2;
 
-/// The user's D.
+/// Tangent given by the user as functions D and γ.
 pub struct Given<'s, S: ConstrainedSystem> {
     base: Base<'s, S>,
     map: Arc<dyn TangentMap>,

@@ -144,7 +144,7 @@ impl Drawing {
         Some(Self { model, length: known })
     }
 
-    /// Whether it can be evaluated.
+    /// Whether all conditions are on positions.
     fn is_holonomic(&self) -> bool {
         self.model.size().rows == self.model.size().holonomic
     }

@@ -22,7 +22,8 @@ const LONGEST_MARCH: f64 = 1.2;
 const FELT: f64 = 0.1;
 /// Maximum number of attempts at a shorter first step.
 const MOST_TRIED: u32 = 30;
-/// Shortest part of it that is tried next. Unit: ratio of lengths. Reason: what acts grows with a power of the length that is not known.
+/// Shortest part of it that is tried next. Unit: ratio of lengths. Reason: what acts grows with a power of the length
+/// that is not known.
 const FELT_SHORTER: f64 = 0.1;
 /// Length of a step across a singular position. Unit: characteristic displacement. Reason: Gauss collocation of ten nodes
 /// is exact to round-off over it, and its nodes keep hundredths of it clear of the position.
@@ -47,7 +48,7 @@ pub(super) struct CrossingMonitor {
     pub(super) crossing: Crossing,
     pub(super) crosses_next: bool,
     pub(super) checkpoints: Checkpoints,
-    /// Start of the step under way, and the end of the one that was judged.
+    /// Start of the current step, and the end of the step that was judged.
     step_start: StepBoundary,
     step_end: StepBoundary,
     /// Rows to be kept from the start of the current step.
