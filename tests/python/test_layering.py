@@ -339,7 +339,7 @@ def test_paths_from_the_root_of_a_crate_are_found() -> None:
 
 
 def test_every_room_that_the_pages_name_exists() -> None:
-    text = "".join((ROOT / page).read_text("utf-8") for page in ("ARCHITECTURE.md", "docs/rooms.md"))
+    text = "".join((ROOT / page).read_text("utf-8") for page in ("ARCHITECTURE.md", "docs/modules.md"))
     named = re.findall(
         r"`((?:crates/)?(?:partita-\w+/src|python/partita|docs|examples|benches|tools)/?[\w./-]*)`", text
     )

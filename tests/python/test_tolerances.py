@@ -46,6 +46,12 @@ def test_nothing_is_compared_with_a_bare_literal() -> None:
     assert not found, "name them, with meaning, scale and reason; shared ones stand in partita-math/src/tolerance.rs"
 
 
+def test_nothing_is_compared_with_a_bare_factor() -> None:
+    """Arithmetic hides a threshold as well as a bare number does: `now < 0.5 * before`."""
+    found = {where: lines for where, text in tolerances.sources() if (lines := tolerances.compared_literals(text))}
+    assert not found
+
+
 def test_what_is_shared_is_used_by_more_than_one_file() -> None:
     shared = [c.name for c in tolerances.constants() if c.where == tolerances.SHARED]
     users = Counter(
@@ -67,6 +73,10 @@ def test_the_rules_find_what_they_look_for() -> None:
     text = '/// Largest error. Scale: m. Reason: a guess.\nconst WORST: f64 = 1e-3;\nif x < 1e-9 { "1e-4" }'
     assert tolerances.bare_literals(text) == ['if x < 1e-9 { "" }']
     assert tolerances.bare_literals("x.max(0.05) // 1e-3") == ["x.max(0.05)"]
+    assert tolerances.bare_literals("const RULE: Rule = Rule::new(30, 1e4);") == [
+        "const RULE: Rule = Rule::new(30, 1e4);"
+    ]
+    assert tolerances.compared_literals("if now < 0.5 * before && x > 1.0 { 0.3 }") == ["if now < 0.5 * before"]
     (found,) = tolerances.in_text("a", text)
     assert (found.name, found.value, found.parts) == ("WORST", "1e-3", ("Largest error.", "m", "a guess"))
     assert not found.is_setting

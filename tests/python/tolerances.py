@@ -3,7 +3,7 @@
 A constant of floating-point numbers has a comment of three parts. Of a threshold: what it separates, "Scale:" (what it
 is a fraction or a multiple of), and "Reason:" (why it has its size). Of a setting, by which an algorithm goes on and
 which is compared with nothing (the length of a step, a factor, a damping, a coefficient, a default): what it is,
-"Unit:", "Reason:". What several rooms share stands in `partita-math/src/tolerance.rs`.
+"Unit:", "Reason:". What several modules share stands in `partita-math/src/tolerance.rs`.
 """
 
 from __future__ import annotations
@@ -30,6 +30,9 @@ UNIT_TESTS = re.compile(r"#\[cfg\(test\)\]\s*(?:pub(?:\(crate\))? )?mod \w+ \{")
 TEST_MODULE = re.compile(r"#\[cfg\(test\)\]\s*(?:pub(?:\(crate\))? )?mod (\w+);")
 SCIENTIFIC = re.compile(r"(?<![\w.])\d[\d_.]*e-?\d+")
 SMALL = re.compile(r"[<>]=?\s*-?(0\.0\d+)|\.(?:max|min)\((0\.0\d+)\)")
+DECIMAL = re.compile(r"(?<![\w.])\d+\.\d+(?![\w.])")
+SIGNATURE = re.compile(r"\bfn\b|\bimpl\b|->")
+NAMED = re.compile(rf"const [A-Z_0-9]+: (?:{NUMBERS.pattern}) =[^;]*;")
 COMPARISON = re.compile(r"(?<![-=<>])\s[<>]=?\s")
 CLAUSE = re.compile(r"&&|\|\||[{}?,;]")
 GROUP = re.compile(r"^// ---- (.+)$", flags=re.MULTILINE)
@@ -92,8 +95,16 @@ def in_text(where: str, text: str) -> Iterator[Constant]:
 def bare_literals(text: str) -> list[str]:
     """Lines with a literal that is compared with or stands in scientific notation, constants and words left out."""
     code = re.sub(r'"(?:[^"\\]|\\.)*"', '""', re.sub(r"//[^\n]*", "", text), flags=re.DOTALL)
-    code = re.sub(r"const [A-Z_0-9]+: [^=]*?=[^;]*;", "", code)
+    code = NAMED.sub("", code)
     return [line.strip() for line in code.splitlines() if SCIENTIFIC.search(line) or SMALL.search(line)]
+
+
+def compared_literals(text: str) -> list[str]:
+    """Clauses that compare with a multiple or a fraction: with numbers other than 0 and 1."""
+    code = re.sub(r'"(?:[^"\\]|\\.)*"', '""', re.sub(r"//[^\n]*", "", text), flags=re.DOTALL)
+    clauses = (part.strip() for line in code.splitlines() for part in CLAUSE.split(line))
+    compared = (part for part in clauses if COMPARISON.search(f" {part} ") and not SIGNATURE.search(part))
+    return [part for part in compared if any(float(x) not in (0.0, 1.0) for x in DECIMAL.findall(part))]
 
 
 def comparisons(names: list[str], text: str) -> list[str]:

@@ -51,7 +51,7 @@ PARTS: dict[str, tuple[str, ...]] = {
         "reference/errors",
         "reference/rust",
     ),
-    "About": ("others", "catalogue", "rooms", "dependencies", "changelog", "decisions/README"),
+    "About": ("others", "catalogue", "modules", "dependencies", "changelog", "decisions/README"),
 }
 
 # Page of the reference -> title, sentence, names under `partita`.

@@ -30,12 +30,12 @@ pub const DIRECTIONS: usize = 18;
 
 /// The loads that self-stresses can put on one joint, world axes.
 #[derive(Clone, Copy, Debug, Default)]
-struct Open {
+struct LoadedDirections {
     force: Directions,
     moment: Directions,
 }
 
-impl Open {
+impl LoadedDirections {
     /// (fx, fy, fz, mx, my, mz) along the columns of `frame`: determined?
     fn known(&self, frame: &Mat3<f64>) -> [bool; 6] {
         let along = |x: &Directions, i: usize| x.iter().all(|d| d.dot(frame.column(i)).abs() <= 1.0);
@@ -63,7 +63,7 @@ fn spanned(mut vectors: Vec<Vec3<f64>>) -> Directions {
 }
 
 /// The joints that self-stresses load, each with the directions in which they do.
-fn open(joints: usize, size: f64, stresses: &[Stress]) -> Vec<Open> {
+fn loaded_directions(joints: usize, size: f64, stresses: &[Stress]) -> Vec<LoadedDirections> {
     let mut loads = vec![(Vec::new(), Vec::new()); joints];
     for stress in stresses {
         for (j, w) in &stress.joints {
@@ -71,7 +71,7 @@ fn open(joints: usize, size: f64, stresses: &[Stress]) -> Vec<Open> {
             loads[*j].1.push(w.moment.times(1.0 / (size * stress.zero)));
         }
     }
-    loads.into_iter().map(|(f, m)| Open { force: spanned(f), moment: spanned(m) }).collect()
+    loads.into_iter().map(|(f, m)| LoadedDirections { force: spanned(f), moment: spanned(m) }).collect()
 }
 
 /// For each joint: are its (fx, fy, fz, mx, my, mz) determined? In joint axes if `in_joint_frame`, else in world axes.
@@ -91,22 +91,27 @@ pub fn determined(model: &Model, t: f64, q: &[f64], in_joint_frame: bool) -> Res
 }
 
 /// All joints, and the rows of conditions that are open, at a position whose rank is known.
-fn here(system: &Geometry, start: &Start, t: f64, q: &[f64]) -> Result<(Vec<Open>, Vec<bool>), AnalysisError> {
+fn here(
+    system: &Geometry,
+    start: &Start,
+    t: f64,
+    q: &[f64],
+) -> Result<(Vec<LoadedDirections>, Vec<bool>), AnalysisError> {
     let (placed, rows) = (&system.model.placed, system.model.row_names.len());
     if start.dropped.is_empty() {
-        return Ok((vec![Open::default(); placed.joints.len()], vec![false; rows]));
+        return Ok((vec![LoadedDirections::default(); placed.joints.len()], vec![false; rows]));
     }
     let found = stresses(system, &Pose::new(system.model, t, q), start, t, q)?;
-    Ok((open(placed.joints.len(), placed.size, &found), open_rows(system.model, &found)))
+    Ok((loaded_directions(placed.joints.len(), placed.size, &found), open_rows(system.model, &found)))
 }
 
-/// The same at any position, including a singular one, where instantaneous indeterminacy counts.
-fn anywhere(system: &Geometry, t: f64, q: &[f64]) -> Result<(Vec<Open>, Vec<bool>), AnalysisError> {
+/// As `here`, at any position, including a singular one, where instantaneous indeterminacy counts.
+fn anywhere(system: &Geometry, t: f64, q: &[f64]) -> Result<(Vec<LoadedDirections>, Vec<bool>), AnalysisError> {
     match rank_here(system, t, q).map_err(Into::into).and_then(|start| here(system, &start, t, q)) {
         // fewer conditions are independent: no component is reported as determined
         Err(AnalysisError::System(SystemError::Singular { .. })) => {
             let model = system.model;
-            Ok((vec![Open::everything(); model.placed.joints.len()], vec![true; model.row_names.len()]))
+            Ok((vec![LoadedDirections::everything(); model.placed.joints.len()], vec![true; model.row_names.len()]))
         }
         found => found,
     }
@@ -185,7 +190,7 @@ pub fn flags<E: Send + From<AnalysisError>>(
 /// along a unit axis is determined where its product with none of the three exceeds 1.
 ///
 /// # Errors
-/// Those of [`flags`].
+/// The errors of [`flags`].
 pub fn directions<E: Send + From<AnalysisError>>(
     model: &Model,
     states: &States,

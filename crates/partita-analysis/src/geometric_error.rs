@@ -9,16 +9,9 @@ use partita_model::spec::LARGEST_TOLERANCE;
 use partita_model::{Geometry, Model, Verdict};
 use std::collections::BTreeSet;
 
-/// Axes this near to parallel were intended to be parallel. Scale: rad. Reason: ten times the largest drawing
-/// tolerance.
-const NOMINALLY_PARALLEL: f64 = 0.1;
 /// Of the joints that are off, those off by more are named. Scale: fraction of the worst. Reason: the others follow
 /// from it.
 const NAMED_ERROR: f64 = 0.5;
-/// Smaller displacements of joint frames are not reported. Scale: fraction of the rotations, times the length. Reason:
-/// the rotations describe the error completely.
-const SMALL_DISPLACEMENT: f64 = 0.1;
-
 /// Geometric errors of a drawing.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct GeometricError {
@@ -60,7 +53,7 @@ fn sentences(drawn: &Model, geometry: &Geometry) -> Vec<String> {
         let mut all = out_of_parallel(&pose, &joints);
         let worst = block.changed.iter().zip(&block.joints).max_by(|a, b| a.0.total_cmp(b.0));
         if let Some((_, &joint)) =
-            worst.filter(|_| all.is_empty() || block.moved.0 > SMALL_DISPLACEMENT * block.length * block.moved.1)
+            worst.filter(|_| all.is_empty() || tolerance::CLEARLY * block.moved.0 > block.length * block.moved.1)
         {
             all.push(format!(
                 "the loops would close with joint frames moved by up to {:.2e} m and turned by up to {}, most at {}",
@@ -75,15 +68,12 @@ fn sentences(drawn: &Model, geometry: &Geometry) -> Vec<String> {
     said
 }
 
-/// Smaller angles are written with an exponent. Scale: degrees. Reason: three decimals would show nothing.
-const SMALL_ANGLE: f64 = 1e-3;
 /// An angle in degrees, as drawings give it.
 fn degrees(angle: f64) -> String {
     let angle = angle.to_degrees();
-    if angle >= SMALL_ANGLE {
-        format!("{angle:.3} deg")
-    } else {
-        format!("{angle:.1e} deg")
+    match format!("{angle:.3}") {
+        none if none == "0.000" => format!("{angle:.1e} deg"),
+        plain => format!("{plain} deg"),
     }
 }
 
@@ -121,7 +111,7 @@ fn out_of_parallel(pose: &Pose, joints: &BTreeSet<usize>) -> Vec<String> {
     let sum = |x: &(usize, Vec3<f64>)| turns.iter().map(|y| angle(x.1, y.1)).sum::<f64>();
     let Some(&(_, normal)) = turns.iter().min_by(|x, y| sum(x).total_cmp(&sum(y))) else { return Vec::new() };
     let off: Vec<(usize, f64)> = turns.iter().map(|&(j, a)| (j, angle(a, normal))).collect();
-    if off.iter().any(|x| x.1 > NOMINALLY_PARALLEL) {
+    if off.iter().any(|x| x.1 > tolerance::INTENDED_PARALLEL * LARGEST_TOLERANCE) {
         return Vec::new();
     }
     let across: Vec<(usize, f64)> = slides.iter().map(|&(j, a)| (j, a.dot(normal).abs().min(1.0).asin())).collect();
@@ -129,7 +119,7 @@ fn out_of_parallel(pose: &Pose, joints: &BTreeSet<usize>) -> Vec<String> {
     let mut said = Vec::new();
     let mut say = |all: &[(usize, f64)], words: &str, than: &[(usize, f64)]| {
         let top = worst(all);
-        if top <= tolerance::SOLUTION_ROUNDING || top > NOMINALLY_PARALLEL {
+        if top <= tolerance::SOLUTION_ROUNDING || top > tolerance::INTENDED_PARALLEL * LARGEST_TOLERANCE {
             return;
         }
         let mut which: Vec<usize> = all.iter().filter(|x| x.1 >= NAMED_ERROR * top).map(|x| x.0).collect();

@@ -60,7 +60,7 @@ pub(crate) struct Geometry<'m> {
     pattern: Pattern,
     /// Its rows as rows of the mechanism.
     rows: Vec<usize>,
-    /// How many of them, the first ones, hold positions.
+    /// Number of rows on positions; they come first.
     holonomic: usize,
     /// `s_i² = [M⁻¹]_ii`: the square of the characteristic displacement of velocity i.
     scale2: Vec<f64>,

@@ -43,7 +43,7 @@ impl<'s, S: ConstrainedSystem> Levels<'s, S> {
         self.system.position(t, q, &mut self.scratch, &mut self.phi, &mut self.c, &mut self.a)
     }
 
-    /// The same, and b at v.
+    /// Evaluate the levels of position, and b at v.
     pub fn velocity(&mut self, t: f64, q: &[f64], v: &[f64]) -> Result<(), SystemError> {
         self.position(t, q)?;
         self.system.velocity(t, q, v, &mut self.scratch, &mut self.b)

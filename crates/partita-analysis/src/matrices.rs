@@ -63,7 +63,7 @@ impl Equations for Frozen {
     }
 }
 
-/// How to choose.
+/// Options of the choice of coordinates.
 #[derive(Clone, Debug, Default)]
 pub struct Choice {
     /// The rule.

@@ -37,11 +37,11 @@ pub struct Mobility {
     pub mobility: usize,
     /// Conditions of all joints together: 5 for a revolute.
     pub joint_rows: usize,
-    /// How many of them are independent: 6 · bodies − degrees of freedom with the drives released.
+    /// Number of independent ones: 6 · bodies − degrees of freedom with the drives released.
     pub joint_rank: usize,
     /// Conditions of the joints that close loops.
     pub closing_rows: usize,
-    /// How many of them are independent.
+    /// Number of independent ones.
     pub closing_rank: usize,
     /// Velocities of the tree in space.
     pub velocities: usize,

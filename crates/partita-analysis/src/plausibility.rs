@@ -85,7 +85,7 @@ fn least_inertia(b: &Body) -> f64 {
     let Ok((values, _)) = symmetric_eigen(&m) else { return 0.0 };
     let largest = values.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
     let least = values.iter().copied().fold(f64::INFINITY, f64::min);
-    if least <= tolerance::NO_INERTIA * largest {
+    if least <= tolerance::LONG_ROUNDING * largest {
         0.0
     } else {
         least

@@ -114,7 +114,7 @@ impl Base {
 /// Replacements that keep the mobility and leave nothing redundant, verified on the drawing; none where none was found.
 ///
 /// # Errors
-/// Those of [`mobility`].
+/// The errors of [`mobility`].
 pub fn remedies(model: &Model, t: f64, q: &[f64]) -> Result<Vec<Remedy>, AnalysisError> {
     let (twin, q) = in_space(model, q)?;
     let system = Geometry::new(&twin, false);

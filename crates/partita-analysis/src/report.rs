@@ -59,7 +59,7 @@ pub struct ReactionLine {
     pub determined: [bool; 6],
 }
 
-/// Everything worth knowing about a mechanism at one position, at rest; names, not indices.
+/// Report on a mechanism at rest in one position, with names instead of indices.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Report {
     /// Degrees of freedom, driven ones not counted.
@@ -286,7 +286,7 @@ fn tree(model: &Model) -> Vec<JointLine> {
     model.placed.topology.tree.iter().map(line).collect()
 }
 
-/// The same at a position that is not singular, its mobility found.
+/// Report at a position that is not singular, given its mobility.
 fn regular(model: &Model, t: f64, q: &[f64], found: Mobility) -> Result<Report, AnalysisError> {
     let known = determined(model, t, q, true)?;
     let measured = measured(model, t, q, found.mobility)?;

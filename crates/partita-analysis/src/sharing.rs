@@ -40,10 +40,6 @@ use weighed::{least_compliance, Metric, Rows};
 
 /// Maximum number of repetitions: each multiplies the error by the damping over the squared sine between self-stresses.
 const REPETITIONS: usize = 12;
-/// Imbalance that an elimination of another position may leave. Scale: multiples of that of the reference, over the
-/// forces. Reason: more asks for a new elimination.
-const WORN: f64 = 1e-9;
-
 /// The rule for one mechanism, with the data kept from one position to the next.
 pub struct Sharing<'g, 'm> {
     system: &'g Geometry<'m>,
@@ -83,7 +79,7 @@ impl<'g, 'm> Sharing<'g, 'm> {
             let (balance, c) = Balance::new(system, &start, t, q)?;
             let found = balance.stresses(&Pose::new(system.model, t, q), &c).unwrap_or_default();
             let worst = found.iter().fold(0.0, |m: f64, s| m.max(s.unbalanced));
-            made.balance = Some((balance, worst.max(WORN)));
+            made.balance = Some((balance, worst.max(tolerance::NEGLIGIBLE)));
         }
         Ok(made)
     }
@@ -121,7 +117,7 @@ impl<'g, 'm> Sharing<'g, 'm> {
         if let (Some((balance, limit)), Some(own)) = (&self.balance, &mut room.balance) {
             self.system.position(t, q, &mut room.geometry, &mut room.phi, &mut room.c, &mut room.a)?;
             if balance.stresses_into(&room.pose, &room.c, own, &mut room.stresses)
-                && room.stresses.iter().all(|s| s.unbalanced <= 10.0 * limit)
+                && room.stresses.iter().all(|s| s.unbalanced <= tolerance::CLEARLY * limit)
             {
                 return Ok(());
             }
@@ -221,8 +217,8 @@ pub(crate) fn with_rule<T, E: From<AnalysisError>>(
     f(Some(&Rule { model, twin: &twin, sharing, rows: rows_between(model, &twin) }))
 }
 
-/// The same for reactions of a motion, without a rule where it would change none of them: self-stresses of a mechanism
-/// whose loop closures are independent in its plane are perpendicular to it, and where all forces lie in the plane they
+/// As `with_rule`, for reactions of a motion, without a rule where it would change none of them: self-stresses of a
+/// mechanism whose loop closures are independent in its plane are perpendicular to it, and where all forces lie in the plane they
 /// do no work on the reactions. Then each joint is computed by itself. Compliances along axes inclined to the plane
 /// would couple both.
 ///

@@ -104,7 +104,7 @@ impl<'m> Pose<'m> {
         self.points.clear();
         self.points.extend(model.placed.joints.iter().map(|p| {
             let link = model.placed.link_of(p.child);
-            model.full.place(link, tree) + tree.links[link].rot.apply(p.child_point - reference[link])
+            model.full.reference_point(link, tree) + tree.links[link].rot.apply(p.child_point - reference[link])
         }));
         self.at.0 = t;
         self.at.1.clear();
@@ -349,7 +349,7 @@ impl<'g, 'm> Balance<'g, 'm> {
         self.stresses_into(pose, c, &mut self.room(), &mut found).then_some(found)
     }
 
-    /// The same, replacing those `found` before; false where the elimination plan no longer applies.
+    /// As `stresses`, replacing those `found` before; false where the elimination plan no longer applies.
     pub(crate) fn stresses_into(
         &self,
         pose: &Pose,
@@ -379,7 +379,7 @@ impl<'g, 'm> Balance<'g, 'm> {
             pose.wrenches(of_model, &self.closing_of, room_of_wrenches, &mut stress.joints);
             let magnitude = |w: &Wrench| w.force.norm().max(w.moment.norm() / length);
             let largest = stress.joints.iter().fold(top, |m: f64, (_, w)| m.max(magnitude(w)));
-            let zero = (self.least * largest).max(10.0 * unbalanced);
+            let zero = (self.least * largest).max(tolerance::CLEARLY * unbalanced);
             stress.joints.retain(|(_, w)| magnitude(w) > zero);
             stress.drives.clear();
             stress.drives.extend(lambda.iter().filter_map(|&(row, x)| Some((self.drive_of[row]?, x))));

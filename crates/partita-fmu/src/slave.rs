@@ -6,6 +6,7 @@ use partita_analysis::error::AnalysisError;
 use partita_analysis::outputs::{self, Forces, States};
 use partita_analysis::run::{self, Request, Run};
 use partita_integrate::simulate::Status;
+use partita_math::tolerance;
 use partita_model::zero_position::Coordinates;
 use partita_model::Model;
 use partita_system::positions::turns;
@@ -13,10 +14,6 @@ use partita_system::prelude::*;
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
-
-/// Times that differ by less are the same. Scale: fraction of a communication step. Reason: masters add up steps in
-/// double precision, some in six digits.
-const SAME_TIME: f64 = 1e-6;
 
 /// The mutable part of the state; a copy of it can be restored.
 #[derive(Clone)]
@@ -192,7 +189,7 @@ impl Slave {
     /// Advance from t by `step`; on failure the state is unchanged.
     pub fn step(&mut self, t: f64, step: f64) -> Result<Stepped, String> {
         let now = self.state.t;
-        if !(step > 0.0 && step.is_finite() && (t - now).abs() <= SAME_TIME * step) {
+        if !(step > 0.0 && step.is_finite() && (t - now).abs() <= tolerance::EQUAL_IN_SIX_DIGITS * step) {
             return Err(format!("a step of {step} s from t = {t} s was requested, but the model is at t = {now} s"));
         }
         let end = t + step;

@@ -21,9 +21,6 @@ use partita_math::tolerance;
 use std::fmt::Display;
 use std::sync::LazyLock;
 
-/// The extrapolated iteration has converged below this. Scale: fraction of the requested agreement. Reason: the iteration
-/// adds no visible error.
-const SETTLED: f64 = 1e-3;
 /// Largest number of iterations, and the number of them used by the extrapolation.
 const ITERATIONS: usize = 60;
 const REMEMBERED: usize = 12;
@@ -288,9 +285,9 @@ pub(crate) fn solve<E: Display>(
             return Ok(None);
         }
         // at rest, or as still as rounding lets it be; whether that is still enough the other nodes tell
-        since = if worst < 0.5 * least { 0 } else { since + 1 };
+        since = if worst < tolerance::CONVERGES * least { 0 } else { since + 1 };
         least = least.min(worst);
-        if worst <= SETTLED || (beyond <= 1.0 && since > 3) {
+        if worst <= tolerance::NEGLIGIBLE_ERROR || (beyond <= 1.0 && since > 3) {
             return Ok(Some(Stages { nodes, h: task.h, rates: found }));
         }
         if since > 12 {

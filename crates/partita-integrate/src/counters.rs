@@ -7,9 +7,9 @@ pub struct Counters {
     pub steps: u64,
     /// Rejected attempts, whatever the reason.
     pub rejected: u64,
-    /// Those of `rejected` that ended at a point where the right-hand side could not be evaluated.
+    /// Rejected steps that ended at a point where the right-hand side could not be evaluated.
     pub retries: u64,
-    /// Those of `rejected` that produced a number that is not finite.
+    /// Rejected steps that produced a number that is not finite.
     pub not_finite: u64,
     /// Steps taken with an error above the tolerance, where the caller allowed it.
     pub lenient: u64,

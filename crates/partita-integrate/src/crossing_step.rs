@@ -15,9 +15,6 @@ use std::fmt::Display;
 const SWEEPS_AT_REST: f64 = 1e-4;
 /// Number of rules whose nodes must be clear of the position; more are rarely needed.
 const USUAL: usize = 5;
-/// Sweeps that reduce the error by less do not converge, or have reached rounding. Scale: ratio of two errors. Reason:
-/// sweeps that converge gain a digit or two each.
-const GAINS: f64 = 0.5;
 /// Limits of the lengths of steps across one position. Unit: fraction of the length that the motion suggests. Reason:
 /// collocation gains two digits or more by each halving, so three serve where one can.
 const CROSSING_LENGTHS: [f64; 4] = [1.25, 0.7, 0.4, 0.2];
@@ -28,10 +25,6 @@ const LONGER: f64 = 1.3;
 const BEYOND: f64 = 1.25;
 /// Lengths that are looked at for one whose nodes keep clear of a position.
 const LENGTHS_TRIED: usize = 60;
-/// A step whose nodes keep less clear of the position than they could is taken anew. Scale: ratio of clearances. Reason:
-/// rounding grows by its square, a digit.
-const CLEAR: f64 = 0.3;
-
 /// How clear the nodes of a step of length h keep of a position `ahead`, by all rules but the last, which are seldom asked.
 fn clearance(h: f64, ahead: f64) -> f64 {
     RULES[..USUAL].iter().flat_map(|nodes| &nodes.c).fold(f64::INFINITY, |m: f64, c| m.min((c * h - ahead).abs()))
@@ -124,7 +117,7 @@ impl CrossingStep {
         let (h, ahead) = (self.t_new - self.t_old, zero - self.t_old);
         let better =
             clearest((0.7 * h).max(BEYOND * ahead), (1.3 * h).max(BEYOND * ahead), ahead).min(self.t_end - self.t_old);
-        let poor = clearance(h, ahead) < CLEAR * clearance(better, ahead);
+        let poor = clearance(h, ahead) < tolerance::MUCH_NEARER * clearance(better, ahead);
         if poor {
             self.lengths.clear();
             self.lengths.push(better);
@@ -221,7 +214,7 @@ fn by_sweeps<E: Display>(
         if !error.is_finite() {
             return Ok(Sweeps::Diverging);
         }
-        poor = if error < GAINS * last { 0 } else { poor + 1 };
+        poor = if error < tolerance::CONVERGES * last { 0 } else { poor + 1 };
         (last, largest) = (error, largest.max(error));
         if poor > 2 {
             return Ok(stalled(Solved { stages, error, beyond }, largest));
@@ -235,7 +228,7 @@ fn by_sweeps<E: Display>(
         // as much gained by each of the rules that are left
         let gain = error / std::mem::replace(&mut raised, error);
         if gain > 0.0 && beyond * gain.powi((RULES.len() - 1 - place) as i32) > 1.0 {
-            return Ok(match gain < GAINS {
+            return Ok(match gain < tolerance::CONVERGES {
                 true => Sweeps::Slow,
                 false => stalled(Solved { stages, error, beyond }, largest),
             });

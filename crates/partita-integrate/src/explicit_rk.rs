@@ -24,10 +24,6 @@ use std::fmt::Display;
 /// Lower bound of |t| for the round-off of the time. Unit: fraction of the run. Reason: near t = 0 the time itself has
 /// no size.
 const NEAR_ZERO_TIME: f64 = 1e-6;
-/// A step within this factor of the remaining time goes to the end. Scale: ratio of steps. Reason: no sliver is left
-/// behind.
-const STRETCH: f64 = 1.01;
-
 /// Position in the cycle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Phase {
@@ -125,7 +121,7 @@ impl ExplicitRungeKutta {
         self.grid = self.options.fixed_step.map(|h| FixedGrid::new(h, self.t_old, t_end));
     }
 
-    /// Hairer's choice of the first step: two slopes show how fast the motion and its slope change.
+    /// First step by the rule of Hairer, Norsett and Wanner, from two slopes.
     fn first_step<E: Display>(&mut self, ode: &mut dyn Ode<Error = E>) -> Result<f64, StepFailure<E>> {
         let longest = self.options.max_step.min((self.t_end - self.t_old).abs());
         let n = self.stride;
@@ -157,7 +153,7 @@ impl ExplicitRungeKutta {
         let ahead = || self.goal.into_iter().chain(self.next_discontinuity()).fold(self.t_end, first);
         let goal = self.grid.as_ref().map_or_else(ahead, FixedGrid::goal);
         let rest = goal - self.t_old;
-        if rest.abs() <= STRETCH * self.step {
+        if rest.abs() <= tolerance::TO_THE_END * self.step {
             return (rest, goal);
         }
         let h = self.step * self.direction;

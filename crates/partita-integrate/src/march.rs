@@ -144,11 +144,6 @@ pub struct March {
 /// Attempts for each step of a tick: a choice of coordinates that has become poor is renewed and the step repeated.
 const ATTEMPTS: u32 = 4;
 
-/// No step of a tick may end nearer to a singular position. Scale: characteristic displacement. Reason: rates are
-/// quotients of the round-off of the closure by the square of the distance; six digits remain here, and none a little
-/// nearer.
-const TICK_TOO_NEAR: f64 = 1e-5;
-
 /// Outputs in singular positions are taken from others at this distance. Unit: fraction of the step. Reason: far enough
 /// for those to be exact, and so near that the polynomial through them is.
 const OUTPUTS_BESIDE: f64 = 1.0 / 80.0;
@@ -450,7 +445,7 @@ impl March {
                 self.commit(formulation, verdict)?;
                 continue;
             }
-            let near = || formulation.margin().is_some_and(|m| m.abs() < TICK_TOO_NEAR);
+            let near = || formulation.margin().is_some_and(|m| m.abs() < tolerance::LANDED);
             if matches!(self.control, Control::Ticks { .. }) && near() {
                 let t = self.active().current().t_new;
                 let message =

@@ -36,9 +36,6 @@ const START_LENIENCE: f64 = 1e3;
 /// No tolerance of a singular start is tighter. Unit: relative tolerance. Reason: rounding in evaluations near the
 /// position.
 const TIGHTEST_START: f64 = 1e-11;
-/// Velocities through the nodes lead back to those of the start within this. Scale: fraction of the fastest. Reason: on
-/// another branch they differ by about their own size.
-const LEADS_BACK: f64 = 1e-3;
 /// Smaller initial velocities do not determine the branch. Scale: fraction of the velocities reached. Reason:
 /// the accelerations decide then.
 const SLOW_START: f64 = 1e-3;
@@ -216,7 +213,7 @@ pub fn singular_step<'s, S: ConstrainedSystem>(
         }
         let done = best.as_ref().is_some_and(|best| best.error <= tolerance);
         h *= 0.5;
-        if done || worse > 1 || h * speed < 0.1 * LEAST_START_MOVE {
+        if done || worse > 1 || tolerance::CLEARLY * h * speed < LEAST_START_MOVE {
             break;
         }
     }
@@ -310,7 +307,7 @@ fn attempt<'s, S: ConstrainedSystem>(
     let top = at_nodes.iter().fold(fastest(&*system, v), |m, v| m.max(fastest(&*system, v)));
     let (back, speed) = (velocities(&stages, &at_nodes, 0.0), fastest(&*system, v));
     let off: Vec<f64> = back.iter().zip(v).map(|(a, b)| a - b).collect();
-    if fastest(&*system, &off) > LEADS_BACK * top {
+    if fastest(&*system, &off) > tolerance::OPEN_RATE * top {
         return Ok(Err("next to the position the closed mechanism does not continue with these velocities".into()));
     }
     let ahead: Vec<f64> = (0..v.len())

@@ -131,7 +131,7 @@ pub fn qr_null_space(c: &Matrix) -> Result<QrNullSpace, FactorError> {
     })
 }
 
-/// The same with the rank that `rank` derives from the sizes of the pivots, in descending order.
+/// As `qr_null_space`, with the rank that `rank` derives from the sizes of the pivots, in descending order.
 pub fn qr_null_space_by(c: &Matrix, rank: impl FnOnce(&[f64]) -> usize) -> Result<QrNullSpace, FactorError> {
     finite(c.data())?;
     let (m, n) = (c.rows(), c.cols());

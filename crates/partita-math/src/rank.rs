@@ -53,7 +53,7 @@ pub fn independent_rows(pattern: &Pattern, values: &[f64], col_scale: &[f64], to
     preferred_rows(pattern, values, col_scale, tol, (f64::INFINITY, &|_| false))
 }
 
-/// The same with some rows considered last: those with `last` true are accepted only when no other row has a squared
+/// As `independent_rows`, with some rows considered last: those with `last` true are accepted only when no other row has a squared
 /// sine above `clear`.
 ///
 /// # Panics
@@ -68,7 +68,7 @@ pub fn preferred_rows(
     chosen_rows(pattern, values, (col_scale, None), tol, (clear, last))
 }
 
-/// The same for rows of known sizes: each is divided by its own size, not by its length, so that a pivot is the square
+/// As `preferred_rows`, for rows of known sizes: each is divided by its own size, not by its length, so that a pivot is the square
 /// of what a row adds to those before it, and a row with a small size has little weight.
 ///
 /// # Panics

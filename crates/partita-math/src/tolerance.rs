@@ -24,8 +24,8 @@ pub const FEW_ROUNDINGS: f64 = 4.0 * f64::EPSILON;
 /// Numbers nearer than this are one after some ten operations. Scale: fraction of the largest of them. Reason: a unit
 /// in the last place or two for each; products of some ten frames, and nodes of a step, are off by as much.
 pub const TEN_ROUNDINGS: f64 = 16.0 * f64::EPSILON;
-/// Results of thousands of operations that come out smaller are rounding. Scale: fraction of their terms. Reason: ten
-/// thousand roundings, as for closed loops.
+/// Results of thousands of operations, and moments of inertia, that come out smaller are rounding. Scale: fraction of
+/// their terms. Reason: ten thousand roundings, as for closed loops; moments are differences of products.
 pub const LONG_ROUNDING: f64 = 1e-12;
 
 // ---- numbers that were given
@@ -39,12 +39,12 @@ pub const EQUAL_IN_SIX_DIGITS: f64 = 1e-6;
 /// Directions are parallel, perpendicular or in a plane up to this. Scale: sine of the angle. Reason: directions in
 /// double precision, rotated a few times; it moves no position by more than [`CLOSED`].
 pub const PARALLEL: f64 = 1e-12;
+/// Directions that are off by less were intended to be parallel or perpendicular. Scale: multiples of the drawing
+/// tolerance. Reason: both may be off by one, and errors of several joints add up along a loop.
+pub const INTENDED_PARALLEL: f64 = 4.0;
 /// Directions that cross at less define no plane or point of their own. Scale: sine of the angle. Reason: a tenth of a
 /// degree; three digits of what they define are lost.
 pub const AXES_CROSS: f64 = 2e-3;
-/// Inertia below this is rounding. Scale: fraction of the inertia it is compared with. Reason: moments are differences
-/// of products, and far below any that is given.
-pub const NO_INERTIA: f64 = 1e-12;
 /// Below this angle series replace quotients. Scale: rad. Reason: quotients lose two digits there, and the remainder of
 /// the series is below rounding.
 pub const SERIES_ANGLE: f64 = 0.1;
@@ -63,8 +63,9 @@ pub const CLOSED: f64 = 1e-12;
 /// Conditions that are redundant, or that compete with others, are satisfied if their error is below this. Scale: size
 /// of the row. Reason: ten times [`CLOSED`], so that closed positions pass.
 pub const FITS: f64 = 1e-11;
-/// Largest residual of a position computed in closed form. Scale: characteristic displacement. Reason: round-off,
-/// amplified a hundred thousand times next to a limit position; a branch that is open by more does not close.
+/// Largest residual of a position that no iteration closed: computed in closed form, or drawn. Scale: characteristic
+/// displacement. Reason: round-off, amplified a hundred thousand times next to a limit position; twelve digits of a
+/// drawing.
 pub const CLOSED_FORM: f64 = 1e-10;
 /// Constraint violations below this count as closed over a whole run. Scale: size of the row. Reason: the accuracy
 /// required of whole runs.
@@ -75,6 +76,9 @@ pub const FAR_OPEN: f64 = 1e-2;
 /// Constraint violations above this count as open. Scale: size of the row. Reason: a thousand times [`CLOSED_IN_RUN`],
 /// so that badly conditioned rows stay below.
 pub const OPEN: f64 = 1e-6;
+/// Rows with a larger closure error are open. Scale: multiples of their own round-off. Reason: an assembly leaves a
+/// thousandth of it.
+pub const OPEN_ROUNDINGS: f64 = 1e4;
 /// Violations of constraint rates above this count as open. Scale: fraction of the fastest velocity. Reason: next to a
 /// singular position the root of [`OPEN`]; conditions on rates alone must satisfy [`OPEN`].
 pub const OPEN_RATE: f64 = 1e-3;
@@ -84,6 +88,15 @@ pub const OPEN_ACCELERATION: f64 = 1e-2;
 /// Drift of conditions that are not corrected. Scale: multiples of the relative tolerance. Reason: the error of a step,
 /// added up over the steps of a motion and grown with it.
 pub const DRIFT: f64 = 1e4;
+/// Errors up to this are explained by the tolerance. Scale: multiples of the tolerance. Reason: errors of steps grow
+/// with the motion by two digits, and the estimates that steps are accepted by are off by a few.
+pub const ERROR_GROWTH: f64 = 100.0;
+/// Errors that no tolerance, however loose, and no fixed step explains. Scale: fraction of the speed, of the energy
+/// exchanged. Reason: a fiftieth is visible in every figure.
+pub const VISIBLE_ERROR: f64 = 2e-2;
+/// What is off by less adds no error that is seen. Scale: fraction of the tolerance. Reason: hundreds of such errors add
+/// up to less than one tolerance.
+pub const NEGLIGIBLE_ERROR: f64 = 1e-3;
 /// Velocities are consistent when conditions on them are met to this. Scale: fraction of the fastest velocity requested
 /// or prescribed. Reason: of sixteen digits a condition of a million leaves ten.
 pub const RATES_MET: f64 = 1e-9;
@@ -120,6 +133,19 @@ pub const DAMPING: f64 = 1e-10;
 /// A position counts as singular below this distance from a singular one. Scale: fraction of the distance at the ends
 /// of the step. Reason: beside it velocities are exact to 1e-12 and accelerations to 1e-8.
 pub const AT_SINGULARITY: f64 = 1e-3;
+/// Of two distances from a singular position one is much smaller below this. Scale: ratio. Reason: half a digit, which
+/// outweighs a change of rows; rounding grows by its square, a digit.
+pub const MUCH_NEARER: f64 = 0.3;
+/// No ordinary step, and no tick, may end nearer to a singular position. Scale: distance in natural scales. Reason:
+/// rounding of the closure over the square of the distance leaves six digits of rates, and none a little nearer.
+pub const LANDED: f64 = 1e-5;
+/// A change of velocity of which accelerations leave more unexplained belongs to another branch. Scale: fraction of the
+/// change, or of the speed. Reason: on the same branch they account for most of it; a mechanism that is thrown back
+/// misses all of it.
+pub const NOT_ACCELERATED: f64 = 0.75;
+/// The change of one velocity counts above this. Scale: fraction of the fastest velocity. Reason: one block of many that
+/// passes to its other branch is seen.
+pub const VISIBLE_CHANGE: f64 = 0.1;
 /// Pivots below this mean that the constraints have lost rank. Scale: natural scales. Reason: rounding (1e-16) is then
 /// amplified to 1e-9 in one evaluation, the accuracy required of whole runs.
 pub const SINGULAR_PIVOT: f64 = 1e-7;
@@ -128,6 +154,9 @@ pub const SINGULAR_PIVOT: f64 = 1e-7;
 pub const TIE: f64 = 1e-9;
 /// Of two measures one is clearly larger by this factor. Scale: ratio. Reason: one digit.
 pub const CLEARLY: f64 = 10.0;
+/// A mobility, or the gain of a switch, has grown by this. Scale: ratio. Reason: one bit is lost; below, no choice
+/// changes.
+pub const DOUBLED: f64 = 2.0;
 /// Switches of coordinates with a smaller gain are not made. Scale: ratio of volumes. Reason: rounding must not cause
 /// endless switching.
 pub const LEAST_SWITCH_GAIN: f64 = 1.0 + 1e-6;
@@ -140,9 +169,19 @@ pub const STANDING: f64 = 1e-10;
 /// Displacements below this end an iteration. Scale: characteristic displacement. Reason: the next displacement of
 /// Newton's method would be its square, below round-off.
 pub const LAST_MOVE: f64 = 1e-9;
+/// An iteration whose error decreases by less does not converge, or has reached rounding. Scale: ratio of successive
+/// errors or steps. Reason: Newton's method at least halves them, also next to a singular position, and collocation
+/// gains a digit or two.
+pub const CONVERGES: f64 = 0.5;
+/// A direction, a prediction or a pivot that loses more of itself from one position to the next does not continue. Scale:
+/// fraction of itself. Reason: more than half of a direction belongs to others then; a pivot may pass zero in one more
+/// step.
+pub const HALF_LOST: f64 = 0.5;
 /// A continuation ends where steps of this length do not succeed. Scale: characteristic displacement. Reason: the end
 /// is then known to six digits.
 pub const SHORTEST_STEP: f64 = 1e-6;
+/// A step within this factor of what is left goes to the end. Scale: ratio of steps. Reason: no sliver is left behind.
+pub const TO_THE_END: f64 = 1.01;
 /// Step of a finite motion by which rank is verified. Unit: characteristic displacement. Reason: short enough to stay
 /// on its branch; a closure error of order p is a power p of it, far above rounding.
 pub const RANK_MOVE: f64 = 0.1;

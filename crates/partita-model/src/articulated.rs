@@ -90,7 +90,7 @@ impl<G: Space> Tree<G> {
         self.sweep_inward(s, &self.massless, felt)
     }
 
-    /// The same with the given masses alone.
+    /// As `articulate`, with the given masses alone.
     pub fn articulate_as_drawn(&self, s: &mut TreeScratch<G>) -> Result<(), (usize, f64)>
     where
         G::S: Real,

@@ -28,7 +28,7 @@ impl<G: Space> Tree<G> {
         for ((i, link), x) in self.links.iter().enumerate().zip(&s.links).skip(1) {
             let turning = G::dot_ang(x.w, G::spin(&x.inertia, x.w));
             kinetic += (link.mass * G::dot(x.u, x.u) + turning).scale(0.5);
-            potential -= link.mass * G::dot(self.gravity, self.place(i, s));
+            potential -= link.mass * G::dot(self.gravity, self.reference_point(i, s));
         }
         (kinetic, potential)
     }

@@ -433,7 +433,7 @@ impl<S: Scalar> Evaluator<S> {
     pub(crate) fn node_state(&self, s: &Scratch<S>, node: usize) -> LinkState<Spatial<S>> {
         let link = self.placed.link_of(node);
         let mut state = s.full.links[link];
-        state.centre = self.full.place(link, &s.full);
+        state.centre = self.full.reference_point(link, &s.full);
         state
     }
 

@@ -19,10 +19,6 @@ use partita_math::tolerance;
 const MOST_TERMS: usize = 12;
 /// Maximum number of Newton steps; where there is one solution, some ten suffice.
 const MOST_STEPS: usize = 200;
-/// Friction magnitudes nearer to having no solution have none. Scale: distance of the amplification from one. Reason:
-/// friction would be a thousand million times the normal force.
-const JAM_MARGIN: f64 = 1e-9;
-
 /// Memory of an evaluation.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Hold {
@@ -210,7 +206,7 @@ impl FrictionMagnitudes {
 
     /// Whether there is one solution for every load.
     fn single(&mut self) -> bool {
-        self.fill(-1.0 - JAM_MARGIN, true, |_, b| size(b));
+        self.fill(-1.0 - tolerance::NEGLIGIBLE, true, |_, b| size(b));
         if !self.fails() {
             return true;
         }
@@ -228,7 +224,7 @@ impl FrictionMagnitudes {
         (0..1usize << terms).all(|corner| {
             let sign = |t: usize| if corner >> t & 1 == 1 { 1.0 } else { -1.0 };
             self.fill(1.0, false, |t, b| sign(t) * dot(&lines[t], b));
-            self.determinant() > JAM_MARGIN
+            self.determinant() > tolerance::NEGLIGIBLE
         })
     }
 
@@ -247,7 +243,7 @@ impl FrictionMagnitudes {
     }
 
     /// Residual of (G1) at `tried`, and the terms there.
-    fn open(&mut self) -> (f64, f64) {
+    fn residual(&mut self) -> (f64, f64) {
         let tried = std::mem::take(&mut self.tried);
         let mut normal = std::mem::take(&mut self.normal);
         self.normals(&tried, &mut normal);
@@ -271,7 +267,7 @@ impl FrictionMagnitudes {
         let n = self.kappa.len();
         self.f.fill(0.0);
         self.tried.fill(0.0);
-        let (mut worst, mut scale) = self.open();
+        let (mut worst, mut scale) = self.residual();
         for _ in 0..MOST_STEPS {
             // exact to the last digits: one more step gains nothing
             if worst <= tolerance::FEW_ROUNDINGS * scale {
@@ -306,7 +302,7 @@ impl FrictionMagnitudes {
                 for i in 0..n {
                     self.tried[i] = self.f[i] - part * self.step[i];
                 }
-                let (now, size) = self.open();
+                let (now, size) = self.residual();
                 if now < worst {
                     (worst, scale, better) = (now, size, true);
                     break;
@@ -315,7 +311,7 @@ impl FrictionMagnitudes {
             }
             if !better {
                 self.tried.copy_from_slice(&self.f);
-                (worst, scale) = self.open();
+                (worst, scale) = self.residual();
                 break;
             }
             self.f.copy_from_slice(&self.tried);

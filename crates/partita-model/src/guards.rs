@@ -35,7 +35,7 @@ impl<G: Space<S = f64>> Element<G> {
         }
     }
 
-    /// Their readings, written to the front of `out`; how many.
+    /// Write the readings of the guards to the front of `out`; returns their number.
     fn read_guards(&self, at: &At<G>, out: &mut [GuardReading]) -> usize {
         match self {
             Self::Contact(e) => {

@@ -132,7 +132,7 @@ pub fn held(spec: &Spec, placed: &Placed) -> Vec<HeldSpin> {
         let point = at[0];
         let radius = at.iter().fold(0.0, |r: f64, p| r.max((*p - b.com).norm()));
         let (moments, axes) = symmetric_eigen(&Matrix::from_vec(3, 3, b.inertia.0.as_flattened().to_vec())).ok()?;
-        let nothing = tolerance::NO_INERTIA * moments[2].max(b.mass * radius * radius);
+        let nothing = tolerance::LONG_ROUNDING * moments[2].max(b.mass * radius * radius);
         if line.is_none() && moments[2] > nothing {
             // one point, and inertia: a thin rod on a ball at its centre, or floating
             line = Some(Vec3([axes[(0, 0)], axes[(1, 0)], axes[(2, 0)]]));

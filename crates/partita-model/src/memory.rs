@@ -49,7 +49,7 @@ pub struct FewScratch<S> {
     pub(crate) partial: Vec<S>,
     /// Reduced mass of the cluster on a base at rest: its Cholesky factor (k x k).
     pub(crate) mass: Vec<S>,
-    /// The same before it was factored, for the choice of coordinates.
+    /// As `mass`, before it was factored, for the choice of coordinates.
     pub(crate) whole: Vec<S>,
     /// Accelerations u' on an unaccelerated base (k), and the gain K of the base's acceleration (k x DIM).
     pub(crate) own: Vec<S>,

@@ -26,6 +26,7 @@ use crate::zero_position::{Coordinates, Placed};
 use partita_math::elimination::Pattern;
 use partita_math::scalar::Scalar;
 use partita_math::spatial::Space;
+use partita_math::tolerance;
 use partita_system::clusters::Clusters;
 use partita_system::SystemError;
 use std::collections::HashSet;
@@ -191,7 +192,7 @@ impl Model {
         Ok(model)
     }
 
-    /// The same of a part, which may be welded to the ground as a whole.
+    /// Compile a part, which may be welded to the ground as a whole.
     fn compiled(
         mut spec: Spec,
         functions: Arc<dyn Functions>,
@@ -333,7 +334,7 @@ impl Model {
                 tree.articulate_straight(x);
                 tree.inverse_mass_diagonal(x, &mut counted);
             });
-            drawn.iter().zip(&counted).any(|(d, c)| d.is_nan() || *d > LIGHTER * c)
+            drawn.iter().zip(&counted).any(|(d, c)| d.is_nan() || *d > tolerance::DOUBLED * c)
         })
     }
 
@@ -477,10 +478,6 @@ impl Model {
         SystemError::Mass { name: self.placed.velocity_names[at.0].clone(), pivot: at.1 }
     }
 }
-
-/// The least masses are used where some velocity is more mobile than with them by this factor. Scale: ratio of
-/// mobilities. Reason: below, they change no choice.
-const LIGHTER: f64 = 2.0;
 
 /// The rows of the drives, after `first` closing rows.
 fn drives(spec: &Spec, placed: &Placed, first: usize) -> Result<Vec<DriveRow>, DescriptionError> {

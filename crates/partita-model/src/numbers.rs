@@ -6,7 +6,7 @@
 //! Numbers     the zero position: points, masses, inertias in mechanism axes, from which trees and forces are made
 //! ```
 
-use crate::spec::{Coupling, Force, Gravity, Said, Spec, Value, VectorValue};
+use crate::spec::{Coupling, Force, GivenAs, Gravity, Spec, Value, VectorValue};
 use crate::zero_position::{Moved, Placed};
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Mat3, Vec3};
@@ -55,7 +55,7 @@ impl<S: Scalar> Fields<S> {
         let lifted = || factors.iter().map(|f| S::from_f64(*f)).collect();
         match said {
             None => (self.field("factors").to_vec(), self.number("offset")),
-            Some(Said::Length) => (lifted(), self.number("length")),
+            Some(GivenAs::Length) => (lifted(), self.number("length")),
             Some(said) => {
                 let made = said.factor(&numbers).map(|second| vec![S::one(), second]);
                 (made.unwrap_or_else(lifted), S::from_f64(*offset))
@@ -212,7 +212,7 @@ pub struct Numbers<S> {
 }
 
 impl<S: Scalar> Numbers<S> {
-    /// Those of the zero position itself, constants.
+    /// The numbers of the zero position itself, as constants.
     pub fn new(spec: &Spec, placed: &Placed) -> Self {
         let lift = |x: Vec3<f64>| Vec3::<S>::from_f64(x.0);
         let bodies = placed.bodies.iter().map(|b| BodyNumbers {

@@ -88,7 +88,7 @@ impl Model {
         let arm = self.arm_now(s, b.link, self.numbers.bodies[i].origin);
         let out = self.placed.basis.transpose();
         BodyState {
-            position: out.apply(self.full.place(b.link, &s.full) + arm),
+            position: out.apply(self.full.reference_point(b.link, &s.full) + arm),
             rotation: out.mul(&x.rot).mul(&b.rot),
             velocity: out.apply(x.u + x.w.cross(arm)),
             angular_velocity: out.apply(x.w),

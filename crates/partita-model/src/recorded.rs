@@ -53,7 +53,7 @@ impl<S: Scalar> Evaluator<S> {
         let (mut bodies, mut joints) = (Vec::new(), Vec::new());
         for (body, n) in self.placed.bodies.iter().zip(&self.numbers.bodies) {
             let arm = self.arm_now(s, body.link, n.origin);
-            let position = out.apply(self.full.place(body.link, &s.full) + arm);
+            let position = out.apply(self.full.reference_point(body.link, &s.full) + arm);
             let turned = out.mul(&s.full.links[body.link].rot).mul(&Mat3::from_f64(body.rot.0));
             bodies.extend(position.0);
             bodies.extend(turned.0.as_flattened());

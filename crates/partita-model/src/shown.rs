@@ -40,7 +40,7 @@ impl<S: Scalar> Evaluator<S> {
             let mut push = |p: &AppliedWrench<Spatial<S>>| {
                 let x = &s.full.links[p.link];
                 shown.power += p.force.dot(x.u + x.w.cross(p.arm)) + p.moment.dot(x.w);
-                let point = self.full.place(p.link, &s.full) + p.arm;
+                let point = self.full.reference_point(p.link, &s.full) + p.arm;
                 shown.wrenches.push([point, p.force, p.moment].map(|x| self.outward(x)));
             };
             match &effect.application {

@@ -4,7 +4,7 @@ mod couplings;
 mod forces;
 mod loads;
 
-pub use couplings::{Coupling, Said};
+pub use couplings::{Coupling, GivenAs};
 pub use forces::*;
 pub use loads::{Bushing, Contact, Gravity, Law, Sight, Spot, Tyre, Weightless};
 
@@ -388,7 +388,7 @@ pub enum Turning {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum VectorValue {
-    /// One by one.
+    /// A value for each component.
     Components([Value; 3]),
     /// A function returning three numbers.
     Whole(Value),

@@ -65,7 +65,7 @@ pub struct Anchor<G: Space> {
 /// Displacements that a loop closure locks.
 #[derive(Clone, Debug)]
 pub enum Locked<G: Space> {
-    /// All, in world axes.
+    /// All displacements, in world axes.
     World,
     /// Along axes fixed on A.
     Along(Vec<G::Vec>),
@@ -300,7 +300,7 @@ impl<G: Space> Tree<G> {
 
     /// Reference point of a link in the world.
     #[inline]
-    pub fn place(&self, i: usize, s: &TreeScratch<G>) -> G::Vec {
+    pub fn reference_point(&self, i: usize, s: &TreeScratch<G>) -> G::Vec {
         self.origins[i] + s.links[i].centre
     }
 

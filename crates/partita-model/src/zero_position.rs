@@ -7,6 +7,7 @@ use crate::coincident;
 use crate::error::DescriptionError;
 use crate::joint::{self, alignment, Motion, Shape};
 use crate::planarity;
+use crate::spec::LARGEST_TOLERANCE;
 use crate::spec::{Body, Coupling, Cut, Force, Joint, Measure, Spec};
 use crate::topology::{Edge, Topology, TreeEdge, CUT};
 use crate::validate;
@@ -87,7 +88,7 @@ pub struct PlacedJoint {
     pub shape: Shape,
     /// Axes of the drawing, as the parent carries them, in mechanism axes.
     pub on_parent: Mat3<f64>,
-    /// The same on the child.
+    /// As `on_parent`, on the child.
     pub on_child: Mat3<f64>,
     /// Its point on the parent.
     pub parent_point: Vec3<f64>,
@@ -202,10 +203,6 @@ fn edges(spec: &Spec, shapes: &[Shape]) -> Result<Vec<Edge>, DescriptionError> {
         .collect())
 }
 
-/// Guides that are out of parallel by less were, or may have been, intended to be parallel. Scale: rad. Reason: twice
-/// the largest drawing tolerance.
-const GUIDES_PARALLEL: f64 = 0.02;
-
 /// The plane of the mechanism, if all its motions lie in one: rows of the basis.
 fn plane(motions: &[Motion], shapes: &[(&Shape, Mat3<f64>)]) -> Option<Mat3<f64>> {
     let parallel = |a: Vec3<f64>, b: Vec3<f64>| a.cross(b).norm() < tolerance::PARALLEL;
@@ -220,7 +217,7 @@ fn plane(motions: &[Motion], shapes: &[(&Shape, Mat3<f64>)]) -> Option<Mat3<f64>
         normal = Some(match across.norm() {
             sine if sine < tolerance::PARALLEL => first.complement().0,
             // guides that were intended to be parallel define no plane
-            sine if sine < GUIDES_PARALLEL => return None,
+            sine if sine < tolerance::INTENDED_PARALLEL * LARGEST_TOLERANCE => return None,
             _ => across.unit()?,
         });
     }

@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 type Vector<'py> = PyReadonlyArray1<'py, f64>;
 type Reported = Vec<(bool, f64, String)>;
 
-/// Findings from Newton-Euler residuals (nt,): broken, t, sentence.
+/// Findings from Newton-Euler residuals (nt,): invalid, t, sentence.
 #[pyfunction]
 pub fn reaction_findings(t: Vector<'_>, residual: Vector<'_>, asked: (f64, bool)) -> Reported {
     let (tolerance, drifts) = asked;

@@ -22,7 +22,7 @@ pub fn call(f: &Py<PyAny>, what: &str, t: f64, q: &[f64], v: Option<&[f64]>) -> 
     })
 }
 
-/// The same into `out`, whose length it must have.
+/// As `call`, written into `out`, whose length it must have.
 pub fn fill(
     f: &Py<PyAny>,
     what: &str,

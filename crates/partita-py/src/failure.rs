@@ -63,11 +63,11 @@ pub fn description(py: Python<'_>, e: &DescriptionError) -> PyErr {
 /// A system error; a user's own exception passes through unchanged.
 pub fn system(py: Python<'_>, e: SystemError) -> PyErr {
     let message = e.to_string();
-    said(py, e, message)
+    exception(py, e, message)
 }
 
 /// A system error in these words.
-fn said(py: Python<'_>, e: SystemError, message: String) -> PyErr {
+fn exception(py: Python<'_>, e: SystemError, message: String) -> PyErr {
     match e {
         SystemError::Function { source, what } => match source.downcast::<PyErr>() {
             Ok(own) => *own,
@@ -162,7 +162,7 @@ pub fn analysis(py: Python<'_>, e: partita_analysis::AnalysisError) -> PyErr {
         }
         partita_analysis::AnalysisError::Explained { error, cause } => {
             let message = format!("{error}; {cause}");
-            said(py, error, message)
+            exception(py, error, message)
         }
         partita_analysis::AnalysisError::System(e) => system(py, e),
     }

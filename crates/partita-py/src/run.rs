@@ -291,7 +291,7 @@ fn dictionary<'py, S: ConstrainedSystem>(py: Python<'py>, system: &S, run: &Run)
     d.set_item(intern!(py, "partitions"), partitions)?;
     d.set_item(intern!(py, "notes"), &run.notes)?;
     d.set_item(intern!(py, "kept_rows"), &run.rows)?;
-    d.set_item(intern!(py, "steps_open"), run.open)?;
+    d.set_item(intern!(py, "steps_open"), run.closure_error)?;
     d.set_item(intern!(py, "gaps"), (run.gaps.position.part, run.gaps.velocity.part))?;
     d.set_item(intern!(py, "exchanged"), run.exchanged)?;
     d.set_item(intern!(py, "findings"), reported(&run.findings))?;

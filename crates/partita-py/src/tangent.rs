@@ -13,7 +13,7 @@ pub struct TangentFunctions {
     bias: Option<Py<PyAny>>,
 }
 
-/// The same for a system of n velocities.
+/// Tangent velocities given by functions, for a system of n velocities.
 pub struct UserTangent {
     /// Velocities.
     pub n: usize,

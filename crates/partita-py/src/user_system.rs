@@ -150,7 +150,7 @@ impl System {
         })
     }
 
-    /// The same, with lengths estimated where none are given.
+    /// As `sized`, with lengths estimated where none are given.
     fn measured(&self, py: Python<'_>, t: f64, q: &[f64]) -> PyResult<UserSystem<Sized>> {
         let system = self.sized(py, t, q)?;
         if self.lengths.is_some() {

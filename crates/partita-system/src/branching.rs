@@ -19,19 +19,10 @@ use partita_math::tolerance;
 
 /// Number of velocities above which no analysis is made: dense decompositions would take minutes.
 const LARGEST: usize = 200;
-/// Slopes of the quadratic forms below this are null in a step towards the cone. Scale: fraction of the largest.
-/// Reason: at a double line all of them vanish with the distance, far above rounding.
-const NULL_SLOPE: f64 = 1e-9;
-/// A direction lies on the cone when its quadratic forms are below this. Scale: natural scales of rows and velocities.
-/// Reason: double lines are approached by halves, to the root of it.
-const ON_CONE: f64 = 1e-10;
 /// Singular values of C below this are null where branches meet: sines whose squares are [`tolerance::REDUNDANT`].
 fn null_sine() -> f64 {
     tolerance::REDUNDANT.sqrt()
 }
-/// Second rates below this are rounding. Scale: natural scales, at rates of one characteristic displacement a second.
-/// Reason: positions closed in a singular position are known to the root of rounding, 1e-8.
-const SECOND_RATE_ROUNDING: f64 = 1e-6;
 /// Move along a branch by which it is verified. Unit: characteristic displacement of the fastest velocity. Reason: some
 /// three degrees; rows lost here are open by the square of it elsewhere, and a lost rank has come back far above
 /// [`null_sine`].
@@ -143,7 +134,7 @@ impl<'s, S: ConstrainedSystem> Scaled<'s, S> {
     }
 
     /// The residual there.
-    fn open(&self) -> Vec<f64> {
+    fn violation(&self) -> Vec<f64> {
         self.rows.iter().map(|&i| self.phi[i] / self.sizes[i]).collect()
     }
 
@@ -189,7 +180,7 @@ impl Forms {
             rows.row_mut(i).copy_from_slice(f.data());
         }
         let f = svd(&rows).ok()?;
-        let rank = f.s.iter().filter(|&&s| s > SECOND_RATE_ROUNDING).count();
+        let rank = f.s.iter().filter(|&&s| s > tolerance::DEPENDENT).count();
         let form = |r: usize| {
             let column: Vec<f64> = (0..k * k).map(|e| f.v[(e, r)]).collect();
             let m = Matrix::from_vec(k, k, column);
@@ -218,14 +209,16 @@ impl Forms {
             if values.iter().all(|x| x.abs() < tolerance::SUM_ROUNDING) {
                 return Some(u);
             }
-            let (back, _) = least_squares_min_norm(&slopes, &values, NULL_SLOPE).ok()?;
+            let (back, _) = least_squares_min_norm(&slopes, &values, tolerance::NULL_VALUE).ok()?;
             // far off a step may be no longer than the direction itself
             let long = back.iter().map(|x| x * x).sum::<f64>().sqrt();
             let part = (0.5 / long).min(1.0);
             u.iter_mut().zip(&back).for_each(|(x, y)| *x -= part * y);
         }
         // double lines are approached by halves
-        let vanishes = |f: &Matrix| f.matvec(&u).iter().zip(&u).map(|(a, b)| a * b).sum::<f64>().abs() < ON_CONE;
+        let vanishes = |f: &Matrix| {
+            f.matvec(&u).iter().zip(&u).map(|(a, b)| a * b).sum::<f64>().abs() < tolerance::SINGULAR_ROUNDING
+        };
         self.0.iter().all(vanishes).then_some(u)
     }
 
@@ -268,7 +261,7 @@ pub fn look<S: ConstrainedSystem>(
     }
     let mut x = Scaled::new(system, t, q, drives)?;
     let rows = x.rows.len();
-    if x.open().iter().any(|x| x.abs() > SECOND_RATE_ROUNDING) {
+    if x.violation().iter().any(|x| x.abs() > tolerance::OPEN) {
         return Ok(None);
     }
     let Ok(f) = svd_full(&x.jacobian()) else { return Ok(None) };
@@ -314,7 +307,7 @@ pub fn look<S: ConstrainedSystem>(
     if let [form] = forms.0.as_slice() {
         let Ok((values, vectors)) = symmetric_eigen(form) else { return Ok(None) };
         let largest = values.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-        let significant = |x: f64| x.abs() > SECOND_RATE_ROUNDING * largest;
+        let significant = |x: f64| x.abs() > tolerance::TAKES_PART * largest;
         let mut signs = values.iter().filter(|x| significant(**x)).map(|x| x.signum());
         let first = signs.next();
         if signs.all(|sign| Some(sign) == first) {
@@ -370,7 +363,7 @@ pub fn guess<S: ConstrainedSystem>(system: &S, q: &[f64], branch: &Branch) -> Ve
     let at = |v: usize| (0..q.len()).find(|&c| system.velocity_of_coordinate(c) == Some(v));
     let moved = |(v, c): (usize, usize)| {
         let (from, to) = (q[c], branch.beside[c]);
-        ((to - from).abs() > SECOND_RATE_ROUNDING * system.characteristic_displacement(v))
+        ((to - from).abs() > tolerance::TAKES_PART * system.characteristic_displacement(v))
             .then(|| (system.velocity_name(v), to))
     };
     (0..system.size().nv).filter_map(|v| at(v).map(|c| (v, c))).filter_map(moved).collect()

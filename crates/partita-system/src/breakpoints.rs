@@ -17,15 +17,9 @@ pub enum Enters {
     Position,
 }
 
-/// Remaining effect of a breakpoint in the middle of a step. Scale: fraction of its effect. Reason: the nodes of a
+/// Remaining effect of a breakpoint in the middle of a step. Unit: fraction of its effect. Reason: the nodes of a
 /// method lie a tenth of a step apart, and a sum over them has this relative error for a kink between two.
 const BREAKPOINT_MISSED: f64 = 0.02;
-/// Error allowed in steps over very many breakpoints. Scale: multiples of the tolerance. Reason: they act as noise,
-/// which does not add up.
-const BREAKPOINT_NOISE: f64 = 100.0;
-/// Error allowed in a step that ends beside a breakpoint. Scale: fraction of the tolerance. Reason: hundreds of
-/// breakpoints add up to one tolerance.
-const BREAKPOINT_BESIDE: f64 = 1e-2;
 /// Number of bisections that locate a breakpoint to round-off.
 pub(crate) const HALVINGS: usize = 50;
 
@@ -140,7 +134,7 @@ impl Breakpoints {
                     *(if (at(middle) < breakpoint) == up { &mut low } else { &mut high }) = middle;
                 }
                 // next to an end its effect is negligible, and the step cannot end there
-                if lost(&self.jumps[i], travelled * low.min(1.0 - low)) > BREAKPOINT_BESIDE * tolerance {
+                if lost(&self.jumps[i], travelled * low.min(1.0 - low)) > tolerance::NEGLIGIBLE_ERROR * tolerance {
                     return Some(low);
                 }
             }
@@ -153,7 +147,8 @@ impl Breakpoints {
         let breakpoints = travelled / self.spacing;
         // of many, each acts over the distance to the next
         let each = lost(jumps, travelled.min(self.spacing)) * breakpoints.max(1.0);
-        BREAKPOINT_MISSED * each > tolerance * breakpoints.clamp(1.0, BREAKPOINT_NOISE)
+        let missed = BREAKPOINT_MISSED * each;
+        missed > tolerance * breakpoints.clamp(1.0, tolerance::ERROR_GROWTH)
     }
 
     /// The next breakpoint after x on the way up or down, and its number.

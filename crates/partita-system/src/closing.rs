@@ -39,7 +39,7 @@ pub trait Closing {
     /// The dependent values found in q decide only how many whole turns an angle has made (the result is the nearest
     /// one), and where implicit blocks start. Fails with [`SystemError::Limit`] where a block cannot close.
     fn close(&mut self, t: f64, q: &mut [f64]) -> Result<(), SystemError>;
-    /// The same on the branches nearest to the dependent coordinates found in q, which become the kept ones: for a
+    /// As `close`, on the branches nearest to the dependent coordinates found in q, which become the kept ones: for a
     /// change point, beyond which a block continues with the other sign.
     ///
     /// Returns the ambiguity: the largest ratio, over the blocks, of the distances of the solution taken and of the

@@ -59,7 +59,7 @@ pub enum SystemError {
     /// A time outside a table.
     #[error("{what}: t = {t} is outside its table [{from}, {to}]; extend the table or shorten the run")]
     OutsideTable {
-        /// Which element.
+        /// Name of the element.
         what: String,
         /// The requested time.
         t: f64,
@@ -75,7 +75,7 @@ pub enum SystemError {
          relative coordinates)"
     )]
     Wound {
-        /// Which element.
+        /// Name of the element.
         what: String,
         /// By how much.
         by: f64,
@@ -87,7 +87,7 @@ pub enum SystemError {
          coordinates), or give a periodic function"
     )]
     Uncounted {
-        /// Which element.
+        /// Name of the element.
         what: String,
         /// The angle.
         by: f64,
@@ -98,7 +98,7 @@ pub enum SystemError {
          turn: use a joint for larger rotations"
     )]
     Twisted {
-        /// Which element.
+        /// Name of the element.
         what: String,
         /// By how much.
         by: f64,
@@ -106,7 +106,7 @@ pub enum SystemError {
     /// A coordinate outside a curve.
     #[error("{what}: its curve is evaluated at {x}, outside [{from}, {to}]; extend the curve, or make it periodic")]
     OutsideCurve {
-        /// Which element.
+        /// Name of the element.
         what: String,
         /// The requested coordinate.
         x: f64,
@@ -150,7 +150,7 @@ pub enum SystemError {
     /// A user function failed.
     #[error("{what}: {source}")]
     Function {
-        /// Which element.
+        /// Name of the element.
         what: String,
         /// Its message.
         source: Box<dyn std::error::Error + Send + Sync>,

@@ -15,33 +15,25 @@ const FASTER_INSIDE: f64 = 2.0;
 /// Longest interval over which a guard is approximated by a cubic. Scale: characteristic displacement. Reason: over a
 /// third of a turn it has one minimum; over a full turn it returns to its values and hides the extrema between.
 const LONGEST_CUBIC: f64 = 2.0;
-/// An end of a step that was shortened to meet a guard meets it within this. Scale: fraction of the tolerance. Reason:
-/// the energy stored in a contact at this depth is the square of it.
-const MEETS: f64 = 1e-3;
-/// Precision of the time of a crossing. Scale: fraction of the time. Reason: some units in its last place.
-const CLOSEST: f64 = 64.0 * f64::EPSILON;
 /// Parts of an interval at whose ends a cubic is compared with its error.
 const PARTS: u32 = 16;
 /// Number of points inside a step that are evaluated before it is shortened instead. Scale: a number. Reason: a step
 /// with more inconclusive intervals extends over many turns.
 const MOST_PLACES: usize = 120;
-/// Point of evaluation where a cubic has no minimum of its own. Scale: fraction of the interval. Reason: the golden
+/// Point of evaluation where a cubic has no minimum of its own. Unit: fraction of the interval. Reason: the golden
 /// section, so that no period of the motion coincides with repeated halves.
 const INSIDE: f64 = 0.381_966;
-/// A guard whose rate explains no more of its change than this was at rest. Scale: fraction of the change. Reason: a
-/// rate is significant to six digits.
-const GUARD_AT_REST: f64 = 1e-6;
-/// A crossing is not sought nearer to an end of its interval. Scale: fraction of the interval. Reason: the interval
-/// shrinks at least by that.
+/// Least distance of the place at which a crossing is sought from the ends of its interval. Unit: fraction of the
+/// interval. Reason: the interval shrinks at least by that.
 const NEAR_AN_END: f64 = 1e-9;
-/// Longest first step on the other side of a guard. Scale: fraction of the natural size of the guard. Reason: a contact
+/// Longest first step on the other side of a guard. Unit: fraction of the natural size of the guard. Reason: a contact
 /// still acts there, whatever the motion.
 const FIRST_INSIDE: f64 = 0.1;
-/// The error of a cubic over an interval, from one sample in a longer one. Scale: multiples of the error for constant
+/// The error of a cubic over an interval, from one sample in a longer one. Unit: the error for constant
 /// fourth derivatives. Reason: allows for as much as was observed half-way along twice the interval.
 const OTHER_FOURTH: f64 = 16.0;
-/// A minimum is not evaluated nearer to an end of its interval. Scale: fraction of the interval. Reason: a second
-/// evaluation at the same point adds nothing.
+/// Least distance of the place at which a minimum is evaluated from the ends of its interval. Unit: fraction of the
+/// interval. Reason: a second evaluation at the same point adds nothing.
 const EDGE: f64 = 0.01;
 
 /// A guard.
@@ -79,7 +71,7 @@ pub enum Look {
     Crossed {
         /// When.
         t: f64,
-        /// Which.
+        /// Index of the guard.
         guard: usize,
         /// Whether the guard is on the same side at both ends of the step.
         hidden: bool,
@@ -153,7 +145,7 @@ impl Cubic {
         all.fold((INSIDE, f64::INFINITY), |least, x| if x.1 < least.1 { x } else { least })
     }
 
-    /// Where it is zero, if its ends have different signs.
+    /// The root of the cubic, if the values at its ends have different signs.
     fn zero(&self) -> f64 {
         let (mut low, mut high, ends) = (0.0, 1.0, [self.at(0.0), self.at(1.0)]);
         // one of the ends may be a zero already
@@ -183,7 +175,7 @@ impl GuardMonitor {
         Self { passed: vec![None; guards.len()], recent: vec![0.0; guards.len()], guards, ..Self::default() }
     }
 
-    /// Whether there is none.
+    /// Whether there are no guards.
     pub fn is_empty(&self) -> bool {
         self.guards.is_empty()
     }
@@ -295,7 +287,7 @@ impl GuardMonitor {
 
     /// Whether the step that is judged crosses one, where motions are as exact as `rtol`.
     pub fn look(&mut self, rtol: f64) -> Look {
-        self.meets = tolerance::CLOSED.max(MEETS * rtol);
+        self.meets = tolerance::CLOSED.max(tolerance::NEGLIGIBLE_ERROR * rtol);
         let meets = self.meets;
         let places = &self.places[..self.used];
         if let Some((t, guard)) = self.met {
@@ -350,10 +342,10 @@ impl GuardMonitor {
         let (h, (one, two), ahead) = (to.t - from.t, (from.readings[g], to.readings[g]), self.sides(g, to, meets).0);
         // at rest on a guard it is on the side towards which it moves
         let small = meets * self.guards[g].size;
-        let rests = one.x.abs() <= small && (h * one.rate).abs() <= small + GUARD_AT_REST * two.x.abs();
+        let rests = one.x.abs() <= small && (h * one.rate).abs() <= small + tolerance::TAKES_PART * two.x.abs();
         let after = if rests { ahead } else { after };
         let crosses = after != ahead;
-        if h <= CLOSEST * from.t.abs().max(to.t.abs()) {
+        if h <= tolerance::SUM_ROUNDING * from.t.abs().max(to.t.abs()) {
             // too short to be divided: a jump, unless the step ends here anyway
             return if crosses && inside.1 { Shown::Crossed(to.t) } else { Shown::Clear };
         }

@@ -163,8 +163,8 @@ pub struct History {
     /// Times of singular positions that were crossed.
     pub crossings: Vec<f64>,
     /// Largest |Φ| and |C v + a| over all rows at the ends of accepted steps.
-    pub open: (f64, f64),
-    /// The same relative to sizes, with times and rows.
+    pub closure_error: (f64, f64),
+    /// As `closure_error`, relative to sizes, with times and rows.
     pub gaps: Gaps,
     /// Other checks of steps and outputs.
     pub checks: StepChecks,

@@ -57,7 +57,7 @@ pub fn analyse<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<St
     analyse_with(&mut Reduction::new(system, 0), t, q)
 }
 
-/// The same with the levels of any reduction of rank 0.
+/// As `analyse`, with the levels of any reduction of rank 0.
 ///
 /// # Errors
 /// See [`analyse`].
@@ -255,9 +255,9 @@ fn check_neighbour<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], start: &
     }
     r.refresh_scales(t, &near)?;
     let part = |i: usize| r.phi[i].abs() / system.row_displacement(i).unwrap_or(1.0);
-    let open = start.dropped.iter().filter(|&&i| i < r.phi.len()).fold(0.0, |m: f64, &i| m.max(part(i)));
+    let closure_error = start.dropped.iter().filter(|&&i| i < r.phi.len()).fold(0.0, |m: f64, &i| m.max(part(i)));
     let there = rank_at_last(&r);
-    if there.rank > start.rank || open > tolerance::CLOSED_IN_RUN {
+    if there.rank > start.rank || closure_error > tolerance::CLOSED_IN_RUN {
         return Err(singular(system, (t, q), start, there.rank.max(start.rank + 1))?);
     }
     Ok(())

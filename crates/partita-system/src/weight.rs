@@ -58,7 +58,7 @@ pub fn unfelt<S: ConstrainedSystem>(
         let length = dense::dot(&y, &y).sqrt();
         y.iter_mut().for_each(|y| *y /= length);
     }
-    if dense::dot(&y, &share.matvec(&y)) > tolerance::NO_INERTIA {
+    if dense::dot(&y, &share.matvec(&y)) > tolerance::LONG_ROUNDING {
         return Ok(None);
     }
     dense::cholesky_backward(&metric, k, &mut y);
@@ -85,7 +85,7 @@ pub fn refuse<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], rank: usize) 
     }
 }
 
-/// That motion in words, and the bodies that move in it.
+/// Description of the motion that moves no mass, and the bodies that move in it.
 pub fn words<S: ConstrainedSystem>(
     system: &S,
     t: f64,

@@ -174,7 +174,7 @@ impl Model {
         self.simulate_while(start, simulation, &mut |_| true)
     }
 
-    /// The same, as long as `go_on` returns true; it is called after every step with the time.
+    /// As `simulate`, as long as `go_on` returns true; it is called after every step with the time.
     ///
     /// # Errors
     /// As [`simulate`](Self::simulate).
@@ -230,15 +230,15 @@ impl Model {
     }
 
     pub(crate) fn joint(&self, name: &str) -> Result<usize, Error> {
-        place("joint", name, &self.joints())
+        index_of("joint", name, &self.joints())
     }
 
     pub(crate) fn body(&self, name: &str) -> Result<usize, Error> {
-        place("body", name, &self.bodies())
+        index_of("body", name, &self.bodies())
     }
 }
 
-fn place(kind: &'static str, name: &str, known: &[&str]) -> Result<usize, Error> {
+fn index_of(kind: &'static str, name: &str, known: &[&str]) -> Result<usize, Error> {
     let unknown = || Error::Unknown { kind, name: name.into(), known: known.join(", ") };
     known.iter().position(|x| *x == name).ok_or_else(unknown)
 }

@@ -244,7 +244,7 @@ impl Mechanism {
         self.compile_with(Arc::new(NoFunctions))
     }
 
-    /// The same, with the functions to which forces and drives refer by number.
+    /// As `compile`, with the functions to which forces and drives refer by number.
     ///
     /// # Errors
     /// As [`compile`](Self::compile).

@@ -29,8 +29,8 @@ pub fn checks<E: Send + From<SystemError>>(
         levels.velocity(t, q, v)?;
         let along = |r: usize| pattern.row(r).map(|e| levels.c[e] * vdot[pattern.col_idx[e]]).sum::<f64>();
         let finite = vdot.iter().all(|x| x.is_finite());
-        let open = |r: usize| if finite { along(r) + levels.b[r] } else { f64::NAN };
-        let (acceleration, at) = worst(&mut (0..pattern.rows).map(open));
+        let violation = |r: usize| if finite { along(r) + levels.b[r] } else { f64::NAN };
+        let (acceleration, at) = worst(&mut (0..pattern.rows).map(violation));
         let (_, phi) = worst(&mut levels.phi.iter().copied());
         let (rank, smallest) = match rank_here(model, t, q) {
             Ok(found) => (found.rank as f64, found.smallest),

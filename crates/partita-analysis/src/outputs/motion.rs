@@ -27,7 +27,7 @@ fn part_of(model: &Model, which: &[usize], one: impl Fn(usize) -> Part) -> Part 
 /// Position of the origin, rotation, velocity of the origin and angular velocity of the bodies `which`, world axes.
 ///
 /// # Errors
-/// Those of `watch`.
+/// The errors of `watch`.
 pub fn bodies<E: Send>(model: &Model, states: &States, which: &[usize], watch: Watch<E>) -> Result<Vec<Vec<f64>>, E> {
     let part = part_of(model, which, |i| model.part_of_body(i));
     let widths = BODY.map(|w| w * which.len());
@@ -53,7 +53,7 @@ pub fn bodies<E: Send>(model: &Model, states: &States, which: &[usize], watch: W
 /// Whole turns of joints that close spatial loops are counted from one output to the next.
 ///
 /// # Errors
-/// Those of `watch`.
+/// The errors of `watch`.
 pub fn joints<E: Send>(model: &Model, states: &States, which: &[usize], watch: Watch<E>) -> Result<Vec<Vec<f64>>, E> {
     let part = part_of(model, which, |j| model.part_of_joint(j));
     let size = |j: usize| {
@@ -96,7 +96,7 @@ pub fn joints<E: Send>(model: &Model, states: &States, which: &[usize], watch: W
 /// Accelerations along the degrees of freedom of the joints `which`, side by side, in the order of their velocities.
 ///
 /// # Errors
-/// Those of `watch`.
+/// The errors of `watch`.
 pub fn joint_accelerations<E: Send + From<AnalysisError>>(
     model: &Model,
     states: &States,
@@ -142,7 +142,7 @@ pub fn energies<E: Send + From<SystemError>>(
 /// Accelerations of the origins of the bodies `which`, and angular accelerations, world axes.
 ///
 /// # Errors
-/// Those of `watch`.
+/// The errors of `watch`.
 pub fn body_accelerations<E: Send>(
     model: &Model,
     states: &States,

@@ -78,8 +78,8 @@ pub fn reaction<E: Send + From<SystemError> + From<AnalysisError>>(
     })
 }
 
-/// The same of all joints side by side, the Newton-Euler residual over the largest force, that of each body, and the
-/// multipliers of all conditions other than loop closures: efforts of couplings and drives, distributed by the same
+/// As `reaction`, for all joints side by side, with the Newton-Euler residual over the largest force, that of each body,
+/// and the multipliers of all conditions other than loop closures: efforts of couplings and drives, distributed by the same
 /// rule.
 ///
 /// # Errors

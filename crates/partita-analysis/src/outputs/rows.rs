@@ -63,7 +63,7 @@ fn take<'a>(rest: &mut [&'a mut [f64]], widths: &'a [usize], rows: Range<usize>)
 /// that of the first row that fails.
 ///
 /// # Errors
-/// Those of `f` and of `watch`.
+/// The errors of `f` and of `watch`.
 pub fn tables<S: Send, E: Send>(
     count: usize,
     widths: &[usize],

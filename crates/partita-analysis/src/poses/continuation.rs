@@ -18,7 +18,7 @@ use partita_system::SystemError;
 
 /// Corrections of one position: to residuals of 1e-12, and only to the solution next to it.
 const NEAR: Rule = near_by(tolerance::CLOSED);
-/// To round-off.
+/// Closes to round-off.
 const LAST: Rule = Rule::new(6, f64::EPSILON, tolerance::CLOSED);
 /// Steps that are tried across a singular position. Unit: characteristic displacement. Reason: Newton's method needs
 /// some distance to it on both sides.
@@ -220,7 +220,7 @@ impl<'m> Continuation<'m> {
     /// From the start to where the goals have the values `to`; q and `self.field.y` are left at the end of the path.
     ///
     /// # Errors
-    /// Those of functions that the conditions call.
+    /// The errors of functions that the conditions call.
     pub fn go(&mut self, start: &Start, to: &[f64], q: &mut Vec<f64>) -> Result<Ending, SystemError> {
         q.clone_from(&start.q);
         self.begin(start);
@@ -233,7 +233,7 @@ impl<'m> Continuation<'m> {
         Ok(ending)
     }
 
-    /// The same via intermediate values of the goals, linearly from each to the next.
+    /// As `go`, via intermediate values of the goals, linearly from each to the next.
     ///
     /// # Errors
     /// As [`go`](Self::go).

@@ -131,7 +131,7 @@ fn explained(
         f.duty[m..].fill(Duty::Hard);
         nearest(f, &mut there, &aims[..=k])?;
         let met = f.worst(Duty::Hard) <= tolerance::CLOSED.sqrt();
-        let (worst, length, angle) = f.open();
+        let (worst, length, angle) = f.closure_error();
         let closes = met && f.worst(Duty::Soft) <= tolerance::CLOSED.sqrt();
         let with = if k == 0 { String::new() } else { format!(" with {held}") };
         let so_far = format!("{turn} cannot be reached{with}: {} ends at {end:.6} {}", x.name, x.unit);

@@ -7,7 +7,7 @@ use partita_math::elimination::Pattern;
 use partita_math::least_norm::LeastNorm;
 use partita_math::tolerance;
 use partita_model::Model;
-use partita_system::manifold::{close, Closed, Linearization, Open, Part, Residuals, Room, Rule};
+use partita_system::manifold::{close, Closed, ClosureError, Linearization, Part, Residuals, Room, Rule};
 use partita_system::prelude::*;
 use partita_system::SystemError;
 
@@ -181,7 +181,7 @@ impl<'m> Field<'m> {
     /// Close the hard rows from q on, ignoring the soft ones.
     ///
     /// # Errors
-    /// Those of functions that the conditions call; `NotFinite` where nothing can be evaluated at q.
+    /// The errors of functions that the conditions call; `NotFinite` where nothing can be evaluated at q.
     pub fn close_hard(&mut self, q: &mut [f64], rule: &Rule) -> Result<Closed, SystemError> {
         let mut room = std::mem::take(&mut self.room);
         let closed = close(&mut Hard(self), q, rule, &mut room);
@@ -204,19 +204,19 @@ impl<'m> Field<'m> {
     }
 
     /// Residual of the rows of this role, in characteristic displacements.
-    fn open_of(&self, duty: Duty) -> Open {
+    fn closure_error_of(&self, duty: Duty) -> ClosureError {
         let of = self.phi.iter().zip(&self.duty).filter(|(_, d)| **d == duty);
-        Open::of(of.map(|(x, _)| *x))
+        ClosureError::of(of.map(|(x, _)| *x))
     }
 
     /// Largest residual among the rows of this role.
     pub fn worst(&self, duty: Duty) -> f64 {
-        self.open_of(duty).worst
+        self.closure_error_of(duty).worst
     }
 
     /// The loop-closure row with the largest closure error, and the gap between the points [m] and directions [rad] of
     /// its joint.
-    pub fn open(&self) -> (usize, f64, f64) {
+    pub fn closure_error(&self) -> (usize, f64, f64) {
         let m = self.closings();
         let Some(worst) = (0..m).max_by(|&i, &j| self.phi[i].abs().total_cmp(&self.phi[j].abs())) else {
             return (0, 0.0, 0.0);
@@ -237,8 +237,8 @@ impl Residuals for Hard<'_, '_> {
     fn evaluate(&mut self, q: &[f64]) -> Result<(), SystemError> {
         self.0.evaluate(q)
     }
-    fn open(&self, _part: usize) -> Open {
-        self.0.open_of(Duty::Hard)
+    fn closure_error(&self, _part: usize) -> ClosureError {
+        self.0.closure_error_of(Duty::Hard)
     }
 }
 
@@ -266,14 +266,14 @@ pub(super) struct Soft<'f, 'm> {
     kept: Result<bool, SystemError>,
     /// Values of the goals where the last step was found.
     home: Vec<f64>,
-    open: Open,
+    closure_error: ClosureError,
 }
 
 impl<'f, 'm> Soft<'f, 'm> {
     /// The hard rows are satisfied again by the rule `keeping` after each step.
     pub fn new(field: &'f mut Field<'m>, keeping: Rule) -> Self {
         let home = field.y.clone();
-        Self { field, keeping, kept: Ok(true), home, open: Open::default() }
+        Self { field, keeping, kept: Ok(true), home, closure_error: ClosureError::default() }
     }
 }
 
@@ -283,21 +283,21 @@ impl Residuals for Soft<'_, '_> {
         let kept = std::mem::replace(&mut self.kept, Ok(true))?;
         self.field.y.copy_from_slice(&self.home);
         self.field.evaluate(q)?;
-        self.open = self.field.open_of(Duty::Soft);
+        self.closure_error = self.field.closure_error_of(Duty::Soft);
         if !kept {
-            self.open = Open { square: f64::INFINITY, worst: f64::INFINITY };
+            self.closure_error = ClosureError { square: f64::INFINITY, worst: f64::INFINITY };
         }
         Ok(())
     }
-    fn open(&self, _part: usize) -> Open {
-        self.open
+    fn closure_error(&self, _part: usize) -> ClosureError {
+        self.closure_error
     }
 }
 
 impl Linearization for Soft<'_, '_> {
     fn solve(&mut self, _q: &[f64], parts: &[Part]) -> Result<bool, SystemError> {
         self.home.copy_from_slice(&self.field.y);
-        self.field.newton(Some(parts[0].damping * parts[0].open.square.min(1.0)));
+        self.field.newton(Some(parts[0].damping * parts[0].closure_error.square.min(1.0)));
         Ok(true)
     }
     fn length(&self, _part: usize) -> f64 {
@@ -319,6 +319,6 @@ impl Linearization for Soft<'_, '_> {
         soft.map(|i| (f.phi[i] + f.along(i, &f.dv)).powi(2)).sum()
     }
     fn least_damping(&self, _part: usize) -> Option<f64> {
-        Some(tolerance::DAMPING / self.open.square.clamp(f64::MIN_POSITIVE, 1.0))
+        Some(tolerance::DAMPING / self.closure_error.square.clamp(f64::MIN_POSITIVE, 1.0))
     }
 }

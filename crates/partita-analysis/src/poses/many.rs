@@ -57,7 +57,7 @@ pub struct Poses {
     pub reached: Vec<f64>,
     /// Closure error of the nearest position (m); NaN where it is not known.
     pub shortfall: Vec<f64>,
-    /// The same for directions (rad).
+    /// As `shortfall`, for directions (rad).
     pub angle: Vec<f64>,
     /// Whether the direct continuation was abandoned.
     pub detour: Vec<bool>,
@@ -274,8 +274,8 @@ impl<'m> Explicit<'m> {
             Err(e) => return Err(e),
         }
         self.levels.position(self.t, &self.trial)?;
-        let open = |(i, x): (usize, &f64)| x.abs() / self.model.row_displacement(i).unwrap_or(1.0);
-        let worst = self.levels.phi.iter().enumerate().map(open).fold(0.0, f64::max);
+        let closure_error = |(i, x): (usize, &f64)| x.abs() / self.model.row_displacement(i).unwrap_or(1.0);
+        let worst = self.levels.phi.iter().enumerate().map(closure_error).fold(0.0, f64::max);
         if !worst.is_finite() {
             return Err(SystemError::NotFinite { what: "a loop-closure constraint".into(), t: self.t });
         }
@@ -307,11 +307,9 @@ impl<'m> Explicit<'m> {
             let limit = self.close(values, next)?.is_some();
             // a pivot that halves within a step may have passed zero, or may reach it next
             let well = !limit
-                && self
-                    .pivots
-                    .iter()
-                    .zip(self.closing.state())
-                    .all(|(before, now)| now.branch == 0 || now.pivot >= 2.0 * (now.pivot - before).abs());
+                && self.pivots.iter().zip(self.closing.state()).all(|(before, now)| {
+                    now.branch == 0 || tolerance::HALF_LOST * now.pivot >= (now.pivot - before).abs()
+                });
             if well {
                 self.pivots.iter_mut().zip(self.closing.state()).for_each(|(before, now)| *before = now.pivot);
                 done = next;
@@ -419,7 +417,7 @@ impl<'m> Numeric<'m> {
         f.duty[..m].fill(Duty::Soft);
         nearest(f, &mut self.there, values)?;
         let goals_met = f.worst(Duty::Hard) <= tolerance::CLOSED.sqrt();
-        let (culprit, shortfall, angle) = f.open();
+        let (culprit, shortfall, angle) = f.closure_error();
         let closes = goals_met && f.worst(Duty::Soft) <= tolerance::CLOSED.sqrt();
         let outcome = match first {
             Ending::Crossing(_) => Outcome::Singular,
@@ -478,16 +476,16 @@ impl Asked<'_> {
             Some(x) => x.closing.blocks().get(found.culprit).map_or_else(String::new, |b| b.words.clone()),
             None => super::messages::loop_of(self.model, found.culprit),
         };
-        let open = super::messages::gap(found.shortfall, found.angle);
+        let closure_error = super::messages::gap(found.shortfall, found.angle);
         let (goals, ends) = (self.goals(|_| true), self.ends());
         match found.outcome {
             Outcome::Closed => String::new(),
             Outcome::Open => format!(
                 "{goals} cannot be reached: the continuation from the state of the branch stops at {ends}; at the \
-                 target, {place} keeps a closure error of {open}"
+                 target, {place} keeps a closure error of {closure_error}"
             ),
             Outcome::OtherBranch if found.shortfall > 0.0 && explicit.is_some() => format!(
-                "{goals} is reached on another branch only: on this one {place} misses by {open}, and the \
+                "{goals} is reached on another branch only: on this one {place} misses by {closure_error}, and the \
                  continuation stops at {ends}"
             ),
             Outcome::OtherBranch => format!(

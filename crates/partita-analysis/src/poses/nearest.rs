@@ -2,21 +2,23 @@
 
 use super::field::{Field, Soft};
 use partita_math::tolerance;
+use partita_system::manifold::follow::LONGEST_PREDICTION;
+use partita_system::manifold::least_change::LARGEST_MOVE;
 use partita_system::manifold::{close, Room, Rule};
 use partita_system::SystemError;
 
 /// Hard rows at the start, where they may be far away...
-const FAR: Rule = Rule::new(60, f64::EPSILON, tolerance::FITS).cut(0.5);
+const FAR: Rule = Rule::new(60, f64::EPSILON, tolerance::FITS).cut(LARGEST_MOVE);
 /// ... and after each step, which nearly preserves them: a larger correction would lead to another branch.
 const NEAR: Rule = Rule::new(8, f64::EPSILON, tolerance::FITS).contracting(0.15, 1.0);
 /// Steps that minimise the soft rows, at most 0.3 characteristic displacements each: after a step of 1e-9 the remainder
 /// is below nine digits.
-const LEAST: Rule = Rule::new(200, 0.0, 0.0).cut(0.3).to_rest(1e-9);
+const LEAST: Rule = Rule::new(200, 0.0, 0.0).cut(LONGEST_PREDICTION).to_rest(tolerance::LAST_MOVE);
 
 /// Move q to the least sum of squares of the soft rows, subject to the hard rows.
 ///
 /// # Errors
-/// Those of functions that the conditions call.
+/// The errors of functions that the conditions call.
 pub(super) fn nearest(f: &mut Field, q: &mut Vec<f64>, aims: &[f64]) -> Result<(), SystemError> {
     f.aims.copy_from_slice(aims);
     let (mut trial, y) = (q.clone(), f.y.clone());

@@ -144,7 +144,7 @@ fn meet(model: &Model, t: f64, found: &mut One, wanted: &[(Target, f64)], tolera
     let velocities: Vec<usize> = wanted.iter().filter_map(|(x, _)| x.own().map(|own| own.1)).collect();
     let closed = found.q.clone();
     match own {
-        Some(own) => match model.place(t, &found.q, &own) {
+        Some(own) => match model.at_targets(t, &found.q, &own) {
             Some(q) => (found.q, found.explicit) = (q, true),
             None => {
                 let moved = assembly::move_to(model, t, &mut found.q, &own, tolerance)

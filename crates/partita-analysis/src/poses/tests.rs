@@ -29,7 +29,7 @@ fn many_of(m: &Model, q: &[f64], targets: &[Target], values: &[f64]) -> Poses {
     many::<SystemError>(m, 0.0, q, targets, values, &mut || Ok(())).unwrap()
 }
 
-fn open(m: &Model, q: &[f64]) -> f64 {
+fn closure_error(m: &Model, q: &[f64]) -> f64 {
     let (mut phi, mut c, mut a) =
         (vec![0.0; m.size().holonomic], vec![0.0; m.pattern().nnz()], vec![0.0; m.size().rows]);
     m.position(0.0, q, &mut m.scratch(), &mut phi, &mut c, &mut a).unwrap();
@@ -97,7 +97,7 @@ fn poses_are_where_continuation_leads() {
             assert_eq!(poses.outcomes[i], Outcome::Closed, "{name} {value} {:?}", poses.reasons);
             let found = &poses.q[i * q.len()..][..q.len()];
             assert_eq!(found[at], value);
-            assert!(open(&m, found) < 1e-11, "{name} {}", open(&m, found));
+            assert!(closure_error(&m, found) < 1e-11, "{name} {}", closure_error(&m, found));
             let mut walked = q.clone();
             for part in 1..=20 {
                 let next = value * f64::from(part) / 20.0;

@@ -14,18 +14,9 @@ use partita_system::{ConstrainedSystem, SystemError};
 /// The Newton-Euler residual that invalidates a run. Scale: fraction of the largest force. Reason: no digit is safe
 /// there.
 const NO_BALANCE: f64 = 1e-3;
-/// Error of the energy besides one tolerance for each step. Scale: multiples of the tolerance. Reason: errors grow with
-/// the motion.
-const ENERGY_MARGIN: f64 = 100.0;
 /// Energy errors that rounding explains. Scale: fraction of the energy exchanged. Reason: the steps of a run, also past
 /// singular positions.
 const ENERGY_FLOOR: f64 = 1e-8;
-/// Energy errors that no tolerance, however loose, and no fixed step excuses. Scale: fraction of the energy exchanged.
-/// Reason: a twentieth is visible in every figure.
-const ENERGY_TAKEN: f64 = 5e-2;
-/// Energy errors that invalidate a run; with loose tolerances, ten times what these explain. Scale: fraction of the
-/// energy exchanged. Reason: a hundredth is no longer an error of rounding or of steps.
-const ENERGY_INVALID: f64 = 1e-2;
 /// Number of outputs at which the end of a run evaluates energies: enough to show the energy exchanged and its error,
 /// and few enough to cost little.
 const LOOKS: usize = 16;
@@ -153,10 +144,10 @@ pub fn of_reactions(residuals: impl Iterator<Item = (f64, f64)>, asked: Asked) -
     if asked.drifts {
         let (times, least, most) = (tolerance::DRIFT, tolerance::OPEN, tolerance::OPEN_RATE);
         suspect = (times * asked.tolerance).clamp(least, most);
-        invalid = invalid.max(10.0 * suspect);
+        invalid = invalid.max(tolerance::CLEARLY * suspect);
     }
     (worst > suspect).then(|| Finding {
-        invalid: worst > invalid.max(10.0 * suspect),
+        invalid: worst > invalid.max(tolerance::CLEARLY * suspect),
         t,
         sentence: format!(
             "the Newton-Euler residual of the returned reactions is {worst:.1e} of the largest force at t = {} s; \
@@ -200,9 +191,10 @@ pub fn of_energy(at: &[Energy], asked: Asked, steps: u64, least: f64) -> Option<
     };
     let (t, worst) = at.iter().map(|x| (x.t, off(x))).fold((first.t, 0.0), |m, x| if x.1 > m.1 { x } else { m });
     let tolerance = asked.tolerance;
-    let explained = ((ENERGY_MARGIN + steps as f64) * tolerance).clamp(ENERGY_FLOOR, ENERGY_TAKEN);
+    let explained =
+        ((tolerance::ERROR_GROWTH + steps as f64) * tolerance).clamp(ENERGY_FLOOR, tolerance::VISIBLE_ERROR);
     (worst > explained).then(|| Finding {
-        invalid: worst > ENERGY_INVALID.max(10.0 * explained),
+        invalid: worst > tolerance::VISIBLE_ERROR.max(tolerance::CLEARLY * explained),
         t,
         sentence: format!(
             "the energy balance is off by {worst:.1e} of the energy exchanged at t = {} s; the tolerances explain \

@@ -11,18 +11,16 @@ use partita_system::record::{History, Output, PartitionEvent, Sample};
 use partita_system::SystemError;
 use std::ops::ControlFlow;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Steps taken before the one whose stages are measured, for formulations that extrapolate from earlier steps.
 const BEFORE: u64 = 2;
 /// Time of a batch of evaluations. Unit: s. Reason: a thousand readings of the clock.
 const BATCH: f64 = 4e-5;
+/// Longest time of a contender at one state, apart from its first two batches: a comparison answers while one waits.
+const LONGEST_TIMING: Duration = Duration::from_millis(150);
 /// Batches of each contender at each state; the fastest counts, being the least disturbed.
 const ROUNDS: usize = 25;
-/// Longest time of a contender at one state, apart from its first two batches. Scale: s. Reason: a comparison answers
-/// while one waits.
-const LONGEST_TIMING: f64 = 0.15;
-
 /// A formulation with its options, and a usual length of its steps (s).
 pub struct Contender {
     /// Its options.
@@ -198,7 +196,7 @@ pub fn evaluation_costs<S: Balance<Scratch: Send>>(
         for round in 0..ROUNDS {
             for trial in &mut trials {
                 let Some(x) = trial else { continue };
-                if round >= 2 && x.used > LONGEST_TIMING {
+                if round >= 2 && x.used > LONGEST_TIMING.as_secs_f64() {
                     continue;
                 }
                 if !x.batch() {

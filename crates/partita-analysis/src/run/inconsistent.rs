@@ -7,16 +7,12 @@ use partita_system::record::Output;
 use partita_system::reduction::{velocity_residuals, Reduction};
 use partita_system::ConstrainedSystem;
 
-/// Rows with a larger closure error are violated. Scale: multiples of their own round-off. Reason: an assembly leaves a
-/// thousandth of it.
-const OPEN_ROUNDINGS: f64 = 1e4;
-
 /// Constraint violations of an initial state.
 pub struct Seen {
     /// Violated rows of S3 and S4, in words.
     said: Vec<String>,
     /// Is S3 among them?
-    open: bool,
+    violated: bool,
 }
 
 /// Examine an initial state, and refuse one that is not close to one that satisfies the constraints; `r` lends its
@@ -32,8 +28,8 @@ pub(super) fn see<S: ConstrainedSystem>(
     r.weigh_displacements(!system.lacks_mass()); // where all that moves has mass, masses have no say in it
     r.position(t, q)?;
     r.refresh_scales(t, q)?;
-    let (open, row) = r.closure_error();
-    if tolerance::FEW_ROUNDINGS * open >= tolerance::FAR_OPEN {
+    let (closure_error, row) = r.closure_error();
+    if tolerance::FEW_ROUNDINGS * closure_error >= tolerance::FAR_OPEN {
         return Err(AnalysisError::Argument {
             argument: "initial",
             message: format!(
@@ -44,9 +40,9 @@ pub(super) fn see<S: ConstrainedSystem>(
             ),
         });
     }
-    let (open, row) = r.closure_error();
+    let (closure_error, row) = r.closure_error();
     let mut said = Vec::new();
-    if open > OPEN_ROUNDINGS {
+    if closure_error > tolerance::OPEN_ROUNDINGS {
         said.push(format!("{} has a closure error of {}", system.row_name(row), formatted(r.phi[row].abs())));
     }
     let pattern = system.pattern();
@@ -65,13 +61,13 @@ pub(super) fn see<S: ConstrainedSystem>(
     if worst.0 > 0.0 {
         said.push(format!("{} has a rate error of {} per second", system.row_name(worst.1), formatted(worst.2)));
     }
-    Ok(Seen { said, open: open > OPEN_ROUNDINGS })
+    Ok(Seen { said, violated: closure_error > tolerance::OPEN_ROUNDINGS })
 }
 
 /// The report on the start (t, q, v), and by how much `first`, the output there, was moved from it.
 pub(super) fn note<S: ConstrainedSystem>(
     system: &S,
-    Seen { said, open }: &Seen,
+    Seen { said, violated }: &Seen,
     (t, q, v): (f64, &[f64], &[f64]),
     first: Option<&Output>,
 ) -> Option<String> {
@@ -84,7 +80,7 @@ pub(super) fn note<S: ConstrainedSystem>(
             let names = (0..v.len()).map(|i| system.velocity_name(i));
             let by = largest(names.zip(v.iter().zip(&first.v).map(|(x, y)| (y - x).abs())));
             let far = q.iter().zip(&first.q).fold(0.0, |m: f64, (x, y)| m.max((y - x).abs()));
-            let position = if *open { format!("positions by up to {}, ", formatted(far)) } else { String::new() };
+            let position = if *violated { format!("positions by up to {}, ", formatted(far)) } else { String::new() };
             format!("the first output is corrected: {position}velocities by up to {} ({})", formatted(by.1), by.0)
         }
     };

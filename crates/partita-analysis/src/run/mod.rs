@@ -38,8 +38,8 @@ pub struct Run {
     /// Rows kept at the end.
     pub rows: Vec<usize>,
     /// Largest |Φ| and |C v + a| at the ends of the steps taken.
-    pub open: (f64, f64),
-    /// The same relative to sizes, with times and rows.
+    pub closure_error: (f64, f64),
+    /// As `closure_error`, relative to sizes, with times and rows.
     pub gaps: Gaps,
     /// Notes for the user, in sentences.
     pub notes: Vec<String>,
@@ -142,13 +142,13 @@ pub fn run<S: Balance<Scratch: Send>>(
     if !outcome.crossings.is_empty() {
         notes.push(note_of_crossings(&outcome));
     }
-    let (rows, counters, events, open, gaps) =
-        (reported.rows, reported.counters, reported.events, reported.open, reported.gaps);
+    let (rows, counters, events, closure_error, gaps) =
+        (reported.rows, reported.counters, reported.events, reported.closure_error, reported.gaps);
     let log = SolutionLog { recipe, events, outputs, limits };
     let mut findings = Vec::new();
     limits.judge(system, &gaps, "the end of the step", &mut findings);
     limits.judge_checks(system, &reported.checks, &mut findings);
     verdict::conclude(system, &mut f, &log, &mut outcome, &mut findings);
     let exchanged = reported.checks.exchanged();
-    Ok(Run { outcome, log, counters, rows, open, gaps, notes, exchanged, findings })
+    Ok(Run { outcome, log, counters, rows, closure_error, gaps, notes, exchanged, findings })
 }

@@ -112,9 +112,9 @@ impl SolutionLog {
             rows.row(3, i)[0] = sample.closure;
             rows.row(4, i)[0] = sample.velocity_closure;
             let (position, velocity) = (sample.gaps.position, sample.gaps.velocity);
-            let open = [position, velocity].map(|gap| [gap.part, gap.row as f64]).concat();
+            let closure_error = [position, velocity].map(|gap| [gap.part, gap.row as f64]).concat();
             let (last, open_to) = (OPEN - 1, rows.row(5, i));
-            open_to[..last].copy_from_slice(&open);
+            open_to[..last].copy_from_slice(&closure_error);
             open_to[last] = sample.fastest;
         };
         let mut found = self.tables(system, shared, true, &[size.nv, size.rows, k, 1, 1, OPEN], fill, watch)?;
@@ -163,10 +163,10 @@ impl SolutionLog {
     }
 
     /// Largest constraint violations at the outputs.
-    fn worst(&self, open: &[f64]) -> Gaps {
-        let fastest = largest(open.chunks_exact(OPEN).map(|x| x[OPEN - 1]));
+    fn worst(&self, closure_error: &[f64]) -> Gaps {
+        let fastest = largest(closure_error.chunks_exact(OPEN).map(|x| x[OPEN - 1]));
         let mut gaps = Gaps::default();
-        for (x, output) in open.chunks_exact(OPEN).zip(&self.outputs) {
+        for (x, output) in closure_error.chunks_exact(OPEN).zip(&self.outputs) {
             let gap = |i: usize| Gap { part: x[2 * i], t: output.t, row: x[2 * i + 1] as usize };
             let mut here = Gaps { position: gap(0), velocity: gap(1) };
             here.in_parts_of(fastest);

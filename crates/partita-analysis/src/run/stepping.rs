@@ -282,8 +282,9 @@ impl<'s, S: Balance<Scratch: Send>> Stepping<'s, S> {
         if !here {
             verdict::conclude(&*self.system, &mut self.formulation, &log, &mut outcome, &mut findings);
         }
-        let (counters, rows, open, gaps) = (reported.counters, reported.rows, reported.open, self.gaps);
+        let (counters, rows, closure_error, gaps) =
+            (reported.counters, reported.rows, reported.closure_error, self.gaps);
         let exchanged = self.checks.exchanged();
-        Run { outcome, log, counters, rows, open, gaps, notes, exchanged, findings }
+        Run { outcome, log, counters, rows, closure_error, gaps, notes, exchanged, findings }
     }
 }

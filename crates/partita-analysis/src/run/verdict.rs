@@ -14,16 +14,10 @@ use partita_system::{ConstrainedSystem, SystemError};
 /// Steps beyond the tolerance that one singular position explains: a crossing step and those that lead up to it.
 const LENIENT_EACH: u64 = 20;
 
-/// Larger errors of accelerations invalidate a run. Scale: fraction of the strongest acceleration. Reason: ten times
-/// what tables through exact points explain.
-const INVALID_ACCELERATION: f64 = 1e-1;
 /// Velocity jumps that make a run suspect, and invalid. Scale: fraction of the speed. Reason: a violation of (S4)
 /// changes velocities by less than a tolerance, next to a singular position divided by the distance; beyond the second
 /// the motion has changed to another branch or lost a hundredth of its energy.
 const JUMPS: (f64, f64) = (1e-3, 1e-1);
-/// Changes of velocity that tolerances explain, up to the second number. Scale: multiples of the tolerance; fraction of
-/// the speed. Reason: loose tolerances explain larger changes.
-const JUMPS_EXPLAINED: (f64, f64) = (100.0, 2e-2);
 /// Larger errors of positions decide between branches. Scale: squared distance from the singular position. Reason: two
 /// branches x y = 0 with an error e become x y = e, whose arms lead from one to the other at the distance sqrt(2 e).
 const BRANCH_BY_ERROR: f64 = 0.1;
@@ -67,15 +61,14 @@ impl Limits {
             (true, Some(_)) => tolerance::FAR_OPEN, // nobody was asked how exact the steps are
         };
         let (position, velocity) = (tolerance::CLOSED_IN_RUN.max(explained), tolerance::WORST_ROUNDING.max(explained));
-        let tolerance = if request.step.is_some() { 1.0 } else { request.rtol };
-        let (times, most) = JUMPS_EXPLAINED;
+        let rtol = if request.step.is_some() { 1.0 } else { request.rtol };
         Self {
-            position: (position, (10.0 * explained).max(tolerance::OPEN)),
-            velocity: (velocity, (10.0 * explained).max(tolerance::OPEN_RATE)),
+            position: (position, (tolerance::CLEARLY * explained).max(tolerance::OPEN)),
+            velocity: (velocity, (tolerance::CLEARLY * explained).max(tolerance::OPEN_RATE)),
             acceleration: (request.formulation != "baumgarte")
-                .then_some((tolerance::OPEN_ACCELERATION, INVALID_ACCELERATION)),
-            jump: (JUMPS.0.max((times * tolerance).min(most)), JUMPS.1),
-            asked: Asked { tolerance, drifts },
+                .then_some((tolerance::OPEN_ACCELERATION, tolerance::CLEARLY * tolerance::OPEN_ACCELERATION)),
+            jump: (JUMPS.0.max((tolerance::ERROR_GROWTH * rtol).min(tolerance::VISIBLE_ERROR)), JUMPS.1),
+            asked: Asked { tolerance: rtol, drifts },
             atol: request.atol,
         }
     }

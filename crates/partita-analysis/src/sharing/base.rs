@@ -17,7 +17,7 @@ pub struct SelfStresses {
     pub wrenches: Vec<f64>,
     /// Effort of every drive in each (s x drives).
     pub efforts: Vec<f64>,
-    /// How many.
+    /// Number of them.
     pub count: usize,
     /// What moments are divided by to be compared with forces.
     pub length: f64,

@@ -8,7 +8,7 @@ use partita_math::tolerance;
 use partita_model::reaction::Wrench;
 use partita_model::Model;
 
-/// Component i of a compliance as that of a force: a moment acts on an arm of a length.
+/// Component i of a compliance, converted to that of a force: a moment is a force at a lever arm of this length.
 fn as_of_a_force(length: f64, i: usize, c: f64) -> f64 {
     if i < 3 {
         c

@@ -3,10 +3,7 @@
 use super::{ExplicitRungeKutta, Phase};
 use crate::counters::Counters;
 use crate::stepper::{CurrentStep, StepControl, StepPlan};
-
-/// Steps are not shortened below this. Scale: fraction of the time (of the run, near t = 0). Reason: some hundred times
-/// the round-off of t.
-const SHORTEST_IN_TIME: f64 = 1e-13;
+use partita_math::tolerance;
 
 impl StepControl for ExplicitRungeKutta {
     fn current(&self) -> CurrentStep<'_> {
@@ -19,7 +16,7 @@ impl StepControl for ExplicitRungeKutta {
             y_new: &self.y_new[..self.dim],
             dy_new: self.slot(self.tableau.end_slot()),
             next: self.step,
-            may_shrink: self.step > SHORTEST_IN_TIME * self.t_new.abs().max(self.span),
+            may_shrink: self.step > tolerance::SOLUTION_ROUNDING * self.t_new.abs().max(self.span),
         }
     }
 

@@ -2,10 +2,6 @@
 
 use partita_math::tolerance;
 
-/// A shorter last step is round-off and is merged into the previous one. Scale: fraction of the other steps. Reason:
-/// the sum of a million steps.
-const SLIVER: f64 = 1e-8;
-
 /// The grid `origin + i h` up to `end`, which is met exactly.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct FixedGrid {
@@ -21,7 +17,7 @@ impl FixedGrid {
     pub(super) fn new(h: f64, origin: f64, end: f64) -> Self {
         let span = end - origin;
         let steps = span.abs() / h;
-        let total = (steps - SLIVER.max(tolerance::FEW_ROUNDINGS * steps)).ceil().max(1.0);
+        let total = (steps - tolerance::EQUAL.max(tolerance::FEW_ROUNDINGS * steps)).ceil().max(1.0);
         Self { h: h.copysign(span), origin, end, next: 1, total: total as u64 }
     }
 

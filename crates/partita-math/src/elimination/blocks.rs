@@ -11,7 +11,7 @@ pub(super) struct Blocks {
     pub of_step: Vec<usize>,
     /// Whether the order of its steps is an odd permutation of rows against columns.
     pub odd: Vec<bool>,
-    /// The same of all steps.
+    /// As `odd`, of all steps.
     pub all_odd: bool,
     /// Rows and columns of all blocks, as one number.
     pub signature: u64,

@@ -18,7 +18,7 @@ pub struct PlanOptions {
     pub guard: f64,
 }
 
-/// Entries above this may be pivots. Scale: fraction of the largest entry of their row. Reason: the threshold of sparse
+/// Least pivot relative to the largest entry of its row. Unit: ratio. Reason: the threshold of sparse
 /// elimination, which bounds the growth by ten in a step.
 const PIVOT_THRESHOLD: f64 = 0.1;
 /// A pivot that shrinks below this asks for a new plan. Scale: the pivot when the plan was made. Reason: two digits are
@@ -185,7 +185,7 @@ impl Plan {
         self.layout.program.factor(values, work, guarded).map_err(|(step, pivot)| self.shrunk(step, pivot))
     }
 
-    /// The same without inspecting the pivots, for scalars that have no value. Where there is a value,
+    /// As `factor`, without inspecting the pivots, for scalars that have no value. Where there is a value,
     /// [`check`](Self::check) determines afterwards whether the plan still applies.
     #[inline]
     pub fn eliminate<T: Scalar>(&self, values: &[T], work: &mut [T]) {

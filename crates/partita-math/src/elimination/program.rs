@@ -100,7 +100,7 @@ impl Program {
     }
 
     /// Place of the entry in row `i` and the column of step `j`; it must be stored.
-    fn place(&self, i: usize, j: u32) -> usize {
+    fn slot(&self, i: usize, j: u32) -> usize {
         let line = self.lines[i];
         let row = &self.columns[line.start as usize..line.end as usize];
         let offset = row.binary_search(&j).expect("the elimination stores every entry it meets");
@@ -112,7 +112,7 @@ impl Program {
         for (k, step) in steps.iter().enumerate() {
             for source in pattern.row(step.row) {
                 if let Some(j) = col_step[pattern.col_idx[source]] {
-                    let target = self.place(k, short(j));
+                    let target = self.slot(k, short(j));
                     original[target] = true;
                     self.scatter.push([short(target), short(source)]);
                 }
@@ -142,7 +142,7 @@ impl Program {
     fn record_row_update(&mut self, k: usize, i: usize, l: u32) {
         let (mut u, end) = (self.lines[k].diagonal + 1, self.lines[k].end);
         while u < end {
-            let target = short(self.place(i, self.columns[u as usize]));
+            let target = short(self.slot(i, self.columns[u as usize]));
             let same =
                 |offset: u32| self.columns.get((target + offset) as usize) == self.columns.get((u + offset) as usize);
             let mut length = 1;

@@ -11,7 +11,7 @@ use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 pub struct Lanes(pub [f64; Lanes::COUNT]);
 
 impl Lanes {
-    /// How many numbers there are.
+    /// Number of lanes.
     pub const COUNT: usize = 8;
 
     /// Lane i from `f(i)`.

@@ -73,7 +73,7 @@ impl Default for Recorder {
 
 impl Tape {
     /// Index of an operand, if it belongs to the recording that is running.
-    fn place(&mut self, x: Recorder) -> Option<u32> {
+    fn slot(&mut self, x: Recorder) -> Option<u32> {
         match x.0 {
             Kind::Constant(c) => self.push(Operation::Constant(c)),
             Kind::Entry(number, place) => (number == self.number).then_some(place),
@@ -93,7 +93,7 @@ fn append<const N: usize>(operands: [Recorder; N], make: impl Fn([u32; N]) -> Op
     TAPE.with_borrow_mut(|tape| {
         let mut places = [0; N];
         for (place, x) in places.iter_mut().zip(operands) {
-            match tape.place(x) {
+            match tape.slot(x) {
                 Some(found) => *place = found,
                 None => return Recorder::from_f64(f64::NAN),
             }
@@ -284,8 +284,8 @@ impl Recording {
         let found = f(&given);
         TAPE.with_borrow_mut(|tape| {
             let outputs = found.map(|found| {
-                let place = |tape: &mut Tape, x| tape.place(x).or_else(|| tape.push(Operation::Constant(f64::NAN)));
-                found.into_iter().map(|x| place(tape, x).unwrap_or(0)).collect()
+                let slot = |tape: &mut Tape, x| tape.slot(x).or_else(|| tape.push(Operation::Constant(f64::NAN)));
+                found.into_iter().map(|x| slot(tape, x).unwrap_or(0)).collect()
             });
             let operations = tape.operations.take().unwrap_or_default();
             outputs.map(|outputs| Self { inputs, operations, outputs })

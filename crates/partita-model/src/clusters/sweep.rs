@@ -22,7 +22,7 @@ pub struct Tangents<'a, S> {
     pub b: &'a [S],
 }
 
-/// The same with the loads on the links.
+/// Tangents together with the loads on the links.
 pub(crate) struct Given<'a, S> {
     pub tangents: Tangents<'a, S>,
     /// Effort along each velocity.

@@ -6,7 +6,7 @@ use crate::joint::{Follows, Own};
 use crate::measurement::{Maker, Measurement, Mover, Quantity};
 use crate::numbers::Numbers;
 use crate::rows::Owner;
-use crate::spec::{Coupling, Drive, Level, Measure, Said, Spec, Turning};
+use crate::spec::{Coupling, Drive, GivenAs, Level, Measure, Spec, Turning};
 use crate::tree::{LinkMotion, Tree};
 use crate::zero_position::Placed;
 use partita_math::scalar::Scalar;
@@ -122,7 +122,7 @@ fn coupling<G: Space>(
                 _ => G::S::from_f64(period),
             });
             let readings = match (said, &terms[..]) {
-                (Some(Said::Length), [Measure::Distance { body1, body2, .. }]) => {
+                (Some(GivenAs::Length), [Measure::Distance { body1, body2, .. }]) => {
                     let nodes = [measurements.node(body1), measurements.node(body2)];
                     vec![measurements.distance(nodes, [given.vector("point1"), given.vector("point2")])]
                 }

@@ -62,7 +62,7 @@ pub(crate) struct Found<'a, S> {
 
 /// F_i: the factors of the law, however many, or those found.
 enum Gradient<'a, S> {
-    Said(&'a [S]),
+    Given(&'a [S]),
     Found([S; MOST]),
 }
 
@@ -71,7 +71,7 @@ impl<S> Found<'_, S> {
     #[inline(always)]
     pub(crate) fn gradient(&self) -> &[S] {
         match &self.gradient {
-            Gradient::Said(factors) => factors,
+            Gradient::Given(factors) => factors,
             Gradient::Found(gradient) => gradient,
         }
     }
@@ -95,7 +95,7 @@ impl<S: Scalar> Law<S> {
         let (value, rate) = match self {
             Self::Linear { factors, offset, period } => {
                 let sum = factors.iter().enumerate().fold(-*offset, |sum, (i, &factor)| sum + factor * read(i));
-                let gradient = Gradient::Said(factors);
+                let gradient = Gradient::Given(factors);
                 return Ok(Found { value: value::up_to(sum, *period), rate: o, gradient });
             }
             Self::Curve { curve, periodic, period } => {

@@ -17,18 +17,15 @@ use crate::tree::{Tree, TreeScratch};
 use crate::value::{self, Instant, Turned};
 use partita_math::scalar::{Cases, Scalar};
 use partita_math::spatial::Space;
+use partita_math::tolerance;
 use partita_system::SystemError;
-
-/// The axis is reversed below this, and any axis leads back. Scale: `1 + tr E = 4 cos²(θ/2)`. Reason: its root, 1e-6,
-/// is far above the rounding of E.
-const OPPOSITE: f64 = 1e-12;
 
 /// One of the three rows.
 #[derive(Clone, Debug)]
 pub struct Orientation<G: Space> {
     /// Axes on A.
     pub on_a: [G::Ang; 3],
-    /// The same on B.
+    /// As `on_a`, on B.
     pub on_b: [G::Ang; 3],
     /// Which component.
     pub component: usize,
@@ -88,10 +85,13 @@ impl<G: Space> Orientation<G> {
         let t: [G::Ang; 3] = std::array::from_fn(|i| sum::<G>([0, 1, 2].map(|m| to.rotation[m][i]), &a));
         let e = |i: usize, j: usize| G::dot_ang(t[i], b[j]);
         let spread = G::S::one() + e(0, 0) + e(1, 1) + e(2, 2);
-        let past = spread - G::S::from_f64(OPPOSITE);
+        let past = spread - G::S::from_f64(tolerance::EQUAL_IN_SIX_DIGITS.powi(2));
         let rho: [G::S; 3] = std::array::from_fn(|k| {
             let (i, j) = ((k + 1) % 3, (k + 2) % 3);
-            past.where_positive((e(j, i) - e(i, j)).over_or_zero(spread), G::S::from_f64(1.0 / OPPOSITE.sqrt()))
+            past.where_positive(
+                (e(j, i) - e(i, j)).over_or_zero(spread),
+                G::S::from_f64(1.0 / tolerance::EQUAL_IN_SIX_DIGITS),
+            )
         });
         let k = self.component;
         let (u, turned) = (self.unit_vector(), cross(self.unit_vector(), rho));
@@ -101,7 +101,7 @@ impl<G: Space> Orientation<G> {
 
     fn unit(&self, moment: G::Ang, tree: &Tree<G>, s: &TreeScratch<G>) -> Unit<G> {
         let point = [s.links[self.links[1]].centre, s.links[self.links[0]].centre];
-        Unit { moment, force: G::Vec::default(), point, place: tree.place(self.links[1], s) }
+        Unit { moment, force: G::Vec::default(), point, place: tree.reference_point(self.links[1], s) }
     }
 
     /// Φ, a and the unit moment at the last poses.                                         (S3, S4)

@@ -17,7 +17,7 @@ pub struct Bushing<G: Space> {
     pub turns: bool,
     /// Origins of the frames.
     pub ends: [Spot<G>; 2],
-    /// Their axes, link axes.
+    /// Axes of the two frames, link axes.
     pub frames: [Mat3<G::S>; 2],
     /// Stiffness.
     pub stiffness: [[G::S; 6]; 6],

@@ -36,7 +36,7 @@ impl<G: Space> PointForce<G> {
         let force = G::vec_in(if self.turns { G::rot_to(&state.rot).apply(x) } else { x });
         let arm = at.arm(&self.on);
         let (potential, power) = if self.is_conservative() {
-            (-G::dot(force, at.tree.place(link, at.s) + arm), G::S::zero())
+            (-G::dot(force, at.tree.reference_point(link, at.s) + arm), G::S::zero())
         } else {
             (G::S::zero(), G::dot(force, at.velocity(link, arm)))
         };

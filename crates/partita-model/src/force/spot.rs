@@ -17,7 +17,7 @@ impl<G: Space> At<'_, G> {
     /// Position of a spot, mechanism axes.
     #[inline(always)]
     pub(super) fn spot(&self, p: &Spot<G>) -> Vec3<G::S> {
-        G::vec_to(self.tree.place(p.attachment.link, self.s) + self.arm(&p.attachment)) + p.out
+        G::vec_to(self.tree.reference_point(p.attachment.link, self.s) + self.arm(&p.attachment)) + p.out
     }
 
     /// Orientation of a link as a matrix.
@@ -29,7 +29,7 @@ impl<G: Space> At<'_, G> {
     /// From a link's reference point to a point of space.
     #[inline(always)]
     fn arm_to(&self, link: usize, x: Vec3<G::S>) -> G::Vec {
-        G::vec_in(x) - self.tree.place(link, self.s)
+        G::vec_in(x) - self.tree.reference_point(link, self.s)
     }
 
     /// Velocity of a link's material at a point of space.

@@ -16,7 +16,7 @@ use partita_math::spatial::{Space, Vec3};
 pub struct Tyre<G: Space> {
     /// Centre of the wheel.
     pub centre: Spot<G>,
-    /// Its axis, link axes.
+    /// Axis of the wheel, link axes.
     pub axis: Vec3<G::S>,
     /// Its free radius.
     pub radius: G::S,

@@ -18,7 +18,7 @@ impl<G: Space> Weightless<G> {
     pub(crate) fn wrench(&self, at: &At<G>) -> Effect<G> {
         let arm = at.arm(&self.on);
         let force = -G::scale(at.tree.gravity, self.mass);
-        let potential = -G::dot(force, at.tree.place(self.on.link, at.s) + arm);
+        let potential = -G::dot(force, at.tree.reference_point(self.on.link, at.s) + arm);
         let push = AppliedWrench { node: self.on.node, link: self.on.link, arm, moment: G::Ang::default(), force };
         Effect { application: ForceApplication::On(push), potential, power: G::S::zero() }
     }

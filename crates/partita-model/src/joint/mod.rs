@@ -87,7 +87,7 @@ pub struct Follows {
 }
 
 impl Own {
-    /// How many conditions.
+    /// Number of conditions.
     pub fn count(&self) -> usize {
         match self {
             Self::Advance(_) | Self::Twist => 1,

@@ -26,7 +26,7 @@ pub struct Assembled {
 /// All assemblies of the mechanism for given inputs.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Assemblies {
-    /// Those that close.
+    /// The assemblies that close.
     pub found: Vec<Assembled>,
     /// Names of the blocks, in the order of the branches.
     pub blocks: Vec<String>,
@@ -72,7 +72,7 @@ impl<'m> LoopClosing<'m> {
     }
 
     /// Largest |Φ| in characteristic displacements at the last [`residual`](Self::residual).
-    fn open(&self) -> f64 {
+    fn closure_error(&self) -> f64 {
         self.phi
             .iter()
             .enumerate()
@@ -165,7 +165,7 @@ impl Model {
                 Err(e) => return Err(e),
             }
             let residual = closing.residual(t, &there)?;
-            if closing.open() > tolerance::CLOSED_FORM {
+            if closing.closure_error() > tolerance::CLOSED_FORM {
                 skipped += 1;
                 continue;
             }
@@ -183,7 +183,7 @@ impl Model {
     /// `None` where that does not apply: the targets are not a set of inputs, a loop is not explicit, or a limit or a
     /// change point (where branches meet) may be in between. The inputs vary linearly and in steps, so that none is
     /// skipped and whole turns are counted. The result is verified to close.
-    pub fn place(&self, t: f64, q: &[f64], targets: &[(usize, f64)]) -> Option<Vec<f64>> {
+    pub fn at_targets(&self, t: f64, q: &[f64], targets: &[(usize, f64)]) -> Option<Vec<f64>> {
         let mut inputs = Vec::with_capacity(targets.len());
         for &(i, value) in targets {
             if i >= self.size().nq || !value.is_finite() {
@@ -213,13 +213,13 @@ impl Model {
             closing.close(t, &mut there).ok()?;
             for (before, now) in pivots.iter_mut().zip(closing.state()) {
                 // a pivot that halves within a step may have passed zero, or may reach it next
-                if now.branch != 0 && now.pivot < 2.0 * (now.pivot - *before).abs() {
+                if now.branch != 0 && tolerance::HALF_LOST * now.pivot < (now.pivot - *before).abs() {
                     return None;
                 }
                 *before = now.pivot;
             }
         }
         closing.residual(t, &there).ok()?;
-        (closing.open() <= tolerance::CLOSED_FORM).then_some(there)
+        (closing.closure_error() <= tolerance::CLOSED_FORM).then_some(there)
     }
 }

@@ -10,15 +10,17 @@ use crate::model::{Model, ModelScratch};
 use partita_math::dense::{lu, lu_in_order, lu_pivot_ratio, lu_solve};
 use partita_math::scalar::Scalar;
 use partita_math::tolerance;
-use partita_system::manifold::{self, close, Ending, Linearization, Open, Part, Residuals, Rule};
+use partita_system::manifold::follow::LONGEST_PREDICTION;
+use partita_system::manifold::{self, close, ClosureError, Ending, Linearization, Part, Residuals, Rule};
 use partita_system::prelude::*;
 use partita_system::SystemError;
 
 /// To the round-off of the closure error of a large displacement, or until displacements vanish, by steps of 0.3
 /// characteristic displacements (radians for rotations); more iterations than any start within a turn needs. Dependent
 /// rows close slowly next to a singular position: a slow decrease does not mean that they are closed.
-const RULE: Rule =
-    Rule::new(60, tolerance::FEW_ROUNDINGS, tolerance::FEW_ROUNDINGS).cut(0.3).to_rest(tolerance::LAST_MOVE);
+const RULE: Rule = Rule::new(60, tolerance::FEW_ROUNDINGS, tolerance::FEW_ROUNDINGS)
+    .cut(LONGEST_PREDICTION)
+    .to_rest(tolerance::LAST_MOVE);
 
 /// Iterations without a check of the steps: from a tenth of a characteristic displacement each squares the remaining
 /// error, and the derivative follows one iteration later.
@@ -140,8 +142,8 @@ impl Implicit {
         }
     }
 
-    /// The same without checks, over any scalar: a fixed number of iterations with the exchanges of the plan, from near
-    /// by. How far the last step was from converging.
+    /// Solve without checks, over any scalar, by a fixed number of iterations with the exchanges of the plan, from near
+    /// by; returns how far the last step was from converging.
     pub fn solve_straight<S: Scalar>(
         &self,
         (model, e): (&Model, &Evaluator<S>),
@@ -165,8 +167,8 @@ impl Implicit {
             e.step(q, &room.dv);
             e.normalise(q);
         }
-        let open = room.phi.iter().fold(S::zero(), |m, x| m.max(x.abs()));
-        Ok(Fit { excess: largest - S::from_f64(tolerance::LAST_MOVE), shortfall: open })
+        let closure_error = room.phi.iter().fold(S::zero(), |m, x| m.max(x.abs()));
+        Ok(Fit { excess: largest - S::from_f64(tolerance::LAST_MOVE), shortfall: closure_error })
     }
 
     /// Closes the rows by moving the unknowns of q; returns the ratio of the pivots.
@@ -174,8 +176,12 @@ impl Implicit {
         let n = self.rows.len();
         f.model.normalise(q);
         let mut room = std::mem::take(&mut f.room.closing);
-        let done =
-            close(&mut Rows { block: self, f, t, words, open: Open::default(), length: 0.0 }, q, &RULE, &mut room);
+        let done = close(
+            &mut Rows { block: self, f, t, words, closure_error: ClosureError::default(), length: 0.0 },
+            q,
+            &RULE,
+            &mut room,
+        );
         f.room.closing = room;
         let done = done?;
         *f.iterations += done.iterations as u64;
@@ -196,7 +202,7 @@ struct Rows<'x, 'f> {
     f: &'x mut Field<'f>,
     t: f64,
     words: &'x str,
-    open: Open,
+    closure_error: ClosureError,
     length: f64,
 }
 
@@ -205,14 +211,14 @@ impl Residuals for Rows<'_, '_> {
         let f = &mut *self.f;
         f.model.position(self.t, q, f.scratch, f.phi, f.c, f.a)?;
         let size = |row: usize| f.model.row_displacement(row).unwrap_or(1.0);
-        self.open = Open::of(self.block.closed.iter().map(|&r| f.phi[r] / size(r)));
-        match self.open.worst.is_finite() {
+        self.closure_error = ClosureError::of(self.block.closed.iter().map(|&r| f.phi[r] / size(r)));
+        match self.closure_error.worst.is_finite() {
             true => Ok(()),
             false => Err(SystemError::NotFinite { what: self.words.into(), t: self.t }),
         }
     }
-    fn open(&self, _part: usize) -> Open {
-        self.open
+    fn closure_error(&self, _part: usize) -> ClosureError {
+        self.closure_error
     }
 }
 

@@ -36,11 +36,11 @@ impl<'m> Instant<'m> {
         let mut c = vec![0.0; model.pattern().nnz()];
         model.position(t, q, &mut model.scratch(), &mut phi, &mut c, &mut a)?;
         for (i, x) in phi.iter().enumerate() {
-            let open = x.abs() / model.row_displacement(i).unwrap_or(1.0);
-            if !open.is_finite() {
+            let closure_error = x.abs() / model.row_displacement(i).unwrap_or(1.0);
+            if !closure_error.is_finite() {
                 return Err(SystemError::NotFinite { what: model.row_description(i), t });
             }
-            if open > tolerance::OPEN {
+            if closure_error > tolerance::OPEN {
                 let message = format!(
                     "{} has a closure error of {}: explicit closing starts from a closed position; assemble first",
                     model.row_description(i),
@@ -77,7 +77,7 @@ impl<'m> Instant<'m> {
         rows
     }
 
-    /// Those of `others` that are combinations of `rows`, up to round-off.
+    /// The rows of `others` that are combinations of `rows`, up to round-off.
     pub fn that_follow_exactly(&self, rows: &[usize], others: impl Iterator<Item = usize>) -> Vec<usize> {
         let n = self.model.size().nv;
         let natural = |r: usize| {

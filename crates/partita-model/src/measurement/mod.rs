@@ -63,7 +63,7 @@ pub enum Quantity<G: Space> {
     Twist {
         /// Axes x and y on A.
         on_a: [G::Ang; 2],
-        /// The same on B.
+        /// As `on_a`, on B.
         on_b: [G::Ang; 2],
     },
     /// `u · w`, u on A and w on B.
@@ -213,7 +213,7 @@ impl<G: Space> Measurement<G> {
         };
         let turn = |moment: G::Ang| {
             let point = [s.links[self.links[1]].centre, s.links[self.links[0]].centre];
-            Unit { moment, force: G::Vec::default(), point, place: tree.place(self.links[1], s) }
+            Unit { moment, force: G::Vec::default(), point, place: tree.reference_point(self.links[1], s) }
         };
         match &self.quantity {
             Quantity::Coordinate { .. } | Quantity::Velocity(_) => None,

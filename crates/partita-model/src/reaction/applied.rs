@@ -61,7 +61,7 @@ impl<S: Scalar> Evaluator<S> {
     }
 
     fn put_wrench(&self, s: &Scratch<S>, on: &mut [Wrench<S>], p: &AppliedWrench<Spatial<S>>) {
-        let point = self.full.place(p.link, &s.full) + p.arm;
+        let point = self.full.reference_point(p.link, &s.full) + p.arm;
         self.put(s, on, p.node, &Wrench { moment: p.moment, force: p.force }, point);
     }
 }

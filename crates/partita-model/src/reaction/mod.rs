@@ -75,7 +75,7 @@ pub struct Reactions<S = f64> {
     /// Largest Newton-Euler residual over the bodies over the largest force (moments over the mechanism's size),
     /// inertia terms included: a freely moving body has no other.
     pub residual: S,
-    /// The same of each body.
+    /// As `residual`, of each body.
     pub residuals: Vec<S>,
     /// Residual on each body, about its centre of mass, mechanism axes.
     left: Vec<Wrench<S>>,
@@ -211,13 +211,13 @@ impl<S: Scalar> Evaluator<S> {
 
     fn com_now(&self, s: &Scratch<S>, body: usize) -> Vec3<S> {
         let link = self.placed.bodies[body].link;
-        self.full.place(link, &s.full) + self.arm_now(s, link, self.numbers.bodies[body].com)
+        self.full.reference_point(link, &s.full) + self.arm_now(s, link, self.numbers.bodies[body].com)
     }
 
     fn joint_point_now(&self, s: &Scratch<S>, j: usize) -> Vec3<S> {
         let p = &self.placed.joints[j];
         let link = self.placed.link_of(p.child);
-        self.full.place(link, &s.full) + self.arm_now(s, link, self.numbers.joints[j].1)
+        self.full.reference_point(link, &s.full) + self.arm_now(s, link, self.numbers.joints[j].1)
     }
 
     /// Wrench through every tree joint of `part` on its outer body, about that body's centre of mass, given what each
@@ -441,7 +441,7 @@ impl<S: Scalar> Evaluator<S> {
         self.reactions_of(&self.whole(), t, q, v, vdot, lambda, s)
     }
 
-    /// The same with a given [`whole`](Self::whole).
+    /// As `reactions`, with a given [`whole`](Self::whole).
     pub fn reactions_of(
         &self,
         whole: &Part,

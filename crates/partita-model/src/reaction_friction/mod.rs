@@ -62,7 +62,7 @@ pub(crate) struct Following {
 }
 
 impl Following {
-    /// Those of a mechanism, if there are any.
+    /// Reaction-dependent frictions of a mechanism, if there are any.
     pub(crate) fn new(own: &Evaluator<f64>, spec: &Spec, pattern: &Pattern) -> Result<Option<Self>, DescriptionError> {
         let placed = &own.placed;
         let mut frictions = Vec::new();
@@ -110,7 +110,7 @@ impl Following {
                  mechanism with them";
             return Err(DescriptionError::new("mechanism", &spec.name, message));
         }
-        let dependent = tolerance::DEPENDENT.max(10.0 * spec.drawing_tolerance).powi(2);
+        let dependent = tolerance::DEPENDENT.max(tolerance::CLEARLY * spec.drawing_tolerance).powi(2);
         let short_of_mass = !placed.massless.is_empty();
         let pattern = pattern.clone();
         Ok((!frictions.is_empty()).then_some(Self { frictions, pattern, dependent, short_of_mass }))

@@ -262,8 +262,9 @@ impl Following {
                 Read::Tree { outer, moved } => {
                     let (moment, force) = s.partial[links + outer];
                     let zero = model.numbers.joints[entry.number].1 - model.numbers.reference[entry.child];
-                    let point = tree.place(entry.child, s) + G::rotate(&s.links[entry.child].rot, G::vec_in(zero));
-                    let about = moment + G::moment(tree.place(outer, s) - point, force);
+                    let point =
+                        tree.reference_point(entry.child, s) + G::rotate(&s.links[entry.child].rot, G::vec_in(zero));
+                    let about = moment + G::moment(tree.reference_point(outer, s) - point, force);
                     let x = &s.links[moved];
                     (if entry.turn { G::ang_to(x.axis) } else { G::vec_to(x.direction) }, about, force)
                 }
@@ -409,7 +410,7 @@ fn transmit<G: Space<S = f64>>(
             largest = largest.max(size(moment, force));
             for (node, sign) in [(pushed.nodes[1], -1.0), (pushed.nodes[0], 1.0)] {
                 let link = model.placed.link_of(node);
-                let arm = pushed.unit.place - tree.place(link, s);
+                let arm = pushed.unit.place - tree.reference_point(link, s);
                 wrench[link].0 += G::scale_ang(moment + G::moment(arm, force), sign);
                 wrench[link].1 += G::scale(force, sign);
             }

@@ -23,7 +23,7 @@ pub enum Coupling {
         offset: f64,
         /// The numbers from which factors and sum were computed, if others were given.
         #[serde(default, skip_serializing_if = "Option::is_none")]
-        said: Option<Said>,
+        said: Option<GivenAs>,
     },
     /// `first reading = f(second reading)`, piecewise cubic.
     Curve {
@@ -109,12 +109,12 @@ impl Coupling {
     /// Its parameters: field and numbers, by the names under which they were given.
     pub fn numbers(&mut self) -> Vec<(&'static str, &mut [f64])> {
         match self {
-            Self::Linear { said: Some(Said::Ratio(x)), .. } => vec![("ratio", one(x))],
-            Self::Linear { said: Some(Said::Radius(x)), .. } => vec![("radius", one(x))],
-            Self::Linear { said: Some(Said::Radii { radius1, radius2, .. }), .. } => {
+            Self::Linear { said: Some(GivenAs::Ratio(x)), .. } => vec![("ratio", one(x))],
+            Self::Linear { said: Some(GivenAs::Radius(x)), .. } => vec![("radius", one(x))],
+            Self::Linear { said: Some(GivenAs::Radii { radius1, radius2, .. }), .. } => {
                 vec![("radius1", one(radius1)), ("radius2", one(radius2))]
             }
-            Self::Linear { said: Some(Said::Length), terms, offset, .. } => {
+            Self::Linear { said: Some(GivenAs::Length), terms, offset, .. } => {
                 let mut all = vec![("length", one(offset))];
                 if let [Measure::Distance { point1, point2, .. }] = terms.as_mut_slice() {
                     all.extend([("point1", &mut point1[..]), ("point2", &mut point2[..])]);
@@ -146,7 +146,7 @@ impl Coupling {
 /// The numbers that define a sum instead of its factors: `first reading + factor · second reading = offset`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum Said {
+pub enum GivenAs {
     /// A gear: the ratio of the first rate to the second.
     Ratio(f64),
     /// A rack: the displacement of the first (m) per radian of the second.
@@ -164,7 +164,7 @@ pub enum Said {
     Length,
 }
 
-impl Said {
+impl GivenAs {
     /// The second factor (the first is 1) computed from its numbers in order, over any scalar; none for a length.
     pub fn factor<S: Scalar>(self, x: &[S]) -> Option<S> {
         match (self, x) {

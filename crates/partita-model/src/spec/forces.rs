@@ -72,7 +72,7 @@ pub enum Force {
         point: [f64; 3],
         /// Components.
         value: VectorValue,
-        /// Their axes.
+        /// Axes of the components.
         #[serde(default)]
         axes: Axes,
     },

@@ -13,7 +13,7 @@
 
 mod messages;
 
-use super::{rank_of, Scaled, LARGEST, SECOND_RATE_ROUNDING};
+use super::{rank_of, Scaled, LARGEST};
 use crate::system::{ConstrainedSystem, SystemError};
 use messages::{REST, TOUCH};
 use partita_math::dense::{self, Matrix};
@@ -190,7 +190,7 @@ pub fn look<'s, S: ConstrainedSystem>(system: &'s S, t: f64, q: &[f64]) -> Resul
     }
     let mut x = Scaled::new(system, t, q, true)?;
     let rows = x.rows.len();
-    if x.open().iter().any(|x| x.abs() > SECOND_RATE_ROUNDING) {
+    if x.violation().iter().any(|x| x.abs() > tolerance::OPEN) {
         return Ok(Found::Nothing);
     }
     let Ok(f) = svd_full(&x.jacobian()) else { return Ok(Found::Nothing) };
@@ -229,7 +229,7 @@ pub fn look<'s, S: ConstrainedSystem>(system: &'s S, t: f64, q: &[f64]) -> Resul
         }
     }
     let Ok(found) = svd(&forms) else { return Ok(Found::Nothing) };
-    match found.s.iter().filter(|s| **s > SECOND_RATE_ROUNDING).count() {
+    match found.s.iter().filter(|s| **s > tolerance::DEPENDENT).count() {
         0 => return Ok(Found::Nothing),
         1 => {}
         lost => return Ok(Found::Several(lost)),
@@ -305,7 +305,8 @@ pub fn look<'s, S: ConstrainedSystem>(system: &'s S, t: f64, q: &[f64]) -> Resul
 fn planes(form: &Matrix) -> Option<[Vec<f64>; 2]> {
     let (values, vectors) = symmetric_eigen(form).ok()?;
     let top = largest(&values);
-    let significant: Vec<usize> = (0..values.len()).filter(|&i| values[i].abs() > SECOND_RATE_ROUNDING * top).collect();
+    let significant: Vec<usize> =
+        (0..values.len()).filter(|&i| values[i].abs() > tolerance::TAKES_PART * top).collect();
     let [one, two] = significant[..] else { return None };
     if values[one] * values[two] > 0.0 {
         return None;
@@ -356,7 +357,8 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
         w.iter().zip(&self.displacement).map(|(w, r)| w * r).collect()
     }
 
-    /// The velocity of least energy beside `near` among base + basis z that meets the rates as well as can be.
+    /// The velocity among base + basis z that meets the rates best and, among those, is nearest to `near` in kinetic
+    /// energy.
     fn fit(&self, base: &[f64], basis: &[Vec<f64>], near: &[f64], asked: &[Asked]) -> Option<Fit> {
         let d = basis.len();
         let miss_of =
@@ -408,7 +410,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
         let k = self.k;
         let slope = &plane[..k];
         let square = dot(slope, slope);
-        if square <= SECOND_RATE_ROUNDING * SECOND_RATE_ROUNDING * self.form.max_abs() {
+        if square <= tolerance::TAKES_PART * tolerance::TAKES_PART * self.form.max_abs() {
             return None;
         }
         let mut u: Vec<f64> = slope.iter().map(|s| -plane[k] / square * s).collect();
@@ -436,7 +438,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
         let (u, miss) = self.rates_of(&w);
         let (bend, slope) = self.bend(&u);
         let steep = dot(&slope, &slope).sqrt();
-        if miss <= SECOND_RATE_ROUNDING * fastest && bend.abs() <= SECOND_RATE_ROUNDING * steep * self.length(&u) {
+        if miss <= tolerance::TAKES_PART * fastest && bend.abs() <= tolerance::TAKES_PART * steep * self.length(&u) {
             return if self.touches(&u) { Err(TOUCH.into()) } else { Ok(()) };
         }
         if self.driven && fastest == 0.0 {
@@ -444,7 +446,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
         }
         // the nearest in all rates
         let asked: Vec<Asked> =
-            (0..v.len()).filter(|&i| w[i].abs() > SECOND_RATE_ROUNDING * fastest).map(|i| self.own(i, v[i])).collect();
+            (0..v.len()).filter(|&i| w[i].abs() > tolerance::TAKES_PART * fastest).map(|i| self.own(i, v[i])).collect();
         Err(self.nearest(&w, &asked))
     }
 
@@ -554,13 +556,14 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
                 let along = self.form.matvec(&d);
                 let (a, b, c) = (dot(&along, &d), 2.0 * dot(&along, &u), self.bend(&u).0);
                 let scale = self.form.max_abs();
-                if a.abs() <= SECOND_RATE_ROUNDING * scale {
-                    if b.abs() <= SECOND_RATE_ROUNDING * scale * self.length(&u) {
+                if a.abs() <= tolerance::TAKES_PART * scale {
+                    if b.abs() <= tolerance::TAKES_PART * scale * self.length(&u) {
                         return Err(self.which(asked));
                     }
                     return Ok(self.velocity_of(&combined(&u, &[d], &[-c / b])));
                 }
-                if b * b - 4.0 * a * c < 0.0 {
+                let discriminant = b * b - 4.0 * a * c;
+                if discriminant < 0.0 {
                     let nearest = combined(&u, &[d], &[-b / (2.0 * a)]);
                     return Err(self.none(asked, &self.projected(&self.velocity_of(&nearest))));
                 }

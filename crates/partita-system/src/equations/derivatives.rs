@@ -165,7 +165,7 @@ fn off(given: f64, found: Best, nothing: f64) -> Option<f64> {
     if found.error.is_infinite() {
         return None;
     }
-    let allowed = OTHER_DERIVATIVE * given.abs().max(found.value.abs()) + 10.0 * found.error + nothing;
+    let allowed = OTHER_DERIVATIVE * given.abs().max(found.value.abs()) + tolerance::CLEARLY * found.error + nothing;
     let miss = (given - found.value).abs();
     (miss > allowed).then(|| miss / allowed.max(f64::MIN_POSITIVE))
 }
@@ -308,8 +308,8 @@ fn admissible(given: &Given, lengths: &[f64], time: f64, tried: usize) -> Vec<f6
     let irregular = |j: usize| (1.3 + 2.7 * j as f64 + 1.9 * tried as f64).sin();
     let mut w: Vec<f64> = (0..n).map(|j| irregular(j) * lengths[j] / time).collect();
     let m = given.a.len();
-    let mut open = vec![0.0; m];
-    given.closure_error_rate(&w, &mut open);
+    let mut violation = vec![0.0; m];
+    given.closure_error_rate(&w, &mut violation);
     let mut c = Matrix::new(m, n);
     for i in 0..m {
         let row = c.row_mut(i);
@@ -317,10 +317,10 @@ fn admissible(given: &Given, lengths: &[f64], time: f64, tried: usize) -> Vec<f6
         let length = dense::dot(row, row).sqrt();
         if length > 0.0 {
             row.iter_mut().for_each(|x| *x /= length);
-            open[i] /= length;
+            violation[i] /= length;
         }
     }
-    if let Ok((z, _)) = factor::least_squares_min_norm(&c, &open, tolerance::DIFFERENCE_ROUNDING) {
+    if let Ok((z, _)) = factor::least_squares_min_norm(&c, &violation, tolerance::DIFFERENCE_ROUNDING) {
         w.iter_mut().zip(&z).zip(lengths).for_each(|((w, z), l)| *w -= z * l);
     }
     w

@@ -17,14 +17,7 @@ pub use continuation::move_to;
 use crate::manifold::Residuals;
 use crate::system::{ConstrainedSystem, SystemError};
 use descent::{to_round_off, Descent, Ending};
-
-/// A drawing closed to this is left unchanged. Scale: fraction of the closing tolerance. Reason: the remainder is its
-/// own round-off.
-const AS_DRAWN: f64 = 1e-3;
-
-/// Closure error of a drawing with twelve digits, which no motion closes. Scale: characteristic displacement. Reason: a
-/// tenth of [`tolerance::CLOSED_IN_RUN`].
-const DRAWN_DIGITS: f64 = 1e-10;
+use partita_math::tolerance;
 
 /// Starts around the drawing that are tried where the drawing itself leads to a local minimum of the closure error:
 /// with a chance of one half each, one in ten million is missed.
@@ -67,14 +60,14 @@ pub fn close<S: ConstrainedSystem>(
     let mut report = Assembly::default();
     let drawn = q.to_vec();
     d.rows.evaluate(q)?;
-    d.leave(tolerance * AS_DRAWN);
+    d.leave(tolerance * tolerance::NEGLIGIBLE_ERROR);
     d.turn_over(q);
     if d.is_closed() {
         report.residual = d.rows.scaled.residual();
         return Ok(report);
     }
     report.iterations += d.descend(q, &to_round_off(tolerance))?;
-    d.accept_last_digits(DRAWN_DIGITS);
+    d.accept_last_digits(tolerance::CLOSED_FORM);
     let mut turned = d.turn_over(q);
     // the best of each part of the mechanism over the starts
     let mut best = q.to_vec();

@@ -7,13 +7,6 @@ use partita_math::factor;
 use partita_math::formatted;
 use partita_math::tolerance;
 
-/// Rates that differ by less are printed with more digits. Scale: fraction of the rate, at least one. Reason: as many
-/// digits as a message usually shows.
-const FIVE_DIGITS: f64 = 1e-5;
-/// Precision of rates next to a singular position. Scale: fraction of the fastest rate, over the square of the
-/// distance. Reason: directions of motion have an error of rounding over the distance, and loops divide by it once
-/// more.
-const RATE_ROUNDING: f64 = 5e-15;
 /// Least precision of rates next to a singular position. Scale: fraction of the fastest rate. Reason: five digits are
 /// the least that counts as met.
 const RATES_MET_AT_WORST: f64 = 1e-5;
@@ -24,15 +17,12 @@ pub fn met<S: ConstrainedSystem>(r: &mut Reduction<S>) -> f64 {
         return tolerance::RATES_MET;
     }
     let (distance, _) = r.distance();
-    (RATE_ROUNDING / (distance * distance)).clamp(tolerance::RATES_MET, RATES_MET_AT_WORST)
+    (tolerance::SUM_ROUNDING / (distance * distance)).clamp(tolerance::RATES_MET, RATES_MET_AT_WORST)
 }
 
 /// A requested rate and the possible one, with as many digits as it takes to distinguish them.
 pub fn possible(want: f64, got: f64) -> String {
-    let digits = match (got - want).abs() < FIVE_DIGITS * want.abs().max(1.0) {
-        true => 12,
-        false => 6,
-    };
+    let digits = if format!("{want:.6}") == format!("{got:.6}") { 12 } else { 6 };
     format!("{want} (possible: {got:.digits$})")
 }
 
@@ -48,7 +38,7 @@ pub fn with_rates<S: ConstrainedSystem>(
     near_with_rates(r, t, q, &vec![0.0; r.size().nv], rates)
 }
 
-/// The same, but otherwise as near to `near` as the constraints allow, in the mass metric: the difference has least
+/// As `with_rates`, but otherwise as near to `near` as the constraints allow, in the mass metric: the difference has least
 /// energy.
 pub fn near_with_rates<S: ConstrainedSystem>(
     r: &mut Reduction<S>,
@@ -61,7 +51,7 @@ pub fn near_with_rates<S: ConstrainedSystem>(
     pushed_with_rates(r, t, q, &momentum, rates)
 }
 
-/// The same for the velocities of this momentum, `M v` with the loops open.
+/// As `near_with_rates`, for the velocities of this momentum, `M v` with the loops open.
 pub fn pushed_with_rates<S: ConstrainedSystem>(
     r: &mut Reduction<S>,
     t: f64,

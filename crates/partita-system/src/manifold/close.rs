@@ -15,12 +15,12 @@ use partita_math::tolerance;
 /// A step with a smaller gain is refused. Scale: fraction of the gain that its linear rows promise. Reason: the usual
 /// bound of sufficient decrease.
 const LEAST_GAIN: f64 = 1e-4;
-/// Steps that gain more than the first part are damped less by the second factor. Scale: fraction of the promised gain;
-/// factor of the damping. Reason: the usual rule of trust regions.
-const GOOD_STEP: (f64, f64) = (0.75, 0.2);
-/// Steps that gain less than the first part are damped more by the second factor. Scale: fraction of the promised gain;
-/// factor of the damping. Reason: the usual rule of trust regions.
-const POOR_STEP: (f64, f64) = (0.25, 3.0);
+/// Steps that gain less or more than this are damped more or less by the factors of [`DAMPING_FACTORS`]. Scale: fraction
+/// of the promised gain. Reason: the usual rule of trust regions.
+const POOR_AND_GOOD: (f64, f64) = (0.25, 0.75);
+/// Factors of the damping after a step with a poor and with a good gain. Unit: factors. Reason: the usual rule of trust
+/// regions.
+const DAMPING_FACTORS: (f64, f64) = (3.0, 0.2);
 /// After a refused step the damping grows by the first factor, or the length falls by the second. Unit: factors.
 /// Reason: the usual rule of trust regions.
 const REFUSED_STEP: (f64, f64) = (4.0, 0.5);
@@ -44,34 +44,31 @@ const NEARLY_AT_REST: f64 = 1e-3;
 const SLOW_GAIN: f64 = 1e-2;
 /// This many iterations in a row that gain nothing end the loop.
 const PATIENCE: usize = 20;
-/// Rows that decrease by less do not close any further. Scale: ratio in one iteration. Reason: Newton's method at least
-/// halves the error, also next to a singular position, where it falls to a quarter.
-const STALLED: f64 = 0.5;
 /// Steps at a minimum with open rows are converging when they shorten by this factor. Scale: ratio of successive steps.
 /// Reason: only linear convergence is possible there.
 const SHORTER: f64 = 0.7;
 
 /// Residuals of rows, in the scale of their linearization.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Open {
+pub struct ClosureError {
     /// Σ Φ_i².
     pub square: f64,
     /// Largest |Φ_i|.
     pub worst: f64,
 }
 
-impl Open {
+impl ClosureError {
     /// Of these residuals; NaN counts as infinite.
     #[inline]
     pub fn of(phi: impl Iterator<Item = f64>) -> Self {
-        let mut open = Self::default();
+        let mut closure_error = Self::default();
         for x in phi {
-            open.square += x * x;
-            open.worst = open.worst.max(x.abs());
+            closure_error.square += x * x;
+            closure_error.worst = closure_error.worst.max(x.abs());
         }
-        match open.square.is_nan() {
+        match closure_error.square.is_nan() {
             true => Self { square: f64::INFINITY, worst: f64::INFINITY },
-            false => open,
+            false => closure_error,
         }
     }
 }
@@ -84,7 +81,7 @@ pub trait Residuals {
     /// `NotFinite` where one of them is: a step that leads there is refused. Other errors end the loop.
     fn evaluate(&mut self, q: &[f64]) -> Result<()>;
     /// Residuals of the rows of a part where last evaluated; 0 for parts that are to be left unchanged.
-    fn open(&self, part: usize) -> Open;
+    fn closure_error(&self, part: usize) -> ClosureError;
     /// |Cᵀ Φ|² of a part where last evaluated, if rows that stay open are to be found by it.
     fn slope(&self, _part: usize) -> Option<f64> {
         None
@@ -120,7 +117,7 @@ pub trait Linearization: Residuals {
     fn take(&mut self, _part: usize) {}
     /// Σ Φ² that the linear rows predict after the step of a part, shortened to `fraction`.
     fn left(&self, part: usize, fraction: f64) -> f64 {
-        (1.0 - fraction) * (1.0 - fraction) * self.open(part).square
+        (1.0 - fraction) * (1.0 - fraction) * self.closure_error(part).square
     }
     /// The smallest damping of this part that has an effect, if `solve` damps its steps.
     fn least_damping(&self, _part: usize) -> Option<f64> {
@@ -212,7 +209,7 @@ pub enum Ending {
 #[derive(Clone, Copy, Debug)]
 pub struct Part {
     /// Residual of its rows.
-    pub open: Open,
+    pub closure_error: ClosureError,
     /// Its damping; see [`Linearization::least_damping`].
     pub damping: f64,
     /// How it ended; none while it is in progress.
@@ -240,7 +237,7 @@ impl Part {
 
     /// No step closes it any further.
     fn stall(&mut self, rule: &Rule, otherwise: Ending) {
-        self.ending = Some(if self.open.worst <= rule.accepted { Ending::Closed } else { otherwise });
+        self.ending = Some(if self.closure_error.worst <= rule.accepted { Ending::Closed } else { otherwise });
     }
 }
 
@@ -261,7 +258,7 @@ pub struct Closed {
     /// Number of linear steps.
     pub iterations: usize,
     /// The residual where the loop ended.
-    pub open: Open,
+    pub closure_error: ClosureError,
     /// Sum of the lengths of all steps, of the part that moved most.
     pub moved: f64,
 }
@@ -283,7 +280,7 @@ impl Room {
         self.best.resize(q.len(), 0.0);
         self.parts.clear();
         self.parts.extend((0..l.parts()).map(|i| Part {
-            open: l.open(i),
+            closure_error: l.closure_error(i),
             damping: FIRST_DAMPING,
             ending: None,
             moved: 0.0,
@@ -304,16 +301,16 @@ impl Room {
     /// Parts that are closed, or at a minimum, where last evaluated.
     fn look<L: Linearization + ?Sized>(&mut self, l: &L, rule: &Rule) {
         for (i, p) in self.parts.iter_mut().enumerate().filter(|(_, p)| p.is_active()) {
-            if p.open.worst <= rule.closed {
+            if p.closure_error.worst <= rule.closed {
                 p.ending = Some(Ending::Closed);
                 continue;
             }
-            if !p.open.square.is_finite() {
+            if !p.closure_error.square.is_finite() {
                 p.ending = Some(Ending::Unfinished);
                 continue;
             }
             let idle = p.idle >= PATIENCE;
-            let slope = l.slope(i).map(|slope| (slope / p.open.square).sqrt());
+            let slope = l.slope(i).map(|slope| (slope / p.closure_error.square).sqrt());
             if slope.is_some_and(|x| x <= AT_REST || idle && x <= NEARLY_AT_REST) {
                 p.stall(rule, Ending::AtRest);
             } else if idle || p.damping > LARGEST_DAMPING || p.fraction < SHORTEST_CUT {
@@ -339,7 +336,7 @@ impl Room {
             if fraction < 1.0 {
                 l.scale(i, fraction);
             }
-            p.promised = p.open.square - l.left(i, fraction);
+            p.promised = p.closure_error.square - l.left(i, fraction);
             p.taken = fraction * p.length;
         }
     }
@@ -348,26 +345,28 @@ impl Room {
     fn judge<L: Linearization + ?Sized>(&mut self, l: &mut L, q: &mut [f64], rule: &Rule, finite: bool) -> bool {
         let mut refused = false;
         for (i, p) in self.parts.iter_mut().enumerate().filter(|(_, p)| p.is_active()) {
-            let now = l.open(i);
-            let gain = if finite && now.square.is_finite() { p.open.square - now.square } else { f64::NEG_INFINITY };
-            let stationary = rule.rest > 0.0 && gain.abs() <= tolerance::LONG_ROUNDING * p.open.square;
+            let now = l.closure_error(i);
+            let gain =
+                if finite && now.square.is_finite() { p.closure_error.square - now.square } else { f64::NEG_INFINITY };
+            let stationary = rule.rest > 0.0 && gain.abs() <= tolerance::LONG_ROUNDING * p.closure_error.square;
             let shorter = p.length <= SHORTER * p.before;
             let takes = rule.undamped.is_some() && gain.is_finite();
             if gain > LEAST_GAIN * p.promised && gain > 0.0 || stationary && shorter || takes {
                 l.take(i);
+                let (more, less) = DAMPING_FACTORS;
                 p.damping *= match gain {
                     _ if stationary || takes => 1.0,
-                    x if x > GOOD_STEP.0 * p.promised => GOOD_STEP.1,
-                    x if x < POOR_STEP.0 * p.promised => POOR_STEP.1,
+                    x if x > POOR_AND_GOOD.1 * p.promised => less,
+                    x if x < POOR_AND_GOOD.0 * p.promised => more,
                     _ => 1.0,
                 };
                 // where rows cannot be closed the step length indicates the minimum
-                p.idle = if rule.rest > 0.0 || gain > SLOW_GAIN * p.open.square { 0 } else { p.idle + 1 };
-                let stalls = now.worst > STALLED * p.open.worst && now.worst <= rule.accepted;
-                let rounding = p.length <= rule.rounding && p.length >= STALLED * p.before;
+                p.idle = if rule.rest > 0.0 || gain > SLOW_GAIN * p.closure_error.square { 0 } else { p.idle + 1 };
+                let stalls = now.worst > tolerance::CONVERGES * p.closure_error.worst && now.worst <= rule.accepted;
+                let rounding = p.length <= rule.rounding && p.length >= tolerance::CONVERGES * p.before;
                 let last = (p.length <= rule.rest || rounding) && p.fraction == 1.0;
                 // step lengths under different damping are not comparable
-                (p.open, p.before) = (now, if l.is_settled() { p.length } else { f64::INFINITY });
+                (p.closure_error, p.before) = (now, if l.is_settled() { p.length } else { f64::INFINITY });
                 p.fraction = (p.fraction / REFUSED_STEP.1).min(1.0);
                 p.moved += p.taken;
                 if (stalls || last) && l.is_settled() {
@@ -380,7 +379,7 @@ impl Room {
             p.idle += 1;
             let least = l.least_damping(i);
             if l.is_settled()
-                && (p.open.worst <= rule.accepted || p.length <= rule.rest || stationary && least.is_none())
+                && (p.closure_error.worst <= rule.accepted || p.length <= rule.rest || stationary && least.is_none())
             {
                 p.stall(rule, Ending::AtRest);
                 continue;
@@ -395,11 +394,12 @@ impl Room {
     }
 
     fn report(&self, iterations: usize) -> Closed {
-        let mut closed = Closed { ending: Ending::Closed, iterations, open: Open::default(), moved: 0.0 };
+        let mut closed =
+            Closed { ending: Ending::Closed, iterations, closure_error: ClosureError::default(), moved: 0.0 };
         for p in &self.parts {
             closed.ending = closed.ending.max(p.ending.unwrap_or(Ending::Unfinished));
-            closed.open.square += p.open.square;
-            closed.open.worst = closed.open.worst.max(p.open.worst);
+            closed.closure_error.square += p.closure_error.square;
+            closed.closure_error.worst = closed.closure_error.worst.max(p.closure_error.worst);
             closed.moved = closed.moved.max(p.moved);
         }
         closed
@@ -412,7 +412,7 @@ impl Room {
 /// holds the result of each part.
 ///
 /// # Errors
-/// Those of `l`: where nothing can be evaluated at q itself, and where there is no linear step.
+/// The errors of `l`: where nothing can be evaluated at q itself, and where there is no linear step.
 pub fn close<L: Linearization + ?Sized>(l: &mut L, q: &mut [f64], rule: &Rule, room: &mut Room) -> Result<Closed> {
     l.evaluate(q)?;
     room.begin(l, q, rule);

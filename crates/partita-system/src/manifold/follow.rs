@@ -12,16 +12,11 @@
 use super::close::{Closed, Ending};
 use crate::error::Result;
 use crate::system::SystemError;
+use partita_math::tolerance;
 
 /// Longest step along a curve. Unit: characteristic displacement. Reason: over a third of a radian the deviation from a
 /// straight line is a twentieth.
 pub const LONGEST_PREDICTION: f64 = 0.3;
-/// If the correction removes more of the prediction, the motion does not continue there. Scale: fraction of the
-/// prediction. Reason: a motion that continues keeps most of it.
-pub const THROWN_BACK: f64 = 0.5;
-/// Largest change of the tangent in one step. Scale: fraction of the tangent. Reason: a tangent that doubles indicates
-/// a limit near by.
-const TANGENT_TURNS: f64 = 0.5;
 /// Changes of the tangent below this allow a longer next step. Scale: fraction of the tangent. Reason: a third of the
 /// largest change.
 const EASY_STEP: f64 = 0.15;
@@ -86,7 +81,7 @@ pub enum End {
     /// The correction removes more than half of every step.
     ThrownBack,
     /// Positions further on do not close.
-    Open(Ending),
+    ClosureError(Ending),
     /// The tangent grows or turns without bound: a limit.
     Limit,
     /// The visitor refused every position further on.
@@ -134,14 +129,14 @@ fn step<C: Curve + ?Sized>(
 ) -> Result<std::result::Result<(f64, Visit), End>> {
     curve.predict(q, tangent, ds);
     let closed = match curve.close(q, s + ds) {
-        Err(SystemError::NotFinite { .. }) => return Ok(Err(End::Open(Ending::Unfinished))),
+        Err(SystemError::NotFinite { .. }) => return Ok(Err(End::ClosureError(Ending::Unfinished))),
         other => other?,
     };
     *iterations += closed.iterations;
     if !curve.accepts(&closed) {
-        return Ok(Err(End::Open(closed.ending)));
+        return Ok(Err(End::ClosureError(closed.ending)));
     }
-    if closed.moved > THROWN_BACK * ds * curve.travel(tangent) {
+    if closed.moved > tolerance::HALF_LOST * ds * curve.travel(tangent) {
         return Ok(Err(End::ThrownBack));
     }
     next.copy_from_slice(tangent);
@@ -149,7 +144,7 @@ fn step<C: Curve + ?Sized>(
         return Ok(Err(End::Limit));
     }
     let turned = turned(tangent, next);
-    if turned.is_nan() || turned > TANGENT_TURNS {
+    if turned.is_nan() || turned > tolerance::HALF_LOST {
         return Ok(Err(End::Limit));
     }
     Ok(match visit(curve, At { q, s: s + ds, tangent: next })? {
@@ -162,7 +157,7 @@ fn step<C: Curve + ?Sized>(
 /// q ends at the last accepted position. `direction` is the initial tangent, for curves that continue one.
 ///
 /// # Errors
-/// Those of the curve, and of `visit`.
+/// The errors of the curve, and of `visit`.
 pub fn follow<C: Curve + ?Sized>(
     curve: &mut C,
     q: &mut [f64],
@@ -183,7 +178,7 @@ pub fn follow<C: Curve + ?Sized>(
     let mut part = length;
     while found.steps < pace.steps {
         part = part.min(pace.longest / curve.travel(&tangent).max(f64::MIN_POSITIVE));
-        let last = found.s + part >= length - 0.01 * part;
+        let last = found.s + tolerance::TO_THE_END * part >= length;
         let ds = if last { length - found.s } else { part };
         trial.copy_from_slice(q);
         let taken = step(curve, &mut trial, (&tangent, &mut next), (found.s, ds), &mut found.iterations, visit)?;

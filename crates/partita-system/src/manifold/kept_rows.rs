@@ -1,12 +1,13 @@
 //! The rows that a reduction keeps, closed by its dependent coordinates (34), or by the least displacement in the mass
 //! metric (33).
 
-use super::close::{close, Closed, Linearization, Open, Part, Residuals, Room, Rule};
+use super::close::{close, Closed, ClosureError, Linearization, Part, Residuals, Room, Rule};
 use super::orthogonal::orthogonal_step;
 use crate::error::Result;
 use crate::record::Correction;
 use crate::reduction::Reduction;
 use crate::system::{ConstrainedSystem, SystemError};
+use partita_math::tolerance;
 
 /// A larger residual is not rounding even next to a singular position: the loop is open. Scale: multiples of the
 /// rounding of the row. Reason: two digits are lost where rank is doubtful.
@@ -16,7 +17,7 @@ const UNDECIDED_ROUNDINGS: f64 = 1e2;
 /// digits double late, and next to a singular position, where two solutions meet, each step only halves the distance:
 /// 26 for eight digits. Angles of many turns have a larger round-off: rows that decrease no further are closed at ten
 /// thousand.
-pub const TO_ROUND_OFF: Rule = Rule::new(30, 1.0, 1e4);
+pub const TO_ROUND_OFF: Rule = Rule::new(30, 1.0, tolerance::OPEN_ROUNDINGS);
 
 /// A reduction that closes its rows at a time; at the end the position level is that of the result, the factors those
 /// of the last step.
@@ -27,10 +28,10 @@ pub struct KeptRows<'a, 's, S: ConstrainedSystem> {
     /// The step in the mass metric; none where dependent coordinates move.
     step: Option<Vec<f64>>,
     length: f64,
-    open: Open,
+    closure_error: ClosureError,
     /// Whether the distance from a singular position is needed where the first step is found.
     measures: bool,
-    /// That distance.
+    /// Distance from a singular position, where the first step was found.
     pub first_distance: Option<f64>,
 }
 
@@ -41,7 +42,7 @@ impl<'a, 's, S: ConstrainedSystem> KeptRows<'a, 's, S> {
         let size = r.size();
         let orthogonal = rule == Correction::MassOrthogonal || size.rows != size.holonomic;
         let step = orthogonal.then(Vec::new);
-        Self { r, t, step, length: 0.0, open: Open::default(), measures: false, first_distance: None }
+        Self { r, t, step, length: 0.0, closure_error: ClosureError::default(), measures: false, first_distance: None }
     }
 
     /// Measure the distance from a singular position where the first step is found.
@@ -53,14 +54,14 @@ impl<'a, 's, S: ConstrainedSystem> KeptRows<'a, 's, S> {
 impl<S: ConstrainedSystem> Residuals for KeptRows<'_, '_, S> {
     fn evaluate(&mut self, q: &[f64]) -> Result<()> {
         self.r.position(self.t, q)?;
-        self.open = Open::of(self.r.closure_error_of_rows());
-        match self.open.worst.is_finite() {
+        self.closure_error = ClosureError::of(self.r.closure_error_of_rows());
+        match self.closure_error.worst.is_finite() {
             true => Ok(()),
             false => Err(SystemError::NotFinite { what: "a loop-closure constraint".into(), t: self.t }),
         }
     }
-    fn open(&self, _part: usize) -> Open {
-        self.open
+    fn closure_error(&self, _part: usize) -> ClosureError {
+        self.closure_error
     }
 }
 
@@ -77,7 +78,7 @@ impl<S: ConstrainedSystem> Linearization for KeptRows<'_, '_, S> {
         }
         let step = self.r.dependent_step();
         self.length = step.length;
-        Ok(!(step.is_round_off() && self.open.worst <= UNDECIDED_ROUNDINGS))
+        Ok(!(step.is_round_off() && self.closure_error.worst <= UNDECIDED_ROUNDINGS))
     }
     fn length(&self, _part: usize) -> f64 {
         self.length

@@ -4,7 +4,7 @@
 //! min |C y + Φ|² + Σ μ_i z_i²,   y = Cᵀ z,   y in characteristic displacements
 //! ```
 
-use super::close::{Linearization, Open, Part, Residuals, Rule};
+use super::close::{ClosureError, Linearization, Part, Residuals, Rule};
 use super::scaled::Scaled;
 use crate::error::Result;
 use crate::system::ConstrainedSystem;
@@ -13,7 +13,7 @@ use partita_math::tolerance;
 
 /// Largest displacement in one iteration. Unit: characteristic displacement (radians for rotations). Reason: over half
 /// a radian the linear prediction of a direction errs by an eighth.
-const LARGEST_MOVE: f64 = 0.5;
+pub const LARGEST_MOVE: f64 = 0.5;
 /// Iterations of one descent; half a radian each, so a hundred radians.
 pub const ITERATIONS: usize = 200;
 
@@ -25,15 +25,12 @@ pub const fn from_afar(tolerance: f64) -> Rule {
 /// Largest first correction of a predicted position. Scale: characteristic displacement. Reason: the curvature over the
 /// longest prediction.
 const FIRST_CORRECTION: f64 = 0.05;
-/// Largest ratio of successive corrections. Scale: ratio. Reason: Newton's method in its own neighbourhood has less
-/// than a half.
-const CORRECTIONS_SHRINK: f64 = 0.25;
 /// Corrections of one position; a step that needs more is too long.
 const CORRECTIONS: usize = 8;
 
 /// From a predictor: to `tolerance`, by corrections that lead to the adjacent solution and to no other.
 pub const fn near_by(tolerance: f64) -> Rule {
-    Rule::new(CORRECTIONS, tolerance, tolerance).contracting(FIRST_CORRECTION, CORRECTIONS_SHRINK)
+    Rule::new(CORRECTIONS, tolerance, tolerance).contracting(FIRST_CORRECTION, tolerance::CONVERGES)
 }
 
 /// Rows and velocities that depend on each other.
@@ -44,7 +41,7 @@ pub struct Block {
     pub columns: Vec<usize>,
     /// Whether it is to be left unchanged.
     pub rests: bool,
-    open: Open,
+    closure_error: ClosureError,
     slope: f64,
     length: f64,
 }
@@ -92,7 +89,14 @@ fn blocks<S: ConstrainedSystem>(scaled: &Scaled<S>) -> Vec<Block> {
         if of[at] == usize::MAX {
             of[at] = found.len();
             let (rows, columns) = (Vec::new(), Vec::new());
-            found.push(Block { rows, columns, rests: false, open: Open::default(), slope: 0.0, length: 0.0 });
+            found.push(Block {
+                rows,
+                columns,
+                rests: false,
+                closure_error: ClosureError::default(),
+                slope: 0.0,
+                length: 0.0,
+            });
         }
         found[of[at]].rows.push(i);
     }
@@ -132,13 +136,13 @@ impl<'s, S: ConstrainedSystem> LeastChange<'s, S> {
     }
 
     /// Residual of a part where last evaluated, also if it is left unchanged.
-    pub fn open_of(&self, block: usize) -> Open {
-        self.blocks[block].open
+    pub fn closure_error_of(&self, block: usize) -> ClosureError {
+        self.blocks[block].closure_error
     }
 
     /// Largest |Φ| in natural scales.
     pub fn worst(&self) -> f64 {
-        self.blocks.iter().fold(0.0, |m: f64, b| m.max(b.open.worst))
+        self.blocks.iter().fold(0.0, |m: f64, b| m.max(b.closure_error.worst))
     }
 
     /// The displacement (in characteristic displacements) that moves the targets `ahead` by these steps with the loops
@@ -172,7 +176,7 @@ impl<S: ConstrainedSystem> Residuals for LeastChange<'_, S> {
             }
         }
         for b in &mut self.blocks {
-            b.open = Open::of(b.rows.iter().map(|&i| s.phi[i]));
+            b.closure_error = ClosureError::of(b.rows.iter().map(|&i| s.phi[i]));
             b.slope = b.columns.iter().map(|&v| self.gradient[v].powi(2)).sum();
         }
         Ok(())
@@ -180,12 +184,12 @@ impl<S: ConstrainedSystem> Residuals for LeastChange<'_, S> {
     fn parts(&self) -> usize {
         self.blocks.len()
     }
-    fn open(&self, part: usize) -> Open {
+    fn closure_error(&self, part: usize) -> ClosureError {
         let b = &self.blocks[part];
         if b.rests {
-            Open::default()
+            ClosureError::default()
         } else {
-            b.open
+            b.closure_error
         }
     }
     fn keep(&self, part: usize, from: &[f64], to: &mut [f64]) {
@@ -204,7 +208,7 @@ impl<S: ConstrainedSystem> Linearization for LeastChange<'_, S> {
         self.mu.fill(1.0);
         self.r.fill(0.0);
         for (b, p) in self.blocks.iter().zip(parts).filter(|(_, p)| p.is_active()) {
-            let mu = (p.damping * p.open.worst.min(1.0).powi(2)).max(tolerance::DAMPING);
+            let mu = (p.damping * p.closure_error.worst.min(1.0).powi(2)).max(tolerance::DAMPING);
             for &i in &b.rows {
                 self.mu[i] = mu;
                 self.r[i] = -self.scaled.phi[i];
@@ -231,6 +235,6 @@ impl<S: ConstrainedSystem> Linearization for LeastChange<'_, S> {
         self.blocks[part].rows.iter().map(|&i| (s.phi[i] + s.along(i, &self.y)).powi(2)).sum()
     }
     fn least_damping(&self, part: usize) -> Option<f64> {
-        Some(tolerance::DAMPING / self.blocks[part].open.worst.min(1.0).powi(2))
+        Some(tolerance::DAMPING / self.blocks[part].closure_error.worst.min(1.0).powi(2))
     }
 }

@@ -49,7 +49,7 @@ impl<'s, S: ConstrainedSystem> Scaled<'s, S> {
         Ok(scaled)
     }
 
-    /// The same with 1 for scales that the system does not know.
+    /// As `new`, with 1 for scales that the system does not know.
     pub fn known(system: &'s S, targets: &[usize]) -> Self {
         let (size, all) = (system.size(), system.pattern());
         let entries = all.row_ptr[size.holonomic];

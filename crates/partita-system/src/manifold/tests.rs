@@ -94,7 +94,7 @@ pub(crate) fn four_bar(crank: f64) -> [f64; 3] {
     [crank, coupler, (y - b * coupler.sin()).atan2(x - b * coupler.cos())]
 }
 
-fn open<E: Equations>(system: &UserSystem<E>, q: &[f64]) -> f64 {
+fn closure_error<E: Equations>(system: &UserSystem<E>, q: &[f64]) -> f64 {
     let mut phi = vec![0.0; system.equations.holonomic()];
     system.equations.constraints(0.0, q, &mut phi).unwrap();
     phi.iter().fold(0.0, |m: f64, x| m.max(x.abs()))
@@ -137,7 +137,7 @@ fn every_linear_step_closes_to_rounding_from_near_and_far() {
             for (name, q, done) in every_step(&system, &four_bar(crank), far) {
                 assert!(done.is_closed(), "{name} from {far}: {done:?}");
                 // round-off of six numbers up to 3.2
-                assert!(open(&system, &q) < 4e-15, "{name} from {far}: {:e}", open(&system, &q));
+                assert!(closure_error(&system, &q) < 4e-15, "{name} from {far}: {:e}", closure_error(&system, &q));
             }
         }
     }
@@ -166,17 +166,17 @@ fn the_partition_keeps_independent_coordinates_and_least_changes_are_the_nearest
 /// A linearization that notes what was open at each evaluation.
 struct Noted<L> {
     of: L,
-    open: Vec<f64>,
+    closure_error: Vec<f64>,
 }
 
 impl<L: Linearization> Residuals for Noted<L> {
     fn evaluate(&mut self, q: &[f64]) -> Result<()> {
         self.of.evaluate(q)?;
-        self.open.push(self.of.open(0).worst);
+        self.closure_error.push(self.of.closure_error(0).worst);
         Ok(())
     }
-    fn open(&self, part: usize) -> Open {
-        self.of.open(part)
+    fn closure_error(&self, part: usize) -> ClosureError {
+        self.of.closure_error(part)
     }
 }
 
@@ -202,8 +202,8 @@ impl<L: Linearization> Linearization for Noted<L> {
 }
 
 /// The slope of log(next) over log(one) for what is open, round-off left out.
-fn order(open: &[f64]) -> f64 {
-    let seen: Vec<&[f64]> = open.windows(3).filter(|w| w[0] < 0.1 && w[2] > 1e-13).collect();
+fn order(closure_error: &[f64]) -> f64 {
+    let seen: Vec<&[f64]> = closure_error.windows(3).filter(|w| w[0] < 0.1 && w[2] > 1e-13).collect();
     let w = seen.last().expect("three numbers above round-off");
     (w[2] / w[1]).ln() / (w[1] / w[0]).ln()
 }
@@ -217,17 +217,17 @@ fn convergence_is_of_second_order() {
     let mut room = Room::default();
     let mut r = Reduction::new(&system, 2);
     r.first_partition(0.0, &closed).unwrap();
-    let mut by_partition = Noted { of: KeptRows::new(&mut r, 0.0, Correction::Partition), open: Vec::new() };
+    let mut by_partition = Noted { of: KeptRows::new(&mut r, 0.0, Correction::Partition), closure_error: Vec::new() };
     close(&mut by_partition, &mut start.clone(), &TO_ROUND_OFF, &mut room).unwrap();
     // in units of round-off
-    let open: Vec<f64> = by_partition.open.iter().map(|x| x * 4.0 * f64::EPSILON).collect();
-    assert!((order(&open) - 2.0).abs() < 0.3, "partition: {:?}", open);
-    let mut least = Noted { of: LeastChange::new(&system, 0.0, &start, &[]).unwrap(), open: Vec::new() };
+    let closure_error: Vec<f64> = by_partition.closure_error.iter().map(|x| x * 4.0 * f64::EPSILON).collect();
+    assert!((order(&closure_error) - 2.0).abs() < 0.3, "partition: {:?}", closure_error);
+    let mut least = Noted { of: LeastChange::new(&system, 0.0, &start, &[]).unwrap(), closure_error: Vec::new() };
     close(&mut least, &mut start.clone(), &from_afar(1e-12), &mut room).unwrap();
-    assert!((order(&least.open) - 2.0).abs() < 0.3, "least change: {:?}", least.open);
-    let mut truncated = Noted { of: truncated(&system, &start, 1e-7), open: Vec::new() };
+    assert!((order(&least.closure_error) - 2.0).abs() < 0.3, "least change: {:?}", least.closure_error);
+    let mut truncated = Noted { of: truncated(&system, &start, 1e-7), closure_error: Vec::new() };
     close(&mut truncated, &mut start.clone(), &TO_REST, &mut room).unwrap();
-    assert!((order(&truncated.open) - 2.0).abs() < 0.3, "truncated: {:?}", truncated.open);
+    assert!((order(&truncated.closure_error) - 2.0).abs() < 0.3, "truncated: {:?}", truncated.closure_error);
 }
 
 #[test]
@@ -303,7 +303,7 @@ fn rows_that_contradict_each_other_rest_half_way_and_are_followed_there() {
         let half = |q: &[f64]| 0.5 * (q[0] * q[0] + q[1] * q[1] - 1.0) - 0.5 * e;
         // in natural scales: a large move from x = 1.1 opens the rows by its square
         let least = 0.5 * (e / 1.1f64.powi(2)).powi(2);
-        assert!(half(&q).abs() < 1e-13 && (done.open.square - least).abs() < 1e-6 * least, "{done:?}");
+        assert!(half(&q).abs() < 1e-13 && (done.closure_error.square - least).abs() < 1e-6 * least, "{done:?}");
         let pace = Pace { longest: 0.1, shortest: 1e-6, steps: 1000 };
         let done = follow(&mut Along::new(&mut rows, e), &mut q, &[0.0, 1.0], 5.0, &pace, &mut |_, at| {
             assert!(half(at.q).abs() < 1e-13);
@@ -341,8 +341,8 @@ impl<F: Fn(f64) -> (f64, f64)> Residuals for Scalars<F> {
     fn parts(&self) -> usize {
         self.f.len()
     }
-    fn open(&self, part: usize) -> Open {
-        Open::of([self.at[part].0].into_iter())
+    fn closure_error(&self, part: usize) -> ClosureError {
+        ClosureError::of([self.at[part].0].into_iter())
     }
     fn keep(&self, part: usize, from: &[f64], to: &mut [f64]) {
         to[part] = from[part];
@@ -419,7 +419,7 @@ fn steps_that_gain_nothing_are_shortened_and_those_that_do_not_contract_end() {
     assert!(done.unwrap().is_closed());
     let done = close(&mut scalar(|x| (x * x + 0.1, 2.0 * x)), &mut [1.0], &Rule::new(60, 1e-15, 1e-12), &mut room);
     let done = done.unwrap();
-    assert!(done.ending == Ending::Unfinished && done.open.worst < 0.11, "{done:?}");
+    assert!(done.ending == Ending::Unfinished && done.closure_error.worst < 0.11, "{done:?}");
 }
 
 #[test]
@@ -431,7 +431,7 @@ fn closed_positions_cost_one_evaluation_and_keep_their_digits() {
     // what rounding leaves open is closed when no step gains, at the best position found
     let mut f = scalar(|x| (x + 3e-14, 1.0 + 1e-3));
     let done = close(&mut f, &mut [1e-3], &Rule::new(60, 0.0, 1e-12), &mut Room::default()).unwrap();
-    assert!(done.is_closed() && done.open.worst <= 1e-13, "{done:?}");
+    assert!(done.is_closed() && done.closure_error.worst <= 1e-13, "{done:?}");
 }
 
 #[test]
@@ -448,7 +448,7 @@ fn a_four_bar_is_followed_over_full_turns_on_its_branch() {
         let pace = Pace { longest: follow::LONGEST_PREDICTION, shortest: 1e-6, steps: 10_000 };
         let done = follow(&mut curve, &mut q, &[sign, 0.0, 0.0], 60.0, &pace, &mut |curve, at| {
             positions += 1;
-            assert!(open(&system, at.q) < 1e-12);
+            assert!(closure_error(&system, at.q) < 1e-12);
             // the elbow keeps its side
             assert!((at.q[2] - at.q[1]).sin() * (start[2] - start[1]).sin() > 0.0);
             least = least.min(curve.free.as_ref().unwrap().pivots[1]);

@@ -7,7 +7,7 @@
 //! Pivots (or singular values) up to the level s count as null: weaker rows are not closed. Far from the solution the
 //! level is graded, strong rows first, since otherwise steps jump along weak ones.                             (11.9)
 
-use super::close::{close, Closed, Ending, Linearization, Open, Part, Residuals, Room, Rule};
+use super::close::{close, Closed, ClosureError, Ending, Linearization, Part, Residuals, Room, Rule};
 use super::follow::{Curve, LONGEST_PREDICTION};
 use super::scaled::Scaled;
 use crate::error::Result;
@@ -18,7 +18,7 @@ use partita_math::factor::{pivoted_least_norm, qr_null_space_by};
 use partita_math::tolerance;
 
 /// First grade of the level. Unit: singular values in natural scales. Reason: rows that are clearly independent.
-const FIRST_GRADE: f64 = 0.03;
+pub const FIRST_GRADE: f64 = 0.03;
 /// Ratio between grades. Unit: ratio. Reason: one digit at a time.
 const GRADE_RATIO: f64 = 0.1;
 /// Displacements below this end a grade. Scale: fraction of the grade. Reason: null directions turn by no more than it.
@@ -27,26 +27,16 @@ const GRADE_SETTLED: f64 = 1e-2;
 const FARTHEST: usize = 400;
 /// Further iterations: three or four of Newton's method for each grade.
 const ITERATIONS: usize = 60;
-/// Steps below this that no longer shorten are rounding. Scale: characteristic displacement. Reason: rounding over the
-/// weakest accepted pivot.
-const UNDAMPED_ROUNDING: f64 = 1e-11;
-/// Rows with a smaller residual need no further iteration. Scale: characteristic displacement. Reason: some units in
-/// the last place.
-const CLOSED_TO_REST: f64 = 2e-15;
-/// A direction that loses more of itself from one position to the next ends. Scale: fraction of the unit direction.
-/// Reason: more than half of it belongs to other directions then.
-const DIRECTION_ENDS: f64 = 0.5;
-
 /// Closes the accepted rows: the remaining residual cannot be closed by a motion of the level.
-pub const TO_REST: Rule = Rule::new(ITERATIONS, CLOSED_TO_REST, tolerance::SUM_ROUNDING)
+pub const TO_REST: Rule = Rule::new(ITERATIONS, tolerance::TEN_ROUNDINGS, tolerance::SUM_ROUNDING)
     .cut(LONGEST_PREDICTION)
     .to_rest(tolerance::SUM_ROUNDING)
-    .undamped(UNDAMPED_ROUNDING, FARTHEST);
+    .undamped(tolerance::SINGULAR_ROUNDING, FARTHEST);
 
 /// Which pivots or singular values of C are accepted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Cut {
-    /// Those above a level; the others are null.
+    /// Keep the singular values above a level; the others are null.
     Level(f64),
     /// This many of the largest.
     Rank(usize),
@@ -89,7 +79,7 @@ pub struct Truncated<'s, S: ConstrainedSystem> {
     pub moved: Vec<f64>,
     t: f64,
     grade: f64,
-    open: Open,
+    closure_error: ClosureError,
     y: Vec<f64>,
     dv: Vec<f64>,
     /// Length of the step last found.
@@ -106,7 +96,7 @@ impl<'s, S: ConstrainedSystem> Truncated<'s, S> {
             moved: vec![0.0; n],
             t,
             grade: FIRST_GRADE,
-            open: Open::default(),
+            closure_error: ClosureError::default(),
             y: vec![0.0; n],
             dv: vec![0.0; n],
             length: f64::INFINITY,
@@ -177,11 +167,11 @@ impl<'s, S: ConstrainedSystem> Truncated<'s, S> {
 impl<S: ConstrainedSystem> Residuals for Truncated<'_, S> {
     fn evaluate(&mut self, q: &[f64]) -> Result<()> {
         self.scaled.evaluate(self.t, q)?;
-        self.open = Open::of(self.scaled.phi.iter().copied());
+        self.closure_error = ClosureError::of(self.scaled.phi.iter().copied());
         Ok(())
     }
-    fn open(&self, _part: usize) -> Open {
-        self.open
+    fn closure_error(&self, _part: usize) -> ClosureError {
+        self.closure_error
     }
 }
 
@@ -223,14 +213,14 @@ pub struct Along<'r, 's, S: ConstrainedSystem> {
     /// The free motions at the position last closed.
     pub free: Option<Motions>,
     /// Allowed residual of the rows.
-    open: f64,
+    closure_error: f64,
     room: Room,
 }
 
 impl<'r, 's, S: ConstrainedSystem> Along<'r, 's, S> {
-    /// Along the motions that these rows leave free, with the allowed residual `open`.
-    pub fn new(rows: &'r mut Truncated<'s, S>, open: f64) -> Self {
-        Self { rows, free: None, open, room: Room::default() }
+    /// Along the motions that these rows leave free, with the allowed residual `closure_error`.
+    pub fn new(rows: &'r mut Truncated<'s, S>, closure_error: f64) -> Self {
+        Self { rows, free: None, closure_error, room: Room::default() }
     }
 }
 
@@ -247,7 +237,7 @@ impl<S: ConstrainedSystem> Curve for Along<'_, '_, S> {
         self.free = Some(found);
         let (after, fastest) = (norm(&on), self.travel(&on));
         tangent.iter_mut().zip(&on).for_each(|(t, x)| *t = x / fastest);
-        Ok(after > DIRECTION_ENDS * before && fastest > 0.0 && fastest.is_finite())
+        Ok(after > tolerance::HALF_LOST * before && fastest > 0.0 && fastest.is_finite())
     }
     fn predict(&mut self, q: &mut [f64], tangent: &[f64], ds: f64) {
         self.rows.step(q, ds, tangent);
@@ -256,7 +246,7 @@ impl<S: ConstrainedSystem> Curve for Along<'_, '_, S> {
         self.rows.close(q, &mut self.room)
     }
     fn accepts(&self, closed: &Closed) -> bool {
-        closed.ending <= Ending::AtRest && closed.open.worst <= self.open
+        closed.ending <= Ending::AtRest && closed.closure_error.worst <= self.closure_error
     }
     fn travel(&self, tangent: &[f64]) -> f64 {
         self.rows.travel(tangent)

@@ -17,9 +17,8 @@ use super::volume;
 use partita_math::tolerance;
 use std::collections::VecDeque;
 
-/// Instants that represent a window; closer ones are left out. Scale: count. Reason: many more than the switches in a
-/// window.
-const INSTANTS: f64 = 256.0;
+/// Instants that represent a window, many more than the switches in it; closer ones are left out.
+const INSTANTS: usize = 256;
 /// The least volume must grow by this factor. Scale: ratio of volumes. Reason: a dead band against rounding and the
 /// grid of the steps.
 const PERSISTENCE_GAIN: f64 = 1.05;
@@ -38,7 +37,7 @@ struct Instant {
     rows: Vec<f64>,
     /// Sign and ln of the volume of the present choice.
     own: (f64, f64),
-    /// The same with the coordinate of the row instead of that of the column (n x k).
+    /// Sign and ln of the volume with the coordinate of the row instead of that of the column (n x k).
     neighbours: Vec<(f64, f64)>,
 }
 
@@ -76,7 +75,7 @@ impl Persistence {
         while self.instants.back().is_some_and(|last| last.t >= t) {
             self.instants.pop_back();
         }
-        if self.instants.back().is_some_and(|last| t - last.t < self.window / INSTANTS) {
+        if self.instants.back().is_some_and(|last| t - last.t < self.window / INSTANTS as f64) {
             return;
         }
         self.push(t, rows, base);

@@ -6,7 +6,7 @@
 use super::{turns, Positions};
 use crate::error::Result;
 use crate::manifold::kept_rows::TO_ROUND_OFF;
-use crate::manifold::{close, Linearization, Open, Part, Residuals, Room};
+use crate::manifold::{close, ClosureError, Linearization, Part, Residuals, Room};
 use crate::positions::PositionSteps;
 use crate::record::{Correction, History};
 use crate::reduction::Reduction;
@@ -31,17 +31,17 @@ struct Corrected<'a, S, T> {
     t: f64,
     rule: Correction,
     dv: &'a mut [f64],
-    open: Open,
+    closure_error: ClosureError,
 }
 
 impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> Residuals for Corrected<'_, S, T> {
     fn evaluate(&mut self, q: &[f64]) -> Result<()> {
         self.tangent.reduction().position(self.t, q)?;
-        self.open = Open::of(self.tangent.seen().closure_error_of_rows());
+        self.closure_error = ClosureError::of(self.tangent.seen().closure_error_of_rows());
         Ok(())
     }
-    fn open(&self, _part: usize) -> Open {
-        self.open
+    fn closure_error(&self, _part: usize) -> ClosureError {
+        self.closure_error
     }
 }
 
@@ -86,7 +86,7 @@ impl All {
         rule: Correction,
     ) -> Result<()> {
         let (system, dv) = (tangent.seen().system.clone(), &mut self.dv[..]);
-        let mut rows = Corrected { system: &*system, tangent, t, rule, dv, open: Open::default() };
+        let mut rows = Corrected { system: &*system, tangent, t, rule, dv, closure_error: ClosureError::default() };
         match close(&mut rows, &mut self.q, &TO_ROUND_OFF, &mut self.room) {
             Ok(_) => Ok(()),
             // an error that cannot be corrected here, next to a singular position, remains

@@ -21,7 +21,7 @@
 use super::{turns, Positions};
 use crate::error::Result;
 use crate::manifold::kept_rows::TO_ROUND_OFF;
-use crate::manifold::{close, Linearization, Open, Part, Residuals, Room, Rule};
+use crate::manifold::{close, ClosureError, Linearization, Part, Residuals, Room, Rule};
 use crate::options::Renew;
 use crate::positions::PositionSteps;
 use crate::record::History;
@@ -35,7 +35,7 @@ use partita_math::tolerance;
 /// To round-off. Newton's method squares the error: from a stage away (1e-2 of a large displacement) it converges in
 /// five iterations. The first correction is along the tangent; corrections that do not halve from there lead to another
 /// solution, or none.
-const RULE: Rule = Rule { iterations: 12, ..TO_ROUND_OFF }.contracting(f64::INFINITY, 0.5);
+const RULE: Rule = Rule { iterations: 12, ..TO_ROUND_OFF }.contracting(f64::INFINITY, tolerance::CONVERGES);
 /// This many iterations indicate that the chart is too curved here.
 const MANY: u32 = 7;
 /// A ball joint that has rotated this far from the base point needs a new chart. Scale: rad. Reason: the rate of the
@@ -105,8 +105,12 @@ impl Chart {
         x.in_orthonormal(&mut self.w);
         let (mut delta, mut room) = (std::mem::take(&mut self.delta), std::mem::take(&mut self.room));
         delta.copy_from_slice(&self.accepted);
-        let found =
-            close(&mut InChart { chart: self, x, t, length: 0.0, open: Open::default() }, &mut delta, &RULE, &mut room);
+        let found = close(
+            &mut InChart { chart: self, x, t, length: 0.0, closure_error: ClosureError::default() },
+            &mut delta,
+            &RULE,
+            &mut room,
+        );
         (self.delta, self.room) = (delta, room);
         let found = found?;
         self.iterations = found.iterations as u32;
@@ -116,7 +120,7 @@ impl Chart {
         let reason = format!(
             "no closed position was found for its coordinates in {} iterations of Newton's method (open by {:.1e} \
              of its round-off); renew the chart earlier (a larger renew, at most 1), or take shorter steps",
-            self.iterations, found.open.worst
+            self.iterations, found.closure_error.worst
         );
         Err(self.bent(t, reason))
     }
@@ -145,7 +149,7 @@ struct InChart<'a, 'f, 's, S: ConstrainedSystem> {
     x: &'f mut Frozen<'s, S>,
     t: f64,
     length: f64,
-    open: Open,
+    closure_error: ClosureError,
 }
 
 impl<S: ConstrainedSystem> InChart<'_, '_, '_, S> {
@@ -179,11 +183,11 @@ impl<S: ConstrainedSystem> Residuals for InChart<'_, '_, '_, S> {
         let size = |row: &[f64]| row.iter().zip(&c.displacement).map(|(s, r)| (s * r).abs()).sum::<f64>();
         let missed = c.miss.iter().zip(self.x.orthonormal().chunks_exact(n.max(1)));
         let missed = missed.map(|(miss, row)| miss / (tolerance::FEW_ROUNDINGS * far * size(row)));
-        self.open = Open::of(self.x.seen().closure_error_of_rows().chain(missed));
+        self.closure_error = ClosureError::of(self.x.seen().closure_error_of_rows().chain(missed));
         Ok(())
     }
-    fn open(&self, _part: usize) -> Open {
-        self.open
+    fn closure_error(&self, _part: usize) -> ClosureError {
+        self.closure_error
     }
 }
 
@@ -338,9 +342,10 @@ fn turned_back(balls: &[[usize; 3]], delta: &[f64], x: &mut [f64]) {
 /// `Θ' = ω + ½ Θ×ω + c(θ) Θ×(Θ×ω)`, `c = (1 − (θ/2) cot(θ/2)) / θ²`.                              (46)
 fn turn_rate(turn: [f64; 3], w: [f64; 3]) -> [f64; 3] {
     let square: f64 = turn.iter().map(|x| x * x).sum();
-    let half = 0.5 * square.sqrt();
+    let angle = square.sqrt();
+    let half = 0.5 * angle;
     // by its series where the quotient would lose digits: the next term is θ⁶/1209600
-    let c = if half < 0.5 * tolerance::SERIES_ANGLE {
+    let c = if angle < tolerance::SERIES_ANGLE {
         1.0 / 12.0 + square * (1.0 / 720.0 + square / 30240.0)
     } else {
         (1.0 - half / half.tan()) / square

@@ -35,15 +35,6 @@ struct End {
 }
 
 impl Continuity {
-    /// Allowed error of the trapezoidal rule in a step. Scale: fraction of the speed. Reason: a mechanism that is
-    /// thrown back misses all of it, one that reverses by itself less and less with shorter steps.
-    const MISSED_SPEED: f64 = 0.75;
-    /// A change of one velocity that accelerations do not account for. Scale: fraction of the change. Reason: on the
-    /// same branch they account for most of it.
-    const UNEXPLAINED: f64 = 0.75;
-    /// An unexplained change of one velocity counts above this. Scale: fraction of the fastest velocity. Reason: one
-    /// block of many that passes to its other branch is seen.
-    const VISIBLE_CHANGE: f64 = 0.05;
     /// A singular position is near below this distance. Scale: distance in natural scales. Reason: crossing from there
     /// takes about half a radian.
     const SINGULAR_NEAR: f64 = 0.3;
@@ -53,13 +44,13 @@ impl Continuity {
     /// From this nearness on short steps are blamed on the dead point or singular position. Scale: gain of the
     /// switch. Reason: one and a half digits are lost there.
     const BLAMED_NEARNESS: f64 = 30.0;
-    /// Steps shorter than this are short. Scale: fraction of the longest step so far. Reason: error control shortens
-    /// healthy steps less.
-    const BLAMED_STEP: f64 = 0.03;
-    /// Steps that cover less hardly advance. Scale: fraction of the time left to the position. Reason: a healthy
-    /// approach covers a good part in each step; less has an error estimate of rounding, and thousands of steps would
-    /// follow.
-    const BLAMED_ADVANCE: f64 = 0.03;
+    /// Steps up to this are predicted from the change of accelerations over the step before. Scale: multiples of that
+    /// step. Reason: farther away the extrapolation errs by more than the change.
+    const EXTRAPOLATED: f64 = 2.0;
+    /// Steps that are shorter creep, where they also cover less of the time left to the position. Scale: fraction of the
+    /// longest step so far, and of that time. Reason: error control shortens healthy steps less, and a healthy approach
+    /// covers a good part in each step; less has an error estimate of rounding, and thousands of steps would follow.
+    const CREEPING: f64 = 0.03;
     /// So many steps in a row that hardly advance end the run.
     const PATIENCE: u32 = 12;
     /// After this many repetitions, each with half the step, the cause is not the step.
@@ -77,14 +68,14 @@ impl Continuity {
     /// and accelerations there, and the change of the latter if the step before was not much shorter.
     pub(super) fn predict(&self, t: f64, dv: &mut [f64]) {
         let (h, last) = (t - self.last.t, self.last.t - self.before.t);
-        let part = if h < 2.0 * last { h / (3.0 * last) } else { 0.0 };
+        let part = if h < Self::EXTRAPOLATED * last { h / (3.0 * last) } else { 0.0 };
         for (i, d) in dv.iter_mut().enumerate() {
             let change = if part > 0.0 { self.last.vdot[i] - self.before.vdot[i] } else { 0.0 };
             *d = h * (self.last.v[i] + 0.5 * h * (self.last.vdot[i] + part * change));
         }
     }
 
-    /// The same for t inside the step that was judged, by the cubic of velocities and accelerations at both its ends;
+    /// As `predict`, for t inside the step that was judged, by the cubic of velocities and accelerations at both its ends;
     /// where no step was judged, as [`predict`](Self::predict).
     pub(super) fn inside(&self, t: f64, dv: &mut [f64]) {
         let (from, to) = (&self.last, &self.next);
@@ -103,7 +94,7 @@ impl Continuity {
         }
     }
 
-    /// From here on.
+    /// Restart from this state.
     pub(super) fn start(&mut self, t: f64, v: &[f64], vdot: &[f64], near: f64) {
         self.last = End { t, v: v.to_vec(), vdot: vdot.to_vec(), near, creeping: 0 };
         (self.before, self.next) = (self.last.clone(), self.last.clone());
@@ -123,9 +114,9 @@ impl Continuity {
         let largest = (0..s.len()).fold(0.0, |m: f64, i| m.max(v[i].abs().max(from.v[i].abs()) / s[i]));
         let one_jumps = |i: usize| {
             let change = (v[i] - from.v[i]).abs();
-            change / s[i] > Self::VISIBLE_CHANGE * largest && missed(i).abs() > Self::UNEXPLAINED * change
+            change / s[i] > tolerance::VISIBLE_CHANGE * largest && missed(i).abs() > tolerance::NOT_ACCELERATED * change
         };
-        let jumps = || norm(&missed) > Self::MISSED_SPEED * speeds || (0..s.len()).any(one_jumps);
+        let jumps = || norm(&missed) > tolerance::NOT_ACCELERATED * speeds || (0..s.len()).any(one_jumps);
         if h > 0.0 && from.near.max(near) > 1.0 && moving && jumps() {
             self.in_a_row += 1;
             return false;
@@ -133,8 +124,8 @@ impl Continuity {
         self.in_a_row = 0;
         // 1/nearness falls linearly: its relative growth is the step over the time left after it
         let growth = (near - from.near) / from.near;
-        let short = h < Self::BLAMED_STEP * self.longest.max(h);
-        let creeps = near > Self::BLAMED_NEARNESS && short && (0.0..Self::BLAMED_ADVANCE).contains(&growth);
+        let short = h < Self::CREEPING * self.longest.max(h);
+        let creeps = near > Self::BLAMED_NEARNESS && short && (0.0..Self::CREEPING).contains(&growth);
         let creeping = if creeps { from.creeping + 1 } else { 0 };
         let next = &mut self.next;
         (next.t, next.near, next.creeping) = (t, near, creeping);

@@ -64,7 +64,7 @@ pub trait Dependent<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> {
     fn solve(&mut self, core: &mut Core, tangent: &mut T, t: f64, y: &[f64], at: Point) -> Result<()>;
     /// Data of the end of the step under judgement.
     fn look(&mut self, _tangent: &mut T) {}
-    /// That step is accepted.
+    /// Accept the step that was judged.
     fn accept(&mut self, _tangent: &mut T, _t: f64, _margin: Option<f64>) {}
     /// The tangent has chosen anew.
     fn chosen_anew(&mut self, _tangent: &mut T) {}

@@ -21,7 +21,7 @@ pub fn reduce<S: ConstrainedSystem>(system: &S, q: &mut [f64], turns: &mut [i32]
     changed
 }
 
-/// The same for coordinate i alone.
+/// As `reduce`, for coordinate i alone.
 pub fn reduce_one<S: ConstrainedSystem>(system: &S, i: usize, angle: &mut f64, turns: &mut i32) -> bool {
     if angle.abs() <= WOUND || !angle.is_finite() || !system.turns(i) {
         return false;

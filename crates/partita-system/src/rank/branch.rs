@@ -9,7 +9,7 @@ use partita_math::dense::Matrix;
 use partita_math::factor::svd;
 use partita_math::tolerance;
 
-/// Steps that would have to be shorter end a path. Scale: fraction of the step. Reason: positions of one path are
+/// Shortest step along a path. Unit: fraction of the longest. Reason: positions of one path are
 /// compared at one distance.
 pub(super) const WHOLE_STEP: f64 = 0.9;
 /// Length of a path: a short one does not distinguish order four from a geometric error.
@@ -48,7 +48,7 @@ pub struct BranchPoint {
     /// Null directions there, and those up to the values near a lock.
     pub kernel: (usize, usize),
     /// Relative closure error there.
-    pub open: f64,
+    pub closure_error: f64,
 }
 
 /// The motion of a drawing at a level.
@@ -114,8 +114,8 @@ impl<S: ConstrainedSystem> Kernel<'_, S> {
         let mut curve = Along::new(&mut self.closings, f64::INFINITY);
         follow(&mut curve, &mut q, &direction, steps as f64 * tolerance::RANK_MOVE, &pace, &mut |curve, at| {
             taken += 1;
-            let open = largest(curve.rows.scaled.phi.iter().copied());
-            let goes_on = curve.free.as_ref().is_some_and(|free| visit(taken, at.q, open, free));
+            let closure_error = largest(curve.rows.scaled.phi.iter().copied());
+            let goes_on = curve.free.as_ref().is_some_and(|free| visit(taken, at.q, closure_error, free));
             Ok(if goes_on { follow::Visit::On } else { follow::Visit::Stop })
         })?;
         Ok(())
@@ -146,11 +146,11 @@ impl<S: ConstrainedSystem> Kernel<'_, S> {
         let mut ends: Vec<usize> = Vec::new();
         for (path, direction) in directions.iter().enumerate() {
             let before = points.len();
-            self.path(home, direction, cut, FAR, &mut |steps, q, open, nulls| {
+            self.path(home, direction, cut, FAR, &mut |steps, q, closure_error, nulls| {
                 // rank does not fall from a position to generic ones
                 let null = (n - cut.count(&nulls.pivots)).min(motions.len());
                 let kernel = (null, n - tube.count(&nulls.pivots));
-                points.push(BranchPoint { path, steps, q: q.to_vec(), kernel, open });
+                points.push(BranchPoint { path, steps, q: q.to_vec(), kernel, closure_error });
                 true
             })?;
             if points.len() >= before + SHORTEST {

@@ -10,7 +10,7 @@ use partita_math::factor::{svd, svd_full};
 /// Result of a closing.
 pub struct Closed {
     /// Largest relative residual of a row.
-    pub open: f64,
+    pub closure_error: f64,
     /// The displacement, in characteristic displacements, summed over the iterations.
     pub moved: Vec<f64>,
 }
@@ -65,7 +65,7 @@ impl<'s, S: ConstrainedSystem> Kernel<'s, S> {
     }
 
     /// Largest relative residual of a row at q.
-    pub fn open(&mut self, q: &[f64]) -> Result<f64, SystemError> {
+    pub fn closure_error(&mut self, q: &[f64]) -> Result<f64, SystemError> {
         self.closings.open_at(q)
     }
 
@@ -114,6 +114,6 @@ impl<'s, S: ConstrainedSystem> Kernel<'s, S> {
             closed => closed?,
         };
         let moved = self.closings.moved.clone();
-        Ok((closed.ending <= Ending::AtRest).then_some(Closed { open: closed.open.worst, moved }))
+        Ok((closed.ending <= Ending::AtRest).then_some(Closed { closure_error: closed.closure_error.worst, moved }))
     }
 }

@@ -78,6 +78,6 @@ fn what_is_not_locked_is_free() {
     for level in [1e-3, 1e-7] {
         let found = branch(|_, _| [0.0; 3], [0.7, 0.4], level);
         assert_eq!((found.dof, found.kernel), (3, 3));
-        assert!(found.points.iter().all(|x| x.open == 0.0));
+        assert!(found.points.iter().all(|x| x.closure_error == 0.0));
     }
 }

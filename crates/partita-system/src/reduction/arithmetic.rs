@@ -24,7 +24,7 @@ pub struct Choice<'a> {
     pub column_of: &'a [u32],
     /// Entries of kept rows in columns of A: step of the elimination, entry of C, column.
     pub entries: &'a [(u32, u32, u32)],
-    /// The same for all independent velocities: step, entry, index in v_I.
+    /// As `entries`, for all independent velocities: step, entry, index in v_I.
     pub spread_entries: &'a [(u32, u32, u32)],
     /// Whether a column represents the degrees of freedom of several clusters.
     pub packed: bool,

@@ -70,7 +70,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         self.rank > 0 && self.rank < self.size.rows && self.partition.rows.len() == self.rank
     }
 
-    /// The same with rows out of these, with the current row scales.
+    /// Plan the elimination of the dependent velocities by some of these rows, at the current row scales.
     pub(super) fn plan_with(&mut self, t: f64, independent: &[usize], rows: &[bool]) -> Result<(), SystemError> {
         let pattern = self.system.pattern();
         let mut eligible = vec![true; self.size.nv];

@@ -24,13 +24,13 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         worst(self.phi.iter().zip(&self.row_size).map(|(x, size)| x / size).enumerate())
     }
 
-    /// The same over the rows that were dropped.
+    /// As `gap`, over the rows that were dropped.
     pub fn dropped_gap(&self) -> (f64, usize) {
         let positions = self.dropped.iter().filter(|&&i| i < self.size.holonomic);
         worst(positions.map(|&i| (i, self.phi[i] / self.row_size[i])))
     }
 
-    /// The same over the rows that were kept.
+    /// As `gap`, over the rows that were kept.
     pub fn gap_of_kept(&self) -> f64 {
         let positions = self.partition.rows.iter().filter(|&&i| i < self.size.holonomic);
         worst(positions.map(|&i| (i, self.phi[i] / self.row_size[i]))).0
@@ -38,11 +38,11 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
 
     /// Largest |C v + a|_i over its row's size [1/s], and its row.
     pub fn velocity_gap(&self) -> (f64, usize) {
-        let open = velocity_residuals(self.system.pattern(), &self.c, &self.v, &self.a);
-        worst(open.zip(&self.row_size).map(|(x, size)| x / size).enumerate())
+        let violation = velocity_residuals(self.system.pattern(), &self.c, &self.v, &self.a);
+        worst(violation.zip(&self.row_size).map(|(x, size)| x / size).enumerate())
     }
 
-    /// The same over the rows that were dropped.
+    /// As `velocity_gap`, over the rows that were dropped.
     pub fn dropped_velocity_gap(&self) -> (f64, usize) {
         worst(self.dropped.iter().map(|&i| (i, (self.row_times(i, &self.v) + self.a[i]) / self.row_size[i])))
     }
@@ -54,8 +54,8 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
 
     /// Largest |C v' + b|_i over its row's size [1/s²], and its row.
     pub fn acceleration_gap(&self, vdot: &[f64]) -> (f64, usize) {
-        let open = velocity_residuals(self.system.pattern(), &self.c, vdot, &self.b).zip(&self.row_size);
-        worst(open.map(|(x, size)| x / size).enumerate())
+        let violation = velocity_residuals(self.system.pattern(), &self.c, vdot, &self.b).zip(&self.row_size);
+        worst(violation.map(|(x, size)| x / size).enumerate())
     }
 
     /// Row i of C times x.

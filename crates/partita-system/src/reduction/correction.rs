@@ -49,7 +49,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         DependentStep { length, amplifies: length > super::LARGEST_AMPLIFICATION * residual }
     }
 
-    /// The same into `dv` (nv); false where it would change only round-off.
+    /// As `dependent_step`, written into `dv` (nv); false where it would change only round-off.
     pub fn dependent_correction(&mut self, dv: &mut [f64]) -> bool {
         let closes = !self.dependent_step().is_round_off();
         dv.fill(0.0);

@@ -23,10 +23,6 @@ use partita_math::tolerance;
 /// No column.
 const NONE: u32 = u32::MAX;
 
-/// Pivots of M_d below this are rounding: a degree of freedom that moves no mass. Scale: fraction of the pivot of the
-/// metric. Reason: far below any that moves mass, with the worst choice of coordinates allowed for.
-const UNFELT: f64 = 1e-13;
-
 /// A correction with a larger displacement is rounding, unless it is longer than [`tolerance::OPEN`]. Scale: multiples
 /// of the relative residual. Reason: three digits lost to a poor choice of coordinates.
 pub const LARGEST_AMPLIFICATION: f64 = 1e3;
@@ -169,7 +165,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         Self::new(system, rank).weighing_displacements()
     }
 
-    /// The same for an existing reduction.
+    /// As `geometric`, for an existing reduction.
     pub fn weighing_displacements(mut self) -> Self {
         self.weighs_displacements = true;
         self
@@ -180,14 +176,14 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         self.weighs_displacements = displacements;
     }
 
-    /// The same with `dt` in full.
+    /// As `geometric`, with `dt` in full.
     pub fn geometric_dense(system: impl Into<SystemRef<'s, S>>, rank: usize) -> Self {
         let mut new = Self::dense(system, rank);
         new.weighs_displacements = true;
         new
     }
 
-    /// The same with `dt` (nv x k), `a_matrix` (r x k) and M_d in full, however many degrees of freedom there are.
+    /// As `new`, with `dt` (nv x k), `a_matrix` (r x k) and M_d in full, however many degrees of freedom there are.
     pub fn dense(system: impl Into<SystemRef<'s, S>>, rank: usize) -> Self {
         Self::room(system.into(), rank, None)
     }
@@ -253,7 +249,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         }
     }
 
-    /// The choice in use, for evaluations over other numbers.
+    /// The choice in use, for evaluations over another scalar type.
     pub fn choice(&self) -> Choice<'_> {
         choice!(self)
     }
@@ -399,7 +395,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
     fn feels(&self) -> Result<(), SystemError> {
         for (j, &i) in self.partition.independent.iter().enumerate() {
             let pivot = self.md_factor[j * self.k + j].powi(2);
-            if pivot * self.s2[i] < UNFELT {
+            if pivot * self.s2[i] < tolerance::SOLUTION_ROUNDING {
                 return Err(SystemError::Mass { name: self.system.velocity_name(i), pivot });
             }
         }

@@ -129,9 +129,9 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         rows.fold((0.0, 0), |best: (f64, usize), (i, (x, n))| {
             let least = self.row_displacement[i]
                 .map_or(f64::MIN_POSITIVE, |displacement| tolerance::FEW_ROUNDINGS * displacement);
-            let open = if x.is_nan() { f64::INFINITY } else { x.abs() / n.max(least) };
-            if open > best.0 {
-                (open, i)
+            let closure_error = if x.is_nan() { f64::INFINITY } else { x.abs() / n.max(least) };
+            if closure_error > best.0 {
+                (closure_error, i)
             } else {
                 best
             }

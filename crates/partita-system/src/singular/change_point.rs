@@ -1,5 +1,7 @@
 //! Change points foreseen and stepped over.
 
+use partita_math::tolerance;
+
 /// How an integration continues: its plan for the next step.
 #[derive(Clone, Copy, Debug)]
 pub struct Pace {
@@ -14,9 +16,9 @@ pub struct Pace {
 pub struct Across {
     /// When it is expected.
     pub zero: f64,
-    /// Length of a step across it, as has served.
+    /// Length of a step across it that has succeeded before.
     pub whole: f64,
-    /// The one that the motion suggests.
+    /// Length of a step across it that the motion suggests.
     pub longest: f64,
     /// How often that was tried before.
     pub tries: usize,
@@ -33,20 +35,20 @@ pub struct Crossing {
     before: [Option<(f64, f64, u64)>; 2],
     /// When the next singular position is expected.
     expected: Option<f64>,
-    /// The one that the step under way is to cross.
+    /// Singular position that the current step is to cross.
     planned: Option<f64>,
     /// Length of a crossing step, by the motion at its start, and the part of what that suggests that has served.
     whole: f64,
     part: f64,
     /// Was the last step one that crosses?
     behind: bool,
-    /// One that was to be crossed in the last step, while C_D changed no side.
+    /// Singular position that the last step was to cross without a change of sign of C_D.
     unsigned: Option<f64>,
     /// Attempts at crossing the expected one, from new starting points or with new lengths.
     tries: usize,
     /// When that is expected, at the latest.
     tried: Option<f64>,
-    /// One that no step led across: perhaps a limit, and nothing lies beyond. Ordinary steps go on towards it.
+    /// Singular position that no step crossed, perhaps a limit of the motion; ordinary steps go on towards it.
     barred: Option<f64>,
     /// Times stepped over.
     pub times: Vec<f64>,
@@ -109,7 +111,7 @@ impl Crossing {
     const ATTEMPTS: usize = 9;
     /// Shortening of a crossing step that failed. Unit: ratio of lengths. Reason: collocation gains a digit or two.
     const NEXT_TRY: f64 = 0.6;
-    /// Looks ahead that refine when a position is expected.
+    /// Number of evaluations ahead that refine the time at which a position is expected.
     const REFINEMENTS: usize = 2;
     /// How far ahead the fall of the distance is probed. Unit: fraction of a step. Reason: far enough for a
     /// difference, near enough for a line.
@@ -286,7 +288,7 @@ impl Crossing {
             // the line through the distances here and there, once more from where it leads
             for _ in 0..Self::REFINEMENTS {
                 let Probe::Distance(there) = probe(ahead) else { break };
-                if there > CONFIRMED * distance {
+                if there > tolerance::MUCH_NEARER * distance {
                     // what fell was something else; look again from the end of the next step
                     (self.before, self.expected) = ([None; 2], None);
                     return Advice::Free;
@@ -315,10 +317,6 @@ pub enum Probe {
     /// Nothing that could be compared.
     Unknown,
 }
-
-/// A singular position that is expected must lie below this distance. Scale: fraction of the present distance. Reason:
-/// beside it the distance is small already, and a guess off by more is none.
-const CONFIRMED: f64 = 0.3;
 
 /// Where a falling distance will be zero: by the parabola through the last three values, by the line through two.
 fn zero_ahead(now: (f64, f64), one: (f64, f64), two: Option<(f64, f64)>) -> Option<f64> {

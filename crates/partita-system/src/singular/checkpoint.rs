@@ -1,5 +1,7 @@
 //! A singular position crossed: states before it to return to, and whether the motion kept its branch.
 
+use partita_math::tolerance;
+
 /// A state of the integration.
 #[derive(Clone, Debug)]
 pub struct Checkpoint {
@@ -29,7 +31,7 @@ pub struct Checkpoints {
     nq: usize,
     nv: usize,
     marks: [Mark; Checkpoints::LENGTH],
-    /// How many of them count; the latest first.
+    /// Number of stored states in use; the latest is the first.
     count: usize,
     /// Coordinates and velocities of each.
     numbers: Vec<f64>,
@@ -95,10 +97,6 @@ impl StepBoundary {
     /// of the mean speed. Reason: the error of the trapezoidal rule is a twentieth over half a radian; where branches
     /// part, velocities differ by about their own size.
     const MISSED_ON_BRANCH: f64 = 0.3;
-    /// Change of one velocity that accelerations may leave unexplained. Scale: fraction of its change, and of the
-    /// fastest velocity. Reason: one block of many that changes to its other branch is detected.
-    const MISSED_IN_ONE: (f64, f64) = (0.75, 0.1);
-
     /// Memory for nq coordinates and n velocities.
     pub fn new(nq: usize, n: usize) -> Self {
         Self { t: 0.0, nq, nv: n, all: Vec::with_capacity(nq + 2 * n) }
@@ -148,10 +146,9 @@ impl StepBoundary {
         let missed = |i: usize| v[i] - from[i] - 0.5 * h * (vdot[i] + end_vdot[i]);
         let speed = 0.5 * (norm(&|i| from[i]) + norm(&|i| v[i]));
         let fastest = (0..s.len()).fold(0.0, |m: f64, i| m.max(v[i].abs().max(from[i].abs()) / s[i]));
-        let (unexplained, visible) = Self::MISSED_IN_ONE;
         let jumps = |i: usize| {
             let change = (v[i] - from[i]).abs();
-            change / s[i] > visible * fastest && missed(i).abs() > unexplained * change
+            change / s[i] > tolerance::VISIBLE_CHANGE * fastest && missed(i).abs() > tolerance::NOT_ACCELERATED * change
         };
         // NaN does not hold
         norm(&missed) <= Self::MISSED_ON_BRANCH * speed && !(0..s.len()).any(jumps)

@@ -96,8 +96,8 @@ pub struct Watch {
     trial_gaps: Gaps,
     trial_fastest: f64,
     /// The largest of those taken.
-    pub open: (f64, f64),
-    /// The same in parts, with times and rows.
+    pub closure_error: (f64, f64),
+    /// As `closure_error`, in parts, with times and rows.
     pub gaps: Gaps,
     /// The fastest rate so far [1/s].
     fastest: f64,
@@ -121,7 +121,7 @@ impl Watch {
     /// The step that was examined is accepted.
     pub fn accept(&mut self) {
         self.fastest = self.trial_fastest;
-        self.open = (self.open.0.max(self.trial.0), self.open.1.max(self.trial.1));
+        self.closure_error = (self.closure_error.0.max(self.trial.0), self.closure_error.1.max(self.trial.1));
         self.gaps.raise(&self.trial_gaps);
     }
 
@@ -136,9 +136,9 @@ impl Watch {
         let (kept, size) = (r.gap_of_kept(), r.size());
         let (part, (rate, _)) = (r.dropped_gap().0, r.dropped_velocity_gap());
         let fastest = self.trial_fastest;
-        let open = part > tolerance::OPEN && part > CLEARLY_OPEN * kept;
+        let violated = part > tolerance::OPEN && part > CLEARLY_OPEN * kept;
         let limit = if size.rows == size.holonomic { tolerance::OPEN_RATE } else { tolerance::OPEN };
-        if !open && rate <= limit * fastest {
+        if !violated && rate <= limit * fastest {
             return Ok(());
         }
         // with the kept rows closed to round-off, in a choice of its own

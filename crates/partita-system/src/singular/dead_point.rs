@@ -21,7 +21,7 @@ pub(crate) fn dead_point<S: ConstrainedSystem>(
     independent: &[usize],
     seen: String,
 ) -> SystemError {
-    said(system, best_choice(system, rank, t, q), t, independent, seen)
+    refusal(system, best_choice(system, rank, t, q), t, independent, seen)
 }
 
 /// The best choice at `(t, q)` and its smallest scaled pivot, 0 where there is none.
@@ -33,7 +33,7 @@ fn best_choice<S: ConstrainedSystem>(system: &S, rank: usize, t: f64, q: &[f64])
     }
 }
 
-/// What lost rank where C_D changed sides.
+/// What lost rank where the determinant of C_D changed sign.
 pub(crate) enum Loss {
     /// The mechanism is in a singular position.
     Mechanism,
@@ -83,7 +83,7 @@ fn one_side<S: ConstrainedSystem>(r: &mut Reduction<S>, ends: [(f64, &[f64]); 2]
     r.choices() == choice && !one.differ(&two)
 }
 
-fn said<S: ConstrainedSystem>(
+fn refusal<S: ConstrainedSystem>(
     system: &S,
     (others, pivot): (Vec<usize>, f64),
     t: f64,
@@ -114,5 +114,5 @@ pub(crate) fn blame<S: ConstrainedSystem>(r: &Reduction<S>, t: f64, q: &[f64], e
         return e;
     }
     let seen = format!("C_D is singular for them, its smallest scaled pivot {pivot:.1e} is below {limit:.0e}");
-    said(&*r.system, best, t, &r.partition.independent, seen)
+    refusal(&*r.system, best, t, &r.partition.independent, seen)
 }

@@ -57,7 +57,7 @@ pub struct Everything<'s, S: ConstrainedSystem, R> {
     lambda: Vec<f64>,
     /// Scales of the rows of C where M is singular, otherwise empty.
     scales: Vec<f64>,
-    open: Vec<f64>,
+    violation: Vec<f64>,
     factorisations: u64,
     iterations: u64,
 }
@@ -79,7 +79,7 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> Everything<'s, S, R> {
             vdot: vec![0.0; size.nv],
             lambda: vec![0.0; size.rows],
             scales: Vec::new(),
-            open: Vec::with_capacity(size.rows),
+            violation: Vec::with_capacity(size.rows),
             factorisations: 0,
             iterations: 0,
         }
@@ -155,9 +155,9 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> Everything<'s, S, R> {
     /// One correction of v onto C v + a = 0 by the rule's own method; false where it has none.                   (35)
     fn settled_by_the_rule(&mut self, t: f64, v: &mut [f64]) -> Result<bool> {
         let (x, r) = (instant!(self), &self.base.r);
-        self.open.clear();
-        self.open.extend(velocity_residuals(r.system.pattern(), &r.c, v, &r.a));
-        let moved = self.rule.least_move(&x, &self.open, &mut self.vdot);
+        self.violation.clear();
+        self.violation.extend(velocity_residuals(r.system.pattern(), &r.c, v, &r.a));
+        let moved = self.rule.least_move(&x, &self.violation, &mut self.vdot);
         match moved {
             None => return Ok(false),
             Some(Ok(())) => dense::axpy(1.0, &self.vdot, v),
@@ -253,16 +253,16 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> TangentChoice<'s, S> for Eve
                 "the loops are not exactly closed because \"{}\" ran without corrections: at the ends of steps \
                  |Phi| reached {:.2e} and |C v + a| {:.2e}",
                 self.rule.name(),
-                history.open.0,
-                history.open.1
+                history.closure_error.0,
+                history.closure_error.1
             ));
         }
     }
 }
 
 impl<'s, S: ConstrainedSystem, R: AccelerationRule> TangentClosing<'s, S> for Everything<'s, S, R> {
-    /// That of the partition, whose factors no evaluation needs. Positions that drift are no closer to it than their
-    /// closure error.
+    /// Distance from a singular position of the partition, whose factors no evaluation needs. It is known no better than
+    /// the closure error of positions that drift.
     fn margin(&mut self) -> Option<(f64, u64)> {
         let r = &mut self.base.r;
         let free = self.correction == Correction::None || r.rank() == 0 || r.tangent(f64::NAN).is_err();
@@ -309,8 +309,8 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> TangentClosing<'s, S> for Ev
         r.system.add_metric(&mut r.scratch, &mut self.mass);
         let p = MassProjection::new(&*r.system, t, &self.mass, &c)?;
         for _ in 0..2 {
-            let open: Vec<f64> = velocity_residuals(r.system.pattern(), &r.c, v, &r.a).collect();
-            let x: Vec<f64> = rows.iter().map(|&i| open[i]).collect();
+            let violation: Vec<f64> = velocity_residuals(r.system.pattern(), &r.c, v, &r.a).collect();
+            let x: Vec<f64> = rows.iter().map(|&i| violation[i]).collect();
             dense::axpy(1.0, &p.correction(&x), v);
         }
         Ok(true)

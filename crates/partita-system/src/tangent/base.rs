@@ -53,7 +53,7 @@ impl<'s, S: ConstrainedSystem> Base<'s, S> {
         self.log_evaluated(t, q, before, reason)
     }
 
-    /// The same at the point last evaluated.
+    /// As `log`, at the point last evaluated.
     pub(super) fn log_evaluated(&mut self, t: f64, q: &[f64], before: &[usize], reason: String) -> Result<()> {
         let quality = self.r.quality(t, q)?;
         let p = &self.r.partition;

@@ -2,6 +2,7 @@
 
 use partita_math::dense::{self, Matrix};
 use partita_math::factor::{self, FactorError};
+use partita_math::tolerance;
 
 /// A rule that provides S.
 pub trait Basis: Send {
@@ -82,10 +83,6 @@ impl Basis for Rule {
 /// its condition.
 const PASSES: usize = 2;
 
-/// A direction with less remaining is lost. Scale: fraction of the unit direction. Reason: the space has turned by a
-/// right angle since it was frozen.
-const NOTHING_LEFT: f64 = 1e-8;
-
 /// The rows of `last` without the prohibited directions, made orthonormal one after the other.
 fn continued(last: &Matrix, c: &Matrix) -> Result<Matrix, FactorError> {
     let n = last.cols();
@@ -105,7 +102,7 @@ fn continued(last: &Matrix, c: &Matrix) -> Result<Matrix, FactorError> {
                 dense::axpy(-along, y, x);
             }
             let length = dense::dot(x, x).sqrt();
-            if length < NOTHING_LEFT {
+            if length < tolerance::DEPENDENT {
                 return Err(FactorError::NotPositiveDefinite { index: j - r });
             }
             x.iter_mut().for_each(|x| *x /= length);

@@ -17,11 +17,11 @@ use crate::singular::dead_point::dead_point;
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError, SystemRef};
 use partita_math::formatted;
+use partita_math::tolerance;
 
 /// Number of steps after which the system is asked again at the latest, with a gain that has not doubled: the cost of
 /// one plan is then negligible.
 const MOST_PATIENCE: u32 = 1024;
-
 /// The tangent of a closing in use. Of the options it reads `independent` (fixed inputs) and `switch_threshold`
 /// (hysteresis of a change of inputs).
 pub struct Blocks<'s, S: ConstrainedSystem> {
@@ -100,7 +100,7 @@ impl<'s, S: ConstrainedSystem> Blocks<'s, S> {
         self.at_dead_point(t, q, "would have to change to its other branch, which meets this one here")
     }
 
-    /// The same for the reason `seen` of the block with the smallest pivot.
+    /// As `undecided`, for the reason `seen` of the block with the smallest pivot.
     fn at_dead_point(&self, t: f64, q: &[f64], seen: &str) -> SystemError {
         let blocks = self.closing.iter().flat_map(|x| x.blocks().iter().zip(x.state()));
         let worst = blocks.min_by(|x, y| x.1.pivot.total_cmp(&y.1.pivot));
@@ -173,7 +173,7 @@ impl<'s, S: ConstrainedSystem> Blocks<'s, S> {
     fn better_inputs(&mut self, t: f64, q: &[f64], gain: f64) -> bool {
         self.patience = self.patience.saturating_sub(1);
         self.asked_at = self.asked_at.min(gain);
-        if self.patience > 0 && gain < 2.0 * self.asked_at {
+        if self.patience > 0 && gain < tolerance::DOUBLED * self.asked_at {
             return false;
         }
         self.waited = (2 * self.waited).clamp(PERIOD, MOST_PATIENCE);

@@ -16,6 +16,7 @@
 
 use super::basis::Basis;
 use super::instant::quality_of_selector;
+use super::partition::HARD_LIMIT;
 use super::{Base, Occasion, TangentChoice, TangentClosing, TangentLevels};
 use crate::error::Result;
 use crate::manifold::orthogonal::{dense_rows, orthogonal_step};
@@ -30,9 +31,6 @@ use partita_math::factor::FactorError;
 use partita_math::tolerance;
 use std::sync::Arc;
 
-/// A basis whose quality fell to this within one step invalidates the step, which is repeated. Scale: fraction of the
-/// threshold of renewal. Reason: three doublings within a step are no longer smooth.
-const HARD_PART: f64 = 0.125;
 /// The partition behind the basis is chosen anew when a switch gains more. Scale: ratio of volumes. Reason: rarely,
 /// as the basis itself does not suffer.
 const FROZEN_GAIN: f64 = 4.0;
@@ -163,7 +161,7 @@ impl<'s, S: ConstrainedSystem> Frozen<'s, S> {
         self.factor(t, covectors)
     }
 
-    /// The same after each step: nothing is judged or listed, only S is renewed.
+    /// Renew S after each step, where it is neither judged nor recorded.
     fn follow(&mut self, t: f64, q: &[f64], v: &[f64]) -> Result<bool> {
         if std::mem::take(&mut self.base.fading) {
             start::choose_partition(&mut self.base.r, t, q, None, None)?;
@@ -310,7 +308,7 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Frozen<'s, S> {
         self.lowest = self.lowest.min(now.sqrt_mu);
         let part = now.sqrt_mu / self.fresh.sqrt_mu;
         let fails = part < least;
-        if fails && part < HARD_PART * least && self.rejects_in_a_row < 3 {
+        if fails && HARD_LIMIT * part < least && self.rejects_in_a_row < 3 {
             self.rejects_in_a_row += 1;
             return Verdict::Repeat;
         }

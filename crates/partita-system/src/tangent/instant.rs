@@ -50,7 +50,7 @@ impl<'s, S: ConstrainedSystem> Describer<'s, S> {
     }
 }
 
-/// The same with the levels of any reduction; false where the position is singular.
+/// Describe an instant with the levels of any reduction; false where the position is singular.
 pub fn describe<S: ConstrainedSystem>(
     r: &mut Reduction<S>,
     at: &Output,

@@ -36,13 +36,13 @@ pub enum Occasion {
 pub trait TangentLevels<'s, S: ConstrainedSystem + 's> {
     /// The common part of all tangents.
     fn base(&self) -> &Base<'s, S>;
-    /// The same, mutable.
+    /// As `base`, mutable.
     fn base_mut(&mut self) -> &mut Base<'s, S>;
     /// Levels of the system at the point last evaluated (Φ, C, a, b, v) and the rows kept.
     fn reduction(&mut self) -> &mut Reduction<'s, S> {
         &mut self.base_mut().r
     }
-    /// The same, read-only.
+    /// As `reduction`, read-only.
     fn seen(&self) -> &Reduction<'s, S> {
         &self.base().r
     }

@@ -17,9 +17,9 @@ use crate::singular::dead_point;
 use crate::system::{ConstrainedSystem, SystemError, SystemRef};
 use partita_math::tolerance;
 
-/// Inside a step the gain of a switch may grow up to this before the step is repeated. Scale: ratio of volumes.
-/// Reason: one digit is lost there.
-const HARD_LIMIT: f64 = 8.0;
+/// By how much the choice of coordinates may become worse inside a step before the step is repeated. Scale: ratio of
+/// volumes; of qualities of a basis. Reason: one digit is lost there, and three doublings within a step are not smooth.
+pub(super) const HARD_LIMIT: f64 = 8.0;
 
 /// Independent velocities, chosen and switched by a rule.
 pub struct Chosen<'s, S: ConstrainedSystem> {

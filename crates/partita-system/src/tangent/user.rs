@@ -23,14 +23,11 @@ use partita_math::dense::{self, Matrix};
 use partita_math::tolerance;
 use std::sync::Arc;
 
-/// Allowed deviation from zero of products with C at the start. Scale: their natural size. Reason: the round-off of
-/// formulas with a few hundred operations at a position closed to 1e-12, and far below any wrong sign.
-const TANGENT_FITS: f64 = 1e-8;
 /// Half-width of the difference formula. Unit: characteristic displacements of the fastest velocity. Reason: the sixth
 /// power is far below round-off.
 const TANGENT_MOVE: f64 = 1e-2;
 
-/// The user's D.
+/// Tangent given by the user as functions D and γ.
 pub struct Given<'s, S: ConstrainedSystem> {
     base: Base<'s, S>,
     map: Arc<dyn TangentMap>,
@@ -178,7 +175,7 @@ impl<'s, S: ConstrainedSystem> Given<'s, S> {
             let words = || self.base.r.system.row_description(row);
             for j in 0..k {
                 let (sum, size) = self.along(row, |i| self.base.r.dt[i * k + j]);
-                if sum.abs() > TANGENT_FITS * size {
+                if sum.abs() > tolerance::WORST_ROUNDING * size {
                     return Err(SystemError::argument(
                         "tangent",
                         format!(
@@ -191,7 +188,7 @@ impl<'s, S: ConstrainedSystem> Given<'s, S> {
             }
             let (sum, size) = self.along(row, |i| self.base.r.gamma[i]);
             let (left, size) = (sum + self.base.r.a[row], size + self.base.r.a[row].abs());
-            if left.abs() > TANGENT_FITS * size {
+            if left.abs() > tolerance::WORST_ROUNDING * size {
                 return Err(SystemError::argument(
                     "tangent",
                     format!(

@@ -107,9 +107,9 @@ fn one_motion() {
                 let balance = |s: &Sample| energy(s) - s.work;
                 let lost = samples.iter().fold(0.0, |m: f64, s| m.max((balance(s) - balance(&exact[0])).abs()));
                 assert!(lost < 100.0 * within, "{what}, {name}, {correction:?}: energy off by {lost:e} J");
-                let open = samples.iter().fold(0.0, |m: f64, s| m.max(s.closure).max(s.velocity_closure));
+                let closure_error = samples.iter().fold(0.0, |m: f64, s| m.max(s.closure).max(s.velocity_closure));
                 if correction != Correction::None && drift != Drift::Stabilised || drift == Drift::Never {
-                    assert!(open < 1e-12, "{what}, {name}, {correction:?}: open by {open:e}");
+                    assert!(closure_error < 1e-12, "{what}, {name}, {correction:?}: open by {closure_error:e}");
                 } else {
                     // what is not corrected is reported
                     let reported = f.history().notes.iter().any(|n| n.contains("not exactly closed"));

@@ -10,7 +10,7 @@ use partita_system::prelude::*;
 use partita_system::SystemError;
 
 /// Largest |Φ| in parts of the rows' lengths.
-fn open(model: &Model, q: &[f64]) -> f64 {
+fn closure_error(model: &Model, q: &[f64]) -> f64 {
     let size = model.size();
     let (mut phi, mut a, mut c) = (vec![0.0; size.holonomic], vec![0.0; size.rows], vec![0.0; model.pattern().nnz()]);
     model.position(0.0, q, &mut model.scratch(), &mut phi, &mut c, &mut a).unwrap();
@@ -54,13 +54,13 @@ fn rough_drawings_close() {
         let (mut closed, mut all, mut failed) = (0, 0, Vec::new());
         for (d, count) in &families {
             let model = d.clone().model();
-            assert!(open(&model, &model.initial()) < tolerance::CLOSED, "{} is drawn closed", model.spec.name);
+            assert!(closure_error(&model, &model.initial()) < tolerance::CLOSED, "{} is drawn closed", model.spec.name);
             all += count;
             for _ in 0..*count {
                 let mut q = rough(&model, &mut rng, part);
                 match assembly::close(&model, 0.0, &mut q, tolerance::CLOSED, &[]) {
                     Ok(report) => {
-                        assert!(open(&model, &q) <= tolerance::CLOSED);
+                        assert!(closure_error(&model, &q) <= tolerance::CLOSED);
                         // quadratic at the end, and no more iterations for a thousand loops than for one
                         assert!(report.iterations <= [10, 12, 20, 40][p], "{}: {report:?}", model.spec.name);
                         closed += 1;
@@ -117,7 +117,7 @@ fn far_drawings_close_from_starts_around_them() {
             let mut q = rough(&model, &mut rng, 1.0);
             all += 1;
             if let Ok(report) = assembly::close(&model, 0.0, &mut q, tolerance::CLOSED, &[]) {
-                assert!(open(&model, &q) <= tolerance::CLOSED);
+                assert!(closure_error(&model, &q) <= tolerance::CLOSED);
                 closed += 1;
                 again += usize::from(report.restarts > 0);
             }
@@ -139,7 +139,7 @@ fn closed_drawings_are_closed_to_round_off() {
             let mut q = rough(&model, &mut rng, 0.01);
             assembly::close(&model, 0.0, &mut q, 1e-3, &[]).unwrap();
             // in parts of the rows' lengths, which their sums exceed by no more than ten times
-            assert!(open(&model, &q) < 1e-14, "{}: {:e}", model.spec.name, open(&model, &q));
+            assert!(closure_error(&model, &q) < 1e-14, "{}: {:e}", model.spec.name, closure_error(&model, &q));
         }
     }
 }

@@ -91,8 +91,8 @@ fn chain_of_four_bars() {
         q[coordinate(&model, "A30")] = angle;
         closing.close(0.0, &mut q).unwrap();
         // errors do not add along the chain
-        let (open, _) = position(&model, 0.0, &q);
-        assert!(open < 1e-14, "{open}");
+        let (closure_error, _) = position(&model, 0.0, &q);
+        assert!(closure_error < 1e-14, "{closure_error}");
         assert!((q[coordinate(&model, "A0")] - angle).abs() < 1e-12);
         assert!((q[coordinate(&model, "A60")] - angle).abs() < 1e-12);
     }

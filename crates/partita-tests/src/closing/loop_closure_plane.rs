@@ -322,7 +322,7 @@ fn placing_equals_walking() {
     let q = model.initial();
     let at = coordinate(&model, "A");
     for target in [1.0, -2.0, 9.0] {
-        let placed = model.place(0.0, &q, &[(at, target)]).unwrap();
+        let placed = model.at_targets(0.0, &q, &[(at, target)]).unwrap();
         let mut walked = q.clone();
         partita_system::kinematics::assembly::move_to(&model, 0.0, &mut walked, &[(at, target)], 1e-12).unwrap();
         for (a, b) in placed.iter().zip(&walked) {
@@ -331,14 +331,14 @@ fn placing_equals_walking() {
     }
     // a parallelogram in line may go on either way: the walk decides
     let square = four_bar([1.0, 0.5, 1.0, 0.5], 0.7, 1.0).model();
-    assert!(square.place(0.0, &square.initial(), &[(coordinate(&square, "A"), 0.9)]).is_some());
-    assert_eq!(square.place(0.0, &square.initial(), &[(coordinate(&square, "A"), 3.0)]), None);
+    assert!(square.at_targets(0.0, &square.initial(), &[(coordinate(&square, "A"), 0.9)]).is_some());
+    assert_eq!(square.at_targets(0.0, &square.initial(), &[(coordinate(&square, "A"), 3.0)]), None);
     // out of reach, or not a set of inputs: not its business
     let rocker = coordinate(&model, "D");
-    assert_eq!(model.place(0.0, &q, &[(rocker, 3.0)]), None);
-    assert_eq!(model.place(0.0, &q, &[(at, 1.0), (rocker, 0.1)]), None);
-    assert_eq!(model.place(0.0, &q, &[]), None);
-    assert_eq!(model.place(0.0, &q, &[(at, f64::NAN)]), None);
+    assert_eq!(model.at_targets(0.0, &q, &[(rocker, 3.0)]), None);
+    assert_eq!(model.at_targets(0.0, &q, &[(at, 1.0), (rocker, 0.1)]), None);
+    assert_eq!(model.at_targets(0.0, &q, &[]), None);
+    assert_eq!(model.at_targets(0.0, &q, &[(at, f64::NAN)]), None);
 }
 
 #[test]

@@ -36,8 +36,8 @@ fn check(rng: &mut fastrand::Rng, model: &Model, m: &Moment) -> (usize, usize) {
     }
     model.step(&mut q, &dv);
     if closing.close(m.t, &mut q).is_ok() {
-        let (open, _) = position(model, m.t, &q);
-        assert!(open < 1e-12, "open by {open:.2e}");
+        let (closure_error, _) = position(model, m.t, &q);
+        assert!(closure_error < 1e-12, "open by {closure_error:.2e}");
         assert_eq!(own, branches(&closing));
         // derivatives of weak blocks are large
         if closing.state().iter().all(|s| s.pivot > 0.1) && closing.is_explicit() && model.drives.is_empty() {

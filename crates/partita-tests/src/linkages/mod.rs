@@ -250,9 +250,9 @@ pub fn branches(closing: &LoopClosing) -> Vec<i8> {
 /// Closing within round-off: a few ulp of the size, and what the rounding of large angles itself opens.
 pub fn assert_closed(model: &Model, t: f64, q: &[f64], what: &str) {
     let angle = q.iter().fold(1.0, |m: f64, x| m.max(x.abs()));
-    let (open, _) = position(model, t, q);
+    let (closure_error, _) = position(model, t, q);
     let allowed = model.placed.size.max(1.0) * f64::EPSILON * (20.0 + 6.0 * angle);
-    assert!(open <= allowed, "{what}: |Φ| = {open:.2e}, allowed {allowed:.2e}");
+    assert!(closure_error <= allowed, "{what}: |Φ| = {closure_error:.2e}, allowed {allowed:.2e}");
 }
 
 /// Velocities on the way through five positions h apart, by differences of fourth order.

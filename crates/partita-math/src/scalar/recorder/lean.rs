@@ -36,7 +36,7 @@ fn key(operation: Operation) -> Key {
 }
 
 impl Operation {
-    /// The same with other operands.
+    /// This operation on other operands.
     pub(super) fn with(self, mut at: impl FnMut(u32) -> u32) -> Self {
         match self {
             Self::Input(_) | Self::Constant(_) => self,
@@ -94,12 +94,12 @@ impl Numbered {
     }
 
     /// Index of an operation, known or new; simplified where its operands are constants.
-    fn place(&mut self, operation: Operation) -> u32 {
+    fn slot(&mut self, operation: Operation) -> u32 {
         use Operation as O;
         let folded = match operation {
             O::Scale(x, f) => {
-                let f = self.place(O::Constant(f));
-                return self.place(O::Mul(x, f));
+                let f = self.slot(O::Constant(f));
+                return self.slot(O::Mul(x, f));
             }
             O::Add(x, y) => match (self.constant(x), self.constant(y), self.negated(x), self.negated(y)) {
                 (Some(a), Some(b), ..) => O::Constant(a + b),
@@ -111,9 +111,9 @@ impl Numbered {
             },
             O::Sub(x, y) => match (self.constant(x), self.constant(y), self.negated(y)) {
                 (Some(a), Some(b), _) => O::Constant(a - b),
-                (Some(0.0), ..) => return self.place(O::Neg(y)),
+                (Some(0.0), ..) => return self.slot(O::Neg(y)),
                 (_, Some(0.0), _) => return x,
-                (.., Some(b)) => return self.place(O::Add(x, b)),
+                (.., Some(b)) => return self.slot(O::Add(x, b)),
                 _ if x == y => O::Constant(0.0),
                 _ => operation,
             },
@@ -122,16 +122,16 @@ impl Numbered {
                 (Some(0.0), ..) | (_, Some(0.0), ..) => O::Constant(0.0),
                 (Some(1.0), ..) => return y,
                 (_, Some(1.0), ..) => return x,
-                (Some(-1.0), ..) => return self.place(O::Neg(y)),
-                (_, Some(-1.0), ..) => return self.place(O::Neg(x)),
-                (_, _, Some(a), Some(b)) => return self.place(O::Mul(a, b)),
+                (Some(-1.0), ..) => return self.slot(O::Neg(y)),
+                (_, Some(-1.0), ..) => return self.slot(O::Neg(x)),
+                (_, _, Some(a), Some(b)) => return self.slot(O::Mul(a, b)),
                 (_, _, Some(a), None) => {
-                    let product = self.place(O::Mul(a, y));
-                    return self.place(O::Neg(product));
+                    let product = self.slot(O::Mul(a, y));
+                    return self.slot(O::Neg(product));
                 }
                 (_, _, None, Some(b)) => {
-                    let product = self.place(O::Mul(x, b));
-                    return self.place(O::Neg(product));
+                    let product = self.slot(O::Mul(x, b));
+                    return self.slot(O::Neg(product));
                 }
                 _ => operation,
             },
@@ -181,7 +181,7 @@ impl Recording {
         let mut places: Vec<u32> = Vec::with_capacity(self.operations.len());
         for operation in &self.operations {
             let moved = operation.with(|x| places.get(x as usize).copied().unwrap_or(0));
-            places.push(numbered.place(moved));
+            places.push(numbered.slot(moved));
         }
         let outputs: Vec<u32> = self.outputs.iter().map(|&x| places.get(x as usize).copied().unwrap_or(0)).collect();
         let mut asked = vec![false; numbered.operations.len()];

@@ -31,5 +31,5 @@ impl<S: Scalar> ScalarLaw<S> for Curve {
 fn each_turn(curve: &Table) -> bool {
     let (Some(first), Some(last)) = (curve.breaks.first(), curve.breaks.last()) else { return true };
     let times = TAU / (last - first);
-    times >= 0.5 && (times - times.round()).abs() <= tolerance::EQUAL * times
+    times.round() >= 1.0 && (times - times.round()).abs() <= tolerance::EQUAL * times
 }

@@ -245,7 +245,7 @@ impl<G: Space> Load<G> {
                 let (moment, force) = (G::scale_ang(unit.moment, effort), G::scale(unit.force, effort));
                 let arm = at.arm(b);
                 // action equals reaction at the same point of space
-                let back = at.tree.place(b.link, at.s) + arm - at.tree.place(a.link, at.s);
+                let back = at.tree.reference_point(b.link, at.s) + arm - at.tree.reference_point(a.link, at.s);
                 let push = |e: &AttachmentPoint<G>, arm, moment, force| AppliedWrench {
                     node: e.node,
                     link: e.link,

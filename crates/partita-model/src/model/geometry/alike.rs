@@ -5,7 +5,7 @@
 //! rounding, its existence. Equal lengths between parallel axes, and axes of one body in one plane, are simple roots of
 //! the same drawing.
 
-use super::change::{is_sought, LARGEST, NEARLY_PARALLEL, OWN};
+use super::change::{is_sought, LARGEST, OWN};
 use super::{blocks, Drawing};
 use crate::joint::alignment;
 use crate::model::Model;
@@ -58,7 +58,10 @@ impl Drawing {
     /// Axes of one body, parallel to each other, whose distances equal others within a few tolerances, or which lie in
     /// one plane.
     pub(super) fn alike(&self, tolerance: f64) -> Vec<Alike> {
-        alike(&pins(&self.model, 0..self.model.spec.joints.len()), NEARLY_PARALLEL * tolerance * self.length)
+        alike(
+            &pins(&self.model, 0..self.model.spec.joints.len()),
+            tolerance::INTENDED_PARALLEL * tolerance * self.length,
+        )
     }
 
     /// These relations as conditions on a change of this drawing.
@@ -94,7 +97,7 @@ impl Drawing {
 /// Whether nearly equal lengths of a block differ by more than rounding. Blocks too large for a search are skipped: the
 /// number of relations grows with the third power of the number of axes in one line.
 pub(super) fn is_unlike(model: &Model, tolerance: f64) -> bool {
-    let (size, near) = (model.placed.size, NEARLY_PARALLEL * tolerance * model.placed.size);
+    let (size, near) = (model.placed.size, tolerance::INTENDED_PARALLEL * tolerance * model.placed.size);
     blocks::joints_of_blocks(&model.spec).into_iter().filter(|joints| is_sought(joints.len())).any(|joints| {
         let pins = pins(model, joints);
         let off = |x: &Alike| x.conditions(&pins, size).iter().any(|x| x.off.abs() > tolerance::SUM_ROUNDING);
@@ -156,7 +159,7 @@ fn alike(pins: &[Pin], near: f64) -> Vec<Alike> {
     found
 }
 
-/// From one axis to another, perpendicular to the first.
+/// Vector from one axis to another, perpendicular to the first.
 fn between(pins: &[Pin], i: usize, j: usize) -> Vec3<f64> {
     let (axis, to) = (pins[i].axis, pins[j].at - pins[i].at);
     to - axis.times(axis.dot(to))

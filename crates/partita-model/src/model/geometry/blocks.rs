@@ -30,7 +30,7 @@ impl Moved {
         self.turn.apply(point) + self.shift
     }
 
-    /// The same relative to a body that has moved itself.
+    /// This displacement relative to a body that has moved itself.
     fn seen_from(&self, base: &Self) -> Self {
         let back = base.turn.transpose();
         Self { turn: back.mul(&self.turn), shift: back.apply(self.shift - base.shift) }
@@ -142,7 +142,8 @@ impl Model {
         for (own, body) in self.placed.bodies.iter().zip(&self.spec.bodies) {
             let rot = Mat3(body.orientation);
             let turned: Mat3<f64> = out.transpose().mul(&s.links[own.link].rot).mul(&own.rot);
-            let com = self.full.place(own.link, &s) + s.links[own.link].rot.apply(own.com - self.reference()[own.link]);
+            let com = self.full.reference_point(own.link, &s)
+                + s.links[own.link].rot.apply(own.com - self.reference()[own.link]);
             let turn = turned.mul(&rot.transpose());
             let drawn = Vec3(body.position) + rot.apply(Vec3(body.com));
             all.insert(body.name.clone(), Moved { turn, shift: out.apply_transposed(com) - turn.apply(drawn) });

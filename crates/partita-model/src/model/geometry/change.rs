@@ -33,9 +33,6 @@ const FEWEST: usize = 3;
 /// Singular values of the conditions below this multiple of the closure error are null. Scale: multiples of the closure
 /// error. Reason: the error of the conditions is as large as the closure error, times the length of a loop.
 const CLOSURE_FACTOR: f64 = 30.0;
-/// Axes that are parallel within this were intended to be. Scale: multiples of the drawing tolerance. Reason: both axes
-/// may be off by one, and the loop between them.
-pub(super) const NEARLY_PARALLEL: f64 = 3.0;
 /// Largest number of products in a decomposition for which a change is sought.
 pub(super) const LARGEST: usize = 150_000_000;
 /// A fit that depends on smaller singular values may be near a double root. Scale: fraction of the largest singular
@@ -91,12 +88,12 @@ impl Drawing {
         let mut at: Vec<Vec<f64>> = spread(points, kernel).into_iter().map(|x| x.q.clone()).collect();
         let (mut before, mut nothing) = (f64::INFINITY, super::WEAK_CONDITION);
         for _ in 0..ROUNDS {
-            let (rows, open) = now.asked(&mut at, cut, &now.conditions(kept))?;
+            let (rows, closure_error) = now.asked(&mut at, cut, &now.conditions(kept))?;
             if at.len() < FEWEST || rows.rows() * rows.cols().pow(2) > LARGEST {
                 return Ok(None);
             }
-            let worst = open.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-            if worst < tolerance::ROUNDING || worst < tolerance::CLOSED && worst > 0.5 * before {
+            let worst = closure_error.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+            if worst < tolerance::ROUNDING || worst < tolerance::CLOSED && worst > tolerance::CONVERGES * before {
                 return Ok(Some(change));
             }
             if !worst.is_finite() {
@@ -112,7 +109,12 @@ impl Drawing {
             let Ok(f) = svd(&rows) else { return Ok(None) };
             let Some(top) = f.s.first().copied().filter(|s| *s > 0.0) else { return Ok(None) };
             // the least of the whole change, not of its last step: A p_new = A p - open
-            let wanted: Vec<f64> = rows.matvec(&change.numbers).iter().zip(&open).map(|(a, open)| a - open).collect();
+            let wanted: Vec<f64> = rows
+                .matvec(&change.numbers)
+                .iter()
+                .zip(&closure_error)
+                .map(|(a, closure_error)| a - closure_error)
+                .collect();
             change.numbers.fill(0.0);
             change.weak = f.s.iter().map(|s| s / top).filter(|s| *s < tolerance::DEPENDENT).collect();
             for (i, s) in f.s.iter().enumerate().take_while(|x| *x.1 > nothing * top) {
@@ -130,7 +132,7 @@ impl Drawing {
     /// a change, and the error of each.
     fn asked(&self, at: &mut Vec<Vec<f64>>, cut: Cut, kept: &[Condition]) -> Result<(Matrix, Vec<f64>), SystemError> {
         let columns = OWN * self.model.spec.joints.len();
-        let (mut rows, mut open): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
+        let (mut rows, mut closure_error): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
         let mut kernel = Kernel::new(&self.model, 0.0);
         let mut s = self.model.full.scratch();
         let mut still = Vec::with_capacity(at.len());
@@ -146,7 +148,7 @@ impl Drawing {
                 let weighed: Vec<(usize, f64)> = kernel.rows.iter().copied().zip(weights).collect();
                 self.slope(&weighed, kernel.raw_c(), &s, &mut row);
                 rows.extend(row);
-                open.push(weighed.iter().map(|(i, w)| w * kernel.raw_phi()[*i]).sum());
+                closure_error.push(weighed.iter().map(|(i, w)| w * kernel.raw_phi()[*i]).sum());
             }
             still.push(q);
         }
@@ -155,9 +157,9 @@ impl Drawing {
             let mut row = vec![0.0; columns];
             condition.set(&mut row);
             rows.extend(row);
-            open.push(condition.off);
+            closure_error.push(condition.off);
         }
-        Ok((Matrix::from_vec(open.len(), columns, rows), open))
+        Ok((Matrix::from_vec(closure_error.len(), columns, rows), closure_error))
     }
 
     /// With the frames of the joints changed by this; in a plane it stays the plane.
@@ -165,7 +167,7 @@ impl Drawing {
         self.made(change, self.model.is_planar()).filter(|new| new.model.is_planar() == self.model.is_planar())
     }
 
-    /// The same, in whatever plane results.
+    /// As `changed`, in whatever plane results.
     pub(super) fn changed_to(&self, change: &[f64]) -> Option<Self> {
         self.made(change, true)
     }
@@ -228,7 +230,7 @@ impl Drawing {
             off = more.iter().fold(off, |m: f64, x| m.max(x.abs()));
             self.changed(&numbers)
         };
-        let parallel = add(&self.changed(change)?.parallel(q, NEARLY_PARALLEL * tolerance))?;
+        let parallel = add(&self.changed(change)?.parallel(q, tolerance::INTENDED_PARALLEL * tolerance))?;
         let alike = parallel.alike(tolerance);
         add(&parallel.made_alike(&alike)?)?;
         (off > tolerance::SUM_ROUNDING).then_some((numbers, alike, off))
@@ -293,8 +295,8 @@ impl Drawing {
                 let (force, moment) =
                     (effort.0, if self.model.is_planar() { effort.1 } else { s.links[link].rot.apply(effort.1) });
                 let turn = &s.links[own].rot;
-                let here = model.full.place(own, s) + turn.apply(point - model.reference()[own]);
-                let about = moment + (model.full.place(link, s) - here).cross(force);
+                let here = model.full.reference_point(own, s) + turn.apply(point - model.reference()[own]);
+                let about = moment + (model.full.reference_point(link, s) - here).cross(force);
                 let shift = basis.apply_transposed(turn.apply_transposed(force)).times(self.length);
                 let turned = basis.apply_transposed(turn.apply_transposed(about));
                 let numbers = &mut out[j * OWN + first..][..OWN / 2];

@@ -1,7 +1,7 @@
 //! Levels of singular values: how a drawing fits along finite motions, and which of its conditions count.    (11.9)
 
 use super::change::{largest, Change, OWN};
-use super::{coarsest, Drawing, Wanted, FINEST_LEVEL, LARGEST_CHANGE, PLANE, WEAK_CONDITION};
+use super::{coarsest, Drawing, Wanted, FINEST_LEVEL, LARGEST_CHANGE, WEAK_CONDITION};
 use crate::model::Model;
 use crate::spec::Joint;
 use partita_math::tolerance;
@@ -9,8 +9,11 @@ use partita_system::prelude::*;
 use partita_system::rank::{Branch, Cut, Kernel};
 use partita_system::SystemError;
 
-/// Finer levels of singular values. Scale: singular values in natural scales. Reason: two digits apart.
+/// Finer levels of singular values. Unit: singular values in natural scales. Reason: two digits apart.
 const FINER_LEVELS: [f64; 2] = [1e-5, 1e-7];
+/// A length that shrinks to less is folded away. Scale: fraction of the length. Reason: a geometric error changes no
+/// length by as much as a half.
+const FOLDED: f64 = 0.5;
 /// The drawing of a block may have this closure error for a decision to be meaningful. Scale: lengths of its bodies.
 /// Reason: a drawing with a larger error shows another assembly.
 const NEARLY_DRAWN: f64 = 0.5;
@@ -58,8 +61,8 @@ impl Drawing {
         let mut home = self.model.initial();
         let closed = Kernel::new(&self.model, 0.0).close(&mut home, near)?;
         // a drawing that closes with opposed axes is another mechanism
-        let open = closed.filter(|_| self.model.turned_over(&home).is_empty()).map(|x| x.open);
-        let there = if open.is_none_or(|x| x > tolerance) { pose() } else { None };
+        let closure_error = closed.filter(|_| self.model.turned_over(&home).is_empty()).map(|x| x.closure_error);
+        let there = if closure_error.is_none_or(|x| x > tolerance) { pose() } else { None };
         if let Some(pose) = there {
             // a drawing that no change within the tolerance closes here closes elsewhere: then lengths are those there.
             // Where it does not close either, a slide may have moved far, which would raise the tolerance: none is
@@ -67,7 +70,7 @@ impl Drawing {
             let mut q = self.model.coordinates_in(pose);
             let there = self.model.length_at(&q);
             let closed = Kernel::new(&self.model, 0.0).close(&mut q.clone(), Cut::Level(FINEST_LEVEL))?;
-            let length = match closed.is_some_and(|x| x.open <= tolerance::CLOSED_IN_RUN) {
+            let length = match closed.is_some_and(|x| x.closure_error <= tolerance::CLOSED_IN_RUN) {
                 true => there,
                 false => there.map(|x| x.min(self.length)),
             };
@@ -75,18 +78,20 @@ impl Drawing {
             if let Some(there) = there.filter(|x| x.model.is_planar() == self.model.is_planar()) {
                 let closed = Kernel::new(&there.model, 0.0).close(&mut q, near)?;
                 let fits = there.model.turned_over(&q).is_empty();
-                if fits && closed.is_some_and(|x| open.is_none_or(|open| x.open < open)) {
+                if fits
+                    && closed.is_some_and(|x| closure_error.is_none_or(|closure_error| x.closure_error < closure_error))
+                {
                     return there.levels_at(q, own, tolerance);
                 }
             }
         }
-        if open.is_none_or(|open| open > NEARLY_DRAWN) {
+        if closure_error.is_none_or(|closure_error| closure_error > NEARLY_DRAWN) {
             return Ok(None);
         }
         self.levels_at(home, own, tolerance)
     }
 
-    /// The same at a position that is closed as far as possible.
+    /// Decide at a position that is closed as far as possible.
     fn levels_at(
         &self,
         home: Vec<f64>,
@@ -116,7 +121,8 @@ impl Drawing {
             return Ok(Some(((seen.coarse > 0).then_some(fit), seen)));
         }
         let mut levels = vec![coarsest];
-        levels.extend(FINER_LEVELS.into_iter().filter(|x| *x < coarsest));
+        levels.extend(FINER_LEVELS);
+        levels.retain(|x| *x <= coarsest);
         if seen.fine == seen.coarse {
             let finest = levels.pop().unwrap_or(coarsest);
             let fit = self.at_level(&home, finest, (tolerance, &seen))?;
@@ -162,33 +168,37 @@ impl Drawing {
             joints: joints.to_vec(),
             ambiguous: None,
         };
-        let open = branch.points.iter().fold(0.0, |m: f64, x| m.max(x.open));
+        let closure_error = branch.points.iter().fold(0.0, |m: f64, x| m.max(x.closure_error));
         let unlike = self.alike_too(&vec![0.0; OWN * self.model.spec.joints.len()], &there, tolerance);
         // a motion of the drawing itself needs no change, however similar its axes are; the closure error of an exact
         // drawing is rounding, and a smaller geometric error shows in its null directions
-        let exact = exact && open <= tolerance::SUM_ROUNDING;
+        let exact = exact && closure_error <= tolerance::SUM_ROUNDING;
         let moves_as_drawn = exact || seen.regular.is_some_and(|k| branch.dof <= k);
-        if open < tolerance::FITS && (unlike.is_none() || moves_as_drawn) {
+        if closure_error < tolerance::FITS && (unlike.is_none() || moves_as_drawn) {
             return Ok(Some(fit(None, &self.model.spec.joints)));
         }
         if !self.model.spec.couplings.is_empty() || branch.dof < branch.kernel {
             // conditions have no frames that could be moved, and no slope removes a lock of higher order
             let found = || fit(None, &self.model.spec.joints);
-            if open < tolerance::FITS {
+            if closure_error < tolerance::FITS {
                 return Ok(Some(found()));
             }
             // a closure error within the limits of a whole run is judged there; one that exceeds the tolerance is as
             // drawn
-            let within = open > tolerance::CLOSED_IN_RUN && open <= LARGEST_CHANGE * tolerance;
+            let within = closure_error > tolerance::CLOSED_IN_RUN && closure_error <= LARGEST_CHANGE * tolerance;
             // independent conditions that leave a motion are accepted, however weak
             let undecided = within && seen.regular.is_none_or(|k| k <= seen.afloat);
-            let far = branch.points.iter().filter(|x| x.steps >= CHECKED).max_by(|a, b| a.open.total_cmp(&b.open));
+            let far = branch
+                .points
+                .iter()
+                .filter(|x| x.steps >= CHECKED)
+                .max_by(|a, b| a.closure_error.total_cmp(&b.closure_error));
             let Some(place) = far.filter(|_| undecided && branch.dof == branch.kernel) else { return Ok(None) };
             let ambiguous = Some(self.most_open(&mut kernel, &place.q)?);
-            return Ok(Some(Fit { most: open, ambiguous, ..found() }));
+            return Ok(Some(Fit { most: closure_error, ambiguous, ..found() }));
         }
         let nothing = vec![0.0; OWN * self.model.spec.joints.len()];
-        let plain = match open < tolerance::FITS {
+        let plain = match closure_error < tolerance::FITS {
             true => None,
             false => self.change(&branch.points, branch.kernel, (&nothing, &[]))?,
         };
@@ -209,16 +219,16 @@ impl Drawing {
                 return Ok(Some(fit(Some(change.numbers), &changed.model.spec.joints)));
             }
         }
-        Ok((open < tolerance::FITS).then(|| fit(None, &self.model.spec.joints)))
+        Ok((closure_error < tolerance::FITS).then(|| fit(None, &self.model.spec.joints)))
     }
 
     /// The coupling whose row has the largest closure error at q; where there are none, the joint.
     fn most_open(&self, kernel: &mut Kernel<Model>, q: &[f64]) -> Result<usize, SystemError> {
-        kernel.open(q)?;
-        let open = |k: usize| kernel.raw_phi()[kernel.rows[k]].abs() / kernel.sizes[k];
+        kernel.closure_error(q)?;
+        let closure_error = |k: usize| kernel.raw_phi()[kernel.rows[k]].abs() / kernel.sizes[k];
         let is_coupling = |k: usize| self.model.joint_of_row(kernel.rows[k]).is_none();
         let most = (0..kernel.rows.len())
-            .max_by(|&a, &b| is_coupling(a).cmp(&is_coupling(b)).then(open(a).total_cmp(&open(b))));
+            .max_by(|&a, &b| is_coupling(a).cmp(&is_coupling(b)).then(closure_error(a).total_cmp(&closure_error(b))));
         Ok(most.map_or(0, |k| kernel.rows[k]))
     }
 
@@ -243,31 +253,31 @@ impl Drawing {
         let mut kernel = Kernel::new(&self.model, 0.0);
         let mut there = home.to_vec();
         let Some(place) = branch.points.get(branch.points.len() / 2) else { return Ok(false) };
-        if kernel.close(&mut there, cut)?.is_none_or(|x| x.open > tolerance::FITS) {
+        if kernel.close(&mut there, cut)?.is_none_or(|x| x.closure_error > tolerance::FITS) {
             there.clone_from(&place.q);
-            if kernel.close(&mut there, cut)?.is_none_or(|x| x.open > tolerance::FITS) {
+            if kernel.close(&mut there, cut)?.is_none_or(|x| x.closure_error > tolerance::FITS) {
                 return Ok(false);
             }
         }
-        let (mut open, mut count) = (0.0f64, 0);
+        let (mut closure_error, mut count) = (0.0f64, 0);
         for motion in kernel.motions(&there, cut)?.motions {
             for sign in [1.0, -1.0] {
                 let along: Vec<f64> = motion.iter().map(|x| sign * x).collect();
                 kernel.path(&there, &along, cut, CHECKED, &mut |_, _, off, _| {
-                    open = open.max(off);
+                    closure_error = closure_error.max(off);
                     count += 1;
-                    open <= tolerance::FITS
+                    closure_error <= tolerance::FITS
                 })?;
             }
         }
-        Ok(count >= CHECKED && open <= tolerance::FITS)
+        Ok(count >= CHECKED && closure_error <= tolerance::FITS)
     }
 
     /// Whether a change reduces a length of a body to zero.
     fn folds(&self, numbers: &[f64]) -> bool {
         let Some(changed) = self.changed(numbers) else { return false };
         let (before, after) = (self.lengths(), changed.lengths());
-        before.iter().zip(&after).any(|(d, now)| *d > tolerance::EQUAL * self.length && *now < 0.5 * d)
+        before.iter().zip(&after).any(|(d, now)| *d > tolerance::EQUAL * self.length && *now < FOLDED * d)
     }
 
     /// Whether it removes a length that is too large for a geometric error.
@@ -275,7 +285,7 @@ impl Drawing {
         let Some(changed) = self.changed(numbers) else { return true };
         let (before, after) = (self.lengths(), changed.lengths());
         let longest = before.iter().fold(0.0, |m: f64, x| m.max(*x));
-        before.iter().zip(&after).any(|(d, now)| *d > PLANE * tolerance * longest && *now < 0.5 * d)
+        before.iter().zip(&after).any(|(d, now)| *d > LARGEST_CHANGE * tolerance * longest && *now < FOLDED * d)
     }
 }
 

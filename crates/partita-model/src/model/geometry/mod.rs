@@ -19,6 +19,7 @@ use change::{is_sought, largest, OWN};
 use levels::Fit;
 use partita_math::tolerance;
 use partita_system::kinematics::assembly;
+use partita_system::manifold::truncated::FIRST_GRADE;
 use partita_system::prelude::*;
 use partita_system::rank::{exact, weakest, Cut, Exact, Kernel};
 use rates::Rates;
@@ -29,9 +30,6 @@ use std::sync::Arc;
 /// The coarsest level of singular values. Unit: multiples of the drawing tolerance. Reason: those of random geometric
 /// errors are up to 0.9 of it, of longer loops more.
 const COARSEST: f64 = 10.0;
-/// No level is coarser, whatever the tolerance. Scale: singular values in natural scales. Reason: rows above it are
-/// independent in any mechanism.
-const WIDEST: f64 = 3e-2;
 /// Conditions above this are accepted; weaker ones are distinguished from none by the judgement of motions, not by
 /// pivots at a position. Scale: singular values in natural scales; fraction of the largest for the conditions of a
 /// change. Reason: sums of squares can still resolve its square.
@@ -44,9 +42,6 @@ const DENSE: usize = 150;
 /// The largest change of a joint frame. Scale: multiples of the drawing tolerance. Reason: one for the frame, one for
 /// its counterpart.
 const LARGEST_CHANGE: f64 = 2.0;
-/// Axes are parallel within this in what was intended to be planar. Scale: multiples of the drawing tolerance. Reason:
-/// errors of several joints add up along a loop.
-const PLANE: f64 = 4.0;
 /// Decision about one block of loops.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Verdict {
@@ -149,7 +144,7 @@ impl Drawing {
         Some(Self { model, length: known })
     }
 
-    /// Whether it can be evaluated.
+    /// Whether all conditions are on positions.
     fn is_holonomic(&self) -> bool {
         self.model.size().rows == self.model.size().holonomic
     }
@@ -233,14 +228,14 @@ pub(super) fn decide(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joi
 fn closed(model: &Model, level: f64) -> Option<Vec<f64>> {
     let mut q = model.initial();
     let mut kernel = Kernel::new(model, 0.0);
-    if kernel.open(&q).is_ok_and(|open| open < tolerance::CLOSED_IN_RUN) {
+    if kernel.closure_error(&q).is_ok_and(|closure_error| closure_error < tolerance::CLOSED_IN_RUN) {
         return Some(q);
     }
     if model.size().nv > DENSE {
         return assembly::close(model, 0.0, &mut q, tolerance::CLOSED, &[]).ok().map(|_| q);
     }
     let closed = kernel.close(&mut q, Cut::Level(level)).ok().flatten()?;
-    (closed.open < tolerance::CLOSED_IN_RUN && model.turned_over(&q).is_empty()).then_some(q)
+    (closed.closure_error < tolerance::CLOSED_IN_RUN && model.turned_over(&q).is_empty()).then_some(q)
 }
 
 /// Where the loops close to the drawing tolerance, or come nearest to it, drives released.
@@ -260,7 +255,7 @@ fn at(model: &Model, q: Option<&[f64]>, level: f64) -> Exact {
 
 /// The coarsest level for a drawing tolerance.
 fn coarsest(tolerance: f64) -> f64 {
-    (COARSEST * tolerance).clamp(COARSEST * FINEST_LEVEL, WIDEST)
+    (COARSEST * tolerance).clamp(COARSEST * FINEST_LEVEL, FIRST_GRADE)
 }
 
 /// The squared strength of the weakest constraint of a mechanism with this many degrees of freedom in the zero
@@ -297,7 +292,7 @@ impl Decided {
         Self { ambiguous: Some(of.row_owner(row)), ..Self::plain(Verdict::Ambiguous, None) }
     }
 
-    /// The same for a drawing that was first made `plane`, by these numbers in fractions of `length`.
+    /// Add the change that first made the drawing `plane`: these numbers, in fractions of `length`.
     fn after(mut self, mut numbers: Vec<f64>, length: f64, drawn: &Spec, plane: &[Joint]) -> Self {
         let last: Vec<Joint> = match self.joints.is_empty() {
             true => plane.to_vec(),
@@ -471,7 +466,7 @@ impl Drawing {
         if self.model.is_planar() || !self.model.spec.couplings.is_empty() {
             return None;
         }
-        let mut numbers = self.parallel(&self.model.initial(), PLANE * tolerance);
+        let mut numbers = self.parallel(&self.model.initial(), tolerance::INTENDED_PARALLEL * tolerance);
         let mut plane = self.changed_to(&numbers)?;
         if !plane.model.is_planar() {
             // heights along the normal: each joint where its bodies fit
@@ -481,6 +476,7 @@ impl Drawing {
         }
         // the error of a hinge out of parallel is shared equally by its two bodies
         let most = |first: usize, limit: f64| most(&numbers, first) <= limit * tolerance;
-        (plane.model.is_planar() && most(0, LARGEST_CHANGE) && most(3, PLANE)).then_some((plane, numbers))
+        (plane.model.is_planar() && most(0, LARGEST_CHANGE) && most(3, tolerance::INTENDED_PARALLEL))
+            .then_some((plane, numbers))
     }
 }

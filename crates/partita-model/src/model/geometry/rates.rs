@@ -4,13 +4,10 @@ use super::{closed, coarsest, Drawing, Model, LARGEST_CHANGE, WEAK_CONDITION};
 use crate::tree::LinkMotion;
 use partita_math::dense::Matrix;
 use partita_math::factor::qr_null_space_by;
+use partita_math::tolerance;
 use partita_system::prelude::*;
 use partita_system::rank::pivots;
 use partita_system::SystemError;
-
-/// Slips below this belong to rows that the run drops, whatever their measure. Scale: fraction of the fastest contact's
-/// speed. Reason: a tenth of the sine, 3e-5, from which rows are kept as independent.
-const LEAST_SLIP: f64 = 3e-6;
 
 /// The conditions on rates at the drawn position of a block.
 pub(super) enum Rates {
@@ -39,7 +36,7 @@ impl Drawing {
         for (i, x) in kept.iter().enumerate().filter(|x| weak(x.1)) {
             let before: Vec<usize> = kept[..i].iter().map(|x| x.0).collect();
             let slip = slip(model, &c, &before, x.0);
-            if slip > LEAST_SLIP && slip <= limit {
+            if slip > tolerance::TAKES_PART && slip <= limit {
                 return Ok(Rates::Ambiguous(x.0));
             }
             if slip <= limit {

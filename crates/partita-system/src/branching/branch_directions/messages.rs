@@ -1,10 +1,11 @@
 //! Messages on the branch that rates select, and on why they select none.
 
 use super::{largest, Asked, BranchDirections, BESIDE_DEAD_CENTRE};
-use crate::branching::{SECOND_RATE_ROUNDING, WRITTEN};
+use crate::branching::WRITTEN;
 use crate::system::ConstrainedSystem;
 use partita_math::factor::symmetric_eigen;
 use partita_math::formatted;
+use partita_math::tolerance;
 
 impl<S: ConstrainedSystem> BranchDirections<'_, S> {
     pub(super) fn asked_rates(&self, asked: &[Asked]) -> String {
@@ -18,7 +19,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
     pub(super) fn written(&self, w: &[f64]) -> String {
         let v = self.natural(w);
         let top = largest(w);
-        let moving: Vec<usize> = (0..v.len()).filter(|&i| w[i].abs() > SECOND_RATE_ROUNDING * top).collect();
+        let moving: Vec<usize> = (0..v.len()).filter(|&i| w[i].abs() > tolerance::TAKES_PART * top).collect();
         if moving.is_empty() || moving.len() > WRITTEN {
             return "see the report for its rates".into();
         }
@@ -62,7 +63,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
         )
     }
 
-    /// The same for velocities of a state.
+    /// As `none`, for velocities of a state.
     pub(super) fn nearest(&self, w: &[f64], asked: &[Asked]) -> String {
         let fits = self.planes.iter().flatten().filter_map(|plane| self.on_plane(plane));
         let fits = fits.filter_map(|(base, basis)| self.fit(&base, &basis, w, &[]));
@@ -75,7 +76,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
     pub fn described(&self, v: &[f64]) -> String {
         let w: Vec<f64> = v.iter().zip(&self.displacement).map(|(v, r)| v / r).collect();
         let top = largest(&w);
-        let moving: Vec<usize> = (0..v.len()).filter(|&i| w[i].abs() > SECOND_RATE_ROUNDING * top).collect();
+        let moving: Vec<usize> = (0..v.len()).filter(|&i| w[i].abs() > tolerance::TAKES_PART * top).collect();
         let all: Vec<String> = moving
             .iter()
             .take(WRITTEN)
@@ -101,9 +102,9 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
         }
         let (values, _) = symmetric_eigen(&self.form).ok()?;
         let top = largest(&values);
-        let significant: Vec<f64> = values.into_iter().filter(|x| x.abs() > SECOND_RATE_ROUNDING * top).collect();
+        let significant: Vec<f64> = values.into_iter().filter(|x| x.abs() > tolerance::TAKES_PART * top).collect();
         let (rest, whose) = (self.form[(self.k, self.k)].abs(), self.system.row_owner(row));
-        if significant.len() < 2 && rest <= SECOND_RATE_ROUNDING * top {
+        if significant.len() < 2 && rest <= tolerance::TAKES_PART * top {
             return Some(
                 "to second order the drives stand still here, so the branch depends on higher orders, which are not \
                  evaluated; let the prescribed motion begin with an acceleration inwards"

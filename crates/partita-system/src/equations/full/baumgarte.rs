@@ -55,8 +55,8 @@ impl AccelerationRule for Stabilised {
 
     fn solve(&mut self, x: &Instant, vdot: &mut [f64], lambda: &mut [f64]) -> Result<u64, Failure> {
         for &i in x.rows {
-            let open = if i < x.holonomic { x.phi[i] } else { 0.0 };
-            self.b[i] = x.b[i] + 2.0 * self.alpha * x.closure_error_rate(i) + self.beta * self.beta * open;
+            let violation = if i < x.holonomic { x.phi[i] } else { 0.0 };
+            self.b[i] = x.b[i] + 2.0 * self.alpha * x.closure_error_rate(i) + self.beta * self.beta * violation;
         }
         self.saddle.solve(&Instant { b: &self.b, ..*x }, vdot, lambda)
     }

@@ -93,7 +93,7 @@ pub enum Failure {
 pub trait AccelerationRule {
     /// Name used in results and messages.
     fn name(&self) -> &'static str;
-    /// Whether it shares λ among rows that follow from others as well.
+    /// Whether λ is distributed over redundant rows too.
     fn loads_all_rows(&self) -> bool {
         false
     }

@@ -18,18 +18,12 @@ use super::{AccelerationRule, Failure, Instant};
 use partita_math::dense;
 use partita_math::tolerance;
 
-/// Damping of the proximal iteration. Scale: squared sines, in natural scales. Reason: far above the rounding of M_c
+/// Damping of the proximal iteration. Unit: squared sines, in natural scales. Reason: far above the rounding of M_c
 /// (1e-16), far below squared sines between healthy rows, which take three iterations then.
 const PROXIMAL_DAMPING: f64 = 1e-8;
-/// Damping after changes that fall too slowly. Scale: ratio to the damping before. Reason: directions that were halved in
+/// Damping after changes that fall too slowly. Unit: ratio to the damping before. Reason: directions that were halved in
 /// each iteration settle in four then.
 const DAMPING_LOWERED: f64 = 1e-3;
-/// A change that decreases by less indicates that the damping is too large. Scale: ratio of successive changes. Reason:
-/// an iteration with less damping costs a factorisation, which saves ten such iterations.
-const SLOW_CHANGE: f64 = 0.1;
-/// A change of v' that no longer falls is rounding below this. Scale: fraction of v' and the free acceleration. Reason:
-/// rows at squared sines near the damping amplify rounding.
-const STAGNANT_CHANGE: f64 = 1e-9;
 /// Number of consecutive slow changes that cannot be chance.
 const SLOW_IN_A_ROW: u32 = 2;
 
@@ -105,10 +99,10 @@ impl Iteration {
                 let now = dense::dot(step, step).sqrt();
                 // what is not finite is named by who asked for the accelerations
                 let settled = now <= tolerance::SOLUTION_ROUNDING * size || !now.is_finite();
-                if settled || (now >= last && now <= STAGNANT_CHANGE * size) {
+                if settled || (now >= last && now <= tolerance::NEGLIGIBLE * size) {
                     return Ok(iterations);
                 }
-                slow = if now > SLOW_CHANGE * last { slow + 1 } else { 0 };
+                slow = if tolerance::CLEARLY * now > last { slow + 1 } else { 0 };
                 last = now;
             }
             if damping <= least {

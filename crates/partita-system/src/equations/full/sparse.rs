@@ -175,14 +175,14 @@ impl AccelerationRule for Sparse {
     }
 
     /// `[M Cᵀ; C 0] [Δ; ·] = [0; −x]`, with the same elimination.
-    fn least_move(&mut self, x: &Instant, open: &[f64], out: &mut [f64]) -> Option<Result<(), Failure>> {
+    fn least_move(&mut self, x: &Instant, violation: &[f64], out: &mut [f64]) -> Option<Result<(), Failure>> {
         if let Err(e) = self.factor(x) {
             return Some(Err(e));
         }
         let n = self.n;
         self.solved(
             |_| 0.0,
-            |i| -open[i],
+            |i| -violation[i],
             |j, y| {
                 if j < n {
                     out[j] = y;

@@ -42,7 +42,7 @@ impl Checks {
         self.integrated.extend_from_slice(v);
     }
 
-    /// The end of a step, the point last evaluated, with accelerations `vdot`. `open` and `distance`: for a motion that
+    /// The end of a step, the point last evaluated, with accelerations `vdot`. `violation` and `distance`: for a motion that
     /// drifts, the relative closure error of its positions, and the distance from a singular position.
     pub(super) fn look<S: ConstrainedSystem>(
         &mut self,
@@ -54,10 +54,10 @@ impl Checks {
         let s = r.scales();
         let (speed, strongest) = (norm(s, |i| r.v[i]), r.strongest(vdot).max(r.fastest().powi(2)));
         self.trial_sizes = (self.sizes.0.max(speed), self.sizes.1.max(strongest));
-        let (open, row) = r.acceleration_gap(vdot);
-        self.trial.acceleration = Gap { part: in_parts(open, self.trial_sizes.1), t, row };
+        let (violation, row) = r.acceleration_gap(vdot);
+        self.trial.acceleration = Gap { part: in_parts(violation, self.trial_sizes.1), t, row };
         self.trial.jump = self.jump(t, r);
-        let part = drift.map_or(0.0, |(open, distance)| in_parts(open, distance * distance));
+        let part = drift.map_or(0.0, |(violation, distance)| in_parts(violation, distance * distance));
         self.trial.branch = Gap { part, t, row: 0 };
         self.trial.hidden = Gap::default();
         self.trial.speed = s.iter().zip(&r.v).fold(0.0, |m, (s, v)| m.max((v / s).abs()));

@@ -22,23 +22,16 @@ const LONGEST_MARCH: f64 = 1.2;
 const FELT: f64 = 0.1;
 /// Maximum number of attempts at a shorter first step.
 const MOST_TRIED: u32 = 30;
-/// And shortened at a time. Scale: ratio of lengths. Reason: what acts grows with a power of the length that is not known.
+/// Shortest part of it that is tried next. Unit: ratio of lengths. Reason: what acts grows with a power of the length
+/// that is not known.
 const FELT_SHORTER: f64 = 0.1;
 /// Length of a step across a singular position. Unit: characteristic displacement. Reason: Gauss collocation of ten nodes
 /// is exact to round-off over it, and its nodes keep hundredths of it clear of the position.
 const CROSSING_MOVE: f64 = 0.8;
 
-/// Redundant rows that are kept are given up when they approach dependence by this factor. Scale: ratio to the distance
-/// of other rows. Reason: a factor of three outweighs the change of rows.
-const POOR_BESIDE: f64 = 0.3;
-
 /// Nearer to a singular position velocities must be continuous over every step. Scale: distance in natural scales. Reason:
 /// steps end so near only before a position that cannot be crossed, where rounding may lead onto another branch.
 const JUDGED_NEAR: f64 = 0.05;
-
-/// An ordinary step must not end nearer to a singular position. Scale: distance in natural scales. Reason: positions err by
-/// rounding over the distance, so the branch is not determined any more at 1e-8.
-const LANDED: f64 = 1e-6;
 
 /// Maximum number of consecutive steps that are shortened because the choice came to a dead point of its own; where the
 /// choice is not integrated that is harmless.
@@ -55,10 +48,10 @@ pub(super) struct CrossingMonitor {
     pub(super) crossing: Crossing,
     pub(super) crosses_next: bool,
     pub(super) checkpoints: Checkpoints,
-    /// Start of the step under way, and the end of the one that was judged.
+    /// Start of the current step, and the end of the step that was judged.
     step_start: StepBoundary,
     step_end: StepBoundary,
-    /// Rows to be kept from the start of the step under way on.
+    /// Rows to be kept from the start of the current step.
     others: Option<Others>,
     /// Margin at the start of the step under way.
     margin_before: Option<(f64, u64)>,
@@ -157,7 +150,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         let Some(others) = self.others(there, &q) else { return by_plan };
         let kept = if let Probe::Distance(kept) = by_plan { kept.abs() } else { 0.0 };
         let distance = kept.max(others.distance);
-        self.monitor.others = (kept < POOR_BESIDE * others.distance).then_some(others);
+        self.monitor.others = (kept < tolerance::MUCH_NEARER * others.distance).then_some(others);
         Probe::Distance(distance)
     }
 
@@ -183,7 +176,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         let Some(others) = self.monitor.others.take() else { return Ok(()) };
         self.evaluate(t, y)?;
         let r = self.tangent.reduction();
-        let serves = r.keep_rows(t, &others.rows).is_ok() && r.distance().0 > POOR_BESIDE * others.distance;
+        let serves = r.keep_rows(t, &others.rows).is_ok() && r.distance().0 > tolerance::MUCH_NEARER * others.distance;
         if !serves {
             r.factor(t)?;
             r.exchange_rows(t)?; // those that are best here
@@ -234,14 +227,15 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         if P::CLOSED {
             return; // positions on another branch are distinguished where they are solved for
         }
-        // one that no step was to cross is crossed by a step made for it
+        // a singular position that was not foreseen is crossed by a step of its own
         let unforeseen = self.monitor.flipped && self.monitor.crossing.zero().is_none();
         let crosses = self.monitor.flipped || self.monitor.crossing.zero().is_some();
         let near = [self.monitor.margin_before, self.margin].iter().flatten().any(|m| m.0 < JUDGED_NEAR);
         let jumps = (crosses || near) && !self.monitor.step_start.continues_to(&self.monitor.step_end, r.scales());
         self.monitor.lost = crosses && self.monitor.paced && (unforeseen || jumps);
         // an ordinary step that ends in the position itself goes on by rounding alone
-        let lands = !crosses && self.monitor.crossing.is_barred() && self.margin.is_some_and(|m| m.0 < LANDED);
+        let lands =
+            !crosses && self.monitor.crossing.is_barred() && self.margin.is_some_and(|m| m.0 < tolerance::LANDED);
         self.monitor.jumped = (jumps || lands) && !self.monitor.lost && self.monitor.paced;
     }
 
@@ -259,7 +253,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         let at_ends =
             [self.monitor.margin_before, self.margin].into_iter().flatten().fold(f64::INFINITY, |m, x| x.0.min(m));
         let (t, q) = self.half_way();
-        self.others(t, &q).is_some_and(|half| half.distance > POOR_BESIDE * at_ends)
+        self.others(t, &q).is_some_and(|half| half.distance > tolerance::MUCH_NEARER * at_ends)
     }
 
     /// Is the position last evaluated, inside the step that was judged, singular for all that can be computed? Next to

@@ -14,16 +14,12 @@ use crate::system::{ConstrainedSystem, SystemError};
 use crate::tangent::Tangent;
 use partita_math::tolerance;
 
-/// A step whose prescribed rows differ from their quadrature by more is repeated. Scale: multiples of the tolerance.
-/// Reason: smooth functions differ by a few, and where only driven coordinates move no other estimate shows the error.
-const SMOOTH_MISSED: f64 = 100.0;
-
 /// A row and what belongs to it.
 struct Row {
     row: usize,
     /// Φ and C v + a at the start of the step, which are not zero where conditions are left open.
-    open: [f64; 2],
-    /// The same at the end of the step that is judged.
+    violation: [f64; 2],
+    /// As `violation`, at the end of the step that is judged.
     open_ahead: [f64; 2],
     /// The error of the quadrature at the end of the step that is judged.
     missed: [f64; 2],
@@ -62,7 +58,7 @@ impl<S: ConstrainedSystem> Prescribed<S> {
         coordinates.sort_unstable();
         coordinates.dedup();
         let none = [0.0; 2];
-        let row = |row| Row { row, open: none, open_ahead: none, missed: none, trial_size: none, size: none };
+        let row = |row| Row { row, violation: none, open_ahead: none, missed: none, trial_size: none, size: none };
         Self {
             end: vec![0.0; coordinates.len() + velocities.len()],
             rows: rows.into_iter().map(row).collect(),
@@ -110,7 +106,7 @@ impl<S: ConstrainedSystem> Prescribed<S> {
     }
 
     /// Φ and C v + a of a row at the point last evaluated.
-    fn open(&self, system: &S, row: usize) -> [f64; 2] {
+    fn violation(&self, system: &S, row: usize) -> [f64; 2] {
         let pattern = system.pattern();
         let rate = pattern.row(row).map(|e| self.c[e] * self.v[pattern.col_idx[e]]).sum::<f64>() + self.a[row];
         [self.phi.get(row).copied().unwrap_or(0.0), rate]
@@ -138,7 +134,7 @@ impl<S: ConstrainedSystem> Prescribed<S> {
         }
         self.evaluate(system, t, integrated, at)?;
         for k in 0..self.rows.len() {
-            self.rows[k].open = self.open(system, self.rows[k].row);
+            self.rows[k].violation = self.violation(system, self.rows[k].row);
         }
         Ok(())
     }
@@ -148,11 +144,11 @@ impl<S: ConstrainedSystem> Prescribed<S> {
         self.evaluate(&*r.system, t, integrated, (q, &r.v))?;
         for k in 0..self.rows.len() {
             let row = self.rows[k].row;
-            let open = self.open(&*r.system, row);
+            let violation = self.violation(&*r.system, row);
             let sizes = self.sizes(&*r.system, row, r.row_size(row));
             let x = &mut self.rows[k];
             for level in 0..2 {
-                x.missed[level] = open[level] - x.open[level];
+                x.missed[level] = violation[level] - x.violation[level];
                 x.trial_size[level] = x.size[level].max(sizes[level]);
             }
         }
@@ -174,7 +170,7 @@ impl<S: ConstrainedSystem> Prescribed<S> {
     pub(super) fn accept(&mut self, out: &mut [f64]) {
         out.copy_from_slice(&self.end);
         for x in &mut self.rows {
-            (x.open, x.size) = (x.open_ahead, x.trial_size);
+            (x.violation, x.size) = (x.open_ahead, x.trial_size);
         }
     }
 
@@ -209,9 +205,9 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> P
         (part(worst) > 1.0).then(|| PrescribedGap {
             row: worst.row,
             level,
-            before: worst.open[place],
+            before: worst.violation[place],
             by: worst.missed[place],
-            shorten: part(worst) > SMOOTH_MISSED && !self.monitor.passes_a_singular_position(),
+            shorten: part(worst) > tolerance::ERROR_GROWTH && !self.monitor.passes_a_singular_position(),
         })
     }
 
@@ -220,9 +216,9 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> P
         let integrated = &y[self.place_of_prescribed()..];
         self.prescribed.evaluate(&*r.system, t, integrated, (self.positions.q(), &r.v))?;
         let p = &mut self.prescribed;
-        let open = p.open(&*r.system, of.row)[of.level as usize] - of.before;
+        let violation = p.violation(&*r.system, of.row)[of.level as usize] - of.before;
         r.system.velocity(t, &p.q, &p.v, &mut p.scratch, &mut p.b)?;
-        Ok([open, p.b[of.row]])
+        Ok([violation, p.b[of.row]])
     }
 
     fn prescribed_jump(&self, t: f64, of: &PrescribedGap, by: f64) -> SystemError {

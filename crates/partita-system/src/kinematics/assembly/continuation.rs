@@ -110,7 +110,7 @@ pub fn move_to<S: ConstrainedSystem>(
             End::There => {}
             End::Long => {
                 rows.evaluate(q)?;
-                return Err(messages::open(&rows, &report, tolerance, "the target is too many turns away"));
+                return Err(messages::not_closed(&rows, &report, tolerance, "the target is too many turns away"));
             }
             _ => return Err(resisted(&mut rows, q, targets, tolerance, &mut report)?),
         }
@@ -142,5 +142,5 @@ fn resisted<S: ConstrainedSystem>(
     } else {
         "the loops do not allow more; choose a nearer target"
     };
-    Ok(messages::open(rows, report, tolerance, &format!("{}: {advice}", reached.join(", "))))
+    Ok(messages::not_closed(rows, report, tolerance, &format!("{}: {advice}", reached.join(", "))))
 }

@@ -44,8 +44,11 @@ impl<'s, S: ConstrainedSystem> Descent<'s, S> {
     /// Parts open by no more than `tolerance` are closed as they stand.
     pub fn leave(&mut self, tolerance: f64) {
         for (i, part) in self.parts.iter_mut().enumerate() {
-            let open = self.rows.open_of(i);
-            *part = (if open.worst <= tolerance { Ending::Closed } else { Ending::Unfinished }, open.square);
+            let closure_error = self.rows.closure_error_of(i);
+            *part = (
+                if closure_error.worst <= tolerance { Ending::Closed } else { Ending::Unfinished },
+                closure_error.square,
+            );
         }
     }
 
@@ -56,15 +59,17 @@ impl<'s, S: ConstrainedSystem> Descent<'s, S> {
         }
         let done = manifold::close(&mut self.rows, q, rule, &mut self.room)?;
         for (i, (part, p)) in self.parts.iter_mut().zip(&self.room.parts).enumerate() {
-            *part = (p.ending.map_or(Ending::Unfinished, Ending::from), self.rows.open_of(i).square);
+            *part = (p.ending.map_or(Ending::Unfinished, Ending::from), self.rows.closure_error_of(i).square);
         }
         Ok(done.iterations)
     }
 
     /// Parts without further progress that are open by no more than this are as closed as their drawing allows.
-    pub fn accept_last_digits(&mut self, open: f64) {
+    pub fn accept_last_digits(&mut self, closure_error: f64) {
         for (i, (ending, _)) in self.parts.iter_mut().enumerate() {
-            if matches!(ending, Ending::AtRest | Ending::Unfinished) && self.rows.open_of(i).worst <= open {
+            if matches!(ending, Ending::AtRest | Ending::Unfinished)
+                && self.rows.closure_error_of(i).worst <= closure_error
+            {
                 *ending = Ending::Closed;
             }
         }
@@ -95,8 +100,8 @@ impl<'s, S: ConstrainedSystem> Descent<'s, S> {
         let s = &self.rows.scaled;
         for (i, b) in self.rows.blocks.iter().enumerate().filter(|(i, _)| self.parts[*i].0 != Ending::Closed) {
             let mut again = vec![false; self.y.len()];
-            let open = if attempt % 3 == 0 { 0.0 } else { 0.05 * self.rows.open_of(i).worst };
-            for &row in b.rows.iter().filter(|&&row| s.phi[row].abs() >= open) {
+            let closure_error = if attempt % 3 == 0 { 0.0 } else { 0.05 * self.rows.closure_error_of(i).worst };
+            for &row in b.rows.iter().filter(|&&row| s.phi[row].abs() >= closure_error) {
                 s.pattern.row(row).for_each(|e| again[s.pattern.col_idx[e]] = true);
             }
             for &v in b.columns.iter().filter(|&&v| again[v]) {

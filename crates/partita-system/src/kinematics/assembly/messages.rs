@@ -20,7 +20,7 @@ fn open_rows<S: ConstrainedSystem>(d: &LeastChange<S>, tolerance: f64) -> String
 }
 
 /// `Assembly` at the position last evaluated.
-pub(super) fn open<S: ConstrainedSystem>(
+pub(super) fn not_closed<S: ConstrainedSystem>(
     d: &LeastChange<S>,
     report: &Assembly,
     tolerance: f64,
@@ -73,7 +73,7 @@ pub(super) fn refused<S: ConstrainedSystem>(
              position, or start from a closed state",
             report.restarts + 1
         );
-        return open(d, report, tolerance, &advice);
+        return not_closed(d, report, tolerance, &advice);
     };
     // all rows of the same joint
     let owner = |i: usize| s.system.row_name(i).rsplit_once('.').map_or_else(|| s.system.row_name(i), |x| x.0.into());
