@@ -91,9 +91,6 @@ pub const DRIFT: f64 = 1e4;
 /// Errors up to this are explained by the tolerance. Scale: multiples of the tolerance. Reason: errors of steps grow
 /// with the motion by two digits, and the estimates that steps are accepted by are off by a few.
 pub const ERROR_GROWTH: f64 = 100.0;
-/// Errors that no tolerance, however loose, and no fixed step explains. Scale: fraction of the speed, of the energy
-/// exchanged. Reason: a fiftieth is visible in every figure.
-pub const VISIBLE_ERROR: f64 = 2e-2;
 /// What is off by less adds no error that is seen. Scale: fraction of the tolerance. Reason: hundreds of such errors add
 /// up to less than one tolerance.
 pub const NEGLIGIBLE_ERROR: f64 = 1e-3;

@@ -17,6 +17,12 @@ const NO_BALANCE: f64 = 1e-3;
 /// Energy errors that rounding explains. Scale: fraction of the energy exchanged. Reason: the steps of a run, also past
 /// singular positions.
 const ENERGY_FLOOR: f64 = 1e-8;
+/// Energy errors that no tolerance, however loose, and no fixed step excuses. Scale: fraction of the energy exchanged.
+/// Reason: a twentieth is visible in every figure.
+const ENERGY_TAKEN: f64 = 5e-2;
+/// Energy errors that invalidate a run; with loose tolerances, ten times what these explain. Scale: fraction of the
+/// energy exchanged. Reason: a hundredth is no longer an error of rounding or of steps.
+const ENERGY_INVALID: f64 = 1e-2;
 /// Number of outputs at which the end of a run evaluates energies: enough to show the energy exchanged and its error,
 /// and few enough to cost little.
 const LOOKS: usize = 16;
@@ -191,10 +197,9 @@ pub fn of_energy(at: &[Energy], asked: Asked, steps: u64, least: f64) -> Option<
     };
     let (t, worst) = at.iter().map(|x| (x.t, off(x))).fold((first.t, 0.0), |m, x| if x.1 > m.1 { x } else { m });
     let tolerance = asked.tolerance;
-    let explained =
-        ((tolerance::ERROR_GROWTH + steps as f64) * tolerance).clamp(ENERGY_FLOOR, tolerance::VISIBLE_ERROR);
+    let explained = ((tolerance::ERROR_GROWTH + steps as f64) * tolerance).clamp(ENERGY_FLOOR, ENERGY_TAKEN);
     (worst > explained).then(|| Finding {
-        invalid: worst > tolerance::VISIBLE_ERROR.max(tolerance::CLEARLY * explained),
+        invalid: worst > ENERGY_INVALID.max(tolerance::CLEARLY * explained),
         t,
         sentence: format!(
             "the energy balance is off by {worst:.1e} of the energy exchanged at t = {} s; the tolerances explain \

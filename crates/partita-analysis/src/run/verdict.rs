@@ -18,6 +18,9 @@ const LENIENT_EACH: u64 = 20;
 /// changes velocities by less than a tolerance, next to a singular position divided by the distance; beyond the second
 /// the motion has changed to another branch or lost a hundredth of its energy.
 const JUMPS: (f64, f64) = (1e-3, 1e-1);
+/// Changes of velocity beyond this are explained by no tolerance. Scale: fraction of the speed. Reason: loose tolerances
+/// explain larger changes than tight ones, up to a fiftieth.
+const JUMPS_EXPLAINED: f64 = 2e-2;
 /// Larger errors of positions decide between branches. Scale: squared distance from the singular position. Reason: two
 /// branches x y = 0 with an error e become x y = e, whose arms lead from one to the other at the distance sqrt(2 e).
 const BRANCH_BY_ERROR: f64 = 0.1;
@@ -67,7 +70,7 @@ impl Limits {
             velocity: (velocity, (tolerance::CLEARLY * explained).max(tolerance::OPEN_RATE)),
             acceleration: (request.formulation != "baumgarte")
                 .then_some((tolerance::OPEN_ACCELERATION, tolerance::CLEARLY * tolerance::OPEN_ACCELERATION)),
-            jump: (JUMPS.0.max((tolerance::ERROR_GROWTH * rtol).min(tolerance::VISIBLE_ERROR)), JUMPS.1),
+            jump: (JUMPS.0.max((tolerance::ERROR_GROWTH * rtol).min(JUMPS_EXPLAINED)), JUMPS.1),
             asked: Asked { tolerance: rtol, drifts },
             atol: request.atol,
         }
