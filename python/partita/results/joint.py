@@ -249,12 +249,12 @@ class JointResult:
     def in_frame(self, axes: Literal["world", "joint"] | ArrayLike) -> JointResult:
         """Return the same joint with `force`, `moment`, `determined` and `determined_at` along other axes.
 
-        `"joint"`: the joint's axes on the parent body, moving with it: z along its axis, x along the x axis of the parent,
-        projected across z (of the child where the parent is the ground; the y axis where x is within 26 degrees of z);
-        of a ball joint or a weld the axes of that body. They turn with the drawing, so the components do not depend on
-        the orientation of the whole mechanism. `"world"`: back again. A rotation matrix (3, 3), or one per output
-        (nt, 3, 3), has the new axes as columns, in world axes. The point about which moments are taken does not change.
-        Raises `ArgumentError` for anything else.
+        `"joint"`: the joint's axes on the parent body, moving with it: z along its axis, x along the x axis of the
+        parent, projected across z (of the child where the parent is the ground; the y axis where x is within 26 degrees
+        of z); of a ball joint or a weld the axes of that body. They turn with the drawing, so the components do not
+        depend on the orientation of the whole mechanism. `"world"`: back again. A rotation matrix (3, 3), or one per
+        output (nt, 3, 3), has the new axes as columns, in world axes. The point about which moments are taken does not
+        change. Raises `ArgumentError` for anything else.
 
         >>> load = result.joint("A").in_frame("joint").force          # doctest: +SKIP
         """
