@@ -267,7 +267,7 @@ fn line_of(placed: &Placed, bodies: &[usize], x: &Surroundings) -> Option<(Vec3<
     if x.directions.iter().any(|d| d.cross(line).norm() >= tolerance::EQUAL) {
         return None;
     }
-    let holds = match bodies {
+    let rotates = match bodies {
         [_] => true,
         // two points, each on one body, define a line however the bodies move between them
         _ => {
@@ -279,7 +279,7 @@ fn line_of(placed: &Placed, bodies: &[usize], x: &Surroundings) -> Option<(Vec3<
             }
         }
     };
-    holds.then_some((first, line))
+    rotates.then_some((first, line))
 }
 
 /// Sets of bodies linked without ball joints, none of them with the ground: they may rotate as one.
