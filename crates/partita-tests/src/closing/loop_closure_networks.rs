@@ -116,7 +116,7 @@ fn five_bar_with_two_inputs() {
     assert_tangent(&model, &mut closing, 0.0, &q);
     // one input is too few, three are too many
     let one = model.loop_closing(0.0, &q, Some(&[0])).err().unwrap().to_string();
-    assert!(one.contains("1 inputs were requested, but the mechanism has 2"), "{one}");
+    assert!(one.contains("1 inputs were requested, but the number of degrees of freedom is 2"), "{one}");
 }
 
 /// The planar platform on three legs, base angles as inputs: the triad has no closed form, but it closes.
