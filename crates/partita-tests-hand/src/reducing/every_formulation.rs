@@ -263,7 +263,7 @@ fn what_is_missing_is_asked_for() {
     }
     refused("lagrange", &plain, "choose among projective, ");
     let two = FormulationOptions { independent: Some(vec![0, 1]), ..plain.clone() };
-    refused("explicit-closing", &two, "1 degrees of freedom");
+    refused("explicit-closing", &two, "the number of degrees of freedom is 1");
     // inputs other than those of the function
     let coupler = FormulationOptions { independent: Some(vec![1]), ..plain.clone() };
     let mut f = by_name("explicit-closing", &system, 2, &coupler).unwrap();
