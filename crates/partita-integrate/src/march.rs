@@ -7,8 +7,10 @@ use crate::failure::StepFailure;
 use crate::method::Method;
 use crate::ode::{Ode, RhsError};
 use crate::options::{AbsoluteTolerance, Options, OptionsError};
+use crate::singular_times;
 use crate::stepper::{Conclusion, StepControl, StepPlan, Stepper};
 use partita_math::tolerance;
+use partita_system::error::CrossingOutcome;
 use partita_system::formulation::{Formulation, Pace, PrescribedLevel, Step, Verdict};
 use partita_system::guards::Look;
 use partita_system::record::Output;
@@ -123,8 +125,9 @@ pub struct March {
     /// Steps across singular positions, and whether the next one is of them.
     crossing: CrossingStep,
     crosses: bool,
-    /// Where the step under way crosses one.
-    located: Option<f64>,
+    /// When the step under way is in one, and whether it was searched for them.
+    located: Vec<f64>,
+    searched: bool,
     /// Length of the next step as the stepper would have it.
     proposed: f64,
     /// Whether the step length is controlled by the error.
@@ -147,12 +150,10 @@ const ATTEMPTS: u32 = 4;
 /// Outputs in singular positions are taken from others at this distance. Unit: fraction of the step. Reason: far enough
 /// for those to be exact, and so near that the polynomial through them is.
 const OUTPUTS_BESIDE: f64 = 1.0 / 80.0;
-
-/// A singular position on a crossing step is located to this. Scale: fraction of the step across it. Reason: nodes keep
-/// ten times as far from it.
-const ROOT_FOUND: f64 = 1e-3;
-/// Evaluations by which it is located, at the most.
-const LOCATING: usize = 12;
+/// Places of those others, in that distance.
+const PLACES_BESIDE: [f64; 6] = [-3.0, -2.0, -1.0, 1.0, 2.0, 3.0];
+/// Largest relative tolerance that is advised. Scale: relative. Reason: two digits are the least that a run is worth.
+const LOOSEST: f64 = 1e-2;
 
 /// Receiver of the outputs.
 pub type Sink<'s> = &'s mut dyn FnMut(&Output) -> Result<(), SystemError>;
@@ -183,7 +184,8 @@ impl March {
             stepper,
             crossing,
             crosses: false,
-            located: None,
+            located: Vec::new(),
+            searched: false,
             proposed: 0.0,
             free,
             t: 0.0,
@@ -298,47 +300,48 @@ impl March {
     /// Attempt the step under way. Where it crosses a singular position, that is located on the polynomial of the step, and
     /// the step taken anew if a node came close to it.
     fn attempt<F: Formulation>(&mut self, formulation: &mut F) -> Result<(), StepFailure<SystemError>> {
-        self.located = None;
+        self.searched = false;
+        self.located.clear();
         if !self.crosses {
             return self.stepper.attempt(&mut Adapter(formulation));
         }
-        self.crossing.attempt(&mut Adapter(formulation))?;
-        self.located = self.locate(formulation);
-        match self.located {
-            Some(zero) if self.crossing.aim_again(zero) => {
-                self.crossing.attempt(&mut Adapter(formulation))?;
-                self.located = self.locate(formulation);
-                Ok(())
-            }
-            _ => Ok(()),
+        let attempted = self.crossing.attempt(&mut Adapter(formulation));
+        // one that was not exact enough tells where the position is, too
+        if !matches!(attempted, Ok(()) | Err(StepFailure::TooSmall { .. })) || !self.crossing.has_polynomial() {
+            return attempted;
         }
+        self.locate_crossing(formulation);
+        if !self.crossing.aim_again(&self.located) {
+            return attempted;
+        }
+        let again = self.crossing.attempt(&mut Adapter(formulation));
+        if again.is_ok() {
+            self.locate_crossing(formulation);
+        }
+        again
     }
 
-    /// The root of the signed volume of the choice on the polynomial of the crossing step, if it changes its sign there.
-    fn locate<F: Formulation>(&mut self, formulation: &mut F) -> Option<f64> {
-        let (from, to) = (self.crossing.current().t_old, self.crossing.current().t_new);
+    /// Locate the singular positions on the polynomial of the crossing step.
+    fn locate_crossing<F: Formulation>(&mut self, formulation: &mut F) {
+        let ends = (self.crossing.current().t_old, self.crossing.current().t_new);
         let mut side = |t: f64| {
             self.crossing.polynomial(t, &mut self.buffer);
             formulation.side(t, &self.buffer)
         };
-        let (mut one, mut two) = ((from, side(from)?), (to, side(to)?));
-        if one.1 <= 0.0 || two.1 >= 0.0 {
-            return None;
+        self.searched = singular_times::find(ends, &mut side, &mut self.located);
+    }
+
+    /// Locate those that an ordinary step passed, on its dense output.
+    fn locate_passed<F: Formulation>(&mut self, formulation: &mut F) {
+        if self.crosses || !formulation.flipped() {
+            return;
         }
-        // false position, an end that stays halved
-        let mut zero = from;
-        for _ in 0..LOCATING {
-            let last = std::mem::replace(&mut zero, one.0 + (two.0 - one.0) * one.1 / (one.1 - two.1));
-            if (zero - last).abs() < ROOT_FOUND * (to - from) {
-                break;
-            }
-            match side(zero) {
-                Some(here) if here > 0.0 => (one, two.1) = ((zero, here), 0.5 * two.1),
-                Some(here) => (two, one.1) = ((zero, here), 0.5 * one.1),
-                None => break, // in the position itself
-            }
-        }
-        Some(zero)
+        let ends = (self.stepper.current().t_old, self.stepper.current().t_new);
+        let mut side = |t: f64| {
+            self.stepper.interpolate(&mut Adapter(formulation), t, &mut self.buffer).ok()?;
+            formulation.side(t, &self.buffer)
+        };
+        self.searched = singular_times::find(ends, &mut side, &mut self.located);
     }
 
     /// What takes the step under way.
@@ -356,11 +359,35 @@ impl March {
         outputs: &mut Outputs,
         watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
     ) -> Result<Status, StepFailure<SystemError>> {
-        let ended = self.steps(formulation, outputs, watch);
+        let ended = self.steps(formulation, outputs, watch).map_err(|failure| self.explained(formulation, failure));
         let reached = self.stepper.current();
         self.t = reached.t_old;
         self.y.copy_from_slice(reached.y_old);
         ended
+    }
+
+    /// Where no step led across a singular position: that this is the cause, and the accuracy that rounding left to the
+    /// best of them.
+    fn explained<F: Formulation>(
+        &self,
+        formulation: &F,
+        mut failure: StepFailure<SystemError>,
+    ) -> StepFailure<SystemError> {
+        let off = self.crossing.least_error();
+        let enough = 10f64.powf((off * self.tolerance).log10().ceil());
+        if let StepFailure::Rhs { error, .. } | StepFailure::TooSmall { last: Some(error), .. } = &mut failure {
+            if let SystemError::Singular { t, .. } = *error {
+                if let Some(failed) = formulation.crossing_failed(t) {
+                    *error = failed;
+                }
+            }
+            if let SystemError::Crossing { outcome: outcome @ CrossingOutcome::Unsolved, .. } = error {
+                if off > 1.0 && enough < LOOSEST {
+                    *outcome = CrossingOutcome::Inaccurate { off, enough };
+                }
+            }
+        }
+        failure
     }
 
     fn steps<F: Formulation>(
@@ -461,6 +488,7 @@ impl March {
                 self.active().end_at(t);
                 continue;
             }
+            self.locate_passed(formulation);
             match self.shortened(formulation) {
                 Ok(false) => {}
                 Ok(true) => continue,
@@ -567,7 +595,8 @@ impl March {
         let next = if self.crosses || verdict != Verdict::Repeat { self.proposed } else { step.next };
         let mut pace = Pace { next, across: None };
         let (y, dy, turns) = (&mut self.buffer[..], &mut self.slope[..], &mut self.output.turns[..]);
-        let mut step = Step { t, y, dy, turns, pace: free.then_some(&mut pace), located: self.located.take() };
+        let located = self.searched.then_some(&self.located[..]);
+        let mut step = Step { t, y, dy, turns, pace: free.then_some(&mut pace), located };
         let rewritten = formulation.commit(verdict, &mut step);
         let now = step.t;
         if rewritten.map_err(|error| StepFailure::Rhs { t, error })? {
@@ -593,28 +622,38 @@ impl March {
             stepper.interpolate(&mut Adapter(formulation), t, y)?;
             formulation.state_at(t, y, out).map_err(|error| StepFailure::Rhs { t, error })
         };
+        let beside = (to - from) * OUTPUTS_BESIDE;
+        let near = self.located.iter().copied().find(|zero| (t - zero).abs() < beside);
         let failed = match state(t, &mut self.output) {
-            Ok(()) if !self.output.singular => return Ok(()),
+            Ok(()) if !self.output.singular && near.is_none() => return Ok(()),
             Ok(()) => None,
-            Err(StepFailure::Rhs { t, error }) if is_of_a_position(&error) => Some(StepFailure::Rhs { t, error }),
+            Err(StepFailure::Rhs { t, error }) if is_of_a_position(&error) || (near.is_some() && error.is_local()) => {
+                Some(StepFailure::Rhs { t, error })
+            }
             Err(other) => return Err(other),
         };
-        // In a singular position q_D and v_D are quotients 0 / 0, although the motion is smooth: they are taken from
-        // the polynomial through three positions on either side, with an error of the sixth power of their distance.
-        let apart = ((t - from) / 3.0).min((to - t) / 3.0).min((to - from) * OUTPUTS_BESIDE);
+        // In a singular position q_D and v_D are quotients 0 / 0, and next to it what is off is divided by the distance,
+        // although the motion is smooth: they are taken from the polynomial through three positions on either side, with
+        // an error of the sixth power of their distance.
+        let singular = failed.is_some() || self.output.singular;
+        let centre = near.filter(|zero| *zero - beside > from && zero + beside < to).unwrap_or(t);
+        let apart = ((centre - from) / 3.0).min((to - centre) / 3.0).min(beside);
+        let at = (t - centre) / apart.max(f64::MIN_POSITIVE);
         let (mut side, mut q, mut v, mut work) = (Output::default(), Vec::new(), Vec::new(), 0.0);
-        for (i, weight) in [-3.0, -2.0, -1.0, 1.0, 2.0, 3.0].into_iter().zip([1.0, -6.0, 15.0, 15.0, -6.0, 1.0]) {
-            if let Err(beside) = state(t + i * apart, &mut side) {
+        for i in PLACES_BESIDE {
+            if let Err(beside) = state(centre + i * apart, &mut side) {
                 return Err(failed.unwrap_or(beside));
             }
+            let weight = |m: f64, j: f64| if j == i { m } else { m * (at - j) / (i - j) };
+            let weight = PLACES_BESIDE.into_iter().fold(1.0, weight);
             q.resize(side.q.len(), 0.0);
             v.resize(side.v.len(), 0.0);
-            q.iter_mut().zip(&side.q).for_each(|(to, x)| *to += weight / 20.0 * x);
-            v.iter_mut().zip(&side.v).for_each(|(to, x)| *to += weight / 20.0 * x);
-            work += weight / 20.0 * side.work;
+            q.iter_mut().zip(&side.q).for_each(|(to, x)| *to += weight * x);
+            v.iter_mut().zip(&side.v).for_each(|(to, x)| *to += weight * x);
+            work += weight * side.work;
         }
         self.output.set(t, &q, &v, work);
-        (self.output.choice, self.output.singular) = (side.choice, true);
+        (self.output.choice, self.output.singular) = (side.choice, singular);
         Ok(())
     }
 

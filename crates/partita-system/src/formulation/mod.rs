@@ -24,8 +24,18 @@ pub struct Step<'a> {
     pub turns: &'a mut [i32],
     /// The control of the next steps, if it can be changed; `None` for fixed steps.
     pub pace: Option<&'a mut Pace>,
-    /// When C_D was singular in the step that was taken, where the march has located that.
-    pub located: Option<f64>,
+    /// When C_D was singular in the step that was taken, or in the attempt that failed, in the order of time; `None`
+    /// where the march has not searched it.
+    pub located: Option<&'a [f64]>,
+}
+
+/// Where a position lies with respect to the singular ones.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Side {
+    /// Distance from singular in natural scales, of this choice.
+    pub distance: f64,
+    /// Number of blocks of C_D that are on another side than at the start of the step.
+    pub changed: usize,
 }
 
 /// Natural sizes of q (nq): those of the velocities they are integrals of, 1 for quaternions.
@@ -84,6 +94,14 @@ pub trait FormulationSteps {
     }
     /// Count both from here on.
     fn forget_gaps(&mut self) {}
+    /// The error of a singular position at t, if steps across it were tried in vain.
+    fn crossing_failed(&self, _t: f64) -> Option<SystemError> {
+        None
+    }
+    /// Whether C_D changed sides over the step of the last `trial_end`.
+    fn flipped(&self) -> bool {
+        false
+    }
     /// How far from a singular position the last step ended, where that is known, in parts of the
     /// reaches: it falls linearly towards one.
     fn margin(&self) -> Option<f64> {
@@ -153,9 +171,8 @@ pub trait Formulation: FormulationSteps + PrescribedRows {
     }
     /// `y' = f(t, y)`.
     fn derivative(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<()>;
-    /// The signed volume of the choice at (t, y) inside the current step: the distance from a singular position, negative
-    /// beyond it. `None` where the sides cannot be compared.
-    fn side(&mut self, _t: f64, _y: &[f64]) -> Option<f64> {
+    /// The side at (t, y) inside the current step. `None` where sides cannot be compared.
+    fn side(&mut self, _t: f64, _y: &[f64]) -> Option<Side> {
         None
     }
     /// Closed position, velocities and work at (t, y), y near the motion; about the cost of an evaluation.
@@ -218,6 +235,12 @@ impl<F: Formulation + ?Sized> FormulationSteps for Box<F> {
     fn forget_gaps(&mut self) {
         (**self).forget_gaps();
     }
+    fn crossing_failed(&self, t: f64) -> Option<SystemError> {
+        (**self).crossing_failed(t)
+    }
+    fn flipped(&self) -> bool {
+        (**self).flipped()
+    }
     fn margin(&self) -> Option<f64> {
         (**self).margin()
     }
@@ -239,7 +262,7 @@ impl<F: Formulation + ?Sized> Formulation for Box<F> {
     fn set_out(&mut self, step: &mut Step) -> Result<()> {
         (**self).set_out(step)
     }
-    fn side(&mut self, t: f64, y: &[f64]) -> Option<f64> {
+    fn side(&mut self, t: f64, y: &[f64]) -> Option<Side> {
         (**self).side(t, y)
     }
     fn dim(&self) -> usize {
