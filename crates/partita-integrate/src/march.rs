@@ -150,7 +150,8 @@ const ATTEMPTS: u32 = 4;
 /// Outputs in singular positions are taken from others at this distance. Unit: fraction of the step. Reason: far enough
 /// for those to be exact, and so near that the polynomial through them is.
 const OUTPUTS_BESIDE: f64 = 1.0 / 80.0;
-/// Places of those others, in that distance.
+/// Places of those others on both sides. Unit: multiples of that distance. Reason: the polynomial through six is exact to
+/// the sixth power of it.
 const PLACES_BESIDE: [f64; 6] = [-3.0, -2.0, -1.0, 1.0, 2.0, 3.0];
 /// Largest relative tolerance that is advised. Scale: relative. Reason: two digits are the least that a run is worth.
 const LOOSEST: f64 = 1e-2;
@@ -331,10 +332,10 @@ impl March {
         self.searched = singular_times::find(ends, &mut side, &mut self.located);
     }
 
-    /// Locate those that an ordinary step passed, on its dense output.
-    fn locate_passed<F: Formulation>(&mut self, formulation: &mut F) {
-        if self.crosses || !formulation.flipped() {
-            return;
+    /// Locate those that an ordinary step passed, on its dense output. True if it was not to pass them.
+    fn locate_passed<F: Formulation>(&mut self, formulation: &mut F) -> bool {
+        if self.crosses || !formulation.may_have_passed() {
+            return false;
         }
         let ends = (self.stepper.current().t_old, self.stepper.current().t_new);
         let mut side = |t: f64| {
@@ -342,6 +343,7 @@ impl March {
             formulation.side(t, &self.buffer)
         };
         self.searched = singular_times::find(ends, &mut side, &mut self.located);
+        !self.located.is_empty() && self.free && formulation.passed_unforeseen()
     }
 
     /// What takes the step under way.
@@ -488,7 +490,11 @@ impl March {
                 self.active().end_at(t);
                 continue;
             }
-            self.locate_passed(formulation);
+            if self.locate_passed(formulation) {
+                self.stepper.reject(0.5);
+                self.commit(formulation, Verdict::Repeat)?;
+                continue;
+            }
             match self.shortened(formulation) {
                 Ok(false) => {}
                 Ok(true) => continue,

@@ -28,12 +28,9 @@ type Point = (f64, Side);
 pub(crate) fn find((from, to): (f64, f64), side: &mut dyn FnMut(f64) -> Option<Side>, times: &mut Vec<f64>) -> bool {
     times.clear();
     let (Some(first), Some(last)) = (side(from), side(to)) else { return false };
-    let mut search = Search {
-        shortest: ROOT_FOUND * (to - from),
-        zero: tolerance::AT_SINGULARITY * first.distance.max(last.distance),
-        side,
-        times,
-    };
+    let top = first.distance.max(last.distance);
+    let zero = tolerance::AT_SINGULARITY * top;
+    let mut search = Search { shortest: ROOT_FOUND * (to - from), top, zero, side, times };
     let (mut points, mut known) = ([(to, last); PARTS + 1], (from, first));
     points[0] = known;
     for (i, point) in points.iter_mut().enumerate().take(PARTS).skip(1) {
@@ -69,6 +66,8 @@ pub(crate) fn find((from, to): (f64, f64), side: &mut dyn FnMut(f64) -> Option<S
 
 struct Search<'a> {
     shortest: f64,
+    /// The larger distance at the ends of the step, and what counts as none.
+    top: f64,
     zero: f64,
     side: &'a mut dyn FnMut(f64) -> Option<Side>,
     times: &'a mut Vec<f64>,
@@ -117,6 +116,9 @@ impl Search<'_> {
             }
         }
         let zero = if zero.is_finite() { zero } else { 0.5 * (a.0 + b.0) };
+        if self.at(zero, a.1).1.distance > tolerance::MUCH_NEARER * self.top {
+            return; // a dead point of the choice alone
+        }
         match a.1.changed.abs_diff(b.1.changed) > 1 {
             // of as many loops, at one time or not
             true => self.one_or_two(zero, a, b),
@@ -188,7 +190,7 @@ fn lowest_of(a: Point, m: Point, b: Point) -> f64 {
 fn apart_from(vertex: f64, a: Point, m: Point, b: Point) -> f64 {
     let away = APPROACHED * (b.0 - a.0).min(2.0 * (m.0 - a.0).min(b.0 - m.0));
     let vertex = vertex.clamp(a.0 + 0.5 * away, b.0 - 0.5 * away);
-    match (vertex - m.0).abs() < 0.01 * away {
+    match (vertex - m.0).abs() < APPROACHED * APPROACHED * away {
         false => vertex,
         true if b.0 - m.0 > m.0 - a.0 => m.0 + APPROACHED * (b.0 - m.0),
         true => m.0 - APPROACHED * (m.0 - a.0),
@@ -241,6 +243,8 @@ mod tests {
             assert!(near(&found(|t| (t != z).then_some(((t - z).abs(), usize::from(t > z)))), &[z]), "{z}");
             assert!(found(|t| Some(((t - z).hypot(0.02), 0))).is_empty(), "{z}");
         }
+        // coordinates at a dead point of theirs change sides, the distance stays
+        assert!(found(|t| Some((t, usize::from(t > 1.4)))).is_empty());
         assert!(found(|t| Some((t, 0))).is_empty() && found(|_| Some((1.0, 0))).is_empty());
         assert!(near(&found(|t| Some(((t - 1.3).abs(), if t > 1.3 { 40 } else { 0 }))), &[1.3]));
     }

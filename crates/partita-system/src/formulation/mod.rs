@@ -94,18 +94,27 @@ pub trait FormulationSteps {
     }
     /// Count both from here on.
     fn forget_gaps(&mut self) {}
-    /// The error of a singular position at t, if steps across it were tried in vain.
-    fn crossing_failed(&self, _t: f64) -> Option<SystemError> {
-        None
-    }
-    /// Whether C_D changed sides over the step of the last `trial_end`.
-    fn flipped(&self) -> bool {
-        false
-    }
     /// How far from a singular position the last step ended, where that is known, in parts of the
     /// reaches: it falls linearly towards one.
     fn margin(&self) -> Option<f64> {
         None
+    }
+}
+
+/// Singular positions within steps.
+pub trait SingularSteps {
+    /// The error of a singular position at t, if steps across it were tried in vain.
+    fn crossing_failed(&self, _t: f64) -> Option<SystemError> {
+        None
+    }
+    /// Whether the step of the last `trial_end` may have passed a singular position: C_D changed sides over it, or the
+    /// distances at its ends are so small that it may have done so twice.
+    fn may_have_passed(&self) -> bool {
+        false
+    }
+    /// One was found in that step, which was not made for it. True if it is to be repeated by one that is.
+    fn passed_unforeseen(&mut self) -> bool {
+        false
     }
 }
 
@@ -152,7 +161,7 @@ pub trait PrescribedRows {
 }
 
 /// A rule that turns S1-S5 into `y' = f(t, y)` and back; `derivative` is called at any point near the motion.
-pub trait Formulation: FormulationSteps + PrescribedRows {
+pub trait Formulation: FormulationSteps + SingularSteps + PrescribedRows {
     /// Length of y.
     fn dim(&self) -> usize;
     /// Number of leading components of y whose error is controlled.
@@ -235,14 +244,20 @@ impl<F: Formulation + ?Sized> FormulationSteps for Box<F> {
     fn forget_gaps(&mut self) {
         (**self).forget_gaps();
     }
+    fn margin(&self) -> Option<f64> {
+        (**self).margin()
+    }
+}
+
+impl<F: Formulation + ?Sized> SingularSteps for Box<F> {
     fn crossing_failed(&self, t: f64) -> Option<SystemError> {
         (**self).crossing_failed(t)
     }
-    fn flipped(&self) -> bool {
-        (**self).flipped()
+    fn may_have_passed(&self) -> bool {
+        (**self).may_have_passed()
     }
-    fn margin(&self) -> Option<f64> {
-        (**self).margin()
+    fn passed_unforeseen(&mut self) -> bool {
+        (**self).passed_unforeseen()
     }
 }
 

@@ -46,9 +46,9 @@ const FAR_TURN: f64 = std::f64::consts::FRAC_PI_2;
 /// way to where the rate is unbounded.
 const TOO_FAR_TURN: f64 = 1.5 * std::f64::consts::PI;
 
-/// Where a position is looked for.
+/// How a position is predicted.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Place {
+enum Prediction {
     /// Ahead of the last step.
     Ahead,
     /// Inside the step that was judged: its end is known too.
@@ -116,12 +116,12 @@ impl Chart {
 
     /// Find q for p, starting from its prediction by the velocities, which is nearest where solutions meet, or else from
     /// the end of the last step; evaluates the levels and the factors of [S; C] there.
-    fn find<S: ConstrainedSystem>(&mut self, x: &mut Frozen<S>, t: f64, p: &[f64], at: Place) -> Result<()> {
+    fn find<S: ConstrainedSystem>(&mut self, x: &mut Frozen<S>, t: f64, p: &[f64], at: Prediction) -> Result<()> {
         self.w.copy_from_slice(p);
         x.in_orthonormal(&mut self.w);
         match at {
-            Place::Ahead => self.continuity.predict(t, &mut self.delta),
-            Place::Inside => self.continuity.inside(t, &mut self.delta),
+            Prediction::Ahead => self.continuity.predict(t, &mut self.delta),
+            Prediction::Inside => self.continuity.inside(t, &mut self.delta),
         }
         turned_back(&self.balls, &self.accepted, &mut self.delta);
         dense::axpy(1.0, &self.accepted, &mut self.delta);
@@ -260,7 +260,7 @@ impl<'s, S: ConstrainedSystem> Positions<'s, S, Frozen<'s, S>> for Chart {
         self.continuity.start(t, &x.seen().v, &self.vdot, near);
     }
     fn locate(&mut self, x: &mut Frozen<'s, S>, t: f64, y: &[f64], _crossing: bool) -> Result<bool> {
-        let found = self.find(x, t, &y[..self.w.len()], Place::Ahead);
+        let found = self.find(x, t, &y[..self.w.len()], Prediction::Ahead);
         self.sum += u64::from(self.iterations);
         found.map(|()| true)
     }
@@ -278,7 +278,7 @@ impl<'s, S: ConstrainedSystem> Positions<'s, S, Frozen<'s, S>> for Chart {
         }
     }
     fn output(&mut self, x: &mut Frozen<'s, S>, t: f64, y: &[f64]) -> Result<bool> {
-        self.find(x, t, &y[..self.w.len()], Place::Inside).map(|()| true)
+        self.find(x, t, &y[..self.w.len()], Prediction::Inside).map(|()| true)
     }
     fn rewrite(&mut self, x: &mut Frozen<'s, S>, q: &[f64], y: &mut [f64]) {
         self.base.copy_from_slice(q);

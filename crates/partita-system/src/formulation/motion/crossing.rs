@@ -67,6 +67,8 @@ pub(super) struct CrossingMonitor {
     /// there.
     flipped: bool,
     pub(super) lost: bool,
+    /// Whether the march found one in it.
+    passed: bool,
     /// Whether velocities jumped next to one.
     pub(super) jumped: bool,
     /// Or was it a dead point of the choice alone; how often in a row? And of redundant rows alone: those that serve.
@@ -95,6 +97,7 @@ impl CrossingMonitor {
             sides_inside: Sides::new(size.rows),
             flipped: false,
             lost: false,
+            passed: false,
             jumped: false,
             spoilt: false,
             serving: None,
@@ -108,7 +111,7 @@ impl CrossingMonitor {
 impl CrossingMonitor {
     /// Does the step that was judged pass a singular position?
     pub(super) fn passes_a_singular_position(&self) -> bool {
-        self.flipped || self.crosses_next || self.crossing.zero().is_some()
+        self.flipped || self.passed || self.crosses_next || self.crossing.zero().is_some()
     }
 
     /// Number of blocks of C_D that at the point last evaluated are on another side than at the start of the step under
@@ -122,6 +125,13 @@ impl CrossingMonitor {
     /// Did C_D change sides over the step that was judged?
     pub(super) fn flipped(&self) -> bool {
         self.flipped
+    }
+
+    /// A singular position was found in it. Where positions are not `closed` in every evaluation it is repeated.
+    pub(super) fn passed_unforeseen(&mut self, closed: bool) -> bool {
+        self.passed = true;
+        self.lost = !closed && !self.crossing.is_barred();
+        self.lost
     }
 
     /// Length of the step that was judged; none before the first.
@@ -217,7 +227,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         self.monitor.judged = true;
         self.monitor.step_end.start(t, self.positions.q(), &r.v, &self.vdot);
         (self.monitor.flipped, self.monitor.lost, self.monitor.spoilt) = (false, false, false);
-        self.monitor.jumped = false;
+        (self.monitor.jumped, self.monitor.passed) = (false, false);
         if self.margin.is_none() {
             return;
         }
@@ -248,6 +258,17 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         self.monitor.lost = crosses && self.monitor.paced && (unforeseen || jumps || lands);
         let lands = lands && !crosses && self.monitor.crossing.is_barred();
         self.monitor.jumped = (jumps || lands) && !self.monitor.lost && self.monitor.paced;
+    }
+
+    /// Whether C_D may have changed sides twice over the step that was judged: the distance falls by no more than the motion
+    /// moves. Of redundant rows those kept do so elsewhere.
+    pub(super) fn may_flip_twice(&self) -> bool {
+        let (Some((one, _)), Some((two, _)), Some(h)) =
+            (self.monitor.margin_before, self.margin, self.monitor.length())
+        else {
+            return false;
+        };
+        one + two < h * self.monitor.fastest.0 && !self.is_redundant() && !self.monitor.crossing.is_barred()
     }
 
     /// What lost rank in the step that was judged, in which C_D changed sides?

@@ -2,7 +2,7 @@
 
 use super::Motion;
 use crate::error::Result;
-use crate::formulation::{Formulation, FormulationSteps, Step, Verdict};
+use crate::formulation::{Formulation, FormulationSteps, SingularSteps, Step, Verdict};
 use crate::guards::Look;
 use crate::positions::Positions;
 use crate::record::{Gaps, History, StepChecks};
@@ -182,12 +182,6 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         self.watch.gaps = Gaps::default();
         self.checks.forget();
     }
-    fn crossing_failed(&self, t: f64) -> Option<SystemError> {
-        (self.monitor.crossing.tries().0 > 0).then(|| self.not_crossed(t))
-    }
-    fn flipped(&self) -> bool {
-        self.monitor.flipped()
-    }
     fn margin(&self) -> Option<f64> {
         self.margin.map(|m| m.0)
     }
@@ -200,5 +194,17 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         self.positions.report(&mut history);
         history.notes.extend(self.guards.notes());
         history
+    }
+}
+
+impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> SingularSteps for Motion<'s, S, T, P> {
+    fn crossing_failed(&self, t: f64) -> Option<SystemError> {
+        (self.monitor.crossing.tries().0 > 0).then(|| self.not_crossed(t))
+    }
+    fn may_have_passed(&self) -> bool {
+        self.monitor.flipped() || self.may_flip_twice()
+    }
+    fn passed_unforeseen(&mut self) -> bool {
+        self.monitor.passed_unforeseen(P::CLOSED)
     }
 }
