@@ -58,7 +58,7 @@ def test_drawings_are_closed_to_round_off(name: str) -> None:
     assert found is not None and found["iterations"] == 0 and found["residual"] <= 1e-14
 
 
-def test_the_beach_animal_walks_on_its_feet() -> None:
+def test_jansens_leg_stands_on_its_foot() -> None:
     """Jansen's numbers make the path of the foot flat at its lower end, below everything else: for 40 % of a turn of
     the crank it stays within a hundredth of the height of the leg."""
     feet = []
