@@ -212,6 +212,10 @@ def test_site_is_put_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(module, "scripts", scripts)
     shown = ("four-bar", "bennett")
     module.stage(tmp_path, short=True, only=shown)
+    for name in shown:  # both cranks make a turn
+        page = text_of(tmp_path / "gallery" / f"{name}.md")
+        assert "quality of the choice over the first turn of A:" in page
+        assert f"](quality/{name}.png)" in page and (tmp_path / "gallery" / "quality" / f"{name}.png").is_file()
     written = {path.relative_to(tmp_path).with_suffix("").as_posix() for path in tmp_path.rglob("*.md")}
     listed = [page for text in map(text_of, tmp_path.rglob("*.md")) for page in listed_pages(text)]
     outline = module.scripts(module.TOOLS, "website.outline")
