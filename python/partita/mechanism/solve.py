@@ -447,7 +447,7 @@ def simulate(
     )
     times = run_options.output_times(t_eval, start.t, chosen["t_end"])
     raw = run_options.run(model.core, chosen, times, start.q, start.v, progress, tangent)
-    if notes := model.notes:
+    if notes := model._sentences:
         raw["notes"] = [*(note for note in notes if note not in raw["notes"]), *raw["notes"]]
     return Result.from_run(
         raw,

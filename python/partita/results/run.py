@@ -79,7 +79,7 @@ class Run:
     @classmethod
     def from_run(
         cls: type[R],
-        raw: Mapping[str, Any],
+        raw: dict[str, Any],
         *,
         model: Any,
         summary: Mapping[str, Any],
