@@ -124,6 +124,8 @@ def main(short: bool = False, folder: Path = FOLDER) -> Numbers:
     turned = np.linspace(0.0, 180.0, 61 if short else 361)
     crank = START + np.radians(turned)
     lasting = np.array([quality(s0, angle) for angle in crank])
+    joints = made(START, "relative")
+    in_joints = np.array([quality(joints, angle, "relative") for angle in crank])
     rho = measures(crank, "absolute")
     renewed, renewals, s = [], 0, s0
     chosen, switches, i = [], 0, int(np.argmax(rho[0]))
@@ -165,16 +167,17 @@ def main(short: bool = False, folder: Path = FOLDER) -> Numbers:
         found[f"{tangent}: sqrt(mu) when made, drawn in mm"] = first(millimetres, tangent)
     figure = new_figure(9.0, 3.6)
     ax: Axes = figure.subplots()
-    dressed(ax, "Quality √μ of velocities made at 0°", "√μ", time_axis=False)
-    ax.plot(turned, lasting, color=COLOURS[1], lw=1.6, label="tangent frozen at 0°")
-    ax.plot(turned, renewed, color=COLOURS[4], lw=1.1, ls="--", label="tangent renewed below 0.5")
-    ax.plot(turned, chosen, color=COLOURS[0], lw=1.3, label="coordinate, switched")
+    dressed(ax, "Quality √μ of velocities made with the crank at 0.8 rad", "√μ", time_axis=False)
+    ax.plot(turned, lasting, color=COLOURS[1], lw=1.6, label="frozen tangent, absolute")
+    ax.plot(turned, in_joints, color=COLOURS[6], lw=1.1, ls="-.", label="frozen tangent, joint coordinates")
+    ax.plot(turned, renewed, color=COLOURS[4], lw=1.1, ls="--", label="renewed below 0.5, absolute")
+    ax.plot(turned, chosen, color=COLOURS[0], lw=1.3, label="coordinate, switched, absolute")
     ax.plot(0.0, found["svd: sqrt(mu) when made, drawn in m"], "s", color=COLOURS[2], ms=5, clip_on=False,
             label="svd when made, in m")  # fmt: skip
     ax.plot(0.0, found["svd: sqrt(mu) when made, drawn in mm"], "D", color=COLOURS[3], ms=5, clip_on=False,
             label="svd when made, in mm")  # fmt: skip
     ax.axvline(at_zero, color="#999999", lw=0.8, ls=":")
-    ax.text(at_zero + 2.0, 0.93, f"{at_zero:.1f}°", fontsize=8, color="#666666")
+    ax.text(at_zero + 1.5, 0.36, f"{at_zero:.1f}°", fontsize=8, color="#666666")
     ax.set_xlabel("turn of the crank [deg]", fontsize=9)
     ax.set_xlim(0, 180)
     ax.set_xticks(range(0, 181, 30))
