@@ -252,8 +252,14 @@ def efforts(drawing: Drawing, run: Any, i: int, found: Motion, verdict: Verdict,
 
 
 def powers(
-    drawing: Drawing, mechanism: pt.Mechanism, run: Any, i: int, poses: dict[str, Pose], found: Motion,
-    verdict: Verdict, words: str,
+    drawing: Drawing,
+    mechanism: pt.Mechanism,
+    run: Any,
+    i: int,
+    poses: dict[str, Pose],
+    found: Motion,
+    verdict: Verdict,
+    words: str,
 ) -> None:
     """Of every force whose power is sensed, over the largest force times the largest speed."""
     speed = max(float(np.linalg.norm(p.u)) + drawing.size * float(np.linalg.norm(p.w)) for p in poses.values())

@@ -29,15 +29,24 @@ class Wave:
     start: float
     height: float
 
+    @cached_property
+    def numbers(self) -> tuple[Any, ...]:
+        """Of Python, which what Partita differentiates by multiplies much faster than those of NumPy."""
+        arrays = self.slope, self.bend, self.frequency, self.origin, self.unit
+        return *(x.tolist() for x in arrays), float(np.sin(self.phase))
+
     def __call__(self, *x: Any) -> Any:
         """As Partita calls it, with numbers or what it differentiates by."""
-        u = [(value - x0) / scale for value, x0, scale in zip(x, self.origin, self.unit, strict=True)]
-        of = range(len(u))
-        whole = sum(self.slope[i] * u[i] for i in of) + sum(
-            0.5 * self.bend[i][j] * u[i] * u[j] for i in of for j in of
-        )
-        turn = sum(self.frequency[i] * u[i] for i in of) + self.phase
-        return self.start + self.height * (whole + self.amplitude * (np.sin(turn) - np.sin(self.phase)))
+        slope, bend, frequency, origin, scales, rest = self.numbers
+        whole, turn, u = 0.0, self.phase, list[Any]()
+        for i, value in enumerate(x):
+            u.append((value - origin[i]) * (1.0 / scales[i]))
+            steep = slope[i] + 0.5 * bend[i][i] * u[i]
+            for k in range(i):
+                steep = steep + bend[i][k] * u[k]
+            whole = whole + steep * u[i]
+            turn = turn + frequency[i] * u[i]
+        return self.start + self.height * (whole + self.amplitude * (np.sin(turn) - rest))
 
     def scaled(self, height: float, unit: Array) -> Wave:
         """In other units."""

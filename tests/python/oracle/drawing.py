@@ -187,7 +187,6 @@ class Drive:
         a, w = self.amplitude, self.frequency
         return self.rate + a * w * float(np.sin(w * t)), a * w**2 * float(np.cos(w * t))
 
-
     @property
     def course(self) -> dict[str, Any]:
         """As it is given."""
@@ -388,13 +387,16 @@ def unit(x: Array) -> Array:
     return x / np.linalg.norm(x)
 
 
+ALONG_AN_AXIS = (
+    "revolute", "prismatic", "cylindrical", "screw", "constant_velocity", "point_on_line", "parallel",
+)  # fmt: skip
+
+
 def joint_call(j: Joint) -> tuple[str, dict[str, Any]]:
     """The method that adds a joint, and its arguments after the bodies."""
     a = np.asarray(j.axes)
     found: dict[str, Any] = {"point": j.point}
-    if j.kind in ("revolute", "prismatic", "cylindrical"):
-        found["axis"] = a[:, 0]
-    elif j.kind in ("screw", "constant_velocity", "point_on_line", "parallel"):
+    if j.kind in ALONG_AN_AXIS:
         found["axis"] = a[:, 0]
     elif j.kind in ("planar", "point_on_plane"):
         found["normal"] = a[:, 0]

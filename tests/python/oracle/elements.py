@@ -1,4 +1,4 @@
-"""Mechanisms drawn by chance with every element: joints of all kinds, contacts, tyres, loads along joints, tables, curves.
+"""Mechanisms drawn by chance with every element: joints of all kinds, contacts, tyres, loads along joints, tables.
 
 Joints of other kinds are in a mechanism before it is loaded, turned and scaled; what depends on where bodies are drawn
 comes on top.
@@ -53,9 +53,7 @@ def special(rng: Any, name: str, ends: tuple[str, str], point: Array, planar: bo
     count = int(rng.integers(1, 3)) if len(chosen) > 3 else 1
     follow = chosen[count : count + int(rng.integers(1, 3))]
     free = tuple(sorted(chosen[:count], key=chance.DIRECTIONS.index))
-    return Joint(
-        name, kind, parent, child, point, axes, free, follows=tuple((x, wave(rng, len(free))) for x in follow)
-    )
+    return Joint(name, kind, parent, child, point, axes, free, follows=tuple((x, wave(rng, len(free))) for x in follow))
 
 
 def jointed(rng: Any, d: Drawing) -> Drawing:
@@ -87,9 +85,7 @@ class Chance:
         self.scalars = [(j, i) for j in d.joints for i in range(j.coordinates[0])]
 
     def drawing(self) -> Drawing:
-        return replace(
-            self.d, forces=tuple(self.forces), couplings=tuple(self.couplings), drives=tuple(self.drives)
-        )
+        return replace(self.d, forces=tuple(self.forces), couplings=tuple(self.couplings), drives=tuple(self.drives))
 
     def number(self, low: float, high: float) -> float:
         return float(self.rng.uniform(low, high))
@@ -332,7 +328,11 @@ class Chance:
     def constraint(self, name: str) -> None:
         of = [self.measure() for _ in range(int(self.rng.integers(2, 4)))]
         swings = self.maybe(0.4)
-        a, w, p = (0.1 * of[0][3] * self.number(-1.0, 1.0) * swings, self.number(0.5, 3.0) / self.d.time, self.number(0, 6))
+        a, w, p = (
+            0.1 * of[0][3] * self.number(-1.0, 1.0) * swings,
+            self.number(0.5, 3.0) / self.d.time,
+            self.number(0, 6),
+        )
         law = self.wave(of[1:], of[0][2], of[0][3])
 
         def function(t: Any, first: Any, *more: Any) -> Any:
@@ -371,7 +371,8 @@ class Chance:
         gap = self.there(other, q) - self.there(one, origin)
         x0, y0 = (float((self.axes(one) @ axis) @ gap) for axis in (a, b))
         items = [
-            {"of": "along", "body1": one, "point1": origin, "axis": axis, "body2": other, "point2": q} for axis in (a, b)
+            {"of": "along", "body1": one, "point1": origin, "axis": axis, "body2": other, "point2": q}
+            for axis in (a, b)
         ]
         named: dict[str, Any] = {"origin": origin, "x_axis": 2.0 * a, "y_axis": b}
         what = self.one(["function", "table", "outline"])
@@ -407,6 +408,14 @@ ALONG: tuple[Callable[[Chance, str], None], ...] = (
 COUPLINGS: tuple[Callable[[Chance, str], None], ...] = (
     Chance.constraint, Chance.rates, Chance.cam, Chance.cam, Chance.curve, Chance.curve,
 )  # fmt: skip
+
+
+EVERY = (
+    *KINDS, "Contact", "Tyre", "Bushing", "TableLoad", "Friction", "Stop", "GasSpring", "TableEffort", "TableDrive",
+    "follower of add_constraint", "rates of add_constraint", "cam of add_cam", "follower of add_point_on_curve",
+    "cam of add_point_on_curve", "outline of add_point_on_curve",
+)  # fmt: skip
+"""Everything that `kinds_of` may find beside what `chance` draws."""
 
 
 def mechanism(seed: int) -> Drawing:

@@ -48,7 +48,7 @@ def pair(at: Scene, one: str, other: str, point: Array, force: Array, moment: An
 
 def carried(at: Scene, body: str, point: Array) -> Array:
     """Velocity that a body gives to a place in the world."""
-    turn, spin = at.axes(body)
+    spin = at.axes(body)[1]
     x, u = at.place(body, np.zeros(3))
     return u + np.cross(spin, point - x)
 
@@ -148,7 +148,11 @@ class Tyre:
         where = {"center": self.center, "axis": self.axis, "radius": self.radius, "ground": self.road}
         where |= {"point": self.point, "normal": self.normal, "stiffness": self.stiffness, "damping": self.damping}
         slips = {"friction": self.friction, "longitudinal": self.longitudinal, "lateral": self.lateral}
-        return "add_tyre", (self.name, self.body), {**where, **(slips | {"slow_speed": self.slow} if self.friction else {})}
+        return (
+            "add_tyre",
+            (self.name, self.body),
+            {**where, **(slips | {"slow_speed": self.slow} if self.friction else {})},
+        )
 
     def act(self, at: Scene) -> None:
         (c, u), (r, v) = at.place(self.body, self.center), at.place(self.road, self.point)
@@ -181,7 +185,8 @@ class Tyre:
 
 @dataclass(frozen=True)
 class Bushing:
-    """Stiffness and damping between two frames that coincide as drawn. `ends`, `frames`: point and axes on each body."""
+    """Stiffness and damping between two frames that coincide as drawn; `ends`, `frames`: their origin and axes on each
+    body."""
 
     name: str
     body1: str

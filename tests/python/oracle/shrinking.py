@@ -67,7 +67,9 @@ def without_body(d: Drawing, name: str) -> Drawing:
             return f.body == name if isinstance(f, Load) else name in (f.body1, f.body2)
         return name in getattr(f, "bodies", ())
 
-    couplings = tuple(c for c in d.couplings if not any(name in (x.get("body1"), x.get("body2")) for x in c.data.get("terms", ())))
+    couplings = tuple(
+        c for c in d.couplings if not any(name in (x.get("body1"), x.get("body2")) for x in c.data.get("terms", ()))
+    )
     return replace(d, forces=tuple(f for f in d.forces if not on(f)), couplings=couplings)
 
 
