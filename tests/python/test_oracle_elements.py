@@ -3,23 +3,33 @@
 from __future__ import annotations
 
 from collections import Counter
+from functools import cache
 
+import pytest
 from oracle import elements
 from oracle.comparison import Verdict
-from oracle.elements import compare_elements
-from oracle.study import report
 
-# Every number is a mechanism; `make trust` looks at thousands more.
-SEEDS = range(24)
+# Every number is a mechanism; `make trust` looks at thousands more. Some call functions in Python many thousand times.
+LONG = (1, 7, 11, 13, 29, 39)
+SEEDS = (*(seed for seed in range(48) if seed not in LONG), 54, 81)
 
 
-def test_mechanisms_with_every_element_agree() -> None:
-    found: dict[int, tuple[Verdict, Counter[str]]] = {seed: compare_elements(seed) for seed in SEEDS}
-    wrong = [seed for seed, (verdict, _) in found.items() if verdict.wrong]
-    assert not wrong, "\n\n".join(report(seed, found[seed][0], elements.mechanism) for seed in wrong[:2])
-    counts = sum((verdict.counts for verdict, _ in found.values()), Counter[str]())
-    ran = Counter[str]()
-    for verdict, kinds in found.values():
+@cache
+def seen(seed: int) -> tuple[Verdict, Counter[str]]:
+    return elements.compare_elements(seed)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_mechanism_of_every_element_agrees(seed: int) -> None:
+    """`python -m oracle 100 "every element"` prints those that do not, as short as they go."""
+    wrong = seen(seed)[0].wrong
+    assert not wrong, "\n".join(wrong[:10])
+
+
+def test_every_element_was_there() -> None:
+    counts, ran = Counter[str](), Counter[str]()
+    for verdict, kinds in map(seen, SEEDS):
+        counts += verdict.counts
         ran += kinds if verdict.counts["relative run"] and verdict.counts["absolute run"] else Counter()
-    assert counts["power"] > 4 * counts["instants"] and counts["effort"] > 30
+    assert counts["power"] > 4 * counts["instants"] > 600 and counts["effort"] > 30, counts
     assert min(ran[kind] for kind in elements.EVERY) > 0, ran
