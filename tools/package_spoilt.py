@@ -448,11 +448,11 @@ IN_PACKAGE = (
         ELEMENTS,
     ),
     Error(
-        "directions-in-order",
-        "a joint of one's own has its directions in the order in which they were named",
+        "followers-alike",
+        "all directions of a joint of one's own follow by the first function",
         f"{PACKAGE}/builder/primitives.py",
-        "direction for direction in DIRECTIONS if direction in chosen or direction in named",
-        "direction for direction in (*named, *chosen)",
+        "_follower(element, direction, follows[direction], len(chosen))",
+        "_follower(element, direction, next(iter(follows.values())), len(chosen))",
         ELEMENTS,
     ),
     Error(

@@ -194,7 +194,11 @@ class Chance:
         return j, i, self.unit_of(j, i)
 
     def unit_of(self, j: Joint, i: int) -> float:
-        return self.d.size if i < len(j.motions(j.some)[0]) else 1.0
+        return 1.0 if self.is_turn(j, i) else self.d.size
+
+    @staticmethod
+    def is_turn(j: Joint, i: int) -> bool:
+        return i >= len(j.motions(j.some)[0])
 
     def friction(self, name: str) -> None:
         j, i, x = self.coordinate()
@@ -356,6 +360,10 @@ class Chance:
     def cam(self, name: str) -> None:
         """By a table, with a coordinate of a joint as its cam if there is one."""
         lift, lead = self.measure(), self.measure()
+        turns = [(j, i) for j, i in self.scalars if self.is_turn(j, i)]
+        if turns and self.maybe(0.4):
+            j, i = self.one(turns)
+            lead = pt.Coordinate(j.name, i), {"of": "joint", "joint": j.name, "coordinate": i}, 0.0, 1.0
         periodic = lead[1]["of"] == "joint" and lead[3] == 1.0 and self.maybe(0.6)
         curve = self.through(lead[2], lift[2], 4.0 * lead[3], lift[3], periodic)
         data = {"terms": [lift[1], lead[1]], "law": curve.derivatives, "counted": True}
@@ -411,9 +419,9 @@ COUPLINGS: tuple[Callable[[Chance, str], None], ...] = (
 
 
 EVERY = (
-    *KINDS, "Contact", "Tyre", "Bushing", "TableLoad", "Friction", "Stop", "GasSpring", "TableEffort", "TableDrive",
-    "follower of add_constraint", "rates of add_constraint", "cam of add_cam", "follower of add_point_on_curve",
-    "cam of add_point_on_curve", "outline of add_point_on_curve",
+    *KINDS, "Contact", "Tyre", "Bushing", "TableLoad", "Friction", "Stop", "GasSpring",
+    "TableEffort", "TableDrive", "follower of add_constraint", "rates of add_constraint", "cam of add_cam",
+    "periodic cam", "follower of add_point_on_curve", "cam of add_point_on_curve", "outline of add_point_on_curve",
 )  # fmt: skip
 """Everything that `kinds_of` may find beside what `chance` draws."""
 
@@ -440,7 +448,9 @@ def mechanism(seed: int) -> Drawing:
 def kinds_of(d: Drawing) -> Counter[str]:
     """What there is in a drawing, by name."""
     found = Counter(j.kind for j in d.joints) + Counter(type(f).__name__ for f in (*d.forces, *d.drives))
-    found += Counter(c.kind if c.call is None else f"{c.kind} of {c.call[0]}" for c in d.couplings)
+    for c in d.couplings:
+        method, _, named = c.call or ("", (), {})
+        found["periodic cam" if named.get("periodic") else f"{c.kind} of {method}"] += 1
     return found
 
 

@@ -141,8 +141,8 @@ class Maximal:
         free, stresses = right[rank:].T, left[:, rank:]
         given = -inverse @ b
         reduced = free.T @ mass @ free
-        acc = given + free @ np.linalg.solve(reduced, free.T @ (h - mass @ given)) if free.shape[1] else given
         unclear = unclear or (free.shape[1] > 0 and np.linalg.cond(reduced) > 1e9)
+        acc = given + free @ np.linalg.solve(reduced, free.T @ (h - mass @ given)) if free.shape[1] else given
         wanting = np.linalg.norm(j_all @ acc + b, ord=np.inf) if len(b) else 0.0
         needed = mass @ acc - h
         lam = (inverse.T @ needed) / weights * d.mass
