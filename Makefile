@@ -79,7 +79,7 @@ test-rust: $(TOOLS)
 test-python: $(BUILT) $(FMU)
 	$(BIN)/python -m pytest
 
-## trust: N=5000 mechanisms, couplings, sensors and files drawn by chance against independent programs; RUNS=2000 keep their branch; verdicts; kinks; the zoo
+## trust: N=5000 mechanisms of every element, couplings, sensors, files and FMUs drawn by chance against independent programs; RUNS=2000 keep their branch; verdicts; kinks; the zoo
 N ?= 5000
 RUNS ?= 2000
 trust: $(BUILT)
