@@ -117,7 +117,7 @@ impl CrossingStep {
         let (h, ahead) = (self.t_new - self.t_old, zero - self.t_old);
         let better =
             clearest((0.7 * h).max(BEYOND * ahead), (1.3 * h).max(BEYOND * ahead), ahead).min(self.t_end - self.t_old);
-        let poor = clearance(h, ahead) < tolerance::MUCH_NEARER * clearance(better, ahead);
+        let poor = clearance(h, ahead) < tolerance::MUCH_SMALLER * clearance(better, ahead);
         if poor {
             self.lengths.clear();
             self.lengths.push(better);

@@ -29,9 +29,6 @@ const KEPT_BY_A_HALF: f64 = 0.75;
 /// This many halves that contain less indicate a smooth function. Reason: one half may contain less by chance, where
 /// the rest of a change counts against a jump.
 const SMOOTH_HALVES: u32 = 3;
-/// A remaining change above this is a jump. Scale: fraction of the change over the step. Reason: a smooth function
-/// changes by a billionth in so short a time.
-const JUMPS_BY: f64 = 0.5;
 /// Precision of the location of a jump. Scale: fraction of the step. Reason: far below any time in which a smooth
 /// motion changes, and above round-off.
 const LOCATED: f64 = 1e-9;
@@ -52,7 +49,7 @@ impl Search {
 
     /// Where the first value of `at`, 0 at the start of the step and `end` at its end, jumps.
     pub(crate) fn jump<E>(&self, at: &mut impl FnMut(f64) -> Result<[f64; 2], E>, end: f64) -> Result<Location, E> {
-        let found = self.halve(&mut |t| Ok(at(t)?[0]), (0.0, end), JUMPS_BY * end.abs())?;
+        let found = self.halve(&mut |t| Ok(at(t)?[0]), (0.0, end), tolerance::HALF_LOST * end.abs())?;
         Ok(match found {
             (Location::Within { after, .. }, by, true) => Location::Jump { t: after, by },
             (place, ..) => place,

@@ -148,9 +148,6 @@ const ATTEMPTS: u32 = 4;
 /// for those to be exact, and so near that the polynomial through them is.
 const OUTPUTS_BESIDE: f64 = 1.0 / 80.0;
 
-/// A singular position on a crossing step is located to this. Scale: fraction of the step across it. Reason: nodes keep
-/// ten times as far from it.
-const ROOT_FOUND: f64 = 1e-3;
 /// Evaluations by which it is located, at the most.
 const LOCATING: usize = 12;
 
@@ -329,7 +326,7 @@ impl March {
         let mut zero = from;
         for _ in 0..LOCATING {
             let last = std::mem::replace(&mut zero, one.0 + (two.0 - one.0) * one.1 / (one.1 - two.1));
-            if (zero - last).abs() < ROOT_FOUND * (to - from) {
+            if (zero - last).abs() < tolerance::AT_SINGULARITY * (to - from) {
                 break;
             }
             match side(zero) {

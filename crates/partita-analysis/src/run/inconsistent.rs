@@ -29,7 +29,7 @@ pub(super) fn see<S: ConstrainedSystem>(
     r.position(t, q)?;
     r.refresh_scales(t, q)?;
     let (closure_error, row) = r.closure_error();
-    if tolerance::FEW_ROUNDINGS * closure_error >= tolerance::FAR_OPEN {
+    if tolerance::ROUNDING * closure_error >= tolerance::FAR_OPEN {
         return Err(AnalysisError::Argument {
             argument: "initial",
             message: format!(

@@ -18,7 +18,7 @@ use partita_system::SystemError;
 /// To the round-off of the closure error of a large displacement, or until displacements vanish, by steps of 0.3
 /// characteristic displacements (radians for rotations); more iterations than any start within a turn needs. Dependent
 /// rows close slowly next to a singular position: a slow decrease does not mean that they are closed.
-const RULE: Rule = Rule::new(60, tolerance::FEW_ROUNDINGS, tolerance::FEW_ROUNDINGS)
+const RULE: Rule = Rule::new(60, tolerance::ROUNDING, tolerance::ROUNDING)
     .cut(LONGEST_PREDICTION)
     .to_rest(tolerance::LAST_MOVE);
 

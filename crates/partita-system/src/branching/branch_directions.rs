@@ -13,16 +13,13 @@
 
 mod messages;
 
-use super::{rank_of, Scaled, LARGEST};
+use super::{rank_of, Scaled, LARGEST, SAME_RATES};
 use crate::system::{ConstrainedSystem, SystemError};
 use messages::{REST, TOUCH};
 use partita_math::dense::{self, Matrix};
 use partita_math::factor::{least_squares_min_norm, svd, svd_full, symmetric_eigen};
 use partita_math::tolerance;
 
-/// Given rates that miss a branch by less are taken for its own. Scale: fraction of the fastest. Reason: numbers as
-/// refusals print them are off by half of it.
-pub const PRINTED_RATES: f64 = 2e-3;
 /// Where drives leave no degree of freedom, a given rate selects the branch whose rate is between this fraction of it
 /// and as many times it. Scale: ratio. Reason: the drives set the value, the rate selects the sign.
 pub const SIGN_ONLY: f64 = 0.5;
@@ -460,7 +457,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
     /// The velocities on the branch that the rates single out, otherwise as near to `near` as can be in the mass
     /// metric.
     ///
-    /// Rates are met exactly, or within [`PRINTED_RATES`] where only one branch is that near; where the drives leave no
+    /// Rates are met exactly, or within [`SAME_RATES`] where only one branch is that near; where the drives leave no
     /// degree of freedom they only select the branch, and each must lie between half and twice the rate that the drives
     /// determine.
     ///
@@ -512,7 +509,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
         order.sort_by(|&i, &j| fits[i].miss.total_cmp(&fits[j].miss));
         let Some(&first) = order.first() else { return Err(self.which(asked)) };
         let second = order.get(1).map_or(f64::INFINITY, |&i| fits[i].miss);
-        if fits[first].miss <= PRINTED_RATES * fastest && second > tolerance::CLEARLY * fits[first].miss {
+        if fits[first].miss <= SAME_RATES * fastest && second > tolerance::CLEARLY * fits[first].miss {
             return Ok(fits[first].v.clone());
         }
         if self.k == 1 {
@@ -534,14 +531,14 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
     fn of_cone(&self, near: &[f64], asked: &[Asked], fastest: f64) -> Result<Vec<f64>, String> {
         let basis: Vec<Vec<f64>> = columns(&self.kernel);
         let Some(fit) = self.fit(&self.particular, &basis, near, asked) else { return Err(self.which(asked)) };
-        if fit.miss > PRINTED_RATES * fastest {
+        if fit.miss > SAME_RATES * fastest {
             return Err(self.none(asked, &self.projected(&fit.v)));
         }
         match &fit.open[..] {
             [] => {
                 let on = self.projected(&fit.v);
                 let off = on.iter().zip(&fit.v).fold(0.0, |m: f64, (a, b)| m.max((a - b).abs()));
-                match off <= PRINTED_RATES * fastest {
+                match off <= SAME_RATES * fastest {
                     true => Ok(on),
                     false => Err(self.none(asked, &on)),
                 }

@@ -44,8 +44,8 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
             // entries of C are lever arms: the lengths that are added up in Φ
             let arm =
                 pattern.row(i).map(|e| self.c[e].abs() * self.displacement[pattern.col_idx[e]]).fold(0.0, f64::max);
-            self.noise[i] = self.noise[i].max(tolerance::FEW_ROUNDINGS * arm);
-            let arm = self.noise[i] / tolerance::FEW_ROUNDINGS;
+            self.noise[i] = self.noise[i].max(tolerance::ROUNDING * arm);
+            let arm = self.noise[i] / tolerance::ROUNDING;
             self.row_size[i] = match self.row_displacement[i] {
                 Some(displacement) => displacement.max(arm),
                 None if arm > 0.0 => arm,

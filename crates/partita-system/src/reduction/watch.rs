@@ -128,7 +128,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         let rows = self.phi.iter().zip(&self.noise).enumerate().filter(|(i, _)| !self.left_out[*i]);
         rows.fold((0.0, 0), |best: (f64, usize), (i, (x, n))| {
             let least = self.row_displacement[i]
-                .map_or(f64::MIN_POSITIVE, |displacement| tolerance::FEW_ROUNDINGS * displacement);
+                .map_or(f64::MIN_POSITIVE, |displacement| tolerance::ROUNDING * displacement);
             let closure_error = if x.is_nan() { f64::INFINITY } else { x.abs() / n.max(least) };
             if closure_error > best.0 {
                 (closure_error, i)

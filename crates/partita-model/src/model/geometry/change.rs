@@ -102,8 +102,8 @@ impl Drawing {
             // normally the iteration is quadratic; near a double root little is gained, and values above the rounding
             // level are used
             nothing = match tolerance::CLEARLY * worst > before {
-                true => (nothing / CLOSURE_FACTOR).max(super::FINEST_LEVEL),
-                false => (CLOSURE_FACTOR * worst).clamp(super::FINEST_LEVEL, super::WEAK_CONDITION),
+                true => (nothing / CLOSURE_FACTOR).max(tolerance::NULL_VALUE),
+                false => (CLOSURE_FACTOR * worst).clamp(tolerance::NULL_VALUE, super::WEAK_CONDITION),
             };
             before = worst;
             let Ok(f) = svd(&rows) else { return Ok(None) };
