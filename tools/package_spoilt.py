@@ -185,8 +185,8 @@ IN_PACKAGE = (
         "urdf-centre",
         "the centre of mass of a link is left at its frame",
         f"{PACKAGE}/io/urdf.py",
-        "com, axes = place[:3, 3], place[:3, :3]",
-        "com, axes = 0.0 * place[:3, 3], place[:3, :3]",
+        "com, axes = pose[:3, 3], pose[:3, :3]",
+        "com, axes = 0.0 * pose[:3, 3], pose[:3, :3]",
         ("python test_oracle_files.py",),
     ),
     Error(
@@ -201,8 +201,8 @@ IN_PACKAGE = (
         "frames-multiplied",
         "the frame of a child is multiplied from the wrong side",
         f"{PACKAGE}/io/robot.py",
-        "pose[name] = pose[into[name].parent] @ into[name].place",
-        "pose[name] = into[name].place @ pose[into[name].parent]",
+        "pose[name] = pose[into[name].parent] @ into[name].pose",
+        "pose[name] = into[name].pose @ pose[into[name].parent]",
         ("python test_oracle_files.py",),
     ),
     Error(
@@ -233,8 +233,8 @@ IN_PACKAGE = (
         "sdf-inertia-axes",
         "inertia is turned from its own axes the wrong way",
         f"{PACKAGE}/io/sdf.py",
-        "inertia = place[:3, :3] @ inertia @ place[:3, :3].T",
-        "inertia = place[:3, :3].T @ inertia @ place[:3, :3]",
+        "inertia = pose[:3, :3] @ inertia @ pose[:3, :3].T",
+        "inertia = pose[:3, :3].T @ inertia @ pose[:3, :3]",
         ("python test_oracle_files.py",),
     ),
     Error(
@@ -321,8 +321,8 @@ IN_PACKAGE = (
         "writer-branch",
         "a written link is placed as seen from itself",
         f"{PACKAGE}/io/skeleton.py",
-        "place = inverse(drawn[parent]) @ drawn[body]",
-        "place = inverse(drawn[body]) @ drawn[parent]",
+        "pose = inverse(drawn[parent]) @ drawn[body]",
+        "pose = inverse(drawn[body]) @ drawn[parent]",
         ("python test_oracle_files.py",),
     ),
     Error(

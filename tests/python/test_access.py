@@ -225,15 +225,15 @@ def handled(m: pt.Mechanism, word: str, value: Any) -> Any:
 
 
 def add(m: pt.Mechanism, call: Call) -> None:
-    method, name, said = call
-    getattr(m, method)(name=name, **{word: handled(m, word, value) for word, value in said.items()})
+    method, name, arguments = call
+    getattr(m, method)(name=name, **{word: handled(m, word, value) for word, value in arguments.items()})
 
 
-def draw(changed: int | None = None, **said: Any) -> pt.Mechanism:
+def draw(changed: int | None = None, **arguments: Any) -> pt.Mechanism:
     """Everything; one of the calls with other arguments."""
     m = pt.Mechanism("everything")
     for i, (call, _) in enumerate(CALLS):
-        add(m, (call[0], call[1], {**call[2], **said}) if i == changed else call)
+        add(m, (call[0], call[1], {**call[2], **arguments}) if i == changed else call)
     m.add_compliance("R", translation=1e-8, rotation=(1e-6, 0, 0))
     return m
 

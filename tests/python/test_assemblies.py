@@ -229,12 +229,12 @@ def test_any_joint_has_targets_and_rates(coordinates: str) -> None:
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e3])
 def test_points_are_targets(scale: float) -> None:
     m = two_links(scale)
-    for place in ((1.2, 0.9), (0.4, -1.1)):
-        target = {("2", (scale, 0, 0), "xy"): scale * np.array(place)}
+    for goal in ((1.2, 0.9), (0.4, -1.1)):
+        target = {("2", (scale, 0, 0), "xy"): scale * np.array(goal)}
         for coordinates in ("relative", "absolute"):
             state = m.assemble(target, coordinates=coordinates)
             run = m.simulate(1e-3, initial=state, t_eval=[0.0], coordinates=coordinates)
-            assert run.body("2").point((scale, 0, 0))[0, :2] / scale == pytest.approx(place, abs=1e-11)
+            assert run.body("2").point((scale, 0, 0))[0, :2] / scale == pytest.approx(goal, abs=1e-11)
     with pytest.raises(AssemblyError, match=r"point .* of 2 in x ends at .* no configuration reaches the target"):
         m.assemble({("2", (scale, 0, 0), "xy"): (2.5 * scale, 0.0)})
 

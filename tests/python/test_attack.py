@@ -714,8 +714,8 @@ def test_nonsense_on_the_command_line(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     code = cli.main(command)
-    said = capsys.readouterr().err
-    assert code == 2 and "partita" in said and "Traceback" not in said and "internal error" not in said
+    printed = capsys.readouterr().err
+    assert code == 2 and "partita" in printed and "Traceback" not in printed and "internal error" not in printed
 
 
 def test_every_public_name_is_attacked() -> None:

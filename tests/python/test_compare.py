@@ -321,7 +321,7 @@ def test_command_prints_the_table_and_writes_what_is_asked(tmp_path: Path, capsy
             "--csv", str(files[0]), "--plot", str(files[1]), "--work-precision", str(files[2]),
         ]
     )  # fmt: skip
-    said = capsys.readouterr().out
+    printed = capsys.readouterr().out
     assert code == 0
     for word in (
         "projective: greedy",
@@ -332,7 +332,7 @@ def test_command_prints_the_table_and_writes_what_is_asked(tmp_path: Path, capsy
         "reference: projective, dop853",
         *map(str, files),
     ):
-        assert word in said
+        assert word in printed
     assert all(file.stat().st_size for file in files)
 
 
@@ -348,8 +348,8 @@ def test_command_compares_in_absolute_coordinates(capsys: pytest.CaptureFixture[
         "collective",
     ]
     assert main([*words, "--coordinates", "absolute"]) == 0
-    said = capsys.readouterr().out
-    assert said.count("finished") == 2
+    printed = capsys.readouterr().out
+    assert printed.count("finished") == 2
 
 
 @pytest.mark.parametrize(
@@ -373,8 +373,8 @@ def test_command_compares_in_absolute_coordinates(capsys: pytest.CaptureFixture[
 )
 def test_impossible_request_is_one_sentence(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert main(words) == 2
-    said = capsys.readouterr()
-    assert said.out == "" and said.err.startswith("partita: error: ") and said.err.count("\n") == 1
+    captured = capsys.readouterr()
+    assert captured.out == "" and captured.err.startswith("partita: error: ") and captured.err.count("\n") == 1
 
 
 def test_impossible_arguments_are_refused() -> None:

@@ -229,13 +229,13 @@ def test_random_contradictions(seed: int) -> None:
     driven = [str(name) for name in rng.permutation(joints[:-1])[: dof + 1]]
     if rng.uniform() < 0.3:
         weld = driven[0]
-        place = joints.index(weld)
-        ground = place == 0
+        index = joints.index(weld)
+        ground = index == 0
         if ground:
             m.add_fixed("weld", m.ground, "rod0", point=tuple(m.to_spec()["joints"][0]["point"]))
         else:
-            point = tuple(m.to_spec()["joints"][place]["point"])
-            m.add_fixed("weld", f"rod{place - 1}", f"rod{place}", point=point)
+            point = tuple(m.to_spec()["joints"][index]["point"])
+            m.add_fixed("weld", f"rod{index - 1}", f"rod{index}", point=point)
         driven = driven[:1]
     for name in driven:
         shape = rng.integers(3)
@@ -251,8 +251,8 @@ def test_random_contradictions(seed: int) -> None:
             warnings.simplefilter("ignore", SuspectResultWarning)
             run = m.simulate(1.0)
     except ContradictionError as error:
-        said = str(error)
+        message = str(error)
     else:
         assert not run.success and run.status == "contradiction", (run.status, run.message, np.max(run.closure))
-        said = run.message
-    assert any(f"the drive of {name} contradicts" in said for name in driven), said
+        message = run.message
+    assert any(f"the drive of {name} contradicts" in message for name in driven), message

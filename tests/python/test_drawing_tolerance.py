@@ -133,14 +133,14 @@ def test_beyond_the_tolerance_it_is_a_structure_that_is_named(coordinates: str) 
     for off in (1e-3, 1e-2):
         model = four_bar(off).compile(coordinates=coordinates)
         assert model.mobility == 0
-        said = " ".join(four_bar(off).report(coordinates=coordinates).split())
-        assert "a structure only because of a geometric error" in said
-        assert f"C is {np.degrees(off):.3f} deg out of parallel with A, B and D" in said
-        assert "1 degree of freedom" in said and "drawing_tolerance" in said
+        report = " ".join(four_bar(off).report(coordinates=coordinates).split())
+        assert "a structure only because of a geometric error" in report
+        assert f"C is {np.degrees(off):.3f} deg out of parallel with A, B and D" in report
+        assert "1 degree of freedom" in report and "drawing_tolerance" in report
     # the hinge that is tilted locks; the others go on
     assert five_bar(1e-3).compile(coordinates=coordinates).mobility == 1
-    said = " ".join(five_bar(1e-3).report(coordinates=coordinates).split())
-    assert "less mobile only because of a geometric error" in said
+    report = " ".join(five_bar(1e-3).report(coordinates=coordinates).split())
+    assert "less mobile only because of a geometric error" in report
     assert four_bar(1e-3, drawing_tolerance=1e-3).compile(coordinates=coordinates).mobility == 1
 
 

@@ -30,9 +30,9 @@ def run() -> results.Result:
 
 def flipped(content: bytes, number: int) -> bytes:
     """`content` with one bit the other way round, anywhere."""
-    place = int(np.random.default_rng(number).integers(8 * len(content)))
+    bit = int(np.random.default_rng(number).integers(8 * len(content)))
     changed = bytearray(content)
-    changed[place // 8] ^= 1 << place % 8
+    changed[bit // 8] ^= 1 << bit % 8
     return bytes(changed)
 
 

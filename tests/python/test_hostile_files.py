@@ -47,10 +47,10 @@ TEXTS = {".urdf": URDF, ".mjcf": MJCF, ".sdf": SDF, ".toml": TOML}
 def refused(path: Path, words: str, line: int | None = None) -> None:
     with pytest.raises(FileFormatError) as reported:
         pt.load(path)
-    said = str(reported.value)
-    assert words in said and path.name.rpartition(".")[0] in said, said
-    assert said.count(".urdf") + said.count(".mjcf") <= 2 and "\n" not in said, said
-    assert reported.value.line == line, said
+    message = str(reported.value)
+    assert words in message and path.name.rpartition(".")[0] in message, message
+    assert message.count(".urdf") + message.count(".mjcf") <= 2 and "\n" not in message, message
+    assert reported.value.line == line, message
 
 
 def put(folder: Path, name: str, content: str | bytes) -> Path:

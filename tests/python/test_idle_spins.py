@@ -10,7 +10,7 @@ import pytest
 from oracle.comparison import frames_of
 from oracle.maximal import Maximal
 from oracle.reading import drawing_of
-from other_words import of, said
+from other_words import of, rewritten
 from test_zoo import OTHERS
 from zoo.judging import poses_at
 
@@ -213,4 +213,4 @@ def test_a_thin_rod_on_two_lines_is_held_from_spinning() -> None:
 
 def test_idle_spins_turn_with_the_drawing() -> None:
     d, rng = of(pt.catalogue.load("stewart-sps")), np.random.default_rng(2)
-    assert spins(said(d, "turned", rng).build()) == spins(d.build())
+    assert spins(rewritten(d, "turned", rng).build()) == spins(d.build())

@@ -143,11 +143,11 @@ def test_six_of_the_zoo(name: str, tmp_path: Path) -> None:
         const old = Object.keys(wrong).map(m.get), refused = m.change(wrong), kept =
             state().q.every((x, i) => Math.abs(x - start.q[i]) < 1e-12) &&
             Object.keys(wrong).every((name, i) => m.get(name).every((x, j) => x === old[i][j]));
-        const said = [], runs = {{}};
+        const changes = [], runs = {{}};
         const ran = (name, duration, parameters) => {{
             m.load(about.values);
             m.reset(about.start);
-            said.push(m.change(parameters));
+            changes.push(m.change(parameters));
             const from = state();
             m.advance(duration);
             runs[name] = {{ duration, from, to: state(), bodies: bodies(), parameters }};
@@ -155,14 +155,14 @@ def test_six_of_the_zoo(name: str, tmp_path: Path) -> None:
         ran("changed", 10, {{ ...others, ...right }});
         ran("pulled", 2, {{ ...others, ...{json.dumps(pull)} }});
         if ({json.dumps(zoo.own)}) ran("own", {json.dumps(zoo.own)}, right);
-        return {{ before, refused, kept, said, runs }};
+        return {{ before, refused, kept, changes, runs }};
     """
     found = page_runs(mechanism, initial, script, tmp_path)
     assert re.search(r'joint ".*" stays open by [\d.e-]+ (m|rad).*\(loop of .*, .*\)', found["refused"]), found[
         "refused"
     ]
     assert found["kept"]
-    assert not any(found["said"])
+    assert not any(found["changes"])
     for run in found["runs"].values():
         assert np.abs(np.subtract(run["bodies"], found["before"])).max() > 1e-4
         agree(mechanism, run, run["duration"], run["parameters"])

@@ -84,9 +84,9 @@ def test_alike_curves_are_distinguished() -> None:
 
 def test_paths_are_those_of_the_body() -> None:
     run = run_of("four-bar")
-    place = (0.5, 0.2, 0.0)
-    figure = run.plot("paths", points={"P": ("coupler", place)})
-    path = run.body("coupler").point(place)
+    point = (0.5, 0.2, 0.0)
+    figure = run.plot("paths", points={"P": ("coupler", point)})
+    path = run.body("coupler").point(point)
     assert np.array_equal(lines(figure)["P"], path[:, :2])
     assert figure.axes[0].get_aspect() == 1.0
 

@@ -179,10 +179,10 @@ def test_lengths_that_nearly_agree_stay_what_they_are(coordinates: str) -> None:
 
 @pytest.mark.parametrize("coordinates", BOTH)
 def test_what_was_changed_is_said(coordinates: str) -> None:
-    said = [
+    notes = [
         note for note in bennett(1e-5).simulate(0.1, coordinates=coordinates).notes if "the geometry is inexact" in note
     ]
-    assert len(said) == 1 and "turned by up to" in said[0]
+    assert len(notes) == 1 and "turned by up to" in notes[0]
     assert not any("the geometry is inexact" in note for note in bennett(0.0).simulate(0.1).notes)
     # a run may be taken up where another ended
     m = bennett(1e-5)

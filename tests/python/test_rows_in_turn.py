@@ -65,12 +65,12 @@ def jack(seed: int, duration: float, prescribed: str = "velocity") -> tuple[pt.M
 
     def carriers() -> None:
         for i in (0, 1):
-            place: dict[str, Any] = {"point": at(*ends[i]), **kept(f"N{i}")}
+            shared: dict[str, Any] = {"point": at(*ends[i]), **kept(f"N{i}")}
             if universal:
                 across = at(*np.cross(along, (0, 0, 1)))
-                m.add_universal(f"N{i}", arms[i], nuts[i], axis1=at(0, 0, 1), axis2=across, **place)
+                m.add_universal(f"N{i}", arms[i], nuts[i], axis1=at(0, 0, 1), axis2=across, **shared)
             else:
-                m.add_revolute(f"N{i}", arms[i], nuts[i], axis=at(0, 0, 1), **place)
+                m.add_revolute(f"N{i}", arms[i], nuts[i], axis=at(0, 0, 1), **shared)
 
     def screws() -> None:
         a, b = (0, 1) if threads % 2 else (1, 0)

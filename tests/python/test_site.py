@@ -39,7 +39,7 @@ def browser() -> Iterator[Any]:
         yield opened
 
 
-def said(browser: Any, folder: Path, body: str) -> list[str]:
+def console(browser: Any, folder: Path, body: str) -> list[str]:
     page = folder / "page.html"
     head = '<!doctype html><meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>page</title>'
     page.write_text(f'{head}<body style="background: #fff; color: #000"><article>{body}</article>', "utf-8")
@@ -48,9 +48,9 @@ def said(browser: Any, folder: Path, body: str) -> list[str]:
 
 
 def test_each_fault_is_found_and_none_where_none_is(browser: Any, tmp_path: Path) -> None:
-    assert said(browser, tmp_path, SOUND.format(long=LONG)) == []
+    assert console(browser, tmp_path, SOUND.format(long=LONG)) == []
     for body, wanted in FAULTS.items():
-        found = said(browser, tmp_path, body)
+        found = console(browser, tmp_path, body)
         assert any(wanted in word for word in found), (body, found)
 
 

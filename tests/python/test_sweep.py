@@ -62,8 +62,12 @@ def test_a_killed_worker_takes_nothing_along(tmp_path: Path) -> None:
 def test_points_that_fail_are_reported() -> None:
     found = pt.sweep(deadly, {"x": [1, 2, 3, 4]}, executor="processes", workers=2)
     assert np.array_equal(found.value.values, [10.0, np.nan, np.nan, 40.0], equal_nan=True)
-    said = found.failed.values.tolist()
-    assert said[0] == said[3] == "" and "died" in said[1] and said[2] == "ValueError: three is out of reach"
+    messages = found.failed.values.tolist()
+    assert (
+        messages[0] == messages[3] == ""
+        and "died" in messages[1]
+        and messages[2] == "ValueError: three is out of reach"
+    )
 
 
 def test_ctrl_c_keeps_what_was_computed() -> None:

@@ -73,7 +73,7 @@ class Joint:
     kind: str
     parent: str
     child: str
-    place: Array
+    pose: Array
     axis: Array
     at: Element
     efforts: list[Effort] = field(default_factory=list)
@@ -131,27 +131,27 @@ class Robot:
 
     def root(self) -> str:
         """The root link, which is the child of no joint; refuses trees with none, with several, and cycles."""
-        carried: dict[str, Joint] = {}
+        parent_joint: dict[str, Joint] = {}
         for joint in self.joints.values():
             for end in (joint.parent, joint.child):
                 if end not in self.links:
                     joint.at.fail(f'names the link "{end}", which does not exist')
-            if joint.child in carried:
-                other = carried[joint.child].name
+            if joint.child in parent_joint:
+                other = parent_joint[joint.child].name
                 joint.at.fail(
                     f'has the child "{joint.child}", which is already the child of joint "{other}"; in this format a '
                     "link has one parent joint: close the loop by a pair of frames"
                 )
-            carried[joint.child] = joint
-        roots = [name for name in self.links if name not in carried]
+            parent_joint[joint.child] = joint
+        roots = [name for name in self.links if name not in parent_joint]
         if len(roots) == 1:
             seen = self.outwards(roots[0])
             if len(seen) == len(self.links):
                 return roots[0]
-            lost = carried[next(name for name in self.links if name not in set(seen))]
+            lost = parent_joint[next(name for name in self.links if name not in set(seen))]
             lost.at.fail(f'joints form a cycle through the link "{lost.child}", which is not connected to the root')
         if not roots:
-            next(iter(carried.values())).at.fail("joints form a cycle: every link is the child of another one")
+            next(iter(parent_joint.values())).at.fail("joints form a cycle: every link is the child of another one")
         self.links[roots[1]].at.fail(
             f'is the child of no joint, and neither is "{roots[0]}": a robot has one root; join them, by a fixed or a '
             "floating joint"
@@ -159,12 +159,12 @@ class Robot:
 
     def outwards(self, name: str) -> list[str]:
         """A link and all its descendants, each after its parent."""
-        carried: dict[str, list[str]] = {}
+        children: dict[str, list[str]] = {}
         for joint in self.joints.values():
-            carried.setdefault(joint.parent, []).append(joint.child)
+            children.setdefault(joint.parent, []).append(joint.child)
         found = [name]
         for link in found:
-            found += carried.get(link, [])
+            found += children.get(link, [])
         return found
 
     def frame(self, name: str) -> tuple[str, Array] | None:
@@ -209,19 +209,19 @@ def fold_marks(robot: Robot) -> None:
         if not marks:
             return
         for joint in marks:
-            for name, (link, place) in list(robot.frames.items()):
+            for name, (link, pose) in list(robot.frames.items()):
                 if link == joint.child:
-                    robot.frames[name] = (joint.parent, joint.place @ place)
-            robot.frames[joint.child] = robot.frames[joint.name] = (joint.parent, joint.place)
+                    robot.frames[name] = (joint.parent, joint.pose @ pose)
+            robot.frames[joint.child] = robot.frames[joint.name] = (joint.parent, joint.pose)
             for loop in robot.loops:
                 loop.first, loop.second = (
-                    (joint.parent, joint.place @ place) if link == joint.child else (link, place)
-                    for link, place in (loop.first, loop.second)
+                    (joint.parent, joint.pose @ pose) if link == joint.child else (link, pose)
+                    for link, pose in (loop.first, loop.second)
                 )
             mass = robot.links[joint.child].mass
             with_mass = f" and its mass of {mass:.2g} kg is omitted" if mass > 0.0 else ""
-            said = f'link "{joint.child}" is taken as a frame of "{joint.parent}"{with_mass}'
-            robot.reading.changed.append(Remark(robot.links[joint.child].at.line, said))
+            remark = f'link "{joint.child}" is taken as a frame of "{joint.parent}"{with_mass}'
+            robot.reading.changed.append(Remark(robot.links[joint.child].at.line, remark))
             del robot.joints[joint.name], robot.links[joint.child]
 
 
@@ -231,17 +231,17 @@ def fold_hinges(robot: Robot) -> None:
     held = {link for loop in robot.loops for link, _ in (loop.first, loop.second)}
     held |= {link for link, _ in robot.frames.values()} | _sprung(robot)
     carrying = {joint.child: joint for joint in robot.joints.values()}
-    carried: dict[str, list[Joint]] = {}
+    children: dict[str, list[Joint]] = {}
     for joint in robot.joints.values():
-        carried.setdefault(joint.parent, []).append(joint)
+        children.setdefault(joint.parent, []).append(joint)
 
     def between(name: str) -> bool:
         """Whether this link only connects two hinges through one point."""
-        link, after = robot.links[name], carried.get(name, [])
+        link, after = robot.links[name], children.get(name, [])
         if name in held or name not in carrying or len(after) != 1 or link.mass > MASSLESS or np.any(link.inertia):
             return False
         hinges = carrying[name].kind == after[0].kind == "revolute"
-        before, behind = carrying[name].point, after[0].place[:3, 3] + after[0].place[:3, :3] @ after[0].point
+        before, behind = carrying[name].point, after[0].pose[:3, 3] + after[0].pose[:3, :3] @ after[0].point
         return hinges and float(np.linalg.norm(behind - before)) <= THROUGH
 
     for last in list(robot.joints.values()):
@@ -253,10 +253,10 @@ def fold_hinges(robot: Robot) -> None:
         names = [joint.name for joint in chain]
         if len(chain) == 1 or tied.intersection(names):
             continue
-        axes, place = [], np.eye(4)
+        axes, pose = [], np.eye(4)
         for joint in chain:
-            place = place @ joint.place
-            axes.append(place[:3, :3] @ joint.axis)
+            pose = pose @ joint.pose
+            axes.append(pose[:3, :3] @ joint.axis)
         apart = np.linalg.svd(np.array(axes), compute_uv=False)[-1]
         square = len(chain) == 3 or abs(float(axes[0] @ axes[1])) <= 1e-9
         if apart < 1e-3 or not square:
@@ -265,13 +265,13 @@ def fold_hinges(robot: Robot) -> None:
         efforts = [effort for i, joint in enumerate(chain) for effort in joint.along(i)]
         if kind == "spherical" and efforts:
             continue  # a ball has no angles for springs to act along
-        first, second = (place[:3, :3].T @ axis for axis in axes[:2])
+        first, second = (pose[:3, :3].T @ axis for axis in axes[:2])
         folded = Joint(
             last.name,
             kind,
             chain[0].parent,
             last.child,
-            place,
+            pose,
             first,
             last.at,
             efforts,
@@ -281,13 +281,13 @@ def fold_hinges(robot: Robot) -> None:
         for joint in chain[:-1]:
             del robot.links[joint.child], robot.joints[joint.name]
         robot.joints[last.name] = folded
-        said = f"hinges {', '.join(names)} with no mass between them are one {kind} joint, {last.name}"
-        robot.reading.changed.append(Remark(last.at.line, said))
+        remark = f"hinges {', '.join(names)} with no mass between them are one {kind} joint, {last.name}"
+        robot.reading.changed.append(Remark(last.at.line, remark))
 
 
 def fold_sleeves(robot: Robot) -> None:
     """A slide and a hinge along one line with only massless links between them are a cylindrical joint."""
-    carried = Counter(joint.parent for joint in robot.joints.values())
+    children = Counter(joint.parent for joint in robot.joints.values())
     carrying = {joint.child: joint for joint in robot.joints.values()}
     used = {name for tie in robot.ties for name in tie.joints}
     used |= {link for loop in robot.loops for link, _ in (loop.first, loop.second)}
@@ -296,31 +296,31 @@ def fold_sleeves(robot: Robot) -> None:
         slide = carrying.get(turn.parent)
         if slide is None or (slide.kind, turn.kind) != ("prismatic", "revolute") or used & {slide.name, turn.name}:
             continue
-        axis = turn.place[:3, :3] @ turn.axis
-        if turn.parent in used or carried[turn.parent] != 1 or not _nothing(robot, turn.parent):
+        axis = turn.pose[:3, :3] @ turn.axis
+        if turn.parent in used or children[turn.parent] != 1 or not _nothing(robot, turn.parent):
             continue
         if float(np.linalg.norm(axis - slide.axis)) > THROUGH:
             continue
-        place = slide.place @ turn.place
+        pose = slide.pose @ turn.pose
         robot.joints[turn.name] = Joint(
             turn.name,
             "cylindrical",
             slide.parent,
             turn.child,
-            place,
+            pose,
             turn.axis,
             turn.at,
             [*slide.along(0), *turn.along(1)],
             point=turn.point,
         )
         del robot.joints[slide.name], robot.links[turn.parent]
-        said = f"{slide.name} and {turn.name} with no mass between them are one cylindrical joint, {turn.name}"
-        robot.reading.changed.append(Remark(turn.at.line, said))
+        remark = f"{slide.name} and {turn.name} with no mass between them are one cylindrical joint, {turn.name}"
+        robot.reading.changed.append(Remark(turn.at.line, remark))
 
 
 def fold_ends(robot: Robot) -> None:
     """A massless link at the end of a joint, welded to another link, is omitted: the joint closes the loop itself."""
-    carried = Counter(joint.parent for joint in robot.joints.values())
+    children = Counter(joint.parent for joint in robot.joints.values())
     carrying = {joint.child: joint for joint in robot.joints.values()}
     ends = Counter(link for loop in robot.loops for link, _ in (loop.first, loop.second))
     tied = {name for tie in robot.ties for name in tie.joints}
@@ -330,7 +330,7 @@ def fold_ends(robot: Robot) -> None:
             joint = carrying.get(one[0])
             if loop.kind != "fixed" or joint is None or joint.kind in ("fixed", "free") or joint.name in tied:
                 continue
-            alone = ends[one[0]] == 1 and carried[one[0]] == 0 and one[0] not in marked
+            alone = ends[one[0]] == 1 and children[one[0]] == 0 and one[0] not in marked
             if not alone or not _nothing(robot, one[0]) or other[0] == joint.parent:
                 continue
             point = placed(joint.point, np.eye(3))
@@ -339,9 +339,9 @@ def fold_ends(robot: Robot) -> None:
             back[:3, 3] = -back[:3, :3] @ one[1][:3, 3]
             loop.kind, loop.axis, loop.second_axis = joint.kind, joint.axis, joint.second
             loop.efforts = [replace(e, name=e.name or f"spring of {joint.name}") for e in joint.efforts]
-            loop.first, loop.second = (joint.parent, joint.place @ point), (other[0], other[1] @ back @ point)
-            said = f'link "{one[0]}" of no mass is omitted: {joint.name} closes the loop {loop.name} directly'
-            robot.reading.changed.append(Remark(robot.links[one[0]].at.line, said))
+            loop.first, loop.second = (joint.parent, joint.pose @ point), (other[0], other[1] @ back @ point)
+            remark = f'link "{one[0]}" of no mass is omitted: {joint.name} closes the loop {loop.name} directly'
+            robot.reading.changed.append(Remark(robot.links[one[0]].at.line, remark))
             robot.frames.pop(joint.name, None)
             del robot.joints[joint.name], robot.links[one[0]]
             break
@@ -376,12 +376,12 @@ def build(robot: Robot, mechanism: Builder, base: str) -> None:
     into = {joint.child: joint for joint in robot.joints.values()}
     pose = {root: np.eye(4)}
     for name in order[1:]:
-        pose[name] = pose[into[name].parent] @ into[name].place
-    stands = robot.links[root].mass <= MASSLESS and base == "fixed"
-    body: dict[str, Any] = {root: mechanism.ground} if stands else {}
-    for name in order[int(stands) :]:
+        pose[name] = pose[into[name].parent] @ into[name].pose
+    grounded = robot.links[root].mass <= MASSLESS and base == "fixed"
+    body: dict[str, Any] = {root: mechanism.ground} if grounded else {}
+    for name in order[int(grounded) :]:
         body[name] = _body(robot, mechanism, robot.links[name], pose[name])
-    if stands:
+    if grounded:
         robot.reading.changed.append(Remark(robot.links[root].at.line, f'link "{root}" is the ground'))
     elif base == "fixed":
         mechanism.add_fixed(f"{root} stands", mechanism.ground, body[root])
@@ -410,15 +410,15 @@ def build(robot: Robot, mechanism: Builder, base: str) -> None:
         (link1, point1), (link2, point2) = sides
         data: dict[str, Any] = {"stiffness": spring.stiffness, "damping": spring.damping, "length": spring.length}
         mechanism.add_spring(spring.name, body[link1], point1, body[link2], point2, **data)
-    robot.reading.shapes = shapes_of(robot, root if stands else None)
+    robot.reading.shapes = shapes_of(robot, root if grounded else None)
 
 
 def _on_body(robot: Robot, link: str, point: Array) -> tuple[str, Array]:
     """A point of a link that may have become a frame."""
     if link in robot.links:
         return link, point
-    carrier, place = robot.frames[link]
-    return carrier, place[:3, :3] @ point + place[:3, 3]
+    carrier, pose = robot.frames[link]
+    return carrier, pose[:3, :3] @ point + pose[:3, 3]
 
 
 def _placed(robot: Robot, mechanism: Builder, poses: dict[str, Array]) -> None:
@@ -427,7 +427,7 @@ def _placed(robot: Robot, mechanism: Builder, poses: dict[str, Array]) -> None:
     for name, link in robot.links.items():
         body[name] = _body(robot, mechanism, link, poses[name])
     for joint in robot.joints.values():
-        ends, frames = (body[joint.parent], body[joint.child]), (joint.place, joint.place)
+        ends, frames = (body[joint.parent], body[joint.child]), (joint.pose, joint.pose)
         _joint(mechanism, joint.name, joint.kind, ends, frames, (joint.axis, joint.second), joint.at, joint.pitch)
         _springs(mechanism, joint.name, joint.efforts)
 
@@ -444,8 +444,8 @@ def _springs(mechanism: Builder, joint: str, efforts: list[Effort]) -> None:
 
 def _body(robot: Robot, mechanism: Builder, link: Link, pose: Array) -> Any:
     if link.mass > HEAVY:
-        said = f'link "{link.name}" of {link.mass:.3g} kg looks like a dummy; it is kept as it is'
-        robot.reading.changed.append(Remark(link.at.line, said))
+        remark = f'link "{link.name}" of {link.mass:.3g} kg looks like a dummy; it is kept as it is'
+        robot.reading.changed.append(Remark(link.at.line, remark))
     try:
         return mechanism.add_body(
             link.name,

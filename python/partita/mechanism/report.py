@@ -272,7 +272,7 @@ def _open_frictions(
     follow: dict[str, LoadRecord] = {
         name: record
         for name, record in m._description.forces.items()
-        if isinstance(record, LoadRecord) and record.kind == "friction" and "coefficient" in record.said
+        if isinstance(record, LoadRecord) and record.kind == "friction" and "coefficient" in record.arguments
     }
     found: list[dict[str, str]] = []
     given = Modelled(m.name, (0.0, 0.0, 0.0), m.drawing_tolerance)
@@ -283,7 +283,7 @@ def _open_frictions(
         except OpenReactionError as error:
             name = error.where
             found.append({"friction": name, "joint": error.joint})
-            given_magnitude = {"stick_velocity": follow[name].said["stick_velocity"], "dynamic": 1.0}
+            given_magnitude = {"stick_velocity": follow[name].arguments["stick_velocity"], "dynamic": 1.0}
             given.forces[name].change(**given_magnitude, **dict.fromkeys(_FOLLOWS), preload=0.0)
             other, layout = layout_of(given, model.coordinates)
             where = State(where.t, *other.core.transferred(model.core, where.q, where.v), layout=layout)

@@ -70,7 +70,7 @@ class Stepper:
             options.core,
             dt,
             substeps,
-            self._courses.places,
+            self._courses.indices,
             self._numbers.tolist(),
             start.t,
             start.q,

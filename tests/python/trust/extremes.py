@@ -165,11 +165,11 @@ def stiff() -> Iterator[Held]:
     run = done(m.simulate(0.01, initial=start, rtol=1e-11, atol=1e-13))
     stiffness = np.array([[1.0 + 1e9, -1e9], [-1e9, 1e9]])
     squares, modes = np.linalg.eigh(stiffness)
-    places = (modes * np.cos(np.outer(run.t, np.sqrt(squares)))[:, None, :]) @ (modes.T @ [1.0, 1.0])
+    positions = (modes * np.cos(np.outer(run.t, np.sqrt(squares)))[:, None, :]) @ (modes.T @ [1.0, 1.0])
     # the soft root of the stiff matrix is only known to 1e-7
     soft = np.cos(np.sqrt(0.5) * run.t)
     yield Held("place", run.q[:, 0], soft, 1e-6)
-    yield Held("as by modes", places[:, 0], soft, 1e-5)
+    yield Held("as by modes", positions[:, 0], soft, 1e-5)
 
 
 @right(

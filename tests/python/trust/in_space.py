@@ -209,9 +209,9 @@ def conical() -> Iterator[Held]:
     rate = np.sqrt(G / (length * np.cos(tilt)))
     run = done(m.simulate(5.0, initial=spun(m, [rate, 0.0]), rtol=1e-10, atol=1e-12))
     u = rate * run.t
-    place = np.stack([np.sin(tilt) * np.cos(u), np.sin(tilt) * np.sin(u), -np.cos(tilt) + 0 * u], 1)
-    yield Held("place", run.body("bob").point(arm), length * place, 1e-7)
-    yield Held("pull", run.joint("U").force, -3.0 * G / np.cos(tilt) * place, 1e-5)
+    unit = np.stack([np.sin(tilt) * np.cos(u), np.sin(tilt) * np.sin(u), -np.cos(tilt) + 0 * u], 1)
+    yield Held("place", run.body("bob").point(arm), length * unit, 1e-7)
+    yield Held("pull", run.joint("U").force, -3.0 * G / np.cos(tilt) * unit, 1e-5)
 
 
 @right(
