@@ -117,7 +117,7 @@ impl ExplicitRungeKutta {
         self.t_end = t_end;
         self.span = span.abs();
         self.direction = if span < 0.0 { -1.0 } else { 1.0 };
-        self.shortest = tolerance::SUM_ROUNDING * (NEAR_ZERO_TIME * span.abs());
+        self.shortest = tolerance::TEN_ROUNDINGS * (NEAR_ZERO_TIME * span.abs());
         self.grid = self.options.fixed_step.map(|h| FixedGrid::new(h, self.t_old, t_end));
     }
 

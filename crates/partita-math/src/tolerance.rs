@@ -9,9 +9,7 @@
 /// Numbers that differ by less are equal to rounding. Scale: fraction of the size of the numbers. Reason: some units in
 /// the last place; an exactly flat polygon and a closed loop have such an error.
 pub const ROUNDING: f64 = 1e-15;
-/// Sums that come out smaller, and differences of numbers after some ten operations, are rounding. Scale: fraction of
-/// their terms. Reason: some tens of terms, each rounded; products of some ten frames, and nodes of a step, are off by
-/// as much.
+/// Sums that come out smaller are rounding. Scale: fraction of their terms. Reason: some tens of terms, each rounded.
 pub const SUM_ROUNDING: f64 = 1e-14;
 /// Solutions of linear equations, and positions at the end of a chain of frames, that come out smaller are rounding.
 /// Scale: fraction of the terms they are sums of. Reason: a thousand units in the last place, for equations of moderate
@@ -20,6 +18,9 @@ pub const SOLUTION_ROUNDING: f64 = 1e-13;
 /// Rounding next to the worst admissible position. Scale: fraction of the quantities that are added up. Reason: 1e-16
 /// times a condition of 1e9, the reciprocal of [`REDUNDANT`].
 pub const WORST_ROUNDING: f64 = 1e-7;
+/// Numbers nearer than this are one after some ten operations. Scale: fraction of the largest of them. Reason: a unit
+/// in the last place or two for each; products of some ten frames, and nodes of a step, are off by as much.
+pub const TEN_ROUNDINGS: f64 = 16.0 * f64::EPSILON;
 /// Results of thousands of operations, and moments of inertia, that come out smaller are rounding. Scale: fraction of
 /// their terms. Reason: ten thousand roundings, as for closed loops; moments are differences of products.
 pub const LONG_ROUNDING: f64 = 1e-12;

@@ -30,7 +30,7 @@ pub(crate) fn unite(spec: &mut Spec) {
 
 /// Points that differ by at most this in each coordinate coincide.
 pub(crate) fn near(points: impl Iterator<Item = [f64; 3]>) -> f64 {
-    tolerance::SUM_ROUNDING * points.flatten().fold(0.0, |m: f64, x| m.max(x.abs()))
+    tolerance::TEN_ROUNDINGS * points.flatten().fold(0.0, |m: f64, x| m.max(x.abs()))
 }
 
 /// The points that move, and their new positions.

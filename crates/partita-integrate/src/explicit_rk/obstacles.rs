@@ -24,7 +24,7 @@ impl ExplicitRungeKutta {
 
     /// The shortest step worth trying here.
     fn shortest_step(&self) -> f64 {
-        self.shortest.max(tolerance::SUM_ROUNDING * self.t_old.abs())
+        self.shortest.max(tolerance::TEN_ROUNDINGS * self.t_old.abs())
     }
 
     /// Reject an attempt of length `h` because f was not evaluable. The factor varies a little from time to time, so

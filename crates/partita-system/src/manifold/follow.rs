@@ -73,7 +73,7 @@ pub enum Visit {
 pub enum End {
     /// All of it was followed.
     There,
-    /// The visitor asked to stop.
+    /// The visitor requested a stop.
     Stopped,
     /// The correction removes more than half of every step.
     ThrownBack,

@@ -28,7 +28,7 @@ const FARTHEST: usize = 400;
 /// Further iterations: three or four of Newton's method for each grade.
 const ITERATIONS: usize = 60;
 /// Closes the accepted rows: the remaining residual cannot be closed by a motion of the level.
-pub const TO_REST: Rule = Rule::new(ITERATIONS, tolerance::SUM_ROUNDING, tolerance::SUM_ROUNDING)
+pub const TO_REST: Rule = Rule::new(ITERATIONS, tolerance::TEN_ROUNDINGS, tolerance::SUM_ROUNDING)
     .cut(LONGEST_PREDICTION)
     .to_rest(tolerance::SUM_ROUNDING)
     .undamped(tolerance::SINGULAR_ROUNDING, FARTHEST);
