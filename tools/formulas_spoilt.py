@@ -608,7 +608,7 @@ FORMULAS = (
     Error(
         "output-in-a-singular-position",
         "a weight of the polynomial through outputs beside it",
-        f"{INTEGRATE}/march.rs",
+        f"{INTEGRATE}/march/outputs.rs",
         "[1.0, -6.0, 15.0, 15.0, -6.0, 1.0]",
         "[1.0, -6.0, 15.0, 15.0, -6.0, 1.001]",
         ("python test_trust.py",),

@@ -200,7 +200,7 @@ IN_PACKAGE = (
     Error(
         "frames-multiplied",
         "the frame of a child is multiplied from the wrong side",
-        f"{PACKAGE}/io/robot.py",
+        f"{PACKAGE}/io/robot_builder.py",
         "pose[name] = pose[into[name].parent] @ into[name].pose",
         "pose[name] = into[name].pose @ pose[into[name].parent]",
         ("python test_oracle_files.py",),
@@ -208,7 +208,7 @@ IN_PACKAGE = (
     Error(
         "axis-in-the-world",
         "an axis of a joint stays in the frame of its link",
-        f"{PACKAGE}/io/robot.py",
+        f"{PACKAGE}/io/robot_builder.py",
         "axis = here[:3, :3] @ axes[0]",
         "axis = axes[0] + 0.0 * here[:3, 3]",
         ("python test_oracle_files.py",),
@@ -216,7 +216,7 @@ IN_PACKAGE = (
     Error(
         "body-frame",
         "a link's frame is turned the other way",
-        f"{PACKAGE}/io/robot.py",
+        f"{PACKAGE}/io/robot_builder.py",
         "orientation=nearest(pose[:3, :3])",
         "orientation=nearest(pose[:3, :3]).T",
         ("python test_oracle_files.py",),
@@ -224,7 +224,7 @@ IN_PACKAGE = (
     Error(
         "second-axis-of-a-universal",
         "the second axis of a universal joint is its first one across",
-        f"{PACKAGE}/io/robot.py",
+        f"{PACKAGE}/io/robot_builder.py",
         "second = here[:3, :3] @ (axes[0] if axes[1] is None else axes[1])",
         "second = here[:3, :3] @ (axes[0] if axes[1] is None else np.cross(axes[0], axes[1]))",
         ("python test_oracle_files.py",),

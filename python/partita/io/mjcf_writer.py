@@ -154,7 +154,7 @@ class _Writer:
             self.report.changed.append(f"weld {branch.name} loses its name: nested bodies are welded")
         if len(branch.motions) > 1 and branch.joint is not None:
             what = f"{branch.joint.kind} joint {branch.joint.name}"
-            self.report.changed.append(f"{what} is the joints {', '.join(m.name for m in branch.motions)}")
+            self.report.changed.append(f"{what} is written as the joints {', '.join(m.name for m in branch.motions)}")
         at = f'pos="{words(branch.point)}"'
         for motion in branch.motions:
             lines.append(f"  {self.joint(branch, motion, at)}")
