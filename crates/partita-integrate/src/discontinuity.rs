@@ -52,7 +52,7 @@ impl Search {
         let found = self.halve(&mut |t| Ok(at(t)?[0]), (0.0, end), tolerance::HALF_LOST * end.abs())?;
         Ok(match found {
             (Location::Within { after, .. }, by, true) => Location::Jump { t: after, by },
-            (place, ..) => place,
+            (location, ..) => location,
         })
     }
 
@@ -99,10 +99,10 @@ impl Search {
         if located {
             within = (low.0, high.0, high.1 - low.1);
         }
-        let place = match (within.1 - within.0).abs() < ABRUPT * length.abs() && within.2.abs() >= least {
+        let location = match (within.1 - within.0).abs() < ABRUPT * length.abs() && within.2.abs() >= least {
             true => Location::Within { before: within.0, after: within.1 },
             false => Location::Smooth,
         };
-        Ok((place, within.2, located))
+        Ok((location, within.2, located))
     }
 }

@@ -201,7 +201,7 @@ pub fn singular_step<'s, S: ConstrainedSystem>(
                     worse += 1;
                 }
             }
-            Ok(Err(said)) => why = said,
+            Ok(Err(reason)) => why = reason,
             Err(e) if e.is_local() => why = e.to_string(),
             Err(e) => return Err(e),
         }

@@ -286,15 +286,15 @@ pub fn look<S: ConstrainedSystem>(
             squares.push(x.bend(t, q, &w)?);
         }
     }
-    let place = |i: usize, j: usize| i * (i + 1) / 2 + j;
+    let entry = |i: usize, j: usize| i * (i + 1) / 2 + j;
     for (form, stress) in forms.iter_mut().zip(&stresses) {
         let of = |b: &[f64]| stress.iter().zip(b).map(|(n, b)| n * b).sum::<f64>();
         for i in 0..k {
             for j in 0..=i {
-                let both = of(&squares[place(i, j)]);
+                let both = of(&squares[entry(i, j)]);
                 let value = match i == j {
                     true => both,
-                    false => 0.5 * (both - of(&squares[place(i, i)]) - of(&squares[place(j, j)])),
+                    false => 0.5 * (both - of(&squares[entry(i, i)]) - of(&squares[entry(j, j)])),
                 };
                 (form[(i, j)], form[(j, i)]) = (value, value);
             }

@@ -44,8 +44,8 @@ fn candidates(model: &Model, graph: &Graph) -> Vec<usize> {
                 continue;
             }
             let kind = u8::from(e.kind == Kind::Ball);
-            let place = if loaded(e.joint) { 0 } else { 1 + u8::from(e.from != 0) };
-            found.push(Candidate { v, rank: (kind, place, v) });
+            let priority = if loaded(e.joint) { 0 } else { 1 + u8::from(e.from != 0) };
+            found.push(Candidate { v, rank: (kind, priority, v) });
         }
     }
     found.sort_by_key(|c| c.rank);

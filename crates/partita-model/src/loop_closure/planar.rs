@@ -143,8 +143,7 @@ fn triangle<S: Scalar>(joints: &[PlanarJoint], sides: &[PlanarArm<S>], frame: us
     let [r, l2, l3] = [0, 1, 2].map(|i| sides[at(i)].length);
     let missing = (r - (l2 + l3)).max((l2 - l3).abs() - r);
     // with a side of no length the triangle has no direction
-    let fit =
-        Fit { excess: missing - (r + l2 + l3).scale(tolerance::ROUNDING), shortfall: missing.max(S::zero()) };
+    let fit = Fit { excess: missing - (r + l2 + l3).scale(tolerance::ROUNDING), shortfall: missing.max(S::zero()) };
     let fit = fit.unless_above_0(r).unless_above_0(l2).unless_above_0(l3);
     // height over the frame from the area in Kahan's order, which keeps its digits in flat triangles
     let (larger, smaller) = (r.max(l2), r.min(l2));

@@ -7,7 +7,6 @@ use partita_math::factor;
 use partita_math::formatted;
 use partita_math::tolerance;
 
-
 /// Precision to which compatible rates are met at the last tangent, as a fraction of the largest velocity.
 pub fn met<S: ConstrainedSystem>(r: &mut Reduction<S>) -> f64 {
     if r.rank() == 0 {

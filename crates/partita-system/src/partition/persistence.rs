@@ -125,7 +125,8 @@ impl Persistence {
         let (enters, leaves) = largest?;
         let gain = rows[enters * k + leaves].abs();
         let full = self.instants.front().is_some_and(|first| first.t <= t - self.window);
-        let limit = if full { (1.0 / tolerance::WEAK_CHOICE).max(self.switch_threshold) } else { self.switch_threshold };
+        let limit =
+            if full { (1.0 / tolerance::WEAK_CHOICE).max(self.switch_threshold) } else { self.switch_threshold };
         if gain > limit {
             let why = if full { "the present choice is degrading" } else { "the window is not full yet" };
             let reason = format!("the volume of the choice grows by {gain:.3}, and {why}");

@@ -216,7 +216,7 @@ impl<S: ConstrainedSystem> Linearization for InChart<'_, '_, '_, S> {
 
 impl<'s, S: ConstrainedSystem> Positions<'s, S, Frozen<'s, S>> for Chart {
     const CLOSED: bool = true;
-    fn places(&self) -> usize {
+    fn width(&self) -> usize {
         self.w.len()
     }
     fn start(&mut self, _x: &mut Frozen<'s, S>, _t: f64, q: &[f64], y: &mut [f64]) {

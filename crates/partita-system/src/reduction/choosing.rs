@@ -143,15 +143,15 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         self.lay_out_rows();
         self.plan_recursion();
         self.place_columns(independent);
-        let mut place = vec![NONE; self.size.nv];
+        let mut index = vec![NONE; self.size.nv];
         for (j, &i) in independent.iter().enumerate() {
-            place[i] = j as u32;
+            index[i] = j as u32;
         }
         self.independent_entries.clear();
         self.spread_entries.clear();
         for (step, &row) in self.partition.rows.iter().enumerate() {
             for e in pattern.row(row) {
-                let j = place[pattern.col_idx[e]];
+                let j = index[pattern.col_idx[e]];
                 if j == NONE {
                     continue;
                 }

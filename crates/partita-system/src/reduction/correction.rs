@@ -66,8 +66,8 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     pub fn closure_error_of_rows(&self) -> impl Iterator<Item = f64> + '_ {
         let rows = self.phi.iter().zip(&self.noise).enumerate().filter(|(i, _)| !self.left_out[*i]);
         rows.map(|(i, (x, n))| {
-            let least = self.row_displacement[i]
-                .map_or(f64::MIN_POSITIVE, |displacement| tolerance::ROUNDING * displacement);
+            let least =
+                self.row_displacement[i].map_or(f64::MIN_POSITIVE, |displacement| tolerance::ROUNDING * displacement);
             x / n.max(least)
         })
     }

@@ -18,7 +18,7 @@ pub struct Across {
     pub zero: f64,
     /// Length of a step across it that has succeeded before.
     pub whole: f64,
-    /// Length of a step across it that the motion suggests.
+    /// Length of a step across it, estimated from the motion.
     pub longest: f64,
     /// How often that was tried before.
     pub tries: usize,
@@ -240,7 +240,7 @@ impl Crossing {
     }
 
     /// Look at the distance at the start of the next step, and cross if a singular position lies ahead. `whole` is the
-    /// length of a crossing step by the motion here; `probe` tells the distance so far ahead, by the same plan.
+    /// length of a crossing step by the motion here; `probe` returns the distance so far ahead, by the same plan.
     pub fn foresee(
         &mut self,
         t: f64,

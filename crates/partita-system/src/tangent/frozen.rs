@@ -30,7 +30,6 @@ use partita_math::factor::FactorError;
 use partita_math::tolerance;
 use std::sync::Arc;
 
-
 /// The reduced equations (36) of a system at one point, for a frozen S.
 ///
 /// Computed with `w = L⁻¹ u` instead of u, where `S M⁻¹ Sᵀ = L Lᵀ` when frozen: the same covectors made orthonormal, so
@@ -286,7 +285,7 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Frozen<'s, S> {
         };
         self.freeze(t, q, |_| {
             format!(
-                "tangent basis \"{name}\" frozen: its velocities are integrated; listed is the best choice of \
+                "tangent basis \"{name}\" frozen: its velocities are integrated; the event lists the best choice of \
                  coordinates at this time{lasts}"
             )
         })

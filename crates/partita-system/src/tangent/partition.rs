@@ -17,7 +17,6 @@ use crate::singular::dead_point;
 use crate::system::{ConstrainedSystem, SystemError, SystemRef};
 use partita_math::tolerance;
 
-
 /// Independent velocities, chosen and switched by a rule.
 pub struct Chosen<'s, S: ConstrainedSystem> {
     base: Base<'s, S>,

@@ -190,8 +190,8 @@ impl Drawing {
                 .iter()
                 .filter(|x| x.steps >= CHECKED)
                 .max_by(|a, b| a.closure_error.total_cmp(&b.closure_error));
-            let Some(place) = far.filter(|_| undecided && branch.dof == branch.kernel) else { return Ok(None) };
-            let ambiguous = Some(self.most_open(&mut kernel, &place.q)?);
+            let Some(point) = far.filter(|_| undecided && branch.dof == branch.kernel) else { return Ok(None) };
+            let ambiguous = Some(self.most_open(&mut kernel, &point.q)?);
             return Ok(Some(Fit { most: closure_error, ambiguous, ..found() }));
         }
         let nothing = vec![0.0; OWN * self.model.spec.joints.len()];
@@ -234,8 +234,8 @@ impl Drawing {
     fn conditions_along(&self, kernel: &mut Kernel<Model>, branch: &Branch) -> Result<(bool, bool), SystemError> {
         let n = self.model.size().nv;
         let (mut weak, mut exact, mut asked) = (0, 0, 0);
-        for place in branch.points.iter().step_by((branch.points.len() / ASKED).max(1)).take(ASKED) {
-            let values = kernel.values(&place.q)?;
+        for point in branch.points.iter().step_by((branch.points.len() / ASKED).max(1)).take(ASKED) {
+            let values = kernel.values(&point.q)?;
             let small = |level: f64| n - Cut::Level(level).count(&values);
             weak += usize::from(small(WEAK_CONDITION) > branch.kernel);
             exact += usize::from(small(tolerance::NULL_VALUE) >= branch.kernel);
@@ -249,9 +249,9 @@ impl Drawing {
         let cut = Cut::Rank(self.model.size().nv - branch.kernel);
         let mut kernel = Kernel::new(&self.model, 0.0);
         let mut there = home.to_vec();
-        let Some(place) = branch.points.get(branch.points.len() / 2) else { return Ok(false) };
+        let Some(point) = branch.points.get(branch.points.len() / 2) else { return Ok(false) };
         if kernel.close(&mut there, cut)?.is_none_or(|x| x.closure_error > tolerance::FITS) {
-            there.clone_from(&place.q);
+            there.clone_from(&point.q);
             if kernel.close(&mut there, cut)?.is_none_or(|x| x.closure_error > tolerance::FITS) {
                 return Ok(false);
             }
@@ -282,7 +282,10 @@ impl Drawing {
         let Some(changed) = self.changed(numbers) else { return true };
         let (before, after) = (self.lengths(), changed.lengths());
         let longest = before.iter().fold(0.0, |m: f64, x| m.max(*x));
-        before.iter().zip(&after).any(|(d, now)| *d > LARGEST_CHANGE * tolerance * longest && *now < tolerance::HALF_LOST * d)
+        before
+            .iter()
+            .zip(&after)
+            .any(|(d, now)| *d > LARGEST_CHANGE * tolerance * longest && *now < tolerance::HALF_LOST * d)
     }
 }
 

@@ -26,7 +26,6 @@ const FELT_SHORTER: f64 = 0.1;
 /// is exact to round-off over it, and its nodes keep hundredths of it clear of the position.
 const CROSSING_MOVE: f64 = 0.8;
 
-
 /// Maximum number of consecutive steps that are shortened because the choice came to a dead point of its own; where the
 /// choice is not integrated that is harmless.
 const MOST_SPOILT: u32 = 6;
@@ -227,7 +226,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         let near = [self.monitor.margin_before, self.margin].iter().flatten().any(|m| m.0 < tolerance::SINGULAR_NEAR);
         let jumps = (crosses || near) && !self.monitor.step_start.continues_to(&self.monitor.step_end, r.scales());
         self.monitor.lost = crosses && self.monitor.paced && (unforeseen || jumps);
-        // an ordinary step that ends in the position itself goes on by rounding alone
+        // after an ordinary step that ends in the position itself, rounding alone would choose the branch
         let lands =
             !crosses && self.monitor.crossing.is_barred() && self.margin.is_some_and(|m| m.0 < tolerance::LANDED);
         self.monitor.jumped = (jumps || lands) && !self.monitor.lost && self.monitor.paced;
@@ -309,7 +308,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     /// Set the integration back to a state not after `to`, before the singular position at `zero`. False where none is
     /// left.
     pub(super) fn go_back(&mut self, zero: f64, to: f64, step: &mut Step) -> Result<bool, SystemError> {
-        let (p, w) = self.places();
+        let (p, w) = self.offsets();
         let (Some(checkpoint), Some(pace)) = (self.monitor.checkpoints.back_to(to), step.pace.as_deref_mut()) else {
             return Ok(false);
         };
@@ -351,7 +350,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     /// Length, not above `longest`, of the first step on the other side of a guard: over it the new load changes the
     /// velocities by a small part. Stages of a longer one would all miss the load, and agree.
     fn first_inside(&mut self, step: &Step, longest: f64) -> Result<f64> {
-        let (p, w) = self.places();
+        let (p, w) = self.offsets();
         let norm = |motion: &Self, x: &dyn Fn(usize) -> f64| {
             (0..w - p).map(|j| (x(j) / motion.tangent.natural_size(j)).powi(2)).sum::<f64>().sqrt()
         };
