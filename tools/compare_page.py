@@ -54,7 +54,7 @@ def main() -> None:
 
 @dataclass(frozen=True)
 class Asked:
-    """A table: a mechanism with its start, and what `compare` is told."""
+    """A table: a mechanism with its start, and the arguments of `compare`."""
 
     name: str
     coordinates: str = "relative"

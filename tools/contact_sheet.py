@@ -47,7 +47,7 @@ def main() -> None:
 
 
 def _turns(name: str, run: pt.results.Result, leading: str) -> pt.results.Result:
-    """The same run as far as its first three turns, for more of them are a band, or until it has come to rest."""
+    """The same run up to its first three turns, as more would fill a band, or until it has come to rest."""
     angle = run.joint(leading).position[:, 0]
     past = np.flatnonzero(np.abs(angle - angle[0]) > 6 * np.pi)
     speed = np.abs(run.v).max(axis=1)

@@ -187,7 +187,7 @@ def fold_balls(robot: Robot) -> None:
 
 
 def build(robot: Robot) -> tuple[pt.Mechanism, float]:
-    """The mechanism, closed by welding or joining frames, and how far the drawing gapes there [m].
+    """The mechanism, closed by welding or joining frames, and the closure error of the drawing there [m].
 
     Where two links are welded, the one that carries less is drawn where the other's frame puts it, with all it carries;
     its own joint then is where the loop gapes.
@@ -276,7 +276,7 @@ def row(folder: Path, decimals: int | None) -> tuple[str, list[str], bool]:
 
 
 def written(folder: Path) -> list[str]:
-    """Lines that tell how a robot comes back from the formats it is saved in."""
+    """Lines on how a robot changes when saved in other formats and read again."""
     faults = []
     with warnings.catch_warnings(), tempfile.TemporaryDirectory() as temporary:
         warnings.simplefilter("ignore")

@@ -28,7 +28,7 @@ bad luck; a third time it is the point."""
 PULSE = 0.2
 """Seconds between checks of the clock and of Ctrl-C."""
 AHEAD = 1000
-"""Points handed out before their turn: enough for a cluster, and nothing to wait for where a sweep is interrupted."""
+"""Points submitted ahead: enough for a cluster, few to wait for where a sweep is interrupted."""
 
 
 def sweep(

@@ -230,7 +230,7 @@ def add(m: pt.Mechanism, call: Call) -> None:
 
 
 def draw(changed: int | None = None, **arguments: Any) -> pt.Mechanism:
-    """Everything; one of the calls with other arguments."""
+    """A mechanism of every element; the call number `changed` has other arguments."""
     m = pt.Mechanism("everything")
     for i, (call, _) in enumerate(CALLS):
         add(m, (call[0], call[1], {**call[2], **arguments}) if i == changed else call)
@@ -239,7 +239,7 @@ def draw(changed: int | None = None, **arguments: Any) -> pt.Mechanism:
 
 
 def spec(m: pt.Mechanism) -> str:
-    """What the core is told, and which Python functions stand in it."""
+    """The description passed to the core, and the Python functions in it."""
     d = m._description
     records = [*d.couplings.values(), *d.drives.values(), *d.forces.values(), *d.sensors.values()]
     return json.dumps(m.to_spec()) + repr([call_of(record) for record in records])

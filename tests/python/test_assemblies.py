@@ -1,4 +1,4 @@
-"""All assemblies of a mechanism, and placing by closed forms instead of walking."""
+"""All assemblies of a mechanism, and poses in closed form instead of by continuation."""
 
 from __future__ import annotations
 
@@ -350,7 +350,7 @@ def test_where_a_joint_ends_and_what_is_missing() -> None:
 
 
 def test_a_free_joint_may_have_the_name_of_its_body() -> None:
-    """Names of relative and absolute coordinates are then the same; what a state holds is told by its model."""
+    """Names of relative and absolute coordinates are then the same; the contents of a state are those of its model."""
     m = pt.Mechanism("thrown", gravity=None)
     m.add_body("ball", mass=1.0, inertia=(1, 2, 3), com=(0.3, 0.1, 0.2), position=(1, 2, 3))
     m.add_free("ball", m.ground, "ball", point=(1, 2, 3))

@@ -99,7 +99,7 @@ def test_nothing_is_missing_without_a_reason() -> None:
 
 
 def test_cost_of_an_evaluation_knows_nothing_of_steps_and_outputs() -> None:
-    """A force that counts its calls: what is timed are evaluations, as many for the same formulation however it is run.
+    """A force that counts its calls: evaluations are timed, equally many for a formulation however it is run.
 
     The same kernel with few steps and with many, with few outputs and with many has one cost, so the calls that a
     comparison makes for its column depend on clocks alone; here only that they are made, apart from the runs.
@@ -184,7 +184,9 @@ def test_rules_free_of_units_are_one_rule_for_one_degree_of_freedom() -> None:
         rules = ("collective", "greedy", "individual", "normalised-determinant")
         logs = [[(p.t, p.independent) for p in run(rule).partitions] for rule in rules]
         assert all(log == logs[0] for log in logs) and (len(logs[0]) > 1) == switched
-    closed = m.simulate(5.0, initial=start, formulation="explicit-closing")  # asks now and then, by the same measure
+    closed = m.simulate(
+        5.0, initial=start, formulation="explicit-closing"
+    )  # chooses anew now and then, by the same measure
     assert len(closed.partitions) == 1
 
 
@@ -222,7 +224,7 @@ def test_work_and_precision_of_a_method_of_order_five() -> None:
 
 
 def test_absolute_and_relative_coordinates_have_the_same_error() -> None:
-    """The error is told in metres of bodies, which know nothing of coordinates: both are those of rtol 1e-8."""
+    """The error is in metres of bodies, independent of coordinates: both are those of rtol 1e-8."""
     m = pt.catalogue.load("four-bar-spring")
     for coordinates in ("relative", "absolute"):
         start = m.assemble(coordinates=coordinates)
@@ -233,7 +235,7 @@ def test_absolute_and_relative_coordinates_have_the_same_error() -> None:
 
 
 def test_a_run_that_fails_leaves_the_others() -> None:
-    """Tangent velocities that break the constraints: one row tells, the others finish."""
+    """Tangent velocities that break the constraints: one row reports it, the others finish."""
     wrong = pt.TangentVelocities(lambda t, q: [[q[0], q[1]]])
     words = [*SURE, "user-tangent"]
     found = pt.compare(

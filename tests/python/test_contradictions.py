@@ -176,7 +176,7 @@ def test_redundant_rows_that_agree_run(coordinates: str) -> None:
 @pytest.mark.parametrize("coordinates", ["relative", "absolute"])
 @pytest.mark.parametrize("off", [1e-3, 1e-6, 1e-9])
 def test_a_rocker_of_slightly_wrong_length(off: float, coordinates: str) -> None:
-    """Turned by x the third rocker stands off by `off` x^2 / 2: within what is closed for 1e-9, else told.
+    """Turned by x the third rocker stands off by `off` x^2 / 2: within 1e-9 it counts as closed, else it is reported.
 
     Every digit of the drawing is meant here; within a drawing tolerance: `test_drawing_tolerance`.
     """

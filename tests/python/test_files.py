@@ -37,7 +37,7 @@ def flipped(content: bytes, number: int) -> bytes:
 
 
 def reported(result: results.Result) -> list[bytes]:
-    """All numbers that a result can tell, and its words."""
+    """All numbers and texts of a result."""
     arrays = {**result.arrays, **result.observed, **result.reactions}
     words = json.dumps([result.notes, result.message, result.counters, str(result.certificate), result.spec])
     return [*(np.asarray(a, dtype=float).tobytes() for a in arrays.values()), words.encode()]

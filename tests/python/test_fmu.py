@@ -1,4 +1,4 @@
-"""FMUs as other programs see them: FMPy finds nothing to object, and steps give what `simulate` gives."""
+"""FMUs as other programs see them: FMPy finds no fault, and steps agree with `simulate`."""
 
 import ctypes
 import json
@@ -261,7 +261,7 @@ def test_the_same_mechanism_gives_the_same_bytes(tmp_path: Path) -> None:
 
 
 def test_the_description_is_one(tmp_path: Path) -> None:
-    """What the standard asks of it, without its schema: order, references, indices, names in any letters."""
+    """What the standard requires of it, without its schema: order, references, indices, names in any letters."""
     m = four_bar()
     m.add_torque("B", value=0.25, name='a "b" & <c> é')
     path = written(m, tmp_path, inputs=["motor", 'a "b" & <c> é', "D"])

@@ -399,7 +399,7 @@ def test_a_slide_under_a_load_across_the_plane_asks_for_what_the_plane_does_not_
 
 @pytest.mark.parametrize("beside", [0.0, 0.1])
 def test_a_spring_beside_the_plane_presses_as_a_force_does_there(beside: float) -> None:
-    """It turns a slide with a length out of the plane, which carries that in no determined way."""
+    """It tilts a slide with a length out of the plane, whose reaction to that is not determined."""
 
     def loaded(spring: bool) -> pt.Mechanism:
         m = slider_crank()

@@ -117,7 +117,7 @@ def test_numbers_that_are_none(number: str, tmp_path: Path) -> None:
 
 
 def test_mujoco_is_not_asked_about_what_is_no_number(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It would write of it in a file of its own, in the folder where one works."""
+    """MuJoCo would write a log file of its own in the working folder."""
     pytest.importorskip("mujoco")
     monkeypatch.chdir(tmp_path)
     for old in ('mass="1"', 'pos="0 0 0"'):

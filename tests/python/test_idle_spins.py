@@ -95,7 +95,7 @@ def rod_on_two_lines(thin: bool = False) -> pt.Mechanism:
 
 def hinge_and_ball_on_its_axis() -> pt.Mechanism:
     m = pt.Mechanism("leg of one length", gravity=(0, 0, -9.81))
-    # its weight aside of the ball turns it in its plane
+    # its weight, off the ball, rotates it in its plane
     m.add_body("plate", mass=2.0, inertia=(1, 1, 1), position=HEAD, com=(0, 0.3, 0))
     m.add_planar("guide", m.ground, "plate", point=HEAD, normal=(1, 0, 0))
     part(m, "fork", FOOT)

@@ -1,4 +1,4 @@
-"""Ctrl-C stops a loop of runs and loses nothing; progress tells rate and remaining time, and is silent in logs."""
+"""Ctrl-C stops a loop of runs and loses nothing; progress shows rate and remaining time, and is silent in logs."""
 
 from __future__ import annotations
 

@@ -200,7 +200,7 @@ def test_a_gas_spring_gives_back_the_work_of_its_polytropic_change(where: str, f
 
 
 def test_a_gas_spring_is_never_pressed_to_nothing() -> None:
-    """However fast the rod comes in, it is thrown back as fast."""
+    """The rod rebounds with its speed, however fast it comes in."""
     m = slider()
     m.add_gas_spring("S", force=5.0, length=0.2, exponent=1.4)
     run = m.simulate(0.2, initial=m.assemble(rates={"S": -8.0}), t_eval=np.linspace(0.0, 0.2, 401), **TIGHT)

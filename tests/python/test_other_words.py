@@ -1,4 +1,4 @@
-"""What is said of a mechanism is the same in any frame, units and order, and in both kinds of coordinates."""
+"""Results of a mechanism are the same in any frame, units and order, and in both kinds of coordinates."""
 
 from __future__ import annotations
 

@@ -55,7 +55,7 @@ def test_pages_are_legible(browser: Chromium, tmp_path: Path, name: str) -> None
 
 
 def test_the_questions_find_faults(browser: Chromium, tmp_path: Path) -> None:
-    """What is asked of a page tells a page that is wrong from one that is right."""
+    """The inspection of a page distinguishes a faulty page from a sound one."""
     text = viewer.html(run_of("jansen-pair"))
     pale = tmp_path / "pale.html"
     pale.write_text(text.replace("--quiet: #53606d", "--quiet: #aab4bd"), encoding="utf-8")

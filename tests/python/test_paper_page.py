@@ -131,7 +131,7 @@ GIVEN = (
     "default threshold of 1.25", "in the swing at 1.25",
     "rk4", "dopri5", "dop853",
 )  # fmt: skip
-"""What the scripts were told, or what a threshold of theirs is; names with digits."""
+"""Arguments and thresholds of the scripts; names with digits."""
 
 
 @cache

@@ -223,7 +223,7 @@ def test_what_drawing_refuses_of_couplings_is_refused(name: str, value: Any) -> 
 
 
 def test_a_ratio_that_takes_whole_turns_away_is_refused() -> None:
-    """In absolute coordinates in space two turns are told by what they have in common: of 1 and 0.31416 too little."""
+    """In absolute coordinates in space turns are known up to a common divisor: that of 1 and 0.31416 is too small."""
     model = coupled().compile(coordinates="absolute")
     with pytest.raises(DescriptionError, match=r'coupling "gear": .* rates instead of positions.* build'):
         model.with_parameters({"gear.ratio": 0.31416})

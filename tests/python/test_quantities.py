@@ -222,7 +222,7 @@ def bare(name: str) -> Callable[..., Any]:
 
 
 def as_text(name: str, table: dict[str, str]) -> Callable[..., Any]:
-    """The number that was meant in SI, in another unit: its decimal moved exactly."""
+    """The number intended in SI, in another unit: its decimal moved exactly."""
     if name in ("angle", "rate"):
         return lambda x: f"{x!r} {'deg' if name == 'angle' else 'rpm'}"
 
@@ -410,7 +410,7 @@ def test_the_command_line_takes_quantities(tmp_path: Path, capsys: pytest.Captur
     ]:
         try:
             code: Any = main(["simulate", "four-bar", *words])
-        except SystemExit as end:  # a misuse is told by the parser
+        except SystemExit as end:  # the parser reports a misuse
             code = end.code
         assert code != 0 and reported in capsys.readouterr().err
 

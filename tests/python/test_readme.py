@@ -1,4 +1,4 @@
-"""The front page and the pages of docs/: code runs and prints what stands there, generated parts are current."""
+"""The front page and the pages of docs/: code runs and prints the output shown, generated parts are current."""
 
 import importlib.util
 import json

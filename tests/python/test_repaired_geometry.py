@@ -198,7 +198,7 @@ def test_what_was_changed_is_said(coordinates: str) -> None:
 @pytest.mark.parametrize("coordinates", BOTH)
 @pytest.mark.parametrize("begun", [0.2, 0.303, 0.6])
 def test_a_run_that_goes_on_is_of_the_same_drawing(begun: float, coordinates: str) -> None:
-    """Also where the flat position is too near to tell what was meant: what fits is found as drawn."""
+    """Also where the flat position is too near to identify the intended geometry: the fit is found as drawn."""
     m, off = cranks("in line", {}, 1e-5), 1e-5
     whole = path(m.simulate(1.0, coordinates=coordinates, t_eval=[0.0, 1.0]))[:, -1]
     model, first = m.compile(coordinates=coordinates), m.simulate(begun, coordinates=coordinates)

@@ -25,7 +25,7 @@ def turned(w: float, x: float, y: float, z: float) -> NDArray[np.float64]:
 
 
 def jack(seed: int, duration: float, prescribed: str = "velocity") -> tuple[pt.Mechanism, tuple[str, int], float]:
-    """Two arms on one hinge line, a nut on each, a screw between the nuts, driven: how it is built is drawn by chance.
+    """Two arms on one hinge line, a nut on each, a screw between the nuts, driven; built in a random order.
 
     Returns it with the joint and coordinate that is driven, and its rate.
     """

@@ -1,4 +1,4 @@
-"""Drawings in singular positions: the report tells which branches meet, how to be drawn on each; refusals say so."""
+"""Drawings in singular positions: the report states which branches meet and how to draw each; so do refusals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Small bodies between two joints in one point: what passes through them does not turn them, wherever rounding puts it.
+"""Small bodies between two joints in one point: forces through them do not rotate them, whatever the rounding.
 
 A planar delta of rigid hinges, a ball of no size between two of its three legs and the platform, drawn as programs do:
 each point by products of frames along its own way, and where the loops close off by 5e-13 m.

@@ -1,4 +1,4 @@
-"""Sweeps: serial, threads and processes agree; a dead worker takes nothing along; what fails is told at its point."""
+"""Sweeps: serial, threads and processes agree; a dead worker loses nothing else; a failure is reported at its point."""
 
 import os
 import signal
@@ -106,7 +106,7 @@ def test_nonsense_is_refused(parameters: object, executor: object, words: str) -
 
 
 def test_a_sweep_of_many_points_by_threads_keeps_what_came_back() -> None:
-    """Handed out a few ahead: points come back from the first on, and Ctrl-C finds them."""
+    """Points are submitted a few at a time: results come from the first on, and Ctrl-C keeps them."""
 
     def doubled(x: float) -> float:
         if x == 5000:

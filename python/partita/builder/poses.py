@@ -365,7 +365,7 @@ class _Slide:
 
 
 class _Turning:
-    """The orientation of a pose, as the core asks for it."""
+    """The orientation of a pose, in the form that the core needs."""
 
     def __init__(self, pose: Pose) -> None:
         self.pose = pose

@@ -1,4 +1,4 @@
-"""A mechanism said once: for the core, and for the independent program."""
+"""One drawing of a mechanism, for the core and for the independent program."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ class Case:
     true: Drawing
     """Moves as it should, bodies as in `drawn`; may have other closings."""
     mobility: int
-    """To be told by the model and by the report; the null directions of `true`."""
+    """The mobility that model and report must give; the null directions of `true`."""
     structure: bool = False
     """It must not move, and the report must say so."""
     may_refuse: bool = False
@@ -44,7 +44,7 @@ class Case:
     clear: bool = False
     """The span ends before the motion comes to a singular position."""
     by_energy: bool = False
-    """One degree of freedom, no path needed: closings and energy tell the motion. For large ones."""
+    """One degree of freedom, no path needed: closure and energy determine the motion. For large ones."""
 
 
 @dataclass
@@ -115,7 +115,7 @@ def _outcome(case: Case, coordinates: str, program: Program, truth: tuple[Array,
 
 
 def refusal(case: Case, faults: list[str], words: str) -> Outcome:
-    """As good as right where it may be and names a joint; what was said before it was refused is told beside it."""
+    """Counts as right where a refusal is allowed and names a joint; earlier findings are listed with it."""
     verdict = "refused" if case.may_refuse or case.structure else "must run"
     if not any(j.name in words for j in case.drawn.joints):
         verdict, faults = "unnamed", [*faults, "names no joint"]

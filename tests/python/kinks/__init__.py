@@ -127,7 +127,7 @@ def trial(seed: int) -> Found:
             kind, power = "rate", 0
     size = float(10.0 ** rng.uniform(-4.0, -0.5)) * float(rng.choice((-1.0, 1.0)))
     if where in ("cam free", "bead"):
-        size = abs(size) * (0.3 if power < 2 else 1.0)  # up, so that what is slow enough does not turn around
+        size = abs(size) * (0.3 if power < 2 else 1.0)  # positive, so that a slow motion does not reverse
     steep = {"pendulum": 0.5, "four-bar": 1.0, "rate of a four-bar": 1.0}.get(where, 0.3)
     law = Kinked(_smooth(rng, steep), float(rng.uniform(0.1, 0.9)), size, power, bool(rng.integers(2)))
     forms = ABSOLUTE if (absolute := bool(rng.integers(2))) else EVERY

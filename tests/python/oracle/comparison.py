@@ -15,7 +15,7 @@ from .maximal import Maximal, Motion, Pose
 
 # Two programs on matrices of conditions up to some 1e5; multipliers are one inverse further off than accelerations.
 ACCELERATION, REACTION = 1e-8, 1e-7
-# A direction of a self-stress is there above the first and not there below the second; between them nobody can tell.
+# A direction of a self-stress exists above the first and does not below the second; in between it is undecided.
 LOADED, UNLOADED = 1e-6, 1e-10
 OUTPUTS = 3
 
@@ -74,7 +74,7 @@ def contradictory(drawing: Drawing, run: Any) -> bool:
 
 
 def contradictory_as_drawn(drawing: Drawing) -> bool:
-    """The same before anything has run, of drawings that are closed and drives whose axes the drawing tells."""
+    """The same before anything has run, of drawings that are closed and drives whose axes the drawing defines."""
     driven = {j.name: j for j in drawing.joints if any(d.joint == j.name for d in drawing.drives)}
     if not driven or any(j.planar for j in driven.values()) or any(j.child_point is not None for j in drawing.joints):
         return False

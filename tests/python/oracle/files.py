@@ -434,14 +434,14 @@ def compare_written(drawing: Any, suffix: str, folder: Path) -> Verdict:
         scale = max(float(np.abs(link.inertia).max()), link.mass * size**2 * 1e-6)
         verdict.seen("centre as drawn", float(np.abs(other.centre - link.centre).max()) / size, 1e-9, words)
         verdict.seen("mass as drawn", abs(other.mass - link.mass) / link.mass, 1e-12, words)
-        # MuJoCo asks for some moment of inertia, which Partita reports
+        # MuJoCo requires a moment of inertia, which Partita reports
         off = max(float(np.abs(other.inertia - link.inertia).max()) - LEAST * (suffix == ".mjcf"), 0.0)
         verdict.seen("inertia as drawn", off / scale, 1e-9, words)
     return verdict
 
 
 def compare_toml(drawing: Any, folder: Path) -> Verdict:
-    """A native file says the same to the last digit."""
+    """A native file has the same content to the last digit."""
     verdict = Verdict()
     m = drawing.build()
     path = folder / "chance.toml"
