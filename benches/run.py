@@ -297,7 +297,7 @@ def ratio_lines(costs: list[Cost]) -> list[str]:
 
 
 def machine() -> str:
-    """Processor and system, as far as they tell."""
+    """Processor and system, as far as they are known."""
     name = platform.processor() or platform.machine()
     cpuinfo = Path("/proc/cpuinfo")
     if cpuinfo.exists():

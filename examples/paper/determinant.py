@@ -69,10 +69,10 @@ def main(short: bool = False, folder: Path = FOLDER) -> Numbers:
     used = sorted({int(i) for row in rows.values() for i in row})
     colours = {i: COLOURS[n % len(COLOURS)] for n, i in enumerate(used)}
     width = float(np.degrees(crank[1] - crank[0]))
-    for place, row in enumerate(rows.values()):
+    for index, row in enumerate(rows.values()):
         for i in used:
             at = np.degrees(crank[row == i])
-            ax.broken_barh([(a - width / 2, width) for a in at], (place - 0.4, 0.8), color=colours[i], lw=0)
+            ax.broken_barh([(a - width / 2, width) for a in at], (index - 0.4, 0.8), color=colours[i], lw=0)
     ax.set_yticks(range(len(rows)), list(rows), fontsize=9)
     ax.invert_yaxis()
     ax.set_xlim(0, 360)

@@ -1,4 +1,4 @@
-"""FMUs as other programs see them: FMPy finds nothing to object, and steps give what `simulate` gives."""
+"""FMUs as other programs see them: FMPy finds no fault, and steps agree with `simulate`."""
 
 import ctypes
 import json
@@ -95,7 +95,7 @@ def test_a_misdrawn_mechanism_is_the_same_one_in_an_fmu(seed: int, tmp_path: Pat
     one = opened(written(m, tmp_path, outputs=hinges, initial=start))
     one.begin()
     for t in times[:-1]:
-        assert one.step(float(t), float(times[1])) == 0, one.said
+        assert one.step(float(t), float(times[1])) == 0, one.messages
     for i, hinge in enumerate(hinges):
         position = [float(x.joint(hinge).position[-1, 0]) for x in (run, stepper.result())]
         assert np.abs(np.array(position) - one.get(2 * i)).max() < 1e-7, hinge
@@ -108,7 +108,7 @@ def test_inputs_that_change_act_over_their_steps(tmp_path: Path, opened: Any) ->
     state, m = four_bar().assemble(), four_bar()
     for k in range(5):
         torque = np.sin(3.0 * k)
-        assert one.set(0, torque) == 0 and one.step(k * STEP) == 0, one.said
+        assert one.set(0, torque) == 0 and one.step(k * STEP) == 0, one.messages
         r = m.simulate(STEP, initial=state, t_eval=[k * STEP, (k + 1) * STEP], rtol=1e-11, atol=1e-13,
                        parameters={"motor.value": torque})  # fmt: skip
         state = pt.State(r.t[-1], r.q[-1], r.v[-1], layout=state._layout)
@@ -128,7 +128,7 @@ def test_a_joint_and_a_drive_as_inputs(tmp_path: Path, opened: Any) -> None:
     angle = one.get(2)[0]
     for k, rate in enumerate((1.0, 1.5, 0.5)):
         before = one.get(3)[0]
-        assert one.set(0, rate) == 0 and one.set(1, 0.3) == 0 and one.step(5.0 + k * STEP) == 0, one.said
+        assert one.set(0, rate) == 0 and one.set(1, 0.3) == 0 and one.step(5.0 + k * STEP) == 0, one.messages
         angle += 0.5 * (before + rate) * STEP
         assert np.abs(np.array(one.get(2, 3)) - (angle, rate)).max() < 1e-12
     other = pt.catalogue.load("four-bar")
@@ -163,22 +163,22 @@ def test_what_goes_wrong_is_said(tmp_path: Path, opened: Any) -> None:
     path = written(four_bar(), tmp_path, inputs=["motor"], outputs=["A"])
     assert not opened(path, guid="{other}").at
     one = opened(path)
-    assert one.step(0.0) == 3 and "not allowed" in one.said[-1]
+    assert one.step(0.0) == 3 and "not allowed" in one.messages[-1]
     one.begin()
-    place = one.get(1, 2)
+    reached = one.get(1, 2)
     for t, step, words in (
         (1.0, STEP, "the model is at t = 0"),
         (0.0, -1.0, "a step of -1"),
         (0.0, float("nan"), "NaN"),
     ):
-        assert one.step(t, step) == 2 and words in one.said[-1], one.said
-    assert one.set(0, float("inf")) == 3 and one.set(1, 1.0) == 3 and "not an input" in one.said[-1]
+        assert one.step(t, step) == 2 and words in one.messages[-1], one.messages
+    assert one.set(0, float("inf")) == 3 and one.set(1, 1.0) == 3 and "not an input" in one.messages[-1]
     assert one.call("fmi2GetReal", (ctypes.c_uint * 1)(99), ctypes.c_size_t(1), (ctypes.c_double * 1)()) == 3
     assert one.call("fmi2GetReal", None, ctypes.c_size_t(1), None) == 3
     assert one.call("fmi2GetInteger", None, ctypes.c_size_t(0), None) == 0
     assert one.call("fmi2CancelStep") == 3
     assert one.set(0, 1e300) == 0 and one.step(0.0) != 0
-    assert one.get(1, 2) == place  # it stays where it was
+    assert one.get(1, 2) == reached  # it stays where it was
     assert one.set(0, 0.0) == 0 and one.step(0.0) == 0
     assert one.library.fmi2DoStep(None, ctypes.c_double(0), ctypes.c_double(1), 0) == 3
 
@@ -197,7 +197,7 @@ def test_damaged_resources_are_refused(damage: str | None, tmp_path: Path, opene
             packed.writestr(name, content)
     if damage is None:
         one = opened(path)
-        assert not one.at and "0 coordinates" in one.said[-1]
+        assert not one.at and "0 coordinates" in one.messages[-1]
     else:
         with pytest.raises((json.JSONDecodeError, KeyError)):
             opened(path)
@@ -210,7 +210,7 @@ def test_the_same_mechanism_gives_the_same_bytes(tmp_path: Path) -> None:
 
 
 def test_the_description_is_one(tmp_path: Path) -> None:
-    """What the standard asks of it, without its schema: order, references, indices, names in any letters."""
+    """What the standard requires of it, without its schema: order, references, indices, names in any letters."""
     m = four_bar()
     m.add_torque("B", value=0.25, name='a "b" & <c> é')
     path = written(m, tmp_path, inputs=["motor", 'a "b" & <c> é', "D"])

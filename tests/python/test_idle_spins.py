@@ -11,7 +11,7 @@ import pytest
 from oracle.comparison import frames_of
 from oracle.maximal import Maximal
 from oracle.reading import drawing_of
-from other_words import of, said
+from other_words import of, rewritten
 from test_zoo import OTHERS
 from zoo.judging import poses_at
 
@@ -96,7 +96,7 @@ def rod_on_two_lines(thin: bool = False) -> pt.Mechanism:
 
 def hinge_and_ball_on_its_axis() -> pt.Mechanism:
     m = pt.Mechanism("leg of one length", gravity=(0, 0, -9.81))
-    # its weight aside of the ball turns it in its plane
+    # its weight, off the ball, rotates it in its plane
     m.add_body("plate", mass=2.0, inertia=(1, 1, 1), position=HEAD, com=(0, 0.3, 0))
     m.add_planar("guide", m.ground, "plate", point=HEAD, normal=(1, 0, 0))
     part(m, "fork", FOOT)
@@ -214,4 +214,4 @@ def test_a_thin_rod_on_two_lines_is_held_from_spinning() -> None:
 
 def test_idle_spins_turn_with_the_drawing() -> None:
     d, rng = of(pt.catalogue.load("stewart-sps")), np.random.default_rng(2)
-    assert spins(said(d, "turned", rng).build()) == spins(d.build())
+    assert spins(rewritten(d, "turned", rng).build()) == spins(d.build())

@@ -133,7 +133,7 @@ def test_frozen_tangent_fades() -> None:
     # bisected to round-off; the quality is linear there
     assert found["quality there"] < 1e-12
     assert found["frozen tangent after 180 deg"] > 0.7
-    # the run tells the quality of the same velocities, at positions closed to round-off
+    # the run reports the quality of the same velocities, at positions closed to round-off
     assert found["run with frozen velocities: largest difference up to 100 deg"] < 1e-12
     assert found["least quality of the switched coordinates"] > 0.5
 

@@ -172,7 +172,7 @@ GIVEN = (
     "default threshold of 1.25", "in the swing at 1.25",
     "rk4", "dopri5", "dop853",
 )  # fmt: skip
-"""What the scripts were told, or what a threshold of theirs is; names with digits."""
+"""Arguments and thresholds of the scripts; names with digits."""
 
 
 @cache
@@ -195,10 +195,10 @@ def pattern(words: str) -> str:
 def test_number_is_what_the_script_finds(claim: Claim) -> None:
     hits = re.findall(pattern(claim.words), page())
     assert len(hits) == 1, "the page does not say this, or says it twice"
-    said = hits[0] if isinstance(hits[0], tuple) else (hits[0],)
+    texts = hits[0] if isinstance(hits[0], tuple) else (hits[0],)
     # the long form of "switching" only times more often
     found = numbers(claim.script, claim.script == "switching")
-    for text, key in zip(said, claim.keys, strict=True):
+    for text, key in zip(texts, claim.keys, strict=True):
         if key == SKIPPED:
             continue
         value = claim.factor * (abs(found[key]) if claim.sizes else found[key])

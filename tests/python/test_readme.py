@@ -1,4 +1,4 @@
-"""The front page and the pages of docs/: code runs and prints what stands there, generated parts are current."""
+"""The front page and the pages of docs/: code runs and prints the output shown, generated parts are current."""
 
 import importlib.util
 import json
@@ -59,8 +59,8 @@ def test_front_page_shows_python() -> None:
 
 
 def test_front_page_shows_what_the_demo_says_of_reactions() -> None:
-    said = tool("demo", "examples").certificate(pt.catalogue.entry("four-bar").simulate())[-1]
-    assert said.startswith("  reactions") and said in text_of(ROOT / "README.md").splitlines()
+    shown = tool("demo", "examples").certificate(pt.catalogue.entry("four-bar").simulate())[-1]
+    assert shown.startswith("  reactions") and shown in text_of(ROOT / "README.md").splitlines()
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if TOML.search(text_of(page))], ids=lambda p: p.name)

@@ -164,9 +164,9 @@ def picture(drawn: dict[str, Any], run: Any) -> str:
     for number, (kind, points) in enumerate(pieces):
         lines.append(_shape(kind, fit(points), f"hue{number % 6}"))
     for joint in drawn["joints"]:
-        place = fit(pins[joint["name"]].reshape(1, 2))[0]
+        point = fit(pins[joint["name"]].reshape(1, 2))[0]
         held = " ground" if joint["parent"] == GROUND else ""
-        lines.append(f'<circle class="pin{held}" cx="{place[0]:.1f}" cy="{place[1]:.1f}" r="3.2"/>')
+        lines.append(f'<circle class="pin{held}" cx="{point[0]:.1f}" cy="{point[1]:.1f}" r="3.2"/>')
     return "".join([*lines, "</svg>"])
 
 

@@ -209,7 +209,7 @@ impl ErrorNorm {
     }
 }
 
-/// The controller a tableau asks for.
+/// The controller of a tableau.
 pub(crate) fn controller(tableau: &Tableau) -> StepController {
     StepController::new(tableau.error_order, tableau.pi_beta)
 }

@@ -195,7 +195,7 @@ pub fn run<'py, S: Balance<Scratch: Send> + Send + Sync + 'static>(
     // an exception from a user function ends the run, and the results so far are kept; Ctrl-C in it is Ctrl-C
     let mut cause = None;
     if let Some(error) = outcome.error.take() {
-        let (said, name) = (outcome.message.clone(), blamed(&error));
+        let (message, name) = (outcome.message.clone(), blamed(&error));
         let of_functions = matches!(error, SystemError::Derivative { .. });
         let error = failure::system(py, error);
         if of_functions {
@@ -204,7 +204,7 @@ pub fn run<'py, S: Balance<Scratch: Send> + Send + Sync + 'static>(
             outcome.status = Status::Interrupted;
             outcome.message = format!("interrupted at t = {}; the outputs up to there are kept", outcome.t);
         } else if error.is_instance_of::<PyException>(py) {
-            cause = Some(ended(py, &said, outcome.t, &name, error));
+            cause = Some(ended(py, &message, outcome.t, &name, error));
         } else {
             return Err(error);
         }
@@ -242,7 +242,7 @@ pub fn costs<S: Balance<Scratch: Send> + Send + Sync>(
     system: &S,
     options: &[String],
     steps: &[f64],
-    places: &ClosedStates<'_, '_>,
+    states: &ClosedStates<'_, '_>,
     tangent: Option<Arc<dyn TangentMap>>,
 ) -> PyResult<Vec<f64>> {
     if options.len() != steps.len() {
@@ -255,11 +255,11 @@ pub fn costs<S: Balance<Scratch: Send> + Send + Sync>(
         Ok(Contender { request, tangent, step })
     });
     let contenders: Vec<Contender> = contenders.collect::<PyResult<_>>()?;
-    let (size, t) = (system.size(), entries_of(places.t));
-    let (q, v) = (rows_of(places.q, t.len(), size.nq, "q")?, rows_of(places.v, t.len(), size.nv, "v")?);
+    let (size, t) = (system.size(), entries_of(states.t));
+    let (q, v) = (rows_of(states.q, t.len(), size.nq, "q")?, rows_of(states.v, t.len(), size.nv, "v")?);
     let row = |x: &[f64], n: usize, i: usize| x[i * n..(i + 1) * n].to_vec();
-    let place = |i: usize| ClosedState { t: t[i], q: row(&q, size.nq, i), v: row(&v, size.nv, i) };
-    let places: Vec<ClosedState> = (0..t.len()).map(place).collect();
+    let state = |i: usize| ClosedState { t: t[i], q: row(&q, size.nq, i), v: row(&v, size.nv, i) };
+    let states: Vec<ClosedState> = (0..t.len()).map(state).collect();
     let (mut stopped, mut last) = (None, Instant::now());
     let mut watch = || {
         if stopped.is_some() {
@@ -277,7 +277,7 @@ pub fn costs<S: Balance<Scratch: Send> + Send + Sync>(
             }
         }
     };
-    let found = py.detach(|| evaluation_costs(system, &contenders, &places, &mut watch));
+    let found = py.detach(|| evaluation_costs(system, &contenders, &states, &mut watch));
     match (found.map_err(|e| failure::analysis(py, e))?, stopped) {
         (Some(costs), None) => Ok(costs),
         (_, Some(e)) => Err(e),

@@ -108,9 +108,9 @@ class Equations:
         >>> bool(np.allclose(i.M @ i.vdot, i.h + i.C.T @ i.multipliers))
         True
         """
-        place, time = self._q(q), finite_time(t)
+        position, time = self._q(q), finite_time(t)
         speeds = None if v is None else self._v(v)
-        return Instant.from_core(time, place, self._core.at(time, place, speeds))
+        return Instant.from_core(time, position, self._core.at(time, position, speeds))
 
     def evaluation_costs(
         self,

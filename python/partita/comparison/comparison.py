@@ -138,8 +138,8 @@ def carry_out(bench: Bench, cases: Sequence[Case], reference: Result | None, pro
             if result is not None and len(result.t) > 1 and row.steps:
                 runs[len(rows) - 1] = result
         dearest = max(((rows[i].time or 0.0) / (rows[i].evaluations or 1) for i in runs), default=0.0)
-        for place, cost in zip(runs, bench.costs(list(runs.values()), dearest) if runs else [], strict=True):
-            rows[place] = replace(rows[place], time_per_evaluation=cost)
+        for index, cost in zip(runs, bench.costs(list(runs.values()), dearest) if runs else [], strict=True):
+            rows[index] = replace(rows[index], time_per_evaluation=cost)
     except KeyboardInterrupt as error:
         stopped = error
     finally:

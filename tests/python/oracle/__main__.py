@@ -102,13 +102,13 @@ def main(asked: int, *only: str) -> int:
             print(f"{error:>10.1e}  largest difference: {what}")
         for seed, verdict in wrong[:5]:
             drawn = DRAWN.get(name)
-            print("\n" + (report(seed, verdict, drawn) if drawn else said(name, seed, verdict)))
+            print("\n" + (report(seed, verdict, drawn) if drawn else verdict_text(name, seed, verdict)))
         print(f"\n{name}: {count} drawn by chance, {len(wrong)} with differences\n")
         all_wrong += len(wrong)
     return int(bool(all_wrong))
 
 
-def said(name: str, seed: int, verdict: Any) -> str:
+def verdict_text(name: str, seed: int, verdict: Any) -> str:
     return f"{name} {seed}:\n  " + "\n  ".join(verdict.wrong[:5])
 
 

@@ -17,7 +17,7 @@ from .maximal import Maximal, Motion, Pose
 ACCELERATION, REACTION = 1e-8, 1e-7
 # Powers need no inverse: products of positions and velocities.
 POWER = 1e-9
-# A direction of a self-stress is there above the first and not there below the second; between them nobody can tell.
+# A direction of a self-stress exists above the first and does not below the second; in between it is undecided.
 LOADED, UNLOADED = 1e-6, 1e-10
 OUTPUTS = 3
 
@@ -78,7 +78,7 @@ def contradictory(drawing: Drawing, run: Any) -> bool:
 
 
 def contradictory_as_drawn(drawing: Drawing) -> bool:
-    """The same before anything has run, of drawings that are closed and drives whose axes the drawing tells."""
+    """The same before anything has run, of drawings that are closed and drives whose axes the drawing defines."""
     driven = {j.name: j for j in drawing.joints if any(d.joint == j.name for d in drawing.drives)}
     if not driven or any(j.chooses for j in driven.values()) or any(j.child_point is not None for j in drawing.joints):
         return False
@@ -91,8 +91,8 @@ def frames_of(drawing: Drawing, run: Any) -> dict[str, Array]:
     drawn = {b.name: b.rotation for b in drawing.bodies}
     found = {}
     for k, j in enumerate(drawing.joints):
-        carried = np.eye(3) if j.parent == GROUND else run.body(j.parent).rotation[0] @ drawn[j.parent].T
-        found[j.name] = carried.T @ run.reactions["joint_rotation"][0, k]
+        turned = np.eye(3) if j.parent == GROUND else run.body(j.parent).rotation[0] @ drawn[j.parent].T
+        found[j.name] = turned.T @ run.reactions["joint_rotation"][0, k]
     return found
 
 
@@ -140,12 +140,12 @@ def look(drawing: Drawing, mechanism: pt.Mechanism, run: Any, coordinates: str, 
         }
         found = program.at(float(t), poses)
         words = f"{coordinates}, output {i}"
-        if not run.success and max(found.gap, found.slip) > 1e-9:
+        if not run.success and max(found.gap, found.rate_error) > 1e-9:
             verdict.counts["stopped with open loops"] += 1
             continue
         # a run that says success has its loops closed
         verdict.seen("closure", found.gap, 1e-9, words)
-        verdict.seen("closing rate", found.slip, 1e-8, words)
+        verdict.seen("closing rate", found.rate_error, 1e-8, words)
         if found.unclear:
             verdict.counts["unclear rank"] += 1
             continue
@@ -291,6 +291,6 @@ def unique(found: Motion, name: str, flags: Array, turn: Array, verdict: Verdict
             verdict.counts["flags"] += 1
             mine, theirs = bool(flags[3 * part + k]), bool(touched[k] <= UNLOADED)
             if mine != theirs:
-                what, said = ("fx", "fy", "fz", "mx", "my", "mz")[3 * part + k], ("open", "determined")
+                what, states = ("fx", "fy", "fz", "mx", "my", "mz")[3 * part + k], ("open", "determined")
                 share = f"a self-stress has {touched[k]:.1e} of it"
-                verdict.wrong.append(f"{words}: {what} is {said[theirs]} ({share}), Partita says {said[mine]}")
+                verdict.wrong.append(f"{words}: {what} is {states[theirs]} ({share}), Partita says {states[mine]}")

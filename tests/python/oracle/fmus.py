@@ -66,7 +66,7 @@ def compare_fmu(seed: int, folder: Path) -> Verdict:
                 assert one.set(one.references[torque.name], value) == 0
             stepped = one.step(begin, end - begin) == 0
             if stepped != run.success:
-                why = run.message if stepped else one.said[-1:]
+                why = run.message if stepped else one.messages[-1:]
                 verdict.wrong.append(f"step {k}: the FMU {'steps' if stepped else 'does not step'}, the run says {why}")
             if not (stepped and run.success):
                 verdict.counts["stopped"] += 1

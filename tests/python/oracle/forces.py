@@ -24,7 +24,7 @@ class Scene(Protocol):
 
     t: float
 
-    def place(self, body: str, point: Array) -> tuple[Array, Array]:
+    def motion_of(self, body: str, point: Array) -> tuple[Array, Array]:
         """A point of a body, and its velocity."""
 
     def axes(self, body: str) -> tuple[Array, Array]:
@@ -49,7 +49,7 @@ def pair(at: Scene, one: str, other: str, point: Array, force: Array, moment: An
 def carried(at: Scene, body: str, point: Array) -> Array:
     """Velocity that a body gives to a place in the world."""
     spin = at.axes(body)[1]
-    x, u = at.place(body, np.zeros(3))
+    x, u = at.motion_of(body, np.zeros(3))
     return u + np.cross(spin, point - x)
 
 
@@ -96,7 +96,7 @@ class Contact:
         return "add_contact", where, {"radius1": self.radius1, **shape, **law}
 
     def act(self, at: Scene) -> None:
-        (x1, u1), (x2, u2) = at.place(self.body1, self.point1), at.place(self.body2, self.point2)
+        (x1, u1), (x2, u2) = at.motion_of(self.body1, self.point1), at.motion_of(self.body2, self.point2)
         gap, opening = x1 - x2, u1 - u2
         if self.normal is not None:
             turn, spin = at.axes(self.body2)
@@ -155,7 +155,7 @@ class Tyre:
         )
 
     def act(self, at: Scene) -> None:
-        (c, u), (r, v) = at.place(self.body, self.center), at.place(self.road, self.point)
+        (c, u), (r, v) = at.motion_of(self.body, self.center), at.motion_of(self.road, self.point)
         (wheel, w), (ground, wg) = at.axes(self.body), at.axes(self.road)
         a, n = wheel @ unit(self.axis), ground @ unit(self.normal)
         a1, n1 = np.cross(w, a), np.cross(wg, n)
@@ -207,7 +207,7 @@ class Bushing:
         return "add_bushing", (self.name, self.body1, self.body2, self.point), law
 
     def act(self, at: Scene) -> None:
-        (x1, u1), (x2, u2) = (at.place(b, p) for b, p in zip(self.bodies, self.ends, strict=True))
+        (x1, u1), (x2, u2) = (at.motion_of(b, p) for b, p in zip(self.bodies, self.ends, strict=True))
         (turn1, w1), (turn2, w2) = at.axes(self.body1), at.axes(self.body2)
         frame, gap = turn1 @ self.frames[0], x2 - x1
         theta = rotation_vector(frame.T @ turn2 @ self.frames[1])
@@ -327,7 +327,7 @@ class TableEffort:
             x = at.joint(*self.over)[0]
         else:
             one, p, other, q = self.over
-            x = float(np.linalg.norm(at.place(other, q)[0] - at.place(one, p)[0]))
+            x = float(np.linalg.norm(at.motion_of(other, q)[0] - at.motion_of(one, p)[0]))
         at.along(self.joint, self.coordinate, self.curve.value(x))
 
 
@@ -355,4 +355,4 @@ class TableLoad:
     def act(self, at: Scene) -> None:
         force = np.array([c.value(at.t) for c in self.curves])
         force = at.axes(self.body)[0] @ force if self.axes == "body" else force
-        at.push(self.body, at.place(self.body, self.point)[0], force)
+        at.push(self.body, at.motion_of(self.body, self.point)[0], force)

@@ -37,7 +37,7 @@ class Side:
     at: int | None
     pose: Pose
     centre: Array
-    carried: Array  # drawing to now
+    transported: Array  # drawing to now
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ class Motion:
     redundant: int
     unclear: bool
     gap: float
-    slip: float
+    rate_error: float
     contradiction: float
     largest: float
     power: dict[str, float]
@@ -86,7 +86,7 @@ class Maximal:
         self.drawing, self.frames = drawing, frames
         self.bodies = {b.name: b for b in drawing.bodies}
         self.joints = {j.name: j for j in drawing.joints}
-        self.place = {b.name: 6 * i for i, b in enumerate(drawing.bodies)}
+        self.offset = {b.name: 6 * i for i, b in enumerate(drawing.bodies)}
         self.n = 6 * len(drawing.bodies)
 
     def at(self, t: float, poses: dict[str, Pose]) -> Motion:
@@ -96,14 +96,14 @@ class Maximal:
         rows: list[Array] = []
         rest: list[float] = []
         owners: list[tuple[str, Array, Array]] = []  # joint, force and moment on its child for a unit multiplier
-        gap = slip = 0.0
+        gap = rate_error = 0.0
         rates = {}
         for j in d.joints:
-            found, constants, wrenches, open_by, slips = self._rows(j, sides)
+            found, constants, wrenches, open_by, rate_errors = self._rows(j, sides)
             rows += found
             rest += constants
             owners += [(j.name, f, m) for f, m in wrenches]
-            gap, slip = max(gap, open_by), max(slip, slips)
+            gap, rate_error = max(gap, open_by), max(rate_error, rate_errors)
             rates[j.name] = self._rates(j, sides)
         for drive in d.drives:
             x, i = rates[drive.joint], drive.coordinate
@@ -111,7 +111,9 @@ class Maximal:
             rows.append(x.rows[i])
             rest.append(x.rest[i] - second)
             owners.append((drive.joint, x.force[i], x.moment[i]))
-            slip = max(slip, abs(x.velocity[i] - rate) * (d.size if x.moment[i].any() else 1.0) * d.time / d.size)
+            rate_error = max(
+                rate_error, abs(x.velocity[i] - rate) * (d.size if x.moment[i].any() else 1.0) * d.time / d.size
+            )
             wanted = drive.position(t)
             off = 0.0 if wanted is None else x.position[i] - float(wanted)
             # of turns this program knows no whole ones
@@ -124,7 +126,7 @@ class Maximal:
                 rest.append(x.rest)
                 owners.append((c.name, np.zeros(3), np.zeros(3)))
                 gap = max(gap, abs(x.gap) / (d.size if x.length else 1.0))
-                slip = max(slip, abs(x.opens) * d.time / (d.size if x.length else 1.0))
+                rate_error = max(rate_error, abs(x.opens) * d.time / (d.size if x.length else 1.0))
         mass, h, power = self._newton(t, sides, rates)
         # in units of the drawing: angular accelerations over its size, moments times it
         scale = np.tile(np.repeat([1.0, 1.0 / d.size], 3), n // 6)
@@ -168,12 +170,12 @@ class Maximal:
         pace = max((float(p.w @ p.w) for p in poses.values()), default=0.0) * d.size
         fed = max([np.abs(h[i : i + 6]).max() * d.mass for i in range(0, n, 6)], default=0.0)
         return Motion(
-            {name: (acc[i : i + 3], acc[i + 3 : i + 6]) for name, i in self.place.items()},
+            {name: (acc[i : i + 3], acc[i + 3 : i + 6]) for name, i in self.offset.items()},
             force, moment, stress_force, stress_moment,
             {name: x.rows @ acc + x.rest for name, x in rates.items()},
             {j.name: self._backwards(j, sides, acc) for j in d.joints},
             effort, shared,
-            free.shape[1], stresses.shape[1], unclear, gap, slip,
+            free.shape[1], stresses.shape[1], unclear, gap, rate_error,
             float(wanting) / max(pace, np.abs(b).max(initial=0.0), np.abs(acc / scale).max(initial=0.0), 1e-300),
             max(top_force, top_moment / d.size, fed), power,
         )  # fmt: skip
@@ -198,7 +200,7 @@ class Maximal:
         mass rest, too, as those of bodies that spin idly do."""
         sides = {name: self._side(name, poses) for name in [GROUND, *self.bodies]}
         first = 3 if about_centres else 0
-        which = [self.place[name] + i for name in names for i in range(first, 6)]
+        which = [self.offset[name] + i for name in names for i in range(first, 6)]
         scale = np.tile(np.repeat([1.0, 1.0 / self.drawing.size], 3)[first:], len(names))
         rates = {j.name: self._rates(j, sides) for j in self.drawing.joints}
         rows = [row for j in self.drawing.joints for row in self._rows(j, sides)[0]]
@@ -219,7 +221,7 @@ class Maximal:
         if name == GROUND:
             return Side(None, Pose(np.zeros(3), np.eye(3), np.zeros(3), np.zeros(3)), np.zeros(3), np.eye(3))
         b, p = self.bodies[name], poses[name]
-        return Side(self.place[name], p, p.x + p.rotation @ b.com, p.rotation @ b.rotation.T)
+        return Side(self.offset[name], p, p.x + p.rotation @ b.com, p.rotation @ b.rotation.T)
 
     def _point(self, j: Joint, name: str, side: Side) -> Array:
         """The joint's point as a body carries it."""
@@ -244,7 +246,7 @@ class Maximal:
         slides, turns, ball = self._axes(j, p, c)
         kinematics = self._relative(j, sides)
         rows, rest, wrenches = [], [], []
-        gap = slip = 0.0
+        gap = rate_error = 0.0
         size, time = self.drawing.size, self.drawing.time
         for axis in across(slides):
             row = np.zeros(self.n)
@@ -253,20 +255,20 @@ class Maximal:
             rest.append(axis @ kinematics.centripetal)
             wrenches.append((axis, np.zeros(3)))
             gap = max(gap, abs(axis @ kinematics.gap) / size)
-            slip = max(slip, abs(axis @ kinematics.rate) * time / size)
+            rate_error = max(rate_error, abs(axis @ kinematics.rate) * time / size)
         for axis in [] if ball else across(turns):
             row = np.zeros(self.n)
             self._add_moment(row, p, c, axis)
             rows.append(row)
             rest.append(-(axis @ self._gyration(turns, p, c, kinematics.spin)))
             wrenches.append((np.zeros(3), axis))
-            slip = max(slip, abs(axis @ kinematics.spin) * time)
+            rate_error = max(rate_error, abs(axis @ kinematics.spin) * time)
         if j.kind == "screw":
             x, along = self._rates(j, sides), j.pitch / (2.0 * np.pi)
             rows.append(x.rows[0] - along * x.rows[1])
             rest.append(x.rest[0] - along * x.rest[1])
             wrenches.append((x.force[0], -along * x.moment[1]))
-            slip = max(slip, abs(x.velocity[0] - along * x.velocity[1]) * time / size)
+            rate_error = max(rate_error, abs(x.velocity[0] - along * x.velocity[1]) * time / size)
         if j.kind == "constant_velocity":
             # in the plane that halves the angle between the shafts, neither turns against the other
             own = j.axes[:, 0] / np.linalg.norm(j.axes[:, 0])
@@ -277,7 +279,7 @@ class Maximal:
             spin = kinematics.spin
             rest.append(float((cross(p.pose.w, one) + cross(c.pose.w, other)) @ spin))
             wrenches.append((np.zeros(3), one + other))
-            slip = max(slip, abs((one + other) @ spin) * time)
+            rate_error = max(rate_error, abs((one + other) @ spin) * time)
         if j.kind == "custom":
             x = self._rates(j, sides)
             free = [j.moving.index(direction) for direction in j.free]
@@ -292,12 +294,12 @@ class Maximal:
                 wrenches.append((sum_of @ x.force, sum_of @ x.moment))
                 length = 1.0 if direction.startswith("r") else size
                 gap = max(gap, abs(x.position[i] - value) / length)
-                slip = max(slip, abs(sum_of @ x.velocity) * time / length)
+                rate_error = max(rate_error, abs(sum_of @ x.velocity) * time / length)
         if not ball:
             r = p.carried.T @ c.carried @ j.alignment.T
             _, drawn, _ = j.motions(self.frames[j.name])
             gap = max(gap, float(np.abs(turned_by(drawn, angles(drawn, r)) - r).max()))
-        return rows, rest, wrenches, gap, slip
+        return rows, rest, wrenches, gap, rate_error
 
     def _relative(self, j: Joint, sides: dict[str, Side]) -> Relative:
         p, c = sides[j.parent], sides[j.child]
@@ -307,8 +309,8 @@ class Maximal:
         rate = c.pose.u + cross(wc, on_c - c.pose.x) - p.pose.u - cross(wp, on_c - p.pose.x)
         rc, rp = on_c - c.centre, on_p - p.centre
         own = cross(wc, cross(wc, rc)) - cross(wp, cross(wp, rp))
-        carried = cross(wp, cross(wp, gap)) + 2.0 * cross(wp, rate)
-        return Relative(on_c, gap, rate, own - carried, wc - wp)
+        transported = cross(wp, cross(wp, gap)) + 2.0 * cross(wp, rate)
+        return Relative(on_c, gap, rate, own - transported, wc - wp)
 
     @staticmethod
     def _gyration(turns: Array, p: Side, c: Side, spin: Array) -> Array:
@@ -377,7 +379,7 @@ class Maximal:
     ) -> tuple[Array, Array, dict[str, float]]:
         """Masses, what acts on the bodies besides the joints, and the power of each force."""
         mass, h = np.zeros((self.n, self.n)), np.zeros(self.n)
-        for name, i in self.place.items():
+        for name, i in self.offset.items():
             b, side = self.bodies[name], sides[name]
             inertia = side.pose.rotation @ b.inertia @ side.pose.rotation.T
             mass[i : i + 3, i : i + 3] = b.mass * np.eye(3)
@@ -388,7 +390,7 @@ class Maximal:
         for f in self.drawing.forces:
             at = Acting(t, sides, rates, np.zeros(self.n))
             if isinstance(f, Spring):
-                (a, va), (b, vb) = at.place(f.body1, f.point1), at.place(f.body2, f.point2)
+                (a, va), (b, vb) = at.motion_of(f.body1, f.point1), at.motion_of(f.body2, f.point2)
                 along, distance = unit(b - a), float(np.linalg.norm(b - a))
                 tension = f.stiffness * (distance - f.length) + f.damping * (along @ (vb - va))
                 at.push(f.body1, a, tension * along)
@@ -396,7 +398,7 @@ class Maximal:
             elif isinstance(f, Load):
                 force = f.force * np.cos(f.swing * t)
                 force = sides[f.body].pose.rotation @ force if f.axes == "body" else force
-                at.push(f.body, at.place(f.body, f.point)[0], force)
+                at.push(f.body, at.motion_of(f.body, f.point)[0], force)
             elif isinstance(f, Torque):
                 at.along(f.joint, f.coordinate, f.value)
             elif isinstance(f, Torsion):
@@ -419,7 +421,7 @@ class Acting:
     h: Array
     power: float = 0.0
 
-    def place(self, body: str, point: Array) -> tuple[Array, Array]:
+    def motion_of(self, body: str, point: Array) -> tuple[Array, Array]:
         pose = self.sides[body].pose
         arm = pose.rotation @ point
         return pose.x + arm, pose.u + cross(pose.w, arm)

@@ -25,9 +25,9 @@ def drawing_of(m: pt.Mechanism, drives: tuple[Drive, ...] = (), known: Mapping[s
     couplings = tuple(
         reported.get(item["name"]) or Coupling(item["name"], item["kind"], item) for item in spec["couplings"]
     )
-    places = np.array([*(b.position for b in bodies), *(j.point for j in joints)])
+    points = np.array([*(b.position for b in bodies), *(j.point for j in joints)])
     radius = max((c.data["radius"] for c in couplings if c.kind == "roll"), default=0.0)
-    size = max(radius, float(np.linalg.norm(np.ptp(places, axis=0))))
+    size = max(radius, float(np.linalg.norm(np.ptp(points, axis=0))))
     drives = drives or tuple(map(constant_speed, spec["drives"]))
     return Drawing(
         np.array(spec["gravity"]), bodies, joints, tuple(map(force, spec["forces"])), drives,

@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Any
 
 STEP = 0.02
-"""A communication step, if none is said [s]."""
+"""A communication step, if none is given [s]."""
 
 
 class Instance:
-    """One instance of an FMU; `said` is what it logged."""
+    """One instance of an FMU; `messages` is what it logged."""
 
     def __init__(self, path: Path, folder: Path, guid: str | None = None) -> None:
         with zipfile.ZipFile(path) as packed:
@@ -24,13 +24,13 @@ class Instance:
             described = ElementTree.fromstring(packed.read("modelDescription.xml"))
         variables = described.iter("ScalarVariable")
         self.references = {str(x.get("name")): int(str(x.get("valueReference"))) for x in variables}
-        self.said: list[str] = []
+        self.messages: list[str] = []
         kind = ctypes.CFUNCTYPE(
             None, *[ctypes.c_void_p, ctypes.c_char_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_char_p]
         )
 
         def log(_: Any, __: bytes, status: int, category: bytes, message: bytes) -> None:
-            self.said.append(message.decode())
+            self.messages.append(message.decode())
 
         self.logger = kind(log)
         self.callbacks = (ctypes.c_void_p * 5)(ctypes.cast(self.logger, ctypes.c_void_p).value, None, None, None, None)
@@ -60,7 +60,9 @@ class Instance:
     def get(self, *references: int) -> list[float]:
         values = (ctypes.c_double * len(references))()
         count = ctypes.c_size_t(len(references))
-        assert self.call("fmi2GetReal", (ctypes.c_uint * len(references))(*references), count, values) == 0, self.said
+        assert self.call("fmi2GetReal", (ctypes.c_uint * len(references))(*references), count, values) == 0, (
+            self.messages
+        )
         return list(values)
 
     def free(self) -> None:

@@ -156,8 +156,8 @@ fn axis_of(joint: &Joint, axis: Option<[f64; 3]>, which: &str) -> Result<Vec3<f6
     })
 }
 
-/// A body axis this nearly along the axis of a joint does not define the direction across it. Scale: cosine. Reason: 26
-/// degrees, as for the frame of a rod; the other two body axes then stand well across.
+/// A direction this nearly along an axis (of a joint, of a rod) does not define the direction across it. Scale: cosine.
+/// Reason: 26 degrees; two other body axes are then well across.
 const NEARLY_ALONG: f64 = 0.9;
 
 /// Frame whose z is the given axis: x is the x axis of the carrier, projected across z, or its y axis where x is nearly

@@ -410,7 +410,7 @@ fn transmit<G: Space<S = f64>>(
             largest = largest.max(size(moment, force));
             for (node, sign) in [(pushed.nodes[1], -1.0), (pushed.nodes[0], 1.0)] {
                 let link = model.placed.link_of(node);
-                let arm = pushed.unit.place - tree.reference_point(link, s);
+                let arm = pushed.unit.in_world - tree.reference_point(link, s);
                 wrench[link].0 += G::scale_ang(moment + G::moment(arm, force), sign);
                 wrench[link].1 += G::scale(force, sign);
             }
