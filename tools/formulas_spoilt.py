@@ -609,8 +609,8 @@ FORMULAS = (
         "output-in-a-singular-position",
         "a weight of the polynomial through outputs beside it",
         f"{INTEGRATE}/march/outputs.rs",
-        "[1.0, -6.0, 15.0, 15.0, -6.0, 1.0]",
-        "[1.0, -6.0, 15.0, 15.0, -6.0, 1.001]",
+        "{ m * (at - j) / (i - j) }",
+        "{ m * (at - j) / (i - 1.001 * j) }",
         ("python test_trust.py",),
     ),
     Error(

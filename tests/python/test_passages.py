@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -21,6 +22,12 @@ ROUNDING = 1e-10
 def crossed(run: pt.Result) -> int:
     """Singular positions that the notes of a run report."""
     return sum(int(note.split()[0]) for note in run.notes if "were crossed" in note)
+
+
+def times_of(run: pt.Result) -> list[float]:
+    """When, for up to six of them."""
+    notes = [note for note in run.notes if "were crossed" in note]
+    return [float(t) for note in notes for t in re.findall(r"\d+\.\d+", note.split("(t = ")[1].split(")")[0])]
 
 
 def leaning(loops: int, t: Array, rate: float) -> Array:
@@ -133,6 +140,71 @@ def test_a_kaleidocycle_of_eight_hinges_passes_its_positions(coordinates: str) -
         ends.append(run.body("b4").position[-1])
     for rtol, end in zip(tolerances, ends, strict=True):
         assert np.abs(end - ends[-1]).max() < 1e3 * (rtol + ROUNDING)
+
+
+def two_parallelograms(apart: float) -> pt.Mechanism:
+    """Side by side, without forces; the second one is ahead by this angle."""
+    m = pt.Mechanism("two", gravity=(0, 0, 0))
+    for name, x, angle in (("one", 0.0, 1.0), ("two", 5.0, 1.0 + apart)):
+        lift, base = 0.5 * np.array([math.cos(angle), math.sin(angle), 0.0]), np.array([1.0, 0.0, 0.0])
+        a = np.array([x, 0.0, 0.0])
+        points = [a, a + lift, a + lift + base, a + base]
+        rods = [m.add_rod(f"{name} {i}", start=points[i], end=points[i + 1], mass=1.0) for i in range(3)]
+        for joint, parent, child, point in zip(
+            "ABCD", [m.ground, *rods[:-1], m.ground], [*rods, rods[-1]], points, strict=True
+        ):
+            m.add_revolute(f"{name} {joint}", parent, child, point=point)
+    return m
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+@pytest.mark.parametrize("apart", [0.02, 0.1, 0.3])
+def test_two_passages_within_one_step_are_two(coordinates: str, apart: float) -> None:
+    m = two_parallelograms(apart)
+    start = m.assemble(rates={"one A": 2.0, "two A": 2.0}, coordinates=coordinates)
+    # cranks go on at their rate
+    expected = sorted((n * math.pi - angle) / 2.0 for n in (1, 2) for angle in (1.0, 1.0 + apart))
+    # absolute coordinates have redundant rows here; a long ordinary step that passes both unforeseen does not tell them
+    for rtol in TOLERANCES[2 * (coordinates == "absolute") :]:
+        run = m.simulate(2.9, initial=start, coordinates=coordinates, rtol=rtol, atol=0.01 * rtol, t_eval=[0.0, 2.9])
+        assert run.success, (rtol, run.message)
+        found = times_of(run)
+        assert len(found) == 4 and np.abs(np.array(found) - expected).max() < 2e-3, (rtol, found, expected)
+        turned = [np.ptp(run.joint(f"{name} A").position[:, 0]) for name in ("one", "two")]
+        assert np.abs(np.array(turned) - 5.8).max() < 100 * (rtol + ROUNDING)
+
+
+LEANING = {"at": [6.70822, 9.3146, 11.70907, 13.56353, 14.25781], "end": [-4.725259, 1.253791, -8.163168]}
+"""A ring of eight hinges that lean by 1 rad, after 15 s: by integration of the three angles that its symmetry leaves.
+At all these times but the second two singular values vanish, at the last one as the square of the time left."""
+
+
+def test_positions_in_which_two_singular_values_vanish_are_located() -> None:
+    m = kaleidocycle(8, 1.0)
+    start = m.assemble({"h1": 0.15, "h3": 0.05}, rates={"h1": 0.7, "h3": 0.7})
+    for rtol in (1e-4, 1e-6, 1e-8):
+        run = m.simulate(15.0, initial=start, rtol=rtol, atol=0.01 * rtol, t_eval=[0.0, 15.0])
+        assert run.success, (rtol, run.message)
+        found = times_of(run)
+        assert len(found) == 5 and np.abs(np.array(found) - LEANING["at"]).max() < 4e-3, (rtol, found)
+        end = np.array([run.joint(name).position[-1, 0] for name in ("h0", "h1", "h3")])
+        assert np.abs(end - LEANING["end"]).max() < 100 * (rtol + 1e-8)
+
+
+def test_a_stop_at_a_passage_advises_what_a_step_of_the_run_has_shown() -> None:
+    m = kaleidocycle(8, 1.0)
+    start = m.assemble({"h1": 0.15, "h3": 0.05}, rates={"h1": 0.7, "h3": 0.7})
+    run = m.simulate(15.0, initial=start, rtol=1e-10, atol=1e-12, t_eval=[0.0, 15.0])
+    assert not run.success and run.status == "singular"
+    # where: next to which position, which joint, and how often it was tried
+    assert re.search(r"t = 14\.25\d*, where branches meet \(h5\.. depends on the other constraints", run.message)
+    advised = re.search(
+        r"of 9 steps across it misses by [\d.]+ times the tolerance.*repeat with rtol = (1e-\d+)", run.message
+    )
+    assert advised, run.message
+    rtol = float(advised.group(1))
+    again = m.simulate(15.0, initial=start, rtol=rtol, atol=0.01 * rtol, t_eval=[0.0, 15.0])
+    assert again.success and crossed(again) == 5
 
 
 @pytest.mark.parametrize("coordinates", ["relative", "absolute"])

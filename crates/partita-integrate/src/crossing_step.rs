@@ -25,13 +25,14 @@ const LONGER: f64 = 1.3;
 const BEYOND: f64 = 1.25;
 /// Lengths that are looked at for one whose nodes keep clear of a position.
 const LENGTHS_TRIED: usize = 60;
-/// How clear the nodes of a step of length h keep of a position `ahead`, by all rules but the last, which are seldom used.
-fn clearance(h: f64, ahead: f64) -> f64 {
-    RULES[..USUAL].iter().flat_map(|nodes| &nodes.c).fold(f64::INFINITY, |m: f64, c| m.min((c * h - ahead).abs()))
+/// How clear the nodes of a step of length h keep of positions `ahead`, by all rules but the last, which are seldom used.
+fn clearance(h: f64, ahead: &[f64]) -> f64 {
+    let nodes = || RULES[..USUAL].iter().flat_map(|nodes| &nodes.c);
+    ahead.iter().flat_map(|ahead| nodes().map(move |c| (c * h - ahead).abs())).fold(f64::INFINITY, f64::min)
 }
 
-/// The length between both that keeps clearest of a position `ahead`.
-fn clearest(shortest: f64, longest: f64, ahead: f64) -> f64 {
+/// The length between both that keeps clearest of positions `ahead`.
+fn clearest(shortest: f64, longest: f64, ahead: &[f64]) -> f64 {
     let tried = (0..=LENGTHS_TRIED).map(|i| shortest + (longest - shortest) * i as f64 / LENGTHS_TRIED as f64);
     tried.fold(longest, |best, h| if clearance(h, ahead) > clearance(best, ahead) { h } else { best })
 }
@@ -45,7 +46,7 @@ fn lengths(ahead: f64, whole: f64, rest: f64) -> Vec<f64> {
         let (longest, shortest) = ((pair[0] * whole).max(least), (pair[1] * whole).max(least));
         if longest > shortest || lengths.is_empty() {
             let longest = longest.min(rest);
-            lengths.push(clearest(shortest.min(longest), longest, ahead));
+            lengths.push(clearest(shortest.min(longest), longest, &[ahead]));
         }
     }
     lengths
@@ -73,6 +74,8 @@ pub struct CrossingStep {
     tolerances: Vec<f64>,
     allowed: Vec<f64>,
     stages: Option<Stages>,
+    /// The least error of the steps that failed since the last one that was taken, in tolerances.
+    least_error: f64,
     counters: Counters,
 }
 
@@ -97,8 +100,19 @@ impl CrossingStep {
             tolerances: zeros(),
             allowed: zeros(),
             stages: None,
+            least_error: f64::INFINITY,
             counters: Counters::default(),
         }
+    }
+
+    /// The least error of the steps that failed since the last one that was taken, in tolerances.
+    pub fn least_error(&self) -> f64 {
+        self.least_error
+    }
+
+    /// Whether the attempted step has a polynomial, exact or not.
+    pub fn has_polynomial(&self) -> bool {
+        self.stages.is_some()
     }
 
     /// Plan a step from `t_old` across the position at `zero`; `whole` is the length that has served, `longest` the
@@ -107,17 +121,23 @@ impl CrossingStep {
         let (ahead, rest) = (zero - self.t_old, t_end - self.t_old);
         self.lengths = lengths(ahead, whole, rest);
         self.longest = lengths(ahead, longest, rest)[0];
+        if tries == 0 {
+            self.least_error = f64::INFINITY;
+        }
         let first = tries % self.lengths.len();
         self.lengths.rotate_left(first);
         self.t_end = t_end;
     }
 
-    /// The attempted step crosses the position at `zero`: plan another one if that lies close to a node. True if so.
-    pub fn aim_again(&mut self, zero: f64) -> bool {
-        let (h, ahead) = (self.t_new - self.t_old, zero - self.t_old);
-        let better =
-            clearest((0.7 * h).max(BEYOND * ahead), (1.3 * h).max(BEYOND * ahead), ahead).min(self.t_end - self.t_old);
-        let poor = clearance(h, ahead) < tolerance::MUCH_SMALLER * clearance(better, ahead);
+    /// The attempted step crosses the positions at `zeros`: plan another one if one of them lies close to a node. True if
+    /// so.
+    pub fn aim_again(&mut self, zeros: &[f64]) -> bool {
+        let (h, t) = (self.t_new - self.t_old, self.t_old);
+        let ahead: Vec<f64> = zeros.iter().map(|zero| zero - t).collect();
+        let Some(last) = ahead.last() else { return false };
+        let (shortest, longest) = ((0.7 * h).max(BEYOND * last), (1.3 * h).max(BEYOND * last));
+        let better = clearest(shortest, longest, &ahead).min(self.t_end - t);
+        let poor = clearance(h, &ahead) < tolerance::MUCH_SMALLER * clearance(better, &ahead);
         if poor {
             self.lengths.clear();
             self.lengths.push(better);
@@ -277,6 +297,7 @@ impl StepControl for CrossingStep {
         self.t_old = self.t_new;
         std::mem::swap(&mut self.y_old, &mut self.y_new);
         std::mem::swap(&mut self.dy_old, &mut self.dy_new);
+        self.least_error = f64::INFINITY;
         self.counters.steps += 1;
     }
     fn reject(&mut self, factor: f64) {
@@ -308,6 +329,7 @@ impl<E: Display> Stepper<E> for CrossingStep {
     fn attempt(&mut self, ode: &mut dyn Ode<Error = E>) -> Result<(), StepFailure<E>> {
         let (t, rest) = (self.t_old, self.t_end - self.t_old);
         let (mut best, mut last): (Option<Solved>, _) = (None, None);
+        let mut nearest: Option<Solved> = None;
         let mut next = self.lengths.first().copied();
         let mut i = 0;
         while let Some(h) = next.map(|h| h.min(rest)) {
@@ -321,6 +343,11 @@ impl<E: Display> Stepper<E> for CrossingStep {
                             .map_or(if self.rounded { tolerance::CLEARLY } else { 1.0 }, |best| best.beyond) =>
                 {
                     best = Some(found)
+                }
+                Ok(Some(found)) if found.error.is_finite() => {
+                    if nearest.as_ref().is_none_or(|nearest| found.error < nearest.error) {
+                        nearest = Some(found);
+                    }
                 }
                 Ok(_) => {}
                 Err((_, RhsError::Retry(error))) => last = Some(error),
@@ -338,6 +365,12 @@ impl<E: Display> Stepper<E> for CrossingStep {
         }
         let h = self.lengths.first().copied().unwrap_or(0.0);
         let Some(Solved { stages, error, .. }) = best else {
+            // not exact enough, but its polynomial shows where the position is
+            if let Some(nearest) = &nearest {
+                self.least_error = self.least_error.min(nearest.error);
+                self.t_new = t + nearest.stages.h;
+            }
+            self.stages = nearest.map(|nearest| nearest.stages);
             return Err(StepFailure::TooSmall { t, h, last });
         };
         self.counters.lenient += u64::from(error > 1.0);
@@ -382,7 +415,7 @@ mod tests {
             let found = lengths(ahead, 1.0, f64::MAX);
             assert!(found.windows(2).all(|pair| pair[1] < pair[0]), "{ahead}: {found:?}");
             for h in found {
-                let clear = clearance(h, ahead) > 5e-3 * h;
+                let clear = clearance(h, &[ahead]) > 5e-3 * h;
                 assert!(clear && h >= 1.25 * ahead && (0.2..=1.25).contains(&h), "{ahead}: {h}");
             }
         }

@@ -8,7 +8,7 @@ pub enum StepFailure<E: Display> {
     /// The step became shorter than the time can resolve.
     #[error(
         "the step size fell to {} at t = {t} without an acceptable step{}; \
-         look for a singular configuration or a jump in the forces near this time, or loosen rtol and atol",
+         look for a singular position or a jump in the forces near this time",
         partita_math::formatted(*h), reason(.last)
     )]
     TooSmall {

@@ -19,6 +19,7 @@ pub mod ode;
 pub mod options;
 pub mod simulate;
 pub mod singular_start;
+mod singular_times;
 pub mod step_size;
 pub mod stepper;
 pub mod tableau;

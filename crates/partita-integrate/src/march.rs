@@ -11,8 +11,10 @@ use crate::failure::StepFailure;
 use crate::method::Method;
 use crate::ode::{Ode, RhsError};
 use crate::options::{AbsoluteTolerance, Options, OptionsError};
+use crate::singular_times;
 use crate::stepper::{Conclusion, StepControl, StepPlan, Stepper};
 use partita_math::tolerance;
+use partita_system::error::CrossingOutcome;
 use partita_system::formulation::{Formulation, Pace, PrescribedLevel, Step, Verdict};
 use partita_system::guards::Look;
 use partita_system::record::Output;
@@ -113,8 +115,9 @@ pub struct March {
     /// Steps across singular positions, and whether the next one is of them.
     crossing: CrossingStep,
     crosses: bool,
-    /// Where the step under way crosses one.
-    located: Option<f64>,
+    /// When the step under way is in one, and whether it was searched for them.
+    located: Vec<f64>,
+    searched: bool,
     /// Length of the next step as the stepper would have it.
     proposed: f64,
     /// Whether the step length is controlled by the error.
@@ -134,8 +137,8 @@ pub struct March {
 /// Attempts for each step of a tick: a choice of coordinates that has become poor is renewed and the step repeated.
 const ATTEMPTS: u32 = 4;
 
-/// Evaluations by which it is located, at the most.
-const LOCATING: usize = 12;
+/// Largest relative tolerance that is advised. Scale: relative. Reason: two digits are the least that a run is worth.
+const LOOSEST: f64 = 1e-2;
 
 impl March {
     /// For a formulation with nq coordinates, by a method with these options; their `controlled` is the formulation's.
@@ -163,7 +166,8 @@ impl March {
             stepper,
             crossing,
             crosses: false,
-            located: None,
+            located: Vec::new(),
+            searched: false,
             proposed: 0.0,
             free,
             t: 0.0,
@@ -278,47 +282,49 @@ impl March {
     /// Attempt the step under way. Where it crosses a singular position, that is located on the polynomial of the step, and
     /// the step taken anew if a node came close to it.
     fn attempt<F: Formulation>(&mut self, formulation: &mut F) -> Result<(), StepFailure<SystemError>> {
-        self.located = None;
+        self.searched = false;
+        self.located.clear();
         if !self.crosses {
             return self.stepper.attempt(&mut Adapter(formulation));
         }
-        self.crossing.attempt(&mut Adapter(formulation))?;
-        self.located = self.locate(formulation);
-        match self.located {
-            Some(zero) if self.crossing.aim_again(zero) => {
-                self.crossing.attempt(&mut Adapter(formulation))?;
-                self.located = self.locate(formulation);
-                Ok(())
-            }
-            _ => Ok(()),
+        let attempted = self.crossing.attempt(&mut Adapter(formulation));
+        // one that was not exact enough tells where the position is, too
+        if !matches!(attempted, Ok(()) | Err(StepFailure::TooSmall { .. })) || !self.crossing.has_polynomial() {
+            return attempted;
         }
+        self.locate_crossing(formulation);
+        if !self.crossing.aim_again(&self.located) {
+            return attempted;
+        }
+        let again = self.crossing.attempt(&mut Adapter(formulation));
+        if again.is_ok() {
+            self.locate_crossing(formulation);
+        }
+        again
     }
 
-    /// The root of the signed volume of the choice on the polynomial of the crossing step, if it changes its sign there.
-    fn locate<F: Formulation>(&mut self, formulation: &mut F) -> Option<f64> {
-        let (from, to) = (self.crossing.current().t_old, self.crossing.current().t_new);
+    /// Locate the singular positions on the polynomial of the crossing step.
+    fn locate_crossing<F: Formulation>(&mut self, formulation: &mut F) {
+        let ends = (self.crossing.current().t_old, self.crossing.current().t_new);
         let mut side = |t: f64| {
             self.crossing.polynomial(t, &mut self.buffer);
             formulation.side(t, &self.buffer)
         };
-        let (mut one, mut two) = ((from, side(from)?), (to, side(to)?));
-        if one.1 <= 0.0 || two.1 >= 0.0 {
-            return None;
+        self.searched = singular_times::find(ends, &mut side, &mut self.located);
+    }
+
+    /// Locate those that an ordinary step passed, on its dense output. True if it was not to pass them.
+    fn locate_passed<F: Formulation>(&mut self, formulation: &mut F) -> bool {
+        if self.crosses || !formulation.may_have_passed() {
+            return false;
         }
-        // false position, an end that stays halved
-        let mut zero = from;
-        for _ in 0..LOCATING {
-            let last = std::mem::replace(&mut zero, one.0 + (two.0 - one.0) * one.1 / (one.1 - two.1));
-            if (zero - last).abs() < tolerance::AT_SINGULARITY * (to - from) {
-                break;
-            }
-            match side(zero) {
-                Some(here) if here > 0.0 => (one, two.1) = ((zero, here), 0.5 * two.1),
-                Some(here) => (two, one.1) = ((zero, here), 0.5 * one.1),
-                None => break, // in the position itself
-            }
-        }
-        Some(zero)
+        let ends = (self.stepper.current().t_old, self.stepper.current().t_new);
+        let mut side = |t: f64| {
+            self.stepper.interpolate(&mut Adapter(formulation), t, &mut self.buffer).ok()?;
+            formulation.side(t, &self.buffer)
+        };
+        self.searched = singular_times::find(ends, &mut side, &mut self.located);
+        !self.located.is_empty() && self.free && formulation.passed_unforeseen()
     }
 
     /// What takes the step under way.
@@ -336,11 +342,35 @@ impl March {
         outputs: &mut Outputs,
         watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
     ) -> Result<Status, StepFailure<SystemError>> {
-        let ended = self.steps(formulation, outputs, watch);
+        let ended = self.steps(formulation, outputs, watch).map_err(|failure| self.explained(formulation, failure));
         let reached = self.stepper.current();
         self.t = reached.t_old;
         self.y.copy_from_slice(reached.y_old);
         ended
+    }
+
+    /// Where no step led across a singular position: that this is the cause, and the accuracy that rounding left to the
+    /// best of them.
+    fn explained<F: Formulation>(
+        &self,
+        formulation: &F,
+        mut failure: StepFailure<SystemError>,
+    ) -> StepFailure<SystemError> {
+        let off = self.crossing.least_error();
+        let enough = 10f64.powf((off * self.tolerance).log10().ceil());
+        if let StepFailure::Rhs { error, .. } | StepFailure::TooSmall { last: Some(error), .. } = &mut failure {
+            if let SystemError::Singular { t, .. } = *error {
+                if let Some(failed) = formulation.crossing_failed(t) {
+                    *error = failed;
+                }
+            }
+            if let SystemError::Crossing { outcome: outcome @ CrossingOutcome::Unsolved, .. } = error {
+                if off > 1.0 && enough < LOOSEST {
+                    *outcome = CrossingOutcome::Inaccurate { off, enough };
+                }
+            }
+        }
+        failure
     }
 
     fn steps<F: Formulation>(
@@ -425,6 +455,11 @@ impl March {
             }
             if let Some(t) = self.free.then(|| formulation.breakpoint_within(self.tolerance)).flatten() {
                 self.active().end_at(t);
+                continue;
+            }
+            if self.locate_passed(formulation) {
+                self.stepper.reject(0.5);
+                self.commit(formulation, Verdict::Repeat)?;
                 continue;
             }
             match self.shortened(formulation) {
@@ -533,7 +568,8 @@ impl March {
         let next = if self.crosses || verdict != Verdict::Repeat { self.proposed } else { step.next };
         let mut pace = Pace { next, across: None };
         let (y, dy, turns) = (&mut self.buffer[..], &mut self.slope[..], &mut self.output.turns[..]);
-        let mut step = Step { t, y, dy, turns, pace: free.then_some(&mut pace), located: self.located.take() };
+        let located = self.searched.then_some(&self.located[..]);
+        let mut step = Step { t, y, dy, turns, pace: free.then_some(&mut pace), located };
         let rewritten = formulation.commit(verdict, &mut step);
         let now = step.t;
         if rewritten.map_err(|error| StepFailure::Rhs { t, error })? {

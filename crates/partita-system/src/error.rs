@@ -6,6 +6,22 @@ use thiserror::Error;
 /// An invalid request, or a failed evaluation.
 pub type Result<T, E = SystemError> = std::result::Result<T, E>;
 
+/// What the steps across a singular position led to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum CrossingOutcome {
+    /// After them the velocities were those of another branch.
+    Jumped,
+    /// Their equations had no solution.
+    Unsolved,
+    /// None was accurate enough.
+    Inaccurate {
+        /// Error of the most accurate one, in tolerances.
+        off: f64,
+        /// The relative tolerance that it meets.
+        enough: f64,
+    },
+}
+
 /// Why a system could not be evaluated.
 #[derive(Debug, Error)]
 pub enum SystemError {
@@ -226,16 +242,16 @@ pub enum SystemError {
         message: String,
     },
     /// No step led across a singular position on the branch of the motion.
-    #[error(
-        "the mechanism crosses a singular position at t = {t}, where branches meet, and none of {tries} steps \
-         across it continued the velocities; repeat with rtol = 1e-6 where it was tighter, or with a hundredth of it where \
-         it was looser, start from a slightly different state, or use another formulation"
-    )]
+    #[error("{}", not_crossed(*t, *tries, row, *outcome))]
     Crossing {
         /// Time.
         t: f64,
         /// Steps tried.
         tries: usize,
+        /// Name of the constraint that depends most on the others there.
+        row: Box<str>,
+        /// What these steps led to.
+        outcome: CrossingOutcome,
     },
     /// A loop cannot close for these values of its inputs.
     #[error("{}", limit(block, *t, *shortfall))]
@@ -400,6 +416,30 @@ fn jammed(friction: &str, joint: &str, coefficient: f64, returned: f64, several:
 /// Six digits of a time, for messages.
 pub fn six_digits(x: f64) -> f64 {
     format!("{x:.5e}").parse().unwrap_or(x)
+}
+
+fn not_crossed(t: f64, tries: usize, row: &str, outcome: CrossingOutcome) -> String {
+    let place = format!(
+        "the mechanism crosses a singular position at t = {}, where branches meet ({row} depends on the other \
+         constraints there)",
+        six_digits(t)
+    );
+    let other = "where in a step the position lies depends on rtol, method and coordinates, and on the initial state: \
+                 change one of them";
+    let steps = match tries {
+        0 => "the next step".to_string(),
+        1 => "one step across it".to_string(),
+        _ => format!("{tries} steps across it, of different lengths and from different starts,"),
+    };
+    match outcome {
+        CrossingOutcome::Jumped => format!("{place}: after {steps} the velocities jump to another branch; {other}"),
+        CrossingOutcome::Unsolved => format!("{place}: {steps} led to no solution; {other}"),
+        CrossingOutcome::Inaccurate { off, enough } => format!(
+            "{place}: the most accurate of {tries} steps across it misses by {} times the tolerance, since next to the \
+             position round-off is amplified; repeat with rtol = {enough:.0e}, for which that step is accurate enough",
+            formatted(off)
+        ),
+    }
 }
 
 fn limit(block: &str, t: f64, shortfall: f64) -> String {

@@ -98,6 +98,9 @@ def folding(rng: np.random.Generator) -> FourBar:
 FULL = ("multipliers", "sparse-multipliers", "range-space", "proximal", "baumgarte")
 """Forms that integrate all velocities: a step over a position in which branches meet may end on either."""
 
+CLOSED = ("wehage-haug", "tangent-space", "explicit-closing")
+"""Forms in 2k states: a loop that is closed in every evaluation has two solutions next to a singular position."""
+
 FAMILIES: dict[str, Callable[[np.random.Generator], FourBar]] = {
     "parallelogram": crossed,
     "crossed parallelogram": crossed,

@@ -4,8 +4,8 @@ use super::{Balance, Prepared, Request};
 use crate::error::AnalysisError;
 use partita_integrate::options::Options;
 use partita_integrate::simulate::{simulate, Settings, Status};
-use partita_system::formulation::FormulationSteps;
 use partita_system::formulation::{Formulation, PrescribedRows, Step, Verdict};
+use partita_system::formulation::{FormulationSteps, SingularSteps};
 use partita_system::options::TangentMap;
 use partita_system::record::{History, Output, PartitionEvent, Sample};
 use partita_system::SystemError;
@@ -66,6 +66,8 @@ impl FormulationSteps for Noted<'_> {
         self.formulation.history()
     }
 }
+
+impl SingularSteps for Noted<'_> {}
 
 impl PrescribedRows for Noted<'_> {}
 

@@ -13,6 +13,9 @@ pub type Sink<'s> = &'s mut dyn FnMut(&Output) -> Result<(), SystemError>;
 /// Outputs in singular positions are taken from others at this distance. Unit: fraction of the step. Reason: far enough
 /// for those to be exact, and so near that the polynomial through them is.
 const OUTPUTS_BESIDE: f64 = 1.0 / 80.0;
+/// Places of those others on both sides. Unit: multiples of that distance. Reason: the polynomial through six is exact to
+/// the sixth power of it.
+const PLACES_BESIDE: [f64; 6] = [-3.0, -2.0, -1.0, 1.0, 2.0, 3.0];
 
 /// Outputs requested before the end.
 pub struct Outputs<'o> {
@@ -56,28 +59,38 @@ impl March {
             stepper.interpolate(&mut Adapter(formulation), t, y)?;
             formulation.state_at(t, y, out).map_err(|error| StepFailure::Rhs { t, error })
         };
+        let beside = (to - from) * OUTPUTS_BESIDE;
+        let near = self.located.iter().copied().find(|zero| (t - zero).abs() < beside);
         let failed = match state(t, &mut self.output) {
-            Ok(()) if !self.output.singular => return Ok(()),
+            Ok(()) if !self.output.singular && near.is_none() => return Ok(()),
             Ok(()) => None,
-            Err(StepFailure::Rhs { t, error }) if is_of_a_position(&error) => Some(StepFailure::Rhs { t, error }),
+            Err(StepFailure::Rhs { t, error }) if is_of_a_position(&error) || (near.is_some() && error.is_local()) => {
+                Some(StepFailure::Rhs { t, error })
+            }
             Err(other) => return Err(other),
         };
-        // In a singular position q_D and v_D are quotients 0 / 0, although the motion is smooth: they are taken from
-        // the polynomial through three positions on either side, with an error of the sixth power of their distance.
-        let apart = ((t - from) / 3.0).min((to - t) / 3.0).min((to - from) * OUTPUTS_BESIDE);
+        // In a singular position q_D and v_D are quotients 0 / 0, and next to it what is off is divided by the distance,
+        // although the motion is smooth: they are taken from the polynomial through three positions on either side, with
+        // an error of the sixth power of their distance.
+        let singular = failed.is_some() || self.output.singular;
+        let centre = near.filter(|zero| *zero - beside > from && zero + beside < to).unwrap_or(t);
+        let apart = ((centre - from) / 3.0).min((to - centre) / 3.0).min(beside);
+        let at = (t - centre) / apart.max(f64::MIN_POSITIVE);
         let (mut side, mut q, mut v, mut work) = (Output::default(), Vec::new(), Vec::new(), 0.0);
-        for (i, weight) in [-3.0, -2.0, -1.0, 1.0, 2.0, 3.0].into_iter().zip([1.0, -6.0, 15.0, 15.0, -6.0, 1.0]) {
-            if let Err(beside) = state(t + i * apart, &mut side) {
+        for i in PLACES_BESIDE {
+            if let Err(beside) = state(centre + i * apart, &mut side) {
                 return Err(failed.unwrap_or(beside));
             }
+            let weight = |m: f64, j: f64| if j == i { m } else { m * (at - j) / (i - j) };
+            let weight = PLACES_BESIDE.into_iter().fold(1.0, weight);
             q.resize(side.q.len(), 0.0);
             v.resize(side.v.len(), 0.0);
-            q.iter_mut().zip(&side.q).for_each(|(to, x)| *to += weight / 20.0 * x);
-            v.iter_mut().zip(&side.v).for_each(|(to, x)| *to += weight / 20.0 * x);
-            work += weight / 20.0 * side.work;
+            q.iter_mut().zip(&side.q).for_each(|(to, x)| *to += weight * x);
+            v.iter_mut().zip(&side.v).for_each(|(to, x)| *to += weight * x);
+            work += weight * side.work;
         }
         self.output.set(t, &q, &v, work);
-        (self.output.choice, self.output.singular) = (side.choice, true);
+        (self.output.choice, self.output.singular) = (side.choice, singular);
         Ok(())
     }
 

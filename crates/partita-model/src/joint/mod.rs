@@ -134,6 +134,11 @@ impl Shape {
     pub fn dof(&self) -> usize {
         self.motions.iter().map(Motion::velocities).sum()
     }
+    /// Degrees of freedom that its conditions leave its two bodies, in space: those of its motions, less what conditions
+    /// of its own take; a joint that is always cut has no motions of its own.
+    pub fn mobility(&self) -> usize {
+        6 - self.conditions()
+    }
     /// The motion that velocity `i` belongs to.
     pub fn motion_of(&self, i: usize) -> Option<Motion> {
         self.motions.iter().flat_map(|m| std::iter::repeat_n(*m, m.velocities())).nth(i)

@@ -7,6 +7,7 @@ mod applied;
 mod augmented;
 mod wrench;
 
+pub(crate) use wrench::with_along;
 pub use wrench::{wrench_of_efforts, Wrench};
 
 use crate::evaluator::{Engine, Evaluator, Scratch};
@@ -19,7 +20,6 @@ use applied::Applied;
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Embedding, Mat3, Planar, Spatial, Vec3};
 use partita_system::SystemError;
-use wrench::with_along;
 
 fn lift<S: Scalar>(x: Vec3<f64>) -> Vec3<S> {
     Vec3::from_f64(x.0)

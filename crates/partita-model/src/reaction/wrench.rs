@@ -72,7 +72,7 @@ fn replace<S: Scalar>(x: Vec3<S>, axes: &[Vec3<S>], wanted: &[S]) -> Vec3<S> {
 }
 
 /// `w` with its components along the free axes of a joint replaced by those wanted of each.
-pub(super) fn with_along<S: Scalar>(axes: &[(bool, Vec3<S>)], w: &Wrench<S>, wanted: impl Fn(usize) -> S) -> Wrench<S> {
+pub(crate) fn with_along<S: Scalar>(axes: &[(bool, Vec3<S>)], w: &Wrench<S>, wanted: impl Fn(usize) -> S) -> Wrench<S> {
     let along = |x: Vec3<S>, turns: bool| {
         let (mut lines, mut efforts, mut n) = ([Vec3::zero(); 3], [S::zero(); 3], 0);
         for (i, a) in axes.iter().enumerate().filter(|(_, a)| a.0 == turns) {

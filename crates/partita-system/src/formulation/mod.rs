@@ -24,8 +24,18 @@ pub struct Step<'a> {
     pub turns: &'a mut [i32],
     /// The control of the next steps, if it can be changed; `None` for fixed steps.
     pub pace: Option<&'a mut Pace>,
-    /// When C_D was singular in the step that was taken, where the march has located that.
-    pub located: Option<f64>,
+    /// When C_D was singular in the step that was taken, or in the attempt that failed, in the order of time; `None`
+    /// where the march has not searched it.
+    pub located: Option<&'a [f64]>,
+}
+
+/// Where a position lies with respect to the singular ones.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Side {
+    /// Distance from singular in natural scales, of this choice.
+    pub distance: f64,
+    /// Number of blocks of C_D that are on another side than at the start of the step.
+    pub changed: usize,
 }
 
 /// Natural sizes of q (nq): those of the velocities they are integrals of, 1 for quaternions.
@@ -91,6 +101,23 @@ pub trait FormulationSteps {
     }
 }
 
+/// Singular positions within steps.
+pub trait SingularSteps {
+    /// The error of a singular position at t, if steps across it were tried in vain.
+    fn crossing_failed(&self, _t: f64) -> Option<SystemError> {
+        None
+    }
+    /// Whether the step of the last `trial_end` may have passed a singular position: C_D changed sides over it, or the
+    /// distances at its ends are so small that it may have done so twice.
+    fn may_have_passed(&self) -> bool {
+        false
+    }
+    /// One was found in that step, which was not made for it. True if it is to be repeated by one that is.
+    fn passed_unforeseen(&mut self) -> bool {
+        false
+    }
+}
+
 /// Level at which a row that prescribes a motion is compared with its derivatives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PrescribedLevel {
@@ -134,7 +161,7 @@ pub trait PrescribedRows {
 }
 
 /// A rule that turns S1-S5 into `y' = f(t, y)` and back; `derivative` is called at any point near the motion.
-pub trait Formulation: FormulationSteps + PrescribedRows {
+pub trait Formulation: FormulationSteps + SingularSteps + PrescribedRows {
     /// Length of y.
     fn dim(&self) -> usize;
     /// Number of leading components of y whose error is controlled.
@@ -153,9 +180,8 @@ pub trait Formulation: FormulationSteps + PrescribedRows {
     }
     /// `y' = f(t, y)`.
     fn derivative(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<()>;
-    /// The signed volume of the choice at (t, y) inside the current step: the distance from a singular position, negative
-    /// beyond it. `None` where the sides cannot be compared.
-    fn side(&mut self, _t: f64, _y: &[f64]) -> Option<f64> {
+    /// The side at (t, y) inside the current step. `None` where sides cannot be compared.
+    fn side(&mut self, _t: f64, _y: &[f64]) -> Option<Side> {
         None
     }
     /// Closed position, velocities and work at (t, y), y near the motion; about the cost of an evaluation.
@@ -223,6 +249,18 @@ impl<F: Formulation + ?Sized> FormulationSteps for Box<F> {
     }
 }
 
+impl<F: Formulation + ?Sized> SingularSteps for Box<F> {
+    fn crossing_failed(&self, t: f64) -> Option<SystemError> {
+        (**self).crossing_failed(t)
+    }
+    fn may_have_passed(&self) -> bool {
+        (**self).may_have_passed()
+    }
+    fn passed_unforeseen(&mut self) -> bool {
+        (**self).passed_unforeseen()
+    }
+}
+
 impl<F: Formulation + ?Sized> PrescribedRows for Box<F> {
     fn prescribed_gap(&self, level: PrescribedLevel, tolerances: (f64, f64)) -> Option<PrescribedGap> {
         (**self).prescribed_gap(level, tolerances)
@@ -239,7 +277,7 @@ impl<F: Formulation + ?Sized> Formulation for Box<F> {
     fn set_out(&mut self, step: &mut Step) -> Result<()> {
         (**self).set_out(step)
     }
-    fn side(&mut self, t: f64, y: &[f64]) -> Option<f64> {
+    fn side(&mut self, t: f64, y: &[f64]) -> Option<Side> {
         (**self).side(t, y)
     }
     fn dim(&self) -> usize {

@@ -15,7 +15,7 @@ mod steps;
 
 pub use combinations::*;
 
-use super::{Formulation, Step};
+use super::{Formulation, Side, Step};
 use crate::breakpoints::Watched;
 use crate::error::Result;
 use crate::guards::GuardMonitor;
@@ -171,12 +171,15 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         self.begin();
         self.plan_ahead(step).map(drop)
     }
-    fn side(&mut self, t: f64, y: &[f64]) -> Option<f64> {
+    fn side(&mut self, t: f64, y: &[f64]) -> Option<Side> {
         self.moved = true;
-        let factored = self.positions.locate(&mut self.tangent, t, y, self.monitor.crosses_next).ok()?;
-        self.tangent.tangent(t, self.positions.q(), factored).ok()?;
+        let found = match self.monitor.judged {
+            true => self.positions.output(&mut self.tangent, t, y),
+            false => self.positions.locate(&mut self.tangent, t, y, self.monitor.crosses_next),
+        };
+        self.tangent.tangent(t, self.positions.q(), found.ok()?).ok()?;
         let (distance, _) = self.tangent.margin()?;
-        self.monitor.side(self.tangent.seen()).map(|side| side * distance)
+        self.monitor.changed(self.tangent.seen()).map(|changed| Side { distance, changed })
     }
     fn dim(&self) -> usize {
         self.place_of_prescribed() + self.prescribed.count()

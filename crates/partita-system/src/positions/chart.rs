@@ -18,17 +18,18 @@
 //! four factorisations of [S; C] per evaluation, of C_D and of S Dᵀ each. Nonholonomic rows have no positions to
 //! parametrise and are refused.
 
+use super::continuity::Continuity;
 use super::{turns, Positions};
 use crate::error::Result;
 use crate::manifold::kept_rows::TO_ROUND_OFF;
-use crate::manifold::{close, ClosureError, Linearization, Part, Residuals, Room, Rule};
+use crate::manifold::{close, Closed, ClosureError, Linearization, Part, Residuals, Room, Rule};
 use crate::options::Renew;
 use crate::positions::PositionSteps;
 use crate::record::History;
 use crate::record::Verdict;
 use crate::system::{ConstrainedSystem, SystemError};
 use crate::tangent::frozen::Frozen;
-use crate::tangent::TangentLevels;
+use crate::tangent::{TangentClosing, TangentLevels};
 use partita_math::dense;
 use partita_math::tolerance;
 
@@ -45,6 +46,15 @@ const FAR_TURN: f64 = std::f64::consts::FRAC_PI_2;
 /// way to where the rate is unbounded.
 const TOO_FAR_TURN: f64 = 1.5 * std::f64::consts::PI;
 
+/// How a position is predicted.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Prediction {
+    /// Ahead of the last step.
+    Ahead,
+    /// Inside the step that was judged: its end is known too.
+    Inside,
+}
+
 /// Coordinates p (k states) of a tangent chart.
 pub struct Chart {
     renew: Renew,
@@ -56,6 +66,9 @@ pub struct Chart {
     delta: Vec<f64>,
     accepted: Vec<f64>,
     trial: Vec<f64>,
+    /// Velocities from which Δ is predicted, and that may not jump.
+    continuity: Continuity,
+    vdot: Vec<f64>,
     q: Vec<f64>,
     w: Vec<f64>,
     /// Residual of w.
@@ -83,6 +96,8 @@ impl Chart {
             delta: vec![0.0; n],
             accepted: vec![0.0; n],
             trial: vec![0.0; n],
+            continuity: Continuity::default(),
+            vdot: vec![0.0; n],
             q: vec![0.0; size.nq],
             w: vec![0.0; k],
             miss: vec![0.0; k],
@@ -99,19 +114,22 @@ impl Chart {
         SystemError::Basis { name: "gram-schmidt".into(), t, reason }
     }
 
-    /// Find q for p, starting from the end of the last step; evaluates the levels and the factors of [S; C] there.
-    fn find<S: ConstrainedSystem>(&mut self, x: &mut Frozen<S>, t: f64, p: &[f64]) -> Result<()> {
+    /// Find q for p, starting from its prediction by the velocities, which is nearest where solutions meet, or else from
+    /// the end of the last step; evaluates the levels and the factors of [S; C] there.
+    fn find<S: ConstrainedSystem>(&mut self, x: &mut Frozen<S>, t: f64, p: &[f64], at: Prediction) -> Result<()> {
         self.w.copy_from_slice(p);
         x.in_orthonormal(&mut self.w);
-        let (mut delta, mut room) = (std::mem::take(&mut self.delta), std::mem::take(&mut self.room));
-        delta.copy_from_slice(&self.accepted);
-        let found = close(
-            &mut InChart { chart: self, x, t, length: 0.0, closure_error: ClosureError::default() },
-            &mut delta,
-            &RULE,
-            &mut room,
-        );
-        (self.delta, self.room) = (delta, room);
+        match at {
+            Prediction::Ahead => self.continuity.predict(t, &mut self.delta),
+            Prediction::Inside => self.continuity.inside(t, &mut self.delta),
+        }
+        turned_back(&self.balls, &self.accepted, &mut self.delta);
+        dense::axpy(1.0, &self.accepted, &mut self.delta);
+        let mut found = self.close(x, t);
+        if !matches!(&found, Ok(found) if found.is_closed()) {
+            self.delta.copy_from_slice(&self.accepted);
+            found = self.close(x, t);
+        }
         let found = found?;
         self.iterations = found.iterations as u32;
         if found.is_closed() {
@@ -123,6 +141,20 @@ impl Chart {
             self.iterations, found.closure_error.worst
         );
         Err(self.bent(t, reason))
+    }
+
+    /// Newton's method from Δ.
+    fn close<S: ConstrainedSystem>(&mut self, x: &mut Frozen<S>, t: f64) -> Result<Closed> {
+        let (mut delta, mut room) = (std::mem::take(&mut self.delta), std::mem::take(&mut self.room));
+        let mut rows = InChart { chart: self, x, t, length: 0.0, closure_error: ClosureError::default() };
+        let found = close(&mut rows, &mut delta, &RULE, &mut room);
+        (self.delta, self.room) = (delta, room);
+        found
+    }
+
+    /// How near the mechanism is to a singular position at the point last evaluated.
+    fn nearness<S: ConstrainedSystem>(x: &mut Frozen<S>) -> f64 {
+        Continuity::nearness(0.0, x.margin().map_or(f64::INFINITY, |m| m.0))
     }
 
     /// Rows of S T⁻¹, by which p' follows from v; empty if they are those of S.
@@ -219,13 +251,16 @@ impl<'s, S: ConstrainedSystem> Positions<'s, S, Frozen<'s, S>> for Chart {
     fn width(&self) -> usize {
         self.w.len()
     }
-    fn start(&mut self, _x: &mut Frozen<'s, S>, _t: f64, q: &[f64], y: &mut [f64]) {
+    fn start(&mut self, x: &mut Frozen<'s, S>, t: f64, q: &[f64], y: &mut [f64]) {
         self.base.copy_from_slice(q);
         self.accepted.fill(0.0);
         y[..self.w.len()].fill(0.0);
+        x.full_acceleration(&mut self.vdot);
+        let near = Self::nearness(x);
+        self.continuity.start(t, &x.seen().v, &self.vdot, near);
     }
     fn locate(&mut self, x: &mut Frozen<'s, S>, t: f64, y: &[f64], _crossing: bool) -> Result<bool> {
-        let found = self.find(x, t, &y[..self.w.len()]);
+        let found = self.find(x, t, &y[..self.w.len()], Prediction::Ahead);
         self.sum += u64::from(self.iterations);
         found.map(|()| true)
     }
@@ -243,7 +278,7 @@ impl<'s, S: ConstrainedSystem> Positions<'s, S, Frozen<'s, S>> for Chart {
         }
     }
     fn output(&mut self, x: &mut Frozen<'s, S>, t: f64, y: &[f64]) -> Result<bool> {
-        self.find(x, t, &y[..self.w.len()]).map(|()| true)
+        self.find(x, t, &y[..self.w.len()], Prediction::Inside).map(|()| true)
     }
     fn rewrite(&mut self, x: &mut Frozen<'s, S>, q: &[f64], y: &mut [f64]) {
         self.base.copy_from_slice(q);
@@ -259,7 +294,13 @@ impl<'s, S: ConstrainedSystem> PositionSteps<'s, S, Frozen<'s, S>> for Chart {
     fn settle(&mut self, _x: &mut Frozen<'s, S>, _t: f64, _y: &mut [f64]) -> Result<bool> {
         Ok(false) // closed at every evaluation
     }
-    fn judge(&mut self, _x: &mut Frozen<'s, S>, _t: f64, _margin: Option<f64>) -> Verdict {
+    fn judge(&mut self, x: &mut Frozen<'s, S>, t: f64, margin: Option<f64>) -> Verdict {
+        x.full_acceleration(&mut self.vdot);
+        let near = Continuity::nearness(0.0, margin.unwrap_or(f64::INFINITY));
+        let r = x.seen();
+        if !self.continuity.judge(t, &r.v, &self.vdot, r.scales(), near) {
+            return Verdict::Repeat;
+        }
         self.trial.copy_from_slice(&self.delta);
         self.wants = if self.renew.never() {
             None
@@ -277,6 +318,11 @@ impl<'s, S: ConstrainedSystem> PositionSteps<'s, S, Frozen<'s, S>> for Chart {
     }
     fn accept(&mut self, _x: &mut Frozen<'s, S>, _t: f64, _margin: Option<f64>) {
         self.accepted.copy_from_slice(&self.trial);
+        self.continuity.accept();
+    }
+    fn failure(&mut self, _x: &mut Frozen<'s, S>, t: f64) -> Option<SystemError> {
+        let reason = "next to a singular position velocities jump to another branch after every step";
+        self.continuity.gave_up().then(|| self.bent(t, format!("{reason}; use \"projective\"")))
     }
     fn report(&self, history: &mut History) {
         history.counters.newton_iterations = self.sum;

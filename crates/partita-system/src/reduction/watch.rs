@@ -78,6 +78,14 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         (least.fold(f64::INFINITY, f64::min).sqrt(), self.plans)
     }
 
+    /// The kept row that depends most on the others next to a singular position: the largest component of the left
+    /// singular vector of the last [`distance`](Self::distance), rows in characteristic displacements.
+    pub fn weakest_row(&self) -> Option<usize> {
+        let size = |(left, &row): (&f64, &usize)| (left * self.row_displacement[row].unwrap_or(1.0)).abs();
+        let rows = self.left.iter().zip(&self.partition.rows);
+        rows.max_by(|a, b| size(*a).total_cmp(&size(*b))).map(|(_, &row)| row)
+    }
+
     /// Side of the singular positions of C_D at the last factorisation.
     pub fn sides(&self, sides: &mut Sides) {
         sides.negative.clear();
@@ -395,12 +403,19 @@ impl Sides {
 
     /// Whether C_D was singular in between. Not distinguished from sides of another choice.
     pub fn differ(&self, other: &Self) -> bool {
+        self.changed(other) > 0
+    }
+
+    /// Number of blocks of C_D whose sides differ; of other blocks, whether C_D was singular in between; of another
+    /// choice, none.
+    pub fn changed(&self, other: &Self) -> usize {
         if self.choice != other.choice {
-            false
-        } else if self.blocks == other.blocks {
-            self.negative != other.negative
-        } else {
-            self.negative.last() != other.negative.last()
+            return 0;
+        }
+        // the last sign is that of all blocks
+        match (self.blocks == other.blocks, self.negative.split_last(), other.negative.split_last()) {
+            (true, Some((_, a)), Some((_, b))) => a.iter().zip(b).filter(|(a, b)| a != b).count(),
+            _ => usize::from(self.negative.last() != other.negative.last()),
         }
     }
 }

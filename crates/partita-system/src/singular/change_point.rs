@@ -46,6 +46,8 @@ pub struct Crossing {
     unsigned: Option<f64>,
     /// Attempts at crossing the expected one, from new starting points or with new lengths.
     tries: usize,
+    /// Did velocities jump after one of them?
+    jumped: bool,
     /// When that is expected, at the latest.
     tried: Option<f64>,
     /// Singular position that no step crossed, perhaps a limit of the motion; ordinary steps go on towards it.
@@ -65,6 +67,7 @@ impl Default for Crossing {
             behind: false,
             unsigned: None,
             tries: 0,
+            jumped: false,
             tried: None,
             barred: None,
             times: Vec::new(),
@@ -114,26 +117,32 @@ impl Crossing {
     /// difference, near enough for a line.
     const LOOK_AHEAD: f64 = 0.1;
 
-    /// The step to t was taken, h long; `flip` is where C_D changed sides in it, if it did. True if a singular position was
-    /// crossed.
-    pub fn crossed(&mut self, (t, h): (f64, f64), flip: Option<f64>) -> bool {
+    /// The step to t was taken, h long; `flip` is about when C_D changed sides in it, if it did, and `located` holds all
+    /// times at which it was singular there, where the step was searched for them. True if a singular position was crossed.
+    pub fn crossed(&mut self, (t, h): (f64, f64), flip: Option<f64>, located: Option<&[f64]>) -> bool {
         self.behind = self.planned.is_some();
         if self.behind {
             // half-way back to what the motion suggests: the next one may be another one
             self.part = (self.part * h / self.whole).sqrt().min(1.0);
         }
         let foreseen = self.planned.take().filter(|zero| *zero < t);
-        // two that coincide change no sign: they count when the step after them has changed none either
-        let Some(zero) = flip.or(self.unsigned.take()) else {
-            self.unsigned = foreseen;
-            if foreseen.is_some() {
-                (self.before, self.expected) = ([None; 2], None);
-            }
-            return foreseen.is_some();
-        };
+        match located {
+            Some(zeros) if !zeros.is_empty() => self.times.extend_from_slice(zeros),
+            // two that coincide change no sign: where they were not searched for they count when the step after them has
+            // changed none either
+            _ => match flip.or(self.unsigned.take()) {
+                Some(zero) => self.times.push(zero),
+                None => {
+                    self.unsigned = foreseen.filter(|_| located.is_none());
+                    if foreseen.is_some() {
+                        (self.before, self.expected) = ([None; 2], None);
+                    }
+                    return foreseen.is_some();
+                }
+            },
+        }
         self.unsigned = None;
-        self.times.push(zero);
-        self.tries = 0;
+        self.forget_tries();
         self.before = [None; 2];
         self.expected = None;
         true
@@ -158,9 +167,15 @@ impl Crossing {
         Advice::Crossing
     }
 
-    /// The step from t failed to cross: by a shorter one from there, or from nearer, if that is worth a try.
-    pub fn again(&mut self, zero: f64, t: f64, pace: &mut Pace) -> Advice {
+    fn forget_tries(&mut self) {
+        (self.tries, self.jumped) = (0, false);
+    }
+
+    /// The step from t failed to cross, its velocities `jumped` or its equations were not solved: by a shorter one from
+    /// there, or from nearer, if that is worth a try.
+    pub fn again(&mut self, zero: f64, t: f64, jumped: bool, pace: &mut Pace) -> Advice {
         self.tries += 1;
+        self.jumped |= jumped;
         self.part *= Self::NEXT_TRY;
         self.whole *= Self::NEXT_TRY;
         let ahead = zero - t;
@@ -202,9 +217,9 @@ impl Crossing {
         (self.planned, self.unsigned, self.expected) = (None, None, None);
     }
 
-    /// Number of attempts at the current one.
-    pub fn tries(&self) -> usize {
-        self.tries
+    /// Number of attempts at the current one, and whether velocities jumped after one of them.
+    pub fn tries(&self) -> (usize, bool) {
+        (self.tries, self.jumped)
     }
 
     /// When the step under way is to cross one.
@@ -276,7 +291,7 @@ impl Crossing {
         let Some(zero) = self.expected.filter(|zero| *zero > t) else {
             (self.expected, self.barred) = (None, None);
             if self.tried.is_none_or(|zero| t > zero) {
-                self.tries = 0; // the motion turned away from it
+                self.forget_tries(); // the motion turned away from it
             }
             return Advice::Free;
         };

@@ -277,7 +277,7 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Frozen<'s, S> {
         self.frozen = 0;
         self.resume(t, q, v)
     }
-    fn resume(&mut self, t: f64, q: &mut [f64], _v: &[f64]) -> Result<()> {
+    fn resume(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<()> {
         let name = self.basis.name();
         let lasts = match self.renew {
             Renew::EachStep => ", and renewed after each step, which is counted but not listed",
@@ -288,7 +288,12 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Frozen<'s, S> {
                 "tangent basis \"{name}\" frozen: its velocities are integrated; the event lists the best choice of \
                  coordinates at this time{lasts}"
             )
-        })
+        })?;
+        let mut u = vec![0.0; self.count()];
+        self.select(v, &mut u);
+        self.tangent(t, q, false)?;
+        self.spread(&u);
+        self.accelerate(t, q, &u)
     }
     /// S is to be renewed when √μ_S falls below `renew` times its value when frozen; 0: never.
     fn judge(&mut self, t: f64, q: &[f64]) -> Verdict {

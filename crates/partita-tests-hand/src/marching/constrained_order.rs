@@ -4,8 +4,8 @@
 use crate::pieces::{any, distance, grid, march, reference, run, slope, times, Angles, FourBar, InUnits, Pendulum};
 use partita_system::equations::{Equations, UserSystem};
 use partita_system::formulation::motion::Projective;
-use partita_system::formulation::FormulationSteps;
 use partita_system::formulation::{Formulation, PrescribedRows, Step, Verdict};
+use partita_system::formulation::{FormulationSteps, SingularSteps};
 use partita_system::options::FormulationOptions;
 use partita_system::prelude::*;
 use partita_system::record::{Correction, History, Output, PartitionEvent, Sample};
@@ -159,6 +159,8 @@ impl<'s, E: Equations> Watched<'s, E> {
         r.v.clone()
     }
 }
+
+impl<E: Equations> SingularSteps for Watched<'_, E> {}
 
 impl<E: Equations> FormulationSteps for Watched<'_, E> {
     fn trial_end(

@@ -167,7 +167,7 @@ impl Model {
         if !self.spec.couplings.is_empty() {
             return None;
         }
-        let is_rigid = |i: usize| self.placed.joints[i].shape.dof() == 0;
+        let is_rigid = |i: usize| self.placed.joints[i].shape.mobility() == 0;
         let pose = self.pose(q);
         length(&self.spec, is_rigid, |name| pose.of(name))
     }

@@ -163,7 +163,7 @@ pub(super) fn decide(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joi
     }
     let parts = blocks::blocks(spec);
     let floating = if model.is_planar() { 3 } else { 6 };
-    let of_free = parts.free.iter().map(|&j| model.placed.joints[j].shape.dof()).sum::<usize>();
+    let of_free = parts.free.iter().map(|&j| model.placed.joints[j].shape.mobility()).sum::<usize>();
     let mut found = Geometry { dof: Some(of_free + floating * parts.afloat), ..Geometry::default() };
     let mut joints: Option<Vec<Joint>> = None;
     let mut known: HashMap<Vec<i64>, Decided> = HashMap::new();

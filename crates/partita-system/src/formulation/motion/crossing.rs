@@ -1,6 +1,7 @@
 //! Singular positions during a motion: foreseen, crossed, verified, and distinguished from dead points of the choice.
 
 use super::Motion;
+use crate::error::CrossingOutcome;
 use crate::error::Result;
 use crate::formulation::{Formulation, Step};
 use crate::positions::Positions;
@@ -53,10 +54,14 @@ pub(super) struct CrossingMonitor {
     /// Sides of C_D there and at the end of the step that was judged.
     pub(super) sides: Sides,
     sides_ahead: Sides,
+    /// At another point inside the step.
+    sides_inside: Sides,
     /// Whether C_D was singular within the step that was judged, the mechanism close to it; and did velocities jump
     /// there.
     flipped: bool,
     pub(super) lost: bool,
+    /// Whether the march found one in it.
+    passed: bool,
     /// Whether velocities jumped next to one.
     pub(super) jumped: bool,
     /// Or was it a dead point of the choice alone; how often in a row? And of redundant rows alone: those that serve.
@@ -82,8 +87,10 @@ impl CrossingMonitor {
             paced: false,
             sides: Sides::new(size.rows),
             sides_ahead: Sides::new(size.rows),
+            sides_inside: Sides::new(size.rows),
             flipped: false,
             lost: false,
+            passed: false,
             jumped: false,
             spoilt: false,
             serving: None,
@@ -97,14 +104,27 @@ impl CrossingMonitor {
 impl CrossingMonitor {
     /// Does the step that was judged pass a singular position?
     pub(super) fn passes_a_singular_position(&self) -> bool {
-        self.flipped || self.crosses_next || self.crossing.zero().is_some()
+        self.flipped || self.passed || self.crosses_next || self.crossing.zero().is_some()
     }
 
-    /// The side of C_D at the point last evaluated, against that at the start of the step under way.
-    pub(super) fn side<S: ConstrainedSystem>(&mut self, r: &Reduction<S>) -> Option<f64> {
-        r.sides(&mut self.sides_ahead);
-        let comparable = self.sides_ahead.choice() == self.sides.choice();
-        comparable.then(|| if self.sides.differ(&self.sides_ahead) { -1.0 } else { 1.0 })
+    /// Number of blocks of C_D that at the point last evaluated are on another side than at the start of the step under
+    /// way.
+    pub(super) fn changed<S: ConstrainedSystem>(&mut self, r: &Reduction<S>) -> Option<usize> {
+        r.sides(&mut self.sides_inside);
+        let comparable = self.sides_inside.choice() == self.sides.choice();
+        comparable.then(|| self.sides.changed(&self.sides_inside))
+    }
+
+    /// Did C_D change sides over the step that was judged?
+    pub(super) fn flipped(&self) -> bool {
+        self.flipped
+    }
+
+    /// A singular position was found in it. Where positions are not `closed` in every evaluation it is repeated.
+    pub(super) fn passed_unforeseen(&mut self, closed: bool) -> bool {
+        self.passed = true;
+        self.lost = !closed && !self.crossing.is_barred();
+        self.lost
     }
 
     /// Length of the step that was judged; none before the first.
@@ -134,7 +154,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             // evaluation
             Ok(()) => match self.tangent.margin() {
                 Some((distance, same)) if same == plan => {
-                    Probe::Distance(distance * self.monitor.side(self.tangent.seen()).unwrap_or(1.0))
+                    let beyond = self.monitor.changed(self.tangent.seen()).is_some_and(|changed| changed > 0);
+                    Probe::Distance(if beyond { -distance } else { distance })
                 }
                 _ => Probe::Unknown,
             },
@@ -199,7 +220,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         self.monitor.judged = true;
         self.monitor.step_end.start(t, self.positions.q(), &r.v, &self.vdot);
         (self.monitor.flipped, self.monitor.lost, self.monitor.spoilt) = (false, false, false);
-        self.monitor.jumped = false;
+        (self.monitor.jumped, self.monitor.passed) = (false, false);
         if self.margin.is_none() {
             return;
         }
@@ -225,11 +246,22 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         let crosses = self.monitor.flipped || self.monitor.crossing.zero().is_some();
         let near = [self.monitor.margin_before, self.margin].iter().flatten().any(|m| m.0 < tolerance::SINGULAR_NEAR);
         let jumps = (crosses || near) && !self.monitor.step_start.continues_to(&self.monitor.step_end, r.scales());
-        self.monitor.lost = crosses && self.monitor.paced && (unforeseen || jumps);
-        // after an ordinary step that ends in the position itself, rounding alone would choose the branch
-        let lands =
-            !crosses && self.monitor.crossing.is_barred() && self.margin.is_some_and(|m| m.0 < tolerance::LANDED);
+        // a step that ends in the position itself goes on by rounding alone
+        let lands = self.margin.is_some_and(|m| m.0 < tolerance::LANDED);
+        self.monitor.lost = crosses && self.monitor.paced && (unforeseen || jumps || lands);
+        let lands = lands && !crosses && self.monitor.crossing.is_barred();
         self.monitor.jumped = (jumps || lands) && !self.monitor.lost && self.monitor.paced;
+    }
+
+    /// Whether C_D may have changed sides twice over the step that was judged: the distance falls by no more than the motion
+    /// moves. Of redundant rows those kept do so elsewhere.
+    pub(super) fn may_flip_twice(&self) -> bool {
+        let (Some((one, _)), Some((two, _)), Some(h)) =
+            (self.monitor.margin_before, self.margin, self.monitor.length())
+        else {
+            return false;
+        };
+        one + two < h * self.monitor.fastest.0 && !self.is_redundant() && !self.monitor.crossing.is_barred()
     }
 
     /// What lost rank in the step that was judged, in which C_D changed sides?
@@ -264,25 +296,37 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         (0.5 * (self.monitor.step_start.t() + self.monitor.step_end.t()), q)
     }
 
-    /// When C_D was singular within the step to t that was judged: where that was located, or else between the distances
-    /// at both its ends, which are of one choice, or, where the first is not known, as foreseen.
-    pub(super) fn flip(&self, t: f64, located: Option<f64>) -> Option<f64> {
+    /// When C_D was singular within the step to t that was judged, in which it changed sides: by the distances at both its
+    /// ends, which are of one choice, or, where the first is not known, as foreseen.
+    pub(super) fn flip(&self, t: f64) -> Option<f64> {
         let (from, h) = (self.monitor.step_start.t(), t - self.monitor.step_start.t());
         let between = || match (self.monitor.margin_before, self.margin) {
             (Some((one, _)), Some((two, _))) if one + two > 0.0 => from + h * one / (one + two),
             _ => self.monitor.crossing.zero().filter(|zero| (from..t).contains(zero)).unwrap_or(from + 0.5 * h),
         };
-        self.monitor.flipped.then(|| located.unwrap_or_else(between))
+        self.monitor.flipped.then(between)
+    }
+
+    /// The error of a singular position at t that no step crossed.
+    pub(super) fn not_crossed(&self, t: f64) -> SystemError {
+        let r = self.tangent.seen();
+        let row = r.weakest_row().map_or_else(String::new, |row| self.system.row_name(row));
+        let (tries, jumped) = self.monitor.crossing.tries();
+        let outcome = if jumped || tries == 0 { CrossingOutcome::Jumped } else { CrossingOutcome::Unsolved };
+        SystemError::Crossing { t, tries, row: row.into(), outcome }
     }
 
     /// The step that was judged lost the branch: cross with another length, or from farther away.
     pub(super) fn cross_again(&mut self, step: &mut Step) -> Result<bool, SystemError> {
-        let zero =
-            self.monitor.crossing.zero().or_else(|| self.flip(self.monitor.step_end.t(), None)).unwrap_or(step.t);
+        let located = step.located.and_then(|located| located.first().copied());
+        let zero = located
+            .or_else(|| self.monitor.crossing.zero())
+            .or_else(|| self.flip(self.monitor.step_end.t()))
+            .unwrap_or(step.t);
         if let Some(pace) = step.pace.as_deref_mut() {
             let advice = match self.monitor.crossing.zero() {
                 None => self.monitor.crossing.found(zero, step.t, pace),
-                Some(_) => self.monitor.crossing.again(zero, step.t, pace),
+                Some(_) => self.monitor.crossing.again(zero, step.t, self.monitor.lost, pace),
             };
             if !matches!(advice, Advice::GiveUp { .. }) {
                 self.monitor.crosses_next = advice == Advice::Crossing;
@@ -302,7 +346,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
                 return Ok(true);
             }
         }
-        Err(SystemError::Crossing { t: zero, tries: self.monitor.crossing.tries() })
+        Err(self.not_crossed(zero))
     }
 
     /// Set the integration back to a state not after `to`, before the singular position at `zero`. False where none is
@@ -404,7 +448,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         self.keep_others(t, y)?;
         self.monitor.crosses_next = advice != Advice::Free;
         if let Advice::GiveUp { zero } = advice {
-            return Err(SystemError::Crossing { t: zero, tries: self.monitor.crossing.tries() });
+            return Err(self.not_crossed(zero));
         }
         if let Advice::Back { zero, to } = advice {
             step.pace = Some(pace);

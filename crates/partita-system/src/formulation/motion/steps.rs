@@ -2,7 +2,7 @@
 
 use super::Motion;
 use crate::error::Result;
-use crate::formulation::{Formulation, FormulationSteps, Step, Verdict};
+use crate::formulation::{Formulation, FormulationSteps, SingularSteps, Step, Verdict};
 use crate::guards::Look;
 use crate::positions::Positions;
 use crate::record::{Gaps, History, StepChecks};
@@ -62,7 +62,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         rewritten |= verdict == Verdict::Change && self.choose_anew(t, step.y, step.dy, why)?;
         self.tangent.accept(t, self.positions.q())?;
         let taken = (t, self.monitor.length().unwrap_or(0.0));
-        if self.monitor.crossing.crossed(taken, self.flip(t, step.located)) {
+        let located = step.located.filter(|_| self.monitor.passes_a_singular_position());
+        if self.monitor.crossing.crossed(taken, self.flip(t), located) {
             self.monitor.checkpoints.clear();
         }
         self.begin();
@@ -116,12 +117,14 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         self.look_back(t);
         self.check_step(t);
         if self.monitor.jumped {
-            return Err(SystemError::Crossing { t, tries: self.monitor.crossing.tries() });
+            return Err(self.not_crossed(t));
         }
         if self.monitor.lost || self.monitor.spoilt {
             return Ok((Verdict::Repeat, evaluates));
         }
         let mut verdict = self.positions.judge(&mut self.tangent, t, self.margin.map(|m| m.0));
+        // one that crosses a singular position is repeated with another length
+        self.monitor.lost = verdict == Verdict::Repeat && self.monitor.crosses_next;
         if verdict == Verdict::Keep {
             verdict = self.tangent.judge(t, self.positions.q());
         }
@@ -191,5 +194,17 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         self.positions.report(&mut history);
         history.notes.extend(self.guards.notes());
         history
+    }
+}
+
+impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> SingularSteps for Motion<'s, S, T, P> {
+    fn crossing_failed(&self, t: f64) -> Option<SystemError> {
+        (self.monitor.crossing.tries().0 > 0).then(|| self.not_crossed(t))
+    }
+    fn may_have_passed(&self) -> bool {
+        self.monitor.flipped() || self.may_flip_twice()
+    }
+    fn passed_unforeseen(&mut self) -> bool {
+        self.monitor.passed_unforeseen(P::CLOSED)
     }
 }
