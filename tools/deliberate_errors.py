@@ -175,18 +175,26 @@ class Workshop:
         return Outcome() if ran > 0 else Outcome(trouble=f"{' '.join(command)} has no tests named {' '.join(names)}")
 
     def python(self, files: Sequence[str]) -> Outcome:
-        """`pytest` on these files, or on all, with the native module of the tree, or with that installed."""
-        built = ROOT / PACKAGE / "_core.abi3.so"
+        """`pytest` on these files, or on all, with the native module and the FMU binary of the tree, or with those
+        installed."""
+        built = {"_core.abi3.so": ROOT / PACKAGE / "_core.abi3.so"}
+        built |= {f"_fmu/{path.name}": path for path in (ROOT / PACKAGE / "_fmu").glob("*partita_fmu*")}
         if not self.installed:
             code, output = self.run(["cargo", "build", "--release", "--workspace", "--locked"])
             if code != 0:
                 return Outcome(trouble=f"it does not compile:\n{tail(output)}")
-            found = (self.builds / "release").glob("lib_core.*")
-            built = next(path for path in found if path.suffix in (".so", ".dylib"))
-        module = self.tree / PACKAGE / "_core.abi3.so"
-        if not module.exists() or module.read_bytes() != built.read_bytes():
-            module.unlink(missing_ok=True)
-            shutil.copyfile(built, module)
+            release = self.builds / "release"
+            found = [
+                path for path in (*release.glob("lib*"), *release.glob("deps/lib*")) if path.suffix in (".so", ".dylib")
+            ]
+            built = {"_core.abi3.so": next(path for path in found if path.stem == "lib_core")}
+            built |= {f"_fmu/{path.name}": path for path in found if path.stem == "libpartita_fmu"}
+        for name, path in built.items():
+            there = self.tree / PACKAGE / name
+            if not there.exists() or there.read_bytes() != path.read_bytes():
+                there.parent.mkdir(exist_ok=True)
+                there.unlink(missing_ok=True)
+                shutil.copyfile(path, there)
         code, output = self.run([sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *files])
         if code is None:
             return Outcome(trouble=f"the tests did not end within {LONGEST:.0f} s")

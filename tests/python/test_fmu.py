@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from geometry_study import misdrawn
+from oracle.slave import STEP, Instance
 
 import partita as pt
 from partita.io import fmu as archive
@@ -18,7 +19,6 @@ from partita.io import fmu as archive
 if not list(archive.BINARIES.glob("*partita_fmu*")):
     pytest.skip("the binary for FMUs is not built (make fmu)", allow_module_level=True)
 
-STEP = 0.02
 TIMES = np.linspace(0.0, 1.0, 51)
 
 
@@ -33,56 +33,6 @@ def written(m: pt.Mechanism, folder: Path, **options: Any) -> Path:
     return m.to_fmu(folder / "model.fmu", rtol=1e-11, atol=1e-13, **options)
 
 
-class Instance:
-    """An FMU, unpacked and loaded, by its C functions alone."""
-
-    def __init__(self, path: Path, folder: Path, guid: str | None = None) -> None:
-        with zipfile.ZipFile(path) as packed:
-            packed.extractall(folder)
-            binary = next(n for n in packed.namelist() if n.startswith("binaries/"))
-            self.model = json.loads(packed.read("resources/model.json"))
-        self.messages: list[str] = []
-        kind = ctypes.CFUNCTYPE(
-            None, *[ctypes.c_void_p, ctypes.c_char_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_char_p]
-        )
-
-        def log(_: Any, __: bytes, status: int, category: bytes, message: bytes) -> None:
-            self.messages.append(message.decode())
-
-        self.logger = kind(log)
-        self.callbacks = (ctypes.c_void_p * 5)(ctypes.cast(self.logger, ctypes.c_void_p).value, None, None, None, None)
-        self.library = ctypes.CDLL(str(folder / binary))
-        make = self.library.fmi2Instantiate
-        make.restype = ctypes.c_void_p
-        uri = (folder / "resources").as_uri()
-        guid = self.model["guid"] if guid is None else guid
-        self.at = make(b"it", 1, guid.encode(), uri.encode(), ctypes.byref(self.callbacks), 0, 1)
-
-    def call(self, name: str, *arguments: Any) -> int:
-        return int(getattr(self.library, name)(ctypes.c_void_p(self.at), *arguments))
-
-    def begin(self, t: float = 0.0) -> None:
-        assert self.call("fmi2SetupExperiment", 0, ctypes.c_double(0), ctypes.c_double(t), 0, ctypes.c_double(0)) == 0
-        assert self.call("fmi2EnterInitializationMode") == 0
-        assert self.call("fmi2ExitInitializationMode") == 0
-
-    def step(self, t: float, step: float = STEP) -> int:
-        return self.call("fmi2DoStep", ctypes.c_double(t), ctypes.c_double(step), 1)
-
-    def set(self, reference: int, value: float) -> int:
-        return self.call(
-            "fmi2SetReal", (ctypes.c_uint * 1)(reference), ctypes.c_size_t(1), (ctypes.c_double * 1)(value)
-        )
-
-    def get(self, *references: int) -> list[float]:
-        values = (ctypes.c_double * len(references))()
-        count = ctypes.c_size_t(len(references))
-        assert self.call("fmi2GetReal", (ctypes.c_uint * len(references))(*references), count, values) == 0, (
-            self.messages
-        )
-        return list(values)
-
-
 @pytest.fixture
 def opened(tmp_path: Path) -> Iterator[Any]:
     """Opens FMUs, and frees them."""
@@ -94,8 +44,7 @@ def opened(tmp_path: Path) -> Iterator[Any]:
 
     yield make
     for one in made:
-        if one.at:
-            one.library.fmi2FreeInstance(ctypes.c_void_p(one.at))
+        one.free()
 
 
 def test_fmpy_finds_nothing_and_runs_it(tmp_path: Path) -> None:

@@ -15,6 +15,8 @@ from .maximal import Maximal, Motion, Pose
 
 # Two programs on matrices of conditions up to some 1e5; multipliers are one inverse further off than accelerations.
 ACCELERATION, REACTION = 1e-8, 1e-7
+# Powers need no inverse: products of positions and velocities.
+POWER = 1e-9
 # A direction of a self-stress exists above the first and does not below the second; in between it is undecided.
 LOADED, UNLOADED = 1e-6, 1e-10
 OUTPUTS = 3
@@ -39,6 +41,8 @@ def compare(drawing: Drawing) -> Verdict:
     """Run the mechanism for a moment in both coordinates and compare what the outputs say."""
     verdict = Verdict()
     mechanism = drawing.build()
+    for f in drawing.forces:
+        mechanism.add_sensor(f"power of {f.name}", mechanism.forces[f.name], "power")
     rng = np.random.default_rng(drawing.seed)
     try:
         state = moving(mechanism, drawing, rng)
@@ -53,17 +57,25 @@ def compare(drawing: Drawing) -> Verdict:
             verdict.counts[f"{coordinates} refused: {type(error).__name__}"] += 1
             verdict.counts["contradiction"] += contradictory_as_drawn(drawing)
             continue
-        if drawing.drives and contradictory(drawing, run):
-            verdict.counts["contradiction"] += 1
-            verdict.counts["contradiction that succeeds"] += run.success
-            if run.success:
-                verdict.wrong.append(
-                    f"{coordinates}: the joints allow no motion at the rates of the drives, and the run succeeds"
-                )
-            continue
-        verdict.counts[f"{coordinates} {'run' if run.success else 'stopped'}"] += 1
-        look(drawing, mechanism, run, coordinates, verdict, rng)
+        try:
+            judge(drawing, mechanism, run, coordinates, verdict, rng)
+        except pt.errors.PartitaError as error:
+            verdict.wrong.append(f"{coordinates}: the run is there, but not what it is asked for: {error}")
     return verdict
+
+
+def judge(drawing: Drawing, mechanism: pt.Mechanism, run: Any, coordinates: str, verdict: Verdict, rng: Any) -> None:
+    """One run."""
+    if drawing.drives and contradictory(drawing, run):
+        verdict.counts["contradiction"] += 1
+        verdict.counts["contradiction that succeeds"] += run.success
+        if run.success:
+            verdict.wrong.append(
+                f"{coordinates}: the joints allow no motion at the rates of the drives, and the run succeeds"
+            )
+        return
+    verdict.counts[f"{coordinates} {'run' if run.success else 'stopped'}"] += 1
+    look(drawing, mechanism, run, coordinates, verdict, rng)
 
 
 def contradictory(drawing: Drawing, run: Any) -> bool:
@@ -76,7 +88,7 @@ def contradictory(drawing: Drawing, run: Any) -> bool:
 def contradictory_as_drawn(drawing: Drawing) -> bool:
     """The same before anything has run, of drawings that are closed and drives whose axes the drawing defines."""
     driven = {j.name: j for j in drawing.joints if any(d.joint == j.name for d in drawing.drives)}
-    if not driven or any(j.planar for j in driven.values()) or any(j.child_point is not None for j in drawing.joints):
+    if not driven or any(j.chooses for j in driven.values()) or any(j.child_point is not None for j in drawing.joints):
         return False
     still = {b.name: Pose(b.position, b.rotation, np.zeros(3), np.zeros(3)) for b in drawing.bodies}
     return Maximal(drawing, {j.name: j.some for j in drawing.joints}).open_rate(still) > 1e-9
@@ -156,6 +168,7 @@ def look(drawing: Drawing, mechanism: pt.Mechanism, run: Any, coordinates: str, 
         accelerations(drawing, mechanism, run, coordinates, i, poses, found, verdict, words)
         reactions(drawing, joints, i, found, verdict, words)
         efforts(drawing, run, i, found, verdict, words)
+        powers(drawing, mechanism, run, i, poses, found, verdict, words)
         for k, j in enumerate(drawing.joints):
             for axes, turn in (("world", np.eye(3)), ("joint", rotations[i, k]), ("own", own)):
                 unique(found, j.name, flags[axes][j.name][i], turn, verdict, f"{words}, joint {j.name}, {axes} axes")
@@ -211,7 +224,7 @@ def accelerations(
 
 
 def ball(j: Any) -> bool:
-    return j.kind in ("spherical", "free") or sum(len(f) == 2 for f in j.free) == 3
+    return bool(j.motions(j.some)[2])
 
 
 def coordinate_units(j: Any, size: float) -> Array:
@@ -244,6 +257,26 @@ def efforts(drawing: Drawing, run: Any, i: int, found: Motion, verdict: Verdict,
         if not found.shared[c.name]:
             top = max(found.largest, np.abs(mine).max())
             verdict.seen("effort", float(np.abs(mine - theirs).max()) / top, REACTION, f"{words}, coupling {c.name}")
+
+
+def powers(
+    drawing: Drawing,
+    mechanism: pt.Mechanism,
+    run: Any,
+    i: int,
+    poses: dict[str, Pose],
+    found: Motion,
+    verdict: Verdict,
+    words: str,
+) -> None:
+    """Of every force whose power is sensed, over the largest force times the largest speed."""
+    speed = max(float(np.linalg.norm(p.u)) + drawing.size * float(np.linalg.norm(p.w)) for p in poses.values())
+    for f in drawing.forces:
+        if f"power of {f.name}" not in mechanism.sensors:
+            continue
+        mine, theirs = float(run.sensor(f"power of {f.name}").values[i]), found.power[f.name]
+        top = max(found.largest * speed, abs(mine), 1e-300)
+        verdict.seen("power", abs(mine - theirs) / top, POWER, f"{words}, force {f.name}")
 
 
 def untouched(stresses: Array) -> Array:

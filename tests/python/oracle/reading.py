@@ -44,6 +44,7 @@ def body(item: dict[str, Any]) -> Body:
 def joint(item: dict[str, Any], bodies: dict[str, Body]) -> Joint:
     """`point` may be left out: the child's origin."""
     assert "child_point" not in item and "child_axis" not in item, "only closed drawings are read"
+    assert "followers" not in item, "functions of a joint are not read"
     child = bodies.get(item["child"])
     at = np.array(item["point"]) if item.get("point") is not None else child.position if child else np.zeros(3)
     free, cut = tuple(item.get("free", ())), item.get("cut", "auto")
