@@ -203,7 +203,7 @@ def build(robot: Robot) -> tuple[pt.Mechanism, float]:
         return [name, *(other for child in children.get(name, []) for other in outwards(child))]
 
     for name in outwards(root)[1:]:
-        pose[name] = pose[into[name].parent] @ into[name].place
+        pose[name] = pose[into[name].parent] @ into[name].pose
     rough, gap = set[str](), 0.0
     for a, b, kind in robot.pairs:
         (host_a, frame_a), (host_b, frame_b) = robot.frames[a], robot.frames[b]
@@ -224,7 +224,7 @@ def build(robot: Robot) -> tuple[pt.Mechanism, float]:
                    orientation=nearest(pose[name][:3, :3]))  # fmt: skip
     m.add_fixed("stand", m.ground, root)
     for joint in robot.joints:
-        where = pose[joint.parent] @ joint.place
+        where = pose[joint.parent] @ joint.pose
         point, axis = where[:3, 3], where[:3, :3] @ joint.axis
         open_at: dict[str, Any] = {}
         if joint.child in rough:

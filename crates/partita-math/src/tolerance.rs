@@ -132,9 +132,6 @@ pub const AT_SINGULARITY: f64 = 1e-3;
 /// ratio. Reason: half a digit, which outweighs a change of rows and the error of a prediction; rounding grows by its
 /// square, a digit.
 pub const MUCH_SMALLER: f64 = 0.3;
-/// A singular position is near below this distance. Scale: distance in natural scales. Reason: crossing from there takes
-/// about half a radian, and rounding may lead onto another branch.
-pub const SINGULAR_NEAR: f64 = 0.3;
 /// No ordinary step, and no tick, may end nearer to a singular position. Scale: distance in natural scales. Reason:
 /// rounding of the closure over the square of the distance leaves six digits of rates, and none a little nearer.
 pub const LANDED: f64 = 1e-5;

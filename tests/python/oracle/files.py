@@ -130,7 +130,7 @@ def as_urdf(rng: Any, branches: list[Branch]) -> str:
             f'<link name="{b.name}"><inertial><origin xyz="{words(transform[:3, 3])}" rpy="{turn}"/>'
             f'<mass value="{b.mass!r}"/><inertia {inertia}/></inertial></link>'
             f'<joint name="j {b.name}" type="{b.kind}"><parent link="{b.parent}"/><child link="{b.name}"/>'
-            f'<origin xyz="{words(b.place[:3, 3])}" rpy="{words(angles_of(b.place[:3, :3]))}"/>'
+            f'<origin xyz="{words(b.transform[:3, 3])}" rpy="{words(angles_of(b.transform[:3, :3]))}"/>'
             f'<axis xyz="{words(1.7 * b.axes[0])}"/></joint>'
         )
     return "\n".join([*out, "</robot>"])
@@ -153,7 +153,7 @@ def as_sdf(rng: Any, branches: list[Branch]) -> str:
         return f'<pose{attribute} rotation_format="quat_xyzw">{words(transform[:3, 3])} {words([*xyz, w])}</pose>'
 
     for b in branches:
-        world[b.name] = world[b.parent] @ b.place
+        world[b.name] = world[b.parent] @ b.transform
         base = str(rng.choice(["", b.parent])) if b.parent != "base" else ""
         inside = np.linalg.inv(world[base] if base else np.eye(4)) @ world[b.name]
         transform, moments = turned_inertia(rng, b)
@@ -198,7 +198,8 @@ def as_mjcf(rng: Any, branches: list[Branch]) -> str:
         joint = f'<joint name="j {b.name}" type="{b.kind}" axis="{words(1.7 * b.axes[0])}" pos="{words(point)}"/>'
         inner = "".join(map(body, children.get(b.name, [])))
         return (
-            f'<body name="{b.name}" pos="{words(b.place[:3, 3])}" quat="{words(quaternion_of(b.place[:3, :3]))}">'
+            f'<body name="{b.name}" pos="{words(b.transform[:3, 3])}" '
+            f'quat="{words(quaternion_of(b.transform[:3, :3]))}">'
             f"{joint if b.kind != 'fixed' else ''}{inertial}{inner}</body>"
         )
 
@@ -352,8 +353,8 @@ def held(m: pt.Mechanism, wanted: Solids, run: Any, verdict: Verdict, what: str)
         b, body = described[name], run.body(name)
         turn, origin = body.rotation[0], body.position[0]
         scale = max(float(np.abs(link.inertia).max()), 1e-300)
-        verdict.seen("frame", float(np.abs(turn - link.place[:3, :3]).max()), SAME, f"{what}, {name}")
-        verdict.seen("origin", float(np.abs(origin - link.place[:3, 3]).max()), 10 * SAME, f"{what}, {name}")
+        verdict.seen("frame", float(np.abs(turn - link.transform[:3, :3]).max()), SAME, f"{what}, {name}")
+        verdict.seen("origin", float(np.abs(origin - link.transform[:3, 3]).max()), 10 * SAME, f"{what}, {name}")
         centre = origin + turn @ np.array(b["com"])
         verdict.seen("centre of mass", float(np.abs(centre - link.centre).max()), 10 * SAME, f"{what}, {name}")
         verdict.seen("mass", abs(b["mass"] - link.mass) / link.mass, SAME, f"{what}, {name}")
@@ -394,7 +395,7 @@ def energies(m: pt.Mechanism, path: Callable[[float], Solids], run: Any, verdict
     total = 0.0
     for name, link in now.items():
         u = (after[name].centre - before[name].centre) / (2.0 * h)
-        spin = (after[name].place[:3, :3] - before[name].place[:3, :3]) @ link.place[:3, :3].T / (2.0 * h)
+        spin = (after[name].transform[:3, :3] - before[name].transform[:3, :3]) @ link.transform[:3, :3].T / (2.0 * h)
         w = np.array([spin[2, 1], spin[0, 2], spin[1, 0]])
         total += 0.5 * link.mass * float(u @ u) + 0.5 * float(w @ link.inertia @ w)
     mine = float(run.energy.kinetic[0])
@@ -430,7 +431,7 @@ def compare_written(drawing: Any, suffix: str, folder: Path) -> Verdict:
         inertia = sum(
             x.inertia + x.mass * (r @ r * np.eye(3) - np.outer(r, r)) for x, r in zip(parts, arms, strict=True)
         )
-        other, words = Solid(found[name].place, mass, centre, inertia), f"written {suffix}, {name}"
+        other, words = Solid(found[name].transform, mass, centre, inertia), f"written {suffix}, {name}"
         scale = max(float(np.abs(link.inertia).max()), link.mass * size**2 * 1e-6)
         verdict.seen("centre as drawn", float(np.abs(other.centre - link.centre).max()) / size, 1e-9, words)
         verdict.seen("mass as drawn", abs(other.mass - link.mass) / link.mass, 1e-12, words)

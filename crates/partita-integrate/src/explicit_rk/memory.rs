@@ -31,10 +31,10 @@ const END: usize = 2;
 /// Largest lengthening of a step of a multistep method. Unit: ratio of steps. Reason: Adams formulas on grids that grow
 /// faster lose their stability from order three on.
 pub(super) const LARGEST_GROWTH: f64 = 2.0;
-/// Least lengthening of a step that is made. Unit: ratio of steps. Reason: equal steps leave smaller errors than steps
+/// Least lengthening of a step that is made. Scale: ratio of steps. Reason: equal steps leave smaller errors than steps
 /// that grow and shrink by turns.
 pub(super) const LEAST_GROWTH: f64 = 1.2;
-/// Another order must allow a step longer by this. Unit: ratio of steps. Reason: estimates of neighbouring orders differ
+/// Another order must allow a step longer by this. Scale: ratio of steps. Reason: estimates of neighbouring orders differ
 /// by as much from one step to the next.
 const ORDER_GAIN: f64 = 1.1;
 /// Repeated errors above the tolerance in one step after which it begins anew at the lowest order.
@@ -42,7 +42,7 @@ const FAILURES: u32 = 3;
 
 /// Points and weights of Gauss on [0, 1], exact up to degree eleven: symmetric, three of each.
 const GAUSS: [(f64, f64); 3] = [
-    (0.932_469_514_203_152_1, 0.171_324_492_379_170_35),
+    (0.932_469_514_203_152, 0.171_324_492_379_170_35),
     (0.661_209_386_466_264_5, 0.360_761_573_048_138_6),
     (0.238_619_186_083_196_9, 0.467_913_934_572_691_04),
 ];

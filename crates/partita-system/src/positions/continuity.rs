@@ -35,6 +35,9 @@ struct End {
 }
 
 impl Continuity {
+    /// A singular position is near below this distance. Scale: distance in natural scales. Reason: crossing from there
+    /// takes about half a radian.
+    const SINGULAR_NEAR: f64 = 0.3;
     /// At this nearness to a dead point no step succeeds. Scale: gain of the switch. Reason: the equations in 2k
     /// states are rounding there.
     const STUCK: f64 = 1e4;
@@ -58,7 +61,7 @@ impl Continuity {
     /// Where all dependent velocities are slower than the independent ones (`gain`, the largest of a switch), no
     /// dead point is near. `distance` is the margin of the tangent.
     pub(super) fn nearness(gain: f64, distance: f64) -> f64 {
-        gain.max(tolerance::SINGULAR_NEAR / distance)
+        gain.max(Self::SINGULAR_NEAR / distance)
     }
 
     /// Displacement (in velocities) from the end of the last step to t, ahead of it: extrapolated with the velocities

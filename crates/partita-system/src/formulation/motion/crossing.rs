@@ -27,6 +27,11 @@ const FELT_SHORTER: f64 = 0.1;
 /// is exact to round-off over it, and its nodes keep hundredths of it clear of the position.
 const CROSSING_MOVE: f64 = 0.8;
 
+/// Nearer to a singular position velocities must be continuous over every step. Scale: distance in natural scales. Reason:
+/// steps end so near only before a position that cannot be crossed, where rounding may lead onto another branch; farther
+/// away a jump is that of a drive, which is reported as such.
+const JUDGED_NEAR: f64 = 0.05;
+
 /// Maximum number of consecutive steps that are shortened because the choice came to a dead point of its own; where the
 /// choice is not integrated that is harmless.
 const MOST_SPOILT: u32 = 6;
@@ -244,7 +249,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         // a singular position that was not foreseen is crossed by a step of its own
         let unforeseen = self.monitor.flipped && self.monitor.crossing.zero().is_none();
         let crosses = self.monitor.flipped || self.monitor.crossing.zero().is_some();
-        let near = [self.monitor.margin_before, self.margin].iter().flatten().any(|m| m.0 < tolerance::SINGULAR_NEAR);
+        let near = [self.monitor.margin_before, self.margin].iter().flatten().any(|m| m.0 < JUDGED_NEAR);
         let jumps = (crosses || near) && !self.monitor.step_start.continues_to(&self.monitor.step_end, r.scales());
         // a step that ends in the position itself goes on by rounding alone
         let lands = self.margin.is_some_and(|m| m.0 < tolerance::LANDED);
