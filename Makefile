@@ -79,7 +79,7 @@ test-rust: $(TOOLS)
 test-python: $(BUILT) $(FMU)
 	$(BIN)/python -m pytest
 
-## trust: N=5000 mechanisms, couplings, sensors and files drawn by chance against independent programs; RUNS=2000 keep their branch; verdicts; kinks; the zoo
+## trust: N=5000 mechanisms of every element, couplings, sensors, files and FMUs drawn by chance against independent programs; RUNS=2000 keep their branch; verdicts; kinks; the zoo
 N ?= 5000
 RUNS ?= 2000
 trust: $(BUILT)
@@ -134,7 +134,7 @@ compare-docs: $(BUILT)
 ## paper: the claims about the criterion, computed and drawn in out/paper
 paper: $(BUILT)
 	@for script in geometry_pendulum geometry_four_bar pendulum four_bar_turn drift orders determinant individual frozen \
-		switching; do \
+		switching closing reactions; do \
 		$(BIN)/python examples/paper/$$script.py || exit 1; done
 
 ## demo: a four-bar and a squeezer, simulated, checked and drawn in out/

@@ -59,7 +59,7 @@ PROBLEMS = (
 
 @dataclass(frozen=True)
 class Cost:
-    """Seconds of one evaluation: as `compare` tells it, and from whole runs."""
+    """Seconds of one evaluation: by `compare`, and from whole runs."""
 
     formulation: str
     column: float

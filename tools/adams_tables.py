@@ -123,7 +123,7 @@ def spring(m: pt.Mechanism, com: Array, start: Array) -> None:
 
 
 def motion(run: Result, force: Array, moment: Array, at: Array) -> dict[str, Array]:
-    """What every table tells; accelerations are those that Newton and Euler have for these forces."""
+    """The content of every table; accelerations are those of the Newton-Euler equations for these forces."""
     body, weight = run.body("body"), GRAVITY[None, :]
     inertia = np.array(run_spec(run)["inertia"])
     turns = np.einsum("tij,jk,tlk->til", body.rotation, inertia, body.rotation)
@@ -188,7 +188,7 @@ def of_actuator(run: Result, at: Array) -> dict[str, Array]:
 
 
 def of_spring(run: Result, at: Array) -> dict[str, Array]:
-    """The spring is an applied force, and no reaction: it is what the acceleration asks for besides weight."""
+    """The spring is an applied force, and no reaction: it is what the acceleration requires besides weight."""
     first = next(item["state_v"][0] for item in run.summary["joints"] if item["name"] == "joint")
     force = run.vdot[:, first : first + 3] - GRAVITY
     zero = np.zeros_like(force)
@@ -196,7 +196,7 @@ def of_spring(run: Result, at: Array) -> dict[str, Array]:
 
 
 def crossed(turn: Array, spin: Array) -> tuple[Array, Array]:
-    """Of the universal joint: the turn is one about x and then one about the z that went with it."""
+    """Of the universal joint: a rotation about x, followed by one about the rotated z."""
     first, second = np.arctan2(-turn[1, 2], turn[2, 2]), np.arctan2(-turn[0, 1], turn[0, 0])
     return np.array([first, second]), np.array([spin[0], spin @ turn[:, 2]])
 

@@ -67,9 +67,9 @@ class Row(NamedTuple):
 
 def asked(words: str, cases: Iterable[Case]) -> list[Known]:
     """The cases that the command line names, run by Partita, whose row is printed."""
-    said = argparse.ArgumentParser(description=words)
-    said.add_argument("names", nargs="*", help="mechanisms; all if none is named")
-    names = said.parse_args().names
+    parser = argparse.ArgumentParser(description=words)
+    parser.add_argument("names", nargs="*", help="mechanisms; all if none is named")
+    names = parser.parse_args().names
     return [known(case) for case in cases if not names or case.name in names]
 
 

@@ -83,11 +83,11 @@ class Plant:
 
     def frame(self, name: str, on: str, h: Hinge, axes: np.ndarray) -> Any:
         """A frame on a body, at a hinge, along `axes` at the start."""
-        place, turn = np.zeros(3), np.eye(3)
+        position, turn = np.zeros(3), np.eye(3)
         if on != "ground":
             at = self.known.run.body(self.halved if on == "shadow" else on)
-            place, turn = at.position[0], at.rotation[0]
-        pose = RigidTransform(RotationMatrix(turn.T @ axes), turn.T @ (h.point - place))
+            position, turn = at.position[0], at.rotation[0]
+        pose = RigidTransform(RotationMatrix(turn.T @ axes), turn.T @ (h.point - position))
         return self.plant.AddFrame(FixedOffsetFrame(name, self.bodies[on].body_frame(), pose))
 
     def joint(self, h: Hinge, child: str) -> None:

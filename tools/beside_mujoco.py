@@ -59,7 +59,7 @@ def moving(known: Known, joint: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def shown(known: Known, model: mujoco.MjModel, data: mujoco.MjData, turns: dict[str, np.ndarray]) -> Seen:
-    """Bodies at a state; forces of joints it does not tell."""
+    """Bodies at a state; it gives no forces of joints."""
     bodies = {}
     for name, body in known.mechanism.bodies.items():
         at, speed = data.body(name), np.zeros(6)

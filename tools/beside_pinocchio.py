@@ -48,11 +48,11 @@ class Chain:
             shadow = cut._replace(parent=cut.child, child=cut.parent, rate=-cut.rate)
         self.model = model = pin.Model()
         model.gravity.linear = np.array(m.gravity)
-        self.ids, places, rates = {"ground": 0}, {"ground": np.zeros(3)}, []
+        self.ids, points, rates = {"ground": 0}, {"ground": np.zeros(3)}, []
         weld = kind == "weld"
         self.signs: dict[str, tuple[int, float]] = {}
         for h, name in [*((h, h.child) for h in hinges), *([(shadow, "shadow")] if weld else [])]:
-            placement = pin.SE3(np.eye(3), h.point - places[h.parent])
+            placement = pin.SE3(np.eye(3), h.point - points[h.parent])
             joint = model.addJoint(self.ids[h.parent], pin.JointModelRevoluteUnaligned(h.axis), placement, h.name)
             body, at = m.bodies[h.child], run.body(h.child)
             turn = at.rotation[0]
@@ -63,14 +63,14 @@ class Chain:
                 pin.Inertia(part * body.mass, com, part * turn @ np.array(body.inertia) @ turn.T),
                 pin.SE3.Identity(),
             )
-            self.ids[name], places[name] = joint, h.point
+            self.ids[name], points[name] = joint, h.point
             rates.append(h.rate)
             self.signs[h.name] = (joint, 1.0 if m.joints[h.name].child == h.child else -1.0)
         ends = ("shadow", halved) if weld else (shadow.child, shadow.parent)
         self.closing = pin.RigidConstraintModel(
             pin.ContactType.CONTACT_6D if weld else pin.ContactType.CONTACT_3D, model,
-            self.ids[ends[0]], pin.SE3(np.eye(3), cut.point - places[ends[0]]),
-            self.ids[ends[1]], pin.SE3(np.eye(3), cut.point - places[ends[1]]), pin.ReferenceFrame.LOCAL,
+            self.ids[ends[0]], pin.SE3(np.eye(3), cut.point - points[ends[0]]),
+            self.ids[ends[1]], pin.SE3(np.eye(3), cut.point - points[ends[1]]), pin.ReferenceFrame.LOCAL,
         )  # fmt: skip
         self.closing.setBaumgarteCorrectorParameters(pin.BaumgarteCorrectorParameters(GAIN, 2.0 * np.sqrt(GAIN)))
         if not weld:  # what pushes the child of the joint that closes the loop
@@ -81,7 +81,7 @@ class Chain:
         self.founds.append(self.closing.createData())
         self.settings = pin.ProximalSettings(ACCURACY, regularisation, ROUNDS)
         pin.initConstraintDynamics(model, self.data, self.closings, self.founds)
-        self.places = places
+        self.points = points
         self.q, self.v = pin.neutral(model), np.array(rates)
 
     def acceleration(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
@@ -107,12 +107,12 @@ class Chain:
         bodies: dict[str, Any] = {}
         for name in m.bodies:
             joint, at, body = self.ids[name], run.body(name), m.bodies[name]
-            place, turn = self.data.oMi[joint].translation, self.data.oMi[joint].rotation
+            position, turn = self.data.oMi[joint].translation, self.data.oMi[joint].rotation
             speed = pin.getVelocity(self.model, self.data, joint, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
-            arm = turn @ (at.position[0] - self.places[name])
+            arm = turn @ (at.position[0] - self.points[name])
             rotation = turn @ at.rotation[0]
             arm_now = arm + rotation @ np.array(body.com)
-            bodies[name] = (place + arm, rotation, speed.linear + np.cross(speed.angular, arm_now), speed.angular)
+            bodies[name] = (position + arm, rotation, speed.linear + np.cross(speed.angular, arm_now), speed.angular)
         forces = {}
         for name, (joint, sign) in self.signs.items():
             force = world.linear if joint < 0 else self.data.oMi[joint].act(self.data.f[joint]).linear

@@ -54,7 +54,7 @@ def main() -> None:
 
 @dataclass(frozen=True)
 class Asked:
-    """A table: a mechanism with its start, and what `compare` is told."""
+    """A table: a mechanism with its start, and the arguments of `compare`."""
 
     name: str
     coordinates: str = "relative"
@@ -98,6 +98,11 @@ TABLES = {
     "rssr": Asked("rssr"),
     "n-four-bar": Asked("n-four-bar", stabilised=False),
     "andrews-squeezer": Asked("andrews-squeezer"),
+    "bennett": Asked("bennett", duration=2.0),
+    "bricard": Asked("bricard", duration=2.0),
+    "exechon-like": Asked("exechon-like", duration=2.0),
+    "scissor-lift": Asked("scissor-lift", duration=2.0),
+    "delta": Asked("delta", duration=2.0),
 }
 
 
@@ -116,17 +121,17 @@ def excerpt(text: str) -> str:
     """`ROWS` and `COLUMNS` of a table."""
     cells = [re.split(r" {2,}", line) for line in text.splitlines()]
     headings = next(row for row in cells if row[0] == COLUMNS[0])
-    places = [headings.index(column) for column in COLUMNS]
+    indices = [headings.index(column) for column in COLUMNS]
     named = {row[0]: row for row in cells if len(row) == len(headings)}
-    return grid(COLUMNS, [[named[name][place] for place in places] for name in ROWS], 1)
+    return grid(COLUMNS, [[named[name][index] for index in indices] for name in ROWS], 1)
 
 
 def outline(text: str) -> dict[str, Any]:
     """What of a table is the same everywhere: caption, columns, rows with their ends, notes without their numbers."""
     caption, *lines = text.strip().splitlines()
-    rule = next(place for place, line in enumerate(lines) if set(line) == {"-", " "})
+    rule = next(index for index, line in enumerate(lines) if set(line) == {"-", " "})
     cells = [re.split(r" {2,}", line) for line in lines]
-    rows = next(place for place, line in enumerate(lines) if line.startswith("cond C_D"))
+    rows = next(index for index, line in enumerate(lines) if line.startswith("cond C_D"))
     return {
         "caption": caption,
         "columns": cells[rule - 1],

@@ -20,11 +20,11 @@ TWELVE = {
 
 def main() -> None:
     """Run the twelve, draw each, and put the pictures on one sheet in out/."""
-    said = argparse.ArgumentParser(description="figures of twelve mechanisms on one sheet")
-    said.add_argument("word", nargs="?", default="overview", help="a word of run.plot")
-    said.add_argument("--over", action="store_true", help="over the angle of the crank in the place of time")
-    said.add_argument("--out", type=Path, default=Path("out/contact-sheet.png"))
-    options = said.parse_args()
+    parser = argparse.ArgumentParser(description="figures of twelve mechanisms on one sheet")
+    parser.add_argument("word", nargs="?", default="overview", help="a word of run.plot")
+    parser.add_argument("--over", action="store_true", help="over the angle of the crank in the place of time")
+    parser.add_argument("--out", type=Path, default=Path("out/contact-sheet.png"))
+    options = parser.parse_args()
     pictures = []
     for name, crank in TWELVE.items():
         run = pt.catalogue.entry(name).simulate()
@@ -47,7 +47,7 @@ def main() -> None:
 
 
 def _turns(name: str, run: pt.results.Result, leading: str) -> pt.results.Result:
-    """The same run as far as its first three turns, for more of them are a band, or until it has come to rest."""
+    """The same run up to its first three turns, as more would fill a band, or until it has come to rest."""
     angle = run.joint(leading).position[:, 0]
     past = np.flatnonzero(np.abs(angle - angle[0]) > 6 * np.pi)
     speed = np.abs(run.v).max(axis=1)

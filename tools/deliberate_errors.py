@@ -118,16 +118,16 @@ class Workshop:
             start_new_session=True,
         ) as process:
             try:
-                said, _ = process.communicate(timeout=LONGEST)
+                output, _ = process.communicate(timeout=LONGEST)
                 code: int | None = process.returncode
             except subprocess.TimeoutExpired:
                 self.cut_short(process)
-                said, code = process.communicate()[0], None
+                output, code = process.communicate()[0], None
             except BaseException:
                 self.cut_short(process)
                 raise
-        self.log.write_text(f"{' '.join(command)}\n{said}", "utf-8")
-        return code, said
+        self.log.write_text(f"{' '.join(command)}\n{output}", "utf-8")
+        return code, output
 
     def cut_short(self, process: subprocess.Popen[str]) -> None:
         """End a command with all that it started. A compiler cut short may leave pieces of spoilt code in its cache."""
@@ -162,39 +162,47 @@ class Workshop:
     def rust(self, which: Sequence[str], names: Sequence[str]) -> Outcome:
         """`cargo test`, built first: what does not compile is no failure of a test."""
         command = ["cargo", "test", "--release", "--workspace", "--locked", *which]
-        code, said = self.run([*command, "--no-run"])
+        code, output = self.run([*command, "--no-run"])
         if code != 0:
-            return Outcome(trouble=f"it does not compile:\n{tail(said)}")
-        code, said = self.run([*command, "--", *names])
+            return Outcome(trouble=f"it does not compile:\n{tail(output)}")
+        code, output = self.run([*command, "--", *names])
         if code is None:
             return Outcome(trouble=f"the tests did not end within {LONGEST:.0f} s")
         if code != 0:
-            failed = re.findall(r"^test (\S+)(?: - should panic)? \.\.\. FAILED", said, re.M)
+            failed = re.findall(r"^test (\S+)(?: - should panic)? \.\.\. FAILED", output, re.M)
             return Outcome(tuple(failed) or ("aborted",))
-        ran = sum(int(n) for n in re.findall(r"^running (\d+) tests?$", said, re.M))
+        ran = sum(int(n) for n in re.findall(r"^running (\d+) tests?$", output, re.M))
         return Outcome() if ran > 0 else Outcome(trouble=f"{' '.join(command)} has no tests named {' '.join(names)}")
 
     def python(self, files: Sequence[str]) -> Outcome:
-        """`pytest` on these files, or on all, with the native module of the tree, or with that installed."""
-        built = ROOT / PACKAGE / "_core.abi3.so"
+        """`pytest` on these files, or on all, with the native module and the FMU binary of the tree, or with those
+        installed."""
+        built = {"_core.abi3.so": ROOT / PACKAGE / "_core.abi3.so"}
+        built |= {f"_fmu/{path.name}": path for path in (ROOT / PACKAGE / "_fmu").glob("*partita_fmu*")}
         if not self.installed:
-            code, said = self.run(["cargo", "build", "--release", "--workspace", "--locked"])
+            code, output = self.run(["cargo", "build", "--release", "--workspace", "--locked"])
             if code != 0:
-                return Outcome(trouble=f"it does not compile:\n{tail(said)}")
-            found = (self.builds / "release").glob("lib_core.*")
-            built = next(path for path in found if path.suffix in (".so", ".dylib"))
-        module = self.tree / PACKAGE / "_core.abi3.so"
-        if not module.exists() or module.read_bytes() != built.read_bytes():
-            module.unlink(missing_ok=True)
-            shutil.copyfile(built, module)
-        code, said = self.run([sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *files])
+                return Outcome(trouble=f"it does not compile:\n{tail(output)}")
+            release = self.builds / "release"
+            found = [
+                path for path in (*release.glob("lib*"), *release.glob("deps/lib*")) if path.suffix in (".so", ".dylib")
+            ]
+            built = {"_core.abi3.so": next(path for path in found if path.stem == "lib_core")}
+            built |= {f"_fmu/{path.name}": path for path in found if path.stem == "libpartita_fmu"}
+        for name, path in built.items():
+            there = self.tree / PACKAGE / name
+            if not there.exists() or there.read_bytes() != path.read_bytes():
+                there.parent.mkdir(exist_ok=True)
+                there.unlink(missing_ok=True)
+                shutil.copyfile(path, there)
+        code, output = self.run([sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *files])
         if code is None:
             return Outcome(trouble=f"the tests did not end within {LONGEST:.0f} s")
         if code == 0:
             return Outcome()
         if code == 1 or code < 0:
-            return Outcome(tuple(re.findall(r"^(?:FAILED|ERROR) (\S+)", said, re.M)) or ("aborted",))
-        return Outcome(trouble=f"pytest could not run the tests (exit code {code}):\n{tail(said)}")
+            return Outcome(tuple(re.findall(r"^(?:FAILED|ERROR) (\S+)", output, re.M)) or ("aborted",))
+        return Outcome(trouble=f"pytest could not run the tests (exit code {code}):\n{tail(output)}")
 
 
 def spoil(error: Error, text: str) -> str:
@@ -204,9 +212,9 @@ def spoil(error: Error, text: str) -> str:
     return text.replace(error.old, error.new)
 
 
-def tail(said: str) -> str:
+def tail(output: str) -> str:
     """The last lines of what a command said."""
-    return "\n".join(said.splitlines()[-15:])
+    return "\n".join(output.splitlines()[-15:])
 
 
 def named(names: Sequence[str]) -> list[Error]:

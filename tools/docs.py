@@ -79,7 +79,7 @@ def catalogue_page() -> str:
 
 
 def zoo_page() -> str:
-    """Every mechanism of the zoo, theme by theme, with what theory says of it."""
+    """Every mechanism of the zoo, theme by theme, with the theory of each."""
     lines: list[str] = []
     for theme, members in catalogue.zoo.THEMES.items():
         lines += [

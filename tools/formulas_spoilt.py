@@ -608,7 +608,7 @@ FORMULAS = (
     Error(
         "output-in-a-singular-position",
         "a weight of the polynomial through outputs beside it",
-        f"{INTEGRATE}/march.rs",
+        f"{INTEGRATE}/march/outputs.rs",
         "{ m * (at - j) / (i - j) }",
         "{ m * (at - j) / (i - 1.001 * j) }",
         ("python test_trust.py",),
@@ -798,7 +798,7 @@ FORMULAS = (
         f"{MODEL}/force/bushing.rs",
         "w - once.times(S::from_f64(0.5))",
         "w - once.times(S::from_f64(0.25))",
-        ("python test_forces_engineers.py",),
+        ("python test_joint_loads.py",),
     ),
     Error(
         "friction-level",
@@ -806,7 +806,7 @@ FORMULAS = (
         f"{MODEL}/force/resistance.rs",
         "(stick2 + square.scale(16.0)).sqrt()",
         "(stick2 + square.scale(15.0)).sqrt()",
-        ("python test_forces_engineers.py",),
+        ("python test_joint_loads.py",),
     ),
     Error(
         "friction-acts-back",
@@ -830,7 +830,7 @@ FORMULAS = (
         f"{MODEL}/force/resistance.rs",
         "1.0 / (self.exponent + 1.0)",
         "1.0 / self.exponent",
-        ("python test_forces_engineers.py",),
+        ("python test_contact_forces.py",),
     ),
     Error(
         "contact-point",
@@ -838,7 +838,7 @@ FORMULAS = (
         f"{MODEL}/force/contact.rs",
         "normal.times(self.radius - inside)",
         "normal.times(self.radius + inside)",
-        ("python test_forces_engineers.py",),
+        ("python test_contact_forces.py",),
     ),
     Error(
         "tyre-slip",
@@ -846,7 +846,7 @@ FORMULAS = (
         f"{MODEL}/force/tyre.rs",
         "(limit * limit + x * x + y * y).sqrt()",
         "(limit * limit + y * y).sqrt()",
-        ("python test_forces_engineers.py",),
+        ("python test_contact_forces.py",),
     ),
     Error(
         "law-seen-velocity",
@@ -854,7 +854,7 @@ FORMULAS = (
         f"{MODEL}/force/spot.rs",
         "G::vec_to(self.velocity(link, self.arm_to(link, x)))",
         "G::vec_to(self.velocity(link, -self.arm_to(link, x)))",
-        ("python test_forces_engineers.py",),
+        ("python test_force_laws.py",),
     ),
     Error(
         "stop-turns",
@@ -862,7 +862,7 @@ FORMULAS = (
         f"{MODEL}/force/load/mod.rs",
         "(x - middle).scale(1.0 / TAU).round()",
         "x.scale(1.0 / TAU).round()",
-        ("python test_forces_engineers.py",),
+        ("python test_joint_loads.py",),
     ),
     Error(
         "rolling-contact",

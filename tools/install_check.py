@@ -47,7 +47,7 @@ def main(given: list[str]) -> int:
     """Try everything that is asked for; 1 if anything fails."""
     with tempfile.TemporaryDirectory() as folder:
         found = [Path(word).resolve() for word in given] or [*built(Path(folder)), ROOT]
-        for path in [one for place in found for one in archives(place)]:
+        for path in [one for given in found for one in archives(given)]:
             begun = time.monotonic()
             try:
                 check(path)
@@ -60,13 +60,13 @@ def main(given: list[str]) -> int:
     return 0
 
 
-def archives(place: Path) -> list[Path]:
+def archives(path: Path) -> list[Path]:
     """The wheels and source archives in a folder; a single file, and the folder of the project, as they are."""
-    if place.is_file() or place == ROOT:
-        return [place]
-    found = sorted([*place.glob("*.whl"), *place.glob("*.tar.gz")])
+    if path.is_file() or path == ROOT:
+        return [path]
+    found = sorted([*path.glob("*.whl"), *path.glob("*.tar.gz")])
     if not found:
-        raise SystemExit(f"there is no wheel and no source archive in {place}")
+        raise SystemExit(f"there is no wheel and no source archive in {path}")
     return found
 
 
@@ -81,10 +81,10 @@ def built(folder: Path) -> list[Path]:
 def check(path: Path) -> None:
     """Install `path` into an empty environment and use it there."""
     with tempfile.TemporaryDirectory() as folder:
-        place = Path(folder)
-        venv.create(place / "env", with_pip=True)
-        programs = place / "env" / ("Scripts" if os.name == "nt" else "bin")
-        python, work = str(programs / "python"), place / "work"
+        base = Path(folder)
+        venv.create(base / "env", with_pip=True)
+        programs = base / "env" / ("Scripts" if os.name == "nt" else "bin")
+        python, work = str(programs / "python"), base / "work"
         work.mkdir()
         kept = {key: value for key, value in os.environ.items() if key not in ("PYTHONPATH", "VIRTUAL_ENV")}
         kept["PYO3_PYTHON"] = python

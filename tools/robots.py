@@ -50,7 +50,7 @@ class Joint:
     kind: str
     parent: str
     child: str
-    place: Array
+    pose: Array
     axis: Array
 
 
@@ -63,7 +63,7 @@ class Robot:
     joints: list[Joint]
     pairs: list[tuple[str, str, str]]
     frames: dict[str, tuple[str, Array]] = field(default_factory=dict)
-    said: list[str] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
 
 
 def numbers(element: ElementTree.Element | None, key: str) -> Array:
@@ -119,17 +119,17 @@ def read(folder: Path, decimals: int | None) -> Robot:
     for item in root.findall("joint"):
         origin, parent, child = item.find("origin"), item.find("parent"), item.find("child")
         assert parent is not None and child is not None
-        place = placed(rounded(numbers(origin, "xyz")), turned(rounded(numbers(origin, "rpy"))))
+        pose = placed(rounded(numbers(origin, "xyz")), turned(rounded(numbers(origin, "rpy"))))
         kind = {"continuous": "revolute"}.get(item.get("type", ""), item.get("type", ""))
         axis = numbers(item.find("axis"), "xyz")
-        joints.append(Joint(item.get("name", ""), kind, parent.get("link", ""), child.get("link", ""), place, axis))
+        joints.append(Joint(item.get("name", ""), kind, parent.get("link", ""), child.get("link", ""), pose, axis))
     pairs = [(a, b, kind) for (a, b), kind in zip(sidecar["closed_loop"], sidecar["type"], strict=True)]
     robot = Robot(folder.name, links, joints, pairs)
     fold_frames(robot)
     fold_balls(robot)
     heavy = [link.name for link in robot.links.values() if link.mass > 1e5]
     if heavy:
-        robot.said.append(f"dummies of more than 100 t, taken as they are: {', '.join(heavy)}")
+        robot.remarks.append(f"dummies of more than 100 t, taken as they are: {', '.join(heavy)}")
     return robot
 
 
@@ -144,11 +144,11 @@ def fold_frames(robot: Robot) -> None:
     parents = {joint.parent for joint in robot.joints}
     for joint in list(robot.joints):
         if joint.kind == "fixed" and joint.child not in parents and robot.links[joint.child].mass <= DUMMY:
-            robot.frames[joint.child] = (joint.parent, joint.place)
+            robot.frames[joint.child] = (joint.parent, joint.pose)
             robot.joints.remove(joint)
             del robot.links[joint.child]
     if robot.frames:
-        robot.said.append(f"{len(robot.frames)} links of no more than {DUMMY:g} kg at fixed joints, taken as frames")
+        robot.remarks.append(f"{len(robot.frames)} links of no more than {DUMMY:g} kg at fixed joints, taken as frames")
     for joint in robot.joints:
         robot.frames.setdefault(joint.name, (joint.child, np.eye(4)))
 
@@ -167,14 +167,14 @@ def fold_balls(robot: Robot) -> None:
             continue
         chain = (first, second, last)
         between = (first.child, second.child)
-        apart = max(float(np.linalg.norm(j.place[:3, 3])) for j in (second, last))
+        apart = max(float(np.linalg.norm(j.pose[:3, 3])) for j in (second, last))
         if any(j.kind != "revolute" for j in chain) or any(robot.links[n].mass > 0.0 for n in between):
             continue
         if any(len(out[n]) != 1 for n in between) or apart > 1e-12:
             continue
-        place = first.place @ second.place @ last.place
+        pose = first.pose @ second.pose @ last.pose
         robot.joints[robot.joints.index(last)] = Joint(
-            last.name, "spherical", first.parent, last.child, place, np.zeros(3)
+            last.name, "spherical", first.parent, last.child, pose, np.zeros(3)
         )
         for j in (first, second):
             robot.joints.remove(j)
@@ -183,27 +183,27 @@ def fold_balls(robot: Robot) -> None:
             del robot.links[n]
         balls += 1
     if balls:
-        robot.said.append(f"{balls} ball joints, each three hinges with massless links between them")
+        robot.remarks.append(f"{balls} ball joints, each three hinges with massless links between them")
 
 
 def build(robot: Robot) -> tuple[pt.Mechanism, float]:
-    """The mechanism, closed by welding or joining frames, and how far the drawing gapes there [m].
+    """The mechanism, closed by welding or joining frames, and the closure error of the drawing there [m].
 
     Where two links are welded, the one that carries less is drawn where the other's frame puts it, with all it carries;
     its own joint then is where the loop gapes.
     """
-    carried: dict[str, list[str]] = {}
+    children: dict[str, list[str]] = {}
     for joint in robot.joints:
-        carried.setdefault(joint.parent, []).append(joint.child)
+        children.setdefault(joint.parent, []).append(joint.child)
     root = next(iter(set(robot.links) - {joint.child for joint in robot.joints}))
     into = {joint.child: joint for joint in robot.joints}
     pose: dict[str, Array] = {root: np.eye(4)}
 
     def outwards(name: str) -> list[str]:
-        return [name, *(other for child in carried.get(name, []) for other in outwards(child))]
+        return [name, *(other for child in children.get(name, []) for other in outwards(child))]
 
     for name in outwards(root)[1:]:
-        pose[name] = pose[into[name].parent] @ into[name].place
+        pose[name] = pose[into[name].parent] @ into[name].pose
     rough, gap = set[str](), 0.0
     for a, b, kind in robot.pairs:
         (host_a, frame_a), (host_b, frame_b) = robot.frames[a], robot.frames[b]
@@ -224,7 +224,7 @@ def build(robot: Robot) -> tuple[pt.Mechanism, float]:
                    orientation=nearest(pose[name][:3, :3]))  # fmt: skip
     m.add_fixed("stand", m.ground, root)
     for joint in robot.joints:
-        where = pose[joint.parent] @ joint.place
+        where = pose[joint.parent] @ joint.pose
         point, axis = where[:3, 3], where[:3, :3] @ joint.axis
         open_at: dict[str, Any] = {}
         if joint.child in rough:
@@ -263,22 +263,22 @@ def row(folder: Path, decimals: int | None) -> tuple[str, list[str], bool]:
         redundant = summary["joint_rows"] - summary["joint_rank"]
         start += f"{summary['mobility']:>9}{redundant:>10}{gap:>9.1e}"
         report = m.report(still)
-        robot.said += [line[2:] for line in report.splitlines() if line.startswith("- ") and "lengths" in line]
+        robot.remarks += [line[2:] for line in report.splitlines() if line.startswith("- ") and "lengths" in line]
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", pt.errors.SuspectResultWarning)
             run = m.simulate(SECONDS, initial=still, max_steps=20000)
         closed = float(run.closure.max(initial=0.0))
         balance = run.energy.relative_balance
         words = "success" if run.success else f"{run.status} at {run.t[-1]:.3g} s: {run.message}"
-        return f"{start}{closed:>9.1e}{balance:>9.1e}  {words}, {run.certificate.verdict}", robot.said, run.success
+        return f"{start}{closed:>9.1e}{balance:>9.1e}  {words}, {run.certificate.verdict}", robot.remarks, run.success
     except pt.errors.PartitaError as error:
-        return f"{start}  {type(error).__name__}: {error}", robot.said, False
+        return f"{start}  {type(error).__name__}: {error}", robot.remarks, False
 
 
 def written(folder: Path) -> list[str]:
-    """Lines that tell how a robot comes back from the formats it is saved in."""
-    said = []
-    with warnings.catch_warnings(), tempfile.TemporaryDirectory() as place:
+    """Lines on how a robot changes when saved in other formats and read again."""
+    faults = []
+    with warnings.catch_warnings(), tempfile.TemporaryDirectory() as temporary:
         warnings.simplefilter("ignore")
         m = pt.load(folder / "robot.urdf")
         here = accelerations(m, m.assemble().q, m.compile().names)
@@ -292,15 +292,15 @@ def written(folder: Path) -> list[str]:
         models = {"last digit": shaken}
         for suffix in (".urdf", ".mjcf"):
             try:
-                m.save(Path(place) / f"robot{suffix}", strict=True)
-                models[suffix] = pt.load(Path(place) / f"robot{suffix}")
+                m.save(Path(temporary) / f"robot{suffix}", strict=True)
+                models[suffix] = pt.load(Path(temporary) / f"robot{suffix}")
             except pt.errors.MissingDependencyError as error:
-                said.append(f"{suffix}: {error}")
+                faults.append(f"{suffix}: {error}")
         for word, back in models.items():
             there = accelerations(back, m.assemble().q, m.compile().names)
             off = max(abs(there[name] - value) for name, value in here.items()) / largest
-            said.append(f"accelerations off by {off:.1e} of the largest: {word}")
-    return said
+            faults.append(f"accelerations off by {off:.1e} of the largest: {word}")
+    return faults
 
 
 def accelerations(m: pt.Mechanism, q: Array, names: list[str]) -> dict[str, float]:
@@ -322,10 +322,10 @@ def main() -> int:
     print(HEAD)
     for robot in robots:
         for decimals in (None, 6, 4):
-            line, said, fine = row(robot, decimals)
+            line, remarks, fine = row(robot, decimals)
             failed += decimals is None and not fine
             print(line)
-        print(*(f"    {word}" for word in [*said, *written(robot)]), sep="\n")
+        print(*(f"    {word}" for word in [*remarks, *written(robot)]), sep="\n")
     return int(failed > 0)
 
 

@@ -46,9 +46,10 @@ def main(short: bool = False, folder: Path = FOLDER) -> Numbers:
               f" measure: {', '.join(ranking(by_measure)[:4])}")  # fmt: skip
     crank = np.linspace(0.0, 2.0 * np.pi, 91 if short else 721)
     rows: dict[str, Array] = {}
-    measured = {unit: np.array([scores(angle, scale)[1] for angle in crank]) for unit, scale in UNITS.items()}
-    for unit, scale in UNITS.items():
-        rows[f"determinant, {unit}"] = np.array([int(np.argmax(scores(angle, scale)[0])) for angle in crank])
+    both = {unit: [scores(angle, scale) for angle in crank] for unit, scale in UNITS.items()}
+    measured = {unit: np.array([rho for _, rho in values]) for unit, values in both.items()}
+    for unit, values in both.items():
+        rows[f"determinant, {unit}"] = np.array([int(np.argmax(determinants)) for determinants, _ in values])
     for unit, rho in measured.items():
         rows[f"measure, {unit}"] = np.argmax(rho, axis=1)
     first = {unit: ranking(scores(START, scale)[0])[0] for unit, scale in UNITS.items()}
@@ -68,10 +69,10 @@ def main(short: bool = False, folder: Path = FOLDER) -> Numbers:
     used = sorted({int(i) for row in rows.values() for i in row})
     colours = {i: COLOURS[n % len(COLOURS)] for n, i in enumerate(used)}
     width = float(np.degrees(crank[1] - crank[0]))
-    for place, row in enumerate(rows.values()):
+    for index, row in enumerate(rows.values()):
         for i in used:
             at = np.degrees(crank[row == i])
-            ax.broken_barh([(a - width / 2, width) for a in at], (place - 0.4, 0.8), color=colours[i], lw=0)
+            ax.broken_barh([(a - width / 2, width) for a in at], (index - 0.4, 0.8), color=colours[i], lw=0)
     ax.set_yticks(range(len(rows)), list(rows), fontsize=9)
     ax.invert_yaxis()
     ax.set_xlim(0, 360)

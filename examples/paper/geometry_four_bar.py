@@ -89,8 +89,8 @@ def main(short: bool = False, folder: Path = FOLDER) -> Numbers:
     dressed(ax, "ρ = |k$_d$| / |k|", "ρ", time_axis=False)
     for i, name in enumerate(JOINT):
         ax.plot(degrees, tangent[:, i] / k[:, i], color=COLOURS[(3, 4, 5)[i]], lw=1.4)
-        place = len(crank) // 4
-        above = tangent[place, i] / k[place, i] + 0.03
+        index = len(crank) // 4
+        above = tangent[index, i] / k[index, i] + 0.03
         ax.text(90.0, above, name, fontsize=9, color=COLOURS[(3, 4, 5)[i]])
     ax.set_ylim(-0.03, 1.05)
     for ax in (*axes[0], axes[1, 0]):

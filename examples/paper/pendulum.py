@@ -57,14 +57,14 @@ def main(short: bool = False, folder: Path = FOLDER) -> Numbers:
     formula = np.abs(np.column_stack([np.cos(phi), np.sin(phi)]))
     share = MASS * CENTRE**2 / (MASS * CENTRE**2 + INERTIA)
     slender = np.sqrt(np.column_stack([share * formula**2, np.full(len(phi), 1.0 - share)]))
-    places = switches(short)
+    angles = switches(short)
     found = {
         "point: largest deviation from |cos|, |sin|": float(np.max(np.abs(points - formula))),
         "rod: largest deviation from the formulas": float(np.max(np.abs(rods - slender))),
         "rod: rho of the angle": float(rods[0, 2]),
-        "switches of x and y in two seconds": float(len(places)),
-        "first switch at [deg]": places[0],
-        "farthest switch from 45 [deg]": float(np.max(np.abs(np.array(places) - 45.0))),
+        "switches of x and y in two seconds": float(len(angles)),
+        "first switch at [deg]": angles[0],
+        "farthest switch from 45 [deg]": float(np.max(np.abs(np.array(angles) - 45.0))),
     }
     figure = new_figure(9.0, 3.4)
     left, right = figure.subplots(1, 2, sharey=True)
@@ -75,8 +75,8 @@ def main(short: bool = False, folder: Path = FOLDER) -> Numbers:
         dressed(ax, title, "ρ" if ax is left else "", time_axis=False)
         for i, name in enumerate(names):
             ax.plot(np.degrees(phi), values[:, i], color=COLOURS[i], label=name)
-        for place in (45.0, 135.0):
-            ax.axvline(place, color="#999999", lw=0.8, ls=":")
+        for angle in (45.0, 135.0):
+            ax.axvline(angle, color="#999999", lw=0.8, ls=":")
         ax.set_xticks(range(0, 181, 45))
         ax.set_xlabel("angle from the vertical [deg]", fontsize=9)
     right.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=8, frameon=False)

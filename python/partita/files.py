@@ -191,7 +191,7 @@ def _is_ours(folder: Path) -> bool:
         return (p for p in folder.rglob("*") if p.is_file() and p.stat().st_size < _SMALL)
 
     for _ in range(_LOOKS):
-        with suppress(FileNotFoundError):  # another writer replaces it while it is looked at
+        with suppress(FileNotFoundError):  # another writer replaces it while it is read
             if any(_MARK.search(p.read_bytes()) for p in small()):
                 return True
     return False

@@ -28,7 +28,7 @@ bad luck; a third time it is the point."""
 PULSE = 0.2
 """Seconds between checks of the clock and of Ctrl-C."""
 AHEAD = 1000
-"""Points handed out before their turn: enough for a cluster, and nothing to wait for where a sweep is interrupted."""
+"""Points submitted ahead: enough for a cluster, few to wait for where a sweep is interrupted."""
 
 
 def sweep(
@@ -95,8 +95,8 @@ def sweep(
         words = f"interrupted after {done} of {len(work.points)} points; `result` of this error has them"
         raise Interrupted(words, work.dataset()) from stopped
     if len(work.failed) == len(work.points):
-        point, said = next(iter(work.failed.items()))
-        raise ArgumentError(f"every point failed; the first, {work.named(point)}: {said}", argument="model")
+        point, reason = next(iter(work.failed.items()))
+        raise ArgumentError(f"every point failed; the first, {work.named(point)}: {reason}", argument="model")
     return work.dataset()
 
 
@@ -279,10 +279,10 @@ class _Work:
                 if name in answer:
                     values[point] = answer[name]
             variables[name] = (dims + tuple(f"{name}_axis{i}" for i in range(len(shape))), values)
-        said = np.full(sizes, "", dtype=object)
+        messages = np.full(sizes, "", dtype=object)
         for point, words in self.failed.items():
-            said[point] = words
-        variables["failed"] = (dims, said.astype(str))
+            messages[point] = words
+        variables["failed"] = (dims, messages.astype(str))
         return xarray.Dataset(variables, coords={name: list(values) for name, values in self.grid.items()})
 
 

@@ -138,15 +138,15 @@ class System(Equations):
         q, v = self._q(q0), self._v(np.zeros(self.n) if v0 is None else v0)
         limit = run_options.positive("tolerance", tolerance)
         time = State(t, [], []).t
-        closed, speeds, said = self.core.assemble(time, q, v, [], [], limit)
-        return State(time, closed, speeds, layout=self._layout(), assembly=json.loads(said))
+        closed, speeds, report = self.core.assemble(time, q, v, [], [], limit)
+        return State(time, closed, speeds, layout=self._layout(), assembly=json.loads(report))
 
     def summary(self, t: float, q: ArrayLike) -> dict[str, Any]:
         """Names and sizes as plain data, like the summary of a mechanism (without bodies and joints)."""
-        place, t = self._q(q), State(t, [], []).t
-        rows = self._rows.count(t, place)
+        position, t = self._q(q), State(t, [], []).t
+        rows = self._rows.count(t, position)
         kept = (
-            _core.choose(self.core.mass_matrix(t, place), self.core.jacobian(t, place), 1.0, None)["rows"]
+            _core.choose(self.core.mass_matrix(t, position), self.core.jacobian(t, position), 1.0, None)["rows"]
             if rows
             else ()
         )

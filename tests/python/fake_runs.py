@@ -17,7 +17,7 @@ Z = (0.0, 0.0, 1.0)
 
 @dataclass
 class Fake:
-    """What the page asks of a result, for bodies given by their poses."""
+    """What the page needs of a result, for bodies given by their poses."""
 
     t: np.ndarray
     poses: dict[str, tuple[np.ndarray, np.ndarray]]  # origin (nt, 3), rotation (nt, 3, 3)

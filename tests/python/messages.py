@@ -156,9 +156,9 @@ def sprung() -> pt.Mechanism:
     return m
 
 
-def part(said: str, title: str) -> str:
+def part(text: str, title: str) -> str:
     """One section of a report, on one line."""
-    lines = said.split(f"{title}\n{'-' * len(title)}\n")[1].split("\n\n")[0]
+    lines = text.split(f"{title}\n{'-' * len(title)}\n")[1].split("\n\n")[0]
     return " ".join(lines.split())
 
 

@@ -18,7 +18,7 @@ import partita as pt
 from partita.errors import PartitaError, SuspectResultWarning
 
 Array = Any
-SAID = ("turned", "shifted", "millimetres", "kilometres and tonnes", "reversed", "swapped", "named anew")
+REWRITTEN = ("turned", "shifted", "millimetres", "kilometres and tonnes", "reversed", "swapped", "named anew")
 """Ways of saying it."""
 
 
@@ -106,7 +106,7 @@ def named_anew(d: Drawing, _: Any) -> Drawing:
     )
 
 
-def said(d: Drawing, how: str, rng: Any) -> Drawing:
+def rewritten(d: Drawing, how: str, rng: Any) -> Drawing:
     """The drawing in one of the ways `SAID`; bodies and joints keep their order but in "reversed"."""
     if how == "millimetres":
         return d.scaled(1e3, 1.0, 1.0)
@@ -181,8 +181,8 @@ def differences(d: Drawing, seed: int) -> list[str]:
             return {"refused": type(error).__name__}
 
     rng, known, found = np.random.default_rng(seed), answered(d, False), []
-    for how in (*SAID, "by bodies"):
-        other = d if how == "by bodies" else said(d, how, rng)
+    for how in (*REWRITTEN, "by bodies"):
+        other = d if how == "by bodies" else rewritten(d, how, rng)
         now = answered(other, how == "reversed", "absolute" if how == "by bodies" else "relative")
         # the axes of a joint are laid by its parent
         aside = {"rho", "components"} if how == "swapped" else {"rho"}

@@ -17,7 +17,7 @@ CONTRAST, LAYOUT = (
 
 
 def unreached(browser: Chromium) -> list[str]:
-    """Controls of the page shown that the tabulator does not reach, and those that do not show where it is."""
+    """Controls of the page shown that the Tab key does not reach, and those that do not show the focus."""
     wanted = browser.value(
         "(window.all = [...document.querySelectorAll('button, select, input, canvas, summary, #bars')]"
         ".filter((e) => e.checkVisibility() && !e.disabled)).length"

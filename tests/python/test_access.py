@@ -225,21 +225,21 @@ def handled(m: pt.Mechanism, word: str, value: Any) -> Any:
 
 
 def add(m: pt.Mechanism, call: Call) -> None:
-    method, name, said = call
-    getattr(m, method)(name=name, **{word: handled(m, word, value) for word, value in said.items()})
+    method, name, arguments = call
+    getattr(m, method)(name=name, **{word: handled(m, word, value) for word, value in arguments.items()})
 
 
-def draw(changed: int | None = None, **said: Any) -> pt.Mechanism:
-    """Everything; one of the calls with other arguments."""
+def draw(changed: int | None = None, **arguments: Any) -> pt.Mechanism:
+    """A mechanism of every element; the call number `changed` has other arguments."""
     m = pt.Mechanism("everything")
     for i, (call, _) in enumerate(CALLS):
-        add(m, (call[0], call[1], {**call[2], **said}) if i == changed else call)
+        add(m, (call[0], call[1], {**call[2], **arguments}) if i == changed else call)
     m.add_compliance("R", translation=1e-8, rotation=(1e-6, 0, 0))
     return m
 
 
 def spec(m: pt.Mechanism) -> str:
-    """What the core is told, and which Python functions stand in it."""
+    """The description passed to the core, and the Python functions in it."""
     d = m._description
     records = [*d.couplings.values(), *d.drives.values(), *d.forces.values(), *d.sensors.values()]
     return json.dumps(m.to_spec()) + repr([call_of(record) for record in records])

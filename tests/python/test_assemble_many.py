@@ -265,8 +265,8 @@ def test_joints_that_close_loops_and_points() -> None:
 
 
 def test_obstacles_are_reported() -> None:
-    """Behind the position in which a parallelogram can fold over, by closed forms and by following; beyond a limit
-    of the only way; targets that one degree of freedom cannot keep; a branch on which one loop of two cannot close."""
+    """A target beyond the position where a parallelogram can fold, in closed form and by continuation; one beyond a
+    limit; targets that one degree of freedom cannot meet; a branch on which one of two loops cannot close."""
     m = parallelogram(1.0)
     for joint in ("A", "C"):  # by closed forms, and by following
         poses = m.assemble_many({joint: [-0.2, -1.5, 0.9]})

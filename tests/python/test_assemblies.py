@@ -1,4 +1,4 @@
-"""All assemblies of a mechanism, and placing by closed forms instead of walking."""
+"""All assemblies of a mechanism, and poses in closed form instead of by continuation."""
 
 from __future__ import annotations
 
@@ -229,12 +229,12 @@ def test_any_joint_has_targets_and_rates(coordinates: str) -> None:
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e3])
 def test_points_are_targets(scale: float) -> None:
     m = two_links(scale)
-    for place in ((1.2, 0.9), (0.4, -1.1)):
-        target = {("2", (scale, 0, 0), "xy"): scale * np.array(place)}
+    for goal in ((1.2, 0.9), (0.4, -1.1)):
+        target = {("2", (scale, 0, 0), "xy"): scale * np.array(goal)}
         for coordinates in ("relative", "absolute"):
             state = m.assemble(target, coordinates=coordinates)
             run = m.simulate(1e-3, initial=state, t_eval=[0.0], coordinates=coordinates)
-            assert run.body("2").point((scale, 0, 0))[0, :2] / scale == pytest.approx(place, abs=1e-11)
+            assert run.body("2").point((scale, 0, 0))[0, :2] / scale == pytest.approx(goal, abs=1e-11)
     with pytest.raises(AssemblyError, match=r"point .* of 2 in x ends at .* no configuration reaches the target"):
         m.assemble({("2", (scale, 0, 0), "xy"): (2.5 * scale, 0.0)})
 
@@ -350,7 +350,7 @@ def test_where_a_joint_ends_and_what_is_missing() -> None:
 
 
 def test_a_free_joint_may_have_the_name_of_its_body() -> None:
-    """Names of relative and absolute coordinates are then the same; what a state holds is told by its model."""
+    """Names of relative and absolute coordinates are then the same; the contents of a state are those of its model."""
     m = pt.Mechanism("thrown", gravity=None)
     m.add_body("ball", mass=1.0, inertia=(1, 2, 3), com=(0.3, 0.1, 0.2), position=(1, 2, 3))
     m.add_free("ball", m.ground, "ball", point=(1, 2, 3))

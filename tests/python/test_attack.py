@@ -618,7 +618,7 @@ CALLS = {**built(), **ASKED}
 
 
 class Exact(tuple[Any, ...]):
-    """An answer that may hold what was handed over, NaN included."""
+    """An answer that may contain the input, NaN included."""
 
 
 def numbers_of(answer: Any) -> Iterator[np.ndarray]:
@@ -662,7 +662,7 @@ def attack1(function: Callable[..., Any], arguments: dict[str, Any], name: str, 
         except Exception as error:
             fault = f"{type(error).__name__}: {error}"
             if isinstance(error, TypeError) and callable(value):
-                fault = ""  # of the function handed over, called with what it does not take
+                fault = ""  # of the user's function, called with arguments that it does not take
     if fault:
         yield f"{name}={value!r:.60}: {fault}"
 
@@ -714,8 +714,8 @@ def test_nonsense_on_the_command_line(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     code = cli.main(command)
-    said = capsys.readouterr().err
-    assert code == 2 and "partita" in said and "Traceback" not in said and "internal error" not in said
+    printed = capsys.readouterr().err
+    assert code == 2 and "partita" in printed and "Traceback" not in printed and "internal error" not in printed
 
 
 def test_every_public_name_is_attacked() -> None:

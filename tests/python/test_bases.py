@@ -29,7 +29,7 @@ def test_a_basis_made_anew_at_each_step_is_counted(formulation: str) -> None:
     assert len(run.partitions) == 1 and "renewed after each step" in run.partitions[0].reason
     assert np.abs(run.q - known.q).max() < 1e-7
     assert run.closure.max() < 1e-13
-    # the quality told of an output is that of a basis made there: in the metric of kinetic energy it is 1
+    # the quality reported for an output is that of a basis made there: in the metric of kinetic energy it is 1
     best = formulation in ("gram-schmidt", "tangent-space")
     assert (run.sqrt_mu[-1] > 1 - 1e-9) if best else (0.1 < run.sqrt_mu[-1] < 1)
     frozen = m.simulate(duration, initial=start, t_eval=[duration], formulation=formulation)

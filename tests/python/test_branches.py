@@ -1,4 +1,4 @@
-"""Through positions in which branches of a mechanism meet: the motion keeps its own, and each is told."""
+"""Through positions in which branches of a mechanism meet: the motion keeps its own, and each is reported."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the builder accepts of forces and drives, what it refuses and with which words, and the description it makes."""
+"""Forces and drives: those that the builder accepts, the messages of those that it refuses, their description."""
 
 import math
 from collections.abc import Callable

@@ -12,8 +12,12 @@ from partita.cli import main
 def test_a_good_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = str(written(tmp_path, tree(LOOP)))
     assert main(["check", path]) == 0
-    said = capsys.readouterr().out
-    assert "degrees of freedom: 1" in said and "redundant constraints: 3 of 20" in said and "3 shapes to draw" in said
+    printed = capsys.readouterr().out
+    assert (
+        "degrees of freedom: 1" in printed
+        and "redundant constraints: 3 of 20" in printed
+        and "3 shapes to draw" in printed
+    )
     assert main(["check", path, "--json", "--base", "free"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["closes"] and found["report"]["mobility"] == 7 and found["reading"]["kind"] == "URDF"

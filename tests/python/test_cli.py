@@ -26,7 +26,7 @@ def test_run_of_the_catalogue_reports_what_it_found(tmp_path: Path, capsys: pyte
         "simulate", "four-bar", "--time", 1, "--outputs", 51,
         "--save", files[".nc"], "--plot", files[".png"], "--html", files[".html"],
     )  # fmt: skip
-    said = capsys.readouterr().out
+    printed = capsys.readouterr().out
     assert code == 0
     for word in (
         "independent",
@@ -37,7 +37,7 @@ def test_run_of_the_catalogue_reports_what_it_found(tmp_path: Path, capsys: pyte
         "steps",
         *map(str, files.values()),
     ):
-        assert word in said
+        assert word in printed
     stored = results.load_result(files[".nc"])
     assert len(stored.t) == 51 and stored.t[-1] == 1.0
     assert files[".png"].read_bytes().startswith(b"\x89PNG")
@@ -46,8 +46,8 @@ def test_run_of_the_catalogue_reports_what_it_found(tmp_path: Path, capsys: pyte
 
 def test_published_run_is_measured(capsys: pytest.CaptureFixture[str]) -> None:
     assert run("simulate", "planar-pendulum") == 0
-    said = capsys.readouterr().out
-    assert "Against known answers" in said and "FAILED" not in said
+    printed = capsys.readouterr().out
+    assert "Against known answers" in printed and "FAILED" not in printed
 
 
 def test_command_and_function_agree(tmp_path: Path) -> None:
@@ -185,10 +185,10 @@ def test_convert_keeps_the_model(tmp_path: Path) -> None:
 )
 def test_bad_input_is_one_message_and_code_2(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert run(*words) == 2
-    said = capsys.readouterr()
-    assert said.out == ""
-    assert said.err.startswith("partita: error: ") and said.err.count("\n") == 1
-    assert "Traceback" not in said.err
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith("partita: error: ") and captured.err.count("\n") == 1
+    assert "Traceback" not in captured.err
 
 
 def test_length_of_a_file_must_be_given(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -227,9 +227,9 @@ def test_run_that_stops_early_is_saved(
     _early(monkeypatch, status)
     path = tmp_path / "run.csv"
     assert run("simulate", "four-bar", "--time", 0.1, "--outputs", 3, "--save", path) == code
-    said = capsys.readouterr()
-    assert "it could not go on" in said.err and said.err.count("\n") == 1
-    assert "closure error" in said.out and path.exists()
+    captured = capsys.readouterr()
+    assert "it could not go on" in captured.err and captured.err.count("\n") == 1
+    assert "closure error" in captured.out and path.exists()
 
 
 def test_control_c_keeps_what_was_computed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

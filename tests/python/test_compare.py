@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import signal
 import threading
 import time
@@ -99,7 +100,7 @@ def test_nothing_is_missing_without_a_reason() -> None:
 
 
 def test_cost_of_an_evaluation_knows_nothing_of_steps_and_outputs() -> None:
-    """A force that counts its calls: what is timed are evaluations, as many for the same formulation however it is run.
+    """A force that counts its calls: evaluations are timed, equally many for a formulation however it is run.
 
     The same kernel with few steps and with many, with few outputs and with many has one cost, so the calls that a
     comparison makes for its column depend on clocks alone; here only that they are made, apart from the runs.
@@ -184,7 +185,9 @@ def test_rules_free_of_units_are_one_rule_for_one_degree_of_freedom() -> None:
         rules = ("collective", "greedy", "individual", "normalised-determinant")
         logs = [[(p.t, p.independent) for p in run(rule).partitions] for rule in rules]
         assert all(log == logs[0] for log in logs) and (len(logs[0]) > 1) == switched
-    closed = m.simulate(5.0, initial=start, formulation="explicit-closing")  # asks now and then, by the same measure
+    closed = m.simulate(
+        5.0, initial=start, formulation="explicit-closing"
+    )  # chooses anew now and then, by the same measure
     assert len(closed.partitions) == 1
 
 
@@ -222,7 +225,7 @@ def test_work_and_precision_of_a_method_of_order_five() -> None:
 
 
 def test_absolute_and_relative_coordinates_have_the_same_error() -> None:
-    """The error is told in metres of bodies, which know nothing of coordinates: both are those of rtol 1e-8."""
+    """The error is in metres of bodies, independent of coordinates: both are those of rtol 1e-8."""
     m = pt.catalogue.load("four-bar-spring")
     for coordinates in ("relative", "absolute"):
         start = m.assemble(coordinates=coordinates)
@@ -233,7 +236,7 @@ def test_absolute_and_relative_coordinates_have_the_same_error() -> None:
 
 
 def test_a_run_that_fails_leaves_the_others() -> None:
-    """Tangent velocities that break the constraints: one row tells, the others finish."""
+    """Tangent velocities that break the constraints: one row reports it, the others finish."""
     wrong = pt.TangentVelocities(lambda t, q: [[q[0], q[1]]])
     words = [*SURE, "user-tangent"]
     found = pt.compare(
@@ -321,7 +324,7 @@ def test_command_prints_the_table_and_writes_what_is_asked(tmp_path: Path, capsy
             "--csv", str(files[0]), "--plot", str(files[1]), "--work-precision", str(files[2]),
         ]
     )  # fmt: skip
-    said = capsys.readouterr().out
+    printed = capsys.readouterr().out
     assert code == 0
     for word in (
         "projective: greedy",
@@ -332,7 +335,7 @@ def test_command_prints_the_table_and_writes_what_is_asked(tmp_path: Path, capsy
         "reference: projective, dop853",
         *map(str, files),
     ):
-        assert word in said
+        assert word in printed
     assert all(file.stat().st_size for file in files)
 
 
@@ -348,8 +351,39 @@ def test_command_compares_in_absolute_coordinates(capsys: pytest.CaptureFixture[
         "collective",
     ]
     assert main([*words, "--coordinates", "absolute"]) == 0
+    printed = capsys.readouterr().out
+    assert printed.count("finished") == 2
+
+
+def test_command_compares_several_mechanisms_one_after_the_other(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["--time", "0.1", "--formulations", "projective,multipliers", "--rules", "collective"]
+    assert main(["compare", "bennett", "scissor", *words]) == 0
     said = capsys.readouterr().out
-    assert said.count("finished") == 2
+    assert said.count("finished") == 4 and said.index("bennett: 0.1 s") < said.index("\n\nscissor-lift: 0.1 s")
+    assert main(["compare", "bennett", "scissor", *words, "--json"]) == 0
+    both = json.loads(capsys.readouterr().out)["comparisons"]
+    assert [one["model"] for one in both] == ["bennett", "scissor"]
+    assert all(row["acceleration"] < 1e-9 for one in both for row in one["rows"])
+    assert main(["compare", "bennett", "scissor", *words, "--csv", "rows.csv"]) == 2
+    assert "one by one" in capsys.readouterr().err
+
+
+def test_a_run_that_cannot_begin_says_why_in_a_word() -> None:
+    """Largest measures that fail together, at the start or on the way, and coordinates that a form does not have."""
+    entry = pt.catalogue.entry("delta")
+    m = entry.mechanism()
+    (alone,) = m.compare(0.1, initial=entry.initial(m), formulations=["projective: individual"]).rows
+    assert alone.status == "singular" and "elbow 1a.wx" in alone.message
+    for coordinates, status in (("relative", "singular"), ("absolute", "step-too-small")):
+        entry = pt.catalogue.entry("rssr")
+        m = entry.mechanism()
+        start = m.convert(entry.initial(m), coordinates)
+        names = ["projective: individual", "explicit-closing"]
+        found = m.compare(1.0, initial=start, coordinates=coordinates, formulations=names)
+        assert found.row("projective: individual").status == status
+        assert found.row("projective: individual").sigma < 0.05
+        assert found.row("explicit-closing").finished == (coordinates == "relative")
+    assert found.row("explicit-closing").status == "not applicable"
 
 
 @pytest.mark.parametrize(
@@ -373,8 +407,8 @@ def test_command_compares_in_absolute_coordinates(capsys: pytest.CaptureFixture[
 )
 def test_impossible_request_is_one_sentence(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert main(words) == 2
-    said = capsys.readouterr()
-    assert said.out == "" and said.err.startswith("partita: error: ") and said.err.count("\n") == 1
+    captured = capsys.readouterr()
+    assert captured.out == "" and captured.err.startswith("partita: error: ") and captured.err.count("\n") == 1
 
 
 def test_impossible_arguments_are_refused() -> None:

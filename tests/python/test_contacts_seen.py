@@ -75,12 +75,12 @@ def glancing(rng: np.random.Generator) -> Case:
     """Three balls, the first of which may touch both others."""
     m = pt.Mechanism("three", gravity=(0, 0, 0))
     stiffness, speed, radii = 10 ** rng.uniform(5, 7.5), rng.uniform(1, 15), rng.uniform(0.03, 0.08, 3)
-    places = [
+    points = [
         (-1.0, rng.uniform(-0.08, 0.08), 0.0),
         (0.0, 0.0, 0.0),
         (rng.uniform(0.3, 0.8), rng.uniform(-0.15, 0.15), 0.0),
     ]
-    bodies = [ball(m, str(i), rng.uniform(0.05, 0.5), radii[i], places[i]) for i in range(3)]
+    bodies = [ball(m, str(i), rng.uniform(0.05, 0.5), radii[i], points[i]) for i in range(3)]
     for i, j in ((1, 0), (2, 0), (2, 1)):
         of = {"radius1": radii[i], "radius2": radii[j], "stiffness": stiffness}
         m.add_contact(f"{i} {j}", bodies[i], (0, 0, 0), bodies[j], (0, 0, 0), **of)

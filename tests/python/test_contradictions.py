@@ -176,7 +176,7 @@ def test_redundant_rows_that_agree_run(coordinates: str) -> None:
 @pytest.mark.parametrize("coordinates", ["relative", "absolute"])
 @pytest.mark.parametrize("off", [1e-3, 1e-6, 1e-9])
 def test_a_rocker_of_slightly_wrong_length(off: float, coordinates: str) -> None:
-    """Turned by x the third rocker stands off by `off` x^2 / 2: within what is closed for 1e-9, else told.
+    """Turned by x the third rocker stands off by `off` x^2 / 2: within 1e-9 it counts as closed, else it is reported.
 
     Every digit of the drawing is meant here; within a drawing tolerance: `test_drawing_tolerance`.
     """
@@ -229,13 +229,13 @@ def test_random_contradictions(seed: int) -> None:
     driven = [str(name) for name in rng.permutation(joints[:-1])[: dof + 1]]
     if rng.uniform() < 0.3:
         weld = driven[0]
-        place = joints.index(weld)
-        ground = place == 0
+        index = joints.index(weld)
+        ground = index == 0
         if ground:
             m.add_fixed("weld", m.ground, "rod0", point=tuple(m.to_spec()["joints"][0]["point"]))
         else:
-            point = tuple(m.to_spec()["joints"][place]["point"])
-            m.add_fixed("weld", f"rod{place - 1}", f"rod{place}", point=point)
+            point = tuple(m.to_spec()["joints"][index]["point"])
+            m.add_fixed("weld", f"rod{index - 1}", f"rod{index}", point=point)
         driven = driven[:1]
     for name in driven:
         shape = rng.integers(3)
@@ -251,8 +251,8 @@ def test_random_contradictions(seed: int) -> None:
             warnings.simplefilter("ignore", SuspectResultWarning)
             run = m.simulate(1.0)
     except ContradictionError as error:
-        said = str(error)
+        message = str(error)
     else:
         assert not run.success and run.status == "contradiction", (run.status, run.message, np.max(run.closure))
-        said = run.message
-    assert any(f"the drive of {name} contradicts" in said for name in driven), said
+        message = run.message
+    assert any(f"the drive of {name} contradicts" in message for name in driven), message

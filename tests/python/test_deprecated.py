@@ -36,7 +36,7 @@ FINDINGS = {"valid": (), "suspect": (Finding(False, 0.0, "x"),), "invalid": (Fin
 
 
 def listed() -> list[tuple[str, str, Callable[[Any, Any], tuple[Any, Any]]]]:
-    """Old name, new name, and both values as a program asks for them."""
+    """Old name, new name, and both values as a program reads them."""
     cases: list[tuple[str, str, Callable[[Any, Any], tuple[Any, Any]]]] = []
     for old, new in deprecated.ERRORS.items():
         cases.append((old, new, lambda r, d, o=old, n=new: (getattr(pt.errors, o), getattr(pt.errors, n))))  # type: ignore[misc]

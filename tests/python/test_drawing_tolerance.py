@@ -1,4 +1,4 @@
-"""Drawings that are off by a little: within the tolerance the mechanism that was meant, beyond it a named structure."""
+"""Drawings with a small geometric error: within the tolerance the intended mechanism, beyond it a named structure."""
 
 from __future__ import annotations
 
@@ -133,14 +133,14 @@ def test_beyond_the_tolerance_it_is_a_structure_that_is_named(coordinates: str) 
     for off in (1e-3, 1e-2):
         model = four_bar(off).compile(coordinates=coordinates)
         assert model.mobility == 0
-        said = " ".join(four_bar(off).report(coordinates=coordinates).split())
-        assert "a structure only because of a geometric error" in said
-        assert f"C is {np.degrees(off):.3f} deg out of parallel with A, B and D" in said
-        assert "1 degree of freedom" in said and "drawing_tolerance" in said
+        report = " ".join(four_bar(off).report(coordinates=coordinates).split())
+        assert "a structure only because of a geometric error" in report
+        assert f"C is {np.degrees(off):.3f} deg out of parallel with A, B and D" in report
+        assert "1 degree of freedom" in report and "drawing_tolerance" in report
     # the hinge that is tilted locks; the others go on
     assert five_bar(1e-3).compile(coordinates=coordinates).mobility == 1
-    said = " ".join(five_bar(1e-3).report(coordinates=coordinates).split())
-    assert "less mobile only because of a geometric error" in said
+    report = " ".join(five_bar(1e-3).report(coordinates=coordinates).split())
+    assert "less mobile only because of a geometric error" in report
     assert four_bar(1e-3, drawing_tolerance=1e-3).compile(coordinates=coordinates).mobility == 1
 
 
@@ -149,7 +149,7 @@ def test_beyond_the_tolerance_it_is_a_structure_that_is_named(coordinates: str) 
 def test_a_tolerance_of_nothing_means_every_digit(off: float, coordinates: str) -> None:
     exact = four_bar(off, drawing_tolerance=1e-9)
     assert exact.compile(coordinates=coordinates).mobility == 0
-    if off == 1e-5:  # weaker ones cannot be told from a singular position by numbers of sixteen digits
+    if off == 1e-5:  # weaker ones cannot be distinguished from a singular position by numbers of sixteen digits
         assert "out of parallel" in " ".join(exact.report(coordinates=coordinates).split())
 
 
@@ -345,7 +345,7 @@ def hinged_delta(off: float, **options: float) -> pt.Mechanism:
 
 @pytest.mark.parametrize("coordinates", BOTH)
 def test_shared_reactions_balance_within_the_geometric_error(coordinates: str) -> None:
-    """Self-stresses are those of the mechanism as it was meant; where nothing opens along the motion they still are."""
+    """Self-stresses are those of the intended mechanism; where nothing opens along the motion they still are."""
     for off in (0.0, 1e-7, 1e-4):
         run = hinged_delta(off).simulate(0.2, coordinates=coordinates, t_eval=np.linspace(0.0, 0.2, 9))
         assert run.certificate.verdict == "valid", (off, run.certificate.findings)

@@ -51,7 +51,7 @@ def test_an_exact_cart_goes_where_its_wheels_turn(axles: int, coordinates: str) 
 @pytest.mark.parametrize("axles", [1, 2])
 @pytest.mark.parametrize("off", [1e-5, 5e-5, 1e-4])
 def test_within_the_tolerance_it_is_refused_by_name(off: float, axles: int, kind: str, coordinates: str) -> None:
-    """As drawn the wheels contradict each other, or the cart turns on the spot: neither may be what is meant."""
+    """As drawn the wheels contradict each other, or the cart turns on the spot: neither may be intended."""
     m = cart(axles, off, kind)
     start = m.assemble(coordinates=coordinates)
     for ask in (
@@ -122,7 +122,7 @@ def test_couplings_that_fit_turn_as_they_are_driven(make: Callable[..., pt.Mecha
 def test_couplings_that_nearly_fit_are_refused_by_name(
     make: Callable[..., pt.Mechanism], owner: str, off: float, coordinates: str
 ) -> None:
-    """As drawn they hold a structure, which a drawing off by so little is not meant to be."""
+    """As drawn they hold a structure, which a drawing off by so little is not intended to be."""
     m = make(off)
     for ask in (lambda: m.simulate(0.1, coordinates=coordinates), lambda: m.report(coordinates=coordinates)):
         with pytest.raises(pt.errors.PartitaError, match=f"{owner}.*follows.*drawing_tolerance"):

@@ -1,4 +1,4 @@
-"""A drive that asks for more than the joints allow ends the run: which joint, where it ends, what length is missing."""
+"""A drive that requires more than the joints allow ends the run: which joint, where it ends, what length is missing."""
 
 import re
 

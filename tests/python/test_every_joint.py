@@ -110,8 +110,8 @@ def moving(kind: str, where: str) -> pt.Mechanism:
         m.add_free("carrier", m.ground, "body", cut="never")
     parent, child = ("body", "first") if where == "backwards" else ("first", "body")
     method, given, _ = ALL_KINDS[kind]
-    place = {} if kind == "free" else {"point": (0.1, 0.2, 0.0)}
-    getattr(m, method)("J", parent, child, **place, cut="always" if where == "cut" else "auto", **given)
+    geometry = {} if kind == "free" else {"point": (0.1, 0.2, 0.0)}
+    getattr(m, method)("J", parent, child, **geometry, cut="always" if where == "cut" else "auto", **given)
     return m
 
 

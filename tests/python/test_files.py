@@ -30,14 +30,14 @@ def run() -> results.Result:
 
 def flipped(content: bytes, number: int) -> bytes:
     """`content` with one bit the other way round, anywhere."""
-    place = int(np.random.default_rng(number).integers(8 * len(content)))
+    bit = int(np.random.default_rng(number).integers(8 * len(content)))
     changed = bytearray(content)
-    changed[place // 8] ^= 1 << place % 8
+    changed[bit // 8] ^= 1 << bit % 8
     return bytes(changed)
 
 
 def reported(result: results.Result) -> list[bytes]:
-    """All numbers that a result can tell, and its words."""
+    """All numbers and texts of a result."""
     arrays = {**result.arrays, **result.observed, **result.reactions}
     words = json.dumps([result.notes, result.message, result.counters, str(result.certificate), result.spec])
     return [*(np.asarray(a, dtype=float).tobytes() for a in arrays.values()), words.encode()]

@@ -1,4 +1,4 @@
-"""Films: what is seen in them, how long it stands, and what is told where none can be made."""
+"""Films: their pictures, how long each is shown, and the messages where none can be made."""
 
 from pathlib import Path
 
@@ -120,7 +120,7 @@ def test_films_that_cannot_be_made_are_reported(tmp_path: Path, monkeypatch: pyt
 
 
 def test_an_mp4_is_what_ffmpeg_is_given(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """In the place of ffmpeg a program that writes down what it is given: all pictures, whole; what it says is told."""
+    """A program instead of ffmpeg that records its input: all pictures, whole; its message is reported."""
     program = tmp_path / "ffmpeg"
     program.write_text('#!/bin/sh\nfor last; do :; done\ncat > "$last"\n', encoding="utf-8")
     program.chmod(0o755)

@@ -1,4 +1,4 @@
-"""FMUs as other programs see them: FMPy finds nothing to object, and steps give what `simulate` gives."""
+"""FMUs as other programs see them: FMPy finds no fault, and steps agree with `simulate`."""
 
 import ctypes
 import json
@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from geometry_study import misdrawn
+from oracle.slave import STEP, Instance
 
 import partita as pt
 from partita.io import fmu as archive
@@ -18,7 +19,6 @@ from partita.io import fmu as archive
 if not list(archive.BINARIES.glob("*partita_fmu*")):
     pytest.skip("the binary for FMUs is not built (make fmu)", allow_module_level=True)
 
-STEP = 0.02
 TIMES = np.linspace(0.0, 1.0, 51)
 
 
@@ -33,54 +33,6 @@ def written(m: pt.Mechanism, folder: Path, **options: Any) -> Path:
     return m.to_fmu(folder / "model.fmu", rtol=1e-11, atol=1e-13, **options)
 
 
-class Instance:
-    """An FMU, unpacked and loaded, by its C functions alone."""
-
-    def __init__(self, path: Path, folder: Path, guid: str | None = None) -> None:
-        with zipfile.ZipFile(path) as packed:
-            packed.extractall(folder)
-            binary = next(n for n in packed.namelist() if n.startswith("binaries/"))
-            self.model = json.loads(packed.read("resources/model.json"))
-        self.said: list[str] = []
-        kind = ctypes.CFUNCTYPE(
-            None, *[ctypes.c_void_p, ctypes.c_char_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_char_p]
-        )
-
-        def log(_: Any, __: bytes, status: int, category: bytes, message: bytes) -> None:
-            self.said.append(message.decode())
-
-        self.logger = kind(log)
-        self.callbacks = (ctypes.c_void_p * 5)(ctypes.cast(self.logger, ctypes.c_void_p).value, None, None, None, None)
-        self.library = ctypes.CDLL(str(folder / binary))
-        make = self.library.fmi2Instantiate
-        make.restype = ctypes.c_void_p
-        uri = (folder / "resources").as_uri()
-        guid = self.model["guid"] if guid is None else guid
-        self.at = make(b"it", 1, guid.encode(), uri.encode(), ctypes.byref(self.callbacks), 0, 1)
-
-    def call(self, name: str, *arguments: Any) -> int:
-        return int(getattr(self.library, name)(ctypes.c_void_p(self.at), *arguments))
-
-    def begin(self, t: float = 0.0) -> None:
-        assert self.call("fmi2SetupExperiment", 0, ctypes.c_double(0), ctypes.c_double(t), 0, ctypes.c_double(0)) == 0
-        assert self.call("fmi2EnterInitializationMode") == 0
-        assert self.call("fmi2ExitInitializationMode") == 0
-
-    def step(self, t: float, step: float = STEP) -> int:
-        return self.call("fmi2DoStep", ctypes.c_double(t), ctypes.c_double(step), 1)
-
-    def set(self, reference: int, value: float) -> int:
-        return self.call(
-            "fmi2SetReal", (ctypes.c_uint * 1)(reference), ctypes.c_size_t(1), (ctypes.c_double * 1)(value)
-        )
-
-    def get(self, *references: int) -> list[float]:
-        values = (ctypes.c_double * len(references))()
-        count = ctypes.c_size_t(len(references))
-        assert self.call("fmi2GetReal", (ctypes.c_uint * len(references))(*references), count, values) == 0, self.said
-        return list(values)
-
-
 @pytest.fixture
 def opened(tmp_path: Path) -> Iterator[Any]:
     """Opens FMUs, and frees them."""
@@ -92,8 +44,7 @@ def opened(tmp_path: Path) -> Iterator[Any]:
 
     yield make
     for one in made:
-        if one.at:
-            one.library.fmi2FreeInstance(ctypes.c_void_p(one.at))
+        one.free()
 
 
 def test_fmpy_finds_nothing_and_runs_it(tmp_path: Path) -> None:
@@ -144,7 +95,7 @@ def test_a_misdrawn_mechanism_is_the_same_one_in_an_fmu(seed: int, tmp_path: Pat
     one = opened(written(m, tmp_path, outputs=hinges, initial=start))
     one.begin()
     for t in times[:-1]:
-        assert one.step(float(t), float(times[1])) == 0, one.said
+        assert one.step(float(t), float(times[1])) == 0, one.messages
     for i, hinge in enumerate(hinges):
         position = [float(x.joint(hinge).position[-1, 0]) for x in (run, stepper.result())]
         assert np.abs(np.array(position) - one.get(2 * i)).max() < 1e-7, hinge
@@ -157,7 +108,7 @@ def test_inputs_that_change_act_over_their_steps(tmp_path: Path, opened: Any) ->
     state, m = four_bar().assemble(), four_bar()
     for k in range(5):
         torque = np.sin(3.0 * k)
-        assert one.set(0, torque) == 0 and one.step(k * STEP) == 0, one.said
+        assert one.set(0, torque) == 0 and one.step(k * STEP) == 0, one.messages
         r = m.simulate(STEP, initial=state, t_eval=[k * STEP, (k + 1) * STEP], rtol=1e-11, atol=1e-13,
                        parameters={"motor.value": torque})  # fmt: skip
         state = pt.State(r.t[-1], r.q[-1], r.v[-1], layout=state._layout)
@@ -177,7 +128,7 @@ def test_a_joint_and_a_drive_as_inputs(tmp_path: Path, opened: Any) -> None:
     angle = one.get(2)[0]
     for k, rate in enumerate((1.0, 1.5, 0.5)):
         before = one.get(3)[0]
-        assert one.set(0, rate) == 0 and one.set(1, 0.3) == 0 and one.step(5.0 + k * STEP) == 0, one.said
+        assert one.set(0, rate) == 0 and one.set(1, 0.3) == 0 and one.step(5.0 + k * STEP) == 0, one.messages
         angle += 0.5 * (before + rate) * STEP
         assert np.abs(np.array(one.get(2, 3)) - (angle, rate)).max() < 1e-12
     other = pt.catalogue.load("four-bar")
@@ -212,22 +163,22 @@ def test_what_goes_wrong_is_said(tmp_path: Path, opened: Any) -> None:
     path = written(four_bar(), tmp_path, inputs=["motor"], outputs=["A"])
     assert not opened(path, guid="{other}").at
     one = opened(path)
-    assert one.step(0.0) == 3 and "not allowed" in one.said[-1]
+    assert one.step(0.0) == 3 and "not allowed" in one.messages[-1]
     one.begin()
-    place = one.get(1, 2)
+    reached = one.get(1, 2)
     for t, step, words in (
         (1.0, STEP, "the model is at t = 0"),
         (0.0, -1.0, "a step of -1"),
         (0.0, float("nan"), "NaN"),
     ):
-        assert one.step(t, step) == 2 and words in one.said[-1], one.said
-    assert one.set(0, float("inf")) == 3 and one.set(1, 1.0) == 3 and "not an input" in one.said[-1]
+        assert one.step(t, step) == 2 and words in one.messages[-1], one.messages
+    assert one.set(0, float("inf")) == 3 and one.set(1, 1.0) == 3 and "not an input" in one.messages[-1]
     assert one.call("fmi2GetReal", (ctypes.c_uint * 1)(99), ctypes.c_size_t(1), (ctypes.c_double * 1)()) == 3
     assert one.call("fmi2GetReal", None, ctypes.c_size_t(1), None) == 3
     assert one.call("fmi2GetInteger", None, ctypes.c_size_t(0), None) == 0
     assert one.call("fmi2CancelStep") == 3
     assert one.set(0, 1e300) == 0 and one.step(0.0) != 0
-    assert one.get(1, 2) == place  # it stays where it was
+    assert one.get(1, 2) == reached  # it stays where it was
     assert one.set(0, 0.0) == 0 and one.step(0.0) == 0
     assert one.library.fmi2DoStep(None, ctypes.c_double(0), ctypes.c_double(1), 0) == 3
 
@@ -246,7 +197,7 @@ def test_damaged_resources_are_refused(damage: str | None, tmp_path: Path, opene
             packed.writestr(name, content)
     if damage is None:
         one = opened(path)
-        assert not one.at and "0 coordinates" in one.said[-1]
+        assert not one.at and "0 coordinates" in one.messages[-1]
     else:
         with pytest.raises((json.JSONDecodeError, KeyError)):
             opened(path)
@@ -259,7 +210,7 @@ def test_the_same_mechanism_gives_the_same_bytes(tmp_path: Path) -> None:
 
 
 def test_the_description_is_one(tmp_path: Path) -> None:
-    """What the standard asks of it, without its schema: order, references, indices, names in any letters."""
+    """What the standard requires of it, without its schema: order, references, indices, names in any letters."""
     m = four_bar()
     m.add_torque("B", value=0.25, name='a "b" & <c> é')
     path = written(m, tmp_path, inputs=["motor", 'a "b" & <c> é', "D"])

@@ -296,11 +296,11 @@ def test_every_algorithm_has_a_name_a_file_and_a_test() -> None:
     start = pt.catalogue.entry("four-bar").initial(m)
     named: set[str] = set()
     for name, _, words, source, test in rows:
-        for place in (source, test):
-            crate, _, rest = place.partition("/")
+        for file in (source, test):
+            crate, _, rest = file.partition("/")
             assert (
-                root / (place if place.startswith("tests/python/") else f"crates/partita-{crate}/{rest}")
-            ).is_file(), place
+                root / (file if file.startswith("tests/python/") else f"crates/partita-{crate}/{rest}")
+            ).is_file(), file
         for word in re.findall(r"`([^`]+)`", words):
             given = dict(re.findall(r'(\w+)="?([^",]+)"?', word))
             named |= set(given.values())

@@ -145,7 +145,7 @@ def test_measure_in_absolute_coordinates() -> None:
     for rho in (i.rho, pt.partition.measure(i.M, i.C), run("absolute").measure[0]):
         agree(rho, MEASURE["absolute"], 1e-9)  # printed with nine digits
         agree(rho @ rho, 1.0, 1e-12)
-    # what the constraints leave of the crank's angle is the same in both; what they leave it of is not
+    # the tangential part of the crank's unit velocity is the same in both, the unit velocity itself is not
     joint, absolute = (pt.partition.geometry(instant(c).M, instant(c).C) for c in COORDINATES)
     agree(absolute.k_tangential[2], joint.k_tangential[0])
     agree([absolute.k[2] ** 2, joint.k[0] ** 2], [12.0, FREE[0]])

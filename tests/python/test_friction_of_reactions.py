@@ -399,7 +399,7 @@ def test_a_slide_under_a_load_across_the_plane_asks_for_what_the_plane_does_not_
 
 @pytest.mark.parametrize("beside", [0.0, 0.1])
 def test_a_spring_beside_the_plane_presses_as_a_force_does_there(beside: float) -> None:
-    """It turns a slide with a length out of the plane, which carries that in no determined way."""
+    """It tilts a slide with a length out of the plane, whose reaction to that is not determined."""
 
     def loaded(spring: bool) -> pt.Mechanism:
         m = slider_crank()
@@ -453,7 +453,7 @@ def test_the_collar_of_a_turn_carries_the_force_along_the_axis() -> None:
 
 
 @pytest.mark.parametrize(
-    ("said", "words"),
+    ("given", "words"),
     [
         ({"dynamic": 1.0, "coefficient": 0.1, "radius": 0.1}, "exclude one another"),
         ({"static": 1.0, "coefficient": 0.1, "radius": 0.1}, "exclude one another"),
@@ -469,12 +469,12 @@ def test_the_collar_of_a_turn_carries_the_force_along_the_axis() -> None:
         ({"coefficient": 0.1}, "radius"),
     ],
 )
-def test_what_cannot_be_is_refused(said: dict[str, Any], words: str) -> None:
+def test_what_cannot_be_is_refused(given: dict[str, Any], words: str) -> None:
     m = pt.Mechanism("pendulum")
     rod = m.add_rod("rod", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
     m.add_revolute("A", m.ground, rod, point=(0, 0, 0))
     with pytest.raises(DescriptionError) as caught:
-        m.add_friction("A", stick_velocity=0.1, **said)
+        m.add_friction("A", stick_velocity=0.1, **given)
         m.compile()
     assert words in str(caught.value)
 

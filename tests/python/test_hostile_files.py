@@ -47,10 +47,10 @@ TEXTS = {".urdf": URDF, ".mjcf": MJCF, ".sdf": SDF, ".toml": TOML}
 def refused(path: Path, words: str, line: int | None = None) -> None:
     with pytest.raises(FileFormatError) as reported:
         pt.load(path)
-    said = str(reported.value)
-    assert words in said and path.name.rpartition(".")[0] in said, said
-    assert said.count(".urdf") + said.count(".mjcf") <= 2 and "\n" not in said, said
-    assert reported.value.line == line, said
+    message = str(reported.value)
+    assert words in message and path.name.rpartition(".")[0] in message, message
+    assert message.count(".urdf") + message.count(".mjcf") <= 2 and "\n" not in message, message
+    assert reported.value.line == line, message
 
 
 def put(folder: Path, name: str, content: str | bytes) -> Path:
@@ -117,7 +117,7 @@ def test_numbers_that_are_none(number: str, tmp_path: Path) -> None:
 
 
 def test_mujoco_is_not_asked_about_what_is_no_number(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It would write of it in a file of its own, in the folder where one works."""
+    """MuJoCo would write a log file of its own in the working folder."""
     pytest.importorskip("mujoco")
     monkeypatch.chdir(tmp_path)
     for old in ('mass="1"', 'pos="0 0 0"'):

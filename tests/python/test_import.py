@@ -27,7 +27,7 @@ print(*sys.modules)
 
 
 def test_figures_without_matplotlib_name_the_extra(tmp_path: Path) -> None:
-    """In Python and on the command line, where it is told before the run."""
+    """In Python and on the command line, where it is reported before the run."""
     program = """
 import sys
 sys.modules["matplotlib"] = None

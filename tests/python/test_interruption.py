@@ -1,4 +1,4 @@
-"""Ctrl-C stops a loop of runs and loses nothing; progress tells rate and remaining time, and is silent in logs."""
+"""Ctrl-C stops a loop of runs and loses nothing; progress shows rate and remaining time, and is silent in logs."""
 
 from __future__ import annotations
 
@@ -105,10 +105,10 @@ def test_the_command_line_draws_it_on_a_terminal_alone(
     pytest.importorskip("tqdm")
     if words[0] == "compare":
         words = [*words, "--formulations", "projective", "--rules", "collective"]
-    for place, drawn in ((Terminal(), True), (io.StringIO(), False)):
-        monkeypatch.setattr(sys, "stderr", place)
+    for stream, drawn in ((Terminal(), True), (io.StringIO(), False)):
+        monkeypatch.setattr(sys, "stderr", stream)
         assert main(words) == 0
-        assert (" left, " in place.getvalue()) is drawn and not place.getvalue().split("\r")[-1].strip()
+        assert (" left, " in stream.getvalue()) is drawn and not stream.getvalue().split("\r")[-1].strip()
     monkeypatch.setitem(sys.modules, "tqdm", None)  # nobody asked for it: the run goes on without
     monkeypatch.setattr(sys, "stderr", Terminal())
     assert main(words) == 0

@@ -44,7 +44,7 @@ WITHOUT_CIRCLES = ("analysis", "fmu", "integrate", "math", "model", "py", "syste
 """Crates whose rooms are held to it that none uses itself by way of others."""
 
 CORE_USERS = {"__init__", "builder", "io", "options", "partition", "results", "system"}
-"""The modules of the package that talk to the compiled core; the others work on what these hand out."""
+"""The modules of the package that talk to the compiled core; the others work on what these return."""
 
 USE = re.compile(r"\bpartita_(\w+)(?=\s*(?:::|;|as\b))")
 """`partita_math::dense`, `use partita_math;`, `use partita_math as math`."""
@@ -349,7 +349,7 @@ def test_every_room_that_the_pages_name_exists() -> None:
 
 
 def methods(text: str) -> dict[str, int]:
-    """How many methods each trait of a source asks for or offers."""
+    """Number of methods, required and provided, of each trait of a source."""
     found = {}
     for head in re.finditer(r"^(?:pub(?:\(\w+\))? )?trait (\w+)[^{;]*\{", text, re.MULTILINE):
         depth, end = 1, head.end()
@@ -401,7 +401,7 @@ RANKED = {
     "partita-analysis/src/poses/continuation.rs": "which goals of a pose are free of each other",
     "partita-analysis/src/matrices.rs": "a matrix handed in without a mechanism",
 }
-"""Who asks for independent rows, and of what."""
+"""Which files request independent rows, and of what."""
 
 
 def test_rank_is_decided_in_one_room() -> None:

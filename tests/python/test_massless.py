@@ -201,12 +201,12 @@ def test_joints_that_turn_without_mass_are_named_with_their_ratio() -> None:
     rates = m.assemble(rates={"A": 1.0, "E": 0.0})
     start = m.simulate(1e-3, initial=rates, t_eval=[0.0])
     ratio = start.joint("D").velocity[0, 0] / start.joint("B").velocity[0, 0]
-    said = {
+    given = {
         part.split(" at ")[0][-1]: float(part.split(" at ")[1].split(" ")[0].rstrip(","))
         for part in words.split(": ")[1].split(" (rad/s")[0].split(", ")
     }
-    assert said["D"] / said["B"] == pytest.approx(ratio, abs=2e-4)
-    assert "E" not in said
+    assert given["D"] / given["B"] == pytest.approx(ratio, abs=2e-4)
+    assert "E" not in given
 
 
 def test_masses_changed_to_nothing_between_runs() -> None:

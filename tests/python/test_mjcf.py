@@ -14,11 +14,11 @@ mujoco = pytest.importorskip("mujoco")
 HINGE = '<joint name="{}" axis="0 -1 0"{}/>'
 
 
-def bar(name: str, place: str, angle: float, inside: str) -> str:
+def bar(name: str, position: str, angle: float, inside: str) -> str:
     """A slender bar along its x, turned by -angle about y."""
     i = MASS[name] * LENGTHS[name] ** 2 / 12
     return f"""
-  <body name="{name}" pos="{place}" quat="{math.cos(angle / 2)!r} 0 {-math.sin(angle / 2)!r} 0">
+  <body name="{name}" pos="{position}" quat="{math.cos(angle / 2)!r} 0 {-math.sin(angle / 2)!r} 0">
     <inertial pos="{LENGTHS[name] / 2} 0 0" mass="{MASS[name]}" diaginertia="1e-4 {i!r} {i!r}"/>
     {inside}
   </body>"""
@@ -62,9 +62,9 @@ def test_a_tree_accelerates_as_in_mujoco(joint: str, tmp_path: Path) -> None:
     rng = np.random.default_rng(3)
     data.qpos[:], data.qvel[:] = rng.normal(size=(2, native.nq))
     mujoco.mj_forward(native, data)
-    place = [mujoco.mj_name2id(native, mujoco.mjtObj.mjOBJ_JOINT, name) for name in compiled.velocity_names]
-    rates, _ = compiled.acceleration(data.qpos[place], data.qvel[place])
-    assert np.abs(rates - data.qacc[place]).max() < 1e-11 * np.abs(data.qacc).max()
+    position = [mujoco.mj_name2id(native, mujoco.mjtObj.mjOBJ_JOINT, name) for name in compiled.velocity_names]
+    rates, _ = compiled.acceleration(data.qpos[position], data.qvel[position])
+    assert np.abs(rates - data.qacc[position]).max() < 1e-11 * np.abs(data.qacc).max()
 
 
 def test_a_loop_moves_as_its_urdf(tmp_path: Path) -> None:

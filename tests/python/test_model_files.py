@@ -38,9 +38,9 @@ def gimbal() -> str:
     """A ball made of three hinges closes the loop."""
     chain, before = "", "coupler"
     for i, axis in enumerate(("1 0 0", "0 1 0", "0 0 1")):
-        place = f'<origin xyz="{END if i == 0 else 0} 0 0"/>'
+        origin = f'<origin xyz="{END if i == 0 else 0} 0 0"/>'
         chain += f"""<link name="g{i}"/><joint name="G{i}" type="continuous">
-          <parent link="{before}"/><child link="g{i}"/>{place}<axis xyz="{axis}"/></joint>"""
+          <parent link="{before}"/><child link="g{i}"/>{origin}<axis xyz="{axis}"/></joint>"""
         before = f"g{i}"
     return urdf.tree(chain + urdf.mark("there", "rocker", urdf.LENGTHS["rocker"]))
 

@@ -40,7 +40,7 @@ def test_exact_hinges_on_two_sets_of_parallel_axes_stay_as_drawn(seed: int) -> N
 
 @pytest.mark.parametrize("part", [0.1, 0.3, 1.0, 2.0])
 def test_a_loop_that_closes_nowhere_is_not_repaired_where_a_slide_ran_far_off(part: float) -> None:
-    """A body that slides in a plane, and whose ball joint is drawn up to a quarter of the size beside that plane.
+    """A body that slides in a plane, and whose ball joint is drawn off that plane by up to a quarter of the size.
 
     Assembly without success sends the slide a hundred lengths away; lengths there allow no larger repair.
     """
@@ -78,7 +78,7 @@ def test_contradictory_drives_do_not_succeed(seen: dict[int, Verdict]) -> None:
 
 @pytest.mark.parametrize("coordinates", ["relative", "absolute"])
 def test_a_door_hangs_on_its_hinge(coordinates: str) -> None:
-    """20 kg on a vertical hinge, 0.4 m from its centre of mass: all that acts, acts across its plane."""
+    """20 kg on a vertical hinge, 0.4 m from its centre of mass: all loads act across its plane."""
     m = pt.Mechanism("door", gravity=(0, 0, -9.81))
     m.add_body("leaf", mass=20.0, inertia=(5.3, 4.3, 1.1), com=(0.4, 0, 0))
     m.add_revolute("hinge", m.ground, "leaf", point=(0, 0, 0))

@@ -90,7 +90,7 @@ def started(m: pt.Mechanism, bodies: list[Body], rest: Poses, coordinates: str) 
         q[first : first + count] = [*(b.at - x), *Rotation.from_matrix(moved).as_quat()[[3, 0, 1, 2]]]
         first, count = spans[b.name]["state_v"]
         v[first : first + count] = [*b.u, *(moved.T @ b.w)]
-    # joints and bodies share their names here: what a state's numbers are its names do not tell
+    # joints and bodies share their names here: names do not identify the numbers of a state
     state = m.convert(pt.State(0.0, q, v, layout=m.assemble()._layout), coordinates)
     run = m.simulate(1e-5, t_eval=[0.0, 1e-5], initial=state, coordinates=coordinates)
     for b in bodies:
@@ -101,7 +101,7 @@ def started(m: pt.Mechanism, bodies: list[Body], rest: Poses, coordinates: str) 
 
 
 def needed(b: Body, run: pt.Result) -> Array:
-    """Force, and moment about the origin, that the motion at the start asks for."""
+    """Force, and moment about the origin, that the motion at the start requires."""
     a, alpha = (run.sensor(f"{b.name} {x}").values[0] for x in ("a", "alpha"))
     arm, inertia = b.turn @ b.com, b.turn @ b.inertia @ b.turn.T
     force = b.mass * (a + np.cross(alpha, arm) + np.cross(b.w, np.cross(b.w, arm)))

@@ -1,4 +1,4 @@
-"""What is said of a mechanism is the same in any frame, units and order, and in both kinds of coordinates."""
+"""Results of a mechanism are the same in any frame, units and order, and in both kinds of coordinates."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from oracle.drawing import Drawing
-from other_words import SAID, by_chance, differences, of, said
+from other_words import REWRITTEN, by_chance, differences, of, rewritten
 from test_drawing_tolerance import bennett, five_bar, four_bar, three_cranks
 
 import partita as pt
@@ -60,7 +60,7 @@ def test_measures_and_runs_are_the_same(name: str | int) -> None:
 
     rho, reported, run = measures(d)
     for how in ("turned", "shifted", "millimetres", "kilometres and tonnes", "swapped"):
-        again, words, other = measures(said(d, how, rng))
+        again, words, other = measures(rewritten(d, how, rng))
         assert words == reported, how
         if how != "swapped":  # another tree has other coordinates
             # which rows are left out of a drawing that misfits may differ, and the measures with it by as much
@@ -70,10 +70,10 @@ def test_measures_and_runs_are_the_same(name: str | int) -> None:
         ), how
 
 
-@pytest.mark.parametrize("how", SAID)
+@pytest.mark.parametrize("how", REWRITTEN)
 def test_a_singular_position_is_one_whatever_the_words(how: str) -> None:
     d = of(_in_line())
-    other = said(d, how, np.random.default_rng(1))
+    other = rewritten(d, how, np.random.default_rng(1))
     found = other.build().report().to_dict()["singular"]
     assert (found["here"], found["beside"], len(found["branches"])) == (2, 1, 2)
     with pytest.raises(SingularityError, match="2 branches meet"):
@@ -86,7 +86,7 @@ def test_reactions_in_joint_axes_turn_with_the_drawing(seed: int) -> None:
     d, rng = by_chance(seed), np.random.default_rng(seed)
     run = d.build().simulate(0.01 * d.time, t_eval=[0.0])
     for _ in range(2):
-        other = said(d, "turned", rng).build().simulate(0.01 * d.time, t_eval=[0.0])
+        other = rewritten(d, "turned", rng).build().simulate(0.01 * d.time, t_eval=[0.0])
         views = [[r.joint(j.name).in_frame("joint") for r in (run, other)] for j in d.joints]
         # without gravity nothing loads a mechanism at rest
         size = d.mass * d.size / d.time**2
@@ -128,7 +128,7 @@ def test_the_size_of_a_mechanism_does_not_depend_on_its_frame() -> None:
     """Undetermined reactions are shared by forces and moments over a length: the same shares along any axes."""
     d = of(four_bar(0.0))
     run = d.build().simulate(0.1)
-    turned = said(d, "turned", np.random.default_rng(4))
+    turned = rewritten(d, "turned", np.random.default_rng(4))
     other = turned.build().simulate(0.1)
     for name in "ABCD":
         for x, y in ((run, other),):

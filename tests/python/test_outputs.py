@@ -116,11 +116,11 @@ def test_a_reaction_asks_only_what_acts_on_the_bodies_it_holds() -> None:
     assert calls["torque"] == calls["force"]
     calls.update(torque=0, force=0)
     assert run.multipliers.shape[0] == 11
-    assert calls == {"torque": 11, "force": 11}  # what follows from the equations asks once an output
+    assert calls == {"torque": 11, "force": 11}  # evaluations of the equations call it once for each output
     calls.update(torque=0, force=0)
     assert run.joint("A").position.shape[0] == 11 and run.body("crank").position.shape == (11, 3)
     assert np.isfinite(run.joint(cut).force).all()
-    assert calls == {"torque": 0, "force": 0}  # a pose asks no force, a cut joint its multipliers alone
+    assert calls == {"torque": 0, "force": 0}  # a pose needs no force, a cut joint its multipliers alone
     for name in run.names.joints:
         before = calls["force"]
         assert np.isfinite(run.joint(name).force).all()

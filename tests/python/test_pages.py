@@ -55,14 +55,15 @@ def test_pages_are_legible(browser: Chromium, tmp_path: Path, name: str) -> None
 
 
 def test_the_questions_find_faults(browser: Chromium, tmp_path: Path) -> None:
-    """What is asked of a page tells a page that is wrong from one that is right."""
+    """The inspection of a page distinguishes a faulty page from a sound one."""
     text = viewer.html(run_of("jansen-pair"))
     pale = tmp_path / "pale.html"
     pale.write_text(text.replace("--quiet: #53606d", "--quiet: #aab4bd"), encoding="utf-8")
     browser.open(pale)
     assert any("DT" in word for word in browser.value(CONTRAST))
     heaped = tmp_path / "heaped.html"
-    heaped.write_text(text.replace("if (taken.some(", "if (false && taken.some("), encoding="utf-8")
+    crowded = viewer.html(run_of("engine-radial-five"))  # whose words need every free place of a phone
+    heaped.write_text(crowded.replace("if (taken.some(", "if (false && taken.some("), encoding="utf-8")
     browser.open(heaped, PHONE)
     assert any('" on "' in word for word in browser.value(LAYOUT))
     loud = tmp_path / "loud.html"
@@ -123,11 +124,11 @@ def test_eighty_coordinates_are_ten_until_asked(browser: Chromium, tmp_path: Pat
 def test_cylinders_stand_beside_each_other(browser: Chromium, tmp_path: Path) -> None:
     path = viewer.write_html(run_of("engine-inline-four"), tmp_path / "engine.html")
     browser.open(path, DESKTOP)
-    places = browser.value("partita.joints().filter((p) => p.name.startsWith('slide')).map((p) => p.x)")
+    positions = browser.value("partita.joints().filter((p) => p.name.startsWith('slide')).map((p) => p.x)")
     width = browser.value("partita.size()[0]")
-    assert len(places) == 4
-    places.sort()
-    assert min(b - a for a, b in pairwise(places)) > 0.04 * width
+    assert len(positions) == 4
+    positions.sort()
+    assert min(b - a for a, b in pairwise(positions)) > 0.04 * width
 
 
 def test_what_a_person_adds_is_drawn(browser: Chromium, tmp_path: Path) -> None:
@@ -245,10 +246,10 @@ def test_wheels_of_a_gear_touch_and_mesh() -> None:
 
 def main(arguments: list[str]) -> int:
     """Open pages of all of the catalogue, or of the names given; print what is wrong. Pictures go to `--pictures`."""
-    said = argparse.ArgumentParser(prog="test_pages.py", description="animated pages of the catalogue in a browser")
-    said.add_argument("names", nargs="*")
-    said.add_argument("--out", type=Path, default=Path("out/pages"))
-    options = said.parse_args(arguments)
+    parser = argparse.ArgumentParser(prog="test_pages.py", description="animated pages of the catalogue in a browser")
+    parser.add_argument("names", nargs="*")
+    parser.add_argument("--out", type=Path, default=Path("out/pages"))
+    options = parser.parse_args(arguments)
     options.out.mkdir(parents=True, exist_ok=True)
     wrong = 0
     with Chromium() as opened:

@@ -120,12 +120,12 @@ def test_what_is_no_number_is_refused() -> None:
         driven_crank().compile().with_parameters({"coupler.mass": "heavy"})
 
 
-def coupled(**said: Any) -> pt.Mechanism:
+def coupled(**different: Any) -> pt.Mechanism:
     """Every kind of coupling with numbers, and a screw, in one mechanism in space."""
     given = {"ratio": -2.0, "radius": 0.2, "radius1": 0.1, "radius2": 0.3, "factors": [1.0, 1.0, -2.0], "offset": 0.0}
     given |= {"length": 1.0, "point1": (0.0, 0.0, 0.0), "point2": (0.0, 0.1, 0.0), "pitch": 0.02}
     given |= {"disc": 0.5, "center": (0.0, 0.0, 0.0), "point": (0.0, 0.0, 0.0)}
-    x: dict[str, Any] = given | said
+    x: dict[str, Any] = given | different
     m = pt.Mechanism("couplings", gravity=(0, 0, -9.81))
     for i in range(1, 9):
         wheel = m.add_body(f"wheel {i}", mass=1.0, inertia=(0.1 * i, 0.2, 0.2 + 0.1 * i), position=(i, 0, 0))
@@ -223,7 +223,7 @@ def test_what_drawing_refuses_of_couplings_is_refused(name: str, value: Any) -> 
 
 
 def test_a_ratio_that_takes_whole_turns_away_is_refused() -> None:
-    """In absolute coordinates in space two turns are told by what they have in common: of 1 and 0.31416 too little."""
+    """In absolute coordinates in space turns are known up to a common divisor: that of 1 and 0.31416 is too small."""
     model = coupled().compile(coordinates="absolute")
     with pytest.raises(DescriptionError, match=r'coupling "gear": .* rates instead of positions.* build'):
         model.with_parameters({"gear.ratio": 0.31416})

@@ -20,7 +20,7 @@ ROUNDING = 1e-10
 
 
 def crossed(run: pt.Result) -> int:
-    """Singular positions that the notes of a run tell."""
+    """Singular positions that the notes of a run report."""
     return sum(int(note.split()[0]) for note in run.notes if "were crossed" in note)
 
 
@@ -91,7 +91,7 @@ def test_a_pantograph_passes_its_flat_parallelogram(coordinates: str, method: st
         assert crossed(run) == 6
         ends.append(run.body("PT").point((1, 0, 0))[-1])
     for rtol, end in zip(TOLERANCES[1:], ends, strict=True):
-        # six passages of bars that swing against each other
+        # six crossings of bars that swing against each other
         assert np.abs(end - ends[-1]).max() < 1e4 * (rtol + ROUNDING)
 
 

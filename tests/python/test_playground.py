@@ -110,7 +110,7 @@ SIX = {
         own=0.1,
     ),
     "double-wishbone": Zoo(("lower: length",), 1.05, "tie rod", (("lower: length",), 9.0)),
-    # free, and chaotic where it is thrown about
+    # free, and chaotic at high speed
     "five-bar": Zoo(("left crank: length",), 0.95, "right rod", (("left crank: length",), 9.0)),
     # of its six lengths two in a row may change together: the sums of squares of every second one stay equal
     "bricard": Zoo(("rod 1: length", "rod 2: length"), 1.05, "rod 3", (("rod 3: length",), 1.05)),
@@ -120,7 +120,7 @@ SIX = {
 @needs_node
 @pytest.mark.parametrize("name", SIX)
 def test_six_of_the_zoo(name: str, tmp_path: Path) -> None:
-    """Changed lengths and pulls move it as in the core, over 10 s; one that cannot close is told."""
+    """Changed lengths and pulls move it as in the core, over 10 s; one that cannot close is reported."""
     entry, zoo = catalogue.entry(name), SIX[name]
     mechanism = entry.mechanism()
     initial = entry.initial(mechanism)
@@ -143,11 +143,11 @@ def test_six_of_the_zoo(name: str, tmp_path: Path) -> None:
         const old = Object.keys(wrong).map(m.get), refused = m.change(wrong), kept =
             state().q.every((x, i) => Math.abs(x - start.q[i]) < 1e-12) &&
             Object.keys(wrong).every((name, i) => m.get(name).every((x, j) => x === old[i][j]));
-        const said = [], runs = {{}};
+        const changes = [], runs = {{}};
         const ran = (name, duration, parameters) => {{
             m.load(about.values);
             m.reset(about.start);
-            said.push(m.change(parameters));
+            changes.push(m.change(parameters));
             const from = state();
             m.advance(duration);
             runs[name] = {{ duration, from, to: state(), bodies: bodies(), parameters }};
@@ -155,14 +155,14 @@ def test_six_of_the_zoo(name: str, tmp_path: Path) -> None:
         ran("changed", 10, {{ ...others, ...right }});
         ran("pulled", 2, {{ ...others, ...{json.dumps(pull)} }});
         if ({json.dumps(zoo.own)}) ran("own", {json.dumps(zoo.own)}, right);
-        return {{ before, refused, kept, said, runs }};
+        return {{ before, refused, kept, changes, runs }};
     """
     found = page_runs(mechanism, initial, script, tmp_path)
     assert re.search(r'joint ".*" stays open by [\d.e-]+ (m|rad).*\(loop of .*, .*\)', found["refused"]), found[
         "refused"
     ]
     assert found["kept"]
-    assert not any(found["said"])
+    assert not any(found["changes"])
     for run in found["runs"].values():
         assert np.abs(np.subtract(run["bodies"], found["before"])).max() > 1e-4
         agree(mechanism, run, run["duration"], run["parameters"])
@@ -243,7 +243,7 @@ def test_redundant_conditions_take_turns(tmp_path: Path) -> None:
 
 @needs_node
 def test_ratios_radii_and_rods_are_changed_on_the_page(tmp_path: Path) -> None:
-    """A weight on the rack of a geared shaft, and a pendulum on a rod; what drawing refuses is told to the page."""
+    """A weight on the rack of a geared shaft, and a pendulum on a rod; what drawing refuses is shown on the page."""
     m = pt.Mechanism("winch", gravity=(0, -9.81, 0))
     for i in (1, 2):
         wheel = m.add_body(f"wheel {i}", mass=1.0, inertia=(1, 1, 2), position=(i, 0, 0))
@@ -362,7 +362,7 @@ def test_a_length_that_cannot_close_is_reported_by_how_much(tmp_path: Path) -> N
     found = page_runs(four_bar(), None, script, tmp_path)
     reported = re.search(r'joint "C" stays open by ([\d.]+) m', found["words"])
     assert reported, found["words"]
-    assert abs(float(reported[1]) - 0.3) < 1e-3  # three digits are told
+    assert abs(float(reported[1]) - 0.3) < 1e-3  # three digits are shown
     assert found["same"]
     assert found["point"] == found["b"]
 
@@ -480,7 +480,7 @@ def shown(browser: Chromium, page: Path, screen: tuple[int, int, bool] = DESKTOP
 
 
 def test_the_page_runs_in_a_browser(browser: Chromium, tmp_path: Path) -> None:
-    """It opens without a complaint, runs, takes a new length and a pull, and tells what cannot be."""
+    """It opens without an error, runs, takes a new length and a pull, and reports what is impossible."""
     shown(browser, four_bar().to_playground(tmp_path / "x.html"))
     reported = browser.value("""
         (async () => {

@@ -1,4 +1,4 @@
-"""Figures: what is drawn is what was computed, over whatever it is asked."""
+"""Figures show the computed data, over time or any other abscissa."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def test_over_a_coordinate_lines_are_the_run() -> None:
     assert np.array_equal(drawn[~gaps, 1], np.linalg.norm(run.joint("A").force, axis=1))
     assert gaps.sum() == np.count_nonzero(np.diff(np.floor(angle / 360.0)))
     assert "[deg]" in run.plot("energy", x="A").axes[0].get_xlabel()
-    # No joint of it carries a moment: its forces have the paper, and ticks that tell the angle.
+    # No joint of it carries a moment: its forces fill the figure, with ticks of the angle.
     (ax,) = run.plot("reactions", x="A").axes
     assert "[deg]" in ax.get_xlabel() and len(ax.get_xticks()) > 3
 
@@ -84,9 +84,9 @@ def test_alike_curves_are_distinguished() -> None:
 
 def test_paths_are_those_of_the_body() -> None:
     run = run_of("four-bar")
-    place = (0.5, 0.2, 0.0)
-    figure = run.plot("paths", points={"P": ("coupler", place)})
-    path = run.body("coupler").point(place)
+    point = (0.5, 0.2, 0.0)
+    figure = run.plot("paths", points={"P": ("coupler", point)})
+    path = run.body("coupler").point(point)
     assert np.array_equal(lines(figure)["P"], path[:, :2])
     assert figure.axes[0].get_aspect() == 1.0
 

@@ -229,7 +229,7 @@ def length(i: int) -> Any:
 
 @BOTH
 def test_inverse_dynamics_of_a_stewart_platform(coordinates: str) -> None:
-    """What the pose asks for, shared by six legs: their forces by the transposed inverse of the legs' Jacobian, and by
+    """The effort of the pose, shared by six legs: their forces by the transposed inverse of the legs' Jacobian, and by
     six driven lengths."""
     times = np.linspace(0.2, 1.4, 5)
 

@@ -222,16 +222,16 @@ def bare(name: str) -> Callable[..., Any]:
 
 
 def as_text(name: str, table: dict[str, str]) -> Callable[..., Any]:
-    """The number that was meant in SI, in another unit: its decimal moved exactly."""
+    """The number intended in SI, in another unit: its decimal moved exactly."""
     if name in ("angle", "rate"):
         return lambda x: f"{x!r} {'deg' if name == 'angle' else 'rpm'}"
 
-    def said(x: float, per: str = "") -> str:
+    def with_unit(x: float, per: str = "") -> str:
         scale = Fraction(repr(x)) / unit_of(table[name]).size
         assert scale.denominator == 1 or Fraction(str(float(scale))) == scale
         return f"{float(scale)!r} {table[name]}{per}"
 
-    return said
+    return with_unit
 
 
 WORDS = [*SI, "angle", "rate"]
@@ -246,7 +246,7 @@ def test_texts_give_the_same_bits() -> None:
 def test_quantities_of_pint_give_the_same_bits() -> None:
     registry = pytest.importorskip("pint").UnitRegistry()
 
-    def said(name: str) -> Callable[..., Any]:
+    def quantities(name: str) -> Callable[..., Any]:
         text = as_text(name, SMALL)
 
         def quantity(*x: Any) -> Any:
@@ -255,7 +255,7 @@ def test_quantities_of_pint_give_the_same_bits() -> None:
 
         return quantity
 
-    assert spec(machine(**{name: said(name) for name in WORDS})) == spec(
+    assert spec(machine(**{name: quantities(name) for name in WORDS})) == spec(
         machine(**{name: bare(name) for name in WORDS})
     )
     q = registry.Quantity
@@ -374,10 +374,10 @@ angle = {angle}
 
 
 def test_model_files_hold_quantities(tmp_path: Path) -> None:
-    said = {"gravity": '"-981 cm/s^2"', "length": '"250 mm"', "mass": '"2 kg"', "angle": '"30 deg"'}
+    quantities = {"gravity": '"-981 cm/s^2"', "length": '"250 mm"', "mass": '"2 kg"', "angle": '"30 deg"'}
     plain = {"gravity": "-9.81", "length": "0.25", "mass": "2", "angle": repr(math.radians(30.0))}
     path, other = tmp_path / "said.toml", tmp_path / "plain.toml"
-    path.write_text(FILE.format(**said, stiffness='"1 N mm/rad"'), encoding="utf-8")
+    path.write_text(FILE.format(**quantities, stiffness='"1 N mm/rad"'), encoding="utf-8")
     other.write_text(FILE.format(**plain, stiffness="0.001"), encoding="utf-8")
     assert spec(pt.load(path)) == spec(pt.load(other))
     for words, changed in [
@@ -385,7 +385,7 @@ def test_model_files_hold_quantities(tmp_path: Path) -> None:
         ("line 7: body \"rod\": mass is a mass .kg.; '2 m' is a length", {"mass": '"2 m"'}),
         ("no unit 'kgg'", {"mass": '"2 kgg"'}),
     ]:
-        path.write_text(FILE.format(**{**said, **changed}, stiffness="1"), encoding="utf-8")
+        path.write_text(FILE.format(**{**quantities, **changed}, stiffness="1"), encoding="utf-8")
         with pytest.raises(FileFormatError, match=words):
             pt.load(path)
 
@@ -410,7 +410,7 @@ def test_the_command_line_takes_quantities(tmp_path: Path, capsys: pytest.Captur
     ]:
         try:
             code: Any = main(["simulate", "four-bar", *words])
-        except SystemExit as end:  # a misuse is told by the parser
+        except SystemExit as end:  # the parser reports a misuse
             code = end.code
         assert code != 0 and reported in capsys.readouterr().err
 

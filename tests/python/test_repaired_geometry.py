@@ -179,10 +179,10 @@ def test_lengths_that_nearly_agree_stay_what_they_are(coordinates: str) -> None:
 
 @pytest.mark.parametrize("coordinates", BOTH)
 def test_what_was_changed_is_said(coordinates: str) -> None:
-    said = [
+    notes = [
         note for note in bennett(1e-5).simulate(0.1, coordinates=coordinates).notes if "the geometry is inexact" in note
     ]
-    assert len(said) == 1 and "turned by up to" in said[0]
+    assert len(notes) == 1 and "turned by up to" in notes[0]
     assert not any("the geometry is inexact" in note for note in bennett(0.0).simulate(0.1).notes)
     # a run may be taken up where another ended
     m = bennett(1e-5)
@@ -198,7 +198,7 @@ def test_what_was_changed_is_said(coordinates: str) -> None:
 @pytest.mark.parametrize("coordinates", BOTH)
 @pytest.mark.parametrize("begun", [0.2, 0.303, 0.6])
 def test_a_run_that_goes_on_is_of_the_same_drawing(begun: float, coordinates: str) -> None:
-    """Also where the flat position is too near to tell what was meant: what fits is found as drawn."""
+    """Also where the flat position is too near to identify the intended geometry: the fit is found as drawn."""
     m, off = cranks("in line", {}, 1e-5), 1e-5
     whole = path(m.simulate(1.0, coordinates=coordinates, t_eval=[0.0, 1.0]))[:, -1]
     model, first = m.compile(coordinates=coordinates), m.simulate(begun, coordinates=coordinates)

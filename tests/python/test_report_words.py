@@ -27,10 +27,10 @@ def four_bar(kinds: str = "RRRR", mass: float = 0.5) -> pt.Mechanism:
 
 
 def test_the_remedy_that_is_named_works() -> None:
-    said = four_bar().report()
-    found = said.to_dict()
+    report = four_bar().report()
+    found = report.to_dict()
     assert (found["gruebler"], found["degrees_of_freedom"], found["mobility"]) == (-2, 1, 1)
-    assert "6 x 3 - 20 = -2" in said and "larger by 3 redundant constraints" in said.replace("\n", " ")
+    assert "6 x 3 - 20 = -2" in report and "larger by 3 redundant constraints" in report.replace("\n", " ")
     kinds = {"A": "R", "B": "R", "C": "R", "D": "R"}
     for remedy in found["remedies"]:
         kinds[remedy["joint"]] = {"a ball joint": "S", "a cylindrical joint": "C"}[remedy["by"]]
@@ -39,15 +39,15 @@ def test_the_remedy_that_is_named_works() -> None:
     assert cured.to_dict()["mobility"] == 1 and cured.to_dict()["redundancy"] == ""
     assert "All components of all reactions are determined" in cured
     # once, in one paragraph
-    assert said.count("Over-constrained") == 1 and "parallel" not in said.partition("Joints\n------")[2]
+    assert report.count("Over-constrained") == 1 and "parallel" not in report.partition("Joints\n------")[2]
 
 
 def test_moves_as_driven_is_not_cannot_move() -> None:
     m = four_bar()
     m.add_drive("A", position=lambda t: t, name="motor")
-    said = " ".join(m.report().split())
-    assert "has 1 degree of freedom, all prescribed by motor: it moves as driven" in said
-    assert "cannot move" not in said
+    report = " ".join(m.report().split())
+    assert "has 1 degree of freedom, all prescribed by motor: it moves as driven" in report
+    assert "cannot move" not in report
     frame = pt.Mechanism("frame")
     for name, start, end in (("left", (0, 0, 0), (0.3, 0.8, 0)), ("right", (1, 0, 0), (0.3, 0.8, 0))):
         frame.add_rod(name, start=start, end=end, mass=1.0)
@@ -58,8 +58,8 @@ def test_moves_as_driven_is_not_cannot_move() -> None:
 
 def test_idle_spin_of_a_rod_between_balls() -> None:
     m = four_bar("RSSR")
-    said = " ".join(m.report().split())
-    assert "1 degree of freedom is idle: coupler spins about its own line between B and C" in said
+    report = " ".join(m.report().split())
+    assert "1 degree of freedom is idle: coupler spins about its own line between B and C" in report
     m = pt.Mechanism("thin")
     m.add_rod("crank", start=A, end=B, mass=1.0)
     m.add_rod("coupler", start=B, end=C, mass=1.0)
@@ -68,34 +68,34 @@ def test_idle_spin_of_a_rod_between_balls() -> None:
     m.add_spherical("B", "crank", "coupler", point=B)
     m.add_spherical("C", "coupler", "rocker", point=C)
     m.add_revolute("D", m.ground, "rocker", point=D)
-    said = " ".join(m.report().split())
-    assert "which moves nothing else (it is held, without inertia about that line)" in said
-    assert "coupler is held from spinning" in said
+    report = " ".join(m.report().split())
+    assert "which moves nothing else (it is held, without inertia about that line)" in report
+    assert "coupler is held from spinning" in report
     m.add_force("coupler", (0, 0, 1), point=(0, 0.1, 0))
-    said = " ".join(m.report().split())
-    assert "held" not in said
-    assert "no inertia: coupler about its own line between B and C can spin without resistance" in said
-    assert "axial inertia" in said
+    report = " ".join(m.report().split())
+    assert "held" not in report
+    assert "no inertia: coupler about its own line between B and C can spin without resistance" in report
+    assert "axial inertia" in report
 
 
 def test_a_chain_of_forty_loops_is_a_page() -> None:
-    said = pt.catalogue.load("n-four-bar", loops=40).report()
-    assert len(said.splitlines()) < 90
-    found = said.to_dict()
+    report = pt.catalogue.load("n-four-bar", loops=40).report()
+    assert len(report.splitlines()) < 90
+    found = report.to_dict()
     assert len(found["coordinates"]) == 81 and len(found["remedies"]) == 80
-    assert len(said.markdown.splitlines()) < 110
+    assert len(report.markdown.splitlines()) < 110
 
 
 def test_text_markdown_dictionary_and_copies() -> None:
-    said = four_bar().report()
-    assert isinstance(said, str) and said.text == str(said)
-    assert max(map(len, said.splitlines())) <= 120
-    assert said.markdown.startswith('# Mechanism "four-bar"\n') and "## Reactions" in said.markdown
-    assert "| C | revolute | coupler | rocker | closes a loop |" in said.markdown
-    again = pickle.loads(pickle.dumps(said))
-    assert again == said and again.markdown == said.markdown and again.to_dict() == said.to_dict()
-    said.to_dict()["notes"].append("mine")
-    assert "mine" not in said.to_dict()["notes"]
+    report = four_bar().report()
+    assert isinstance(report, str) and report.text == str(report)
+    assert max(map(len, report.splitlines())) <= 120
+    assert report.markdown.startswith('# Mechanism "four-bar"\n') and "## Reactions" in report.markdown
+    assert "| C | revolute | coupler | rocker | closes a loop |" in report.markdown
+    again = pickle.loads(pickle.dumps(report))
+    assert again == report and again.markdown == report.markdown and again.to_dict() == report.to_dict()
+    report.to_dict()["notes"].append("mine")
+    assert "mine" not in report.to_dict()["notes"]
 
 
 def test_suspicious_data() -> None:
@@ -112,9 +112,9 @@ def test_suspicious_data() -> None:
     m.add_rod("flag", start=(0, 300, 0), end=(0.5, 300, 0), mass=1.0)
     m.add_revolute("top", "mast", "flag", point=(0, 300, 0))
     m.add_body("stone", mass=1.0, inertia=(1, 1, 1))
-    said = " ".join(m.report().split())
-    assert "mast extends over 300.000 m, where bodies typically measure" in said
-    assert "stone is connected by no joint: it floats freely" in said
+    report = " ".join(m.report().split())
+    assert "mast extends over 300.000 m, where bodies typically measure" in report
+    assert "stone is connected by no joint: it floats freely" in report
 
 
 def test_dead_position_and_locked_coordinate() -> None:
@@ -127,8 +127,8 @@ def test_dead_position_and_locked_coordinate() -> None:
     m.add_revolute("A", m.ground, "crank", point=A)
     m.add_revolute("B", "crank", "rod", point=b)
     m.add_revolute("C", "rod", "slider", point=c, cut="always")
-    said = m.report()
-    assert said.to_dict()["dead"] == ["S"] and "Dead position of S" in said
+    report = m.report()
+    assert report.to_dict()["dead"] == ["S"] and "Dead position of S" in report
     aside = m.report(m.assemble(targets={"A": 0.5}))
     assert aside.to_dict()["dead"] == [] and aside.to_dict()["locked"] == []
 
@@ -148,8 +148,8 @@ def test_the_certificate_says_who_and_when() -> None:
     assert found.worst_body in run.names.bodies and found.worst_body_t in run.t
     assert found.rank == (2,) and 0.0 < found.margin < 1.0 and found.geometric_error == 0.0
     assert run.reactions["residuals"].shape == (21, 3)
-    said = str(found)
-    assert f"{found.worst_body} at t = " in said and "loops' rank       2; margin" in said
+    report = str(found)
+    assert f"{found.worst_body} at t = " in report and "loops' rank       2; margin" in report
 
 
 def test_the_certificate_of_a_chain_and_of_a_file(tmp_path: Path) -> None:

@@ -46,7 +46,7 @@ def stored(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     return document_of(tmp_path_factory.mktemp("stored") / "run.json")
 
 
-def places(document: Any, keys: KeyPath = ()) -> Iterator[KeyPath]:
+def key_paths(document: Any, keys: KeyPath = ()) -> Iterator[KeyPath]:
     """Every place but the mechanism's description and numbers deep in arrays; of lists the first two entries."""
     if keys:
         yield keys
@@ -54,10 +54,10 @@ def places(document: Any, keys: KeyPath = ()) -> Iterator[KeyPath]:
         return
     if isinstance(document, dict):
         for key, item in document.items():
-            yield from places(item, (*keys, key))
+            yield from key_paths(item, (*keys, key))
     elif isinstance(document, list):
         for i, item in enumerate(document[:2]):
-            yield from places(item, (*keys, i))
+            yield from key_paths(item, (*keys, i))
 
 
 def changed(document: dict[str, Any], keys: KeyPath, value: Any) -> bytes:
@@ -122,8 +122,8 @@ def tried(document: dict[str, Any], keys: KeyPath, value: Any, folder: Path) -> 
 
 
 def test_a_resealed_result_is_refused_or_can_be_used(stored: dict[str, Any], tmp_path: Path) -> None:
-    """A draw of all places and contents; the same on every machine."""
-    every = [(keys, value) for keys in places(stored) for value in OTHERS]
+    """A random draw of all key paths and contents; the same on every machine."""
+    every = [(keys, value) for keys in key_paths(stored) for value in OTHERS]
     rng = np.random.default_rng(24)
     found = [tried(stored, *every[i], tmp_path) for i in rng.choice(len(every), 250, replace=False)]
     assert not [words for words in found if words not in ("refused", "used")]
@@ -166,7 +166,7 @@ def main() -> int:
     """Every place with every content: minutes."""
     folder = Path(tempfile.mkdtemp())
     document = document_of(folder / "stored.json")
-    ends = [tried(document, keys, value, folder) for keys in places(document) for value in OTHERS]
+    ends = [tried(document, keys, value, folder) for keys in key_paths(document) for value in OTHERS]
     wrong = [words for words in ends if words not in ("refused", "used")]
     print("\n".join(wrong[:40]))
     print(f"{len(ends)} files: {ends.count('refused')} refused, {ends.count('used')} used, {len(wrong)} raw errors")

@@ -209,7 +209,7 @@ def failing(t_eval: list[float]) -> results.Result:
 
 @pytest.fixture(scope="module")
 def hard(user_defined: results.Result) -> list[results.Result]:
-    """Odd names and numbers that are none, a run without bodies, one without joints, one that failed, one without
+    """Odd names and NaN, a run without bodies, one without joints, one that failed, one without
     outputs, one with settings that are several numbers."""
     free = pt.Mechanism("free")
     free.add_body("b", mass=1.0, inertia=(1, 1, 1))
@@ -423,7 +423,7 @@ def test_turns_of_a_cut_joint_are_counted_over_most_of_a_turn(turn: float) -> No
 
 
 def test_every_part_travels_and_is_exported() -> None:
-    """Pickled and read again it tells the same, and its class has a public name."""
+    """Pickled and read again it has the same content, and its class has a public name."""
     m = pt.Mechanism("hook", gravity=(0, -GRAVITY, 0))
     load_ = m.add_body("load", mass=2.0, inertia=(1, 1, 1), position=(0, -1, 0))
     m.add_distance("rope", m.ground, (0, 0, 0), load_, (0, 0, 0))

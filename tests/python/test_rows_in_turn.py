@@ -25,7 +25,7 @@ def turned(w: float, x: float, y: float, z: float) -> NDArray[np.float64]:
 
 
 def jack(seed: int, duration: float, prescribed: str = "velocity") -> tuple[pt.Mechanism, tuple[str, int], float]:
-    """Two arms on one hinge line, a nut on each, a screw between the nuts, driven: how it is built is drawn by chance.
+    """Two arms on one hinge line, a nut on each, a screw between the nuts, driven; built in a random order.
 
     Returns it with the joint and coordinate that is driven, and its rate.
     """
@@ -65,12 +65,12 @@ def jack(seed: int, duration: float, prescribed: str = "velocity") -> tuple[pt.M
 
     def carriers() -> None:
         for i in (0, 1):
-            place: dict[str, Any] = {"point": at(*ends[i]), **kept(f"N{i}")}
+            shared: dict[str, Any] = {"point": at(*ends[i]), **kept(f"N{i}")}
             if universal:
                 across = at(*np.cross(along, (0, 0, 1)))
-                m.add_universal(f"N{i}", arms[i], nuts[i], axis1=at(0, 0, 1), axis2=across, **place)
+                m.add_universal(f"N{i}", arms[i], nuts[i], axis1=at(0, 0, 1), axis2=across, **shared)
             else:
-                m.add_revolute(f"N{i}", arms[i], nuts[i], axis=at(0, 0, 1), **place)
+                m.add_revolute(f"N{i}", arms[i], nuts[i], axis=at(0, 0, 1), **shared)
 
     def screws() -> None:
         a, b = (0, 1) if threads % 2 else (1, 0)

@@ -57,7 +57,7 @@ MECHANISMS = (four_bar, slider_crank, rssr)
 
 
 def answers(make: Any, unit: float) -> dict[str, Any]:
-    """What a mechanism says in angles, counts and words."""
+    """Results of a mechanism in angles, counts and texts."""
     m = make(unit)
     state = m.assemble(targets={"A": 0.3}, rates={"A": 1.5})
     run = m.simulate(1.0, initial=state, t_eval=(0.5, 1.0))
@@ -73,7 +73,7 @@ def answers(make: Any, unit: float) -> dict[str, Any]:
         # how far conditions stood open, in parts of their own size
         "gaps": run.record.gaps,
         "assembly": (state.assembly["iterations"], state.assembly["target_steps"]),
-        # the scales of the coordinates, the last column, are told in SI
+        # the scales of the coordinates, the last column, are in SI
         "report": re.sub(r"(?m)^(  \S+ +[\d.]+ +(?:independent|follows)) .*$", r"\1", m.report(state)),
     }
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from builder_parts import pendulum
 from catalogue_runs import entry_of
-from test_forces_engineers import everything
+from force_mechanisms import everything
 
 import partita as pt
 from partita.errors import ArgumentError, DescriptionError, EvaluationError, FileFormatError, UnknownNameError

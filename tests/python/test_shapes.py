@@ -54,14 +54,14 @@ def test_applied_forces_follow_their_bodies(tmp_path: Path) -> None:
     m.add_revolute("A", m.ground, arm, point=(0, 0, 0), axis=(0, 0, 1))
     m.add_force(arm, (0.0, 5.0, 0.0), point=(1, 0, 0), axes="body", name="push")
     run = m.simulate(1.0)
-    places, forces = run.applied_forces()["push"]
+    points, forces = run.applied_forces()["push"]
     angle = run.joint("A").position[:, 0]
     assert np.ptp(angle) > 1.0
     along, across = np.stack([np.cos(angle), np.sin(angle), 0 * angle], 1), np.stack([-np.sin(angle), np.cos(angle)], 1)
-    assert np.allclose(places, along, atol=1e-12) and np.allclose(forces[:, :2], 5 * across, atol=1e-12)
+    assert np.allclose(points, along, atol=1e-12) and np.allclose(forces[:, :2], 5 * across, atol=1e-12)
     scene = data(viewer.html(run))
     stored = unpacked(scene["tables"]["load0"], scene["frames"])
-    assert scene["loads"] == ["push"] and np.allclose(stored, np.hstack([places, forces]), atol=1e-5)
+    assert scene["loads"] == ["push"] and np.allclose(stored, np.hstack([points, forces]), atol=1e-5)
 
 
 @pytest.fixture(scope="module")
@@ -130,8 +130,8 @@ def test_a_robot_looks_as_its_file_says(part: Path, tmp_path: Path) -> None:
     (folder / "meshes" / "arm.stl").write_bytes((part / "part.stl").read_bytes())
     (tmp_path / "secret.stl").write_bytes((part / "part.stl").read_bytes())
 
-    def visual(shape: str, place: str = "") -> str:
-        return f"<visual><origin {place}/><geometry>{shape}</geometry></visual>"
+    def visual(shape: str, origin: str = "") -> str:
+        return f"<visual><origin {origin}/><geometry>{shape}</geometry></visual>"
 
     mass = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>'
     (folder / "arm.urdf").write_text(

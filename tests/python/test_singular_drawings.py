@@ -1,4 +1,4 @@
-"""Drawings in singular positions: the report tells which branches meet, how to be drawn on each; refusals say so."""
+"""Drawings in singular positions: the report states which branches meet and how to draw each; so do refusals."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ def linkage(*points: Point, unit: float = 1.0) -> pt.Mechanism:
     return m
 
 
-def line(*places: float) -> list[Point]:
+def line(*along: float) -> list[Point]:
     """Points in a line that is inclined in the plane."""
-    return [(0.8 * x, 0.6 * x, 0.0) for x in places]
+    return [(0.8 * x, 0.6 * x, 0.0) for x in along]
 
 
 def singular(m: pt.Mechanism, **options: Any) -> dict[str, Any]:
@@ -54,9 +54,9 @@ def ahead(rates: list[float]) -> tuple[float, ...]:
     return tuple(float(x) for x in np.round(np.sign(x[np.nonzero(np.abs(x) > 1e-9)[0][0]]) * x, 5) + 0.0)
 
 
-def user_defined(places: tuple[float, ...]) -> set[tuple[float, ...]]:
+def user_defined(along: tuple[float, ...]) -> set[tuple[float, ...]]:
     """Rates of crank, rocker and coupler on both lines."""
-    a, b, c = np.diff(places)
+    a, b, c = np.diff(along)
     # beta follows from the first equation and makes the second a quadratic form in alpha and gamma
     aa, ag, gg = a + a * a / b, 2.0 * a * c / b, c + c * c / b
     if abs(gg) < 1e-12:
@@ -69,13 +69,13 @@ def user_defined(places: tuple[float, ...]) -> set[tuple[float, ...]]:
 @pytest.mark.parametrize("name", LINKAGES)
 @pytest.mark.parametrize("unit", [1e-6, 1.0, 1e3])
 def test_two_branches_meet_where_all_links_are_in_line(name: str, unit: float) -> None:
-    places = LINKAGES[name]
-    m = linkage(*line(*places), unit=unit)
+    along = LINKAGES[name]
+    m = linkage(*line(*along), unit=unit)
     found = singular(m)
     assert (found["here"], found["beside"], found["structure"], found["many"]) == (2, 1, False, False)
     rates = [branch["rates"] for branch in found["branches"]]
     turns = [(of.get("A", 0.0), of.get("Z", 0.0), of.get("A", 0.0) + of.get("B", 0.0)) for of in rates]
-    assert len(rates) == 2 and {ahead(list(x)) for x in turns} == user_defined(places)
+    assert len(rates) == 2 and {ahead(list(x)) for x in turns} == user_defined(along)
 
 
 @pytest.mark.parametrize("unit", [1e-6, 1.0, 1e3])
@@ -233,5 +233,5 @@ def test_near_a_change_point_no_geometric_error_is_reported(angle: float) -> Non
     m.add_revolute("B", "crank", "coupler", point=b)
     m.add_revolute("C", "coupler", "rocker", point=c)
     m.add_revolute("D", m.ground, "rocker", point=(3, 0, 0))
-    said = " ".join(m.report().split())
-    assert "geometric error" not in said and "1 degree of freedom" in said
+    report = " ".join(m.report().split())
+    assert "geometric error" not in report and "1 degree of freedom" in report

@@ -1,4 +1,4 @@
-"""What is asked of the pages of the site finds what is wrong with them; `make docs` asks it of all of them."""
+"""The inspection of pages of the site finds what is wrong with them; `make docs` inspects all of them."""
 
 import sys
 from collections.abc import Iterator
@@ -39,7 +39,7 @@ def browser() -> Iterator[Any]:
         yield opened
 
 
-def said(browser: Any, folder: Path, body: str) -> list[str]:
+def console(browser: Any, folder: Path, body: str) -> list[str]:
     page = folder / "page.html"
     head = '<!doctype html><meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>page</title>'
     page.write_text(f'{head}<body style="background: #fff; color: #000"><article>{body}</article>', "utf-8")
@@ -48,14 +48,14 @@ def said(browser: Any, folder: Path, body: str) -> list[str]:
 
 
 def test_each_fault_is_found_and_none_where_none_is(browser: Any, tmp_path: Path) -> None:
-    assert said(browser, tmp_path, SOUND.format(long=LONG)) == []
+    assert console(browser, tmp_path, SOUND.format(long=LONG)) == []
     for body, wanted in FAULTS.items():
-        found = said(browser, tmp_path, body)
+        found = console(browser, tmp_path, body)
         assert any(wanted in word for word in found), (body, found)
 
 
 def test_a_site_is_searched_where_it_stands(browser: Any, tmp_path: Path) -> None:
-    """A page of results: those that come first are told in their order, with their places."""
+    """A page of results: the first ones in their order, each with its address."""
     links = [f'<li><a href="reference/{page}.html?highlight=x#partita.{page}">{page}</a></li>' for page in "abc"]
     (tmp_path / "search.html").write_text(
         f'<div id="search-results"><p>3 pages found</p><ul>{"".join(links)}</ul></div>', "utf-8"

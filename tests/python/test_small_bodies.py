@@ -1,4 +1,4 @@
-"""Small bodies between two joints in one point: what passes through them does not turn them, wherever rounding puts it.
+"""Small bodies between two joints in one point: forces through them do not rotate them, whatever the rounding.
 
 A planar delta of rigid hinges, a ball of no size between two of its three legs and the platform, drawn as programs do:
 each point by products of frames along its own way, and where the loops close off by 5e-13 m.
@@ -47,8 +47,8 @@ def delta() -> pt.Mechanism:
         again = (ORIGIN + TURN @ (at(2.1 * leg) @ (BASE, 0, 0) + at(arm) @ (ARM, 0, 0))) + TURN @ (
             at(fore) @ (FORE, 0, 0)
         )
-        for name, length, place, angle in ((f"arm{leg}", ARM, foot, arm), (f"fore{leg}", FORE, knee, fore)):
-            m.add_body(name, mass=0.003, inertia=(3e-8, 5e-7, 5e-7), com=(length / 2, 0, 0.001), position=place,
+        for name, length, origin, angle in ((f"arm{leg}", ARM, foot, arm), (f"fore{leg}", FORE, knee, fore)):
+            m.add_body(name, mass=0.003, inertia=(3e-8, 5e-7, 5e-7), com=(length / 2, 0, 0.001), position=origin,
                        orientation=TURN @ at(angle))  # fmt: skip
         m.add_revolute(f"A{leg}", m.ground, f"arm{leg}", point=foot, axis=axis)
         m.add_revolute(f"B{leg}", f"arm{leg}", f"fore{leg}", point=knee, axis=axis)

@@ -310,7 +310,7 @@ def test_a_drive_moves_without_a_jump_as_commanded(level: str, coordinates: str)
 
 
 def test_a_drive_of_a_measure_is_an_input_and_reset_begins_again() -> None:
-    """A rope pulls a pendulum up at a rate; its length is the integral of what was told."""
+    """A rope pulls a pendulum up at a rate; its length is the integral of that input."""
     m = pendulum()
     m.add_drive(pt.Distance("ground", (0, 2, 0), "rod", (1, 0, 0)), velocity=0.0, name="rope")
     m.add_torque("A", 0.0, name="rope")  # another kind of thing by the same name
@@ -346,8 +346,8 @@ def parallelogram(driven: bool) -> pt.Mechanism:
 @pytest.mark.parametrize("coordinates", ["relative", "absolute"])
 @pytest.mark.parametrize("is_driven", [False, True])
 def test_change_points_are_stepped_over_or_refused(coordinates: str, is_driven: bool) -> None:
-    """Steps beside a change point stay on their branch, where both cranks are parallel; one that ends in it is refused,
-    and what stood before it stands."""
+    """Steps near a change point stay on their branch, where both cranks are parallel; one that ends in it is refused,
+    and the state before it is kept."""
     m = parallelogram(is_driven)
     start = m.assemble(rates=None if is_driven else {"A": 1.0}, coordinates=coordinates)
     given = list(m.inputs)

@@ -31,7 +31,7 @@ def written(node: ast.FunctionDef) -> list[tuple[str, bool]]:
     """(name, has a default) of each parameter of the stub, `self` left out."""
     names = [argument.arg for argument in node.args.posonlyargs + node.args.args]
     optional = len(names) - len(node.args.defaults)
-    listed = [(name, place >= optional) for place, name in enumerate(names) if name != "self"]
+    listed = [(name, index >= optional) for index, name in enumerate(names) if name != "self"]
     keyword = zip(node.args.kwonlyargs, node.args.kw_defaults, strict=True)
     return listed + [(argument.arg, default is not None) for argument, default in keyword]
 

@@ -1,4 +1,4 @@
-"""Sweeps: serial, threads and processes agree; a dead worker takes nothing along; what fails is told at its point."""
+"""Sweeps: serial, threads and processes agree; a dead worker loses nothing else; a failure is reported at its point."""
 
 import os
 import signal
@@ -62,8 +62,12 @@ def test_a_killed_worker_takes_nothing_along(tmp_path: Path) -> None:
 def test_points_that_fail_are_reported() -> None:
     found = pt.sweep(deadly, {"x": [1, 2, 3, 4]}, executor="processes", workers=2)
     assert np.array_equal(found.value.values, [10.0, np.nan, np.nan, 40.0], equal_nan=True)
-    said = found.failed.values.tolist()
-    assert said[0] == said[3] == "" and "died" in said[1] and said[2] == "ValueError: three is out of reach"
+    messages = found.failed.values.tolist()
+    assert (
+        messages[0] == messages[3] == ""
+        and "died" in messages[1]
+        and messages[2] == "ValueError: three is out of reach"
+    )
 
 
 def test_ctrl_c_keeps_what_was_computed() -> None:
@@ -102,7 +106,7 @@ def test_nonsense_is_refused(parameters: object, executor: object, words: str) -
 
 
 def test_a_sweep_of_many_points_by_threads_keeps_what_came_back() -> None:
-    """Handed out a few ahead: points come back from the first on, and Ctrl-C finds them."""
+    """Points are submitted a few at a time: results come from the first on, and Ctrl-C keeps them."""
 
     def doubled(x: float) -> float:
         if x == 5000:

@@ -1,4 +1,4 @@
-"""Sweeps over a Dask cluster of processes, as docs/sweeps.md tells it: as the serial one, also where a worker dies."""
+"""Sweeps over a Dask cluster of processes, as in docs/sweeps.md: equal to the serial one, also where a worker dies."""
 
 import re
 import sys

@@ -1,4 +1,4 @@
-"""Model files: what is written is read back to the last bit, what is wrong is told with its line."""
+"""Model files: what is written is read back to the last bit, what is wrong is reported with its line."""
 
 import json
 from pathlib import Path

@@ -75,9 +75,9 @@ def test_a_robot_is_read_closed_and_run(
     ends = [run.body("front").point((0.45, 0, 0)), run.body("rear").point((-0.45, 0, 0))]
     assert np.abs(ends[0] - ends[1]).max() <= 1e-12
     assert np.abs(run.body("front").rotation - run.body("rear").rotation).max() <= 1e-12
-    line, said, fine = robots.row(tmp_path / "bar", None)
-    assert fine and "success" in line and any("frames" in word for word in said)
-    assert any("ball" in word for word in said) == ball
+    line, remarks, fine = robots.row(tmp_path / "bar", None)
+    assert fine and "success" in line and any("frames" in word for word in remarks)
+    assert any("ball" in word for word in remarks) == ball
 
 
 def test_a_sidecar_that_asks_for_more_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -100,11 +100,11 @@ def test_a_table_is_met_or_not(
     rows = []
     for t in np.linspace(0.0, 1.0, 11):
         pull = np.array([0.0, -gravity / 2, -gravity / 2])
-        place = np.array([3.0, 2.0, 3.0]) + 0.5 * pull * t**2
+        position = np.array([3.0, 2.0, 3.0]) + 0.5 * pull * t**2
         force = -np.array([0.0, -gravity / 2, gravity / 2])
-        moment = np.cross(place - (1.0, 2.0, 3.0), force)
+        moment = np.cross(position - (1.0, 2.0, 3.0), force)
         quaternion = [np.cos(np.pi / 8), -np.sin(np.pi / 8), 0.0, 0.0]
-        rows.append([t, *place, *quaternion, *(pull * t), 0, 0, 0, *pull, 0, 0, 0, *force, *moment])
+        rows.append([t, *position, *quaternion, *(pull * t), 0, 0, 0, *pull, 0, 0, 0, *force, *moment])
     lines = [",".join(["t", *names]), *(",".join(map(repr, map(float, row))) for row in rows)]
     path = tmp_path / "Prismatic_Case02.csv"
     path.write_text("\n".join(lines), "utf-8")

@@ -26,19 +26,19 @@ def bricard(
 ) -> pt.Mechanism:
     """The ring of six hinges, one of which may be cut, drawn in any order, size, place."""
     rotation = np.eye(3) if turn is None else turn
-    place = np.zeros(3) if shift is None else shift
+    origin = np.zeros(3) if shift is None else shift
     m = pt.Mechanism("ring", gravity=rotation @ (0.0, -9.81 * scale, 0.0))
     rods = ["ground"]
     for i in range(1, 6):
         edge = scale * (POINTS[i] - POINTS[i - 1])
         inertia = np.where(edge != 0.0, 2e-2, 1e-1) * scale**2
-        com, at = edge / 2, place + scale * rotation @ POINTS[i - 1]
+        com, at = edge / 2, origin + scale * rotation @ POINTS[i - 1]
         m.add_body(f"rod{i}", mass=1.0, inertia=inertia, com=com, position=at, orientation=rotation)
         rods.append(f"rod{i}")
     ends = [(rods[i], rods[i + 1]) for i in range(5)] + [("ground", "rod5")]
     for i in order:
         cutting = "auto" if cut is None else "always" if i == cut else "never"
-        point, axis = place + scale * rotation @ POINTS[i], rotation @ AXES[i]
+        point, axis = origin + scale * rotation @ POINTS[i], rotation @ AXES[i]
         m.add_revolute(f"P{i}", *ends[i], point=point, axis=axis, cut=cutting)
     return m
 

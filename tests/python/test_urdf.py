@@ -142,8 +142,8 @@ def test_a_dialect_is_the_mechanism_built_in_python(dialect: str, tmp_path: Path
     assert a.success and b.success
     for joint in ("A", "B", "D"):
         assert np.abs(a.joint(joint).position - b.joint(joint).position).max() < 1e-9
-    places = [[m.compile().velocity_names.index(joint) for joint in ("A", "B", "D")] for m in (read, expected)]
-    there, here = a.vdot[0, places[0]], b.vdot[0, places[1]]
+    indices = [[m.compile().velocity_names.index(joint) for joint in ("A", "B", "D")] for m in (read, expected)]
+    there, here = a.vdot[0, indices[0]], b.vdot[0, indices[1]]
     assert np.abs(there - here).max() < 1e-12 * np.abs(here).max()
 
 
@@ -199,14 +199,14 @@ def test_hinges_through_one_point_are_one_joint(tmp_path: Path) -> None:
         '<joint name="{0}" type="continuous"><parent link="{1}"/><child link="{2}"/><origin xyz="{3}"/>'
         '<axis xyz="{4}"/></joint>'
     )
-    for name, parent, child, place, axis in (
+    for name, parent, child, origin, axis in (
         ("x", "world", "i1", "0 0 1", "1 0 0"),
         ("y", "i1", "i2", "0 0 0", "0 1 0"),
         ("z", "i2", "ball", "0 0 0", "0 0 1"),
         ("u", "world", "i3", "1 0 0", "1 0 0"),
         ("v", "i3", "cross", "0 0 0", "0 0 1"),
     ):
-        text += line.format(name, parent, child, place, axis)
+        text += line.format(name, parent, child, origin, axis)
     m = pt.load(written(tmp_path, text + "</robot>"))
     assert [(j["name"], j["kind"]) for j in m.compile().summary["joints"]] == [("z", "spherical"), ("v", "universal")]
     assert "hinges x, y, z with no mass between them are one spherical joint" in str(m.reading)

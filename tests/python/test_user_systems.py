@@ -208,7 +208,7 @@ def test_redundant_rows_beside_nonholonomic_ones(formulation: str) -> None:
 
 
 def test_rows_with_positions_are_kept_before_those_without() -> None:
-    """The rate of the height, said as a velocity row, must not displace the row that holds the position."""
+    """The rate of the height, given as a velocity row, must not displace the row that holds the position."""
     first = pt.System(4, MASS, PUSH, edge_height, edge, bias=edge_bias)
     run = pt.simulate(first, 5.0, [0.3, 0.4, 0.0, 0.125], [1.0, 0.0, 0.2, 0.3], rtol=1e-4, atol=1e-6)
     # a height that followed from its rate alone would drift by the tolerance

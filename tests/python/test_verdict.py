@@ -60,7 +60,7 @@ def four_bar_run() -> Result:
 
 
 def spoilt(run: Result, invalid: bool) -> Result:
-    """As the core hands over a run that is found invalid or suspect at its end."""
+    """A run as the core returns it where it is found invalid or suspect at its end."""
     finding = Finding(invalid, 0.25, "the closing of C stands open by 0.1 m")
     record = replace(run.record, findings=[finding])
     if invalid:

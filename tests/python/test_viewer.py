@@ -1,4 +1,4 @@
-"""The animation page: one file that asks for nothing, says what it left out, and cannot be broken by a name."""
+"""The animation page: one file that loads nothing, states what it left out, and cannot be broken by a name."""
 
 import re
 from html import unescape

@@ -32,7 +32,8 @@ WHOLE = {
     "carry": "transfer", "reach": "characteristic displacement", "flat": "planar", "holds": "valid",
     "broken": "invalid", "words_rs": "messages", "Place": "say of what", "Push": "PointForce",
     "Acts": "ForceApplication", "Stand": "RepairedModel", "Walk": "say what it does", "corners_rs": "discontinuities",
-    "Freedom": "degree of freedom", "Tell": "report",
+    "Freedom": "degree of freedom", "Tell": "report", "said": "arguments, remark, message, report",
+    "places": "positions, points, indices",
 }  # fmt: skip
 """Words that a name may not consist of; `_rs` stands for a file."""
 

@@ -24,11 +24,11 @@ def there_and_back(m: pt.Mechanism, folder: Path, suffix: str) -> pt.Mechanism:
     return pt.load(folder / f"robot{suffix}")
 
 
-def body(m: pt.Mechanism, name: str, place: tuple[float, float, float], turn: float = 0.7) -> object:
+def body(m: pt.Mechanism, name: str, position: tuple[float, float, float], turn: float = 0.7) -> object:
     """A body with a full inertia, its centre of mass off its origin, its axes off the world's."""
     axes = np.array([[math.cos(turn), 0, math.sin(turn)], [0, 1, 0], [-math.sin(turn), 0, math.cos(turn)]]) @ TURN
     inertia = TURN @ np.diag([0.1, 0.2, 0.25]) @ TURN.T
-    return m.add_body(name, mass=1.3, inertia=0.5 * (inertia + inertia.T), com=(0.1, 0.2, -0.05), position=place,
+    return m.add_body(name, mass=1.3, inertia=0.5 * (inertia + inertia.T), com=(0.1, 0.2, -0.05), position=position,
                       orientation=axes)  # fmt: skip
 
 
@@ -129,8 +129,10 @@ LOOPS = {
 def closed(kind: str) -> pt.Mechanism:
     """A chain of balls and hinges closed by a joint that must not be in the tree."""
     m = pt.Mechanism(f"closed by {kind}", gravity=(0.3, -0.2, -9.81))
-    places = ((0, 0, 0), (0.4, 0.1, 0.2), (0.5, 0.5, 0.1), (0.2, 0.6, 0.0))
-    a, b, c, d = (body(m, name, place, i + 0.3) for i, (name, place) in enumerate(zip("abcd", places, strict=True)))
+    positions = ((0, 0, 0), (0.4, 0.1, 0.2), (0.5, 0.5, 0.1), (0.2, 0.6, 0.0))
+    a, b, c, d = (
+        body(m, name, position, i + 0.3) for i, (name, position) in enumerate(zip("abcd", positions, strict=True))
+    )
     m.add_revolute("A", m.ground, a, point=(0, 0, 0), axis=(0, 1, 0.5))
     m.add_spherical("B", a, b, point=(0.4, 0.1, 0.2))
     m.add_universal("C", b, c, point=(0.5, 0.5, 0.1), axis1=(1, 0, 0), axis2=(0, 1, 0))
@@ -199,9 +201,9 @@ def test_mujoco_accelerates_the_tree_alike(tmp_path: Path) -> None:
     rng = np.random.default_rng(3)
     data.qpos[:], data.qvel[:] = 0.5 * rng.normal(size=(2, native.nq))
     mujoco.mj_forward(native, data)
-    place = [mujoco.mj_name2id(native, mujoco.mjtObj.mjOBJ_JOINT, name) for name in compiled.velocity_names]
-    rates, _ = compiled.acceleration(data.qpos[place], data.qvel[place])
-    assert np.abs(rates - data.qacc[place]).max() < 1e-11 * np.abs(data.qacc).max()
+    indices = [mujoco.mj_name2id(native, mujoco.mjtObj.mjOBJ_JOINT, name) for name in compiled.velocity_names]
+    rates, _ = compiled.acceleration(data.qpos[indices], data.qvel[indices])
+    assert np.abs(rates - data.qacc[indices]).max() < 1e-11 * np.abs(data.qacc).max()
     # and what was drawn: the same where its joints have one coordinate
     own = m.compile()
     q, v = np.zeros(len(own.names)), np.zeros(len(own.names))
@@ -393,7 +395,7 @@ def test_what_is_lost_is_said_and_refused(words: str, suffix: str, tmp_path: Pat
     assert not list(tmp_path.iterdir())
     with pytest.warns(pt.errors.LossyFileWarning, match=words):
         written = m.save(path)
-    assert any(words in said for said in written.dropped) and words in str(written)
+    assert any(words in remark for remark in written.dropped) and words in str(written)
     assert json.loads(json.dumps(written.to_dict()))["dropped"] == written.dropped
     assert path in written.files and all(file.is_file() for file in written.files)
 
@@ -427,7 +429,7 @@ def test_what_mujoco_cannot_move_is_lost(tmp_path: Path) -> None:
     rod = pt.Mechanism("rod")
     rod.add_rod("rod", (0, 0, 0), (1, 0, 0), mass=1.0)
     rod.add_revolute("A", rod.ground, "rod", point=(0, 0, 0))
-    assert any("MuJoCo requires" in said for said in rod.save(tmp_path / "rod.mjcf", strict=True).changed)
+    assert any("MuJoCo requires" in remark for remark in rod.save(tmp_path / "rod.mjcf", strict=True).changed)
 
 
 def test_a_file_of_that_name_that_closes_nothing_stays(tmp_path: Path) -> None:

@@ -38,6 +38,6 @@ def _skip() -> None:
 
 
 def setup(app: Any) -> dict[str, bool]:
-    """What Sphinx asks of an extension."""
+    """What Sphinx requires of an extension."""
     app.add_html_math_renderer("mathml", (inline, None), (displayed, None))
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -37,18 +37,18 @@ def run(path: Path) -> Iterator[Cell]:
         yield found
 
 
-def _execute(cell: Cell, place: str, names: dict[str, Any]) -> None:
+def _execute(cell: Cell, source: str, names: dict[str, Any]) -> None:
     import matplotlib.pyplot as plt
 
-    tree = ast.parse(cell.text, place)
+    tree = ast.parse(cell.text, source)
     last = tree.body.pop() if tree.body and isinstance(tree.body[-1], ast.Expr) else None
     printed = StringIO()
     with redirect_stdout(printed):
-        exec(compile(tree, place, "exec"), names)
+        exec(compile(tree, source, "exec"), names)
         if isinstance(last, ast.Expr) and not cell.text.rstrip().endswith(";"):
-            cell.value = eval(compile(ast.Expression(last.value), place, "eval"), names)
+            cell.value = eval(compile(ast.Expression(last.value), source, "eval"), names)
         elif isinstance(last, ast.Expr):
-            eval(compile(ast.Expression(last.value), place, "eval"), names)
+            eval(compile(ast.Expression(last.value), source, "eval"), names)
     cell.printed = printed.getvalue()
     cell.figures = [plt.figure(number) for number in plt.get_fignums()]
     plt.close("all")

@@ -1,4 +1,4 @@
-"""The rendered site in a browser: every page on a desktop and a phone, light and dark, and the search asked."""
+"""The rendered site in a browser: every page on a desktop and a phone, light and dark, and the search tried."""
 
 from __future__ import annotations
 

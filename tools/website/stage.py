@@ -143,7 +143,7 @@ def reference(folder: Path) -> None:
 
 
 def directive(name: str) -> str:
-    """What asks Sphinx for one class or function, with the members that it inherits."""
+    """The directive for one class or function, with inherited members."""
     kind = found(name)
     if isinstance(kind, type):
         reported = f".. autoclass:: partita.{name}\n   :members:\n   :inherited-members: tuple, str, Mapping"

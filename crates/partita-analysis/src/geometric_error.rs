@@ -45,8 +45,8 @@ pub(crate) fn of_drawing(model: &Model) -> GeometricError {
 
 /// One sentence for each loop that does not fit.
 fn sentences(drawn: &Model, geometry: &Geometry) -> Vec<String> {
-    let mut said: Vec<String> = Vec::new();
-    let Ok(space) = drawn.in_space() else { return said };
+    let mut found: Vec<String> = Vec::new();
+    let Ok(space) = drawn.in_space() else { return found };
     let pose = Pose::new(&space, 0.0, &space.initial());
     for block in geometry.blocks.iter().filter(|x| x.verdict == Verdict::Repaired) {
         let joints: BTreeSet<usize> = block.joints.iter().copied().collect();
@@ -62,10 +62,10 @@ fn sentences(drawn: &Model, geometry: &Geometry) -> Vec<String> {
                 drawn.spec.joints[joint].name
             ));
         }
-        all.retain(|x| !said.contains(x));
-        said.extend(all);
+        all.retain(|x| !found.contains(x));
+        found.extend(all);
     }
-    said
+    found
 }
 
 /// An angle in degrees, as drawings give it.
@@ -116,7 +116,7 @@ fn out_of_parallel(pose: &Pose, joints: &BTreeSet<usize>) -> Vec<String> {
     }
     let across: Vec<(usize, f64)> = slides.iter().map(|&(j, a)| (j, a.dot(normal).abs().min(1.0).asin())).collect();
     let worst = |all: &[(usize, f64)]| all.iter().fold(0.0, |m: f64, x| m.max(x.1));
-    let mut said = Vec::new();
+    let mut found = Vec::new();
     let mut say = |all: &[(usize, f64)], words: &str, than: &[(usize, f64)]| {
         let top = worst(all);
         if top <= tolerance::SOLUTION_ROUNDING || top > tolerance::INTENDED_PARALLEL * LARGEST_TOLERANCE {
@@ -128,9 +128,9 @@ fn out_of_parallel(pose: &Pose, joints: &BTreeSet<usize>) -> Vec<String> {
         others.dedup();
         let verb = if which.len() == 1 { "is" } else { "are" };
         let which: Vec<&str> = which.into_iter().map(name).collect();
-        said.push(format!("{} {verb} {} {words} {}", names(&which), degrees(top), names(&others)));
+        found.push(format!("{} {verb} {} {words} {}", names(&which), degrees(top), names(&others)));
     };
     say(&off, "out of parallel with", &off);
     say(&across, "out of the plane normal to the axes of", &off);
-    said
+    found
 }

@@ -66,15 +66,15 @@ pub(crate) fn spins_unfelt(model: &Model) -> Option<String> {
     let number = |name: &str| model.spec.bodies.iter().find(|b| b.name == name);
     let empty = |x: &Idle| x.bodies.iter().all(|b| number(b).is_some_and(|b| least_inertia(b) <= 0.0));
     let spins: Vec<Idle> = free_spins(model).iter().map(|x| named(model, x)).filter(|x| !x.held && empty(x)).collect();
-    let said: Vec<String> = spins
+    let spinning: Vec<String> = spins
         .iter()
         .map(|x| format!("{} about its own line between {}", x.bodies.join(" with "), names(&x.joints)))
         .collect();
-    (!said.is_empty()).then(|| {
+    (!spinning.is_empty()).then(|| {
         format!(
             "no inertia: {} can spin without resistance; give it an axial inertia (add_body; a round bar has m r^2 \
              / 2 about its axis), or replace one ball joint by a universal joint",
-            names(&said)
+            names(&spinning)
         )
     })
 }
@@ -185,7 +185,7 @@ mod tests {
         spec.bodies.push(body("mast", [0.0; 3], [0.0, 300.0, 0.0]));
         spec.joints.push(joint("foot", Revolute, "ground", "mast", [0.0, -300.0, 0.0], Z));
         spec.joints.push(joint("top", Revolute, "mast", "ground", [0.0, 300.0, 0.0], Z));
-        let said = suspicious(&model(spec));
-        assert!(said.len() == 1 && said[0].starts_with("mast extends over 600.000 m"), "{said:?}");
+        let messages = suspicious(&model(spec));
+        assert!(messages.len() == 1 && messages[0].starts_with("mast extends over 600.000 m"), "{messages:?}");
     }
 }

@@ -143,7 +143,7 @@ pub fn remedies(model: &Model, t: f64, q: &[f64]) -> Result<Vec<Remedy>, Analysi
     let used = worked(&model.spec);
     let loaded: HashSet<usize> = found.iter().flat_map(|s| s.joints.iter().map(|x| x.0)).collect();
     let free = |j: &usize| loaded.contains(j) && !used.contains(model.spec.joints[*j].name.as_str());
-    // those described last are those that close loops more often than not
+    // joints described last usually close the loops
     let joints: Vec<usize> = (0..columns.len()).rev().filter(free).collect();
     let mut chosen = Vec::new();
     if count <= FEW {
@@ -209,7 +209,7 @@ fn search(
     base: &Base,
     chosen: &mut Vec<Replacement>,
 ) -> bool {
-    for (place, &j) in joints.iter().enumerate() {
+    for (index, &j) in joints.iter().enumerate() {
         for replacement in replacements(model.spec.joints[j].kind, j).into_iter().filter(|w| w.usual || !usual) {
             let mut grown = base.clone();
             if base.0.len() + replacement.frees.len() > count
@@ -220,7 +220,7 @@ fn search(
             let done = grown.0.len() == count;
             chosen.push(replacement);
             if done && most == 1
-                || most > 1 && search(model, &joints[place + 1..], columns, (count, most - 1, usual), &grown, chosen)
+                || most > 1 && search(model, &joints[index + 1..], columns, (count, most - 1, usual), &grown, chosen)
             {
                 return true;
             }

@@ -244,9 +244,9 @@ pub(crate) fn rows_between(model: &Model, twin: &Model) -> Vec<Option<usize>> {
     let mut seen: HashMap<Owner, usize> = HashMap::new();
     let mut found = vec![None; twin.row_names.len()];
     for (row, named) in twin.row_names.iter().enumerate().skip(twin.closing_rows) {
-        let place = seen.entry(named.owner).or_default();
-        found[row] = of_owner.get(&named.owner).and_then(|rows| rows.get(*place)).copied();
-        *place += 1;
+        let index = seen.entry(named.owner).or_default();
+        found[row] = of_owner.get(&named.owner).and_then(|rows| rows.get(*index)).copied();
+        *index += 1;
     }
     found
 }
@@ -283,7 +283,7 @@ pub fn multipliers(
     // a self-stress for each row left out, in multipliers of this model's rows
     let mut stresses = Vec::with_capacity(dropped.len());
     let mut wrenches = Matrix::new(change.len(), dropped.len());
-    for (place, &row) in dropped.iter().enumerate() {
+    for (index, &row) in dropped.iter().enumerate() {
         let mut kept: Vec<f64> = split.dependent.iter().map(|&j| -c[(row, j)]).collect();
         split.solve_transposed(&mut kept);
         let mut n = vec![0.0; lambda.len()];
@@ -293,7 +293,7 @@ pub fn multipliers(
         let size = w.iter().map(|x| x * x).sum::<f64>().sqrt();
         if size > 0.0 {
             n.iter_mut().for_each(|x| *x /= size);
-            w.iter().enumerate().for_each(|(i, x)| wrenches[(i, place)] = x / size);
+            w.iter().enumerate().for_each(|(i, x)| wrenches[(i, index)] = x / size);
         }
         stresses.push(n);
     }

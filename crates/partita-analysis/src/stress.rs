@@ -138,8 +138,8 @@ impl<'m> Pose<'m> {
             &self.tree,
             (*t, q),
             (row, x),
-            |[a, b], w, place| {
-                let w = Wrench { moment: w.moment + (place - origin).cross(w.force), force: w.force };
+            |[a, b], w, point| {
+                let w = Wrench { moment: w.moment + (point - origin).cross(w.force), force: w.force };
                 own.into_iter().for_each(|j| sums.add(j, 1.0, &w));
                 self.between(a, b, |edge, towards_b| {
                     let e = &model.placed.topology.tree[edge];

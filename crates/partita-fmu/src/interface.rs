@@ -326,12 +326,12 @@ pub extern "C" fn fmi2CancelStep(component: *mut Component) -> c_int {
 pub unsafe extern "C" fn fmi2GetFMUstate(component: *mut Component, kept: *mut *mut Kept) -> c_int {
     with(component, "fmi2GetFMUstate", |c| {
         // SAFETY: the caller's promise.
-        let place = unsafe { kept.as_mut() }.ok_or_else(missing)?;
+        let slot = unsafe { kept.as_mut() }.ok_or_else(missing)?;
         let now = Kept { state: c.slave.state().clone(), phase: c.phase };
         // SAFETY: null, or from here and not yet freed.
-        match unsafe { place.as_mut() } {
+        match unsafe { slot.as_mut() } {
             Some(old) => *old = now,
-            None => *place = Box::into_raw(Box::new(now)),
+            None => *slot = Box::into_raw(Box::new(now)),
         }
         Ok(OK)
     })
@@ -356,11 +356,11 @@ pub unsafe extern "C" fn fmi2SetFMUstate(component: *mut Component, kept: *mut K
 pub unsafe extern "C" fn fmi2FreeFMUstate(component: *mut Component, kept: *mut *mut Kept) -> c_int {
     with(component, "fmi2FreeFMUstate", |_| {
         // SAFETY: the caller's promise.
-        let place = unsafe { kept.as_mut() }.ok_or_else(missing)?;
-        if !place.is_null() {
+        let slot = unsafe { kept.as_mut() }.ok_or_else(missing)?;
+        if !slot.is_null() {
             // SAFETY: from `Box::into_raw` in `fmi2GetFMUstate`.
-            drop(unsafe { Box::from_raw(*place) });
-            *place = ptr::null_mut();
+            drop(unsafe { Box::from_raw(*slot) });
+            *slot = ptr::null_mut();
         }
         Ok(OK)
     })
@@ -372,11 +372,11 @@ pub unsafe extern "C" fn fmi2FreeFMUstate(component: *mut Component, kept: *mut 
 pub unsafe extern "C" fn fmi2GetRealStatus(component: *mut Component, kind: c_int, value: *mut c_double) -> c_int {
     with(component, "fmi2GetRealStatus", |c| {
         // SAFETY: the caller's promise.
-        let place = unsafe { value.as_mut() }.ok_or_else(missing)?;
+        let slot = unsafe { value.as_mut() }.ok_or_else(missing)?;
         match kind {
             // fmi2LastSuccessfulTime
             2 => {
-                *place = c.slave.state().t;
+                *slot = c.slave.state().t;
                 Ok(OK)
             }
             _ => Err(Failed(DISCARD, format!("there is no status {kind} of this type"))),

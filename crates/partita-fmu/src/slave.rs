@@ -179,11 +179,11 @@ impl Slave {
         }
         let unknown =
             || format!("there is no value reference {reference}; they are numbered below {}", inputs + outputs);
-        let place = reference.checked_sub(inputs).filter(|i| *i < outputs).ok_or_else(unknown)?;
+        let slot = reference.checked_sub(inputs).filter(|i| *i < outputs).ok_or_else(unknown)?;
         if self.state.outputs.is_none() {
             self.look()?;
         }
-        self.state.outputs.as_ref().and_then(|x| x.get(place)).copied().ok_or_else(unknown)
+        self.state.outputs.as_ref().and_then(|x| x.get(slot)).copied().ok_or_else(unknown)
     }
 
     /// Advance from t by `step`; on failure the state is unchanged.

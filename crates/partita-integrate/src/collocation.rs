@@ -30,7 +30,7 @@ pub(crate) const COMPARED: [f64; 5] = [0.1, 0.37, 0.63, 0.9, 1.0];
 
 /// Rules of ever more nodes. Their numbers are even: the middle of a step, where the position is aimed at, is no node.
 pub(crate) static RULES: LazyLock<[Nodes; 7]> = LazyLock::new(|| [4, 6, 8, 10, 12, 14, 16].map(Nodes::new));
-/// Places of the two rules whose difference is the error of a step out of a singular position.
+/// Indices of the two rules whose difference is the error of a step out of a singular position.
 pub(crate) const LESS: usize = 2;
 pub(crate) const MORE: usize = 3;
 /// Gauss nodes on 0..1 with the coefficients of collocation.
@@ -246,7 +246,7 @@ pub(crate) fn refined<E: Display>(
 /// The stages of a step by these nodes; none where they are not found. `counters` count its evaluations.
 ///
 /// # Errors
-/// What the equation says where it cannot be evaluated.
+/// The error of the equation where it cannot be evaluated.
 pub(crate) fn solve<E: Display>(
     ode: &mut dyn Ode<Error = E>,
     task: &Task,
@@ -284,7 +284,7 @@ pub(crate) fn solve<E: Display>(
         if !worst.is_finite() {
             return Ok(None);
         }
-        // at rest, or as still as rounding lets it be; whether that is still enough the other nodes tell
+        // at rest up to rounding; whether that suffices is decided by the other nodes
         since = if worst < tolerance::CONVERGES * least { 0 } else { since + 1 };
         least = least.min(worst);
         if worst <= tolerance::NEGLIGIBLE_ERROR || (beyond <= 1.0 && since > 3) {

@@ -20,12 +20,12 @@ const USUAL: usize = 5;
 const CROSSING_LENGTHS: [f64; 4] = [1.25, 0.7, 0.4, 0.2];
 /// A longer step keeps its nodes clearer by this. Scale: ratio of lengths. Reason: rounding falls by its square.
 const LONGER: f64 = 1.3;
-/// A crossing step is at least so long. Unit: multiples of the way to the position. Reason: beyond it lies enough of the
-/// step to lead on.
+/// Shortest crossing step. Unit: multiples of the distance to the position. Reason: enough of the step must lie beyond
+/// it.
 const BEYOND: f64 = 1.25;
 /// Lengths that are looked at for one whose nodes keep clear of a position.
 const LENGTHS_TRIED: usize = 60;
-/// How clear the nodes of a step of length h keep of positions `ahead`, by all rules but the last, which are seldom asked.
+/// How clear the nodes of a step of length h keep of positions `ahead`, by all rules but the last, which are seldom used.
 fn clearance(h: f64, ahead: &[f64]) -> f64 {
     let nodes = || RULES[..USUAL].iter().flat_map(|nodes| &nodes.c);
     ahead.iter().flat_map(|ahead| nodes().map(move |c| (c * h - ahead).abs())).fold(f64::INFINITY, f64::min)
@@ -68,7 +68,7 @@ pub struct CrossingStep {
     /// The longest that the motion suggests; was the last one tried so short that rounding spoilt it?
     longest: f64,
     rounded: bool,
-    /// What is tried, one after the other, until a step is as exact as was asked for.
+    /// The attempts, one after the other, until a step is as exact as requested.
     lengths: Vec<f64>,
     norm: ErrorNorm,
     tolerances: Vec<f64>,
@@ -137,7 +137,7 @@ impl CrossingStep {
         let Some(last) = ahead.last() else { return false };
         let (shortest, longest) = ((0.7 * h).max(BEYOND * last), (1.3 * h).max(BEYOND * last));
         let better = clearest(shortest, longest, &ahead).min(self.t_end - t);
-        let poor = clearance(h, &ahead) < tolerance::MUCH_NEARER * clearance(better, &ahead);
+        let poor = clearance(h, &ahead) < tolerance::MUCH_SMALLER * clearance(better, &ahead);
         if poor {
             self.lengths.clear();
             self.lengths.push(better);
@@ -221,7 +221,7 @@ fn by_sweeps<E: Display>(
         true => Sweeps::Rounded(found),
         false => Sweeps::Diverging,
     };
-    for (place, nodes) in RULES.iter().enumerate().flat_map(|(i, nodes)| [(i, nodes), (i, nodes)]) {
+    for (index, nodes) in RULES.iter().enumerate().flat_map(|(i, nodes)| [(i, nodes), (i, nodes)]) {
         let found = match refined(ode, task, &stages, nodes, counters) {
             Ok(found) => found,
             // a node so near the position that nothing can be evaluated there: others lie elsewhere
@@ -247,7 +247,7 @@ fn by_sweeps<E: Display>(
         }
         // as much gained by each of the rules that are left
         let gain = error / std::mem::replace(&mut raised, error);
-        if gain > 0.0 && beyond * gain.powi((RULES.len() - 1 - place) as i32) > 1.0 {
+        if gain > 0.0 && beyond * gain.powi((RULES.len() - 1 - index) as i32) > 1.0 {
             return Ok(match gain < tolerance::CONVERGES {
                 true => Sweeps::Slow,
                 false => stalled(Solved { stages, error, beyond }, largest),

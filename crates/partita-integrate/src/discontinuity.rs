@@ -29,9 +29,6 @@ const KEPT_BY_A_HALF: f64 = 0.75;
 /// This many halves that contain less indicate a smooth function. Reason: one half may contain less by chance, where
 /// the rest of a change counts against a jump.
 const SMOOTH_HALVES: u32 = 3;
-/// A remaining change above this is a jump. Scale: fraction of the change over the step. Reason: a smooth function
-/// changes by a billionth in so short a time.
-const JUMPS_BY: f64 = 0.5;
 /// Precision of the location of a jump. Scale: fraction of the step. Reason: far below any time in which a smooth
 /// motion changes, and above round-off.
 const LOCATED: f64 = 1e-9;
@@ -52,10 +49,10 @@ impl Search {
 
     /// Where the first value of `at`, 0 at the start of the step and `end` at its end, jumps.
     pub(crate) fn jump<E>(&self, at: &mut impl FnMut(f64) -> Result<[f64; 2], E>, end: f64) -> Result<Location, E> {
-        let found = self.halve(&mut |t| Ok(at(t)?[0]), (0.0, end), JUMPS_BY * end.abs())?;
+        let found = self.halve(&mut |t| Ok(at(t)?[0]), (0.0, end), tolerance::HALF_LOST * end.abs())?;
         Ok(match found {
             (Location::Within { after, .. }, by, true) => Location::Jump { t: after, by },
-            (place, ..) => place,
+            (location, ..) => location,
         })
     }
 
@@ -102,10 +99,10 @@ impl Search {
         if located {
             within = (low.0, high.0, high.1 - low.1);
         }
-        let place = match (within.1 - within.0).abs() < ABRUPT * length.abs() && within.2.abs() >= least {
+        let location = match (within.1 - within.0).abs() < ABRUPT * length.abs() && within.2.abs() >= least {
             true => Location::Within { before: within.0, after: within.1 },
             false => Location::Smooth,
         };
-        Ok((place, within.2, located))
+        Ok((location, within.2, located))
     }
 }

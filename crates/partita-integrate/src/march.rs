@@ -1,4 +1,8 @@
-//! Marching: steps, corrections, changes of coordinates, outputs.
+//! Marching: steps, corrections, changes of coordinates.
+
+mod outputs;
+
+pub use outputs::{Outputs, Sink};
 
 use crate::counters::Counters;
 use crate::crossing_step::CrossingStep;
@@ -102,20 +106,6 @@ pub enum Control {
     },
 }
 
-/// Outputs requested before the end.
-pub struct Outputs<'o> {
-    t_eval: &'o [f64],
-    next: usize,
-    sink: Sink<'o>,
-}
-
-impl<'o> Outputs<'o> {
-    /// At these ascending times, into `sink`.
-    pub fn new(t_eval: &'o [f64], sink: Sink<'o>) -> Self {
-        Self { t_eval, next: 0, sink }
-    }
-}
-
 /// The state of a formulation and its stepper. Memory is taken at the start; steps take
 /// none, but where the formulation changes coordinates.
 #[derive(Debug)]
@@ -147,17 +137,8 @@ pub struct March {
 /// Attempts for each step of a tick: a choice of coordinates that has become poor is renewed and the step repeated.
 const ATTEMPTS: u32 = 4;
 
-/// Outputs in singular positions are taken from others at this distance. Unit: fraction of the step. Reason: far enough
-/// for those to be exact, and so near that the polynomial through them is.
-const OUTPUTS_BESIDE: f64 = 1.0 / 80.0;
-/// Places of those others on both sides. Unit: multiples of that distance. Reason: the polynomial through six is exact to
-/// the sixth power of it.
-const PLACES_BESIDE: [f64; 6] = [-3.0, -2.0, -1.0, 1.0, 2.0, 3.0];
 /// Largest relative tolerance that is advised. Scale: relative. Reason: two digits are the least that a run is worth.
 const LOOSEST: f64 = 1e-2;
-
-/// Receiver of the outputs.
-pub type Sink<'s> = &'s mut dyn FnMut(&Output) -> Result<(), SystemError>;
 
 impl March {
     /// For a formulation with nq coordinates, by a method with these options; their `controlled` is the formulation's.
@@ -416,20 +397,6 @@ impl March {
         Ok(Status::Finished)
     }
 
-    /// The outputs at the current state.
-    pub(crate) fn emit<F: Formulation>(
-        &mut self,
-        formulation: &mut F,
-        outputs: &mut Outputs,
-    ) -> Result<(), SystemError> {
-        while outputs.t_eval.get(outputs.next).is_some_and(|t| *t <= self.t) {
-            formulation.state_at(self.t, &self.y, &mut self.output)?;
-            (outputs.sink)(&self.output)?;
-            outputs.next += 1;
-        }
-        Ok(())
-    }
-
     /// One accepted step with its outputs.
     fn step<F: Formulation>(
         &mut self,
@@ -465,7 +432,7 @@ impl March {
             match concluded {
                 Ok(Conclusion::Done) => {}
                 Ok(Conclusion::Rejected) => continue,
-                // a step across a singular position has one length; the formulation tells another
+                // a step across a singular position has one length; the formulation decides on another
                 Err(StepFailure::TooSmall { .. }) if crosses => verdict = Verdict::Repeat,
                 Err(failure) => return Err(failure),
             }
@@ -538,11 +505,11 @@ impl March {
                 stepper.interpolate(&mut Adapter(formulation), t, &mut self.buffer)?;
                 formulation.prescribed_at(t, &self.buffer, &gap).map_err(|error| StepFailure::Rhs { t, error })
             };
-            let mut place = search.jump(&mut at, gap.by)?;
-            if may && gap.shorten && place == Location::Smooth && level == PrescribedLevel::Rate {
-                place = search.kink(&mut at, gap.by)?;
+            let mut location = search.jump(&mut at, gap.by)?;
+            if may && gap.shorten && location == Location::Smooth && level == PrescribedLevel::Rate {
+                location = search.kink(&mut at, gap.by)?;
             }
-            match place {
+            match location {
                 Location::Jump { t, by } => {
                     return Err(StepFailure::Rhs { t, error: formulation.prescribed_jump(t, &gap, by) })
                 }
@@ -611,71 +578,6 @@ impl March {
         }
         if free {
             self.plan(formulation, pace);
-        }
-        Ok(())
-    }
-
-    /// The output at t inside the step that was concluded; y is memory for a state.
-    fn output_at<F: Formulation>(
-        &mut self,
-        formulation: &mut F,
-        t: f64,
-        y: &mut [f64],
-    ) -> Result<(), StepFailure<SystemError>> {
-        let stepper: &mut dyn Stepper<SystemError> = if self.crosses { &mut self.crossing } else { &mut *self.stepper };
-        let (from, to) = (stepper.current().t_old, stepper.current().t_new);
-        let mut state = |t: f64, out: &mut Output| {
-            stepper.interpolate(&mut Adapter(formulation), t, y)?;
-            formulation.state_at(t, y, out).map_err(|error| StepFailure::Rhs { t, error })
-        };
-        let beside = (to - from) * OUTPUTS_BESIDE;
-        let near = self.located.iter().copied().find(|zero| (t - zero).abs() < beside);
-        let failed = match state(t, &mut self.output) {
-            Ok(()) if !self.output.singular && near.is_none() => return Ok(()),
-            Ok(()) => None,
-            Err(StepFailure::Rhs { t, error }) if is_of_a_position(&error) || (near.is_some() && error.is_local()) => {
-                Some(StepFailure::Rhs { t, error })
-            }
-            Err(other) => return Err(other),
-        };
-        // In a singular position q_D and v_D are quotients 0 / 0, and next to it what is off is divided by the distance,
-        // although the motion is smooth: they are taken from the polynomial through three positions on either side, with
-        // an error of the sixth power of their distance.
-        let singular = failed.is_some() || self.output.singular;
-        let centre = near.filter(|zero| *zero - beside > from && zero + beside < to).unwrap_or(t);
-        let apart = ((centre - from) / 3.0).min((to - centre) / 3.0).min(beside);
-        let at = (t - centre) / apart.max(f64::MIN_POSITIVE);
-        let (mut side, mut q, mut v, mut work) = (Output::default(), Vec::new(), Vec::new(), 0.0);
-        for i in PLACES_BESIDE {
-            if let Err(beside) = state(centre + i * apart, &mut side) {
-                return Err(failed.unwrap_or(beside));
-            }
-            let weight = |m: f64, j: f64| if j == i { m } else { m * (at - j) / (i - j) };
-            let weight = PLACES_BESIDE.into_iter().fold(1.0, weight);
-            q.resize(side.q.len(), 0.0);
-            v.resize(side.v.len(), 0.0);
-            q.iter_mut().zip(&side.q).for_each(|(to, x)| *to += weight * x);
-            v.iter_mut().zip(&side.v).for_each(|(to, x)| *to += weight * x);
-            work += weight * side.work;
-        }
-        self.output.set(t, &q, &v, work);
-        (self.output.choice, self.output.singular) = (side.choice, singular);
-        Ok(())
-    }
-
-    fn outputs<F: Formulation>(
-        &mut self,
-        formulation: &mut F,
-        outputs: &mut Outputs,
-    ) -> Result<(), StepFailure<SystemError>> {
-        let end = self.active().current().t_new;
-        while let Some(&t) = outputs.t_eval.get(outputs.next).filter(|t| **t <= end) {
-            let mut y = std::mem::take(&mut self.buffer);
-            let done = self.output_at(formulation, t, &mut y);
-            self.buffer = y;
-            done?;
-            (outputs.sink)(&self.output).map_err(|error| StepFailure::Rhs { t, error })?;
-            outputs.next += 1;
         }
         Ok(())
     }

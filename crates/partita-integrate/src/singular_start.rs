@@ -27,12 +27,6 @@ const START_MOVE: f64 = 0.4;
 const LEAST_START_MOVE: f64 = 1e-3;
 /// Halvings of the step.
 const HALVINGS: usize = 24;
-/// Two solutions of a singular start may differ by this. Scale: fraction of the tolerance. Reason: the start adds no
-/// error that is seen.
-const START_AGREEMENT: f64 = 0.1;
-/// Largest error of a step out of a singular position. Scale: multiples of the tolerance. Reason: rounding over the square
-/// of the distance adds to its estimate; its own error is small by its length.
-const START_LENIENCE: f64 = 1e3;
 /// No tolerance of a singular start is tighter. Unit: relative tolerance. Reason: rounding in evaluations near the
 /// position.
 const TIGHTEST_START: f64 = 1e-11;
@@ -174,7 +168,7 @@ fn velocities(stages: &Stages, at_nodes: &[Vec<f64>], x: f64) -> Vec<f64> {
 
 /// The first step from the singular (t, q) with the velocities v, that lie on one branch, and the accelerations with
 /// which it leaves as far as they are known; C has `rank` next to it. It ends at `limit` at the latest and is exact to
-/// a tenth of the relative `tolerance`.
+/// the relative `tolerance`.
 ///
 /// # Errors
 /// `SingularStart` where no step was found; what failed last where something could not be evaluated.
@@ -186,7 +180,7 @@ pub fn singular_step<'s, S: ConstrainedSystem>(
     (limit, tolerance): (f64, f64),
 ) -> Result<SingularStep<'s, S>, SystemError> {
     let system = system.into();
-    let tolerance = START_AGREEMENT * tolerance.clamp(TIGHTEST_START, LOOSEST_START);
+    let tolerance = tolerance.clamp(TIGHTEST_START, LOOSEST_START);
     let speed = fastest(&*system, v);
     // v h + a h^2 / 2 = START_MOVE
     let strong = leaving.map_or(0.0, |a| fastest(&*system, a));
@@ -207,7 +201,7 @@ pub fn singular_step<'s, S: ConstrainedSystem>(
                     worse += 1;
                 }
             }
-            Ok(Err(said)) => why = said,
+            Ok(Err(reason)) => why = reason,
             Err(e) if e.is_local() => why = e.to_string(),
             Err(e) => return Err(e),
         }
@@ -220,7 +214,7 @@ pub fn singular_step<'s, S: ConstrainedSystem>(
     if let Some(best) = &best {
         why = format!("next to the position rounding leaves {:.1e} of the motion undetermined", best.error);
     }
-    match best.filter(|best| best.error <= START_LENIENCE * tolerance) {
+    match best.filter(|best| best.error <= tolerance::ERROR_GROWTH * tolerance) {
         Some(best) => {
             Ok(SingularStep { evaluations, error: best.error.max(0.0), lenient: best.error > tolerance, ..best })
         }
@@ -270,7 +264,7 @@ fn attempt<'s, S: ConstrainedSystem>(
     system.rate(q, &first, &mut change[..nq]);
     slope[nq..width - 1].iter_mut().zip(&independent).for_each(|(to, &i)| *to = first[i]);
     let tolerances = tolerances(&r, fastest(&*system, v) + h * fastest(&*system, &first), h, tolerance);
-    let allowed: Vec<f64> = tolerances.iter().map(|x| START_LENIENCE * x).collect();
+    let allowed: Vec<f64> = tolerances.iter().map(|x| tolerance::ERROR_GROWTH * x).collect();
     let mut y0: Vec<f64> = q.iter().chain(&u0).copied().chain([0.0]).collect();
     let mut counters = Counters::default();
     let mut stages_of = |r: &mut Reduction<'s, S>, y: &[f64], rule: usize, guess: Guess| {

@@ -116,7 +116,7 @@ impl Search<'_> {
             }
         }
         let zero = if zero.is_finite() { zero } else { 0.5 * (a.0 + b.0) };
-        if self.at(zero, a.1).1.distance > tolerance::MUCH_NEARER * self.top {
+        if self.at(zero, a.1).1.distance > tolerance::MUCH_SMALLER * self.top {
             return; // a dead point of the choice alone
         }
         match a.1.changed.abs_diff(b.1.changed) > 1 {

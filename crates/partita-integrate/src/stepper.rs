@@ -74,7 +74,7 @@ pub trait StepControl: Debug + Send + Sync {
     fn counters(&self) -> &Counters;
     /// How the next step is to be taken; `commit` and `start` make plans of their own.
     fn plan(&mut self, plan: &StepPlan);
-    /// Natural size of each component, in which absolute tolerances are meant from the next step on; 1 unless set.
+    /// Natural size of each component, the unit of absolute tolerances from the next step on; 1 unless set.
     fn set_sizes(&mut self, sizes: &[f64]);
     /// Replace the state at `t_old` and its slope: before a step is attempted, or after `commit`, `reject` or `end_at`.
     /// The time `t` may be an earlier one, to integrate from there again. The method's memory of earlier steps is

@@ -27,7 +27,7 @@ pub struct LeastNorm {
     rows: usize,
     cols: usize,
     /// Index of each unknown, then of each row, in the order of elimination.
-    place: Vec<usize>,
+    pivot_of: Vec<usize>,
     /// Whether the pivot at this index is that of an unknown (positive) or of a row: its number.
     row_at: Vec<usize>,
     /// Entries above the diagonal by column: where each column starts, then (row of the matrix, entry of C).
@@ -86,13 +86,13 @@ impl LeastNorm {
             }
         }
         let order = least_degree(&mut neighbours);
-        let mut place = vec![0; size];
-        order.iter().enumerate().for_each(|(k, &v)| place[v] = k);
+        let mut pivot_of = vec![0; size];
+        order.iter().enumerate().for_each(|(k, &v)| pivot_of[v] = k);
         let row_at = order.iter().map(|&v| if v < cols { NONE } else { v - cols }).collect();
         let mut columns: Vec<Vec<(usize, usize)>> = vec![Vec::new(); size];
         for i in 0..rows {
             for e in pattern.row(i) {
-                let (a, b) = (place[pattern.col_idx[e]], place[cols + i]);
+                let (a, b) = (pivot_of[pattern.col_idx[e]], pivot_of[cols + i]);
                 columns[a.max(b)].push((a.min(b), e));
             }
         }
@@ -126,7 +126,7 @@ impl LeastNorm {
         Self {
             rows,
             cols,
-            place,
+            pivot_of,
             row_at,
             upper_start,
             entries: vec![0.0; upper.len()],
@@ -204,7 +204,7 @@ impl LeastNorm {
         self.solution.fill(0.0);
         for pass in 0..=REFINEMENTS {
             self.work.fill(0.0);
-            for (r, &k) in r.iter().zip(&self.place[self.cols..]) {
+            for (r, &k) in r.iter().zip(&self.pivot_of[self.cols..]) {
                 self.work[k] = *r;
             }
             if pass > 0 {
@@ -213,12 +213,12 @@ impl LeastNorm {
             self.back_and_forth();
             self.solution.iter_mut().zip(&self.work).for_each(|(x, d)| *x += d);
         }
-        y.iter_mut().zip(&self.place).for_each(|(y, &k)| *y = self.solution[k]);
+        y.iter_mut().zip(&self.pivot_of).for_each(|(y, &k)| *y = self.solution[k]);
     }
 
     /// z of the last solution: the weights of the rows in y = Cᵀ z.
     pub fn weights(&self, z: &mut [f64]) {
-        z.iter_mut().zip(&self.place[self.cols..]).for_each(|(z, &k)| *z = -self.solution[k]);
+        z.iter_mut().zip(&self.pivot_of[self.cols..]).for_each(|(z, &k)| *z = -self.solution[k]);
     }
 
     /// `work ← work − A solution`.

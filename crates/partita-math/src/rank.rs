@@ -167,7 +167,7 @@ struct Gram {
     rows: Vec<Vec<(usize, f64)>>,
     waiting: Vec<bool>,
     /// Index + 1 of each column in the row being updated, else 0.
-    place: Vec<usize>,
+    index: Vec<usize>,
     largest_dropped: f64,
     /// Rows that come after those whose squared sine is above `clear`.
     last: Vec<bool>,
@@ -198,7 +198,7 @@ impl Gram {
             diagonal: lengths.iter().map(|x| x * x).collect(),
             rows: vec![Vec::new(); m],
             waiting: unit.iter().map(|row| !row.is_empty()).collect(),
-            place: vec![0; m],
+            index: vec![0; m],
             largest_dropped: 0.0,
             last: Vec::new(),
             clear: f64::INFINITY,
@@ -226,10 +226,10 @@ impl Gram {
     fn add<'a>(&mut self, i: usize, entries: impl Iterator<Item = &'a (usize, f64)>, factor: f64) {
         let row = &mut self.rows[i];
         for &(j, x) in entries {
-            match self.place[j] {
+            match self.index[j] {
                 0 => {
                     row.push((j, factor * x));
-                    self.place[j] = row.len();
+                    self.index[j] = row.len();
                 }
                 k => row[k - 1].1 += factor * x,
             }
@@ -238,7 +238,7 @@ impl Gram {
 
     fn clear_places(&mut self, i: usize) {
         for &(j, _) in &self.rows[i] {
-            self.place[j] = 0;
+            self.index[j] = 0;
         }
     }
 
@@ -261,7 +261,7 @@ impl Gram {
         neighbours.retain(|e| self.waiting[e.0]);
         for &(i, g) in &neighbours {
             for k in 0..self.rows[i].len() {
-                self.place[self.rows[i][k].0] = k + 1;
+                self.index[self.rows[i][k].0] = k + 1;
             }
             self.add(i, neighbours.iter().filter(|e| e.0 != i), -g / pivot);
             self.clear_places(i);
@@ -288,8 +288,8 @@ impl Gram {
 
 /// Deletes the entry in column `j`.
 fn remove(row: &mut Vec<(usize, f64)>, j: usize) {
-    if let Some(place) = row.iter().position(|e| e.0 == j) {
-        row.swap_remove(place);
+    if let Some(index) = row.iter().position(|e| e.0 == j) {
+        row.swap_remove(index);
     }
 }
 

@@ -5,7 +5,7 @@
 //! Cases       one of two numbers, taken without a branch
 //! Functions   tables, and functions that are known in f64 alone
 //!   Scalar    with these two, arithmetic, straight through: no value to look at, no order
-//!     Real    and a value: choices (pivots, limits, Newton's method) ask for it
+//!     Real    and a value: choices (pivots, limits, Newton's method) require it
 //! ```
 //!
 //! A recursion written once over [`Scalar`] gives values with `f64`, exact directional derivatives with [`Dual`], eight

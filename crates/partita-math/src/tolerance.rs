@@ -7,7 +7,7 @@
 // ---- rounding of numbers
 
 /// Numbers that differ by less are equal to rounding. Scale: fraction of the size of the numbers. Reason: some units in
-/// the last place.
+/// the last place; an exactly flat polygon and a closed loop have such an error.
 pub const ROUNDING: f64 = 1e-15;
 /// Sums that come out smaller are rounding. Scale: fraction of their terms. Reason: some tens of terms, each rounded.
 pub const SUM_ROUNDING: f64 = 1e-14;
@@ -18,9 +18,6 @@ pub const SOLUTION_ROUNDING: f64 = 1e-13;
 /// Rounding next to the worst admissible position. Scale: fraction of the quantities that are added up. Reason: 1e-16
 /// times a condition of 1e9, the reciprocal of [`REDUNDANT`].
 pub const WORST_ROUNDING: f64 = 1e-7;
-/// Rounding of a sum of a few terms, each rounded. Scale: fraction of the largest term. Reason: a unit in the last
-/// place for each of four; an exactly flat polygon and a closed loop have such an error.
-pub const FEW_ROUNDINGS: f64 = 4.0 * f64::EPSILON;
 /// Numbers nearer than this are one after some ten operations. Scale: fraction of the largest of them. Reason: a unit
 /// in the last place or two for each; products of some ten frames, and nodes of a step, are off by as much.
 pub const TEN_ROUNDINGS: f64 = 16.0 * f64::EPSILON;
@@ -128,11 +125,13 @@ pub const NEGLIGIBLE: f64 = 1e-9;
 /// weaker than its root, 1e-5, count as repeated; a singular loop is closed by displacements of at most 5e4 residuals.
 pub const DAMPING: f64 = 1e-10;
 /// A position counts as singular below this distance from a singular one. Scale: fraction of the distance at the ends
-/// of the step. Reason: beside it velocities are exact to 1e-12 and accelerations to 1e-8.
+/// of the step. Reason: beside it velocities are exact to 1e-12 and accelerations to 1e-8; nodes of a crossing step keep
+/// ten times as far from it.
 pub const AT_SINGULARITY: f64 = 1e-3;
-/// Of two distances from a singular position one is much smaller below this. Scale: ratio. Reason: half a digit, which
-/// outweighs a change of rows; rounding grows by its square, a digit.
-pub const MUCH_NEARER: f64 = 0.3;
+/// Of two distances (from a singular position, from two branches) or changes one is much smaller below this. Scale:
+/// ratio. Reason: half a digit, which outweighs a change of rows and the error of a prediction; rounding grows by its
+/// square, a digit.
+pub const MUCH_SMALLER: f64 = 0.3;
 /// No ordinary step, and no tick, may end nearer to a singular position. Scale: distance in natural scales. Reason:
 /// rounding of the closure over the square of the distance leaves six digits of rates, and none a little nearer.
 pub const LANDED: f64 = 1e-5;
@@ -140,8 +139,8 @@ pub const LANDED: f64 = 1e-5;
 /// change, or of the speed. Reason: on the same branch they account for most of it; a mechanism that is thrown back
 /// misses all of it.
 pub const NOT_ACCELERATED: f64 = 0.75;
-/// The change of one velocity counts above this. Scale: fraction of the fastest velocity. Reason: one block of many that
-/// passes to its other branch is seen.
+/// A change of velocities counts above this. Scale: fraction of the fastest velocity, or of all. Reason: one block of
+/// many that passes to its other branch is seen, and so is a load that becomes active.
 pub const VISIBLE_CHANGE: f64 = 0.1;
 /// Pivots below this mean that the constraints have lost rank. Scale: natural scales. Reason: rounding (1e-16) is then
 /// amplified to 1e-9 in one evaluation, the accuracy required of whole runs.
@@ -151,12 +150,12 @@ pub const SINGULAR_PIVOT: f64 = 1e-7;
 pub const TIE: f64 = 1e-9;
 /// Of two measures one is clearly larger by this factor. Scale: ratio. Reason: one digit.
 pub const CLEARLY: f64 = 10.0;
-/// A mobility, or the gain of a switch, has grown by this. Scale: ratio. Reason: one bit is lost; below, no choice
-/// changes.
+/// A mobility, or the gain of an exchange of rows or coordinates, has grown by this. Scale: ratio. Reason: one bit is
+/// lost; below, no choice changes.
 pub const DOUBLED: f64 = 2.0;
-/// Switches of coordinates with a smaller gain are not made. Scale: ratio of volumes. Reason: rounding must not cause
-/// endless switching.
-pub const LEAST_SWITCH_GAIN: f64 = 1.0 + 1e-6;
+/// A choice of coordinates with a smaller volume than another is too weak. Scale: ratio of volumes. Reason: it leads to
+/// dead points, and has σ below this, because `σ ≤ 1 / max |Â|`.
+pub const WEAK_CHOICE: f64 = 0.05;
 
 // ---- moves and steps
 
@@ -170,9 +169,10 @@ pub const LAST_MOVE: f64 = 1e-9;
 /// errors or steps. Reason: Newton's method at least halves them, also next to a singular position, and collocation
 /// gains a digit or two.
 pub const CONVERGES: f64 = 0.5;
-/// A direction, a prediction or a pivot that loses more of itself from one position to the next does not continue. Scale:
-/// fraction of itself. Reason: more than half of a direction belongs to others then; a pivot may pass zero in one more
-/// step.
+/// A direction, a length, a prediction or a pivot that loses more of itself from one position to the next does not
+/// continue, and neither does a value where a change loses less over ever shorter times. Scale: fraction of itself.
+/// Reason: more than half of a direction belongs to others then; a pivot may pass zero in one more step; no geometric
+/// error changes a length by as much, and no smooth function changes by as much at once.
 pub const HALF_LOST: f64 = 0.5;
 /// A continuation ends where steps of this length do not succeed. Scale: characteristic displacement. Reason: the end
 /// is then known to six digits.

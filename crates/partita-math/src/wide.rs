@@ -12,7 +12,7 @@ impl Drop for Cleared {
     fn drop(&mut self) {
         #[cfg(target_arch = "x86_64")]
         if std::is_x86_feature_detected!("avx") {
-            // SAFETY: the processor has the instruction, as was just asked; no code generated for a processor without it, as
+            // SAFETY: the processor has the instruction, as was just tested; no code generated for a processor without it, as
             // this crate is, keeps anything in the halves that it clears
             unsafe { std::arch::x86_64::_mm256_zeroupper() }
         }

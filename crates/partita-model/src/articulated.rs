@@ -203,8 +203,8 @@ impl<G: Space> Tree<G> {
             let (axes, gain) = (&a.axes[i * d * 3..], &a.gain[i * d * 3..]);
             let inverse = &a.inverse[i * 9..];
             for j in 0..f {
-                let carried = sum(d, |l| gain[l * 3 + j] * sum(d, |m| y[l * d + m] * gain[m * 3 + j]));
-                out[v + j] = inverse[j * f + j] + carried;
+                let shifted = sum(d, |l| gain[l * 3 + j] * sum(d, |m| y[l * d + m] * gain[m * 3 + j]));
+                out[v + j] = inverse[j * f + j] + shifted;
             }
             // Y = (1 − S Kᵀ) X Y_p Xᵀ (1 − S Kᵀ)ᵀ + S D⁻¹ Sᵀ
             let mut through = [G::S::zero(); 36];

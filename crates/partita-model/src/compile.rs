@@ -23,17 +23,17 @@ pub fn compile<G: Space>(spec: &Spec, placed: &Placed, numbers: &Numbers<G::S>) 
         mass: G::S::zero(),
         inertia: G::Inertia::default(),
     }];
-    let mut carried = vec![(G::S::zero(), Mat3::zero()); placed.links.len()];
+    let mut lumped = vec![(G::S::zero(), Mat3::zero()); placed.links.len()];
     for (p, b) in placed.bodies.iter().zip(&numbers.bodies) {
-        let (mass, inertia) = &mut carried[p.link];
+        let (mass, inertia) = &mut lumped[p.link];
         *inertia = inertia.add(&b.inertia).add(&Mat3::steiner(b.mass, b.com - reference[p.link]));
         *mass += b.mass;
     }
     for x in &placed.held {
-        let (_, inertia) = &mut carried[placed.bodies[x.body].link];
+        let (_, inertia) = &mut lumped[placed.bodies[x.body].link];
         *inertia = inertia.add(&Mat3::from_f64(x.inertia.0));
     }
-    for ((i, l), &(mass, inertia)) in placed.links.iter().enumerate().zip(&carried).skip(1) {
+    for ((i, l), &(mass, inertia)) in placed.links.iter().enumerate().zip(&lumped).skip(1) {
         let point = numbers.links[i];
         links.push(Link {
             parent: l.parent,

@@ -270,7 +270,7 @@ impl FrictionMagnitudes {
         let (mut worst, mut scale) = self.residual();
         for _ in 0..MOST_STEPS {
             // exact to the last digits: one more step gains nothing
-            if worst <= tolerance::FEW_ROUNDINGS * scale {
+            if worst <= tolerance::ROUNDING * scale {
                 break;
             }
             let f = std::mem::take(&mut self.f);

@@ -14,6 +14,7 @@ pub mod force;
 mod friction_magnitudes;
 mod guards;
 pub mod joint;
+mod lengths;
 pub mod loop_closure;
 pub mod massless;
 pub mod measurement;

@@ -63,14 +63,14 @@ pub fn massless(placed: &Placed) -> Vec<Massless> {
         mass[b.link] += b.mass;
         first[b.link] += b.com.times(b.mass);
     }
-    let (around, mut carried) = (around(placed), vec![Vec::new(); count]);
+    let (around, mut on_link) = (around(placed), vec![Vec::new(); count]);
     for (i, b) in placed.bodies.iter().enumerate() {
-        carried[b.link].push(i);
+        on_link[b.link].push(i);
     }
     let centre = |l: usize| if mass[l] > 0.0 { first[l].times(1.0 / mass[l]) } else { placed.links[l].point };
     let mut found = Vec::new();
     for link in 1..count {
-        let on = &carried[link];
+        let on = &on_link[link];
         if on.is_empty() {
             continue; // a step of a joint with several motions
         }

@@ -372,8 +372,8 @@ impl Model {
         // a column of M involves only the descendants of its velocity; then D M Dᵀ
         let mut depth = vec![0; links];
         (1..links).for_each(|i| depth[i] = depth[self.full.links[i].parent] + 1);
-        let carried: usize = depth.iter().sum();
-        let dense = carried * 60 + n * n * k.min(n) / 2;
+        let steps: usize = depth.iter().sum();
+        let dense = steps * 60 + n * n * k.min(n) / 2;
         dense < partial
     }
 
@@ -484,8 +484,8 @@ fn drives(spec: &Spec, placed: &Placed, first: usize) -> Result<Vec<DriveRow>, D
     let mut drives: Vec<DriveRow> = Vec::with_capacity(spec.drives.len());
     let mut driven: Vec<&Measure> = Vec::new();
     let mut row = first;
-    for place in coupling::order(spec, placed)? {
-        if let Owner::Drive(i) = place.owner {
+    for group in coupling::order(spec, placed)? {
+        if let Owner::Drive(i) = group.owner {
             let d = &spec.drives[i];
             if driven.contains(&&d.measure) {
                 let what = match &d.measure {
@@ -510,7 +510,7 @@ fn drives(spec: &Spec, placed: &Placed, first: usize) -> Result<Vec<DriveRow>, D
                 row,
             });
         }
-        row += place.rows;
+        row += group.rows;
     }
     Ok(drives)
 }

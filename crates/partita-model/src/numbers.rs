@@ -50,14 +50,14 @@ impl<S: Scalar> Fields<S> {
 
     /// The factors of a sum, and its value.
     pub fn sum(&self, coupling: &Coupling) -> (Vec<S>, S) {
-        let Coupling::Linear { factors, offset, said, .. } = coupling else { return (Vec::new(), S::zero()) };
+        let Coupling::Linear { factors, offset, given_as, .. } = coupling else { return (Vec::new(), S::zero()) };
         let numbers: Vec<S> = self.0.iter().map(|(name, _)| self.number(name)).collect();
         let lifted = || factors.iter().map(|f| S::from_f64(*f)).collect();
-        match said {
+        match given_as {
             None => (self.field("factors").to_vec(), self.number("offset")),
             Some(GivenAs::Length) => (lifted(), self.number("length")),
-            Some(said) => {
-                let made = said.factor(&numbers).map(|second| vec![S::one(), second]);
+            Some(given_as) => {
+                let made = given_as.factor(&numbers).map(|second| vec![S::one(), second]);
                 (made.unwrap_or_else(lifted), S::from_f64(*offset))
             }
         }
@@ -245,8 +245,8 @@ impl<S: Scalar> Numbers<S> {
             motions[e.to] = motions[e.from];
             let (point, child_point) = given.joints[j];
             let far = child_point.unwrap_or(point);
-            let said = &spec.joints[j];
-            if said.child_point.is_some() || said.child_axis.is_some() || said.child_frame.is_some() {
+            let joint = &spec.joints[j];
+            if joint.child_point.is_some() || joint.child_axis.is_some() || joint.child_frame.is_some() {
                 let (near, far) = if e.reversed { (far, point) } else { (point, far) };
                 let to = motions[e.from].point(near);
                 motions[e.to] = Moved { rot: constant(&placed.turns[e.to]), from: far, to };

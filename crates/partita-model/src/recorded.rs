@@ -4,7 +4,7 @@
 //! inputs    t | q | v | parameters
 //! position  Φ, values of C in pattern order, a                                                (S3, S4)
 //! velocity  b, lower triangle of M without its zeros, h                                        (S5, S1)
-//! metric    the same of M with what light links count with; nothing where all have mass
+//! metric    lower triangle of the metric, where it differs from M: for massless bodies
 //! look      of each body position and axes (row by row), of each joint its point; kinetic, potential energy
 //! ```
 
@@ -48,7 +48,7 @@ fn lower<S: Scalar>(full: &[S], n: usize) -> impl Iterator<Item = S> + '_ {
 
 impl<S: Scalar> Evaluator<S> {
     /// Poses of bodies and points of joints in the world, after [`look`](Self::look).
-    fn places(&self, s: &Scratch<S>) -> (Vec<S>, Vec<S>) {
+    fn poses_and_points(&self, s: &Scratch<S>) -> (Vec<S>, Vec<S>) {
         let out = Mat3::<S>::from_f64(self.placed.basis.transpose().0);
         let (mut bodies, mut joints) = (Vec::new(), Vec::new());
         for (body, n) in self.placed.bodies.iter().zip(&self.numbers.bodies) {
@@ -139,7 +139,7 @@ impl Model {
             metric = lower(&heavier);
         }
         e.look(q, v, &mut s);
-        let (bodies, joints) = e.places(&s);
+        let (bodies, joints) = e.poses_and_points(&s);
         let [kinetic, potential, _] = e.energies(t, q, v, &s)?;
         Ok(vec![phi, c, a, b, lower(&mass), h, metric, bodies, joints, vec![kinetic, potential]])
     }

@@ -29,6 +29,9 @@ impl<S: Scalar> Evaluator<S> {
     /// # Errors
     /// Errors of user functions.
     pub fn shown(&self, e: usize, t: S, q: &[S], v: &[S], s: &mut Scratch<S>) -> Result<Shown<S>, SystemError> {
+        if self.full.elements[e].follows_reactions() {
+            self.reaction_friction_at(t, q, v, s)?;
+        }
         let mut room = std::mem::take(&mut s.full_forces);
         let (seen_q, seen_v) = self.full.seen(&self.instant(t, q, v), &s.full, &mut room);
         let (all_q, all_v) = if self.full.sees_tree_alone() { (q, v) } else { (&seen_q[..], &seen_v[..]) };

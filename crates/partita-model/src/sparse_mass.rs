@@ -15,11 +15,11 @@ pub(crate) struct MassLayout {
     /// Of M (nv x nv), both triangles.
     pub pattern: Pattern,
     /// Descendants of each link, itself first, one list after the other.
-    carried: Vec<u32>,
+    outboard: Vec<u32>,
     /// Where the list of each link starts.
     starts: Vec<usize>,
     /// Indices of (i, j) and of (j, i), in the order in which an evaluation meets them.
-    places: Vec<[u32; 2]>,
+    entries: Vec<[u32; 2]>,
 }
 
 fn velocities<G: Space>(tree: &Tree<G>, link: usize) -> Range<usize> {
@@ -40,8 +40,8 @@ impl MassLayout {
             }
         }
         let mut rows = vec![Vec::new(); tree.nv];
-        for (root, carried) in of.iter().enumerate() {
-            for &i in carried {
+        for (root, outboard) in of.iter().enumerate() {
+            for &i in outboard {
                 for c in velocities(tree, root) {
                     for v in velocities(tree, i as usize) {
                         rows[v].push(c);
@@ -54,21 +54,21 @@ impl MassLayout {
         }
         rows.iter_mut().for_each(|row| row.sort_unstable());
         let pattern = Pattern::from_rows(tree.nv, &rows);
-        let place = |i: usize, j: usize| {
+        let entry = |i: usize, j: usize| {
             let row = pattern.row(i);
             (row.start + pattern.col_idx[row].partition_point(|&x| x < j)) as u32
         };
-        let mut places = Vec::with_capacity(pattern.nnz());
-        for (root, carried) in of.iter().enumerate().skip(1) {
+        let mut entries = Vec::with_capacity(pattern.nnz());
+        for (root, outboard) in of.iter().enumerate().skip(1) {
             for c in velocities(tree, root) {
-                for &i in carried.iter().rev() {
-                    places.extend(velocities(tree, i as usize).map(|v| [place(v, c), place(c, v)]));
+                for &i in outboard.iter().rev() {
+                    entries.extend(velocities(tree, i as usize).map(|v| [entry(v, c), entry(c, v)]));
                 }
             }
         }
         let mut starts = vec![0];
         of.iter().for_each(|x| starts.push(starts[starts.len() - 1] + x.len()));
-        Self { carried: of.concat(), starts, places, pattern }
+        Self { outboard: of.concat(), starts, entries, pattern }
     }
 }
 
@@ -81,22 +81,22 @@ impl<G: Space> Tree<G> {
             room.resize(2 * n, Default::default());
         }
         let (twist, wrench) = room.split_at_mut(n);
-        let mut places = layout.places.iter();
+        let mut entries = layout.entries.iter();
         for root in 1..n {
-            let carried = &layout.carried[layout.starts[root]..layout.starts[root + 1]];
+            let outboard = &layout.outboard[layout.starts[root]..layout.starts[root + 1]];
             for c in velocities(self, root) {
-                for &i in carried {
+                for &i in outboard {
                     let i = i as usize;
                     let (w, u) = if i == root { Default::default() } else { twist[self.links[i].parent] };
                     let (w, u) = self.propagate(i, s, w, u, |v| if v == c { G::S::one() } else { G::S::zero() });
                     twist[i] = (w, u);
                     wrench[i] = (G::spin(&s.links[i].inertia, w), G::scale(u, self.links[i].mass));
                 }
-                for &i in carried.iter().rev() {
+                for &i in outboard.iter().rev() {
                     let i = i as usize;
                     let (moment, force) = wrench[i];
                     self.along(i, s, moment, force, |_, x| {
-                        if let Some(&[one, other]) = places.next() {
+                        if let Some(&[one, other]) = entries.next() {
                             (out[one as usize], out[other as usize]) = (x, x);
                         }
                     });

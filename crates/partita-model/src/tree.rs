@@ -343,12 +343,12 @@ impl<G: Space> Tree<G> {
         match link.motion {
             LinkMotion::Slide(_) => {
                 let slide = G::scale(x.direction, v[link.v]);
-                let carried = G::cross(w_p, x.arm_in);
+                let transport = G::cross(w_p, x.arm_in);
                 x.w = w_p;
-                x.u = u_p + carried + slide;
+                x.u = u_p + transport + slide;
                 x.alpha = alpha_p;
                 let coriolis = G::cross(w_p, slide);
-                x.acc = acc_p + G::cross(alpha_p, x.arm_in) + G::cross(w_p, carried) + coriolis + coriolis;
+                x.acc = acc_p + G::cross(alpha_p, x.arm_in) + G::cross(w_p, transport) + coriolis + coriolis;
             }
             LinkMotion::Turn(_) | LinkMotion::Ball => {
                 let turn = match link.motion {

@@ -6,9 +6,10 @@
 use crate::coincident;
 use crate::error::DescriptionError;
 use crate::joint::{self, alignment, Motion, Shape};
+use crate::lengths::{body_length, typical_length};
 use crate::planarity;
 use crate::spec::LARGEST_TOLERANCE;
-use crate::spec::{Body, Coupling, Cut, Force, Joint, Measure, Spec};
+use crate::spec::{Coupling, Cut, Force, Joint, Measure, Spec};
 use crate::topology::{Edge, Topology, TreeEdge, CUT};
 use crate::validate;
 use partita_math::scalar::Scalar;
@@ -527,75 +528,4 @@ fn backwards(m: &Motion) -> Motion {
         Motion::Slide(a) => Motion::Slide(-*a),
         Motion::Ball => Motion::Ball,
     }
-}
-
-/// Points of bodies at which couplings and drives act, in the drawing, each with its body.
-fn held_points(spec: &Spec) -> Vec<(&str, Vec3<f64>)> {
-    let bodies: HashMap<&str, &Body> = spec.bodies.iter().map(|b| (b.name.as_str(), b)).collect();
-    let drawn = |name: &str, p: [f64; 3]| match bodies.get(name) {
-        Some(b) => Vec3(b.position) + Mat3(b.orientation).apply(Vec3(p)),
-        None => Vec3(p),
-    };
-    let mut found = Vec::new();
-    for m in spec.drives.iter().map(|d| &d.measure).chain(spec.couplings.iter().flat_map(Coupling::terms)) {
-        if let Measure::Distance { body1, point1, body2, point2 }
-        | Measure::Along { body1, point1, body2, point2, .. } = m
-        {
-            found.extend([(body1, point1), (body2, point2)].map(|(b, p)| (b.as_str(), drawn(b, *p))));
-        }
-    }
-    for c in &spec.couplings {
-        if let Coupling::Roll { body, center, normal, radius, on, .. } = c {
-            // the centre, and as the point of contact one a radius off it
-            let centre = drawn(body, *center);
-            let down = (drawn(on, *normal) - drawn(on, [0.0; 3])).unit().unwrap_or(Vec3::zero());
-            found.extend([(body.as_str(), centre), (body.as_str(), centre - down.times(*radius))]);
-        }
-    }
-    found
-}
-
-/// Diameter of all joints, held points and centres of mass about their mean, the same along any axes; 1 for a mechanism
-/// in one point.
-pub(crate) fn typical_length(spec: &Spec) -> f64 {
-    let mut points: Vec<Vec3<f64>> = spec.joints.iter().map(|j| Vec3(j.point)).collect();
-    points.extend(held_points(spec).iter().map(|(_, p)| *p));
-    points.extend(spec.bodies.iter().map(|b| Vec3(b.position) + Mat3(b.orientation).apply(Vec3(b.com))));
-    let d = diameter(&points);
-    if d > 0.0 && d.is_finite() {
-        d
-    } else {
-        1.0
-    }
-}
-
-/// Twice the largest distance from the mean.
-pub(crate) fn diameter(points: &[Vec3<f64>]) -> f64 {
-    let sum = points.iter().fold(Vec3::zero(), |s, p| s + *p);
-    let middle = sum.times(1.0 / points.len().max(1) as f64);
-    2.0 * points.iter().fold(0.0, |m: f64, p| m.max((*p - middle).norm()))
-}
-
-/// The median, over the bodies that have one, of the diameter of a body's joints, held points and centre of mass about
-/// their mean. Bodies smaller than [`tolerance::EQUAL`] of the whole have none.
-pub(crate) fn body_length(spec: &Spec) -> Option<f64> {
-    let index: HashMap<&str, usize> = spec.bodies.iter().enumerate().map(|(i, b)| (b.name.as_str(), i)).collect();
-    let com = |b: &Body| Vec3(b.position) + Mat3(b.orientation).apply(Vec3(b.com));
-    let mut points: Vec<Vec<Vec3<f64>>> = spec.bodies.iter().map(|b| vec![com(b)]).collect();
-    for j in &spec.joints {
-        for (name, point) in [(&j.parent, j.point), (&j.child, j.child_point.unwrap_or(j.point))] {
-            if let Some(&i) = index.get(name.as_str()) {
-                points[i].push(Vec3(point));
-            }
-        }
-    }
-    for (name, point) in held_points(spec) {
-        if let Some(&i) = index.get(name) {
-            points[i].push(point);
-        }
-    }
-    let least = tolerance::EQUAL * typical_length(spec);
-    let mut extents: Vec<f64> = points.iter().map(|x| diameter(x)).filter(|x| *x > least && x.is_finite()).collect();
-    extents.sort_by(f64::total_cmp);
-    extents.get(extents.len() / 2).copied()
 }

@@ -173,13 +173,13 @@ pub fn guarded<T>(py: Python<'_>, f: impl FnOnce() -> PyResult<T>) -> PyResult<T
     match catch_unwind(AssertUnwindSafe(f)) {
         Ok(result) => result,
         Err(payload) => {
-            let said = payload
+            let text = payload
                 .downcast_ref::<String>()
                 .cloned()
                 .or_else(|| payload.downcast_ref::<&str>().map(|s| (*s).to_string()))
                 .unwrap_or_default();
             let message =
-                format!("internal error: {said}; this is a bug in Partita, please report it together with the model");
+                format!("internal error: {text}; this is a bug in Partita, please report it together with the model");
             Err(raise(py, "PartitaError", &message, &[]))
         }
     }

@@ -122,19 +122,19 @@ impl Kind {
 pub struct Held {
     functions: Arc<dyn Functions>,
     /// Index of the first number of each input.
-    places: Vec<usize>,
+    offsets: Vec<usize>,
     numbers: Vec<AtomicU64>,
 }
 
 impl Held {
     /// The given inputs, all numbers 0.
     pub fn new(functions: Arc<dyn Functions>, kinds: &[Kind]) -> Self {
-        let (mut count, mut places) = (0, Vec::with_capacity(kinds.len()));
+        let (mut count, mut offsets) = (0, Vec::with_capacity(kinds.len()));
         for kind in kinds {
-            places.push(count);
+            offsets.push(count);
             count += kind.count();
         }
-        Self { functions, places, numbers: (0..count).map(|_| AtomicU64::new(0)).collect() }
+        Self { functions, offsets, numbers: (0..count).map(|_| AtomicU64::new(0)).collect() }
     }
 
     /// Number of the first input among the functions.
@@ -164,18 +164,18 @@ impl Held {
     }
 
     /// Index of the first number of function i, if it is an input.
-    fn place(&self, i: usize) -> Option<usize> {
-        i.checked_sub(self.functions.count()).and_then(|i| self.places.get(i).copied())
+    fn offset(&self, i: usize) -> Option<usize> {
+        i.checked_sub(self.functions.count()).and_then(|i| self.offsets.get(i).copied())
     }
 }
 
 impl Functions for Held {
     fn count(&self) -> usize {
-        self.functions.count() + self.places.len()
+        self.functions.count() + self.offsets.len()
     }
     fn scalar(&self, i: usize, t: f64, q: &[f64], v: &[f64]) -> Result<f64, Fault> {
-        match self.place(i) {
-            Some(place) => Ok(self.number(place)),
+        match self.offset(i) {
+            Some(offset) => Ok(self.number(offset)),
             None => self.functions.scalar(i, t, q, v),
         }
     }
@@ -192,8 +192,8 @@ impl Functions for Held {
         self.functions.turning(i, t)
     }
     fn motion(&self, i: usize, t: f64) -> Result<[f64; 3], Fault> {
-        let Some(place) = self.place(i) else { return self.functions.motion(i, t) };
-        let [since, a, b, c, d] = std::array::from_fn(|k| self.number(place + k));
+        let Some(offset) = self.offset(i) else { return self.functions.motion(i, t) };
+        let [since, a, b, c, d] = std::array::from_fn(|k| self.number(offset + k));
         let x = t - since;
         Ok([a + (b + (c + d * x) * x) * x, b + (2.0 * c + 3.0 * d * x) * x, 2.0 * c + 6.0 * d * x])
     }

@@ -257,8 +257,8 @@ impl Model {
             let (q, near) = model.state(&q, &v)?;
             let wanted = poses::Wanted::read(py, &model.inner, targets, rates, turns, fixed, guess, tolerance)?;
             let ask = move || wanted.assemble(&own.get().inner, t, &q, &near);
-            let (q, v, said) = heard(py, model.is_large(), ask)?.map_err(|e| failure::system(py, e))?;
-            Ok((array(py, &[q.len()], q), array(py, &[v.len()], v), said))
+            let (q, v, report) = heard(py, model.is_large(), ask)?.map_err(|e| failure::system(py, e))?;
+            Ok((array(py, &[q.len()], q), array(py, &[v.len()], v), report))
         })
     }
 
@@ -420,8 +420,8 @@ impl Model {
         tangent: Option<TangentFunctions>,
     ) -> PyResult<Vec<f64>> {
         guarded(py, || {
-            let places = ClosedStates { t: &t, q: &q, v: &v };
-            run::costs(py, &*self.inner, &options, &steps, &places, run::tangent(self.nv(), tangent))
+            let states = ClosedStates { t: &t, q: &q, v: &v };
+            run::costs(py, &*self.inner, &options, &steps, &states, run::tangent(self.nv(), tangent))
         })
     }
 

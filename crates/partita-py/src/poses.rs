@@ -67,11 +67,11 @@ impl Wanted {
             .iter()
             .map(|x| serde_json::json!({ "target": x.name, "priority": x.level, "asked": x.asked, "reached": x.value }))
             .collect();
-        let said = serde_json::json!({
+        let report = serde_json::json!({
             "iterations": found.iterations, "residual": found.residual, "target_steps": found.steps,
             "explicit": found.explicit, "targets": met
         });
-        Ok((found.q, v, said.to_string()))
+        Ok((found.q, v, report.to_string()))
     }
 }
 

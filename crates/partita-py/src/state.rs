@@ -4,7 +4,7 @@ use crate::arrays::{array, dense, indices};
 use crate::failure;
 use numpy::PyArrayDyn;
 use partita_analysis::instant;
-use partita_system::branching::branch_directions::{self, Asked};
+use partita_system::branching::branch_directions::{selection, Asked};
 use partita_system::kinematics::{assembly, velocity};
 use partita_system::reduction::Reduction;
 use partita_system::{start, ConstrainedSystem, SystemError};
@@ -56,15 +56,15 @@ pub fn assemble<S: ConstrainedSystem>(
                     }
                 };
                 let asked: Vec<Asked> = rates.iter().map(asked).collect();
-                branch_directions::singled_out(system, (t, &q, near), &asked, e)?
+                selection::singled_out(system, (t, &q, near), &asked, e)?
             }
             found => velocity::near_with_rates(&mut found?, t, &q, near, rates)?,
         }
     };
-    let said = serde_json::json!({
+    let report = serde_json::json!({
         "iterations": iterations, "residual": residual, "target_steps": steps, "explicit": false
     });
-    Ok((q, v, said.to_string()))
+    Ok((q, v, report.to_string()))
 }
 
 /// v' and λ, by a partition chosen there.

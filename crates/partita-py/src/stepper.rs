@@ -245,9 +245,9 @@ impl Stepper {
         guarded(py, || {
             let kinds: Vec<Kind> = self.inputs.iter().map(kind).collect();
             let table = |i: usize| {
-                let place: usize = kinds.iter().take(i).map(|kind| kind.count()).sum();
+                let offset: usize = kinds.iter().take(i).map(|kind| kind.count()).sum();
                 let piece = |held: &Vec<f64>| {
-                    let number = |k: usize| held.get(place + k).copied().unwrap_or(0.0);
+                    let number = |k: usize| held.get(offset + k).copied().unwrap_or(0.0);
                     match kinds.get(i) {
                         Some(Kind::Course) => [number(4), number(3), number(2), number(1)],
                         _ => [0.0, 0.0, 0.0, number(0)],

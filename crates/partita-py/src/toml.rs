@@ -114,8 +114,8 @@ fn refused(py: Python<'_>, text: &str, path: &str, e: &TomlError) -> PyErr {
         return raise(py, "FileFormatError", &message, &[("path", path.into()), ("line", line.into())]);
     }
     let line = e.span().map(|s| line(text, s.start));
-    let place = line.map_or_else(|| path.to_string(), |l| format!("{path}, line {l}"));
-    let message = format!("{place}: {}", e.message().replace('\n', " "));
+    let location = line.map_or_else(|| path.to_string(), |l| format!("{path}, line {l}"));
+    let message = format!("{location}: {}", e.message().replace('\n', " "));
     let mut fields: Vec<(&str, Field)> = vec![("path", path.into())];
     if let Some(l) = line {
         fields.push(("line", l.into()));

@@ -216,9 +216,9 @@ impl System {
             let q = vector(&q, self.f.n, "q")?;
             let v = vector(&v, self.f.n, "v")?;
             let system = self.measured(py, t, &q)?;
-            let (q, v, said) = state::assemble(&system, t, (q, &v), &targets, &rates, tolerance)
+            let (q, v, report) = state::assemble(&system, t, (q, &v), &targets, &rates, tolerance)
                 .map_err(|e| failure::system(py, e))?;
-            Ok((array(py, &[q.len()], q), array(py, &[v.len()], v), said))
+            Ok((array(py, &[q.len()], q), array(py, &[v.len()], v), report))
         })
     }
 
@@ -337,12 +337,12 @@ impl System {
         tangent: Option<TangentFunctions>,
     ) -> PyResult<Vec<f64>> {
         guarded(py, || {
-            let places = ClosedStates { t: &t, q: &q, v: &v };
+            let states = ClosedStates { t: &t, q: &q, v: &v };
             let (n, times) = (self.f.n, entries_of(&t));
             let Some(first) = times.first() else { return Ok(vec![f64::NAN; options.len()]) };
             let all = rows_of(&q, times.len(), n, "q")?;
             let system = self.measured(py, *first, &all[..n])?;
-            run::costs(py, &system, &options, &steps, &places, run::tangent(n, tangent))
+            run::costs(py, &system, &options, &steps, &states, run::tangent(n, tangent))
         })
     }
 }

@@ -27,12 +27,12 @@ fn null_sine() -> f64 {
 /// three degrees; rows lost here are open by the square of it elsewhere, and a lost rank has come back far above
 /// [`null_sine`].
 const BRANCH_MOVE: f64 = 0.05;
+/// Rates that differ by less are those of one branch. Scale: fraction of the fastest. Reason: numbers as refusals print
+/// them are off by half of it, and branches are farther apart.
+const SAME_RATES: f64 = 2e-3;
 /// Starts of the search for directions, and the most lines they may find: more are taken for a continuum.
 const STARTS: usize = 48;
 const LINES: usize = 8;
-/// Unit directions are the same when their cosine is nearer to one. Scale: one minus the cosine. Reason: an angle of
-/// 1e-3, far below the angles between branches.
-const SAME_DIRECTION: f64 = 1e-6;
 
 /// One branch, in both senses where it has two.
 #[derive(Clone, Debug)]
@@ -229,7 +229,9 @@ impl Forms {
             let start =
                 (0..k).map(|j| (1.0 + 1.7 * n as f64 + 2.3 * j as f64 * (1.0 + n as f64).sqrt()).sin()).collect();
             let Some(u) = self.zero_near(start) else { continue };
-            let same = |x: &Vec<f64>| 1.0 - x.iter().zip(&u).map(|(a, b)| a * b).sum::<f64>().abs() < SAME_DIRECTION;
+            // 1 - cos = ½ |difference|² of unit vectors
+            let apart = |x: &Vec<f64>| 2.0 * (1.0 - x.iter().zip(&u).map(|(a, b)| a * b).sum::<f64>().abs());
+            let same = |x: &Vec<f64>| apart(x) < SAME_RATES * SAME_RATES;
             if !found.iter().any(same) {
                 found.push(u);
             }
@@ -284,15 +286,15 @@ pub fn look<S: ConstrainedSystem>(
             squares.push(x.bend(t, q, &w)?);
         }
     }
-    let place = |i: usize, j: usize| i * (i + 1) / 2 + j;
+    let entry = |i: usize, j: usize| i * (i + 1) / 2 + j;
     for (form, stress) in forms.iter_mut().zip(&stresses) {
         let of = |b: &[f64]| stress.iter().zip(b).map(|(n, b)| n * b).sum::<f64>();
         for i in 0..k {
             for j in 0..=i {
-                let both = of(&squares[place(i, j)]);
+                let both = of(&squares[entry(i, j)]);
                 let value = match i == j {
                     true => both,
-                    false => 0.5 * (both - of(&squares[place(i, i)]) - of(&squares[place(j, j)])),
+                    false => 0.5 * (both - of(&squares[entry(i, i)]) - of(&squares[entry(j, j)])),
                 };
                 (form[(i, j)], form[(j, i)]) = (value, value);
             }

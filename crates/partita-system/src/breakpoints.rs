@@ -158,20 +158,20 @@ impl Breakpoints {
         let turns = self.period.map_or(0.0, |p| ((x - first) / p).floor());
         let offset = turns * self.period.unwrap_or(0.0);
         // up to n - 1 the breakpoints of this period; those of the next begin with its first
-        let place = |i: usize| match i < n {
+        let of_index = |i: usize| match i < n {
             true => self.breaks[i] + offset,
             false => self.breaks[0] + offset + self.period.unwrap_or(f64::INFINITY),
         };
         if up {
             let i = self.breaks[..n].partition_point(|k| k + offset <= x);
-            let breakpoint = place(i);
+            let breakpoint = of_index(i);
             return (breakpoint > x && breakpoint.is_finite()).then_some((breakpoint, i % n));
         }
         let i = self.breaks[..n].partition_point(|k| k + offset < x);
         match (i, self.period) {
             (0, None) => None,
             (0, Some(p)) => Some((self.breaks[n - 1] + offset - p, n - 1)),
-            _ => Some((place(i - 1), i - 1)),
+            _ => Some((of_index(i - 1), i - 1)),
         }
     }
 }

@@ -94,7 +94,7 @@ struct Sample {
 pub struct GuardMonitor {
     guards: Vec<Guard>,
     /// Start, points inside, end; `used` of them.
-    places: Vec<Sample>,
+    samples: Vec<Sample>,
     used: usize,
     /// First time at which each was passed through.
     passed: Vec<Option<f64>>,
@@ -193,15 +193,15 @@ impl GuardMonitor {
     /// A sample after those in use, to be filled.
     fn next(&mut self, t: f64, fastest: f64) -> &mut Sample {
         let n = self.guards.len();
-        if self.used == self.places.len() {
-            let place = Sample { t, fastest, readings: vec![GuardReading::default(); n], off: vec![None; n] };
-            self.places.push(place);
+        if self.used == self.samples.len() {
+            let sample = Sample { t, fastest, readings: vec![GuardReading::default(); n], off: vec![None; n] };
+            self.samples.push(sample);
         }
         self.used += 1;
-        let place = &mut self.places[self.used - 1];
-        (place.t, place.fastest) = (t, fastest);
-        place.off.fill(None);
-        place
+        let sample = &mut self.samples[self.used - 1];
+        (sample.t, sample.fastest) = (t, fastest);
+        sample.off.fill(None);
+        sample
     }
 
     /// An integration begins at t; the readings there are to be written. `fastest` is the fastest rate there [1/s].
@@ -215,16 +215,16 @@ impl GuardMonitor {
     pub fn end(&mut self, t: f64, fastest: f64) -> &mut [GuardReading] {
         self.used = self.used.min(1);
         self.met = None;
-        self.places[..self.used].iter_mut().for_each(|x| x.off.fill(None));
+        self.samples[..self.used].iter_mut().for_each(|x| x.off.fill(None));
         &mut self.next(t, fastest).readings
     }
 
     /// An instant inside the step that is judged; `read` writes the readings there.
     pub fn inside(&mut self, t: f64, fastest: f64, read: impl FnOnce(&mut [GuardReading])) {
-        let at = self.places[..self.used].partition_point(|x| x.t < t).clamp(1, self.used - 1);
+        let at = self.samples[..self.used].partition_point(|x| x.t < t).clamp(1, self.used - 1);
         read(&mut self.next(t, fastest).readings);
-        self.places[at..self.used].rotate_right(1);
-        let (before, rest) = self.places.split_at_mut(at);
+        self.samples[at..self.used].rotate_right(1);
+        let (before, rest) = self.samples.split_at_mut(at);
         let (from, (here, to)) = (&mut before[at - 1], rest.split_first_mut().expect("a sample was put there"));
         let (h, s) = (to[0].t - from.t, (t - from.t) / (to[0].t - from.t));
         let middle = OTHER_FOURTH / (4.0 * s * (1.0 - s)).powi(2);
@@ -245,7 +245,7 @@ impl GuardMonitor {
             let (x, size) = (self.beside[*g].x, self.guards[*g].size);
             x.abs() > self.meets * size
                 && self.is_hidden(*g, self.meets)
-                && (x > 0.0) != self.sides(*g, &self.places[0], self.meets).1
+                && (x > 0.0) != self.sides(*g, &self.samples[0], self.meets).1
         });
         self.met = self.met.or(met.map(|g| (t, g)));
     }
@@ -258,18 +258,18 @@ impl GuardMonitor {
         for (i, guard) in self.guards.iter().enumerate() {
             let Some((limit, _)) = guard.through else { continue };
             let beyond = |x: &&Sample| x.readings[i].x < limit;
-            let first = self.places[..self.used].iter().find(beyond).map(|x| x.t);
+            let first = self.samples[..self.used].iter().find(beyond).map(|x| x.t);
             self.passed[i] = self.passed[i].or(first);
         }
-        let (from, to) = (&self.places[0].readings, &self.places[self.used - 1].readings);
+        let (from, to) = (&self.samples[0].readings, &self.samples[self.used - 1].readings);
         self.recent.iter_mut().zip(from.iter().zip(to)).for_each(|(x, (a, b))| *x = a.speed.max(b.speed));
-        self.places.swap(0, self.used - 1);
+        self.samples.swap(0, self.used - 1);
         self.used = 1;
     }
 
     /// Longest next step, where it begins at a guard that the last one met.
     pub fn entered(&self) -> Option<f64> {
-        let start = self.places[..self.used].first()?;
+        let start = self.samples[..self.used].first()?;
         let all = self.guards.iter().enumerate().filter(|(g, _)| {
             let (before, after) = self.sides(*g, start, self.meets);
             before != after
@@ -289,11 +289,11 @@ impl GuardMonitor {
     pub fn look(&mut self, rtol: f64) -> Look {
         self.meets = tolerance::CLOSED.max(tolerance::NEGLIGIBLE_ERROR * rtol);
         let meets = self.meets;
-        let places = &self.places[..self.used];
+        let samples = &self.samples[..self.used];
         if let Some((t, guard)) = self.met {
             return Look::Crossed { t, guard, hidden: true };
         }
-        for (i, ends) in places.windows(2).enumerate() {
+        for (i, ends) in samples.windows(2).enumerate() {
             let mut first: Option<(f64, usize, bool)> = None;
             for g in 0..self.guards.len() {
                 let (at, crossed) = match self.shown(g, ends, (i > 0, i + 2 < self.used), meets) {
@@ -328,7 +328,7 @@ impl GuardMonitor {
     }
 
     fn is_hidden(&self, g: usize, meets: f64) -> bool {
-        let (from, to) = (&self.places[0], &self.places[self.used - 1]);
+        let (from, to) = (&self.samples[0], &self.samples[self.used - 1]);
         self.sides(g, from, meets).1 == self.sides(g, to, meets).0
     }
 
@@ -361,15 +361,15 @@ impl GuardMonitor {
         }
         let off = from.off[g].unwrap_or(cubic.bend());
         let smooth = h * from.fastest.max(to.fastest) <= LONGEST_CUBIC;
-        let (place, lowest) = cubic.lowest(off);
+        let (at, lowest) = cubic.lowest(off);
         let grazes = || cubic.minimum().is_some_and(|x| x.1.abs().max(off) <= small);
-        let place = match smooth {
+        let at = match smooth {
             // on the other side its force is in the error of the step; on this one it is felt nowhere, and is looked for
             true if (lowest > 0.0 && (!after || from.off[g].is_some())) || grazes() => return Shown::Clear,
-            true => place,
+            true => at,
             false => cubic.minimum().map_or(INSIDE, |x| x.0),
         };
-        Shown::Doubtful(from.t + h * place.clamp(EDGE, 1.0 - EDGE))
+        Shown::Doubtful(from.t + h * at.clamp(EDGE, 1.0 - EDGE))
     }
 }
 
@@ -415,10 +415,10 @@ mod tests {
     #[test]
     fn a_contact_between_two_ends_is_found_where_it_begins() {
         for b in [0.0, 0.5, 0.9, 0.999, 1.0 - 1e-9] {
-            let (found, places) = judge(10.0, 10.0, flight(b));
+            let (found, samples) = judge(10.0, 10.0, flight(b));
             let (t, hidden) = crossed(found);
             assert!(hidden && (t - (5.0 - 0.1 * (1.0 - b * b).sqrt())).abs() < 1e-6, "{b}: {t}");
-            assert!(places < 60, "{b}: {places}");
+            assert!(samples < 60, "{b}: {samples}");
         }
         for b in [1.0 + 1e-9, 1.001, 1.5, 20.0] {
             assert_eq!(judge(10.0, 10.0, flight(b)).0, Look::Clear, "{b}");
@@ -437,19 +437,19 @@ mod tests {
         let (mut touched, mut passed, mut looked) = (0, 0, 0);
         for _ in 0..20_000 {
             let (swing, w, phase) = (chance(0.3, 2.5), chance(0.5, 3.0), chance(0.0, 6.3));
-            let (r, place, pin) = (chance(0.01, 0.1), chance(-2.5, 2.5), chance(0.9, 1.1));
+            let (r, centre, pin) = (chance(0.01, 0.1), chance(-2.5, 2.5), chance(0.9, 1.1));
             let read = |t: f64| {
                 let (angle, rate) = (swing * (w * t + phase).sin(), swing * w * (w * t + phase).cos());
-                let d2 = 1.0 + pin * pin - 2.0 * pin * (angle - place).cos();
+                let d2 = 1.0 + pin * pin - 2.0 * pin * (angle - centre).cos();
                 let x = (d2 - r * r) / (2.0 * r);
                 let speed = 0.5 * (rate.abs() + swing * w);
-                GuardReading { x, rate: pin * (angle - place).sin() * rate / r, apart: (d2.sqrt() - r).abs(), speed }
+                GuardReading { x, rate: pin * (angle - centre).sin() * rate / r, apart: (d2.sqrt() - r).abs(), speed }
             };
             let h = (chance(0.2, 2.0) / swing).min(3.0) / w;
             let least = (0..=500).map(|i| read(h * f64::from(i) / 500.0).x).fold(f64::INFINITY, f64::min);
             let apart = read(0.0).x > 0.0 && read(h).x > 0.0;
-            let (found, places) = judge(h, swing * w, read);
-            looked += places;
+            let (found, samples) = judge(h, swing * w, read);
+            looked += samples;
             if apart && least < 0.0 {
                 touched += 1;
                 assert!(crossed(found).1, "{least}");

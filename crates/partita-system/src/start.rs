@@ -348,7 +348,7 @@ pub fn choose_partition<S: ConstrainedSystem>(
         }
         return r.tangent(t);
     }
-    choose_with_threshold(r, t, q, weights, tolerance::LEAST_SWITCH_GAIN)
+    choose_with_threshold(r, t, q, weights, 1.0)
 }
 
 /// As [`choose_partition`], but switches with a gain below `threshold` are not made.
@@ -382,7 +382,7 @@ pub fn choose_with_threshold<S: ConstrainedSystem>(
     };
     // every switch multiplies the volume by more than that, so the loop ends; the bound is for round-off
     for _ in 0..10 * r.size().nv {
-        let pairs = r.best_switches(&scales, threshold.max(tolerance::LEAST_SWITCH_GAIN));
+        let pairs = r.best_switches(&scales, threshold.max(1.0 + tolerance::TIE));
         if pairs.is_empty() {
             break;
         }

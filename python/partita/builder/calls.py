@@ -45,14 +45,14 @@ def call_of(record: Any) -> Call:
     """The call that makes a record; default arguments are omitted."""
     match record:
         case BodyRecord(rod=None):
-            said = {
+            arguments = {
                 "mass": record.mass,
                 "inertia": record.inertia,
                 "com": record.com,
                 "position": record.position,
                 "orientation": record.rotation,
             }
-            return "add_body", {**said, "gravity": record.gravity}
+            return "add_body", {**arguments, "gravity": record.gravity}
         case BodyRecord(rod=(start, end, _)):
             return "add_rod", {"start": start, "end": end, "mass": record.mass, "gravity": record.gravity}
         case JointRecord():
@@ -76,11 +76,11 @@ def call_of(record: Any) -> Call:
             point = None if record.at_center else record.point
             return "add_force", {"body": record.body, "force": force, "point": point, "axes": record.axes}
         case LoadRecord():
-            said = {word: _given(value) for word, value in record.said.items() if value is not None}
+            arguments = {word: _given(value) for word, value in record.arguments.items() if value is not None}
             if record.kind == "law":
-                said["function"] = said.pop("value")
-                return "add_force_law", said
-            return f"add_{record.kind}", said
+                arguments["function"] = arguments.pop("value")
+                return "add_force_law", arguments
+            return f"add_{record.kind}", arguments
         case SensorRecord():
             return "add_sensor", _sensor(record)
     raise TypeError(f"{type(record).__name__} is not an element")
@@ -106,19 +106,19 @@ def _parameters(method: Callable[..., Any]) -> dict[str, Any]:
 
 def references(record: Any) -> Iterator[tuple[str, str]]:
     """Table and name of every element that it refers to; some more than once."""
-    if isinstance(record, DriveRecord) and record.said is not None and "carrier" in record.said:
-        yield "joints", record.said["carrier"]
+    if isinstance(record, DriveRecord) and record.arguments is not None and "carrier" in record.arguments:
+        yield "joints", record.arguments["carrier"]
     if isinstance(record, SensorRecord):
         yield from (("sensors", name) for name in uses(record))
     yield from _named(call_of(record)[1])
 
 
-def _named(said: Any) -> Iterator[tuple[str, str]]:
-    match said:
+def _named(argument: Any) -> Iterator[tuple[str, str]]:
+    match argument:
         case Ref(table, name):
             yield table, name
         case Mapping():
-            for word, value in said.items():
+            for word, value in argument.items():
                 if isinstance(value, str) and word in _BODIES | _JOINTS | {"on"}:
                     yield "joints" if word in _JOINTS else "bodies", value
                 else:
@@ -126,7 +126,7 @@ def _named(said: Any) -> Iterator[tuple[str, str]]:
         case (str() as body, np.ndarray()):
             yield "bodies", body
         case list() | tuple():
-            for item in said:
+            for item in argument:
                 yield from _named(item)
 
 
@@ -150,11 +150,11 @@ def readers(d: Description, sensor: str) -> list[tuple[str, str]]:
     ]
 
 
-def _functions(said: Any) -> Iterator[FunctionType]:
-    if isinstance(said, FunctionType):
-        yield said
-    elif isinstance(said, Mapping | list | tuple):
-        for item in said.values() if isinstance(said, Mapping) else said:
+def _functions(value: Any) -> Iterator[FunctionType]:
+    if isinstance(value, FunctionType):
+        yield value
+    elif isinstance(value, Mapping | list | tuple):
+        for item in value.values() if isinstance(value, Mapping) else value:
             yield from _functions(item)
 
 
@@ -172,39 +172,42 @@ def _says(function: FunctionType, sensor: str) -> bool:
 
 def _sensor(record: SensorRecord) -> dict[str, Any]:
     data, of = record.data, record.data["of"]
-    said: dict[str, Any] = {"unit": record.unit, "text": record.text}
+    arguments: dict[str, Any] = {"unit": record.unit, "text": record.text}
     match of:
         case "function":
-            return {"of": [Ref("sensors", name) for name in data["sensors"]], "function": record.function, **said}
+            return {"of": [Ref("sensors", name) for name in data["sensors"]], "function": record.function, **arguments}
         case "expression":
-            return {"of": Expression(data["expression"]), **said}
+            return {"of": Expression(data["expression"]), **arguments}
         case "point":
-            said["of"] = data["body"], np.array(data["point"])
+            arguments["of"] = data["body"], np.array(data["point"])
         case "measure":
-            said["of"] = {"measure": data["measure"]}
+            arguments["of"] = {"measure": data["measure"]}
         case _:
-            said["of"] = Ref({"body": "bodies", "joint": "joints"}.get(of, f"{of}s"), data[of])
-    said |= {"reads": data["reads"], "coordinate": data.get("coordinate", data.get("body") if of == "force" else None)}
+            arguments["of"] = Ref({"body": "bodies", "joint": "joints"}.get(of, f"{of}s"), data[of])
+    arguments |= {
+        "reads": data["reads"],
+        "coordinate": data.get("coordinate", data.get("body") if of == "force" else None),
+    }
     axes = data.get("axes")
     if axes is not None:
-        said["axes"] = axes if axes in ("world", "joint") else Ref("bodies", axes)
-    return said
+        arguments["axes"] = axes if axes in ("world", "joint") else Ref("bodies", axes)
+    return arguments
 
 
 def _joint(record: JointRecord) -> Call:
-    said: dict[str, Any] = {"parent": record.parent, "child": record.child, "point": record.point}
+    arguments: dict[str, Any] = {"parent": record.parent, "child": record.child, "point": record.point}
     if record.kind in CHOSEN:
-        said["free"] = tuple(direction for direction in record.free if direction not in record.follows)
+        arguments["free"] = tuple(direction for direction in record.free if direction not in record.follows)
     if record.follows:
-        said["follows"] = {direction: _followed(relation.call) for direction, relation in record.follows.items()}
+        arguments["follows"] = {direction: _followed(relation.call) for direction, relation in record.follows.items()}
     if record.kind != "orientation":  # whose frame is that of the world
-        said |= record.geometry
+        arguments |= record.geometry
     more = ("child_point", "child_axis", "child_frame", "pitch")
-    said |= {word: getattr(record, word) for word in more if getattr(record, word) is not None}
+    arguments |= {word: getattr(record, word) for word in more if getattr(record, word) is not None}
     if record.kind != "constant_velocity":
-        said["cut"] = record.cut
+        arguments["cut"] = record.cut
     special = {"generic": "add_joint", "custom": "add_custom_joint"}
-    return special.get(record.kind, f"add_{record.kind}"), said
+    return special.get(record.kind, f"add_{record.kind}"), arguments
 
 
 def _followed(relation: Any) -> Any:
@@ -213,17 +216,17 @@ def _followed(relation: Any) -> Any:
 
 
 def _drive(record: DriveRecord) -> dict[str, Any]:
-    if record.said is not None:
-        return {word: value for word, value in record.said.items() if word != "carrier"}
+    if record.arguments is not None:
+        return {word: value for word, value in record.arguments.items() if word != "carrier"}
     measure = record.measure
-    said: dict[str, Any] = {"joint": measure}
+    arguments: dict[str, Any] = {"joint": measure}
     if measure["of"] == "joint":
-        said = {"joint": measure["joint"], "coordinate": measure["coordinate"]}
+        arguments = {"joint": measure["joint"], "coordinate": measure["coordinate"]}
     motion = record.motion
-    said[record.level] = _given(motion)
+    arguments[record.level] = _given(motion)
     if isinstance(motion, Function) and isinstance(motion.call, Motion) and record.level == "position":
-        said |= {"velocity": motion.call.velocity, "acceleration": motion.call.acceleration}
-    return {**said, "rate": record.rate}
+        arguments |= {"velocity": motion.call.velocity, "acceleration": motion.call.acceleration}
+    return {**arguments, "rate": record.rate}
 
 
 def _given(value: Any) -> Any:

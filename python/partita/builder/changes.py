@@ -79,8 +79,8 @@ def change(mechanism: Drawing, handle: Handle, arguments: Mapping[str, Any]) -> 
             _give(mechanism, element, handle.name, arguments["compliance"])
         if not new:
             return
-        method, said = call_of(record)
-        _again(mechanism, handle.table, handle.name, method, {**said, **new})
+        method, given = call_of(record)
+        _again(mechanism, handle.table, handle.name, method, {**given, **new})
         if handle.table == "sensors":
             _check_order(mechanism, element)
         for table, name in referring(mechanism._description, handle.table, handle.name):
@@ -92,10 +92,10 @@ def remove(mechanism: Drawing, table: str, name: str) -> None:
     """Remove an element, unless another refers to it."""
     d = mechanism._description
     record = getattr(d, table)[name]
-    carried = _carrier(record)
+    carrier = _carrier(record)
     users = referring(d, table, name)
-    if carried is not None:
-        users += [user for user in referring(d, "joints", carried) if user != (table, name)]
+    if carrier is not None:
+        users += [user for user in referring(d, "joints", carrier) if user != (table, name)]
     if table == "sensors":
         users += readers(d, name)
     if users:
@@ -149,8 +149,8 @@ def _shown(mechanism: Drawing, value: Any) -> Any:
 
 def _carrier(record: Any) -> str | None:
     """The joint that was added along with a drive of a body's pose."""
-    said = getattr(record, "said", None)
-    return said.get("carrier") if said is not None and hasattr(record, "measure") else None
+    given = getattr(record, "arguments", None)
+    return given.get("carrier") if given is not None and hasattr(record, "measure") else None
 
 
 @contextmanager
@@ -176,14 +176,14 @@ def _take_out(mechanism: Drawing, table: str, name: str) -> None:
         del d.joints[carrier]
 
 
-def _again(mechanism: Drawing, table: str, name: str, method: str, said: Mapping[str, Any]) -> None:
+def _again(mechanism: Drawing, table: str, name: str, method: str, given: Mapping[str, Any]) -> None:
     """Make an element again in its place."""
     d = mechanism._description
     orders = {each: list(getattr(d, each)) for each in (table, "joints")}
     old = getattr(d, table)[name]
     driven = list(d.driven)
     _take_out(mechanism, table, name)
-    getattr(mechanism, method)(name=name, **{word: _shown(mechanism, value) for word, value in said.items()})
+    getattr(mechanism, method)(name=name, **{word: _shown(mechanism, value) for word, value in given.items()})
     if isinstance(old, JointRecord) and old.compliance is not None:
         d.joints[name] = replace(d.joints[name], compliance=old.compliance)
     carriers = _carrier(old), _carrier(getattr(d, table)[name])

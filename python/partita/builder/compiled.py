@@ -6,6 +6,7 @@ import gc
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -107,9 +108,9 @@ class Equations:
         >>> bool(np.allclose(i.M @ i.vdot, i.h + i.C.T @ i.multipliers))
         True
         """
-        place, time = self._q(q), finite_time(t)
+        position, time = self._q(q), finite_time(t)
         speeds = None if v is None else self._v(v)
-        return Instant.from_core(time, place, self._core.at(time, place, speeds))
+        return Instant.from_core(time, position, self._core.at(time, position, speeds))
 
     def evaluation_costs(
         self,
@@ -184,7 +185,11 @@ class CompiledModel(Equations):
     @property
     def notes(self) -> list[str]:
         """Notes of the compiler and the builder, as sentences."""
-        return [*self.summary.get("notes", []), *(note for notes in self._notes for note in notes)]
+        return list(self._sentences)
+
+    @cached_property
+    def _sentences(self) -> tuple[str, ...]:
+        return (*self.summary.get("notes", []), *(note for notes in self._notes for note in notes))
 
     @property
     def sensors(self) -> Mapping[str, SensorRecord]:

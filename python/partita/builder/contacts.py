@@ -96,14 +96,14 @@ def add_contact(
         if stick_velocity is None
         else number(element, "stick_velocity", stick_velocity, "m/s", above=0.0),
     }
-    said = {
+    arguments = {
         **means,
         "damping": means["damping"] or None,
         "friction": slides or None,
         "static_friction": None if held == slides else held,
         "stick_velocity": None if stick_velocity is None else means["stick_velocity"],
     }
-    return store(self, LoadRecord(name, "contact", said, means, units))
+    return store(self, LoadRecord(name, "contact", arguments, means, units))
 
 
 def add_tyre(
@@ -183,7 +183,7 @@ def add_tyre(
         "damping": number(element, "damping", damping, "s/m", least=0.0),
     }
     slow = 1.0 if slow_speed is None else number(element, "slow_speed", slow_speed, "m/s", above=0.0)
-    said = {
+    arguments = {
         **where,
         "ground": None if road == GROUND else road,
         "damping": where["damping"] or None,
@@ -192,4 +192,4 @@ def add_tyre(
     }
     units = {"stiffness": "N/m", "damping": "s/m", "longitudinal": "N", "lateral": "N", "slow_speed": "m/s"}
     means = {**where, **coefficients, "slow_speed": slow}
-    return store(self, LoadRecord(name, "tyre", said, means, {**units, "radius": "m", "center": "m"}))
+    return store(self, LoadRecord(name, "tyre", arguments, means, {**units, "radius": "m", "center": "m"}))

@@ -110,7 +110,9 @@ def add_gear(
     if value == 0.0:
         element.fail("ratio is 0: joint2 would stand still; use add_fixed instead")
     made = add_coupler(self, name, terms, [1.0, -value], word="gear")
-    return _said_as(self, made, "add_gear", joint1=str(joint1), joint2=str(joint2), ratio=value, **_which(self, made))
+    return _recorded_as(
+        self, made, "add_gear", joint1=str(joint1), joint2=str(joint2), ratio=value, **_which(self, made)
+    )
 
 
 def add_belt(
@@ -141,7 +143,7 @@ def add_belt(
     ratio = radii[0] / radii[1] * (-1.0 if switch(element, "crossed", crossed) else 1.0)
     made = add_coupler(self, name, [Coordinate(pulley2), Coordinate(pulley1)], [1.0, -ratio], word="belt")
     ends = {"pulley1": str(pulley1), "pulley2": str(pulley2), "radius1": radii[0], "radius2": radii[1]}
-    return _said_as(self, made, "add_belt", **ends, crossed=bool(crossed))
+    return _recorded_as(self, made, "add_belt", **ends, crossed=bool(crossed))
 
 
 def add_rack(
@@ -172,7 +174,9 @@ def add_rack(
         element.fail("radius is 0 m: the rack would stand still")
     terms = [Coordinate(slide, coordinate2), Coordinate(pinion, coordinate1)]
     made = add_coupler(self, name, terms, [1.0, -value], word="rack")
-    return _said_as(self, made, "add_rack", pinion=str(pinion), slide=str(slide), radius=value, **_which(self, made))
+    return _recorded_as(
+        self, made, "add_rack", pinion=str(pinion), slide=str(slide), radius=value, **_which(self, made)
+    )
 
 
 def add_distance(
@@ -208,7 +212,7 @@ def add_distance(
     held = as_drawn if length is None else _positive(element, "length", length)
     made = add_coupler(self, name, [rod], [1.0], held, word="distance")
     ends = {key: found[key] for key in ("body1", "point1", "body2", "point2")}
-    return _said_as(self, made, "add_distance", **ends, length=None if length is None else held)
+    return _recorded_as(self, made, "add_distance", **ends, length=None if length is None else held)
 
 
 def add_cam(
@@ -247,7 +251,7 @@ def add_cam(
         function = Function(Law(element, Follows(law), None))
         data = {"function": function, "like": 0}
         made = _store(self, CouplingRecord(element.name, "function", str(word), tuple(terms), data))
-        return _said_as(self, made, "add_cam", follower=terms[0], cam=terms[1], law=law, word=str(word))
+        return _recorded_as(self, made, "add_cam", follower=terms[0], cam=terms[1], law=law, word=str(word))
     if not is_table(law):
         element.fail(f"law must be a table (x, y) or a function of one number, not {law!r}")
     repeats = switch(element, "periodic", periodic)
@@ -261,8 +265,8 @@ def add_cam(
             )
     data = {"curve": curve, "periodic": repeats}
     made = _store(self, CouplingRecord(element.name, "curve", str(word), tuple(terms), data))
-    said = {"law": (curve.times, curve.values), "periodic": repeats, "word": str(word)}
-    return _said_as(self, made, "add_cam", follower=terms[0], cam=terms[1], **said)
+    arguments = {"law": (curve.times, curve.values), "periodic": repeats, "word": str(word)}
+    return _recorded_as(self, made, "add_cam", follower=terms[0], cam=terms[1], **arguments)
 
 
 def add_point_on_curve(
@@ -300,11 +304,11 @@ def add_point_on_curve(
         for axis in (direction(element, "x_axis", x_axis), direction(element, "y_axis", y_axis))
     )
     found = measure(self, element, x)
-    said = {"body1": found["body1"], "body2": found["body2"], "point2": found["point2"], "origin": found["point1"]}
-    said |= {"x_axis": x.axis, "y_axis": y.axis}
+    arguments = {"body1": found["body1"], "body2": found["body2"], "point2": found["point2"], "origin": found["point1"]}
+    arguments |= {"x_axis": x.axis, "y_axis": y.axis}
     if not switch(element, "polar", polar):
         made = add_cam(self, y, x, curve, name=name, word="curve")
-        return _said_as(self, made, "add_point_on_curve", **said, curve=_call_of(self, made)["law"])
+        return _recorded_as(self, made, "add_point_on_curve", **arguments, curve=_call_of(self, made)["law"])
     if callable(curve) or not is_table(curve):
         element.fail("a polar curve is a table (angles, radii)")
     outline = table(element, "curve", (curve[0], curve[1]), "smooth", ("rad", "m"))
@@ -322,7 +326,7 @@ def add_point_on_curve(
     terms = tuple(_terms(self, element, [x, y]))
     made = _store(self, CouplingRecord(element.name, "function", "curve", terms, {"function": function, "like": 0}))
     line = (outline.times, outline.values)
-    return _said_as(self, made, "add_point_on_curve", **said, curve=line, polar=True)
+    return _recorded_as(self, made, "add_point_on_curve", **arguments, curve=line, polar=True)
 
 
 def add_rolling(
@@ -373,8 +377,8 @@ def add_rolling(
         "normal": direction(element, "normal", normal).tolist(),
         "slips": switch(element, "slips", slips),
     }
-    said = {key: value for key, value in data.items() if value is not None}
-    call = ("add_rolling", {**said, "ball": data["axis"] is None})
+    arguments = {key: value for key, value in data.items() if value is not None}
+    call = ("add_rolling", {**arguments, "ball": data["axis"] is None})
     return _store(self, CouplingRecord(element.name, "roll", "rolling contact", (), data, call))
 
 
@@ -436,8 +440,8 @@ def add_constraint(
     law(0.0, start, [0.0] * len(terms))
     law.compare(start)
     data = {"function": Function(law), "level": kind}
-    said = {"function": function, "of": terms, "gradient": gradient, "level": kind, "word": str(word)}
-    record = CouplingRecord(element.name, "function", str(word), tuple(terms), data, ("add_constraint", said))
+    arguments = {"function": function, "of": terms, "gradient": gradient, "level": kind, "word": str(word)}
+    record = CouplingRecord(element.name, "function", str(word), tuple(terms), data, ("add_constraint", arguments))
     return _store(self, record)
 
 
@@ -457,10 +461,10 @@ def factor_units(units: list[str]) -> list[str]:
     return ["" if unit == units[0] else f"{units[0] or '1'}/{unit}" if unit else units[0] for unit in units]
 
 
-def _said_as(mechanism: Drawing, made: Coupling, method: str, **said: Any) -> Coupling:
+def _recorded_as(mechanism: Drawing, made: Coupling, method: str, **arguments: Any) -> Coupling:
     """Record the method and the arguments by which it was given."""
     table = mechanism._description.couplings
-    table[made.name] = replace(table[made.name], call=(method, said))
+    table[made.name] = replace(table[made.name], call=(method, arguments))
     return made
 
 

@@ -135,10 +135,10 @@ def _drive_pose(
         body = resolve(mechanism, element, "the body", joint, ground=False)
         record = d.bodies[body]
         value = pose_value(element, pose, 3, (record.position, record.rotation))
-        said = {"joint": Ref("bodies", body), "pose": as_given(element, pose, 3)}
+        arguments = {"joint": Ref("bodies", body), "pose": as_given(element, pose, 3)}
         carrier = free_name(mechanism, f"pose of {body}", d.joints)
         found, slides = add_free(mechanism, carrier, mechanism.ground, body).name, 3
-        said["carrier"] = carrier
+        arguments["carrier"] = carrier
     elif isinstance(joint, Joint | str):
         driven = joint_record(mechanism, element, joint)
         slides = scalars(driven)
@@ -151,11 +151,11 @@ def _drive_pose(
         for i in range(slides + 3):
             _alone(mechanism, element, {"of": "joint", "joint": found, "coordinate": i})
         value = pose_value(element, pose, slides, None)
-        said = {"joint": found, "pose": as_given(element, pose, slides)}
+        arguments = {"joint": found, "pose": as_given(element, pose, slides)}
     else:
         element.fail(f"a pose belongs to a joint or a body, not to {what}")
     measures = [{"of": "joint", "joint": found, "coordinate": i} for i in range(slides + 3)]
-    d.store(d.drives, DriveRecord(element.name, measures[0], value, "pose", 0.0, slides, said))
+    d.store(d.drives, DriveRecord(element.name, measures[0], value, "pose", 0.0, slides, arguments))
     d.driven.update({driven_key(each): element.name for each in measures})
     return Drive(element.name, mechanism)
 
@@ -168,8 +168,8 @@ def driven_key(found: Mapping[str, Any]) -> str:
 def _alone(mechanism: Drawing, element: Element, found: dict[str, Any]) -> None:
     """Refuse a coordinate that is already driven."""
     if (other := mechanism._description.driven.get(driven_key(found))) is not None:
-        said = f'coordinate {found["coordinate"]} of joint "{found["joint"]}"' if found["of"] == "joint" else "it"
-        element.fail(f'{said} is already driven by "{other}"; remove one of them')
+        driven = f'coordinate {found["coordinate"]} of joint "{found["joint"]}"' if found["of"] == "joint" else "it"
+        element.fail(f'{driven} is already driven by "{other}"; remove one of them')
 
 
 def _coordinate(

@@ -16,6 +16,8 @@ ORTHONORMAL = 1e-9
 ROUND_OFF = 1e-14
 # Published inertias carry about seven digits, and thin rods and flat plates lie exactly on the bounds.
 INERTIA = 1e-6
+# A direction this nearly (cosine) along an axis does not define the direction across it: 26 degrees.
+NEARLY_ALONG = 0.9
 
 
 def transform() -> Any:
@@ -84,7 +86,7 @@ def along(element: Element, start: Array, end: Array) -> tuple[float, Array]:
     if not length > 0.0:
         element.fail(f"start and end are the same point {start.tolist()}; a rod needs a length")
     x = span / length
-    if abs(x[2]) < 0.9:
+    if abs(x[2]) < NEARLY_ALONG:
         z = _across(np.array([0.0, 0.0, 1.0]), x)
         y = _cross(z, x)
     else:

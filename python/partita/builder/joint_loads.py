@@ -141,10 +141,15 @@ def add_friction(
             if value is not None
         }
         follows["preload"] = pressed
-        said: dict[str, Any] = {"joint": found.name, "coordinate": where or None, "stick_velocity": stick, **follows}
-        said["preload"] = pressed or None
+        arguments: dict[str, Any] = {
+            "joint": found.name,
+            "coordinate": where or None,
+            "stick_velocity": stick,
+            **follows,
+        }
+        arguments["preload"] = pressed or None
         means = {"joint": found.name, "coordinate": where, "stick_velocity": stick, "follows": follows}
-        return store(self, LoadRecord(element.name, "friction", said, means, units))
+        return store(self, LoadRecord(element.name, "friction", arguments, means, units))
     if dynamic is None:
         element.fail("give its magnitude (dynamic), or a coefficient that multiplies the reaction of the joint")
     idle = [what for what, value in given.items() if value is not None] + (["preload"] if pressed else [])
@@ -155,8 +160,8 @@ def add_friction(
         "static": None if static is None else _magnitude(element, "static", static, effort),
         "stick_velocity": stick,
     }
-    said = {"joint": found.name, "coordinate": where or None, **magnitudes}
-    return store(self, LoadRecord(element.name, "friction", said, {**said, "coordinate": where}, units))
+    arguments = {"joint": found.name, "coordinate": where or None, **magnitudes}
+    return store(self, LoadRecord(element.name, "friction", arguments, {**arguments, "coordinate": where}, units))
 
 
 def add_stop(
@@ -213,10 +218,10 @@ def add_stop(
         "exponent": power,
     }
     ends = {"joint": found.name, "coordinate": where, "lower": low, "upper": high}
-    said = {**ends, "coordinate": where or None, **law, "damping": law["damping"] or None}
-    said["exponent"] = None if law["exponent"] == 1.0 else law["exponent"]
+    arguments = {**ends, "coordinate": where or None, **law, "damping": law["damping"] or None}
+    arguments["exponent"] = None if law["exponent"] == 1.0 else law["exponent"]
     units |= {"lower": unit, "upper": unit}
-    return store(self, LoadRecord(element.name, "stop", said, {**ends, **law}, units))
+    return store(self, LoadRecord(element.name, "stop", arguments, {**ends, **law}, units))
 
 
 def add_gas_spring(
@@ -265,8 +270,8 @@ def add_gas_spring(
     if law["force"] == 0.0:
         element.fail("its force is 0, so it never acts; give the force in the zero position")
     means = {"joint": found.name, "coordinate": where, **law}
-    said = {**means, "coordinate": where or None, "exponent": None if law["exponent"] == 1.3 else law["exponent"]}
-    return store(self, LoadRecord(element.name, "gas_spring", said, means, units))
+    arguments = {**means, "coordinate": where or None, "exponent": None if law["exponent"] == 1.3 else law["exponent"]}
+    return store(self, LoadRecord(element.name, "gas_spring", arguments, means, units))
 
 
 def per_power(effort: str, unit: str, power: float) -> str:

@@ -118,8 +118,8 @@ def add_force_law(
     ]
     takes(element, "function", function, f"t and the {len(sees)} things seen", 1 + len(sees))
     call = Function(LawCall(element, function, sights, len(spots)))
-    said = {"value": call, "on": pushed, "sees": asked}
-    return store(self, LoadRecord(name, "law", said, {"value": call, "sees": seen, "on": spots}))
+    arguments = {"value": call, "on": pushed, "sees": asked}
+    return store(self, LoadRecord(name, "law", arguments, {"value": call, "sees": seen, "on": spots}))
 
 
 def _items(element: Element, what: str, value: Any) -> list[Any]:

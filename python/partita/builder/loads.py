@@ -66,7 +66,7 @@ def add_bushing(
         "frame2": _axes(d, second).T @ axes,
         **law,
     }
-    said = {
+    arguments = {
         "body1": first,
         "body2": second,
         "point": where,
@@ -75,7 +75,7 @@ def add_bushing(
         "damping": _short(law["damping"]) if np.any(law["damping"]) else None,
     }
     units = {"stiffness": [x for row in STIFFNESS for x in row], "damping": [x for row in DAMPING for x in row]}
-    return store(self, LoadRecord(name, "bushing", said, means, units))
+    return store(self, LoadRecord(name, "bushing", arguments, means, units))
 
 
 def _two(mechanism: Drawing, element: Element, body1: Body | str, body2: Body | str) -> tuple[str, str]:

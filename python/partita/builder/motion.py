@@ -42,7 +42,7 @@ _ANOTHER = 1e-4
 
 
 class Motion:
-    """f(t) -> (position, velocity, acceleration), as the core asks for it.
+    """f(t) -> (position, velocity, acceleration), in the form that the core needs.
 
     Missing derivatives are computed: exactly by evaluating f on a `Jet`, and where f refuses one (`math.sin`,
     interpolators) by central differences with the step that shows the smallest error. `notes` reports that.
@@ -176,7 +176,7 @@ class Motion:
         try:
             jet = _as_jet(function(Jet(t, 1.0, 0.0)))
             return jet.x, jet.d1, jet.d2
-        except Exception:  # whatever a user's function does when it meets a number of a kind it does not know
+        except Exception:  # whatever a user's function raises for a type of number that it does not know
             result = self._differences(function, t)
         if not self.notes:
             self._warn(function, t)

@@ -80,14 +80,14 @@ def pose_value(element: Element, given: Any, slides: int, drawn: tuple[Array, Ar
         return PoseFunction(Pose(element, given, slides, drawn), slides)
     parts = _parts(element, given, slides)
     if len(parts) == 2:
-        place = vector(element, "the position of the pose", parts[0], "m", slides) if slides else np.zeros(0)
+        position = vector(element, "the position of the pose", parts[0], "m", slides) if slides else np.zeros(0)
         matrix = orientation(element, "the orientation of the pose", parts[1])
-        return Held(*_relative(place, matrix, drawn))
-    times, places, turns = parts
+        return Held(*_relative(position, matrix, drawn))
+    times, positions, turns = parts
     matrices = np.array(
         [orientation(element, f"orientation {i}", turn) for i, turn in enumerate(_each(element, turns))]
     )
-    placed = table(element, "positions", (times, places), "smooth", ("s", "m"), slides) if slides else None
+    placed = table(element, "positions", (times, positions), "smooth", ("s", "m"), slides) if slides else None
     clock = (
         placed.times
         if placed is not None
@@ -114,10 +114,10 @@ def as_given(element: Element, given: Any, slides: int) -> Any:
     if callable(given):
         return given
     match pose_value(element, given, slides, None):
-        case Held(places, matrix):
-            return (places, matrix) if slides else matrix
-        case PoseTable(times, places, matrices):
-            return (times, places, matrices) if slides else (times, matrices)
+        case Held(positions, matrix):
+            return (positions, matrix) if slides else matrix
+        case PoseTable(times, positions, matrices):
+            return (times, positions, matrices) if slides else (times, matrices)
     return given
 
 
@@ -158,8 +158,8 @@ def orientation(element: Element, what: str, value: Any) -> Array:
     return rotation(element, what, value)
 
 
-def _relative(place: Array, matrix: Array, drawn: tuple[Array, Array] | None) -> tuple[Array, Array]:
-    return (place, matrix) if drawn is None else (place - drawn[0], matrix @ drawn[1].T)
+def _relative(position: Array, matrix: Array, drawn: tuple[Array, Array] | None) -> tuple[Array, Array]:
+    return (position, matrix) if drawn is None else (position - drawn[0], matrix @ drawn[1].T)
 
 
 class Pose:
@@ -225,8 +225,8 @@ class Pose:
         return slides, turned
 
     def _exactly(self, t: float) -> tuple[list[tuple[float, float, float]], tuple[Array, Array, Array]]:
-        place, turn = self._split(self.function(Jet(t, 1.0, 0.0)), t)
-        slides = [(j.x, j.d1, j.d2) for j in map(_jet, place)]
+        position, turn = self._split(self.function(Jet(t, 1.0, 0.0)), t)
+        slides = [(j.x, j.d1, j.d2) for j in map(_jet, position)]
         if is_rotation(turn):
             raise TypeError("a Rotation carries no derivatives")
         numbers = np.array(turn, dtype=object)
@@ -259,8 +259,8 @@ class Pose:
 
         def moved(s: float) -> Array:
             if s not in seen:
-                place, other = self._plain(s)
-                seen[s] = np.concatenate([place, transform().Rotation.from_matrix(matrix.T @ other).as_rotvec()])
+                position, other = self._plain(s)
+                seen[s] = np.concatenate([position, transform().Rotation.from_matrix(matrix.T @ other).as_rotvec()])
             return seen[s]
 
         def component(i: int) -> Callable[[float], float]:
@@ -292,9 +292,9 @@ class Pose:
         return slides, (matrix, np.array([f[1] for f in turns]), np.array([f[2] for f in turns]))
 
     def _plain(self, t: float) -> tuple[Array, Array]:
-        place, turn = self._split(self.function(t), t)
+        position, turn = self._split(self.function(t), t)
         try:
-            where = np.array([one_number(item) for item in place])
+            where = np.array([one_number(item) for item in position])
         except TypeError as error:
             raise self._misshaped(t, f"a position with {error}") from error
         if is_rotation(turn):
@@ -318,10 +318,10 @@ class Pose:
             return (), value
         if not isinstance(value, tuple | list) or len(value) != 2 or shape_of(value[0]) == ():
             raise self._misshaped(t, shown(value))
-        place = list(np.asarray(value[0], dtype=object).ravel())
-        if len(place) != self.slides:
-            raise self._misshaped(t, f"{len(place)} numbers for the position")
-        return place, value[1]
+        position = list(np.asarray(value[0], dtype=object).ravel())
+        if len(position) != self.slides:
+            raise self._misshaped(t, f"{len(position)} numbers for the position")
+        return position, value[1]
 
     def _matrix(self, matrix: Array, t: float) -> Array:
         off = float(np.abs(matrix.T @ matrix - np.eye(3)).max())
@@ -365,7 +365,7 @@ class _Slide:
 
 
 class _Turning:
-    """The orientation of a pose, as the core asks for it."""
+    """The orientation of a pose, in the form that the core needs."""
 
     def __init__(self, pose: Pose) -> None:
         self.pose = pose

@@ -158,7 +158,7 @@ class DriveRecord:
     level: str = "position"
     rate: float = 0.0
     slides: int = 0
-    said: Mapping[str, Any] | None = None  # of a pose: "joint", "pose", and the joint that was added to "carry" it
+    arguments: Mapping[str, Any] | None = None  # of a pose: "joint", "pose", and the joint that was added to "carry" it
 
 
 @dataclass(frozen=True)
@@ -237,7 +237,7 @@ class LoadRecord:
 
     name: str
     kind: str
-    said: Mapping[str, Any]
+    arguments: Mapping[str, Any]
     means: Mapping[str, Any]
     units: Mapping[str, SI] = field(default_factory=dict)
 

@@ -71,7 +71,7 @@ class Reading(ABC):
             raise IndexError(f"a component is counted from 0, not {shown(component)}")
         return Expression(["component", self.tree(), component])
 
-    __iter__ = None  # else Python would ask for one component after the other, without end
+    __iter__ = None  # otherwise Python would iterate over its components without end
 
     def norm(self) -> Expression:
         """Length of a vector, or the size of a number."""

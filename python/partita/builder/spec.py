@@ -124,8 +124,8 @@ class Writer:
             data["curve"] = data["curve"].spec()["table"]
         if record.kind == "function":
             data["function"] = self._value(data["function"])["function"]
-        said = {} if record.kind == "roll" else {"word": record.word, "terms": [dict(term) for term in record.terms]}
-        return {"kind": record.kind, "name": record.name, **said, **data, **_numbers_of(record)}
+        given = {} if record.kind == "roll" else {"word": record.word, "terms": [dict(term) for term in record.terms]}
+        return {"kind": record.kind, "name": record.name, **given, **data, **_numbers_of(record)}
 
     def _drive(self, record: DriveRecord) -> Iterator[dict[str, Any]]:
         """One drive of the core for each driven coordinate."""
@@ -270,8 +270,8 @@ def _numbers_of(record: CouplingRecord) -> dict[str, Any]:
             return {"said": {"ratio": number}}
         case ("add_rack", {"radius": number}):
             return {"said": {"radius": number}}
-        case ("add_belt", said):
-            return {"said": {"radii": {key: said[key] for key in ("radius1", "radius2", "crossed")}}}
+        case ("add_belt", given):
+            return {"said": {"radii": {key: given[key] for key in ("radius1", "radius2", "crossed")}}}
         case ("add_distance", _):
             return {"said": "length"}
         case _:

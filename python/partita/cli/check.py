@@ -44,5 +44,5 @@ def _words(found: dict[str, Any]) -> list[str]:
     if report["remedies"]:
         remedies = ", ".join(f"{x['is']} {x['joint']} by {x['by']}" for x in report["remedies"])
         words.append(f"  remedy: with {remedies} replaced nothing is redundant, and nothing else moves")
-    words += [f"look at: {said}" for said in (*report["suspicious"], *report["notes"])]
+    words += [f"look at: {remark}" for remark in (*report["suspicious"], *report["notes"])]
     return words

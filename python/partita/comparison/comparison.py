@@ -13,7 +13,7 @@ from ..naming import index_of
 from .bench import Bench
 from .cases import Case
 from .progress import Progress
-from .row import FAILED, Row, lacking, measured, not_run
+from .row import Row, lacking, measured, not_run, refused
 from .table import CONDITION_NOTE, aligned, notes, to_pandas, write_csv
 from .work_precision import WorkPrecision, work_precision
 
@@ -138,8 +138,8 @@ def carry_out(bench: Bench, cases: Sequence[Case], reference: Result | None, pro
             if result is not None and len(result.t) > 1 and row.steps:
                 runs[len(rows) - 1] = result
         dearest = max(((rows[i].time or 0.0) / (rows[i].evaluations or 1) for i in runs), default=0.0)
-        for place, cost in zip(runs, bench.costs(list(runs.values()), dearest) if runs else [], strict=True):
-            rows[place] = replace(rows[place], time_per_evaluation=cost)
+        for index, cost in zip(runs, bench.costs(list(runs.values()), dearest) if runs else [], strict=True):
+            rows[index] = replace(rows[index], time_per_evaluation=cost)
     except KeyboardInterrupt as error:
         stopped = error
     finally:
@@ -159,5 +159,5 @@ def _row(bench: Bench, case: Case, progress: Any) -> tuple[Row, Result | None]:
         result, time = bench.run(case, progress)
         bare = bench.run(case, None, bare=True)[1] if result.success else None
     except PartitaError as error:
-        return not_run(case, str(error), FAILED), None
+        return refused(case, error), None
     return measured(case, bench, result, time, bare), result

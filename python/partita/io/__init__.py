@@ -10,7 +10,7 @@ from typing import Any
 from ..builder import Builder
 from ..errors import FileFormatError
 from ..files import place, target
-from . import mjcf, mjcf_writer, robot, sdf, toml, urdf, urdf_writer
+from . import mjcf, mjcf_writer, robot, robot_builder, sdf, toml, urdf, urdf_writer
 from .reading import Reading, Remark
 from .toml import Maker
 from .writing import Writing
@@ -26,7 +26,7 @@ def _robot(of: Callable[[Path], robot.Robot]) -> Callable[[Path, Maker, str], An
         found = of(path)
         more = {} if found.drawing_tolerance is None else {"drawing_tolerance": found.drawing_tolerance}
         mechanism: Any = make(found.name, found.gravity, **more)
-        robot.build(found, mechanism, base)
+        robot_builder.build(found, mechanism, base)
         mechanism.reading = found.reading
         return mechanism
 

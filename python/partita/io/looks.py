@@ -22,7 +22,7 @@ class Look:
     """A shape, and its frame in a link."""
 
     link: str
-    place: Array
+    pose: Array
     shape: dict[str, Any]
 
 
@@ -55,7 +55,7 @@ def shapes_of(robot: Any, root: str | None) -> dict[str, list[dict[str, Any]]]:
     found: dict[str, list[dict[str, Any]]] = {}
     lost: list[str] = []
     for look in robot.looks:
-        link, place = look.link, look.place
+        link, pose = look.link, look.pose
         if not _has_size(look.shape):
             robot.reading.dropped.append(Remark(None, f'a {look.shape["kind"]} of "{link}" that has no size'))
             continue
@@ -63,10 +63,10 @@ def shapes_of(robot: Any, root: str | None) -> dict[str, list[dict[str, Any]]]:
             if link not in robot.frames:
                 lost.append(link)
                 continue
-            link, carried = robot.frames[link]
-            place = carried @ place
+            link, frame = robot.frames[link]
+            pose = frame @ pose
         body = "ground" if link == root else link
-        found.setdefault(body, []).append(_placed(look.shape, place))
+        found.setdefault(body, []).append(_placed(look.shape, pose))
     if found:
         robot.reading.used.append(Remark(None, f"{sum(map(len, found.values()))} shapes to draw"))
     if lost:
@@ -74,10 +74,10 @@ def shapes_of(robot: Any, root: str | None) -> dict[str, list[dict[str, Any]]]:
     return found
 
 
-def _placed(shape: dict[str, Any], place: Array) -> dict[str, Any]:
-    left, _, right = np.linalg.svd(place[:3, :3])  # products of many rotations carry some round-off
+def _placed(shape: dict[str, Any], pose: Array) -> dict[str, Any]:
+    left, _, right = np.linalg.svd(pose[:3, :3])  # products of many rotations carry some round-off
     axes = (left @ right).T
-    center = [float(x) for x in place[:3, 3]]
+    center = [float(x) for x in pose[:3, 3]]
     if shape["kind"] == "cylinder":
         return {**shape, "center": center, "axis": axes[2].tolist()}
     return (

@@ -42,8 +42,8 @@ def read(path: Path) -> Robot:
     try:
         model = mujoco.MjModel.from_xml_path(str(path))
     except (ValueError, RuntimeError) as error:
-        said = " ".join(str(error).split())
-        refuse(path, _line(said), f"MuJoCo cannot read it: {said}")
+        message = " ".join(str(error).split())
+        refuse(path, _line(message), f"MuJoCo cannot read it: {message}")
     return _Reader(mujoco, model, found, path).robot()
 
 
@@ -101,8 +101,8 @@ def _looked_at(path: Path, folder: Path, including: tuple[Path, ...], named: _Na
     return root
 
 
-def _line(said: str) -> int | None:
-    words = said.replace(",", " ").replace("Line number=", "line ").split()
+def _line(message: str) -> int | None:
+    words = message.replace(",", " ").replace("Line number=", "line ").split()
     at = next((i for i, word in enumerate(words[:-1]) if word.lower() == "line"), None)
     return int(words[at + 1]) if at is not None and words[at + 1].isdigit() else None
 
@@ -140,7 +140,7 @@ class _Reader:
         """The element of that name in the file; else the root."""
         return next((self.named[tag, name] for tag in tags if (tag, name) in self.named), self.root)
 
-    def said(self, remarks: list[Remark], at: Element, text: str) -> None:
+    def remark(self, remarks: list[Remark], at: Element, text: str) -> None:
         remarks.append(Remark(None if at is self.root else at.line, text))
 
     def robot(self) -> Robot:
@@ -172,31 +172,31 @@ class _Reader:
         held = float(m.body_gravcomp[i])
         link.gravity = held != 1.0
         if held not in (0.0, 1.0):
-            said = f"gravcomp {held:g} of body {name}: gravity acts on a body fully or not at all"
-            self.said(robot.reading.dropped, at, said)
+            remark = f"gravcomp {held:g} of body {name}: gravity acts on a body fully or not at all"
+            self.remark(robot.reading.dropped, at, remark)
         parent = "world" if m.body_parentid[i] == 0 else self.name("body", m.body_parentid[i])
-        place = placed(m.body_pos[i], self.turned(m.body_quat[i]))
+        pose = placed(m.body_pos[i], self.turned(m.body_quat[i]))
         first, count = int(m.body_jntadr[i]), int(m.body_jntnum[i])
         if count == 0:
             robot.joints[f"{name} on {parent}"] = Joint(
-                f"{name} on {parent}", "fixed", parent, name, place, np.array([1.0, 0.0, 0.0]), at
+                f"{name} on {parent}", "fixed", parent, name, pose, np.array([1.0, 0.0, 0.0]), at
             )
         for j in range(first, first + count):
             last = j == first + count - 1
             child = name if last else f"{name} before {self.name('joint', j + 1)}"
             if not last:
                 robot.links[child] = Link(child, 0.0, np.zeros(3), np.zeros((3, 3)), at)
-            self.joint(j, parent, child, place)
-            parent, place = child, np.eye(4)
+            self.joint(j, parent, child, pose)
+            parent, pose = child, np.eye(4)
         robot.links[name] = link
 
-    def joint(self, j: int, parent: str, child: str, place: Array) -> None:
+    def joint(self, j: int, parent: str, child: str, pose: Array) -> None:
         m, kinds, robot = self.model, self.mujoco.mjtJoint, self.made
         name, kind = self.name("joint", j), int(m.jnt_type[j])
         self.joint_names[j] = name
         at = self.at("joint", "freejoint", name=name)
         words = {kinds.mjJNT_FREE: "free", kinds.mjJNT_BALL: "spherical", kinds.mjJNT_SLIDE: "prismatic"}
-        found = Joint(name, words.get(kind, "revolute"), parent, child, place, m.jnt_axis[j].copy(), at)
+        found = Joint(name, words.get(kind, "revolute"), parent, child, pose, m.jnt_axis[j].copy(), at)
         if found.kind != "free":
             found.point = m.jnt_pos[j].copy()
         d, q, dropped = int(m.jnt_dofadr[j]), int(m.jnt_qposadr[j]), robot.reading.dropped
@@ -205,17 +205,17 @@ class _Reader:
             if stiffness != 0.0 or damping != 0.0:
                 found.efforts = [Effort(stiffness, damping, float(m.qpos_spring[q] - m.qpos0[q]))]
         elif np.any(m.dof_damping[d]) or np.any(m.jnt_stiffness[j]):
-            self.said(dropped, at, f"spring and damper of joint {name}, which has no single coordinate")
+            self.remark(dropped, at, f"spring and damper of joint {name}, which has no single coordinate")
         if m.dof_armature[d] != 0.0:
-            self.said(
+            self.remark(
                 dropped, at, f"armature {m.dof_armature[d]:g} of joint {name}: add a body for the rotor, with add_gear"
             )
         if m.dof_frictionloss[d] != 0.0:
-            said = f"frictionloss {m.dof_frictionloss[d]:g} of joint {name}: use add_friction"
-            self.said(dropped, at, said)
+            remark = f"frictionloss {m.dof_frictionloss[d]:g} of joint {name}: use add_friction"
+            self.remark(dropped, at, remark)
         if m.jnt_limited[j]:
             low, high = m.jnt_range[j]
-            self.said(dropped, at, f"limits {low:g} to {high:g} of joint {name} do not act as stops; use add_stop")
+            self.remark(dropped, at, f"limits {low:g} to {high:g} of joint {name} do not act as stops; use add_stop")
         robot.joints[name] = found
 
     def tendon(self, i: int) -> None:
@@ -232,10 +232,10 @@ class _Reader:
         at = self.at("spatial", name=name)
         for value, words in ((m.tendon_limited[i], "limits"), (m.tendon_frictionloss[i], "frictionloss")):
             if value != 0.0:
-                self.said(self.made.reading.dropped, at, f"{words} of tendon {name}: use add_stop, add_friction")
+                self.remark(self.made.reading.dropped, at, f"{words} of tendon {name}: use add_stop, add_friction")
         one, other = ((self.link(int(m.site_bodyid[end])), m.site_pos[end].copy()) for end in ends)
         self.made.springs.append(Spring(name, one, other, stiffness, damping, float(rest[0])))
-        self.said(self.made.reading.used, at, f"tendon {name} is a spring between two points")
+        self.remark(self.made.reading.used, at, f"tendon {name} is a spring between two points")
 
     def equalities(self) -> None:
         m, kinds, robot = self.model, self.mujoco.mjtEq, self.made
@@ -245,7 +245,7 @@ class _Reader:
             tags = {kinds.mjEQ_CONNECT: "connect", kinds.mjEQ_WELD: "weld", kinds.mjEQ_JOINT: "joint"}
             at = self.at(tags.get(kind, "equality"), name=name)
             if not m.eq_active0[i]:
-                self.said(robot.reading.dropped, at, f"equality {name} is not active")
+                self.remark(robot.reading.dropped, at, f"equality {name} is not active")
             elif kind == kinds.mjEQ_JOINT:
                 self.tie(i, name, at)
             elif kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
@@ -256,7 +256,7 @@ class _Reader:
                     pair = connects.setdefault((first[0], second[0]), [])
                     pair.append(_Held(name, (first[1][:3, 3], second[1][:3, 3]), at))
             else:
-                self.said(robot.reading.dropped, at, f"equality {name} between tendons or flexible bodies")
+                self.remark(robot.reading.dropped, at, f"equality {name} between tendons or flexible bodies")
         for bodies, held in connects.items():
             self.connect(bodies, held)
 
@@ -298,7 +298,7 @@ class _Reader:
         robot.loops.append(Loop(first.name, kind, ends[0], ends[1], first.at, np.array([1.0, 0.0, 0.0])))
         if count:
             names, what = " and ".join(x.name for x in held), ("", "a line: a hinge", "a plane: a weld")[min(count, 2)]
-            self.said(robot.reading.changed, first.at, f"{names} join points of {what}, {first.name}")
+            self.remark(robot.reading.changed, first.at, f"{names} join points of {what}, {first.name}")
 
     def tie(self, i: int, name: str, at: Element) -> None:
         """A joint that follows another one: y = a0 + a1 x + ..., both relative to the drawn position."""
@@ -306,10 +306,10 @@ class _Reader:
         one, other, data = int(m.eq_obj1id[i]), int(m.eq_obj2id[i]), m.eq_data[i]
         follower = self.name("joint", one)
         if np.any(data[2:5]):
-            self.said(robot.reading.dropped, at, f"equality {name} is a polynomial of higher order: use add_cam")
+            self.remark(robot.reading.dropped, at, f"equality {name} is a polynomial of higher order: use add_cam")
         elif other < 0 or data[1] == 0.0:
-            said = f"equality {name} fixes the position of joint {follower}: use add_drive"
-            self.said(robot.reading.dropped, at, said)
+            remark = f"equality {name} fixes the position of joint {follower}: use add_drive"
+            self.remark(robot.reading.dropped, at, remark)
         else:
             leader = self.name("joint", other)
             robot.ties.append(Tie(name, [follower, leader], [1.0, -float(data[1])], float(data[0]), at))

@@ -70,18 +70,18 @@ class _Writer:
             self.called["world"] = self.names.new("body world")
             report.changed.append(f'body "world" is called "{self.called["world"]}": the ground has that name')
         self.size = self.extent()
-        carried: dict[str, list[Branch]] = {}
+        children: dict[str, list[Branch]] = {}
         for branch in tree.branches:
-            carried.setdefault(branch.parent, []).append(branch)
+            children.setdefault(branch.parent, []).append(branch)
         for closure in tree.closures:
-            self.closure(closure, carried)
+            self.closure(closure, children)
         tied = ties(d, tree, report)
         for name, follower, leader, factor, offset in tied:
             ends = f"joint1={quoted(follower)} joint2={quoted(leader)}"
             coefficients = f'polycoef="{words((offset, factor, 0.0, 0.0, 0.0))}"'
             self.equalities.append(f"    <joint name={quoted(name)} {ends} {coefficients}/>")
         tendons = [line for f in d.forces.values() if isinstance(f, SpringRecord) for line in self.spring(f)]
-        bodies = self.bodies(carried)
+        bodies = self.bodies(children)
         for joint, coordinate in self.springs:
             report.dropped.append(f"spring of coordinate {coordinate} of joint {joint}, which joins points")
         leftovers(d, report, (SpringRecord, TorsionSpringRecord))
@@ -103,14 +103,14 @@ class _Writer:
 
     def extent(self) -> float:
         """Extent of the drawing [m]."""
-        places = np.array([body.position for body in self.mechanism._description.bodies.values()] or [np.zeros(3)])
-        found = float(np.linalg.norm(np.max(places, axis=0) - np.min(places, axis=0)))
+        positions = np.array([body.position for body in self.mechanism._description.bodies.values()] or [np.zeros(3)])
+        found = float(np.linalg.norm(np.max(positions, axis=0) - np.min(positions, axis=0)))
         return found if found > 0.0 else 1.0
 
-    def bodies(self, carried: dict[str, list[Branch]]) -> list[str]:
+    def bodies(self, children: dict[str, list[Branch]]) -> list[str]:
         """Bodies nested in their parents."""
         lines: list[str] = []
-        waiting: list[tuple[Branch | None, int]] = [(b, 2) for b in reversed(carried.get(GROUND, []))]
+        waiting: list[tuple[Branch | None, int]] = [(b, 2) for b in reversed(children.get(GROUND, []))]
         while waiting:
             branch, depth = waiting.pop()
             if branch is None:
@@ -127,7 +127,7 @@ class _Writer:
             waiting.append((None, depth))
             if branch.name not in self.halves:
                 lines += self.sites.get(branch.body, [])
-                waiting += [(other, depth + 1) for other in reversed(carried.get(branch.body, []))]
+                waiting += [(other, depth + 1) for other in reversed(children.get(branch.body, []))]
             else:
                 lines += self.sites.get(branch.name, [])
         return lines
@@ -137,15 +137,15 @@ class _Writer:
         body = self.mechanism._description.bodies[branch.body]
         half = branch.name in self.halves
         name = branch.name if half else self.called[branch.body]
-        place = f'pos="{words(branch.place[:3, 3])}" quat="{words(quaternion(branch.place[:3, :3]))}"'
+        pose = f'pos="{words(branch.pose[:3, 3])}" quat="{words(quaternion(branch.pose[:3, :3]))}"'
         held = "" if body.gravity else ' gravcomp="1"'
         moves = bool(branch.motions) or branch.floats
         parts = 1 + self.cuts.count(branch.body)
-        lines = [f"<body name={quoted(name)} {place}{held}>", f"  {self.inertial(body, parts, moves)}"]
+        lines = [f"<body name={quoted(name)} {pose}{held}>", f"  {self.inertial(body, parts, moves)}"]
         if branch.floats:
             if np.any(branch.point):
-                said = f'the origin of "{branch.body}", not its own point'
-                self.report.changed.append(f"free joint {branch.name} gives the position of {said}")
+                origin = f'the origin of "{branch.body}", not its own point'
+                self.report.changed.append(f"free joint {branch.name} gives the position of {origin}")
             if branch.parent == GROUND:
                 lines.append(f"  <freejoint name={quoted(branch.name)}/>")
             else:
@@ -154,7 +154,7 @@ class _Writer:
             self.report.changed.append(f"weld {branch.name} loses its name: nested bodies are welded")
         if len(branch.motions) > 1 and branch.joint is not None:
             what = f"{branch.joint.kind} joint {branch.joint.name}"
-            self.report.changed.append(f"{what} is the joints {', '.join(m.name for m in branch.motions)}")
+            self.report.changed.append(f"{what} is written as the joints {', '.join(m.name for m in branch.motions)}")
         at = f'pos="{words(branch.point)}"'
         for motion in branch.motions:
             lines.append(f"  {self.joint(branch, motion, at)}")
@@ -201,21 +201,21 @@ class _Writer:
             moments[int(np.argmin(moments))] = (large - middle) * (1.0 + 1e-15) + 1e-300
         if mass < least or np.any(moments != given):
             asked = f"mass {max(mass, least):g} kg, moments {words(moments)} kg m^2"
-            said = f'body "{body.name}" has {asked}: MuJoCo requires positive values, and a + b >= c'
+            remark = f'body "{body.name}" has {asked}: MuJoCo requires positive values, and a + b >= c'
             slight = mass >= least and float(np.max(np.abs(moments - given))) <= SLIGHT * float(np.max(np.abs(given)))
-            (self.report.changed if slight else self.report.dropped).append(said)
+            (self.report.changed if slight else self.report.dropped).append(remark)
         turned = "" if diagonal else f' quat="{words(quaternion(axes))}"'
-        said = f'mass="{text(max(mass, least))}" diaginertia="{words(moments)}"'
-        return f'<inertial pos="{words(body.com)}"{turned} {said}/>'
+        attributes = f'mass="{text(max(mass, least))}" diaginertia="{words(moments)}"'
+        return f'<inertial pos="{words(body.com)}"{turned} {attributes}/>'
 
-    def site(self, body: str, name: str, place: Array) -> str:
+    def site(self, body: str, name: str, pose: Array) -> str:
         """A frame on a body, or on a part of one."""
         called = self.names.new(name)
-        frame = f'pos="{words(place[:3, 3])}" quat="{words(quaternion(place[:3, :3]))}"'
+        frame = f'pos="{words(pose[:3, 3])}" quat="{words(quaternion(pose[:3, :3]))}"'
         self.sites.setdefault(body, []).append(f"    <site name={quoted(called)} {frame}/>")
         return called
 
-    def closure(self, closure: Closure, carried: dict[str, list[Branch]]) -> None:
+    def closure(self, closure: Closure, children: dict[str, list[Branch]]) -> None:
         """A loop closure."""
         joint, name = closure.joint, closure.joint.name
         bound = any((name, m.coordinate) in self.springs for m in closure.motions)
@@ -234,7 +234,7 @@ class _Writer:
                 self.hold("connect", beside, joint.parent, frames[0], joint.child, frames[1])
                 self.report.changed.append(f"hinge {name} closes a loop: two points on its axis are connected")
         else:
-            self.cut(closure, carried)
+            self.cut(closure, children)
 
     def hold(self, tag: str, name: str, parent: str, here: Array, child: str, there: Array) -> None:
         """Two frames become one."""
@@ -242,7 +242,7 @@ class _Writer:
         ends = f"site1={quoted(sites[0])} site2={quoted(sites[1])}"
         self.equalities.append(f"    <{tag} name={quoted(name)} {ends}/>")
 
-    def cut(self, closure: Closure, carried: dict[str, list[Branch]]) -> None:
+    def cut(self, closure: Closure, children: dict[str, list[Branch]]) -> None:
         """Half of the child belongs to the joint and is welded to the other half."""
         joint = closure.joint
         reverse = joint.child == GROUND
@@ -255,9 +255,9 @@ class _Writer:
         motions = motions[::-1] if reverse else motions
         self.halves.add(half)
         self.cuts.append(body)
-        place = here @ inverse(there)
-        branch = Branch(body, parent, joint, place, there[:3, 3], tuple(motions), name=half)
-        carried.setdefault(parent, []).append(branch)
+        pose = here @ inverse(there)
+        branch = Branch(body, parent, joint, pose, there[:3, 3], tuple(motions), name=half)
+        children.setdefault(parent, []).append(branch)
         weld = self.names.new(f"{joint.name} closes")
         sites = self.site(half, f"{weld} half", np.eye(4)), self.site(body, f"{weld} body", np.eye(4))
         ends = f"site1={quoted(sites[0])} site2={quoted(sites[1])}"
@@ -278,9 +278,9 @@ class _Writer:
             self.report.dropped.append(f"spring {record.name}, whose free length is negative")
             return []
         for i, (body, point) in enumerate(points, 1):
-            place = np.eye(4)
-            place[:3, 3] = point
-            ends.append(self.site(body, f"{record.name} end {i}", place))
+            pose = np.eye(4)
+            pose[:3, 3] = point
+            ends.append(self.site(body, f"{record.name} end {i}", pose))
         law = f'stiffness="{text(record.stiffness)}" damping="{text(record.damping)}" springlength="{text(length)}"'
         sites = [f"      <site site={quoted(end)}/>" for end in ends]
         return [f"    <spatial name={quoted(record.name)} {law}>", *sites, "    </spatial>"]

@@ -1,21 +1,19 @@
 """A robot between its file and a mechanism: links, joints that form a tree, and loop closures.
 
-The readers of URDF, SDFormat and MJCF fill it; `build` draws it. Frames are 4 x 4, in their parents' or in the world.
+The readers of URDF, SDFormat and MJCF fill it; `robot_builder` draws it. Frames are 4 x 4, in their parents' or in the
+world.
 """
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..builder import Builder
-from ..errors import DescriptionError
-from .looks import Look, shapes_of
-from .reading import Reading, Remark
+from .looks import Look
+from .reading import Reading
 from .xmltree import Element
 
 Array = NDArray[np.float64]
@@ -73,7 +71,7 @@ class Joint:
     kind: str
     parent: str
     child: str
-    place: Array
+    pose: Array
     axis: Array
     at: Element
     efforts: list[Effort] = field(default_factory=list)
@@ -131,27 +129,27 @@ class Robot:
 
     def root(self) -> str:
         """The root link, which is the child of no joint; refuses trees with none, with several, and cycles."""
-        carried: dict[str, Joint] = {}
+        parent_joint: dict[str, Joint] = {}
         for joint in self.joints.values():
             for end in (joint.parent, joint.child):
                 if end not in self.links:
                     joint.at.fail(f'names the link "{end}", which does not exist')
-            if joint.child in carried:
-                other = carried[joint.child].name
+            if joint.child in parent_joint:
+                other = parent_joint[joint.child].name
                 joint.at.fail(
                     f'has the child "{joint.child}", which is already the child of joint "{other}"; in this format a '
                     "link has one parent joint: close the loop by a pair of frames"
                 )
-            carried[joint.child] = joint
-        roots = [name for name in self.links if name not in carried]
+            parent_joint[joint.child] = joint
+        roots = [name for name in self.links if name not in parent_joint]
         if len(roots) == 1:
             seen = self.outwards(roots[0])
             if len(seen) == len(self.links):
                 return roots[0]
-            lost = carried[next(name for name in self.links if name not in set(seen))]
+            lost = parent_joint[next(name for name in self.links if name not in set(seen))]
             lost.at.fail(f'joints form a cycle through the link "{lost.child}", which is not connected to the root')
         if not roots:
-            next(iter(carried.values())).at.fail("joints form a cycle: every link is the child of another one")
+            next(iter(parent_joint.values())).at.fail("joints form a cycle: every link is the child of another one")
         self.links[roots[1]].at.fail(
             f'is the child of no joint, and neither is "{roots[0]}": a robot has one root; join them, by a fixed or a '
             "floating joint"
@@ -159,12 +157,12 @@ class Robot:
 
     def outwards(self, name: str) -> list[str]:
         """A link and all its descendants, each after its parent."""
-        carried: dict[str, list[str]] = {}
+        children: dict[str, list[str]] = {}
         for joint in self.joints.values():
-            carried.setdefault(joint.parent, []).append(joint.child)
+            children.setdefault(joint.parent, []).append(joint.child)
         found = [name]
         for link in found:
-            found += carried.get(link, [])
+            found += children.get(link, [])
         return found
 
     def frame(self, name: str) -> tuple[str, Array] | None:
@@ -197,312 +195,7 @@ def turned(rpy: Any) -> Array:
     )
 
 
-def fold_marks(robot: Robot) -> None:
-    """Massless links at the end of fixed joints are frames of their parents."""
-    while True:
-        parents = {joint.parent for joint in robot.joints.values()}
-        marks = [
-            joint
-            for joint in robot.joints.values()
-            if joint.kind == "fixed" and joint.child not in parents and robot.links[joint.child].mass <= MASSLESS
-        ]
-        if not marks:
-            return
-        for joint in marks:
-            for name, (link, place) in list(robot.frames.items()):
-                if link == joint.child:
-                    robot.frames[name] = (joint.parent, joint.place @ place)
-            robot.frames[joint.child] = robot.frames[joint.name] = (joint.parent, joint.place)
-            for loop in robot.loops:
-                loop.first, loop.second = (
-                    (joint.parent, joint.place @ place) if link == joint.child else (link, place)
-                    for link, place in (loop.first, loop.second)
-                )
-            mass = robot.links[joint.child].mass
-            with_mass = f" and its mass of {mass:.2g} kg is omitted" if mass > 0.0 else ""
-            said = f'link "{joint.child}" is taken as a frame of "{joint.parent}"{with_mass}'
-            robot.reading.changed.append(Remark(robot.links[joint.child].at.line, said))
-            del robot.joints[joint.name], robot.links[joint.child]
-
-
-def fold_hinges(robot: Robot) -> None:
-    """Two or three hinges through one point with only massless links between them are a universal or a ball joint."""
-    tied = {name for tie in robot.ties for name in tie.joints}
-    held = {link for loop in robot.loops for link, _ in (loop.first, loop.second)}
-    held |= {link for link, _ in robot.frames.values()} | _sprung(robot)
-    carrying = {joint.child: joint for joint in robot.joints.values()}
-    carried: dict[str, list[Joint]] = {}
-    for joint in robot.joints.values():
-        carried.setdefault(joint.parent, []).append(joint)
-
-    def between(name: str) -> bool:
-        """Whether this link only connects two hinges through one point."""
-        link, after = robot.links[name], carried.get(name, [])
-        if name in held or name not in carrying or len(after) != 1 or link.mass > MASSLESS or np.any(link.inertia):
-            return False
-        hinges = carrying[name].kind == after[0].kind == "revolute"
-        before, behind = carrying[name].point, after[0].place[:3, 3] + after[0].place[:3, :3] @ after[0].point
-        return hinges and float(np.linalg.norm(behind - before)) <= THROUGH
-
-    for last in list(robot.joints.values()):
-        chain = [last]
-        while between(chain[0].parent):
-            chain.insert(0, carrying[chain[0].parent])
-        if between(last.child) or len(chain) > 3:
-            continue
-        names = [joint.name for joint in chain]
-        if len(chain) == 1 or tied.intersection(names):
-            continue
-        axes, place = [], np.eye(4)
-        for joint in chain:
-            place = place @ joint.place
-            axes.append(place[:3, :3] @ joint.axis)
-        apart = np.linalg.svd(np.array(axes), compute_uv=False)[-1]
-        square = len(chain) == 3 or abs(float(axes[0] @ axes[1])) <= 1e-9
-        if apart < 1e-3 or not square:
-            continue
-        kind = "spherical" if len(chain) == 3 else "universal"
-        efforts = [effort for i, joint in enumerate(chain) for effort in joint.along(i)]
-        if kind == "spherical" and efforts:
-            continue  # a ball has no angles for springs to act along
-        first, second = (place[:3, :3].T @ axis for axis in axes[:2])
-        folded = Joint(
-            last.name,
-            kind,
-            chain[0].parent,
-            last.child,
-            place,
-            first,
-            last.at,
-            efforts,
-            second=second,
-            point=last.point,
-        )
-        for joint in chain[:-1]:
-            del robot.links[joint.child], robot.joints[joint.name]
-        robot.joints[last.name] = folded
-        said = f"hinges {', '.join(names)} with no mass between them are one {kind} joint, {last.name}"
-        robot.reading.changed.append(Remark(last.at.line, said))
-
-
-def fold_sleeves(robot: Robot) -> None:
-    """A slide and a hinge along one line with only massless links between them are a cylindrical joint."""
-    carried = Counter(joint.parent for joint in robot.joints.values())
-    carrying = {joint.child: joint for joint in robot.joints.values()}
-    used = {name for tie in robot.ties for name in tie.joints}
-    used |= {link for loop in robot.loops for link, _ in (loop.first, loop.second)}
-    used |= {link for link, _ in robot.frames.values()} | _sprung(robot)
-    for turn in list(robot.joints.values()):
-        slide = carrying.get(turn.parent)
-        if slide is None or (slide.kind, turn.kind) != ("prismatic", "revolute") or used & {slide.name, turn.name}:
-            continue
-        axis = turn.place[:3, :3] @ turn.axis
-        if turn.parent in used or carried[turn.parent] != 1 or not _nothing(robot, turn.parent):
-            continue
-        if float(np.linalg.norm(axis - slide.axis)) > THROUGH:
-            continue
-        place = slide.place @ turn.place
-        robot.joints[turn.name] = Joint(
-            turn.name,
-            "cylindrical",
-            slide.parent,
-            turn.child,
-            place,
-            turn.axis,
-            turn.at,
-            [*slide.along(0), *turn.along(1)],
-            point=turn.point,
-        )
-        del robot.joints[slide.name], robot.links[turn.parent]
-        said = f"{slide.name} and {turn.name} with no mass between them are one cylindrical joint, {turn.name}"
-        robot.reading.changed.append(Remark(turn.at.line, said))
-
-
-def fold_ends(robot: Robot) -> None:
-    """A massless link at the end of a joint, welded to another link, is omitted: the joint closes the loop itself."""
-    carried = Counter(joint.parent for joint in robot.joints.values())
-    carrying = {joint.child: joint for joint in robot.joints.values()}
-    ends = Counter(link for loop in robot.loops for link, _ in (loop.first, loop.second))
-    tied = {name for tie in robot.ties for name in tie.joints}
-    marked = {link for link, _ in robot.frames.values()} | _sprung(robot)
-    for loop in robot.loops:
-        for one, other in ((loop.first, loop.second), (loop.second, loop.first)):
-            joint = carrying.get(one[0])
-            if loop.kind != "fixed" or joint is None or joint.kind in ("fixed", "free") or joint.name in tied:
-                continue
-            alone = ends[one[0]] == 1 and carried[one[0]] == 0 and one[0] not in marked
-            if not alone or not _nothing(robot, one[0]) or other[0] == joint.parent:
-                continue
-            point = placed(joint.point, np.eye(3))
-            back = np.eye(4)
-            back[:3, :3] = one[1][:3, :3].T
-            back[:3, 3] = -back[:3, :3] @ one[1][:3, 3]
-            loop.kind, loop.axis, loop.second_axis = joint.kind, joint.axis, joint.second
-            loop.efforts = [replace(e, name=e.name or f"spring of {joint.name}") for e in joint.efforts]
-            loop.first, loop.second = (joint.parent, joint.place @ point), (other[0], other[1] @ back @ point)
-            said = f'link "{one[0]}" of no mass is omitted: {joint.name} closes the loop {loop.name} directly'
-            robot.reading.changed.append(Remark(robot.links[one[0]].at.line, said))
-            robot.frames.pop(joint.name, None)
-            del robot.joints[joint.name], robot.links[one[0]]
-            break
-    for loop in robot.loops:
-        while loop.name in robot.joints:
-            loop.name = f"closing {loop.name}"
-
-
-def _nothing(robot: Robot, link: str) -> bool:
-    """Whether this link has neither mass nor inertia."""
-    return robot.links[link].mass == 0.0 and not np.any(robot.links[link].inertia)
-
-
-def _sprung(robot: Robot) -> set[str]:
-    """Links to which springs between points are attached."""
-    return {link for spring in robot.springs for link, _ in (spring.first, spring.second)}
-
-
-def build(robot: Robot, mechanism: Builder, base: str) -> None:
-    """Draw the robot with all its coordinates zero; the root is fixed, or floats, unless the file gives all poses."""
-    if robot.poses is not None:
-        _placed(robot, mechanism, robot.poses)
-        robot.reading.shapes = shapes_of(robot, None)
-        return
-    root = robot.root()
-    fold_marks(robot)
-    if not robot.gimbals:
-        fold_hinges(robot)
-        fold_sleeves(robot)
-        fold_ends(robot)
-    order = robot.outwards(root)
-    into = {joint.child: joint for joint in robot.joints.values()}
-    pose = {root: np.eye(4)}
-    for name in order[1:]:
-        pose[name] = pose[into[name].parent] @ into[name].place
-    stands = robot.links[root].mass <= MASSLESS and base == "fixed"
-    body: dict[str, Any] = {root: mechanism.ground} if stands else {}
-    for name in order[int(stands) :]:
-        body[name] = _body(robot, mechanism, robot.links[name], pose[name])
-    if stands:
-        robot.reading.changed.append(Remark(robot.links[root].at.line, f'link "{root}" is the ground'))
-    elif base == "fixed":
-        mechanism.add_fixed(f"{root} stands", mechanism.ground, body[root])
-        robot.reading.changed.append(Remark(robot.links[root].at.line, f'the root "{root}" is fixed to the ground'))
-    for joint in (into[name] for name in order[1:]):
-        where = pose[joint.child] @ placed(joint.point, np.eye(3))
-        ends = (body[joint.parent], body[joint.child])
-        axes = (joint.axis, joint.second)
-        _joint(mechanism, joint.name, joint.kind, ends, (where, where), axes, joint.at)
-        _springs(mechanism, joint.name, joint.efforts)
-    for loop in robot.loops:
-        (link1, frame1), (link2, frame2) = loop.first, loop.second
-        if body[link1] == body[link2]:
-            message = f'{loop.name} joins two frames of one link, "{link1}"; it closes nothing'
-            robot.reading.dropped.append(Remark(loop.at.line if loop.at else None, message))
-            continue
-        frames = (pose[link1] @ frame1, pose[link2] @ frame2)
-        axis = np.array([1.0, 0.0, 0.0]) if loop.axis is None else loop.axis
-        ends = (body[link1], body[link2])
-        _joint(mechanism, loop.name, loop.kind, ends, frames, (axis, loop.second_axis), loop.at)
-        _springs(mechanism, loop.name, loop.efforts)
-    for tie in robot.ties:
-        mechanism.add_coupler(tie.name, tie.joints, tie.factors, tie.offset)
-    for spring in robot.springs:
-        sides = [_on_body(robot, *side) for side in (spring.first, spring.second)]
-        (link1, point1), (link2, point2) = sides
-        data: dict[str, Any] = {"stiffness": spring.stiffness, "damping": spring.damping, "length": spring.length}
-        mechanism.add_spring(spring.name, body[link1], point1, body[link2], point2, **data)
-    robot.reading.shapes = shapes_of(robot, root if stands else None)
-
-
-def _on_body(robot: Robot, link: str, point: Array) -> tuple[str, Array]:
-    """A point of a link that may have become a frame."""
-    if link in robot.links:
-        return link, point
-    carrier, place = robot.frames[link]
-    return carrier, place[:3, :3] @ point + place[:3, 3]
-
-
-def _placed(robot: Robot, mechanism: Builder, poses: dict[str, Array]) -> None:
-    """A model that gives the poses of its links; its joints may close loops."""
-    body: dict[str, Any] = {"world": mechanism.ground}
-    for name, link in robot.links.items():
-        body[name] = _body(robot, mechanism, link, poses[name])
-    for joint in robot.joints.values():
-        ends, frames = (body[joint.parent], body[joint.child]), (joint.place, joint.place)
-        _joint(mechanism, joint.name, joint.kind, ends, frames, (joint.axis, joint.second), joint.at, joint.pitch)
-        _springs(mechanism, joint.name, joint.efforts)
-
-
-def _springs(mechanism: Builder, joint: str, efforts: list[Effort]) -> None:
-    """Springs and dampers of a joint."""
-    for effort in efforts:
-        name = effort.name or f"spring of {joint}"
-        while name in mechanism._description.forces:
-            name = f"{name} of {joint}"
-        law = {"stiffness": effort.stiffness, "damping": effort.damping, "angle": effort.rest}
-        mechanism.add_torsion_spring(joint, **law, coordinate=effort.coordinate, name=name)
-
-
-def _body(robot: Robot, mechanism: Builder, link: Link, pose: Array) -> Any:
-    if link.mass > HEAVY:
-        said = f'link "{link.name}" of {link.mass:.3g} kg looks like a dummy; it is kept as it is'
-        robot.reading.changed.append(Remark(link.at.line, said))
-    try:
-        return mechanism.add_body(
-            link.name,
-            mass=link.mass,
-            inertia=link.inertia,
-            com=link.com,
-            position=pose[:3, 3],
-            orientation=nearest(pose[:3, :3]),
-            **({} if link.gravity else {"gravity": False}),
-        )
-    except DescriptionError as error:
-        link.at.fail(f"cannot be a body: {error.message}")
-
-
 def nearest(rotation: Array) -> Array:
     """The nearest rotation: products of many have some round-off."""
     left, _, right = np.linalg.svd(rotation)
     return np.asarray(left @ right)
-
-
-def _joint(
-    mechanism: Builder,
-    name: str,
-    kind: str,
-    ends: tuple[Any, Any],
-    frames: tuple[Array, Array],
-    axes: tuple[Array, Array | None],
-    at: Element | None,
-    pitch: float = 0.0,
-) -> None:
-    """A joint between two frames of the world, which may differ slightly."""
-    here, there = frames
-    point = here[:3, 3]
-    apart: dict[str, Any] = {}
-    if not np.array_equal(here, there):
-        apart = {"child_point": there[:3, 3]}
-    axis = here[:3, :3] @ axes[0]
-    if (apart and kind in ("revolute", "prismatic", "cylindrical")) or (apart and kind == "planar"):
-        apart["child_axis"] = there[:3, :3] @ axes[0]
-    elif apart and kind in ("fixed", "universal"):
-        apart["child_frame"] = nearest(there[:3, :3] @ here[:3, :3].T)
-    add: Any = mechanism
-    try:
-        if kind in ("revolute", "prismatic", "cylindrical"):
-            getattr(add, f"add_{kind}")(name, *ends, point=point, axis=axis, **apart)
-        elif kind == "screw":
-            add.add_screw(name, *ends, point=point, axis=axis, pitch=pitch)
-        elif kind == "planar":
-            add.add_planar(name, *ends, point=point, normal=axis, **apart)
-        elif kind == "universal":
-            second = here[:3, :3] @ (axes[0] if axes[1] is None else axes[1])
-            add.add_universal(name, *ends, point=point, axis1=axis, axis2=second, **apart)
-        elif kind == "free":
-            add.add_free(name, *ends, point=point)
-        else:
-            getattr(add, f"add_{kind}")(name, *ends, point=point, **apart)
-    except DescriptionError as error:
-        if at is None:
-            raise
-        at.fail(f"cannot be a joint: {error.message}")

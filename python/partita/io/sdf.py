@@ -93,9 +93,9 @@ class _Reader:
             a, b, c, w = np.array(quaternion) / np.linalg.norm(quaternion)
             cross = np.array([[0, -c, b], [c, 0, -a], [-b, a, 0]])
             return placed((x, y, z), np.eye(3) + 2 * w * cross + 2 * cross @ cross)
-        place = numbers(item, "the text", item.text, 6)
-        rpy = np.array(place[3:])
-        return placed(place[:3], turned(np.radians(rpy) if item.get("degrees") in ("true", "1") else rpy))
+        values = numbers(item, "the text", item.text, 6)
+        rpy = np.array(values[3:])
+        return placed(values[:3], turned(np.radians(rpy) if item.get("degrees") in ("true", "1") else rpy))
 
     def frame(self, name: str, by: Element, asked: tuple[str, ...] = ()) -> Array:
         """A frame in the model."""
@@ -165,9 +165,9 @@ class _Reader:
                 self.look(name, visual)
             except FileFormatError as error:  # how a robot looks does not decide whether it is read
                 self.made.reading.dropped.append(Remark(visual.line, f"appearance of a link: {error.message}"))
-        mass, place, inertia = 1.0, np.eye(4), np.eye(3)
+        mass, pose, inertia = 1.0, np.eye(4), np.eye(3)
         if inertial is not None:
-            place = self.pose(inertial.first("pose"))
+            pose = self.pose(inertial.first("pose"))
             weight, moments = inertial.first("mass"), inertial.first("inertia")
             mass = 1.0 if weight is None else numbers(weight, "the text", weight.text, 1)[0]
             of = dict.fromkeys(("ixx", "iyy", "izz"), 1.0) | dict.fromkeys(("ixy", "ixz", "iyz"), 0.0)
@@ -176,11 +176,11 @@ class _Reader:
                     of[part.tag] = numbers(part, "the text", part.text, 1)[0]
             inertia = np.array([[of["ixx"], of["ixy"], of["ixz"]], [of["ixy"], of["iyy"], of["iyz"]],
                                 [of["ixz"], of["iyz"], of["izz"]]])  # fmt: skip
-            inertia = place[:3, :3] @ inertia @ place[:3, :3].T
+            inertia = pose[:3, :3] @ inertia @ pose[:3, :3].T
         if inertial is None or inertial.first("mass") is None or inertial.first("inertia") is None:
-            said = f'link "{name}" gives no mass or no inertia; the defaults of the format are 1 kg and 1 kg m^2'
-            self.made.reading.changed.append(Remark(item.line, said))
-        self.made.links[name] = Link(name, mass, place[:3, 3], 0.5 * (inertia + inertia.T), item)
+            remark = f'link "{name}" gives no mass or no inertia; the defaults of the format are 1 kg and 1 kg m^2'
+            self.made.reading.changed.append(Remark(item.line, remark))
+        self.made.links[name] = Link(name, mass, pose[:3, 3], 0.5 * (inertia + inertia.T), item)
         self.poses[name] = self.frame(name, item)
 
     def joint(self, item: Element) -> None:
@@ -225,8 +225,8 @@ class _Reader:
             ]
             if limit is not None:
                 bounds = ", ".join(f"{x.tag} {x.text.strip()}" for x in limit.children)
-                said = f"limits of joint {name} ({bounds}) do not act as stops; use add_stop"
-                dropped.append(Remark(limit.line, said))
+                remark = f"limits of joint {name} ({bounds}) do not act as stops; use add_stop"
+                dropped.append(Remark(limit.line, remark))
         self.made.joints[name] = made
 
     def axis(self, item: Element, tag: str, where: Array) -> Array:

@@ -46,27 +46,27 @@ def read(robot: Robot) -> bool:
     path = next((p for p in (robot.reading.path.with_suffix(end) for end in (".yaml", ".yml")) if p.is_file()), None)
     if path is None:
         return False
-    said, lines = _loaded(path)
+    entries, lines = _loaded(path)
 
     def wrong(key: str, message: str) -> NoReturn:
         refuse(path, lines.get(key), message)
 
-    pairs, kinds = said.get("closed_loop", []), said.get("type")
+    pairs, kinds = entries.get("closed_loop", []), entries.get("type")
     if not isinstance(pairs, list) or not all(isinstance(p, list) and len(p) == 2 for p in pairs):
         wrong("closed_loop", f"closed_loop must be a list of pairs of frames, not {pairs!r:.80}")
     kinds = ["6d"] * len(pairs) if kinds is None else kinds
     if not isinstance(kinds, list) or len(kinds) != len(pairs):
         wrong("type", f"type must be a list of {len(pairs)} words, one for each closed loop, not {kinds!r:.80}")
-    names = said.get("name")
+    names = entries.get("name")
     names = [f"{pair[0]} = {pair[1]}" for pair in pairs] if names is None else names
     if not isinstance(names, list) or len(names) != len(pairs):
         wrong("name", f"name must be a list of {len(pairs)} names, one for each closed loop, not {names!r:.80}")
     twice = [name for name, count in Counter(map(str, names)).items() if count > 1]
     if twice:
         wrong("name", f'name: "{twice[0]}" appears twice; loops have names of their own')
-    gravity = _gravity(said.get("gravity", robot.gravity))
+    gravity = _gravity(entries.get("gravity", robot.gravity))
     if gravity is None:
-        wrong("gravity", f"gravity must be three finite numbers, not {said['gravity']!r:.80}")
+        wrong("gravity", f"gravity must be three finite numbers, not {entries['gravity']!r:.80}")
     robot.gravity = gravity
     for number, (pair, kind) in enumerate(zip(pairs, kinds, strict=True), 1):
         if str(kind).lower() not in _KINDS:
@@ -79,23 +79,23 @@ def read(robot: Robot) -> bool:
             (path, lines.get("closed_loop")),
             str(names[number - 1]),
         )
-    _springs(robot, said.get("springs", []), wrong)
-    light = said.get("weightless", [])
-    if not isinstance(light, list) or not all(str(name) in robot.links for name in light):
-        wrong("weightless", f"weightless must be a list of links of the URDF, not {light!r:.80}")
-    for name in light:
+    _springs(robot, entries.get("springs", []), wrong)
+    weightless = entries.get("weightless", [])
+    if not isinstance(weightless, list) or not all(str(name) in robot.links for name in weightless):
+        wrong("weightless", f"weightless must be a list of links of the URDF, not {weightless!r:.80}")
+    for name in weightless:
         robot.links[str(name)].gravity = False
-    if "drawing_tolerance" in said:
-        robot.drawing_tolerance = _number(said["drawing_tolerance"])
+    if "drawing_tolerance" in entries:
+        robot.drawing_tolerance = _number(entries["drawing_tolerance"])
         if robot.drawing_tolerance is None:
-            wrong("drawing_tolerance", f"drawing_tolerance must be a number, not {said['drawing_tolerance']!r:.80}")
-    motors = said.get("name_mot")
+            wrong("drawing_tolerance", f"drawing_tolerance must be a number, not {entries['drawing_tolerance']!r:.80}")
+    motors = entries.get("name_mot")
     if motors:
         words = motors if isinstance(motors, list) else [motors]
         robot.reading.dropped.append(Remark(None, f"motors {', '.join(map(str, words))} of {path.name}: use add_drive"))
-    for key in sorted(set(said) - _KEYS, key=str):
+    for key in sorted(set(entries) - _KEYS, key=str):
         robot.reading.dropped.append(Remark(None, f'"{key}" of {path.name} is not known'))
-    return "closed_loop" in said
+    return "closed_loop" in entries
 
 
 def _springs(robot: Robot, items: Any, wrong: Callable[[str, str], NoReturn]) -> None:
@@ -141,8 +141,8 @@ def _springs(robot: Robot, items: Any, wrong: Callable[[str, str], NoReturn]) ->
         own, reported = (sum(e.damping for e in x) for x in (joint.efforts, efforts))
         if joint.efforts and abs(own - reported) > _SAME * max(abs(own), abs(reported)):
             ignored = f"the value {reported:g} in the sidecar file is ignored"
-            said = f"damping {own:g} of joint {name} is taken from the URDF; {ignored}"
-            robot.reading.changed.append(Remark(joint.at.line, said))
+            remark = f"damping {own:g} of joint {name} is taken from the URDF; {ignored}"
+            robot.reading.changed.append(Remark(joint.at.line, remark))
             joint.efforts = [replace(e, name=f"damper of {name}") for e in joint.efforts]
             joint.efforts += [replace(e, damping=0.0) for e in efforts if e.stiffness != 0.0]
         else:
@@ -155,8 +155,8 @@ def _end(robot: Robot, value: Any) -> tuple[str, Array] | None:
     """A link and a point in its axes."""
     if not isinstance(value, list) or len(value) != 4 or str(value[0]) not in robot.links:
         return None
-    place = [_number(x) for x in value[1:]]
-    return None if None in place else (str(value[0]), np.array(place, dtype=float))
+    point = [_number(x) for x in value[1:]]
+    return None if None in point else (str(value[0]), np.array(point, dtype=float))
 
 
 def _number(value: Any) -> float | None:
@@ -203,16 +203,16 @@ def _loaded(path: Path) -> tuple[dict[str, Any], dict[str, int]]:
             line = key.start_mark.line + 1
             if lines.setdefault(key.value, line) != line:
                 refuse(path, line, f'"{key.value}" appears twice; the first one is in line {lines[key.value]}')
-        said = yaml.safe_load(content)
+        entries = yaml.safe_load(content)
     except (yaml.YAMLError, ValueError) as error:
         if isinstance(error, FileFormatError):
             raise
         mark = getattr(error, "problem_mark", None)
         words = " ".join(str(getattr(error, "problem", None) or error).split())
         refuse(path, None if mark is None else mark.line + 1, f"it is not YAML: {words}")
-    if not isinstance(said, dict):
+    if not isinstance(entries, dict):
         refuse(path, None, "it contains no keys such as closed_loop")
-    return said, lines
+    return entries, lines
 
 
 def close(
@@ -220,7 +220,7 @@ def close(
     name: str,
     pair: tuple[str, str],
     kind: str,
-    place: tuple[Path, int | None] | None,
+    location: tuple[Path, int | None] | None,
     called: str | None = None,
 ) -> None:
     """Join two frames."""
@@ -228,7 +228,7 @@ def close(
     for frame in pair:
         found = robot.frame(frame)
         if found is None:
-            path, line = place or (robot.reading.path, None)
+            path, line = location or (robot.reading.path, None)
             refuse(path, line, f'"{frame}" closes a loop but is not a link, frame or joint of the URDF')
         frames.append(found)
     robot.loops.append(Loop(called or f"{pair[0]} = {pair[1]}", _KINDS[kind], frames[0], frames[1], None))

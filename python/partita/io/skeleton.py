@@ -44,7 +44,7 @@ class Branch:
     body: str
     parent: str
     joint: JointRecord | None
-    place: Array
+    pose: Array
     point: Array
     motions: tuple[Motion, ...]
     floats: bool = False
@@ -235,13 +235,13 @@ def _point(joint: JointRecord, drawn: dict[str, Array]) -> Array:
 def _named(joint: JointRecord, turn: Array, names: Names, reverse: bool) -> tuple[Motion, ...]:
     """The motions of a joint, their axes turned by `turn`; the last one bears its name, for its coordinate."""
     order = list(enumerate(axes_of(joint)))
-    said: list[Motion] = []
+    motions: list[Motion] = []
     for kind_axis in reversed(order) if reverse else order:
         i, (kind, axis) = kind_axis
-        last = len(said) == len(order) - 1
+        last = len(motions) == len(order) - 1
         name = joint.name if last else names.new(f"{joint.name} {kind} {i}")
-        said.append(Motion(kind, turn @ (-axis if reverse else axis), name, i))
-    return tuple(said)
+        motions.append(Motion(kind, turn @ (-axis if reverse else axis), name, i))
+    return tuple(motions)
 
 
 def _branch(
@@ -261,27 +261,27 @@ def _branch(
     if apart:
         there = placed(point if joint.child_point is None else joint.child_point, _turn_of_child(joint))
         moved = placed(point, np.eye(3)) @ inverse(there)  # the transformation of the child to the joint on the parent
-        place = inverse(drawn[joint.parent]) @ moved @ drawn[joint.child]
-        place = inverse(place) if reverse else place
-        place[:3, :3] = nearest(place[:3, :3])
+        pose = inverse(drawn[joint.parent]) @ moved @ drawn[joint.child]
+        pose = inverse(pose) if reverse else pose
+        pose[:3, :3] = nearest(pose[:3, :3])
     else:
-        place = inverse(drawn[parent]) @ drawn[body]
+        pose = inverse(drawn[parent]) @ drawn[body]
     same = not apart and parent not in rough
-    poses[body] = drawn[body] if same else poses[parent] @ place
+    poses[body] = drawn[body] if same else poses[parent] @ pose
     if not same:
         rough.add(body)
     if reverse:
-        said = f'joint {joint.name} is reversed: from "{joint.child}" to "{joint.parent}", about the opposite axis'
-        report.changed.append(f"{said}: its coordinates are the same, its reactions have the other sign")
+        remark = f'joint {joint.name} is reversed: from "{joint.child}" to "{joint.parent}", about the opposite axis'
+        report.changed.append(f"{remark}: its coordinates are the same, its reactions have the other sign")
         if any(kind == "ball" for kind, _ in axes_of(joint)):
             report.changed[-1] += ", its quaternion is the conjugate"
     # axes and point in the moving body
     at = inverse(drawn[joint.parent])[:3, :3]
     in_parent = placed(at @ (point - drawn[joint.parent][:3, 3]), at)
-    seen = in_parent if reverse else inverse(place) @ in_parent
+    seen = in_parent if reverse else inverse(pose) @ in_parent
     floats = joint.kind == "free"
     motions = () if floats else _named(joint, seen[:3, :3], names, reverse)
-    return Branch(body, parent, joint, place, seen[:3, 3], motions, floats, joint.name)
+    return Branch(body, parent, joint, pose, seen[:3, 3], motions, floats, joint.name)
 
 
 def _closure(d: Description, joint: JointRecord, drawn: dict[str, Array], names: Names) -> Closure:
@@ -394,6 +394,6 @@ def words(values: Iterable[float]) -> str:
 
 def quoted(name: str) -> str:
     """A name as the value of an attribute, quotes included."""
-    for sign, said in (("&", "&amp;"), ("<", "&lt;"), (">", "&gt;"), ('"', "&quot;")):
-        name = name.replace(sign, said)
+    for sign, entity in (("&", "&amp;"), ("<", "&lt;"), (">", "&gt;"), ('"', "&quot;")):
+        name = name.replace(sign, entity)
     return f'"{name}"'

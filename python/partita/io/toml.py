@@ -157,8 +157,8 @@ class _File:
 
     def _error(self, pointer: str, sentence: str) -> FileFormatError:
         line = _core.toml_line(self.text, pointer)
-        place = f'"{self.path}", line {line}' if line is not None else f'"{self.path}"'
-        return FileFormatError(f"{place}: {sentence}", path=self.path, line=line)
+        location = f'"{self.path}", line {line}' if line is not None else f'"{self.path}"'
+        return FileFormatError(f"{location}: {sentence}", path=self.path, line=line)
 
 
 def _call_of(kind: str, item: dict[str, Any]) -> tuple[str, dict[str, Any]]:

@@ -79,8 +79,8 @@ def _sensor(record: SensorRecord) -> Entries:
             of = {kind: data[kind]}
     coordinate = data.get("coordinate") if data["of"] == "joint" else data.get("body") if "force" in data else None
     axes = None if data.get("axes") == "world" else data.get("axes")
-    said = {"reads": data.get("reads"), "axes": axes, "coordinate": coordinate}
-    return {"name": record.name, "of": of, **said, "unit": record.unit, "text": record.text}
+    entries = {"reads": data.get("reads"), "axes": axes, "coordinate": coordinate}
+    return {"name": record.name, "of": of, **entries, "unit": record.unit, "text": record.text}
 
 
 def _body(record: BodyRecord) -> Entries:
@@ -137,13 +137,13 @@ def _joint(record: JointRecord) -> Entries:
 def _drive(record: DriveRecord) -> Entries:
     element = Element("drive", record.name)
     what = record.measure
-    said: Entries = {"joint": what}
+    entries: Entries = {"joint": what}
     if what["of"] == "joint":
-        said = {"joint": what["joint"], "coordinate": what["coordinate"] or None}
+        entries = {"joint": what["joint"], "coordinate": what["coordinate"] or None}
     rate = record.rate or None
     if isinstance(record.motion, Held | PoseTable | PoseFunction):
         return {"name": record.name, "joint": what["joint"], "pose": _pose(element, record)}
-    return {"name": record.name, **said, record.level: _value(element, record.motion), "rate": rate}
+    return {"name": record.name, **entries, record.level: _value(element, record.motion), "rate": rate}
 
 
 def _pose(element: Element, record: DriveRecord) -> Entries:
@@ -152,8 +152,8 @@ def _pose(element: Element, record: DriveRecord) -> Entries:
         case Held(slides, matrix):
             return {**({"position": slides} if record.slides else {}), "orientation": matrix}
         case PoseTable(times, slides, matrices):
-            places = {"positions": slides} if record.slides else {}
-            return {"times": times, **places, "orientations": matrices}
+            positions = {"positions": slides} if record.slides else {}
+            return {"times": times, **positions, "orientations": matrices}
     element.fail(
         "its pose is a Python function, which a file cannot contain; sample it into a table (times, positions, "
         "orientations) before saving"
@@ -162,12 +162,12 @@ def _pose(element: Element, record: DriveRecord) -> Entries:
 
 def _coupling(record: CouplingRecord) -> str:
     data, word = dict(record.data), {"word": record.word}
-    method, said = record.call
+    method, arguments = record.call
     if method in ("add_gear", "add_belt", "add_rack", "add_distance"):
         # coordinates that are the default, and an uncrossed belt, are omitted
         entries = {
             key: value or None if key in ("coordinate1", "coordinate2", "crossed") else value
-            for key, value in said.items()
+            for key, value in arguments.items()
         }
         length = {"length": data["offset"]} if method == "add_distance" else {}
         return _table(f"[[{method.removeprefix('add_')}]]", {"name": record.name, **entries, **length})
@@ -223,11 +223,11 @@ def _force(record: ForceLike) -> str:
                 },
             )
         case LoadRecord():
-            said = {key: _said(element, value) for key, value in record.said.items()}
-            return _table(f"[[{record.kind}]]", {"name": record.name, **said})
+            arguments = {key: _argument(element, value) for key, value in record.arguments.items()}
+            return _table(f"[[{record.kind}]]", {"name": record.name, **arguments})
 
 
-def _said(element: Element, value: Any) -> Any:
+def _argument(element: Element, value: Any) -> Any:
     """The form in which an argument was given."""
     return _value(element, value) if isinstance(value, Constant | Table | Function) else value
 

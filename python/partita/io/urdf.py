@@ -100,13 +100,13 @@ def _link(robot: Robot, item: Element, left: Counter[str], lines: dict[str, int]
     inertial = item.first("inertial")
     if inertial is not None:
         mass = inertial.the("mass").number("value")
-        place = origin(inertial.first("origin"))
+        pose = origin(inertial.first("origin"))
         moments = inertial.the("inertia")
         of = {key: moments.number(key, 0.0) for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")}
         inertia = np.array(
             [[of["ixx"], of["ixy"], of["ixz"]], [of["ixy"], of["iyy"], of["iyz"]], [of["ixz"], of["iyz"], of["izz"]]]
         )
-        com, axes = place[:3, 3], place[:3, :3]
+        com, axes = pose[:3, 3], pose[:3, :3]
         inertia = axes @ inertia @ axes.T
     robot.links[name] = Link(name, mass, com, 0.5 * (inertia + inertia.T), item)
 
@@ -160,10 +160,10 @@ def _joint(robot: Robot, item: Element) -> None:
         item.fail(f"appears twice; the first one is in line {robot.joints[name].at.line}")
     if kind not in _KINDS:
         item.fail(f'has the type "{kind}"; known: {", ".join(_KINDS)}')
-    place = origin(item.first("origin"))
+    pose = origin(item.first("origin"))
     ends = [item.the(tag).must("link") for tag in ("parent", "child")]
     axis = _axis(item) if kind not in ("fixed", "floating", "spherical") else np.array([1.0, 0.0, 0.0])
-    joint = Joint(name, _KINDS[kind], ends[0], ends[1], place, axis, item)
+    joint = Joint(name, _KINDS[kind], ends[0], ends[1], pose, axis, item)
     dynamics, limit = item.first("dynamics"), item.first("limit")
     if dynamics is not None:
         damping, friction = dynamics.number("damping", 0.0), dynamics.number("friction", 0.0)
@@ -172,12 +172,12 @@ def _joint(robot: Robot, item: Element) -> None:
         if damping > 0.0 and joint.kind in ("revolute", "prismatic"):
             joint.efforts = [Effort(damping=damping)]
         if friction != 0.0:
-            said = f"friction {friction:g} of joint {name}: use add_friction, which also needs the stick velocity"
-            robot.reading.dropped.append(Remark(dynamics.line, said))
+            remark = f"friction {friction:g} of joint {name}: use add_friction, which also needs the stick velocity"
+            robot.reading.dropped.append(Remark(dynamics.line, remark))
     if limit is not None and kind in ("revolute", "prismatic"):
         low, high = limit.number("lower", 0.0), limit.number("upper", 0.0)
-        said = f"limits {low:g} to {high:g} of joint {name} do not act as stops; use add_stop"
-        robot.reading.dropped.append(Remark(limit.line, said))
+        remark = f"limits {low:g} to {high:g} of joint {name} do not act as stops; use add_stop"
+        robot.reading.dropped.append(Remark(limit.line, remark))
     for child in item.children:
         if child.tag not in ("origin", "parent", "child", "axis", "dynamics", "limit", "mimic"):
             robot.reading.dropped.append(Remark(child.line, f"<{child.tag}> of joint {name}: it is not used"))
@@ -215,8 +215,8 @@ def _side(robot: Robot, item: Element) -> tuple[str, Array]:
     link = item.must("link")
     if link not in robot.links:
         item.fail(f'names the link "{link}", which does not exist')
-    place = item.first("origin")
-    return link, origin(place if place is not None else item)
+    pose = item.first("origin")
+    return link, origin(pose if pose is not None else item)
 
 
 def _loop(robot: Robot, item: Element) -> Loop:
@@ -233,11 +233,11 @@ def _loop(robot: Robot, item: Element) -> Loop:
     if len(sides) != 2:
         item.fail(f"names {len(sides)} links by <predecessor>, <successor> or <link1>, <link2>; a loop joins two")
     first, second = (_side(robot, side) for side in sides)
-    for tag, place in (("origin", 0), ("parent_origin", 0), ("child_origin", 1)):
+    for tag, pose in (("origin", 0), ("parent_origin", 0), ("child_origin", 1)):
         if (own := item.first(tag)) is not None:
-            link, frame = (first, second)[place]
+            link, frame = (first, second)[pose]
             moved = (link, frame @ origin(own))
-            first, second = (moved, second) if place == 0 else (first, moved)
+            first, second = (moved, second) if pose == 0 else (first, moved)
     if plain and item.first("child_origin") is None:
         robot.reading.changed.append(
             Remark(item.line, f"loop {name}: no frame in {second[0]} is given, so the frame of the link is used")

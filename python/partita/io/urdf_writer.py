@@ -100,8 +100,8 @@ class _Writer:
             self.body(branch.body)
             self.branch(branch)
         if shifted:
-            said = f"so it has changed in {', '.join(shifted)}"
-            report.changed.append(f"a link's frame coincides with that of its joint, {said}")
+            remark = f"so it has changed in {', '.join(shifted)}"
+            report.changed.append(f"a link's frame coincides with that of its joint, {remark}")
         for closure in tree.closures:
             self.closure(closure)
         for joint, coordinate in self.springs:
@@ -114,8 +114,8 @@ class _Writer:
         leftovers(d, report, (SpringRecord, TorsionSpringRecord))
         self.weightless = [name for name, body in d.bodies.items() if not body.gravity]
         if self.weightless:
-            said = f"that gravity does not act on {', '.join(self.weightless)} is written to the sidecar file"
-            report.changed.append(f"{said}; other programs apply it to all bodies")
+            remark = f"that gravity does not act on {', '.join(self.weightless)} is written to the sidecar file"
+            report.changed.append(f"{remark}; other programs apply it to all bodies")
         if d.drawing_tolerance != DRAWING_TOLERANCE:
             report.changed.append(f"the drawing tolerance {d.drawing_tolerance:g} is written to the sidecar file")
         head = f"<robot name={quoted(d.name)}>"
@@ -159,13 +159,13 @@ class _Writer:
         return self.world if body == GROUND else body
 
     def branch(self, branch: Branch) -> None:
-        place = inverse(self.frames[branch.parent]) @ branch.place @ self.frames[branch.body]
+        pose = inverse(self.frames[branch.parent]) @ branch.pose @ self.frames[branch.body]
         ends = self.of(branch.parent), self.of(branch.body)
         if not branch.motions:
-            self.joint(branch.name, "floating" if branch.floats else "fixed", ends, place)
+            self.joint(branch.name, "floating" if branch.floats else "fixed", ends, pose)
             return
         assert branch.joint is not None
-        self.chain(branch.joint.name, branch.joint.kind, branch.motions, ends, place)
+        self.chain(branch.joint.name, branch.joint.kind, branch.motions, ends, pose)
 
     def chain(
         self,
@@ -173,13 +173,13 @@ class _Writer:
         kind: str,
         motions: tuple[Motion, ...],
         ends: tuple[str, str],
-        place: Array,
+        pose: Array,
     ) -> None:
         """Translations and rotations, one after the other, through massless links."""
         if kind == "planar" and not any((name, m.coordinate) in self.springs or m.name in self.mimics for m in motions):
             normal = next(m.axis for m in motions if m.kind == "turn")
             if not any(leader in {m.name for m in motions} for leader, _, _ in self.mimics.values()):
-                self.joint(name, "planar", ends, place, normal)
+                self.joint(name, "planar", ends, pose, normal)
                 return
         steps: list[tuple[str, Array, str, int]] = []
         for motion in motions:
@@ -199,7 +199,7 @@ class _Writer:
                 self.link(there)
             found = self.springs.pop((name, coordinate), [])
             kind_word = "prismatic" if motion_kind == "slide" else "continuous"
-            self.joint(step, kind_word, (here, there), place if i == 0 else np.eye(4), axis, found)
+            self.joint(step, kind_word, (here, there), pose if i == 0 else np.eye(4), axis, found)
             here = there
 
     def joint(
@@ -207,14 +207,14 @@ class _Writer:
         name: str,
         kind: str,
         ends: tuple[str, str],
-        place: Array,
+        pose: Array,
         axis: Array | None = None,
         found: Iterable[TorsionSpringRecord] = (),
     ) -> None:
         """One joint of the file, with the springs at it."""
         lines = [
             f"  <joint name={quoted(name)} type={quoted(kind)}>",
-            f'    <origin xyz="{words(place[:3, 3])}" rpy="{words(rpy(place[:3, :3]))}"/>',
+            f'    <origin xyz="{words(pose[:3, 3])}" rpy="{words(rpy(pose[:3, :3]))}"/>',
             f"    <parent link={quoted(ends[0])}/>",
             f"    <child link={quoted(ends[1])}/>",
         ]
@@ -231,12 +231,12 @@ class _Writer:
                 law = _law(record.stiffness, record.damping, "angle", record.angle)
                 self.beside.append(f"{{name: {_scalar(record.name)}, joint: {_scalar(name)}, {law}}}")
                 other = "take its damping alone" if damping > 0.0 else "do not know it"
-                said = f"spring {record.name} of joint {name} is written to the sidecar file"
-                self.report.changed.append(f"{said}; other programs {other}")
+                remark = f"spring {record.name} of joint {name} is written to the sidecar file"
+                self.report.changed.append(f"{remark}; other programs {other}")
         if name in self.mimics:
             leader, factor, offset = self.mimics[name]
-            said = f'joint={quoted(leader)} multiplier="{text(factor)}" offset="{text(offset)}"'
-            lines.append(f"    <mimic {said}/>")
+            attributes = f'joint={quoted(leader)} multiplier="{text(factor)}" offset="{text(offset)}"'
+            lines.append(f"    <mimic {attributes}/>")
         self.joints += [*lines, "  </joint>"]
 
     def closure(self, closure: Closure) -> None:
@@ -263,17 +263,17 @@ class _Writer:
         """A spring between two points, in the sidecar file."""
         ends = []
         for word, body, point in (("from", record.body1, record.point1), ("to", record.body2, record.point2)):
-            place = point - self.frames[body][:3, 3]
-            ends.append(f"{word}: {_listed([_scalar(self.of(body)), *map(_float, place)])}")
+            pose = point - self.frames[body][:3, 3]
+            ends.append(f"{word}: {_listed([_scalar(self.of(body)), *map(_float, pose)])}")
         law = _law(record.stiffness, record.damping, "length", free_length(self.mechanism._description, record))
         self.beside.append(f"{{name: {_scalar(record.name)}, {', '.join(ends)}, {law}}}")
-        said = f"spring {record.name} between two points is written to the sidecar file"
-        self.report.changed.append(f"{said}; other programs ignore it")
+        remark = f"spring {record.name} between two points is written to the sidecar file"
+        self.report.changed.append(f"{remark}; other programs ignore it")
 
-    def mark(self, name: str, link: str, place: Array) -> None:
+    def mark(self, name: str, link: str, pose: Array) -> None:
         """A frame of a link."""
         self.link(name)
-        self.joint(self.names.new(f"{name} on {link}"), "fixed", (link, name), place)
+        self.joint(self.names.new(f"{name} on {link}"), "fixed", (link, name), pose)
 
     def sidecar(self) -> str | None:
         """The sidecar in YAML; None where it would be empty and no existing file would be read with the URDF."""
@@ -295,8 +295,8 @@ class _Writer:
         ]
         if gravity != GRAVITY:
             lines.append(f"gravity: {_listed(_float(x) for x in gravity)}")
-            said = f"gravity ({', '.join(f'{x:g}' for x in gravity)}) is written to the sidecar file"
-            self.report.changed.append(f"{said}; other programs take (0, 0, -9.81)")
+            remark = f"gravity ({', '.join(f'{x:g}' for x in gravity)}) is written to the sidecar file"
+            self.report.changed.append(f"{remark}; other programs take (0, 0, -9.81)")
         if self.beside:
             lines += ["springs:", *(f"  - {spring}" for spring in self.beside)]
         if self.weightless:
@@ -331,8 +331,8 @@ def _law(stiffness: float, damping: float, word: str, rest: float) -> str:
 
 def _float(value: float) -> str:
     """A number in YAML, which requires a point before the exponent."""
-    said = text(value)
-    return said if "e" not in said or "." in said else said.replace("e", ".0e")
+    written = text(value)
+    return written if "e" not in written or "." in written else written.replace("e", ".0e")
 
 
 def rpy(rotation: Array) -> tuple[float, float, float]:

@@ -114,8 +114,8 @@ def assemblies(
     found, blocks, notes = model.core.assemblies(start.t, start.q, which)
     all_of_them = []
     for q, branches, residual in found:
-        place = State(start.t, q, np.zeros(model.core.nv), layout=layout)
-        state = assemble(self, None, rates, place, t=start.t)
+        position = State(start.t, q, np.zeros(model.core.nv), layout=layout)
+        state = assemble(self, None, rates, position, t=start.t)
         signs = {words: sign for words, sign in zip(blocks, branches, strict=True) if sign != 0}
         all_of_them.append(Assembled(state, signs, residual))
     return Assemblies(tuple(all_of_them), tuple(blocks), tuple(notes))

@@ -119,9 +119,9 @@ def _point(what: str, key: tuple[Any, ...], model: CompiledModel) -> list[Goal]:
             f"{what}: the axes of a point are letters of 'xyz', each once, such as 'xy', not {shown(axes)}",
             argument=what,
         )
-    place = (float(point[0]), float(point[1]), float(point[2]))
-    words = f"point ({', '.join(f'{x:g}' for x in place)}) of {name}"
-    return [(f"{words} in {axis}", "point", bodies.index(name), _AXES.index(axis), place) for axis in axes]
+    local = (float(point[0]), float(point[1]), float(point[2]))
+    words = f"point ({', '.join(f'{x:g}' for x in local)}) of {name}"
+    return [(f"{words} in {axis}", "point", bodies.index(name), _AXES.index(axis), local) for axis in axes]
 
 
 def asked(what: str, wanted: Any, model: CompiledModel) -> list[tuple[Any, list[Goal], Any]]:
@@ -160,7 +160,7 @@ def columns(
         raise ArgumentError(f"{what} is empty; name what differs from pose to pose", argument=what)
     goals: list[Goal] = []
     parts: list[tuple[Any, NDArray[np.float64]]] = []
-    places: dict[str, list[int]] = {}
+    indices: dict[str, list[int]] = {}
     for key, own, value in entries:
         try:
             array = floats(si(f"{what}[{shown(key)}]", value, _by_rows(value, units_of(own, model))))
@@ -183,7 +183,7 @@ def columns(
             row = int(np.argmin(np.isfinite(array).all(axis=1)))
             message = f"{what}[{shown(key)}] of pose {row} is {shown(array[row].tolist())}; give finite numbers"
             raise ArgumentError(message, argument=what)
-        places[str(key)] = list(range(len(goals), len(goals) + count))
+        indices[str(key)] = list(range(len(goals), len(goals) + count))
         goals += own
         parts.append((key, array))
     counts = {len(array): key for key, array in parts if np.ndim(wanted[key]) > 1 or len(array) != 1}
@@ -192,4 +192,4 @@ def columns(
         raise ArgumentError(f"{what} has different numbers of poses ({words}); give the same for all", argument=what)
     rows = next(iter(counts), 1)
     values = np.concatenate([np.broadcast_to(array, (rows, array.shape[1])) for _, array in parts], axis=1)
-    return goals, np.ascontiguousarray(values), places
+    return goals, np.ascontiguousarray(values), indices

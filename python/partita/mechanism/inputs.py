@@ -90,10 +90,10 @@ class Courses:
         self._inputs = list(inputs.values())
         described = json.loads(model.description)
         numbers = {kind: {one["name"]: i for i, one in enumerate(described[kind])} for kind in ("forces", "drives")}
-        self.places: list[tuple[int, int | None]] = [
+        self.indices: list[tuple[int, int | None]] = [
             (numbers["drives" if one.component is None else "forces"][one.name], one.component) for one in self._inputs
         ]
-        self._drawn = [0.0 if k is None else _constant(described["forces"][at]["value"], k) for at, k in self.places]
+        self._drawn = [0.0 if k is None else _constant(described["forces"][at]["value"], k) for at, k in self.indices]
 
     def first(self, signals: Signals) -> tuple[Array, Array]:
         """The present values of all inputs. Initially efforts have the values of the drawing, and drives continue at
@@ -116,20 +116,20 @@ class Courses:
 
     def over(self, held: Array, u: Array, t: float, h: float) -> Array:
         """Coefficients for the step that starts at t, given those of the previous step."""
-        new, place = held.copy(), 0
+        new, start = held.copy(), 0
         for one, value in zip(self._inputs, u, strict=True):
             if one.component is not None:
-                new[place] = value
-                place += 1
+                new[start] = value
+                start += 1
                 continue
-            since, a, b, c, d = held[place : place + 5]
+            since, a, b, c, d = held[start : start + 5]
             x = t - since
             at, rate = a + (b + (c + d * x) * x) * x, b + (2.0 * c + 3.0 * d * x) * x
             if one.level == "position":
                 jump = (value - at) / h - rate
-                new[place : place + 5] = t, at, rate, 2.0 * jump / h, -jump / h**2
+                new[start : start + 5] = t, at, rate, 2.0 * jump / h, -jump / h**2
             else:
                 growth = (value - at) / h if one.level == "velocity" else value
-                new[place : place + 5] = t, at, growth, 0.0, 0.0
-            place += 5
+                new[start : start + 5] = t, at, growth, 0.0, 0.0
+            start += 5
         return new

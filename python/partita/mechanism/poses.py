@@ -46,7 +46,7 @@ class Poses:
         layout: Layout,
         near: State,
         found: dict[str, Any],
-        places: Mapping[str, list[int]],
+        indices: Mapping[str, list[int]],
     ) -> None:
         self._model, self._layout = model, layout
         self.near = near
@@ -60,7 +60,7 @@ class Poses:
         self.branch: dict[str, int] | None = None if found["branch"] is None else dict(found["branch"])
         reached: FloatArray = found["reached"]
         self.reached: dict[str, FloatArray] = {
-            key: reached[:, which[0]] if len(which) == 1 else reached[:, which] for key, which in places.items()
+            key: reached[:, which[0]] if len(which) == 1 else reached[:, which] for key, which in indices.items()
         }
 
     @property
@@ -170,10 +170,10 @@ def assemble_many(
     (5, 3)
     """
     model, layout = layout_of(self, "relative")
-    goals, values, places = columns("targets", targets, model)
+    goals, values, indices = columns("targets", targets, model)
     start = assemble(self, None, None, near, t=t)
     if branch is not None:
         inputs = inputs_of(goals, model)
         start = State(start.t, on_branch(model, start.t, start.q, branch, inputs), start.v, layout=layout)
     found = model.core.poses(start.t, start.q, goals, values)
-    return Poses(model, layout, start, found, places)
+    return Poses(model, layout, start, found, indices)

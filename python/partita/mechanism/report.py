@@ -103,7 +103,7 @@ def report(self: Modelled, state: State | None = None, *, coordinates: str = "re
     try:
         where = state if state is not None else assemble(self, coordinates=coordinates)
     except SingularityError:
-        # of drives at a dead centre no velocities are known; the drawing itself may be looked at, if it closes
+        # of drives at a dead centre no velocities are known; the drawing itself is examined, if it closes
         where = State(0.0, *model.core.initial(), layout=layout)
     _fitting("state", where, model)
     open_frictions, model, where = _open_frictions(self, where, model)
@@ -266,13 +266,12 @@ def _reactions(found: dict[str, Any]) -> _Section | None:
 def _open_frictions(
     m: Modelled, where: State, model: CompiledModel
 ) -> tuple[list[dict[str, str]], CompiledModel, State]:
-    """Frictions whose magnitude depends on a reaction that is not determined here, found by asking what a run would "
-      "ask with
-    one after the other of them given a magnitude; and the model with these, which has answers, and where it stands."""
+    """Frictions whose magnitude depends on a reaction that is not determined here, and the model and state in which
+    they have given magnitudes instead. They are found by requesting a run, whose refusal names one at a time."""
     follow: dict[str, LoadRecord] = {
         name: record
         for name, record in m._description.forces.items()
-        if isinstance(record, LoadRecord) and record.kind == "friction" and "coefficient" in record.said
+        if isinstance(record, LoadRecord) and record.kind == "friction" and "coefficient" in record.arguments
     }
     found: list[dict[str, str]] = []
     given = Modelled(m.name, (0.0, 0.0, 0.0), m.drawing_tolerance)
@@ -283,7 +282,7 @@ def _open_frictions(
         except OpenReactionError as error:
             name = error.where
             found.append({"friction": name, "joint": error.joint})
-            given_magnitude = {"stick_velocity": follow[name].said["stick_velocity"], "dynamic": 1.0}
+            given_magnitude = {"stick_velocity": follow[name].arguments["stick_velocity"], "dynamic": 1.0}
             given.forces[name].change(**given_magnitude, **dict.fromkeys(_FOLLOWS), preload=0.0)
             other, layout = layout_of(given, model.coordinates)
             where = State(where.t, *other.core.transferred(model.core, where.q, where.v), layout=layout)

@@ -93,9 +93,9 @@ def assemble(
     time = start.t if t is None else State(run_options.si("t", t, "s"), [], []).t
     try:
         if branch is None:
-            q, v, said = model.core.assemble(time, start.q, start.v, levels, own, turns, held, guessed, limit)
+            q, v, report = model.core.assemble(time, start.q, start.v, levels, own, turns, held, guessed, limit)
         else:
-            q, _, said = model.core.assemble(time, start.q, start.v, levels, [], [], held, guessed, limit)
+            q, _, report = model.core.assemble(time, start.q, start.v, levels, [], [], held, guessed, limit)
             inputs = inputs_of([goal for goal, _ in levels[0]], model) if levels[0] else None
             q = on_branch(model, time, q, branch, inputs)
             q, v, _ = model.core.assemble(time, q, start.v, [], own, turns, [], [], limit)
@@ -112,7 +112,7 @@ def assemble(
         found = assemble(self, targets, rates, **also, parameters=parameters)
         there = _converted(self, found, coordinates, parameters)
         return State(there.t, there.q, there.v, layout=layout, assembly=found.assembly)
-    return State(time, q, v, layout=layout, assembly=json.loads(said))
+    return State(time, q, v, layout=layout, assembly=json.loads(report))
 
 
 def _levels(targets: Any) -> list[Any]:
@@ -225,10 +225,10 @@ def _indexed(
     if not isinstance(wanted, Mapping):
         raise ArgumentError(f"{what} must be a dict such as {{'A': 1.0}}, not {shown(wanted)}", argument=what)
     pairs: dict[int, float] = {}
-    place = {name: index for index, name in enumerate(names)} if wanted else {}
+    indices = {name: index for index, name in enumerate(names)} if wanted else {}
     units = state_units(model)[1] if wanted else []
     for key, value in wanted.items():
-        first, count = _where(what, str(key), place, span, layout)
+        first, count = _where(what, str(key), indices, span, layout)
         numbers = _numbers(what, key, value, units[first : first + count])
         for index, number in zip(range(first, first + count), numbers, strict=True):
             if index in pairs:
@@ -237,14 +237,14 @@ def _indexed(
     return list(pairs.items())
 
 
-def _where(what: str, key: str, place: dict[str, int], span: Any, layout: Layout) -> tuple[int, int]:
+def _where(what: str, key: str, indices: dict[str, int], span: Any, layout: Layout) -> tuple[int, int]:
     """First index and count of the coordinates to which `key` refers."""
-    if key in place:
-        return place[key], 1
+    if key in indices:
+        return indices[key], 1
     try:
         first, count = span(key)
     except UnknownNameError:
-        known = sorted({*layout.tree_joints, *place})
+        known = sorted({*layout.tree_joints, *indices})
         raise UnknownNameError(
             f"{what}: {key!r} is neither a joint nor a coordinate; known: {', '.join(known)}",
             name=key,
@@ -362,7 +362,9 @@ def simulate(
             radians for angles and in fractions of the characteristic length (the extent of a typical body) for
             displacements; for velocities the same per second.
         method: "dop853" (order 8; best at small tolerances), "dopri5", "tsit5" (order 5), "bs23" (order 3; for
-            tolerances of 1e-3 and looser), "rk4" (order 4, fixed steps only).
+            tolerances of 1e-3 and looser), "rk4" (order 4, fixed steps only), "adams" (a multistep method of orders 2
+            to 10: two evaluations a step, for long smooth motions of large mechanisms; it begins anew at each switch of
+            coordinates).
         formulation: "projective" (equations without reactions in independent coordinates; the default and the fastest),
             or, for comparison: "fixed" (the same without switches of coordinates), "wehage-haug" (2k states, dependent
             coordinates by Newton's method at every stage), "explicit-closing" (2k states, the loops closed by inverse
@@ -447,7 +449,7 @@ def simulate(
     )
     times = run_options.output_times(t_eval, start.t, chosen["t_end"])
     raw = run_options.run(model.core, chosen, times, start.q, start.v, progress, tangent)
-    if notes := model.notes:
+    if notes := model._sentences:
         raw["notes"] = [*(note for note in notes if note not in raw["notes"]), *raw["notes"]]
     return Result.from_run(
         raw,

@@ -70,7 +70,7 @@ class Stepper:
             options.core,
             dt,
             substeps,
-            self._courses.places,
+            self._courses.indices,
             self._numbers.tolist(),
             start.t,
             start.q,
@@ -118,7 +118,7 @@ class Stepper:
         return self.state.v
 
     def joint(self, name: Any) -> JointMotion:
-        """Position and velocity of a joint, one that closes a loop too; `UnknownNameError` with the nearest names."""
+        """Position and velocity of a joint of the tree or of a loop; `UnknownNameError` suggests the nearest names."""
         joints = [joint["name"] for joint in self._model.summary["joints"]]
         j = index_of(str(name), joints, "joint")
         now = self.state

@@ -43,7 +43,7 @@ function makeChoice(eq) {
     eq.independent.forEach((i, j) => { spanned += Math.log(unit[i * k + j]); });
     return true;
   }
-  // the choice that spans the largest volume, one after the other; null where that is found to be less than `enough` (ln)
+  // the choice with the largest volume, coordinate by coordinate; null where that is found to be less than `enough` (ln)
   function best(enough) {
     left.set(length);
     rest.set(unit);
@@ -55,7 +55,7 @@ function makeChoice(eq) {
       for (let i = 0; i < n; i++) if (!taken[i] && (top < 0 || left[i] > left[top] * (1 + 1e-9))) top = i;
       const norm2 = Math.max(left[top], 0), own = top * k;
       volume += Math.log(norm2) / 2;
-      // those to come are no longer than this one
+      // the remaining rows are no longer than this one
       if (volume + (k - step - 1) * (Math.log(norm2) / 2 + 1e-8) < enough) return null;
       chosen.push(top);
       taken[top] = 1;
@@ -80,8 +80,8 @@ function makeChoice(eq) {
   }
   const SWITCH_RATIO = 0.7;
   let switches = 0;
-  // Any regular choice at the position evaluated last: what an elimination with the largest pivots leaves. Redundant rows
-  // that agree with those in use may take their place: which are redundant depends on the position.
+  // Any regular choice at the position evaluated last: the columns that an elimination with the largest pivots leaves.
+  // Consistent redundant rows may replace those in use: which rows are redundant depends on the position.
   function anyChoice() {
     const agree = dropped.every((i) => i < holonomic && Math.abs(phi[i]) * closureScale[i] < 1e-9);
     const from = agree ? [...kept, ...dropped] : [...kept], numbers = from.map((i) => entriesOf(i, (j) => j).map(([j, at]) => [j, w[at]]));
@@ -92,7 +92,7 @@ function makeChoice(eq) {
       throw new Fault(`Singular position at t = ${w[0].toPrecision(5)} s: the loops lose rank, and branches meet here.`);
     }
   }
-  // how regular C_D was with the rows in use when they were chosen; far less, and others are asked
+  // how regular C_D was with the rows in use when they were chosen; where it is far less, other rows are tried
   let regular = 0;
   // with M of the position evaluated last
   function choose(known = false) {

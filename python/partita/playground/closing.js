@@ -1,5 +1,5 @@
-// Closing the loops: Newton's method on the dependent coordinates at the end of a step, damped steps of all of them where a
-// number was changed, and what stays open in words.
+// Closing the loops: Newton's method on the dependent coordinates at the end of a step, damped steps of all coordinates
+// where a parameter was changed, and messages about loops that do not close.
 
 function makeClosing(eq) {
   const { w, n, m, nq, C, rowStart, columns, kept, closing, holonomic, displacement, closureScale, phi, all, about, position, move } = eq;
@@ -10,7 +10,7 @@ function makeClosing(eq) {
     for (const i of list) if (i < holonomic) worst = Math.max(worst, Math.abs(phi[i]) * closureScale[i]);
     return worst;
   }
-  // Newton's method on the dependent coordinates; conditions on rates close nothing, so there the least move does
+  // Newton's method on the dependent coordinates; where there are conditions on rates, the least displacement instead
   function closeDependent(s, at) {
     const { dependent } = eq;
     let before = Infinity, settled = false;
@@ -34,13 +34,13 @@ function makeClosing(eq) {
       let far = 0;
       for (let i = 0; i < n; i++) far = Math.max(far, Math.abs(dv[i]) / displacement[i]);
       move(at, dv);
-      // with the matrix of the place itself the next remainder is the square of this one
+      // with the matrix at this position the next residual is the square of this one
       settled = far < (fresh ? 1e-8 : 1e-11);
     }
     position(s, at);
     return closureError(closing);
   }
-  // dv = -S^2 C^T (C S^2 C^T + damping)^-1 Phi over some velocities, S the reaches
+  // dv = -S^2 C^T (C S^2 C^T + damping)^-1 Phi over some velocities, S the characteristic displacements
   function least(which, damping) {
     const weight = (j) => displacement[j] * displacement[j];
     spread.fill(0);
@@ -71,7 +71,7 @@ function makeClosing(eq) {
     dv.set(spread);
     return true;
   }
-  // closes with all coordinates, by damped steps that never open it further; what stays open
+  // close with all coordinates, by damped steps that never increase the closure error; returns what remains open
   function closeAll(s, at) {
     const from = new Float64Array(nq);
     const residual = () => {
@@ -105,7 +105,7 @@ function makeClosing(eq) {
     }
     return closureError(closing);
   }
-  // what stands open, by what it belongs to, the worst first
+  // closure errors by joint, drive or coupling, the worst first
   function gaps() {
     const found = new Map();
     for (let i = 0; i < holonomic; i++) {

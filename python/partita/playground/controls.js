@@ -73,7 +73,7 @@ function field(parent, words, unit, read, write, slider) {
 }
 const has = (name) => name in about.parameters;
 
-// the first dozen in sight, the rest folded
+// the first dozen visible, the rest folded
 const more = (parent, number, count) => {
   if (number < 12 || count <= 15) return parent;
   if (!parent.querySelector("details")) {
@@ -91,7 +91,7 @@ about.lengths.slice(0, 60).forEach((one, i) => {
   field(parent, words, "m", () => motion.lengthOf(one), set, [0.3 * one.drawn, 2 * one.drawn]);
 });
 if (about.lengths.length === 0) $("lengths").textContent = "No body has two rotational joints.";
-// what drawing refuses as well
+// what the drawing refuses as well
 const outside = (name, words, x) => {
   if (about.bounds[name] === "above" && !(x > 0)) return `${words} must be above 0.`;
   return about.bounds[name] === "not" && x === 0 ? `${words} must not be 0.` : "";
@@ -183,7 +183,7 @@ function release() {
 function grasp(found) {
   pull = found;
   const name = springOf(found.body);
-  // as strong as what moves is heavy and large: half of it at its own weight's pull over a tenth of its size
+  // in proportion to the mass and size of what moves: half its weight for a displacement by a tenth of its size
   let mass = 0;
   for (const body of about.bodies) if (has(`${body}.mass`)) mass += motion.get(`${body}.mass`)[0];
   const stiffness = (mass || 1) * 60, damping = 2 * (mass || 1) * 2;
@@ -250,7 +250,7 @@ function frame(now) {
   if (running) {
     const speed = Number($("speed").value);
     try {
-      // what a step went beyond the last frame is not asked for again; what could not be computed in time is left out
+      // time that a step covered beyond the last frame is not computed again; what could not be computed in time is left out
       asked = Math.max(asked, motion.t - 0.1 * speed) + passed * speed;
       if (Math.abs(asked - motion.t) > 0.2 * speed) asked = motion.t + passed * speed;
       motion.advance(asked, performance.now() + 200);
@@ -263,7 +263,7 @@ function frame(now) {
     }
   }
   drawing.draw(pull);
-  show(drawing.places.energy);
+  show(drawing.state.energy);
   requestAnimationFrame(frame);
 }
 let frames = 0;

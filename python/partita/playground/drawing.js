@@ -7,7 +7,7 @@ function makeDrawing(canvas, about, motion) {
   const number = new Map(about.bodies.map((name, i) => [name, i]));
   const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
   let axes = [view.right, view.up, view.back], centre = [0, 0, 0], scale = 1, width = 1, height = 1;
-  let places = null;
+  let state = null;
 
   function turned() {
     const mix = (a, x, b, y) => a.map((_, i) => a[i] * x + b[i] * y);
@@ -60,21 +60,21 @@ function makeDrawing(canvas, about, motion) {
     const d = [p[0] - centre[0], p[1] - centre[1], p[2] - centre[2]];
     return [width / 2 + scale * dot(d, axes[0]) + eye.right, height / 2 - scale * dot(d, axes[1]) + eye.up];
   };
-  // the world point under a place of the canvas, as deep as another one
+  // the world point under a point of the canvas, as deep as another one
   const world = (x, y, like) => {
     const right = (x - eye.right - width / 2) / scale, up = -(y - eye.up - height / 2) / scale;
     const depth = dot([like[0] - centre[0], like[1] - centre[1], like[2] - centre[2]], axes[2]);
     return centre.map((c, i) => c + right * axes[0][i] + up * axes[1][i] + depth * axes[2][i]);
   };
   const onBody = (i, p) => {
-    const x = places.bodies, o = 12 * i;
+    const x = state.bodies, o = 12 * i;
     return [0, 1, 2].map((r) => x[o + r] + x[o + 3 + 3 * r] * p[0] + x[o + 4 + 3 * r] * p[1] + x[o + 5 + 3 * r] * p[2]);
   };
   const inBody = (i, p) => {
-    const x = places.bodies, o = 12 * i, d = [0, 1, 2].map((r) => p[r] - x[o + r]);
+    const x = state.bodies, o = 12 * i, d = [0, 1, 2].map((r) => p[r] - x[o + r]);
     return [0, 1, 2].map((c) => d[0] * x[o + 3 + c] + d[1] * x[o + 6 + c] + d[2] * x[o + 9 + c]);
   };
-  const jointPoint = (j) => Array.from(places.joints.subarray(3 * j, 3 * j + 3));
+  const jointPoint = (j) => Array.from(state.joints.subarray(3 * j, 3 * j + 3));
   const shapes = about.bodies.map((name) => about.joints.flatMap((joint, j) => (joint.child === name || joint.parent === name ? [j] : [])));
   const ground = about.joints.flatMap((joint, j) => (joint.child === "ground" || joint.parent === "ground" ? [j] : []));
   const slides = (j) => ["prismatic", "cylindrical"].includes(about.joints[j].kind);
@@ -82,7 +82,7 @@ function makeDrawing(canvas, about, motion) {
     const point = motion.get(`${spring.name}.point${e}`), body = number.get(spring[`body${e}`]);
     return body === undefined ? point : onBody(body, point);
   });
-  // where springs hold a body beside its joints
+  // points where springs are attached to a body, beside its joints
   const held = about.bodies.map((name) => about.springs.flatMap((spring) => [1, 2].flatMap((e) => (spring[`body${e}`] === name ? [`${spring.name}.point${e}`] : []))));
   const bodyPoints = (i) => {
     const points = shapes[i].map(jointPoint);
@@ -131,7 +131,7 @@ function makeDrawing(canvas, about, motion) {
     const named = new Set();
     pins.forEach((pin, j) => {
       if (!pin || named.has(j)) return;
-      // one word for those at one place
+      // one label for joints at one point
       const here = pins.flatMap((other, i) => (other && Math.hypot(other[0] - pin[0], other[1] - pin[1]) < 3 ? [i] : []));
       here.forEach((i) => named.add(i));
       const word = here.map((i) => about.joints[i].name).join(", "), long = pen.measureText(word).width, half = here.some(slides) ? 14 : 8;
@@ -164,7 +164,7 @@ function makeDrawing(canvas, about, motion) {
     }
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     pen.clearRect(0, 0, width, height);
-    places = motion.look();
+    state = motion.look();
     if (!frame) fit();
     centre = frame.middle;
     scale = fitted() * shrunk * eye.zoom;
@@ -259,7 +259,7 @@ function makeDrawing(canvas, about, motion) {
       }
     }
   }
-  // the link nearest to a place of the canvas, within a finger's breadth
+  // the link nearest to a point of the canvas, within a finger's breadth
   function pick(x, y) {
     let best = null, least = 18;
     about.bodies.forEach((_, i) => {
@@ -280,5 +280,5 @@ function makeDrawing(canvas, about, motion) {
   }
   restyle();
   window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", restyle);
-  return { draw, pick, world, eye, get written() { return written; }, get places() { return places; } };
+  return { draw, pick, world, eye, get written() { return written; }, get state() { return state; } };
 }

@@ -14,7 +14,7 @@ const NO_MASS = "No mass moves with one of the degrees of freedom: its accelerat
 function makeEquations(run, about) {
   const w = new Float64Array(run.memory.buffer);
   const nq = about.coordinates, n = about.velocities, rows = about.rows, holonomic = about.holonomic;
-  // rows in use, those of them that close, and those that are redundant; which is which may change on the way
+  // rows in use, those of them that close loops, and those that are redundant; which is which may change in a run
   const kept = [], closing = [], dropped = [];
   function keep(chosen) {
     kept.length = closing.length = dropped.length = 0;
@@ -24,10 +24,10 @@ function makeEquations(run, about) {
   const asDrawn = new Set(Array.from({ length: rows }, (_, i) => i).filter((i) => !about.dropped.includes(i)));
   keep(asDrawn);
   const m = kept.length, k = n - m;
-  const place = (name) => about.outputs[name][0];
-  const PHI = place("phi"), C = place("c"), A = place("a"), B = place("b"), H = place("h");
-  // what massless bodies count with is in the metric alone
-  const massless = about.outputs.metric[1] > 0, MASS = place("mass"), METRIC = massless ? place("metric") : MASS;
+  const offset = (name) => about.outputs[name][0];
+  const PHI = offset("phi"), C = offset("c"), A = offset("a"), B = offset("b"), H = offset("h");
+  // massless bodies have mass in the metric alone
+  const massless = about.outputs.metric[1] > 0, MASS = offset("mass"), METRIC = massless ? offset("metric") : MASS;
   const Q = 1, V = 1 + nq;
   const balls = [], plain = [];
   for (let i = 0; i < n;) {
@@ -46,7 +46,7 @@ function makeEquations(run, about) {
   const mass = makeSymmetric(n, about.patterns.mass), metric = massless ? makeSymmetric(n, about.patterns.metric) : mass;
   const xi = new Float64Array(n), right = new Float64Array(m), force = new Float64Array(n), slope = new Float64Array(n);
 
-  // ---- what the drives prescribe: value, rate and its rate at time s
+  // ---- what the drives prescribe: value, rate and second derivative at time s
   function course(d, s, out) {
     const x = d.clock + d.factor * (s - d.since);
     if (d.breaks.length === 0) { out[0] = d.value; out[1] = 0; out[2] = 0; return; }
@@ -101,10 +101,10 @@ function makeEquations(run, about) {
     return list;
   };
   function plan() {
-    const place = new Int32Array(n);
-    dependent.forEach((j, i) => { place[j] = i; });
-    independent.forEach((j, i) => { place[j] = m + i; });
-    elimination = makeElimination(m, kept.map((i) => entriesOf(i, (j) => place[j])), w);
+    const columnOf = new Int32Array(n);
+    dependent.forEach((j, i) => { columnOf[j] = i; });
+    independent.forEach((j, i) => { columnOf[j] = m + i; });
+    elimination = makeElimination(m, kept.map((i) => entriesOf(i, (j) => columnOf[j])), w);
     if (!elimination) return false;
     const over = new Array(n);
     dependent.forEach((j, i) => { over[j] = elimination.reaching[i]; });
@@ -157,7 +157,7 @@ function makeEquations(run, about) {
     for (let i = 0; i < n; i++) slope[i] = both[whole.rowOf[i]];
   }
   let regular = 1;
-  // false where C_D is singular; a plan whose pivots have become small is made anew
+  // false where C_D is singular; a plan whose pivots have become small is replaced
   function factor() {
     if (!elimination && !plan()) return false;
     regular = elimination.factor();

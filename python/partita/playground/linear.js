@@ -1,7 +1,7 @@
 // Linear algebra for the page: sparse elimination that is planned once and then followed, and small dense kernels.
 
 // Rows of a sparse (m x columns) matrix are lists of [column, value]; `scale` [rows], [columns] makes entries comparable.
-// Picks m pivots and tells the order, the fill and each operation; null where fewer than m can be found.
+// Picks m pivots and returns the order, the fill and each operation; null where fewer than m can be found.
 //   careful   the largest entry of all, which shows the rank; else of those at most ten times smaller than the largest of
 //             their column the one that fills least
 function planElimination(m, rows, careful, scale) {
@@ -28,7 +28,7 @@ function planElimination(m, rows, careful, scale) {
         if (size >= 0.1 * top) { least = fill; largest = size; best = [r, j]; }
       }
     };
-    // the shortest rows fill least; the others are asked only where these have no pivot
+    // the shortest rows fill least; the others are tried only where these have no pivot
     let short = Infinity, asked = 0;
     for (const r of left) short = Math.min(short, width[r]);
     if (!careful) for (const r of left) if (width[r] <= short + 1 && asked++ < 12) looked(r);
@@ -61,31 +61,31 @@ function planElimination(m, rows, careful, scale) {
 }
 
 // L U of the square part of a sparse matrix along a plan, and solutions with one and with many right-hand sides.
-//   entries   of each row: [column, place of its number in w]; columns from 0 to m - 1 are eliminated, those from m on are
+//   entries   of each row: [column, index of its number in w]; columns from 0 to m - 1 are eliminated, those from m on are
 //             right-hand sides
 function makeElimination(m, entries, w) {
   const load = entries.map((list) => list.filter(([j]) => j < m)), sides = entries.map((list) => list.filter(([j]) => j >= m));
   const plan = planElimination(m, load.map((list) => list.map(([j, at]) => [j, w[at]])), false, null);
   if (!plan) return null;
-  const place = new Map(), key = (r, j) => r * m + j;
-  plan.rows.forEach((row, r) => row.forEach((j) => place.set(key(r, j), place.size)));
-  const values = new Float64Array(place.size);
+  const slot = new Map(), key = (r, j) => r * m + j;
+  plan.rows.forEach((row, r) => row.forEach((j) => slot.set(key(r, j), slot.size)));
+  const values = new Float64Array(slot.size);
   const to = [], from = [];
-  load.forEach((list, r) => list.forEach(([j, at]) => { to.push(place.get(key(r, j))); from.push(at); }));
+  load.forEach((list, r) => list.forEach(([j, at]) => { to.push(slot.get(key(r, j))); from.push(at); }));
   const To = Int32Array.from(to), From = Int32Array.from(from);
   const step = new Int32Array(m);
   plan.pivots.forEach(([, j], p) => { step[j] = p; });
-  const pivotRow = Int32Array.from(plan.pivots, ([r]) => r), pivotAt = Int32Array.from(plan.pivots, ([r, j]) => place.get(key(r, j)));
+  const pivotRow = Int32Array.from(plan.pivots, ([r]) => r), pivotAt = Int32Array.from(plan.pivots, ([r, j]) => slot.get(key(r, j)));
   // for each pivot the entries to its right, the rows below, and what is subtracted from what
   const upperStart = [0], upperAt = [], upperRow = [], lowerStart = [0], lowerAt = [], lowerRow = [], target = [];
   plan.pivots.forEach(([r, j], p) => {
     const right = plan.rows[r].filter((l) => step[l] > p);
-    for (const l of right) { upperAt.push(place.get(key(r, l))); upperRow.push(pivotRow[step[l]]); }
+    for (const l of right) { upperAt.push(slot.get(key(r, l))); upperRow.push(pivotRow[step[l]]); }
     upperStart.push(upperAt.length);
     for (const i of plan.multipliers[p]) {
-      lowerAt.push(place.get(key(i, j)));
+      lowerAt.push(slot.get(key(i, j)));
       lowerRow.push(i);
-      for (const l of right) target.push(place.get(key(i, l)));
+      for (const l of right) target.push(slot.get(key(i, l)));
     }
     lowerStart.push(lowerAt.length);
   });
@@ -172,13 +172,13 @@ function makeElimination(m, entries, w) {
   return { factor, solve, solveSides, rowOf, reaching, operations, get sign() { return sign; }, get steep() { return steep; } };
 }
 
-// A symmetric positive matrix by the places of its lower triangle that are not always 0, factored from the last row to the
+// A symmetric positive matrix by the entries of its lower triangle that are not always 0, factored from the last row to the
 // first as L^T D L: where rows follow a tree from its root that fills nothing.
-function makeSymmetric(n, places) {
+function makeSymmetric(n, entries) {
   const below = Array.from({ length: n }, () => new Set());
-  const row = new Int32Array(places.length), column = new Int32Array(places.length);
+  const row = new Int32Array(entries.length), column = new Int32Array(entries.length);
   let i = 0;
-  places.forEach((at, e) => {
+  entries.forEach((at, e) => {
     while ((i + 1) * (i + 2) / 2 <= at) i++;
     row[e] = i;
     column[e] = at - i * (i + 1) / 2;

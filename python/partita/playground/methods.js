@@ -1,4 +1,4 @@
-// Two explicit methods of Runge and Kutta by their numbers, as in the core.
+// Coefficients of two explicit Runge-Kutta methods, as in the core.
 //   nodes, weights   of the stages: where they are in a step, and of which slopes before them
 //   end              weights of the slope over the whole step
 //   estimate         of its error: one embedded method, or those of orders five and three together

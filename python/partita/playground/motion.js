@@ -1,7 +1,7 @@
-// The motion of a mechanism: its state, steps in time, and what people change on the way.
+// The motion of a mechanism: its state, steps in time, and what users change meanwhile.
 //
-// Steps are those of Dormand and Prince with control of their error: of order 5, and of order 8 where many of these are asked
-// for at once. At the end of each the dependent coordinates are closed by Newton's method, and the choice is looked at.
+// Steps are those of Dormand and Prince with error control: of order 5, and of order 8 where a long time is asked for at
+// once. At the end of each the dependent coordinates are closed by Newton's method, and the choice is examined.
 
 function makeMotion(run, about) {
   const eq = makeEquations(run, about), { closureError, closeDependent, closeAll, gaps, named, digits } = makeClosing(eq);
@@ -48,7 +48,7 @@ function makeMotion(run, about) {
       if (f !== 0) for (let j = 0; j < ny; j++) sum[j] += f * from[j];
     }
   }
-  // one step; the estimate of its error in parts of the tolerance, infinite where a choice became singular on the way
+  // one step; the estimate of its error in parts of the tolerance, infinite where the choice became singular within it
   function attempt(step) {
     if (ready) accelerate(y, v, stage[0]);
     else if (!derivative(t, y, stage[0])) return Infinity;
@@ -72,12 +72,12 @@ function makeMotion(run, about) {
       }
       return worst;
     });
-    // NaN where a stage was none
+    // NaN where a stage was NaN
     if (other === undefined || error === 0) return error;
     return error * error / Math.hypot(error, 0.1 * other);
   }
   // Steps pass over singular positions, where branches meet. On its branch a motion has rates that follow from those before
-  // it; thrown to another one they jump, however small the step. `next` against the rates and accelerations at its start.
+  // it; on another one they jump, however small the step. `next` against the rates and accelerations at its start.
   function jumps(step) {
     let off = 0, whole = 0;
     for (let i = 0; i < n; i++) {
@@ -86,7 +86,7 @@ function makeMotion(run, about) {
     }
     return off > 0.3 * whole;
   }
-  // C_D at the steps before: where its smallest pivot goes through 0 on its way, if it does
+  // C_D at the steps before: where its smallest pivot is expected to pass zero, if it does
   const past = { t: 0, pivot: 0, plan: null };
   let ahead = Infinity;
   function foresee() {
@@ -97,8 +97,8 @@ function makeMotion(run, about) {
     }
     Object.assign(past, { t, pivot, plan: eq.elimination });
   }
-  // A singular position foreseen shall lie between the stages of one step, whose nodes leave a gap from 0.3 to 0.8, and far
-  // from its ends: that step, or the one that leads before it; it may go beyond the time that was asked for.
+  // A singular position ahead is crossed between the stages of one step, whose nodes leave a gap from 0.3 to 0.8, far from
+  // its ends: returns that step, or the one that approaches it; it may end beyond the time that was asked for.
   function across(h, rest) {
     if (ahead > 2 * h || ahead > rest + 0.5 * h) return [0, false];
     if (ahead > 0.72 * h) return [Math.min(rest, ahead - 0.5 * h), false];
@@ -127,7 +127,7 @@ function makeMotion(run, about) {
       const [over, cross] = beyond ? [beyond, true] : across(Math.min(h, whole), rest);
       const step = over || (h >= rest * (1 - 1e-9) ? rest : h);
       let error = attempt(step);
-      // so near to where branches meet rates are good to a hundred-thousandth of a millionth
+      // so near to where branches meet rates are accurate to 1e-11
       if (cross) error *= Math.min(1, accuracy.relative / 1e-11);
       let words = "the loops lose rank, and branches meet here";
       if (error <= 1) {
@@ -207,7 +207,7 @@ function makeMotion(run, about) {
     const more = x - lengthOf(one);
     return { [one.moves]: get(one.moves).map((c, i) => c + more * one.along[i]) };
   }
-  // a planar mechanism keeps to its plane: the sides of a joint may not miss each other across it
+  // a planar mechanism stays in its plane: the two points of a joint may not differ across it
   function leavesPlane(values) {
     if (!about.normal) return "";
     for (const { name } of about.joints) {
@@ -221,7 +221,7 @@ function makeMotion(run, about) {
     }
     return "";
   }
-  // other parameters: the way there in parts, so that the mechanism stays on its branch
+  // other parameters, reached in small steps, so that the mechanism stays on its branch
   function change(values) {
     const across = leavesPlane(values);
     if (across) return across;
@@ -293,7 +293,7 @@ function makeMotion(run, about) {
     get steps() { return steps; },
     get switches() { return choice.switches; },
     get independent() { return eq.independent; },
-    // loads that change nothing of the geometry
+    // loads that do not change the geometry
     load(values) {
       for (const [name, x] of Object.entries(values)) put(name, x);
       run.prepare();

@@ -145,8 +145,8 @@ def bounds(drawn: Mapping[str, Any]) -> dict[str, str]:
     """Numbers of couplings and screws that the builder refuses, by parameter: up to 0 ("above"), or 0 ("not")."""
     found = {f"{joint['name']}.pitch": "not" for joint in drawn["joints"] if joint["kind"] == "screw"}
     for coupling in drawn["couplings"]:
-        said = coupling.get("said", "factors" if coupling["kind"] == "linear" else coupling["kind"])
-        kind = said if isinstance(said, str) else next(iter(said))
+        given = coupling.get("said", "factors" if coupling["kind"] == "linear" else coupling["kind"])
+        kind = given if isinstance(given, str) else next(iter(given))
         for word, bound in _BOUNDS.get(kind, {}).items():
             found[f"{coupling['name']}.{word}"] = bound
     return found

@@ -136,9 +136,9 @@ def plot(
     if len(parts) == 1:
         parts[0].draw(result, figure, wanted)
     else:
-        places = figure.add_gridspec(len(parts), 1, height_ratios=heights)
+        cells = figure.add_gridspec(len(parts), 1, height_ratios=heights)
         for n, part in enumerate(parts):
-            part.draw(result, figure.add_subfigure(places[n]), wanted)
+            part.draw(result, figure.add_subfigure(cells[n]), wanted)
     if not figure.get_suptitle():
         headline(result, figure)
     return _saved(figure, path)

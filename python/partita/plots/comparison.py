@@ -54,13 +54,13 @@ def plot_comparison(comparison: Compared, path: PathLike | None = None) -> Figur
     )
     for ax, (title, unit, values) in zip(axes, columns, strict=True):
         dressed(ax, title, "", time_axis=False)
-        known = [(place, value) for place, value in enumerate(values) if value is not None]
+        known = [(index, value) for index, value in enumerate(values) if value is not None]
         if not known:
             empty(ax, "no run finished" if not rows else "not known")
             continue
-        for place, value in known:
-            colour = COLOURS[0] if rows[place].formulation == "projective" else COLOURS[1]
-            ax.plot([max(value, FLOOR)], [place], "o", color=colour, ms=5)
+        for index, value in known:
+            colour = COLOURS[0] if rows[index].formulation == "projective" else COLOURS[1]
+            ax.plot([max(value, FLOOR)], [index], "o", color=colour, ms=5)
         ax.set_xlabel(unit, fontsize=9)
         _logarithmic(ax, "x", [max(value, FLOOR) for _, value in known])
     if rows:

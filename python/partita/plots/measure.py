@@ -15,14 +15,14 @@ GREY = "#bbbbbb"
 STRIPS = 6
 
 
-def draw_measure(result: ResultView, canvas: Canvas, place: SubplotSpec) -> None:
+def draw_measure(result: ResultView, canvas: Canvas, cell: SubplotSpec) -> None:
     """rho of each coordinate over time below, the independent ones above."""
     rows = min(result.independent.shape[1], STRIPS)
     if rows == 0 or len(result.t) == 0:
-        ax = dressed(canvas.add_subplot(place), "Projective measure", "ρ")
+        ax = dressed(canvas.add_subplot(cell), "Projective measure", "ρ")
         empty(ax, "no independent coordinates: every position is prescribed")
         return
-    grid = GridSpecFromSubplotSpec(2, 1, place, height_ratios=[0.09 * max(rows, 1.4), 1.0], hspace=0.04)
+    grid = GridSpecFromSubplotSpec(2, 1, cell, height_ratios=[0.09 * max(rows, 1.4), 1.0], hspace=0.04)
     strip, ax = canvas.add_subplot(grid[0]), canvas.add_subplot(grid[1])
     columns = reporting(result, result.measure)
     colour = {i: COLOURS[n] for n, i in enumerate(columns)}

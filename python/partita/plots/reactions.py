@@ -16,13 +16,13 @@ PARTS = {"force": (slice(0, 3), "Forces of the joints", "|force| [N]"),
 def draw_reactions(result: ResultView, canvas: Canvas, x: Abscissa | None = None) -> None:
     """|force| and |moment| of each joint; of many joints, the most loaded. Dashed and marked * where it is not
     unique."""
-    carried = [key for key in PARTS if carries(result, key)]
-    panels = canvas.subplots(max(1, len(carried)), 1, sharex=True, squeeze=False)[:, 0]
-    notes = {draw_loads(result, ax, key, x) for ax, key in zip(panels, carried or ["force"], strict=True)} - {""}
+    shown = [key for key in PARTS if carries(result, key)]
+    panels = canvas.subplots(max(1, len(shown)), 1, sharex=True, squeeze=False)[:, 0]
+    notes = {draw_loads(result, ax, key, x) for ax, key in zip(panels, shown or ["force"], strict=True)} - {""}
     for upper in panels[:-1]:
         upper.set_xlabel("")
-    if len(carried) == 1:  # an empty panel would take half of the space to say the same
-        notes.add(f"no joint carries a {next(key for key in PARTS if key not in carried)}")
+    if len(shown) == 1:  # an empty panel would take half of the space to say the same
+        notes.add(f"no joint carries a {next(key for key in PARTS if key not in shown)}")
     if notes:
         canvas.supxlabel("; ".join(sorted(notes)), fontsize=8, color="#555555")
 

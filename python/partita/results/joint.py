@@ -55,33 +55,33 @@ class JointData(Protocol):
 class AskedJoint:
     """A joint of a result: everything comes from the result's source."""
 
-    def __init__(self, source: Source, place: JointIndices) -> None:
-        self._source, self._place = source, place
+    def __init__(self, source: Source, indices: JointIndices) -> None:
+        self._source, self._indices = source, indices
 
     @property
     def motion(self) -> Arrays:
-        return self._source.joint(*self._place)
+        return self._source.joint(*self._indices)
 
     @property
     def acceleration(self) -> FloatArray:
-        return self._source.joint_acceleration(self._place.number, self._place.v)
+        return self._source.joint_acceleration(self._indices.number, self._indices.v)
 
     @property
     def reaction(self) -> Arrays:
-        return self._source.reaction(self._place.number, self._place.v)
+        return self._source.reaction(self._indices.number, self._indices.v)
 
     @property
     def determined(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         world, joint = self._source.determined
-        return world[:, self._place.number], joint[:, self._place.number]
+        return world[:, self._indices.number], joint[:, self._indices.number]
 
     @property
     def determined_drive(self) -> NDArray[np.bool_]:
-        return columns(self._source.determined_drive, self._place.v)
+        return columns(self._source.determined_drive, self._indices.v)
 
     @property
     def self_stresses(self) -> FloatArray | None:
-        return self._source.self_stresses(self._place.number)
+        return self._source.self_stresses(self._indices.number)
 
     def __reduce__(self) -> tuple[Callable[..., KnownJoint], tuple[Any, ...]]:
         motion, acceleration, reaction = dict(self.motion), self.acceleration, dict(self.reaction)

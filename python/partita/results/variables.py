@@ -94,7 +94,7 @@ DETERMINED = {
 
 
 def variables(result: ResultView) -> list[Variable]:
-    """All arrays of `result`; asks for bodies and reactions. Arrays the run does not have are left out."""
+    """All arrays of `result`, bodies and reactions included. Arrays the run does not have are left out."""
     nt = len(result.t)
     found = [v for v in _over_time(RUN, result.arrays) if len(v.values) == nt]
     if result.is_mechanism:

@@ -84,7 +84,7 @@ class _Reader:
             kind = str(match.lastgroup)
             self.tokens.append((kind, match[kind]))
             at = match.end()
-        self.place = 0
+        self.position = 0
         self.number = Fraction(1)
         self.names_a_unit = self.has_a_number = False
 
@@ -93,16 +93,16 @@ class _Reader:
         if self._peek()[1] in ("+", "-"):
             negative = self._next()[1] == "-"
         found = self._product(0)
-        if self.place < len(self.tokens):
+        if self.position < len(self.tokens):
             raise NotAQuantity(f"{self._peek()[1]!r} does not belong there")
         return Quantity(-self.number if negative else self.number, found, self.names_a_unit)
 
     def _peek(self) -> tuple[str, str]:
-        return self.tokens[self.place] if self.place < len(self.tokens) else ("end", "")
+        return self.tokens[self.position] if self.position < len(self.tokens) else ("end", "")
 
     def _next(self) -> tuple[str, str]:
         found = self._peek()
-        self.place += 1
+        self.position += 1
         return found
 
     def _product(self, depth: int) -> Unit:
@@ -140,7 +140,7 @@ class _Reader:
                 found = PLAIN
         elif kind == "unit":
             if word not in UNITS:
-                raise (NoNumber if self.place == 1 else NotAQuantity)(unknown(word))
+                raise (NoNumber if self.position == 1 else NotAQuantity)(unknown(word))
             self.names_a_unit = True
             found = UNITS[word]
         elif word == "(" and depth < 8:

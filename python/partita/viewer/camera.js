@@ -10,7 +10,7 @@ class Camera {
     this.head = 68; // pixels of the picture under tools
     this.scale = 1; // pixels per metre at the target
     this.target = [0, 0, 0];
-    this.origin = [0, 0, 0]; // what the target is told from: a place that moves, where the camera follows
+    this.origin = [0, 0, 0]; // the target is relative to this point, which moves where the camera follows
     this.turnTo(view.azimuth, view.elevation);
   }
 
@@ -58,7 +58,7 @@ class Camera {
     for (let pass = 0; pass < 4 && !this.parallel; pass++) this.tighten(points, spare, wide, tall);
   }
 
-  /** One correction of size and place by what perspective makes of the points. */
+  /** One correction of size and position by the points in perspective. */
   tighten(points, spare, wide, tall) {
     let left = Infinity, top = Infinity, right = -Infinity, bottom = -Infinity;
     for (const point of points) {
@@ -94,7 +94,7 @@ class Camera {
     this.target = add(this.target, add(scaled(this.right, -dx / this.scale), scaled(this.up, dy / this.scale)));
   }
 
-  /** Zoom by a factor, keeping what is at pixel (x, y) in its place. */
+  /** Zoom by a factor, keeping the point at pixel (x, y) fixed. */
   zoom(factor, x, y) {
     const dx = x - this.width / 2, dy = y - this.height / 2 - this.drop;
     this.move(-dx, -dy);

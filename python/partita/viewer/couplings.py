@@ -52,13 +52,13 @@ def pictures(
     spec: Mapping[str, Any],
     names: Sequence[str],
     joint_names: Sequence[str],
-    places: Mapping[str, FloatArray],
+    joint_points: Mapping[str, FloatArray],
     size: float,
 ) -> Pictures:
     """Pictures of the couplings of a description; `places` are the coordinates (nt,) of joints with one, by name."""
     if not spec.get("couplings"):
         return Pictures()
-    return _Artist(spec, names, joint_names, places, size).draw()
+    return _Artist(spec, names, joint_names, joint_points, size).draw()
 
 
 class _Artist:
@@ -67,10 +67,10 @@ class _Artist:
         spec: Mapping[str, Any],
         names: Sequence[str],
         joint_names: Sequence[str],
-        places: Mapping[str, FloatArray],
+        joint_points: Mapping[str, FloatArray],
         size: float,
     ) -> None:
-        self.spec, self.places, self.size = spec, places, size
+        self.spec, self.joint_points, self.size = spec, joint_points, size
         self.body = {name: i for i, name in enumerate(names)} | {"ground": -1}
         self.joint = {name: j for j, name in enumerate(joint_names)}
         self.pose = {-1: (np.zeros(3), np.eye(3))}
@@ -108,8 +108,8 @@ class _Artist:
             if coupling["kind"] != "linear":
                 return False
             if word == "belt":
-                said = (coupling.get("said") or {}).get("radii")
-                return self.belt(joints, coupling["factors"], said and (said["radius2"], said["radius1"]))
+                given = (coupling.get("said") or {}).get("radii")
+                return self.belt(joints, coupling["factors"], given and (given["radius2"], given["radius1"]))
             return word == "gear" and self.mesh(joints, coupling["factors"])
         if len(joints) == 2 and joints[0] in self.slides and joints[1] in self.turns:
             slide, turn = self.slides[joints[0]], self.turns[joints[1]]
@@ -122,8 +122,8 @@ class _Artist:
     # ---- what moves with a body
 
     def local(self, body: int, point: FloatArray) -> list[float]:
-        place, turn = self.pose[body]
-        return plain(turn.T @ (point - place))
+        origin, turn = self.pose[body]
+        return plain(turn.T @ (point - origin))
 
     def turned(self, body: int, direction: FloatArray) -> list[float]:
         return plain(self.pose[body][1].T @ direction)
@@ -301,8 +301,8 @@ class _Artist:
         for (centre, radius, turn), n in zip(tips, teeth, strict=True):
             if np.linalg.norm(centre - turn.point) > 0.2 * radius:  # a shaft to the wheel from its bearing
                 ends = {f"body{end}": turn.child for end in (1, 2)}
-                places = self.local(turn.child, turn.point), self.local(turn.child, centre)
-                self.found.rods.append({**ends, "point1": places[0], "point2": places[1]})
+                joint_points = self.local(turn.child, turn.point), self.local(turn.child, centre)
+                self.found.rods.append({**ends, "point1": joint_points[0], "point2": joint_points[1]})
             towards = scale * line - (centre - apex)
             self.found.wheels.append(
                 {
@@ -321,7 +321,7 @@ class _Artist:
 
     # ---- belts, racks, cams
 
-    def belt(self, joints: Sequence[str], factors: Sequence[float], said: Sequence[float] | None) -> bool:
+    def belt(self, joints: Sequence[str], factors: Sequence[float], radii: Sequence[float] | None) -> bool:
         """Two pulleys and the belt around both, open or crossed by the sign of the ratio; to scale where given radii
         fit between the axes."""
         if len(joints) != 2:
@@ -344,15 +344,15 @@ class _Artist:
             known = self.pulleys.get((turn.child, tuple(np.round(turn.point, 9))))
             if known is not None and known / weight * sum(weights) < 0.85 * distance:
                 scale = known / weight
-        radii = list(said) if said and sum(said) < distance else [weight * scale for weight in weights]
-        for turn, radius in zip((a, b), radii, strict=True):
+        drawn = list(radii) if radii and sum(radii) < distance else [weight * scale for weight in weights]
+        for turn, radius in zip((a, b), drawn, strict=True):
             self.pulleys.setdefault((turn.child, tuple(np.round(turn.point, 9))), radius)
             self.found.wheels.append(
                 {
                     "body": turn.child,
                     "center": self.local(turn.child, turn.point),
                     "radius": radius,
-                    "width": 0.25 * min(radii),
+                    "width": 0.25 * min(drawn),
                     "axis": self.turned(turn.child, axis),
                     "first": self.turned(turn.child, x),
                     "ring": False,
@@ -360,13 +360,13 @@ class _Artist:
                     "phase": 0.0,
                 }
             )
-        lean = np.arccos(((radii[0] + radii[1]) if crossed else (radii[0] - radii[1])) / distance)
+        lean = np.arccos(((drawn[0] + drawn[1]) if crossed else (drawn[0] - drawn[1])) / distance)
         # Around the first from its upper point of contact by the far side to the lower one, then around the second.
         first = np.linspace(lean, 2.0 * np.pi - lean, ROUND)
         second = np.linspace(-lean, lean, ROUND) if not crossed else np.linspace(np.pi - lean, lean - np.pi, ROUND)
         middle = b.point + ((a.point - b.point) @ axis) * axis
-        ring = [a.point + radii[0] * (np.cos(t) * x + np.sin(t) * y) for t in first]
-        ring += [middle + radii[1] * (np.cos(t) * x + np.sin(t) * y) for t in second]
+        ring = [a.point + drawn[0] * (np.cos(t) * x + np.sin(t) * y) for t in first]
+        ring += [middle + drawn[1] * (np.cos(t) * x + np.sin(t) * y) for t in second]
         self.line(a.parent, ring, closed=True, look="belt")
         return True
 
@@ -393,7 +393,7 @@ class _Artist:
                 "phase": 0.0,
             }
         )
-        travel = self.places.get(name, np.zeros(1)) * float(np.sign(slide.axis @ along))
+        travel = self.joint_points.get(name, np.zeros(1)) * float(np.sign(slide.axis @ along))
         low, high = (round(x / pitch) for x in (np.nanmin(-travel) - radius, np.nanmax(-travel) + radius))
         touch = turn.point + radius * up
         teeth = range(low - 3, min(high + 4, low + 4000))
@@ -409,7 +409,7 @@ class _Artist:
         if coupling["kind"] == "curve":
             curve = coupling["curve"]
             return np.array(curve["coefficients"])[:, -1], np.array(curve["breaks"])[:-1]
-        lift, angle = (self.places.get(name, np.empty(0)) for name in joints)
+        lift, angle = (self.joint_points.get(name, np.empty(0)) for name in joints)
         return lift, angle
 
     def cam(self, slide: Turn, turn: Turn, lift: FloatArray, angle: FloatArray) -> bool:

@@ -150,5 +150,5 @@ def _mp4(program: str, where: Path, pictures: Iterator[tuple[Any, int]], size: t
     data = b"".join(image.tobytes() * count for image, count in pictures)
     done = subprocess.run(command, input=data, capture_output=True, check=False)
     if done.returncode != 0:
-        said = done.stderr.decode("utf-8", "replace").strip().splitlines()[-1:] or ["it gave no reason"]
-        raise FileFormatError(f'ffmpeg could not write "{where}": {said[0]}', path=str(where))
+        reason = done.stderr.decode("utf-8", "replace").strip().splitlines()[-1:] or ["it gave no reason"]
+        raise FileFormatError(f'ffmpeg could not write "{where}": {reason[0]}', path=str(where))

@@ -29,7 +29,7 @@ class Labels {
     return cut();
   }
 
-  /** Best place for a text at a distance from a point; `last` is the place it had before and keeps if it can. */
+  /** Best position of a text at a distance from a point; `last` is the one it had before and keeps if it can. */
   place(text, x, y, away, last) {
     return this.search(text, x, y, away, last, this.taken.concat(this.soft)) || this.search(text, x, y, away, last, this.taken);
   }
@@ -45,13 +45,13 @@ class Labels {
         const box = { left: cx - width / 2 - 2, right: cx + width / 2 + 2, top: cy - height / 2, bottom: cy + height / 2 };
         if (box.left < 3 || box.right > this.width - 3 || box.top < 3 || box.bottom > this.height - 3) continue;
         if (taken.some((other) => overlaps(box, other))) continue;
-        return { box, x: box.left + 2, y: cy + 4, place: i, far: ring > 0 };
+        return { box, x: box.left + 2, y: cy + 4, position: i, far: ring > 0 };
       }
     }
     return null;
   }
 
-  /** Write at a place already chosen, and keep others off it. */
+  /** Write at a position already chosen, and keep others off it. */
   write(text, x, y, colour) {
     const { c } = this, width = c.measureText(text).width;
     const box = { left: x - 1, right: x + width + 1, top: y - 11, bottom: y + 4 };

@@ -16,9 +16,9 @@ class Legends {
     }
   }
 
-  /** Names of joints, those at one place together; a name for which there is no room is left out and counted. */
+  /** Names of joints, those at one point together; a name for which there is no room is left out and counted. */
   names() {
-    const { camera, radius, hits, places } = this.scene, groups = [];
+    const { camera, radius, hits, positions } = this.scene, groups = [];
     for (const hit of hits) {
       const p = hit.kind === "spring" ? null : camera.project(hit.point);
       if (!p || p.x < 0 || p.y < 0 || p.x > camera.width || p.y > camera.height) continue;
@@ -30,9 +30,9 @@ class Legends {
     for (const g of groups) {
       const rest = g.names.length > 3 ? ` and ${g.names.length - 3} more` : "";
       const text = this.labels.fitted(g.names.slice(0, 3).join(", ") + rest, Math.min(230, 0.6 * camera.width));
-      const found = this.labels.place(text, g.x, g.y, g.away, places.get(g.names[0]));
+      const found = this.labels.place(text, g.x, g.y, g.away, positions.get(g.names[0]));
       if (!found) { this.labels.hidden += g.names.length; continue; }
-      places.set(g.names[0], found.place);
+      positions.set(g.names[0], found.position);
       if (found.far) {
         const { box } = found, x = Math.max(box.left, Math.min(box.right, g.x)), y = Math.max(box.top, Math.min(box.bottom, g.y));
         this.painter.line([{ x: g.x, y: g.y }, { x, y }], COLOURS.quiet, 0.8);

@@ -294,9 +294,9 @@ def _end(spring: Mapping[str, Any], end: int, poses: Poses) -> FloatArray:
 
 def _middle(at: ResultView) -> FloatArray:
     """The middle of the box around bodies and joints."""
-    places = [at.body(name).position[0] for name in at.names.bodies]
-    places += [at.joint(name).point[0] for name in at.names.joints]
-    found = np.array(places, dtype=float).reshape(-1, 3)
+    points = [at.body(name).position[0] for name in at.names.bodies]
+    points += [at.joint(name).point[0] for name in at.names.joints]
+    found = np.array(points, dtype=float).reshape(-1, 3)
     found = found[np.isfinite(found).all(axis=1)]
     middle: FloatArray = 0.5 * (found.min(axis=0) + found.max(axis=0)) if len(found) else np.zeros(3)
     return middle

@@ -73,7 +73,7 @@ def _resolver(trimesh: Any, folder: Path) -> Any:
             return []
 
         def write(self, name: str, data: Any) -> None:
-            raise FileFormatError(f'"{name}" is not written: a mesh is read alone', path=name)
+            raise FileFormatError(f'"{name}" is not written: only the mesh itself is read', path=name)
 
     return Beside()
 

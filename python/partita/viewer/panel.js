@@ -41,7 +41,7 @@ class Panel {
     this.makeLog(jumpTo);
   }
 
-  /** Coordinates by what they tell: those most often independent, then those whose measure varies most. */
+  /** Coordinates in order of interest: those most often independent, then those whose measure varies most. */
   byImportance() {
     const { run } = this, table = run.tables.measure, count = run.scene.velocities.length;
     const often = new Array(count).fill(0), low = new Array(count).fill(1), high = new Array(count).fill(0);

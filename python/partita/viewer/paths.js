@@ -2,7 +2,7 @@
 
 const FARTHEST = Math.cos(Math.PI / 4); // where a path turns farther than this at both ends of a step, no line is drawn
 const FINEST = 0.12; // a stroke turns by less than this angle [rad] from point to point
-const CELLS = 50; // of the extent of all there is: what is told apart of a path
+const CELLS = 50; // resolution of a path: this many cells over the whole extent
 const TANGLE = 9; // a path that goes through so many more cells than its extent counts is a tangle
 
 /** Paths of moving joints and of free ends of bodies, thinned for drawing. */
@@ -33,7 +33,7 @@ function findPaths(run) {
   return paths;
 }
 
-/** Strokes of a path through `points` at `times`: places {p, t} in order, a single place where no line leads on. */
+/** Strokes of a path through `points` at `times`: points {p, t} in order, a single point where no line continues. */
 function strokesOf(points, times, least) {
   const n = points.length, turns = new Array(n).fill(0), rates = new Array(n).fill([0, 0, 0]), whole = points.map(isFinite3);
   for (let i = 1; i + 1 < n; i++) {
@@ -53,7 +53,7 @@ function strokesOf(points, times, least) {
     if (Math.cos(first && last ? Math.min(turns[i], turns[i + 1]) : turn) < FARTHEST) { flush(); continue; }
     if (!first || !last) continue;
     const h = times[i + 1] - times[i], pieces = Math.min(12, Math.ceil(turn / FINEST));
-    for (let k = 1; k < pieces; k++) { // Hermite: through both outputs, with the rates that their neighbours tell
+    for (let k = 1; k < pieces; k++) { // Hermite: through both outputs, with rates estimated from their neighbours
       const s = k / pieces, r = 1 - s;
       const ends = add(scaled(points[i], r * r * (1 + 2 * s)), scaled(points[i + 1], s * s * (3 - 2 * s)));
       const offset = sub(scaled(rates[i], r * r * s * h), scaled(rates[i + 1], s * s * r * h));

@@ -220,7 +220,7 @@ function describe(hit, x, y) {
 
 let shownHit = -1;
 
-/** From joint to joint by the keyboard, each told as under the pointer. */
+/** From joint to joint by the keyboard, each described as under the pointer. */
 function nextJoint(step) {
   const hits = scene.hits.filter((hit) => hit.kind !== "spring");
   if (!hits.length) return;

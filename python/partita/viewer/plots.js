@@ -159,8 +159,8 @@ class Plots {
   /** Name and values now, above the plot and for those who do not see it. */
   describe(plot, frame) {
     const { curve, values, caption } = plot;
-    const said = values.map((line, n) => (curve.labels[n] ? `${curve.labels[n]} ` : "") + short(line[frame], 3)).join(", ");
-    const text = `${curve.name}: ${said}${curve.unit ? ` ${curve.unit}` : ""}${curve.open ? " (not unique)" : ""}`;
+    const shown = values.map((line, n) => (curve.labels[n] ? `${curve.labels[n]} ` : "") + short(line[frame], 3)).join(", ");
+    const text = `${curve.name}: ${shown}${curve.unit ? ` ${curve.unit}` : ""}${curve.open ? " (not unique)" : ""}`;
     if (plot.text === text) return;
     plot.text = text;
     caption.replaceChildren();

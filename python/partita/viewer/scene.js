@@ -38,7 +38,7 @@ class Scene {
     this.ratio = 1;
     this.hits = [];
     this.covered = []; // boxes of the canvas under tools
-    this.places = new Map(); // where the name of a joint stood last, so that it does not jump
+    this.positions = new Map(); // last position of the name of a joint, so that it does not jump
     this.unlike = { cut: false }; // what of this frame is not to scale
     this.reach = this.findTips();
   }
@@ -57,7 +57,7 @@ class Scene {
     return tips;
   }
 
-  /** Lowest places of supports, which stand upright in the picture. */
+  /** Lowest points of supports, which are upright in the picture. */
   feet() {
     const { run, radius } = this, found = [];
     const foot = (point, size) => found.push(sub(point, scaled(this.camera.up, (SUPPORT * size - 3) * radius)));
@@ -87,11 +87,11 @@ class Scene {
     camera.origin = [0, 0, 0];
     camera.fit(held, spare);
     // Arrows too, unless the mechanism would become small for their sake: those that leave the picture are cut and marked.
-    const alone = camera.scale, place = camera.target;
+    const alone = camera.scale, target = camera.target;
     if (!this.options.follow) camera.fit(held.concat(this.reach), spare);
     if (this.options.follow) camera.scale *= 0.62;
     else if (camera.scale < 0.72 * alone) {
-      camera.target = place;
+      camera.target = target;
       camera.scale = 0.8 * alone;
     }
   }

@@ -107,8 +107,8 @@ def describe(
         return scene | {"tables": tables}
     choices = _choices(np.asarray(result.independent))
     others = len(json.dumps([slim(scene), choices], separators=(",", ":")))
-    places = np.concatenate([motion.position, motion.point], axis=1).reshape(len(result.t), -1)
-    kept = pack_tables(tables | plotted, others, places)
+    positions = np.concatenate([motion.position, motion.point], axis=1).reshape(len(result.t), -1)
+    kept = pack_tables(tables | plotted, others, positions)
     return scene | {
         "frames": len(kept.frames),
         "coarse": kept.coarse,
@@ -385,8 +385,8 @@ def _loads(result: ResultView) -> tuple[list[str], dict[str, FloatArray]]:
     """Names of the loads that act at a point, and a table (nt, 6) of point and force for each, in the world."""
     names: list[str] = []
     tables: dict[str, FloatArray] = {}
-    for name, (place, force) in result.applied_forces().items():
-        tables[f"load{len(names)}"] = np.concatenate([place, force], axis=1)
+    for name, (point, force) in result.applied_forces().items():
+        tables[f"load{len(names)}"] = np.concatenate([point, force], axis=1)
         names.append(name)
     return names, tables
 

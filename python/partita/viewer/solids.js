@@ -1,4 +1,4 @@
-// Solids that a person asked for: boxes, cylinders, wheels, balls, plates, rods, drawn in the place of what is guessed.
+// Solids given by the user: boxes, cylinders, wheels, balls, plates, rods, drawn instead of guessed shapes.
 
 /** Draw the parts of one body in a frame. */
 function drawSolids(scene, painter, frame, body, parts) {

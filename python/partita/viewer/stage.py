@@ -482,16 +482,16 @@ class Stage:
             length = value / per_pixel
             right = self.width - margin
             sheet.line([(right - length, y), (right, y)], colour, 2 * FINER)
-            said = f"{1e6 * value:g} µm" if unit == "m" and value < 1e-3 else f"{value:g} {unit}"
-            ends = sheet.draw.textbbox((0, 0), said, font=self.font)
+            label = f"{1e6 * value:g} µm" if unit == "m" and value < 1e-3 else f"{value:g} {unit}"
+            ends = sheet.draw.textbbox((0, 0), label, font=self.font)
             at = (right - length - ends[2] - 8 * FINER, y - (ends[1] + ends[3]) / 2)
-            sheet.draw.text(at, said, fill=colour, font=self.font)
+            sheet.draw.text(at, label, fill=colour, font=self.font)
             y -= 20 * FINER
         for text in sorted(reported):
-            said = self.fitted(sheet, text, 0.9)
-            right = self.width - margin - sheet.draw.textlength(said, font=self.font)
-            ends = sheet.draw.textbbox((0, 0), said, font=self.font)
-            sheet.draw.text((right, y - (ends[1] + ends[3]) / 2), said, fill=FORCE, font=self.font)
+            label = self.fitted(sheet, text, 0.9)
+            right = self.width - margin - sheet.draw.textlength(label, font=self.font)
+            ends = sheet.draw.textbbox((0, 0), label, font=self.font)
+            sheet.draw.text((right, y - (ends[1] + ends[3]) / 2), label, fill=FORCE, font=self.font)
             y -= 20 * FINER
 
     def fitted(self, sheet: Sheet, text: str, part: float) -> str:

@@ -149,7 +149,7 @@ def follow(bars: FourBar, x: Array, sign: float, length: float) -> Array:
 
 @lru_cache(maxsize=64)
 def branch(bars: FourBar, x: tuple[float, ...], sign: float, length: int) -> tuple[Array, Array]:
-    """What `follow` finds, and the size of the gradient at each point: drawn once for all that runs along it."""
+    """Result of `follow`, and the size of the gradient at each point: computed once for all runs along it."""
     curve = follow(bars, np.array(x), sign, length)
     return curve, np.array([np.hypot(*bars.gradient(p)) for p in curve])
 
@@ -161,8 +161,8 @@ def mechanism(bars: FourBar, x: Array, rng: np.random.Generator) -> pt.Mechanism
 
 @dataclass(frozen=True)
 class Seen:
-    """What a run did: "right", "stopped" (it says so), "wrong" (with success); singular positions told and passed; is
-    its success the same after the certificate was read?"""
+    """What a run did: "right", "stopped" (with a message), "wrong" (with success); singular positions reported and
+    crossed; whether its success is the same after the certificate was read."""
 
     outcome: str
     reported: int

@@ -10,7 +10,7 @@ from . import CLOSED, FAMILIES, FULL, Seen, trial
 USUAL = (1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13)
 """The default tolerance and tighter ones: here no run may be wrong."""
 LOOSE = (1e-4, 1e-5, 1e-6)
-"""A step of these is long and says little: counted, and told."""
+"""A step of these is long and inconclusive: counted and reported."""
 
 
 def one(task: tuple[tuple[float, ...], int]) -> Seen:

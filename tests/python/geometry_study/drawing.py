@@ -1,4 +1,4 @@
-"""A mechanism said once: for the core, and for the independent program."""
+"""One drawing of a mechanism, for the core and for the independent program."""
 
 from __future__ import annotations
 
@@ -137,9 +137,9 @@ class Drawing:
     def mechanism(self, name: str) -> pt.Mechanism:
         """For the core."""
         m = pt.Mechanism(name, gravity=tuple(self.gravity))
-        place = {"ground": np.zeros(3)}
+        reference = {"ground": np.zeros(3)}
         for b in self.bodies:
-            place[b.name] = b.position
+            reference[b.name] = b.position
             m.add_body(b.name, mass=b.mass, inertia=tuple(b.inertia), position=b.position)
         for j in self.joints:
             parent = m.ground if j.parent == "ground" else j.parent
@@ -151,13 +151,13 @@ class Drawing:
                 own["child_axis"] = j.axis_on_child()
             match j.kind:
                 case "distance":
-                    start, end = j.point - place[j.parent], j.end - place[j.child]
+                    start, end = j.point - reference[j.parent], j.end - reference[j.child]
                     m.add_distance(j.name, parent, start, child, end, length=j.length)
                 case "rolling":
-                    centre = j.point - place[j.child]
+                    centre = j.point - reference[j.child]
                     m.add_rolling(j.name, child, j.length, center=centre, axis=j.axis, normal=(0, 0, 1))
                 case "sliding":
-                    centre = j.point - place[j.child]
+                    centre = j.point - reference[j.child]
                     m.add_rolling(j.name, child, j.length, center=centre, ball=True, normal=(0, 0, 1), slips=True)
                 case "spherical":
                     m.add_spherical(j.name, parent, child, point=j.point, **own)

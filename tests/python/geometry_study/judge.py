@@ -30,7 +30,7 @@ class Case:
     true: Drawing
     """Moves as it should, bodies as in `drawn`; may have other closings."""
     mobility: int
-    """To be told by the model and by the report; the null directions of `true`."""
+    """The mobility that model and report must give; the null directions of `true`."""
     structure: bool = False
     """It must not move, and the report must say so."""
     may_refuse: bool = False
@@ -44,7 +44,7 @@ class Case:
     clear: bool = False
     """The span ends before the motion comes to a singular position."""
     by_energy: bool = False
-    """One degree of freedom, no path needed: closings and energy tell the motion. For large ones."""
+    """One degree of freedom, no path needed: closure and energy determine the motion. For large ones."""
 
 
 @dataclass
@@ -84,42 +84,42 @@ def outcome(case: Case, coordinates: str, program: Program, truth: tuple[Array, 
 
 def _outcome(case: Case, coordinates: str, program: Program, truth: tuple[Array, Array, Array] | None) -> Outcome:
     m = case.drawn.mechanism(case.name)
-    said: list[str] = []
+    faults: list[str] = []
     try:
         of_model = m.compile(coordinates=coordinates).mobility
         report = m.report(coordinates=coordinates)
         reported = report.to_dict()["mobility"]
     except pt.errors.PartitaError as error:
-        return refusal(case, said, f"{type(error).__name__}: {error}")
+        return refusal(case, faults, f"{type(error).__name__}: {error}")
     if of_model != case.mobility:
-        said.append(f"mobility {of_model}, truth {case.mobility}")
+        faults.append(f"mobility {of_model}, truth {case.mobility}")
     if reported != of_model:
-        said.append(f"report {reported}, model {of_model}")
+        faults.append(f"report {reported}, model {of_model}")
     if case.structure:
         words = str(report)
         if not any(j.name in words for j in case.drawn.joints):
-            said.append("the report names no joint")
-        return Outcome("wrong" if said else "right", "; ".join(said))
+            faults.append("the report names no joint")
+        return Outcome("wrong" if faults else "right", "; ".join(faults))
     try:
         start = m.assemble(coordinates=coordinates, rates=case.rates or None)
         run = m.simulate(case.span, t_eval=times(case), initial=start, coordinates=coordinates)
         verdict = run.certificate.verdict
         if not run.success or verdict != "valid":
-            return refusal(case, said, " ".join([str(run.message), verdict, *map(str, run.certificate.findings)]))
-        difference = compare(case, run, program, truth, said)
+            return refusal(case, faults, " ".join([str(run.message), verdict, *map(str, run.certificate.findings)]))
+        difference = compare(case, run, program, truth, faults)
         if case.error or case.may_refuse:
-            stepped(case, m, start, run, coordinates, said)
+            stepped(case, m, start, run, coordinates, faults)
     except pt.errors.PartitaError as error:
-        return refusal(case, said, f"{type(error).__name__}: {error}")
-    return Outcome("wrong" if said else "right", "; ".join(said)[:300], difference=difference)
+        return refusal(case, faults, f"{type(error).__name__}: {error}")
+    return Outcome("wrong" if faults else "right", "; ".join(faults)[:300], difference=difference)
 
 
-def refusal(case: Case, said: list[str], words: str) -> Outcome:
-    """As good as right where it may be and names a joint; what was said before it was refused is told beside it."""
+def refusal(case: Case, faults: list[str], words: str) -> Outcome:
+    """Counts as right where a refusal is allowed and names a joint; earlier findings are listed with it."""
     verdict = "refused" if case.may_refuse or case.structure else "must run"
     if not any(j.name in words for j in case.drawn.joints):
-        verdict, said = "unnamed", [*said, "names no joint"]
-    return Outcome(verdict, "; ".join([*said, words])[:220])
+        verdict, faults = "unnamed", [*faults, "names no joint"]
+    return Outcome(verdict, "; ".join([*faults, words])[:220])
 
 
 def poses(case: Case, run: pt.Result) -> tuple[Array, Array, Array]:
@@ -131,7 +131,7 @@ def poses(case: Case, run: pt.Result) -> tuple[Array, Array, Array]:
 
 
 def compare(
-    case: Case, run: pt.Result, program: Program, truth: tuple[Array, Array, Array] | None, said: list[str]
+    case: Case, run: pt.Result, program: Program, truth: tuple[Array, Array, Array] | None, faults: list[str]
 ) -> float:
     """Adds what differs from the true motion; returns the largest difference of places over the allowed one."""
     size = case.drawn.size()
@@ -139,7 +139,7 @@ def compare(
     allowed = case.tolerance + factor * case.error
     x, r, v = poses(case, run)
     if len(x) != len(times(case)):
-        said.append(f"{len(x)} outputs of {len(times(case))}")
+        faults.append(f"{len(x)} outputs of {len(times(case))}")
         return np.inf
     worst = 0.0
     for i in range(len(x)):
@@ -148,30 +148,30 @@ def compare(
         fast = max(1.0, float(np.abs(v[i]).max()))
         worst = max(worst, np.abs(c @ v[i]).max() / max(size, 1.0) / fast / allowed)
     if worst > 1.0:
-        said.append(f"open by {worst:.1e} of what is allowed")
+        faults.append(f"open by {worst:.1e} of what is allowed")
     if truth is None:
         energies = np.array([program.energy(x[i], r[i], v[i]) for i in range(len(x))])
         swing = max(float(np.ptp(program.mass @ (x @ program.drawing.gravity).T)), abs(energies[0]) * 1e-3, 1e-6)
         if np.ptp(energies) > (1e-5 + FACTOR * case.error) * swing:
-            said.append(f"energy changes by {np.ptp(energies) / swing:.1e} of its parts")
+            faults.append(f"energy changes by {np.ptp(energies) / swing:.1e} of its parts")
         if np.abs(x[-1] - x[0]).max() < 1e-3 * size:
-            said.append("does not move")
+            faults.append("does not move")
         return worst
-    places = float(np.abs(x - truth[0]).max()) / size
+    positions = float(np.abs(x - truth[0]).max()) / size
     turns = float(np.abs(r - truth[1]).max())
-    for what, value in (("places", places), ("directions", turns)):
+    for what, value in (("places", positions), ("directions", turns)):
         if value > allowed:
-            said.append(f"{what} off by {value:.1e}, allowed {allowed:.1e}")
+            faults.append(f"{what} off by {value:.1e}, allowed {allowed:.1e}")
     begun, true = v[1] - v[0], truth[2][1] - truth[2][0]
     scale = float(np.abs(true).max())
     # accelerations may be small: what gravity gives in a millisecond is the least to compare with
     share = float(np.abs(begun - true).max()) / max(scale, 1e-3)
     if share > 1e-3 + 10.0 * factor * case.error:
-        said.append(f"accelerations off by {share:.1e}")
-    return max(worst, places / allowed, turns / allowed)
+        faults.append(f"accelerations off by {share:.1e}")
+    return max(worst, positions / allowed, turns / allowed)
 
 
-def stepped(case: Case, m: pt.Mechanism, start: pt.State, run: pt.Result, coordinates: str, said: list[str]) -> None:
+def stepped(case: Case, m: pt.Mechanism, start: pt.State, run: pt.Result, coordinates: str, faults: list[str]) -> None:
     """The stepper must come to the same end."""
     ticks = 200
     stepper = m.stepper(case.span / ticks, initial=start, coordinates=coordinates)
@@ -184,5 +184,5 @@ def stepped(case: Case, m: pt.Mechanism, start: pt.State, run: pt.Result, coordi
         apart = float(np.abs(here.position[-1] - there.position[-1]).max()) / size
         apart = max(apart, float(np.abs(here.rotation[-1] - there.rotation[-1]).max()))
         if apart > 1e-6:
-            said.append(f"stepper and run differ by {apart:.1e} in {body.name}")
+            faults.append(f"stepper and run differ by {apart:.1e} in {body.name}")
             return

@@ -31,7 +31,7 @@ def seven(rng: Any, small: float) -> tuple[Drawing, int]:
 
 
 def seven_parallel(rng: Any, small: float) -> tuple[Drawing, int]:
-    """Seven hinges, five of them nearly parallel and meant so: 2e-3 rad and more."""
+    """Seven hinges, five of them nearly parallel on purpose: 2e-3 rad and more."""
     hinges = []
     for i in range(7):
         angle = 2.0 * np.pi * i / 7.0

@@ -1,4 +1,4 @@
-"""Over-constrained mechanisms off by up to e: within the tolerance they move as meant, beyond it
+"""Over-constrained mechanisms off by up to e: within the tolerance they move as intended, beyond it
 they are structures."""
 
 from __future__ import annotations

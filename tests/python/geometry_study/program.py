@@ -37,8 +37,8 @@ class Program:
         self.where = where
         self.mass = np.array([body.mass for body in drawing.bodies])
         self.inertia = np.array([body.inertia for body in drawing.bodies])
-        place = np.array([body.position for body in drawing.bodies] + [np.zeros(3)])
-        self.x0, self.r0 = place[:-1], np.tile(np.eye(3), (self.n, 1, 1))
+        positions = np.array([body.position for body in drawing.bodies] + [np.zeros(3)])
+        self.x0, self.r0 = positions[:-1], np.tile(np.eye(3), (self.n, 1, 1))
         points: list[Any] = []
         dots: list[Any] = []
         alongs: list[Any] = []
@@ -48,14 +48,14 @@ class Program:
         for j in drawing.joints:
             a, b = where[j.parent], where[j.child]
             if j.kind == "sliding":
-                self.slides.append((b, j.point - place[b], j.length))
+                self.slides.append((b, j.point - positions[b], j.length))
                 continue
             if j.kind == "rolling":
-                self.rolls.append((b, j.point - place[b], j.axis, j.length))
+                self.rolls.append((b, j.point - positions[b], j.axis, j.length))
                 continue
-            p, s = j.point - place[a], j.point_on_child() - place[b]
+            p, s = j.point - positions[a], j.point_on_child() - positions[b]
             if j.kind == "distance":
-                s = j.end - place[b]
+                s = j.end - positions[b]
                 bars.append((a, p, b, s, j.length))
                 continue
             if j.kind in ("revolute", "spherical", "universal"):

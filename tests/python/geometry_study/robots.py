@@ -37,28 +37,28 @@ def study() -> bool:
     held = True
     for folder in sorted(p for p in Path(os.environ["GEOMETRY_STUDY_ROBOTS"]).iterdir() if p.is_dir()):
         for coordinates in ("relative", "absolute"):
-            reported, said, began = [], [], time.process_time()
+            reported, faults, began = [], [], time.process_time()
             for digits in DIGITS:
-                with tempfile.TemporaryDirectory() as place, warnings.catch_warnings():
+                with tempfile.TemporaryDirectory() as temporary, warnings.catch_warnings():
                     warnings.simplefilter("ignore")
                     try:
-                        m = pt.load(rounded(folder, digits, Path(place) / "robot"))
+                        m = pt.load(rounded(folder, digits, Path(temporary) / "robot"))
                         reported.append(m.compile(coordinates=coordinates).mobility)
                         report = m.report(coordinates=coordinates).to_dict()["mobility"]
                         start = m.assemble(coordinates=coordinates)
                         run = m.simulate(0.2, initial=start, coordinates=coordinates)
                         if report != reported[-1]:
-                            said.append(f"{digits or 'all'} digits: report {report}, model {reported[-1]}")
+                            faults.append(f"{digits or 'all'} digits: report {report}, model {reported[-1]}")
                         if run.certificate.verdict != "valid" or not run.success:
-                            said.append(f"{digits or 'all'} digits: {run.certificate.verdict}, {run.message}"[:160])
+                            faults.append(f"{digits or 'all'} digits: {run.certificate.verdict}, {run.message}"[:160])
                     except pt.errors.PartitaError as error:
-                        said.append(f"{digits or 'all'} digits: {type(error).__name__}: {error}"[:200])
+                        faults.append(f"{digits or 'all'} digits: {type(error).__name__}: {error}"[:200])
             if len(set(reported)) != 1:
-                said.append("mobilities differ")
-            held = held and not said
+                faults.append("mobilities differ")
+            held = held and not faults
             seconds = time.process_time() - began
             print(
-                f"{folder.name} {coordinates}: mobility {reported}, {seconds:.1f} s; {'; '.join(said) or 'right'}",
+                f"{folder.name} {coordinates}: mobility {reported}, {seconds:.1f} s; {'; '.join(faults) or 'right'}",
                 flush=True,
             )
     return held

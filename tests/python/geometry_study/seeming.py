@@ -1,4 +1,4 @@
-"""Exact drawings that only look misdrawn: small lengths, hinges near each other, axes nearly parallel that are meant,
+"""Exact drawings that only look misdrawn: small lengths, hinges near each other, axes nearly parallel on purpose,
 drawn in a singular position."""
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ def in_line(rng: Any) -> tuple[Drawing, int, dict[str, float]]:
 
 
 def nearly_parallel(rng: Any) -> tuple[Drawing, int, dict[str, float]]:
-    """A spatial crank, rod with two balls and rocker, axes 3e-4 rad out of parallel and meant so; the rod spins."""
+    """A spatial crank, rod with two balls and rocker, axes 3e-4 rad out of parallel on purpose; the rod spins."""
     tilt = unit([3e-4, 0.0, 1.0])
     points = [(0, 0, 0), (0.3, 0.4, 0.1), (1.1, 0.9, -0.2), (1.2, 0, 0)]
     points = [np.array(p) + 0.05 * rng.uniform(-1, 1, 3) for p in points]

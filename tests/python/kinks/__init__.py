@@ -29,7 +29,7 @@ class Kinked:
     """A smooth function, and what is added to it from a place on."""
 
     base: Callable[[Any], Any]
-    place: float
+    at: float
     size: float
     power: int
     both: bool
@@ -37,16 +37,16 @@ class Kinked:
 
     def beyond(self, x: Any) -> Any:
         """The smooth function that holds after the place."""
-        return self.base(x) + self.size * (x - self.place) ** self.power
+        return self.base(x) + self.size * (x - self.at) ** self.power
 
     def before(self) -> Callable[[Any], Any]:
         """The smooth function that holds before it."""
         taken = -self.size if self.both else 0.0
-        return Kinked(self.base, self.place, taken, self.power, False).beyond
+        return Kinked(self.base, self.at, taken, self.power, False).beyond
 
     def __call__(self, x: Any) -> Any:
-        added = self.size * (x - self.place) ** self.power
-        if x > self.place:
+        added = self.size * (x - self.at) ** self.power
+        if x > self.at:
             return self.base(x) + added
         return self.base(x) - added if self.both else self.base(x) + 0.0 * x
 
@@ -127,7 +127,7 @@ def trial(seed: int) -> Found:
             kind, power = "rate", 0
     size = float(10.0 ** rng.uniform(-4.0, -0.5)) * float(rng.choice((-1.0, 1.0)))
     if where in ("cam free", "bead"):
-        size = abs(size) * (0.3 if power < 2 else 1.0)  # up, so that what is slow enough does not turn around
+        size = abs(size) * (0.3 if power < 2 else 1.0)  # positive, so that a slow motion does not reverse
     steep = {"pendulum": 0.5, "four-bar": 1.0, "rate of a four-bar": 1.0}.get(where, 0.3)
     law = Kinked(_smooth(rng, steep), float(rng.uniform(0.1, 0.9)), size, power, bool(rng.integers(2)))
     forms = ABSOLUTE if (absolute := bool(rng.integers(2))) else EVERY
@@ -135,21 +135,21 @@ def trial(seed: int) -> Found:
     forms = [f for f in forms if not (rates and f in ("wehage-haug", "explicit-closing", "tangent-space"))]
     form = str(rng.choice(forms))
     options: dict[str, Any] = {"formulation": form, "coordinates": "absolute" if absolute else "relative"}
-    said = f"seed {seed}: {where}, {kind} jumps by {size:.2e} at {law.place:.6g}, {form}, {options['coordinates']}"
+    case = f"seed {seed}: {where}, {kind} jumps by {size:.2e} at {law.at:.6g}, {form}, {options['coordinates']}"
     if where in ("cam free", "bead"):
-        return _free(where, kind, law, options, said, float(rng.uniform(1.1, 2.0)))
+        return _free(where, kind, law, options, case, float(rng.uniform(1.1, 2.0)))
     m, joint = _driven(where, law), "A"
     run = m.simulate(END, t_eval=np.linspace(0.0, END, 21), **options)
     if kind != "second":
-        t = law.place
+        t = law.at
         if where == "cam driven":
-            t = _time_of(law.place)
-        return _refused(run, t, said)
+            t = _time_of(law.at)
+        return _refused(run, t, case)
     if not run.success:
-        return Found("refused", f"{said}: {run.message}")
+        return Found("refused", f"{case}: {run.message}")
     before, after = _driven(where, law.before()), _driven(where, law.beyond)
     worst = 0.0
-    kinked = _time_of(law.place) if where == "cam driven" else law.place
+    kinked = _time_of(law.at) if where == "cam driven" else law.at
     for side, smooth in ((run.t < kinked, before), (run.t > kinked, after)):
         if where == "rate of a four-bar":
             continue  # its position is an integral over both sides
@@ -160,9 +160,9 @@ def trial(seed: int) -> Found:
         apart = np.abs(run.joint(joint).position - clean.joint(joint).position)[side]
         worst = max(worst, float(apart.max(initial=0.0)))
     if where == "rate of a four-bar":
-        travelled = quad(law, 0.0, END, points=[law.place], epsabs=1e-13, epsrel=1e-13)[0]
+        travelled = quad(law, 0.0, END, points=[law.at], epsabs=1e-13, epsrel=1e-13)[0]
         worst = abs(float(run.joint(joint).position[-1, 0]) - travelled)
-    return Found("right" if worst < 1e-6 else "wrong", f"{said}: off by {worst:.1e}")
+    return Found("right" if worst < 1e-6 else "wrong", f"{case}: off by {worst:.1e}")
 
 
 def _time_of(x: float) -> float:
@@ -173,14 +173,14 @@ def _time_of(x: float) -> float:
     return float(t)
 
 
-def _free(where: str, kind: str, law: Kinked, options: dict[str, Any], said: str, rate: float) -> Found:
+def _free(where: str, kind: str, law: Kinked, options: dict[str, Any], case: str, rate: float) -> Found:
     """Held against the quadrature of the energy integral, t = integral of dx / x'."""
     slide, follower, gravity = (1.0, 0.5, 0.0) if where == "cam free" else (1.5, 1.0, 2.0)
     m = _cam(law, None) if where == "cam free" else _bead(law, gravity)
     before = law.before()
 
     def slope(x: float) -> float:
-        f = law.beyond if x > law.place else before
+        f = law.beyond if x > law.at else before
         return float((f(x + 1e-5) - f(x - 1e-5)) / 2e-5)
 
     def metric(x: float) -> float:
@@ -194,26 +194,26 @@ def _free(where: str, kind: str, law: Kinked, options: dict[str, Any], said: str
 
     def time(to: float) -> float:
         def slowness(x: float) -> float:
-            height = float((law.beyond if x > law.place else before)(x)) - level
+            height = float((law.beyond if x > law.at else before)(x)) - level
             return float(np.sqrt(metric(x) / (energy - gravity * height)))
 
-        points = [law.place] if begin < law.place < to else None
+        points = [law.at] if begin < law.at < to else None
         return float(quad(slowness, begin, to, points=points, epsabs=1e-11, epsrel=1e-11, limit=200)[0])
 
-    if kind != "second" and (kinked := time(law.place)) < END:
-        return _refused(run, kinked, said)
+    if kind != "second" and (kinked := time(law.at)) < END:
+        return _refused(run, kinked, case)
     if not run.success:
-        return Found("refused", f"{said}: {run.message}")
+        return Found("refused", f"{case}: {run.message}")
     off = abs(time(float(x[-1])) - END)
-    return Found("right" if off < 1e-6 else "wrong", f"{said}: off by {off:.1e} s")
+    return Found("right" if off < 1e-6 else "wrong", f"{case}: off by {off:.1e} s")
 
 
-def _refused(run: pt.Result, t: float, said: str) -> Found:
+def _refused(run: pt.Result, t: float, case: str) -> Found:
     """It must stop there, with the name of who jumps and the time."""
     if run.success:
-        return Found("wrong", f"{said}: success")
+        return Found("wrong", f"{case}: success")
     named = re.search(r"(the law|cam|curve|constraint).* jumps by .* at t = ([0-9.e+-]+)[:,]", run.message)
     if named is None or "the law" not in run.message:
-        return Found("unnamed", f"{said}: {run.message}")
+        return Found("unnamed", f"{case}: {run.message}")
     near = abs(float(named.group(2).rstrip(".")) - t) < 1e-3
-    return Found("right" if near else "elsewhere", f"{said}: {run.message}")
+    return Found("right" if near else "elsewhere", f"{case}: {run.message}")

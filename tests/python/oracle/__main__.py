@@ -1,4 +1,8 @@
-"""`python -m oracle 5000`: mechanisms by chance against independent programs; couplings, sensors and files beside."""
+"""`python -m oracle 5000`: mechanisms by chance against independent programs; every element, couplings, sensors, files
+and FMUs beside.
+
+`python -m oracle 5000 "every element"` compares one part alone.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +16,9 @@ from multiprocessing import Pool
 from pathlib import Path
 from typing import Any
 
-from . import chance, files
+from partita.io.fmu import BINARIES
+
+from . import chance, elements, files, fmus
 from .comparison import Verdict
 from .coupled import compare_coupled
 from .sensors import compare_sensors
@@ -36,6 +42,20 @@ def couplings(seeds: Iterable[int]) -> Study:
     return counted(seeds, lambda seed: compare_coupled(seed)[0])
 
 
+def every_element(seeds: Iterable[int]) -> Study:
+    return counted(seeds, lambda seed: elements.compare_elements(seed)[0])
+
+
+def stepped(seeds: Iterable[int]) -> Study:
+    warnings.simplefilter("ignore")  # tolerances this tight ask for more than round-off leaves of an energy balance
+
+    def one(seed: int) -> Verdict:
+        with tempfile.TemporaryDirectory() as folder:
+            return fmus.compare_fmu(seed, Path(folder))
+
+    return counted(seeds, one)
+
+
 def sensors(seeds: Iterable[int]) -> Study:
     return counted(seeds, lambda seed: compare_sensors(chance.mechanism(seed)))
 
@@ -48,17 +68,26 @@ def model_files(seeds: Iterable[int]) -> Study:
 
 PARTS: dict[str, tuple[Callable[[Iterable[int]], Study], int]] = {
     "mechanisms": (study, 1),
+    "every element": (every_element, 1),
     "couplings": (couplings, 2),
     "sensors": (sensors, 4),
     "model files": (model_files, 4),
+    "FMUs": (stepped, 10),
 }
 """What is compared, and in which part of the number asked for."""
+DRAWN = {"mechanisms": chance.mechanism, "every element": elements.mechanism}
+"""What may be made as short as it goes."""
 
 
-def main(asked: int) -> int:
+def main(asked: int, *only: str) -> int:
     """Print what was counted and the differences; 1 if there are any."""
     cores, all_wrong = os.cpu_count() or 1, 0
     for name, (compare, part) in PARTS.items():
+        if only and name not in only:
+            continue
+        if name == "FMUs" and not list(BINARIES.glob("*partita_fmu*")):
+            print("FMUs: the binary is not built (make fmu)\n")
+            continue
         count = asked // part
         with Pool(cores) as pool:
             found = pool.map(compare, [range(k, count, 4 * cores) for k in range(4 * cores)])
@@ -72,15 +101,16 @@ def main(asked: int) -> int:
         for what, error in sorted(worst.items()):
             print(f"{error:>10.1e}  largest difference: {what}")
         for seed, verdict in wrong[:5]:
-            print("\n" + (report(seed, verdict) if name == "mechanisms" else said(name, seed, verdict)))
+            drawn = DRAWN.get(name)
+            print("\n" + (report(seed, verdict, drawn) if drawn else verdict_text(name, seed, verdict)))
         print(f"\n{name}: {count} drawn by chance, {len(wrong)} with differences\n")
         all_wrong += len(wrong)
     return int(bool(all_wrong))
 
 
-def said(name: str, seed: int, verdict: Any) -> str:
+def verdict_text(name: str, seed: int, verdict: Any) -> str:
     return f"{name} {seed}:\n  " + "\n  ".join(verdict.wrong[:5])
 
 
 if __name__ == "__main__":
-    sys.exit(main(int(sys.argv[1]) if len(sys.argv) > 1 else 5000))
+    sys.exit(main(int(sys.argv[1]) if len(sys.argv) > 1 else 5000, *sys.argv[2:]))

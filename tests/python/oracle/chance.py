@@ -250,8 +250,7 @@ def loaded(rng: Any, d: Drawing) -> Drawing:
         axes, swing = str(rng.choice(["world", "body"])), float(rng.choice([0.0, 0.0, 3.0]))
         forces.append(Load(f"f{i}", name, rng.normal(size=3), rng.normal(size=3), axes, swing))
     for i, j in enumerate(d.joints):
-        slides, turns, ball = j.motions(j.some)
-        scalar, speeds = len(slides) + len(turns), len(slides) + len(turns) + 3 * ball
+        scalar, speeds = j.coordinates
         if speeds and rng.random() < 0.2:
             forces.append(Torque(f"t{i}", j.name, int(rng.integers(speeds)), float(rng.normal())))
         if scalar and rng.random() < 0.1:
@@ -263,7 +262,7 @@ def loaded(rng: Any, d: Drawing) -> Drawing:
 def driven(rng: Any, d: Drawing) -> Drawing:
     """With one motion prescribed; it begins as drawn."""
     taken = {(x.joint, x.coordinate) for x in d.drives}
-    scalars = {j.name: len(j.motions(j.some)[0]) + len(j.motions(j.some)[1]) for j in d.joints}
+    scalars = {j.name: j.coordinates[0] for j in d.joints}
     candidates = [(j, i) for j in d.joints for i in range(scalars[j.name]) if (j.name, i) not in taken]
     if not candidates:
         return d
@@ -328,7 +327,11 @@ def shuffled(rng: Any, d: Drawing) -> Drawing:
 def mechanism(seed: int) -> Drawing:
     """The mechanism of a number."""
     rng = np.random.default_rng(seed)
-    d = FAMILIES[int(rng.integers(len(FAMILIES)))](rng)
+    return finished(rng, FAMILIES[int(rng.integers(len(FAMILIES)))](rng), seed)
+
+
+def finished(rng: Any, d: Drawing, seed: int) -> Drawing:
+    """With loads and drives, perhaps open, slender, cut, turned and in other units."""
     d = loaded(rng, d)
     if rng.random() < 0.25:
         d = driven(rng, d)

@@ -15,7 +15,9 @@ from .maximal import Maximal, Motion, Pose
 
 # Two programs on matrices of conditions up to some 1e5; multipliers are one inverse further off than accelerations.
 ACCELERATION, REACTION = 1e-8, 1e-7
-# A direction of a self-stress is there above the first and not there below the second; between them nobody can tell.
+# Powers need no inverse: products of positions and velocities.
+POWER = 1e-9
+# A direction of a self-stress exists above the first and does not below the second; in between it is undecided.
 LOADED, UNLOADED = 1e-6, 1e-10
 OUTPUTS = 3
 
@@ -39,6 +41,8 @@ def compare(drawing: Drawing) -> Verdict:
     """Run the mechanism for a moment in both coordinates and compare what the outputs say."""
     verdict = Verdict()
     mechanism = drawing.build()
+    for f in drawing.forces:
+        mechanism.add_sensor(f"power of {f.name}", mechanism.forces[f.name], "power")
     rng = np.random.default_rng(drawing.seed)
     try:
         state = moving(mechanism, drawing, rng)
@@ -53,17 +57,25 @@ def compare(drawing: Drawing) -> Verdict:
             verdict.counts[f"{coordinates} refused: {type(error).__name__}"] += 1
             verdict.counts["contradiction"] += contradictory_as_drawn(drawing)
             continue
-        if drawing.drives and contradictory(drawing, run):
-            verdict.counts["contradiction"] += 1
-            verdict.counts["contradiction that succeeds"] += run.success
-            if run.success:
-                verdict.wrong.append(
-                    f"{coordinates}: the joints allow no motion at the rates of the drives, and the run succeeds"
-                )
-            continue
-        verdict.counts[f"{coordinates} {'run' if run.success else 'stopped'}"] += 1
-        look(drawing, mechanism, run, coordinates, verdict, rng)
+        try:
+            judge(drawing, mechanism, run, coordinates, verdict, rng)
+        except pt.errors.PartitaError as error:
+            verdict.wrong.append(f"{coordinates}: the run is there, but not what it is asked for: {error}")
     return verdict
+
+
+def judge(drawing: Drawing, mechanism: pt.Mechanism, run: Any, coordinates: str, verdict: Verdict, rng: Any) -> None:
+    """One run."""
+    if drawing.drives and contradictory(drawing, run):
+        verdict.counts["contradiction"] += 1
+        verdict.counts["contradiction that succeeds"] += run.success
+        if run.success:
+            verdict.wrong.append(
+                f"{coordinates}: the joints allow no motion at the rates of the drives, and the run succeeds"
+            )
+        return
+    verdict.counts[f"{coordinates} {'run' if run.success else 'stopped'}"] += 1
+    look(drawing, mechanism, run, coordinates, verdict, rng)
 
 
 def contradictory(drawing: Drawing, run: Any) -> bool:
@@ -74,9 +86,9 @@ def contradictory(drawing: Drawing, run: Any) -> bool:
 
 
 def contradictory_as_drawn(drawing: Drawing) -> bool:
-    """The same before anything has run, of drawings that are closed and drives whose axes the drawing tells."""
+    """The same before anything has run, of drawings that are closed and drives whose axes the drawing defines."""
     driven = {j.name: j for j in drawing.joints if any(d.joint == j.name for d in drawing.drives)}
-    if not driven or any(j.planar for j in driven.values()) or any(j.child_point is not None for j in drawing.joints):
+    if not driven or any(j.chooses for j in driven.values()) or any(j.child_point is not None for j in drawing.joints):
         return False
     still = {b.name: Pose(b.position, b.rotation, np.zeros(3), np.zeros(3)) for b in drawing.bodies}
     return Maximal(drawing, {j.name: j.some for j in drawing.joints}).open_rate(still) > 1e-9
@@ -87,8 +99,8 @@ def frames_of(drawing: Drawing, run: Any) -> dict[str, Array]:
     drawn = {b.name: b.rotation for b in drawing.bodies}
     found = {}
     for k, j in enumerate(drawing.joints):
-        carried = np.eye(3) if j.parent == GROUND else run.body(j.parent).rotation[0] @ drawn[j.parent].T
-        found[j.name] = carried.T @ run.reactions["joint_rotation"][0, k]
+        turned = np.eye(3) if j.parent == GROUND else run.body(j.parent).rotation[0] @ drawn[j.parent].T
+        found[j.name] = turned.T @ run.reactions["joint_rotation"][0, k]
     return found
 
 
@@ -136,12 +148,12 @@ def look(drawing: Drawing, mechanism: pt.Mechanism, run: Any, coordinates: str, 
         }
         found = program.at(float(t), poses)
         words = f"{coordinates}, output {i}"
-        if not run.success and max(found.gap, found.slip) > 1e-9:
+        if not run.success and max(found.gap, found.rate_error) > 1e-9:
             verdict.counts["stopped with open loops"] += 1
             continue
         # a run that says success has its loops closed
         verdict.seen("closure", found.gap, 1e-9, words)
-        verdict.seen("closing rate", found.slip, 1e-8, words)
+        verdict.seen("closing rate", found.rate_error, 1e-8, words)
         if found.unclear:
             verdict.counts["unclear rank"] += 1
             continue
@@ -156,6 +168,7 @@ def look(drawing: Drawing, mechanism: pt.Mechanism, run: Any, coordinates: str, 
         accelerations(drawing, mechanism, run, coordinates, i, poses, found, verdict, words)
         reactions(drawing, joints, i, found, verdict, words)
         efforts(drawing, run, i, found, verdict, words)
+        powers(drawing, mechanism, run, i, poses, found, verdict, words)
         for k, j in enumerate(drawing.joints):
             for axes, turn in (("world", np.eye(3)), ("joint", rotations[i, k]), ("own", own)):
                 unique(found, j.name, flags[axes][j.name][i], turn, verdict, f"{words}, joint {j.name}, {axes} axes")
@@ -211,7 +224,7 @@ def accelerations(
 
 
 def ball(j: Any) -> bool:
-    return j.kind in ("spherical", "free") or sum(len(f) == 2 for f in j.free) == 3
+    return bool(j.motions(j.some)[2])
 
 
 def coordinate_units(j: Any, size: float) -> Array:
@@ -246,6 +259,26 @@ def efforts(drawing: Drawing, run: Any, i: int, found: Motion, verdict: Verdict,
             verdict.seen("effort", float(np.abs(mine - theirs).max()) / top, REACTION, f"{words}, coupling {c.name}")
 
 
+def powers(
+    drawing: Drawing,
+    mechanism: pt.Mechanism,
+    run: Any,
+    i: int,
+    poses: dict[str, Pose],
+    found: Motion,
+    verdict: Verdict,
+    words: str,
+) -> None:
+    """Of every force whose power is sensed, over the largest force times the largest speed."""
+    speed = max(float(np.linalg.norm(p.u)) + drawing.size * float(np.linalg.norm(p.w)) for p in poses.values())
+    for f in drawing.forces:
+        if f"power of {f.name}" not in mechanism.sensors:
+            continue
+        mine, theirs = float(run.sensor(f"power of {f.name}").values[i]), found.power[f.name]
+        top = max(found.largest * speed, abs(mine), 1e-300)
+        verdict.seen("power", abs(mine - theirs) / top, POWER, f"{words}, force {f.name}")
+
+
 def untouched(stresses: Array) -> Array:
     """Directions that no row of `stresses` has a part in: projector."""
     if not len(stresses):
@@ -266,6 +299,6 @@ def unique(found: Motion, name: str, flags: Array, turn: Array, verdict: Verdict
             verdict.counts["flags"] += 1
             mine, theirs = bool(flags[3 * part + k]), bool(touched[k] <= UNLOADED)
             if mine != theirs:
-                what, said = ("fx", "fy", "fz", "mx", "my", "mz")[3 * part + k], ("open", "determined")
+                what, states = ("fx", "fy", "fz", "mx", "my", "mz")[3 * part + k], ("open", "determined")
                 share = f"a self-stress has {touched[k]:.1e} of it"
-                verdict.wrong.append(f"{words}: {what} is {said[theirs]} ({share}), Partita says {said[mine]}")
+                verdict.wrong.append(f"{words}: {what} is {states[theirs]} ({share}), Partita says {states[mine]}")

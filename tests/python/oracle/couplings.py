@@ -38,14 +38,16 @@ class Condition:
 
 
 def conditions(
-    c: Coupling, n: int, read: Callable[[dict[str, Any]], Reading], sides: dict[str, Any]
+    c: Coupling, n: int, read: Callable[[dict[str, Any]], Reading], sides: dict[str, Any], t: float
 ) -> list[Condition]:
-    """What a coupling says. `read` knows the coordinates of joints, `sides` the bodies."""
+    """What a coupling says at a time. `read` knows the coordinates of joints, `sides` the bodies."""
     data = c.data
     if c.kind == "roll":
         return rolling(data, n, sides)
     terms = [MEASURES[item["of"]](item, n, sides) if item["of"] in MEASURES else read(item) for item in data["terms"]]
     length = any(x.length for x in terms)
+    if c.kind in CURVED:
+        return [CURVED[c.kind](c, terms, t)]
     if c.kind == "linear":
         weights, gap = data["factors"], 0.0
         if len(terms) == 1 and length:
@@ -63,6 +65,52 @@ def conditions(
     if c.kind in ("curve", "cam"):
         rest -= bend * terms[1].rate ** 2
     return [Condition(np.asarray(row), float(rest), float(opens), gap, length)]
+
+
+def follower(c: Coupling, terms: list[Reading], t: float) -> Condition:
+    """The first term follows a function of the others, and one of time: x1 = f(x2, ...) + a (sin(w t + p) - sin p)."""
+    x = [term.value for term in terms[1:]]
+    rates = np.array([term.rate for term in terms[1:]])
+    value, slopes, second = c.data["law"].derivatives(np.array(x))
+    a, w, p = c.data["swing"]
+    row = terms[0].row - sum(f * term.row for f, term in zip(slopes, terms[1:], strict=True))
+    rest = terms[0].rest - sum(f * term.rest for f, term in zip(slopes, terms[1:], strict=True))
+    rest += -rates @ second @ rates + a * w**2 * np.sin(w * t + p)
+    opens = terms[0].rate - slopes @ rates - a * w * np.cos(w * t + p)
+    gap = terms[0].value - value - a * (np.sin(w * t + p) - np.sin(p))
+    return Condition(row, float(rest), float(opens), float(gap), terms[0].length)
+
+
+def rates_only(c: Coupling, terms: list[Reading], t: float) -> Condition:
+    """Of rates, with coefficients that are functions of the terms: g1 x1' + g2 x2' + ... + g0 = 0."""
+    x, rates = np.array([term.value for term in terms]), np.array([term.rate for term in terms])
+    found = [law.derivatives(x) for law in c.data["laws"]]
+    weights = [value for value, _, _ in found]
+    row = sum(g * term.row for g, term in zip(weights, terms, strict=False))
+    rest = sum(g * term.rest for g, term in zip(weights, terms, strict=False))
+    # of each coefficient how it changes along the motion, times what it belongs to
+    rest += sum(float(slopes @ rates) * by for (_, slopes, _), by in zip(found, [*rates, 1.0], strict=False))
+    opens = sum(g * by for g, by in zip(weights, [*rates, 1.0], strict=False))
+    return Condition(np.asarray(row), float(rest), float(opens), 0.0, terms[0].length)
+
+
+def outline(c: Coupling, terms: list[Reading], t: float) -> Condition:
+    """The distance of (x, y) from the origin is the radius of a closed curve at its angle."""
+    x, y = terms
+    far, angle = float(np.hypot(x.value, y.value)), float(np.arctan2(y.value, x.value))
+    radius, slope, bend = c.data["curve"].derivatives(angle)
+    away = (x.value * x.rate + y.value * y.rate) / far
+    turning = (x.value * y.rate - y.value * x.rate) / far**2
+    # second derivatives of both, less those along x and y
+    rest_away = (x.rate**2 + y.rate**2 - away**2) / far
+    rest_turning = -2.0 * away * turning / far
+    along = np.array([x.value, y.value]) / far - slope * np.array([-y.value, x.value]) / far**2
+    row = along[0] * x.row + along[1] * y.row
+    rest = along[0] * x.rest + along[1] * y.rest + rest_away - slope * rest_turning - bend * turning**2
+    return Condition(row, float(rest), float(away - slope * turning), far - radius, True)
+
+
+CURVED = {"follower": follower, "rates": rates_only, "outline": outline}
 
 
 def distance(item: dict[str, Any], n: int, sides: dict[str, Any]) -> Reading:

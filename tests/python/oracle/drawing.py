@@ -28,7 +28,8 @@ class Body:
 class Joint:
     """`axes`: the columns that the kind needs (one axis, two axes, or a frame). `child_point`, `child_axis`: where they
     sit on the child in a drawing whose loops are open. `pitch`: of a screw, for a turn; `bent`: what turns the
-    axes of a constant-velocity joint from the parent to the child."""
+    axes of a constant-velocity joint from the parent to the child; `follows`: of a joint of one's own, the directions
+    that are functions of the free ones."""
 
     name: str
     kind: str
@@ -42,6 +43,7 @@ class Joint:
     child_axis: Array | None = None
     pitch: float = 0.0
     bent: Array | None = None
+    follows: tuple[tuple[str, Any], ...] = ()
 
     @property
     def on_child(self) -> Array:
@@ -74,26 +76,51 @@ class Joint:
             return [], [], True
         if self.kind == "universal":
             return [], [unit(a[:, 0]), unit(a[:, 1])], False
-        if self.kind == "planar":
+        if self.kind == "pin_slot":
+            return [unit(a[:, 0])], [unit(a[:, 1])], False
+        if self.chooses:
             n = unit(a[:, 0])
-            assert abs(frame[:, 2] @ n - 1.0) < 1e-9, "the third axis of a planar joint is its normal"
-            return [frame[:, 0], frame[:, 1]], [n], False
+            assert abs(frame[:, 2] @ n - 1.0) < 1e-9, f"the third axis of a {self.kind} joint is its first one drawn"
+            slides = list(frame.T if self.kind in ("parallel", "perpendicular") else frame.T[:2])
+            if self.kind == "point_on_plane":
+                return slides, [], True
+            return slides, [n, unit(a[:, 1])] if self.kind == "perpendicular" else [n], False
+        if self.kind == "point_on_line":
+            return [unit(a[:, 0])], [], True
+        if self.kind == "orientation":
+            return list(np.eye(3)), [], False
         if self.kind == "fixed":
             return [], [], False
         if self.kind == "free":
             return list(np.eye(3)), [], True
-        slides = [a[:, "xyz".index(f)] for f in self.free if len(f) == 1]
-        turns = [a[:, "xyz".index(f[1])] for f in self.free if len(f) == 2]
+        assert self.kind in ("generic", "custom"), f"a {self.kind} joint is not known"
+        slides = [a[:, "xyz".index(f)] for f in self.moving if len(f) == 1]
+        turns = [a[:, "xyz".index(f[1])] for f in self.moving if len(f) == 2]
         return slides, ([] if len(turns) == 3 else turns), len(turns) == 3
 
     @property
-    def planar(self) -> bool:
-        return self.kind == "planar"
+    def moving(self) -> tuple[str, ...]:
+        """Of a generic joint or one's own: the directions that are not locked, in the order of the coordinates."""
+        named = {*self.free, *(direction for direction, _ in self.follows)}
+        return tuple(f for f in ("x", "y", "z", "rx", "ry", "rz") if f in named)
+
+    @property
+    def chooses(self) -> bool:
+        """Whether the joint chooses axes about its first one by itself, along which it counts slides."""
+        return self.kind in ("planar", "point_on_plane", "parallel", "perpendicular")
+
+    @property
+    def coordinates(self) -> tuple[int, int]:
+        """How many slides and angles it has, and how many speeds."""
+        if self.kind == "constant_velocity":
+            return 0, 0
+        slides, turns, ball = self.motions(self.some)
+        return len(slides) + len(turns), len(slides) + len(turns) + 3 * ball
 
     @property
     def some(self) -> Array:
-        """Axes of the joint as far as they matter for what it leaves free: of a planar joint any about its normal."""
-        if not self.planar:
+        """Axes of the joint as far as they matter for what it leaves free: any about the one that is drawn."""
+        if not self.chooses:
             return np.eye(3)
         n = unit(np.asarray(self.axes)[:, 0])
         x = unit(np.cross(n, np.eye(3)[int(np.argmin(np.abs(n)))]))
@@ -160,14 +187,55 @@ class Drive:
         a, w = self.amplitude, self.frequency
         return self.rate + a * w * float(np.sin(w * t)), a * w**2 * float(np.cos(w * t))
 
+    @property
+    def course(self) -> dict[str, Any]:
+        """As it is given."""
+        return {"position": self.position}
+
+
+@dataclass(frozen=True)
+class TableDrive:
+    """Position, rate or acceleration by a table over time, whose curve is a `Spline`; of an acceleration straight lines
+    from entry to entry."""
+
+    name: str
+    joint: str
+    coordinate: int
+    level: str
+    curve: Any
+    start: float = 0.0
+
+    def position(self, t: float) -> float | None:
+        """Not known where rates are prescribed: it is their integral along the motion."""
+        return self.curve.derivatives(t)[0] if self.level == "position" else None
+
+    def derivatives(self, t: float) -> tuple[float, float]:
+        value, slope, second = self.curve.derivatives(t)
+        if self.level == "position":
+            return slope, second
+        if self.level == "velocity":
+            return value, slope
+        x, y = self.curve.x, self.curve.y
+        # straight pieces: the trapezium is exact on each
+        times = np.array([0.0, *x[(x > 0.0) & (x < t)], t])
+        values = np.interp(times, x, y)
+        return self.start + float(np.sum(0.5 * np.diff(times) * (values[1:] + values[:-1]))), float(values[-1])
+
+    @property
+    def course(self) -> dict[str, Any]:
+        rate = {"rate": self.start} if self.level == "acceleration" else {}
+        return {self.level: (self.curve.x, self.curve.y), **rate}
+
 
 @dataclass(frozen=True)
 class Coupling:
-    """A condition between joints or bodies, in the words of a description: it is read, not built."""
+    """A condition between joints or bodies, in the words of a description. `call`: the method that adds it and its
+    arguments; without one it is read, not built."""
 
     name: str
     kind: str
     data: dict[str, Any]
+    call: tuple[str, tuple[Any, ...], dict[str, Any]] | None = None
 
 
 @dataclass(frozen=True)
@@ -178,7 +246,7 @@ class Drawing:
     bodies: tuple[Body, ...] = ()
     joints: tuple[Joint, ...] = ()
     forces: tuple[Any, ...] = ()
-    drives: tuple[Drive, ...] = ()
+    drives: tuple[Any, ...] = ()
     size: float = 1.0
     mass: float = 1.0
     time: float = 1.0
@@ -198,7 +266,11 @@ class Drawing:
             call, positional, named = force_call(f)
             getattr(m, call)(*positional, **named)
         for d in self.drives:
-            m.add_drive(d.joint, d.position, coordinate=d.coordinate, name=d.name)
+            m.add_drive(d.joint, **d.course, coordinate=d.coordinate, name=d.name)
+        for c in self.couplings:
+            if c.call is not None:
+                method, positional, named = c.call
+                getattr(m, method)(*positional, **named)
         return m
 
     def lines(self) -> str:
@@ -223,8 +295,15 @@ class Drawing:
                 reported += f"point={words(f.point)}, axes={f.axes!r}, name={f.name!r}"
             out.append(f"m.{call}({reported})")
         for d in self.drives:
+            if isinstance(d, TableDrive):
+                course = ", ".join(f"{key}={words(value)}" for key, value in d.course.items())
+                out.append(f"m.add_drive({d.joint!r}, {course}, coordinate={d.coordinate}, name={d.name!r})")
+                continue
             x = f"{d.rate!r} * t + {d.amplitude!r} * (1 - np.cos({d.frequency!r} * t))"
             out.append(f"m.add_drive({d.joint!r}, lambda t: {x}, coordinate={d.coordinate}, name={d.name!r})")
+        for method, positional, named in (c.call for c in self.couplings if c.call is not None):
+            reported = ", ".join([*map(words, positional), *(f"{key}={words(value)}" for key, value in named.items())])
+            out.append(f"m.{method}({reported})")
         return "\n".join(out)
 
     def turned(self, r: Array) -> Drawing:
@@ -286,10 +365,15 @@ class Drawing:
             x = along(d.joint, d.coordinate)
             return replace(d, rate=d.rate * x * rate, amplitude=d.amplitude * x, frequency=d.frequency * rate)
 
+        def unit_of(direction: str) -> float:
+            return 1.0 if direction.startswith("r") else length
+
         def there(j: Joint) -> Joint:
+            units = np.array([unit_of(x) for x in j.free])
             return replace(
-                j, point=j.point * length, child_point=None if j.child_point is None else j.child_point * length
-            )
+                j, point=j.point * length, child_point=None if j.child_point is None else j.child_point * length,
+                pitch=j.pitch * length, follows=tuple((x, law.scaled(unit_of(x), units)) for x, law in j.follows),
+            )  # fmt: skip
 
         return replace(
             self, gravity=self.gravity * (length / time**2),
@@ -303,23 +387,35 @@ def unit(x: Array) -> Array:
     return x / np.linalg.norm(x)
 
 
+ALONG_AN_AXIS = (
+    "revolute", "prismatic", "cylindrical", "screw", "constant_velocity", "point_on_line", "parallel",
+)  # fmt: skip
+
+
 def joint_call(j: Joint) -> tuple[str, dict[str, Any]]:
     """The method that adds a joint, and its arguments after the bodies."""
     a = np.asarray(j.axes)
     found: dict[str, Any] = {"point": j.point}
-    if j.kind in ("revolute", "prismatic", "cylindrical"):
+    if j.kind in ALONG_AN_AXIS:
         found["axis"] = a[:, 0]
-    elif j.kind == "planar":
+    elif j.kind in ("planar", "point_on_plane"):
         found["normal"] = a[:, 0]
-    elif j.kind == "universal":
+    elif j.kind in ("universal", "pin_slot", "perpendicular"):
         found.update(axis1=a[:, 0], axis2=a[:, 1])
-    elif j.kind == "generic":
+    elif j.kind in ("generic", "custom"):
         found.update(free=j.free, frame=a)
+    if j.kind == "screw":
+        found["pitch"] = j.pitch
+    if j.kind == "custom":
+        found["follows"] = dict(j.follows)
     if j.child_point is not None:
         found["child_point"] = j.child_point
     if j.child_axis is not None:
         found["child_axis"] = j.child_axis
-    return "add_joint" if j.kind == "generic" else f"add_{j.kind}", {**found, "cut": j.cut}
+    if j.kind != "constant_velocity":
+        found["cut"] = j.cut
+    calls = {"generic": "add_joint", "custom": "add_custom_joint"}
+    return calls.get(j.kind, f"add_{j.kind}"), found
 
 
 def force_call(f: Any) -> tuple[str, tuple[Any, ...], dict[str, Any]]:
@@ -332,6 +428,9 @@ def force_call(f: Any) -> tuple[str, tuple[Any, ...], dict[str, Any]]:
         return "add_torsion_spring", (f.joint,), {**named, "coordinate": f.coordinate, "name": f.name}
     if isinstance(f, Torque):
         return "add_torque", (f.joint, f.value), {"coordinate": f.coordinate, "name": f.name}
+    if not isinstance(f, Load):
+        call: tuple[str, tuple[Any, ...], dict[str, Any]] = f.call()
+        return call
     return "add_force", (f.body, value_of(f)), {"point": f.point, "axes": f.axes, "name": f.name}
 
 
@@ -347,4 +446,6 @@ def words(x: Any) -> str:
     """A number, a name or an array as Python reads it back, to the last digit."""
     if isinstance(x, np.ndarray):
         return repr(x.tolist())
+    if isinstance(x, tuple):
+        return f"({', '.join(map(words, x))},)"
     return repr(x)

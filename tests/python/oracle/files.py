@@ -31,7 +31,7 @@ LEAST = 1e-14
 class Solid:
     """A link in the world: frame, mass, centre of mass and inertia about it."""
 
-    place: Array
+    transform: Array
     mass: float
     centre: Array
     inertia: Array
@@ -44,7 +44,7 @@ class Branch:
     name: str
     parent: str
     kind: str
-    place: Array
+    transform: Array
     axes: list[Array]
     mass: float
     at: Array
@@ -113,8 +113,8 @@ def quaternion_of(r: Array) -> Array:
 def turned_inertia(rng: Any, b: Branch) -> tuple[Array, Array]:
     """The inertia's frame, and the moments along its axes: a part of the turn in each."""
     share = of_rpy(rng.uniform(-3.0, 3.0, size=3))
-    place = frame(b.at[:3, 3], b.at[:3, :3] @ share.T)
-    return place, share @ b.principal @ share.T
+    transform = frame(b.at[:3, 3], b.at[:3, :3] @ share.T)
+    return transform, share @ b.principal @ share.T
 
 
 MOMENTS = (("ixx", 0, 0), ("ixy", 0, 1), ("ixz", 0, 2), ("iyy", 1, 1), ("iyz", 1, 2), ("izz", 2, 2))
@@ -123,14 +123,14 @@ MOMENTS = (("ixx", 0, 0), ("ixy", 0, 1), ("ixz", 0, 2), ("iyy", 1, 1), ("iyz", 1
 def as_urdf(rng: Any, branches: list[Branch]) -> str:
     out = ['<robot name="chance"><link name="base"/>']
     for b in branches:
-        place, moments = turned_inertia(rng, b)
+        transform, moments = turned_inertia(rng, b)
         inertia = " ".join(f'{name}="{float(moments[i, j])!r}"' for name, i, j in MOMENTS)
-        turn = words(angles_of(place[:3, :3]))
+        turn = words(angles_of(transform[:3, :3]))
         out.append(
-            f'<link name="{b.name}"><inertial><origin xyz="{words(place[:3, 3])}" rpy="{turn}"/>'
+            f'<link name="{b.name}"><inertial><origin xyz="{words(transform[:3, 3])}" rpy="{turn}"/>'
             f'<mass value="{b.mass!r}"/><inertia {inertia}/></inertial></link>'
             f'<joint name="j {b.name}" type="{b.kind}"><parent link="{b.parent}"/><child link="{b.name}"/>'
-            f'<origin xyz="{words(b.place[:3, 3])}" rpy="{words(angles_of(b.place[:3, :3]))}"/>'
+            f'<origin xyz="{words(b.transform[:3, 3])}" rpy="{words(angles_of(b.transform[:3, :3]))}"/>'
             f'<axis xyz="{words(1.7 * b.axes[0])}"/></joint>'
         )
     return "\n".join([*out, "</robot>"])
@@ -141,25 +141,25 @@ def as_sdf(rng: Any, branches: list[Branch]) -> str:
     world = {"base": np.eye(4)}
     out = ['<sdf version="1.9"><world name="w"><gravity>0.3 -0.2 -9.81</gravity><model name="chance">']
 
-    def pose(place: Array, relative: str = "") -> str:
+    def pose(transform: Array, relative: str = "") -> str:
         attribute = f' relative_to="{relative}"' if relative else ""
         form = int(rng.integers(3))
         if form == 0:
-            return f"<pose{attribute}>{words(place[:3, 3])} {words(angles_of(place[:3, :3]))}</pose>"
+            return f"<pose{attribute}>{words(transform[:3, 3])} {words(angles_of(transform[:3, :3]))}</pose>"
         if form == 1:
-            degrees = np.degrees(angles_of(place[:3, :3]))
-            return f'<pose{attribute} degrees="true">{words(place[:3, 3])} {words(degrees)}</pose>'
-        w, *xyz = quaternion_of(place[:3, :3])
-        return f'<pose{attribute} rotation_format="quat_xyzw">{words(place[:3, 3])} {words([*xyz, w])}</pose>'
+            degrees = np.degrees(angles_of(transform[:3, :3]))
+            return f'<pose{attribute} degrees="true">{words(transform[:3, 3])} {words(degrees)}</pose>'
+        w, *xyz = quaternion_of(transform[:3, :3])
+        return f'<pose{attribute} rotation_format="quat_xyzw">{words(transform[:3, 3])} {words([*xyz, w])}</pose>'
 
     for b in branches:
-        world[b.name] = world[b.parent] @ b.place
+        world[b.name] = world[b.parent] @ b.transform
         base = str(rng.choice(["", b.parent])) if b.parent != "base" else ""
         inside = np.linalg.inv(world[base] if base else np.eye(4)) @ world[b.name]
-        place, moments = turned_inertia(rng, b)
+        transform, moments = turned_inertia(rng, b)
         inertia = "".join(f"<{name}>{float(moments[i, j])!r}</{name}>" for name, i, j in MOMENTS)
         out.append(
-            f'<link name="{b.name}">{pose(inside, base)}<inertial>{pose(place)}<mass>{b.mass!r}</mass>'
+            f'<link name="{b.name}">{pose(inside, base)}<inertial>{pose(transform)}<mass>{b.mass!r}</mass>'
             f"<inertia>{inertia}</inertia></inertial></link>"
         )
         own = of_rpy(rng.uniform(-3.0, 3.0, size=3)) if rng.random() < 0.7 else np.eye(3)
@@ -181,9 +181,9 @@ def as_sdf(rng: Any, branches: list[Branch]) -> str:
 
 def as_mjcf(rng: Any, branches: list[Branch]) -> str:
     """Hinges and slides whose points are anywhere, inertias by principal axes or in full."""
-    carried: dict[str, list[Branch]] = {}
+    children: dict[str, list[Branch]] = {}
     for b in branches:
-        carried.setdefault(b.parent, []).append(b)
+        children.setdefault(b.parent, []).append(b)
 
     def body(b: Branch) -> str:
         point = 0.4 * rng.normal(size=3) * (b.kind == "hinge")
@@ -196,13 +196,14 @@ def as_mjcf(rng: Any, branches: list[Branch]) -> str:
             order = [full[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
             inertial += f'fullinertia="{words(order)}"/>'
         joint = f'<joint name="j {b.name}" type="{b.kind}" axis="{words(1.7 * b.axes[0])}" pos="{words(point)}"/>'
-        inner = "".join(map(body, carried.get(b.name, [])))
+        inner = "".join(map(body, children.get(b.name, [])))
         return (
-            f'<body name="{b.name}" pos="{words(b.place[:3, 3])}" quat="{words(quaternion_of(b.place[:3, :3]))}">'
+            f'<body name="{b.name}" pos="{words(b.transform[:3, 3])}" '
+            f'quat="{words(quaternion_of(b.transform[:3, :3]))}">'
             f"{joint if b.kind != 'fixed' else ''}{inertial}{inner}</body>"
         )
 
-    return f'<mujoco model="chance"><compiler autolimits="true"/><worldbody>{"".join(map(body, carried["base"]))}' \
+    return f'<mujoco model="chance"><compiler autolimits="true"/><worldbody>{"".join(map(body, children["base"]))}' \
            "</worldbody></mujoco>"  # fmt: skip
 
 
@@ -215,10 +216,10 @@ def moved(kind: str, axes: list[Array], q: list[float]) -> Array:
     return found
 
 
-def solid(place: Array, mass: float, inside: Array, moments: Array) -> Solid:
-    there = place @ inside
+def solid(transform: Array, mass: float, inside: Array, moments: Array) -> Solid:
+    there = transform @ inside
     turn = there[:3, :3]
-    return Solid(place, mass, there[:3, 3], turn @ moments @ turn.T)
+    return Solid(transform, mass, there[:3, 3], turn @ moments @ turn.T)
 
 
 Solids = dict[str, Solid]
@@ -235,14 +236,14 @@ def from_urdf(text: str, q: Coordinates) -> Solids:
             return np.eye(4)
         return frame(numbers(found.get("xyz"), "0 0 0"), of_rpy(numbers(found.get("rpy"), "0 0 0")))
 
-    def place(link: str) -> Array:
+    def transform(link: str) -> Array:
         if link not in into:
             return np.eye(4)
         joint = into[link]
         axis = joint.find("axis")
         axes = [numbers(axis.get("xyz") if axis is not None else None, "1 0 0")]
         kind = str(joint.get("type"))
-        before = place(str(joint.find("parent").get("link")))  # type: ignore[union-attr]
+        before = transform(str(joint.find("parent").get("link")))  # type: ignore[union-attr]
         return before @ origin(joint) @ moved(kind, axes, q.get(str(joint.get("name")), []))
 
     found: Solids = {}
@@ -256,7 +257,7 @@ def from_urdf(text: str, q: Coordinates) -> Solids:
         for key, i, j in MOMENTS:
             moments[i, j] = moments[j, i] = float(of.get(key, 0.0))
         mass = float(inertial.find("mass").get("value"))  # type: ignore[union-attr,arg-type]
-        found[name] = solid(place(name), mass, origin(inertial), moments)
+        found[name] = solid(transform(name), mass, origin(inertial), moments)
     return found
 
 
@@ -279,7 +280,7 @@ def from_sdf(text: str, q: Coordinates) -> Solids:
         base = found.get("relative_to") if found is not None else None
         return (drawn(base) if base else np.eye(4)) @ pose(links[name])
 
-    def place(name: str) -> Array:
+    def transform(name: str) -> Array:
         joint = into[name]
         parent = str(joint.findtext("parent"))
         here = pose(joint)
@@ -292,7 +293,7 @@ def from_sdf(text: str, q: Coordinates) -> Solids:
         step = here @ moved(str(joint.get("type")), axes, q.get(str(joint.get("name")), [])) @ np.linalg.inv(here)
         if parent == "world":
             return drawn(name) @ step
-        return place(parent) @ np.linalg.inv(drawn(parent)) @ drawn(name) @ step
+        return transform(parent) @ np.linalg.inv(drawn(parent)) @ drawn(name) @ step
 
     found: Solids = {}
     for name, link in links.items():
@@ -300,7 +301,7 @@ def from_sdf(text: str, q: Coordinates) -> Solids:
         moments = np.zeros((3, 3))
         for key, i, j in MOMENTS:
             moments[i, j] = moments[j, i] = float(inertial.find("inertia").findtext(key))
-        found[name] = solid(place(name), float(inertial.findtext("mass")), pose(inertial), moments)
+        found[name] = solid(transform(name), float(inertial.findtext("mass")), pose(inertial), moments)
     return found
 
 
@@ -310,11 +311,11 @@ def from_mjcf(text: str, q: Coordinates) -> Solids:
     def visit(item: Any, before: Array) -> None:
         for body in item.findall("body"):
             turn = of_quaternion(numbers(body.get("quat"), "1 0 0 0"))
-            place = before @ frame(numbers(body.get("pos"), "0 0 0"), turn)
+            transform = before @ frame(numbers(body.get("pos"), "0 0 0"), turn)
             for joint in body.findall("joint"):
                 axes, at = [numbers(joint.get("axis"), "0 0 1")], frame(numbers(joint.get("pos"), "0 0 0"), np.eye(3))
                 step = moved(joint.get("type", "hinge"), axes, q.get(joint.get("name"), []))
-                place = place @ at @ step @ np.linalg.inv(at)
+                transform = transform @ at @ step @ np.linalg.inv(at)
             inertial = body.find("inertial")
             if inertial is not None:
                 inside = frame(
@@ -325,8 +326,8 @@ def from_mjcf(text: str, q: Coordinates) -> Solids:
                 else:
                     a, b, c, d, e, f = numbers(inertial.get("fullinertia"), "0 0 0 0 0 0")
                     moments = np.array([[a, d, e], [d, b, f], [e, f, c]])
-                found[body.get("name")] = solid(place, float(inertial.get("mass")), inside, moments)
-            visit(body, place)
+                found[body.get("name")] = solid(transform, float(inertial.get("mass")), inside, moments)
+            visit(body, transform)
 
     visit(ET.fromstring(text).find("worldbody"), np.eye(4))
     return found
@@ -352,8 +353,8 @@ def held(m: pt.Mechanism, wanted: Solids, run: Any, verdict: Verdict, what: str)
         b, body = described[name], run.body(name)
         turn, origin = body.rotation[0], body.position[0]
         scale = max(float(np.abs(link.inertia).max()), 1e-300)
-        verdict.seen("frame", float(np.abs(turn - link.place[:3, :3]).max()), SAME, f"{what}, {name}")
-        verdict.seen("origin", float(np.abs(origin - link.place[:3, 3]).max()), 10 * SAME, f"{what}, {name}")
+        verdict.seen("frame", float(np.abs(turn - link.transform[:3, :3]).max()), SAME, f"{what}, {name}")
+        verdict.seen("origin", float(np.abs(origin - link.transform[:3, 3]).max()), 10 * SAME, f"{what}, {name}")
         centre = origin + turn @ np.array(b["com"])
         verdict.seen("centre of mass", float(np.abs(centre - link.centre).max()), 10 * SAME, f"{what}, {name}")
         verdict.seen("mass", abs(b["mass"] - link.mass) / link.mass, SAME, f"{what}, {name}")
@@ -394,7 +395,7 @@ def energies(m: pt.Mechanism, path: Callable[[float], Solids], run: Any, verdict
     total = 0.0
     for name, link in now.items():
         u = (after[name].centre - before[name].centre) / (2.0 * h)
-        spin = (after[name].place[:3, :3] - before[name].place[:3, :3]) @ link.place[:3, :3].T / (2.0 * h)
+        spin = (after[name].transform[:3, :3] - before[name].transform[:3, :3]) @ link.transform[:3, :3].T / (2.0 * h)
         w = np.array([spin[2, 1], spin[0, 2], spin[1, 0]])
         total += 0.5 * link.mass * float(u @ u) + 0.5 * float(w @ link.inertia @ w)
     mine = float(run.energy.kinetic[0])
@@ -430,18 +431,18 @@ def compare_written(drawing: Any, suffix: str, folder: Path) -> Verdict:
         inertia = sum(
             x.inertia + x.mass * (r @ r * np.eye(3) - np.outer(r, r)) for x, r in zip(parts, arms, strict=True)
         )
-        other, words = Solid(found[name].place, mass, centre, inertia), f"written {suffix}, {name}"
+        other, words = Solid(found[name].transform, mass, centre, inertia), f"written {suffix}, {name}"
         scale = max(float(np.abs(link.inertia).max()), link.mass * size**2 * 1e-6)
         verdict.seen("centre as drawn", float(np.abs(other.centre - link.centre).max()) / size, 1e-9, words)
         verdict.seen("mass as drawn", abs(other.mass - link.mass) / link.mass, 1e-12, words)
-        # MuJoCo asks for some moment of inertia, which Partita reports
+        # MuJoCo requires a moment of inertia, which Partita reports
         off = max(float(np.abs(other.inertia - link.inertia).max()) - LEAST * (suffix == ".mjcf"), 0.0)
         verdict.seen("inertia as drawn", off / scale, 1e-9, words)
     return verdict
 
 
 def compare_toml(drawing: Any, folder: Path) -> Verdict:
-    """A native file says the same to the last digit."""
+    """A native file has the same content to the last digit."""
     verdict = Verdict()
     m = drawing.build()
     path = folder / "chance.toml"

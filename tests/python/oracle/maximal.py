@@ -37,7 +37,7 @@ class Side:
     at: int | None
     pose: Pose
     centre: Array
-    carried: Array  # drawing to now
+    transported: Array  # drawing to now
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Rates:
 class Motion:
     """What the program finds at one instant. Joint wrenches act on the child, at the joint's point there.
 
-    `effort`: multipliers of a coupling; `shared`: a self-stress has a part in them.
+    `effort`: multipliers of a coupling; `shared`: a self-stress has a part in them; `power`: of each force.
     """
 
     acceleration: dict[str, tuple[Array, Array]]
@@ -73,9 +73,10 @@ class Motion:
     redundant: int
     unclear: bool
     gap: float
-    slip: float
+    rate_error: float
     contradiction: float
     largest: float
+    power: dict[str, float]
 
 
 class Maximal:
@@ -85,7 +86,7 @@ class Maximal:
         self.drawing, self.frames = drawing, frames
         self.bodies = {b.name: b for b in drawing.bodies}
         self.joints = {j.name: j for j in drawing.joints}
-        self.place = {b.name: 6 * i for i, b in enumerate(drawing.bodies)}
+        self.offset = {b.name: 6 * i for i, b in enumerate(drawing.bodies)}
         self.n = 6 * len(drawing.bodies)
 
     def at(self, t: float, poses: dict[str, Pose]) -> Motion:
@@ -95,14 +96,14 @@ class Maximal:
         rows: list[Array] = []
         rest: list[float] = []
         owners: list[tuple[str, Array, Array]] = []  # joint, force and moment on its child for a unit multiplier
-        gap = slip = 0.0
+        gap = rate_error = 0.0
         rates = {}
         for j in d.joints:
-            found, constants, wrenches, open_by, slips = self._rows(j, sides)
+            found, constants, wrenches, open_by, rate_errors = self._rows(j, sides)
             rows += found
             rest += constants
             owners += [(j.name, f, m) for f, m in wrenches]
-            gap, slip = max(gap, open_by), max(slip, slips)
+            gap, rate_error = max(gap, open_by), max(rate_error, rate_errors)
             rates[j.name] = self._rates(j, sides)
         for drive in d.drives:
             x, i = rates[drive.joint], drive.coordinate
@@ -110,20 +111,23 @@ class Maximal:
             rows.append(x.rows[i])
             rest.append(x.rest[i] - second)
             owners.append((drive.joint, x.force[i], x.moment[i]))
-            slip = max(slip, abs(x.velocity[i] - rate) * (d.size if x.moment[i].any() else 1.0) * d.time / d.size)
-            off = x.position[i] - float(drive.position(t))
+            rate_error = max(
+                rate_error, abs(x.velocity[i] - rate) * (d.size if x.moment[i].any() else 1.0) * d.time / d.size
+            )
+            wanted = drive.position(t)
+            off = 0.0 if wanted is None else x.position[i] - float(wanted)
             # of turns this program knows no whole ones
             off = np.remainder(off + np.pi, 2.0 * np.pi) - np.pi if x.moment[i].any() else off / d.size
             gap = max(gap, abs(off))
         joint_rows = len(rows)
         for c in d.couplings:
-            for x in conditions(c, n, lambda item: self._reading(item, rates), sides):
+            for x in conditions(c, n, lambda item: self._reading(item, rates), sides, t):
                 rows.append(x.row)
                 rest.append(x.rest)
                 owners.append((c.name, np.zeros(3), np.zeros(3)))
                 gap = max(gap, abs(x.gap) / (d.size if x.length else 1.0))
-                slip = max(slip, abs(x.opens) * d.time / (d.size if x.length else 1.0))
-        mass, h = self._newton(t, sides, rates)
+                rate_error = max(rate_error, abs(x.opens) * d.time / (d.size if x.length else 1.0))
+        mass, h, power = self._newton(t, sides, rates)
         # in units of the drawing: angular accelerations over its size, moments times it
         scale = np.tile(np.repeat([1.0, 1.0 / d.size], 3), n // 6)
         j_all = np.array(rows).reshape(-1, n) * scale
@@ -139,8 +143,8 @@ class Maximal:
         free, stresses = right[rank:].T, left[:, rank:]
         given = -inverse @ b
         reduced = free.T @ mass @ free
-        acc = given + free @ np.linalg.solve(reduced, free.T @ (h - mass @ given)) if free.shape[1] else given
         unclear = unclear or (free.shape[1] > 0 and np.linalg.cond(reduced) > 1e9)
+        acc = given + free @ np.linalg.solve(reduced, free.T @ (h - mass @ given)) if free.shape[1] else given
         wanting = np.linalg.norm(j_all @ acc + b, ord=np.inf) if len(b) else 0.0
         needed = mass @ acc - h
         lam = (inverse.T @ needed) / weights * d.mass
@@ -166,14 +170,14 @@ class Maximal:
         pace = max((float(p.w @ p.w) for p in poses.values()), default=0.0) * d.size
         fed = max([np.abs(h[i : i + 6]).max() * d.mass for i in range(0, n, 6)], default=0.0)
         return Motion(
-            {name: (acc[i : i + 3], acc[i + 3 : i + 6]) for name, i in self.place.items()},
+            {name: (acc[i : i + 3], acc[i + 3 : i + 6]) for name, i in self.offset.items()},
             force, moment, stress_force, stress_moment,
             {name: x.rows @ acc + x.rest for name, x in rates.items()},
             {j.name: self._backwards(j, sides, acc) for j in d.joints},
             effort, shared,
-            free.shape[1], stresses.shape[1], unclear, gap, slip,
+            free.shape[1], stresses.shape[1], unclear, gap, rate_error,
             float(wanting) / max(pace, np.abs(b).max(initial=0.0), np.abs(acc / scale).max(initial=0.0), 1e-300),
-            max(top_force, top_moment / d.size, fed),
+            max(top_force, top_moment / d.size, fed), power,
         )  # fmt: skip
 
     def open_rate(self, poses: dict[str, Pose]) -> float:
@@ -191,12 +195,18 @@ class Maximal:
         v = np.linalg.lstsq(rows, wanted, rcond=NOTHING)[0]
         return float(np.abs(rows @ v - wanted).max(initial=0.0) / np.abs(wanted).max(initial=1e-300))
 
-    def motions_of(self, poses: dict[str, Pose], names: list[str]) -> int:
-        """In how many ways these bodies can move while all others rest."""
+    def motions_of(self, poses: dict[str, Pose], names: list[str], about_centres: bool = False) -> int:
+        """In how many ways these bodies can move at t = 0 while all others rest; `about_centres`: their centres of
+        mass rest, too, as those of bodies that spin idly do."""
         sides = {name: self._side(name, poses) for name in [GROUND, *self.bodies]}
-        which = [self.place[name] + i for name in names for i in range(6)]
-        scale = np.tile(np.repeat([1.0, 1.0 / self.drawing.size], 3), len(names))
-        held = np.array([row for j in self.drawing.joints for row in self._rows(j, sides)[0]])[:, which] * scale
+        first = 3 if about_centres else 0
+        which = [self.offset[name] + i for name in names for i in range(first, 6)]
+        scale = np.tile(np.repeat([1.0, 1.0 / self.drawing.size], 3)[first:], len(names))
+        rates = {j.name: self._rates(j, sides) for j in self.drawing.joints}
+        rows = [row for j in self.drawing.joints for row in self._rows(j, sides)[0]]
+        for c in self.drawing.couplings:
+            rows += [x.row for x in conditions(c, self.n, lambda item: self._reading(item, rates), sides, 0.0)]
+        held = np.array(rows)[:, which] * scale
         lengths = np.linalg.norm(held, axis=1)
         s = np.linalg.svd(held[lengths > 0.0] / lengths[lengths > 0.0, None], compute_uv=False)
         return len(which) - int(np.sum(s > NOTHING * s[0]))
@@ -211,7 +221,7 @@ class Maximal:
         if name == GROUND:
             return Side(None, Pose(np.zeros(3), np.eye(3), np.zeros(3), np.zeros(3)), np.zeros(3), np.eye(3))
         b, p = self.bodies[name], poses[name]
-        return Side(self.place[name], p, p.x + p.rotation @ b.com, p.rotation @ b.rotation.T)
+        return Side(self.offset[name], p, p.x + p.rotation @ b.com, p.rotation @ b.rotation.T)
 
     def _point(self, j: Joint, name: str, side: Side) -> Array:
         """The joint's point as a body carries it."""
@@ -236,7 +246,7 @@ class Maximal:
         slides, turns, ball = self._axes(j, p, c)
         kinematics = self._relative(j, sides)
         rows, rest, wrenches = [], [], []
-        gap = slip = 0.0
+        gap = rate_error = 0.0
         size, time = self.drawing.size, self.drawing.time
         for axis in across(slides):
             row = np.zeros(self.n)
@@ -245,20 +255,20 @@ class Maximal:
             rest.append(axis @ kinematics.centripetal)
             wrenches.append((axis, np.zeros(3)))
             gap = max(gap, abs(axis @ kinematics.gap) / size)
-            slip = max(slip, abs(axis @ kinematics.rate) * time / size)
+            rate_error = max(rate_error, abs(axis @ kinematics.rate) * time / size)
         for axis in [] if ball else across(turns):
             row = np.zeros(self.n)
             self._add_moment(row, p, c, axis)
             rows.append(row)
             rest.append(-(axis @ self._gyration(turns, p, c, kinematics.spin)))
             wrenches.append((np.zeros(3), axis))
-            slip = max(slip, abs(axis @ kinematics.spin) * time)
+            rate_error = max(rate_error, abs(axis @ kinematics.spin) * time)
         if j.kind == "screw":
             x, along = self._rates(j, sides), j.pitch / (2.0 * np.pi)
             rows.append(x.rows[0] - along * x.rows[1])
             rest.append(x.rest[0] - along * x.rest[1])
             wrenches.append((x.force[0], -along * x.moment[1]))
-            slip = max(slip, abs(x.velocity[0] - along * x.velocity[1]) * time / size)
+            rate_error = max(rate_error, abs(x.velocity[0] - along * x.velocity[1]) * time / size)
         if j.kind == "constant_velocity":
             # in the plane that halves the angle between the shafts, neither turns against the other
             own = j.axes[:, 0] / np.linalg.norm(j.axes[:, 0])
@@ -269,12 +279,27 @@ class Maximal:
             spin = kinematics.spin
             rest.append(float((cross(p.pose.w, one) + cross(c.pose.w, other)) @ spin))
             wrenches.append((np.zeros(3), one + other))
-            slip = max(slip, abs((one + other) @ spin) * time)
+            rate_error = max(rate_error, abs((one + other) @ spin) * time)
+        if j.kind == "custom":
+            x = self._rates(j, sides)
+            free = [j.moving.index(direction) for direction in j.free]
+            for direction, law in j.follows:
+                i = j.moving.index(direction)
+                value, slopes, second = law.derivatives(x.position[free])
+                # what follows less its function, as a sum over the coordinates
+                sum_of = np.zeros(len(j.moving))
+                sum_of[i], sum_of[free] = 1.0, -slopes
+                rows.append(sum_of @ x.rows)
+                rest.append(float(sum_of @ x.rest - x.velocity[free] @ second @ x.velocity[free]))
+                wrenches.append((sum_of @ x.force, sum_of @ x.moment))
+                length = 1.0 if direction.startswith("r") else size
+                gap = max(gap, abs(x.position[i] - value) / length)
+                rate_error = max(rate_error, abs(sum_of @ x.velocity) * time / length)
         if not ball:
             r = p.carried.T @ c.carried @ j.alignment.T
             _, drawn, _ = j.motions(self.frames[j.name])
             gap = max(gap, float(np.abs(turned_by(drawn, angles(drawn, r)) - r).max()))
-        return rows, rest, wrenches, gap, slip
+        return rows, rest, wrenches, gap, rate_error
 
     def _relative(self, j: Joint, sides: dict[str, Side]) -> Relative:
         p, c = sides[j.parent], sides[j.child]
@@ -284,8 +309,8 @@ class Maximal:
         rate = c.pose.u + cross(wc, on_c - c.pose.x) - p.pose.u - cross(wp, on_c - p.pose.x)
         rc, rp = on_c - c.centre, on_p - p.centre
         own = cross(wc, cross(wc, rc)) - cross(wp, cross(wp, rp))
-        carried = cross(wp, cross(wp, gap)) + 2.0 * cross(wp, rate)
-        return Relative(on_c, gap, rate, own - carried, wc - wp)
+        transported = cross(wp, cross(wp, gap)) + 2.0 * cross(wp, rate)
+        return Relative(on_c, gap, rate, own - transported, wc - wp)
 
     @staticmethod
     def _gyration(turns: Array, p: Side, c: Side, spin: Array) -> Array:
@@ -349,47 +374,79 @@ class Maximal:
             if side.at is not None:
                 row[side.at + 3 : side.at + 6] += sign * axis
 
-    def _newton(self, t: float, sides: dict[str, Side], rates: dict[str, Rates]) -> tuple[Array, Array]:
-        """Masses, and what acts on the bodies besides the joints."""
+    def _newton(
+        self, t: float, sides: dict[str, Side], rates: dict[str, Rates]
+    ) -> tuple[Array, Array, dict[str, float]]:
+        """Masses, what acts on the bodies besides the joints, and the power of each force."""
         mass, h = np.zeros((self.n, self.n)), np.zeros(self.n)
-        for name, i in self.place.items():
+        for name, i in self.offset.items():
             b, side = self.bodies[name], sides[name]
             inertia = side.pose.rotation @ b.inertia @ side.pose.rotation.T
             mass[i : i + 3, i : i + 3] = b.mass * np.eye(3)
             mass[i + 3 : i + 6, i + 3 : i + 6] = inertia
             h[i : i + 3] += b.mass * self.drawing.gravity
             h[i + 3 : i + 6] -= cross(side.pose.w, inertia @ side.pose.w)
-
-        def push(name: str, point: Array, force: Array) -> None:
-            side = sides[name]
-            if side.at is not None:
-                h[side.at : side.at + 3] += force
-                h[side.at + 3 : side.at + 6] += cross(point - side.centre, force)
-
-        def place(name: str, point: Array) -> tuple[Array, Array]:
-            pose = sides[name].pose
-            arm = pose.rotation @ point
-            return pose.x + arm, pose.u + cross(pose.w, arm)
-
+        power = {}
         for f in self.drawing.forces:
+            at = Acting(t, sides, rates, np.zeros(self.n))
             if isinstance(f, Spring):
-                (a, va), (b, vb) = place(f.body1, f.point1), place(f.body2, f.point2)
+                (a, va), (b, vb) = at.motion_of(f.body1, f.point1), at.motion_of(f.body2, f.point2)
                 along, distance = unit(b - a), float(np.linalg.norm(b - a))
                 tension = f.stiffness * (distance - f.length) + f.damping * (along @ (vb - va))
-                push(f.body1, a, tension * along)
-                push(f.body2, b, -tension * along)
+                at.push(f.body1, a, tension * along)
+                at.push(f.body2, b, -tension * along)
             elif isinstance(f, Load):
                 force = f.force * np.cos(f.swing * t)
                 force = sides[f.body].pose.rotation @ force if f.axes == "body" else force
-                push(f.body, place(f.body, f.point)[0], force)
-            elif isinstance(f, Torsion | Torque):
-                x, i = rates[f.joint], f.coordinate
-                effort = f.value if isinstance(f, Torque) else 0.0
-                if isinstance(f, Torsion):
-                    effort = -f.stiffness * (x.position[i] - f.angle) - f.damping * x.velocity[i]
-                # an effort does the work of its coordinate: the same row that measures it
-                h += effort * x.rows[i]
-        return mass, h
+                at.push(f.body, at.motion_of(f.body, f.point)[0], force)
+            elif isinstance(f, Torque):
+                at.along(f.joint, f.coordinate, f.value)
+            elif isinstance(f, Torsion):
+                x, rate = at.joint(f.joint, f.coordinate)
+                at.along(f.joint, f.coordinate, -f.stiffness * (x - f.angle) - f.damping * rate)
+            else:
+                f.act(at)
+            h += at.h
+            power[f.name] = at.power
+        return mass, h, power
+
+
+@dataclass
+class Acting:
+    """The bodies at one instant, as one force sees them (`forces.Scene`), and what it does to them."""
+
+    t: float
+    sides: dict[str, Side]
+    rates: dict[str, Rates]
+    h: Array
+    power: float = 0.0
+
+    def motion_of(self, body: str, point: Array) -> tuple[Array, Array]:
+        pose = self.sides[body].pose
+        arm = pose.rotation @ point
+        return pose.x + arm, pose.u + cross(pose.w, arm)
+
+    def axes(self, body: str) -> tuple[Array, Array]:
+        pose = self.sides[body].pose
+        return pose.rotation, pose.w
+
+    def joint(self, name: str, coordinate: int) -> tuple[float, float]:
+        x = self.rates[name]
+        return float(x.position[coordinate]), float(x.velocity[coordinate])
+
+    def push(self, body: str, point: Array, force: Array, moment: Any = 0.0) -> None:
+        side = self.sides[body]
+        if side.at is None:
+            return
+        self.h[side.at : side.at + 3] += force
+        self.h[side.at + 3 : side.at + 6] += cross(point - side.centre, force) + moment
+        pose = side.pose
+        self.power += float(force @ (pose.u + cross(pose.w, point - pose.x)) + np.sum(moment * pose.w))
+
+    def along(self, joint: str, coordinate: int, effort: float) -> None:
+        """An effort does the work of its coordinate: the same row that measures it."""
+        self.h += effort * self.rates[joint].rows[coordinate]
+        self.power += effort * float(self.rates[joint].velocity[coordinate])
 
 
 @dataclass(frozen=True)

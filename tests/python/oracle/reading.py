@@ -25,9 +25,9 @@ def drawing_of(m: pt.Mechanism, drives: tuple[Drive, ...] = (), known: Mapping[s
     couplings = tuple(
         reported.get(item["name"]) or Coupling(item["name"], item["kind"], item) for item in spec["couplings"]
     )
-    places = np.array([*(b.position for b in bodies), *(j.point for j in joints)])
+    points = np.array([*(b.position for b in bodies), *(j.point for j in joints)])
     radius = max((c.data["radius"] for c in couplings if c.kind == "roll"), default=0.0)
-    size = max(radius, float(np.linalg.norm(np.ptp(places, axis=0))))
+    size = max(radius, float(np.linalg.norm(np.ptp(points, axis=0))))
     drives = drives or tuple(map(constant_speed, spec["drives"]))
     return Drawing(
         np.array(spec["gravity"]), bodies, joints, tuple(map(force, spec["forces"])), drives,
@@ -44,6 +44,7 @@ def body(item: dict[str, Any]) -> Body:
 def joint(item: dict[str, Any], bodies: dict[str, Body]) -> Joint:
     """`point` may be left out: the child's origin."""
     assert "child_point" not in item and "child_axis" not in item, "only closed drawings are read"
+    assert "followers" not in item, "functions of a joint are not read"
     child = bodies.get(item["child"])
     at = np.array(item["point"]) if item.get("point") is not None else child.position if child else np.zeros(3)
     free, cut = tuple(item.get("free", ())), item.get("cut", "auto")

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from .drawing import Drawing, Load, Spring, Torque, Torsion
+from .drawing import Drawing, Load, Spring
 
 
 def shrunk(drawing: Drawing, fails: Callable[[Drawing], bool]) -> Drawing:
@@ -38,8 +38,10 @@ def candidates(d: Drawing) -> Iterator[Drawing]:
         yield without_joint(d, j.name)
     for i in range(len(d.forces)):
         yield replace(d, forces=d.forces[:i] + d.forces[i + 1 :])
-    if d.drives:
-        yield replace(d, drives=())
+    for i in range(len(d.drives)):
+        yield replace(d, drives=d.drives[:i] + d.drives[i + 1 :])
+    for i in range(len(d.couplings)):
+        yield replace(d, couplings=d.couplings[:i] + d.couplings[i + 1 :])
     for i, j in enumerate(d.joints):
         if j.cut != "auto":
             yield replace(d, joints=(*d.joints[:i], replace(j, cut="auto"), *d.joints[i + 1 :]))
@@ -61,15 +63,21 @@ def without_body(d: Drawing, name: str) -> Drawing:
         d = without_joint(d, j)
 
     def on(f: Any) -> bool:
-        return f.body == name if isinstance(f, Load) else isinstance(f, Spring) and name in (f.body1, f.body2)
+        if isinstance(f, Load | Spring):
+            return f.body == name if isinstance(f, Load) else name in (f.body1, f.body2)
+        return name in getattr(f, "bodies", ())
 
-    return replace(d, forces=tuple(f for f in d.forces if not on(f)))
+    couplings = tuple(
+        c for c in d.couplings if not any(name in (x.get("body1"), x.get("body2")) for x in c.data.get("terms", ()))
+    )
+    return replace(d, forces=tuple(f for f in d.forces if not on(f)), couplings=couplings)
 
 
 def without_joint(d: Drawing, name: str) -> Drawing:
     return replace(
         d,
         joints=tuple(j for j in d.joints if j.name != name),
-        forces=tuple(f for f in d.forces if not (isinstance(f, Torsion | Torque) and f.joint == name)),
+        forces=tuple(f for f in d.forces if getattr(f, "joint", None) != name),
+        couplings=tuple(c for c in d.couplings if all(x.get("joint") != name for x in c.data.get("terms", ()))),
         drives=tuple(x for x in d.drives if x.joint != name),
     )

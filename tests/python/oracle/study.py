@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 from . import chance
 from .comparison import Verdict, compare
+from .drawing import Drawing
 from .shrinking import shrunk
 
 
@@ -15,10 +16,10 @@ def kind_of(line: str) -> str:
     return line.split(" off by")[0].split(": ")[-1].split(" is ")[-1].split(" (")[0]
 
 
-def report(seed: int, verdict: Verdict) -> str:
+def report(seed: int, verdict: Verdict, mechanism: Callable[[int], Drawing] = chance.mechanism) -> str:
     """The first difference on a mechanism, and the shortest drawing that still shows it."""
     kind = kind_of(verdict.wrong[0])
-    short = shrunk(chance.mechanism(seed), lambda d: any(kind_of(line) == kind for line in compare(d).wrong))
+    short = shrunk(mechanism(seed), lambda d: any(kind_of(line) == kind for line in compare(d).wrong))
     reported = "\n  ".join(compare(short).wrong[:5] or verdict.wrong[:5])
     return f"mechanism {seed} ({short.words}): {len(verdict.wrong)} differences, such as\n  {reported}\n{short.lines()}"
 

@@ -121,5 +121,5 @@ def no_success(title: str, status: str, words: str) -> Callable[[Ask], Case]:
 
 
 def suspect(title: str, words: str) -> Callable[[Ask], Case]:
-    """A case whose answer is right as far as it goes, and warned of with these words."""
+    """A case whose answer is right within limits, which a warning with these words states."""
     return lambda ask: Case(ask.__name__, title, SUSPECT, words, ask, "finished")

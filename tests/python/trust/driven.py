@@ -179,8 +179,8 @@ def through_change_points() -> Iterator[Held]:
         m.add_drive("A", position=lambda t: 2.0 * t)
         run = done(m.simulate(3.0, formulation=formulation))
         angle = 1.0 + 2.0 * run.t
-        place = np.stack([1 + 0.5 * np.cos(angle), 0.5 * np.sin(angle)], 1)
-        yield Held(f"C, {formulation}", run.joint("C").point[:, :2], place, 1e-11)
+        points = np.stack([1 + 0.5 * np.cos(angle), 0.5 * np.sin(angle)], 1)
+        yield Held(f"C, {formulation}", run.joint("C").point[:, :2], points, 1e-11)
         # two cranks by their middles, the coupler by the pins; masses of `four_bar`
         torque = (0.5 * (0.3 + 0.4) + 0.5) * G * 0.5 * np.cos(angle)
         yield Held(f"torque, {formulation}", run.joint("A").drive[:, 0], torque, 1e-7)

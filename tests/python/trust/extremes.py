@@ -131,7 +131,7 @@ def massless_rod() -> Iterator[Held]:
 
 
 def light(mass: float) -> pt.Mechanism:
-    """A crank of 1 kg; a coupler of `mass` and a rocker of next to none hang on it."""
+    """A crank of 1 kg; a coupler of `mass` and a nearly massless rocker hang on it."""
     b = (0.5 * np.sin(1.0), -0.5 * np.cos(1.0))
     return four_bar([(0, 0), b, (b[0] + 2.0, b[1] - 0.5), (2.0, -1.5)], masses=(1.0, mass, 1e-12))
 
@@ -165,11 +165,11 @@ def stiff() -> Iterator[Held]:
     run = done(m.simulate(0.01, initial=start, rtol=1e-11, atol=1e-13))
     stiffness = np.array([[1.0 + 1e9, -1e9], [-1e9, 1e9]])
     squares, modes = np.linalg.eigh(stiffness)
-    places = (modes * np.cos(np.outer(run.t, np.sqrt(squares)))[:, None, :]) @ (modes.T @ [1.0, 1.0])
+    positions = (modes * np.cos(np.outer(run.t, np.sqrt(squares)))[:, None, :]) @ (modes.T @ [1.0, 1.0])
     # the soft root of the stiff matrix is only known to 1e-7
     soft = np.cos(np.sqrt(0.5) * run.t)
     yield Held("place", run.q[:, 0], soft, 1e-6)
-    yield Held("as by modes", places[:, 0], soft, 1e-5)
+    yield Held("as by modes", positions[:, 0], soft, 1e-5)
 
 
 @right(
@@ -283,7 +283,7 @@ def crooked_truss() -> Iterator[Held]:
 
 
 def moved_as_repaired(off: float) -> Iterator[Held]:
-    """Within the drawing tolerance it moves as the linkage that was meant, open by no more than it is off."""
+    """Within the drawing tolerance it moves as intended, with a closure error of at most its geometric error."""
     run = done(crooked(off).simulate(1.0))
     yield Held("opens by the misalignment", run.closure.max() < 3.0 * off, True, 0.0)
     yield Held("geometric error reported", 0.0 < run.certificate.geometric_error < 3.0 * off, True, 0.0)
@@ -303,7 +303,7 @@ def crooked_little() -> Iterator[Held]:
     yield from moved_as_repaired(1e-6)
 
 
-@right("the same off by 1e-5 rad, every digit meant: a structure", "it holds still")
+@right("the same off by 1e-5 rad, every digit intended: a structure", "it holds still")
 def crooked_to_the_digit() -> Iterator[Held]:
     run = done(crooked(1e-5, drawing_tolerance=0.0).simulate(1.0))
     yield Held("angles", run.q - run.q[0], 0.0, 1e-12)

@@ -39,7 +39,7 @@ def euler() -> Iterator[Held]:
     w1, w3 = 1.0, 0.6
     m = free_body((i1, i2, i3))
     run = done(m.simulate(20.0, initial=spun(m, [0, 0, 0, w1, 0, w3]), rtol=1e-11, atol=1e-13))
-    # w2 starts at zero; 2T and L^2 tell the modulus
+    # w2 starts at zero; 2T and L^2 determine the modulus
     energy, momentum = i1 * w1**2 + i3 * w3**2, (i1 * w1) ** 2 + (i3 * w3) ** 2
     assert momentum > energy * i2
     pace = np.sqrt((i1 - i2) * (momentum - energy * i3) / (i1 * i2 * i3))
@@ -209,9 +209,9 @@ def conical() -> Iterator[Held]:
     rate = np.sqrt(G / (length * np.cos(tilt)))
     run = done(m.simulate(5.0, initial=spun(m, [rate, 0.0]), rtol=1e-10, atol=1e-12))
     u = rate * run.t
-    place = np.stack([np.sin(tilt) * np.cos(u), np.sin(tilt) * np.sin(u), -np.cos(tilt) + 0 * u], 1)
-    yield Held("place", run.body("bob").point(arm), length * place, 1e-7)
-    yield Held("pull", run.joint("U").force, -3.0 * G / np.cos(tilt) * place, 1e-5)
+    unit = np.stack([np.sin(tilt) * np.cos(u), np.sin(tilt) * np.sin(u), -np.cos(tilt) + 0 * u], 1)
+    yield Held("place", run.body("bob").point(arm), length * unit, 1e-7)
+    yield Held("pull", run.joint("U").force, -3.0 * G / np.cos(tilt) * unit, 1e-5)
 
 
 @right(

@@ -107,7 +107,7 @@ def four_bar_reactions() -> Iterator[Held]:
     torques = []
     step = 1e-3
 
-    def places(t: float) -> Array:
+    def points(t: float) -> Array:
         """Pins B and C."""
         one, other = 2 * t, float(rocker(np.float64(2 * t)))
 
@@ -119,8 +119,8 @@ def four_bar_reactions() -> Iterator[Held]:
     for now in t:
         # second derivatives, of eighth order in the step
         weights = [(1, 8 / 5), (2, -1 / 5), (3, 8 / 315), (4, -1 / 560)]
-        second = sum(w * (places(now + k * step) + places(now - k * step)) for k, w in weights) - 205 / 72 * places(now)
-        pin, top = np.split(places(now), 2)
+        second = sum(w * (points(now + k * step) + points(now - k * step)) for k, w in weights) - 205 / 72 * points(now)
+        pin, top = np.split(points(now), 2)
         pin2, top2 = np.split(second / step**2, 2)
         matrix, rest = np.zeros((9, 9)), np.zeros(9)
         unknown = {"A": 0, "B": 2, "C": 4, "D": 6}

@@ -13,7 +13,7 @@ from .case import NO_SUCCESS, REFUSED, RIGHT, SUSPECT, Case
 
 @dataclass(frozen=True)
 class Class:
-    """Cases of one kind, with the heading and the sentences of their room."""
+    """Cases of one kind, with a heading and an introduction."""
 
     room: str
     heading: str

@@ -157,14 +157,14 @@ def damaged(name: str, title: str, words: str, ending: str, harm: Callable[[byte
 
 def flipped(content: bytes) -> bytes:
     # the last bit of a digit, so that what is there can still be read
-    place = next(i for i in range(len(content) // 2, len(content)) if content[i] in b"0123456789")
-    return content[:place] + bytes([content[place] ^ 1]) + content[place + 1 :]
+    index = next(i for i in range(len(content) // 2, len(content)) if content[i] in b"0123456789")
+    return content[:index] + bytes([content[index] ^ 1]) + content[index + 1 :]
 
 
 def edited(content: bytes) -> bytes:
-    said = json.loads(content)
-    said["success"] = True
-    return json.dumps(said).encode()
+    result = json.loads(content)
+    result["success"] = True
+    return json.dumps(result).encode()
 
 
 CASES += [

@@ -10,12 +10,12 @@ from .study import done, tasks
 
 def main(arguments: list[str]) -> int:
     """Print what was wrong and the largest differences; 1 if anything was wrong."""
-    said = argparse.ArgumentParser(prog="python -m zoo", description="the whole zoo for ten seconds, or some of it")
-    said.add_argument("names", nargs="*", help="mechanisms; all, if none")
-    said.add_argument(
+    parser = argparse.ArgumentParser(prog="python -m zoo", description="the whole zoo for ten seconds, or some of it")
+    parser.add_argument("names", nargs="*", help="mechanisms; all, if none")
+    parser.add_argument(
         "--processes", type=int, default=os.cpu_count() or 1, help="at a time; all processors, if not said"
     )
-    options = said.parse_args(arguments)
+    options = parser.parse_args(arguments)
     todo = [task for task in tasks() if not options.names or task[1] in options.names]
     with Pool(options.processes) as pool:
         found = pool.map(done, todo, chunksize=1)

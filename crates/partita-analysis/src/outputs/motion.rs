@@ -34,14 +34,14 @@ pub fn bodies<E: Send>(model: &Model, states: &States, which: &[usize], watch: W
     let row = |i: usize, s: &mut ModelScratch, rows: &mut super::Rows| {
         let (_, q, v) = states.at(model, i);
         model.look_at(&part, q, v, s);
-        for (place, &body) in which.iter().enumerate() {
+        for (index, &body) in which.iter().enumerate() {
             let x = model.body_state(body, s);
-            rows.row(0, i)[3 * place..][..3].copy_from_slice(&x.position.0);
-            for (to, from) in rows.row(1, i)[9 * place..][..9].chunks_mut(3).zip(&x.rotation.0) {
+            rows.row(0, i)[3 * index..][..3].copy_from_slice(&x.position.0);
+            for (to, from) in rows.row(1, i)[9 * index..][..9].chunks_mut(3).zip(&x.rotation.0) {
                 to.copy_from_slice(from);
             }
-            rows.row(2, i)[3 * place..][..3].copy_from_slice(&x.velocity.0);
-            rows.row(3, i)[3 * place..][..3].copy_from_slice(&x.angular_velocity.0);
+            rows.row(2, i)[3 * index..][..3].copy_from_slice(&x.velocity.0);
+            rows.row(3, i)[3 * index..][..3].copy_from_slice(&x.angular_velocity.0);
         }
         Ok(())
     };
@@ -65,11 +65,11 @@ pub fn joints<E: Send>(model: &Model, states: &States, which: &[usize], watch: W
         let (_, q, v) = states.at(model, i);
         model.look_at(&part, q, v, s);
         let (mut at_q, mut at_v) = (0, 0);
-        for (place, &j) in which.iter().enumerate() {
+        for (index, &j) in which.iter().enumerate() {
             let x = model.joint_state(j, q, v, s);
             rows.row(0, i)[at_q..][..x.position.len()].copy_from_slice(&x.position);
             rows.row(1, i)[at_v..][..x.velocity.len()].copy_from_slice(&x.velocity);
-            rows.row(2, i)[3 * place..][..3].copy_from_slice(&x.point);
+            rows.row(2, i)[3 * index..][..3].copy_from_slice(&x.point);
             (at_q, at_v) = (at_q + x.position.len(), at_v + x.velocity.len());
         }
         Ok(())
@@ -155,10 +155,10 @@ pub fn body_accelerations<E: Send>(
     let row = |i: usize, s: &mut ModelScratch, rows: &mut super::Rows| {
         let (_, q, v) = states.at(model, i);
         model.look_at(&part, q, v, s);
-        for (place, &body) in which.iter().enumerate() {
+        for (index, &body) in which.iter().enumerate() {
             let found = model.body_acceleration(body, &part, &vdot[i * nv..][..nv], s);
             for (table, x) in found.into_iter().enumerate() {
-                rows.row(table, i)[3 * place..][..3].copy_from_slice(&x.0);
+                rows.row(table, i)[3 * index..][..3].copy_from_slice(&x.0);
             }
         }
         Ok(())
@@ -186,9 +186,9 @@ pub fn load<E: Send + From<SystemError> + From<AnalysisError>>(
         rows.row(0, i)[0] = found.power;
         rows.row(1, i)[0] = found.potential;
         rows.row(2, i)[0] = found.effort.unwrap_or(f64::NAN);
-        for (place, push) in found.wrenches.iter().take(bodies).enumerate() {
+        for (index, push) in found.wrenches.iter().take(bodies).enumerate() {
             for (table, x) in push.iter().enumerate() {
-                rows.row(3 + table, i)[3 * place..][..3].copy_from_slice(&x.0);
+                rows.row(3 + table, i)[3 * index..][..3].copy_from_slice(&x.0);
             }
         }
         Ok(())

@@ -268,8 +268,8 @@ impl<'m> Explicit<'m> {
         match self.closing.close(self.t, &mut self.trial) {
             Ok(()) => {}
             Err(SystemError::Limit { block, shortfall, .. }) => {
-                let place = self.closing.blocks().iter().position(|b| b.words.starts_with(&block)).unwrap_or(0);
-                return Ok(Some((shortfall, place)));
+                let index = self.closing.blocks().iter().position(|b| b.words.starts_with(&block)).unwrap_or(0);
+                return Ok(Some((shortfall, index)));
             }
             Err(e) => return Err(e),
         }
@@ -472,7 +472,7 @@ impl Asked<'_> {
     }
 
     fn reason(&self, found: &Found, explicit: Option<&Explicit>) -> String {
-        let place = match explicit {
+        let subject = match explicit {
             Some(x) => x.closing.blocks().get(found.culprit).map_or_else(String::new, |b| b.words.clone()),
             None => super::messages::loop_of(self.model, found.culprit),
         };
@@ -482,10 +482,10 @@ impl Asked<'_> {
             Outcome::Closed => String::new(),
             Outcome::Open => format!(
                 "{goals} cannot be reached: the continuation from the state of the branch stops at {ends}; at the \
-                 target, {place} keeps a closure error of {closure_error}"
+                 target, {subject} keeps a closure error of {closure_error}"
             ),
             Outcome::OtherBranch if found.shortfall > 0.0 && explicit.is_some() => format!(
-                "{goals} is reached on another branch only: on this one {place} misses by {closure_error}, and the \
+                "{goals} is reached on another branch only: on this one {subject} misses by {closure_error}, and the \
                  continuation stops at {ends}"
             ),
             Outcome::OtherBranch => format!(

@@ -9,8 +9,10 @@ use partita_system::SystemError;
 
 /// Hard rows at the start, where they may be far away...
 const FAR: Rule = Rule::new(60, f64::EPSILON, tolerance::FITS).cut(LARGEST_MOVE);
-/// ... and after each step, which nearly preserves them: a larger correction would lead to another branch.
-const NEAR: Rule = Rule::new(8, f64::EPSILON, tolerance::FITS).contracting(0.15, 1.0);
+/// ... and after each step, which nearly preserves them: a correction by more than half of it, or a growing one, would
+/// lead to another branch.
+const NEAR: Rule =
+    Rule::new(8, f64::EPSILON, tolerance::FITS).contracting(tolerance::HALF_LOST * LONGEST_PREDICTION, 1.0);
 /// Steps that minimise the soft rows, at most 0.3 characteristic displacements each: after a step of 1e-9 the remainder
 /// is below nine digits.
 const LEAST: Rule = Rule::new(200, 0.0, 0.0).cut(LONGEST_PREDICTION).to_rest(tolerance::LAST_MOVE);

@@ -7,7 +7,7 @@ use partita_math::factor::least_squares_min_norm;
 use partita_math::tolerance;
 use partita_model::model::ModelScratch;
 use partita_model::Model;
-use partita_system::branching::branch_directions::{self, Asked};
+use partita_system::branching::branch_directions::{selection, Asked};
 use partita_system::kinematics::velocity::{met, momentum, near_with_rates, possible, pushed_with_rates};
 use partita_system::prelude::*;
 use partita_system::reduction::Reduction;
@@ -57,7 +57,7 @@ pub fn with_rates(
 ) -> Result<Vec<f64>, SystemError> {
     let found = match start::analyse(model, t, q) {
         Err(e @ SystemError::SingularStart { .. }) => {
-            return branch_directions::singled_out(model, (t, q, near), &asked(model, q, own, others), e);
+            return selection::singled_out(model, (t, q, near), &asked(model, q, own, others), e);
         }
         found => found?,
     };

@@ -45,7 +45,7 @@ fn gradients_are_those_of_the_values() {
         for spec in [universal.clone(), cylindrical.clone(), four_bar([Revolute; 4]), bricard()] {
             let m = compiled(spec, coordinates);
             let (n, mut s) = (m.size().nv, m.scratch());
-            // away from the drawing, closed: coordinates of open joints are no more than nearly what their rates say
+            // away from the drawing, closed: coordinates of open joints agree with their rates only approximately
             let first = Target::new(&m, &Goal::Joint { joint: 0, coordinate: 0 }, "first").unwrap();
             let ask = Ask { levels: vec![vec![(first, 0.3)]], tolerance: tolerance::CLOSED, ..Ask::default() };
             let q = one(&m, 0.0, &m.initial(), &ask).unwrap().q;
@@ -54,8 +54,8 @@ fn gradients_are_those_of_the_values() {
             assert!(goals.len() >= 7);
             for x in &goals {
                 let mut gradient = vec![0.0; n];
-                let mut places = x.velocities.iter();
-                x.gradient(&m, &q, &mut room, &mut s, |g| gradient[*places.next().unwrap()] = g);
+                let mut own = x.velocities.iter();
+                x.gradient(&m, &q, &mut room, &mut s, |g| gradient[*own.next().unwrap()] = g);
                 assert!(room.iter().all(|v| *v == 0.0));
                 let here = x.value(&m, &q, &rest, &mut s, 0.0);
                 for v in 0..n {
@@ -74,8 +74,8 @@ fn gradients_are_those_of_the_values() {
     }
 }
 
-/// Loops whose conditions depend on each other, and one with a link that spins: closed with all rows where a walk
-/// leads.
+/// Loops whose conditions depend on each other, and one with a link that spins: closed with all rows along a
+/// continuation.
 #[test]
 fn poses_are_where_continuation_leads() {
     let kinds = [Revolute, Spherical, Spherical, Revolute];

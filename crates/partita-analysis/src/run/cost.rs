@@ -113,14 +113,14 @@ impl<'s> Trial<'s> {
     fn new<S: Balance<Scratch: Send>>(
         system: &'s S,
         contender: &Contender,
-        place: &ClosedState,
+        state: &ClosedState,
         watch: &mut dyn FnMut() -> ControlFlow<()>,
     ) -> Result<Option<Self>, AnalysisError> {
         // the same integration twice: once to the end of a step, to record its stages, and once to its beginning
         let mut marched = |steps: u64| {
-            let t_end = place.t + steps as f64 * contender.step;
-            let request = Request { t0: place.t, t_end, ..contender.request.clone() };
-            let prepared = match Prepared::new(system, &request, contender.tangent.clone(), (&place.q, &place.v)) {
+            let t_end = state.t + steps as f64 * contender.step;
+            let request = Request { t0: state.t, t_end, ..contender.request.clone() };
+            let prepared = match Prepared::new(system, &request, contender.tangent.clone(), (&state.q, &state.v)) {
                 Ok(prepared) if prepared.singular_start.is_none() => prepared,
                 // a contender that fails there has no cost
                 Ok(_)
@@ -135,7 +135,7 @@ impl<'s> Trial<'s> {
             let fixed = Options { fixed_step: Some(contender.step), ..settings.options.clone() };
             let settings = Settings { t_end, options: fixed, ..settings };
             let (mut sink, mut ask) = (|_: &Output| Ok(()), |_: f64| watch());
-            let end = simulate(&mut noted, place.t, &place.q, &place.v, &[], &settings, &mut sink, &mut ask);
+            let end = simulate(&mut noted, state.t, &state.q, &state.v, &[], &settings, &mut sink, &mut ask);
             Ok(end.is_ok_and(|end| end.status == Status::Finished).then_some(noted))
         };
         let (Some(ahead), Some(here)) = (marched(BEFORE + 1)?, marched(BEFORE)?) else { return Ok(None) };
@@ -183,14 +183,14 @@ impl<'s> Trial<'s> {
 pub fn evaluation_costs<S: Balance<Scratch: Send>>(
     system: &S,
     contenders: &[Contender],
-    places: &[ClosedState],
+    states: &[ClosedState],
     watch: &mut dyn FnMut() -> ControlFlow<()>,
 ) -> Result<Option<Vec<f64>>, AnalysisError> {
     let (mut sums, mut counts) = (vec![0.0; contenders.len()], vec![0_u32; contenders.len()]);
-    for place in places {
+    for state in states {
         let mut trials = Vec::with_capacity(contenders.len());
         for contender in contenders {
-            trials.push(Trial::new(system, contender, place, watch)?);
+            trials.push(Trial::new(system, contender, state, watch)?);
             if watch().is_break() {
                 return Ok(None);
             }

@@ -10,7 +10,7 @@ use partita_system::ConstrainedSystem;
 /// Constraint violations of an initial state.
 pub struct Seen {
     /// Violated rows of S3 and S4, in words.
-    said: Vec<String>,
+    findings: Vec<String>,
     /// Is S3 among them?
     violated: bool,
 }
@@ -25,11 +25,11 @@ pub(super) fn see<S: ConstrainedSystem>(
     (t, q, v): (f64, &[f64], &[f64]),
 ) -> Result<Seen, AnalysisError> {
     let system = r.system.clone();
-    r.weigh_displacements(!system.lacks_mass()); // where all that moves has mass, masses have no say in it
+    r.weigh_displacements(!system.lacks_mass()); // where all moving bodies have mass, masses do not matter
     r.position(t, q)?;
     r.refresh_scales(t, q)?;
     let (closure_error, row) = r.closure_error();
-    if tolerance::FEW_ROUNDINGS * closure_error >= tolerance::FAR_OPEN {
+    if tolerance::ROUNDING * closure_error >= tolerance::FAR_OPEN {
         return Err(AnalysisError::Argument {
             argument: "initial",
             message: format!(
@@ -41,9 +41,9 @@ pub(super) fn see<S: ConstrainedSystem>(
         });
     }
     let (closure_error, row) = r.closure_error();
-    let mut said = Vec::new();
+    let mut findings = Vec::new();
     if closure_error > tolerance::OPEN_ROUNDINGS {
-        said.push(format!("{} has a closure error of {}", system.row_name(row), formatted(r.phi[row].abs())));
+        findings.push(format!("{} has a closure error of {}", system.row_name(row), formatted(r.phi[row].abs())));
     }
     let pattern = system.pattern();
     let residuals = velocity_residuals(pattern, &r.c, v, &r.a);
@@ -59,19 +59,19 @@ pub(super) fn see<S: ConstrainedSystem>(
         }
     }
     if worst.0 > 0.0 {
-        said.push(format!("{} has a rate error of {} per second", system.row_name(worst.1), formatted(worst.2)));
+        findings.push(format!("{} has a rate error of {} per second", system.row_name(worst.1), formatted(worst.2)));
     }
-    Ok(Seen { said, violated: closure_error > tolerance::OPEN_ROUNDINGS })
+    Ok(Seen { findings, violated: closure_error > tolerance::OPEN_ROUNDINGS })
 }
 
 /// The report on the start (t, q, v), and by how much `first`, the output there, was moved from it.
 pub(super) fn note<S: ConstrainedSystem>(
     system: &S,
-    Seen { said, violated }: &Seen,
+    Seen { findings, violated }: &Seen,
     (t, q, v): (f64, &[f64], &[f64]),
     first: Option<&Output>,
 ) -> Option<String> {
-    if said.is_empty() {
+    if findings.is_empty() {
         return None;
     }
     let moved = match first.filter(|x| x.t == t) {
@@ -84,7 +84,7 @@ pub(super) fn note<S: ConstrainedSystem>(
             format!("the first output is corrected: {position}velocities by up to {} ({})", formatted(by.1), by.0)
         }
     };
-    Some(format!("the initial state violates the constraints: {}; {moved}", said.join(", ")))
+    Some(format!("the initial state violates the constraints: {}; {moved}", findings.join(", ")))
 }
 
 fn largest(all: impl Iterator<Item = (String, f64)>) -> (String, f64) {

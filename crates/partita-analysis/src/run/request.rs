@@ -75,15 +75,15 @@ fn refuse(argument: &'static str, message: String) -> AnalysisError {
 }
 
 /// Indices of named velocities.
-fn places<'n, S: ConstrainedSystem>(
+fn indices<'n, S: ConstrainedSystem>(
     system: &S,
     names: impl Iterator<Item = &'n String>,
 ) -> Result<Vec<usize>, AnalysisError> {
     let known: Vec<String> = (0..system.size().nv).map(|i| system.velocity_name(i)).collect();
-    let place: HashMap<&str, usize> = known.iter().enumerate().map(|(i, name)| (name.as_str(), i)).collect();
+    let index: HashMap<&str, usize> = known.iter().enumerate().map(|(i, name)| (name.as_str(), i)).collect();
     names
         .map(|name| {
-            place.get(name.as_str()).copied().ok_or_else(|| AnalysisError::Unknown {
+            index.get(name.as_str()).copied().ok_or_else(|| AnalysisError::Unknown {
                 name: name.clone(),
                 message: format!("there is no coordinate \"{name}\"; known: {}", known.join(", ")),
             })
@@ -167,12 +167,12 @@ impl Request {
                 return Err(refuse("renew", message));
             }
         };
-        let independent = self.independent.as_ref().map(|names| places(system, names.iter())).transpose()?;
+        let independent = self.independent.as_ref().map(|names| indices(system, names.iter())).transpose()?;
         let weights = match &self.weights {
             None => None,
             Some(pairs) => {
                 let mut weights = vec![1.0; system.size().nv];
-                for (i, (_, w)) in places(system, pairs.iter().map(|p| &p.0))?.into_iter().zip(pairs) {
+                for (i, (_, w)) in indices(system, pairs.iter().map(|p| &p.0))?.into_iter().zip(pairs) {
                     weights[i] = *w;
                 }
                 Some(weights)

@@ -223,7 +223,7 @@ fn of_ends<S: Balance, F: Formulation + ?Sized>(
                 let sentence = format!("accelerations and efforts are not finite at the output t = {t} s");
                 return Some(Finding { invalid: true, t: x.t, sentence });
             }
-            Err(_) => continue, // a failure there is reported by the output that asks for it
+            Err(_) => continue, // a failure there is reported by the output that needs it
         }
         sample.q.iter_mut().zip(&x.turns).for_each(|(q, n)| *q = partita_system::positions::turns::whole(*q, *n));
         if let Ok(Some(residual)) = system.residual(&sample, scratch) {

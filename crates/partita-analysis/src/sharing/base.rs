@@ -68,9 +68,9 @@ pub fn self_stresses(model: &Model, t: f64, q: &[f64]) -> Result<SelfStresses, A
             .collect();
         let mut along = Matrix::new(s, components);
         for a in 0..s {
-            for (place, axes) in turned.iter().enumerate().flat_map(|(p, m)| [(6 * p, m), (6 * p + 3, m)]) {
-                let x = Vec3(std::array::from_fn(|c| parts.v[(place + c, a)]));
-                along.row_mut(a)[place..place + 3].copy_from_slice(&axes.apply_transposed(x).0);
+            for (offset, axes) in turned.iter().enumerate().flat_map(|(p, m)| [(6 * p, m), (6 * p + 3, m)]) {
+                let x = Vec3(std::array::from_fn(|c| parts.v[(offset + c, a)]));
+                along.row_mut(a)[offset..offset + 3].copy_from_slice(&axes.apply_transposed(x).0);
             }
         }
         turn_to_pivots(&mut along, &mut weights);

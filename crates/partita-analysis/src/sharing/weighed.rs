@@ -79,27 +79,27 @@ pub(super) struct Rows {
     /// Number and scale of the self-stress of each row.
     pub(super) scales: Vec<(usize, f64)>,
     /// Place of each joint among them.
-    place: Vec<usize>,
+    index: Vec<usize>,
     /// Wrenches of all self-stresses, weighed.
     weighed: Vec<[f64; 6]>,
 }
 
 impl Rows {
     pub(super) fn fill(&mut self, metric: &Metric, stresses: &[Stress], axes_of: impl Fn(usize) -> Mat3<f64>) {
-        let Self { starts, columns, values, cols, joints, axes, column, scales, place, weighed } = self;
-        place.resize(metric.weights.len(), NONE);
-        joints.drain(..).for_each(|j| place[j] = NONE);
+        let Self { starts, columns, values, cols, joints, axes, column, scales, index, weighed } = self;
+        index.resize(metric.weights.len(), NONE);
+        joints.drain(..).for_each(|j| index[j] = NONE);
         axes.clear();
         column.clear();
         weighed.clear();
         for (j, w) in stresses.iter().flat_map(|s| &s.joints) {
-            if place[*j] == NONE {
-                place[*j] = joints.len();
+            if index[*j] == NONE {
+                index[*j] = joints.len();
                 joints.push(*j);
                 axes.push(axes_of(*j));
                 column.push([None; 6]);
             }
-            let p = place[*j];
+            let p = index[*j];
             let x = metric.weighed(*j, &axes[p], w);
             column[p].iter_mut().zip(x).filter(|(_, x)| *x != 0.0).for_each(|(column, _)| *column = Some(0));
             weighed.push(x);
@@ -119,7 +119,7 @@ impl Rows {
             let own = rest.as_slice().iter().take(stress.joints.len());
             let length = own.flatten().map(|x| x * x).sum::<f64>().sqrt();
             for ((j, _), x) in stress.joints.iter().zip(&mut rest).filter(|_| length > 0.0) {
-                for (column, x) in column[place[*j]].iter().zip(x).filter_map(|(c, x)| Some(((*c)?, x))) {
+                for (column, x) in column[index[*j]].iter().zip(x).filter_map(|(c, x)| Some(((*c)?, x))) {
                     columns.push(column);
                     values.push(x / length);
                 }

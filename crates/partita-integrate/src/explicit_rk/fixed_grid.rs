@@ -17,7 +17,7 @@ impl FixedGrid {
     pub(super) fn new(h: f64, origin: f64, end: f64) -> Self {
         let span = end - origin;
         let steps = span.abs() / h;
-        let total = (steps - tolerance::EQUAL.max(tolerance::FEW_ROUNDINGS * steps)).ceil().max(1.0);
+        let total = (steps - tolerance::EQUAL.max(tolerance::ROUNDING * steps)).ceil().max(1.0);
         Self { h: h.copysign(span), origin, end, next: 1, total: total as u64 }
     }
 

@@ -2,7 +2,7 @@ use super::{Dense, ErrorWeights, Tableau};
 
 /// Dormand and Prince's method of order eight as arranged by Hairer, Nørsett and Wanner: twelve evaluations a step.
 ///
-/// The default: cheapest for tolerances below about 1e-6, as smooth mechanisms ask for. Its error estimate combines
+/// The default: cheapest for tolerances below about 1e-6, as smooth mechanisms need. Its error estimate combines
 /// orders five and three; dense output of order seven costs three further evaluations, only in steps that need it.
 #[rustfmt::skip] // one number a line would take five pages
 pub static DOP853: Tableau = Tableau {

@@ -35,9 +35,9 @@ impl Blocks {
         }
         let mut order: Vec<usize> = (0..count).collect();
         order.sort_unstable_by_key(|&b| first[b]);
-        let mut place = vec![0; count];
-        order.iter().enumerate().for_each(|(i, &b)| place[b] = i);
-        let of_step: Vec<usize> = found.iter().map(|&b| place[b]).collect();
+        let mut index = vec![0; count];
+        order.iter().enumerate().for_each(|(i, &b)| index[b] = i);
+        let of_step: Vec<usize> = found.iter().map(|&b| index[b]).collect();
         let mut steps = vec![Vec::new(); count];
         of_step.iter().enumerate().for_each(|(k, &b)| steps[b].push(k));
         let odd = steps.iter().map(|own| is_odd(own, rows) ^ is_odd(own, cols)).collect();

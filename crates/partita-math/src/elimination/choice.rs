@@ -41,8 +41,8 @@ pub(super) fn choose(
 ) -> Result<Vec<Step>, PlanError> {
     let mut rest = Remainder::new(pattern, options.threshold, rank > FULL_SEARCH);
     for i in (0..pattern.rows).filter(|&i| eligible_rows[i]) {
-        let places = pattern.row(i).map(|place| (pattern.col_idx[place], values[place]));
-        let eligible = places.filter(|&(j, _)| eligible_cols[j]);
+        let entries = pattern.row(i).map(|entry| (pattern.col_idx[entry], values[entry]));
+        let eligible = entries.filter(|&(j, _)| eligible_cols[j]);
         let mut row = Vec::with_capacity(pattern.row(i).len());
         row.extend(eligible.map(|(j, c)| (j, row_scale[i] * c * col_scale[j])));
         rest.load(i, row)?;
@@ -91,7 +91,7 @@ struct Remainder {
     /// Rows and columns by number of entries, for large systems only.
     queues: Option<(Buckets, Buckets)>,
     /// Place + 1 of each column in the row being updated, else 0.
-    place: Vec<usize>,
+    entry: Vec<usize>,
 }
 
 impl Remainder {
@@ -107,7 +107,7 @@ impl Remainder {
             reference: vec![0.0; m],
             level: 0,
             queues: large.then(|| (Buckets::new(m), Buckets::new(n))),
-            place: vec![0; n],
+            entry: vec![0; n],
         }
     }
 
@@ -259,8 +259,8 @@ impl Remainder {
     /// Subtracts the pivot row from the others so that the pivot column vanishes, and forgets both.
     fn eliminate(&mut self, row: usize, col: usize) -> Step {
         let mut pivot_row = std::mem::take(&mut self.rows[row]);
-        let place = pivot_row.iter().position(|e| e.0 == col).expect("the search returns an entry of the row");
-        let (_, pivot) = pivot_row.swap_remove(place);
+        let entry = pivot_row.iter().position(|e| e.0 == col).expect("the search returns an entry of the row");
+        let (_, pivot) = pivot_row.swap_remove(entry);
         self.row_live[row] = false;
         let mut rows_below = std::mem::take(&mut self.cols[col]);
         rows_below.retain(|&i| self.row_live[i]);
@@ -281,15 +281,15 @@ impl Remainder {
 
     fn update_row(&mut self, i: usize, col: usize, pivot: f64, pivot_row: &[(usize, f64)]) {
         let mut row = std::mem::take(&mut self.rows[i]);
-        let place = row.iter().position(|e| e.0 == col).expect("rows and columns agree");
-        let (_, s) = row.swap_remove(place);
+        let entry = row.iter().position(|e| e.0 == col).expect("rows and columns agree");
+        let (_, s) = row.swap_remove(entry);
         let factor = s / pivot;
         for (k, &(j, _)) in row.iter().enumerate() {
-            self.place[j] = k + 1;
+            self.entry[j] = k + 1;
         }
         let before = row.len();
         for &(j, u) in pivot_row {
-            match self.place[j] {
+            match self.entry[j] {
                 0 => {
                     row.push((j, -factor * u));
                     self.cols[j].push(i);
@@ -299,7 +299,7 @@ impl Remainder {
             }
         }
         for &(j, _) in &row[..before] {
-            self.place[j] = 0;
+            self.entry[j] = 0;
         }
         self.row_max[i] = max_size(&row);
         self.rows[i] = row;

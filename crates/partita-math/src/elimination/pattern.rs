@@ -42,7 +42,7 @@ impl Pattern {
         Self { rows, cols, row_ptr, col_idx, layouts: Layouts::default() }
     }
 
-    /// Every place of a `rows`×`cols` matrix, so that its values are those of the dense row-major matrix.
+    /// Every entry of a `rows`×`cols` matrix, so that its values are those of the dense row-major matrix.
     pub fn dense(rows: usize, cols: usize) -> Self {
         Self {
             rows,

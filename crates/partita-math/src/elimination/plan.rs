@@ -21,7 +21,7 @@ pub struct PlanOptions {
 /// Least pivot relative to the largest entry of its row. Unit: ratio. Reason: the threshold of sparse
 /// elimination, which bounds the growth by ten in a step.
 const PIVOT_THRESHOLD: f64 = 0.1;
-/// A pivot that shrinks below this asks for a new plan. Scale: the pivot when the plan was made. Reason: two digits are
+/// A pivot that shrinks below this requires a new plan. Scale: the pivot when the plan was made. Reason: two digits are
 /// lost then.
 const PIVOT_GUARD: f64 = 1e-2;
 

@@ -57,8 +57,8 @@ pub(super) struct Program {
     runs: Vec<Run>,
 }
 
-fn short(place: usize) -> u32 {
-    u32::try_from(place).expect("the factors have fewer than 2^32 entries")
+fn short(slot: usize) -> u32 {
+    u32::try_from(slot).expect("the factors have fewer than 2^32 entries")
 }
 
 impl Program {
@@ -177,8 +177,8 @@ impl Program {
         mut accept: impl FnMut(usize, T) -> Result<(), E>,
     ) -> Result<(), E> {
         let work = &mut work[..self.columns.len()];
-        for &place in &self.fill {
-            work[place as usize] = T::zero();
+        for &slot in &self.fill {
+            work[slot as usize] = T::zero();
         }
         for &[target, source] in &self.scatter {
             work[target as usize] = values[source as usize];

@@ -36,7 +36,7 @@ impl Dual {
     }
 }
 
-/// Compares values only, as [`Real`] asks.
+/// Compares values only, as [`Real`] requires.
 impl PartialEq for Dual {
     #[inline(always)]
     fn eq(&self, other: &Self) -> bool {
@@ -44,7 +44,7 @@ impl PartialEq for Dual {
     }
 }
 
-/// Compares values only, as [`Real`] asks.
+/// Compares values only, as [`Real`] requires.
 impl PartialOrd for Dual {
     #[inline(always)]
     fn partial_cmp(&self, other: &Self) -> Option<Ordering> {

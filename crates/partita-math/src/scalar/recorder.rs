@@ -76,30 +76,30 @@ impl Tape {
     fn slot(&mut self, x: Recorder) -> Option<u32> {
         match x.0 {
             Kind::Constant(c) => self.push(Operation::Constant(c)),
-            Kind::Entry(number, place) => (number == self.number).then_some(place),
+            Kind::Entry(number, slot) => (number == self.number).then_some(slot),
         }
     }
 
     fn push(&mut self, operation: Operation) -> Option<u32> {
         let operations = self.operations.as_mut()?;
-        let place = u32::try_from(operations.len()).ok()?;
+        let slot = u32::try_from(operations.len()).ok()?;
         operations.push(operation);
-        Some(place)
+        Some(slot)
     }
 }
 
 /// Appends an operation on operands that are not all constants.
 fn append<const N: usize>(operands: [Recorder; N], make: impl Fn([u32; N]) -> Operation) -> Recorder {
     TAPE.with_borrow_mut(|tape| {
-        let mut places = [0; N];
-        for (place, x) in places.iter_mut().zip(operands) {
+        let mut slots = [0; N];
+        for (slot, x) in slots.iter_mut().zip(operands) {
             match tape.slot(x) {
-                Some(found) => *place = found,
+                Some(found) => *slot = found,
                 None => return Recorder::from_f64(f64::NAN),
             }
         }
-        match tape.push(make(places)) {
-            Some(place) => Recorder(Kind::Entry(tape.number, place)),
+        match tape.push(make(slots)) {
+            Some(slot) => Recorder(Kind::Entry(tape.number, slot)),
             None => Recorder::from_f64(f64::NAN),
         }
     })
@@ -277,9 +277,9 @@ impl Recording {
         let given = TAPE.with_borrow_mut(|tape| {
             tape.number = tape.number.wrapping_add(1);
             tape.operations = Some(Vec::new());
-            let place = |i: usize| tape.push(Operation::Input(i as u32)).unwrap_or(0);
-            let places: Vec<u32> = (0..inputs).map(place).collect();
-            places.into_iter().map(|p| Recorder(Kind::Entry(tape.number, p))).collect::<Vec<_>>()
+            let slot = |i: usize| tape.push(Operation::Input(i as u32)).unwrap_or(0);
+            let slots: Vec<u32> = (0..inputs).map(slot).collect();
+            slots.into_iter().map(|p| Recorder(Kind::Entry(tape.number, p))).collect::<Vec<_>>()
         });
         let found = f(&given);
         TAPE.with_borrow_mut(|tape| {
@@ -333,7 +333,7 @@ impl Recording {
         assert!(work.len() >= self.len(), "{} places for {} operations", work.len(), self.len());
         for (i, operation) in self.operations.iter().enumerate() {
             let (before, rest) = work.split_at_mut(i);
-            let at = |place: u32| before[place as usize];
+            let at = |slot: u32| before[slot as usize];
             rest[0] = match *operation {
                 Operation::Input(k) => inputs[k as usize],
                 Operation::Constant(c) => c,
@@ -364,8 +364,8 @@ impl Recording {
                 Operation::Scale(x, factor) => at(x) * factor,
             };
         }
-        for (out, &place) in out[..self.outputs.len()].iter_mut().zip(&self.outputs) {
-            *out = work[place as usize];
+        for (out, &slot) in out[..self.outputs.len()].iter_mut().zip(&self.outputs) {
+            *out = work[slot as usize];
         }
     }
 }

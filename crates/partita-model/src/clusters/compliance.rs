@@ -257,14 +257,14 @@ impl<G: Space> Tree<G> {
         };
         let k = which.len();
         let mut values = vec![o; k * k];
-        let mut place = vec![usize::MAX; self.nv];
-        which.iter().enumerate().for_each(|(j, &v)| place[v] = j);
+        let mut index = vec![usize::MAX; self.nv];
+        which.iter().enumerate().for_each(|(j, &v)| index[v] = j);
         for &v in &velocities {
             self.range_response(plan, p, &Unit::Effort(v), s, x, room);
             diagonal[v] = room.rates[v] + shared(v, v);
-            if place[v] != usize::MAX {
+            if index[v] != usize::MAX {
                 for (j, &w) in which.iter().enumerate() {
-                    values[j * k + place[v]] = room.rates[w] + shared(v, w);
+                    values[j * k + index[v]] = room.rates[w] + shared(v, w);
                 }
             }
         }

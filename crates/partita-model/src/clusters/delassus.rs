@@ -85,11 +85,11 @@ pub(super) fn plan<G: Space>(plan: &mut Plan, tree: &Tree<G>, pattern: &Pattern,
         complete[end].push(r as u32);
     }
     // indices of forces: at each link for the rows that pass its joint or are complete there
-    let mut place: Vec<HashMap<u32, u32>> = vec![HashMap::new(); n];
+    let mut slot_of: Vec<HashMap<u32, u32>> = vec![HashMap::new(); n];
     let mut forces = 0;
     for i in 1..n {
         for r in passes[i].iter().map(|x| x.0).chain(complete[i].iter().copied()) {
-            place[i].insert(r, forces);
+            slot_of[i].insert(r, forces);
             forces += 1;
         }
     }
@@ -97,15 +97,15 @@ pub(super) fn plan<G: Space>(plan: &mut Plan, tree: &Tree<G>, pattern: &Pattern,
     let mut slots = Slots { of: HashMap::new() };
     let mut coupled: Vec<BTreeSet<u32>> = vec![BTreeSet::new(); kept.len()];
     for i in (0..n).rev() {
-        eliminate(plan, &complete[i], (i != 0).then_some(&place[i]), &mut slots, &mut coupled, i);
+        eliminate(plan, &complete[i], (i != 0).then_some(&slot_of[i]), &mut slots, &mut coupled, i);
         if i == 0 {
             break;
         }
         let parent = tree.links[i].parent;
         let first = plan.propagated.len() as u32;
         for &(row, entry) in &passes[i] {
-            let force = place[i][&row];
-            let parent_force = if parent == 0 { NONE } else { place[parent][&row] };
+            let force = slot_of[i][&row];
+            let parent_force = if parent == 0 { NONE } else { slot_of[parent][&row] };
             plan.propagated.push(PropagatedRow { row, force, parent_force, entry });
         }
         plan.links[i].propagated = first..plan.propagated.len() as u32;
@@ -144,13 +144,13 @@ fn completed_at<G: Space>(tree: &Tree<G>, links: impl Iterator<Item = usize>) ->
 fn eliminate(
     plan: &mut Plan,
     rows: &[u32],
-    place: Option<&HashMap<u32, u32>>,
+    slot_of: Option<&HashMap<u32, u32>>,
     slots: &mut Slots,
     coupled: &mut [BTreeSet<u32>],
     link: usize,
 ) {
     let first = plan.eliminations.len() as u32;
-    let force = |r: u32| place.map_or(NONE, |p| p[&r]);
+    let force = |r: u32| slot_of.map_or(NONE, |p| p[&r]);
     // rows by their number of couplings, least first; a change of degree moves a row
     let mut queue: BTreeSet<(usize, u32)> = rows.iter().map(|&r| (coupled[r as usize].len(), r)).collect();
     let mut waiting: BTreeSet<u32> = rows.iter().copied().collect();

@@ -211,11 +211,11 @@ impl Plan {
             }
         }
         delassus::plan(&mut plan, tree, pattern, &ranged);
-        let mut place = vec![usize::MAX; links_of.len()];
-        plan.ranged.iter().enumerate().for_each(|(n, r)| place[r.cluster as usize] = n);
+        let mut index = vec![usize::MAX; links_of.len()];
+        plan.ranged.iter().enumerate().for_each(|(n, r)| index[r.cluster as usize] = n);
         let mut of_row = vec![usize::MAX; pattern.rows];
         for (c, rows) in rows_of.iter().enumerate() {
-            rows.iter().for_each(|&r| of_row[r] = place[c]);
+            rows.iter().for_each(|&r| of_row[r] = index[c]);
         }
         for (i, l) in plan.links.iter().enumerate() {
             for e in l.complete.clone() {
@@ -242,11 +242,11 @@ impl Plan {
         for &i in links {
             let parent = tree.links[i].parent;
             // the links of a cluster are nearly consecutive: search backwards
-            let place = links.binary_search(&parent);
-            if place.is_err() {
+            let index = links.binary_search(&parent);
+            if index.is_err() {
                 base = parent;
             }
-            local.push((i as u32, place.map_or(NONE, |p| p as u32)));
+            local.push((i as u32, index.map_or(NONE, |p| p as u32)));
             self.links[i].duty = Duty::Other;
             let own = dof(&tree.links[i].motion);
             velocities += own;

@@ -20,32 +20,32 @@ pub(crate) fn all<G: Space>(
     numbers: &Numbers<G::S>,
     tree: &Tree<G>,
 ) -> Result<Vec<Condition<G>>, DescriptionError> {
-    let places = order(spec, placed)?;
-    if places.is_empty() {
+    let groups = order(spec, placed)?;
+    if groups.is_empty() {
         return Ok(Vec::new());
     }
     let measurements = Maker::<G>::new(spec, placed, numbers, tree)?;
     let (mut row, mut entry) = (tree.rows, tree.entries);
-    let mut conditions = Vec::with_capacity(places.len());
-    for place in places {
-        let (name, says) = match place.owner {
-            Owner::Joint(j) => (spec.joints[j].name.clone(), own(j, placed, numbers, &place, &measurements)),
+    let mut conditions = Vec::with_capacity(groups.len());
+    for group in groups {
+        let (name, says) = match group.owner {
+            Owner::Joint(j) => (spec.joints[j].name.clone(), own(j, placed, numbers, &group, &measurements)),
             Owner::Coupling(i) => {
-                (spec.couplings[i].name().to_string(), coupling(spec, i, placed, numbers, &place, &measurements)?)
+                (spec.couplings[i].name().to_string(), coupling(spec, i, placed, numbers, &group, &measurements)?)
             }
             Owner::Drive(i) => {
                 let d = &spec.drives[i];
                 let law = |law| Ok(Says::Law(law, vec![measurements.driven(d)?]));
                 let says = match (&d.turning, d.level) {
                     (Some(turning), _) => orientation(turning, d, placed, &measurements)?,
-                    (None, Level::Position) => law(Law::Motion { motion: d.motion.clone(), period: place.period })?,
+                    (None, Level::Position) => law(Law::Motion { motion: d.motion.clone(), period: group.period })?,
                     (None, Level::Velocity) => law(Law::Rate(d.motion.clone()))?,
                 };
                 (d.name.clone(), says)
             }
         };
         let mut c =
-            Condition { name, owner: place.owner, row, entry, columns: Vec::new(), holonomic: place.holonomic, says };
+            Condition { name, owner: group.owner, row, entry, columns: Vec::new(), holonomic: group.holonomic, says };
         c.lay_out(tree);
         (row, entry) = (row + c.rows(), entry + c.rows() * c.columns.len());
         conditions.push(c);
@@ -57,19 +57,19 @@ fn own<G: Space>(
     j: usize,
     placed: &Placed,
     numbers: &Numbers<G::S>,
-    place: &ConditionRows,
+    group: &ConditionRows,
     measurements: &Maker<G>,
 ) -> Says<G> {
     let linear = |factors: Vec<G::S>, period| Law::Linear { factors, offset: G::S::zero(), period };
     match &placed.joints[j].shape.own {
         Some(Own::Followers(all)) => {
-            let Follows { motions, function } = &all[place.part];
+            let Follows { motions, function } = &all[group.part];
             let readings = motions.iter().map(|&motion| measurements.coordinate(j, motion)).collect();
             Says::Law(Law::Function(*function), readings)
         }
         Some(Own::Advance(_)) => {
             let per_radian = numbers.pitches[j] / G::S::from_f64(TAU);
-            let period = place.period.map(|_| per_radian.scale(TAU));
+            let period = group.period.map(|_| per_radian.scale(TAU));
             let readings = vec![measurements.coordinate(j, 0), measurements.coordinate(j, 1)];
             Says::Law(linear(vec![G::S::one(), -per_radian], period), readings)
         }
@@ -105,7 +105,7 @@ fn coupling<G: Space>(
     i: usize,
     placed: &Placed,
     numbers: &Numbers<G::S>,
-    place: &ConditionRows,
+    group: &ConditionRows,
     measurements: &Maker<G>,
 ) -> Result<Says<G>, DescriptionError> {
     let c = &spec.couplings[i];
@@ -113,15 +113,15 @@ fn coupling<G: Space>(
         terms.iter().map(|m| measurements.reading(m, "coupling", c.name())).collect()
     };
     Ok(match c {
-        Coupling::Linear { terms, said, .. } => {
+        Coupling::Linear { terms, given_as, .. } => {
             let given = &numbers.couplings[i];
             let (factors, offset) = given.sum(c);
             let uncounted: Vec<usize> = (0..terms.len()).filter(|&i| wraps(placed, &terms[i])).collect();
-            let period = place.period.map(|period| match uncounted[..] {
+            let period = group.period.map(|period| match uncounted[..] {
                 [only] => factors[only].scale(TAU),
                 _ => G::S::from_f64(period),
             });
-            let readings = match (said, &terms[..]) {
+            let readings = match (given_as, &terms[..]) {
                 (Some(GivenAs::Length), [Measure::Distance { body1, body2, .. }]) => {
                     let nodes = [measurements.node(body1), measurements.node(body2)];
                     vec![measurements.distance(nodes, [given.vector("point1"), given.vector("point2")])]
@@ -131,7 +131,7 @@ fn coupling<G: Space>(
             Says::Law(Law::Linear { factors, offset, period }, readings)
         }
         Coupling::Curve { terms, curve, periodic, .. } => {
-            let law = Law::Curve { curve: curve.clone(), periodic: *periodic, period: place.period };
+            let law = Law::Curve { curve: curve.clone(), periodic: *periodic, period: group.period };
             Says::Law(law, read(terms)?)
         }
         Coupling::Function { terms, function, .. } => Says::Law(Law::Function(*function), read(terms)?),
@@ -163,7 +163,7 @@ fn coupling<G: Space>(
                 nodes: between.nodes,
                 movers: between.movers,
             };
-            Says::Rolling(rolling, if place.holonomic { Contact::Touches } else { Contact::Rolls })
+            Says::Rolling(rolling, if group.holonomic { Contact::Touches } else { Contact::Rolls })
         }
     })
 }

@@ -155,7 +155,7 @@ impl<S: Scalar> Law<S> {
                     (x[i], rates[i]) = (reading.value(tree, s, at.q), reading.rate(tree, s, at.v));
                 }
                 let n = readings.len();
-                // that it is reported where it stands was asked of the position
+                // the position level has reported it already
                 let found = called(*k, at.callers, at.t, (&x[..n], &rates[..n]), |_| false, name, room)?;
                 Ok((0..n).fold(found[2], |sum, i| sum + found[3 + i] * bias(i)))
             }

@@ -52,7 +52,7 @@ pub fn wraps(placed: &Placed, m: &Measure) -> bool {
 /// # Errors
 /// Readings that do not exist, and numbers that do not fit.
 pub fn order(spec: &Spec, placed: &Placed) -> Result<Vec<ConditionRows>, DescriptionError> {
-    let mut places: Vec<ConditionRows> = Vec::new();
+    let mut groups: Vec<ConditionRows> = Vec::new();
     let turn = std::f64::consts::TAU;
     for (j, p) in placed.joints.iter().enumerate() {
         let Some(own) = &p.shape.own else { continue };
@@ -61,7 +61,7 @@ pub fn order(spec: &Spec, placed: &Placed) -> Result<Vec<ConditionRows>, Descrip
             Own::Twist | Own::Followers(_) => None,
         };
         let owner = Owner::Joint(j);
-        places.extend((0..own.count()).map(|part| ConditionRows { owner, part, holonomic: true, rows: 1, period }));
+        groups.extend((0..own.count()).map(|part| ConditionRows { owner, part, holonomic: true, rows: 1, period }));
     }
     for (i, c) in spec.couplings.iter().enumerate() {
         let (owner, name) = (Owner::Coupling(i), c.name());
@@ -74,7 +74,7 @@ pub fn order(spec: &Spec, placed: &Placed) -> Result<Vec<ConditionRows>, Descrip
                 let period = common(&uncounted);
                 let largest = uncounted.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
                 let known_turns = uncounted.is_empty() || period > SMALLEST_PERIOD / turn * largest;
-                places.push(ConditionRows {
+                groups.push(ConditionRows {
                     holonomic: known_turns,
                     period: (period > 0.0 && known_turns).then_some(period),
                     ..one
@@ -94,15 +94,15 @@ pub fn order(spec: &Spec, placed: &Placed) -> Result<Vec<ConditionRows>, Descrip
                     }
                 }
                 let period = wraps(placed, &terms[0]).then_some(turn);
-                places.push(ConditionRows { period, ..one });
+                groups.push(ConditionRows { period, ..one });
             }
             Coupling::Function { level, .. } => {
-                places.push(ConditionRows { holonomic: *level == Level::Position, ..one });
+                groups.push(ConditionRows { holonomic: *level == Level::Position, ..one });
             }
             Coupling::Roll { slips, .. } => {
-                places.push(one);
+                groups.push(one);
                 if !slips {
-                    places.push(ConditionRows { holonomic: false, rows: 2, ..one });
+                    groups.push(ConditionRows { holonomic: false, rows: 2, ..one });
                 }
             }
         }
@@ -110,7 +110,7 @@ pub fn order(spec: &Spec, placed: &Placed) -> Result<Vec<ConditionRows>, Descrip
     for (i, d) in spec.drives.iter().enumerate() {
         measurement::drivable(d, placed)?;
         let period = wraps(placed, &d.measure).then_some(turn);
-        places.push(ConditionRows {
+        groups.push(ConditionRows {
             owner: Owner::Drive(i),
             part: 0,
             holonomic: d.level == Level::Position,
@@ -119,6 +119,6 @@ pub fn order(spec: &Spec, placed: &Placed) -> Result<Vec<ConditionRows>, Descrip
         });
     }
     // conditions on rates alone come last, each kind in the order of description
-    places.sort_by_key(|p| !p.holonomic);
-    Ok(places)
+    groups.sort_by_key(|p| !p.holonomic);
+    Ok(groups)
 }

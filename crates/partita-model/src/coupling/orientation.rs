@@ -101,7 +101,7 @@ impl<G: Space> Orientation<G> {
 
     fn unit(&self, moment: G::Ang, tree: &Tree<G>, s: &TreeScratch<G>) -> Unit<G> {
         let point = [s.links[self.links[1]].centre, s.links[self.links[0]].centre];
-        Unit { moment, force: G::Vec::default(), point, place: tree.reference_point(self.links[1], s) }
+        Unit { moment, force: G::Vec::default(), point, in_world: tree.reference_point(self.links[1], s) }
     }
 
     /// Φ, a and the unit moment at the last poses.                                         (S3, S4)

@@ -103,8 +103,8 @@ impl<G: Space> Rolling<G> {
     /// Unit forces of the rows on B at the contact.
     pub fn units(&self, contact: Contact, tree: &Tree<G>, s: &TreeScratch<G>) -> [Unit<G>; 2] {
         let x = self.now(tree, s);
-        let place = self.ends.origin_b + x.point[0];
-        self.directions(contact, s).map(|force| Unit { moment: G::Ang::default(), force, point: x.point, place })
+        let in_world = self.ends.origin_b + x.point[0];
+        self.directions(contact, s).map(|force| Unit { moment: G::Ang::default(), force, point: x.point, in_world })
     }
 
     /// Its rows of C.

@@ -306,6 +306,11 @@ impl<G: Space> Element<G> {
         }
     }
 
+    /// Whether it depends on the reaction of its joint.
+    pub(crate) fn follows_reactions(&self) -> bool {
+        matches!(self, Self::Load(load) if matches!(&load.law, LoadLaw::Friction(law) if law.follows.is_some()))
+    }
+
     /// Links that it reads without acting on them.
     pub(crate) fn looks_at(&self) -> Vec<usize> {
         match self {

@@ -134,6 +134,11 @@ impl Shape {
     pub fn dof(&self) -> usize {
         self.motions.iter().map(Motion::velocities).sum()
     }
+    /// Degrees of freedom that its conditions leave its two bodies, in space: those of its motions, less what conditions
+    /// of its own take; a joint that is always cut has no motions of its own.
+    pub fn mobility(&self) -> usize {
+        6 - self.conditions()
+    }
     /// The motion that velocity `i` belongs to.
     pub fn motion_of(&self, i: usize) -> Option<Motion> {
         self.motions.iter().flat_map(|m| std::iter::repeat_n(*m, m.velocities())).nth(i)
@@ -156,8 +161,8 @@ fn axis_of(joint: &Joint, axis: Option<[f64; 3]>, which: &str) -> Result<Vec3<f6
     })
 }
 
-/// A body axis this nearly along the axis of a joint does not define the direction across it. Scale: cosine. Reason: 26
-/// degrees, as for the frame of a rod; the other two body axes then stand well across.
+/// A direction this nearly along an axis (of a joint, of a rod) does not define the direction across it. Scale: cosine.
+/// Reason: 26 degrees; two other body axes are then well across.
 const NEARLY_ALONG: f64 = 0.9;
 
 /// Frame whose z is the given axis: x is the x axis of the carrier, projected across z, or its y axis where x is nearly

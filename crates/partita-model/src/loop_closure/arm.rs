@@ -69,7 +69,7 @@ pub(super) fn lift<S: Scalar>(x: Vec3<f64>) -> Vec3<S> {
 impl<S: Scalar> Pose<S> {
     pub fn new(g: &Graph, numbers: &Numbers<S>) -> Self {
         let (x, balls) = (vec![S::zero(); g.edges.len()], vec![Mat3::identity(); g.edges.len()]);
-        Self { x, balls, points: g.edges.iter().map(|e| e.place.points(numbers)).collect() }
+        Self { x, balls, points: g.edges.iter().map(|e| e.point.points(numbers)).collect() }
     }
 
     /// Coordinate of edge i from q, if it belongs to the tree.

@@ -22,10 +22,10 @@ impl LoopClosing<'_> {
             return None;
         }
         let (row_of, mut needs) = at.structure(&rows, &unknown)?;
-        let place = |v: usize| unknown.binary_search(&v).ok();
+        let index = |v: usize| unknown.binary_search(&v).ok();
         for &e in missing {
             // the velocities of a ball are found together
-            tie(&mut needs, &self.graph.edges[e].velocities().filter_map(place).collect::<Vec<_>>());
+            tie(&mut needs, &self.graph.edges[e].velocities().filter_map(index).collect::<Vec<_>>());
         }
         let first = btf::components(&needs).into_iter().next()?;
         Some((first.iter().map(|&i| row_of[i]).collect(), first.iter().map(|&i| unknown[i]).collect()))

@@ -77,7 +77,7 @@ pub(super) struct Edge {
     /// In the axes of `from`.
     pub axis: Vec3<f64>,
     /// The joint's point in the zero position.
-    pub place: EdgePoint,
+    pub point: EdgePoint,
     /// Constant rotation: the identity but for cut joints of open drawings.
     pub rest: Mat3<f64>,
     /// Its rotation about z: all of it where the mechanism is planar.
@@ -126,7 +126,7 @@ impl Graph {
                 to: i,
                 kind,
                 axis,
-                place: EdgePoint::Link(i),
+                point: EdgePoint::Link(i),
                 rest: Mat3::identity(),
                 turned: 0.0,
                 home: Home::Tree { q: l.q, v: l.v },
@@ -153,7 +153,7 @@ impl Graph {
             to,
             kind,
             axis,
-            place: EdgePoint::Cut { joint: j, last: false },
+            point: EdgePoint::Cut { joint: j, last: false },
             rest: Mat3::identity(),
             turned: 0.0,
             home,
@@ -176,7 +176,7 @@ impl Graph {
             from = to;
         }
         if let Some(e) = self.edges.last_mut() {
-            e.place = EdgePoint::Cut { joint: j, last: true };
+            e.point = EdgePoint::Cut { joint: j, last: true };
             (e.rest, e.turned) = (rest, turn_of(&rest));
         }
     }

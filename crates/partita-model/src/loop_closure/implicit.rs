@@ -18,9 +18,8 @@ use partita_system::SystemError;
 /// To the round-off of the closure error of a large displacement, or until displacements vanish, by steps of 0.3
 /// characteristic displacements (radians for rotations); more iterations than any start within a turn needs. Dependent
 /// rows close slowly next to a singular position: a slow decrease does not mean that they are closed.
-const RULE: Rule = Rule::new(60, tolerance::FEW_ROUNDINGS, tolerance::FEW_ROUNDINGS)
-    .cut(LONGEST_PREDICTION)
-    .to_rest(tolerance::LAST_MOVE);
+const RULE: Rule =
+    Rule::new(60, tolerance::ROUNDING, tolerance::ROUNDING).cut(LONGEST_PREDICTION).to_rest(tolerance::LAST_MOVE);
 
 /// Iterations without a check of the steps: from a tenth of a characteristic displacement each squares the remaining
 /// error, and the derivative follows one iteration later.
@@ -34,7 +33,7 @@ pub(super) struct Implicit {
     /// All rows that are closed: those, then others that depend on them.
     closed: Vec<usize>,
     /// Row and column in the block, place in the values of C; row by row.
-    places: Vec<(usize, usize, usize)>,
+    entries: Vec<(usize, usize, usize)>,
     /// Exchanges of rows where the plan was made.
     pivots: Vec<usize>,
 }
@@ -81,17 +80,17 @@ pub(super) struct Field<'a> {
 
 impl Implicit {
     pub fn new(at: &Instant, rows: Vec<usize>, unknown: Vec<usize>, others: &[usize]) -> Self {
-        let mut places = Vec::new();
+        let mut entries = Vec::new();
         let closed = [&rows[..], others].concat();
         for (i, &r) in closed.iter().enumerate() {
             for e in at.pattern().row(r) {
                 if let Some(j) = unknown.iter().position(|&u| u == at.pattern().col_idx[e]) {
-                    places.push((i, j, e));
+                    entries.push((i, j, e));
                 }
             }
         }
         let n = rows.len();
-        let mut block = Self { rows, unknown, closed, places, pivots: (0..n).collect() };
+        let mut block = Self { rows, unknown, closed, entries, pivots: (0..n).collect() };
         if !others.is_empty() {
             return block; // least squares exchange no rows
         }
@@ -107,7 +106,7 @@ impl Implicit {
     fn jacobian<S: Scalar>(&self, model: &Model, c: &[S], out: &mut [S]) {
         let n = self.rows.len();
         out.fill(S::zero());
-        for &(i, j, e) in &self.places {
+        for &(i, j, e) in &self.entries {
             let (displacement, size) = (
                 model.characteristic_displacement(self.unknown[j]),
                 model.row_displacement(self.rows[i]).unwrap_or(1.0),
@@ -129,7 +128,7 @@ impl Implicit {
         let n = self.rows.len();
         matrix.fill(S::zero());
         x.fill(S::zero());
-        for row in self.places.chunk_by(|a, b| a.0 == b.0) {
+        for row in self.entries.chunk_by(|a, b| a.0 == b.0) {
             let r = self.closed[row[0].0];
             let entry = |&(_, j, e): &(usize, usize, usize)| {
                 c[e].scale(model.characteristic_displacement(self.unknown[j])) / size(r)

@@ -21,9 +21,6 @@ const SETS: usize = 2000;
 const SMALL: usize = 40;
 /// Number of plans compared by their pivots; fewer for large mechanisms.
 const PLANS: usize = 40;
-/// Switches that shrink the volume of a choice below this are not tried. Scale: ratio of volumes. Reason: they lead to
-/// dead points.
-const WEAK_CHOICE: f64 = 0.05;
 
 /// A velocity that may be an input, the better the smaller its rank.
 struct Candidate {
@@ -47,8 +44,8 @@ fn candidates(model: &Model, graph: &Graph) -> Vec<usize> {
                 continue;
             }
             let kind = u8::from(e.kind == Kind::Ball);
-            let place = if loaded(e.joint) { 0 } else { 1 + u8::from(e.from != 0) };
-            found.push(Candidate { v, rank: (kind, place, v) });
+            let priority = if loaded(e.joint) { 0 } else { 1 + u8::from(e.from != 0) };
+            found.push(Candidate { v, rank: (kind, priority, v) });
         }
     }
     found.sort_by_key(|c| c.rank);
@@ -96,7 +93,7 @@ fn by_switches(at: &Instant, t: f64, q: &[f64], k: usize, graph: &Graph, mut bud
         'search: for (i, &enters) in r.partition.dependent.iter().enumerate() {
             for (j, &leaves) in r.partition.independent.iter().enumerate() {
                 let gain = r.a_matrix[i * k + j].abs() * r.scales()[leaves] / r.scales()[enters];
-                if gain.is_nan() || gain < WEAK_CHOICE {
+                if gain.is_nan() || gain < tolerance::WEAK_CHOICE {
                     continue;
                 }
                 let mut next = r.partition.independent.clone();
@@ -158,7 +155,7 @@ pub(super) fn choose<'m>(at: &Instant<'m>, t: f64, q: &[f64]) -> Result<LoopClos
         }
         // log of the product, so that a thousand blocks do not vanish
         let volume: f64 = plan.state().iter().map(|s| s.pivot.max(f64::MIN_POSITIVE).ln()).sum();
-        if best.as_ref().is_none_or(|b| volume > b.1 + tolerance::LEAST_SWITCH_GAIN.ln()) {
+        if best.as_ref().is_none_or(|b| volume > b.1 + tolerance::TIE) {
             best = Some((count, volume, plan));
         }
     }

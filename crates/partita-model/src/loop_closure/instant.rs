@@ -120,12 +120,12 @@ impl<'m> Instant<'m> {
 
     /// Rows and, for each unknown, the row matched to it and the unknowns in that row.
     pub(super) fn structure(&self, rows: &[usize], unknown: &[usize]) -> Option<(Vec<usize>, Vec<Vec<usize>>)> {
-        let mut place = vec![usize::MAX; self.model.size().nv];
-        unknown.iter().enumerate().for_each(|(i, &u)| place[u] = i);
+        let mut index = vec![usize::MAX; self.model.size().nv];
+        unknown.iter().enumerate().for_each(|(i, &u)| index[u] = i);
         let columns: Vec<Vec<usize>> = rows
             .iter()
             .map(|&r| {
-                let all = self.pattern().row(r).map(|e| place[self.pattern().col_idx[e]]);
+                let all = self.pattern().row(r).map(|e| index[self.pattern().col_idx[e]]);
                 all.filter(|&p| p != usize::MAX).collect()
             })
             .collect();

@@ -37,7 +37,7 @@ pub(super) struct SolvedLaw {
     condition: usize,
     q: Vec<usize>,
     /// Index of the reading.
-    place: usize,
+    index: usize,
     /// Edge of that reading.
     pub edge: usize,
     /// Its share in the sum of the law, 1 at best.
@@ -78,17 +78,17 @@ impl TreeLaw {
     /// it.
     pub fn solved(&self, known: impl Fn(usize) -> bool) -> Option<SolvedLaw> {
         let mut unknown = (0..self.edges.len()).filter(|&i| !known(self.edges[i]));
-        let place = unknown.next()?;
-        if unknown.next().is_some() || self.weight[place] == 0.0 {
+        let index = unknown.next()?;
+        if unknown.next().is_some() || self.weight[index] == 0.0 {
             return None;
         }
         let size = self.weight.iter().map(|w| w * w).sum::<f64>().sqrt();
         Some(SolvedLaw {
             condition: self.condition,
             q: self.q.clone(),
-            place,
-            edge: self.edges[place],
-            pivot: self.weight[place] / size,
+            index,
+            edge: self.edges[index],
+            pivot: self.weight[index] / size,
         })
     }
 }
@@ -99,9 +99,9 @@ impl SolvedLaw {
         let c = &e.full.conditions[self.condition];
         match &c.says {
             Says::Law(Law::Linear { factors, offset, .. }, _) => {
-                let others = (0..self.q.len()).filter(|&i| i != self.place);
+                let others = (0..self.q.len()).filter(|&i| i != self.index);
                 let rest = others.fold(*offset, |rest, i| rest - factors[i] * q[self.q[i]]);
-                Ok(rest / factors[self.place])
+                Ok(rest / factors[self.index])
             }
             Says::Law(Law::Curve { curve, periodic, .. }, _) => {
                 Ok(value::curve_at(curve, *periodic, q[self.q[1]], &c.name)?[0])
@@ -115,7 +115,7 @@ impl SolvedLaw {
 
     /// The coordinate in q.
     pub fn coordinate(&self) -> usize {
-        self.q[self.place]
+        self.q[self.index]
     }
 
     /// In the terms of the description.

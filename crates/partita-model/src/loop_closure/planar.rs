@@ -143,8 +143,7 @@ fn triangle<S: Scalar>(joints: &[PlanarJoint], sides: &[PlanarArm<S>], frame: us
     let [r, l2, l3] = [0, 1, 2].map(|i| sides[at(i)].length);
     let missing = (r - (l2 + l3)).max((l2 - l3).abs() - r);
     // with a side of no length the triangle has no direction
-    let fit =
-        Fit { excess: missing - (r + l2 + l3).scale(tolerance::FEW_ROUNDINGS), shortfall: missing.max(S::zero()) };
+    let fit = Fit { excess: missing - (r + l2 + l3).scale(tolerance::ROUNDING), shortfall: missing.max(S::zero()) };
     let fit = fit.unless_above_0(r).unless_above_0(l2).unless_above_0(l3);
     // height over the frame from the area in Kahan's order, which keeps its digits in flat triangles
     let (larger, smaller) = (r.max(l2), r.min(l2));
@@ -182,7 +181,7 @@ fn one_slide<S: Scalar>(joints: &[PlanarJoint], sides: &[PlanarArm<S>], first: u
     let w0 = sum(d2, rotated(d3, a2 + slide.rest()));
     let off = cross(along, w0);
     let missing = off.abs() - l;
-    let slack = (l + off.abs() + w0[0].hypot(w0[1])).scale(tolerance::FEW_ROUNDINGS);
+    let slack = (l + off.abs() + w0[0].hypot(w0[1])).scale(tolerance::ROUNDING);
     let fit = Fit { excess: missing - slack, shortfall: missing.max(S::zero()) }.unless_above_0(l);
     let root = ((l - off.abs()).max(S::zero()) * (l + off.abs())).sqrt().scale(sign);
     let s = root - dot(along, w0);
@@ -218,7 +217,7 @@ fn two_slides<S: Scalar>(joints: &[PlanarJoint], sides: &[PlanarArm<S>], first: 
 fn lines<S: Scalar>(u2: [S; 2], u3: [S; 2], gap: [S; 2]) -> ([S; 2], S, Fit<S>) {
     let sine = cross(u2, u3);
     // below this the lines are parallel to the rounding of their directions
-    let fit = Fit { excess: S::from_f64(tolerance::FEW_ROUNDINGS) - sine.abs(), shortfall: cross(u2, gap).abs() };
+    let fit = Fit { excess: S::from_f64(tolerance::ROUNDING) - sine.abs(), shortfall: cross(u2, gap).abs() };
     ([-cross(gap, u3) / sine, -cross(u2, gap) / sine], sine.abs().min(S::one()), fit)
 }
 

@@ -29,7 +29,7 @@ use partita_math::tolerance;
 /// Round-off that an exactly flat position may show in terms of this size: twice that of a polygon, for products of two
 /// rotations.
 fn flat_within<S: Scalar>(terms: S) -> S {
-    terms.scale(2.0 * tolerance::FEW_ROUNDINGS)
+    terms.scale(2.0 * tolerance::ROUNDING)
 }
 
 /// Coordinates computed by a step, before they are used.

@@ -249,7 +249,7 @@ impl<'a, G: Space> Maker<'a, G> {
                 }
                 reading
             }
-            // nothing asks for one: `motion_of` refuses it
+            // never needed: `motion_of` refuses it
             Motion::Ball => self.twist(j),
         }
     }

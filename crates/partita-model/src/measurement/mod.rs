@@ -113,7 +113,7 @@ pub struct Unit<G: Space> {
     /// The point, from the origin of B's branch and from that of A's.
     pub point: [G::Vec; 2],
     /// The point in the world of the tree.
-    pub place: G::Vec,
+    pub in_world: G::Vec,
 }
 
 /// Value, rate and gradient of a measurement.
@@ -208,12 +208,12 @@ impl<G: Space> Measurement<G> {
                 moment: G::Ang::default(),
                 force: direction,
                 point: [pb, pb + ends.offset],
-                place: ends.origin_b + pb,
+                in_world: ends.origin_b + pb,
             }
         };
         let turn = |moment: G::Ang| {
             let point = [s.links[self.links[1]].centre, s.links[self.links[0]].centre];
-            Unit { moment, force: G::Vec::default(), point, place: tree.reference_point(self.links[1], s) }
+            Unit { moment, force: G::Vec::default(), point, in_world: tree.reference_point(self.links[1], s) }
         };
         match &self.quantity {
             Quantity::Coordinate { .. } | Quantity::Velocity(_) => None,
@@ -286,7 +286,7 @@ impl<G: Space> Measurement<G> {
         }
     }
 
-    /// The velocity of the tree that its rate is.
+    /// The velocity of the tree that equals its rate, if one does.
     #[inline(always)]
     pub fn velocity(&self) -> Option<usize> {
         match self.quantity {

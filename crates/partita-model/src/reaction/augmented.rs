@@ -32,9 +32,9 @@ impl Model {
         s: &mut ModelScratch,
     ) -> Result<Vec<Wrench<f64>>, SystemError> {
         let Known { mut joints, needed, own, .. } = self.known(self.whole(), t, q, v, vdot, lambda, s)?;
-        for (place, e) in self.placed.carrying.iter().enumerate() {
+        for (index, e) in self.placed.carrying.iter().enumerate() {
             let Some(j) = e.joint else { continue };
-            let outboard = self.outboard(place);
+            let outboard = self.outboard(index);
             let point = self.joint_point_now(s, j);
             let free = self.free_axes(j, s);
             let mut w = Wrench::default();
@@ -57,16 +57,16 @@ impl Model {
         Ok(joints)
     }
 
-    /// Nodes that move with a displacement in the joint of tree edge `place`.
-    fn outboard(&self, place: usize) -> Vec<usize> {
+    /// Nodes that move with a displacement in the joint of tree edge `index`.
+    fn outboard(&self, index: usize) -> Vec<usize> {
         let tree = &self.placed.carrying;
-        let mut carried = vec![tree[place].to];
-        for e in &tree[place + 1..] {
-            if carried.contains(&e.from) {
-                carried.push(e.to);
+        let mut nodes = vec![tree[index].to];
+        for e in &tree[index + 1..] {
+            if nodes.contains(&e.from) {
+                nodes.push(e.to);
             }
         }
-        carried
+        nodes
     }
 
     /// Power of the forces that the bodies outboard need in the rigid displacement z about `point`: a column of E times

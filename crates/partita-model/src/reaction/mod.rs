@@ -5,6 +5,10 @@
 
 mod applied;
 mod augmented;
+mod wrench;
+
+pub(crate) use wrench::with_along;
+pub use wrench::{wrench_of_efforts, Wrench};
 
 use crate::evaluator::{Engine, Evaluator, Scratch};
 use crate::joint::Motion;
@@ -13,10 +17,8 @@ use crate::rows::Owner;
 use crate::topology::TreeEdge;
 use crate::tree::TreeScratch;
 use applied::Applied;
-use partita_math::dense;
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Embedding, Mat3, Planar, Spatial, Vec3};
-use partita_math::tolerance;
 use partita_system::SystemError;
 
 fn lift<S: Scalar>(x: Vec3<f64>) -> Vec3<S> {
@@ -25,44 +27,6 @@ fn lift<S: Scalar>(x: Vec3<f64>) -> Vec3<S> {
 
 fn constant<S: Scalar>(m: &Mat3<f64>) -> Mat3<S> {
     Mat3::from_f64(m.0)
-}
-
-/// Moment about a point, and force.
-#[derive(Clone, Copy, Debug)]
-pub struct Wrench<S = f64> {
-    /// Moment.
-    pub moment: Vec3<S>,
-    /// Force.
-    pub force: Vec3<S>,
-}
-
-impl<S: Scalar> Default for Wrench<S> {
-    fn default() -> Self {
-        Self { moment: Vec3::zero(), force: Vec3::zero() }
-    }
-}
-
-impl<S: Scalar> Wrench<S> {
-    /// The same wrench about a point that lies `arm` before the old one (old = new + arm).
-    fn about(&self, arm: Vec3<S>) -> Self {
-        Self { moment: self.moment + arm.cross(self.force), force: self.force }
-    }
-    fn add(&mut self, o: &Self) {
-        self.moment += o.moment;
-        self.force += o.force;
-    }
-    fn opposite(&self) -> Self {
-        Self { moment: -self.moment, force: -self.force }
-    }
-    /// The part out of the x-y plane of the mechanism.
-    fn across(&self) -> Self {
-        let ([mx, my, _], [_, _, fz], o) = (self.moment.0, self.force.0, S::zero());
-        Self { moment: Vec3([mx, my, o]), force: Vec3([o, o, fz]) }
-    }
-    /// In the axes of the world.
-    fn out_of(&self, basis: &Mat3<S>) -> Self {
-        Self { moment: basis.apply_transposed(self.moment), force: basis.apply_transposed(self.force) }
-    }
 }
 
 /// Reactions at one instant.
@@ -95,53 +59,6 @@ struct Known<S> {
     own: Vec<S>,
     /// The largest force that enters a body's balance, moments over the mechanism's size.
     largest: S,
-}
-
-/// Along `axes` (at most three): replace the components of x by `wanted`. Axes in line (gimbal lock) leave x unchanged:
-/// nothing distinguishes them.
-fn replace<S: Scalar>(x: Vec3<S>, axes: &[Vec3<S>], wanted: &[S]) -> Vec3<S> {
-    let n = axes.len();
-    if n == 0 {
-        return x;
-    }
-    let mut gram = [S::zero(); 9];
-    let mut off = [S::zero(); 3];
-    for i in 0..n {
-        for j in 0..n {
-            gram[i * n + j] = axes[i].dot(axes[j]);
-        }
-        off[i] = wanted[i] - axes[i].dot(x);
-    }
-    let mut apart = S::one();
-    let diagonal: [S; 3] = std::array::from_fn(|i| if i < n { gram[i * n + i] } else { S::one() });
-    dense::cholesky_straight(&mut gram[..n * n], n);
-    for i in 0..n {
-        let (root, least) = (gram[i * n + i], diagonal[i].scale(tolerance::LOST_PIVOT));
-        // NaN is not above 0
-        apart = apart.where_positive(root * root - least, apart);
-    }
-    dense::cholesky_solve(&gram[..n * n], n, &mut off);
-    let replaced = axes.iter().zip(off).fold(x, |x, (a, k)| x + a.times(k));
-    Vec3::where_positive(apart, replaced, x)
-}
-
-/// `w` with its components along the free axes of a joint replaced by those wanted of each.
-fn with_along<S: Scalar>(axes: &[(bool, Vec3<S>)], w: &Wrench<S>, wanted: impl Fn(usize) -> S) -> Wrench<S> {
-    let along = |x: Vec3<S>, turns: bool| {
-        let (mut lines, mut efforts, mut n) = ([Vec3::zero(); 3], [S::zero(); 3], 0);
-        for (i, a) in axes.iter().enumerate().filter(|(_, a)| a.0 == turns) {
-            (lines[n], efforts[n]) = (a.1, wanted(i));
-            n += 1;
-        }
-        replace(x, &lines[..n], &efforts[..n])
-    };
-    Wrench { moment: along(w.moment, true), force: along(w.force, false) }
-}
-
-/// The shortest wrench with these efforts along the free axes (turns, slides) of a joint. Where two turns are not
-/// perpendicular it is not along the axis of an effort: that would do work on the other turn.
-pub fn wrench_of_efforts(axes: &[(bool, Vec3<f64>)], efforts: &[f64]) -> Wrench {
-    with_along(axes, &Wrench::default(), |i| efforts[i])
 }
 
 impl<S: Scalar> Evaluator<S> {
@@ -311,10 +228,10 @@ impl<S: Scalar> Evaluator<S> {
                 |x, pushed| {
                     let w = Wrench { moment: pushed.unit.moment.times(x), force: pushed.unit.force.times(x) };
                     let [a, b] = pushed.nodes;
-                    self.put(s, needed, b, &w.opposite(), pushed.unit.place);
-                    self.put(s, needed, a, &w, pushed.unit.place);
+                    self.put(s, needed, b, &w.opposite(), pushed.unit.in_world);
+                    self.put(s, needed, a, &w, pushed.unit.in_world);
                     if let Some(j) = joint {
-                        joints[j].add(&w.about(pushed.unit.place - self.joint_point_now(s, j)));
+                        joints[j].add(&w.about(pushed.unit.in_world - self.joint_point_now(s, j)));
                     }
                 },
                 |v, x| along[v] += x,
@@ -342,7 +259,7 @@ impl<S: Scalar> Evaluator<S> {
         let at = self.instant(t, q, &[]);
         let push = |x: S, pushed: &crate::coupling::Pushed<Spatial<S>>| {
             let w = Wrench { moment: pushed.unit.moment.times(x), force: pushed.unit.force.times(x) };
-            put(pushed.nodes, w, pushed.unit.place);
+            put(pushed.nodes, w, pushed.unit.in_world);
         };
         c.apply(&self.full, tree, &at, &lambda, push, along)
     }
@@ -536,8 +453,8 @@ impl<S: Scalar> Evaluator<S> {
                 &change[first..first + c.rows()],
                 |x, pushed| {
                     let w = Wrench { moment: pushed.unit.moment.times(x), force: pushed.unit.force.times(x) };
-                    self.put(s, &mut left, pushed.nodes[1], &w.opposite(), pushed.unit.place);
-                    self.put(s, &mut left, pushed.nodes[0], &w, pushed.unit.place);
+                    self.put(s, &mut left, pushed.nodes[1], &w.opposite(), pushed.unit.in_world);
+                    self.put(s, &mut left, pushed.nodes[0], &w, pushed.unit.in_world);
                 },
                 |v, x| efforts[v] += x,
             )?;

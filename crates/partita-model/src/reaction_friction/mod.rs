@@ -47,6 +47,9 @@ struct ReactionFriction {
     child: usize,
     read: Read,
     turn: bool,
+    /// Links of the joint's motions in the tree, where it has several, and whether they turn: what acts along these is no
+    /// reaction.
+    free: Vec<(bool, usize)>,
 }
 
 /// All reaction-dependent frictions of a mechanism.
@@ -100,6 +103,7 @@ impl Following {
                 child,
                 read,
                 turn,
+                free: free_links(p),
             });
         }
         let motion =
@@ -154,6 +158,13 @@ fn read(own: &Evaluator<f64>, placed: &Placed, p: &PlacedJoint, number: usize, c
         Motion::Ball => return None,
     };
     Some(Read::Cut { closing, link, axis })
+}
+
+/// Links of the motions of a joint in the tree, if there are several, and whether they turn.
+fn free_links(p: &PlacedJoint) -> Vec<(bool, usize)> {
+    let several = p.links.iter().filter(|links| links.len() > 1);
+    let each = several.flat_map(|links| p.shape.motions.iter().zip(links));
+    each.map(|(motion, &link)| (!matches!(motion, Motion::Slide(_)), link)).collect()
 }
 
 impl Follow<f64> for Following {

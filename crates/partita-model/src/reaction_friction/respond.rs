@@ -5,6 +5,7 @@ use crate::evaluator::Evaluator;
 use crate::force::{AppliedWrench, At, Bearing, Effect, ForceApplication, Room};
 use crate::friction_magnitudes::{Hold, Jam, Term};
 use crate::mechanics::Mechanics;
+use crate::reaction::{with_along, Wrench};
 use crate::tree::TreeScratch;
 use crate::value::Instant;
 use partita_math::dense;
@@ -258,23 +259,34 @@ impl Following {
         let mut t = 0;
         for (i, entry) in self.frictions.iter().enumerate() {
             let Some(Followed { bearing, .. }) = friction(tree, entry) else { continue };
-            let (axis, moment, force) = match entry.read {
+            let (axis, reaction) = match entry.read {
                 Read::Tree { outer, moved } => {
                     let (moment, force) = s.partial[links + outer];
                     let zero = model.numbers.joints[entry.number].1 - model.numbers.reference[entry.child];
                     let point =
                         tree.reference_point(entry.child, s) + G::rotate(&s.links[entry.child].rot, G::vec_in(zero));
                     let about = moment + G::moment(tree.reference_point(outer, s) - point, force);
-                    let x = &s.links[moved];
-                    (if entry.turn { G::ang_to(x.axis) } else { G::vec_to(x.direction) }, about, force)
+                    let axis = |turn: bool, link: usize| {
+                        let x = &s.links[link];
+                        if turn {
+                            G::ang_to(x.axis)
+                        } else {
+                            G::vec_to(x.direction)
+                        }
+                    };
+                    let mut free = [(false, Vec3::zero()); 6];
+                    let several = free.iter_mut().zip(&entry.free);
+                    several.for_each(|(free, &(turn, link))| *free = (turn, axis(turn, link)));
+                    let passed = Wrench { moment: G::ang_to(about), force: G::vec_to(force) };
+                    (axis(entry.turn, moved), with_along(&free[..entry.free.len()], &passed, |_| 0.0))
                 }
                 Read::Cut { closing, link, axis } => {
                     let (moment, force) = tree.closing_wrench(&tree.closings[closing], s, lambda);
                     let rot = G::rot_to(&s.links[link].rot);
-                    (rot.apply(axis), moment, force)
+                    (rot.apply(axis), Wrench { moment: G::ang_to(moment), force: G::vec_to(force) })
                 }
             };
-            let (force, moment) = (G::vec_to(force), G::ang_to(moment));
+            let Wrench { moment, force } = reaction;
             let across = |x: Vec3<f64>| x - axis.times(axis.dot(x));
             let arm = if entry.turn { bearing.radius.unwrap_or_default() } else { 1.0 };
             let mut give = |weight: f64, force: Vec3<f64>| {
@@ -410,7 +422,7 @@ fn transmit<G: Space<S = f64>>(
             largest = largest.max(size(moment, force));
             for (node, sign) in [(pushed.nodes[1], -1.0), (pushed.nodes[0], 1.0)] {
                 let link = model.placed.link_of(node);
-                let arm = pushed.unit.place - tree.reference_point(link, s);
+                let arm = pushed.unit.in_world - tree.reference_point(link, s);
                 wrench[link].0 += G::scale_ang(moment + G::moment(arm, force), sign);
                 wrench[link].1 += G::scale(force, sign);
             }

@@ -22,8 +22,8 @@ pub enum Coupling {
         /// The sum.
         offset: f64,
         /// The numbers from which factors and sum were computed, if others were given.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        said: Option<GivenAs>,
+        #[serde(rename = "said", default, skip_serializing_if = "Option::is_none")]
+        given_as: Option<GivenAs>,
     },
     /// `first reading = f(second reading)`, piecewise cubic.
     Curve {
@@ -109,19 +109,19 @@ impl Coupling {
     /// Its parameters: field and numbers, by the names under which they were given.
     pub fn numbers(&mut self) -> Vec<(&'static str, &mut [f64])> {
         match self {
-            Self::Linear { said: Some(GivenAs::Ratio(x)), .. } => vec![("ratio", one(x))],
-            Self::Linear { said: Some(GivenAs::Radius(x)), .. } => vec![("radius", one(x))],
-            Self::Linear { said: Some(GivenAs::Radii { radius1, radius2, .. }), .. } => {
+            Self::Linear { given_as: Some(GivenAs::Ratio(x)), .. } => vec![("ratio", one(x))],
+            Self::Linear { given_as: Some(GivenAs::Radius(x)), .. } => vec![("radius", one(x))],
+            Self::Linear { given_as: Some(GivenAs::Radii { radius1, radius2, .. }), .. } => {
                 vec![("radius1", one(radius1)), ("radius2", one(radius2))]
             }
-            Self::Linear { said: Some(GivenAs::Length), terms, offset, .. } => {
+            Self::Linear { given_as: Some(GivenAs::Length), terms, offset, .. } => {
                 let mut all = vec![("length", one(offset))];
                 if let [Measure::Distance { point1, point2, .. }] = terms.as_mut_slice() {
                     all.extend([("point1", &mut point1[..]), ("point2", &mut point2[..])]);
                 }
                 all
             }
-            Self::Linear { said: None, factors, offset, .. } => vec![("factors", factors), ("offset", one(offset))],
+            Self::Linear { given_as: None, factors, offset, .. } => vec![("factors", factors), ("offset", one(offset))],
             Self::Roll { center, radius, point, .. } => {
                 vec![("center", &mut center[..]), ("radius", one(radius)), ("point", &mut point[..])]
             }
@@ -132,8 +132,8 @@ impl Coupling {
     /// Error in its numbers, all of them finite.
     pub fn fault(&self) -> Option<String> {
         match self {
-            Self::Linear { said: Some(said), terms, factors, offset, .. } => {
-                said.fault(*offset).or_else(|| said.does_not_fit(terms, factors))
+            Self::Linear { given_as: Some(given_as), terms, factors, offset, .. } => {
+                given_as.fault(*offset).or_else(|| given_as.does_not_fit(terms, factors))
             }
             Self::Roll { radius, .. } if *radius <= 0.0 => {
                 Some(format!("radius = {radius} m: the radius of a wheel must be positive"))

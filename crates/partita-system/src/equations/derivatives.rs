@@ -174,17 +174,17 @@ fn off(given: f64, found: Best, nothing: f64) -> Option<f64> {
 #[derive(Default)]
 struct Worst {
     by: f64,
-    said: Option<SystemError>,
+    failure: Option<SystemError>,
 }
 
 impl Worst {
     fn hear(&mut self, by: Option<f64>, say: impl FnOnce() -> SystemError) {
         if let Some(by) = by.filter(|&by| by > self.by) {
-            (self.by, self.said) = (by, Some(say()));
+            (self.by, self.failure) = (by, Some(say()));
         }
     }
     fn result(self) -> Result<(), SystemError> {
-        self.said.map_or(Ok(()), Err)
+        self.failure.map_or(Ok(()), Err)
     }
 }
 

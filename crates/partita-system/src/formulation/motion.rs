@@ -106,13 +106,13 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     }
 
     /// Index of u and of the work in y.
-    fn places(&self) -> (usize, usize) {
-        (self.positions.places(), self.positions.places() + self.k)
+    fn offsets(&self) -> (usize, usize) {
+        (self.positions.width(), self.positions.width() + self.k)
     }
 
     fn work(&self, y: &[f64]) -> f64 {
         if self.observes_work {
-            y[self.places().1]
+            y[self.offsets().1]
         } else {
             0.0
         }
@@ -120,7 +120,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
 
     /// All levels at (t, y).
     fn evaluate(&mut self, t: f64, y: &[f64]) -> Result<()> {
-        let (p, w) = self.places();
+        let (p, w) = self.offsets();
         let factored = self.positions.locate(&mut self.tangent, t, y, self.monitor.crosses_next)?;
         let (tangent, q, u) = (&mut self.tangent, self.positions.q(), &y[p..w]);
         let levels = |tangent: &mut T| {
@@ -133,7 +133,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
 
     /// Rates of all states at the point last evaluated.
     fn rates(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<()> {
-        let (p, w) = self.places();
+        let (p, w) = self.offsets();
         self.positions.rates(&mut self.tangent, &y[p..w], dy);
         self.tangent.rates(&mut dy[p..w]);
         if self.observes_work {
@@ -184,13 +184,13 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
     fn dim(&self) -> usize {
         self.place_of_prescribed() + self.prescribed.count()
     }
-    /// Where drives prescribe all motion, their work is what there is to integrate.
+    /// Where drives prescribe all motion, their work is the only state.
     fn controlled(&self) -> usize {
-        self.places().1 + usize::from(self.observes_work && self.k == 0)
+        self.offsets().1 + usize::from(self.observes_work && self.k == 0)
     }
     fn natural_sizes(&self, out: &mut [f64]) {
         out.fill(1.0);
-        let (p, w) = self.places();
+        let (p, w) = self.offsets();
         let mut of_q = vec![1.0; self.system.size().nq];
         super::sizes_of_coordinates(&*self.system, &mut of_q);
         self.positions.sizes(&of_q, &mut out[..p]);
@@ -200,7 +200,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         out[p..w].iter_mut().enumerate().for_each(|(j, x)| *x = self.tangent.natural_size(j));
     }
     fn start(&mut self, t: f64, q: &[f64], v: &[f64], y: &mut [f64]) -> Result<()> {
-        let (p, w) = self.places();
+        let (p, w) = self.offsets();
         let mut q = q.to_vec();
         self.tangent.start(t, &mut q, v)?;
         self.guards.forget();
@@ -225,7 +225,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         self.rates(t, y, dy)
     }
     fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<()> {
-        let (p, w) = self.places();
+        let (p, w) = self.offsets();
         self.moved = true;
         let factored = self.positions.output(&mut self.tangent, t, y)?;
         let singular = match self.tangent.tangent(t, self.positions.q(), factored) {

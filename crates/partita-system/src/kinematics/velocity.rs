@@ -7,17 +7,13 @@ use partita_math::factor;
 use partita_math::formatted;
 use partita_math::tolerance;
 
-/// Least precision of rates next to a singular position. Scale: fraction of the fastest rate. Reason: five digits are
-/// the least that counts as met.
-const RATES_MET_AT_WORST: f64 = 1e-5;
-
 /// Precision to which compatible rates are met at the last tangent, as a fraction of the largest velocity.
 pub fn met<S: ConstrainedSystem>(r: &mut Reduction<S>) -> f64 {
     if r.rank() == 0 {
         return tolerance::RATES_MET;
     }
     let (distance, _) = r.distance();
-    (tolerance::SUM_ROUNDING / (distance * distance)).clamp(tolerance::RATES_MET, RATES_MET_AT_WORST)
+    (tolerance::SUM_ROUNDING / (distance * distance)).clamp(tolerance::RATES_MET, tolerance::OPEN_RATE)
 }
 
 /// A requested rate and the possible one, with as many digits as it takes to distinguish them.

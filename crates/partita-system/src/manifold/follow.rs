@@ -17,9 +17,6 @@ use partita_math::tolerance;
 /// Longest step along a curve. Unit: characteristic displacement. Reason: over a third of a radian the deviation from a
 /// straight line is a twentieth.
 pub const LONGEST_PREDICTION: f64 = 0.3;
-/// Changes of the tangent below this allow a longer next step. Scale: fraction of the tangent. Reason: a third of the
-/// largest change.
-const EASY_STEP: f64 = 0.15;
 
 /// A curve of closed positions, by its parameter s.
 pub trait Curve {
@@ -76,7 +73,7 @@ pub enum Visit {
 pub enum End {
     /// All of it was followed.
     There,
-    /// The visitor asked to stop.
+    /// The visitor requested a stop.
     Stopped,
     /// The correction removes more than half of every step.
     ThrownBack,
@@ -194,7 +191,7 @@ pub fn follow<C: Curve + ?Sized>(
                     _ if last => return Ok(found),
                     _ => {}
                 }
-                if turned < EASY_STEP {
+                if turned < tolerance::MUCH_SMALLER * tolerance::HALF_LOST {
                     part *= 2.0;
                 }
             }

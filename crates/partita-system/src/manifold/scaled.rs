@@ -131,8 +131,8 @@ impl<S: ConstrainedSystem> Scaled<'_, S> {
     pub fn dense(&self) -> (Vec<f64>, Matrix) {
         let rows: Vec<usize> = self.active().collect();
         let mut m = Matrix::new(rows.len(), self.pattern.cols);
-        for (place, &i) in rows.iter().enumerate() {
-            self.pattern.row(i).for_each(|e| m[(place, self.pattern.col_idx[e])] = self.c[e]);
+        for (index, &i) in rows.iter().enumerate() {
+            self.pattern.row(i).for_each(|e| m[(index, self.pattern.col_idx[e])] = self.c[e]);
         }
         (rows.iter().map(|&i| self.phi[i]).collect(), m)
     }

@@ -22,9 +22,6 @@ const INSTANTS: usize = 256;
 /// The least volume must grow by this factor. Scale: ratio of volumes. Reason: a dead band against rounding and the
 /// grid of the steps.
 const PERSISTENCE_GAIN: f64 = 1.05;
-/// Above this |Â| the present choice is replaced whatever the window contains. Scale: scaled entries of A. Reason: it
-/// has σ below a twentieth then, because `σ ≤ 1 / max |Â|`.
-const PERSISTENCE_GUARD: f64 = 20.0;
 
 /// Dᵀ at one instant, and its volumes of the present choice and its neighbours.
 struct Instant {
@@ -128,7 +125,8 @@ impl Persistence {
         let (enters, leaves) = largest?;
         let gain = rows[enters * k + leaves].abs();
         let full = self.instants.front().is_some_and(|first| first.t <= t - self.window);
-        let limit = if full { PERSISTENCE_GUARD.max(self.switch_threshold) } else { self.switch_threshold };
+        let limit =
+            if full { (1.0 / tolerance::WEAK_CHOICE).max(self.switch_threshold) } else { self.switch_threshold };
         if gain > limit {
             let why = if full { "the present choice is degrading" } else { "the window is not full yet" };
             let reason = format!("the volume of the choice grows by {gain:.3}, and {why}");

@@ -65,9 +65,9 @@ pub fn largest(rows: &[f64], bias: &[f64], first: &[usize]) -> Largest {
             best = (value, which.clone());
         }
         // the next one in lexicographic order
-        let Some(place) = (0..k).rev().find(|&p| which[p] < n - k + p) else { break };
-        which[place] += 1;
-        (place + 1..k).for_each(|p| which[p] = which[p - 1] + 1);
+        let Some(index) = (0..k).rev().find(|&p| which[p] < n - k + p) else { break };
+        which[index] += 1;
+        (index + 1..k).for_each(|p| which[p] = which[p - 1] + 1);
     }
     Largest { independent: best.1, exact: true }
 }

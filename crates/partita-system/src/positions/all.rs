@@ -100,7 +100,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> Positions<'s, S, T> for A
     fn sizes(&self, of_q: &[f64], out: &mut [f64]) {
         out.copy_from_slice(of_q);
     }
-    fn places(&self) -> usize {
+    fn width(&self) -> usize {
         self.q.len()
     }
     fn start(&mut self, _tangent: &mut T, _t: f64, q: &[f64], y: &mut [f64]) {

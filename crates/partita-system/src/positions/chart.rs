@@ -214,7 +214,7 @@ impl<S: ConstrainedSystem> Residuals for InChart<'_, '_, '_, S> {
         // round-off of S Δ, as for the rows
         let size = |row: &[f64]| row.iter().zip(&c.displacement).map(|(s, r)| (s * r).abs()).sum::<f64>();
         let missed = c.miss.iter().zip(self.x.orthonormal().chunks_exact(n.max(1)));
-        let missed = missed.map(|(miss, row)| miss / (tolerance::FEW_ROUNDINGS * far * size(row)));
+        let missed = missed.map(|(miss, row)| miss / (tolerance::ROUNDING * far * size(row)));
         self.closure_error = ClosureError::of(self.x.seen().closure_error_of_rows().chain(missed));
         Ok(())
     }
@@ -248,7 +248,7 @@ impl<S: ConstrainedSystem> Linearization for InChart<'_, '_, '_, S> {
 
 impl<'s, S: ConstrainedSystem> Positions<'s, S, Frozen<'s, S>> for Chart {
     const CLOSED: bool = true;
-    fn places(&self) -> usize {
+    fn width(&self) -> usize {
         self.w.len()
     }
     fn start(&mut self, x: &mut Frozen<'s, S>, t: f64, q: &[f64], y: &mut [f64]) {

@@ -1,4 +1,4 @@
-//! Whether the motion has been thrown back at a dead point. A question only 2k forms have to ask.
+//! Whether the motion has been thrown back at a dead point. Needed by 2k forms only.
 
 use partita_math::tolerance;
 

@@ -121,8 +121,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, K: Dependent<'s, S, T>> P
     fn sizes(&self, of_q: &[f64], out: &mut [f64]) {
         self.core.states.gather(of_q, out);
     }
-    fn places(&self) -> usize {
-        self.core.states.places()
+    fn width(&self) -> usize {
+        self.core.states.width()
     }
     fn start(&mut self, tangent: &mut T, t: f64, q: &[f64], y: &mut [f64]) {
         self.core.q.copy_from_slice(q);

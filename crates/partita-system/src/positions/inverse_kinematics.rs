@@ -15,9 +15,6 @@ use partita_math::tolerance;
 /// The next step may be longer by this factor. Scale: ratio. Reason: the prediction of the branch is extrapolated over
 /// it.
 const LONGEST_NEXT: f64 = 5.0;
-/// A branch is chosen by the motion below this ratio of distances to it and to the other. Scale: ratio. Reason: the
-/// error of the prediction is then less than the distance between them.
-const MOST_DOUBT: f64 = 0.5;
 
 /// The closing of a [`Blocks`] tangent, followed over change points.
 #[derive(Default)]
@@ -72,7 +69,7 @@ impl<'s, S: ConstrainedSystem> Dependent<'s, S, Blocks<'s, S>> for InverseKinema
         let closed = if follow {
             core.predict(&*tangent.seen().system, t, y, at);
             let followed = tangent.closing()?.follow(t, &mut core.q);
-            followed.and_then(|doubt| match doubt <= MOST_DOUBT || at == Point::Inside {
+            followed.and_then(|doubt| match doubt <= tolerance::MUCH_SMALLER || at == Point::Inside {
                 true => Ok(()),
                 false => Err(tangent.undecided(t, &core.q)),
             })

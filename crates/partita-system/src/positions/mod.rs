@@ -20,7 +20,7 @@ pub trait Positions<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>>: PositionS
     /// Whether the loops are closed at every evaluation.
     const CLOSED: bool;
     /// Number of leading components of y.
-    fn places(&self) -> usize;
+    fn width(&self) -> usize;
     /// Start from the closed q and write y; the tangent was started there.
     fn start(&mut self, tangent: &mut T, t: f64, q: &[f64], y: &mut [f64]);
     /// Find q for y, with the position level of the tangent's reduction there; `crossing`: a singular position is being

@@ -17,10 +17,8 @@ use crate::singular::dead_point::dead_point;
 use crate::system::{ConstrainedSystem, SystemError};
 use crate::tangent::partition::Chosen;
 use crate::tangent::{TangentChoice, TangentLevels};
+use partita_math::tolerance;
 
-/// Largest factor by which Newton's method may change the distance from where two solutions meet. Scale: ratio. Reason:
-/// beyond it the start was nearly half-way between them, and either one may be found.
-const MOST_CHANGE: f64 = 3.0;
 /// Newton's method for q_D.
 #[derive(Default)]
 pub struct Newton {
@@ -32,8 +30,8 @@ pub struct Newton {
 impl Newton {
     /// `q_D ← q_D − C_D⁻¹ Φ` until only round-off remains.                                                       (34)
     ///
-    /// Returns, near a singular position, by which factor its distance changed on the way, one way or the other; else
-    /// 1.
+    /// Returns, near a singular position, the smaller part of the two distances from it, before and after; else 1. Where
+    /// that is much smaller, the start was nearly half-way between two solutions, and either one may be found.
     fn close<S: ConstrainedSystem>(&mut self, r: &mut Reduction<S>, t: f64, q: &mut [f64], near: bool) -> Result<f64> {
         let mut rows = KeptRows::new(r, t, Correction::Partition).measuring(near);
         let done = close(&mut rows, q, &TO_ROUND_OFF, &mut self.room)?;
@@ -42,7 +40,7 @@ impl Newton {
         if done.is_closed() {
             return Ok(first.map_or(1.0, |first| {
                 let ratio = r.distance().0 / first;
-                ratio.max(1.0 / ratio)
+                ratio.min(1.0 / ratio)
             }));
         }
         let row = r.closure_error().1;
@@ -61,7 +59,7 @@ impl Newton {
         near: bool,
     ) -> Result<()> {
         let closed = self.close(tangent.reduction(), t, &mut core.q, near);
-        if matches!(closed, Ok(ratio) if ratio > MOST_CHANGE && t > core.home_t && at != Point::Inside) {
+        if matches!(closed, Ok(ratio) if ratio < tolerance::MUCH_SMALLER && t > core.home_t && at != Point::Inside) {
             return Err(undecided(core, tangent, t));
         }
         if closed.is_ok() {

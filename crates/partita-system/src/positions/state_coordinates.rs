@@ -8,7 +8,7 @@ use crate::system::ConstrainedSystem;
 /// four numbers have no meaning individually. The number of states then depends on the choice; the longest list sets
 /// the number of slots, and unused slots hold the constant 1, whose relative tolerance is never zero.
 pub(super) struct StateCoordinates {
-    places: usize,
+    width: usize,
     list: Vec<usize>,
 }
 
@@ -24,13 +24,13 @@ impl StateCoordinates {
             }
         }
         longer.sort_unstable_by(|a, b| b.cmp(a));
-        let places = (k + longer.iter().take(k).sum::<usize>()).min(size.nq);
-        Self { places, list: Vec::with_capacity(places) }
+        let width = (k + longer.iter().take(k).sum::<usize>()).min(size.nq);
+        Self { width, list: Vec::with_capacity(width) }
     }
 
     /// Number of slots.
-    pub(super) fn places(&self) -> usize {
-        self.places
+    pub(super) fn width(&self) -> usize {
+        self.width
     }
 
     /// Use the coordinates of these velocities.
@@ -46,14 +46,14 @@ impl StateCoordinates {
 
     /// States from q.
     pub(super) fn gather(&self, q: &[f64], y: &mut [f64]) {
-        let (used, rest) = y[..self.places].split_at_mut(self.list.len());
+        let (used, rest) = y[..self.width].split_at_mut(self.list.len());
         used.iter_mut().zip(&self.list).for_each(|(y, &c)| *y = q[c]);
         rest.fill(1.0);
     }
 
     /// Rates of the states from q'.
     pub(super) fn gather_rates(&self, qdot: &[f64], dy: &mut [f64]) {
-        let (used, rest) = dy[..self.places].split_at_mut(self.list.len());
+        let (used, rest) = dy[..self.width].split_at_mut(self.list.len());
         used.iter_mut().zip(&self.list).for_each(|(y, &c)| *y = qdot[c]);
         rest.fill(0.0);
     }

@@ -158,11 +158,11 @@ impl<S: ConstrainedSystem> Kernel<'_, S> {
             }
         }
         let Some(kernel) = agreed(&ends.iter().map(|&i| points[i].kernel).collect::<Vec<_>>()) else { return Ok(None) };
-        let agrees = |place: &BranchPoint| place.kernel.0 <= kernel && kernel <= place.kernel.1;
+        let agrees = |point: &BranchPoint| point.kernel.0 <= kernel && kernel <= point.kernel.1;
         points.retain(agrees);
         let mut dof = DofCount::default();
-        for place in tried(&points) {
-            dof.add(self.probed(&place.q, cut)?);
+        for point in tried(&points) {
+            dof.add(self.probed(&point.q, cut)?);
             if dof.clear >= TRIED {
                 break;
             }

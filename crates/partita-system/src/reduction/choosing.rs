@@ -44,8 +44,8 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
             // entries of C are lever arms: the lengths that are added up in Φ
             let arm =
                 pattern.row(i).map(|e| self.c[e].abs() * self.displacement[pattern.col_idx[e]]).fold(0.0, f64::max);
-            self.noise[i] = self.noise[i].max(tolerance::FEW_ROUNDINGS * arm);
-            let arm = self.noise[i] / tolerance::FEW_ROUNDINGS;
+            self.noise[i] = self.noise[i].max(tolerance::ROUNDING * arm);
+            let arm = self.noise[i] / tolerance::ROUNDING;
             self.row_size[i] = match self.row_displacement[i] {
                 Some(displacement) => displacement.max(arm),
                 None if arm > 0.0 => arm,
@@ -143,15 +143,15 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         self.lay_out_rows();
         self.plan_recursion();
         self.place_columns(independent);
-        let mut place = vec![NONE; self.size.nv];
+        let mut index = vec![NONE; self.size.nv];
         for (j, &i) in independent.iter().enumerate() {
-            place[i] = j as u32;
+            index[i] = j as u32;
         }
         self.independent_entries.clear();
         self.spread_entries.clear();
         for (step, &row) in self.partition.rows.iter().enumerate() {
             for e in pattern.row(row) {
-                let j = place[pattern.col_idx[e]];
+                let j = index[pattern.col_idx[e]];
                 if j == NONE {
                     continue;
                 }

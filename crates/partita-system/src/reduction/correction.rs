@@ -38,7 +38,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         // units cancel
         let known = self.row_displacement.iter().all(Option::is_some);
         let part = |i: usize| match known {
-            true if self.noise[i] > 0.0 => tolerance::FEW_ROUNDINGS / self.noise[i],
+            true if self.noise[i] > 0.0 => tolerance::ROUNDING / self.noise[i],
             true => 0.0,
             false => self.row_scale[i],
         };
@@ -66,8 +66,8 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     pub fn closure_error_of_rows(&self) -> impl Iterator<Item = f64> + '_ {
         let rows = self.phi.iter().zip(&self.noise).enumerate().filter(|(i, _)| !self.left_out[*i]);
         rows.map(|(i, (x, n))| {
-            let least = self.row_displacement[i]
-                .map_or(f64::MIN_POSITIVE, |displacement| tolerance::FEW_ROUNDINGS * displacement);
+            let least =
+                self.row_displacement[i].map_or(f64::MIN_POSITIVE, |displacement| tolerance::ROUNDING * displacement);
             x / n.max(least)
         })
     }

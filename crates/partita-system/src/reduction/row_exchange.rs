@@ -9,10 +9,8 @@
 use super::{Reduction, NONE};
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::elimination::SparseRoom;
+use partita_math::tolerance;
 
-/// Rows are exchanged where the volume of those kept grows by more. Scale: ratio of volumes. Reason: long before
-/// rounding matters, and seldom, as distances by other rows are not comparable.
-const ROW_GAIN: f64 = 2.5;
 /// A loop closure has this weight relative to a drive, and a drive relative to a row that holds for velocities alone.
 /// Unit: ratio of volumes. Reason: kept loop closures close the positions, and prescribed motion is distinguished from
 /// possible motion; a drive replaces a loop closure only where closures lose rank that the drive provides.
@@ -89,7 +87,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
                 let weight = self.row_weight(enters);
                 let gain = |&(step, w): &(usize, f64)| w.abs() * weight / self.row_weight(self.partition.rows[step]);
                 let best = room.weights.iter().map(|x| (x.0, gain(x))).max_by(|a, b| a.1.total_cmp(&b.1));
-                let Some((step, gain)) = best.filter(|x| x.1 > ROW_GAIN) else { continue };
+                let Some((step, gain)) = best.filter(|x| x.1 > tolerance::DOUBLED) else { continue };
                 if room.weights.iter().any(|x| room.taken[x.0]) {
                     continue; // the next look sees what is left of its gain
                 }

@@ -135,8 +135,8 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     pub fn closure_error(&self) -> (f64, usize) {
         let rows = self.phi.iter().zip(&self.noise).enumerate().filter(|(i, _)| !self.left_out[*i]);
         rows.fold((0.0, 0), |best: (f64, usize), (i, (x, n))| {
-            let least = self.row_displacement[i]
-                .map_or(f64::MIN_POSITIVE, |displacement| tolerance::FEW_ROUNDINGS * displacement);
+            let least =
+                self.row_displacement[i].map_or(f64::MIN_POSITIVE, |displacement| tolerance::ROUNDING * displacement);
             let closure_error = if x.is_nan() { f64::INFINITY } else { x.abs() / n.max(least) };
             if closure_error > best.0 {
                 (closure_error, i)
@@ -273,7 +273,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         let of = |i: usize| self.clusters.of_velocity[i] as usize;
         for (e, &d) in p.dependent.iter().enumerate() {
             for c in 0..k {
-                let j = room.place[of(d) * k + c];
+                let j = room.index[of(d) * k + c];
                 if j != usize::MAX {
                     see(of(d), e, j, self.a_matrix[e * k + c]);
                 }
@@ -427,7 +427,7 @@ const WIDTH: usize = 8;
 #[derive(Clone, Debug, Default)]
 pub(super) struct Room {
     /// Independent velocity in each packed column, by cluster.
-    place: Vec<usize>,
+    index: Vec<usize>,
     /// Independent velocities of clusters that form no A: one of each cluster at a time.
     waves: Vec<Vec<usize>>,
     best: Vec<Option<switch::CoordinateSwitch>>,
@@ -446,7 +446,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         let mut coupled = vec![false; self.k];
         self.spread_entries.iter().for_each(|&(_, _, j)| coupled[j as usize] = true);
         let mut room = Room {
-            place: vec![usize::MAX; count * k],
+            index: vec![usize::MAX; count * k],
             waves: Vec::new(),
             best: vec![None; count],
             columns: vec![0.0; self.rank * WIDTH],
@@ -459,7 +459,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         for (j, (&i, &c)) in p.independent.iter().zip(&self.column_of).enumerate() {
             let cluster = self.clusters.of_velocity[i] as usize;
             if c != super::NONE {
-                room.place[cluster * k + c as usize] = j;
+                room.index[cluster * k + c as usize] = j;
             } else if coupled[j] {
                 let wave = &mut order[cluster];
                 if room.waves.len() <= *wave {

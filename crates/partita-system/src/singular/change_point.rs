@@ -18,7 +18,7 @@ pub struct Across {
     pub zero: f64,
     /// Length of a step across it that has succeeded before.
     pub whole: f64,
-    /// Length of a step across it that the motion suggests.
+    /// Length of a step across it, estimated from the motion.
     pub longest: f64,
     /// How often that was tried before.
     pub tries: usize,
@@ -105,9 +105,6 @@ impl Crossing {
     /// No other step ends so close before a position. Scale: fraction of a crossing step. Reason: what rounding leaves at
     /// its end, over the square of the distance, stays below 1e-13.
     const ROOM: f64 = 0.1;
-    /// From nearer than this the march goes back. Scale: fraction of a crossing step. Reason: a tenth of the room, where
-    /// rounding has grown a hundredfold.
-    const TOO_CLOSE: f64 = 0.01;
     /// Attempts before the march goes back.
     const FROM_ONE_PLACE: usize = 3;
     /// Attempts in all.
@@ -182,7 +179,7 @@ impl Crossing {
         self.part *= Self::NEXT_TRY;
         self.whole *= Self::NEXT_TRY;
         let ahead = zero - t;
-        if self.tries % Self::FROM_ONE_PLACE == 0 || ahead < Self::TOO_CLOSE * self.whole {
+        if self.tries % Self::FROM_ONE_PLACE == 0 || self.is_too_close(ahead) {
             return Advice::GiveUp { zero };
         }
         self.planned = None;
@@ -199,6 +196,12 @@ impl Crossing {
             return true;
         }
         self.barred.replace(zero).is_none()
+    }
+
+    /// Whether the position is nearer than a tenth of the room before it: rounding has grown a hundredfold there, and the
+    /// march goes back.
+    fn is_too_close(&self, ahead: f64) -> bool {
+        tolerance::CLEARLY * ahead < Self::ROOM * self.whole
     }
 
     /// The next step crosses the position at `zero`.
@@ -252,7 +255,7 @@ impl Crossing {
     }
 
     /// Look at the distance at the start of the next step, and cross if a singular position lies ahead. `whole` is the
-    /// length of a crossing step by the motion here; `probe` tells the distance so far ahead, by the same plan.
+    /// length of a crossing step by the motion here; `probe` returns the distance so far ahead, by the same plan.
     pub fn foresee(
         &mut self,
         t: f64,
@@ -303,7 +306,7 @@ impl Crossing {
             // the line through the distances here and there, once more from where it leads
             for _ in 0..Self::REFINEMENTS {
                 let Probe::Distance(there) = probe(ahead) else { break };
-                if there > tolerance::MUCH_NEARER * distance {
+                if there > tolerance::MUCH_SMALLER * distance {
                     // what fell was something else; look again from the end of the next step
                     (self.before, self.expected) = ([None; 2], None);
                     return Advice::Free;
@@ -312,7 +315,7 @@ impl Crossing {
             }
             zero = t + ahead;
         }
-        if ahead < Self::TOO_CLOSE * whole {
+        if self.is_too_close(ahead) {
             if self.tries >= Self::ATTEMPTS {
                 return Advice::GiveUp { zero };
             }

@@ -22,7 +22,7 @@ pub struct Checkpoint {
 struct Mark {
     t: f64,
     work: f64,
-    place: usize,
+    slot: usize,
 }
 
 /// States since the last singular position, to return to if the integration came too close to the next one to cross it.
@@ -44,7 +44,7 @@ impl Checkpoints {
 
     /// Memory for states of nq coordinates and nv velocities.
     pub fn new(nq: usize, nv: usize) -> Self {
-        let marks = std::array::from_fn(|place| Mark { t: 0.0, work: 0.0, place });
+        let marks = std::array::from_fn(|slot| Mark { t: 0.0, work: 0.0, slot });
         let (numbers, turns) = (vec![0.0; Self::LENGTH * (nq + nv)], vec![0; Self::LENGTH * nq]);
         Self { nq, nv, marks, count: 0, numbers, turns }
     }
@@ -61,12 +61,12 @@ impl Checkpoints {
         }
         self.marks.rotate_right(1);
         self.count = (self.count + 1).min(Self::LENGTH);
-        let place = self.marks[0].place;
-        self.marks[0] = Mark { t, work, place };
-        let (of_q, of_v) = self.numbers[place * (self.nq + self.nv)..].split_at_mut(self.nq);
+        let slot = self.marks[0].slot;
+        self.marks[0] = Mark { t, work, slot };
+        let (of_q, of_v) = self.numbers[slot * (self.nq + self.nv)..].split_at_mut(self.nq);
         of_q.copy_from_slice(q);
         of_v[..self.nv].copy_from_slice(v);
-        self.turns[place * self.nq..(place + 1) * self.nq].copy_from_slice(turns);
+        self.turns[slot * self.nq..(slot + 1) * self.nq].copy_from_slice(turns);
     }
 
     /// The latest state that is not after t; those after it are forgotten.
@@ -75,9 +75,9 @@ impl Checkpoints {
             self.marks[..self.count].rotate_left(1);
             self.count -= 1;
         }
-        let &Mark { t, work, place } = self.marks[..self.count].first()?;
-        let (q, v) = self.numbers[place * (self.nq + self.nv)..(place + 1) * (self.nq + self.nv)].split_at(self.nq);
-        let turns = self.turns[place * self.nq..(place + 1) * self.nq].to_vec();
+        let &Mark { t, work, slot } = self.marks[..self.count].first()?;
+        let (q, v) = self.numbers[slot * (self.nq + self.nv)..(slot + 1) * (self.nq + self.nv)].split_at(self.nq);
+        let turns = self.turns[slot * self.nq..(slot + 1) * self.nq].to_vec();
         Some(Checkpoint { t, q: q.to_vec(), v: v.to_vec(), work, turns })
     }
 }

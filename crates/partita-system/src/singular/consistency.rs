@@ -12,9 +12,6 @@ use crate::reduction::Reduction;
 use crate::start::{choose_partition, Start};
 use crate::system::{ConstrainedSystem, SystemError};
 
-/// Dropped rows are judged only when they are open by more than kept ones by this factor. Scale: ratio of closure
-/// errors. Reason: kept rows that are open themselves decide nothing.
-const CLEARLY_OPEN: f64 = 1e3;
 /// Length of the motion at the start. Unit: time of a large displacement. Reason: long enough for second orders to
 /// exceed rounding.
 const SHORT_MOTION: f64 = 1e-3;
@@ -136,7 +133,7 @@ impl Watch {
         let (kept, size) = (r.gap_of_kept(), r.size());
         let (part, (rate, _)) = (r.dropped_gap().0, r.dropped_velocity_gap());
         let fastest = self.trial_fastest;
-        let violated = part > tolerance::OPEN && part > CLEARLY_OPEN * kept;
+        let violated = part > tolerance::OPEN && part > tolerance::CLEARLY * kept;
         let limit = if size.rows == size.holonomic { tolerance::OPEN_RATE } else { tolerance::OPEN };
         if !violated && rate <= limit * fastest {
             return Ok(());

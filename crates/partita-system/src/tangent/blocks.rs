@@ -19,7 +19,7 @@ use crate::system::{ConstrainedSystem, SystemError, SystemRef};
 use partita_math::formatted;
 use partita_math::tolerance;
 
-/// Number of steps after which the system is asked again at the latest, with a gain that has not doubled: the cost of
+/// Number of steps after which the inputs are chosen again at the latest, with a gain that has not doubled: the cost of
 /// one plan is then negligible.
 const MOST_PATIENCE: u32 = 1024;
 /// The tangent of a closing in use. Of the options it reads `independent` (fixed inputs) and `switch_threshold`
@@ -30,11 +30,11 @@ pub struct Blocks<'s, S: ConstrainedSystem> {
     switch_threshold: f64,
     /// None before the start.
     closing: Option<Box<dyn Closing + Send + 's>>,
-    /// Steps until the system is asked for other inputs again, and the number after the last answer: asking requires
+    /// Steps until other inputs are chosen again, and the number after the last choice: choosing requires
     /// planning, and an answer without improvement is likely to recur.
     patience: u32,
     waited: u32,
-    /// The least gain of a switch since it was last asked.
+    /// The least gain of a switch since the last choice.
     asked_at: f64,
     next: Option<Box<dyn Closing + Send + 's>>,
 }

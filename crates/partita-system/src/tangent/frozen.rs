@@ -16,7 +16,6 @@
 
 use super::basis::Basis;
 use super::instant::quality_of_selector;
-use super::partition::HARD_LIMIT;
 use super::{Base, Occasion, TangentChoice, TangentClosing, TangentLevels};
 use crate::error::Result;
 use crate::manifold::orthogonal::{dense_rows, orthogonal_step};
@@ -30,10 +29,6 @@ use partita_math::dense::{self, Matrix};
 use partita_math::factor::FactorError;
 use partita_math::tolerance;
 use std::sync::Arc;
-
-/// The partition behind the basis is chosen anew when a switch gains more. Scale: ratio of volumes. Reason: rarely,
-/// as the basis itself does not suffer.
-const FROZEN_GAIN: f64 = 4.0;
 
 /// The reduced equations (36) of a system at one point, for a frozen S.
 ///
@@ -290,7 +285,7 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Frozen<'s, S> {
         };
         self.freeze(t, q, |_| {
             format!(
-                "tangent basis \"{name}\" frozen: its velocities are integrated; listed is the best choice of \
+                "tangent basis \"{name}\" frozen: its velocities are integrated; the event lists the best choice of \
                  coordinates at this time{lasts}"
             )
         })?;
@@ -306,14 +301,14 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Frozen<'s, S> {
             return Verdict::Keep;
         }
         let r = &mut self.base.r;
-        self.base.fading = r.rows_fade() || r.best_switch().is_some_and(|x| x.gain > FROZEN_GAIN);
+        self.base.fading = r.rows_fade() || r.best_switch().is_some_and(|x| x.gain > tolerance::DOUBLED);
         let Renew::Below(least) = self.renew else { return Verdict::Change };
         // a failure here would recur in the next evaluation, which reports it
         let Ok(now) = self.quality_here(t, q) else { return Verdict::Keep };
         self.lowest = self.lowest.min(now.sqrt_mu);
         let part = now.sqrt_mu / self.fresh.sqrt_mu;
         let fails = part < least;
-        if fails && HARD_LIMIT * part < least && self.rejects_in_a_row < 3 {
+        if fails && tolerance::CLEARLY * part < least && self.rejects_in_a_row < 3 {
             self.rejects_in_a_row += 1;
             return Verdict::Repeat;
         }

@@ -17,10 +17,6 @@ use crate::singular::dead_point;
 use crate::system::{ConstrainedSystem, SystemError, SystemRef};
 use partita_math::tolerance;
 
-/// By how much the choice of coordinates may become worse inside a step before the step is repeated. Scale: ratio of
-/// volumes; of qualities of a basis. Reason: one digit is lost there, and three doublings within a step are not smooth.
-pub(super) const HARD_LIMIT: f64 = 8.0;
-
 /// Independent velocities, chosen and switched by a rule.
 pub struct Chosen<'s, S: ConstrainedSystem> {
     base: Base<'s, S>,
@@ -170,7 +166,7 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Chosen<'s, S> {
             return if matches!(chooser.propose(r, t), Ok(None)) { Verdict::Keep } else { Verdict::Change };
         }
         let best = self.best_switches(self.options.switch_threshold);
-        let spoilt = best.iter().any(|x| x.gain > HARD_LIMIT) && self.options.switch_threshold.is_finite();
+        let spoilt = best.iter().any(|x| x.gain > tolerance::CLEARLY) && self.options.switch_threshold.is_finite();
         if spoilt && self.rejects_in_a_row < 3 {
             self.rejects_in_a_row += 1;
             return Verdict::Repeat;
@@ -198,7 +194,7 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Chosen<'s, S> {
         if why == Occasion::Decayed {
             self.choose_anew(t, q, v)?;
         } else {
-            let pairs = self.best_switches(tolerance::LEAST_SWITCH_GAIN);
+            let pairs = self.best_switches(1.0 + tolerance::TIE);
             if !pairs.is_empty() {
                 self.switch(t, q, &pairs, |_| "the old choice became poor within the step, which is repeated".into())?;
             }

@@ -294,7 +294,7 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Given<'s, S> {
         self.levels(t, q, &u)?;
         self.check_bias()?;
         self.first = u;
-        let (r, named) = (&self.base.r, "listed is the best choice of coordinates at this time");
+        let (r, named) = (&self.base.r, "the event lists the best choice of coordinates at this time");
         let reason = format!("the user's tangent velocities are integrated; {named}");
         let (p, quality) = (&r.partition, quality_of_exact(&r.md, r.k()));
         self.base.events = vec![PartitionEvent::new(t, &p.independent, &p.independent, &p.dependent, reason, quality)];

@@ -137,7 +137,7 @@ fn corrections_do_no_work() {
     assert!(drift[1] < 1.5 * drift[0] && drift[2] < 1.5 * drift[0], "{drift:?}");
 }
 
-/// Hands everything on and looks at every change.
+/// Forwards everything and examines every change.
 struct Watched<'s, E: Equations> {
     inner: Projective<'s, UserSystem<E>>,
     /// Change to the first dependent velocity of at least this measure after every step, whatever the rule says.
@@ -283,7 +283,7 @@ fn switching_at_every_opportunity_costs_nothing() {
     assert_eq!(none, 0);
     assert!(many >= some && some > 5, "{many} {some}");
     assert!(eager < 3.0 * usual, "{eager:e} against {usual:e}");
-    // the crank angle happens to be a better coordinate for this motion than any that leads for a while
+    // the crank angle is a better coordinate for this motion than any that is the best for an instant
     assert!(eager < 5.0 * crank, "{eager:e} against {crank:e}");
 }
 

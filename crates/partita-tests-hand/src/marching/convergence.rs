@@ -43,7 +43,7 @@ fn error_inside_a_step(method: &'static Tableau, h: f64) -> f64 {
 #[test]
 fn error_falls_with_the_order_on_the_label() {
     for method in METHODS {
-        // step numbers where the leading term rules and round-off (1e-15) is far below
+        // step numbers where the leading term dominates and round-off (1e-15) is far below
         let steps = match method.order {
             3 => [512, 1024],
             4 => [128, 256],

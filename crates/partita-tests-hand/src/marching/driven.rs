@@ -88,15 +88,15 @@ fn a_uniformly_moving_pivot_is_a_resting_one() {
     let at = times(0.25, 8);
     let settings: Settings = reference(t_end);
     let (q, v) = (vec![0.6, -0.8], vec![0.8 * 3.0, 0.6 * 3.0]);
-    let carried = vec![v[0] + 1.0, v[1]];
-    let x = run(&moving, FormulationOptions::default(), &(q.clone(), carried), &at, &settings);
+    let moved = vec![v[0] + 1.0, v[1]];
+    let x = run(&moving, FormulationOptions::default(), &(q.clone(), moved), &at, &settings);
     let y = run(&resting, FormulationOptions::default(), &(q, v), &at, &settings);
     for (x, y) in x.iter().zip(&y) {
         let [p, u, _] = pendulum.pivot(x.t);
         assert!((x.q[0] - p - y.q[0]).abs() < 1e-9 && (x.q[1] - y.q[1]).abs() < 1e-9);
         assert!((x.v[0] - u - y.v[0]).abs() < 1e-8 && (x.v[1] - y.v[1]).abs() < 1e-8);
         assert!((x.multipliers[0] - y.multipliers[0]).abs() < 1e-7);
-        // the measure and the choice know nothing of a
+        // the measure and the choice do not depend on a
         assert!((x.sigma - y.sigma).abs() < 1e-8);
     }
 }

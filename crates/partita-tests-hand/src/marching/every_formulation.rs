@@ -12,7 +12,7 @@ use partita_system::record::{Correction, Output, Sample};
 use partita_system::start;
 use std::ops::ControlFlow;
 
-/// What the remainder of the closing conditions does when nothing is corrected.
+/// Drift of the closing conditions without correction.
 #[derive(Clone, Copy, PartialEq)]
 enum Drift {
     /// Φ is a first integral of the equations: it is lost like t. S4 holds by itself.
@@ -75,7 +75,7 @@ fn run<E: Equations>(
 #[test]
 fn the_table_names_every_formulation() {
     let (mut named, mut all): (Vec<&str>, _) = (TABLE.iter().map(|row| row.0).collect(), NAMES.to_vec());
-    // the one that runs nowhere without a tangent written for the mechanism is marched beside the tangent methods; the
+    // the one that needs a tangent written for the mechanism is tested with the tangent methods; the
     // fixed choice is the compact form with its switches disabled
     named.extend(["user-tangent", "fixed"]);
     named.sort_unstable();

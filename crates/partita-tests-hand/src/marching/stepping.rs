@@ -334,24 +334,24 @@ fn each_component_has_its_own_absolute_tolerance() {
 #[test]
 fn where_a_component_stands_is_no_matter() {
     for method in adaptive() {
-        let run = |place: usize| {
+        let run = |index: usize| {
             let f = move |_: f64, y: &[f64], dy: &mut [f64]| {
                 dy.fill(0.0);
-                dy[place] = -y[place];
+                dy[index] = -y[index];
                 Ok(())
             };
             let (mut atol, mut y) = (vec![1.0; 20], vec![0.0; 20]);
-            (atol[place], y[place]) = (1e-9, 1.0);
+            (atol[index], y[index]) = (1e-9, 1.0);
             let mut ode = Closure { dim: 20, f };
             let options = Options { rtol: 1e-9, atol: atol.into(), ..Options::default() };
             let mut stepper = ExplicitRungeKutta::new(method, 20, options).unwrap();
             stepper.start(&mut ode, 0.0, &y, 5.0).unwrap();
             finish(&mut stepper, &mut ode).unwrap();
-            (*stepper.counters(), stepper.current().y_old[place])
+            (*stepper.counters(), stepper.current().y_old[index])
         };
         let first = run(0);
         assert!((first.1 - (-5.0_f64).exp()).abs() < 1e-8 && first.0.steps > 5, "{}: {first:?}", method.name);
-        (1..20).for_each(|place| assert_eq!(run(place), first, "{}: component {place}", method.name));
+        (1..20).for_each(|index| assert_eq!(run(index), first, "{}: component {index}", method.name));
     }
 }
 

@@ -91,7 +91,7 @@ fn one_motion_with_every_form() {
     }
 }
 
-/// Renewed after each step, early or never (over an arc that one basis bears): the same motion, errors within a factor 3.
+/// Renewed after each step, early or never (over an arc for which one basis suffices): the same motion, errors within a factor 3.
 #[test]
 fn renewing_is_free_of_error() {
     let system = any(FourBar);
@@ -434,8 +434,8 @@ fn a_redundant_row() {
         assert!(distance(&samples, &exact) < 1e-10, "{name}: {:e}", distance(&samples, &exact));
         for (x, y) in samples.iter().zip(&exact) {
             // one of the rows carries it all
-            let carried = x.multipliers[0] - 3.0 * x.multipliers[1];
-            assert!((carried - y.multipliers[0]).abs() < 1e-8, "{name}");
+            let load = x.multipliers[0] - 3.0 * x.multipliers[1];
+            assert!((load - y.multipliers[0]).abs() < 1e-8, "{name}");
             assert!(x.closure < 1e-14);
         }
     }

@@ -66,7 +66,7 @@ fn sqrt_mu(r: &mut Reduction<UserSystem<Instant>>, independent: &[usize]) -> f64
     r.quality(0.0, &[0.0; 21]).unwrap().sqrt_mu
 }
 
-/// What a rule takes, or nothing where that cannot be.
+/// The choice of a rule, or nothing where it has none.
 fn taken(r: &mut Reduction<UserSystem<Instant>>, rule: Selection) -> Vec<usize> {
     start::choose_partition(r, 0.0, &[0.0; 21], None, None).unwrap();
     r.evaluate(0.0, &[0.0; 21], &[0.0; 3]).unwrap();
@@ -126,9 +126,9 @@ fn quality_of_the_rules_over_many_poses() {
     let mut changed = 0;
     let mut poses = 0;
     while poses < 600 {
-        let place = [between(&mut rng, -1.0, 1.0), between(&mut rng, -1.0, 1.0), between(&mut rng, -1.0, 1.0)];
+        let point = [between(&mut rng, -1.0, 1.0), between(&mut rng, -1.0, 1.0), between(&mut rng, -1.0, 1.0)];
         let elbows = [0; 3].map(|_| if rng.bool() { 1.0 } else { -1.0 });
-        let (Some(metres), Some(millimetres)) = (pose(place, elbows, 1.0), pose(place, elbows, 1e3)) else { continue };
+        let (Some(metres), Some(millimetres)) = (pose(point, elbows, 1.0), pose(point, elbows, 1e3)) else { continue };
         let (scaled, other_side) = (scaled_pivoting(&metres), dependent_side(&metres));
         let (metres, millimetres) = (metres.user_system(), millimetres.user_system());
         let (mut m, mut mm) = (Reduction::new(&metres, 18), Reduction::new(&millimetres, 18));

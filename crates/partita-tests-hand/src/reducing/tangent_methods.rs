@@ -447,7 +447,7 @@ fn a_basis_that_does_not_fit_is_blamed_itself() {
     assert!(refused.is_local() && words.contains("\"picked\"") && words.contains("regular"), "{words}");
 }
 
-/// Fits the first time; afterwards its covectors depend on each other.
+/// Valid at the first call; linearly dependent covectors afterwards.
 struct Once(std::sync::atomic::AtomicBool);
 
 impl Basis for Once {

@@ -214,8 +214,7 @@ fn swing() -> f64 {
     ((1.0 + 0.64 - 1.21) / 1.6_f64).acos()
 }
 
-/// An input that nobody may change ends the run at the limit of its block, in few steps; one that may be changed goes
-/// on.
+/// A fixed input ends the run at the limit of its block, in few steps; with an input that may change the run continues.
 #[test]
 fn a_fixed_crank_stops_at_its_limit() {
     let model = four_bar(SWINGING, 0.6, 1.0).weightless().model();

@@ -40,7 +40,14 @@ fn closing_allocates_nothing() {
     let mut geared = four_bar.clone().pin("E", "ground", "wheel", [2.0, 0.0]);
     let terms = vec![Measure::joint("E", 0), Measure::joint("D", 0)];
     let (name, word) = ("gear".to_string(), "gear".to_string());
-    geared.0.couplings.push(Coupling::Linear { name, word, terms, factors: vec![1.0, 2.0], offset: 0.0, said: None });
+    geared.0.couplings.push(Coupling::Linear {
+        name,
+        word,
+        terms,
+        factors: vec![1.0, 2.0],
+        offset: 0.0,
+        given_as: None,
+    });
     count(&geared.model(), &["A"], true);
     let mut tied = four_bar.clone().pin("E", "ground", "wheel", [2.0, 0.0]);
     let (body1, point1) = ("rocker".to_string(), [0.1, 0.3, 0.0]);
@@ -53,7 +60,7 @@ fn closing_allocates_nothing() {
         terms: vec![measure],
         factors: vec![1.0],
         offset: drawn,
-        said: None,
+        given_as: None,
     });
     count(&tied.model(), &["A"], false);
     // a triad: both bars of a Stephenson chain's four-bar loop unknown

@@ -9,7 +9,7 @@ use partita_system::prelude::*;
 use std::f64::consts::TAU;
 
 fn linear(word: &str, terms: Vec<Measure>, factors: &[f64], offset: f64) -> Coupling {
-    Coupling::Linear { name: word.into(), word: word.into(), terms, factors: factors.to_vec(), offset, said: None }
+    Coupling::Linear { name: word.into(), word: word.into(), terms, factors: factors.to_vec(), offset, given_as: None }
 }
 
 fn coupled(mut d: Drawing, c: Coupling) -> Drawing {

@@ -1,4 +1,4 @@
-//! Families of linkages by length, and how they are drawn wrong.
+//! Families of linkages of any length, and their drawings with geometric errors.
 #![allow(dead_code, reason = "each test file uses the part it needs")]
 
 use crate::linkages::*;

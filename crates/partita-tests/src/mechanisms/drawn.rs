@@ -387,11 +387,11 @@ pub fn couple(rng: &mut fastrand::Rng, spec: &mut Spec, planar: bool, kind: usiz
         return false;
     }
     let axes = |node: usize| if node == 0 { Mat3::identity() } else { Mat3(spec.bodies[node - 1].orientation) };
-    let place = |node: usize, p: [f64; 3]| {
+    let in_drawing = |node: usize, p: [f64; 3]| {
         let origin = if node == 0 { [0.0; 3] } else { spec.bodies[node - 1].position };
         Vec3(origin) + axes(node).apply(Vec3(p))
     };
-    let gap = place(b, point2) - place(a, point1);
+    let gap = in_drawing(b, point2) - in_drawing(a, point1);
     let in_plane = |x: Vec3<f64>| match plane.and_then(|n| Vec3(n).unit()) {
         Some(n) => x - n.times(n.dot(x)),
         None => x,
@@ -402,7 +402,7 @@ pub fn couple(rng: &mut fastrand::Rng, spec: &mut Spec, planar: bool, kind: usiz
         terms,
         factors,
         offset,
-        said: None,
+        given_as: None,
     };
     let coupling = match kind % COUPLINGS {
         0 => linear(terms_of(2), vec![first, second], 0.0),

@@ -128,7 +128,7 @@ impl Collocation {
         Ok(())
     }
 
-    /// The slope at the start as the polynomial has it, less the true one, in tolerances: of third order in h.
+    /// Error of the polynomial's slope at the start, in tolerances: of third order in h.
     fn estimate(&self, h: f64) -> f64 {
         let weights = lagrange(0.0);
         let AbsoluteTolerance::Same(atol) = self.options.atol else { return f64::NAN };

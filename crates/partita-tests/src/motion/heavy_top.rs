@@ -230,7 +230,7 @@ fn tangent_forms_tumble_alike() {
     }
 }
 
-/// Far out in its chart, at speeds of its own: p' against differences of p along the motion it stands for.
+/// Far from the base point of the chart, with random speeds: p' agrees with differences of p along the motion.
 #[test]
 fn a_chart_of_turns_moves_as_its_ball_turns() {
     let (absolute, relative) = both();

@@ -236,7 +236,7 @@ fn projection_by_partial_velocities() {
             model.project(m.t, &m.q, &m.v, &tangent, &mut s, &mut md, &mut hd).unwrap();
             project_dense(mass.data(), &h, &tangent, &mut work, &mut md2, &mut hd2);
             assert!(apart(&md, &md2) < ROUND_OFF && apart(&hd, &hd2) < ROUND_OFF, "k = {k}");
-            // the tree's own recursion, also where the dense way is taken for its cost
+            // the tree's own recursion, also where the dense method is chosen for its lower cost
             let (mut md3, mut hd3) = (vec![0.0; k * k], vec![0.0; k]);
             {
                 let (mut s, _) = evaluated(model, m.t, &m.q, &m.v);

@@ -39,7 +39,7 @@ fn every_body_is_in_balance() {
     for planar in [false, true] {
         on_random_mechanisms(21, COUNT, Wishes { planar, ..ALL }, |_, model, m| {
             let r = reactions(model, m);
-            // what any joint of the project is held to; here round-off times the condition of C_D would serve
+            // the limit for every joint of the project; here round-off times the condition of C_D would suffice
             assert!(r.residual < 1e-9, "{:e}", r.residual);
         });
     }
@@ -163,35 +163,35 @@ fn absolute_coordinates_give_the_same_motion_and_reactions() {
     assert!(compared > COUNT / 2, "{compared}");
 }
 
-/// The drawings of this file contain what they are meant to contain.
+/// The drawings of this file cover every kind of joint in every role.
 #[test]
 fn drawings_are_rich() {
     let mut seen: BTreeSet<String> = BTreeSet::new();
     on_random_mechanisms(22, COUNT, ALL, |_, model, _| {
         for (p, j) in model.placed.joints.iter().zip(&model.spec.joints) {
-            let place = match (&p.links, p.reversed) {
+            let role = match (&p.links, p.reversed) {
                 (None, _) => "cut",
                 (Some(_), true) => "reversed",
                 (Some(_), false) => "tree",
             };
-            seen.insert(format!("{:?} {place}", j.kind));
+            seen.insert(format!("{:?} {role}", j.kind));
             let loaded = model.spec.forces.iter().any(|f| matches!(f, Force::Torque { joint, .. } if *joint == j.name));
             if loaded {
-                seen.insert(format!("{:?} {place} loaded", j.kind));
+                seen.insert(format!("{:?} {role} loaded", j.kind));
             }
         }
     });
     for kind in [JointKind::Revolute, JointKind::Prismatic, JointKind::Cylindrical, JointKind::Universal] {
-        for place in ["tree", "tree loaded", "reversed", "reversed loaded", "cut", "cut loaded"] {
-            assert!(seen.contains(&format!("{kind:?} {place}")), "{kind:?} {place}: {seen:?}");
+        for role in ["tree", "tree loaded", "reversed", "reversed loaded", "cut", "cut loaded"] {
+            assert!(seen.contains(&format!("{kind:?} {role}")), "{kind:?} {role}: {seen:?}");
         }
     }
-    for place in ["tree", "tree loaded", "reversed", "reversed loaded", "cut"] {
-        assert!(seen.contains(&format!("Planar {place}")), "{place}: {seen:?}");
+    for role in ["tree", "tree loaded", "reversed", "reversed loaded", "cut"] {
+        assert!(seen.contains(&format!("Planar {role}")), "{role}: {seen:?}");
     }
     for kind in [JointKind::Spherical, JointKind::Generic] {
-        for place in ["tree", "reversed", "cut"] {
-            assert!(seen.contains(&format!("{kind:?} {place}")), "{kind:?} {place}: {seen:?}");
+        for role in ["tree", "reversed", "cut"] {
+            assert!(seen.contains(&format!("{kind:?} {role}")), "{kind:?} {role}: {seen:?}");
         }
     }
     let mut rng = fastrand::Rng::with_seed(7);

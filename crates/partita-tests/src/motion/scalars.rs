@@ -143,7 +143,7 @@ fn everywhere(seed: u64, plain: bool, mut check: impl FnMut(&mut fastrand::Rng, 
                 Element::Gravity(_) => "gravity",
             }));
             conditions.extend(model.full.conditions.iter().map(|c| {
-                let said = match &c.says {
+                let form = match &c.says {
                     Says::Law(law, readings) => match (law, &readings[0].quantity) {
                         (Law::Linear { .. }, Quantity::Coordinate { .. }) => "coordinates",
                         (Law::Linear { .. }, Quantity::Distance(..)) => "distance",
@@ -158,23 +158,23 @@ fn everywhere(seed: u64, plain: bool, mut check: impl FnMut(&mut fastrand::Rng, 
                     Says::Rolling(_, Contact::Touches) => "touch",
                     Says::Rolling(_, Contact::Rolls) => "roll",
                 };
-                (wishes.planar, said, c.holonomic)
+                (wishes.planar, form, c.holonomic)
             }));
             check(&mut rng, &model, &moment);
             done += 1;
         }
     }
     for planar in [false, true] {
-        for said in ["coordinates", "distance", "displacement", "curve", "motion"] {
-            assert!(conditions.contains(&(planar, said, true)), "no {said} ({planar}): {conditions:?}");
+        for form in ["coordinates", "distance", "displacement", "curve", "motion"] {
+            assert!(conditions.contains(&(planar, form, true)), "no {form} ({planar}): {conditions:?}");
         }
         assert!(conditions.contains(&(planar, "rate", false)), "{conditions:?}");
         for holonomic in [false, true] {
             assert!(plain || conditions.contains(&(planar, "function", holonomic)), "{conditions:?}");
         }
     }
-    for (said, holonomic) in [("touch", true), ("roll", false)] {
-        assert!(conditions.contains(&(false, said, holonomic)), "no {said}: {conditions:?}");
+    for (form, holonomic) in [("touch", true), ("roll", false)] {
+        assert!(conditions.contains(&(false, form, holonomic)), "no {form}: {conditions:?}");
     }
     use JointKind::{Cylindrical, Fixed, Free, Generic, Planar, Prismatic, Revolute, Spherical, Universal};
     for kind in [Revolute, Prismatic, Cylindrical, Universal, Spherical, Planar, Fixed, Free, Generic] {

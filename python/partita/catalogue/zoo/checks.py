@@ -30,11 +30,11 @@ def checks(truth: Truth) -> tuple[Check, ...]:
 
 def size(result: Result) -> float:
     """Diagonal of the box around all joints and origins of bodies at the first output, or a radius that rolls [m]."""
-    places = [result.joint(name).point[0] for name in result.names.joints]
-    places += [result.body(name).position[0] for name in result.names.bodies]
+    points = [result.joint(name).point[0] for name in result.names.joints]
+    points += [result.body(name).position[0] for name in result.names.bodies]
     couplings = (result.spec or {}).get("couplings", [])
     radius = max((item["radius"] for item in couplings if item["kind"] == "roll"), default=0.0)
-    return max(radius, float(np.linalg.norm(np.ptp(np.array(places), axis=0))))
+    return max(radius, float(np.linalg.norm(np.ptp(np.array(points), axis=0))))
 
 
 def closure(result: Result) -> float:

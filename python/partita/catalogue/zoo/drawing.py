@@ -106,21 +106,21 @@ def linkage(
     slide". `turned` rotates the plane in space.
     """
     turn = np.eye(3) if turned is None else turned
-    place = {name: turn @ in_space(z) for name, z in points.items()}
+    positions = {name: turn @ in_space(z) for name, z in points.items()}
     width = 0.1 * max(abs(p - q) for p in points.values() for q in points.values())
     holders: dict[str, list[Body | str]] = {name: [] for name in points}
     for name in ground.split():
         holders[name].append("ground")
     for name, held in links.items():
-        body = link(m, name, *(place[p] for p in held.split()))
+        body = link(m, name, *(positions[p] for p in held.split()))
         for p in held.split():
             holders[p].append(body)
     for name, slide in (slides or {}).items():
-        body = block(m, name, place[slide.at], slide.mass, width)
+        body = block(m, name, positions[slide.at], slide.mass, width)
         holders[slide.at].append(body)
     for name, (first, *others) in holders.items():
         for i, other in enumerate(others):
             pin = name if i == 0 else f"{name}{i + 1}"
-            m.add_revolute(pin, first, other, point=place[name], axis=turn @ in_space(0, 1.0))
+            m.add_revolute(pin, first, other, point=positions[name], axis=turn @ in_space(0, 1.0))
     for name, slide in (slides or {}).items():
-        m.add_prismatic(f"{name} slide", slide.on, name, point=place[slide.at], axis=turn @ in_space(slide.along))
+        m.add_prismatic(f"{name} slide", slide.on, name, point=positions[slide.at], axis=turn @ in_space(slide.along))

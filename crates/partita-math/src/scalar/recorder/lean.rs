@@ -162,11 +162,11 @@ impl Numbered {
             _ => operation,
         };
         let next = self.operations.len() as u32;
-        let place = *self.known.entry(key(folded)).or_insert(next);
-        if place == next {
+        let slot = *self.known.entry(key(folded)).or_insert(next);
+        if slot == next {
             self.operations.push(folded);
         }
-        place
+        slot
     }
 }
 
@@ -178,12 +178,12 @@ impl Recording {
     /// of a zero.
     pub fn lean(&self) -> Self {
         let mut numbered = Numbered::default();
-        let mut places: Vec<u32> = Vec::with_capacity(self.operations.len());
+        let mut slots: Vec<u32> = Vec::with_capacity(self.operations.len());
         for operation in &self.operations {
-            let moved = operation.with(|x| places.get(x as usize).copied().unwrap_or(0));
-            places.push(numbered.slot(moved));
+            let moved = operation.with(|x| slots.get(x as usize).copied().unwrap_or(0));
+            slots.push(numbered.slot(moved));
         }
-        let outputs: Vec<u32> = self.outputs.iter().map(|&x| places.get(x as usize).copied().unwrap_or(0)).collect();
+        let outputs: Vec<u32> = self.outputs.iter().map(|&x| slots.get(x as usize).copied().unwrap_or(0)).collect();
         let mut asked = vec![false; numbered.operations.len()];
         outputs.iter().for_each(|&x| asked[x as usize] = true);
         for i in (0..asked.len()).rev() {

@@ -22,7 +22,7 @@ const ROUNDS: usize = 8;
 struct Pin {
     node: usize,
     /// Index of its displacement in a change of the drawing.
-    place: usize,
+    offset: usize,
     at: Vec3<f64>,
     axis: Vec3<f64>,
 }
@@ -48,8 +48,8 @@ pub(super) struct Condition {
 impl Condition {
     /// As a row over the numbers of a change.
     pub(super) fn set(&self, row: &mut [f64]) {
-        for (place, side) in &self.parts {
-            side.0.iter().zip(&mut row[*place..]).for_each(|(x, out)| *out += x);
+        for (offset, side) in &self.parts {
+            side.0.iter().zip(&mut row[*offset..]).for_each(|(x, out)| *out += x);
         }
     }
 }
@@ -86,7 +86,7 @@ impl Drawing {
             }
             let by = shortest(&conditions, change.len())?;
             for pin in &mut pins {
-                pin.at += Vec3([0, 1, 2].map(|k| by[pin.place + k] * size));
+                pin.at += Vec3([0, 1, 2].map(|k| by[pin.offset + k] * size));
             }
             change.iter_mut().zip(&by).for_each(|(x, by)| *x += by);
         }
@@ -115,9 +115,9 @@ fn pins(model: &Model, joints: impl IntoIterator<Item = usize>) -> Vec<Pin> {
             continue;
         };
         let there = joint.child_point.unwrap_or(joint.point);
-        pins.push(Pin { node: placed.parent, place: j * OWN, at: Vec3(joint.point), axis });
+        pins.push(Pin { node: placed.parent, offset: j * OWN, at: Vec3(joint.point), axis });
         let axis = align.apply_transposed(axis);
-        pins.push(Pin { node: placed.child, place: j * OWN + OWN / 2, at: Vec3(there), axis });
+        pins.push(Pin { node: placed.child, offset: j * OWN + OWN / 2, at: Vec3(there), axis });
     }
     pins
 }
@@ -175,7 +175,7 @@ fn across(pins: &[Pin], [i, j, k]: [usize; 3]) -> Option<(Vec3<f64>, f64, f64)> 
 
 impl Alike {
     fn conditions(&self, pins: &[Pin], size: f64) -> Vec<Condition> {
-        let at = |i: usize| pins[i].place;
+        let at = |i: usize| pins[i].offset;
         match *self {
             Self::Parallel(i, j) => {
                 let (axis, other) = (pins[i].axis, pins[j].axis);

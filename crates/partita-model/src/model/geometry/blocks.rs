@@ -5,11 +5,11 @@
 //! lengths of its own, relative to the body that connects it to the ground. A joint that closes no loop is in no block,
 //! and neither is anything attached through it alone.
 
+use crate::lengths::diameter;
 use crate::model::Model;
 use crate::spec::{Coupling, Measure, Spec};
 use crate::tree::LinkMotion;
 use crate::validate::GROUND;
-use crate::zero_position::diameter;
 use partita_math::spatial::{Mat3, Vec3};
 use partita_math::tolerance;
 use std::collections::{BTreeSet, HashMap};
@@ -167,7 +167,7 @@ impl Model {
         if !self.spec.couplings.is_empty() {
             return None;
         }
-        let is_rigid = |i: usize| self.placed.joints[i].shape.dof() == 0;
+        let is_rigid = |i: usize| self.placed.joints[i].shape.mobility() == 0;
         let pose = self.pose(q);
         length(&self.spec, is_rigid, |name| pose.of(name))
     }

@@ -102,8 +102,8 @@ impl Drawing {
             // normally the iteration is quadratic; near a double root little is gained, and values above the rounding
             // level are used
             nothing = match tolerance::CLEARLY * worst > before {
-                true => (nothing / CLOSURE_FACTOR).max(super::FINEST_LEVEL),
-                false => (CLOSURE_FACTOR * worst).clamp(super::FINEST_LEVEL, super::WEAK_CONDITION),
+                true => (nothing / CLOSURE_FACTOR).max(tolerance::NULL_VALUE),
+                false => (CLOSURE_FACTOR * worst).clamp(tolerance::NULL_VALUE, super::WEAK_CONDITION),
             };
             before = worst;
             let Ok(f) = svd(&rows) else { return Ok(None) };
@@ -249,9 +249,9 @@ impl Drawing {
         for (j, (joint, placed)) in model.spec.joints.iter().zip(&model.placed.joints).enumerate() {
             let (Some(axis), None, Ok(align)) = (joint.axis, joint.axis2, alignment(joint)) else { continue };
             let Some(axis) = Vec3(axis).unit() else { continue };
-            for (node, place, axis) in [(placed.parent, 3, axis), (placed.child, 9, align.apply_transposed(axis))] {
+            for (node, offset, axis) in [(placed.parent, 3, axis), (placed.child, 9, align.apply_transposed(axis))] {
                 let turn = out.transpose().mul(&s.links[model.placed.link_of(node)].rot).mul(&out);
-                axes.push((j * OWN + place, turn, turn.apply(axis)));
+                axes.push((j * OWN + offset, turn, turn.apply(axis)));
             }
         }
         while let Some((_, _, first)) = axes.first().copied() {
@@ -261,12 +261,12 @@ impl Drawing {
             // the axis that the others are nearest to: where most are exactly parallel, those stay unchanged
             let off = |x: Vec3<f64>| group.iter().map(|y| x.cross(y.2).norm()).sum::<f64>();
             let least = group.iter().min_by(|x, y| off(x.2).total_cmp(&off(y.2))).map_or(first, |x| ahead(x.2));
-            for &(place, turn, axis) in &group {
+            for &(offset, turn, axis) in &group {
                 let across = ahead(axis).cross(least);
                 let (sine, cosine) = (across.norm(), ahead(axis).dot(least));
                 if sine > 0.0 {
                     let by = turn.apply_transposed(across.times(sine.atan2(cosine) / sine));
-                    change[place..place + 3].copy_from_slice(&by.0);
+                    change[offset..offset + 3].copy_from_slice(&by.0);
                 }
             }
         }

@@ -1,7 +1,7 @@
 //! Levels of singular values: how a drawing fits along finite motions, and which of its conditions count.    (11.9)
 
 use super::change::{largest, Change, OWN};
-use super::{coarsest, Drawing, Wanted, FINEST_LEVEL, LARGEST_CHANGE, WEAK_CONDITION};
+use super::{coarsest, Drawing, Wanted, LARGEST_CHANGE, WEAK_CONDITION};
 use crate::model::Model;
 use crate::spec::Joint;
 use partita_math::tolerance;
@@ -11,9 +11,6 @@ use partita_system::SystemError;
 
 /// Finer levels of singular values. Unit: singular values in natural scales. Reason: two digits apart.
 const FINER_LEVELS: [f64; 2] = [1e-5, 1e-7];
-/// A length that shrinks to less is folded away. Scale: fraction of the length. Reason: a geometric error changes no
-/// length by as much as a half.
-const FOLDED: f64 = 0.5;
 /// The drawing of a block may have this closure error for a decision to be meaningful. Scale: lengths of its bodies.
 /// Reason: a drawing with a larger error shows another assembly.
 const NEARLY_DRAWN: f64 = 0.5;
@@ -69,7 +66,7 @@ impl Drawing {
             // longer than drawn
             let mut q = self.model.coordinates_in(pose);
             let there = self.model.length_at(&q);
-            let closed = Kernel::new(&self.model, 0.0).close(&mut q.clone(), Cut::Level(FINEST_LEVEL))?;
+            let closed = Kernel::new(&self.model, 0.0).close(&mut q.clone(), Cut::Level(tolerance::NULL_VALUE))?;
             let length = match closed.is_some_and(|x| x.closure_error <= tolerance::CLOSED_IN_RUN) {
                 true => there,
                 false => there.map(|x| x.min(self.length)),
@@ -104,7 +101,7 @@ impl Drawing {
         let values = kernel.values(&home)?;
         let null = |level: f64| n - Cut::Level(level).count(&values);
         let counted = n.saturating_sub(kernel.rows.len());
-        let fine = null(FINEST_LEVEL);
+        let fine = null(tolerance::NULL_VALUE);
         let seen = Seen { fine, coarse: null(coarsest), regular: (fine == counted).then_some(counted), afloat };
         if seen.coarse == 0 || seen.coarse == counted {
             let fit = Fit {
@@ -132,7 +129,7 @@ impl Drawing {
             levels.push(finest);
         }
         // this level alone returns a lock of order four to where closure errors are rounding
-        levels.push(FINEST_LEVEL);
+        levels.push(tolerance::NULL_VALUE);
         let mut fits: Vec<Fit> = Vec::new();
         for (i, &level) in levels.iter().enumerate() {
             let next = levels.get(i + 1).map_or(seen.fine, |x| null(*x));
@@ -193,8 +190,8 @@ impl Drawing {
                 .iter()
                 .filter(|x| x.steps >= CHECKED)
                 .max_by(|a, b| a.closure_error.total_cmp(&b.closure_error));
-            let Some(place) = far.filter(|_| undecided && branch.dof == branch.kernel) else { return Ok(None) };
-            let ambiguous = Some(self.most_open(&mut kernel, &place.q)?);
+            let Some(point) = far.filter(|_| undecided && branch.dof == branch.kernel) else { return Ok(None) };
+            let ambiguous = Some(self.most_open(&mut kernel, &point.q)?);
             return Ok(Some(Fit { most: closure_error, ambiguous, ..found() }));
         }
         let nothing = vec![0.0; OWN * self.model.spec.joints.len()];
@@ -237,11 +234,11 @@ impl Drawing {
     fn conditions_along(&self, kernel: &mut Kernel<Model>, branch: &Branch) -> Result<(bool, bool), SystemError> {
         let n = self.model.size().nv;
         let (mut weak, mut exact, mut asked) = (0, 0, 0);
-        for place in branch.points.iter().step_by((branch.points.len() / ASKED).max(1)).take(ASKED) {
-            let values = kernel.values(&place.q)?;
+        for point in branch.points.iter().step_by((branch.points.len() / ASKED).max(1)).take(ASKED) {
+            let values = kernel.values(&point.q)?;
             let small = |level: f64| n - Cut::Level(level).count(&values);
             weak += usize::from(small(WEAK_CONDITION) > branch.kernel);
-            exact += usize::from(small(FINEST_LEVEL) >= branch.kernel);
+            exact += usize::from(small(tolerance::NULL_VALUE) >= branch.kernel);
             asked += 1;
         }
         Ok((2 * weak > asked, exact == asked))
@@ -252,9 +249,9 @@ impl Drawing {
         let cut = Cut::Rank(self.model.size().nv - branch.kernel);
         let mut kernel = Kernel::new(&self.model, 0.0);
         let mut there = home.to_vec();
-        let Some(place) = branch.points.get(branch.points.len() / 2) else { return Ok(false) };
+        let Some(point) = branch.points.get(branch.points.len() / 2) else { return Ok(false) };
         if kernel.close(&mut there, cut)?.is_none_or(|x| x.closure_error > tolerance::FITS) {
-            there.clone_from(&place.q);
+            there.clone_from(&point.q);
             if kernel.close(&mut there, cut)?.is_none_or(|x| x.closure_error > tolerance::FITS) {
                 return Ok(false);
             }
@@ -277,7 +274,7 @@ impl Drawing {
     fn folds(&self, numbers: &[f64]) -> bool {
         let Some(changed) = self.changed(numbers) else { return false };
         let (before, after) = (self.lengths(), changed.lengths());
-        before.iter().zip(&after).any(|(d, now)| *d > tolerance::EQUAL * self.length && *now < FOLDED * d)
+        before.iter().zip(&after).any(|(d, now)| *d > tolerance::EQUAL * self.length && *now < tolerance::HALF_LOST * d)
     }
 
     /// Whether it removes a length that is too large for a geometric error.
@@ -285,7 +282,10 @@ impl Drawing {
         let Some(changed) = self.changed(numbers) else { return true };
         let (before, after) = (self.lengths(), changed.lengths());
         let longest = before.iter().fold(0.0, |m: f64, x| m.max(*x));
-        before.iter().zip(&after).any(|(d, now)| *d > LARGEST_CHANGE * tolerance * longest && *now < FOLDED * d)
+        before
+            .iter()
+            .zip(&after)
+            .any(|(d, now)| *d > LARGEST_CHANGE * tolerance * longest && *now < tolerance::HALF_LOST * d)
     }
 }
 

@@ -34,9 +34,6 @@ const COARSEST: f64 = 10.0;
 /// pivots at a position. Scale: singular values in natural scales; fraction of the largest for the conditions of a
 /// change. Reason: sums of squares can still resolve its square.
 const WEAK_CONDITION: f64 = 1e-3;
-/// Singular values below this are rounding. Scale: natural scales; fraction of the largest for the conditions of a
-/// change. Reason: a drawing in double precision, solved once.
-const FINEST_LEVEL: f64 = 1e-9;
 /// Number of velocities up to which singular values of the whole mechanism are cheap.
 const DENSE: usize = 150;
 /// The largest change of a joint frame. Scale: multiples of the drawing tolerance. Reason: one for the frame, one for
@@ -166,7 +163,7 @@ pub(super) fn decide(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joi
     }
     let parts = blocks::blocks(spec);
     let floating = if model.is_planar() { 3 } else { 6 };
-    let of_free = parts.free.iter().map(|&j| model.placed.joints[j].shape.dof()).sum::<usize>();
+    let of_free = parts.free.iter().map(|&j| model.placed.joints[j].shape.mobility()).sum::<usize>();
     let mut found = Geometry { dof: Some(of_free + floating * parts.afloat), ..Geometry::default() };
     let mut joints: Option<Vec<Joint>> = None;
     let mut known: HashMap<Vec<i64>, Decided> = HashMap::new();
@@ -255,7 +252,7 @@ fn at(model: &Model, q: Option<&[f64]>, level: f64) -> Exact {
 
 /// The coarsest level for a drawing tolerance.
 fn coarsest(tolerance: f64) -> f64 {
-    (COARSEST * tolerance).clamp(COARSEST * FINEST_LEVEL, FIRST_GRADE)
+    (COARSEST * tolerance).clamp(COARSEST * tolerance::NULL_VALUE, FIRST_GRADE)
 }
 
 /// The squared strength of the weakest constraint of a mechanism with this many degrees of freedom in the zero

@@ -97,7 +97,7 @@ impl Iteration {
                 // lengths of accelerations in the mass metric; without constraints nothing changes at all
                 let size = length.max(dense::dot(&metric.y, &metric.y).sqrt());
                 let now = dense::dot(step, step).sqrt();
-                // what is not finite is named by who asked for the accelerations
+                // the caller names what is not finite
                 let settled = now <= tolerance::SOLUTION_ROUNDING * size || !now.is_finite();
                 if settled || (now >= last && now <= tolerance::NEGLIGIBLE * size) {
                     return Ok(iterations);

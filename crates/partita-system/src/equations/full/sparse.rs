@@ -20,8 +20,8 @@ pub struct Sparse {
     pattern: Pattern,
     values: Vec<f64>,
     /// Indices of the entries of M, and of each entry of C below and beside it.
-    mass_places: Vec<usize>,
-    c_places: Vec<[usize; 2]>,
+    mass_entries: Vec<usize>,
+    c_entries: Vec<[usize; 2]>,
     /// Index of each diagonal entry of M.
     diagonal: Vec<usize>,
     scale: Vec<f64>,
@@ -45,13 +45,13 @@ impl Sparse {
         }
         rows.extend((0..m).map(|i| c.col_idx[c.row(i)].to_vec()));
         let pattern = Pattern::from_rows(n + m, &rows);
-        let mass_places = (0..n).flat_map(|i| (0..mass.row(i).len()).map(move |e| (i, e)));
-        let mass_places: Vec<usize> = mass_places.map(|(i, e)| pattern.row_ptr[i] + e).collect();
+        let mass_entries = (0..n).flat_map(|i| (0..mass.row(i).len()).map(move |e| (i, e)));
+        let mass_entries: Vec<usize> = mass_entries.map(|(i, e)| pattern.row_ptr[i] + e).collect();
         let mut next: Vec<usize> = (0..n).map(|i| pattern.row_ptr[i] + mass.row(i).len()).collect();
-        let mut c_places = Vec::with_capacity(c.nnz());
+        let mut c_entries = Vec::with_capacity(c.nnz());
         for i in 0..m {
             for (e, &j) in c.col_idx[c.row(i)].iter().enumerate() {
-                c_places.push([pattern.row_ptr[n + i] + e, next[j]]);
+                c_entries.push([pattern.row_ptr[n + i] + e, next[j]]);
                 next[j] += 1;
             }
         }
@@ -60,8 +60,8 @@ impl Sparse {
         Self {
             n,
             values: vec![0.0; pattern.nnz()],
-            mass_places,
-            c_places,
+            mass_entries,
+            c_entries,
             diagonal,
             scale: vec![0.0; n + m],
             lent: vec![0.0; n],
@@ -85,8 +85,8 @@ impl Sparse {
                 self.lent[x.pattern.col_idx[e]] += (x.scales[row] * x.c[e]).powi(2);
             }
         }
-        for (i, &place) in self.diagonal.iter().enumerate() {
-            let pivot = x.mass.get(place).copied().unwrap_or(0.0) + self.lent[i];
+        for (i, &entry) in self.diagonal.iter().enumerate() {
+            let pivot = x.mass.get(entry).copied().unwrap_or(0.0) + self.lent[i];
             // a NaN is not above zero either
             if !(pivot > 0.0 && pivot.is_finite()) {
                 return Err(Failure::Mass { index: i, pivot });
@@ -119,11 +119,11 @@ impl Sparse {
 
     /// Factor the matrix of an instant.
     fn factor(&mut self, x: &Instant) -> Result<(), Failure> {
-        for (&place, value) in self.mass_places.iter().zip(x.mass) {
-            self.values[place] = *value;
+        for (&entry, value) in self.mass_entries.iter().zip(x.mass) {
+            self.values[entry] = *value;
         }
-        for (places, value) in self.c_places.iter().zip(x.c) {
-            (self.values[places[0]], self.values[places[1]]) = (*value, *value);
+        for (entries, value) in self.c_entries.iter().zip(x.c) {
+            (self.values[entries[0]], self.values[entries[1]]) = (*value, *value);
         }
         if let Some(plan) = self.plan.as_ref().filter(|_| self.rows == x.rows) {
             if plan.factor(&self.values, &mut self.factors).is_ok() {

@@ -18,9 +18,6 @@ use partita_math::tolerance;
 /// circle, and singular positions lie half a turn apart.
 const LONGEST_MARCH: f64 = 1.2;
 
-/// Largest change of velocities by a newly active load over the first step in it. Scale: fraction of the velocities.
-/// Reason: the error estimate is then based on a tenth of the load.
-const FELT: f64 = 0.1;
 /// Maximum number of attempts at a shorter first step.
 const MOST_TRIED: u32 = 30;
 /// Shortest part of it that is tried next. Unit: ratio of lengths. Reason: what acts grows with a power of the length
@@ -31,7 +28,8 @@ const FELT_SHORTER: f64 = 0.1;
 const CROSSING_MOVE: f64 = 0.8;
 
 /// Nearer to a singular position velocities must be continuous over every step. Scale: distance in natural scales. Reason:
-/// steps end so near only before a position that cannot be crossed, where rounding may lead onto another branch.
+/// steps end so near only before a position that cannot be crossed, where rounding may lead onto another branch; farther
+/// away a jump is that of a drive, which is reported as such.
 const JUDGED_NEAR: f64 = 0.05;
 
 /// Maximum number of consecutive steps that are shortened because the choice came to a dead point of its own; where the
@@ -171,7 +169,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         let Some(others) = self.others(there, &q) else { return by_plan };
         let kept = if let Probe::Distance(kept) = by_plan { kept.abs() } else { 0.0 };
         let distance = kept.max(others.distance);
-        self.monitor.others = (kept < tolerance::MUCH_NEARER * others.distance).then_some(others);
+        self.monitor.others = (kept < tolerance::MUCH_SMALLER * others.distance).then_some(others);
         Probe::Distance(distance)
     }
 
@@ -197,7 +195,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         let Some(others) = self.monitor.others.take() else { return Ok(()) };
         self.evaluate(t, y)?;
         let r = self.tangent.reduction();
-        let serves = r.keep_rows(t, &others.rows).is_ok() && r.distance().0 > tolerance::MUCH_NEARER * others.distance;
+        let serves = r.keep_rows(t, &others.rows).is_ok() && r.distance().0 > tolerance::MUCH_SMALLER * others.distance;
         if !serves {
             r.factor(t)?;
             r.exchange_rows(t)?; // those that are best here
@@ -285,7 +283,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         let at_ends =
             [self.monitor.margin_before, self.margin].into_iter().flatten().fold(f64::INFINITY, |m, x| x.0.min(m));
         let (t, q) = self.half_way();
-        self.others(t, &q).is_some_and(|half| half.distance > tolerance::MUCH_NEARER * at_ends)
+        self.others(t, &q).is_some_and(|half| half.distance > tolerance::MUCH_SMALLER * at_ends)
     }
 
     /// Is the position last evaluated, inside the step that was judged, singular for all that can be computed? Next to
@@ -359,7 +357,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     /// Set the integration back to a state not after `to`, before the singular position at `zero`. False where none is
     /// left.
     pub(super) fn go_back(&mut self, zero: f64, to: f64, step: &mut Step) -> Result<bool, SystemError> {
-        let (p, w) = self.places();
+        let (p, w) = self.offsets();
         let (Some(checkpoint), Some(pace)) = (self.monitor.checkpoints.back_to(to), step.pace.as_deref_mut()) else {
             return Ok(false);
         };
@@ -401,7 +399,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     /// Length, not above `longest`, of the first step on the other side of a guard: over it the new load changes the
     /// velocities by a small part. Stages of a longer one would all miss the load, and agree.
     fn first_inside(&mut self, step: &Step, longest: f64) -> Result<f64> {
-        let (p, w) = self.places();
+        let (p, w) = self.offsets();
         let norm = |motion: &Self, x: &dyn Fn(usize) -> f64| {
             (0..w - p).map(|j| (x(j) / motion.tangent.natural_size(j)).powi(2)).sum::<f64>().sqrt()
         };
@@ -421,10 +419,10 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
                     break;
                 }
             };
-            if change <= FELT * speed {
+            if change <= tolerance::VISIBLE_CHANGE * speed {
                 break;
             }
-            h *= (0.5 * FELT * speed / change).sqrt().max(FELT_SHORTER);
+            h *= (0.5 * tolerance::VISIBLE_CHANGE * speed / change).sqrt().max(FELT_SHORTER);
         }
         self.ahead = (y, dy);
         found.map(|()| h)

@@ -183,21 +183,21 @@ impl<S: ConstrainedSystem> Prescribed<S> {
 impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> Motion<'s, S, T, P> {
     /// Index of the integrated quantities of prescribed rows in y.
     pub(super) fn place_of_prescribed(&self) -> usize {
-        self.places().1 + usize::from(self.observes_work)
+        self.offsets().1 + usize::from(self.observes_work)
     }
 }
 
 impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> PrescribedRows for Motion<'s, S, T, P> {
     fn prescribed_gap(&self, level: PrescribedLevel, (relative, absolute): (f64, f64)) -> Option<PrescribedGap> {
-        let (r, place) = (self.tangent.seen(), level as usize);
+        let (r, index) = (self.tangent.seen(), level as usize);
         // relative to a row's size: the absolute part, and the round-off of rates that nearly cancel
         let rounding = match level {
             PrescribedLevel::Position => 0.0,
             PrescribedLevel::Rate => tolerance::SOLUTION_ROUNDING * self.watch.fastest_yet(),
         };
         let part = |x: &Row| {
-            let allowed = relative * x.trial_size[place] + (absolute + rounding) * r.row_size(x.row);
-            x.missed[place].abs() / allowed
+            let allowed = relative * x.trial_size[index] + (absolute + rounding) * r.row_size(x.row);
+            x.missed[index].abs() / allowed
         };
         // rows left out as redundant are judged by their violations
         let kept = self.prescribed.rows.iter().filter(|x| r.partition.rows.contains(&x.row));
@@ -205,8 +205,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> P
         (part(worst) > 1.0).then(|| PrescribedGap {
             row: worst.row,
             level,
-            before: worst.violation[place],
-            by: worst.missed[place],
+            before: worst.violation[index],
+            by: worst.missed[index],
             shorten: part(worst) > tolerance::ERROR_GROWTH && !self.monitor.passes_a_singular_position(),
         })
     }

@@ -74,7 +74,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
 
     /// A new choice at the point last evaluated; (q, v, v') stay the same. True if y and y' were rewritten.
     fn choose_anew(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], why: Occasion) -> Result<bool> {
-        let (p, w) = self.places();
+        let (p, w) = self.offsets();
         self.v.copy_from_slice(&self.tangent.seen().v);
         self.tangent.full_acceleration(&mut self.vdot);
         let mut q = self.positions.q().to_vec();
@@ -95,7 +95,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
 {
     fn trial_end(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], known: bool) -> Result<(Verdict, bool)> {
         self.looking = false;
-        let (p, w) = self.places();
+        let (p, w) = self.offsets();
         if !self.prescribed.is_empty() {
             let beside = self.place_of_prescribed();
             self.prescribed.look(self.tangent.seen(), t, &y[beside..], self.positions.q())?;

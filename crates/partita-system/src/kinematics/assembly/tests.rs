@@ -1,4 +1,4 @@
-//! Walks over full turns and to the limit of a loop.
+//! Continuation over full turns and to the limit of a loop.
 
 use super::move_to;
 use crate::manifold::least_change::{from_afar, near_by, LeastChange};

@@ -1,0 +1,175 @@
+"""Chains of joints with only massless links between them, as other formats write a ball or a universal joint: folded
+into one joint each."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+
+from .reading import Remark
+from .robot import MASSLESS, THROUGH, Joint, Robot, placed
+
+
+def fold_marks(robot: Robot) -> None:
+    """Massless links at the end of fixed joints are frames of their parents."""
+    while True:
+        parents = {joint.parent for joint in robot.joints.values()}
+        marks = [
+            joint
+            for joint in robot.joints.values()
+            if joint.kind == "fixed" and joint.child not in parents and robot.links[joint.child].mass <= MASSLESS
+        ]
+        if not marks:
+            return
+        for joint in marks:
+            for name, (link, pose) in list(robot.frames.items()):
+                if link == joint.child:
+                    robot.frames[name] = (joint.parent, joint.pose @ pose)
+            robot.frames[joint.child] = robot.frames[joint.name] = (joint.parent, joint.pose)
+            for loop in robot.loops:
+                loop.first, loop.second = (
+                    (joint.parent, joint.pose @ pose) if link == joint.child else (link, pose)
+                    for link, pose in (loop.first, loop.second)
+                )
+            mass = robot.links[joint.child].mass
+            with_mass = f" and its mass of {mass:.2g} kg is omitted" if mass > 0.0 else ""
+            remark = f'link "{joint.child}" is taken as a frame of "{joint.parent}"{with_mass}'
+            robot.reading.changed.append(Remark(robot.links[joint.child].at.line, remark))
+            del robot.joints[joint.name], robot.links[joint.child]
+
+
+def fold_hinges(robot: Robot) -> None:
+    """Two or three hinges through one point with only massless links between them are a universal or a ball joint."""
+    tied = {name for tie in robot.ties for name in tie.joints}
+    held = {link for loop in robot.loops for link, _ in (loop.first, loop.second)}
+    held |= {link for link, _ in robot.frames.values()} | _sprung(robot)
+    carrying = {joint.child: joint for joint in robot.joints.values()}
+    children: dict[str, list[Joint]] = {}
+    for joint in robot.joints.values():
+        children.setdefault(joint.parent, []).append(joint)
+
+    def between(name: str) -> bool:
+        """Whether this link only connects two hinges through one point."""
+        link, after = robot.links[name], children.get(name, [])
+        if name in held or name not in carrying or len(after) != 1 or link.mass > MASSLESS or np.any(link.inertia):
+            return False
+        hinges = carrying[name].kind == after[0].kind == "revolute"
+        before, behind = carrying[name].point, after[0].pose[:3, 3] + after[0].pose[:3, :3] @ after[0].point
+        return hinges and float(np.linalg.norm(behind - before)) <= THROUGH
+
+    for last in list(robot.joints.values()):
+        chain = [last]
+        while between(chain[0].parent):
+            chain.insert(0, carrying[chain[0].parent])
+        if between(last.child) or len(chain) > 3:
+            continue
+        names = [joint.name for joint in chain]
+        if len(chain) == 1 or tied.intersection(names):
+            continue
+        axes, pose = [], np.eye(4)
+        for joint in chain:
+            pose = pose @ joint.pose
+            axes.append(pose[:3, :3] @ joint.axis)
+        apart = np.linalg.svd(np.array(axes), compute_uv=False)[-1]
+        square = len(chain) == 3 or abs(float(axes[0] @ axes[1])) <= 1e-9
+        if apart < 1e-3 or not square:
+            continue
+        kind = "spherical" if len(chain) == 3 else "universal"
+        efforts = [effort for i, joint in enumerate(chain) for effort in joint.along(i)]
+        if kind == "spherical" and efforts:
+            continue  # a ball has no angles for springs to act along
+        first, second = (pose[:3, :3].T @ axis for axis in axes[:2])
+        folded = Joint(
+            last.name,
+            kind,
+            chain[0].parent,
+            last.child,
+            pose,
+            first,
+            last.at,
+            efforts,
+            second=second,
+            point=last.point,
+        )
+        for joint in chain[:-1]:
+            del robot.links[joint.child], robot.joints[joint.name]
+        robot.joints[last.name] = folded
+        remark = f"hinges {', '.join(names)} with no mass between them are one {kind} joint, {last.name}"
+        robot.reading.changed.append(Remark(last.at.line, remark))
+
+
+def fold_sleeves(robot: Robot) -> None:
+    """A slide and a hinge along one line with only massless links between them are a cylindrical joint."""
+    children = Counter(joint.parent for joint in robot.joints.values())
+    carrying = {joint.child: joint for joint in robot.joints.values()}
+    used = {name for tie in robot.ties for name in tie.joints}
+    used |= {link for loop in robot.loops for link, _ in (loop.first, loop.second)}
+    used |= {link for link, _ in robot.frames.values()} | _sprung(robot)
+    for turn in list(robot.joints.values()):
+        slide = carrying.get(turn.parent)
+        if slide is None or (slide.kind, turn.kind) != ("prismatic", "revolute") or used & {slide.name, turn.name}:
+            continue
+        axis = turn.pose[:3, :3] @ turn.axis
+        if turn.parent in used or children[turn.parent] != 1 or not _nothing(robot, turn.parent):
+            continue
+        if float(np.linalg.norm(axis - slide.axis)) > THROUGH:
+            continue
+        pose = slide.pose @ turn.pose
+        robot.joints[turn.name] = Joint(
+            turn.name,
+            "cylindrical",
+            slide.parent,
+            turn.child,
+            pose,
+            turn.axis,
+            turn.at,
+            [*slide.along(0), *turn.along(1)],
+            point=turn.point,
+        )
+        del robot.joints[slide.name], robot.links[turn.parent]
+        remark = f"{slide.name} and {turn.name} with no mass between them are one cylindrical joint, {turn.name}"
+        robot.reading.changed.append(Remark(turn.at.line, remark))
+
+
+def fold_ends(robot: Robot) -> None:
+    """A massless link at the end of a joint, welded to another link, is omitted: the joint closes the loop itself."""
+    children = Counter(joint.parent for joint in robot.joints.values())
+    carrying = {joint.child: joint for joint in robot.joints.values()}
+    ends = Counter(link for loop in robot.loops for link, _ in (loop.first, loop.second))
+    tied = {name for tie in robot.ties for name in tie.joints}
+    marked = {link for link, _ in robot.frames.values()} | _sprung(robot)
+    for loop in robot.loops:
+        for one, other in ((loop.first, loop.second), (loop.second, loop.first)):
+            joint = carrying.get(one[0])
+            if loop.kind != "fixed" or joint is None or joint.kind in ("fixed", "free") or joint.name in tied:
+                continue
+            alone = ends[one[0]] == 1 and children[one[0]] == 0 and one[0] not in marked
+            if not alone or not _nothing(robot, one[0]) or other[0] == joint.parent:
+                continue
+            point = placed(joint.point, np.eye(3))
+            back = np.eye(4)
+            back[:3, :3] = one[1][:3, :3].T
+            back[:3, 3] = -back[:3, :3] @ one[1][:3, 3]
+            loop.kind, loop.axis, loop.second_axis = joint.kind, joint.axis, joint.second
+            loop.efforts = [replace(e, name=e.name or f"spring of {joint.name}") for e in joint.efforts]
+            loop.first, loop.second = (joint.parent, joint.pose @ point), (other[0], other[1] @ back @ point)
+            remark = f'link "{one[0]}" of no mass is omitted: {joint.name} closes the loop {loop.name} directly'
+            robot.reading.changed.append(Remark(robot.links[one[0]].at.line, remark))
+            robot.frames.pop(joint.name, None)
+            del robot.joints[joint.name], robot.links[one[0]]
+            break
+    for loop in robot.loops:
+        while loop.name in robot.joints:
+            loop.name = f"closing {loop.name}"
+
+
+def _nothing(robot: Robot, link: str) -> bool:
+    """Whether this link has neither mass nor inertia."""
+    return robot.links[link].mass == 0.0 and not np.any(robot.links[link].inertia)
+
+
+def _sprung(robot: Robot) -> set[str]:
+    """Links to which springs between points are attached."""
+    return {link for spring in robot.springs for link, _ in (spring.first, spring.second)}

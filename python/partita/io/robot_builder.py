@@ -1,0 +1,157 @@
+"""A robot drawn as a mechanism: bodies, joints, loops, springs and shapes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..builder import Builder
+from ..errors import DescriptionError
+from .folding import fold_ends, fold_hinges, fold_marks, fold_sleeves
+from .looks import shapes_of
+from .reading import Remark
+from .robot import HEAVY, MASSLESS, Array, Effort, Link, Robot, nearest, placed
+from .xmltree import Element
+
+
+def build(robot: Robot, mechanism: Builder, base: str) -> None:
+    """Draw the robot with all its coordinates zero; the root is fixed, or floats, unless the file gives all poses."""
+    if robot.poses is not None:
+        _placed(robot, mechanism, robot.poses)
+        robot.reading.shapes = shapes_of(robot, None)
+        return
+    root = robot.root()
+    fold_marks(robot)
+    if not robot.gimbals:
+        fold_hinges(robot)
+        fold_sleeves(robot)
+        fold_ends(robot)
+    order = robot.outwards(root)
+    into = {joint.child: joint for joint in robot.joints.values()}
+    pose = {root: np.eye(4)}
+    for name in order[1:]:
+        pose[name] = pose[into[name].parent] @ into[name].pose
+    grounded = robot.links[root].mass <= MASSLESS and base == "fixed"
+    body: dict[str, Any] = {root: mechanism.ground} if grounded else {}
+    for name in order[int(grounded) :]:
+        body[name] = _body(robot, mechanism, robot.links[name], pose[name])
+    if grounded:
+        robot.reading.changed.append(Remark(robot.links[root].at.line, f'link "{root}" is the ground'))
+    elif base == "fixed":
+        mechanism.add_fixed(f"{root} stands", mechanism.ground, body[root])
+        robot.reading.changed.append(Remark(robot.links[root].at.line, f'the root "{root}" is fixed to the ground'))
+    for joint in (into[name] for name in order[1:]):
+        where = pose[joint.child] @ placed(joint.point, np.eye(3))
+        ends = (body[joint.parent], body[joint.child])
+        axes = (joint.axis, joint.second)
+        _joint(mechanism, joint.name, joint.kind, ends, (where, where), axes, joint.at)
+        _springs(mechanism, joint.name, joint.efforts)
+    for loop in robot.loops:
+        (link1, frame1), (link2, frame2) = loop.first, loop.second
+        if body[link1] == body[link2]:
+            message = f'{loop.name} joins two frames of one link, "{link1}"; it closes nothing'
+            robot.reading.dropped.append(Remark(loop.at.line if loop.at else None, message))
+            continue
+        frames = (pose[link1] @ frame1, pose[link2] @ frame2)
+        axis = np.array([1.0, 0.0, 0.0]) if loop.axis is None else loop.axis
+        ends = (body[link1], body[link2])
+        _joint(mechanism, loop.name, loop.kind, ends, frames, (axis, loop.second_axis), loop.at)
+        _springs(mechanism, loop.name, loop.efforts)
+    for tie in robot.ties:
+        mechanism.add_coupler(tie.name, tie.joints, tie.factors, tie.offset)
+    for spring in robot.springs:
+        sides = [_on_body(robot, *side) for side in (spring.first, spring.second)]
+        (link1, point1), (link2, point2) = sides
+        data: dict[str, Any] = {"stiffness": spring.stiffness, "damping": spring.damping, "length": spring.length}
+        mechanism.add_spring(spring.name, body[link1], point1, body[link2], point2, **data)
+    robot.reading.shapes = shapes_of(robot, root if grounded else None)
+
+
+def _on_body(robot: Robot, link: str, point: Array) -> tuple[str, Array]:
+    """A point of a link that may have become a frame."""
+    if link in robot.links:
+        return link, point
+    carrier, pose = robot.frames[link]
+    return carrier, pose[:3, :3] @ point + pose[:3, 3]
+
+
+def _placed(robot: Robot, mechanism: Builder, poses: dict[str, Array]) -> None:
+    """A model that gives the poses of its links; its joints may close loops."""
+    body: dict[str, Any] = {"world": mechanism.ground}
+    for name, link in robot.links.items():
+        body[name] = _body(robot, mechanism, link, poses[name])
+    for joint in robot.joints.values():
+        ends, frames = (body[joint.parent], body[joint.child]), (joint.pose, joint.pose)
+        _joint(mechanism, joint.name, joint.kind, ends, frames, (joint.axis, joint.second), joint.at, joint.pitch)
+        _springs(mechanism, joint.name, joint.efforts)
+
+
+def _springs(mechanism: Builder, joint: str, efforts: list[Effort]) -> None:
+    """Springs and dampers of a joint."""
+    for effort in efforts:
+        name = effort.name or f"spring of {joint}"
+        while name in mechanism._description.forces:
+            name = f"{name} of {joint}"
+        law = {"stiffness": effort.stiffness, "damping": effort.damping, "angle": effort.rest}
+        mechanism.add_torsion_spring(joint, **law, coordinate=effort.coordinate, name=name)
+
+
+def _body(robot: Robot, mechanism: Builder, link: Link, pose: Array) -> Any:
+    if link.mass > HEAVY:
+        remark = f'link "{link.name}" of {link.mass:.3g} kg looks like a dummy; it is kept as it is'
+        robot.reading.changed.append(Remark(link.at.line, remark))
+    try:
+        return mechanism.add_body(
+            link.name,
+            mass=link.mass,
+            inertia=link.inertia,
+            com=link.com,
+            position=pose[:3, 3],
+            orientation=nearest(pose[:3, :3]),
+            **({} if link.gravity else {"gravity": False}),
+        )
+    except DescriptionError as error:
+        link.at.fail(f"cannot be a body: {error.message}")
+
+
+def _joint(
+    mechanism: Builder,
+    name: str,
+    kind: str,
+    ends: tuple[Any, Any],
+    frames: tuple[Array, Array],
+    axes: tuple[Array, Array | None],
+    at: Element | None,
+    pitch: float = 0.0,
+) -> None:
+    """A joint between two frames of the world, which may differ slightly."""
+    here, there = frames
+    point = here[:3, 3]
+    apart: dict[str, Any] = {}
+    if not np.array_equal(here, there):
+        apart = {"child_point": there[:3, 3]}
+    axis = here[:3, :3] @ axes[0]
+    if (apart and kind in ("revolute", "prismatic", "cylindrical")) or (apart and kind == "planar"):
+        apart["child_axis"] = there[:3, :3] @ axes[0]
+    elif apart and kind in ("fixed", "universal"):
+        apart["child_frame"] = nearest(there[:3, :3] @ here[:3, :3].T)
+    add: Any = mechanism
+    try:
+        if kind in ("revolute", "prismatic", "cylindrical"):
+            getattr(add, f"add_{kind}")(name, *ends, point=point, axis=axis, **apart)
+        elif kind == "screw":
+            add.add_screw(name, *ends, point=point, axis=axis, pitch=pitch)
+        elif kind == "planar":
+            add.add_planar(name, *ends, point=point, normal=axis, **apart)
+        elif kind == "universal":
+            second = here[:3, :3] @ (axes[0] if axes[1] is None else axes[1])
+            add.add_universal(name, *ends, point=point, axis1=axis, axis2=second, **apart)
+        elif kind == "free":
+            add.add_free(name, *ends, point=point)
+        else:
+            getattr(add, f"add_{kind}")(name, *ends, point=point, **apart)
+    except DescriptionError as error:
+        if at is None:
+            raise
+        at.fail(f"cannot be a joint: {error.message}")
