@@ -126,8 +126,8 @@ def pivots(crank: float) -> Array:
 def kinematics(crank: float, rate: float = 1.0) -> tuple[float, float, float]:
     """Largest difference of A and of xi (38) from those of the Jacobian, and of |det C_D| from the product of the
     pivots, relative."""
-    places: Array = crank + STEP * np.arange(-2.0, 3.0)
-    around = np.unwrap(closed(places), axis=0)[:, DEPENDENT]
+    positions: Array = crank + STEP * np.arange(-2.0, 3.0)
+    around = np.unwrap(closed(positions), axis=0)[:, DEPENDENT]
     slope, bend = DERIVATIVE @ around / STEP, SECOND @ around / STEP**2
     q = closed(np.array(crank))
     c = MODEL.jacobian(q)

@@ -358,8 +358,8 @@ def test_command_compares_in_absolute_coordinates(capsys: pytest.CaptureFixture[
 def test_command_compares_several_mechanisms_one_after_the_other(capsys: pytest.CaptureFixture[str]) -> None:
     words = ["--time", "0.1", "--formulations", "projective,multipliers", "--rules", "collective"]
     assert main(["compare", "bennett", "scissor", *words]) == 0
-    said = capsys.readouterr().out
-    assert said.count("finished") == 4 and said.index("bennett: 0.1 s") < said.index("\n\nscissor-lift: 0.1 s")
+    printed = capsys.readouterr().out
+    assert printed.count("finished") == 4 and printed.index("bennett: 0.1 s") < printed.index("\n\nscissor-lift: 0.1 s")
     assert main(["compare", "bennett", "scissor", *words, "--json"]) == 0
     both = json.loads(capsys.readouterr().out)["comparisons"]
     assert [one["model"] for one in both] == ["bennett", "scissor"]

@@ -43,6 +43,7 @@ mod transfer;
 pub mod tree;
 pub mod validate;
 pub mod value;
+mod wrench;
 pub mod zero_position;
 
 pub use error::DescriptionError;

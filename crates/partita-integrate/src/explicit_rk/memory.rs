@@ -207,11 +207,11 @@ impl Memory {
                     rows[j - 3][slot] = value;
                 }
                 if j % 2 == 0 {
-                    let mut carry = 0.0;
+                    let mut quotient = 0.0;
                     for power in (0..rest.len()).rev() {
                         let coefficient = rest[power];
-                        rest[power] = -carry;
-                        carry += coefficient;
+                        rest[power] = -quotient;
+                        quotient += coefficient;
                     }
                 } else {
                     rest.copy_within(1.., 0);

@@ -1,9 +1,9 @@
 //! Loads on the bodies other than those of their joints.
 
-use super::Wrench;
 use crate::evaluator::{Evaluator, Scratch};
 use crate::force::{AppliedWrench, At, ForceApplication};
 use crate::part::Part;
+use crate::wrench::Wrench;
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Spatial, Vec3};
 use partita_system::SystemError;

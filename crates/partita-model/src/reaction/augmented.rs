@@ -6,8 +6,9 @@
 //! `σ_i = E_iᵀ (M_a p̈ − h_a − J_cᵀ λ)` of what the bodies outboard still need.                           (44, 45)
 //! No matrix is inverted, and only the columns asked for are formed. Cost: (bodies outboard) for each component.
 
-use super::{with_along, Known, Wrench};
+use super::Known;
 use crate::model::{Model, ModelScratch};
+use crate::wrench::{with_along, Wrench};
 use partita_math::spatial::Vec3;
 use partita_math::tolerance;
 use partita_system::SystemError;

@@ -5,10 +5,8 @@
 
 mod applied;
 mod augmented;
-mod wrench;
 
-pub(crate) use wrench::with_along;
-pub use wrench::{wrench_of_efforts, Wrench};
+pub use crate::wrench::{wrench_of_efforts, Wrench};
 
 use crate::evaluator::{Engine, Evaluator, Scratch};
 use crate::joint::Motion;
@@ -16,6 +14,7 @@ use crate::part::Part;
 use crate::rows::Owner;
 use crate::topology::TreeEdge;
 use crate::tree::TreeScratch;
+use crate::wrench::with_along;
 use applied::Applied;
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Embedding, Mat3, Planar, Spatial, Vec3};

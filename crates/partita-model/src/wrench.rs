@@ -22,23 +22,23 @@ impl<S: Scalar> Default for Wrench<S> {
 
 impl<S: Scalar> Wrench<S> {
     /// The same wrench about a point that lies `arm` before the old one (old = new + arm).
-    pub(super) fn about(&self, arm: Vec3<S>) -> Self {
+    pub(crate) fn about(&self, arm: Vec3<S>) -> Self {
         Self { moment: self.moment + arm.cross(self.force), force: self.force }
     }
-    pub(super) fn add(&mut self, o: &Self) {
+    pub(crate) fn add(&mut self, o: &Self) {
         self.moment += o.moment;
         self.force += o.force;
     }
-    pub(super) fn opposite(&self) -> Self {
+    pub(crate) fn opposite(&self) -> Self {
         Self { moment: -self.moment, force: -self.force }
     }
     /// The part out of the x-y plane of the mechanism.
-    pub(super) fn across(&self) -> Self {
+    pub(crate) fn across(&self) -> Self {
         let ([mx, my, _], [_, _, fz], o) = (self.moment.0, self.force.0, S::zero());
         Self { moment: Vec3([mx, my, o]), force: Vec3([o, o, fz]) }
     }
     /// In the axes of the world.
-    pub(super) fn out_of(&self, basis: &Mat3<S>) -> Self {
+    pub(crate) fn out_of(&self, basis: &Mat3<S>) -> Self {
         Self { moment: basis.apply_transposed(self.moment), force: basis.apply_transposed(self.force) }
     }
 }
