@@ -134,7 +134,7 @@ compare-docs: $(BUILT)
 ## paper: the claims about the criterion, computed and drawn in out/paper
 paper: $(BUILT)
 	@for script in geometry_pendulum geometry_four_bar pendulum four_bar_turn drift orders determinant individual frozen \
-		switching; do \
+		switching closing reactions; do \
 		$(BIN)/python examples/paper/$$script.py || exit 1; done
 
 ## demo: a four-bar and a squeezer, simulated, checked and drawn in out/

@@ -165,7 +165,7 @@ def measured(problem: Problem) -> Cost:
     """Time the run, then compute the error with the outputs that the check asks for (they change no step)."""
     run = prepared(problem.entry(), problem.duration)
     seconds, raw = timed(run)
-    counters = raw["counters"]
+    counters = raw["log"].counters()
     check = problem.entry().checks[0]
     error, message = None, raw["message"]
     if raw["success"]:
@@ -211,7 +211,7 @@ def growth() -> dict[int, float]:
             start = perf_counter()
             raw = run()
             seconds[key] = min(seconds[key], perf_counter() - start) if raw["success"] else float("nan")
-            evaluations[key] = raw["counters"]["evaluations"]
+            evaluations[key] = raw["log"].counters()["evaluations"]
     less, more = STRETCH
     return {
         n: 1e9 * (seconds[n, more] - seconds[n, less]) / (evaluations[n, more] - evaluations[n, less]) for n in GROWTH

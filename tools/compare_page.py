@@ -98,6 +98,11 @@ TABLES = {
     "rssr": Asked("rssr"),
     "n-four-bar": Asked("n-four-bar", stabilised=False),
     "andrews-squeezer": Asked("andrews-squeezer"),
+    "bennett": Asked("bennett", duration=2.0),
+    "bricard": Asked("bricard", duration=2.0),
+    "exechon-like": Asked("exechon-like", duration=2.0),
+    "scissor-lift": Asked("scissor-lift", duration=2.0),
+    "delta": Asked("delta", duration=2.0),
 }
 
 

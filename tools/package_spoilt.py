@@ -8,6 +8,30 @@ ELEMENTS = ("python test_oracle_elements.py",)
 
 IN_PACKAGE = (
     Error(
+        "volume-units",
+        "volume of a choice without the units of its velocities",
+        f"{PACKAGE}/partition.py",
+        "return self.M_d * units * units[:, None]",
+        "return self.M_d * units",
+        ("python test_geometry.py",),
+    ),
+    Error(
+        "cosines-inertia",
+        "principal cosines with the metric of the wrong velocities",
+        f"{PACKAGE}/partition.py",
+        "self.C[np.ix_(self.rows, d)], self.M[np.ix_(d, d)]",
+        "self.C[np.ix_(self.rows, d)], self.M[: len(d), : len(d)]",
+        ("python test_geometry.py",),
+    ),
+    Error(
+        "scales-of-the-measure",
+        "scales multiply the measure instead of dividing it",
+        f"{PACKAGE}/partition.py",
+        "geometry(mass, np.zeros((0, mass.shape[0]))).k / own)",
+        "geometry(mass, np.zeros((0, mass.shape[0]))).k * own)",
+        ("python test_geometry.py",),
+    ),
+    Error(
         "point-velocity",
         "velocity of a point turns with the opposite arm",
         f"{PACKAGE}/sensing/quantities.py",

@@ -46,9 +46,10 @@ def main(short: bool = False, folder: Path = FOLDER) -> Numbers:
               f" measure: {', '.join(ranking(by_measure)[:4])}")  # fmt: skip
     crank = np.linspace(0.0, 2.0 * np.pi, 91 if short else 721)
     rows: dict[str, Array] = {}
-    measured = {unit: np.array([scores(angle, scale)[1] for angle in crank]) for unit, scale in UNITS.items()}
-    for unit, scale in UNITS.items():
-        rows[f"determinant, {unit}"] = np.array([int(np.argmax(scores(angle, scale)[0])) for angle in crank])
+    both = {unit: [scores(angle, scale) for angle in crank] for unit, scale in UNITS.items()}
+    measured = {unit: np.array([rho for _, rho in values]) for unit, values in both.items()}
+    for unit, values in both.items():
+        rows[f"determinant, {unit}"] = np.array([int(np.argmax(determinants)) for determinants, _ in values])
     for unit, rho in measured.items():
         rows[f"measure, {unit}"] = np.argmax(rho, axis=1)
     first = {unit: ranking(scores(START, scale)[0])[0] for unit, scale in UNITS.items()}

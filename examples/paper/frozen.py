@@ -26,21 +26,24 @@ from partita.results import Result
 
 Array = np.ndarray
 TANGENTS = ("gram-schmidt", "tangent-space", "svd", "qr", "zero-eigenvalue")
+EUCLIDEAN = ("svd", "qr", "liang-lance", "zero-eigenvalue")
+"""Tangents without regard to masses: bases of the null space of C."""
+CASES = tuple((coordinates, begin) for coordinates in ("absolute", "relative") for begin in (START, 0.0, 2.0))
 SHOWN = (10, 40, 80, 120)
 RATE, TURNED = 6.0, 100.0
 """Rate of the crank in the run with frozen velocities [rad/s]; end of the comparison [deg], before they fail."""
 
 
-def made(crank: float) -> Array:
-    """S (9,): the mass-orthonormal tangent velocity of one position, a covector of length 1."""
-    m, g = instant(crank, coordinates="absolute").M, geometry(crank, "absolute")
+def made(crank: float, coordinates: str = "absolute") -> Array:
+    """S (n,): the mass-orthonormal tangent velocity of one position, a covector of length 1."""
+    m, g = instant(crank, coordinates=coordinates).M, geometry(crank, coordinates)
     d = g.T_cd[-1] / np.sqrt(g.M_d[0, 0])
     return np.asarray(d @ m)
 
 
-def quality(s: Array, crank: float) -> float:
+def quality(s: Array, crank: float, coordinates: str = "absolute") -> float:
     """sqrt(mu_S): the length of S along the possible motions divided by its total length."""
-    m, g = instant(crank, coordinates="absolute").M, geometry(crank, "absolute")
+    m, g = instant(crank, coordinates=coordinates).M, geometry(crank, coordinates)
     return float(abs(g.T_cd[-1] @ s) / np.sqrt(g.M_d[0, 0] * (s @ np.linalg.solve(m, s))))
 
 
@@ -56,6 +59,32 @@ def zero(s: Array, low: float, high: float) -> float:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if signed(low) * signed(middle) > 0.0 else (low, middle)
     return low
+
+
+def least(crank: float, coordinates: str, positions: int) -> float:
+    """Least quality over a turn of the tangent frozen at `crank`; zero where S D^T changes its sign."""
+    s, values = made(crank, coordinates), []
+    for angle in crank + np.linspace(0.0, 2.0 * np.pi, positions):
+        d, v = geometry(angle, coordinates).T_cd[-1], instant(angle, RATE, coordinates).v
+        values.append(quality(s, angle, coordinates) * float(np.sign(s @ d) * np.sign(d @ v)))
+    signed = np.array(values) * np.sign(values[0])
+    return float(max(0.0, signed.min()))
+
+
+def spans(short: bool) -> Numbers:
+    """What runs with tangents that ignore masses have in common: sqrt(mu) of a k-dimensional space, whatever its basis;
+    and what they have not: sigma, which belongs to the velocities themselves. On the delta robot, k = 9."""
+    entry = pt.catalogue.entry("delta")
+    m = entry.mechanism()
+    start, times = entry.initial(m), np.linspace(0.0, 0.05 if short else 0.5, 6 if short else 11)
+    runs = [m.simulate(times[-1], initial=start, t_eval=times, formulation=name, renew=0.0) for name in EUCLIDEAN]
+    mu, sigma = (np.array([getattr(done, what) for done in runs]) for what in ("sqrt_mu", "sigma"))
+    return {
+        "delta: sqrt(mu) of all four at the start": float(mu[0, 0]),
+        "delta: largest difference of sqrt(mu) between the four": float(np.max(np.ptp(mu, axis=0))),
+        "delta: least sigma of the four at the start": float(sigma[:, 0].min()),
+        "delta: largest sigma of the four at the start": float(sigma[:, 0].max()),
+    }
 
 
 def frozen_run(tangent: str) -> Result:
@@ -95,6 +124,8 @@ def main(short: bool = False, folder: Path = FOLDER) -> Numbers:
     turned = np.linspace(0.0, 180.0, 61 if short else 361)
     crank = START + np.radians(turned)
     lasting = np.array([quality(s0, angle) for angle in crank])
+    joints = made(START, "relative")
+    in_joints = np.array([quality(joints, angle, "relative") for angle in crank])
     rho = measures(crank, "absolute")
     renewed, renewals, s = [], 0, s0
     chosen, switches, i = [], 0, int(np.argmax(rho[0]))
@@ -124,22 +155,29 @@ def main(short: bool = False, folder: Path = FOLDER) -> Numbers:
         "switches of coordinates with margin 1.25, in half a turn": float(switches),
         "least quality of the switched coordinates": float(min(chosen)),
     }  # fmt: skip
+    for coordinates, begin in CASES:
+        case, s = f"{coordinates} from {begin:g} rad", made(begin, coordinates)
+        for a in SHOWN:
+            found[f"{case}: after {a} deg"] = quality(s, begin + np.radians(a), coordinates)
+        found[f"{case}: least in a turn"] = least(begin, coordinates, 73 if short else 361)
+    found |= spans(short)
     millimetres = in_millimetres()
     for tangent in TANGENTS:
         found[f"{tangent}: sqrt(mu) when made, drawn in m"] = first(FOUR_BAR, tangent)
         found[f"{tangent}: sqrt(mu) when made, drawn in mm"] = first(millimetres, tangent)
     figure = new_figure(9.0, 3.6)
     ax: Axes = figure.subplots()
-    dressed(ax, "Quality √μ of velocities made at 0°", "√μ", time_axis=False)
-    ax.plot(turned, lasting, color=COLOURS[1], lw=1.6, label="tangent frozen at 0°")
-    ax.plot(turned, renewed, color=COLOURS[4], lw=1.1, ls="--", label="tangent renewed below 0.5")
-    ax.plot(turned, chosen, color=COLOURS[0], lw=1.3, label="coordinate, switched")
+    dressed(ax, "Quality √μ of velocities made with the crank at 0.8 rad", "√μ", time_axis=False)
+    ax.plot(turned, lasting, color=COLOURS[1], lw=1.6, label="frozen tangent, absolute")
+    ax.plot(turned, in_joints, color=COLOURS[6], lw=1.1, ls="-.", label="frozen tangent, joint coordinates")
+    ax.plot(turned, renewed, color=COLOURS[4], lw=1.1, ls="--", label="renewed below 0.5, absolute")
+    ax.plot(turned, chosen, color=COLOURS[0], lw=1.3, label="coordinate, switched, absolute")
     ax.plot(0.0, found["svd: sqrt(mu) when made, drawn in m"], "s", color=COLOURS[2], ms=5, clip_on=False,
             label="svd when made, in m")  # fmt: skip
     ax.plot(0.0, found["svd: sqrt(mu) when made, drawn in mm"], "D", color=COLOURS[3], ms=5, clip_on=False,
             label="svd when made, in mm")  # fmt: skip
     ax.axvline(at_zero, color="#999999", lw=0.8, ls=":")
-    ax.text(at_zero + 2.0, 0.93, f"{at_zero:.1f}°", fontsize=8, color="#666666")
+    ax.text(at_zero + 1.5, 0.36, f"{at_zero:.1f}°", fontsize=8, color="#666666")
     ax.set_xlabel("turn of the crank [deg]", fontsize=9)
     ax.set_xlim(0, 180)
     ax.set_xticks(range(0, 181, 30))

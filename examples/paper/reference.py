@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -30,8 +32,9 @@ def state(crank: float, rate: float = 0.0, coordinates: str = "relative") -> Sta
     return FOUR_BAR.convert(closed, coordinates)
 
 
+@lru_cache(maxsize=1024)
 def instant(crank: float, rate: float = 0.0, coordinates: str = "relative") -> Instant:
-    """Everything that the equations hold there."""
+    """Everything that the equations hold there; the same instant is looked at more than once."""
     at = state(crank, rate, coordinates)
     return MODELS[coordinates].at(at.q, at.v)
 

@@ -229,6 +229,12 @@ class SolutionLog:
     def assess(self) -> dict[str, Any]:
         """measure, sigma, sqrt_mu at every output."""
 
+    def partitions(self) -> list[dict[str, Any]]:
+        """Choices of coordinates, one dictionary each."""
+
+    def counters(self) -> dict[str, int]:
+        """Counts of work."""
+
 class System:
     """Equations (S1)-(S5) given as callables."""
 
@@ -321,5 +327,7 @@ FORMULATIONS: tuple[str, ...]
 SELECTIONS: tuple[str, ...]
 """Words that options may be, the default first."""
 
-def increases(times: object, t0: float, t_end: float) -> bool: ...
+def increasing(times: object, t0: float, t_end: float) -> Array | None:
+    """Times that increase from t0 to t_end, as a flat array; None for others."""
+
 def version() -> str: ...

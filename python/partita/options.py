@@ -170,8 +170,9 @@ def output_times(t_eval: ArrayLike | None, t0: float, t_end: float) -> Array:
     """Times of the outputs (nt,): as given if increasing and inside the run; None: 201 evenly spaced ones."""
     if t_eval is None:
         return np.linspace(t0, t_end, OUTPUTS)
-    if type(t_eval) is np.ndarray and _core.increases(t_eval, t0, t_end):
-        return t_eval
+    increasing = _core.increasing(t_eval, t0, t_end)
+    if increasing is not None:
+        return increasing
     given = si("t_eval", t_eval, "s")
     try:
         times = floats(given)

@@ -23,6 +23,8 @@ __all__ = ["Geometry", "Partition", "choose", "geometry", "measure"]
 Array = NDArray[np.float64]
 # Rules that need one instant only.
 SELECTIONS = tuple(rule for rule in _core.SELECTIONS if rule != "persistence")
+# Those that compare the measure, in scales that can be chosen.
+_MEASURING = ("collective", "greedy", "normalised-determinant", "individual")
 # Entries of a mass matrix computed in two ways agree to round-off; a larger difference is an error in the formulas.
 _SYMMETRY = 1e-10
 
@@ -55,7 +57,7 @@ class Partition:
     rows: NDArray[np.int64]
 
 
-def measure(M: ArrayLike, C: ArrayLike) -> Array:
+def measure(M: ArrayLike, C: ArrayLike, *, scales: str | ArrayLike = "inertia") -> Array:
     """Projective measure rho (n,) of every coordinate (P4).
 
     The mobility of a coordinate with the constraints, relative to that without: 1 = not restricted, 0 = locked.
@@ -64,6 +66,14 @@ def measure(M: ArrayLike, C: ArrayLike) -> Array:
     Args:
         M: mass matrix (n, n), symmetric and positive definite.
         C: constraint Jacobian (m, n); m may be zero.
+        scales: lengths s_i by which the length of k_i along the possible motions is divided:
+
+            * "inertia": its whole length, sqrt of [M^-1]_ii: the projective measure.
+            * "diagonal": 1 / sqrt(M_ii), which needs no inverse. The values may exceed 1; for a diagonal M both agree.
+            * positive numbers (n,), in the units of the velocities: displacements, such as 1 for lengths and the
+              inverse of a length for angles, or tolerances of an integrator.
+
+            The ranking of the coordinates depends on them, but not on units as long as they change with the units.
 
     Raises:
         ArgumentError: wrong shapes, NaN, or M not symmetric and positive definite.
@@ -71,9 +81,13 @@ def measure(M: ArrayLike, C: ArrayLike) -> Array:
     >>> import partita as pt
     >>> pt.partition.measure([[1.0, 0.0], [0.0, 1.0]], [[3.0, 4.0]]).round(12).tolist()
     [0.8, 0.6]
+    >>> pt.partition.measure([[1.0, 0.0], [0.0, 1.0]], [[3.0, 4.0]], scales=[1.0, 0.5]).round(12).tolist()
+    [0.8, 1.2]
     """
     mass, jacobian = _checked(M, C)
-    return _core.measure(mass, jacobian)
+    rho = _core.measure(mass, jacobian)
+    factors = _scales(scales, mass)
+    return rho if factors is None else rho * factors
 
 
 def choose(
@@ -83,6 +97,7 @@ def choose(
     selection: str = "collective",
     threshold: float = 1.0,
     weights: ArrayLike | None = None,
+    scales: str | ArrayLike = "inertia",
     fixed: Iterable[int] | None = None,
 ) -> Partition:
     """Choose independent coordinates by a rule, at one instant.
@@ -111,6 +126,8 @@ def choose(
             result.
         weights: positive factors (n,) on the measures, to express preferences; None: all equal. Not for "determinant"
             and "complete-pivoting", which do not use the measure.
+        scales: of the measure by which "collective", "greedy", "normalised-determinant" and "individual" choose, as in
+            `measure`. rho, sigma and sqrt_mu of the result are those of "inertia" in any case.
         fixed: the k independent coordinates themselves, by index, instead of a rule.
 
     Raises:
@@ -151,16 +168,25 @@ def choose(
             f'threshold has no meaning for selection "{selection}", which makes no switches; leave it out',
             argument="threshold",
         )
-    preference = None if weights is None else _weights(weights, mass.shape[0])
+    preference = None if weights is None else _positive("weights", weights, mass.shape[0])
     if preference is not None and selection in ("determinant", "complete-pivoting"):
         raise ArgumentError(
             f'selection "{selection}" measures no coordinates and has no use for weights; leave them out',
             argument="weights",
         )
+    factors = _scales(scales, mass)
+    if factors is not None:
+        if selection not in _MEASURING:
+            raise ArgumentError(
+                f'selection "{selection}" does not divide by scales; leave them out, or choose among '
+                f"{', '.join(_MEASURING)}",
+                argument="scales",
+            )
+        preference = factors if preference is None else factors * preference
     own = None if fixed is None else _fixed("fixed", fixed, mass.shape[0])
     if own is not None and (selection != "collective" or preference is not None):
         raise ArgumentError(
-            "fixed names the independent coordinates, so no rule and no weights choose any; give one or the other",
+            "fixed names the independent coordinates, so no rule, weights or scales choose any; give one or the other",
             argument="fixed",
         )
     found = _core.choose(mass, jacobian, limit, preference, selection, own)
@@ -194,6 +220,11 @@ class Geometry:
         T_cd: (n, n), the rows of C M^-1, then those of D: T_cd M T_cd^T is block-diagonal in M_c and M_d. (11), (15)
         independent, dependent: the choice that D belongs to; lengths and projectors do not depend on it.
         rows: indices (r,) of the independent constraint rows; the others are redundant.
+
+        M, C: as given (n, n), (m, n).
+
+    Its properties judge the choice as a whole. They belong to the choice and to the space of the possible motions: with
+    another basis of that space in place of D they are the same.
     """
 
     k: Array
@@ -207,6 +238,59 @@ class Geometry:
     independent: NDArray[np.int64]
     dependent: NDArray[np.int64]
     rows: NDArray[np.int64]
+    M: Array
+    C: Array
+
+    @property
+    def D(self) -> Array:
+        """(k, n): basis of the possible motions that belongs to the choice; the identity in its independent columns."""
+        return self.T_cd[len(self.rows) :]
+
+    @property
+    def stretches(self) -> Array:
+        """(k,): singular values, from the largest down, of the chosen directions, normalised and projected onto the
+        possible motions: of block I of B = L^-1 D diag(1/k) with L L^T = M_d. (25) The last one is sigma. (26)"""
+        return 1.0 / np.sqrt(np.linalg.eigvalsh(self._natural))
+
+    @property
+    def volume(self) -> float:
+        """Volume that these directions span, the product of `stretches`: 1 best, 0 singular. With one degree of freedom
+        it equals rho of the chosen coordinate. Exchanging i for j multiplies it by |A_ji| k_i / k_j. (28)"""
+        return float(np.exp(-0.5 * np.linalg.slogdet(self._natural)[1]))
+
+    @property
+    def sigma(self) -> float:
+        """Smallest of `stretches`, as in `Partition`; 1 where no velocity is independent. (26)"""
+        return float(np.min(self.stretches, initial=1.0))
+
+    @property
+    def sqrt_mu(self) -> float:
+        """Smallest principal cosine between the chosen directions and the possible motions, as in `Partition`. (27)"""
+        return float(_core.choose(self.M, self.C, 1.0, None, "collective", self.independent.tolist())["sqrt_mu"])
+
+    @property
+    def cosine_product(self) -> float:
+        """Product of all these cosines, |det C_D| / sqrt(det M_c det M_DD): between sqrt_mu^k and sqrt_mu. (29)"""
+        d = self.dependent
+        block, inertia = self.C[np.ix_(self.rows, d)], self.M[np.ix_(d, d)]
+        logs = [float(np.linalg.slogdet(matrix)[1]) for matrix in (block, self.M_c, inertia)]
+        return float(np.exp(logs[0] - 0.5 * (logs[1] + logs[2])))
+
+    @property
+    def condition(self) -> float:
+        """Condition number of M_d in the natural units 1/k of the independent velocities. (30)"""
+        return float((np.max(self.stretches, initial=self.sigma) / self.sigma) ** 2)
+
+    @property
+    def condition_bound(self) -> float:
+        """k / sigma^2, which `condition` does not exceed. (30)"""
+        return max(1, len(self.independent)) / self.sigma**2
+
+    @property
+    def _natural(self) -> Array:
+        """M_d in natural units: its inverse is the product of block I of B with itself."""
+        units = self.k[self.independent]
+        return self.M_d * units * units[:, None]
 
 
 def geometry(M: ArrayLike, C: ArrayLike, independent: Iterable[int] | None = None) -> Geometry:
@@ -228,10 +312,12 @@ def geometry(M: ArrayLike, C: ArrayLike, independent: Iterable[int] | None = Non
     [0.0, 0.0]
     >>> g.P_d.round(12).tolist()
     [[0.64, -0.48], [-0.48, 0.36]]
+    >>> round(g.volume, 12), round(g.cosine_product, 12)      # k = 1: both are rho of the choice
+    (0.8, 0.8)
     """
     mass, jacobian = _checked(M, C)
     own = None if independent is None else _fixed("independent", independent, mass.shape[0])
-    return Geometry(**_core.geometry(mass, jacobian, own))
+    return Geometry(**_core.geometry(mass, jacobian, own), M=mass, C=jacobian)
 
 
 def _checked(M: ArrayLike, C: ArrayLike) -> tuple[Array, Array]:
@@ -268,15 +354,29 @@ def _matrix(what: str, values: ArrayLike) -> Array:
     return array
 
 
-def _weights(weights: ArrayLike, n: int) -> Array:
+def _scales(scales: str | ArrayLike, mass: Array) -> Array | None:
+    """(n,): by what the measure is multiplied in these scales; None: by nothing."""
+    if isinstance(scales, str) and scales not in ("inertia", "diagonal"):
+        raise ArgumentError(
+            f'scales must be "inertia", "diagonal" or {mass.shape[0]} positive numbers, not {shown(scales)}',
+            argument="scales",
+        )
+    if isinstance(scales, str) and scales == "inertia":
+        return None
+    own = 1.0 / np.sqrt(np.diag(mass)) if isinstance(scales, str) else _positive("scales", scales, mass.shape[0])
+    return np.asarray(geometry(mass, np.zeros((0, mass.shape[0]))).k / own)
+
+
+def _positive(what: str, values: ArrayLike, n: int) -> Array:
+    """n positive finite numbers."""
     try:
-        array = floats(weights)
+        array = floats(values)
     except TypeError as error:
-        raise ArgumentError(f"weights must be {n} numbers, not {shown(weights)}", argument="weights") from error
+        raise ArgumentError(f"{what} must be {n} numbers, not {shown(values)}", argument=what) from error
     if array.shape != (n,) or not np.all(np.isfinite(array)) or np.any(array <= 0.0):
         raise ArgumentError(
-            f"weights must be {n} positive finite numbers, not {shown(array.tolist())}",
-            argument="weights",
+            f"{what} must be {n} positive finite numbers, not {shown(array.tolist())}",
+            argument=what,
         )
     return array
 

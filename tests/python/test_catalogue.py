@@ -142,6 +142,15 @@ def test_unknown_entry_reports_the_nearest_name() -> None:
         pt.catalogue.load("andrew-squeezer")
 
 
+def test_first_words_of_a_name_are_enough() -> None:
+    assert pt.catalogue.entry("scissor").name == "scissor-lift"
+    assert pt.catalogue.entry("bricard").name == "bricard"  # itself, though another one begins with it
+    with pytest.raises(pt.errors.UnknownNameError, match="stewart-sps"):
+        pt.catalogue.load("stewart")
+    with pytest.raises(pt.errors.UnknownNameError):
+        pt.catalogue.load("scis")
+
+
 def test_unknown_parameter_is_refused() -> None:
     with pytest.raises(pt.errors.ArgumentError, match="loops"):
         pt.catalogue.load("bricard", loops=2)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import signal
 import threading
 import time
@@ -350,6 +351,37 @@ def test_command_compares_in_absolute_coordinates(capsys: pytest.CaptureFixture[
     assert main([*words, "--coordinates", "absolute"]) == 0
     said = capsys.readouterr().out
     assert said.count("finished") == 2
+
+
+def test_command_compares_several_mechanisms_one_after_the_other(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["--time", "0.1", "--formulations", "projective,multipliers", "--rules", "collective"]
+    assert main(["compare", "bennett", "scissor", *words]) == 0
+    said = capsys.readouterr().out
+    assert said.count("finished") == 4 and said.index("bennett: 0.1 s") < said.index("\n\nscissor-lift: 0.1 s")
+    assert main(["compare", "bennett", "scissor", *words, "--json"]) == 0
+    both = json.loads(capsys.readouterr().out)["comparisons"]
+    assert [one["model"] for one in both] == ["bennett", "scissor"]
+    assert all(row["acceleration"] < 1e-9 for one in both for row in one["rows"])
+    assert main(["compare", "bennett", "scissor", *words, "--csv", "rows.csv"]) == 2
+    assert "one by one" in capsys.readouterr().err
+
+
+def test_a_run_that_cannot_begin_says_why_in_a_word() -> None:
+    """Largest measures that fail together, at the start or on the way, and coordinates that a form does not have."""
+    entry = pt.catalogue.entry("delta")
+    m = entry.mechanism()
+    (alone,) = m.compare(0.1, initial=entry.initial(m), formulations=["projective: individual"]).rows
+    assert alone.status == "singular" and "elbow 1a.wx" in alone.message
+    for coordinates, status in (("relative", "singular"), ("absolute", "step-too-small")):
+        entry = pt.catalogue.entry("rssr")
+        m = entry.mechanism()
+        start = m.convert(entry.initial(m), coordinates)
+        names = ["projective: individual", "explicit-closing"]
+        found = m.compare(1.0, initial=start, coordinates=coordinates, formulations=names)
+        assert found.row("projective: individual").status == status
+        assert found.row("projective: individual").sigma < 0.05
+        assert found.row("explicit-closing").finished == (coordinates == "relative")
+    assert found.row("explicit-closing").status == "not applicable"
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ sqrt(M_ii) for velocities, the diagonal of a metric for its entries. 1e-9 is ask
 
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -289,3 +290,109 @@ def test_an_instant_of_a_system_with_prescribed_motion() -> None:
     np.testing.assert_allclose(i.C @ i.v + i.a, [0.0], atol=1e-15)
     np.testing.assert_allclose(i.C @ i.vdot + i.b, [0.0], atol=1e-15)
     np.testing.assert_allclose(i.M @ i.vdot, i.h + i.C.T @ i.multipliers, atol=1e-15)
+
+
+@pytest.mark.parametrize("seed", SEEDS[:60])
+def test_volume_cosines_and_conditioning_of_a_choice(seed: int) -> None:
+    """(25)-(30), for the collective choice and for one by chance, against the matrices themselves."""
+    M, C = hard_pair(seed)
+    best = pt.partition.choose(M, C)
+    for choice in (best, pt.partition.choose(M, C, selection="complete-pivoting")):
+        g = pt.partition.geometry(M, C, choice.independent)
+        i, d, k = g.independent, g.dependent, len(g.independent)
+        assert g.D.tolist() == choice.D.tolist()
+        inverse = np.linalg.inv(M)
+        block = np.linalg.solve(np.linalg.cholesky(g.M_d), g.D) / g.k  # (25)
+        np.testing.assert_allclose(np.linalg.norm(block, axis=0), choice.rho, atol=WITHIN)
+        known = np.linalg.svd(block[:, i], compute_uv=False)
+        # by M_d squared, so to the square root of its condition
+        np.testing.assert_allclose(np.sort(g.stretches)[::-1], known, rtol=WITHIN * g.condition**0.5)
+        assert g.sigma == pytest.approx(choice.sigma, rel=WITHIN * g.condition**0.5)
+        assert g.sqrt_mu == pytest.approx(choice.sqrt_mu, rel=1e-6)
+        assert g.volume == pytest.approx(abs(np.prod(known)), rel=1e-6)
+        logs = {name: np.linalg.slogdet(matrix)[1] for name, matrix in (
+            ("C_D", C[:, d]), ("M", M), ("M_c", g.M_c), ("M_DD", M[np.ix_(d, d)]), ("inverse", inverse[np.ix_(i, i)]),
+            ("M_d", g.M_d))}  # fmt: skip
+        volume = logs["C_D"] - 0.5 * (logs["M"] + logs["M_c"] + np.log(np.diag(inverse)[i]).sum())
+        assert np.log(g.volume) == pytest.approx(volume, abs=1e-6)  # (28)
+        cosines = -0.5 * (logs["M_d"] + logs["inverse"])
+        assert np.log(g.cosine_product) == pytest.approx(cosines, abs=1e-6)  # (29)
+        assert g.sqrt_mu**k * (1.0 - 1e-6) <= g.cosine_product <= g.sqrt_mu * (1.0 + 1e-6)
+        natural = g.M_d * np.outer(g.k[i], g.k[i])
+        assert g.condition == pytest.approx(np.linalg.cond(natural), rel=1e-4)  # (30)
+        assert g.condition <= g.condition_bound * (1.0 + WITHIN)
+        assert g.volume <= pt.partition.geometry(M, C, best.independent).volume * (1.0 + WITHIN) or k > 1
+
+
+@pytest.mark.parametrize("seed", SEEDS[:60])
+def test_no_exchange_improves_a_choice_in_its_own_scales(seed: int) -> None:
+    """What an exchange multiplies the volume by is |A_ji| s_i / s_j, whatever the scales; (32) holds in diag(M)."""
+    M, C = hard_pair(seed)
+    own = 10.0 ** np.random.default_rng(seed).uniform(-2.0, 2.0, size=M.shape[0])
+    lengths = pt.partition.geometry(M, C).k_tangential
+    for scales, sizes in (("diagonal", np.diag(M) ** -0.5), (own, own)):
+        np.testing.assert_allclose(pt.partition.measure(M, C, scales=scales), lengths / sizes, rtol=1e-6)
+        choice = pt.partition.choose(M, C, scales=scales)
+        i, d = choice.independent, choice.dependent
+        assert np.max(np.abs(choice.A) * sizes[i] / sizes[d][:, None]) <= 1.0 + 1e-6
+        rho = pt.partition.measure(M, C, scales=scales)
+        first = pt.partition.choose(M, C, selection="individual", scales=scales) if len(i) == 1 else None
+        assert first is None or rho[first.independent[0]] == pytest.approx(rho.max())
+    i = pt.partition.choose(M, C, scales="diagonal").independent
+    bound = (1.0 + len(i) * (M.shape[0] - len(i))) ** -0.5
+    assert pt.partition.geometry(np.diag(np.diag(M)), C, i).sigma >= bound * (1.0 - 1e-6)
+
+
+def test_scales_change_with_the_units_and_the_choice_does_not() -> None:
+    M, C = random_pair(3, 6, 3)
+    lengths = np.array([1.0, 1.0, 0.2, 1.0, 1.0, 0.5])
+    unit = 10.0 ** np.array([3.0, 0.0, -2.0, 3.0, 0.0, 1.0])
+    changed = M / np.outer(unit, unit), C / unit
+    for here, there in (("diagonal", "diagonal"), (lengths, lengths * unit)):
+        np.testing.assert_allclose(
+            pt.partition.measure(*changed, scales=there), pt.partition.measure(M, C, scales=here), rtol=1e-9
+        )
+        chosen = [pt.partition.choose(*changed, scales=there), pt.partition.choose(M, C, scales=here)]
+        assert chosen[0].independent.tolist() == chosen[1].independent.tolist()
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"scales": "mass"},
+        {"scales": [1.0]},
+        {"scales": [1.0, 0.0]},
+        {"scales": [1.0, float("nan")]},
+        {"scales": "diagonal", "selection": "determinant"},
+        {"scales": "diagonal", "selection": "geometric"},
+        {"scales": "diagonal", "fixed": [0]},
+    ],
+)
+def test_impossible_scales_are_refused(options: dict[str, object]) -> None:
+    with pytest.raises(pt.errors.ArgumentError, match="scales"):
+        pt.partition.choose(np.eye(2), [[3.0, 4.0]], **options)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("name", ["bricard", "cv-shaft", "delta", "scissor-lift", "three-rrr"])
+def test_a_run_gives_the_geometry_of_its_choice(name: str) -> None:
+    """Of each output, with the choice in use there; redundant rows are those of the run."""
+    entry = pt.catalogue.entry(name)
+    run = entry.simulate(t_eval=np.linspace(0.0, min(1.0, entry.duration), 6))
+    for output in range(6):
+        g = run.geometry(output)
+        assert g.independent.tolist() == run.independent[output].tolist()
+        assert g.sigma == pytest.approx(run.sigma[output], abs=WITHIN)
+        assert g.sqrt_mu == pytest.approx(run.sqrt_mu[output], abs=WITHIN)
+        np.testing.assert_allclose(g.k_tangential / g.k, run.measure[output], atol=WITHIN)
+    with pytest.raises(pt.errors.ArgumentError, match="no output 6"):
+        run.geometry(6)
+
+
+def test_a_run_without_a_model_has_no_geometry(tmp_path: Path) -> None:
+    run = pt.catalogue.load("four-bar").simulate(0.1)
+    stored = pt.load_result(run.save(tmp_path / "run.json"))
+    with pytest.raises(pt.errors.ArgumentError, match="simulate again"):
+        stored.geometry()
+    nothing = pt.catalogue.entry("gear-pair").simulate(t_eval=[0.0, 0.1])
+    g = nothing.geometry()
+    assert (g.volume, g.sigma, g.condition, len(g.stretches)) == (1.0, 1.0, 1.0, 0)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 from paper_runs import ROOT, SCRIPTS, folder, numbers
 
-NAMES = ("pendulum", "four_bar_turn", "drift", "orders", "determinant", "individual", "frozen", "switching")
+NAMES = ("pendulum", "four_bar_turn", "drift", "orders", "determinant", "individual", "frozen", "switching",
+         "closing", "reactions")  # fmt: skip
 GEOMETRY = ("geometry_pendulum", "geometry_four_bar")
 
 
@@ -135,6 +136,80 @@ def test_frozen_tangent_fades() -> None:
     # the run tells the quality of the same velocities, at positions closed to round-off
     assert found["run with frozen velocities: largest difference up to 100 deg"] < 1e-12
     assert found["least quality of the switched coordinates"] > 0.5
+
+
+def test_a_frozen_tangent_fades_by_coordinates_and_start() -> None:
+    """In joint coordinates from 0.8 rad it hardly does; in absolute ones it fails somewhere in every turn."""
+    found = numbers("frozen", True)
+    assert found["relative from 0.8 rad: after 120 deg"] > 0.92 > 0.3 > found["relative from 0.8 rad: least in a turn"]
+    assert found["relative from 2 rad: least in a turn"] > 0.6
+    for start in ("0.8", "0", "2"):
+        assert found[f"absolute from {start} rad: least in a turn"] == 0.0
+        assert found[f"relative from {start} rad: after 120 deg"] > found["absolute from 0.8 rad: after 120 deg"]
+
+
+def test_tangents_without_masses_span_one_space_with_different_bases() -> None:
+    found = numbers("frozen", True)
+    # by eigenvalues of C^T C to half the digits, squared in a cosine
+    assert found["delta: largest difference of sqrt(mu) between the four"] < 1e-9
+    assert (
+        found["delta: largest sigma of the four at the start"]
+        > 1.2 * found["delta: least sigma of the four at the start"]
+    )
+
+
+def test_closed_form_gives_the_jacobian_s_kinematics() -> None:
+    found = numbers("closing", True)
+    assert (found["dyads"], found["assemblies for one angle of the crank"]) == (3, 8)
+    assert found["circles: largest |Phi| over a turn"] < 1e-14  # round-off of lengths up to 1 m
+    assert found["|det C_D| over the product of the pivots: largest deviation from 1"] < 1e-12
+    assert found["C_D: largest entry above the blocks"] == 0.0
+    # differences of fourth order over steps of a thousandth of a radian
+    assert found["A: largest difference from that of the Jacobian"] < 1e-8
+    assert found["xi: largest difference from that of the Jacobian"] < 1e-6
+    assert found["least pivot over a turn, in parts of the largest"] > 0.1
+    assert found["run: largest distance of the knee from the circles"] < 1e-13
+
+
+def test_closed_form_needs_no_iteration_and_keeps_its_branch() -> None:
+    found = numbers("closing", True)
+    assert found["explicit-closing: Newton iterations for each"] == 0.0
+    assert found["wehage-haug: Newton iterations for each"] > 1.0
+    assert max(found["explicit-closing: largest |Phi|"], found["wehage-haug: largest |Phi|"]) < 1e-13
+    assert found["runs: largest distance of the knees of the two"] < 1e-8  # errors of integration at rtol 1e-9
+    assert found["Newton: largest jump that keeps it everywhere [deg]"] >= 1.0
+    assert found["Newton: share that loses it, largest"] > 0.5
+
+
+def test_reactions_agree_by_three_routes() -> None:
+    found = numbers("reactions", True)
+    for name in (
+        "joints: sweep against cut, relative",
+        "joints: augmented against cut, relative",
+        "bodies: Newton-Euler residual, relative",
+        "power of the reactions, in parts of its terms",
+    ):
+        assert found[name] < 1e-12, name  # round-off of some hundred operations
+    assert found["multipliers: (42) against (40), relative"] < 1e-12
+    assert found["multipliers: (41) against (40), relative"] < 1e-9  # round-off over the least sqrt(mu), 1e-4
+    assert found["lambda by C_D^-T (M v' - h)_D: largest difference [N]"] < 1e-12
+    known = {
+        "lambda at 0.8 rad and 1.5 rad/s, x [N]": 7.546968149505,
+        "lambda at 0.8 rad and 1.5 rad/s, y [N]": 27.999622165247,
+        "(M v' - h)_D there, first [N m]": 47.505507711703,
+        "(M v' - h)_D there, second [N m]": -5.971888165969,
+    }
+    for name, value in known.items():
+        assert found[name] == pytest.approx(value, abs=1e-9)
+
+
+def test_a_poor_choice_amplifies_errors_of_reactions() -> None:
+    """1/sqrt(mu) is attained by the worst error, and by errors by chance never exceeded."""
+    found = numbers("reactions", True)
+    assert found["amplification by (41): largest deviation from 1/sqrt(mu), relative"] < 1e-9
+    assert 0.5 < found["amplification by (41): largest by chance over 1/sqrt(mu)"] <= 1.0 + 1e-9
+    assert max(found[f"amplification with {joint} independent: largest"] for joint in "AB") < 1.4
+    assert found["amplification with C independent: largest"] > 10.0
 
 
 def test_only_mass_orthonormal_velocities_are_perfect_when_made() -> None:

@@ -99,7 +99,9 @@ def compared() -> Callable[[str], Any]:
     return cache(lambda name: tool("compare_page").TABLES[name].compare())
 
 
-TABLES = ("four-bar", "reference-four-bar", "rod-pendulum", "three-rrr", "rssr", "n-four-bar", "andrews-squeezer")
+OVERCONSTRAINED = ("bennett", "bricard", "exechon-like", "scissor-lift")
+TABLES = ("four-bar", "reference-four-bar", "rod-pendulum", "three-rrr", "rssr", "n-four-bar", "andrews-squeezer",
+          *OVERCONSTRAINED, "delta")  # fmt: skip
 
 
 @pytest.mark.parametrize("name", TABLES)
@@ -110,6 +112,36 @@ def test_tables_of_the_comparison_are_current(name: str, compared: Callable[[str
     shown = module.outline(module.tables()[name])
     assert shown["columns"] == list(COLUMNS) and len(shown["rows"]) > len(FORMULATIONS)
     assert module.outline(str(compared(name))) == shown
+
+
+def test_sentences_on_overconstrained_loops_are_true(compared: Callable[[str], Any]) -> None:
+    """What docs/compare.md says below its last five tables."""
+    redundant = {name: compared(name).reference.summary for name in (*OVERCONSTRAINED, "delta")}
+    assert [x["joint_rows"] - x["joint_rank"] for x in redundant.values()] == [3, 1, 2, 12, 0]
+    assert redundant["delta"]["mobility"] == 9 and len(pt.catalogue.entry("delta").truth.idle) == 6
+    for name in redundant:
+        rows = compared(name).rows
+        assert all(row.finished for row in rows if row.status not in ("needs tangent", "singular")), name
+        assert max(row.acceleration for row in rows if row.acceleration is not None) < 1e-12, name
+        assert all(row.acceleration is not None for row in rows if row.finished), name
+    assert [row.name for name in redundant for row in compared(name).rows if row.status == "singular"] == [
+        "projective: individual"
+    ]
+    refused = compared("delta").row("projective: individual")
+    assert refused.message.count("elbow") == 9
+    assert compared("reference-four-bar").row("explicit-closing").status == "not applicable"
+
+    def row(table: str, name: str) -> Any:
+        return compared(table).row(name)
+
+    for name in ("bennett", "bricard"):
+        (block,) = pt.catalogue.load(name).assemblies().blocks
+        assert block.startswith("implicit block")
+        assert row(name, "explicit-closing").newton_iterations > 0
+    assert row("scissor-lift", "explicit-closing").newton_iterations == 0 < row("scissor-lift", "wehage-haug").steps
+    assert row("exechon-like", "explicit-closing").sigma < 0.01 < 0.5 < row("exechon-like", "projective").sigma
+    lowest = min(row("delta", name).sigma for name in ("svd", "qr", "zero-eigenvalue", "liang-lance"))
+    assert lowest < 0.1 < row("delta", "projective").sigma
 
 
 def test_sentences_of_the_comparison_are_true(compared: Callable[[str], Any]) -> None:
@@ -180,6 +212,10 @@ def test_site_is_put_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(module, "scripts", scripts)
     shown = ("four-bar", "bennett")
     module.stage(tmp_path, short=True, only=shown)
+    for name in shown:  # both cranks make a turn
+        page = text_of(tmp_path / "gallery" / f"{name}.md")
+        assert "quality of the choice over the first turn of A:" in page
+        assert f"](quality/{name}.png)" in page and (tmp_path / "gallery" / "quality" / f"{name}.png").is_file()
     written = {path.relative_to(tmp_path).with_suffix("").as_posix() for path in tmp_path.rglob("*.md")}
     listed = [page for text in map(text_of, tmp_path.rglob("*.md")) for page in listed_pages(text)]
     outline = module.scripts(module.TOOLS, "website.outline")

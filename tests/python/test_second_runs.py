@@ -135,7 +135,7 @@ def test_threads_that_share_a_model_get_what_one_gets(name: str) -> None:
         asked = run_options.options(state.t, span, model.velocity_names, formulation=forms[i % 3])
         raw = run_options.run(model.core, asked, np.clip(times, state.t, asked["t_end"]), state.q, state.v, False)
         assert raw["success"]
-        return raw["q"].tobytes(), raw["v"].tobytes()
+        return raw["arrays"]["q"].tobytes(), raw["arrays"]["v"].tobytes()
 
     wanted = [run(i) for i in range(6)]
     with ThreadPoolExecutor(4) as pool:

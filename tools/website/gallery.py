@@ -8,15 +8,21 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from partita import catalogue
+from partita.errors import PartitaError
+from partita.plots.measure import draw_measure
+from partita.plots.style import COLOURS, dressed, new_figure
+from partita.results import Result
 from partita.viewer import scene
 
 Points = NDArray[np.float64]
 ANSWERED = "With published or closed-form answers"
 WIDTH, HEIGHT, MARGIN = 220.0, 150.0, 16.0
 GROUND = -1
+QUALITY, OUTPUTS = "quality", 121
 
 
 def build(folder: Path, live: Path, only: tuple[str, ...] | None = None) -> None:
@@ -54,6 +60,13 @@ def _mechanism(name: str, folder: Path, live: Path) -> str:
     entry = catalogue.entry(name)
     run = entry.simulate()
     run.to_html(live / f"{name}.html")
+    judged = []
+    if run.independent.shape[1]:  # else every position is prescribed
+        over = quality(entry, run, folder / QUALITY / f"{name}.png")
+        judged = [
+            f"[The measure](../measure.md) of each velocity and the quality of the choice over {over}:",
+            f"![rho of the velocities with the chosen ones on top; volume, sigma and sqrt(mu)]({QUALITY}/{name}.png)",
+        ]
     title = entry.title[0].upper() + entry.title[1:]
     summary = run.summary
     facts = [
@@ -74,6 +87,7 @@ def _mechanism(name: str, folder: Path, live: Path) -> str:
         "| | |\n|---|---|\n" + "\n".join(f"| {what} | {value} |" for what, value in facts),
         *why,
         *([entry.notes] if entry.notes else []),
+        *judged,
         f"Source: {entry.source}.",
         f'```python\nimport partita as pt\n\nentry = pt.catalogue.entry("{name}")\nrun = entry.simulate()\n'
         f'run.to_html("{name}.html")\n```',
@@ -83,6 +97,51 @@ def _mechanism(name: str, folder: Path, live: Path) -> str:
         f'<a class="card" href="{name}.html">{picture(scene.describe(run, None), run)}'
         f"<b>{escape(name)}</b><span>{escape(entry.title)}</span></a>\n"
     )
+
+
+def turn(run: Result) -> tuple[float, str]:
+    """When the first hinge has made a whole turn, and what it is; the whole run where none does."""
+    found = [(float(run.t[-1]), f"the run of {run.t[-1]:g} s")]
+    for joint in run.summary["joints"]:
+        angle = run.joint(joint["name"]).position
+        if joint["kind"] == "revolute" and angle.shape[1] == 1:
+            far = np.flatnonzero(np.abs(angle[:, 0] - angle[0, 0]) >= 2.0 * np.pi)
+            found += [(float(run.t[far[0]]), f"the first turn of {joint['name']}")] if len(far) else []
+    return min(found)
+
+
+def quality(entry: catalogue.Entry, run: Result, path: Path) -> str:
+    """Draw rho, volume, sigma and sqrt(mu) over one turn; what it is over, in words."""
+    end, words = turn(run)
+    m = entry.mechanism()
+    shown = m.simulate(end, initial=entry.initial(m), t_eval=np.linspace(0.0, end, OUTPUTS), **entry.options)
+    k = shown.independent.shape[1]
+    figure = new_figure(8.6, 2.6 if k <= 3 else 3.6)  # more bands on top of the measure leave less room below
+    grid = figure.add_gridspec(1, 2, width_ratios=[1.3, 1.0])
+    draw_measure(shown, figure, grid[0])
+    ax = dressed(figure.add_subplot(grid[1]), "Quality of the choice", "")
+    lines = {"volume": volumes(shown), "σ": shown.sigma, "√μ": shown.sqrt_mu}
+    for n, (label, values) in enumerate(lines.items()):
+        ax.plot(shown.t, values, ("-", "--", ":")[n], color=COLOURS[n], lw=1.3, label=label)
+    ax.set_ylim(-0.03, 1.05)
+    ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=8, frameon=False)
+    for each in figure.axes:
+        each.xaxis.set_major_locator(MaxNLocator(5))
+    path.parent.mkdir(exist_ok=True)
+    figure.savefig(path)
+    return words
+
+
+def volumes(run: Result) -> Points:
+    """Volume of the choice at each output; NaN at singular positions."""
+
+    def volume(output: int) -> float:
+        try:
+            return run.geometry(output).volume
+        except PartitaError:
+            return float("nan")
+
+    return np.array([volume(output) for output in range(len(run.t))])
 
 
 def picture(drawn: dict[str, Any], run: Any) -> str:

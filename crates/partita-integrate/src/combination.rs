@@ -34,6 +34,21 @@ impl Row {
         Self { terms: terms.into_boxed_slice() }
     }
 
+    /// A row over this many slots whose weights change; all zero.
+    pub(crate) fn full(slots: usize, stride: usize) -> Self {
+        Self { terms: (0..slots).map(|slot| Term { offset: slot * stride, weight: 0.0 }).collect() }
+    }
+
+    /// Other weights, for a row over all slots.
+    pub(crate) fn set(&mut self, weights: &[f64]) {
+        self.terms.iter_mut().zip(weights).for_each(|(term, weight)| term.weight = *weight);
+    }
+
+    /// The weights of another row over the same slots.
+    pub(crate) fn set_as(&mut self, other: &Self) {
+        self.terms.copy_from_slice(&other.terms);
+    }
+
     /// `Σ w_j k_j` on the tile that begins at component `at`.
     #[inline(always)]
     pub(crate) fn tile(&self, stages: &[f64], at: usize) -> [f64; TILE] {

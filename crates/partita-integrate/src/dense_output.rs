@@ -43,6 +43,18 @@ impl DenseOutput {
         Self { extra, ready: false, rows, stride, coefficients }
     }
 
+    /// This many rows over all slots, whose weights change from step to step.
+    pub(crate) fn remade(rows: usize, slots: usize, stride: usize) -> Self {
+        let coefficients = vec![0.0; (3 + rows) * stride];
+        let rows = (0..rows).map(|_| Row::full(slots, stride)).collect();
+        Self { extra: Vec::new(), ready: false, rows, stride, coefficients }
+    }
+
+    /// The weights of such rows.
+    pub(crate) fn set_rows<const N: usize>(&mut self, weights: &[[f64; N]]) {
+        self.rows.iter_mut().zip(weights).for_each(|(row, weights)| row.set(weights));
+    }
+
     /// Compute `F` from the stages, the extra ones included; `f_new` is in `end_slot`.
     pub(crate) fn fill(&mut self, stages: &[f64], end_slot: usize, h: f64, y_old: &[f64], y_new: &[f64]) {
         let n = self.stride;

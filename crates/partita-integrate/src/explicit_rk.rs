@@ -4,10 +4,12 @@
 
 mod access;
 mod fixed_grid;
+mod memory;
 mod method;
 mod obstacles;
 
 use self::fixed_grid::FixedGrid;
+use self::memory::Memory;
 use self::method::Method;
 use crate::combination::{first_not_finite, padded};
 use crate::counters::Counters;
@@ -43,6 +45,8 @@ pub struct ExplicitRungeKutta {
     stride: usize,
     options: Options,
     method: Method,
+    /// Slopes of earlier steps, where the method uses them.
+    memory: Option<Memory>,
     // the state: all vectors padded with zeros to `stride`
     t_old: f64,
     t_new: f64,
@@ -76,6 +80,18 @@ impl ExplicitRungeKutta {
     /// # Errors
     /// Options that contradict themselves or the method, such as error control for a method without an estimate.
     pub fn new(tableau: &'static Tableau, dim: usize, options: Options) -> Result<Self, OptionsError> {
+        Self::made(tableau, false, dim, options)
+    }
+
+    /// As `new`, for the method of Adams, Bashforth and Moulton that starts with a table of two stages.
+    ///
+    /// # Errors
+    /// See [`new`](Self::new).
+    pub fn remembering(tableau: &'static Tableau, dim: usize, options: Options) -> Result<Self, OptionsError> {
+        Self::made(tableau, true, dim, options)
+    }
+
+    fn made(tableau: &'static Tableau, remembers: bool, dim: usize, options: Options) -> Result<Self, OptionsError> {
         options.check(dim)?;
         if options.fixed_step.is_none() && matches!(tableau.error, ErrorWeights::None) {
             return Err(OptionsError::NeedsFixedStep { method: tableau.name });
@@ -83,7 +99,11 @@ impl ExplicitRungeKutta {
         let stride = padded(dim);
         let vector = || vec![0.0; stride];
         Ok(Self {
-            method: Method::new(tableau, stride),
+            method: match remembers {
+                true => Method::remade(memory::SLOTS, stride),
+                false => Method::new(tableau, stride),
+            },
+            memory: remembers.then(|| Memory::new(stride)),
             t_old: 0.0,
             t_new: 0.0,
             t_end: 0.0,
@@ -92,7 +112,7 @@ impl ExplicitRungeKutta {
             y_old: vector(),
             y_new: vector(),
             y_stage: vector(),
-            stages: vec![0.0; tableau.slots() * stride],
+            stages: vec![0.0; if remembers { memory::SLOTS } else { tableau.slots() } * stride],
             phase: Phase::Ready,
             step: 0.0,
             direction: 1.0,
@@ -102,7 +122,10 @@ impl ExplicitRungeKutta {
             error: 0.0,
             norm: ErrorNorm::new(&options, dim, stride),
             controller: controller(tableau),
-            dense: DenseOutput::new(tableau, stride),
+            dense: match remembers {
+                true => DenseOutput::remade(memory::MOST - 2, memory::SLOTS, stride),
+                false => DenseOutput::new(tableau, stride),
+            },
             counters: Counters::default(),
             tableau,
             dim,
@@ -178,6 +201,9 @@ impl ExplicitRungeKutta {
         t_new: f64,
     ) -> Result<(), (f64, RhsError<E>)> {
         let (n, dim, c) = (self.stride, self.dim, self.tableau.c);
+        if let Some(memory) = &mut self.memory {
+            memory.prepare(self.t_old, h, &mut self.method);
+        }
         let inner = if self.tableau.fsal { self.tableau.stages - 1 } else { self.tableau.stages };
         for i in 1..inner {
             self.method.stages[i].advance(&self.stages, h, &self.y_old, &mut self.y_stage);
@@ -205,8 +231,19 @@ impl ExplicitRungeKutta {
                 Err(RhsError::Fatal(error)) => return Err(StepFailure::Rhs { t, error }),
             }
         }
+        if let Some(memory) = &self.memory {
+            memory.fill_dense(&mut self.dense);
+        }
         self.dense.fill(&self.stages, self.tableau.end_slot(), h, &self.y_old, &self.y_new);
         Ok(())
+    }
+
+    /// Forget the slopes of earlier steps.
+    fn forget(&mut self) {
+        if let Some(memory) = &mut self.memory {
+            memory.forget();
+            self.controller.set_order(memory.order());
+        }
     }
 
     fn slot(&self, slot: usize) -> &[f64] {
@@ -224,6 +261,7 @@ impl<E: Display> Stepper<E> for ExplicitRungeKutta {
         self.phase = Phase::Ready;
         self.dense.ready = false;
         self.controller.reset();
+        self.forget();
         if let Some(component) = first_not_finite(&self.y_old) {
             return Err(StepFailure::NotFinite { t, component });
         }
@@ -279,6 +317,10 @@ impl<E: Display> Stepper<E> for ExplicitRungeKutta {
             }
             self.counters.rejected += 1;
             self.step = h.abs() * self.controller.rejected(error);
+            if let Some(memory) = &mut self.memory {
+                memory.failed();
+                self.controller.set_order(memory.order());
+            }
             self.check_length(h, &mut obstacle)?;
         }
     }

@@ -28,9 +28,31 @@ impl Method for Tableau {
     }
 }
 
+/// The method of Adams, Bashforth and Moulton, of orders two to ten with variable steps: two evaluations a step.
+///
+/// It predicts with the slopes of earlier steps, so it begins anew, at order two, wherever the coordinates or the forces
+/// change: at a switch of independent coordinates, at a breakpoint, after a singular position. For smooth motions whose
+/// evaluations are expensive; for all others a one-step method is cheaper.
+#[derive(Debug)]
+pub struct Adams;
+
+/// The one of its kind.
+pub static ADAMS: Adams = Adams;
+
+impl Method for Adams {
+    fn name(&self) -> &'static str {
+        tableau::HEUN_EULER.name
+    }
+
+    fn stepper(&'static self, dim: usize, options: Options) -> Result<Box<dyn Stepper<SystemError>>, OptionsError> {
+        Ok(Box::new(ExplicitRungeKutta::remembering(&tableau::HEUN_EULER, dim, options)?))
+    }
+}
+
 /// Every method, the recommended one first.
 pub fn all() -> impl Iterator<Item = &'static dyn Method> {
-    tableau::METHODS.into_iter().map(|tableau| tableau as &dyn Method)
+    let tables = tableau::METHODS.into_iter().map(|tableau| tableau as &dyn Method);
+    tables.chain([&ADAMS as &dyn Method])
 }
 
 /// The method called `name`, if there is one.

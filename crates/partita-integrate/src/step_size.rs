@@ -63,6 +63,11 @@ impl StepController {
         (SAFETY * err.powf(-self.exponent)).max(SMALLEST_FACTOR)
     }
 
+    /// The estimate is of this order from now on.
+    pub fn set_order(&mut self, error_order: usize) {
+        self.exponent = 1.0 / (error_order as f64 + 1.0) - 0.75 * self.beta;
+    }
+
     /// Forbid the next accepted step to lengthen the one after it.
     pub fn hold(&mut self) {
         self.may_grow = false;

@@ -7,12 +7,14 @@
 //! The tests check every table against the order conditions of all rooted trees up to its order, for the step, for
 //! the error estimate and for dense output. A new method is a new file here and one entry in [`METHODS`].
 
+mod adams;
 mod bs23;
 mod dop853;
 mod dopri5;
 mod rk4;
 mod tsit5;
 
+pub use adams::HEUN_EULER;
 pub use bs23::BS23;
 pub use dop853::DOP853;
 pub use dopri5::DOPRI5;

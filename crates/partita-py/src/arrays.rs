@@ -2,10 +2,12 @@
 
 use numpy::ndarray::{ArrayD, IxDyn};
 use numpy::{
-    IntoPyArray, PyArrayDyn, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods, ToPyArray,
+    IntoPyArray, PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArray,
+    PyUntypedArrayMethods, ToPyArray,
 };
 use partita_math::dense::Matrix;
 use pyo3::prelude::*;
+use pyo3::types::{PyFloat, PyList, PyTuple};
 use std::borrow::Cow;
 
 use crate::failure::raise;
@@ -29,14 +31,31 @@ pub fn any_vector(x: &PyReadonlyArray1<'_, f64>) -> Vec<f64> {
     x.as_array().iter().copied().collect()
 }
 
-/// Whether `times` is a flat array of increasing numbers from t0 to t_end.
+/// `times` as a flat array of floats where it is one, or a list or tuple of floats, and increases from t0 to t_end; None
+/// otherwise.
 #[pyfunction]
-pub fn increases(times: &Bound<'_, PyAny>, t0: f64, t_end: f64) -> bool {
-    let Ok(times) = times.extract::<PyReadonlyArray1<'_, f64>>() else { return false };
-    let times = entries_of(&times);
-    let (Some(first), Some(last)) = (times.first(), times.last()) else { return false };
+pub fn increasing<'py>(times: &Bound<'py, PyAny>, t0: f64, t_end: f64) -> Option<Bound<'py, PyAny>> {
     // written so that NaN is outside
-    *first >= t0 && *last <= t_end && times.windows(2).all(|x| x[0] < x[1])
+    let fits = |x: &[f64]| match x {
+        [first, .., last] => *first >= t0 && *last <= t_end && x.windows(2).all(|x| x[0] < x[1]),
+        [only] => t0 <= *only && *only <= t_end,
+        [] => false,
+    };
+    if times.is_exact_instance_of::<PyUntypedArray>() {
+        let array = times.cast::<PyArray1<f64>>().ok()?.try_readonly().ok()?;
+        return fits(&entries_of(&array)).then(|| times.clone());
+    }
+    let listed: Vec<f64> = if let Ok(list) = times.cast_exact::<PyList>() {
+        list.iter().map(|x| number(&x)).collect::<Option<_>>()?
+    } else {
+        times.cast_exact::<PyTuple>().ok()?.iter().map(|x| number(&x)).collect::<Option<_>>()?
+    };
+    fits(&listed).then(|| listed.into_pyarray(times.py()).into_any())
+}
+
+/// A float; None for everything else.
+fn number(x: &Bound<'_, PyAny>) -> Option<f64> {
+    x.cast::<PyFloat>().ok().map(|x| x.value())
 }
 
 /// An array of the given shape from its entries, row by row.

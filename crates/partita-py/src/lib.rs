@@ -22,6 +22,10 @@ mod waiting;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
+/// Setting up a run asks for some hundred small pieces of memory and gives them back.
+#[global_allocator]
+static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
+
 /// Version of the core.
 #[pyfunction]
 fn version() -> &'static str {
@@ -43,7 +47,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(balance::reaction_findings, m)?)?;
     m.add_function(wrap_pyfunction!(balance::energy_findings, m)?)?;
     m.add_function(wrap_pyfunction!(balance::energy_floor, m)?)?;
-    m.add_function(wrap_pyfunction!(arrays::increases, m)?)?;
+    m.add_function(wrap_pyfunction!(arrays::increasing, m)?)?;
     m.add_function(wrap_pyfunction!(version, m)?)?;
     let methods: Vec<&str> = partita_integrate::method::all().map(|method| method.name()).collect();
     let selections = partita_system::partition::Selection::ALL.map(|rule| rule.name());

@@ -7,9 +7,11 @@ use crate::tangent::{TangentFunctions, UserTangent};
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use partita_analysis::run::cost::{evaluation_costs, ClosedState, Contender};
 use partita_analysis::run::{self, Balance, Finding, Request, Run, SolutionLog};
+use partita_integrate::counters::Counters;
 use partita_integrate::simulate::Status;
 use partita_system::options::TangentMap;
 use partita_system::positions::turns;
+use partita_system::record::FormulationCounters;
 use partita_system::{ConstrainedSystem, SystemError};
 use pyo3::exceptions::{PyException, PyKeyboardInterrupt};
 use pyo3::intern;
@@ -53,6 +55,7 @@ pub fn tangent(n: usize, functions: Option<TangentFunctions>) -> Option<Arc<dyn 
 trait Reported: Send + Sync {
     fn describe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>>;
     fn assess<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>>;
+    fn partitions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>>;
 }
 
 /// Findings as plain data: broken, t, sentence.
@@ -81,21 +84,71 @@ impl<S: ConstrainedSystem<Scratch: Send> + Send + Sync> Reported for Kept<S> {
         let found = watched(py, |watch| self.log.assess::<S, Stop>(&self.system, self.shared, watch))?;
         assessed(py, self.log.outputs.len(), size, found)
     }
+    fn partitions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
+        let partitions = PyList::empty(py);
+        for e in &self.log.events {
+            let p = PyDict::new(py);
+            p.set_item(intern!(py, "t"), e.t)?;
+            p.set_item(intern!(py, "independent"), &e.independent)?;
+            p.set_item(intern!(py, "dependent"), &e.dependent)?;
+            let first = partitions.is_empty();
+            p.set_item(intern!(py, "entering"), if first { Vec::new() } else { e.entering.clone() })?;
+            p.set_item(intern!(py, "leaving"), &e.leaving)?;
+            p.set_item(intern!(py, "reason"), &e.reason)?;
+            // as plain data, which cannot represent infinite numbers
+            let finite = |x: f64| x.is_finite().then_some(x);
+            p.set_item(intern!(py, "sigma"), finite(e.quality.sigma))?;
+            p.set_item(intern!(py, "sqrt_mu"), finite(e.quality.sqrt_mu))?;
+            partitions.append(p)?;
+        }
+        Ok(partitions)
+    }
 }
 
-/// The part of a run that is kept to compute outputs later.
+/// The part of a run that is kept to compute outputs later, and what is seldom read.
 #[pyclass(frozen, module = "partita._core", name = "SolutionLog")]
-pub struct Account(Box<dyn Reported>);
+pub struct Account {
+    run: Box<dyn Reported>,
+    steps: Counters,
+    work: FormulationCounters,
+}
 
 #[pymethods]
 impl Account {
     /// vdot, multipliers, independent, closure, velocity_closure at every output; notes.
     fn describe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        guarded(py, || self.0.describe(py))
+        guarded(py, || self.run.describe(py))
     }
     /// measure, sigma, sqrt_mu at every output.
     fn assess<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        guarded(py, || self.0.assess(py))
+        guarded(py, || self.run.assess(py))
+    }
+    /// Choices of coordinates, one dictionary each.
+    fn partitions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
+        guarded(py, || self.run.partitions(py))
+    }
+    /// Counts of work.
+    fn counters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let counters = PyDict::new(py);
+        let (c, f) = (&self.steps, &self.work);
+        for (name, value) in [
+            (intern!(py, "steps"), c.steps),
+            (intern!(py, "rejected"), c.rejected),
+            (intern!(py, "retries"), c.retries),
+            (intern!(py, "lenient"), c.lenient),
+            (intern!(py, "evaluations"), c.evaluations),
+            (intern!(py, "dense_evaluations"), c.dense_evaluations),
+            (intern!(py, "factorisations"), f.factorisations),
+            (intern!(py, "plans"), f.plans),
+            (intern!(py, "switches"), f.switches),
+            (intern!(py, "corrections"), f.corrections),
+            (intern!(py, "renewals"), f.renewals),
+            (intern!(py, "newton_iterations"), f.newton_iterations),
+            (intern!(py, "proximal_iterations"), f.proximal_iterations),
+        ] {
+            counters.set_item(name, value)?;
+        }
+        Ok(counters)
     }
 }
 
@@ -164,11 +217,7 @@ pub fn run<'py, S: Balance<Scratch: Send> + Send + Sync + 'static>(
             return Err(e);
         }
     }
-    let d = dictionary(py, &*system, &found)?;
-    let kept = Kept { system, log: found.log, shared };
-    d.set_item(intern!(py, "error"), cause.map(|e| e.into_value(py)))?;
-    d.set_item(intern!(py, "log"), Account(Box::new(kept)).into_pyobject(py)?)?;
-    Ok(d)
+    reported_run(py, system, found, shared, cause)
 }
 
 /// Results of a stepped motion, in the form of `run`; user functions are called in order.
@@ -177,11 +226,7 @@ pub fn left<'py, S: ConstrainedSystem<Scratch: Send> + Send + Sync + 'static>(
     system: &Arc<S>,
     found: Run,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let d = dictionary(py, &**system, &found)?;
-    let kept = Kept { system: system.clone(), log: found.log, shared: false };
-    d.set_item(intern!(py, "error"), py.None())?;
-    d.set_item(intern!(py, "log"), Account(Box::new(kept)).into_pyobject(py)?)?;
-    Ok(d)
+    reported_run(py, system.clone(), found, false, None)
 }
 
 /// States at which to evaluate, one row each: t (nt), q (nt, nq), v (nt, nv).
@@ -260,64 +305,36 @@ fn ended(py: Python<'_>, message: &str, t: f64, name: &str, cause: PyErr) -> PyE
     error
 }
 
-fn dictionary<'py, S: ConstrainedSystem>(py: Python<'py>, system: &S, run: &Run) -> PyResult<Bound<'py, PyDict>> {
+/// What a run reports at once: the arrays it stores, how it ended, and its log, from which all else is computed.
+fn reported_run<'py, S: ConstrainedSystem<Scratch: Send> + Send + Sync + 'static>(
+    py: Python<'py>,
+    system: Arc<S>,
+    run: Run,
+    shared: bool,
+    cause: Option<PyErr>,
+) -> PyResult<Bound<'py, PyDict>> {
     let (size, outputs) = (system.size(), &run.log.outputs);
     let nt = outputs.len();
-    let d = PyDict::new(py);
-    d.set_item(intern!(py, "t"), array(py, &[nt], outputs.iter().map(|x| x.t).collect()))?;
     let q = outputs.iter().flat_map(|x| x.q.iter().zip(&x.turns).map(|(q, n)| turns::whole(*q, *n))).collect();
-    d.set_item(intern!(py, "q"), array(py, &[nt, size.nq], q))?;
-    d.set_item(
-        intern!(py, "v"),
-        array(py, &[nt, size.nv], outputs.iter().flat_map(|x| x.v.iter().copied()).collect()),
-    )?;
-    d.set_item(intern!(py, "work"), array(py, &[nt], outputs.iter().map(|x| x.work).collect()))?;
-    let partitions = PyList::empty(py);
-    for e in &run.log.events {
-        let p = PyDict::new(py);
-        p.set_item(intern!(py, "t"), e.t)?;
-        p.set_item(intern!(py, "independent"), &e.independent)?;
-        p.set_item(intern!(py, "dependent"), &e.dependent)?;
-        let first = partitions.is_empty();
-        p.set_item(intern!(py, "entering"), if first { Vec::new() } else { e.entering.clone() })?;
-        p.set_item(intern!(py, "leaving"), &e.leaving)?;
-        p.set_item(intern!(py, "reason"), &e.reason)?;
-        // as plain data, which cannot represent infinite numbers
-        let finite = |x: f64| x.is_finite().then_some(x);
-        p.set_item(intern!(py, "sigma"), finite(e.quality.sigma))?;
-        p.set_item(intern!(py, "sqrt_mu"), finite(e.quality.sqrt_mu))?;
-        partitions.append(p)?;
-    }
-    d.set_item(intern!(py, "partitions"), partitions)?;
+    let v = outputs.iter().flat_map(|x| x.v.iter().copied()).collect();
+    let arrays = PyDict::new(py);
+    arrays.set_item(intern!(py, "t"), array(py, &[nt], outputs.iter().map(|x| x.t).collect()))?;
+    arrays.set_item(intern!(py, "q"), array(py, &[nt, size.nq], q))?;
+    arrays.set_item(intern!(py, "v"), array(py, &[nt, size.nv], v))?;
+    arrays.set_item(intern!(py, "work"), array(py, &[nt], outputs.iter().map(|x| x.work).collect()))?;
+    let d = PyDict::new(py);
+    d.set_item(intern!(py, "arrays"), arrays)?;
     d.set_item(intern!(py, "notes"), &run.notes)?;
-    d.set_item(intern!(py, "kept_rows"), &run.rows)?;
     d.set_item(intern!(py, "steps_open"), run.closure_error)?;
     d.set_item(intern!(py, "gaps"), (run.gaps.position.part, run.gaps.velocity.part))?;
     d.set_item(intern!(py, "exchanged"), run.exchanged)?;
     d.set_item(intern!(py, "findings"), reported(&run.findings))?;
-    let counters = PyDict::new(py);
-    let (c, f) = (&run.outcome.counters, &run.counters);
-    for (name, value) in [
-        (intern!(py, "steps"), c.steps),
-        (intern!(py, "rejected"), c.rejected),
-        (intern!(py, "retries"), c.retries),
-        (intern!(py, "lenient"), c.lenient),
-        (intern!(py, "evaluations"), c.evaluations),
-        (intern!(py, "dense_evaluations"), c.dense_evaluations),
-        (intern!(py, "factorisations"), f.factorisations),
-        (intern!(py, "plans"), f.plans),
-        (intern!(py, "switches"), f.switches),
-        (intern!(py, "corrections"), f.corrections),
-        (intern!(py, "renewals"), f.renewals),
-        (intern!(py, "newton_iterations"), f.newton_iterations),
-        (intern!(py, "proximal_iterations"), f.proximal_iterations),
-    ] {
-        counters.set_item(name, value)?;
-    }
-    d.set_item(intern!(py, "counters"), counters)?;
     d.set_item(intern!(py, "status"), run.outcome.status.word())?;
     d.set_item(intern!(py, "success"), run.outcome.status == Status::Finished)?;
     d.set_item(intern!(py, "message"), &run.outcome.message)?;
-    d.set_item(intern!(py, "ended"), run.outcome.t)?;
+    d.set_item(intern!(py, "error"), cause.map(|e| e.into_value(py)))?;
+    let (steps, work) = (run.outcome.counters, run.counters);
+    let log = Account { run: Box::new(Kept { system, log: run.log, shared }), steps, work };
+    d.set_item(intern!(py, "log"), log.into_pyobject(py)?)?;
     Ok(d)
 }

@@ -6,6 +6,7 @@ import gc
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -184,7 +185,11 @@ class CompiledModel(Equations):
     @property
     def notes(self) -> list[str]:
         """Notes of the compiler and the builder, as sentences."""
-        return [*self.summary.get("notes", []), *(note for notes in self._notes for note in notes)]
+        return list(self._sentences)
+
+    @cached_property
+    def _sentences(self) -> tuple[str, ...]:
+        return (*self.summary.get("notes", []), *(note for notes in self._notes for note in notes))
 
     @property
     def sensors(self) -> Mapping[str, SensorRecord]:

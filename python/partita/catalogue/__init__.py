@@ -74,7 +74,8 @@ def names() -> list[str]:
 
 
 def entry(name: str, **parameters: Any) -> Entry:
-    """The entry `name`: mechanism, start, run and checks.
+    """The entry `name`: mechanism, start, run and checks. The first words of a name are enough where one entry alone
+    begins with them: "scissor" for "scissor-lift".
 
     Parameters: "n-four-bar" takes `loops`, the number of four-bars in the chain (40 if not given); others take none.
 
@@ -82,6 +83,9 @@ def entry(name: str, **parameters: Any) -> Entry:
         UnknownNameError: there is no such entry; the message lists the most similar names.
         ArgumentError: the entry does not have this parameter, or its value is impossible.
     """
+    beginning = [known for known in _ENTRIES if isinstance(name, str) and name and known.startswith(f"{name}-")]
+    if isinstance(name, str) and name not in _ENTRIES and len(beginning) == 1:
+        name = beginning[0]
     if not isinstance(name, str) or name not in _ENTRIES:
         near = difflib.get_close_matches(shown(name), names(), n=3)
         hint = f"did you mean {' or '.join(map(repr, near))}?" if near else f"known: {', '.join(names())}"

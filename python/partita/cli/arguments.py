@@ -17,7 +17,11 @@ EXAMPLES = {
         "four-bar --time 5 --rate A=60rpm --save run.nc",
         "four-bar --time '500 ms' --method rk4 --json",
     ),
-    "compare": ("four-bar --time 1", "four-bar --time 1 --formulations projective,svd --tolerances 1e-6,1e-9"),
+    "compare": (
+        "four-bar --time 1",
+        "four-bar --time 1 --formulations projective,svd --tolerances 1e-6,1e-9",
+        "bennett bricard scissor delta --time 1",
+    ),
     "report": ("bricard", "four-bar --markdown"),
     "check": ("model.toml", "robot.urdf --base free --json"),
     "assemble": ("four-bar --target A=30deg", "four-bar --target A=0.5 --inputs A --all"),
@@ -47,7 +51,7 @@ def parser() -> argparse.ArgumentParser:
 
     _simulate(_command(words, "simulate", simulate, "simulate a motion and report the findings"))
 
-    _compare(_command(words, "compare", compare, "run every formulation on one mechanism and report the costs"))
+    _compare(_command(words, "compare", compare, "run every formulation on a mechanism and report the costs"))
 
     report = _command(words, "report", commands.report, "mobility, redundancy, coordinates and reactions, in words")
     report.add_argument("model", metavar="FILE|NAME", help=MODEL)
@@ -128,7 +132,7 @@ def _simulate(command: argparse.ArgumentParser) -> None:
 
 def _compare(command: argparse.ArgumentParser) -> None:
     add = command.add_argument
-    add("model", metavar="FILE|NAME", help=MODEL)
+    add("models", metavar="FILE|NAME", nargs="+", help=f"{MODEL}; several are compared one after the other")
     add("--time", metavar="S", type=seconds, help="length of the runs [s]; default for a NAME: that of its problem")
     add("--rtol", metavar="X", type=positive, default=1e-8, help="relative tolerance (default 1e-8)")
     add("--atol", metavar="X", type=positive, default=1e-10, help="absolute tolerance (default 1e-10)")

@@ -147,6 +147,16 @@ class Bench:
         gap = _frames(result, self.size) - _frames(expected, self.size)
         return float(np.sqrt(np.max(np.sum(gap**2, axis=-1), initial=0.0)))
 
+    def acceleration(self, result: Result) -> float | None:
+        """Largest difference of v' at the first output from that of the reference, over the largest of all v' there."""
+        if self.reference is None or self.reference.result is None or not len(result.t):
+            return None
+        expected, found = self.reference.result.vdot[0], result.vdot[0]
+        if not (np.isfinite(expected).all() and np.isfinite(found).all()):
+            return None
+        size, gap = float(np.max(np.abs(expected), initial=0.0)), float(np.max(np.abs(found - expected), initial=0.0))
+        return gap / size if size > 0.0 else gap
+
     @property
     def unit(self) -> str:
         """Of the errors: [m] of bodies; empty for coordinates of a `System`, or without a reference."""

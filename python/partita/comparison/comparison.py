@@ -13,7 +13,7 @@ from ..naming import index_of
 from .bench import Bench
 from .cases import Case
 from .progress import Progress
-from .row import FAILED, Row, lacking, measured, not_run
+from .row import Row, lacking, measured, not_run, refused
 from .table import CONDITION_NOTE, aligned, notes, to_pandas, write_csv
 from .work_precision import WorkPrecision, work_precision
 
@@ -159,5 +159,5 @@ def _row(bench: Bench, case: Case, progress: Any) -> tuple[Row, Result | None]:
         result, time = bench.run(case, progress)
         bare = bench.run(case, None, bare=True)[1] if result.success else None
     except PartitaError as error:
-        return not_run(case, str(error), FAILED), None
+        return refused(case, error), None
     return measured(case, bench, result, time, bare), result

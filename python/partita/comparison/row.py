@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..errors import ArgumentError, PartitaError, SingularityError
 from ..options import TANGENTS, WHOLE
 from .bench import Array, Bench
 from .cases import Case
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
     from ..results import Result
 
 FINISHED, FAILED, NOT_RUN = "finished", "failed", "not run"
+# Before the first step: the choice of coordinates is singular at the start; the formulation does not fit the model.
+_SINGULAR, _NOT_APPLICABLE = "singular", "not applicable"
 NEEDS = "needs "
 """Status of a run that lacks an option: this and the option's name."""
 # Formulations whose velocities are coordinates, so that C_D is defined; and those without any choice.
@@ -37,7 +40,8 @@ class Row:
     selection: str | None
     """Rule that chose the coordinates of "projective"; None for other formulations."""
     status: str
-    """"finished", "not run", "failed" (an error before the first step), or why it stopped: see `Result.status`."""
+    """"finished", "not run", why it stopped (see `Result.status`), or why there was no first step: "singular" where the
+    choice is at the start, "not applicable" to this model or these coordinates, "needs" an option, else "failed"."""
     message: str = ""
     """Why it did not run or did not reach the end; else empty."""
     evaluations: int | None = None
@@ -64,6 +68,9 @@ class Row:
     """Largest |total - total[0] - work| over the largest energy exchanged; None for a `System`."""
     error: float | None = None
     """Largest difference from the reference: see `Comparison.caption`."""
+    acceleration: float | None = None
+    """Largest difference of an acceleration at the first output from that of the reference, over the largest one there:
+    all formulations have the same."""
     condition: float | None = None
     """Largest condition number of C_D, the dependent columns of the constraint Jacobian, over the outputs; in the
     units of the coordinates. None where no coordinates are dependent."""
@@ -87,6 +94,16 @@ class Row:
 def not_run(case: Case, why: str, status: str = NOT_RUN) -> Row:
     """The line of a run that did not take place."""
     return Row(case.name, case.formulation, case.selection, status, why)
+
+
+def refused(case: Case, error: PartitaError) -> Row:
+    """The line of a run that met an error before its first step."""
+    status = FAILED
+    if isinstance(error, SingularityError):
+        status = _SINGULAR
+    elif isinstance(error, ArgumentError) and error.argument in ("formulation", "coordinates"):
+        status = _NOT_APPLICABLE
+    return not_run(case, str(error), status)
 
 
 def lacking(case: Case) -> Row:
@@ -116,6 +133,7 @@ def measured(case: Case, bench: Bench, result: Result, time: float, bare: float 
         velocity_closure=_largest(result.velocity_closure),
         energy_drift=result.energy.relative_balance if result.has_energy and len(result.t) else None,
         error=bench.error(result),
+        acceleration=bench.acceleration(result),
         condition=_condition(bench, result) if case.formulation in _CHOOSING else None,
         sigma=None if case.formulation in WHOLE else _smallest(result.sigma),
         sqrt_mu=None if case.formulation in WHOLE else _smallest(result.sqrt_mu),

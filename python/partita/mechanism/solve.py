@@ -362,7 +362,9 @@ def simulate(
             radians for angles and in fractions of the characteristic length (the extent of a typical body) for
             displacements; for velocities the same per second.
         method: "dop853" (order 8; best at small tolerances), "dopri5", "tsit5" (order 5), "bs23" (order 3; for
-            tolerances of 1e-3 and looser), "rk4" (order 4, fixed steps only).
+            tolerances of 1e-3 and looser), "rk4" (order 4, fixed steps only), "adams" (a multistep method of orders 2
+            to 10: two evaluations a step, for long smooth motions of large mechanisms; it begins anew at each switch of
+            coordinates).
         formulation: "projective" (equations without reactions in independent coordinates; the default and the fastest),
             or, for comparison: "fixed" (the same without switches of coordinates), "wehage-haug" (2k states, dependent
             coordinates by Newton's method at every stage), "explicit-closing" (2k states, the loops closed by inverse
@@ -447,7 +449,7 @@ def simulate(
     )
     times = run_options.output_times(t_eval, start.t, chosen["t_end"])
     raw = run_options.run(model.core, chosen, times, start.q, start.v, progress, tangent)
-    if notes := model.notes:
+    if notes := model._sentences:
         raw["notes"] = [*(note for note in notes if note not in raw["notes"]), *raw["notes"]]
     return Result.from_run(
         raw,

@@ -61,24 +61,37 @@ class Record:
     @classmethod
     def from_raw(
         cls,
-        raw: Mapping[str, Any],
+        raw: dict[str, Any],
         summary: Mapping[str, Any],
         options: Mapping[str, Any],
         description: str | None,
     ) -> Record:
-        """From the dictionary that the core returns, and options as plain data; neither is changed afterwards."""
+        """From the dictionary that the core returns, which it takes over, and options as plain data, which nothing
+        changes afterwards."""
         found = cls.__new__(cls)
         found.__dict__.update(
-            {name: raw[name] for name in _OF_THE_CORE},
-            arrays=Tables.of_run(raw),
+            raw,
+            arrays=Tables.of_run(raw["arrays"], raw.pop("log")),
             summary=summary,
             geometric_error=float(summary.get("repaired") or 0.0),
             findings=findings_of(raw["findings"]),
             options=options,
             description=description,
-            version=core_version(),
+            version=_VERSION,
         )
         return found
+
+    def __getattr__(self, name: str) -> Any:
+        """Fields of a run that the core computes when they are first read."""
+        log = self.__dict__["arrays"].log if name in _FROM_THE_LOG and "arrays" in self.__dict__ else None
+        if log is None:
+            raise AttributeError(name)
+        value = self.__dict__[name] = getattr(log, name)()
+        return value
+
+    def __getstate__(self) -> dict[str, Any]:
+        """With all fields, since a copy has no log."""
+        return {**self.__dict__, **{name: getattr(self, name) for name in _FROM_THE_LOG}}
 
     def account(self) -> dict[str, Any]:
         """Everything but the arrays, ready for JSON; the inverse is `from_account` of what `read_exact` finds."""
@@ -108,9 +121,8 @@ class Record:
         return cls(arrays=Tables(arrays), **reported, description=None if spec is None else json.dumps(spec))
 
 
-_OF_THE_CORE = (
-    "partitions", "notes", "counters", "status", "success", "message", "steps_open", "gaps", "exchanged", "error",
-)  # fmt: skip
+_FROM_THE_LOG = ("partitions", "counters")
+_VERSION = core_version()
 
 
 def _pair(values: Sequence[float | None] | None) -> tuple[float, float]:

@@ -80,11 +80,12 @@ class Result(Run):
             )
         chosen = run_options.Options(chosen, t0=float(self.t[i]), t_end=t)
         raw = run_options.run(model, chosen, np.array([t]), self.q[i], self.v[i], False)
-        if not raw["success"] or not len(raw["q"]):
+        q, v = raw["arrays"]["q"], raw["arrays"]["v"]
+        if not raw["success"] or not len(q):
             raise raw["error"] or ArgumentError(
                 f"the motion cannot be integrated to t = {t:g} s: {raw['message']}", argument="t"
             )
-        return raw["q"][-1], raw["v"][-1]
+        return q[-1], v[-1]
 
     def to_xarray(self) -> xarray.Dataset:
         """All arrays as an `xarray.Dataset`: dimensions `time`, `joint`, `body`, `axis`, `coordinate`, ... with the

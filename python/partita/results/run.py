@@ -14,6 +14,7 @@ from .. import deprecated
 from ..errors import ArgumentError, Interrupted, SuspectResultWarning
 from ..naming import driven, listed
 from ..numeric import shown
+from ..partition import Geometry, geometry
 from ..sensing import SensorRecord
 from .body import BodyResult, resting
 from .certificate import Certificate, certify
@@ -78,7 +79,7 @@ class Run:
     @classmethod
     def from_run(
         cls: type[R],
-        raw: Mapping[str, Any],
+        raw: dict[str, Any],
         *,
         model: Any,
         summary: Mapping[str, Any],
@@ -369,19 +370,46 @@ class Run:
         <1 self-stress of 6 joints>
         """
         source = self._source_for("joint", "all")
-        nt = len(self.t)
-        if isinstance(output, bool) or not isinstance(output, int | np.integer) or not -nt <= output < nt:
-            raise ArgumentError(
-                f"self_stresses: there is no output {shown(output)}; the {nt} outputs are numbered from 0, and from "
-                "the end by -1, -2, ...",
-                argument="output",
-            )
-        found = source.self_stress_basis(int(output) % nt)
+        found = source.self_stress_basis(self._output("self_stresses", output))
         if found is None:
             raise ArgumentError(
                 "self-stresses need the model, which a stored result does not have; simulate again", argument="output"
             )
         return self_stresses_of(self.summary, *found)
+
+    def geometry(self, output: int = -1) -> Geometry:
+        """Metric geometry of the choice in use at one output: basis, volume, cosines and conditioning of the
+        independent velocities, see `partition.Geometry`. Where no velocities were chosen, as with frozen tangent
+        velocities, that of the choice which `partition.choose` makes there.
+
+        Raises `ArgumentError` for an output that does not exist, for a stored result or the run of a `System`, which
+        have no model, and for massless bodies, whose M is no metric. Costs O(n^3).
+
+        >>> import partita as pt
+        >>> run = pt.catalogue.load("four-bar").simulate(0.1)
+        >>> bool(abs(run.geometry(0).volume - run.sigma[0]) < 1e-12)      # k = 1
+        True
+        """
+        source, i = self._source_for("joint", "all"), self._output("geometry", output)
+        if not isinstance(source, ModelSource):
+            raise ArgumentError(
+                "geometry needs the model, which a stored result does not have; simulate again", argument="output"
+            )
+        t, q, chosen = float(self.t[i]), self.q[i], self.independent[i]
+        known = chosen.tolist() if len(chosen) and chosen.min() >= 0 else None
+        at = source.model.at(t, q, self.v[i])
+        return geometry(at["M"], at["C"][at["rows"]], known)
+
+    def _output(self, asked: str, output: Any) -> int:
+        """An output, numbered from 0 or from the end, by its number from 0."""
+        nt = len(self.t)
+        if isinstance(output, bool) or not isinstance(output, int | np.integer) or not -nt <= output < nt:
+            raise ArgumentError(
+                f"{asked}: there is no output {shown(output)}; the {nt} outputs are numbered from 0, and from "
+                "the end by -1, -2, ...",
+                argument="output",
+            )
+        return int(output) % nt
 
     def _source_for(self, kind: str, name: str) -> Source:
         if self._source is None:

@@ -27,6 +27,12 @@ class SolutionLog(Protocol):
     def assess(self) -> dict[str, Any]:
         """Measures and qualities at every output."""
 
+    def partitions(self) -> list[dict[str, Any]]:
+        """Choices of coordinates, in order of time."""
+
+    def counters(self) -> dict[str, int]:
+        """Counts of work."""
+
 
 class Tables(Mapping[str, NDArray[Any]]):
     """The arrays `NAMES` of a run. `t`, `q`, `v` and `work` exist from the start. Accelerations, multipliers and
@@ -45,12 +51,16 @@ class Tables(Mapping[str, NDArray[Any]]):
             self._assess(arrays)
 
     @classmethod
-    def of_run(cls, raw: Mapping[str, Any]) -> Tables:
-        """Those of the dictionary that the core returns, whose types and ranks are right."""
+    def of_run(cls, arrays: dict[str, NDArray[Any]], log: SolutionLog) -> Tables:
+        """Those that the core returns, whose types and ranks are right; nothing else keeps the dictionary."""
         found = cls.__new__(cls)
-        found._log, found._notes, found._findings = raw["log"], [], []
-        found._arrays = {name: raw[name] for name in ("t", *KEPT_2D, *KEPT_1D)}
+        found._arrays, found._log, found._notes, found._findings = arrays, log, [], []
         return found
+
+    @property
+    def log(self) -> SolutionLog | None:
+        """What the core keeps of the run, if it was computed here."""
+        return self._log
 
     @property
     def notes(self) -> list[str]:

@@ -55,17 +55,25 @@ def compare(drawing: Drawing) -> Verdict:
         except pt.errors.PartitaError as error:
             refused(drawing, error, verdict, f"{coordinates} ")
             continue
-        if drawing.drives and contradictory(drawing, run):
-            verdict.counts["contradiction"] += 1
-            verdict.counts["contradiction that succeeds"] += run.success
-            if run.success:
-                verdict.wrong.append(
-                    f"{coordinates}: the joints allow no motion at the rates of the drives, and the run succeeds"
-                )
-            continue
-        verdict.counts[f"{coordinates} {'run' if run.success else 'stopped'}"] += 1
-        look(drawing, mechanism, run, coordinates, verdict, rng)
+        try:
+            judge(drawing, mechanism, run, coordinates, verdict, rng)
+        except pt.errors.PartitaError as error:
+            verdict.wrong.append(f"{coordinates}: the run is there, but not what it is asked for: {error}")
     return verdict
+
+
+def judge(drawing: Drawing, mechanism: pt.Mechanism, run: Any, coordinates: str, verdict: Verdict, rng: Any) -> None:
+    """One run."""
+    if drawing.drives and contradictory(drawing, run):
+        verdict.counts["contradiction"] += 1
+        verdict.counts["contradiction that succeeds"] += run.success
+        if run.success:
+            verdict.wrong.append(
+                f"{coordinates}: the joints allow no motion at the rates of the drives, and the run succeeds"
+            )
+        return
+    verdict.counts[f"{coordinates} {'run' if run.success else 'stopped'}"] += 1
+    look(drawing, mechanism, run, coordinates, verdict, rng)
 
 
 def contradictory(drawing: Drawing, run: Any) -> bool:

@@ -168,12 +168,12 @@ class Chance:
         radius, depth = size * self.number(0.3, 0.8), size * self.number(-0.02, 0.2)
         lean = float(np.linalg.norm(n - axis * (axis @ n)))
         road = self.there(one, point) - (radius * lean - depth) * n + np.cross(n, self.point())
-        grips = self.maybe(0.8)
+        slips = self.maybe(0.8)
         self.forces.append(forces.Tyre(
             name, one, point, self.axes(one).T @ axis * self.number(0.5, 2.0), radius, other, self.here(other, road),
             self.axes(other).T @ n * self.number(0.5, 2.0), self.number(5.0, 30.0) * mass / time**2,
-            self.number(0.0, 0.5) * time / size * self.maybe(0.7), self.number(0.3, 1.0) * grips,
-            self.number(1.0, 5.0) * self.pull * grips, self.number(1.0, 5.0) * self.pull * grips * self.maybe(0.8),
+            self.number(0.0, 0.5) * time / size * self.maybe(0.7), self.number(0.3, 1.0) * slips,
+            self.number(1.0, 5.0) * self.pull * slips, self.number(1.0, 5.0) * self.pull * slips * self.maybe(0.8),
             self.number(0.1, 0.5) * size / time,
         ))  # fmt: skip
 

@@ -1,6 +1,6 @@
 //! Read access to the stepper, and decisions between its evaluations.
 
-use super::{ExplicitRungeKutta, Phase};
+use super::{memory, ExplicitRungeKutta, Phase};
 use crate::counters::Counters;
 use crate::stepper::{CurrentStep, StepControl, StepPlan};
 use partita_math::tolerance;
@@ -25,7 +25,8 @@ impl StepControl for ExplicitRungeKutta {
     }
 
     fn plan(&mut self, plan: &StepPlan) {
-        self.step = plan.length.abs();
+        let length = plan.length.abs();
+        self.step = self.memory.as_ref().map_or(length, |memory| memory.limited(length));
         self.goal = plan.goal;
     }
 
@@ -38,11 +39,23 @@ impl StepControl for ExplicitRungeKutta {
         (self.t_old, self.t_new) = (t, t);
         self.y_old[..self.dim].copy_from_slice(y);
         self.stages[..self.dim].copy_from_slice(dy);
+        self.forget();
+        self.step = self.memory.as_ref().map_or(self.step, |memory| memory.limited(self.step));
     }
 
     fn commit(&mut self) {
         assert_eq!(self.phase, Phase::Concluded, "conclude the step first");
         let (n, end) = (self.stride, self.tableau.end_slot() * self.stride);
+        // what happens where a step was to end, the method does not know: its slopes may jump there
+        let changes = self.goal == Some(self.t_new) || self.options.discontinuities.contains(&self.t_new);
+        let mut growth = None;
+        if let Some(memory) = &mut self.memory {
+            let error = memory.decide(&self.norm, self.attempted_h, &self.stages, &self.y_old, &self.y_new);
+            self.controller.set_order(memory.order());
+            let factor = self.controller.accepted(error).min(memory::LARGEST_GROWTH);
+            growth = Some(if factor > 1.0 && factor < memory::LEAST_GROWTH { 1.0 } else { factor });
+            memory.shift(self.t_old, &mut self.stages, n);
+        }
         std::mem::swap(&mut self.y_old, &mut self.y_new);
         self.stages.copy_within(end..end + n, 0);
         self.t_old = self.t_new;
@@ -56,11 +69,14 @@ impl StepControl for ExplicitRungeKutta {
             }
             None => {
                 let h = self.attempted_h.abs();
-                let next = h * self.controller.accepted(self.error);
+                let next = h * growth.unwrap_or_else(|| self.controller.accepted(self.error));
                 // a step shortened by t_end does not change the planned length
                 let planned = if h < self.step { self.step } else { 0.0 };
                 self.step = next.max(planned).min(self.options.max_step);
             }
+        }
+        if changes {
+            self.forget();
         }
     }
 

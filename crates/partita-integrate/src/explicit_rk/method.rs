@@ -33,6 +33,19 @@ impl Method {
         Self { stages, end: row(tableau.b), estimate }
     }
 
+    /// Rows over all slots whose weights change from step to step.
+    pub(super) fn remade(slots: usize, stride: usize) -> Self {
+        let row = || Row::full(slots, stride);
+        Self { stages: vec![row(), row()], end: row(), estimate: Estimate::One([row()]) }
+    }
+
+    /// The weights of the one estimate.
+    pub(super) fn set_estimate(&mut self, weights: &Row) {
+        if let Estimate::One([row]) = &mut self.estimate {
+            row.set_as(weights);
+        }
+    }
+
     /// Error of a step of length `h`, with its margin, in units of the tolerance; 0 without an estimate.
     pub(super) fn error(&self, norm: &ErrorNorm, h: f64, stages: &[f64], y_old: &[f64], y_new: &[f64]) -> f64 {
         match &self.estimate {

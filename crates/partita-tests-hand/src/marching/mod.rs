@@ -1,5 +1,6 @@
 //! Marching in time.
 
+mod adams;
 mod allocations;
 mod constrained_order;
 mod convergence;

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from ...mechanism import Mechanism
 from ...state import State
-from ..entry import Entry
+from ..entry import Check, Entry
 from ..truth import Truth
 from .checks import checks
 
@@ -28,9 +28,11 @@ def member(
     gravity: tuple[float, float, float] = DOWN,
     notes: str = "",
     samples: int = 201,
+    more: Sequence[Check] = (),
 ) -> Callable[[Draw], Draw]:
     """Register the mechanism that the decorated function draws: closed as drawn, it starts with `rates` and runs ten
-    seconds. Fast rotation needs more `samples`: less than a sixth of a turn from one to the next."""
+    seconds. Fast rotation needs more `samples`: less than a sixth of a turn from one to the next. `more` checks are
+    closed forms of its own."""
 
     def enter(draw: Draw) -> Draw:
         def build() -> Mechanism:
@@ -49,7 +51,7 @@ def member(
                 duration=10.0,
                 build=build,
                 start=start,
-                checks=checks(truth),
+                checks=(*checks(truth), *more),
                 options=OPTIONS,
                 notes=notes,
                 truth=truth,

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ...mechanism import Mechanism
+from ...results import Result
+from ..entry import Check
 from ..truth import EVERYTHING, Truth, planar
 from .drawing import FloatArray, Slide, around, block, in_space, link, linkage, polar, unit
 from .member import FALL, Theme, member
@@ -162,6 +164,55 @@ def three_rps(m: Mechanism) -> None:
         m.add_spherical(f"head {leg}", f"upper {leg}", "platform", point=head)
         m.add_spring(f"actuator {leg}", "ground", foot, f"upper {leg}", (0, 0, 0), stiffness=2e3, damping=10.0,
                      length=float(np.linalg.norm(along)) + 0.01)  # fmt: skip
+
+
+def axes_of_the_platform(result: Result) -> float:
+    """Largest cosine of what two kinds of legs keep at a right angle: the hinges of legs 1 and 2 with the line of their
+    feet, whatever their lengths, and the hinge of leg 3 with the leg."""
+    feet = [result.joint(f"foot {leg}").point for leg in "123"]
+    head = result.joint("head 3").point
+    platform = result.body("platform").rotation @ np.column_stack([PARALLEL, ACROSS])
+    along, across = platform[..., 0], platform[..., 1]
+    base, leg = feet[1] - feet[0], head - feet[2]
+    pairs = ((across, base), (along, leg))
+    return max(float(np.max(np.abs(np.sum(a * b, axis=1)) / np.linalg.norm(b, axis=1))) for a, b in pairs)
+
+
+TILT = 20.0  # of the plane of legs 1 and 2 in the drawing, about x [deg]
+PARALLEL, ACROSS = np.array([1.0, 0.0, 0.0]), around((1, 0, 0), TILT) @ (0.0, 1.0, 0.0)
+"""Axes of the platform as drawn: of the hinge of leg 3, and of those of legs 1 and 2."""
+
+
+@member(MEMBERS, "exechon-like", "machine tool with three telescopes, two of them U-P-R in one plane, the third S-P-R",
+        Truth(3, 2, {"* 3": EVERYTHING["*"], "foot *": "fx mx", "*": "fx"},
+              why="legs 1 and 2 leave three degrees of freedom in their plane, which turns about the line of their "
+                  "feet; leg 3 removes one of these four: 3 = Kutzbach's 6 x 7 - 2 x (4 + 5 + 5) - (3 + 5 + 5) + 2; "
+                  "the self-stresses are a force across the plane and a couple in it, perpendicular to the line of the "
+                  "feet",
+              source="Z. M. Bi and Y. Jin, Kinematic modeling of Exechon parallel kinematic machine, Robot. "
+              "Comput.-Integr. Manuf. 27 (2011)"),
+        rates={"slide 1": 0.2, "slide 2": -0.1, "slide 3": 0.3}, gravity=FALL,
+        more=(Check("right angles of the platform [1]", 1e-12, "closure over the size of the machine, 1 m",
+                    axes_of_the_platform),))  # fmt: skip
+def exechon_like(m: Mechanism) -> None:
+    """Feet 0.8 m apart, the third 0.5 m beside them; a platform of 0.3 m hangs 0.9 m below. Springs in the legs."""
+    down = around((1, 0, 0), TILT) @ (0.0, 0.0, -0.9)
+    feet = [np.array([-0.4, 0.0, 0.0]), np.array([0.4, 0.0, 0.0]), np.array([0.0, 0.5, 0.0])]
+    heads = [down - 0.15 * PARALLEL, down + 0.15 * PARALLEL, down + 0.2 * ACROSS]
+    link(m, "platform", down, *heads, density=4.0)
+    for i, (foot, head) in enumerate(zip(feet, heads, strict=True)):
+        leg, along = str(i + 1), head - foot
+        link(m, f"lower {leg}", foot, foot + 0.55 * along, density=2.0)
+        link(m, f"upper {leg}", head, head - 0.55 * along, density=1.0)
+        if leg == "3":
+            m.add_spherical("foot 3", "ground", "lower 3", point=foot, cut="never")
+        else:
+            m.add_universal(f"foot {leg}", "ground", f"lower {leg}", point=foot, axis1=PARALLEL, axis2=ACROSS,
+                            cut="never")  # fmt: skip
+        m.add_prismatic(f"slide {leg}", f"lower {leg}", f"upper {leg}", point=head, axis=along, cut="never")
+        m.add_revolute(f"head {leg}", f"upper {leg}", "platform", point=head, axis=PARALLEL if leg == "3" else ACROSS)
+        m.add_spring(f"actuator {leg}", "ground", foot, f"upper {leg}", (0, 0, 0), stiffness=300.0, damping=0.5,
+                     length=float(np.linalg.norm(along)) - 0.05)  # fmt: skip
 
 
 @member(MEMBERS, "parallel-ankle", "ankle of a walking machine: a universal joint, moved by two levers and two rods",

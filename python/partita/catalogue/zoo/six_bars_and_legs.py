@@ -80,11 +80,11 @@ def jansen(points: dict[str, complex], links: dict[str, str], name: str, mirrore
 
     pin = seen(points["P"]) / unit
     pivot = complex(-n["a"], -n["l"])
-    top = meet(pin, pivot, n["j"], n["b"], side=1)
-    low = meet(pin, pivot, n["k"], n["c"], side=-1)
-    back = meet(top, pivot, n["e"], n["d"], side=1)
-    knee = meet(back, low, n["f"], n["g"], side=1)
-    foot = meet(knee, low, n["h"], n["i"], side=1)
+    top = meet(pin, pivot, n["j"], n["b"], side=-1)
+    low = meet(pin, pivot, n["k"], n["c"], side=1)
+    back = meet(top, pivot, n["e"], n["d"], side=-1)
+    knee = meet(back, low, n["f"], n["g"], side=-1)
+    foot = meet(knee, low, n["h"], n["i"], side=-1)
     here = {"B": pivot, "T": top, "L": low, "S": back, "K": knee, "F": foot}
     points.update({f"{letter}{name}": seen(z) * unit for letter, z in here.items()})
     held = {"j": "P T", "k": "P L", "triangle bde": "B T S", "c": "B L", "f": "S K", "triangle ghi": "L K F"}

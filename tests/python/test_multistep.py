@@ -1,0 +1,73 @@
+"""The multistep method beside one-step methods: what it saves, and what a switch of coordinates costs it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import partita as pt
+from partita.results import Result
+
+RTOL, ATOL = 1e-8, 1e-10
+
+
+def run(name: str, method: str, switch_threshold: float = 1.25, outputs: int | None = None, **more: str) -> Result:
+    entry = pt.catalogue.entry(name)
+    m = entry.mechanism()
+    start = entry.initial(m)
+    times = list(entry.times) if outputs is None else list(np.linspace(start.t, entry.times[-1], outputs))
+    found = m.simulate(
+        entry.times[-1] - start.t,
+        t_eval=times,
+        initial=start,
+        rtol=RTOL,
+        atol=ATOL,
+        method=method,
+        switch_threshold=switch_threshold,
+        **more,
+    )
+    assert found.success, found.message
+    return found
+
+
+@pytest.mark.parametrize("name", ["four-bar", "slider-crank", "andrews-squeezer", "bricard"])
+def test_takes_about_half_of_the_evaluations_of_dop853(name: str) -> None:
+    check = pt.catalogue.entry(name).checks[0]
+    adams, other = run(name, "adams"), run(name, "dop853")
+    assert adams.counters["evaluations"] < 0.65 * other.counters["evaluations"]
+    assert check.run(adams).error < 100 * check.run(other).error
+
+
+def test_a_switch_of_coordinates_is_free_for_one_step_methods_alone() -> None:
+    """Blajer, Schiehlen, Schirm 1994, section 3: changing coordinates, one-step and multistep methods."""
+    extra = {}
+    for method in ("dopri5", "dop853", "adams"):
+        without, with_them = run("four-bar", method, 1e9), run("four-bar", method, 1.0)
+        assert without.counters["switches"] == 0 and with_them.counters["switches"] == 8
+        more = with_them.counters["evaluations"] - without.counters["evaluations"]
+        extra[method] = more / with_them.counters["switches"]
+    assert extra["dopri5"] <= 0 and extra["dop853"] <= 0
+    assert extra["adams"] > 10
+
+
+def test_a_basis_renewed_each_step_leaves_nothing_to_remember() -> None:
+    """Every step begins anew, at order two: far more steps, and still right."""
+    kept = run("slider-crank", "adams", formulation="svd")
+    entry = pt.catalogue.entry("slider-crank")
+    m = entry.mechanism()
+    again = m.simulate(
+        0.02, t_eval=[0.02], initial=entry.initial(m), rtol=1e-6, atol=1e-8, method="adams", formulation="svd",
+        renew="each step",
+    )  # fmt: skip
+    assert again.success
+    per_second = kept.counters["steps"] / (kept.t[-1] - entry.initial(m).t)
+    assert again.counters["steps"] / 0.02 > 5 * per_second
+
+
+def test_outputs_change_no_step_and_lie_on_the_constraints() -> None:
+    few, many = run("four-bar", "adams", outputs=2), run("four-bar", "adams", outputs=201)
+    assert few.counters["steps"] == many.counters["steps"]
+    assert few.counters["evaluations"] == many.counters["evaluations"]
+    assert np.abs(many.closure).max() < 1e-13
+    steady = [run("slider-crank", method, outputs=201) for method in ("adams", "dop853")]
+    assert np.abs(steady[0].q - steady[1].q).max() < 1e-6
