@@ -55,3 +55,17 @@ def test_beside_a_drive_and_a_pair_that_is_held_twice(held: str) -> None:
     run = m.simulate(0.3)
     assert run.success, run.message
     assert run.joint("A").position[-1, 0] == pytest.approx(0.09, abs=1e-9)
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+def test_reactions_are_there_for_what_has_run(coordinates: str) -> None:
+    """All joints lie in a plane, a load does not; the angle of a hinge is read by a table that does not repeat."""
+    m = pt.Mechanism("cam", gravity=(0, -9.81, 1.0))
+    m.add_body("a", mass=1.0, inertia=(1, 1, 1), com=(0.1, 0.2, 0.1))
+    m.add_body("b", mass=1.0, inertia=(1, 1, 1), position=(1, 0, 0))
+    m.add_revolute("A", m.ground, "a", point=(0, 0, 0))
+    m.add_prismatic("S", m.ground, "b", axis=(1, 0, 0))
+    x = np.linspace(-4.0, 4.0, 9)
+    m.add_cam("S", "A", (x, 0.1 * np.sin(x)))
+    run = m.simulate(0.1, coordinates=coordinates)
+    assert run.success and np.isfinite(run.joint("A").force).all()
