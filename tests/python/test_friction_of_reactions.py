@@ -528,3 +528,39 @@ def test_the_report_names_frictions_whose_reaction_is_open() -> None:
     assert report.to_dict()["reactions"] == before.to_dict()["reactions"]
     assert before.to_dict()["open_frictions"] == [] and "Friction" not in before
     assert slider_crank().report().to_dict()["open_frictions"] == []
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+def test_effort_and_power_follow_the_reaction_at_every_output(coordinates: str) -> None:
+    """A swinging rod: the force of its hinge changes, and with it what friction does."""
+    mu, radius, stick = 0.2, 0.05, 1e-3
+    m = pt.Mechanism("swing", gravity=(0, -G, 0))
+    m.add_rod("rod", start=(0, 0, 0), end=(1, 0, 0), mass=2.0)
+    m.add_revolute("A", m.ground, "rod", point=(0, 0, 0))
+    friction = m.add_friction("A", coefficient=mu, radius=radius, stick_velocity=stick)
+    for word in ("effort", "power"):
+        m.add_sensor(word, friction, word)
+    start = m.convert(m.assemble(rates={"A": -1.0}), coordinates)
+    run = m.simulate(1.0, t_eval=np.linspace(0.0, 1.0, 5), initial=start, coordinates=coordinates)
+    hinge = run.joint("A")
+    rate, pressed = hinge.velocity[:, 0], np.linalg.norm(hinge.force[:, :2], axis=1)
+    assert np.ptp(pressed) > 20.0
+    effort = [-mu * radius * n * smooth(w, stick) for n, w in zip(pressed, rate, strict=True)]
+    assert run.sensor("effort").values == pytest.approx(effort, rel=1e-9)
+    assert run.sensor("power").values == pytest.approx(np.array(effort) * rate, rel=1e-9)
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+def test_what_acts_along_other_coordinates_of_the_joint_does_not_press(coordinates: str) -> None:
+    """A pin in a slot: a motor along the slot acts beside the joint's constraints, whose force is across it."""
+    mu, radius, stick, push, mass = 0.2, 0.05, 1e-3, 100.0, 2.0
+    m = pt.Mechanism("slot", gravity=(0, -G, 0))
+    m.add_body("body", mass=mass, inertia=(0.1, 0.1, 0.1))
+    m.add_joint("J", m.ground, "body", free=("x", "rz"), point=(0, 0, 0))
+    m.add_torque("J", push, coordinate=0)
+    m.add_friction("J", coefficient=mu, radius=radius, stick_velocity=stick, coordinate=1)
+    start = m.convert(m.assemble(rates={"J": [0.0, 3.0]}), coordinates)
+    run = m.simulate(0.2, initial=start, coordinates=coordinates, **TIGHT)
+    assert np.linalg.norm(run.joint("J").force[-1]) == pytest.approx(mass * G, rel=1e-10)
+    slowed = mu * radius * mass * G / 0.1
+    assert run.joint("J").velocity[-1, 1] == pytest.approx(3.0 - 0.2 * slowed, abs=1e-6)

@@ -13,7 +13,7 @@ from partita.io import fmu as archive
 if not list(archive.BINARIES.glob("*partita_fmu*")):
     pytest.skip("the binary for FMUs is not built (make fmu)", allow_module_level=True)
 
-SEEDS = range(10)
+SEEDS = range(12)
 
 
 @pytest.mark.filterwarnings("ignore::partita.errors.SuspectResultWarning")

@@ -8,7 +8,7 @@
 
 /// Numbers that differ by less are equal to rounding. Scale: fraction of the size of the numbers. Reason: some units in
 /// the last place; an exactly flat polygon and a closed loop have such an error.
-pub const ROUNDING: f64 = 1e-15;
+pub const ROUNDING: f64 = 4.0 * f64::EPSILON;
 /// Sums that come out smaller are rounding. Scale: fraction of their terms. Reason: some tens of terms, each rounded.
 pub const SUM_ROUNDING: f64 = 1e-14;
 /// Solutions of linear equations, and positions at the end of a chain of frames, that come out smaller are rounding.

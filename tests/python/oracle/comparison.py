@@ -47,15 +47,13 @@ def compare(drawing: Drawing) -> Verdict:
     try:
         state = moving(mechanism, drawing, rng)
     except pt.errors.PartitaError as error:
-        verdict.counts[f"refused: {type(error).__name__}"] += 1
-        verdict.counts["contradiction"] += contradictory_as_drawn(drawing)
+        refused(drawing, error, verdict, "")
         return verdict
     for coordinates in ("relative", "absolute"):
         try:
             run = short_run(mechanism, drawing, state, coordinates)
         except pt.errors.PartitaError as error:
-            verdict.counts[f"{coordinates} refused: {type(error).__name__}"] += 1
-            verdict.counts["contradiction"] += contradictory_as_drawn(drawing)
+            refused(drawing, error, verdict, f"{coordinates} ")
             continue
         try:
             judge(drawing, mechanism, run, coordinates, verdict, rng)
@@ -85,13 +83,19 @@ def contradictory(drawing: Drawing, run: Any) -> bool:
     return Maximal(drawing, frames_of(drawing, run)).open_rate(still) > 1e-9
 
 
-def contradictory_as_drawn(drawing: Drawing) -> bool:
-    """The same before anything has run, of drawings that are closed and drives whose axes the drawing defines."""
-    driven = {j.name: j for j in drawing.joints if any(d.joint == j.name for d in drawing.drives)}
-    if not driven or any(j.chooses for j in driven.values()) or any(j.child_point is not None for j in drawing.joints):
-        return False
-    still = {b.name: Pose(b.position, b.rotation, np.zeros(3), np.zeros(3)) for b in drawing.bodies}
-    return Maximal(drawing, {j.name: j.some for j in drawing.joints}).open_rate(still) > 1e-9
+def refused(drawing: Drawing, error: Exception, verdict: Verdict, words: str) -> None:
+    """Count a refusal, and whether the drawing contradicts itself, of those that are closed and whose conditions on
+    coordinates are about axes that the drawing defines. One that can move must not be refused as contradictory."""
+    verdict.counts[f"{words}refused: {type(error).__name__}"] += 1
+    joints = {j.name: j for j in drawing.joints}
+    terms = [x for c in drawing.couplings for x in c.data.get("terms", ()) if x["of"] == "joint"]
+    asked = [joints[name] for name in (*(d.joint for d in drawing.drives), *(x["joint"] for x in terms))]
+    if any(j.chooses for j in asked) or any(j.child_point is not None for j in drawing.joints):
+        return
+    start = Maximal(drawing, {j.name: j.some for j in drawing.joints}).start(1e-9)
+    verdict.counts["contradiction"] += start == "contradicts"
+    if start == "moves" and isinstance(error, pt.errors.ContradictionError | pt.errors.ArgumentError):
+        verdict.wrong.append(f"{words}refused though it can start to move: {type(error).__name__}: {error}")
 
 
 def frames_of(drawing: Drawing, run: Any) -> dict[str, Array]:

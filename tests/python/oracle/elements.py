@@ -211,6 +211,20 @@ class Chance:
         slow = self.number(0.05, 0.5) * x / self.d.time
         self.forces.append(forces.Friction(name, j.name, i, dynamic, static, slow))
 
+    def bearing(self, name: str) -> None:
+        """Friction that follows the reaction of its joint."""
+        j, i, x = self.coordinate()
+        turn, size = self.is_turn(j, i), self.d.size
+        coefficient = self.number(0.05, 0.25)
+        self.forces.append(forces.BearingFriction(
+            name, j.name, i, turn, coefficient, None if self.maybe(0.5) else coefficient * self.number(1.0, 1.4),
+            self.number(0.05, 0.5) * x / self.d.time,
+            size * self.number(0.05, 0.3) if turn else size * self.number(0.3, 1.0) if self.maybe(0.5) else None,
+            size * self.number(0.5, 2.0) if self.maybe(0.5) else None,
+            size * self.number(0.05, 0.3) if turn and self.maybe(0.5) else None,
+            self.pull * self.number(0.0, 0.5) * self.maybe(0.5),
+        ))  # fmt: skip
+
     def stop(self, name: str) -> None:
         j, i, x = self.coordinate()
         upper, e = x * self.number(-0.15, 0.1), self.number(1.0, 2.0)
@@ -411,7 +425,7 @@ FORCES: tuple[Callable[[Chance, str], None], ...] = (
     Chance.contact, Chance.contact, Chance.tyre, Chance.tyre, Chance.bushing, Chance.table_load,
 )  # fmt: skip
 ALONG: tuple[Callable[[Chance, str], None], ...] = (
-    Chance.friction, Chance.stop, Chance.gas, Chance.table_effort, Chance.table_effort,
+    Chance.friction, Chance.bearing, Chance.stop, Chance.gas, Chance.table_effort, Chance.table_effort,
 )  # fmt: skip
 COUPLINGS: tuple[Callable[[Chance, str], None], ...] = (
     Chance.constraint, Chance.rates, Chance.cam, Chance.cam, Chance.curve, Chance.curve,
@@ -419,7 +433,7 @@ COUPLINGS: tuple[Callable[[Chance, str], None], ...] = (
 
 
 EVERY = (
-    *KINDS, "Contact", "Tyre", "Bushing", "TableLoad", "Friction", "Stop", "GasSpring",
+    *KINDS, "Contact", "Tyre", "Bushing", "TableLoad", "Friction", "BearingFriction", "Stop", "GasSpring",
     "TableEffort", "TableDrive", "follower of add_constraint", "rates of add_constraint", "cam of add_cam",
     "periodic cam", "follower of add_point_on_curve", "cam of add_point_on_curve", "outline of add_point_on_curve",
 )  # fmt: skip

@@ -253,6 +253,44 @@ class Friction:
 
 
 @dataclass(frozen=True)
+class BearingFriction:
+    """Along a coordinate, with a magnitude that follows the reaction of the joint; `turn`: it is an angle."""
+
+    name: str
+    joint: str
+    coordinate: int
+    turn: bool
+    coefficient: float
+    static: float | None
+    slow: float
+    radius: float | None
+    length: float | None
+    collar: float | None
+    preload: float
+
+    def call(self) -> Call:
+        law = {"stick_velocity": self.slow, "coefficient": self.coefficient, "static_coefficient": self.static}
+        bearing = {"radius": self.radius, "length": self.length, "collar": self.collar, "preload": self.preload}
+        return "add_friction", (self.joint,), {**law, **bearing, "coordinate": self.coordinate, "name": self.name}
+
+    def act(self, at: Scene) -> None:
+        """Nothing: without accelerations there is no reaction."""
+
+    def effort(self, rate: float, force: Array, moment: Array, axis: Array) -> float:
+        """With this force and moment of the joint, at a rate along or about an axis."""
+        across = force - axis * (axis @ force)
+        sideways = np.cross(moment, axis) / self.length if self.length else np.zeros(3)
+        normal = float(np.linalg.norm(0.5 * across + sideways) + np.linalg.norm(0.5 * across - sideways)) + self.preload
+        if self.turn:
+            assert self.radius is not None
+            normal = self.radius * normal + (self.collar or 0.0) * abs(float(axis @ force))
+        elif self.radius:
+            normal += abs(float(axis @ moment)) / self.radius
+        static = self.coefficient if self.static is None else self.static
+        return -sliding(rate, self.coefficient * normal, static * normal, self.slow)
+
+
+@dataclass(frozen=True)
 class Stop:
     """Ends of a coordinate; None: no end there."""
 

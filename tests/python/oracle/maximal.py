@@ -15,9 +15,12 @@ import numpy as np
 
 from .couplings import Reading, conditions
 from .drawing import GROUND, Array, Drawing, Joint, Load, Spring, Torque, Torsion, unit
+from .forces import BearingFriction
 
 # Singular values of J over the largest: below the first a row says nothing new, above the second it does.
 NOTHING, SOMETHING = 1e-11, 1e-7
+# Frictions that follow reactions, which follow the frictions: as long as that changes accelerations.
+REPEATED = 200
 
 
 @dataclass(frozen=True)
@@ -144,10 +147,33 @@ class Maximal:
         given = -inverse @ b
         reduced = free.T @ mass @ free
         unclear = unclear or (free.shape[1] > 0 and np.linalg.cond(reduced) > 1e9)
-        acc = given + free @ np.linalg.solve(reduced, free.T @ (h - mass @ given)) if free.shape[1] else given
+
+        def solved(h: Array) -> tuple[Array, Array]:
+            """Accelerations and multipliers, in the units of the drawing and in plain ones."""
+            acc = given + free @ np.linalg.solve(reduced, free.T @ (h - mass @ given)) if free.shape[1] else given
+            return acc, (inverse.T @ (mass @ acc - h)) / weights * d.mass
+
+        acc, lam = solved(h)
+        rubbing = [f for f in d.forces if isinstance(f, BearingFriction)]
+        for _ in range(REPEATED if rubbing else 0):
+            before = acc
+            more = np.zeros(n)
+            for f in rubbing:
+                of = [
+                    (x, force, moment) for x, (name, force, moment) in zip(lam, owners, strict=True) if name == f.joint
+                ]
+                wrench = [sum((x * part[k] for x, *part in of), np.zeros(3)) for k in (0, 1)]
+                x, axis = rates[f.joint], self._axis(self.joints[f.joint], f.coordinate, sides)
+                effort = f.effort(float(x.velocity[f.coordinate]), wrench[0], wrench[1], axis)
+                more += effort * x.rows[f.coordinate]
+                power[f.name] = effort * float(x.velocity[f.coordinate])
+            acc, lam = solved(h + more * scale / d.mass)
+            if np.abs(acc - before).max() <= 1e-13 * np.abs(acc).max(initial=1e-300):
+                break
+        else:
+            unclear = unclear or bool(rubbing)
+        h = h + more * scale / d.mass if rubbing else h
         wanting = np.linalg.norm(j_all @ acc + b, ord=np.inf) if len(b) else 0.0
-        needed = mass @ acc - h
-        lam = (inverse.T @ needed) / weights * d.mass
         stresses = stresses / weights[:, None]
         acc = acc * scale
         force = {name: np.zeros(3) for name in self.joints}
@@ -164,6 +190,9 @@ class Maximal:
             moment[name] += x * m
             stress_force[name] += np.outer(stress, f)
             stress_moment[name] += np.outer(stress, m) / d.size
+        # a friction that follows what self-stresses share is anybody's guess
+        touched = [max(np.abs(x[f.joint]).max(initial=0.0) for x in (stress_force, stress_moment)) for f in rubbing]
+        unclear = unclear or max(touched, default=0.0) > NOTHING
         top_force = max([np.abs(f).max() for f in force.values()], default=0.0)
         top_moment = max([np.abs(m).max() for m in moment.values()], default=0.0)
         # constants are sums of centripetal accelerations, which may cancel
@@ -194,6 +223,42 @@ class Maximal:
         rows, wanted = rows / weights[:, None], wanted / weights
         v = np.linalg.lstsq(rows, wanted, rcond=NOTHING)[0]
         return float(np.abs(rows @ v - wanted).max(initial=0.0) / np.abs(wanted).max(initial=1e-300))
+
+    def start(self, limit: float) -> str:
+        """Whether the drawing, which is closed, can start to move at t = 0: "moves", "contradicts", or "unclear"."""
+        still = {b.name: Pose(b.position, b.rotation, np.zeros(3), np.zeros(3)) for b in self.drawing.bodies}
+        sides = {name: self._side(name, still) for name in [GROUND, *self.bodies]}
+        rates = {j.name: self._rates(j, sides) for j in self.drawing.joints}
+        rows = [row for j in self.drawing.joints for row in self._rows(j, sides)[0]]
+        opens = [0.0] * len(rows)
+        for drive in self.drawing.drives:
+            rows.append(rates[drive.joint].rows[drive.coordinate])
+            opens.append(-drive.derivatives(0.0)[0])
+        for c in self.drawing.couplings:
+            found = conditions(c, self.n, lambda item: self._reading(item, rates), sides, 0.0)
+            rows += [x.row for x in found]
+            opens += [x.opens for x in found]
+        scale = np.tile(np.repeat([1.0, 1.0 / self.drawing.size], 3), self.n // 6)
+        held = np.array(rows).reshape(-1, self.n) * scale
+        weights = np.linalg.norm(held, axis=1)
+        weights[weights == 0.0] = 1.0
+        held, wanted = held / weights[:, None], -np.array(opens) / weights
+        v = np.linalg.lstsq(held, wanted, rcond=NOTHING)[0]
+        if np.abs(held @ v - wanted).max(initial=0.0) > limit * np.abs(wanted).max(initial=1e-300):
+            return "contradicts"
+        v = v * scale
+        poses = {}
+        for b in self.drawing.bodies:
+            i = self.offset[b.name]
+            w = v[i + 3 : i + 6]
+            poses[b.name] = Pose(b.position, b.rotation, v[i : i + 3] - cross(w, b.rotation @ b.com), w)
+        try:
+            at = self.at(0.0, poses)
+        except np.linalg.LinAlgError:  # a motion without mass
+            return "unclear"
+        if at.unclear:
+            return "unclear"
+        return "contradicts" if at.contradiction > limit else "moves"
 
     def motions_of(self, poses: dict[str, Pose], names: list[str], about_centres: bool = False) -> int:
         """In how many ways these bodies can move at t = 0 while all others rest; `about_centres`: their centres of
@@ -228,15 +293,20 @@ class Maximal:
         at = j.point if name == j.parent else j.on_child
         if name == GROUND:
             return at
-        return side.pose.x + side.carried @ (at - self.bodies[name].position)
+        return side.pose.x + side.transported @ (at - self.bodies[name].position)
 
     def _axes(self, j: Joint, p: Side, c: Side) -> tuple[Array, Array, bool]:
         """Slides and turns now, as columns."""
         slides, turns, ball = j.motions(self.frames[j.name])
-        now = [p.carried @ turns[0]] if turns else []
+        now = [p.transported @ turns[0]] if turns else []
         if len(turns) == 2:
-            now.append(c.carried @ turns[1])  # of such joints the drawing has the axes closed
-        return np.array([p.carried @ x for x in slides]).reshape(-1, 3).T, np.array(now).reshape(-1, 3).T, ball
+            now.append(c.transported @ turns[1])  # of such joints the drawing has the axes closed
+        return np.array([p.transported @ x for x in slides]).reshape(-1, 3).T, np.array(now).reshape(-1, 3).T, ball
+
+    def _axis(self, j: Joint, coordinate: int, sides: dict[str, Side]) -> Array:
+        """Of a slide or a turn."""
+        slides, turns, _ = self._axes(j, sides[j.parent], sides[j.child])
+        return np.column_stack([slides, turns])[:, coordinate]
 
     def _rows(
         self, j: Joint, sides: dict[str, Side]
@@ -272,7 +342,7 @@ class Maximal:
         if j.kind == "constant_velocity":
             # in the plane that halves the angle between the shafts, neither turns against the other
             own = j.axes[:, 0] / np.linalg.norm(j.axes[:, 0])
-            one, other = p.carried @ own, c.carried @ (own if j.bent is None else j.bent @ own)
+            one, other = p.transported @ own, c.transported @ (own if j.bent is None else j.bent @ own)
             row = np.zeros(self.n)
             self._add_moment(row, p, c, one + other)
             rows.append(row)
@@ -296,7 +366,7 @@ class Maximal:
                 gap = max(gap, abs(x.position[i] - value) / length)
                 rate_error = max(rate_error, abs(sum_of @ x.velocity) * time / length)
         if not ball:
-            r = p.carried.T @ c.carried @ j.alignment.T
+            r = p.transported.T @ c.transported @ j.alignment.T
             _, drawn, _ = j.motions(self.frames[j.name])
             gap = max(gap, float(np.abs(turned_by(drawn, angles(drawn, r)) - r).max()))
         return rows, rest, wrenches, gap, rate_error
@@ -337,10 +407,10 @@ class Maximal:
             force.append(axis)
             moment.append(np.zeros(3))
         _, drawn, _ = j.motions(self.frames[j.name])
-        duals = c.carried.T if ball else np.linalg.pinv(turns) if turns.size else []
+        duals = c.transported.T if ball else np.linalg.pinv(turns) if turns.size else []
         # the axes of three turns move with the child
         bias = cross(c.pose.w, x.spin) if ball else self._gyration(turns, p, c, x.spin)
-        where = np.zeros(3) if ball else angles(drawn, p.carried.T @ c.carried @ j.alignment.T)
+        where = np.zeros(3) if ball else angles(drawn, p.transported.T @ c.transported @ j.alignment.T)
         for i, axis in enumerate(duals):
             row = np.zeros(self.n)
             self._add_moment(row, p, c, axis)
@@ -359,7 +429,7 @@ class Maximal:
         if not j.motions(self.frames[j.name])[2]:
             return None
         alpha = [acc[x.at + 3 : x.at + 6] if x.at is not None else np.zeros(3) for x in (p, c)]
-        return p.carried.T @ (alpha[0] - alpha[1] - cross(p.pose.w, p.pose.w - c.pose.w))
+        return p.transported.T @ (alpha[0] - alpha[1] - cross(p.pose.w, p.pose.w - c.pose.w))
 
     @staticmethod
     def _add_force(row: Array, p: Side, c: Side, point: Array, axis: Array) -> None:
