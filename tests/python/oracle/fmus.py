@@ -22,6 +22,8 @@ STEPS = 3
 TIGHT = {"rtol": 1e-11, "atol": 1e-13}
 SAME = 1e-6
 """Of two runs of such tolerances over a short time, over the largest value of each output."""
+NOTHING = 1e-6
+"""Smaller displacements and rates, of the size of the drawing and per its time, are measured by these."""
 
 
 def mechanism(seed: int) -> Drawing:
@@ -109,4 +111,7 @@ def look(
             )
             theirs, scale = float(whole[-1, i]), float(np.abs(whole).max())
             scale = {"force": largest, "moment": largest * d.size}.get(part, scale)
+            # what does not move is zero to rounding alone
+            still = {"position": NOTHING * min(d.size, 1.0), "velocity": NOTHING * min(d.size, 1.0) / d.time}
+            scale = max(scale, still.get(part, 0.0))
         verdict.seen(f"FMU {part}", abs(found - theirs) / max(scale, 1e-300), SAME, f"{words}, {name}")
