@@ -131,6 +131,11 @@ CLAIMS = (
           ("dopri5, threshold 1.0001: order", "dopri5, threshold 1.01: order")),
     Claim("switching", "\n| dop853 | the eleven turns | # | # |",
           ("dop853, threshold 1.0001: order", "dop853, threshold 1.01: order"), rough=0.01),
+    *(Claim("switching", f"\n| {method} | # | # | # | # |", tuple(
+        f"adaptive, {method}, {name}: {what}" for what in ("evaluations", "error") for name in ("none", "forced")
+    ), rough=0.05) for method in ("dopri5", "dop853", "adams")),
+    Claim("switching", "pays # evaluations and more", ("adaptive, adams: evaluations of a switch",)),
+    Claim("switching", "there are # switches:", ("adaptive, dop853, forced: switches",)),
     Claim("switching", "At the default threshold of 1.25 rk4 has # and dop853 #.",
           ("rk4, threshold 1.25: order", "dop853, threshold 1.25: order"), rough=0.01),
     Claim("closing", "to within the accuracy of the differences: # and #.",
@@ -170,6 +175,7 @@ GIVEN = (
     "eleven times in 23 s", "rk4 with steps of 2.5 ms", "is to 1, the more",
     "With thresholds of 1.0001 and 1.01,", "| method | motion | 1.0001 | 1.01 |", "the free swing, 18 s",
     "default threshold of 1.25", "in the swing at 1.25",
+    "free swing of 18 s", "tolerance of 1e-8; with a threshold of 1",
     "rk4", "dopri5", "dop853",
 )  # fmt: skip
 """Arguments and thresholds of the scripts; names with digits."""
