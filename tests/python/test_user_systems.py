@@ -127,7 +127,7 @@ def test_bad_options_of_the_choice() -> None:
         ({"selection": "greedy", "threshold": 1.5}, "makes no switches"),
         ({"selection": "determinant", "weights": [1.0, 2.0]}, "no use for weights"),
         ({"selection": "greedy", "fixed": [0]}, "no rule"),
-        ({"fixed": [0], "weights": [1.0, 2.0]}, "no weights"),
+        ({"fixed": [0], "weights": [1.0, 2.0]}, "no rule, weights or scales"),
         ({"fixed": [2]}, "from 0 to 1"),
         ({"fixed": [0, 0]}, "different indices"),
         ({"fixed": ["x"]}, "must be indices"),
