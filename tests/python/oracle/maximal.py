@@ -19,7 +19,7 @@ from .forces import BearingFriction
 
 # Singular values of J over the largest: below the first a row says nothing new, above the second it does.
 NOTHING, SOMETHING = 1e-11, 1e-7
-# Frictions that follow reactions, which follow the frictions: as long as that changes accelerations.
+# Frictions that follow reactions, which follow the frictions: as long as that changes one of them.
 REPEATED = 200
 
 
@@ -156,7 +156,7 @@ class Maximal:
         acc, lam = solved(h)
         rubbing = [f for f in d.forces if isinstance(f, BearingFriction)]
         for _ in range(REPEATED if rubbing else 0):
-            before = acc
+            before = np.concatenate([acc, lam])
             more = np.zeros(n)
             for f in rubbing:
                 of = [
@@ -168,7 +168,12 @@ class Maximal:
                 more += effort * x.rows[f.coordinate]
                 power[f.name] = effort * float(x.velocity[f.coordinate])
             acc, lam = solved(h + more * scale / d.mass)
-            if np.abs(acc - before).max() <= 1e-13 * np.abs(acc).max(initial=1e-300):
+            # accelerations that drives give do not change, multipliers do
+            after = np.concatenate([acc, lam])
+            if all(
+                np.abs(new - old).max(initial=0.0) <= 1e-13 * np.abs(new).max(initial=1e-300)
+                for new, old in ((after[:n], before[:n]), (after[n:], before[n:]))
+            ):
                 break
         else:
             unclear = unclear or bool(rubbing)
