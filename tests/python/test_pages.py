@@ -22,7 +22,7 @@ from partita import viewer
 from partita.viewer.page import fixed_bytes
 from partita.viewer.pose import is_tangled, strokes_of
 
-pytestmark = pytest.mark.skipif(PROGRAM is None, reason="no Chromium here")
+pytestmark = pytest.mark.skipif(PROGRAM is None, reason="no Chromium is installed to open pages in")
 
 
 @pytest.fixture(scope="module")

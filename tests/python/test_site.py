@@ -11,7 +11,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
 from website import seen
 
-pytestmark = pytest.mark.skipif(chromium.PROGRAM is None, reason="no Chromium here")
+pytestmark = pytest.mark.skipif(chromium.PROGRAM is None, reason="no Chromium is installed to open pages in")
 
 LONG = "word " * 60
 TOWER = f'<td style="max-width: 20px; overflow-wrap: anywhere">{LONG}</td>'

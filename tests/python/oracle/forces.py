@@ -33,7 +33,7 @@ class Scene(Protocol):
     def joint(self, name: str, coordinate: int) -> tuple[float, float]:
         """A coordinate of a joint, and its rate."""
 
-    def push(self, body: str, point: Array, force: Array, moment: Any = 0.0) -> None:
+    def add_load(self, body: str, point: Array, force: Array, moment: Any = 0.0) -> None:
         """A force at a place, and a moment."""
 
     def along(self, joint: str, coordinate: int, effort: float) -> None:
@@ -42,8 +42,8 @@ class Scene(Protocol):
 
 def pair(at: Scene, one: str, other: str, point: Array, force: Array, moment: Any = 0.0) -> None:
     """On the first body, and the opposite at the same place on the other one."""
-    at.push(one, point, force, moment)
-    at.push(other, point, -force, -np.asarray(moment))
+    at.add_load(one, point, force, moment)
+    at.add_load(other, point, -force, -np.asarray(moment))
 
 
 def carried(at: Scene, body: str, point: Array) -> Array:
@@ -393,4 +393,4 @@ class TableLoad:
     def act(self, at: Scene) -> None:
         force = np.array([c.value(at.t) for c in self.curves])
         force = at.axes(self.body)[0] @ force if self.axes == "body" else force
-        at.push(self.body, at.motion_of(self.body, self.point)[0], force)
+        at.add_load(self.body, at.motion_of(self.body, self.point)[0], force)

@@ -468,12 +468,12 @@ class Maximal:
                 (a, va), (b, vb) = at.motion_of(f.body1, f.point1), at.motion_of(f.body2, f.point2)
                 along, distance = unit(b - a), float(np.linalg.norm(b - a))
                 tension = f.stiffness * (distance - f.length) + f.damping * (along @ (vb - va))
-                at.push(f.body1, a, tension * along)
-                at.push(f.body2, b, -tension * along)
+                at.add_load(f.body1, a, tension * along)
+                at.add_load(f.body2, b, -tension * along)
             elif isinstance(f, Load):
                 force = f.force * np.cos(f.swing * t)
                 force = sides[f.body].pose.rotation @ force if f.axes == "body" else force
-                at.push(f.body, at.motion_of(f.body, f.point)[0], force)
+                at.add_load(f.body, at.motion_of(f.body, f.point)[0], force)
             elif isinstance(f, Torque):
                 at.along(f.joint, f.coordinate, f.value)
             elif isinstance(f, Torsion):
@@ -509,7 +509,7 @@ class Acting:
         x = self.rates[name]
         return float(x.position[coordinate]), float(x.velocity[coordinate])
 
-    def push(self, body: str, point: Array, force: Array, moment: Any = 0.0) -> None:
+    def add_load(self, body: str, point: Array, force: Array, moment: Any = 0.0) -> None:
         side = self.sides[body]
         if side.at is None:
             return

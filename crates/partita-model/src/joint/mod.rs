@@ -137,7 +137,7 @@ impl Shape {
     /// Degrees of freedom that its conditions leave its two bodies, in space: those of its motions, less what conditions
     /// of its own take; a joint that is always cut has no motions of its own.
     pub fn mobility(&self) -> usize {
-        6 - self.conditions()
+        6_usize.saturating_sub(self.conditions())
     }
     /// The motion that velocity `i` belongs to.
     pub fn motion_of(&self, i: usize) -> Option<Motion> {
