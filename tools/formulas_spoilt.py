@@ -575,10 +575,10 @@ FORMULAS = (
     Error(
         "branch-kept",
         "a crossing is believed whatever the velocities do in it",
-        f"{SYSTEM}/singular/checkpoint.rs",
-        "norm(&missed) <= Self::MISSED_ON_BRANCH * speed && !(0..s.len()).any(jumps)",
-        "norm(&missed) <= Self::MISSED_ON_BRANCH * speed || !(0..s.len()).any(jumps)",
-        ("lib singular",),
+        f"{SYSTEM}/step_boundary.rs",
+        "length(s, missed) <= Self::MISSED_ON_BRANCH * mean && !(0..s.len()).any(jumps)",
+        "length(s, missed) <= Self::MISSED_ON_BRANCH * mean || !(0..s.len()).any(jumps)",
+        ("lib step_boundary",),
     ),
     Error(
         "dead-point-of-the-choice",

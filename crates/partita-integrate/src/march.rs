@@ -310,21 +310,25 @@ impl March {
             self.crossing.polynomial(t, &mut self.buffer);
             formulation.side(t, &self.buffer)
         };
-        self.searched = singular_times::find(ends, &mut side, &mut self.located);
+        self.searched = singular_times::find(ends, f64::INFINITY, &mut side, &mut self.located).is_some();
     }
 
-    /// Locate those that an ordinary step passed, on its dense output. True if it was not to pass them.
+    /// Locate those that an ordinary step passed, on its dense output. True if it was not to pass them, or came near to one
+    /// where it was to end farther away.
     fn locate_passed<F: Formulation>(&mut self, formulation: &mut F) -> bool {
-        if self.crosses || !formulation.may_have_passed() {
-            return false;
-        }
+        let Some(rate) = formulation.may_have_passed().filter(|_| !self.crosses) else { return false };
         let ends = (self.stepper.current().t_old, self.stepper.current().t_new);
         let mut side = |t: f64| {
             self.stepper.interpolate(&mut Adapter(formulation), t, &mut self.buffer).ok()?;
             formulation.side(t, &self.buffer)
         };
-        self.searched = singular_times::find(ends, &mut side, &mut self.located);
-        !self.located.is_empty() && self.free && formulation.passed_unforeseen()
+        let found = singular_times::find(ends, rate, &mut side, &mut self.located);
+        self.searched = found.is_some();
+        let Some(nearest) = found.filter(|_| self.free) else { return false };
+        match self.located.is_empty() {
+            true => formulation.nears_unforeseen(nearest),
+            false => formulation.passed_unforeseen(),
+        }
     }
 
     /// What takes the step under way.

@@ -23,14 +23,22 @@ const BESIDE: [f64; 3] = [4.0, 16.0, 64.0];
 /// A point of the step.
 type Point = (f64, Side);
 
-/// Times at which the mechanism is singular within a step, in order, for the side at each time of its polynomial. False if
-/// sides cannot be compared.
-pub(crate) fn find((from, to): (f64, f64), side: &mut dyn FnMut(f64) -> Option<Side>, times: &mut Vec<f64>) -> bool {
+/// Times at which the mechanism is singular within a step, in order, for the side at each time of its polynomial; distances
+/// fall by `rate` per second at the most. Returns the least distance that was found, none if sides cannot be compared.
+pub(crate) fn find(
+    (from, to): (f64, f64),
+    rate: f64,
+    side: &mut dyn FnMut(f64) -> Option<Side>,
+    times: &mut Vec<f64>,
+) -> Option<f64> {
     times.clear();
-    let (Some(first), Some(last)) = (side(from), side(to)) else { return false };
+    let (first, last) = (side(from)?, side(to)?);
     let top = first.distance.max(last.distance);
-    let zero = tolerance::AT_SINGULARITY * top;
-    let mut search = Search { shortest: ROOT_FOUND * (to - from), top, zero, side, times };
+    let (zero, shortest) = (tolerance::AT_SINGULARITY * top, ROOT_FOUND * (to - from));
+    let mut search = Search { shortest, top, zero, nearest: f64::INFINITY, side, times };
+    if search.stays_away((from, first), (to, last), rate, PARTS) {
+        return Some(search.nearest);
+    }
     let (mut points, mut known) = ([(to, last); PARTS + 1], (from, first));
     points[0] = known;
     for (i, point) in points.iter_mut().enumerate().take(PARTS).skip(1) {
@@ -61,7 +69,7 @@ pub(crate) fn find((from, to): (f64, f64), side: &mut dyn FnMut(f64) -> Option<S
         }
     }
     search.times.sort_by(f64::total_cmp);
-    true
+    Some(search.nearest)
 }
 
 struct Search<'a> {
@@ -69,6 +77,8 @@ struct Search<'a> {
     /// The larger distance at the ends of the step, and what counts as none.
     top: f64,
     zero: f64,
+    /// The least distance inside the step so far.
+    nearest: f64,
     side: &'a mut dyn FnMut(f64) -> Option<Side>,
     times: &'a mut Vec<f64>,
 }
@@ -76,7 +86,25 @@ struct Search<'a> {
 impl Search<'_> {
     /// The side at t; in the position itself, where nothing can be evaluated, that of a neighbour at no distance.
     fn at(&mut self, t: f64, beside: Side) -> Point {
-        (t, (self.side)(t).unwrap_or(Side { distance: 0.0, ..beside }))
+        let side = (self.side)(t).unwrap_or(Side { distance: 0.0, ..beside });
+        self.nearest = self.nearest.min(side.distance);
+        (t, side)
+    }
+
+    /// Whether distances that change by `rate` at the most have no zero between these points, as far as `parts` of them
+    /// show.
+    fn stays_away(&mut self, a: Point, b: Point, rate: f64, parts: usize) -> bool {
+        if a.1.changed != b.1.changed {
+            return false;
+        }
+        if a.1.distance + b.1.distance >= rate * (b.0 - a.0) {
+            return true;
+        }
+        if parts <= 1 {
+            return false;
+        }
+        let middle = self.at(0.5 * (a.0 + b.0), a.1);
+        self.stays_away(a, middle, rate, parts / 2) && self.stays_away(middle, b, rate, parts / 2)
     }
 
     /// The zeros between two points on different sides: by false position, an end that stays halved.
@@ -144,22 +172,25 @@ impl Search<'_> {
     }
 
     /// The zeros at a minimum of the distance between points on one side: by parabolas of its square, which is one where
-    /// the distance falls linearly.
+    /// the distance falls linearly, or of itself where these predict better what is found next.
     fn valley(&mut self, mut a: Point, mut m: Point, mut b: Point) {
         let lowest = m.1.distance <= a.1.distance.min(b.1.distance);
         if !lowest || a.1.changed != b.1.changed || (m.1.changed == a.1.changed && m.1.distance == a.1.distance) {
             return;
         }
+        let mut power = 2;
         for _ in 0..2 * LOCATING {
             if m.1.changed != a.1.changed {
                 self.root(a, m);
                 return self.root(m, b);
             }
-            let vertex = lowest_of(a, m, b);
+            let vertex = Parabola::through(a, m, b, power).lowest();
             if b.0 - a.0 < self.shortest || (m.1.distance <= self.zero && (vertex - m.0).abs() < self.shortest) {
                 break;
             }
             let next = self.at(apart_from(vertex, a, m, b), m.1);
+            let missed = |power| (Parabola::through(a, m, b, power).distance(next.0) - next.1.distance).abs();
+            power = if missed(1) < missed(2) { 1 } else { 2 };
             (a, m, b) = match (next.1.distance < m.1.distance || next.1.changed != m.1.changed, next.0 < m.0) {
                 (true, true) => (a, next, m),
                 (true, false) => (m, next, b),
@@ -173,16 +204,36 @@ impl Search<'_> {
     }
 }
 
-/// Where the parabola through the squares of three distances is lowest.
-fn lowest_of(a: Point, m: Point, b: Point) -> f64 {
-    let square = |p: Point| p.1.distance * p.1.distance;
-    let (left, right) = ((square(m) - square(a)) / (m.0 - a.0), (square(b) - square(m)) / (b.0 - m.0));
-    let bend = (right - left) / (b.0 - a.0);
-    let vertex = 0.5 * (a.0 + m.0) - 0.5 * left / bend;
-    if vertex.is_finite() {
-        vertex
-    } else {
-        m.0
+/// The parabola through three distances to some power.
+struct Parabola {
+    middle: (f64, f64),
+    slope: f64,
+    bend: f64,
+    power: i32,
+}
+
+impl Parabola {
+    fn through(a: Point, m: Point, b: Point, power: i32) -> Self {
+        let of = |p: Point| p.1.distance.powi(power);
+        let (left, right) = ((of(m) - of(a)) / (m.0 - a.0), (of(b) - of(m)) / (b.0 - m.0));
+        let bend = (right - left) / (b.0 - a.0);
+        Self { middle: (m.0, of(m)), slope: left + bend * (m.0 - a.0), bend, power }
+    }
+
+    /// Where it is lowest.
+    fn lowest(&self) -> f64 {
+        let vertex = self.middle.0 - 0.5 * self.slope / self.bend;
+        if vertex.is_finite() {
+            vertex
+        } else {
+            self.middle.0
+        }
+    }
+
+    /// The distance that it predicts.
+    fn distance(&self, t: f64) -> f64 {
+        let h = t - self.middle.0;
+        (self.middle.1 + h * (self.slope + h * self.bend)).max(0.0).powf(1.0 / f64::from(self.power))
     }
 }
 
@@ -203,7 +254,8 @@ mod tests {
 
     fn found(f: impl Fn(f64) -> Option<(f64, usize)>) -> Vec<f64> {
         let mut times = Vec::new();
-        assert!(find((1.0, 2.0), &mut |t| f(t).map(|(distance, changed)| Side { distance, changed }), &mut times));
+        let mut side = |t| f(t).map(|(distance, changed)| Side { distance, changed });
+        assert!(find((1.0, 2.0), f64::INFINITY, &mut side, &mut times).is_some());
         times
     }
 
@@ -249,8 +301,32 @@ mod tests {
         assert!(near(&found(|t| Some(((t - 1.3).abs(), if t > 1.3 { 40 } else { 0 }))), &[1.3]));
     }
 
+    /// Distances that fall by a known rate at the most need few points where they are large, and all of a nearest
+    /// approach is told.
+    #[test]
+    fn few_points_show_that_a_step_stays_away() {
+        let looks = |least: f64, rate: f64| {
+            let (mut count, mut times) = (0, Vec::new());
+            let nearest = find(
+                (0.0, 1.0),
+                rate,
+                &mut |t| {
+                    count += 1;
+                    Some(Side { distance: (t - 0.61).hypot(least), changed: 0 })
+                },
+                &mut times,
+            );
+            assert!(times.is_empty());
+            (count, nearest.unwrap())
+        };
+        assert_eq!(looks(0.6, 1.0), (2, f64::INFINITY));
+        assert_eq!(looks(0.4, 2.0).0, 4);
+        let (count, nearest) = looks(0.01, 2.0);
+        assert!(count > PARTS && (0.01..0.0101).contains(&nearest), "{count} {nearest}");
+    }
+
     #[test]
     fn sides_that_cannot_be_compared_are_not_searched() {
-        assert!(!find((0.0, 1.0), &mut |_| None, &mut Vec::new()));
+        assert!(find((0.0, 1.0), f64::INFINITY, &mut |_| None, &mut Vec::new()).is_none());
     }
 }

@@ -135,10 +135,6 @@ pub const MUCH_SMALLER: f64 = 0.3;
 /// No ordinary step, and no tick, may end nearer to a singular position. Scale: distance in natural scales. Reason:
 /// rounding of the closure over the square of the distance leaves six digits of rates, and none a little nearer.
 pub const LANDED: f64 = 1e-5;
-/// A change of velocity of which accelerations leave more unexplained belongs to another branch. Scale: fraction of the
-/// change, or of the speed. Reason: on the same branch they account for most of it; a mechanism that is thrown back
-/// misses all of it.
-pub const NOT_ACCELERATED: f64 = 0.75;
 /// A change of velocities counts above this. Scale: fraction of the fastest velocity, or of all. Reason: one block of
 /// many that passes to its other branch is seen, and so is a load that becomes active.
 pub const VISIBLE_CHANGE: f64 = 0.1;

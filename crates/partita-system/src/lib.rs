@@ -20,6 +20,7 @@ pub mod record;
 pub mod reduction;
 pub mod singular;
 pub mod start;
+pub mod step_boundary;
 pub mod system;
 pub mod tangent;
 pub mod weight;

@@ -171,7 +171,7 @@ class Seen:
     steady: bool = True
 
 
-def trial(family: str, seed: int, rtol: float, formulation: str = "projective") -> Seen:
+def trial(family: str, seed: int, rtol: float, formulation: str = "projective", coordinates: str = "relative") -> Seen:
     """One linkage, moved for some seconds without forces."""
     rng = np.random.default_rng([seed, list(FAMILIES).index(family)])
     bars, x = start(family, rng)
@@ -180,7 +180,8 @@ def trial(family: str, seed: int, rtol: float, formulation: str = "projective") 
     run = m.simulate(
         duration,
         t_eval=np.linspace(0.0, duration, 400),
-        initial=m.assemble(rates={"A": rate}),
+        initial=m.assemble(rates={"A": rate}, coordinates=coordinates),
+        coordinates=coordinates,
         rtol=rtol,
         atol=0.01 * rtol,
         formulation=formulation,
@@ -205,6 +206,7 @@ def trial(family: str, seed: int, rtol: float, formulation: str = "projective") 
     lost = float(np.ptp(energy) / abs(energy[0]))
     wrong = beside > BESIDE or lost > LOST
     outcome = "stopped" if not run.success else "wrong" if wrong else "right"
-    words = f"{family} {seed}, rtol {rtol:g}, {formulation}: {beside:.1e} beside, {lost:.1e} lost; {run.message}"
+    name = f"{family} {seed}, rtol {rtol:g}, {formulation}, {coordinates}"
+    words = f"{name}: {beside:.1e} beside, {lost:.1e} lost; {run.message}"
     reported = sum(int(note.split()[0]) for note in run.notes if "were crossed" in note)
     return Seen(outcome, reported, int(least.sum()), words, steady)

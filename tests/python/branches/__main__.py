@@ -31,6 +31,12 @@ def of_a_form(task: tuple[str, float, int]) -> Seen:
     return trial("crossed parallelogram", seed, tolerance, formulation)
 
 
+def in_absolute_coordinates(task: tuple[str, float, int]) -> Seen:
+    """Every linkage by the positions of its bars, where dead points of the coordinates lie in singular positions."""
+    family, tolerance, seed = task
+    return trial(family, seed, tolerance, coordinates="absolute")
+
+
 def main(count: int) -> int:
     """Print what was counted and the first that went wrong; 1 if any did at the default tolerance or tighter, or in a
     form that integrates all velocities or 2k states at any."""
@@ -43,6 +49,11 @@ def main(count: int) -> int:
         full = pool.map(of_a_form, tasks, chunksize=8)
         reported("in forms of all velocities and of 2k states", full)
         if any(x.outcome == "wrong" or not x.steady for x in full):
+            return 1
+        tasks = [(family, rtol, seed) for family in FAMILIES for rtol in EVERY for seed in range(35)]
+        absolute = pool.map(in_absolute_coordinates, tasks, chunksize=8)
+        reported("in absolute coordinates", absolute)
+        if any(x.outcome == "wrong" or not x.steady for x in absolute):
             return 1
         reported("at loose tolerances", pool.map(one, [(LOOSE, i) for i in range(loose)], chunksize=8))
         found = pool.map(one, [(USUAL, i) for i in range(count)], chunksize=8)

@@ -107,9 +107,15 @@ pub trait SingularSteps {
     fn crossing_failed(&self, _t: f64) -> Option<SystemError> {
         None
     }
-    /// Whether the step of the last `trial_end` may have passed a singular position: C_D changed sides over it, or the
-    /// distances at its ends are so small that it may have done so twice.
-    fn may_have_passed(&self) -> bool {
+    /// If the step of the last `trial_end` may have passed a singular position, the rate at which the distance from one
+    /// falls at the most: C_D changed sides over it, or the distances at its ends are so small that it may have done so
+    /// twice.
+    fn may_have_passed(&self) -> Option<f64> {
+        None
+    }
+    /// It came as near as this to one without passing it. True if it is to be repeated with a shorter one: outputs inside
+    /// it are as far off as its polynomial, divided by that distance.
+    fn nears_unforeseen(&mut self, _distance: f64) -> bool {
         false
     }
     /// One was found in that step, which was not made for it. True if it is to be repeated by one that is.
@@ -253,8 +259,11 @@ impl<F: Formulation + ?Sized> SingularSteps for Box<F> {
     fn crossing_failed(&self, t: f64) -> Option<SystemError> {
         (**self).crossing_failed(t)
     }
-    fn may_have_passed(&self) -> bool {
+    fn may_have_passed(&self) -> Option<f64> {
         (**self).may_have_passed()
+    }
+    fn nears_unforeseen(&mut self, distance: f64) -> bool {
+        (**self).nears_unforeseen(distance)
     }
     fn passed_unforeseen(&mut self) -> bool {
         (**self).passed_unforeseen()

@@ -178,8 +178,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
             false => self.positions.locate(&mut self.tangent, t, y, self.monitor.crosses_next),
         };
         self.tangent.tangent(t, self.positions.q(), found.ok()?).ok()?;
-        let (distance, _) = self.tangent.margin()?;
-        self.monitor.changed(self.tangent.seen()).map(|changed| Side { distance, changed })
+        self.side_inside(t)
     }
     fn dim(&self) -> usize {
         self.place_of_prescribed() + self.prescribed.count()

@@ -1,5 +1,6 @@
 //! Whether the motion has been thrown back at a dead point. Needed by 2k forms only.
 
+use crate::step_boundary::{length, StepBoundary};
 use partita_math::tolerance;
 
 /// The end of the last step, as a reference for the next one.
@@ -25,9 +26,7 @@ pub(super) struct Continuity {
 /// End of a step.
 #[derive(Clone, Debug, Default)]
 struct End {
-    t: f64,
-    v: Vec<f64>,
-    vdot: Vec<f64>,
+    at: StepBoundary,
     /// Nearness of a dead point or a singular position, see [`Continuity::nearness`].
     near: f64,
     /// Short steps in a row towards a dead point that hardly come nearer.
@@ -67,57 +66,41 @@ impl Continuity {
     /// Displacement (in velocities) from the end of the last step to t, ahead of it: extrapolated with the velocities
     /// and accelerations there, and the change of the latter if the step before was not much shorter.
     pub(super) fn predict(&self, t: f64, dv: &mut [f64]) {
-        let (h, last) = (t - self.last.t, self.last.t - self.before.t);
-        let part = if h < Self::EXTRAPOLATED * last { h / (3.0 * last) } else { 0.0 };
+        let (before, last) = (&self.before.at, &self.last.at);
+        let (h, length) = (t - last.t(), last.t() - before.t());
+        let part = if h < Self::EXTRAPOLATED * length { h / (3.0 * length) } else { 0.0 };
         for (i, d) in dv.iter_mut().enumerate() {
-            let change = if part > 0.0 { self.last.vdot[i] - self.before.vdot[i] } else { 0.0 };
-            *d = h * (self.last.v[i] + 0.5 * h * (self.last.vdot[i] + part * change));
+            let change = if part > 0.0 { last.vdot()[i] - before.vdot()[i] } else { 0.0 };
+            *d = h * (last.v()[i] + 0.5 * h * (last.vdot()[i] + part * change));
         }
     }
 
     /// As `predict`, for t inside the step that was judged, by the cubic of velocities and accelerations at both its ends;
     /// where no step was judged, as [`predict`](Self::predict).
     pub(super) fn inside(&self, t: f64, dv: &mut [f64]) {
-        let (from, to) = (&self.last, &self.next);
-        let h = to.t - from.t;
-        if h <= 0.0 {
-            return self.predict(t, dv);
-        }
-        // integrals of Hermite's polynomials from the start of the step
-        let s = (t - from.t) / h;
-        let (s2, s3, s4) = (s * s, s.powi(3), s.powi(4));
-        let [p0, m0, p1, m1] =
-            [s4 / 2.0 - s3 + s, s4 / 4.0 - 2.0 / 3.0 * s3 + s2 / 2.0, s3 - s4 / 2.0, s4 / 4.0 - s3 / 3.0]
-                .map(|x| x * h);
-        for (i, d) in dv.iter_mut().enumerate() {
-            *d = p0 * from.v[i] + p1 * to.v[i] + h * (m0 * from.vdot[i] + m1 * to.vdot[i]);
+        match self.next.at.t() > self.last.at.t() {
+            true => self.last.at.displacement(&self.next.at, t, dv),
+            false => self.predict(t, dv),
         }
     }
 
     /// Restart from this state.
     pub(super) fn start(&mut self, t: f64, v: &[f64], vdot: &[f64], near: f64) {
-        self.last = End { t, v: v.to_vec(), vdot: vdot.to_vec(), near, creeping: 0 };
+        self.last.at.start(t, &[], v, vdot);
+        (self.last.near, self.last.creeping) = (near, 0);
         (self.before, self.next) = (self.last.clone(), self.last.clone());
     }
 
     /// Whether the step to here is continuous. Velocities count in their scales s. If it does, [`accept`](Self::accept)
     /// makes it the last one.
     pub(super) fn judge(&mut self, t: f64, v: &[f64], vdot: &[f64], s: &[f64], near: f64) -> bool {
-        let from = &self.last;
-        let norm = |f: &dyn Fn(usize) -> f64| (0..s.len()).map(|i| (f(i) / s[i]).powi(2)).sum::<f64>().sqrt();
-        let speed = norm(&|i| v[i]);
+        let (from, next) = (&self.last, &mut self.next);
+        next.at.start(t, &[], v, vdot);
+        let speed = length(s, |i| v[i]);
         self.fastest = self.fastest.max(speed);
-        let speeds = norm(&|i| from.v[i]) + speed;
-        let h = t - from.t;
-        let missed = |i: usize| v[i] - from.v[i] - 0.5 * h * (from.vdot[i] + vdot[i]);
-        let moving = speeds > tolerance::NEGLIGIBLE * self.fastest;
-        let largest = (0..s.len()).fold(0.0, |m: f64, i| m.max(v[i].abs().max(from.v[i].abs()) / s[i]));
-        let one_jumps = |i: usize| {
-            let change = (v[i] - from.v[i]).abs();
-            change / s[i] > tolerance::VISIBLE_CHANGE * largest && missed(i).abs() > tolerance::NOT_ACCELERATED * change
-        };
-        let jumps = || norm(&missed) > tolerance::NOT_ACCELERATED * speeds || (0..s.len()).any(one_jumps);
-        if h > 0.0 && from.near.max(near) > 1.0 && moving && jumps() {
+        let h = t - from.at.t();
+        let moving = length(s, |i| from.at.v()[i]) + speed > tolerance::NEGLIGIBLE * self.fastest;
+        if h > 0.0 && from.near.max(near) > 1.0 && moving && !from.at.continues_to(&next.at, s) {
             self.in_a_row += 1;
             return false;
         }
@@ -127,16 +110,13 @@ impl Continuity {
         let short = h < Self::CREEPING * self.longest.max(h);
         let creeps = near > Self::BLAMED_NEARNESS && short && (0.0..Self::CREEPING).contains(&growth);
         let creeping = if creeps { from.creeping + 1 } else { 0 };
-        let next = &mut self.next;
-        (next.t, next.near, next.creeping) = (t, near, creeping);
-        next.v.copy_from_slice(v);
-        next.vdot.copy_from_slice(vdot);
+        (next.near, next.creeping) = (near, creeping);
         true
     }
 
     /// The step that was judged is the last one from here on.
     pub(super) fn accept(&mut self) {
-        self.longest = self.longest.max(self.next.t - self.last.t);
+        self.longest = self.longest.max(self.next.at.t() - self.last.at.t());
         std::mem::swap(&mut self.before, &mut self.last);
         std::mem::swap(&mut self.last, &mut self.next);
     }

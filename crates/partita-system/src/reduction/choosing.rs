@@ -1,7 +1,7 @@
 //! Occasional decisions at a position: scales of velocities and rows, the choice and the plan of its elimination, the
 //! recursion over the clusters, and the layout of the data of an evaluation.
 
-use super::{choice, watch, Choice, Reduction, NONE};
+use super::{choice, Choice, Reduction, NONE};
 use crate::clusters::Clusters;
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::elimination::{Plan, PlanOptions};
@@ -162,17 +162,9 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
                 }
             }
         }
-        self.margins.resize(self.clusters.count.max(1), watch::Margin::default());
+        self.distance.lay_out(self.rank, self.k, self.clusters.count);
         if self.recursion.is_some() {
             self.lay_out();
-        }
-        self.column_displacement.clear();
-        self.column_displacement.resize(self.clusters.count.max(1) * self.columns, 0.0);
-        for (&i, &c) in independent.iter().zip(&self.column_of) {
-            if c != NONE {
-                let cluster = self.clusters.of_velocity[i] as usize;
-                self.column_displacement[cluster * self.columns + c as usize] = self.displacement[i];
-            }
         }
         choice!(self).units(&mut self.dt);
         self.gamma.fill(0.0);

@@ -5,6 +5,7 @@ mod arithmetic;
 mod choosing;
 pub mod closure_error;
 mod correction;
+mod distance;
 mod row_exchange;
 mod rows;
 mod watch;
@@ -77,13 +78,9 @@ pub struct Reduction<'s, S: ConstrainedSystem> {
     /// Entries of the kept rows in independent columns: step of the elimination, entry, index in v_I.
     spread_entries: Vec<(u32, u32, u32)>,
     vdot: Vec<f64>,
-    /// Characteristic displacement of the independent velocity of each column, by cluster.
-    column_displacement: Vec<f64>,
-    margins: Vec<watch::Margin>,
+    distance: distance::Distance,
     room: watch::Room,
     row_room: row_exchange::RowRoom,
-    /// Memory for a left singular vector of C_D.
-    left: Vec<f64>,
     /// `s_i² = [M⁻¹]_ii`, frozen between refreshes: they are only scales.
     pub s2: Vec<f64>,
     s: Vec<f64>,
@@ -201,11 +198,9 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
             column_of: Vec::new(),
             spread_entries: Vec::new(),
             vdot: Vec::new(),
-            column_displacement: Vec::new(),
-            margins: Vec::new(),
+            distance: distance::Distance::default(),
             room: watch::Room::default(),
             row_room: row_exchange::RowRoom::default(),
-            left: vec![0.0; rank],
             scratch: system.scratch(),
             size,
             rank,

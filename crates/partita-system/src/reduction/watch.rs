@@ -15,103 +15,12 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         self.plan.as_ref().map_or(1.0, Plan::smallest_pivot)
     }
 
-    /// How far the mechanism is from a singular position at the last tangent: falls linearly to zero towards one. With
-    /// the number of the plan it belongs to: values of different choices of coordinates or rows are not comparable.
-    ///
-    /// It is the smallest singular value of C_D, by inverse iteration, times √(1 + |A|²); rows and coordinates are
-    /// measured in characteristic displacements. Where only the choice of coordinates is singular the one falls as the
-    /// other grows; where the mechanism itself is, A is unchanged. Pivots alone would not do: one of them may vanish
-    /// for the order of elimination only. Three solves with the current factors.
-    ///
-    /// One per cluster; the smallest is reported.
-    pub fn distance(&mut self) -> (f64, u64) {
-        let x = &mut self.work[..self.rank];
-        for (x, &row) in x.iter_mut().zip(&self.partition.rows) {
-            // irregular, so that no self-stress of a mechanism is orthogonal to it
-            *x = 1.0 + 0.5 * (row as f64 * 1.7).sin();
-        }
-        let m = &mut self.margins;
-        m.clear();
-        m.resize(self.clusters.count.max(1), Margin::default());
-        let of = |i: usize| self.clusters.of_velocity[i] as usize;
-        if let Some(plan) = &self.plan {
-            for transposed in [false, true, false] {
-                m.iter_mut().for_each(|m| (m.before, m.given) = (m.given, 0.0));
-                // steps pair rows with dependent velocities of the same cluster
-                for (x, &d) in x.iter().zip(&self.partition.dependent) {
-                    m[of(d)].given += x * x;
-                }
-                let rows = self.partition.rows.iter().map(|&i| self.row_displacement[i].unwrap_or(1.0));
-                let columns = self.partition.dependent.iter().map(|&i| self.displacement[i]);
-                if transposed {
-                    // the left singular vector comes out of this one
-                    x.iter_mut().zip(columns).for_each(|(x, displacement)| *x /= displacement);
-                    plan.solve_transposed(&self.factors, x, 1);
-                    self.left.copy_from_slice(x);
-                    x.iter_mut().zip(rows).for_each(|(x, displacement)| *x *= displacement);
-                } else {
-                    x.iter_mut().zip(rows).for_each(|(x, displacement)| *x *= displacement);
-                    plan.solve(&self.factors, x, 1);
-                    x.iter_mut().zip(columns).for_each(|(x, displacement)| *x /= displacement);
-                }
-            }
-            for (x, &d) in x.iter().zip(&self.partition.dependent) {
-                m[of(d)].answer += x * x;
-            }
-        }
-        if self.recursion.is_some() {
-            self.margins_without_a();
-        }
-        let m = &mut self.margins;
-        let of = |i: usize| self.clusters.of_velocity[i] as usize;
-        let k = self.columns;
-        for (p, &d) in self.partition.dependent.iter().enumerate() {
-            let row = &self.a_matrix[p * k..(p + 1) * k];
-            let displacements = &self.column_displacement[of(d) * k..(of(d) + 1) * k];
-            m[of(d)].mixed +=
-                row.iter().zip(displacements).map(|(a, r)| (a * r / self.displacement[d]).powi(2)).sum::<f64>();
-        }
-        let least = m.iter().filter(|m| m.answer > 0.0).map(|m| match m.complete {
-            Some(x) => x,
-            None => m.given * (1.0 + m.mixed) / m.answer,
-        });
-        (least.fold(f64::INFINITY, f64::min).sqrt(), self.plans)
-    }
-
-    /// The kept row that depends most on the others next to a singular position: the largest component of the left
-    /// singular vector of the last [`distance`](Self::distance), rows in characteristic displacements.
-    pub fn weakest_row(&self) -> Option<usize> {
-        let size = |(left, &row): (&f64, &usize)| (left * self.row_displacement[row].unwrap_or(1.0)).abs();
-        let rows = self.left.iter().zip(&self.partition.rows);
-        rows.max_by(|a, b| size(*a).total_cmp(&size(*b))).map(|(_, &row)| row)
-    }
-
     /// Side of the singular positions of C_D at the last factorisation.
     pub fn sides(&self, sides: &mut Sides) {
         sides.negative.clear();
-        sides.choice = self.choices;
+        sides.choice = (self.choices, 0);
         if let Some(plan) = self.plan.as_ref().filter(|_| self.rank > 0) {
             sides.blocks = plan.signs(&self.factors, &mut sides.negative);
-        }
-    }
-
-    /// Clusters that form no A: |uᵀ C|² over all columns, u the left singular vector of C_D, falls to zero with the
-    /// rank of C and not with that of C_D alone.
-    fn margins_without_a(&mut self) {
-        let room = &mut self.room;
-        room.along.fill(0.0);
-        room.sums.fill(None);
-        for &(step, e, j) in &self.spread_entries {
-            room.along[j as usize] += self.c[e as usize] * self.left[step as usize];
-        }
-        for ((&i, &c), x) in self.partition.independent.iter().zip(&self.column_of).zip(&room.along) {
-            if c == super::NONE {
-                *room.sums[self.clusters.of_velocity[i] as usize].get_or_insert(0.0) +=
-                    (x * self.displacement[i]).powi(2);
-            }
-        }
-        for (m, sum) in self.margins.iter_mut().zip(&room.sums) {
-            m.complete = sum.map(|sum| (m.before + sum) / m.given);
         }
     }
 
@@ -386,19 +295,26 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
 pub struct Sides {
     negative: Vec<bool>,
     /// The choice and the blocks they belong to.
-    choice: u64,
+    choice: (u64, u64),
     blocks: u64,
 }
 
 impl Sides {
     /// Memory for this number of rows.
     pub fn new(rank: usize) -> Self {
-        Self { negative: Vec::with_capacity(rank + 1), choice: 0, blocks: 0 }
+        Self { negative: Vec::with_capacity(rank + 2), choice: (0, 0), blocks: 0 }
     }
 
     /// The choice they belong to.
-    pub fn choice(&self) -> u64 {
+    pub fn choice(&self) -> (u64, u64) {
         self.choice
+    }
+
+    /// Together with the sign of another determinant, that of the basis with this number.
+    pub fn extend(&mut self, negative: bool, basis: u64) {
+        self.choice.1 = basis;
+        let all = self.negative.pop().unwrap_or(false);
+        self.negative.extend([negative, all ^ negative]);
     }
 
     /// Whether C_D was singular in between. Not distinguished from sides of another choice.
@@ -434,8 +350,6 @@ pub(super) struct Room {
     columns: Vec<f64>,
     column: Vec<usize>,
     here: Vec<usize>,
-    along: Vec<f64>,
-    sums: Vec<Option<f64>>,
 }
 
 impl<S: ConstrainedSystem> Reduction<'_, S> {
@@ -452,8 +366,6 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
             columns: vec![0.0; self.rank * WIDTH],
             column: vec![usize::MAX; self.k],
             here: vec![usize::MAX; count * WIDTH],
-            along: vec![0.0; self.k],
-            sums: vec![None; count],
         };
         let mut order = vec![0usize; count];
         for (j, (&i, &c)) in p.independent.iter().zip(&self.column_of).enumerate() {
@@ -471,19 +383,6 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         }
         self.room = room;
     }
-}
-
-/// Result of inverse iteration for one cluster.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Margin {
-    /// Squared size of the solution, and of the previous right-hand side.
-    given: f64,
-    before: f64,
-    answer: f64,
-    /// |A|².
-    mixed: f64,
-    /// Squared margin, where A is not formed.
-    complete: Option<f64>,
 }
 
 /// Largest |x|; NaN counts as infinite.

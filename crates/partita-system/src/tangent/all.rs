@@ -11,7 +11,7 @@ use crate::error::Result;
 use crate::manifold::orthogonal::{dense_rows, orthogonal_step, MassProjection};
 use crate::options::FormulationOptions;
 use crate::record::{Correction, History, PartitionEvent, Sample};
-use crate::reduction::{velocity_residuals, Reduction};
+use crate::reduction::{velocity_residuals, Reduction, Sides};
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError, SystemRef};
 use partita_math::dense;
@@ -263,6 +263,9 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> TangentChoice<'s, S> for Eve
 impl<'s, S: ConstrainedSystem, R: AccelerationRule> TangentClosing<'s, S> for Everything<'s, S, R> {
     /// Distance from a singular position of the partition, whose factors no evaluation needs. It is known no better than
     /// the closure error of positions that drift.
+    fn sides(&self, sides: &mut Sides) {
+        self.base.r.sides(sides);
+    }
     fn margin(&mut self) -> Option<(f64, u64)> {
         let r = &mut self.base.r;
         let free = self.correction == Correction::None || r.rank() == 0 || r.tangent(f64::NAN).is_err();

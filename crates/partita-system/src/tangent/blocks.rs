@@ -12,7 +12,7 @@ use crate::error::Result;
 use crate::options::FormulationOptions;
 use crate::partition::normalised_determinant;
 use crate::record::{Correction, History, PartitionEvent, Verdict};
-use crate::reduction::Reduction;
+use crate::reduction::{Reduction, Sides};
 use crate::singular::dead_point::dead_point;
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError, SystemRef};
@@ -269,6 +269,9 @@ impl<'s, S: ConstrainedSystem> TangentClosing<'s, S> for Blocks<'s, S> {
     /// Closed by inverse kinematics: there is nothing to correct.
     fn correction(&mut self, _t: f64, _q: &[f64], _rule: Correction, _dv: &mut [f64]) -> Result<bool> {
         Ok(false)
+    }
+    fn sides(&self, sides: &mut Sides) {
+        self.base.r.sides(sides);
     }
     fn margin(&mut self) -> Option<(f64, u64)> {
         // with the same inputs and rows distances are comparable, whatever the order of elimination

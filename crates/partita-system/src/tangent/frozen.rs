@@ -22,7 +22,7 @@ use crate::manifold::orthogonal::{dense_rows, orthogonal_step};
 use crate::options::Renew;
 use crate::partition::criterion::Quality;
 use crate::record::{Correction, History, PartitionEvent, Sample, Verdict};
-use crate::reduction::Reduction;
+use crate::reduction::{Reduction, Sides};
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError, SystemRef};
 use partita_math::dense::{self, Matrix};
@@ -330,6 +330,9 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Frozen<'s, S> {
         if self.renew == Renew::EachStep && why != Occasion::Spoilt {
             return self.follow(t, q, v);
         }
+        if self.renew.never() && why == Occasion::Spoilt {
+            return Ok(false);
+        }
         let why = match why {
             Occasion::Decayed => "its quality had decayed",
             Occasion::Spoilt => "it became poor within the step, which is repeated",
@@ -405,6 +408,11 @@ impl<'s, S: ConstrainedSystem> TangentClosing<'s, S> for Frozen<'s, S> {
         self.solve(None, &mut w, dv);
         self.w = w;
         Ok(true)
+    }
+    fn sides(&self, sides: &mut Sides) {
+        self.base.r.sides(sides);
+        let determinant = dense::lu_determinant(&self.lu, self.pivots.len(), &self.pivots);
+        sides.extend(determinant < 0.0, self.frozen);
     }
     fn margin(&mut self) -> Option<(f64, u64)> {
         let r = &mut self.base.r;

@@ -14,7 +14,7 @@ pub use base::Base;
 
 use crate::error::Result;
 use crate::record::{Correction, History, PartitionEvent, Sample, Verdict};
-use crate::reduction::Reduction;
+use crate::reduction::{Reduction, Sides};
 use crate::system::{ConstrainedSystem, SystemError};
 
 /// Reason for a new choice.
@@ -150,6 +150,8 @@ pub trait TangentClosing<'s, S: ConstrainedSystem + 's> {
     fn margin(&mut self) -> Option<(f64, u64)> {
         None
     }
+    /// Side of the singular positions of C_D, and of the dead points of the basis, at the last evaluation.
+    fn sides(&self, sides: &mut Sides);
     /// Whether all velocities are states, from which the residual of S4 is removed after a step.
     fn integrates_velocities(&self) -> bool {
         false

@@ -12,7 +12,7 @@ use crate::options::FormulationOptions;
 use crate::partition::switch::CoordinateSwitch;
 use crate::partition::Selection;
 use crate::record::{Correction, History, PartitionEvent, Verdict};
-use crate::reduction::Reduction;
+use crate::reduction::{Reduction, Sides};
 use crate::singular::dead_point;
 use crate::system::{ConstrainedSystem, SystemError, SystemRef};
 use partita_math::tolerance;
@@ -226,6 +226,9 @@ impl<'s, S: ConstrainedSystem> TangentClosing<'s, S> for Chosen<'s, S> {
         }
         r.factor(t)?;
         Ok(r.dependent_correction(dv))
+    }
+    fn sides(&self, sides: &mut Sides) {
+        self.base.r.sides(sides);
     }
     fn margin(&mut self) -> Option<(f64, u64)> {
         (self.base.r.rank() > 0).then(|| self.base.r.distance())

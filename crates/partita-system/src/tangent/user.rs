@@ -16,7 +16,7 @@ use crate::error::Result;
 use crate::manifold::orthogonal::orthogonal_step;
 use crate::options::TangentMap;
 use crate::record::{Correction, History, PartitionEvent, Sample};
-use crate::reduction::Reduction;
+use crate::reduction::{Reduction, Sides};
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError, SystemRef};
 use partita_math::dense::{self, Matrix};
@@ -328,6 +328,9 @@ impl<'s, S: ConstrainedSystem> TangentClosing<'s, S> for Given<'s, S> {
     fn correction(&mut self, t: f64, q: &[f64], _rule: Correction, dv: &mut [f64]) -> Result<bool> {
         dv.copy_from_slice(&orthogonal_step(&mut self.base.r, t, q)?);
         Ok(true)
+    }
+    fn sides(&self, sides: &mut Sides) {
+        self.base.r.sides(sides);
     }
 }
 

@@ -2,14 +2,35 @@
 //! for many.
 
 use crate::mechanisms::{apart, compile, on_random_mechanisms, Moment, Wishes};
+use partita_math::dense::Matrix;
+use partita_math::factor::svd;
 use partita_model::clusters::Preference;
 use partita_model::zero_position::Coordinates;
 use partita_model::Model;
+use partita_system::prelude::*;
 use partita_system::reduction::Reduction;
 use partita_system::start;
 
 /// What well-posed random mechanisms lose: C M⁻¹ Cᵀ squares a condition of up to 1e3.
 const CLOSE: f64 = 1e-10;
+
+/// What one step of inverse iteration and one of the gradient leave of the distance where several singular values are nearly
+/// the least: far from singular positions.
+const WELL_ESTIMATED: f64 = 2.0;
+
+/// The smallest singular value of the kept rows of C, rows and columns in characteristic displacements.
+fn least_singular_value(r: &Reduction<Model>, model: &Model) -> f64 {
+    let pattern = model.pattern();
+    let mut c = Matrix::new(r.partition.rows.len(), model.size().nv);
+    for (row, &i) in r.partition.rows.iter().enumerate() {
+        let size = model.row_displacement(i).unwrap_or(1.0);
+        for e in pattern.row(i) {
+            let column = pattern.col_idx[e];
+            c.row_mut(row)[column] += r.c[e] * model.characteristic_displacement(column) / size;
+        }
+    }
+    svd(&c).unwrap().s.last().copied().unwrap()
+}
 
 /// Everything that depends on the way, at one state with the independent velocities given.
 struct Seen {
@@ -66,8 +87,11 @@ fn agrees(model: &Model, m: &Moment, one_cluster: bool) {
             assert!((0..2).all(|i| found.quality[i] > expected.quality[i] - 1e-6));
         }
         if m.rank > 0 {
-            let (a, b) = (r.distance().0, dense.distance().0);
-            assert!(a > 0.0 && a.is_finite() && b > 0.0, "{recursion:?}: margins {a} and {b}");
+            let least = least_singular_value(&dense, &model);
+            for distance in [r.distance().0, dense.distance().0] {
+                let part = distance / least;
+                assert!((1.0 - 1e-6..WELL_ESTIMATED).contains(&part), "{recursion:?}: {distance} of {least}");
+            }
         }
     }
 }
@@ -93,6 +117,38 @@ fn absolute_coordinates_are_gone_through_as_well() {
         let Some(there) = Moment::at(&absolute, m.t, q, v) else { return };
         agrees(&absolute, &there, false);
     });
+}
+
+/// The bar of a parallelogram turns back along x where all hinges come into one line: C_D loses two ranks there, and the
+/// distance falls to zero as it does by every other coordinate.
+#[test]
+fn dead_points_of_the_coordinates_hide_no_singular_position() {
+    for independent in ["c.x", "c.y", "one.turn"] {
+        let distances = [0.3, 0.1, 0.01, 1e-4].map(|angle: f64| {
+            let (x, y) = (angle.cos(), angle.sin());
+            let mut drawing = families::Drawing::new("parallelogram");
+            drawing.link("one".into(), [0.0, 0.0], [x, y]);
+            drawing.link("c".into(), [x, y], [2.0 + x, y]);
+            drawing.link("two".into(), [2.0, 0.0], [2.0 + x, y]);
+            drawing.pin("ground", "one", [0.0, 0.0]);
+            drawing.pin("one", "c", [x, y]);
+            drawing.pin("c", "two", [2.0 + x, y]);
+            drawing.pin("ground", "two", [2.0, 0.0]);
+            let model = compile(&drawing.0, Coordinates::Absolute).unwrap();
+            let q = model.initial();
+            let mut r = Reduction::new(&model, start::analyse(&model, 0.0, &q).unwrap().rank);
+            start::choose_partition(&mut r, 0.0, &q, None, None).unwrap();
+            let input = (0..model.size().nv).find(|&i| model.velocity_name(i) == independent).unwrap();
+            r.set_partition(0.0, &[input]).unwrap();
+            r.tangent(0.0).unwrap();
+            let (distance, least) = (r.distance().0, least_singular_value(&r, &model));
+            let estimated = if angle < 0.02 { 1.0 + 1e-3 } else { WELL_ESTIMATED };
+            assert!((1.0 - 1e-6..estimated).contains(&(distance / least)), "{angle}: {distance} of {least}");
+            distance / angle
+        });
+        let (low, high) = distances.into_iter().fold((f64::INFINITY, 0.0f64), |(l, h), x| (l.min(x), h.max(x)));
+        assert!(high < 2.0 * low, "{independent}: {distances:?}");
+    }
 }
 
 /// Mechanisms with as many degrees of freedom as wanted.

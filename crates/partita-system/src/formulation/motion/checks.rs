@@ -5,6 +5,7 @@ use crate::positions::Positions;
 use crate::record::{Gap, Gaps, StepChecks};
 use crate::reduction::Reduction;
 use crate::singular::consistency::gaps;
+use crate::step_boundary::length;
 use crate::system::ConstrainedSystem;
 use crate::tangent::Tangent;
 use partita_math::tolerance;
@@ -30,11 +31,6 @@ fn in_parts(x: f64, of: f64) -> f64 {
     }
 }
 
-/// Length of a velocity in scales s: nearly that in the mass metric.
-fn norm(s: &[f64], v: impl Fn(usize) -> f64) -> f64 {
-    s.iter().enumerate().map(|(i, s)| (v(i) / s).powi(2)).sum::<f64>().sqrt()
-}
-
 impl Checks {
     /// Velocities as they come out of a step.
     pub(super) fn integrated(&mut self, v: &[f64]) {
@@ -52,7 +48,7 @@ impl Checks {
         drift: Option<(f64, f64)>,
     ) {
         let s = r.scales();
-        let (speed, strongest) = (norm(s, |i| r.v[i]), r.strongest(vdot).max(r.fastest().powi(2)));
+        let (speed, strongest) = (length(s, |i| r.v[i]), r.strongest(vdot).max(r.fastest().powi(2)));
         self.trial_sizes = (self.sizes.0.max(speed), self.sizes.1.max(strongest));
         let (violation, row) = r.acceleration_gap(vdot);
         self.trial.acceleration = Gap { part: in_parts(violation, self.trial_sizes.1), t, row };
@@ -68,8 +64,8 @@ impl Checks {
         let s = r.scales();
         let part = match self.integrated.len() == r.v.len() {
             true => {
-                let speed = self.trial_sizes.0.max(norm(s, |i| r.v[i]));
-                in_parts(norm(s, |i| r.v[i] - self.integrated[i]), speed)
+                let speed = self.trial_sizes.0.max(length(s, |i| r.v[i]));
+                in_parts(length(s, |i| r.v[i] - self.integrated[i]), speed)
             }
             false => 0.0,
         };

@@ -3,13 +3,14 @@
 use super::Motion;
 use crate::error::CrossingOutcome;
 use crate::error::Result;
-use crate::formulation::{Formulation, Step};
+use crate::formulation::{Formulation, Side, Step};
 use crate::positions::Positions;
 use crate::reduction::{Reduction, Sides};
 use crate::singular::change_point::{Advice, Crossing, Probe};
-use crate::singular::checkpoint::{Checkpoints, StepBoundary};
+use crate::singular::checkpoint::Checkpoints;
 use crate::singular::dead_point::{self, Loss};
 use crate::start::choose_partition;
+use crate::step_boundary::StepBoundary;
 use crate::system::{ConstrainedSystem, Size, SystemError};
 use crate::tangent::Tangent;
 use partita_math::tolerance;
@@ -112,14 +113,6 @@ impl CrossingMonitor {
         self.flipped || self.passed || self.crosses_next || self.crossing.zero().is_some()
     }
 
-    /// Number of blocks of C_D that at the point last evaluated are on another side than at the start of the step under
-    /// way.
-    pub(super) fn changed<S: ConstrainedSystem>(&mut self, r: &Reduction<S>) -> Option<usize> {
-        r.sides(&mut self.sides_inside);
-        let comparable = self.sides_inside.choice() == self.sides.choice();
-        comparable.then(|| self.sides.changed(&self.sides_inside))
-    }
-
     /// Did C_D change sides over the step that was judged?
     pub(super) fn flipped(&self) -> bool {
         self.flipped
@@ -130,6 +123,18 @@ impl CrossingMonitor {
         self.passed = true;
         self.lost = !closed && !self.crossing.is_barred();
         self.lost
+    }
+
+    /// One was near in it, much nearer than at the ends of the step. Is it repeated with a shorter one?
+    pub(super) fn nears_unforeseen(&mut self, distance: f64, at_ends: f64) -> bool {
+        let near = distance < JUDGED_NEAR && distance < tolerance::MUCH_SMALLER * at_ends;
+        self.spoilt = near && self.spoilt_in_a_row < MOST_SPOILT;
+        self.spoilt
+    }
+
+    /// The rate at which the distance falls at the most: by no more than the motion moves.
+    pub(super) fn rate(&self) -> f64 {
+        self.fastest.0
     }
 
     /// Length of the step that was judged; none before the first.
@@ -159,7 +164,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             // evaluation
             Ok(()) => match self.tangent.margin() {
                 Some((distance, same)) if same == plan => {
-                    let beyond = self.monitor.changed(self.tangent.seen()).is_some_and(|changed| changed > 0);
+                    let beyond = self.changed().is_some_and(|changed| changed > 0);
                     Probe::Distance(if beyond { -distance } else { distance })
                 }
                 _ => Probe::Unknown,
@@ -171,6 +176,15 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         let distance = kept.max(others.distance);
         self.monitor.others = (kept < tolerance::MUCH_SMALLER * others.distance).then_some(others);
         Probe::Distance(distance)
+    }
+
+    /// Number of blocks of C_D that at the point last evaluated are on another side than at the start of the step under
+    /// way.
+    fn changed(&mut self) -> Option<usize> {
+        let monitor = &mut self.monitor;
+        self.tangent.sides(&mut monitor.sides_inside);
+        let comparable = monitor.sides_inside.choice() == monitor.sides.choice();
+        comparable.then(|| monitor.sides.changed(&monitor.sides_inside))
     }
 
     /// Whether there are rows that are not kept.
@@ -190,6 +204,17 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         Some(Others { distance: best.distance().0, rows: best.partition.rows })
     }
 
+    /// Distance from a singular position at the point (t, q) last evaluated, inside the step that was judged, and the
+    /// sides of C_D: of the rows kept, unless they are nearer to dependence than to any position at the ends.
+    pub(super) fn side_inside(&mut self, t: f64) -> Option<Side> {
+        let (distance, _) = self.tangent.margin()?;
+        // where another choice was made on the way the distance alone tells
+        let changed = self.changed().unwrap_or(0);
+        let at_ends = self.margins().into_iter().flatten().fold(0.0, f64::max);
+        let others = (distance < tolerance::MUCH_SMALLER * at_ends).then(|| self.others(t, self.positions.q()));
+        Some(Side { distance: others.flatten().map_or(distance, |x| x.distance.max(distance)), changed })
+    }
+
     /// Keep other rows from (t, y) on, if a look ahead found those in use about to lose rank and others not.
     fn keep_others(&mut self, t: f64, y: &[f64]) -> Result<()> {
         let Some(others) = self.monitor.others.take() else { return Ok(()) };
@@ -200,7 +225,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             r.factor(t)?;
             r.exchange_rows(t)?; // those that are best here
         }
-        r.sides(&mut self.monitor.sides);
+        self.tangent.sides(&mut self.monitor.sides);
         self.monitor.margin_before = None;
         Ok(())
     }
@@ -229,7 +254,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         if self.margin.is_none() {
             return;
         }
-        r.sides(&mut self.monitor.sides_ahead);
+        self.tangent.sides(&mut self.monitor.sides_ahead);
         self.monitor.flipped = self.monitor.sides.differ(&self.monitor.sides_ahead);
         if self.monitor.flipped {
             let loss = self.loss();
@@ -249,7 +274,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         // a singular position that was not foreseen is crossed by a step of its own
         let unforeseen = self.monitor.flipped && self.monitor.crossing.zero().is_none();
         let crosses = self.monitor.flipped || self.monitor.crossing.zero().is_some();
-        let near = [self.monitor.margin_before, self.margin].iter().flatten().any(|m| m.0 < JUDGED_NEAR);
+        let near = self.margins().into_iter().flatten().any(|m| m < JUDGED_NEAR);
         let jumps = (crosses || near) && !self.monitor.step_start.continues_to(&self.monitor.step_end, r.scales());
         // a step that ends in the position itself goes on by rounding alone
         let lands = self.margin.is_some_and(|m| m.0 < tolerance::LANDED);
@@ -259,14 +284,15 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     }
 
     /// Whether C_D may have changed sides twice over the step that was judged: the distance falls by no more than the motion
-    /// moves. Of redundant rows those kept do so elsewhere.
+    /// moves.
     pub(super) fn may_flip_twice(&self) -> bool {
-        let (Some((one, _)), Some((two, _)), Some(h)) =
-            (self.monitor.margin_before, self.margin, self.monitor.length())
-        else {
-            return false;
-        };
-        one + two < h * self.monitor.fastest.0 && !self.is_redundant() && !self.monitor.crossing.is_barred()
+        let ([Some(one), Some(two)], Some(h)) = (self.margins(), self.monitor.length()) else { return false };
+        one + two < h * self.monitor.rate() && !self.monitor.crossing.is_barred()
+    }
+
+    /// Distances at both ends of the step that was judged.
+    pub(super) fn margins(&self) -> [Option<f64>; 2] {
+        [self.monitor.margin_before, self.margin].map(|m| m.map(|m| m.0))
     }
 
     /// What lost rank in the step that was judged, in which C_D changed sides?
@@ -280,8 +306,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     /// Redundant rows: is the mechanism as far from singular half-way through the step that was judged as at its ends?
     /// Rows kept come near to dependence elsewhere, and what their distance foretells need not be there.
     fn stays_clear(&self) -> bool {
-        let at_ends =
-            [self.monitor.margin_before, self.margin].into_iter().flatten().fold(f64::INFINITY, |m, x| x.0.min(m));
+        let at_ends = self.margins().into_iter().flatten().fold(f64::INFINITY, f64::min);
         let (t, q) = self.half_way();
         self.others(t, &q).is_some_and(|half| half.distance > tolerance::MUCH_SMALLER * at_ends)
     }
@@ -290,23 +315,26 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     /// one v is
     /// off by round-off over the distance, v' by that over its square.
     pub(super) fn is_at_a_singular_position(&mut self) -> bool {
-        let at_ends = [self.monitor.margin_before, self.margin].into_iter().flatten().fold(0.0, |m: f64, x| m.max(x.0));
+        let at_ends = self.margins().into_iter().flatten().fold(0.0, f64::max);
         at_ends > 0.0 && self.tangent.margin().is_none_or(|(here, _)| here < tolerance::AT_SINGULARITY * at_ends)
     }
 
     /// Half-way through the step that was judged.
     pub(super) fn half_way(&self) -> (f64, Vec<f64>) {
-        let mut q = self.monitor.step_start.q().to_vec();
-        self.system.step(&mut q, &self.monitor.step_start.half_way(&self.monitor.step_end));
-        (0.5 * (self.monitor.step_start.t() + self.monitor.step_end.t()), q)
+        let (from, to) = (&self.monitor.step_start, &self.monitor.step_end);
+        let t = 0.5 * (from.t() + to.t());
+        let (mut q, mut moved) = (from.q().to_vec(), vec![0.0; from.v().len()]);
+        from.displacement(to, t, &mut moved);
+        self.system.step(&mut q, &moved);
+        (t, q)
     }
 
     /// When C_D was singular within the step to t that was judged, in which it changed sides: by the distances at both its
     /// ends, which are of one choice, or, where the first is not known, as foreseen.
     pub(super) fn flip(&self, t: f64) -> Option<f64> {
         let (from, h) = (self.monitor.step_start.t(), t - self.monitor.step_start.t());
-        let between = || match (self.monitor.margin_before, self.margin) {
-            (Some((one, _)), Some((two, _))) if one + two > 0.0 => from + h * one / (one + two),
+        let between = || match self.margins() {
+            [Some(one), Some(two)] if one + two > 0.0 => from + h * one / (one + two),
             _ => self.monitor.crossing.zero().filter(|zero| (from..t).contains(zero)).unwrap_or(from + 0.5 * h),
         };
         self.monitor.flipped.then(between)
@@ -387,13 +415,12 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         self.guards.accept();
         std::mem::swap(&mut self.monitor.step_start, &mut self.monitor.step_end);
         std::mem::swap(&mut self.monitor.sides, &mut self.monitor.sides_ahead);
-        self.monitor.margin_before = self.margin;
         (self.monitor.flipped, self.monitor.lost, self.monitor.judged) = (false, false, false);
-        let r = self.tangent.seen();
-        if r.choices() != self.monitor.sides.choice() {
-            r.sides(&mut self.monitor.sides); // of a choice made at the end
-            self.monitor.margin_before = None;
+        if self.changed().is_none() {
+            self.tangent.sides(&mut self.monitor.sides); // of a choice made at the end
+            self.margin = self.tangent.margin();
         }
+        self.monitor.margin_before = self.margin;
     }
 
     /// Length, not above `longest`, of the first step on the other side of a guard: over it the new load changes the

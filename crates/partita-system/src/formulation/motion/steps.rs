@@ -42,7 +42,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
                 None => drop(self.choose_anew(t, step.y, step.dy, Occasion::Spoilt)?),
             }
             self.derivative(t, step.y, step.dy)?;
-            self.tangent.seen().sides(&mut self.monitor.sides);
+            self.tangent.sides(&mut self.monitor.sides);
             if let (Some(zero), Some(pace)) = (self.monitor.crossing.zero(), step.pace.as_deref_mut()) {
                 self.monitor.crossing.cross(zero, pace);
             }
@@ -201,8 +201,12 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> S
     fn crossing_failed(&self, t: f64) -> Option<SystemError> {
         (self.monitor.crossing.tries().0 > 0).then(|| self.not_crossed(t))
     }
-    fn may_have_passed(&self) -> bool {
-        self.monitor.flipped() || self.may_flip_twice()
+    fn may_have_passed(&self) -> Option<f64> {
+        (self.monitor.flipped() || self.may_flip_twice()).then(|| self.monitor.rate())
+    }
+    fn nears_unforeseen(&mut self, distance: f64) -> bool {
+        let at_ends = self.margins().into_iter().flatten().fold(f64::INFINITY, f64::min);
+        self.monitor.nears_unforeseen(distance, at_ends)
     }
     fn passed_unforeseen(&mut self) -> bool {
         self.monitor.passed_unforeseen(P::CLOSED)
