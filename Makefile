@@ -79,7 +79,7 @@ test-rust: $(TOOLS)
 test-python: $(BUILT) $(FMU)
 	$(BIN)/python -m pytest
 
-## trust: N=5000 mechanisms of every element, couplings, sensors, files and FMUs drawn by chance against independent programs; RUNS=2000 keep their branch; verdicts; kinks; the zoo
+## trust: N=5000 mechanisms of every element, couplings, sensors, files and FMUs drawn by chance against independent programs; RUNS=2000 keep their branch; verdicts; kinks; platforms; the zoo
 N ?= 5000
 RUNS ?= 2000
 trust: $(BUILT)
@@ -87,6 +87,7 @@ trust: $(BUILT)
 	PYTHONPATH=tests/python $(BIN)/python -m branches $(RUNS)
 	PYTHONPATH=tests/python $(BIN)/python -m verdicts 1000
 	PYTHONPATH=tests/python $(BIN)/python -m kinks 2000
+	PYTHONPATH=tests/python $(BIN)/python -m geometry_study platforms
 	PYTHONPATH=tests/python $(BIN)/python -m zoo
 
 ## pages: animated pages of the whole catalogue opened in Chromium, desktop and phone, light and dark; pictures in out/pages

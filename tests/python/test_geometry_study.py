@@ -14,8 +14,9 @@ from geometry_study.program import Program
 from scipy.optimize import least_squares
 
 FAMILIES = {
-    # 3, 27 and 30: the platform comes near positions where branches cross, on which the legs let it twist
-    "platforms": (platforms, (*range(12), 27, 30)),
+    # 3, 27 and 30: the platform comes near positions where branches cross, on which the legs let it twist; 7 and 10,
+    # five and six legs that spin, take the longest and are left to `make trust`
+    "platforms": (platforms, (*(seed for seed in range(12) if seed not in (7, 10)), 27, 30)),
     "carts": (carts, (0, 1, 2, 3, 4, 8)),
     "misdrawn": (misdrawn, (0, 2, 10, 17, 18, 25, 26, 34, 40, 42, 50, 57)),
     # 1923: five axes tilted by less than their drawing tolerance, that move as they are drawn

@@ -17,7 +17,8 @@ from oracle.study import report
 import partita as pt
 
 # Every number is a mechanism, the same on every machine; `make trust` looks at thousands more.
-SEEDS = range(300)
+SEEDS = range(100)
+DRAWN = range(300)
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +26,7 @@ def seen() -> dict[int, Verdict]:
     return {seed: compare(chance.mechanism(seed)) for seed in SEEDS}
 
 
-def test_three_hundred_mechanisms_agree(seen: dict[int, Verdict]) -> None:
+def test_a_hundred_mechanisms_agree(seen: dict[int, Verdict]) -> None:
     wrong = [seed for seed, verdict in seen.items() if verdict.wrong]
     assert not wrong, "\n\n".join(report(seed, seen[seed]) for seed in wrong[:2])
 
@@ -57,10 +58,11 @@ def test_the_mechanisms_are_as_intended(seen: dict[int, Verdict]) -> None:
     counts = sum((verdict.counts for verdict in seen.values()), Counter[str]())
     assert counts["relative run"] > 0.75 * len(SEEDS) and counts["absolute run"] > 0.75 * len(SEEDS)
     assert counts["instants"] > 3 * len(SEEDS) and counts["redundant"] > 0.5 * counts["instants"]
-    assert counts["acceleration"] > 3000 and counts["reaction"] > 4000 and counts["flags"] > 80_000
+    assert counts["acceleration"] > 10 * len(SEEDS) and counts["reaction"] > 14 * len(SEEDS)
+    assert counts["flags"] > 270 * len(SEEDS)
     for rare in ("unclear rank", "unclear component", "marked as not determined", "relative stopped"):
         assert counts[rare] <= 0.01 * counts["flags" if "component" in rare else "instants"], rare
-    drawings = [chance.mechanism(seed) for seed in SEEDS]
+    drawings = [chance.mechanism(seed) for seed in DRAWN]
     assert {d.words for d in drawings} == set(chance.WORDS)
     kinds = Counter(j.kind for d in drawings for j in d.joints)
     assert min(kinds[kind] for kind in (*chance.KINDS, "free")) > 5, kinds

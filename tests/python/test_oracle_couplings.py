@@ -7,7 +7,8 @@ from collections import Counter
 from oracle.coupled import compare_coupled
 from oracle.study import together
 
-SEEDS = range(60)
+SEEDS = (*range(30), 33, 42, 47, 52, 53)
+"""The last five have belts and discs, which are rare; `make trust` looks at thousands more."""
 FOUND_ONCE = (344, 375, 809, 941, 1099)
 """Couplings on universal joints whose axes are not perpendicular, in redundant mechanisms."""
 
@@ -20,4 +21,5 @@ def test_coupled_mechanisms_agree() -> None:
     assert rolling > 1 and min(kinds[x] for x in ("sum", "gear", "belt", "rack", "distance", "measures", "cam")) > 5, (
         kinds
     )
-    assert counts["relative run"] > 50 and counts["absolute run"] > 50 and counts["effort"] > 200, counts
+    assert min(counts["relative run"], counts["absolute run"]) > 0.77 * len(found), counts
+    assert counts["effort"] > 3.1 * len(found), counts

@@ -12,7 +12,7 @@ GEOMETRY = ("geometry_pendulum", "geometry_four_bar")
 
 @pytest.mark.parametrize("name", (*NAMES, *GEOMETRY))
 def test_figure_is_drawn(name: str) -> None:
-    numbers(name, True)
+    numbers(name)
     assert (folder() / f"{name}.png").read_bytes().startswith(b"\x89PNG")
 
 
@@ -27,7 +27,7 @@ def test_every_script_is_tested_and_on_its_page() -> None:
 
 
 def test_geometry_of_the_pendulum() -> None:
-    found = numbers("geometry_pendulum", True)
+    found = numbers("geometry_pendulum")
     # round-off of a few operations
     assert found["largest deviation from the formulas"] < 1e-14
     assert found["largest product of both parts of a k"] < 1e-14
@@ -37,7 +37,7 @@ def test_geometry_of_the_pendulum() -> None:
 
 
 def test_geometry_of_the_four_bar() -> None:
-    found = numbers("geometry_four_bar", True)
+    found = numbers("geometry_four_bar")
     # round-off times the condition of M, some 50, times 1 / rho^2 of the worst choice looked at, 100
     assert found["largest difference of rho^2 by (20) and by (21)"] < 1e-11
     assert found["largest deviation of Pythagoras, in parts of |k|^2"] < 1e-12
@@ -50,7 +50,7 @@ def test_geometry_of_the_four_bar() -> None:
 
 
 def test_pendulum() -> None:
-    found = numbers("pendulum", True)
+    found = numbers("pendulum")
     # round-off of a few operations
     assert found["point: largest deviation from |cos|, |sin|"] < 1e-14
     assert found["rod: largest deviation from the formulas"] < 1e-14
@@ -61,7 +61,7 @@ def test_pendulum() -> None:
 
 
 def test_four_bar_along_a_turn() -> None:
-    found = numbers("four_bar_turn", True)
+    found = numbers("four_bar_turn")
     for joint in "AB":  # known to two digits
         assert found[f"joint: least rho of {joint}"] == pytest.approx(0.73, abs=0.005)
     assert found["joint: least rho of C"] < 1e-12  # at 0 and 180 degrees exactly
@@ -81,7 +81,7 @@ def test_four_bar_along_a_turn() -> None:
 
 def test_drift_is_linear_and_quadratic() -> None:
     """Exponents fitted to the envelope of an oscillating error over two octaves: good to a tenth or two."""
-    found = numbers("drift", True)
+    found = numbers("drift")
     assert found["k + n: |Phi| grows like t to the"] == pytest.approx(1.0, abs=0.25)
     assert found["accelerations: |Phi| grows like t to the"] == pytest.approx(2.0, abs=0.25)
     assert found["accelerations: |C v| grows like t to the"] == pytest.approx(1.0, abs=0.25)
@@ -92,7 +92,7 @@ def test_drift_is_linear_and_quadratic() -> None:
 
 def test_every_formulation_keeps_the_order_of_the_method() -> None:
     """Slopes over less than a decade of steps: the next term of the error bends them by a tenth or two."""
-    found = {name: slope for name, slope in numbers("orders", True).items() if " of order " in name}
+    found = {name: slope for name, slope in numbers("orders").items() if " of order " in name}
     assert len(found) == 18
     for name, slope in found.items():
         order = int(name.split(" of order ")[1].split(",")[0])
@@ -102,7 +102,7 @@ def test_every_formulation_keeps_the_order_of_the_method() -> None:
 def test_determinant_follows_the_units_and_the_measure_does_not() -> None:
     import reference
 
-    found = numbers("determinant", True)
+    found = numbers("determinant")
     first = {name: reference.ABSOLUTE[int(value)] for name, value in found.items() if "index" in name}
     at = "determinant at 0.8 rad: index of its choice in"
     assert [first[f"{at} {unit}"] for unit in ("m, rad", "mm, rad", "m, deg")] == [
@@ -116,7 +116,7 @@ def test_determinant_follows_the_units_and_the_measure_does_not() -> None:
 
 
 def test_largest_one_by_one_fail_together() -> None:
-    found = numbers("individual", True)
+    found = numbers("individual")
     for name, least in (("pendulum and carts", 0.577), ("3-RRR robot", 0.46), ("coupled inertia", 0.40)):
         assert found[f"{name}: sigma of the k largest rho"] < 1e-12  # zero; round-off of a singular block
         assert found[f"{name}: |det C_D| of that choice"] < 1e-12
@@ -126,7 +126,7 @@ def test_largest_one_by_one_fail_together() -> None:
 
 
 def test_frozen_tangent_fades() -> None:
-    found = numbers("frozen", True)
+    found = numbers("frozen")
     assert found["quality when made"] == pytest.approx(1.0, abs=1e-12)
     for angle, value in ((10, 0.98), (40, 0.83), (80, 0.46), (120, 0.04)):  # two digits
         assert found[f"frozen tangent after {angle} deg"] == pytest.approx(value, abs=0.006)
@@ -140,7 +140,7 @@ def test_frozen_tangent_fades() -> None:
 
 def test_a_frozen_tangent_fades_by_coordinates_and_start() -> None:
     """In joint coordinates from 0.8 rad it hardly does; in absolute ones it fails somewhere in every turn."""
-    found = numbers("frozen", True)
+    found = numbers("frozen")
     assert found["relative from 0.8 rad: after 120 deg"] > 0.92 > 0.3 > found["relative from 0.8 rad: least in a turn"]
     assert found["relative from 2 rad: least in a turn"] > 0.6
     for start in ("0.8", "0", "2"):
@@ -149,7 +149,7 @@ def test_a_frozen_tangent_fades_by_coordinates_and_start() -> None:
 
 
 def test_tangents_without_masses_span_one_space_with_different_bases() -> None:
-    found = numbers("frozen", True)
+    found = numbers("frozen")
     # by eigenvalues of C^T C to half the digits, squared in a cosine
     assert found["delta: largest difference of sqrt(mu) between the four"] < 1e-9
     assert (
@@ -159,7 +159,7 @@ def test_tangents_without_masses_span_one_space_with_different_bases() -> None:
 
 
 def test_closed_form_gives_the_jacobian_s_kinematics() -> None:
-    found = numbers("closing", True)
+    found = numbers("closing")
     assert (found["dyads"], found["assemblies for one angle of the crank"]) == (3, 8)
     assert found["circles: largest |Phi| over a turn"] < 1e-14  # round-off of lengths up to 1 m
     assert found["|det C_D| over the product of the pivots: largest deviation from 1"] < 1e-12
@@ -172,7 +172,7 @@ def test_closed_form_gives_the_jacobian_s_kinematics() -> None:
 
 
 def test_closed_form_needs_no_iteration_and_keeps_its_branch() -> None:
-    found = numbers("closing", True)
+    found = numbers("closing")
     assert found["explicit-closing: Newton iterations for each"] == 0.0
     assert found["wehage-haug: Newton iterations for each"] > 1.0
     assert max(found["explicit-closing: largest |Phi|"], found["wehage-haug: largest |Phi|"]) < 1e-13
@@ -182,7 +182,7 @@ def test_closed_form_needs_no_iteration_and_keeps_its_branch() -> None:
 
 
 def test_reactions_agree_by_three_routes() -> None:
-    found = numbers("reactions", True)
+    found = numbers("reactions")
     for name in (
         "joints: sweep against cut, relative",
         "joints: augmented against cut, relative",
@@ -205,7 +205,7 @@ def test_reactions_agree_by_three_routes() -> None:
 
 def test_a_poor_choice_amplifies_errors_of_reactions() -> None:
     """1/sqrt(mu) is attained by the worst error, and by errors by chance never exceeded."""
-    found = numbers("reactions", True)
+    found = numbers("reactions")
     assert found["amplification by (41): largest deviation from 1/sqrt(mu), relative"] < 1e-9
     assert 0.5 < found["amplification by (41): largest by chance over 1/sqrt(mu)"] <= 1.0 + 1e-9
     assert max(found[f"amplification with {joint} independent: largest"] for joint in "AB") < 1.4
@@ -213,7 +213,7 @@ def test_a_poor_choice_amplifies_errors_of_reactions() -> None:
 
 
 def test_only_mass_orthonormal_velocities_are_perfect_when_made() -> None:
-    found = numbers("frozen", True)
+    found = numbers("frozen")
     for unit in ("m", "mm"):
         for name in ("gram-schmidt", "tangent-space"):
             assert found[f"{name}: sqrt(mu) when made, drawn in {unit}"] == pytest.approx(1.0, abs=1e-12)
@@ -223,7 +223,7 @@ def test_only_mass_orthonormal_velocities_are_perfect_when_made() -> None:
 
 
 def test_switches_neither_cost_evaluations_nor_lose_order() -> None:
-    found = numbers("switching", True)
+    found = numbers("switching")
     kept = found["turning, threshold kept: evaluations"]
     for threshold in ("1.0001", "1.01", "1.1", "1.25", "1.5", "2", "3", "5"):
         assert found[f"turning, threshold {threshold}: success"] == 1.0
@@ -244,7 +244,7 @@ def test_switches_neither_cost_evaluations_nor_lose_order() -> None:
 
 def test_switches_transfer_every_bit() -> None:
     """q and the velocity that becomes independent; the others follow from them by another elimination."""
-    found = numbers("switching", True)
+    found = numbers("switching")
     count = found["handed over: switches looked at"]
     assert count >= 15
     assert found["handed over: q and the new independent velocity equal in every bit"] == count

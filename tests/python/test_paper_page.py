@@ -202,8 +202,7 @@ def test_number_is_what_the_script_finds(claim: Claim) -> None:
     hits = re.findall(pattern(claim.words), page())
     assert len(hits) == 1, "the page does not say this, or says it twice"
     texts = hits[0] if isinstance(hits[0], tuple) else (hits[0],)
-    # the long form of "switching" only times more often
-    found = numbers(claim.script, claim.script == "switching")
+    found = numbers(claim.script)
     for text, key in zip(texts, claim.keys, strict=True):
         if key == SKIPPED:
             continue
@@ -228,11 +227,11 @@ def test_no_other_number_stands_on_the_page() -> None:
 
 def test_words_for_numbers() -> None:
     """Turns of the crank, zeros along a turn, how much worse late switches are, the same measure in all units."""
-    switching, turn = numbers("switching", True), numbers("four_bar_turn", False)
+    switching, turn = numbers("switching"), numbers("four_bar_turn")
     assert 10.5 < switching["turning: turns of the crank"] < 11.5
     least = [
         value for name, value in turn.items() if name.startswith("absolute: least rho of ") and "chosen" not in name
     ]
     assert len(least) == 9 and sum(value < 0.001 for value in least) == 8
     assert 100 < switching["turning, threshold 5: error"] / switching["turning, threshold 1.5: error"] < 300
-    assert numbers("determinant", False)["measure: largest change with the units"] < 1e-13
+    assert numbers("determinant")["measure: largest change with the units"] < 1e-13

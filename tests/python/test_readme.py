@@ -5,7 +5,7 @@ import json
 import re
 import shutil
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -15,6 +15,7 @@ import paper_runs
 import pytest
 
 import partita as pt
+from partita.comparison import bench
 from partita.comparison.table import COLUMNS
 from partita.options import FORMULATIONS
 
@@ -94,9 +95,11 @@ def test_generated_parts_are_current() -> None:
 
 
 @pytest.fixture(scope="module")
-def compared() -> Callable[[str], Any]:
-    """The comparisons of the page, each made once."""
-    return cache(lambda name: tool("compare_page").TABLES[name].compare())
+def compared() -> Iterator[Callable[[str], Any]]:
+    """The comparisons of the page, each made once, and each run too: nothing here asks for its shortest time."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(bench, "_REPEATS", 1)
+        yield cache(lambda name: tool("compare_page").TABLES[name].compare())
 
 
 OVERCONSTRAINED = ("bennett", "bricard", "exechon-like", "scissor-lift")
@@ -203,7 +206,7 @@ def test_site_is_put_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
 
     def scripts(folder: Path, name: str) -> Any:
         def main(short: bool, into: Path) -> None:
-            paper_runs.numbers(name, short)
+            paper_runs.numbers(name)
             into.mkdir(parents=True, exist_ok=True)
             shutil.copy(paper_runs.folder() / f"{name}.png", into)
 

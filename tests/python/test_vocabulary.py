@@ -6,6 +6,7 @@ A textbook's word for each is given beside it. Names that stay for one release a
 import ast
 import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -91,6 +92,7 @@ def names(path: Path) -> set[str]:
     return {own, *(name for item in found for name in ([item] if isinstance(item, str) else item) if name)}
 
 
+@cache
 def homemade(name: str) -> str | None:
     """The textbook's word for a name that uses a homemade one."""
     plain = name.removesuffix("_rs")
