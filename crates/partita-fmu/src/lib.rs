@@ -7,5 +7,5 @@
 mod inputs;
 pub mod interface;
 mod resource;
-mod resources;
+pub mod resources;
 mod slave;

@@ -3,6 +3,9 @@
 use std::path::PathBuf;
 
 /// The path of a `file:` URI; a path without a scheme is used unchanged.
+///
+/// # Errors
+/// The URI names no file, or is not well formed.
 pub fn path(uri: &str) -> Result<PathBuf, String> {
     let Some(rest) = uri.strip_prefix("file:") else {
         return match uri.contains("://") {
@@ -31,24 +34,4 @@ fn decoded(text: &str) -> Option<String> {
         }
     }
     String::from_utf8(bytes).ok()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn uris_are_paths() {
-        for (uri, wanted) in [
-            ("file:///tmp/a%20b/%C3%A9", "/tmp/a b/é"),
-            ("file://localhost/tmp/x", "/tmp/x"),
-            ("file:/tmp/x", "/tmp/x"),
-            ("/tmp/x", "/tmp/x"),
-        ] {
-            assert_eq!(path(uri), Ok(PathBuf::from(wanted)));
-        }
-        for uri in ["http://example.org/x", "file:///tmp/%", "file:///tmp/%zz", "file:///%ff"] {
-            assert!(path(uri).is_err(), "{uri}");
-        }
-    }
 }

@@ -2,6 +2,7 @@
 #![allow(unsafe_code)]
 
 use partita_fmu::interface::*;
+use partita_fmu::resources;
 use std::ffi::CString;
 use std::path::PathBuf;
 use std::ptr::{null, null_mut};
@@ -85,4 +86,19 @@ fn what_is_missing_is_an_error() {
     assert!(instance("empty", "", 1, GUID).is_null());
     // a function that no input stands for
     assert!(instance("inputs", &resource(""), 1, GUID).is_null());
+}
+
+#[test]
+fn uris_are_paths() {
+    for (uri, wanted) in [
+        ("file:///tmp/a%20b/%C3%A9", "/tmp/a b/é"),
+        ("file://localhost/tmp/x", "/tmp/x"),
+        ("file:/tmp/x", "/tmp/x"),
+        ("/tmp/x", "/tmp/x"),
+    ] {
+        assert_eq!(resources::path(uri), Ok(PathBuf::from(wanted)));
+    }
+    for uri in ["http://example.org/x", "file:///tmp/%", "file:///tmp/%zz", "file:///%ff"] {
+        assert!(resources::path(uri).is_err(), "{uri}");
+    }
 }

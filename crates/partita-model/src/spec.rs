@@ -57,6 +57,25 @@ pub struct Spec {
     pub sights: Vec<Sight>,
 }
 
+// Compiled here once: the generic reader and writer would be compiled anew in every crate that uses them.
+impl Spec {
+    /// The description that is written in JSON.
+    ///
+    /// # Errors
+    /// The text is not JSON, or no description.
+    pub fn from_json(text: &str) -> serde_json::Result<Self> {
+        serde_json::from_str(text)
+    }
+
+    /// In JSON.
+    ///
+    /// # Errors
+    /// A number that JSON cannot represent.
+    pub fn to_json(&self) -> serde_json::Result<String> {
+        serde_json::to_string(self)
+    }
+}
+
 /// A rigid body; its frame has its origin at `position`.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -40,5 +40,5 @@ pub fn energy_findings(
 /// Smallest reference energy (J) of the balance of a mechanism; 0 for a text that is not a description.
 #[pyfunction]
 pub fn energy_floor(description: &str, atol: f64) -> f64 {
-    serde_json::from_str::<Spec>(description).map_or(0.0, |spec| balance::energy_floor(&spec, atol))
+    Spec::from_json(description).map_or(0.0, |spec| balance::energy_floor(&spec, atol))
 }

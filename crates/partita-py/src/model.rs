@@ -136,7 +136,7 @@ impl Model {
                 }
             };
             let (long, text) = (spec.len() > LONG, spec.to_string());
-            let spec: Spec = heard(py, long, move || serde_json::from_str(&text))?.map_err(|e| {
+            let spec = heard(py, long, move || Spec::from_json(&text))?.map_err(|e| {
                 let fields = [("element", "mechanism".into()), ("name", "".into())];
                 raise(py, "DescriptionError", &format!("the description cannot be read: {e}"), &fields)
             })?;
@@ -179,7 +179,7 @@ impl Model {
 
     #[getter]
     fn description(&self, py: Python<'_>) -> PyResult<String> {
-        guarded(py, || serde_json::to_string(&*self.inner.spec).map_err(|e| failure::unexpected(e.to_string())))
+        guarded(py, || self.inner.spec.to_json().map_err(|e| failure::unexpected(e.to_string())))
     }
 
     #[getter]

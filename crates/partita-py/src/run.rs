@@ -6,13 +6,13 @@ use crate::outputs::{assessed, described, watched, Stop};
 use crate::tangent::{TangentFunctions, UserTangent};
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use partita_analysis::run::cost::{evaluation_costs, ClosedState, Contender};
-use partita_analysis::run::{self, Balance, Finding, Request, Run, SolutionLog};
+use partita_analysis::run::{self, Balance, Finding, Motions, Request, Run, SolutionLog};
 use partita_integrate::counters::Counters;
 use partita_integrate::simulate::Status;
 use partita_system::options::TangentMap;
 use partita_system::positions::turns;
 use partita_system::record::FormulationCounters;
-use partita_system::{ConstrainedSystem, SystemError};
+use partita_system::SystemError;
 use pyo3::exceptions::{PyException, PyKeyboardInterrupt};
 use pyo3::intern;
 use pyo3::prelude::*;
@@ -70,7 +70,7 @@ struct Kept<S> {
     shared: bool,
 }
 
-impl<S: ConstrainedSystem<Scratch: Send> + Send + Sync> Reported for Kept<S> {
+impl<S: Motions + Send + Sync> Reported for Kept<S> {
     fn describe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let size = self.system.size();
         let found = watched(py, |watch| self.log.describe::<S, Stop>(&self.system, self.shared, watch))?;
@@ -221,7 +221,7 @@ pub fn run<'py, S: Balance<Scratch: Send> + Send + Sync + 'static>(
 }
 
 /// Results of a stepped motion, in the form of `run`; user functions are called in order.
-pub fn left<'py, S: ConstrainedSystem<Scratch: Send> + Send + Sync + 'static>(
+pub fn left<'py, S: Motions + Send + Sync + 'static>(
     py: Python<'py>,
     system: &Arc<S>,
     found: Run,
@@ -306,7 +306,7 @@ fn ended(py: Python<'_>, message: &str, t: f64, name: &str, cause: PyErr) -> PyE
 }
 
 /// What a run reports at once: the arrays it stores, how it ended, and its log, from which all else is computed.
-fn reported_run<'py, S: ConstrainedSystem<Scratch: Send> + Send + Sync + 'static>(
+fn reported_run<'py, S: Motions + Send + Sync + 'static>(
     py: Python<'py>,
     system: Arc<S>,
     run: Run,

@@ -59,7 +59,7 @@ impl Mechanism {
     /// # Ok::<(), partita::Error>(())
     /// ```
     pub fn from_json(text: &str) -> Result<Self, Error> {
-        Ok(Self { spec: serde_json::from_str(text)? })
+        Ok(Self { spec: Spec::from_json(text)? })
     }
 
     /// The description in JSON.
@@ -72,7 +72,7 @@ impl Mechanism {
     /// # Ok::<(), partita::Error>(())
     /// ```
     pub fn to_json(&self) -> Result<String, Error> {
-        Ok(serde_json::to_string(&self.spec)?)
+        Ok(self.spec.to_json()?)
     }
 
     /// The description as data, with every feature of the model.

@@ -1,5 +1,6 @@
 //! Balances by which a motion is checked: of energy over its outputs, of forces and moments on every body.
 
+use super::prepared::Motions;
 use super::verdict::Finding;
 use crate::{plausibility, poses};
 use partita_math::tolerance;
@@ -9,7 +10,7 @@ use partita_system::equations::{derivatives, Equations, UserSystem};
 use partita_system::error::six_digits;
 use partita_system::positions::turns;
 use partita_system::record::{Output, Sample};
-use partita_system::{ConstrainedSystem, SystemError};
+use partita_system::SystemError;
 
 /// The Newton-Euler residual that invalidates a run. Scale: fraction of the largest force. Reason: no digit is safe
 /// there.
@@ -28,7 +29,7 @@ const ENERGY_INVALID: f64 = 1e-2;
 const LOOKS: usize = 16;
 
 /// A system whose motions can be checked by more than its constraints.
-pub trait Balance: ConstrainedSystem {
+pub trait Balance: Motions {
     /// Newton-Euler residual of the worst body over the largest force; none where there are no bodies.
     ///
     /// # Errors

@@ -7,6 +7,8 @@ use super::{some, Limits, Request};
 use crate::error::AnalysisError;
 use partita_integrate::simulate::Settings;
 use partita_math::tolerance;
+use partita_model::Model;
+use partita_system::equations::{Equations, UserSystem};
 use partita_system::formulation::{registry, Formulation};
 use partita_system::options::{FormulationOptions, TangentMap};
 use partita_system::reduction::Reduction;
@@ -14,6 +16,76 @@ use partita_system::singular::consistency;
 use partita_system::start::{self, Start};
 use partita_system::{weight, ConstrainedSystem, SystemError, SystemRef};
 use std::sync::Arc;
+
+/// A system with the code by which its motions are set up: generic code is compiled anew in every crate that uses it,
+/// but here, once for each system, in the crate that implements this trait for it.
+pub trait Motions: ConstrainedSystem {
+    /// The formulation of a recipe.
+    ///
+    /// # Errors
+    /// See [`registry::by_name`].
+    fn formulation<'s>(
+        system: SystemRef<'s, Self>,
+        recipe: &Recipe,
+    ) -> Result<Box<dyn Formulation + Send + 's>, SystemError>
+    where
+        Self: Sized + 's;
+
+    /// An examined state. See [`Looked::at`].
+    ///
+    /// # Errors
+    /// See [`Looked::at`].
+    fn examined<'s>(
+        system: SystemRef<'s, Self>,
+        state: (f64, &[f64], &[f64]),
+        to: (f64, f64),
+        longest: f64,
+    ) -> Result<Looked<'s, Self>, AnalysisError>
+    where
+        Self: Sized;
+}
+
+impl Motions for Model {
+    fn formulation<'s>(
+        system: SystemRef<'s, Self>,
+        recipe: &Recipe,
+    ) -> Result<Box<dyn Formulation + Send + 's>, SystemError>
+    where
+        Self: 's,
+    {
+        recipe.formulation_of(system)
+    }
+
+    fn examined<'s>(
+        system: SystemRef<'s, Self>,
+        state: (f64, &[f64], &[f64]),
+        to: (f64, f64),
+        longest: f64,
+    ) -> Result<Looked<'s, Self>, AnalysisError> {
+        Looked::examined(system, state, to, longest)
+    }
+}
+
+impl<E: Equations> Motions for UserSystem<E> {
+    fn formulation<'s>(
+        system: SystemRef<'s, Self>,
+        recipe: &Recipe,
+    ) -> Result<Box<dyn Formulation + Send + 's>, SystemError>
+    where
+        Self: 's,
+    {
+        recipe.formulation_of(system)
+    }
+
+    fn examined<'s>(
+        system: SystemRef<'s, Self>,
+        state: (f64, &[f64], &[f64]),
+        to: (f64, f64),
+        longest: f64,
+    ) -> Result<Looked<'s, Self>, AnalysisError> {
+        Looked::examined(system, state, to, longest)
+    }
+}
 
 /// The recipe of a formulation: by name, for a rank, with options. Runs create it to integrate, and again to describe
 /// outputs.
@@ -32,9 +104,16 @@ impl Recipe {
     ///
     /// # Errors
     /// See [`registry::by_name`].
-    pub fn make<'s, S: ConstrainedSystem<Scratch: Send> + 's>(
+    pub fn make<'s, S: Motions + 's>(
         &self,
         system: impl Into<SystemRef<'s, S>>,
+    ) -> Result<Box<dyn Formulation + Send + 's>, SystemError> {
+        S::formulation(system.into(), self)
+    }
+
+    fn formulation_of<'s, S: ConstrainedSystem<Scratch: Send> + 's>(
+        &self,
+        system: SystemRef<'s, S>,
     ) -> Result<Box<dyn Formulation + Send + 's>, SystemError> {
         registry::by_name(&self.formulation, system, self.rank, &self.options)
     }
@@ -50,7 +129,7 @@ pub struct Looked<'s, S: ConstrainedSystem> {
     seen: Seen,
 }
 
-impl<'s, S: ConstrainedSystem> Looked<'s, S> {
+impl<'s, S: Motions> Looked<'s, S> {
     /// Rank, redundant rows and the branch out of a singular position, up to `end` and to this tolerance. It verifies
     /// that redundant rows agree with the others, every motion moves mass, and the state nearly satisfies the
     /// constraints.
@@ -59,11 +138,19 @@ impl<'s, S: ConstrainedSystem> Looked<'s, S> {
     /// Where one of these conditions fails, and where the velocities determine no branch.
     pub fn at(
         system: impl Into<SystemRef<'s, S>>,
+        state: (f64, &[f64], &[f64]),
+        to: (f64, f64),
+        longest: f64,
+    ) -> Result<Self, AnalysisError> {
+        S::examined(system.into(), state, to, longest)
+    }
+
+    fn examined(
+        system: SystemRef<'s, S>,
         (t, q, v): (f64, &[f64], &[f64]),
         (end, tolerance): (f64, f64),
         longest: f64,
     ) -> Result<Self, AnalysisError> {
-        let system = system.into();
         let mut probe = Reduction::new(system.clone(), 0);
         let (start, singular_start) = match start::analyse_with(&mut probe, t, q) {
             Err(e @ SystemError::SingularStart { .. }) => {

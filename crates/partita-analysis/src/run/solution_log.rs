@@ -1,7 +1,7 @@
 //! Data stored by a run, and the outputs computed from them on request.
 
 use super::verdict::{Finding, Limits};
-use super::Recipe;
+use super::{Motions, Recipe};
 use crate::outputs::{tables, Rows, Watch};
 use partita_system::record::{Gap, Gaps, Output, PartitionEvent, Sample};
 use partita_system::reduction::largest;
@@ -63,7 +63,7 @@ fn chunk(nv: usize) -> usize {
 
 impl SolutionLog {
     /// One table for each width, a row for each output described by the formulation.
-    fn tables<S: ConstrainedSystem<Scratch: Send>, E: Send + From<SystemError>>(
+    fn tables<S: Motions, E: Send + From<SystemError>>(
         &self,
         system: &S,
         shared: bool,
@@ -93,7 +93,7 @@ impl SolutionLog {
     ///
     /// # Errors
     /// Where something cannot be evaluated, and those of `watch`.
-    pub fn describe<S: ConstrainedSystem<Scratch: Send>, E: Send + From<SystemError>>(
+    pub fn describe<S: Motions, E: Send + From<SystemError>>(
         &self,
         system: &S,
         shared: bool,
@@ -146,7 +146,7 @@ impl SolutionLog {
     ///
     /// # Errors
     /// As `describe`.
-    pub fn assess<S: ConstrainedSystem<Scratch: Send>, E: Send + From<SystemError>>(
+    pub fn assess<S: Motions, E: Send + From<SystemError>>(
         &self,
         system: &S,
         shared: bool,
@@ -176,7 +176,7 @@ impl SolutionLog {
     }
 
     /// A sentence for outputs in which accelerations have no value.
-    fn undetermined<S: ConstrainedSystem<Scratch: Send>>(
+    fn undetermined<S: Motions>(
         &self,
         system: &S,
         found: &Described,
