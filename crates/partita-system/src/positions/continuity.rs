@@ -69,9 +69,9 @@ impl Continuity {
     pub(super) fn predict(&self, t: f64, dv: &mut [f64]) {
         let (h, last) = (t - self.last.t, self.last.t - self.before.t);
         let part = if h < Self::EXTRAPOLATED * last { h / (3.0 * last) } else { 0.0 };
-        for (i, d) in dv.iter_mut().enumerate() {
-            let change = if part > 0.0 { self.last.vdot[i] - self.before.vdot[i] } else { 0.0 };
-            *d = h * (self.last.v[i] + 0.5 * h * (self.last.vdot[i] + part * change));
+        let ends = self.last.v.iter().zip(&self.last.vdot).zip(&self.before.vdot);
+        for (d, ((v, vdot), before)) in dv.iter_mut().zip(ends) {
+            *d = h * (v + 0.5 * h * (vdot + part * (vdot - before)));
         }
     }
 
