@@ -51,9 +51,9 @@ impl Cases for f64 {
     fn round(self) -> Self {
         let size = f64::abs(self);
         if size < f64::from(i32::MAX) {
-            let whole = f64::from(size as i32);
-            let up = if size - whole >= 0.5 { 1.0 } else { 0.0 };
-            (whole + up).copysign(self)
+            // of its halves, which are exact
+            let whole = ((2.0 * size) as i64 + 1) >> 1;
+            (whole as f64).copysign(self)
         } else {
             f64::round(self)
         }
