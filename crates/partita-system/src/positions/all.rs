@@ -94,8 +94,9 @@ impl All {
             if r.is_closed() {
                 return Ok(());
             }
-            // written so that a closure error that is not finite has not halved
-            if !(left < tolerance::CONVERGES * before) {
+            // false where one of them is not finite
+            let halved = left < tolerance::CONVERGES * before;
+            if !halved {
                 self.q.copy_from_slice(q);
                 self.close(tangent, t, Correction::Partition)?;
                 q.copy_from_slice(&self.q);
