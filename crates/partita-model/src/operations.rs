@@ -12,6 +12,9 @@ use partita_system::prelude::*;
 use partita_system::reduction::Reduction;
 use partita_system::SystemError;
 
+/// What is recorded of t, q and v_I.
+type Recorded<'a> = dyn Fn(Recorder, &mut [Recorder], &[Recorder]) -> Result<Vec<Recorder>, SystemError> + 'a;
+
 /// Operations of one evaluation of the rates.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct EvaluationCounts {
@@ -50,7 +53,7 @@ impl Model {
         let choice = r.choice();
         let e = self.over::<Recorder>().map_err(|e| SystemError::argument("mechanism", e.to_string()))?;
         // t, q, v_I
-        let count = |f: &dyn Fn(Recorder, &mut [Recorder], &[Recorder]) -> Result<Vec<Recorder>, SystemError>| {
+        let count = |f: &Recorded| {
             let made = Recording::new(1 + nq + k, |x| f(x[0], &mut x[1..=nq].to_vec(), &x[1 + nq..]))?;
             Ok::<_, SystemError>(made.lean().counts())
         };

@@ -15,6 +15,9 @@ use partita_system::closing::{Block, BlockState, Closing};
 use partita_system::SystemError;
 use std::f64::consts::TAU;
 
+/// Joints of a polygon in a plane, and their coordinates.
+type JointCoordinates<'a> = (&'a [PlanarJoint], [f64; 3]);
+
 impl Step {
     /// Joints and coordinates of a polygon in a plane, for the coordinates known so far; none for another step.
     fn plane(
@@ -22,7 +25,7 @@ impl Step {
         g: &Graph,
         pose: &Pose<f64>,
         tolerance: f64,
-    ) -> Option<Result<(&[PlanarJoint], [f64; 3]), Shortfall>> {
+    ) -> Option<Result<JointCoordinates<'_>, Shortfall>> {
         let Work::Plane(p, plane) = &self.work else { return None };
         let count = plane.joints.len();
         for k in (0..count).filter(|&k| self.moving[k]) {
