@@ -36,6 +36,12 @@ SECOND = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / 12.0
 STEP = 1e-3  # of those values [rad]: errors of the formulas and of round-off are about equal
 
 
+COUNTED = {"four-bar": "four-bar", "slider-crank": "slider-crank", "Watt's six-bar": "watt-six-bar",
+           "Andrews' squeezer": "andrews-squeezer", "3-RRR": "three-rrr", "Jansen's leg": NAME,
+           "chain of 40": "n-four-bar"}  # fmt: skip
+"""Mechanisms whose operations are counted, and their names in the catalogue."""
+
+
 @dataclass(frozen=True)
 class Dyad:
     """Two links between three hinges, in the words of `Assemblies.blocks`."""
@@ -261,6 +267,7 @@ def main(short: bool = False, folder: Path = FOLDER) -> Numbers:
         "Newton: positions": float(len(starts)),
         "Newton: share that loses it, largest": float(1.0 - shares[0].min()),
         "Newton: iterations for a jump of 1 deg": float(needed[0]),
+        **counts(),
     }
     for form in forms:
         counters = runs[form].counters
@@ -296,6 +303,35 @@ def main(short: bool = False, folder: Path = FOLDER) -> Numbers:
     right.legend(fontsize=8, frameon=False, loc="upper left", bbox_to_anchor=(1.0, 1.0))
     finish("Jansen's leg: closed form against Newton's method", figure, folder / "closing.png", found)
     return found
+
+
+def counts() -> Numbers:
+    """Arithmetic operations of one evaluation, all coordinates integrated and the loops closed in it, and of one
+    iteration of Newton's method; those among them that are sines, cosines and angles."""
+    found: Numbers = {}
+    ratios, saved = [], []
+    for title, name in COUNTED.items():
+        entry = pt.catalogue.entry(name, **({"loops": 40} if name == "n-four-bar" else {}))
+        m = entry.mechanism()
+        start = entry.initial(m)
+        each = m.compile().operation_counts(start.q, t=start.t)
+        whole, closed_form, iteration = (each[key]["total"] for key in ("projective", "explicit-closing", "iteration"))
+        found |= {
+            f"operations, {title}: projective": float(whole),
+            f"operations, {title}: explicit-closing": float(closed_form),
+            f"operations, {title}: ratio": closed_form / whole,
+            f"operations, {title}: iteration": float(iteration),
+            f"operations, {title}: functions, projective": float(each["projective"]["functions"]),
+            f"operations, {title}: functions, explicit-closing": float(each["explicit-closing"]["functions"]),
+        }
+        ratios.append(closed_form / whole)
+        saved.append((closed_form - whole) / iteration)
+    return found | {
+        "operations: least ratio": min(ratios),
+        "operations: largest ratio": max(ratios),
+        "operations: closing over an iteration, least": min(saved),
+        "operations: closing over an iteration, largest": max(saved),
+    }
 
 
 def least_pivot(turn: Array) -> float:

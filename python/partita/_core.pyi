@@ -68,6 +68,9 @@ class Model:
     def parameters(self) -> list[tuple[str, list[float]]]:
         """All parameters with their numbers."""
 
+    def operation_counts(self, t: float, q: Array, inputs: list[int] | None) -> dict[str, dict[str, int]]:
+        """Operations of one evaluation at the closed q, by formulation and kind; `inputs` index v."""
+
     @property
     def description(self) -> str:
         """JSON of the description with its present parameters."""

@@ -26,7 +26,7 @@ TANGENTS = ("zero-eigenvalue", "svd", "qr", "liang-lance", "gram-schmidt")
 """Formulations with tangent velocities that are frozen, or renewed at each step."""
 WHOLE = ("multipliers", "sparse-multipliers", "range-space", "proximal", "baumgarte")
 """Formulations that integrate all velocities."""
-CORRECTIONS = ("partition", "mass-orthogonal", "none")
+CORRECTIONS = ("partition", "kantorovich", "mass-orthogonal", "none")
 # When frozen tangent velocities are renewed, if not by their quality.
 EACH_STEP = "each step"
 COORDINATES = ("relative", "absolute")

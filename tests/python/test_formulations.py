@@ -317,4 +317,11 @@ def test_every_algorithm_has_a_name_a_file_and_a_test() -> None:
                 asked["baumgarte"] = (10.0, 10.0)
             if given.get("formulation") != "user-tangent":
                 assert m.simulate(0.1, initial=start, **asked).success, (name, word)
-    assert named >= {*options.FORMULATIONS, *options.SELECTIONS, "partition", "mass-orthogonal", "each step"}
+    assert named >= {
+        *options.FORMULATIONS,
+        *options.SELECTIONS,
+        "partition",
+        "kantorovich",
+        "mass-orthogonal",
+        "each step",
+    }

@@ -181,6 +181,23 @@ def test_closed_form_needs_no_iteration_and_keeps_its_branch() -> None:
     assert found["Newton: share that loses it, largest"] > 0.5
 
 
+def test_closing_costs_less_than_iterating_and_more_than_integrating() -> None:
+    """By operations, which are the same on every machine."""
+    found = numbers("closing", True)
+    ratios = {key.split(", ")[1].split(":")[0]: x for key, x in found.items() if key.endswith(": ratio")}
+    assert len(ratios) == 7 and all(1.0 < x < 1.6 for x in ratios.values()), ratios
+    assert sorted(ratios, key=ratios.__getitem__)[:2] == ["slider-crank", "3-RRR"]
+    # an evaluation of "wehage-haug" iterates more often than that
+    assert found["operations: closing over an iteration, largest"] < found["wehage-haug: Newton iterations for each"]
+    for title in ratios:
+        rates, closed, iteration = (
+            found[f"operations, {title}: {what}"] for what in ("projective", "explicit-closing", "iteration")
+        )
+        assert closed < rates + 2.0 * iteration
+        functions = [found[f"operations, {title}: functions, {what}"] for what in ("projective", "explicit-closing")]
+        assert functions[0] < functions[1]
+
+
 def test_reactions_agree_by_three_routes() -> None:
     found = numbers("reactions")
     for name in (

@@ -79,6 +79,17 @@ def fading() -> list[Claim]:
     ]  # fmt: skip
 
 
+def costs() -> list[Claim]:
+    """Rows of the table of operations."""
+    return [
+        Claim("closing", f"\n| {title} | # | # | # | # |",
+              tuple(f"operations, {title}: {what}"
+                    for what in ("projective", "explicit-closing", "ratio", "iteration")))
+        for title in ("four-bar", "slider-crank", "Watt's six-bar", "Andrews' squeezer", "3-RRR", "Jansen's leg",
+                      "chain of 40")
+    ]  # fmt: skip
+
+
 FROZEN = "frozen tangent after {} deg"
 MADE = "svd: sqrt(mu) when made, drawn in {}"
 CLAIMS = (
@@ -144,6 +155,10 @@ CLAIMS = (
     Claim("closing", "the smallest pivot over a turn is # times its largest value",
           ("least pivot over a turn, in parts of the largest",)),
     Claim("closing", "and all # combinations close", ("assemblies for one angle of the crank",)),
+    *costs(),
+    Claim("closing", "the operations of # to # iterations",
+          ("operations: closing over an iteration, least", "operations: closing over an iteration, largest")),
+    Claim("closing", "costs # to # times as much", ("operations: least ratio", "operations: largest ratio")),
     Claim("closing", "the second # in each evaluation", ("wehage-haug: Newton iterations for each",)),
     Claim("closing", "starts Newton's method in # positions of the leg", ("Newton: positions",)),
     Claim("closing", "Up to a jump of # degrees it stays on its branch from all of them. From # degrees on",

@@ -16,6 +16,7 @@ from paper_runs import ROOT, SCRIPTS
 
 import partita as pt
 from partita import instant, partition
+from partita.builder.compiled import CompiledModel
 from partita.results import Result
 
 TITLE = "## Every equation and claim"
@@ -108,7 +109,7 @@ def test_what_computes_a_claim_exists_and_runs(row: list[str]) -> None:
             continue
         where: Any = pt
         rooms = {"Result": Result, "Instant": instant.Instant, "Geometry": partition.Geometry,
-                 "Partition": partition.Partition}  # fmt: skip
+                 "Partition": partition.Partition, "CompiledModel": CompiledModel}  # fmt: skip
         for part in word.split("."):
             known = getattr(where, "__dataclass_fields__", {})
             where = rooms.get(part) or getattr(where, part, known.get(part))

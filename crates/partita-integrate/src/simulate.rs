@@ -101,11 +101,16 @@ fn sentence(status: Status, t: f64, settings: &Settings) -> String {
     }
 }
 
+/// Whether a position is singular: of the mechanism, or of coordinates that a rule chose.
+fn is_singular(e: &SystemError) -> bool {
+    is_of_a_position(e) || matches!(e, SystemError::Choice { .. })
+}
+
 /// The outcome of an integration that failed at t, in a word and in a sentence, and what failed.
 pub fn explain(failure: StepFailure<SystemError>, t: f64) -> (Status, String, Option<SystemError>) {
     let message = failure.to_string();
     match failure {
-        StepFailure::TooSmall { last: Some(e), .. } if is_of_a_position(&e) => {
+        StepFailure::TooSmall { last: Some(e), .. } if is_singular(&e) => {
             (Status::Singular, format!("stopped at t = {t:.6} s: {e}"), Some(e))
         }
         StepFailure::TooSmall { last: Some(e @ (SystemError::Jump { .. } | SystemError::Jammed { .. })), .. } => {
@@ -115,7 +120,7 @@ pub fn explain(failure: StepFailure<SystemError>, t: f64) -> (Status, String, Op
         StepFailure::Rhs { error, .. } | StepFailure::Interpolation { error, .. } => {
             let status = match &error {
                 SystemError::Contradiction { .. } => Status::Contradiction,
-                e if is_of_a_position(e) => Status::Singular,
+                e if is_singular(e) => Status::Singular,
                 _ => Status::EvaluationFailed,
             };
             (status, format!("stopped at t = {t:.6} s: {error}"), Some(error))

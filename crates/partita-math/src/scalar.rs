@@ -18,7 +18,7 @@ mod recorder;
 
 pub use dual::Dual;
 pub use lanes::Lanes;
-pub use recorder::{Module, Recorder, Recording};
+pub use recorder::{Module, OperationCounts, Recorder, Recording};
 
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
@@ -287,6 +287,17 @@ mod tests {
         assert!((d[0].eps - exact).abs() < 1e-9 * 100.0, "{:e}", d[0].eps - exact);
         let lanes = opaque(Lanes::from_f64(2.0), Lanes::from_f64(0.3), Lanes::from_f64(0.7), calls);
         assert_eq!((*calls, lanes[0].0), (13, [plain[0]; 8]));
+    }
+
+    #[test]
+    fn rounding_in_line_is_that_of_f64() {
+        let mut random = fastrand::Rng::with_seed(5);
+        let ends = [0.0, 0.5, 0.5 - f64::EPSILON / 4.0, 1.5, 2.5, 2147483646.5, 2147483647.5, 1e18, f64::INFINITY];
+        let drawn = (0..1000).map(|_| 1e3 * (random.f64() - 0.5)).collect::<Vec<_>>();
+        for x in ends.into_iter().flat_map(|x| [x, -x]).chain(drawn) {
+            assert_eq!(Cases::round(x).to_bits(), f64::round(x).to_bits(), "{x}");
+        }
+        assert!(Cases::round(f64::NAN).is_nan());
     }
 
     #[test]

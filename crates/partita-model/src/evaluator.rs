@@ -465,6 +465,10 @@ impl<S: Scalar> Evaluator<S> {
 
     /// Move `q` by the small velocity-like increment `dv` (an exponential for spatial rotations).
     pub fn step(&self, q: &mut [S], dv: &[S]) {
+        if self.placed.nq == self.placed.nv {
+            q.iter_mut().zip(dv).for_each(|(q, dv)| *q += *dv);
+            return;
+        }
         for l in self.full.links.iter().skip(1) {
             if matches!(l.motion, LinkMotion::Ball) {
                 let p = Quaternion([q[l.q], q[l.q + 1], q[l.q + 2], q[l.q + 3]]);

@@ -24,6 +24,7 @@ pub mod model;
 mod names;
 pub mod numbers;
 pub mod observe;
+pub mod operations;
 pub mod parameters;
 mod part;
 mod phase;

@@ -14,6 +14,7 @@ use crate::waiting::heard;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use partita_analysis as analysis;
 use partita_analysis::instant::Levels;
+use partita_math::scalar::OperationCounts;
 use partita_math::tolerance;
 use partita_model::spec::Spec;
 use partita_model::zero_position::Coordinates;
@@ -22,6 +23,7 @@ use partita_system::prelude::*;
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
+use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 
 /// Numbers, and rows of numbers, as given by Python.
@@ -364,6 +366,36 @@ impl Model {
         guarded(py, || {
             let (q, v) = self.state(&q, &v)?;
             state::acceleration(py, &*self.inner, t, &q, &v)
+        })
+    }
+    /// Operations of one evaluation, by formulation and kind.
+    #[pyo3(signature = (t, q, inputs))]
+    fn operation_counts(
+        &self,
+        py: Python<'_>,
+        t: f64,
+        q: Vector<'_>,
+        inputs: Option<Vec<usize>>,
+    ) -> PyResult<BTreeMap<&'static str, BTreeMap<&'static str, usize>>> {
+        guarded(py, || {
+            let q = vector(&q, self.nq(), "q")?;
+            let found = self.inner.evaluation_counts(t, &q, inputs.as_deref()).map_err(|e| failure::system(py, e))?;
+            let kinds = |x: OperationCounts| {
+                let all = [
+                    ("sums", x.sums),
+                    ("products", x.products),
+                    ("quotients", x.quotients),
+                    ("functions", x.functions),
+                    ("cases", x.cases),
+                    ("total", x.total()),
+                ];
+                BTreeMap::from(all)
+            };
+            Ok(BTreeMap::from([
+                ("projective", kinds(found.projective)),
+                ("explicit-closing", kinds(found.explicit_closing)),
+                ("iteration", kinds(found.iteration)),
+            ]))
         })
     }
     /// S1-S5 and their reduction at one instant, by name.

@@ -10,6 +10,8 @@ pub enum Correction {
     /// `q_D ← q_D − C_D⁻¹ Φ`: the independent coordinates stay untouched.               (34)
     #[default]
     Partition,
+    /// As `Partition`, with the factors of C_D of the last evaluation, as long as the closure error at least halves.
+    Kantorovich,
     /// `q ← q − M⁻¹ Cᵀ M_c⁻¹ Φ`: the least change in the mass metric.                    (33)
     MassOrthogonal,
     /// Nothing: the drift remains, and the result shows it.

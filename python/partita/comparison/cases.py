@@ -24,7 +24,7 @@ _VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
     **{name: {EACH_STEP: {"renew": EACH_STEP}} for name in TANGENTS},
 }
 
-_REMOVALS = {"mass-orthogonal": "mass-orthogonal", "uncorrected": "none"}
+_REMOVALS = {"kantorovich": "kantorovich", "mass-orthogonal": "mass-orthogonal", "uncorrected": "none"}
 """The same for corrections of "projective"."""
 
 

@@ -66,7 +66,7 @@ def compare_mechanism(
             tangent velocities also renewed at each step, "wehage-haug" also with complete pivoting. A row that needs an
             argument that was not given says which.
         selections: rules for "projective"; None: all.
-        corrections: corrections of "projective" after each step, one row for each; None: all three if neither
+        corrections: corrections of "projective" after each step, one row for each; None: all if neither
             formulations nor selections are given, otherwise the default.
         rtol, atol, method, coordinates: as for `simulate`, for all runs.
         baumgarte, window, tangent: arguments of "baumgarte", the rule "persistence" and "user-tangent".

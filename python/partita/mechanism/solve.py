@@ -379,6 +379,7 @@ def simulate(
         progress: True: a progress bar on the terminal with the rate and the remaining time (needs tqdm); or a function
             of the completed fraction, 0 to 1.
         correction: how the closure error is removed after each step: "partition" (moves only dependent coordinates),
+            "kantorovich" (the same by the factors of the last evaluation, in as many steps as it takes),
             "mass-orthogonal" (the smallest change in the mass metric) or "none" (the constraints drift, which the
             result reports).
         switch_threshold: independent coordinates are switched when others span a volume larger by this factor; at

@@ -147,10 +147,11 @@ impl Request {
     ) -> Result<FormulationOptions, AnalysisError> {
         let correction = match self.correction.as_str() {
             "partition" => Correction::Partition,
+            "kantorovich" => Correction::Kantorovich,
             "mass-orthogonal" => Correction::MassOrthogonal,
             "none" => Correction::None,
             other => {
-                let known = "partition, mass-orthogonal, none";
+                let known = "partition, kantorovich, mass-orthogonal, none";
                 return Err(refuse("correction", format!("there is no correction \"{other}\"; choose among {known}")));
             }
         };

@@ -147,7 +147,7 @@ impl Scalar for Dual {
     #[inline(always)]
     fn atan2(self, x: Self) -> Self {
         let square = self.re * self.re + x.re * x.re;
-        Self::new(self.re.atan2(x.re), (x.re * self.eps - self.re * x.eps) / square)
+        Self::new(Scalar::atan2(self.re, x.re), (x.re * self.eps - self.re * x.eps) / square)
     }
     #[inline(always)]
     fn hypot(self, other: Self) -> Self {

@@ -126,7 +126,7 @@ impl Scalar for Lanes {
     }
     #[inline(always)]
     fn atan2(self, x: Self) -> Self {
-        self.with(x, f64::atan2)
+        self.with(x, Scalar::atan2)
     }
     #[inline(always)]
     fn hypot(self, other: Self) -> Self {

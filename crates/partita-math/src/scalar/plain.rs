@@ -29,7 +29,7 @@ impl Scalar for f64 {
     }
     #[inline(always)]
     fn atan2(self, x: Self) -> Self {
-        f64::atan2(self, x)
+        libm::atan2(self, x)
     }
     #[inline(always)]
     fn hypot(self, other: Self) -> Self {
@@ -46,9 +46,17 @@ impl Cases for f64 {
     fn abs(self) -> Self {
         f64::abs(self)
     }
+    /// In line where numbers are small: a call for each angle would take longer than its arithmetic.
     #[inline(always)]
     fn round(self) -> Self {
-        f64::round(self)
+        let size = f64::abs(self);
+        if size < f64::from(i32::MAX) {
+            // of its halves, which are exact
+            let whole = ((2.0 * size) as i64 + 1) >> 1;
+            (whole as f64).copysign(self)
+        } else {
+            f64::round(self)
+        }
     }
     #[inline(always)]
     fn max(self, other: Self) -> Self {

@@ -6,9 +6,11 @@
 //!
 //! The tape belongs to the thread and to one recording: numbers that outlive it, or meet another one, are NaN.
 
+mod counts;
 mod lean;
 mod module;
 
+pub use counts::OperationCounts;
 pub use module::Module;
 
 use super::{Arguments, Cases, Functions, Scalar};
@@ -197,7 +199,7 @@ impl Scalar for Recorder {
         (self.one_of(f64::sin, Operation::Sin), self.one_of(f64::cos, Operation::Cos))
     }
     fn atan2(self, x: Self) -> Self {
-        self.two_of(x, f64::atan2, Operation::Atan2)
+        self.two_of(x, Scalar::atan2, Operation::Atan2)
     }
     fn hypot(self, other: Self) -> Self {
         self.two_of(other, f64::hypot, Operation::Hypot)
@@ -347,7 +349,7 @@ impl Recording {
                 Operation::Power(x, exponent) => at(x).power(exponent),
                 Operation::Sin(x) => Scalar::sin_cos(at(x)).0,
                 Operation::Cos(x) => Scalar::sin_cos(at(x)).1,
-                Operation::Atan2(x, y) => at(x).atan2(at(y)),
+                Operation::Atan2(x, y) => Scalar::atan2(at(x), at(y)),
                 Operation::Hypot(x, y) => at(x).hypot(at(y)),
                 Operation::Abs(x) => at(x).abs(),
                 Operation::Round(x) => at(x).round(),

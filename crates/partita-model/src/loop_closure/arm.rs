@@ -61,6 +61,12 @@ pub(super) fn turn_of(r: &Mat3<f64>) -> f64 {
     r.0[1][0].atan2(r.0[0][0])
 }
 
+/// The angle x with the whole turns that bring it nearest to `old`.
+#[inline(always)]
+pub(super) fn nearest_turn<S: Scalar>(x: S, old: S) -> S {
+    x + (old - x).scale(1.0 / TAU).round().scale(TAU)
+}
+
 /// A constant of the graph.
 pub(super) fn lift<S: Scalar>(x: Vec3<f64>) -> Vec3<S> {
     Vec3::from_f64(x.0)
@@ -90,8 +96,7 @@ impl<S: Scalar> Pose<S> {
         let Home::Tree { q: at, .. } = e.home else { return };
         match e.kind {
             Kind::Turn => {
-                let x = self.x[i];
-                self.x[i] = x + (q[at] - x).scale(1.0 / TAU).round().scale(TAU);
+                self.x[i] = nearest_turn(self.x[i], q[at]);
                 q[at] = self.x[i];
             }
             Kind::Ball => {

@@ -1,11 +1,11 @@
 //! Following the plan: positions, branches and pivots for given inputs.                                      (37)
 
-use super::arm::{lift, rotated, turn_of, PlanarArm, Pose};
+use super::arm::{lift, nearest_turn, rotated, turn_of, PlanarArm, Pose};
 use super::graph::{Home, Kind};
 use super::implicit::Field;
-use super::planar::{self, PlanarJoint, Shortfall};
+use super::planar::{PlanarJoint, Shortfall};
 use super::polygon::{turn_in, Polygon};
-use super::{spatial, Graph, LoopClosing, Work};
+use super::{spatial, Graph, LoopClosing, Step, Work};
 use crate::evaluator::Engine;
 use crate::tree::{Closing as CutJoint, LinkMotion};
 use crate::value;
@@ -14,6 +14,36 @@ use partita_math::spatial::{Planar, Quaternion};
 use partita_system::closing::{Block, BlockState, Closing};
 use partita_system::SystemError;
 use std::f64::consts::TAU;
+
+/// Joints of a polygon in a plane, and their coordinates.
+type JointCoordinates<'a> = (&'a [PlanarJoint], [f64; 3]);
+
+impl Step {
+    /// Joints and coordinates of a polygon in a plane, for the coordinates known so far; none for another step.
+    fn plane(
+        &mut self,
+        g: &Graph,
+        pose: &Pose<f64>,
+        tolerance: f64,
+    ) -> Option<Result<JointCoordinates<'_>, Shortfall>> {
+        let Work::Plane(p, plane) = &self.work else { return None };
+        let count = plane.joints.len();
+        for k in (0..count).filter(|&k| self.moving[k]) {
+            self.sides[k] = match &self.chains[k] {
+                Some(chain) => chain.at(&pose.x),
+                None => planar_side(p, k, g, pose),
+            };
+        }
+        let sides = &self.sides[..count];
+        let (x, pivot, fit) = plane.solve(sides, self.signs[0], tolerance);
+        self.pivots[0] = pivot;
+        Some(match fit.check() {
+            Ok(()) if (x[0] + x[1] + x[2]).is_finite() => Ok((&plane.joints, x)),
+            Err(short) if sides.iter().all(|s| s.turn.is_finite() && s.length.is_finite()) => Err(short),
+            _ => Err(Shortfall(f64::NAN)),
+        })
+    }
+}
 
 impl LoopClosing<'_> {
     /// Edge coordinates of the tree from q.
@@ -89,6 +119,22 @@ impl LoopClosing<'_> {
 
     /// One step; the coordinates of its edges are written to `x` and `balls`, and to q where they belong to it.
     pub(super) fn advance(&mut self, i: usize, t: f64, q: &mut [f64]) -> Result<(), SystemError> {
+        match self.steps[i].plane(&self.graph, &self.pose, self.tolerance) {
+            Some(Ok((joints, x))) => {
+                for (j, mut x) in joints.iter().zip(x) {
+                    if let Some(at) = j.q {
+                        if j.turns {
+                            x = nearest_turn(x, q[at]);
+                        }
+                        q[at] = x;
+                    }
+                    self.pose.x[j.edge] = x;
+                }
+                return Ok(());
+            }
+            Some(Err(x)) => return Err(self.shortfall(i, t, x)),
+            None => {}
+        }
         match &self.steps[i].work {
             Work::Drive(d, edge) => {
                 let drive = &self.model.drives[*d];
@@ -135,16 +181,19 @@ impl LoopClosing<'_> {
             }
             Work::Plane(..) | Work::Space(_) => {}
         }
-        self.solve(i).map_err(|Shortfall(shortfall)| {
-            let words = &self.steps[i].words;
-            match shortfall.is_finite() {
-                true => SystemError::Limit { block: words.clone(), t, shortfall },
-                false => SystemError::NotFinite { what: words.clone(), t },
-            }
-        })?;
+        self.solve(i).map_err(|x| self.shortfall(i, t, x))?;
         let (pose, graph) = (&mut self.pose, &self.graph);
         self.steps[i].edges.iter().for_each(|&e| pose.write(graph, e, q));
         Ok(())
+    }
+
+    /// Error of a step that does not close.
+    fn shortfall(&self, i: usize, t: f64, Shortfall(shortfall): Shortfall) -> SystemError {
+        let words = &self.steps[i].words;
+        match shortfall.is_finite() {
+            true => SystemError::Limit { block: words.clone(), t, shortfall },
+            false => SystemError::NotFinite { what: words.clone(), t },
+        }
     }
 
     /// All steps, with consistent whole turns.
@@ -168,36 +217,20 @@ impl LoopClosing<'_> {
 
     /// The closed form of step i for the coordinates known so far.
     pub(super) fn solve(&mut self, i: usize) -> Result<(), Shortfall> {
+        if let Some(found) = self.steps[i].plane(&self.graph, &self.pose, self.tolerance) {
+            let (joints, x) = found?;
+            joints.iter().zip(x).for_each(|(j, x)| self.pose.x[j.edge] = x);
+            return Ok(());
+        }
         let step = &mut self.steps[i];
         match &step.work {
-            Work::Plane(p, joints) => {
-                let mut sides = step.rigid;
-                for (k, side) in sides.iter_mut().enumerate().take(joints.len()) {
-                    if step.moving[k] {
-                        *side = match &step.chains[k] {
-                            Some(chain) => chain.at(&self.pose.x),
-                            None => planar_side(p, k, &self.graph, &self.pose),
-                        };
-                    }
-                }
-                let sides = &sides[..joints.len()];
-                if !sides.iter().all(|s| s.turn.is_finite() && s.length.is_finite()) {
-                    return Err(Shortfall(f64::NAN));
-                }
-                let (x, pivot, fit) = planar::solve(joints, sides, p.frame, step.signs[0], self.tolerance);
-                fit.check()?;
-                for (j, x) in joints.iter().zip(x) {
-                    self.pose.x[j.edge] = x;
-                }
-                step.pivots[0] = pivot;
-            }
             Work::Space(p) => {
                 let found = spatial::solve(&self.graph, p, step.signs, &self.pose);
                 found.fit.check()?;
                 found.write(&mut self.pose);
                 step.pivots = found.pivots;
             }
-            Work::Drive(..) | Work::Law(_) | Work::Implicit(_) => {}
+            Work::Plane(..) | Work::Drive(..) | Work::Law(_) | Work::Implicit(_) => {}
         }
         Ok(())
     }
@@ -206,6 +239,9 @@ impl LoopClosing<'_> {
     /// are added to the angle that has moved the most. True if q changed.
     fn whole_turns(&self, q: &mut [f64]) -> Result<bool, SystemError> {
         let Engine::Planar(tree) = &self.model.engine else { return Ok(false) };
+        if !self.locks_turns {
+            return Ok(false);
+        }
         let locked = || tree.closings.iter().filter(|k| !k.locks.is_empty());
         let missing = |k: &CutJoint<Planar<f64>>, q: &[f64]| {
             let mut angle = -k.locks[0];
@@ -285,7 +321,8 @@ pub(super) fn planar_joints(p: &Polygon, g: &Graph) -> Vec<PlanarJoint> {
             let (sense, rest) = if forward { (1.0, rest) } else { (-1.0, -rest) };
             // backward, the axis comes after the constant rotation
             let along = if forward { axis } else { rotated([-axis[0], -axis[1]], rest) };
-            PlanarJoint { edge: i, turns: e.kind == Kind::Turn, sign: sense * normal.signum(), rest, axis: along }
+            let q = if let Home::Tree { q, .. } = e.home { Some(q) } else { None };
+            PlanarJoint { edge: i, q, turns: e.kind == Kind::Turn, sign: sense * normal.signum(), rest, axis: along }
         })
         .collect()
 }
@@ -301,7 +338,9 @@ impl Closing for LoopClosing<'_> {
     /// Cost: one sine and cosine for each known turn between the joints of a polygon, three arc tangents a triangle; an
     /// implicit block of n unknowns takes n³/3 multiply-adds and one evaluation of the positions an iteration.
     fn close(&mut self, t: f64, q: &mut [f64]) -> Result<(), SystemError> {
-        self.old.copy_from_slice(q);
+        if self.locks_turns {
+            self.old.copy_from_slice(q);
+        }
         self.given.iter().for_each(|&i| self.pose.read(&self.graph, i, q));
         self.advance_all(t, q)?;
         self.update_states();

@@ -46,7 +46,7 @@ use implicit::Implicit;
 use laws::SolvedLaw;
 use partita_system::closing::{Block, BlockState};
 use partita_system::SystemRef;
-use planar::PlanarJoint;
+use planar::PlanarPolygon;
 use polygon::Polygon;
 
 /// How one step determines its coordinates.
@@ -55,7 +55,7 @@ enum Work {
     /// A driven coordinate: the number of the drive, its edge.
     Drive(usize, usize),
     /// A polygon in a plane.
-    Plane(Polygon, Vec<PlanarJoint>),
+    Plane(Polygon, PlanarPolygon),
     /// A characteristic pair.
     Space(Polygon),
     /// A coupling that gives one coordinate from others.
@@ -74,8 +74,8 @@ struct Step {
     /// Number of signs that matter.
     states: usize,
     pivots: [f64; 2],
-    /// Constant sides of a polygon in a plane, varying ones, and those of rotations alone.
-    rigid: [PlanarArm<f64>; 3],
+    /// Sides of a polygon in a plane, those that vary, and those of rotations alone.
+    sides: [PlanarArm<f64>; 3],
     moving: [bool; 3],
     chains: [Option<Chain>; 3],
     /// Edges whose coordinates it finds.
@@ -96,6 +96,8 @@ pub struct LoopClosing<'m> {
     given: Vec<usize>,
     /// Velocities whose coordinates include their whole turns: inputs, driven ones, those that a coupling determines.
     counted: Vec<bool>,
+    /// Whether a joint locks a rotation in the plane, and with it its whole turns.
+    locks_turns: bool,
     /// Largest mismatch (m) a redundant loop may show.
     tolerance: f64,
     // scratch

@@ -3,7 +3,7 @@
 use super::arm::Pose;
 use super::close::planar_side;
 use super::implicit::StraightRoom;
-use super::planar::{self, Fit};
+use super::planar::Fit;
 use super::{spatial, LoopClosing, Work};
 use crate::evaluator::Evaluator;
 use crate::value;
@@ -78,14 +78,14 @@ impl LoopClosing<'_> {
                     }
                     continue;
                 }
-                Work::Plane(p, joints) => {
+                Work::Plane(p, plane) => {
+                    let count = plane.joints.len();
                     let mut sides = [planar_side(p, 0, &self.graph, pose); 3];
-                    for (k, side) in sides.iter_mut().enumerate().take(joints.len()).skip(1) {
+                    for (k, side) in sides.iter_mut().enumerate().take(count).skip(1) {
                         *side = planar_side(p, k, &self.graph, pose);
                     }
-                    let sides = &sides[..joints.len()];
-                    let (x, _, own) = planar::solve(joints, sides, p.frame, step.signs[0], self.tolerance);
-                    joints.iter().zip(x).for_each(|(j, x)| pose.x[j.edge] = x);
+                    let (x, _, own) = plane.solve(&sides[..count], step.signs[0], self.tolerance);
+                    plane.joints.iter().zip(x).for_each(|(j, x)| pose.x[j.edge] = x);
                     fit = fit.or(own);
                 }
                 Work::Space(p) => {

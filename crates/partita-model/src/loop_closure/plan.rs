@@ -7,9 +7,10 @@ use super::implicit::{Implicit, Room};
 use super::instant::Instant;
 use super::laws::{SolvedLaw, TreeLaw};
 use super::order::{Next, Order};
+use super::planar::PlanarPolygon;
 use super::polygon::{Pair, Polygon};
-use super::{planar, LoopClosing, Step, Work};
-use crate::evaluator::DriveRow;
+use super::{LoopClosing, Step, Work};
+use crate::evaluator::{DriveRow, Engine};
 use crate::joint;
 use crate::model::Model;
 use partita_math::spatial::{Mat3, Quaternion};
@@ -123,6 +124,10 @@ impl<'m> LoopClosing<'m> {
             entries: Vec::new(),
             given: Vec::new(),
             counted: Vec::new(),
+            locks_turns: match &model.engine {
+                Engine::Planar(tree) => tree.closings.iter().any(|k| !k.locks.is_empty()),
+                Engine::Full => false,
+            },
             tolerance: tolerance::CLOSED_IN_RUN * model.placed.size,
             pose: Pose::new(&graph, &model.numbers),
             old: q.to_vec(),
@@ -228,20 +233,20 @@ impl<'m> LoopClosing<'m> {
 
     fn push(&mut self, work: Work, words: String, edges: Vec<usize>, signs: usize) {
         let signs_of = [0, 1].map(|i| i8::from(i < signs));
-        let (mut rigid, mut moving) = ([PlanarArm::new([0.0; 2], 0.0); 3], [true; 3]);
-        if let Work::Plane(p, joints) = &work {
-            for k in (0..joints.len()).filter(|&k| p.sides[k].is_rigid(&self.graph)) {
-                (rigid[k], moving[k]) = (planar_side(p, k, &self.graph, &self.pose), false);
+        let (mut sides, mut moving) = ([PlanarArm::new([0.0; 2], 0.0); 3], [true; 3]);
+        if let Work::Plane(p, plane) = &work {
+            for k in (0..plane.joints.len()).filter(|&k| p.sides[k].is_rigid(&self.graph)) {
+                (sides[k], moving[k]) = (planar_side(p, k, &self.graph, &self.pose), false);
             }
         }
         let mut chains = [const { None }; 3];
-        if let Work::Plane(p, joints) = &work {
+        if let Work::Plane(p, plane) = &work {
             if p.plane.is_none() {
-                (0..joints.len()).for_each(|k| chains[k] = p.sides[k].chain(&self.graph, &self.pose));
+                (0..plane.joints.len()).for_each(|k| chains[k] = p.sides[k].chain(&self.graph, &self.pose));
             }
         }
         let states = signs.max(1);
-        self.steps.push(Step { work, words, signs: signs_of, states, pivots: [1.0; 2], rigid, moving, chains, edges });
+        self.steps.push(Step { work, words, signs: signs_of, states, pivots: [1.0; 2], sides, moving, chains, edges });
     }
 
     /// Adds a polygon on the branch that reproduces the present coordinates; `false` if none does.
@@ -250,9 +255,9 @@ impl<'m> LoopClosing<'m> {
         let words = self.words(&p);
         let elementary = p.joints.iter().all(|j| matches!(j.pair, Pair::Turn | Pair::Slide));
         let (work, signs) = if elementary {
-            let joints = planar_joints(&p, &self.graph);
-            let signs = usize::from(planar::has_branch(&joints));
-            (Work::Plane(p, joints), signs)
+            let plane = PlanarPolygon::new(planar_joints(&p, &self.graph), p.frame);
+            let signs = usize::from(plane.has_branch());
+            (Work::Plane(p, plane), signs)
         } else {
             let universal = p.joints[2].pair == Pair::Universal;
             (Work::Space(p), 1 + usize::from(universal))

@@ -23,6 +23,8 @@ use partita_math::tolerance;
 pub(super) struct PlanarJoint {
     /// Edge of the graph.
     pub edge: usize,
+    /// Its coordinate in q, if it belongs to the tree.
+    pub q: Option<usize>,
     /// A rotation, or a translation.
     pub turns: bool,
     /// Sense of the rotation along the path.
@@ -108,30 +110,59 @@ impl PlanarJoint {
     }
 }
 
-/// Number of solutions of a polygon of these joints: whether it needs a sign.
-pub(super) fn has_branch(joints: &[PlanarJoint]) -> bool {
-    joints.len() == 3 && joints.iter().filter(|j| !j.turns).count() < 2
+/// Closed form of a polygon, with the joint or the side from which it is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Form {
+    Triangle(usize),
+    OneSlide(usize),
+    TwoSlides(usize),
+    Bar,
+    Follower(usize),
+    Wedge,
+    Single,
 }
 
-/// Solve the polygon; `frame` is the side called the frame, `tolerance` (m) the allowed residual of a redundant
-/// condition.
-pub(super) fn solve<S: Scalar>(
-    joints: &[PlanarJoint],
-    sides: &[PlanarArm<S>],
-    frame: usize,
-    sign: i8,
-    tolerance: f64,
-) -> Solved<S> {
-    let slides = joints.iter().filter(|j| !j.turns).count();
-    let find = |turns: bool| joints.iter().position(|j| j.turns == turns).unwrap_or(0);
-    match (joints.len(), slides) {
-        (3, 0) => triangle(joints, sides, frame, f64::from(sign)),
-        (3, 1) => one_slide(joints, sides, find(false) + 1, f64::from(sign)),
-        (3, _) => two_slides(joints, sides, find(true)),
-        (2, 0) => bar(joints, sides, tolerance),
-        (2, 1) => follower(joints, sides, find(true), tolerance),
-        (2, _) => wedge(joints, sides),
-        _ => single(joints, sides),
+/// The unknown joints of a polygon in their plane, and its closed form.
+#[derive(Clone, Debug)]
+pub(super) struct PlanarPolygon {
+    pub joints: Vec<PlanarJoint>,
+    form: Form,
+}
+
+impl PlanarPolygon {
+    /// Of at most three joints; `frame` is the side called the frame.
+    pub fn new(joints: Vec<PlanarJoint>, frame: usize) -> Self {
+        let slides = joints.iter().filter(|j| !j.turns).count();
+        let find = |turns: bool| joints.iter().position(|j| j.turns == turns).unwrap_or(0);
+        let form = match (joints.len(), slides) {
+            (3, 0) => Form::Triangle(frame),
+            (3, 1) => Form::OneSlide(find(false) + 1),
+            (3, _) => Form::TwoSlides(find(true)),
+            (2, 0) => Form::Bar,
+            (2, 1) => Form::Follower(find(true)),
+            (2, _) => Form::Wedge,
+            _ => Form::Single,
+        };
+        Self { joints, form }
+    }
+
+    /// Whether it has two solutions and needs a sign.
+    pub fn has_branch(&self) -> bool {
+        matches!(self.form, Form::Triangle(_) | Form::OneSlide(_))
+    }
+
+    /// Its solution; `tolerance` (m) is the allowed residual of a redundant condition.
+    pub fn solve<S: Scalar>(&self, sides: &[PlanarArm<S>], sign: i8, tolerance: f64) -> Solved<S> {
+        let (joints, sign) = (&self.joints[..], f64::from(sign));
+        match self.form {
+            Form::Triangle(frame) => triangle(joints, sides, frame, sign),
+            Form::OneSlide(first) => one_slide(joints, sides, first, sign),
+            Form::TwoSlides(first) => two_slides(joints, sides, first),
+            Form::Bar => bar(joints, sides, tolerance),
+            Form::Follower(first) => follower(joints, sides, first, tolerance),
+            Form::Wedge => wedge(joints, sides),
+            Form::Single => single(joints, sides),
+        }
     }
 }
 

@@ -12,6 +12,7 @@ use crate::record::{Correction, History};
 use crate::reduction::Reduction;
 use crate::system::{ConstrainedSystem, Size};
 use crate::tangent::Tangent;
+use partita_math::tolerance;
 
 /// q itself (nq states).
 pub struct All {
@@ -77,6 +78,39 @@ impl All {
         self.correction == Correction::None || r.size().holonomic == 0 || r.rank() == 0
     }
 
+    /// Further corrections with the factors in use, each of which at least halves the closure error: then, with the
+    /// distance ω of the first one, there is one closed position within 2 ω, and they converge to it. The factors are
+    /// renewed where one does not.
+    fn contract<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>>(
+        &mut self,
+        tangent: &mut T,
+        t: f64,
+        q: &mut [f64],
+    ) -> Result<()> {
+        let mut before = tangent.seen().closure_error().0;
+        loop {
+            tangent.reduction().position(t, q)?;
+            let (left, r) = (tangent.seen().closure_error().0, tangent.seen());
+            if r.is_closed() {
+                return Ok(());
+            }
+            // false where one of them is not finite
+            let halved = left < tolerance::CONVERGES * before;
+            if !halved {
+                self.q.copy_from_slice(q);
+                self.close(tangent, t, Correction::Partition)?;
+                q.copy_from_slice(&self.q);
+                return Ok(());
+            }
+            if !tangent.correction(t, q, self.correction, &mut self.dv)? {
+                return Ok(());
+            }
+            tangent.seen().system.step(q, &self.dv);
+            self.corrections += 1;
+            before = left;
+        }
+    }
+
     /// Correct q until the loops are closed to round-off or there is no further gain; evaluates the position level
     /// there.
     fn close<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>>(
@@ -134,6 +168,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> Positions<'s, S, T> for A
         tangent.seen().system.normalise(&mut self.q);
         match self.stays(tangent.seen()) {
             true => tangent.reduction().position(t, &self.q)?,
+            // an output may lie far from the factors of the last evaluation
+            false if self.correction == Correction::Kantorovich => self.close(tangent, t, Correction::Partition)?,
             false => self.close(tangent, t, self.correction)?,
         }
         Ok(false)
@@ -154,6 +190,9 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> PositionSteps<'s, S, T> f
         }
         tangent.seen().system.step(q, &self.dv);
         self.corrections += 1;
+        if self.correction == Correction::Kantorovich {
+            self.contract(tangent, t, q)?;
+        }
         Ok(true)
     }
     fn wrap(&mut self, tangent: &T, y: &mut [f64], turns: &mut [i32]) -> bool {

@@ -57,40 +57,39 @@ impl<'s, S: ConstrainedSystem> Dependent<'s, S, Blocks<'s, S>> for InverseKinema
     /// next sign. If the prediction is too close to the singular position to distinguish the branches, the step length
     /// is changed. Within a finished step the path is known more accurately than this distance.
     fn solve(&mut self, core: &mut Core, tangent: &mut Blocks<'s, S>, t: f64, y: &[f64], at: Point) -> Result<()> {
-        self.good.copy_from_slice(&core.q);
         let follow = match at {
             Point::Inside => self.trial_following,
             _ => at == Point::Crossing || self.approaching,
         };
-        if std::mem::replace(&mut self.following, follow) && !follow {
-            tangent.closing()?.set_branches(&self.branches);
+        let keeps = std::mem::replace(&mut self.following, follow) && !follow;
+        std::mem::swap(&mut self.good, &mut core.q);
+        // whole turns are those of the prediction: the point solved for last may be a long step away
+        core.predict(&*tangent.seen().system, t, y, at);
+        let closing = tangent.closing()?;
+        let iterated = closing.iterations();
+        if keeps {
+            closing.set_branches(&self.branches);
         }
-        let iterated = tangent.closing()?.iterations();
         let closed = if follow {
-            core.predict(&*tangent.seen().system, t, y, at);
-            let followed = tangent.closing()?.follow(t, &mut core.q);
-            followed.and_then(|doubt| match doubt <= tolerance::MUCH_SMALLER || at == Point::Inside {
-                true => Ok(()),
-                false => Err(tangent.undecided(t, &core.q)),
-            })
+            match closing.follow(t, &mut core.q) {
+                Ok(doubt) if doubt > tolerance::MUCH_SMALLER && at != Point::Inside => Err(None),
+                followed => followed.map(drop).map_err(Some),
+            }
         } else {
-            // whole turns are those of the prediction: the point solved for last may be a long step away
-            core.predict(&*tangent.seen().system, t, y, at);
-            let closed = tangent.closing()?.close(t, &mut core.q);
-            if closed.is_err() {
+            let closed = closing.close(t, &mut core.q).or_else(|_| {
                 // iterative blocks may have started too far away: once more from the end of the last step
                 core.q.copy_from_slice(&core.home);
                 core.states.scatter(y, &mut core.q);
-                tangent.closing()?.close(t, &mut core.q)
-            } else {
-                closed
-            }
+                closing.close(t, &mut core.q)
+            });
+            closed.map_err(Some)
         };
         if at != Point::Inside {
-            self.iterations += tangent.closing()?.iterations() - iterated;
+            self.iterations += closing.iterations() - iterated;
         }
-        if let Err(e) = closed {
-            core.q.copy_from_slice(&self.good);
+        if let Err(failed) = closed {
+            let e = failed.unwrap_or_else(|| tangent.undecided(t, &core.q));
+            std::mem::swap(&mut self.good, &mut core.q);
             return Err(e);
         }
         tangent.check_closed(t, &core.q, tolerance::OPEN)

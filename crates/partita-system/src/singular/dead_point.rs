@@ -106,13 +106,45 @@ fn refusal<S: ConstrainedSystem>(
     SystemError::DeadPoint { coordinates: names(independent), t, seen, advice }
 }
 
+/// What a failed evaluation at (t, q) shows of a choice that hardly determines the others: C_D singular, or so nearly
+/// that M_d, whose entries grow with the square of those of C_D⁻¹, is lost in round-off; none for other errors.
+pub(crate) fn lost<S: ConstrainedSystem>(r: &Reduction<S>, t: f64, q: &[f64], e: &SystemError) -> Option<String> {
+    match e {
+        SystemError::Singular { pivot, limit, .. } => {
+            Some(format!("C_D is singular for them (smallest scaled pivot {pivot:.1e}, limit {limit:.0e})"))
+        }
+        SystemError::Mass { .. } if r.rank() > 0 => {
+            let mut here = Reduction::new(r.system.clone(), r.rank());
+            let at = here.position(t, q).and_then(|()| here.refresh_scales(t, q));
+            let pivot = match at.and_then(|()| here.set_partition(t, &r.partition.independent)) {
+                Ok(()) => here.smallest(),
+                Err(SystemError::Singular { pivot, .. }) => pivot,
+                Err(_) => return None,
+            };
+            Some(format!(
+                "C_D is nearly singular for them (smallest scaled pivot {pivot:.1e}), so that M_d is lost in round-off"
+            ))
+        }
+        _ => None,
+    }
+}
+
+/// Whether the reduced mass matrix of a choice at (t, q), the point last evaluated, is positive definite.
+pub(crate) fn has_mass<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &[f64]) -> bool {
+    r.v.fill(0.0);
+    r.velocity(t, q).and_then(|()| r.acceleration(t, q)).is_ok()
+}
+
 /// Tell coordinates that no longer determine the others from a singular position of the mechanism; other errors pass.
 pub(crate) fn blame<S: ConstrainedSystem>(r: &Reduction<S>, t: f64, q: &[f64], e: SystemError) -> SystemError {
-    let SystemError::Singular { pivot, limit, .. } = e else { return e };
+    let Some(seen) = lost(r, t, q, &e) else { return e };
     let best = best_choice(&*r.system, r.rank(), t, q);
-    if best.1 < SOUND {
+    let served = |best: &[usize]| {
+        let mut probe = Reduction::new(r.system.clone(), r.rank());
+        start::choose_partition(&mut probe, t, q, None, Some(best)).is_ok() && has_mass(&mut probe, t, q)
+    };
+    if best.1 < SOUND || !served(&best.0) {
         return e;
     }
-    let seen = format!("C_D is singular for them, its smallest scaled pivot {pivot:.1e} is below {limit:.0e}");
     refusal(&*r.system, best, t, &r.partition.independent, seen)
 }

@@ -209,7 +209,7 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> TangentChoice<'s, S> for Eve
     }
     fn start(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<()> {
         self.choose(t, q)?;
-        if self.correction == Correction::Partition {
+        if matches!(self.correction, Correction::Partition | Correction::Kantorovich) {
             self.base.evaluate(t, q, v)?;
             let reason = "corrections leave the coordinates of largest projective measure untouched";
             self.base.log(t, q, &[], reason.into())?;
@@ -284,6 +284,9 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> TangentClosing<'s, S> for Ev
         if rule == Correction::MassOrthogonal || size.rows != size.holonomic {
             dv.copy_from_slice(&orthogonal_step(r, t, q)?);
             return Ok(true);
+        }
+        if rule == Correction::Kantorovich {
+            return Ok(r.dependent_correction(dv));
         }
         if r.tangent(t).is_err() || r.best_switch().is_some_and(|x| x.gain > self.switch_threshold) {
             let (before, v) = (r.partition.independent.clone(), r.v.clone());

@@ -78,8 +78,7 @@ impl<'s, S: ConstrainedSystem> Blocks<'s, S> {
     pub fn check_closed(&mut self, t: f64, q: &[f64], limit: f64) -> Result<()> {
         let r = &mut self.base.r;
         r.position(t, q)?;
-        let wide =
-            |&(i, phi): &(usize, &f64)| phi.is_nan() || phi.abs() > limit * r.system.row_displacement(i).unwrap_or(1.0);
+        let wide = |&(i, phi): &(usize, &f64)| phi.is_nan() || phi.abs() > limit * r.row_size(i);
         match r.phi.iter().enumerate().find(wide) {
             None => Ok(()),
             Some((row, phi)) => Err(SystemError::argument(

@@ -9,8 +9,10 @@ use crate::partition::{
     complete_pivoting, criterion, determinant, geometric, individual, normalised_determinant, volume, Selection,
 };
 use crate::reduction::Reduction;
+use crate::singular::dead_point;
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError};
+use partita_math::tolerance;
 
 /// The choice of a rule at one instant; exact unless a determinant rule had too many partitions to compare them all.
 pub use crate::partition::volume::Largest as Choice;
@@ -317,15 +319,15 @@ impl Chooser {
     ///
     /// The mechanism is regular if any other partition can be factored where this one cannot.
     pub fn blame<S: ConstrainedSystem>(&self, r: &Reduction<S>, t: f64, q: &[f64], e: SystemError) -> SystemError {
-        let SystemError::Singular { pivot, limit, .. } = e else { return e };
+        let Some(seen) = dead_point::lost(r, t, q, &e) else { return e };
         let mut probe = Reduction::new(r.system.clone(), r.rank());
-        if start::first_partition(&mut probe, t, q).is_err() || probe.smallest() < limit {
+        let regular = start::first_partition(&mut probe, t, q).is_ok()
+            && probe.smallest() >= tolerance::SINGULAR_PIVOT
+            && dead_point::has_mass(&mut probe, t, q);
+        if !regular {
             return e;
         }
-        let reason = format!(
-            "C_D has become singular inside a step, its smallest scaled pivot {pivot:.1e} is below {limit:.0e}, \
-             although the mechanism itself is not singular"
-        );
+        let reason = format!("{seen}, although the mechanism itself is not singular");
         impossible(r, t, self.selection, &r.partition.independent, reason)
     }
 

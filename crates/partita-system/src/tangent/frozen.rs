@@ -402,7 +402,9 @@ impl<'s, S: ConstrainedSystem> TangentClosing<'s, S> for Frozen<'s, S> {
             dv.copy_from_slice(&orthogonal_step(&mut self.base.r, t, q)?);
             return Ok(true);
         }
-        self.solve_levels(t, q, None)?;
+        if rule != Correction::Kantorovich {
+            self.solve_levels(t, q, None)?;
+        }
         let mut w = std::mem::take(&mut self.w);
         w.fill(0.0);
         self.solve(None, &mut w, dv);

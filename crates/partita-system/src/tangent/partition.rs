@@ -224,7 +224,9 @@ impl<'s, S: ConstrainedSystem> TangentClosing<'s, S> for Chosen<'s, S> {
             dv.copy_from_slice(&orthogonal_step(r, t, q)?);
             return Ok(true);
         }
-        r.factor(t)?;
+        if rule != Correction::Kantorovich {
+            r.factor(t)?;
+        }
         Ok(r.dependent_correction(dv))
     }
     fn sides(&self, sides: &mut Sides) {

@@ -43,7 +43,8 @@ const TABLE: &[(&str, Drift)] = &[
     ("tangent-space", Drift::Never),
 ];
 
-const CORRECTIONS: [Correction; 3] = [Correction::None, Correction::MassOrthogonal, Correction::Partition];
+const CORRECTIONS: [Correction; 4] =
+    [Correction::None, Correction::MassOrthogonal, Correction::Partition, Correction::Kantorovich];
 
 fn options(name: &str, correction: Correction) -> FormulationOptions {
     // slow against the steps used here, fast against the motion

@@ -309,7 +309,7 @@ fn an_impossible_choice_ends_the_run_by_name() {
         let outcome =
             simulate(&mut f, 0.0, &q, &v, &[20.0], &settings, &mut keep, &mut |_| ControlFlow::Continue(())).unwrap();
         if selection == Selection::Individual {
-            assert_eq!(outcome.status, Status::EvaluationFailed);
+            assert_eq!(outcome.status, Status::Singular);
             assert!(outcome.message.contains("selection \"individual\" chooses x, y"), "{}", outcome.message);
             assert!(outcome.t < 1.5 && matches!(outcome.error, Some(SystemError::Choice { .. })));
             continue;

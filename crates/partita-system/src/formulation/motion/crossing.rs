@@ -340,8 +340,26 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         self.monitor.flipped.then(between)
     }
 
+    /// Where the choice alone was singular in the step that was judged, not the mechanism, and nothing replaces it: its
+    /// error.
+    fn choice_lost(&self) -> Option<SystemError> {
+        if self.monitor.step_start.q().is_empty() || self.monitor.step_end.q().is_empty() {
+            return None;
+        }
+        let Loss::Coordinates = self.loss() else { return None };
+        let (t, q) = self.half_way();
+        let singular = SystemError::Singular { t, pivot: 0.0, limit: tolerance::SINGULAR_PIVOT };
+        match self.tangent.blame(t, &q, singular) {
+            SystemError::Singular { .. } => None,
+            e => Some(e),
+        }
+    }
+
     /// The error of a singular position at t that no step crossed.
     pub(super) fn not_crossed(&self, t: f64) -> SystemError {
+        if let Some(e) = self.choice_lost() {
+            return e;
+        }
         let r = self.tangent.seen();
         let row = r.weakest_row().map_or_else(String::new, |row| self.system.row_name(row));
         let (tries, jumped) = self.monitor.crossing.tries();
