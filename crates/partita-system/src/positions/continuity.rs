@@ -66,20 +66,12 @@ impl Continuity {
     /// Displacement (in velocities) from the end of the last step to t, ahead of it: extrapolated with the velocities
     /// and accelerations there, and the change of the latter if the step before was not much shorter.
     pub(super) fn predict(&self, t: f64, dv: &mut [f64]) {
-<<<<<<< HEAD
         let (before, last) = (&self.before.at, &self.last.at);
         let (h, length) = (t - last.t(), last.t() - before.t());
         let part = if h < Self::EXTRAPOLATED * length { h / (3.0 * length) } else { 0.0 };
-        for (i, d) in dv.iter_mut().enumerate() {
-            let change = if part > 0.0 { last.vdot()[i] - before.vdot()[i] } else { 0.0 };
-            *d = h * (last.v()[i] + 0.5 * h * (last.vdot()[i] + part * change));
-=======
-        let (h, last) = (t - self.last.t, self.last.t - self.before.t);
-        let part = if h < Self::EXTRAPOLATED * last { h / (3.0 * last) } else { 0.0 };
-        let ends = self.last.v.iter().zip(&self.last.vdot).zip(&self.before.vdot);
+        let ends = last.v().iter().zip(last.vdot()).zip(before.vdot());
         for (d, ((v, vdot), before)) in dv.iter_mut().zip(ends) {
             *d = h * (v + 0.5 * h * (vdot + part * (vdot - before)));
->>>>>>> e
         }
     }
 
