@@ -14,9 +14,9 @@ use partita_system::start;
 /// What well-posed random mechanisms lose: C M⁻¹ Cᵀ squares a condition of up to 1e3.
 const CLOSE: f64 = 1e-10;
 
-/// What one step of inverse iteration and one of the gradient leave of the distance where several singular values are nearly
-/// the least: far from singular positions.
-const WELL_ESTIMATED: f64 = 2.0;
+/// By how much the distance is estimated too large at the most, far from singular positions: many singular values are
+/// nearly the least there.
+const FAR_AWAY: f64 = 4.0;
 
 /// The smallest singular value of the kept rows of C, rows and columns in characteristic displacements.
 fn least_singular_value(r: &Reduction<Model>, model: &Model) -> f64 {
@@ -90,7 +90,7 @@ fn agrees(model: &Model, m: &Moment, one_cluster: bool) {
             let least = least_singular_value(&dense, &model);
             for distance in [r.distance().0, dense.distance().0] {
                 let part = distance / least;
-                assert!((1.0 - 1e-6..WELL_ESTIMATED).contains(&part), "{recursion:?}: {distance} of {least}");
+                assert!((1.0 - 1e-6..FAR_AWAY).contains(&part), "{recursion:?}: {distance} of {least}");
             }
         }
     }
@@ -142,7 +142,7 @@ fn dead_points_of_the_coordinates_hide_no_singular_position() {
             r.set_partition(0.0, &[input]).unwrap();
             r.tangent(0.0).unwrap();
             let (distance, least) = (r.distance().0, least_singular_value(&r, &model));
-            let estimated = if angle < 0.02 { 1.0 + 1e-3 } else { WELL_ESTIMATED };
+            let estimated = if angle < 0.02 { 1.0 + 1e-3 } else { FAR_AWAY };
             assert!((1.0 - 1e-6..estimated).contains(&(distance / least)), "{angle}: {distance} of {least}");
             distance / angle
         });
