@@ -592,8 +592,8 @@ FORMULAS = (
         "near-inside-a-step",
         "a step that comes near a singular position inside is taken as it is",
         f"{SYSTEM}/formulation/motion/crossing.rs",
-        "self.spoilt = near && self.spoilt_in_a_row < MOST_SPOILT;",
-        "self.spoilt = near && self.spoilt_in_a_row > MOST_SPOILT;",
+        "self.near_inside = near && self.spoilt_in_a_row < MOST_SPOILT;",
+        "self.near_inside = near && self.spoilt_in_a_row > MOST_SPOILT;",
         ("python test_branches.py",),
     ),
     Error(

@@ -72,6 +72,8 @@ pub(super) struct CrossingMonitor {
     pub(super) jumped: bool,
     /// Or was it a dead point of the choice alone; how often in a row? And of redundant rows alone: those that serve.
     pub(super) spoilt: bool,
+    /// Or did it come near to a singular position inside: no choice is to blame.
+    pub(super) near_inside: bool,
     pub(super) serving: Option<Vec<usize>>,
     pub(super) spoilt_in_a_row: u32,
     /// Largest rate and acceleration at the end of the step that was judged, in characteristic displacements.
@@ -99,6 +101,7 @@ impl CrossingMonitor {
             passed: false,
             jumped: false,
             spoilt: false,
+            near_inside: false,
             serving: None,
             spoilt_in_a_row: 0,
             fastest: (0.0, 0.0),
@@ -128,8 +131,8 @@ impl CrossingMonitor {
     /// One was near in it, much nearer than at the ends of the step. Is it repeated with a shorter one?
     pub(super) fn nears_unforeseen(&mut self, distance: f64, at_ends: f64) -> bool {
         let near = distance < JUDGED_NEAR && distance < tolerance::MUCH_SMALLER * at_ends;
-        self.spoilt = near && self.spoilt_in_a_row < MOST_SPOILT;
-        self.spoilt
+        self.near_inside = near && self.spoilt_in_a_row < MOST_SPOILT;
+        self.near_inside
     }
 
     /// The rate at which the distance falls at the most: by no more than the motion moves.
@@ -250,7 +253,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         self.monitor.judged = true;
         self.monitor.step_end.start(t, self.positions.q(), &r.v, &self.vdot);
         (self.monitor.flipped, self.monitor.lost, self.monitor.spoilt) = (false, false, false);
-        (self.monitor.jumped, self.monitor.passed) = (false, false);
+        (self.monitor.jumped, self.monitor.passed, self.monitor.near_inside) = (false, false, false);
         if self.margin.is_none() {
             return;
         }

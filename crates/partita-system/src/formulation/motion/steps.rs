@@ -21,7 +21,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             }
             self.monitor.judged = false;
             let serving = self.monitor.serving.take();
-            if self.monitor.spoilt {
+            if self.monitor.spoilt || self.monitor.near_inside {
                 self.monitor.spoilt_in_a_row += 1;
             }
             if self.monitor.spoilt && serving.is_none() {
