@@ -505,6 +505,7 @@ def asked() -> dict[str, Callable[[], Call]]:
                 "tangent": None,
             },
         ),
+        "Model.operation_counts": (model.operation_counts, {"q": list(state.q), "t": 0.0, "inputs": ["A"]}),
         "Model.evaluation_costs": (
             lambda **given: Exact(model.evaluation_costs(**given)),
             {

@@ -183,7 +183,7 @@ def test_closed_form_needs_no_iteration_and_keeps_its_branch() -> None:
 
 def test_closing_costs_less_than_iterating_and_more_than_integrating() -> None:
     """By operations, which are the same on every machine."""
-    found = numbers("closing", True)
+    found = numbers("closing")
     ratios = {key.split(", ")[1].split(":")[0]: x for key, x in found.items() if key.endswith(": ratio")}
     assert len(ratios) == 7 and all(1.0 < x < 1.6 for x in ratios.values()), ratios
     assert sorted(ratios, key=ratios.__getitem__)[:2] == ["slider-crank", "3-RRR"]

@@ -282,8 +282,8 @@ class CompiledModel(Equations):
         """
         own = None
         if inputs is not None:
-            unknown = [name for name in inputs if name not in self._velocity_names]
-            if isinstance(inputs, str) or unknown:
+            listed = isinstance(inputs, (list, tuple))
+            if not listed or any(not isinstance(x, str) or x not in self._velocity_names for x in inputs):
                 message = f"inputs must be names of velocities ({', '.join(self._velocity_names)}), not {shown(inputs)}"
                 raise ArgumentError(message, argument="inputs")
             own = sorted({self._velocity_names.index(name) for name in inputs})
