@@ -138,7 +138,7 @@ pub trait TangentChoice<'s, S: ConstrainedSystem + 's>: TangentLevels<'s, S> {
 /// Treatment of closure errors at the end of a step, and the distance from a singular position.
 pub trait TangentClosing<'s, S: ConstrainedSystem + 's> {
     /// The displacement of one correction at the position last evaluated, in velocities, for "kantorovich" with the
-    /// factors of an earlier evaluation; false where it would change only round-off.                                                                                       (33, 34)
+    /// factors of an earlier evaluation; false where it would change only round-off.                    (33, 34)
     fn correction(&mut self, t: f64, q: &[f64], rule: Correction, dv: &mut [f64]) -> Result<bool>;
     /// Correct the error of S4 in u at the closed (t, q); true if u changed. There is none where v is computed, not
     /// integrated.

@@ -72,10 +72,10 @@ pub(super) struct CrossingMonitor {
     pub(super) jumped: bool,
     /// Or was it a dead point of the choice alone; how often in a row? And of redundant rows alone: those that serve.
     pub(super) spoilt: bool,
-    /// Or did it come near to a singular position inside: no choice is to blame.
-    pub(super) near_inside: bool,
     pub(super) serving: Option<Vec<usize>>,
     pub(super) spoilt_in_a_row: u32,
+    /// Whether it came near to a singular position inside: no choice is to blame.
+    pub(super) near_inside: bool,
     /// Largest rate and acceleration at the end of the step that was judged, in characteristic displacements.
     fastest: (f64, f64),
     /// Whether the end of the current step was reached and judged.
@@ -101,9 +101,9 @@ impl CrossingMonitor {
             passed: false,
             jumped: false,
             spoilt: false,
-            near_inside: false,
             serving: None,
             spoilt_in_a_row: 0,
+            near_inside: false,
             fastest: (0.0, 0.0),
             judged: false,
         }
