@@ -90,7 +90,7 @@ impl March {
             work += weight * side.work;
         }
         self.output.set(t, &q, &v, work);
-        (self.output.choice, self.output.singular) = (side.choice, singular);
+        (self.output.choice, self.output.basis, self.output.singular) = (side.choice, side.basis, singular);
         Ok(())
     }
 
