@@ -156,6 +156,15 @@ impl<'s, S: ConstrainedSystem> Frozen<'s, S> {
         self.factor(t, covectors)
     }
 
+    /// All levels at the closed (t, q) with velocities v, with the present S.
+    fn go_on(&mut self, t: f64, q: &[f64], v: &[f64]) -> Result<()> {
+        let mut u = vec![0.0; self.count()];
+        self.select(v, &mut u);
+        self.tangent(t, q, false)?;
+        self.spread(&u);
+        self.accelerate(t, q, &u)
+    }
+
     /// Renew S after each step, where it is neither judged nor recorded.
     fn follow(&mut self, t: f64, q: &[f64], v: &[f64]) -> Result<bool> {
         if std::mem::take(&mut self.base.fading) {
@@ -278,6 +287,10 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Frozen<'s, S> {
         self.resume(t, q, v)
     }
     fn resume(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<()> {
+        if self.renew.never() && self.frozen > 0 {
+            start::choose_partition(&mut self.base.r, t, q, None, None)?;
+            return self.go_on(t, q, v);
+        }
         let name = self.basis.name();
         let lasts = match self.renew {
             Renew::EachStep => ", and renewed after each step, which is counted but not listed",
@@ -289,11 +302,7 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Frozen<'s, S> {
                  coordinates at this time{lasts}"
             )
         })?;
-        let mut u = vec![0.0; self.count()];
-        self.select(v, &mut u);
-        self.tangent(t, q, false)?;
-        self.spread(&u);
-        self.accelerate(t, q, &u)
+        self.go_on(t, q, v)
     }
     /// S is to be renewed when √μ_S falls below `renew` times its value when frozen; 0: never.
     fn judge(&mut self, t: f64, q: &[f64]) -> Verdict {
