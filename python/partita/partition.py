@@ -219,8 +219,8 @@ class Geometry:
         M_c: metric of the constrained space, C M^-1 C^T (r, r). (15)
         M_d: metric of the tangent space, D M D^T (k, k): the reduced mass matrix. (13)
         T_cd: (n, n), the rows of C M^-1, then those of D: T_cd M T_cd^T is block-diagonal in M_c and M_d. (11), (15)
-        S: (k, n), what is integrated: u = S v. Rows of the identity for independent coordinates. D belongs to it, S D^T = 1;
-            lengths and projectors do not depend on it. (36)
+        S: (k, n), what is integrated: u = S v. Rows of the identity for independent coordinates. D belongs to it, S D^T
+            = 1; lengths and projectors do not depend on it. (36)
         independent, dependent: the choice; None where S was given, whose rows may combine all coordinates.
         rows: indices (r,) of the independent constraint rows; the others are redundant.
 
@@ -248,15 +248,15 @@ class Geometry:
 
     @property
     def D(self) -> Array:
-        """(k, n): basis of the possible motions that belongs to S: v = D^T u where nothing is prescribed. The identity in
-        the columns of independent coordinates. (9), (36)"""
+        """(k, n): basis of the possible motions that belongs to S: v = D^T u where nothing is prescribed; the identity
+        in the columns of independent coordinates. (9), (36)"""
         return self.T_cd[len(self.rows) :]
 
     @property
     def stretches(self) -> Array:
-        """(k,): singular values, from the largest down, of the chosen directions, the rows of S, normalised and projected
-        onto the possible motions: of block I of B = L^-1 D diag(1/k) with L L^T = M_d. (25) The last one is sigma. (26)
-        """
+        """(k,): singular values, from the largest down, of the chosen directions, the rows of S, normalised and
+        projected onto the possible motions: for a choice those of block I of B = L^-1 D diag(1/k) with L L^T = M_d.
+        (25) The last one is sigma. (26)"""
         return 1.0 / np.sqrt(np.linalg.eigvalsh(self._natural))
 
     @property

@@ -170,7 +170,7 @@ def test_a_run_without_a_basis_has_no_selector(formulation: str, tmp_path: Path)
 
 
 def test_a_basis_made_anew_at_each_step_is_reported_at_the_output() -> None:
-    """As the rule makes it there, from the one in use: that of Liang and Lance turns as little as C, others may jump."""
+    """As the rule makes it there: that of Liang and Lance continues the one in use, and differs from that of "qr"."""
     entry = pt.catalogue.entry("delta")
     m = entry.mechanism()
     times = np.linspace(0.0, 0.05 * entry.duration, 6)

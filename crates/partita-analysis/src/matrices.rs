@@ -230,7 +230,8 @@ fn basis_of_selector(s: &Matrix, d: &Matrix, scales: &[f64]) -> Result<Matrix, A
     }
     let length = |x: f64, (entry, scale): (&f64, f64)| x.hypot(entry * scale);
     let own: Vec<f64> = (0..k).map(|i| s.row(i).iter().zip(scales.iter().copied()).fold(0.0, length)).collect();
-    let other: Vec<f64> = (0..k).map(|i| d.row(i).iter().zip(scales.iter().map(|x| 1.0 / x)).fold(0.0, length)).collect();
+    let other: Vec<f64> =
+        (0..k).map(|i| d.row(i).iter().zip(scales.iter().map(|x| 1.0 / x)).fold(0.0, length)).collect();
     let mut sd = s.matmul(&d.transpose());
     for i in 0..k {
         sd.row_mut(i).iter_mut().zip(&other).for_each(|(x, length)| *x /= own[i] * length);
