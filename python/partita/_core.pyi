@@ -297,7 +297,8 @@ def measure(mass: Array, jacobian: Array) -> Array:
 def geometry(
     mass: Array, jacobian: Array, fixed: list[int] | None = None, selector: Array | None = None
 ) -> dict[str, Any]:
-    """k, k_constrained, k_tangential, P_c, P_d, M_c, M_d, T_cd, rows; independent and dependent without a selector."""
+    """k, k_constrained, k_tangential, P_c, P_d, M_c, M_d, T_cd, M_s, sqrt_mu, rows; without a selector independent and
+    dependent."""
 
 def choose(
     mass: Array,

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cached_property
 from operator import index
 
 import numpy as np
@@ -221,6 +220,9 @@ class Geometry:
         T_cd: (n, n), the rows of C M^-1, then those of D: T_cd M T_cd^T is block-diagonal in M_c and M_d. (11), (15)
         S: (k, n), what is integrated: u = S v. Rows of the identity for independent coordinates. D belongs to it, S D^T
             = 1; lengths and projectors do not depend on it. (36)
+        M_s: S M^-1 S^T (k, k): products of the directions that S chooses, covectors.
+        sqrt_mu: smallest principal cosine between these directions and the possible motions, as in `Partition`; 1 where
+            no velocity is independent. (27)
         independent, dependent: the choice; None where S was given, whose rows may combine all coordinates.
         rows: indices (r,) of the independent constraint rows; the others are redundant.
 
@@ -240,6 +242,8 @@ class Geometry:
     M_d: Array
     T_cd: Array
     S: Array
+    M_s: Array
+    sqrt_mu: float
     independent: NDArray[np.int64] | None
     dependent: NDArray[np.int64] | None
     rows: NDArray[np.int64]
@@ -271,17 +275,11 @@ class Geometry:
         return float(np.min(self.stretches, initial=1.0))
 
     @property
-    def sqrt_mu(self) -> float:
-        """Smallest principal cosine between the chosen directions and the possible motions, as in `Partition`; 1 where
-        no velocity is independent. (27)"""
-        lower = np.linalg.cholesky(self._correlation)
-        return float(np.max(np.linalg.eigvalsh(lower.T @ self._natural @ lower), initial=1.0) ** -0.5)
-
-    @property
     def cosine_product(self) -> float:
         """Product of all these cosines, 1 / sqrt(det M_d det(S M^-1 S^T)): between sqrt_mu^k and sqrt_mu. For a choice
         |det C_D| / sqrt(det M_c det M_DD). (29)"""
-        logs = [float(np.linalg.slogdet(matrix)[1]) for matrix in (self._natural, self._correlation)]
+        units = 1.0 / np.sqrt(np.diag(self.M_s))
+        logs = [float(np.linalg.slogdet(matrix)[1]) for matrix in (self._natural, self.M_s * np.outer(units, units))]
         return float(np.exp(-0.5 * sum(logs)))
 
     @property
@@ -297,19 +295,8 @@ class Geometry:
     @property
     def _natural(self) -> Array:
         """M_d in natural units: its inverse is the product of block I of B with itself."""
-        units = np.sqrt(np.diag(self._squares))
-        return np.asarray(self.M_d * units * units[:, None])
-
-    @property
-    def _correlation(self) -> Array:
-        """Products of the chosen directions, normalised: R of (30)."""
-        units = 1.0 / np.sqrt(np.diag(self._squares))
-        return np.asarray(self._squares * units * units[:, None])
-
-    @cached_property
-    def _squares(self) -> Array:
-        """S M^-1 S^T: squared lengths of the rows of S, covectors, and their products."""
-        return np.asarray(self.S @ np.linalg.solve(self.M, self.S.T))
+        units = np.sqrt(np.diag(self.M_s))
+        return self.M_d * units * units[:, None]
 
 
 def geometry(

@@ -211,11 +211,12 @@ impl Matrices {
             kept.row_mut(i).copy_from_slice(c.row(row));
         }
         let name = |i: usize| self.0.equations.name(i);
-        let found = Geometry::new(mass, &kept, &split.d, &name)?;
-        Ok(match selector {
-            Some(s) => (Geometry::new(mass, &kept, &basis_of_selector(s, &split.d, &found.k)?, &name)?, split),
-            None => (found, split),
-        })
+        let mut chosen = Matrix::new(split.independent.len(), self.n());
+        split.independent.iter().enumerate().for_each(|(j, &i)| chosen[(j, i)] = 1.0);
+        let found = Geometry::new(mass, &kept, (&chosen, &split.d), &name)?;
+        let Some(s) = selector else { return Ok((found, split)) };
+        let d = basis_of_selector(s, &split.d, &found.k)?;
+        Ok((Geometry::new(mass, &kept, (s, &d), &name)?, split))
     }
 }
 

@@ -71,7 +71,7 @@ pub fn choose<'py>(
     })
 }
 
-/// k, k_constrained, k_tangential, P_c, P_d, M_c, M_d, T_cd, rows; independent and dependent without a selector.
+/// k, k_constrained, k_tangential, P_c, P_d, M_c, M_d, T_cd, M_s, sqrt_mu, rows; independent and dependent without a selector.
 #[pyfunction]
 #[pyo3(signature = (mass, jacobian, fixed=None, selector=None))]
 pub fn geometry<'py>(
@@ -89,9 +89,12 @@ pub fn geometry<'py>(
         for (name, x) in [("k", g.k), ("k_constrained", g.k_constrained), ("k_tangential", g.k_tangential)] {
             d.set_item(name, array(py, &[x.len()], x))?;
         }
-        for (name, x) in [("P_c", g.p_c), ("P_d", g.p_d), ("M_c", g.m_c), ("M_d", g.m_d), ("T_cd", g.t_cd)] {
+        for (name, x) in
+            [("P_c", g.p_c), ("P_d", g.p_d), ("M_c", g.m_c), ("M_d", g.m_d), ("T_cd", g.t_cd), ("M_s", g.m_s)]
+        {
             d.set_item(name, dense(py, x))?;
         }
+        d.set_item("sqrt_mu", g.sqrt_mu)?;
         d.set_item("rows", indices(py, &split.rows))?;
         if selector.is_none() {
             d.set_item("independent", indices(py, &split.independent))?;
