@@ -5,7 +5,7 @@ use crate::partition::criterion::{self, Quality};
 use crate::partition::switch;
 use crate::system::{ClusterTangent, ConstrainedSystem, SystemError};
 use partita_math::dense::{self, Matrix};
-use partita_math::elimination::{Pattern, Plan};
+use partita_math::elimination::{Block, Pattern, Plan};
 use partita_math::factor;
 use partita_math::tolerance;
 
@@ -19,8 +19,12 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     pub fn sides(&self, sides: &mut Sides) {
         sides.negative.clear();
         sides.choice = (self.choices, 0);
+        sides.of_blocks.clear();
         if let Some(plan) = self.plan.as_ref().filter(|_| self.rank > 0) {
             sides.blocks = plan.signs(&self.factors, &mut sides.negative);
+            let partition = &self.partition;
+            let scale = |step: usize| (1.0 / self.size_of_row(step), self.displacement[partition.dependent[step]]);
+            plan.blocks(&self.c, &self.factors, scale, &mut sides.of_blocks);
         }
     }
 
@@ -294,6 +298,8 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
 #[derive(Clone, Debug)]
 pub struct Sides {
     negative: Vec<bool>,
+    /// The blocks in characteristic displacements, if there are several.
+    of_blocks: Vec<Block>,
     /// The choice and the blocks they belong to.
     choice: (u64, u64),
     blocks: u64,
@@ -302,7 +308,8 @@ pub struct Sides {
 impl Sides {
     /// Memory for this number of rows.
     pub fn new(rank: usize) -> Self {
-        Self { negative: Vec::with_capacity(rank + 2), choice: (0, 0), blocks: 0 }
+        let (negative, of_blocks) = (Vec::with_capacity(rank + 2), Vec::with_capacity(rank));
+        Self { negative, of_blocks, choice: (0, 0), blocks: 0 }
     }
 
     /// The choice they belong to.
@@ -315,6 +322,19 @@ impl Sides {
         self.choice.1 = basis;
         let all = self.negative.pop().unwrap_or(false);
         self.negative.extend([negative, all ^ negative]);
+    }
+
+    /// Distance of C_D from losing rank, from below: the least of its blocks. None where there is one block.
+    pub fn clearance(&self) -> Option<f64> {
+        self.of_blocks.iter().map(Block::least_singular_value).reduce(f64::min)
+    }
+
+    /// Whether every block stayed regular in between, if none moved by more than `by`: what all of a long chain loses is
+    /// small everywhere, and says little about the loops by themselves.
+    pub fn stay_regular(&self, other: &Self, by: f64) -> bool {
+        let comparable = self.choice == other.choice && self.blocks == other.blocks && !self.of_blocks.is_empty();
+        let stays = |(a, b): (&Block, &Block)| a.least_singular_value() + b.least_singular_value() >= by;
+        comparable && self.of_blocks.iter().zip(&other.of_blocks).all(stays)
     }
 
     /// Whether C_D was singular in between. Not distinguished from sides of another choice.
