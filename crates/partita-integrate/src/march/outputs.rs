@@ -17,9 +17,6 @@ const OUTPUTS_BESIDE: f64 = 1.0 / 80.0;
 /// Places of those others on both sides. Unit: multiples of that distance. Reason: the polynomial through six is exact to
 /// the sixth power of it.
 const PLACES_BESIDE: [f64; 6] = [-3.0, -2.0, -1.0, 1.0, 2.0, 3.0];
-/// Violations of positions and rates with which an output that was computed from others is accepted.
-const CLOSED: (f64, f64) = (tolerance::CLOSED_IN_RUN, tolerance::WORST_ROUNDING);
-
 /// Outputs requested before the end.
 pub struct Outputs<'o> {
     t_eval: &'o [f64],
@@ -97,7 +94,8 @@ impl March {
         (self.output.choice, self.output.singular) = (side.choice, singular);
         // A motion that passes at a distance which is small beside those places bends between them: no polynomial
         // through them is closed.
-        let within = direct.as_ref().map_or((f64::INFINITY, f64::INFINITY), |_| CLOSED);
+        let closed = (tolerance::CLOSED_IN_RUN, tolerance::WORST_ROUNDING);
+        let within = direct.as_ref().map_or((f64::INFINITY, f64::INFINITY), |_| closed);
         let accepted =
             formulation.accept_output(&self.output, within).map_err(|error| StepFailure::Rhs { t, error })?;
         if let Some(direct) = direct.filter(|_| !accepted) {
