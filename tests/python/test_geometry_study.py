@@ -19,8 +19,8 @@ FAMILIES = {
     "platforms": (platforms, (*(seed for seed in range(12) if seed not in (7, 10)), 27, 30)),
     "carts": (carts, (0, 1, 2, 3, 4, 8)),
     "misdrawn": (misdrawn, (0, 2, 10, 17, 18, 25, 26, 34, 40, 42, 50, 57)),
-    # 1923: five axes tilted by less than their drawing tolerance, that move as they are drawn; 4057, 4079, 4530: tilted by
-    # more, one condition so weak that it is the last of 35 rows in absolute coordinates
+    # 1923: five axes tilted by less than their drawing tolerance, that move as they are drawn; 4057, 4079, 4530: by
+    # more, with one condition so weak that it is the last of 35 rows in absolute coordinates
     "loops": (loops, (0, 1, 2, 3, 4, 5, 7, 8, 32, 1923, 4057, 4079, 4530)),
     "seeming": (seeming, range(0, 7)),
     "redundant": (redundant, (0, 1, 2, 3, 4, 8, 9, 10)),
