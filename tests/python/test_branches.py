@@ -80,8 +80,8 @@ def test_forms_in_2k_states_keep_it_at_outputs_next_to_a_passage_too(formulation
 
 
 def test_outputs_beside_a_position_that_is_passed_at_a_distance_are_closed() -> None:
-    """Opposite bars that differ by a thousandth: the motion bends sharply where they come into one line, and a polynomial
-    through places around it is open by 5e-5."""
+    """Opposite bars that differ by a thousandth: the motion bends sharply where they come into one line, and a
+    polynomial through places around it is open by 5e-5."""
     rng = np.random.default_rng([7, 5])
     a, e = rng.uniform(0.5, 1.5), rng.choice([3e-3, 1e-2, 3e-2, 1e-3])
     bars = FourBar(a, 1.0, a * (1 + e * rng.uniform(-1, 1)), 1.0 + e * rng.uniform(-1, 1))
