@@ -15,6 +15,9 @@ export PYO3_PYTHON := $(CURDIR)/.venv/bin/python
 export PIP_CONSTRAINT := $(CURDIR)/constraints.txt
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export MPLBACKEND ?= Agg
+# Packages are installed without bytecode. Where the environment forbids to write it, each of the processes that tests
+# start would compile NumPy and all else anew; empty, the first one keeps what it compiled.
+export PYTHONDONTWRITEBYTECODE :=
 
 .DEFAULT_GOAL := all
 .DELETE_ON_ERROR:
