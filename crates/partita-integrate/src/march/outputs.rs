@@ -92,7 +92,7 @@ impl March {
             work += weight * side.work;
         }
         self.output.set(t, &q, &v, work);
-        (self.output.choice, self.output.singular) = (side.choice, singular);
+        (self.output.choice, self.output.basis, self.output.singular) = (side.choice, side.basis, singular);
         // A motion that passes at a distance which is small beside those places bends between them: no polynomial
         // through them is closed.
         let closed = (tolerance::CLOSED_IN_RUN, tolerance::WORST_ROUNDING);

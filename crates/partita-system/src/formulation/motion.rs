@@ -244,6 +244,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         out.set(t, self.positions.q(), &self.tangent.seen().v, self.work(y));
         self.system.normalise(&mut out.q);
         out.choice = self.tangent.base().events().len().saturating_sub(1);
+        out.basis = self.tangent.unlisted_basis();
         out.singular = singular;
         if !singular {
             let found = self.output_gaps(t);
@@ -271,6 +272,6 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
             return instant::describe(self.tangent.reduction(), at, Some(&choice), out).map(drop);
         }
         let r = self.describer.describe(at, self.tangent.independent(within), out)?;
-        self.tangent.describe(r, within, out)
+        self.tangent.describe(r, at, within, out)
     }
 }
