@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from drawing import FOLDER, Numbers, finish, run
 from matplotlib.axes import Axes
-from reference import FOUR_BAR, START, geometry, instant, measures, state
+from reference import ABSOLUTE, FOUR_BAR, JOINT, START, geometry, instant, measures, state
 
 import partita as pt
 from partita.catalogue import reference_four_bar
@@ -30,6 +30,8 @@ EUCLIDEAN = ("svd", "qr", "liang-lance", "zero-eigenvalue")
 """Tangents without regard to masses: bases of the null space of C."""
 CASES = tuple((coordinates, begin) for coordinates in ("absolute", "relative") for begin in (START, 0.0, 2.0))
 SHOWN = (10, 40, 80, 120)
+CRANK = {"relative": JOINT.index("A"), "absolute": ABSOLUTE.index("crank.turn")}
+"""Column of the rate of the crank."""
 RATE, TURNED = 6.0, 100.0
 """Rate of the crank in the run with frozen velocities [rad/s]; end of the comparison [deg], before they fail."""
 
@@ -63,10 +65,10 @@ def zero(s: Array, low: float, high: float) -> float:
 
 def least(crank: float, coordinates: str, positions: int) -> float:
     """Least quality over a turn of the tangent frozen at `crank`; zero where S D^T changes its sign."""
-    s, values = made(crank, coordinates), []
+    s, values = made(crank, coordinates), []  # of both signs of D, the one with which the crank turns forwards
     for angle in crank + np.linspace(0.0, 2.0 * np.pi, positions):
-        d, v = geometry(angle, coordinates).T_cd[-1], instant(angle, RATE, coordinates).v
-        values.append(quality(s, angle, coordinates) * float(np.sign(s @ d) * np.sign(d @ v)))
+        d = geometry(angle, coordinates).T_cd[-1]
+        values.append(quality(s, angle, coordinates) * float(np.sign(s @ d) * np.sign(d[CRANK[coordinates]])))
     signed = np.array(values) * np.sign(values[0])
     return float(max(0.0, signed.min()))
 

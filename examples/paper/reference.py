@@ -39,6 +39,7 @@ def instant(crank: float, rate: float = 0.0, coordinates: str = "relative") -> I
     return MODELS[coordinates].at(at.q, at.v)
 
 
+@lru_cache(maxsize=1024)
 def geometry(crank: float, coordinates: str = "relative") -> pt.partition.Geometry:
     """Lengths, metrics and projectors there."""
     at = instant(crank, coordinates=coordinates)
@@ -47,4 +48,5 @@ def geometry(crank: float, coordinates: str = "relative") -> pt.partition.Geomet
 
 def measures(crank: Array, coordinates: str) -> Array:
     """rho (nt, n) for angles of the crank (nt,)."""
-    return np.array([instant(angle, coordinates=coordinates).rho for angle in crank])
+    closed = FOUR_BAR.assemble_many({"A": crank - START})
+    return np.array([MODELS[coordinates].measure(FOUR_BAR.convert(at, coordinates).q) for at in closed])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 from chromium import DESKTOP, PHONE, Chromium
@@ -9,7 +10,9 @@ from chromium import DESKTOP, PHONE, Chromium
 MOST_BYTES = 1_000_000
 """What a run of ten seconds may add to the viewer's own text."""
 
-SCREENS = [(screen, scheme) for screen in (DESKTOP, PHONE) for scheme in ("light", "dark")]
+SCREENS = tuple((screen, scheme) for screen in (DESKTOP, PHONE) for scheme in ("light", "dark"))
+EACH_ONCE = ((DESKTOP, "light"), (PHONE, "dark"))
+"""Layouts follow from the screen, colours from the scheme."""
 
 CONTRAST, LAYOUT = (
     Path(__file__).with_name(f"page_{what}.js").read_text(encoding="utf-8") for what in ("contrast", "layout")
@@ -38,13 +41,19 @@ def unreached(browser: Chromium) -> list[str]:
     return found
 
 
-def faults(browser: Chromium, path: Path, fixed: int, shots: Path | None = None) -> list[str]:
+def faults(
+    browser: Chromium,
+    path: Path,
+    fixed: int,
+    shots: Path | None = None,
+    screens: Iterable[tuple[tuple[int, int, bool], str]] = SCREENS,
+) -> list[str]:
     """What is wrong with a page on two screens, light and dark, at the start, the middle and the end of its run."""
     found: list[str] = []
     added = path.stat().st_size - fixed
     if added > MOST_BYTES:
         found.append(f"{added} bytes over the fixed part")
-    for screen, scheme in SCREENS:
+    for screen, scheme in screens:
         name = f"{'phone' if screen is PHONE else 'desktop'}, {scheme}"
         browser.open(path, screen, scheme)
         found += [f"{name}: {word}" for word in browser.value(CONTRAST)]

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from thorough import THOROUGH
 
 import partita as pt
 from partita import cli, plots, results, viewer
@@ -54,7 +55,6 @@ OTHERS: list[Any] = [
     set(), range(0), lambda: 1.0, lambda *a: 1.0, lambda *a: None, int, Ellipsis, slice(1), np.datetime64("2020-01-01"),
     ["A", "A"], ["x"], [1], "3 kg", ["1 mm", "2 rad", "3 kg"], "1e399 m", "5 N/m s",
 ]  # fmt: skip
-NONSENSE = [*NUMBERS, *ARRAYS, *OTHERS]
 
 Call = tuple[Callable[..., Any], dict[str, Any]]
 ORIGIN, X, Y, Z = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
@@ -307,12 +307,23 @@ def built() -> dict[str, Callable[[], Call]]:
         },
     }
 
+    specs: set[tuple[str, str]] = set()
+
+    def already_run(method: str, m: pt.Mechanism, name: Any) -> bool:
+        """Whether this mechanism has run before, but for the name of what was added."""
+        spec = repr(m.to_spec()).replace(repr(name), "a name")
+        known = (method, spec) in specs
+        specs.add((method, spec))
+        return known
+
     def make(name: str, arguments: dict[str, Any]) -> Callable[[], Call]:
         def call() -> Call:
             m = mechanism()
 
             def add_and_run(**given: Any) -> Any:
                 getattr(m, name)(**given)
+                if not THOROUGH and already_run(name, m, given.get("name")):
+                    return None
                 run = m.simulate(1e-3, t_eval=[0.0, 1e-3], max_steps=20)
                 return run, [run.sensor(each).values for each in run.sensors]
 
@@ -668,13 +679,19 @@ def attack1(function: Callable[..., Any], arguments: dict[str, Any], name: str, 
         yield f"{name}={value!r:.60}: {fault}"
 
 
+def nonsense_for(place: int, count: int) -> list[Any]:
+    """All numbers, and of the rest every second value where the next argument meets the others."""
+    rest = [*ARRAYS, *OTHERS]
+    return [*NUMBERS, *(rest if THOROUGH or count == 1 else rest[place % 2 :: 2])]
+
+
 @pytest.mark.parametrize("name", CALLS)
 def test_nonsense_in_each_argument(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     function, arguments = CALLS[name]()
     found: list[str] = []
-    for key in arguments:
-        for value in NONSENSE:
+    for place, key in enumerate(arguments):
+        for value in nonsense_for(place, len(arguments)):
             if name.startswith("Mechanism.add_"):  # descriptions grow: each attempt starts from a new one
                 function = CALLS[name]()[0]
             found += attack1(function, arguments, key, value)

@@ -233,7 +233,7 @@ def test_run_that_stops_early_is_saved(
 
 
 def test_control_c_keeps_what_was_computed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A run of months, interrupted after two seconds, ends soon and is saved."""
+    """A run of months, interrupted after a second, ends soon and is saved."""
     path = tmp_path / "run.nc"
     pressed: list[float] = []
 
@@ -241,7 +241,7 @@ def test_control_c_keeps_what_was_computed(tmp_path: Path, capsys: pytest.Captur
         pressed.append(time.monotonic())
         signal.raise_signal(signal.SIGINT)
 
-    timer = threading.Timer(2.0, press)
+    timer = threading.Timer(1.0, press)
     # where the tests run in the background the signal may come ignored, as no terminal's would
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     timer.start()

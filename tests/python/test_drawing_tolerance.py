@@ -10,6 +10,7 @@ import pytest
 from drawings import EVERY
 from numpy.typing import NDArray
 from test_contradictions import rockers
+from thorough import either
 
 import partita as pt
 from partita.errors import ArgumentError, AssemblyError, ContradictionError, DescriptionError, SingularityError
@@ -183,7 +184,7 @@ def test_a_run_of_a_structure_says_that_it_cannot_move(coordinates: str) -> None
 @pytest.mark.parametrize("make", [four_bar, five_bar, three_cranks, bennett])
 def test_one_verdict_in_both_kinds_of_coordinates(make: Callable[[float], pt.Mechanism]) -> None:
     """Up to the tolerance, beyond it and in between, where the verdict changes."""
-    for off in (1e-4, 1.5e-4, 2e-4, 3e-4, 5e-4, 7e-4, 1e-3, 3e-3, 1e-2):
+    for off in either((1e-4, 2e-4, 5e-4, 1e-3, 1e-2), (1e-4, 1.5e-4, 2e-4, 3e-4, 5e-4, 7e-4, 1e-3, 3e-3, 1e-2)):
         found = [make(off).report(coordinates=c).to_dict() for c in BOTH]
         assert found[0]["mobility"] == found[1]["mobility"], off
         assert found[0]["geometric_error"] == pytest.approx(found[1]["geometric_error"], rel=1e-6), off
@@ -346,7 +347,7 @@ def hinged_delta(off: float, **options: float) -> pt.Mechanism:
 @pytest.mark.parametrize("coordinates", BOTH)
 def test_shared_reactions_balance_within_the_geometric_error(coordinates: str) -> None:
     """Self-stresses are those of the intended mechanism; where nothing opens along the motion they still are."""
-    for off in (0.0, 1e-7, 1e-4):
+    for off in either((0.0, 1e-4), (0.0, 1e-7, 1e-4)):
         run = hinged_delta(off).simulate(0.2, coordinates=coordinates, t_eval=np.linspace(0.0, 0.2, 9))
         assert run.certificate.verdict == "valid", (off, run.certificate.findings)
         assert run.certificate.newton_euler <= 0.5 * off + 1e-10

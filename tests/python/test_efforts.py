@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from thorough import either
 
 import partita as pt
 from partita.errors import UnknownNameError
@@ -15,6 +16,7 @@ from partita.files import BLANK, sealed
 from partita.results import Result, load_result
 
 COORDINATES = ("relative", "absolute")
+STORED = ("run.json", "run.nc")
 G = 9.81
 
 
@@ -145,7 +147,7 @@ def test_drives_of_measures_alone(coordinates: str, tmp_path: Path) -> None:
         assert np.abs(found.effort[:, 0] * slope(x) - torque).max() < 1e-8, what
         assert found.determined.tolist() == [True] and found.determined_at.shape == (4, 1)
         assert not run.joint("A").drive.any()
-        for file in ("run.json", "run.nc"):
+        for file in either(("run.nc",) if (what, coordinates) == ("along", "absolute") else ("run.json",), STORED):
             run.save(tmp_path / file)
             back = load_result(tmp_path / file).drive("actuator")
             assert np.array_equal(back.effort, found.effort) and back.determined.all()

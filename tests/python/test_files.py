@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from thorough import either
 
 import partita as pt
 from partita import results
@@ -49,6 +50,7 @@ def test_a_flipped_bit_is_noticed(run: results.Result, tmp_path: Path, ending: s
     right = reported(run)
     assert reported(pt.load_result(path)) == right
     files = [p for p in sorted(path.rglob("*")) if p.is_file()] or [path]
+    files = files[:: 1 if len(files) == 1 else either(4, 1)]
     flips = [(file, number) for number, file in enumerate((files * FLIPS)[: FLIPS if len(files) == 1 else len(files)])]
     for file, number in flips:  # the seal covers every byte
         content = file.read_bytes()
@@ -234,7 +236,7 @@ def written(run: results.Result, path: Path) -> None:
         case ".html":
             run.to_html(path)
         case ".png":
-            run.plot(path=path)
+            run.plot("energy", path=path)
         case _:
             run.save(path)
 
@@ -284,7 +286,7 @@ def test_many_save_to_one_path_at_once(run: results.Result, tmp_path: Path, endi
 
     def save() -> None:
         try:
-            for _ in range(3):
+            for _ in range(either(1 if ending == ".zarr" else 3, 3)):
                 run.save(path)
         except Exception as error:
             failed.append(error)

@@ -12,15 +12,17 @@ from geometry_study.drawing import Drawing
 from geometry_study.judge import BOTH, Case, judge
 from geometry_study.program import Program
 from scipy.optimize import least_squares
+from thorough import THOROUGH, either
 
 FAMILIES = {
-    # 3, 27 and 30: the platform comes near positions where branches cross, on which the legs let it twist; 7 and 10,
-    # five and six legs that spin, take the longest and are left to `make trust`
-    "platforms": (platforms, (*(seed for seed in range(12) if seed not in (7, 10)), 27, 30)),
+    # 3, 27 and 30: the platform comes near positions where branches cross, on which the legs let it twist; 4, 7, 10
+    # and 11, four to six legs that spin and six on universal joints, take the longest and are left to `make trust`
+    "platforms": (platforms, (*(seed for seed in range(12) if THOROUGH or seed not in (4, 7, 10, 11)), 27, 30)),
     "carts": (carts, (0, 1, 2, 3, 4, 8)),
     "misdrawn": (misdrawn, (0, 2, 10, 17, 18, 25, 26, 34, 40, 42, 50, 57)),
-    # 1923: five axes tilted by less than their drawing tolerance, that move as they are drawn
-    "loops": (loops, (0, 1, 2, 3, 4, 5, 7, 8, 32, 1923)),
+    # 1923: five axes tilted by less than their drawing tolerance, that move as they are drawn; 4057, 4079, 4530: by
+    # more, with one condition so weak that it is the last of 35 rows in absolute coordinates
+    "loops": (loops, (*either((1, 3, 4, 5, 7, 8, 1923), (0, 1, 2, 3, 4, 5, 7, 8, 32, 1923)), 4057, 4079, 4530)),
     "seeming": (seeming, range(0, 7)),
     "redundant": (redundant, (0, 1, 2, 3, 4, 8, 9, 10)),
 }
@@ -78,6 +80,10 @@ def test_the_twist_of_platforms_is_locked() -> None:
         assert (twisted(case.drawn, 0.1) < 1e-12) == (legs == 3), case.name
 
 
+MOST = either(60, 500)
+"""Evaluations. With feet on a circle the solver creeps: 3.1e-4 is left after 60 and after 500."""
+
+
 def twisted(d: Drawing, angle: float) -> float:
     """What the bars stay open by, by least squares, where the platform is turned about the vertical."""
     bars = Drawing(d.gravity)
@@ -93,7 +99,7 @@ def twisted(d: Drawing, angle: float) -> float:
         turned = program.moved(program.x0, program.r0, np.array([0.0, 0.0, 0.0, 0.0, 0.0, angle]))
         return program.closing(*program.moved(*turned, np.append(step, 0.0)))[0]
 
-    found = least_squares(opening, np.zeros(5), bounds=(-0.25, 0.25), xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    found = least_squares(opening, np.zeros(5), bounds=(-0.25, 0.25), xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=MOST)
     return float(np.abs(found.fun).max())
 
 

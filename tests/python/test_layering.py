@@ -102,10 +102,16 @@ def room(path: Path) -> str:
     return first.removesuffix(".py")
 
 
+@cache
+def tree_of(path: Path) -> ast.Module:
+    """What stands in a module; many tests look at all of them."""
+    return ast.parse(path.read_text("utf-8"), filename=str(path))
+
+
 def imported(path: Path) -> Iterator[tuple[int, str]]:
     """(line, dotted name) of everything a module imports, relative imports resolved."""
     package = ("partita", *path.relative_to(PACKAGE).parts[:-1])
-    for node in ast.walk(ast.parse(path.read_text("utf-8"), filename=str(path))):
+    for node in ast.walk(tree_of(path)):
         if isinstance(node, ast.Import):
             yield from ((node.lineno, alias.name) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -300,7 +306,7 @@ def test_the_package_solves_nothing_itself() -> None:
         ]
         wrong += [
             f"{where(path, node.lineno)}: linalg.{node.attr}"
-            for node in ast.walk(ast.parse(path.read_text("utf-8")))
+            for node in ast.walk(tree_of(path))
             if isinstance(node, ast.Attribute)
             and node.attr in SOLVERS
             and getattr(node.value, "attr", getattr(node.value, "id", "")) == "linalg"

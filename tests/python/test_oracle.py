@@ -17,7 +17,9 @@ from oracle.study import report
 import partita as pt
 
 # Every number is a mechanism, the same on every machine; `make trust` looks at thousands more.
-SEEDS = range(100)
+LONG = (47, 49, 77, 81, 92)
+"""They take as long as sixty of the others."""
+SEEDS = tuple(seed for seed in range(100) if seed not in LONG)
 DRAWN = range(300)
 
 
@@ -26,7 +28,7 @@ def seen() -> dict[int, Verdict]:
     return {seed: compare(chance.mechanism(seed)) for seed in SEEDS}
 
 
-def test_a_hundred_mechanisms_agree(seen: dict[int, Verdict]) -> None:
+def test_mechanisms_agree(seen: dict[int, Verdict]) -> None:
     wrong = [seed for seed, verdict in seen.items() if verdict.wrong]
     assert not wrong, "\n\n".join(report(seed, seen[seed]) for seed in wrong[:2])
 

@@ -10,8 +10,8 @@ from oracle import elements
 from oracle.comparison import Verdict
 
 # Every number is a mechanism; `make trust` looks at thousands more. Some call functions in Python many thousand times.
-LONG = (1, 7, 11, 13, 29, 39)
-SEEDS = (*(seed for seed in range(48) if seed not in LONG), 54, 81)
+LONG = (1, 7, 8, 11, 13, 14, 15, 16, 18, 29, 30, 34, 39, 40)
+SEEDS = (*(seed for seed in range(48) if seed not in LONG), 50, 51, 52, 54, 56, 57, 58, 59, 81)
 
 
 @cache
@@ -31,5 +31,5 @@ def test_every_element_was_there() -> None:
     for verdict, kinds in map(seen, SEEDS):
         counts += verdict.counts
         ran += kinds if verdict.counts["relative run"] and verdict.counts["absolute run"] else Counter()
-    assert counts["power"] > 4 * counts["instants"] > 600 and counts["effort"] > 30, counts
+    assert counts["power"] > 4 * counts["instants"] > 13 * len(SEEDS) and counts["effort"] > 30, counts
     assert min(ran[kind] for kind in elements.EVERY) > 0, ran

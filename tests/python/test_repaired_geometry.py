@@ -11,6 +11,7 @@ from drawings import EVERY
 from numpy.typing import NDArray
 from test_contradictions import rockers
 from test_drawing_tolerance import BOTH, Z, bar, bennett
+from thorough import either, pairs
 
 import partita as pt
 
@@ -50,8 +51,7 @@ def is_valid(run: pt.Result) -> bool:
     return bool(run.success and run.certificate.verdict == "valid")
 
 
-@pytest.mark.parametrize("coordinates", BOTH)
-@pytest.mark.parametrize(("pins", "tilted"), [(pins, i) for pins in PINS for i in (0, 2)])
+@pytest.mark.parametrize(("pins", "tilted", "coordinates"), pairs(PINS, (0, 2), BOTH))
 def test_tilted_cranks_fall_through_their_flat_position_as_exact_ones(pins: str, tilted: int, coordinates: str) -> None:
     options: dict[str, Any] = {"coordinates": coordinates, "t_eval": np.linspace(0.0, 2.0, 9)}
     nominal = path(cranks(pins, {}).simulate(2.0, **options))
@@ -247,7 +247,7 @@ def delta(digits: int) -> pt.Mechanism:
     return m
 
 
-@pytest.mark.parametrize(("digits", "coordinates"), [(6, "relative"), (4, "relative"), (4, "absolute")])
+@pytest.mark.parametrize(("digits", "coordinates"), [(6, "relative"), *either((), ((4, "relative"),)), (4, "absolute")])
 def test_a_delta_robot_that_was_rounded(digits: int, coordinates: str) -> None:
     """Some of its own conditions say little beside the others, what rounding left of redundant ones far less: the
     platform has its three displacements, and turns by no more than was rounded."""

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from thorough import either
 
 import partita as pt
 from partita import _core
@@ -132,7 +133,7 @@ def test_our_check_agrees_with_jsonschema() -> None:
     for key, value in good.items():
         items = value if isinstance(value, list) else [value]
         for item in items:
-            for other in changed(item):
+            for other in changed(item)[:: either(3, 1)]:
                 content = {"mechanism": good["mechanism"], key: [other] if isinstance(value, list) else other}
                 try:
                     schema.check(content)
@@ -141,7 +142,7 @@ def test_our_check_agrees_with_jsonschema() -> None:
                     ours = False
                 assert ours == validator.is_valid(content), (key, other)
                 count += 1
-    assert count > 1000
+    assert count > either(400, 1000)
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from thorough import either
 from verdicts import judged
 
 import partita as pt
@@ -21,14 +22,16 @@ from partita.results.verdict import Finding, of_arrays, of_energy, of_reactions,
 
 CLOSED = ["projective", "wehage-haug", "explicit-closing", "zero-eigenvalue", "svd", "qr", "gram-schmidt"]
 PROBLEMS = [name for name in pt.catalogue.names() if pt.catalogue.entry(name).truth is None]
+TOLERANCES = (1e-4, 1e-8, 1e-12)
+STORED = [(ending, invalid) for ending in ("json", "nc") for invalid in (True, False)]
 CLOSED += ["tangent-space", "multipliers", "range-space", "proximal"]
 
 
 @pytest.mark.filterwarnings("ignore::partita.errors.SuspectResultWarning")
 def test_mechanisms_by_chance_are_judged_rightly() -> None:
     """`make trust` judges a thousand of these, at tolerances from 1e-4 to 1e-12."""
-    found = [judged(seed) for seed in range(60)]
-    assert sum(x.outcome == "right" for x in found) > 30
+    found = [judged(seed) for seed in range(either(40, 60))]
+    assert sum(x.outcome == "right" for x in found) > len(found) // 2
     assert [x.words for x in found if x.outcome in ("wrong", "doubted", "stopped")] == []
 
 
@@ -39,8 +42,8 @@ def test_what_is_right_is_valid(name: str, formulation: str) -> None:
     entry = pt.catalogue.entry(name)
     m = entry.mechanism()
     start = entry.initial(m)
-    for rtol in (1e-4, 1e-8, 1e-12):
-        span = min(entry.duration, 0.5)
+    span, own = min(entry.duration, 0.5), PROBLEMS.index(name) + CLOSED.index(formulation)
+    for rtol in either((TOLERANCES[own % 3],), TOLERANCES):
         run = m.simulate(
             span, initial=start, rtol=rtol, atol=1e-2 * rtol, formulation=formulation, t_eval=np.linspace(0, span, 21)
         )
@@ -87,8 +90,7 @@ def test_a_suspect_run_warns_once() -> None:
     assert len(reported) == 1
 
 
-@pytest.mark.parametrize("ending", ["json", "nc"])
-@pytest.mark.parametrize("invalid", [True, False])
+@pytest.mark.parametrize(("ending", "invalid"), either([("json", True), ("nc", False)], STORED))
 def test_stored_results_keep_the_verdict(tmp_path: Path, ending: str, invalid: bool) -> None:
     run = spoilt(four_bar_run(), invalid)
     with warnings.catch_warnings():

@@ -45,7 +45,8 @@ def base_angles(pose: FloatArray) -> FloatArray:
 def joints(pose: FloatArray) -> FloatArray:
     """Coordinates A1 A2 A3 B1 B2 B3 C1 (7,) of the closed robot in relative coordinates for one pose (3,)."""
     (elbows, pins), (drawn_elbows, drawn_pins) = points(pose), points(np.zeros(3))
-    turns = base_angles(pose) - base_angles(np.zeros(3))
+    first, drawn_first = elbows - BASE, drawn_elbows - BASE
+    turns = np.arctan2(first[:, 1], first[:, 0]) - np.arctan2(drawn_first[:, 1], drawn_first[:, 0])
     offset, drawn = pins - elbows, drawn_pins - drawn_elbows
     bends = np.arctan2(offset[:, 1], offset[:, 0]) - np.arctan2(drawn[:, 1], drawn[:, 0]) - turns
     return np.array([*turns, *bends, pose[2] - turns[0] - bends[0]])

@@ -17,6 +17,7 @@ const OUTPUTS_BESIDE: f64 = 1.0 / 80.0;
 /// Places of those others on both sides. Unit: multiples of that distance. Reason: the polynomial through six is exact to
 /// the sixth power of it.
 const PLACES_BESIDE: [f64; 6] = [-3.0, -2.0, -1.0, 1.0, 2.0, 3.0];
+
 /// Outputs requested before the end.
 pub struct Outputs<'o> {
     t_eval: &'o [f64],

@@ -44,9 +44,11 @@ impl Block {
     /// they are equal.
     pub fn least_singular_value(&self) -> f64 {
         let others = f64::from(self.steps - 1);
-        match self.steps {
-            1 => self.determinant.abs(),
-            _ => self.determinant.abs() * (others / self.squares).powf(0.5 * others),
+        let by = if self.steps > 1 { (others / self.squares).powf(0.5 * others) } else { 1.0 };
+        // of hundreds of steps neither factor need be a number
+        match self.determinant.is_normal() && by.is_finite() {
+            true => self.determinant.abs() * by,
+            false => 0.0,
         }
     }
 }
