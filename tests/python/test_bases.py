@@ -169,7 +169,7 @@ def test_a_run_without_a_basis_has_no_selector(formulation: str, tmp_path: Path)
     np.testing.assert_array_equal(g.S, np.eye(g.S.shape[1])[g.independent])
 
 
-def test_a_basis_made_anew_at_each_step_is_reported_at_the_output() -> None:
+def test_a_basis_made_anew_at_each_step_is_reported_at_the_output(tmp_path: Path) -> None:
     """As the rule makes it there: that of Liang and Lance continues the one in use, and differs from that of "qr"."""
     entry = pt.catalogue.entry("delta")
     m = entry.mechanism()
@@ -190,6 +190,9 @@ def test_a_basis_made_anew_at_each_step_is_reported_at_the_output() -> None:
     smooth, plain = runs["liang-lance"].selector, runs["qr"].selector
     assert smooth is not None and plain is not None
     assert np.abs(smooth[-1] - plain[-1]).max() > 1e-3
+    for ending in ("json", "csv", "mat"):
+        stored = pt.load_result(runs["qr"].save(tmp_path / f"run.{ending}"))
+        assert stored.selector is not None and np.array_equal(stored.selector, plain)
 
 
 @pytest.mark.parametrize("formulation", [*BASES, "tangent-space"])

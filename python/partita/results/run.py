@@ -198,7 +198,8 @@ class Run:
         which the rule makes at the output itself, for "liang-lance" from the one in use.
 
         None where no S was made: where coordinates are chosen the rows of S are those of the identity with the indices
-        `independent`; the multiplier forms integrate all of v; "user-tangent" is given by D, to which many S belong.
+        `independent`; the multiplier forms integrate all of v; "user-tangent" is given by D, to which many S belong;
+        with no degree of freedom nothing is integrated.
 
         >>> import numpy as np
         >>> import partita as pt
