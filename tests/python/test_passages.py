@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from test_singular_starts import stretched
+from thorough import either
 
 import partita as pt
 
@@ -46,7 +47,8 @@ def leaning(loops: int, t: Array, rate: float) -> Array:
 
 
 @pytest.mark.parametrize(
-    ("loops", "tolerances"), [(2, TOLERANCES), (40, TOLERANCES), (200, TOLERANCES), (1000, [1e-3])]
+    ("loops", "tolerances"),
+    [(2, TOLERANCES), (40, TOLERANCES), (200, either(TOLERANCES[::2], TOLERANCES)), (1000, [1e-3])],
 )
 def test_chains_pass_their_positions_at_every_tolerance(loops: int, tolerances: list[float]) -> None:
     m, t = pt.catalogue.load("n-four-bar", loops=loops), np.linspace(0.0, 10.0, 101)

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from thorough import either
 
 import partita as pt
 from partita.errors import FileFormatError, PartitaError
@@ -125,9 +126,9 @@ def test_a_resealed_result_is_refused_or_can_be_used(stored: dict[str, Any], tmp
     """A random draw of all key paths and contents; the same on every machine."""
     every = [(keys, value) for keys in key_paths(stored) for value in OTHERS]
     rng = np.random.default_rng(24)
-    found = [tried(stored, *every[i], tmp_path) for i in rng.choice(len(every), 250, replace=False)]
+    found = [tried(stored, *every[i], tmp_path) for i in rng.choice(len(every), either(100, 250), replace=False)]
     assert not [words for words in found if words not in ("refused", "used")]
-    assert found.count("refused") > 50 and found.count("used") > 10
+    assert found.count("refused") > len(found) // 5 and found.count("used") > len(found) // 25
 
 
 @pytest.mark.parametrize(
