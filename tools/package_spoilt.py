@@ -17,10 +17,10 @@ IN_PACKAGE = (
     ),
     Error(
         "cosines-inertia",
-        "principal cosines with the metric of the wrong velocities",
+        "principal cosines with units of their own",
         f"{PACKAGE}/partition.py",
-        "self.C[np.ix_(self.rows, d)], self.M[np.ix_(d, d)]",
-        "self.C[np.ix_(self.rows, d)], self.M[: len(d), : len(d)]",
+        "(self._natural, self.M_s * np.outer(units, units))",
+        "(self._natural, self.M_s)",
         ("python test_geometry.py",),
     ),
     Error(

@@ -215,7 +215,7 @@ def main(short: bool = False, folder: Path = FOLDER) -> Numbers:
     figure = new_figure(9.6, 3.8)
     left, right = figure.subplots(1, 2)
     names = [name for name in rows if rows[name]["success"] and name != f"{NEVER:g}"]
-    dressed(left, "Eleven turns of the crank, rk4", "parts of the run that keeps the crank's turn", time_axis=False)
+    dressed(left, "Eleven turns of the crank, rk4", "relative to keeping the crank's turn", time_axis=False)
     for n, (what, label) in enumerate((("cost", "cost of an evaluation"), ("error", "error"))):
         values = [rows[name][what] / rows["kept"][what] for name in names]
         left.semilogy(range(len(names)), values, "os"[n] + "-", color=COLOURS[n], ms=4, lw=1.2, label=label)

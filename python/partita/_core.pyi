@@ -230,7 +230,7 @@ class SolutionLog:
         """vdot, multipliers, independent, closure, velocity_closure at every output; notes."""
 
     def assess(self) -> dict[str, Any]:
-        """measure, sigma, sqrt_mu at every output."""
+        """measure, sigma, sqrt_mu at every output, and selector where tangent velocities are frozen."""
 
     def partitions(self) -> list[dict[str, Any]]:
         """Choices of coordinates, one dictionary each."""
@@ -294,8 +294,11 @@ class System:
 def measure(mass: Array, jacobian: Array) -> Array:
     """rho (nv,)."""
 
-def geometry(mass: Array, jacobian: Array, fixed: list[int] | None = None) -> dict[str, Any]:
-    """k, k_constrained, k_tangential, P_c, P_d, M_c, M_d, T_cd, independent, dependent, rows."""
+def geometry(
+    mass: Array, jacobian: Array, fixed: list[int] | None = None, selector: Array | None = None
+) -> dict[str, Any]:
+    """k, k_constrained, k_tangential, P_c, P_d, M_c, M_d, T_cd, M_s, sqrt_mu, rows; without a selector independent and
+    dependent."""
 
 def choose(
     mass: Array,

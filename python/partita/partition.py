@@ -216,15 +216,21 @@ class Geometry:
         P_c, P_d: projectors (n, n) of velocities onto the constrained directions and onto the possible motions; P_c +
             P_d = 1. Their transposes act on forces.
         M_c: metric of the constrained space, C M^-1 C^T (r, r). (15)
-        M_d: metric of the tangent space, D M D^T (k, k). (13)
+        M_d: metric of the tangent space, D M D^T (k, k): the reduced mass matrix. (13)
         T_cd: (n, n), the rows of C M^-1, then those of D: T_cd M T_cd^T is block-diagonal in M_c and M_d. (11), (15)
-        independent, dependent: the choice that D belongs to; lengths and projectors do not depend on it.
+        S: (k, n), what is integrated: u = S v. Rows of the identity for independent coordinates. D belongs to it, S D^T
+            = 1; lengths and projectors do not depend on it. (36)
+        M_s: S M^-1 S^T (k, k): products of the directions that S chooses, covectors.
+        sqrt_mu: smallest principal cosine between these directions and the possible motions, as in `Partition`; 1 where
+            no velocity is independent. (27)
+        independent, dependent: the choice; None where S was given, whose rows may combine all coordinates.
         rows: indices (r,) of the independent constraint rows; the others are redundant.
 
         M, C: as given (n, n), (m, n).
 
-    Its properties judge the choice as a whole. They belong to the choice and to the space of the possible motions: with
-    another basis of that space in place of D they are the same.
+    Its properties judge the choice, or S, as a whole. They belong to it and to the space of the possible motions: with
+    another basis of that space in place of D they are the same. Of several S that span one space, `sqrt_mu` and
+    `cosine_product` are the same; `stretches`, `volume`, `sigma` and `condition` belong to its rows.
     """
 
     k: Array
@@ -235,27 +241,32 @@ class Geometry:
     M_c: Array
     M_d: Array
     T_cd: Array
-    independent: NDArray[np.int64]
-    dependent: NDArray[np.int64]
+    S: Array
+    M_s: Array
+    sqrt_mu: float
+    independent: NDArray[np.int64] | None
+    dependent: NDArray[np.int64] | None
     rows: NDArray[np.int64]
     M: Array
     C: Array
 
     @property
     def D(self) -> Array:
-        """(k, n): basis of the possible motions that belongs to the choice; the identity in its independent columns."""
+        """(k, n): basis of the possible motions that belongs to S: v = D^T u where nothing is prescribed; the identity
+        in the columns of independent coordinates. (9), (36)"""
         return self.T_cd[len(self.rows) :]
 
     @property
     def stretches(self) -> Array:
-        """(k,): singular values, from the largest down, of the chosen directions, normalised and projected onto the
-        possible motions: of block I of B = L^-1 D diag(1/k) with L L^T = M_d. (25) The last one is sigma. (26)"""
+        """(k,): singular values, from the largest down, of the chosen directions, the rows of S, normalised and
+        projected onto the possible motions: for a choice those of block I of B = L^-1 D diag(1/k) with L L^T = M_d.
+        (25) The last one is sigma. (26)"""
         return 1.0 / np.sqrt(np.linalg.eigvalsh(self._natural))
 
     @property
     def volume(self) -> float:
         """Volume that these directions span, the product of `stretches`: 1 best, 0 singular. With one degree of freedom
-        it equals rho of the chosen coordinate. Exchanging i for j multiplies it by |A_ji| k_i / k_j. (28)"""
+        it equals rho of the chosen coordinate. Exchanging coordinate i for j multiplies it by |A_ji| k_i / k_j. (28)"""
         return float(np.exp(-0.5 * np.linalg.slogdet(self._natural)[1]))
 
     @property
@@ -264,45 +275,48 @@ class Geometry:
         return float(np.min(self.stretches, initial=1.0))
 
     @property
-    def sqrt_mu(self) -> float:
-        """Smallest principal cosine between the chosen directions and the possible motions, as in `Partition`. (27)"""
-        return float(_core.choose(self.M, self.C, 1.0, None, "collective", self.independent.tolist())["sqrt_mu"])
-
-    @property
     def cosine_product(self) -> float:
-        """Product of all these cosines, |det C_D| / sqrt(det M_c det M_DD): between sqrt_mu^k and sqrt_mu. (29)"""
-        d = self.dependent
-        block, inertia = self.C[np.ix_(self.rows, d)], self.M[np.ix_(d, d)]
-        logs = [float(np.linalg.slogdet(matrix)[1]) for matrix in (block, self.M_c, inertia)]
-        return float(np.exp(logs[0] - 0.5 * (logs[1] + logs[2])))
+        """Product of all these cosines, 1 / sqrt(det M_d det(S M^-1 S^T)): between sqrt_mu^k and sqrt_mu. For a choice
+        |det C_D| / sqrt(det M_c det M_DD). (29)"""
+        units = 1.0 / np.sqrt(np.diag(self.M_s))
+        logs = [float(np.linalg.slogdet(matrix)[1]) for matrix in (self._natural, self.M_s * np.outer(units, units))]
+        return float(np.exp(-0.5 * sum(logs)))
 
     @property
     def condition(self) -> float:
-        """Condition number of M_d in the natural units 1/k of the independent velocities. (30)"""
+        """Condition number of M_d in natural units: for independent velocities 1/k, for u those of S M^-1 S^T. (30)"""
         return float((np.max(self.stretches, initial=self.sigma) / self.sigma) ** 2)
 
     @property
     def condition_bound(self) -> float:
         """k / sigma^2, which `condition` does not exceed. (30)"""
-        return max(1, len(self.independent)) / self.sigma**2
+        return max(1, len(self.S)) / self.sigma**2
 
     @property
     def _natural(self) -> Array:
         """M_d in natural units: its inverse is the product of block I of B with itself."""
-        units = self.k[self.independent]
+        units = np.sqrt(np.diag(self.M_s))
         return self.M_d * units * units[:, None]
 
 
-def geometry(M: ArrayLike, C: ArrayLike, independent: Iterable[int] | None = None) -> Geometry:
+def geometry(
+    M: ArrayLike,
+    C: ArrayLike,
+    independent: Iterable[int] | None = None,
+    *,
+    selector: ArrayLike | None = None,
+) -> Geometry:
     """The metric geometry behind the measure: lengths, metrics and projectors. Dense, O(n^3).
 
     Args:
         M: mass matrix (n, n), symmetric and positive definite.
         C: constraint Jacobian (m, n). Of dependent rows only independent ones are used: `rows`.
         independent: the k independent coordinates by index, to which D, M_d and T_cd refer; None: as `choose` does.
+        selector: S (k, n) of tangent velocities u = S v instead, such as one of `Result.selector`.
 
     Raises:
-        ArgumentError: wrong shapes, NaN, M not symmetric and positive definite, coordinates that cannot be independent.
+        ArgumentError: wrong shapes, NaN, M not symmetric and positive definite, coordinates that cannot be independent,
+            an S whose rows depend on each other or on those of C, `independent` and `selector` both given.
 
     >>> import partita as pt
     >>> g = pt.partition.geometry([[2.0, 0.0], [0.0, 2.0]], [[3.0, 4.0]])
@@ -314,10 +328,24 @@ def geometry(M: ArrayLike, C: ArrayLike, independent: Iterable[int] | None = Non
     [[0.64, -0.48], [-0.48, 0.36]]
     >>> round(g.volume, 12), round(g.cosine_product, 12)      # k = 1: both are rho of the choice
     (0.8, 0.8)
+    >>> g = pt.partition.geometry([[2.0, 0.0], [0.0, 2.0]], [[3.0, 4.0]], selector=[[4.0, -3.0]])
+    >>> round(g.volume, 12), g.D.round(12).tolist()                 # along the motion itself
+    (1.0, [[0.16, -0.12]])
     """
     mass, jacobian = _checked(M, C)
-    own = None if independent is None else _fixed("independent", independent, mass.shape[0])
-    return Geometry(**_core.geometry(mass, jacobian, own), M=mass, C=jacobian)
+    n = mass.shape[0]
+    if selector is not None:
+        if independent is not None:
+            raise ArgumentError(
+                "independent coordinates and a selector were both given; each determines D, so give one of them",
+                argument="selector",
+            )
+        chosen = _matrix("selector", selector)
+        found = _core.geometry(mass, jacobian, None, chosen)
+        return Geometry(**found, S=chosen, independent=None, dependent=None, M=mass, C=jacobian)
+    own = None if independent is None else _fixed("independent", independent, n)
+    found = _core.geometry(mass, jacobian, own)
+    return Geometry(**found, S=np.eye(n)[found["independent"]], M=mass, C=jacobian)
 
 
 def _checked(M: ArrayLike, C: ArrayLike) -> tuple[Array, Array]:

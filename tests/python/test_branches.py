@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
-from branches import FAMILIES, FULL, trial
+from branches import FAMILIES, FULL, FourBar, mechanism, trial
 from thorough import THOROUGH, either
 
 pytestmark = pytest.mark.filterwarnings("ignore::partita.errors.SuspectResultWarning")
@@ -74,6 +75,22 @@ def test_forms_in_2k_states_keep_it_at_outputs_next_to_a_passage_too(formulation
     """Two solutions of the closing lie next to each other there. `make trust` does 595 of these."""
     seen = trial("crossed parallelogram", seed, rtol, formulation)
     assert seen.outcome == "right" and seen.steady and seen.reported == seen.passed > 0, seen.words
+
+
+def test_outputs_beside_a_position_that_is_passed_at_a_distance_are_closed() -> None:
+    """Opposite bars that differ by a thousandth: the motion bends sharply where they come into one line, and a
+    polynomial through places around it is open by 5e-5."""
+    rng = np.random.default_rng([7, 5])
+    a, e = rng.uniform(0.5, 1.5), rng.choice([3e-3, 1e-2, 3e-2, 1e-3])
+    bars = FourBar(a, 1.0, a * (1 + e * rng.uniform(-1, 1)), 1.0 + e * rng.uniform(-1, 1))
+    angle = rng.uniform(0.5, 2.5)
+    m = mechanism(bars, np.array([angle, bars.rockers(angle)[int(rng.integers(2))]]), rng)
+    start = m.assemble(rates={"A": rng.uniform(1, 4)}, coordinates="absolute")
+    t = np.linspace(0.0, 4.0, 300)
+    run = m.simulate(
+        4.0, t_eval=t, initial=start, coordinates="absolute", rtol=1e-3, atol=1e-5, formulation="wehage-haug"
+    )
+    assert run.success and run.closure.max() < 1e-12 and run.velocity_closure.max() < 1e-11
 
 
 def test_forms_in_all_velocities_that_keep_their_branch_are_a_success() -> None:

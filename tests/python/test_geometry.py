@@ -83,6 +83,7 @@ def test_identities_in_mixed_units(seed: int) -> None:
     m, n = C.shape
     g = pt.partition.geometry(M, C)
     assert g.rows.tolist() == list(range(m))
+    assert g.independent is not None and g.dependent is not None
     D = g.T_cd[m:]
     energy, rows, motions = np.sqrt(np.diag(M)), np.sqrt(np.diag(g.M_c)), np.sqrt(np.diag(g.M_d))
     # T_cd splits the metric (11), (15); D C^T = 0; C M^-1 are the covariant components in the base of the rows
@@ -232,7 +233,8 @@ def test_lengths_and_projectors_do_not_depend_on_the_choice() -> None:
     for g in choices[1:]:
         for name in ("k", "k_constrained", "k_tangential", "P_c", "P_d", "M_c"):
             np.testing.assert_allclose(getattr(g, name), getattr(choices[0], name), rtol=1e-8)
-    assert [g.independent.tolist() for g in choices] == [[0, 1], [1, 3], [2, 3]]
+    for g, pair in zip(choices, ([0, 1], [1, 3], [2, 3]), strict=True):
+        assert np.array_equal(g.S, np.eye(4)[pair])
 
 
 def test_dependent_rows_are_left_out_and_free_coordinates_have_none() -> None:
@@ -300,6 +302,7 @@ def test_volume_cosines_and_conditioning_of_a_choice(seed: int) -> None:
     best = pt.partition.choose(M, C)
     for choice in (best, pt.partition.choose(M, C, selection="complete-pivoting")):
         g = pt.partition.geometry(M, C, choice.independent)
+        assert g.independent is not None and g.dependent is not None
         i, d, k = g.independent, g.dependent, len(g.independent)
         assert g.D.tolist() == choice.D.tolist()
         inverse = np.linalg.inv(M)
@@ -374,6 +377,63 @@ def test_impossible_scales_are_refused(options: dict[str, object]) -> None:
         pt.partition.choose(np.eye(2), [[3.0, 4.0]], **options)  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize("seed", SEEDS[:60])
+def test_geometry_of_any_selector(seed: int) -> None:
+    """(36): D_S, and (25)-(30) with the rows of S in place of the chosen directions."""
+    M, C = hard_pair(seed)
+    m, n = C.shape
+    whole = pt.partition.geometry(M, C)
+    # rows of S: any combinations of the gradients of the tangent vectors, tilted out of their space
+    rng = np.random.default_rng(seed)
+    S = rng.normal(size=(n - m, n - m)) @ np.linalg.solve(np.linalg.cholesky(whole.M_d), whole.D) @ M
+    S += 0.3 * rng.normal(size=S.shape) * np.sqrt(np.diag(M)) / n
+    g = pt.partition.geometry(M, C, selector=S)
+    assert g.independent is None and g.dependent is None and np.array_equal(g.S, S)
+    motions = np.sqrt(np.diag(g.M_d))
+    small(S @ g.D.T - np.eye(n - m), np.outer(np.linalg.norm(S / np.sqrt(np.diag(M)), axis=1), motions))
+    small(g.D @ C.T, np.outer(motions, np.sqrt(np.diag(g.M_c))))
+    for name in ("k", "k_constrained", "k_tangential"):
+        np.testing.assert_allclose(getattr(g, name), getattr(whole, name), rtol=WITHIN)
+    inverse = np.linalg.inv(M)
+    lengths = np.sqrt(np.sum((S @ inverse) * S, axis=1))
+    natural = g.M_d * np.outer(lengths, lengths)
+    known = 1.0 / np.sqrt(np.linalg.eigvalsh(natural))
+    np.testing.assert_allclose(g.stretches, known, rtol=1e-6)
+    assert g.volume == pytest.approx(np.prod(known), rel=1e-6) and g.sigma == pytest.approx(known[-1], rel=1e-6)
+    assert g.condition == pytest.approx((known[0] / known[-1]) ** 2, rel=1e-5) and g.condition <= g.condition_bound
+    # principal angles in the mass metric, between S as vectors M^-1 S^T and the possible motions
+    half = np.linalg.cholesky(M)
+    one, other = (np.linalg.qr(x)[0] for x in (np.linalg.solve(half, S.T), half.T @ whole.D.T))
+    cosines = np.linalg.svd(one.T @ other, compute_uv=False)
+    assert g.sqrt_mu == pytest.approx(cosines[-1], rel=1e-6)
+    assert g.cosine_product == pytest.approx(np.prod(cosines), rel=1e-6)
+
+
+def test_a_choice_is_a_selector_of_rows_of_the_identity() -> None:
+    M, C = random_pair(5, 6, 2)
+    for independent in ([0, 1, 2, 3], [1, 2, 4, 5]):
+        one = pt.partition.geometry(M, C, independent)
+        other = pt.partition.geometry(M, C, selector=np.eye(6)[independent])
+        for name in ("S", "D", "M_d", "T_cd", "stretches", "volume", "sigma", "sqrt_mu", "cosine_product", "condition"):
+            np.testing.assert_allclose(getattr(other, name), getattr(one, name), rtol=1e-9, atol=1e-12 * one.M_d.max())
+
+
+def test_a_selector_that_does_not_serve_is_refused() -> None:
+    M, C = np.diag([1.0, 2.0, 3.0]), [[1.0, 1.0, 1.0]]
+    for selector, words in (
+        ([[1.0, 0.0, 0.0]], "selector is 1 x 3; with 2 degrees of freedom it must be 2 x 3"),
+        ([[1.0, 0.0, 0.0], [2.0, 0.0, 0.0]], "leaves a motion undetermined"),
+        ([[1.0, 0.0, 0.0], [1.0, 1.0, 1.0]], "leaves a motion undetermined"),
+        ([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], "leaves a motion undetermined"),
+        ([[np.nan, 0.0, 0.0], [1.0, 0.0, 0.0]], r"selector\[0, 0\] is nan"),
+        ([1.0, 0.0, 0.0], "selector must be a matrix"),
+    ):
+        with pytest.raises(pt.errors.ArgumentError, match=words):
+            pt.partition.geometry(M, C, selector=selector)
+    with pytest.raises(pt.errors.ArgumentError, match="give one of them"):
+        pt.partition.geometry(M, C, [0, 1], selector=np.eye(3)[:2])
+
+
 @pytest.mark.parametrize("name", ["bricard", "cv-shaft", "delta", "scissor-lift", "three-rrr"])
 def test_a_run_gives_the_geometry_of_its_choice(name: str) -> None:
     """Of each output, with the choice in use there; redundant rows are those of the run."""
@@ -381,7 +441,7 @@ def test_a_run_gives_the_geometry_of_its_choice(name: str) -> None:
     run = entry.simulate(t_eval=np.linspace(0.0, min(1.0, entry.duration), 6))
     for output in range(6):
         g = run.geometry(output)
-        assert g.independent.tolist() == run.independent[output].tolist()
+        assert np.array_equal(g.S, np.eye(run.v.shape[1])[run.independent[output]])
         assert g.sigma == pytest.approx(run.sigma[output], abs=WITHIN)
         assert g.sqrt_mu == pytest.approx(run.sqrt_mu[output], abs=WITHIN)
         np.testing.assert_allclose(g.k_tangential / g.k, run.measure[output], atol=WITHIN)

@@ -198,8 +198,9 @@ def test_a_stop_at_a_passage_advises_what_a_step_of_the_run_has_shown() -> None:
     start = m.assemble({"h1": 0.15, "h3": 0.05}, rates={"h1": 0.7, "h3": 0.7})
     run = m.simulate(15.0, initial=start, rtol=1e-10, atol=1e-12, t_eval=[0.0, 15.0])
     assert not run.success and run.status == "singular"
-    # where: next to which position, which joint, and how often it was tried
-    assert re.search(r"t = 14\.25\d*, where branches meet \(h5\.. depends on the other constraints", run.message)
+    # where: next to which of two such positions, which joint, and how often it was tried
+    place = r"t = (13\.56|14\.25)\d*, where branches meet \(h5\.. depends on the other constraints"
+    assert re.search(place, run.message)
     advised = re.search(
         r"of 9 steps across it misses by [\d.]+ times the tolerance.*repeat with rtol = (1e-\d+)", run.message
     )

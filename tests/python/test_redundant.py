@@ -56,7 +56,7 @@ def test_rank_of_a_swing_with_a_pendulum_and_what_is_unique() -> None:
     assert rows.shape == (14, 15) and np.linalg.matrix_rank(rows) == 13
     mass = np.diag([2, 2, 0.75, *([1, 1, 1 / 12] * 3), 0.5, 0.5, 0.0375])
     geometry = pt.partition.geometry(mass, rows)
-    assert len(geometry.rows) == 13 and len(geometry.independent) == 2
+    assert len(geometry.rows) == 13 and len(geometry.S) == 2
     _, _, right = np.linalg.svd(rows.T)
     self_stress = right[13]
     touched = {name: bool(np.abs(self_stress[2 * i : 2 * i + 2]).max() > 1e-9) for i, name in enumerate(arms)}

@@ -146,3 +146,30 @@ def test_a_gradient_of_another_function_and_rates_of_turns_not_there_are_refused
     for rates in ({"flight": [1, 0, 0, 0, 0, 0]}, {"flight.wx": 1.0}):
         with pytest.raises(ArgumentError, match="the spatial rotation of joint 'flight' is not part of this state"):
             m.assemble(rates=rates, coordinates="absolute")
+
+
+@pytest.mark.parametrize(("tilt", "length"), [(0.0, 40.0), (0.3, 6.2)])
+def test_a_table_over_an_angle_means_the_same_in_all_coordinates(tilt: float, length: float) -> None:
+    """Over many turns of a planar mechanism, with loads across its plane, whose reactions are computed in space where
+    turns are not counted; and within one turn, beyond half of it, in space."""
+    m = pt.Mechanism("cam", gravity=None)
+    crank = m.add_rod("crank", start=(0, 0, 0), end=(0.3, 0, 0), mass=1.0)
+    slide = m.add_rod("slide", start=(1, 0, 0), end=(1.4, 0, 0), mass=0.5)
+    m.add_revolute("A", m.ground, crank, point=(0, 0, 0), axis=(np.sin(tilt), 0, np.cos(tilt)))
+    m.add_prismatic("B", m.ground, slide, axis=(1, 0, 0))
+    x = np.linspace(0.0, length, int(10 * length))
+    m.add_cam("B", "A", (x, 0.002 * x + 0.05 * np.sin(x)), name="cam")
+    m.add_force("slide", (1.0, 0.5, 2.0), (0.2, 0, 0))
+    start = m.assemble({"A": 2.5}, rates={"A": 6.0 if tilt == 0.0 else 2.5})
+    t = np.linspace(0.0, 4.0 if tilt == 0.0 else 1.0, 9)
+    runs = [
+        m.simulate(t[-1], initial=start, coordinates=coordinates, t_eval=t, rtol=1e-11, atol=1e-13)
+        for coordinates in ("relative", "absolute")
+    ]
+    assert all(run.success for run in runs) and np.ptp(runs[0].joint("A").position) > (14.0 if tilt == 0.0 else 1.5)
+    for name in "AB":
+        one, two = (run.joint(name) for run in runs)
+        assert np.abs(one.force - two.force).max() < 1e-8 and np.abs(one.moment - two.moment).max() < 1e-8
+        assert (one.determined == two.determined).all()
+    assert np.abs(runs[0].coupling("cam").effort - runs[1].coupling("cam").effort).max() < 1e-8
+    assert runs[1].certificate.verdict == "valid"

@@ -117,6 +117,20 @@ fn anywhere(system: &Geometry, t: f64, q: &[f64]) -> Result<(Vec<LoadedDirection
     }
 }
 
+/// As `anywhere`, at a position of the model; in space it has the twin of `system`, or one around that position.
+fn around(
+    model: &Model,
+    system: &Geometry,
+    t: f64,
+    q: &[f64],
+) -> Result<(Vec<LoadedDirections>, Vec<bool>), AnalysisError> {
+    if !model.needs_turns() {
+        return anywhere(system, t, &lifted(model, system.model, q));
+    }
+    let (twin, q) = in_space(model, q)?;
+    anywhere(&Geometry::new(&twin, true), t, &q)
+}
+
 /// Rows of conditions whose effort self-stresses change.
 fn open_rows(model: &Model, stresses: &[Stress]) -> Vec<bool> {
     let mut open = vec![false; model.row_names.len()];
@@ -161,9 +175,8 @@ pub fn flags<E: Send + From<AnalysisError>>(
     let of_model = rows_between(model, &twin);
     let row = |i: usize, s: &mut partita_model::model::ModelScratch, rows: &mut Rows| {
         let (t, q, _) = states.at(model, i);
-        let q = lifted(model, &twin, q);
-        twin.look(&q, &still, s);
-        let (found, open) = anywhere(&system, t, &q)?;
+        let (found, open) = around(model, &system, t, q)?;
+        twin.look(&lifted(model, &twin, q), &still, s);
         rows.row(2, i).fill(1.0);
         for d in twin.drives.iter().filter(|d| open[d.row]) {
             if let Some((j, c)) = d.joint {
@@ -201,7 +214,7 @@ pub fn directions<E: Send + From<AnalysisError>>(
     let system = Geometry::new(&twin, true);
     let row = |i: usize, (): &mut (), rows: &mut Rows| {
         let (t, q, _) = states.at(model, i);
-        let (found, _) = anywhere(&system, t, &lifted(model, &twin, q))?;
+        let (found, _) = around(model, &system, t, q)?;
         for (to, from) in rows.row(0, i).chunks_mut(3).zip(found[j].force.iter().chain(&found[j].moment)) {
             to.copy_from_slice(&from.0);
         }

@@ -31,7 +31,7 @@ const LEAST_LOOP: f64 = 1e-6;
 /// Joint coordinates are the same in the plane and in space. Bodies that float in the plane (absolute coordinates) have
 /// two translations and a rotation there, three translations and a quaternion in space.
 pub(crate) fn in_space(model: &Model, q: &[f64]) -> Result<(Model, Vec<f64>), AnalysisError> {
-    let twin = model.in_space()?;
+    let twin = model.in_space_at(q)?;
     let lifted = lifted(model, &twin, q);
     Ok((twin, lifted))
 }

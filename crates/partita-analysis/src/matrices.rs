@@ -195,9 +195,15 @@ impl Matrices {
 
     /// Lengths, metrics and projectors; of redundant rows only those kept by the partition are used.
     ///
+    /// D is that of the partition, or of S (k x n) if given: `D_S = (S Dᵀ)⁻ᵀ D` of any partition.      (36)
+    ///
     /// # Errors
-    /// As `choose`.
-    pub fn geometry(&self, fixed: Option<Vec<usize>>) -> Result<(Geometry, Split), AnalysisError> {
+    /// As `choose`; `Argument` for an S of another shape, or that leaves a motion undetermined.
+    pub fn geometry(
+        &self,
+        fixed: Option<Vec<usize>>,
+        selector: Option<&Matrix>,
+    ) -> Result<(Geometry, Split), AnalysisError> {
         let split = self.choose(&Choice { threshold: 1.0, fixed, ..Choice::default() })?.split;
         let Frozen { mass, c } = &self.0.equations;
         let mut kept = Matrix::new(split.rows.len(), self.n());
@@ -205,6 +211,48 @@ impl Matrices {
             kept.row_mut(i).copy_from_slice(c.row(row));
         }
         let name = |i: usize| self.0.equations.name(i);
-        Ok((Geometry::new(mass, &kept, &split.d, &name)?, split))
+        let mut chosen = Matrix::new(split.independent.len(), self.n());
+        split.independent.iter().enumerate().for_each(|(j, &i)| chosen[(j, i)] = 1.0);
+        let found = Geometry::new(mass, &kept, (&chosen, &split.d), &name)?;
+        let Some(s) = selector else { return Ok((found, split)) };
+        let d = basis_of_selector(s, &split.d, &found.k)?;
+        Ok((Geometry::new(mass, &kept, (s, &d), &name)?, split))
     }
+}
+
+/// `D_S = (S Dᵀ)⁻ᵀ D` (k x n), so that `S D_Sᵀ = 1`; pivots are judged in the natural units `scales` of the velocities.
+fn basis_of_selector(s: &Matrix, d: &Matrix, scales: &[f64]) -> Result<Matrix, AnalysisError> {
+    let (k, n) = (d.rows(), d.cols());
+    let refuse = |message: String| AnalysisError::Argument { argument: "selector", message };
+    if (s.rows(), s.cols()) != (k, n) {
+        let message =
+            format!("selector is {} x {}; with {k} degrees of freedom it must be {k} x {n}", s.rows(), s.cols());
+        return Err(refuse(message));
+    }
+    let length = |x: f64, (entry, scale): (&f64, f64)| x.hypot(entry * scale);
+    let own: Vec<f64> = (0..k).map(|i| s.row(i).iter().zip(scales.iter().copied()).fold(0.0, length)).collect();
+    let other: Vec<f64> =
+        (0..k).map(|i| d.row(i).iter().zip(scales.iter().map(|x| 1.0 / x)).fold(0.0, length)).collect();
+    let mut sd = s.matmul(&d.transpose());
+    for i in 0..k {
+        sd.row_mut(i).iter_mut().zip(&other).for_each(|(x, length)| *x /= own[i] * length);
+    }
+    let (mut lu, mut pivots) = (sd.into_vec(), vec![0; k]);
+    let ratio = dense::lu(&mut lu, k, &mut pivots).map_or(0.0, |()| dense::lu_pivot_ratio(&lu, k)).max(0.0);
+    if k > 0 && ratio < tolerance::SINGULAR_PIVOT {
+        return Err(refuse(format!(
+            "selector leaves a motion undetermined: S D^T has a scaled pivot of {ratio:.2e} (limit {:.0e}); its rows must be \
+             independent of each other and of the constraints",
+            tolerance::SINGULAR_PIVOT
+        )));
+    }
+    // column by column
+    let mut columns = d.transpose();
+    for j in 0..n {
+        let x = columns.row_mut(j);
+        x.iter_mut().zip(&other).for_each(|(x, length)| *x /= length);
+        dense::lu_solve_transposed(&lu, k, &pivots, x);
+        x.iter_mut().zip(&own).for_each(|(x, length)| *x /= length);
+    }
+    Ok(columns.transpose())
 }

@@ -14,7 +14,7 @@
 //! continuously with the mechanism, and what every self-stress leaves alone is left alone.
 
 use crate::error::AnalysisError;
-use crate::geometry::{lifted, Geometry, GeometryScratch};
+use crate::geometry::{in_space, lifted, Geometry, GeometryScratch};
 use crate::stress::{Balance, BalanceRoom, Pose, Stress};
 use partita_math::dense::Matrix;
 use partita_math::elimination::Pattern;
@@ -208,9 +208,9 @@ pub(crate) fn with_rule<T, E: From<AnalysisError>>(
     f: impl FnOnce(Option<&Rule>) -> Result<T, E>,
 ) -> Result<T, E> {
     let Some((t, q)) = reference.filter(|_| has_loops(model)) else { return f(None) };
-    let twin = model.in_space().map_err(AnalysisError::from)?;
+    let (twin, q) = in_space(model, q)?;
     let system = Geometry::new(&twin, true);
-    let sharing = Sharing::new(&system, t, &lifted(model, &twin, q))?;
+    let sharing = Sharing::new(&system, t, &q)?;
     if sharing.is_idle() {
         return f(None);
     }
@@ -343,6 +343,12 @@ impl<'a> Rule<'a> {
                 lambda[own] += x;
             }
         };
+        if self.model.needs_turns() {
+            let (twin, q) = in_space(self.model, q)?;
+            let system = Geometry::new(&twin, true);
+            let sharing = Sharing::new(&system, t, &q)?;
+            return sharing.share(t, &q, joints, condition, &mut sharing.room());
+        }
         self.sharing.share(t, &lifted(self.model, self.twin, q), joints, condition, room)
     }
 }

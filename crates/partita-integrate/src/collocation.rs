@@ -41,14 +41,29 @@ pub(crate) struct Nodes {
     w: Vec<f64>,
     /// Weights of the quadrature.
     b: Vec<f64>,
-    /// The row of each node.
+    /// The Lagrange polynomials in Legendre polynomials of the step, a row for each of these.
+    legendre: Vec<Vec<f64>>,
+    /// The row of each node, and that of each part at which polynomials are compared.
     a: Vec<Vec<f64>>,
+    compared: [Vec<f64>; COMPARED.len()],
+}
+
+/// Legendre polynomials of the step at the part x, from degree 0 on.
+fn legendre(x: f64) -> impl Iterator<Item = f64> {
+    let z = 2.0 * x - 1.0;
+    let mut two = (1.0, z);
+    (1..).map(move |n| {
+        let n = f64::from(n);
+        let (this, next) = two;
+        two = (next, ((2.0 * n + 1.0) * z * next - n * this) / (n + 1.0));
+        this
+    })
 }
 
 impl Nodes {
     fn new(s: usize) -> Self {
         // roots of the Legendre polynomial by Newton's method, its weights by its slope
-        let legendre = |x: f64| {
+        let with_slope = |x: f64| {
             let (mut before, mut p) = (1.0, x);
             for n in 1..s {
                 let m = n as f64;
@@ -60,17 +75,24 @@ impl Nodes {
         for i in 0..s {
             let mut x = -(std::f64::consts::PI * (i as f64 + 0.75) / (s as f64 + 0.5)).cos();
             for _ in 0..20 {
-                let (p, slope) = legendre(x);
+                let (p, slope) = with_slope(x);
                 x -= p / slope;
             }
-            let slope = legendre(x).1;
+            let slope = with_slope(x).1;
             c.push(0.5 * (1.0 + x));
             b.push(1.0 / ((1.0 - x * x) * slope * slope));
         }
         let w =
             (0..s).map(|i| 1.0 / (0..s).filter(|&j| j != i).map(|j| 4.0 * (c[i] - c[j])).product::<f64>()).collect();
-        let mut nodes = Self { c, w, b, a: Vec::new() };
-        nodes.a = (0..s).map(|i| nodes.integrals(nodes.c[i])).collect();
+        // the quadrature of the nodes is exact for their products
+        let row = |m: usize| {
+            let of_node = |(c, b): (&f64, &f64)| (2 * m + 1) as f64 * b * legendre(*c).nth(m).unwrap_or(0.0);
+            c.iter().zip(&b).map(of_node).collect()
+        };
+        let legendre = (0..s).map(row).collect();
+        let mut nodes = Self { c, w, b, legendre, a: Vec::new(), compared: Default::default() };
+        nodes.a = nodes.c.iter().map(|&c| nodes.integrals(c)).collect();
+        nodes.compared = COMPARED.map(|x| nodes.integrals(x));
         nodes
     }
 
@@ -88,11 +110,16 @@ impl Nodes {
         parts.iter().map(|p| p / sum).collect()
     }
 
-    /// Their integrals from 0 to x, exact by the quadrature of the nodes.
+    /// Their integrals from 0 to x.
     fn integrals(&self, x: f64) -> Vec<f64> {
         let mut sum = vec![0.0; self.count()];
-        for (c, b) in self.c.iter().zip(&self.b) {
-            sum.iter_mut().zip(self.values(x * c)).for_each(|(s, l)| *s += x * b * l);
+        let mut before = -1.0;
+        let here = legendre(x).zip(legendre(x).skip(1));
+        for (m, (row, (this, next))) in self.legendre.iter().zip(here).enumerate() {
+            // of the polynomial of degree m
+            let integral = (next - before) / (2 * (2 * m + 1)) as f64;
+            sum.iter_mut().zip(row).for_each(|(sum, l)| *sum += integral * l);
+            before = this;
         }
         sum
     }
@@ -156,7 +183,11 @@ pub(crate) struct Stages {
 impl Stages {
     /// What the polynomial adds to its start y up to the part x of the step, onto `y`.
     pub(crate) fn advance(&self, x: f64, y: &mut [f64]) {
-        for (weight, rates) in self.nodes.integrals(x).into_iter().zip(self.rates.chunks_exact(y.len().max(1))) {
+        self.add(&self.nodes.integrals(x), y);
+    }
+
+    fn add(&self, weights: &[f64], y: &mut [f64]) {
+        for (weight, rates) in weights.iter().zip(self.rates.chunks_exact(y.len().max(1))) {
             y.iter_mut().zip(rates).for_each(|(y, d)| *y += self.h * weight * d);
         }
     }
@@ -166,26 +197,33 @@ impl Stages {
         self.nodes.values(x)
     }
 
-    /// The largest difference of two polynomials over the step, in tolerances.
-    pub(crate) fn differ(&self, other: &Self, tolerances: &[f64]) -> f64 {
-        let width = tolerances.len();
-        COMPARED.into_iter().fold(0.0, |worst: f64, x| {
-            let [mut one, mut two] = [vec![0.0; width], vec![0.0; width]];
-            self.advance(x, &mut one);
-            other.advance(x, &mut two);
-            one.iter().zip(&two).zip(tolerances).fold(worst, |worst, ((a, b), tolerance)| {
-                let off = (a - b).abs() / tolerance;
-                if off <= worst {
-                    worst
-                } else {
-                    off
+    /// The largest difference of two polynomials over the step, in each of these tolerances.
+    pub(crate) fn differ<const N: usize>(&self, other: &Self, tolerances: [&[f64]; N]) -> [f64; N] {
+        let width = tolerances[0].len();
+        let [mut one, mut two] = [vec![0.0; width], vec![0.0; width]];
+        let mut worst = [0.0; N];
+        for (weights, others) in self.nodes.compared.iter().zip(&other.nodes.compared) {
+            one.fill(0.0);
+            two.fill(0.0);
+            self.add(weights, &mut one);
+            other.add(others, &mut two);
+            for (worst, tolerances) in worst.iter_mut().zip(tolerances) {
+                for ((a, b), tolerance) in one.iter().zip(&two).zip(tolerances) {
+                    let off = (a - b).abs() / tolerance;
+                    if off > *worst || off.is_nan() {
+                        *worst = off;
+                    }
                 }
-            })
-        })
+            }
+        }
+        worst
     }
 
     /// Rates at the nodes of another rule, as a first guess there.
     fn at(&self, nodes: &Nodes, width: usize) -> Vec<f64> {
+        if std::ptr::eq(nodes, self.nodes) {
+            return self.rates.clone();
+        }
         let mut rates = vec![0.0; nodes.count() * width];
         for (c, to) in nodes.c.iter().zip(rates.chunks_exact_mut(width.max(1))) {
             for (weight, of) in self.nodes.values(*c).into_iter().zip(self.rates.chunks_exact(width.max(1))) {

@@ -9,6 +9,7 @@ use crate::step_size::ErrorNorm;
 use crate::stepper::{Conclusion, CurrentStep, StepControl, StepEnd, StepPlan, Stepper};
 use partita_math::tolerance;
 use std::fmt::Display;
+use std::sync::LazyLock;
 
 /// Sweeps that stop converging below this are limited by rounding. Scale: fraction of the largest change. Reason: four
 /// digits were gained; sweeps that do not converge gain none.
@@ -25,31 +26,54 @@ const LONGER: f64 = 1.3;
 const BEYOND: f64 = 1.25;
 /// Lengths that are looked at for one whose nodes keep clear of a position.
 const LENGTHS_TRIED: usize = 60;
-/// How clear the nodes of a step of length h keep of positions `ahead`, by all rules but the last, which are seldom used.
+/// Nodes of all rules but the last, which are seldom used.
+static USUAL_NODES: LazyLock<Vec<f64>> =
+    LazyLock::new(|| RULES[..USUAL].iter().flat_map(|nodes| nodes.c.iter().copied()).collect());
+
+/// How clear the usual nodes of a step of length h keep of positions `ahead`.
 fn clearance(h: f64, ahead: &[f64]) -> f64 {
-    let nodes = || RULES[..USUAL].iter().flat_map(|nodes| &nodes.c);
-    ahead.iter().flat_map(|ahead| nodes().map(move |c| (c * h - ahead).abs())).fold(f64::INFINITY, f64::min)
+    let of = |ahead: &f64| USUAL_NODES.iter().fold(f64::INFINITY, |least: f64, c| least.min((c * h - ahead).abs()));
+    ahead.iter().map(of).fold(f64::INFINITY, f64::min)
 }
 
 /// The length between both that keeps clearest of positions `ahead`.
 fn clearest(shortest: f64, longest: f64, ahead: &[f64]) -> f64 {
     let tried = (0..=LENGTHS_TRIED).map(|i| shortest + (longest - shortest) * i as f64 / LENGTHS_TRIED as f64);
-    tried.fold(longest, |best, h| if clearance(h, ahead) > clearance(best, ahead) { h } else { best })
+    let first = (longest, clearance(longest, ahead));
+    let best = tried.map(|h| (h, clearance(h, ahead))).fold(first, |best, at| if at.1 > best.1 { at } else { best });
+    best.0
+}
+
+/// The length of an attempt: between these limits, that which keeps clearest of the position `ahead`.
+#[derive(Clone, Copy, Debug)]
+struct Length {
+    shortest: f64,
+    longest: f64,
+    ahead: f64,
+}
+
+impl Length {
+    fn given(h: f64) -> Self {
+        Self { shortest: h, longest: h, ahead: f64::NAN }
+    }
+
+    fn find(self) -> f64 {
+        match self.shortest < self.longest {
+            true => clearest(self.shortest, self.longest, &[self.ahead]),
+            false => self.longest,
+        }
+    }
 }
 
 /// Lengths of a step across a position `ahead`, ever shorter ones, each with the position between two other nodes. `whole`
 /// is the length that motion and accuracy suggest; none is longer than `rest`.
-fn lengths(ahead: f64, whole: f64, rest: f64) -> Vec<f64> {
+fn lengths(ahead: f64, whole: f64, rest: f64) -> impl Iterator<Item = Length> {
     let least = BEYOND * ahead;
-    let mut lengths = Vec::with_capacity(CROSSING_LENGTHS.len() - 1);
-    for pair in CROSSING_LENGTHS.windows(2) {
+    CROSSING_LENGTHS.windows(2).enumerate().filter_map(move |(i, pair)| {
         let (longest, shortest) = ((pair[0] * whole).max(least), (pair[1] * whole).max(least));
-        if longest > shortest || lengths.is_empty() {
-            let longest = longest.min(rest);
-            lengths.push(clearest(shortest.min(longest), longest, &[ahead]));
-        }
-    }
-    lengths
+        let found = Length { shortest: shortest.min(rest), longest: longest.min(rest), ahead };
+        (longest > shortest || i == 0).then_some(found)
+    })
 }
 
 /// Steps across singular positions, behind the contract of a stepper.
@@ -66,10 +90,10 @@ pub struct CrossingStep {
     shift: Vec<f64>,
     length: f64,
     /// The longest that the motion suggests; was the last one tried so short that rounding spoilt it?
-    longest: f64,
+    longest: Length,
     rounded: bool,
     /// The attempts, one after the other, until a step is as exact as requested.
-    lengths: Vec<f64>,
+    lengths: Vec<Length>,
     norm: ErrorNorm,
     tolerances: Vec<f64>,
     allowed: Vec<f64>,
@@ -93,7 +117,7 @@ impl CrossingStep {
             dy_new: zeros(),
             shift: zeros(),
             length: 0.0,
-            longest: 0.0,
+            longest: Length::given(0.0),
             rounded: false,
             lengths: Vec::new(),
             norm: ErrorNorm::new(options, dim, crate::combination::padded(dim)),
@@ -119,8 +143,9 @@ impl CrossingStep {
     /// one that the motion suggests, `tries` how often it was tried before. It ends at `t_end` at the latest.
     pub fn aim(&mut self, zero: f64, (whole, longest): (f64, f64), tries: usize, t_end: f64) {
         let (ahead, rest) = (zero - self.t_old, t_end - self.t_old);
-        self.lengths = lengths(ahead, whole, rest);
-        self.longest = lengths(ahead, longest, rest)[0];
+        self.lengths.clear();
+        self.lengths.extend(lengths(ahead, whole, rest));
+        self.longest = lengths(ahead, longest, rest).next().unwrap_or(Length::given(rest));
         if tries == 0 {
             self.least_error = f64::INFINITY;
         }
@@ -140,7 +165,7 @@ impl CrossingStep {
         let poor = clearance(h, &ahead) < tolerance::MUCH_SMALLER * clearance(better, &ahead);
         if poor {
             self.lengths.clear();
-            self.lengths.push(better);
+            self.lengths.push(Length::given(better));
             self.counters.rejected += 1;
         }
         poor
@@ -177,10 +202,9 @@ impl CrossingStep {
         }
         let still = vec![0.0; self.y_old.len()];
         let [first, second, third] = [LESS, MORE, MORE + 1].map(|i| &RULES[i]);
-        let judged = |stages: Stages, other: &Stages| Solved {
-            error: stages.differ(other, task.tolerances),
-            beyond: stages.differ(other, task.allowed),
-            stages,
+        let judged = |stages: Stages, other: &Stages| {
+            let [error, beyond] = stages.differ(other, [task.tolerances, task.allowed]);
+            Solved { error, beyond, stages }
         };
         let Some(few) = solve(ode, &task, first, Guess::Line(&self.dy_old, &still), &mut self.counters)? else {
             return Ok(None);
@@ -229,7 +253,7 @@ fn by_sweeps<E: Display>(
             Err(fatal) => return Err(fatal),
         };
         let more = nodes.count() > stages.nodes.count();
-        let (error, beyond) = (found.differ(&stages, task.tolerances), found.differ(&stages, task.allowed));
+        let [error, beyond] = found.differ(&stages, [task.tolerances, task.allowed]);
         stages = found;
         if !error.is_finite() {
             return Ok(Sweeps::Diverging);
@@ -283,7 +307,7 @@ impl StepControl for CrossingStep {
     }
     fn plan(&mut self, plan: &StepPlan) {
         self.lengths.clear();
-        self.lengths.push(plan.length);
+        self.lengths.push(Length::given(plan.length));
     }
     fn set_sizes(&mut self, sizes: &[f64]) {
         self.norm.set_sizes(sizes);
@@ -330,7 +354,7 @@ impl<E: Display> Stepper<E> for CrossingStep {
         let (t, rest) = (self.t_old, self.t_end - self.t_old);
         let (mut best, mut last): (Option<Solved>, _) = (None, None);
         let mut nearest: Option<Solved> = None;
-        let mut next = self.lengths.first().copied();
+        let mut next = self.lengths.first().map(|x| x.find());
         let mut i = 0;
         while let Some(h) = next.map(|h| h.min(rest)) {
             self.rounded = false;
@@ -358,12 +382,12 @@ impl<E: Display> Stepper<E> for CrossingStep {
             }
             i += 1;
             next = match self.rounded {
-                true => Some(self.longest).filter(|longest| *longest > LONGER * h),
-                false => self.lengths.get(i).copied(),
+                true => Some(self.longest.find()).filter(|longest| *longest > LONGER * h),
+                false => self.lengths.get(i).map(|x| x.find()),
             };
             self.counters.rejected += u64::from(next.is_some());
         }
-        let h = self.lengths.first().copied().unwrap_or(0.0);
+        let h = self.lengths.first().map_or(0.0, |x| x.find());
         let Some(Solved { stages, error, .. }) = best else {
             // not exact enough, but its polynomial shows where the position is
             if let Some(nearest) = &nearest {
@@ -412,7 +436,7 @@ mod tests {
     #[test]
     fn a_crossing_step_keeps_clear_of_the_position_wherever_it_lies() {
         for ahead in [0.0, 1e-3, 0.02, 0.1, 0.3, 0.5, 0.6] {
-            let found = lengths(ahead, 1.0, f64::MAX);
+            let found: Vec<f64> = lengths(ahead, 1.0, f64::MAX).map(Length::find).collect();
             assert!(found.windows(2).all(|pair| pair[1] < pair[0]), "{ahead}: {found:?}");
             for h in found {
                 let clear = clearance(h, &[ahead]) > 5e-3 * h;

@@ -86,7 +86,7 @@ struct Search<'a> {
 impl Search<'_> {
     /// The side at t; in the position itself, where nothing can be evaluated, that of a neighbour at no distance.
     fn at(&mut self, t: f64, beside: Side) -> Point {
-        let side = (self.side)(t).unwrap_or(Side { distance: 0.0, ..beside });
+        let side = (self.side)(t).unwrap_or(Side { distance: 0.0, clearance: 0.0, ..beside });
         self.nearest = self.nearest.min(side.distance);
         (t, side)
     }
@@ -97,7 +97,7 @@ impl Search<'_> {
         if a.1.changed != b.1.changed {
             return false;
         }
-        if a.1.distance + b.1.distance >= rate * (b.0 - a.0) {
+        if a.1.clearance + b.1.clearance >= rate * (b.0 - a.0) {
             return true;
         }
         if parts <= 1 {
@@ -254,7 +254,7 @@ mod tests {
 
     fn found(f: impl Fn(f64) -> Option<(f64, usize)>) -> Vec<f64> {
         let mut times = Vec::new();
-        let mut side = |t| f(t).map(|(distance, changed)| Side { distance, changed });
+        let mut side = |t| f(t).map(|(distance, changed)| Side { distance, clearance: distance, changed });
         assert!(find((1.0, 2.0), f64::INFINITY, &mut side, &mut times).is_some());
         times
     }
@@ -312,7 +312,8 @@ mod tests {
                 rate,
                 &mut |t| {
                     count += 1;
-                    Some(Side { distance: (t - 0.61).hypot(least), changed: 0 })
+                    let distance = (t - 0.61).hypot(least);
+                    Some(Side { distance, clearance: distance, changed: 0 })
                 },
                 &mut times,
             );

@@ -15,6 +15,7 @@ mod pattern;
 mod plan;
 mod program;
 
+pub use blocks::Block;
 pub use pattern::Pattern;
 pub use plan::{PivotShrunk, Plan, PlanError, PlanOptions};
 pub use program::sparse::SparseRoom;

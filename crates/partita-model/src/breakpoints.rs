@@ -7,6 +7,7 @@ use crate::measurement::is_angle;
 use crate::rows::Owner;
 use crate::spec::{Coupling, Force, Spec, Table, Value};
 use crate::time_domain;
+use crate::value::Abscissa;
 use partita_math::spatial::Space;
 use partita_system::breakpoints::{Breakpoints, Enters, Reading};
 
@@ -76,12 +77,12 @@ fn of_table(table: &Table, enters: Enters, periodic: bool, angle: bool) -> Optio
 }
 
 fn of_condition<G: Space>(spec: &Spec, model: &Evaluator<f64>, condition: &Condition<G>) -> Option<Breakpoints> {
-    let (Says::Law(Law::Curve { curve, periodic, .. }, _), Owner::Coupling(i)) = (&condition.says, condition.owner)
+    let (Says::Law(Law::Curve { curve, abscissa, .. }, _), Owner::Coupling(i)) = (&condition.says, condition.owner)
     else {
         return None;
     };
     let Coupling::Curve { terms, .. } = &spec.couplings[i] else { return None };
-    of_table(curve, Enters::Position, *periodic, is_angle(&model.placed, terms.get(1)?))
+    of_table(curve, Enters::Position, *abscissa == Abscissa::Periodic, is_angle(&model.placed, terms.get(1)?))
 }
 
 fn of_element<G: Space>(spec: &Spec, model: &Evaluator<f64>, element: &Element<G>) -> Option<Breakpoints> {

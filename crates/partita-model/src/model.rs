@@ -4,7 +4,7 @@ use crate::breakpoints::Curves;
 use crate::clusters::{self, Preference};
 use crate::coincident;
 use crate::compile;
-use crate::coupling::{self, Condition};
+use crate::coupling::{self, Condition, Law, Says};
 use crate::error::DescriptionError;
 use crate::evaluator::{with_engine, DriveRow, Engine, Evaluator, Follow};
 use crate::force::Element;
@@ -18,18 +18,19 @@ use crate::planarity;
 use crate::reaction_friction::Following;
 use crate::rows::{Owner, Row};
 use crate::sparse_mass::MassLayout;
-use crate::spec::{JointKind, Measure, Spec};
+use crate::spec::{Coupling, JointKind, Measure, Spec};
 use crate::tree::LinkMotion;
 use crate::validate;
-use crate::value::{Callers, Functions};
+use crate::value::{Abscissa, Callers, Functions};
 use crate::zero_position::{Coordinates, Placed};
 use partita_math::elimination::Pattern;
 use partita_math::scalar::Scalar;
-use partita_math::spatial::Space;
+use partita_math::spatial::{Space, Spatial};
 use partita_math::tolerance;
 use partita_system::clusters::Clusters;
 use partita_system::SystemError;
 use std::collections::HashSet;
+use std::f64::consts::PI;
 use std::ops::Deref;
 use std::sync::{Arc, OnceLock};
 
@@ -156,9 +157,40 @@ impl Model {
     }
 
     /// The same mechanism with all rows of its loop closures in space, also when it is planar: for questions about the
-    /// reactions out of the plane.
+    /// reactions out of the plane. Where a curve [needs whole turns](Self::needs_turns), at the drawn position.
     pub fn in_space(&self) -> Result<Self, DescriptionError> {
-        self.same((*self.spec).clone(), (self.coordinates, false))
+        self.in_space_at(&self.initial())
+    }
+
+    /// As `in_space`, around the position q.
+    pub fn in_space_at(&self, q: &[f64]) -> Result<Self, DescriptionError> {
+        let mut spec = (*self.spec).clone();
+        if self.needs_turns() {
+            let mut s = self.scratch();
+            self.look(q, &vec![0.0; self.placed.nv], &mut s);
+            for (i, abscissa) in self.counted_curves() {
+                let x = abscissa.value(&self.full, &s.full, q);
+                if let Coupling::Curve { curve, .. } = &mut spec.couplings[i] {
+                    *curve = curve.around(x, PI);
+                }
+            }
+        }
+        self.same(spec, (self.coordinates, false))
+    }
+
+    /// Whether a curve depends on the whole turns of an angle that is counted in the plane alone.
+    pub fn needs_turns(&self) -> bool {
+        self.counted_curves().next().is_some()
+    }
+
+    /// Couplings by curves over angles that are counted in the plane alone, with these.
+    fn counted_curves(&self) -> impl Iterator<Item = (usize, &Measurement<Spatial<f64>>)> {
+        self.full.conditions.iter().filter_map(|c| match (&c.says, c.owner) {
+            (Says::Law(Law::Curve { abscissa: Abscissa::Known, .. }, readings), Owner::Coupling(i)) => {
+                readings.get(1).filter(|x| !x.adds_up.is_empty()).map(|x| (i, x))
+            }
+            _ => None,
+        })
     }
 
     /// The same mechanism in these coordinates.

@@ -286,6 +286,23 @@ pub struct Table {
     pub coefficients: Vec<[f64; 4]>,
 }
 
+impl Table {
+    /// The same within `half` of x, and nothing beyond: the outer pieces extend.
+    pub(crate) fn around(&self, x: f64, half: f64) -> Self {
+        let (from, to) = (x - half, x + half);
+        let inner = self.breaks.iter().copied().filter(|b| *b > from && *b < to);
+        let breaks: Vec<f64> = std::iter::once(from).chain(inner).chain([to]).collect();
+        let piece = |start: &f64| {
+            let last = self.coefficients.len() - 1;
+            let i = self.breaks.partition_point(|b| b <= start).saturating_sub(1).min(last);
+            let ([a, b, c, d], x) = (self.coefficients[i], start - self.breaks[i]);
+            [a, 3.0 * a * x + b, (3.0 * a * x + 2.0 * b) * x + c, ((a * x + b) * x + c) * x + d]
+        };
+        let coefficients = breaks[..breaks.len() - 1].iter().map(piece).collect();
+        Self { breaks, coefficients }
+    }
+}
+
 /// A measurement of a mechanism.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "of", rename_all = "snake_case", deny_unknown_fields)]

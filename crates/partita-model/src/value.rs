@@ -6,6 +6,7 @@ use partita_math::scalar::{Arguments, Scalar};
 use partita_math::spatial::{Mat3, Quaternion, Vec3};
 use partita_math::tolerance;
 use partita_system::SystemError;
+use std::f64::consts::TAU;
 use std::sync::Arc;
 
 /// Maximum number of readings of a user-defined relation.
@@ -156,21 +157,33 @@ pub(crate) fn up_to<S: Scalar>(x: S, period: Option<S>) -> S {
     }
 }
 
+/// What is known of the abscissa of a curve.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Abscissa {
+    /// All of it.
+    Known,
+    /// An angle whose whole turns are not counted.
+    UpToTurns,
+    /// The curve repeats, and it does not matter.
+    Periodic,
+}
+
 /// Value and derivatives of a curve at x.
 #[inline(always)]
-pub(crate) fn curve_at<S: Scalar>(curve: &Table, periodic: bool, x: S, what: &str) -> Result<[S; 3], SystemError> {
+pub(crate) fn curve_at<S: Scalar>(curve: &Table, abscissa: Abscissa, x: S, what: &str) -> Result<[S; 3], SystemError> {
     let (first, last) = (curve.breaks[0], curve.breaks[curve.breaks.len() - 1]);
-    let x = if periodic {
-        // the nearest whole number of periods around the middle
-        let middle = S::from_f64(0.5 * (first + last));
-        middle + up_to(x - middle, Some(S::from_f64(last - first)))
-    } else if let Some(x) =
-        x.outside(first - tolerance::EQUAL * (last - first), last + tolerance::EQUAL * (last - first))
-    {
-        return Err(SystemError::OutsideCurve { what: what.into(), x, from: first, to: last });
-    } else {
-        x
+    let period = match abscissa {
+        Abscissa::Known => None,
+        Abscissa::UpToTurns => Some(TAU),
+        Abscissa::Periodic => Some(last - first),
     };
+    // the nearest whole number of periods around the middle
+    let middle = S::from_f64(0.5 * (first + last));
+    let x = period.map_or(x, |period| middle + up_to(x - middle, Some(S::from_f64(period))));
+    let slack = tolerance::EQUAL * (last - first);
+    if let Some(x) = (abscissa != Abscissa::Periodic).then(|| x.outside(first - slack, last + slack)).flatten() {
+        return Err(SystemError::OutsideCurve { what: what.into(), x, from: first, to: last });
+    }
     Ok(cubic_at(curve, x))
 }
 

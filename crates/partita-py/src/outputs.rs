@@ -69,10 +69,16 @@ pub fn described(py: Python<'_>, nt: usize, size: Size, x: Described) -> PyResul
     Ok(d)
 }
 
-/// Measures and qualities at nt outputs of a system, by name.
+/// Measures, qualities and, where they are others than velocities of the system, tangent velocities at nt outputs, by
+/// name.
 pub fn assessed(py: Python<'_>, nt: usize, size: Size, x: Assessed) -> PyResult<Bound<'_, PyDict>> {
     let shapes: [(&str, &[usize]); 3] = [("measure", &[size.nv]), ("sigma", &[]), ("sqrt_mu", &[])];
-    named(py, nt, [x.measure, x.sigma, x.sqrt_mu].into_iter(), &shapes)
+    let d = named(py, nt, [x.measure, x.sigma, x.sqrt_mu].into_iter(), &shapes)?;
+    if !x.selector.is_empty() {
+        let k = x.selector.len() / (nt * size.nv);
+        d.set_item("selector", array(py, &[nt, k, size.nv], x.selector))?;
+    }
+    Ok(d)
 }
 
 /// t, q and v at the outputs, their shapes checked.

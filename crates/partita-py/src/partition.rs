@@ -14,11 +14,12 @@ fn matrices(
     mass: &PyReadonlyArray2<'_, f64>,
     jacobian: &PyReadonlyArray2<'_, f64>,
 ) -> PyResult<Matrices> {
-    let read = |x| {
-        let (rows, columns, data) = matrix(x);
-        Matrix::from_vec(rows, columns, data)
-    };
     Matrices::new(read(mass), read(jacobian)).map_err(|e| failure::analysis(py, e))
+}
+
+fn read(x: &PyReadonlyArray2<'_, f64>) -> Matrix {
+    let (rows, columns, data) = matrix(x);
+    Matrix::from_vec(rows, columns, data)
 }
 
 /// rho (nv,).
@@ -70,27 +71,34 @@ pub fn choose<'py>(
     })
 }
 
-/// k, k_constrained, k_tangential, P_c, P_d, M_c, M_d, T_cd, independent, dependent, rows.
+/// k, k_constrained, k_tangential, P_c, P_d, M_c, M_d, T_cd, M_s, sqrt_mu, rows; independent and dependent without a selector.
 #[pyfunction]
-#[pyo3(signature = (mass, jacobian, fixed=None))]
+#[pyo3(signature = (mass, jacobian, fixed=None, selector=None))]
 pub fn geometry<'py>(
     py: Python<'py>,
     mass: PyReadonlyArray2<'py, f64>,
     jacobian: PyReadonlyArray2<'py, f64>,
     fixed: Option<Vec<usize>>,
+    selector: Option<PyReadonlyArray2<'py, f64>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     guarded(py, || {
         let both = matrices(py, &mass, &jacobian)?;
-        let (g, split) = both.geometry(fixed).map_err(|e| failure::analysis(py, e))?;
+        let selector = selector.as_ref().map(read);
+        let (g, split) = both.geometry(fixed, selector.as_ref()).map_err(|e| failure::analysis(py, e))?;
         let d = PyDict::new(py);
         for (name, x) in [("k", g.k), ("k_constrained", g.k_constrained), ("k_tangential", g.k_tangential)] {
             d.set_item(name, array(py, &[x.len()], x))?;
         }
-        for (name, x) in [("P_c", g.p_c), ("P_d", g.p_d), ("M_c", g.m_c), ("M_d", g.m_d), ("T_cd", g.t_cd)] {
+        for (name, x) in
+            [("P_c", g.p_c), ("P_d", g.p_d), ("M_c", g.m_c), ("M_d", g.m_d), ("T_cd", g.t_cd), ("M_s", g.m_s)]
+        {
             d.set_item(name, dense(py, x))?;
         }
-        for (name, x) in [("independent", split.independent), ("dependent", split.dependent), ("rows", split.rows)] {
-            d.set_item(name, indices(py, &x))?;
+        d.set_item("sqrt_mu", g.sqrt_mu)?;
+        d.set_item("rows", indices(py, &split.rows))?;
+        if selector.is_none() {
+            d.set_item("independent", indices(py, &split.independent))?;
+            d.set_item("dependent", indices(py, &split.dependent))?;
         }
         Ok(d)
     })

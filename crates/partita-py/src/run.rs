@@ -119,7 +119,7 @@ impl Account {
     fn describe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         guarded(py, || self.run.describe(py))
     }
-    /// measure, sigma, sqrt_mu at every output.
+    /// measure, sigma, sqrt_mu at every output, and selector where tangent velocities are frozen.
     fn assess<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         guarded(py, || self.run.assess(py))
     }

@@ -64,7 +64,7 @@ impl PartitionEvent {
 }
 
 impl Output {
-    /// Take over an instant, not a singular one; `turns` and `choice` stay.
+    /// Take over an instant, not a singular one; `turns`, `choice` and `basis` stay.
     pub fn set(&mut self, t: f64, q: &[f64], v: &[f64], work: f64) {
         (self.t, self.work, self.singular) = (t, work, false);
         self.q.clear();
@@ -89,6 +89,8 @@ pub struct Output {
     pub work: f64,
     /// Number, among the events of the run, of the choice in use.
     pub choice: usize,
+    /// S (k x n) in use, where it is renewed without an event; otherwise that of `choice`, if it has one.
+    pub basis: Option<Arc<Matrix>>,
     /// Whether the mechanism is at a singular position here. Then accelerations and multipliers do not follow from it.
     pub singular: bool,
 }
@@ -124,11 +126,13 @@ pub struct Sample {
     pub sqrt_mu: f64,
     /// Current independent velocities.
     pub independent: Vec<usize>,
+    /// S (k x n) of the tangent velocities `u = S v`; empty where these are independent velocities, or all.
+    pub selector: Vec<f64>,
     /// Work of non-conservative forces and of driven constraints since the start.
     pub work: f64,
     /// Why something is not determined here (and NaN), in a sentence.
     pub note: Option<String>,
-    /// Set by the caller: measure, σ and √μ are not needed and hold nothing.
+    /// Set by the caller: measure, σ, √μ and S are not needed and hold nothing.
     pub brief: bool,
 }
 

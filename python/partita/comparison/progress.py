@@ -13,7 +13,7 @@ class Progress:
 
     def __init__(self, progress: Any, total: int) -> None:
         self._target: Any = checked(progress)
-        self._total, self._done = total, -1
+        self._total, self._done, self._furthest = total, -1, 0.0
         self._bar: Any = bar(total, "runs") if progress is True else None
 
     def part(self, name: str) -> Callable[[float], None] | None:
@@ -27,6 +27,8 @@ class Progress:
         return lambda fraction: self._report((begun + min(max(fraction, 0.0), 1.0)) / self._total)
 
     def _report(self, part: float) -> None:
+        # short runs are repeated
+        part = self._furthest = max(self._furthest, part)
         if self._bar is not None:
             forward(self._bar, part)
         else:

@@ -30,7 +30,7 @@ def draw_measure(result: ResultView, canvas: Canvas, cell: SubplotSpec) -> None:
     for i in columns:
         ax.plot(result.t, result.measure[:, i], color=colour[i], lw=1.3, label=shortened(result.names.velocities[i]))
     ax.set_ylim(-0.03, 1.05)
-    if not set(np.unique(result.independent).tolist()) <= set(columns):
+    if not set(np.unique(settled(result.independent)[:, :rows]).tolist()) <= set(columns):
         ax.plot([], [], color=GREY, lw=5, label="others (strip)")
     legend(ax, len(columns), result.measure.shape[1], "shown")
     _draw_strip(result, strip, colour, rows)

@@ -192,6 +192,27 @@ class Run:
         return self._record.arrays["independent"]
 
     @property
+    def selector(self) -> FloatArray | None:
+        """(nt, k, nv): S of the tangent velocities u = S v that were integrated, in use at each output: that of
+        "zero-eigenvalue", "svd", "qr", "liang-lance", "gram-schmidt" and "tangent-space". With `renew="each step"` that
+        which the rule makes at the output itself, for "liang-lance" from the one in use.
+
+        None where no S was made: where coordinates are chosen the rows of S are those of the identity with the indices
+        `independent`; the multiplier forms integrate all of v; "user-tangent" is given by D, to which many S belong.
+
+        >>> import numpy as np
+        >>> import partita as pt
+        >>> m = pt.catalogue.load("delta")
+        >>> svd, qr = (m.simulate(0.1, formulation=name).selector[0] for name in ("svd", "qr"))
+        >>> svd.shape == qr.shape, bool(np.allclose(svd, qr))           # different bases
+        (True, False)
+        >>> bool(np.allclose(svd.T @ svd, qr.T @ qr))                   # of one space
+        True
+        """
+        found = self._record.arrays["selector"]
+        return found if found.size else None
+
+    @property
     def spec(self) -> dict[str, Any] | None:
         """Plain description of the mechanism as built, or None for a `System`."""
         return self._record.spec
@@ -378,9 +399,10 @@ class Run:
         return self_stresses_of(self.summary, *found)
 
     def geometry(self, output: int = -1) -> Geometry:
-        """Metric geometry of the choice in use at one output: basis, volume, cosines and conditioning of the
-        independent velocities, see `partition.Geometry`. Where no velocities were chosen, as with frozen tangent
-        velocities, that of the choice which `partition.choose` makes there.
+        """Metric geometry of what is integrated at one output: basis, volume, cosines and conditioning of the
+        independent velocities, or of the tangent velocities u = S v with `selector[output]`; see `partition.Geometry`.
+        For the multiplier forms and "user-tangent", which have no S, that of the choice which `partition.choose` makes
+        there.
 
         Raises `ArgumentError` for an output that does not exist, for a stored result or the run of a `System`, which
         have no model, and for massless bodies, whose M is no metric. Costs O(n^3).
@@ -397,8 +419,9 @@ class Run:
             )
         t, q, chosen = float(self.t[i]), self.q[i], self.independent[i]
         known = chosen.tolist() if len(chosen) and chosen.min() >= 0 else None
-        at = source.model.at(t, q, self.v[i])
-        return geometry(at["M"], at["C"][at["rows"]], known)
+        at, selector = source.model.at(t, q, self.v[i]), self.selector
+        M, C = at["M"], at["C"][at["rows"]]
+        return geometry(M, C, known) if selector is None else geometry(M, C, selector=selector[i])
 
     def _output(self, asked: str, output: Any) -> int:
         """An output, numbered from 0 or from the end, by its number from 0."""
@@ -423,9 +446,11 @@ class Run:
     @property
     def arrays(self) -> Arrays:
         """All arrays over time that have a number or a row for each output, energies included; for writers of files."""
-        if self._source is None:
-            return {key: a for key, a in self._record.arrays.items() if key != "work"}
-        return {**self._record.arrays, **self._source.energies}
+        absent = {"work"} if self._source is None else set()
+        if self.selector is None:
+            absent.add("selector")
+        found = {key: a for key, a in self._record.arrays.items() if key not in absent}
+        return found if self._source is None else {**found, **self._source.energies}
 
     @property
     def record(self) -> Record:

@@ -14,7 +14,7 @@ from .verdict import Finding, findings_of
 KEPT_1D, KEPT_2D = ("work",), ("q", "v")
 DESCRIBED_1D, DESCRIBED_2D = ("closure", "velocity_closure"), ("vdot", "multipliers")
 ASSESSED_1D, ASSESSED_2D = ("sigma", "sqrt_mu"), ("measure",)
-ASSESSED = (*ASSESSED_1D, *ASSESSED_2D)
+ASSESSED = (*ASSESSED_1D, *ASSESSED_2D, "selector")
 NAMES = ("t", *KEPT_2D, *KEPT_1D, *DESCRIBED_2D, *DESCRIBED_1D, *ASSESSED, "independent")
 
 
@@ -25,7 +25,7 @@ class SolutionLog(Protocol):
         """Accelerations, multipliers, closures and the choice at every output, and notes."""
 
     def assess(self) -> dict[str, Any]:
-        """Measures and qualities at every output."""
+        """Measures, qualities and frozen tangent velocities at every output."""
 
     def partitions(self) -> list[dict[str, Any]]:
         """Choices of coordinates, in order of time."""
@@ -36,8 +36,8 @@ class SolutionLog(Protocol):
 
 class Tables(Mapping[str, NDArray[Any]]):
     """The arrays `NAMES` of a run. `t`, `q`, `v` and `work` exist from the start. Accelerations, multipliers and
-    closures are computed together, for all outputs, when one of them is first accessed; so are measures and
-    qualities."""
+    closures are computed together, for all outputs, when one of them is first accessed; so are measures, qualities and
+    tangent velocities."""
 
     def __init__(self, arrays: Mapping[str, Any], log: SolutionLog | None = None) -> None:
         self._log = log
@@ -113,6 +113,8 @@ class Tables(Mapping[str, NDArray[Any]]):
 
     def _assess(self, arrays: Mapping[str, Any]) -> None:
         self._take(arrays, ASSESSED_1D, ASSESSED_2D)
+        nothing = np.zeros((len(self._arrays["t"]), 0, self._arrays["v"].shape[1]))
+        self._arrays["selector"] = np.asarray(arrays.get("selector", nothing), dtype=float)
 
     def _take(self, arrays: Mapping[str, Any], vectors: tuple[str, ...], wide: tuple[str, ...]) -> None:
         """Arrays with their types and ranks; those a file or a system left out are empty."""

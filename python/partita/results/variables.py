@@ -42,6 +42,7 @@ RUN: dict[str, tuple[tuple[str, ...], str, str]] = {
     "multipliers": (("multiplier",), "", "lambda in M vdot = h + C^T lambda; N for lengths, N m for angles"),
     "measure": (("velocity",), "1", "projective measure rho: 1 = not restricted by the loops, 0 = locked"),
     "independent": (("choice",), "1", "indices along `velocity` (from 0) of the independent coordinates"),
+    "selector": (("choice", "velocity"), "", "S of the tangent velocities u = S v, frozen or of a tangent chart"),
     "closure": ((), "", "largest closure error of the constraints, m or rad"),
     "velocity_closure": ((), "", "largest closure error in velocities, m/s or rad/s"),
     "sigma": ((), "", "quality of the choice of independent coordinates, small near singular positions"),

@@ -10,7 +10,7 @@ const READOUTS = [
   ["energy", "energy", "kinetic and potential energy together", "J"],
   ["kinetic", "kinetic", "kinetic energy", "J"], ["potential", "potential", "potential energy", "J"],
   ["sigma", "quality of choice σ", "smallest singular value of the choice; small near a position where it fails"],
-  ["sqrt_mu", "√μ", "volume of the choice relative to the largest possible"],
+  ["sqrt_mu", "√μ", "smallest cosine between the choice and the motions that the loops allow; small where it fails"],
 ];
 
 /** A new element with a class and text; names only ever become text, never markup. */

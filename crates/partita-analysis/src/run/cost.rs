@@ -91,6 +91,9 @@ impl Formulation for Noted<'_> {
     fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<(), SystemError> {
         self.formulation.state_at(t, y, out)
     }
+    fn accept_output(&mut self, at: &Output, within: (f64, f64)) -> Result<bool, SystemError> {
+        self.formulation.accept_output(at, within)
+    }
     fn describe(&mut self, at: &Output, within: Option<&PartitionEvent>, out: &mut Sample) -> Result<(), SystemError> {
         self.formulation.describe(at, within, out)
     }

@@ -40,7 +40,8 @@ pub struct Described {
     pub gaps: Gaps,
 }
 
-/// How mobile the coordinates are and how good the choice is, at all outputs, row by row.
+/// How mobile the coordinates are, and which velocities are integrated and how good they are, at all outputs, row by
+/// row.
 #[derive(Clone, Debug)]
 pub struct Assessed {
     /// P4 (nv).
@@ -49,6 +50,8 @@ pub struct Assessed {
     pub sigma: Vec<f64>,
     /// √μ of the choice.
     pub sqrt_mu: Vec<f64>,
+    /// S (k x nv) of the tangent velocities; empty where independent velocities are integrated, or all.
+    pub selector: Vec<f64>,
 }
 
 /// Numbers kept of the constraint violations at an output: a relative value and a row of each kind, and the fastest
@@ -142,7 +145,7 @@ impl SolutionLog {
         found
     }
 
-    /// Measures and qualities of the outputs.
+    /// Measures, qualities and tangent velocities of the outputs.
     ///
     /// # Errors
     /// As `describe`.
@@ -156,10 +159,13 @@ impl SolutionLog {
             rows.row(0, i).copy_from_slice(&sample.measure);
             rows.row(1, i)[0] = sample.sigma;
             rows.row(2, i)[0] = sample.sqrt_mu;
+            rows.row(3, i).copy_from_slice(&sample.selector);
         };
-        let mut found = self.tables(system, shared, false, &[system.size().nv, 1, 1], fill, watch)?;
+        let selector = self.events.first().and_then(|event| event.basis.as_ref()).map_or(0, |s| s.data().len());
+        let widths = [system.size().nv, 1, 1, selector];
+        let mut found = self.tables(system, shared, false, &widths, fill, watch)?;
         let mut next = || found.next().unwrap_or_default();
-        Ok(Assessed { measure: next(), sigma: next(), sqrt_mu: next() })
+        Ok(Assessed { measure: next(), sigma: next(), sqrt_mu: next(), selector: next() })
     }
 
     /// Largest constraint violations at the outputs.

@@ -3,6 +3,7 @@
 use super::{is_of_a_position, Adapter, March};
 use crate::failure::StepFailure;
 use crate::stepper::Stepper;
+use partita_math::tolerance;
 use partita_system::formulation::Formulation;
 use partita_system::record::Output;
 use partita_system::SystemError;
@@ -77,6 +78,7 @@ impl March {
         let apart = ((centre - from) / 3.0).min((to - centre) / 3.0).min(beside);
         let at = (t - centre) / apart.max(f64::MIN_POSITIVE);
         let (mut side, mut q, mut v, mut work) = (Output::default(), Vec::new(), Vec::new(), 0.0);
+        let direct = (!singular).then(|| self.output.clone());
         for i in PLACES_BESIDE {
             if let Err(beside) = state(centre + i * apart, &mut side) {
                 return Err(failed.unwrap_or(beside));
@@ -90,7 +92,16 @@ impl March {
             work += weight * side.work;
         }
         self.output.set(t, &q, &v, work);
-        (self.output.choice, self.output.singular) = (side.choice, singular);
+        (self.output.choice, self.output.basis, self.output.singular) = (side.choice, side.basis, singular);
+        // A motion that passes at a distance which is small beside those places bends between them: no polynomial
+        // through them is closed.
+        let closed = (tolerance::CLOSED_IN_RUN, tolerance::WORST_ROUNDING);
+        let within = direct.as_ref().map_or((f64::INFINITY, f64::INFINITY), |_| closed);
+        let accepted =
+            formulation.accept_output(&self.output, within).map_err(|error| StepFailure::Rhs { t, error })?;
+        if let Some(direct) = direct.filter(|_| !accepted) {
+            self.output = direct;
+        }
         Ok(())
     }
 

@@ -13,8 +13,44 @@ pub(super) struct Blocks {
     pub odd: Vec<bool>,
     /// As `odd`, of all steps.
     pub all_odd: bool,
+    /// Entries of C within blocks, with the steps of their rows and columns; none where there is one block.
+    pub entries: Vec<[u32; 3]>,
     /// Rows and columns of all blocks, as one number.
     pub signature: u64,
+}
+
+/// A diagonal block of C_D with scaled rows and columns.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Block {
+    steps: i32,
+    determinant: f64,
+    /// Sum of the squares of its entries.
+    squares: f64,
+}
+
+impl Block {
+    pub(super) const EMPTY: Self = Self { steps: 0, determinant: 1.0, squares: 0.0 };
+
+    pub(super) fn add_pivot(&mut self, pivot: f64) {
+        self.steps += 1;
+        self.determinant *= pivot;
+    }
+
+    pub(super) fn add_entry(&mut self, entry: f64) {
+        self.squares += entry * entry;
+    }
+
+    /// A lower bound of its smallest singular value: the others have the product |det| / smallest, which is largest if
+    /// they are equal.
+    pub fn least_singular_value(&self) -> f64 {
+        let others = f64::from(self.steps - 1);
+        let by = if self.steps > 1 { (others / self.squares).powf(0.5 * others) } else { 1.0 };
+        // of hundreds of steps neither factor need be a number
+        match self.determinant.is_normal() && by.is_finite() {
+            true => self.determinant.abs() * by,
+            false => 0.0,
+        }
+    }
 }
 
 impl Blocks {
@@ -48,7 +84,13 @@ impl Blocks {
         named.iter().for_each(|x| (x.0, x.2).hash(&mut columns));
         named.sort_unstable_by_key(|x| x.1);
         named.iter().for_each(|x| (x.1, x.2).hash(&mut columns));
-        Self { of_step, odd, all_odd: is_odd(&all, rows) ^ is_odd(&all, cols), signature: columns.finish() }
+        let inside = |k: usize, e: usize| {
+            let l = step_of[pattern.col_idx[e]];
+            (l < n && of_step[l] == of_step[k]).then(|| [e, k, l].map(|x| x as u32))
+        };
+        let inside = (0..n).flat_map(|k| pattern.row(rows[k]).filter_map(move |e| inside(k, e)));
+        let entries = if count > 1 { inside.collect() } else { Vec::new() };
+        Self { of_step, odd, entries, all_odd: is_odd(&all, rows) ^ is_odd(&all, cols), signature: columns.finish() }
     }
 }
 

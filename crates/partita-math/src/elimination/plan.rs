@@ -1,5 +1,6 @@
 //! The public interface of a plan: made once, then [`factor`](Plan::factor) and [`solve`](Plan::solve).
 
+use super::blocks::Block;
 use super::choice;
 use super::layout::Layout;
 use super::program::sparse::SparseRoom;
@@ -173,6 +174,24 @@ impl Plan {
         }
         out.push(all);
         self.layout.blocks.signature
+    }
+
+    /// The diagonal blocks of `C_D` for the factors of the last [`factor`](Self::factor) of these values; row and column
+    /// of step k are multiplied by `scale(k)`. None where `C_D` is one block.
+    pub fn blocks(&self, values: &[f64], work: &[f64], scale: impl Fn(usize) -> (f64, f64), out: &mut Vec<Block>) {
+        let Layout { program, blocks, .. } = &*self.layout;
+        out.clear();
+        if blocks.entries.is_empty() {
+            return;
+        }
+        out.resize(blocks.odd.len(), Block::EMPTY);
+        for (k, &block) in blocks.of_step.iter().enumerate() {
+            let (row, column) = scale(k);
+            out[block].add_pivot(row * column / work[program.pivot_place(k)]);
+        }
+        for [e, k, l] in blocks.entries.iter().map(|x| x.map(|x| x as usize)) {
+            out[blocks.of_step[k]].add_entry(scale(k).0 * values[e] * scale(l).1);
+        }
     }
 
     /// Factors `C_D` from the values of C (in the order of the pattern) into `work` (`factor_len()`).

@@ -8,6 +8,7 @@ use crate::numbers::Numbers;
 use crate::rows::Owner;
 use crate::spec::{Coupling, Drive, GivenAs, Level, Measure, Spec, Turning};
 use crate::tree::{LinkMotion, Tree};
+use crate::value::Abscissa;
 use crate::zero_position::Placed;
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Space, Vec3};
@@ -131,7 +132,12 @@ fn coupling<G: Space>(
             Says::Law(Law::Linear { factors, offset, period }, readings)
         }
         Coupling::Curve { terms, curve, periodic, .. } => {
-            let law = Law::Curve { curve: curve.clone(), periodic: *periodic, period: group.period };
+            let abscissa = match (periodic, wraps(placed, &terms[1])) {
+                (true, _) => Abscissa::Periodic,
+                (false, true) => Abscissa::UpToTurns,
+                (false, false) => Abscissa::Known,
+            };
+            let law = Law::Curve { curve: curve.clone(), abscissa, period: group.period };
             Says::Law(law, read(terms)?)
         }
         Coupling::Function { terms, function, .. } => Says::Law(Law::Function(*function), read(terms)?),

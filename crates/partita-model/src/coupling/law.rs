@@ -7,7 +7,7 @@
 use crate::measurement::Measurement;
 use crate::spec::{Table, Value};
 use crate::tree::{Tree, TreeScratch};
-use crate::value::{self, failed, finite, Callers, Instant};
+use crate::value::{self, failed, finite, Abscissa, Callers, Instant};
 use partita_math::scalar::{Arguments, Scalar};
 use partita_math::spatial::Space;
 use partita_math::tolerance;
@@ -33,8 +33,8 @@ pub enum Law<S> {
     Curve {
         /// f.
         curve: Table,
-        /// Whether it is periodic.
-        periodic: bool,
+        /// What is known of r_1.
+        abscissa: Abscissa,
         /// Period up to which r_0 is known.
         period: Option<f64>,
     },
@@ -98,8 +98,8 @@ impl<S: Scalar> Law<S> {
                 let gradient = Gradient::Given(factors);
                 return Ok(Found { value: value::up_to(sum, *period), rate: o, gradient });
             }
-            Self::Curve { curve, periodic, period } => {
-                let [y, slope, _] = value::curve_at(curve, *periodic, read(1), name)?;
+            Self::Curve { curve, abscissa, period } => {
+                let [y, slope, _] = value::curve_at(curve, *abscissa, read(1), name)?;
                 (gradient[0], gradient[1]) = (one, -slope);
                 (value::up_to(read(0) - y, period.map(S::from_f64)), o)
             }
@@ -142,8 +142,8 @@ impl<S: Scalar> Law<S> {
             Self::Linear { factors, .. } => {
                 Ok(factors.iter().enumerate().fold(S::zero(), |sum, (i, &factor)| sum + factor * bias(i)))
             }
-            Self::Curve { curve, periodic, .. } => {
-                let [_, slope, bend] = value::curve_at(curve, *periodic, readings[1].value(tree, s, at.q), name)?;
+            Self::Curve { curve, abscissa, .. } => {
+                let [_, slope, bend] = value::curve_at(curve, *abscissa, readings[1].value(tree, s, at.q), name)?;
                 let rate = readings[1].rate(tree, s, at.v);
                 Ok(bias(0) - slope * bias(1) - bend * rate * rate)
             }

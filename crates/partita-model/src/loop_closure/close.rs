@@ -19,22 +19,21 @@ use std::f64::consts::TAU;
 type JointCoordinates<'a> = (&'a [PlanarJoint], [f64; 3]);
 
 impl Step {
-    /// Joints and coordinates of a polygon in a plane, for the coordinates known so far; none for another step.
-    fn plane(
-        &mut self,
-        g: &Graph,
-        pose: &Pose<f64>,
-        tolerance: f64,
-    ) -> Option<Result<JointCoordinates<'_>, Shortfall>> {
-        let Work::Plane(p, plane) = &self.work else { return None };
-        let count = plane.joints.len();
-        for k in (0..count).filter(|&k| self.moving[k]) {
+    /// Sides of a polygon in a plane, for the coordinates known so far.
+    fn place_sides(&mut self, g: &Graph, pose: &Pose<f64>) {
+        let Work::Plane(p, plane) = &self.work else { return };
+        for k in (0..plane.joints.len()).filter(|&k| self.moving[k]) {
             self.sides[k] = match &self.chains[k] {
                 Some(chain) => chain.at(&pose.x),
                 None => planar_side(p, k, g, pose),
             };
         }
-        let sides = &self.sides[..count];
+    }
+
+    /// Joints and coordinates of a polygon in a plane with the present sides; none for another step.
+    fn plane(&mut self, tolerance: f64) -> Option<Result<JointCoordinates<'_>, Shortfall>> {
+        let Work::Plane(_, plane) = &self.work else { return None };
+        let sides = &self.sides[..plane.joints.len()];
         let (x, pivot, fit) = plane.solve(sides, self.signs[0], tolerance);
         self.pivots[0] = pivot;
         Some(match fit.check() {
@@ -79,34 +78,39 @@ impl LoopClosing<'_> {
         apart
     }
 
-    /// Choose the signs of a step by the values in q; returns their distance from the choice.
-    fn choose_signs(&mut self, step: usize, q: &[f64]) -> f64 {
+    /// Choose the signs of a step by the values in q; returns their ambiguity, and whether the coordinates of its edges
+    /// are known: those of the kept signs are, of others not yet.
+    fn choose_signs(&mut self, step: usize, q: &[f64]) -> (f64, bool) {
         let kept = self.steps[step].signs;
         let free = kept.iter().filter(|s| **s != 0).count();
         let mut best = (f64::INFINITY, kept);
         let mut next = f64::INFINITY;
-        for choice in 0..1u8 << free {
-            // the kept signs first, so that they win a tie
+        self.steps[step].place_sides(&self.graph, &self.pose);
+        // the kept signs last: they win a tie, and are mostly those chosen
+        for choice in (0..1u8 << free).rev() {
             let sign = |i: usize| if choice >> i & 1 == 0 { kept[i] } else { -kept[i] };
             self.steps[step].signs = [sign(0), sign(1)];
-            let apart = match self.solve(step) {
+            let apart = match self.solve_placed(step) {
                 Ok(()) => self.apart_from(step, q),
                 Err(_) => f64::INFINITY,
             };
-            self.read_step(step, q);
-            if apart < best.0 {
+            if apart <= best.0 {
                 next = best.0;
                 best = (apart, self.steps[step].signs);
             } else {
                 next = next.min(apart);
             }
+            if choice > 0 {
+                self.read_step(step, q);
+            }
         }
-        self.steps[step].signs = best.1;
-        if next.is_finite() && next > 0.0 {
-            best.0 / next
-        } else {
-            0.0
+        let known = best.1 == kept && best.0.is_finite();
+        if !known {
+            self.steps[step].signs = best.1;
+            self.read_step(step, q);
         }
+        let ambiguity = if next.is_finite() && next > 0.0 { best.0 / next } else { 0.0 };
+        (ambiguity, known)
     }
 
     /// States of the blocks from the steps.
@@ -119,7 +123,8 @@ impl LoopClosing<'_> {
 
     /// One step; the coordinates of its edges are written to `x` and `balls`, and to q where they belong to it.
     pub(super) fn advance(&mut self, i: usize, t: f64, q: &mut [f64]) -> Result<(), SystemError> {
-        match self.steps[i].plane(&self.graph, &self.pose, self.tolerance) {
+        self.steps[i].place_sides(&self.graph, &self.pose);
+        match self.steps[i].plane(self.tolerance) {
             Some(Ok((joints, x))) => {
                 for (j, mut x) in joints.iter().zip(x) {
                     if let Some(at) = j.q {
@@ -217,7 +222,13 @@ impl LoopClosing<'_> {
 
     /// The closed form of step i for the coordinates known so far.
     pub(super) fn solve(&mut self, i: usize) -> Result<(), Shortfall> {
-        if let Some(found) = self.steps[i].plane(&self.graph, &self.pose, self.tolerance) {
+        self.steps[i].place_sides(&self.graph, &self.pose);
+        self.solve_placed(i)
+    }
+
+    /// The same with the present sides of a polygon in a plane.
+    fn solve_placed(&mut self, i: usize) -> Result<(), Shortfall> {
+        if let Some(found) = self.steps[i].plane(self.tolerance) {
             let (joints, x) = found?;
             joints.iter().zip(x).for_each(|(j, x)| self.pose.x[j.edge] = x);
             return Ok(());
@@ -353,7 +364,13 @@ impl Closing for LoopClosing<'_> {
         let mut doubt = 0.0f64;
         for i in 0..self.steps.len() {
             if self.steps[i].signs[0] != 0 {
-                doubt = doubt.max(self.choose_signs(i, q));
+                let (ambiguity, known) = self.choose_signs(i, q);
+                doubt = doubt.max(ambiguity);
+                if known {
+                    let (pose, graph) = (&mut self.pose, &self.graph);
+                    self.steps[i].edges.iter().for_each(|&e| pose.write(graph, e, q));
+                    continue;
+                }
             }
             self.advance(i, t, q)?;
         }

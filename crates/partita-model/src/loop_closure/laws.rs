@@ -103,8 +103,8 @@ impl SolvedLaw {
                 let rest = others.fold(*offset, |rest, i| rest - factors[i] * q[self.q[i]]);
                 Ok(rest / factors[self.index])
             }
-            Says::Law(Law::Curve { curve, periodic, .. }, _) => {
-                Ok(value::curve_at(curve, *periodic, q[self.q[1]], &c.name)?[0])
+            Says::Law(Law::Curve { curve, abscissa, .. }, _) => {
+                Ok(value::curve_at(curve, *abscissa, q[self.q[1]], &c.name)?[0])
             }
             Says::Law(..) | Says::Rolling(..) | Says::Turning(_) => {
                 let message = format!("\"{}\" has no closed form", c.name);

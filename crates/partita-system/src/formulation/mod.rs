@@ -34,6 +34,8 @@ pub struct Step<'a> {
 pub struct Side {
     /// Distance from singular in natural scales, of this choice.
     pub distance: f64,
+    /// A bound of it from below that falls by no more than the motion moves: that distance, or that of its blocks.
+    pub clearance: f64,
     /// Number of blocks of C_D that are on another side than at the start of the step.
     pub changed: usize,
 }
@@ -192,6 +194,11 @@ pub trait Formulation: FormulationSteps + SingularSteps + PrescribedRows {
     }
     /// Closed position, velocities and work at (t, y), y near the motion; about the cost of an evaluation.
     fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<()>;
+    /// Whether an output that was computed from others is closed within these limits: positions relative to their sizes,
+    /// rates to the fastest. One that is accepted is counted by the checks.
+    fn accept_output(&mut self, _at: &Output, _within: (f64, f64)) -> Result<bool> {
+        Ok(true)
+    }
     /// Everything else `at` a closed (t, q, v), with the choice of `within`, an event of this run or of one with the
     /// same options (`None`: with the choice in use); turns and work are left to the caller. May be asked before
     /// `start` and after the run.
@@ -307,6 +314,9 @@ impl<F: Formulation + ?Sized> Formulation for Box<F> {
     }
     fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<()> {
         (**self).state_at(t, y, out)
+    }
+    fn accept_output(&mut self, at: &Output, within: (f64, f64)) -> Result<bool> {
+        (**self).accept_output(at, within)
     }
     fn describe(&mut self, at: &Output, within: Option<&PartitionEvent>, out: &mut Sample) -> Result<()> {
         (**self).describe(at, within, out)

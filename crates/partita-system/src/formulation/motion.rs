@@ -244,11 +244,25 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         out.set(t, self.positions.q(), &self.tangent.seen().v, self.work(y));
         self.system.normalise(&mut out.q);
         out.choice = self.tangent.base().events().len().saturating_sub(1);
+        out.basis = self.tangent.unlisted_basis();
         out.singular = singular;
         if !singular {
-            self.check_output(t);
+            let found = self.output_gaps(t);
+            self.count_output(t, found);
         }
         Ok(())
+    }
+    fn accept_output(&mut self, at: &Output, within: (f64, f64)) -> Result<bool> {
+        self.moved = true;
+        let r = self.tangent.reduction();
+        r.position(at.t, &at.q)?;
+        r.v.copy_from_slice(&at.v);
+        let found = self.output_gaps(at.t);
+        let accepted = found.position.part <= within.0 && found.velocity.part <= within.1;
+        if accepted {
+            self.count_output(at.t, found);
+        }
+        Ok(accepted)
     }
     fn describe(&mut self, at: &Output, within: Option<&PartitionEvent>, out: &mut Sample) -> Result<()> {
         if self.has_levels_of(within) {
@@ -258,6 +272,6 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
             return instant::describe(self.tangent.reduction(), at, Some(&choice), out).map(drop);
         }
         let r = self.describer.describe(at, self.tangent.independent(within), out)?;
-        self.tangent.describe(r, within, out)
+        self.tangent.describe(r, at, within, out)
     }
 }

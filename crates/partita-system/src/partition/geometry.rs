@@ -4,6 +4,7 @@
 //!
 //! Everything here is dense and meant for inspection; an evaluation needs only D and M_d.
 
+use super::criterion;
 use crate::error::SystemError;
 use partita_math::dense::{self, Matrix};
 
@@ -26,6 +27,10 @@ pub struct Geometry {
     pub m_d: Matrix,
     /// Rows of C M⁻¹, then rows of D (n x n).                                               (11)
     pub t_cd: Matrix,
+    /// S M⁻¹ Sᵀ (k x k): products of the directions that S chooses.
+    pub m_s: Matrix,
+    /// √μ_S, their smallest principal cosine with the admissible motions.                      (27)
+    pub sqrt_mu: f64,
 }
 
 /// The Cholesky factor of a metric, or the index and size of the failed pivot.
@@ -44,11 +49,16 @@ fn solved(l: &[f64], b: &Matrix) -> Matrix {
 }
 
 impl Geometry {
-    /// From M (n x n), independent rows C (r x n) and D (k x n) with D Cᵀ = 0.
+    /// From M (n x n), independent rows C (r x n), S and D (k x n) with D Cᵀ = 0, S Dᵀ = 1.
     ///
     /// # Errors
     /// `Mass` where M or M_d is not positive definite, `Singular` where the rows of C are dependent.
-    pub fn new(mass: &Matrix, c: &Matrix, d: &Matrix, name: &dyn Fn(usize) -> String) -> Result<Self, SystemError> {
+    pub fn new(
+        mass: &Matrix,
+        c: &Matrix,
+        (s, d): (&Matrix, &Matrix),
+        name: &dyn Fn(usize) -> String,
+    ) -> Result<Self, SystemError> {
         let n = mass.rows();
         let heavy = |(i, pivot): (usize, f64)| SystemError::Mass { name: name(i), pivot };
         let l = factored(mass).map_err(heavy)?;
@@ -59,6 +69,9 @@ impl Geometry {
         let dependent = |(_, pivot): (usize, f64)| SystemError::Singular { t: 0.0, pivot, limit: 0.0 };
         let (lc, ld) = (factored(&m_c).map_err(dependent)?, factored(&m_d).map_err(heavy)?);
         let (from_c, from_d) = (solved(&lc, &w), solved(&ld, d));
+        let m_s = s.matmul(&inverse).matmul(&s.transpose());
+        let squares: Vec<f64> = (0..s.rows()).map(|j| m_s[(j, j)]).collect();
+        let sqrt_mu = criterion::quality(m_d.data(), &squares, m_s.data()).sqrt_mu;
         // covariant components are measured by the inverse metric
         let length = |own: &Matrix, dual: &Matrix| -> Vec<f64> {
             (0..n).map(|i| (0..own.rows()).map(|r| own[(r, i)] * dual[(r, i)]).sum::<f64>().max(0.0).sqrt()).collect()
@@ -79,6 +92,8 @@ impl Geometry {
             m_c,
             m_d,
             t_cd,
+            m_s,
+            sqrt_mu,
         })
     }
 }

@@ -181,7 +181,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     }
 
     /// Displacement of the row of a step.
-    fn size_of_row(&self, step: usize) -> f64 {
+    pub(super) fn size_of_row(&self, step: usize) -> f64 {
         self.row_displacement[self.partition.rows[step]].unwrap_or(1.0)
     }
 

@@ -5,7 +5,7 @@ use crate::partition::criterion::{self, Quality};
 use crate::partition::switch;
 use crate::system::{ClusterTangent, ConstrainedSystem, SystemError};
 use partita_math::dense::{self, Matrix};
-use partita_math::elimination::{Pattern, Plan};
+use partita_math::elimination::{Block, Pattern, Plan};
 use partita_math::factor;
 use partita_math::tolerance;
 
@@ -18,9 +18,13 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     /// Side of the singular positions of C_D at the last factorisation.
     pub fn sides(&self, sides: &mut Sides) {
         sides.negative.clear();
-        sides.choice = (self.choices, 0);
+        (sides.choice, sides.basis) = ((self.choices, 0), false);
+        sides.of_blocks.clear();
         if let Some(plan) = self.plan.as_ref().filter(|_| self.rank > 0) {
             sides.blocks = plan.signs(&self.factors, &mut sides.negative);
+            let partition = &self.partition;
+            let scale = |step: usize| (1.0 / self.size_of_row(step), self.displacement[partition.dependent[step]]);
+            plan.blocks(&self.c, &self.factors, scale, &mut sides.of_blocks);
         }
     }
 
@@ -294,6 +298,10 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
 #[derive(Clone, Debug)]
 pub struct Sides {
     negative: Vec<bool>,
+    /// Whether another determinant is negative: that of the velocities in use by those that are independent.
+    basis: bool,
+    /// The blocks in characteristic displacements, if there are several.
+    of_blocks: Vec<Block>,
     /// The choice and the blocks they belong to.
     choice: (u64, u64),
     blocks: u64,
@@ -302,7 +310,8 @@ pub struct Sides {
 impl Sides {
     /// Memory for this number of rows.
     pub fn new(rank: usize) -> Self {
-        Self { negative: Vec::with_capacity(rank + 2), choice: (0, 0), blocks: 0 }
+        let (negative, of_blocks) = (Vec::with_capacity(rank + 2), Vec::with_capacity(rank));
+        Self { negative, of_blocks, basis: false, choice: (0, 0), blocks: 0 }
     }
 
     /// The choice they belong to.
@@ -312,9 +321,20 @@ impl Sides {
 
     /// Together with the sign of another determinant, that of the basis with this number.
     pub fn extend(&mut self, negative: bool, basis: u64) {
-        self.choice.1 = basis;
-        let all = self.negative.pop().unwrap_or(false);
-        self.negative.extend([negative, all ^ negative]);
+        (self.choice.1, self.basis) = (basis, negative);
+    }
+
+    /// Distance of C_D from losing rank, from below: the least of its blocks. None where there is one block.
+    pub fn clearance(&self) -> Option<f64> {
+        self.of_blocks.iter().map(Block::least_singular_value).reduce(f64::min)
+    }
+
+    /// Whether every block stayed regular in between, if none moved by more than `by`: what all of a long chain loses is
+    /// small everywhere, and says little about the loops by themselves.
+    pub fn stay_regular(&self, other: &Self, by: f64) -> bool {
+        let comparable = self.choice == other.choice && self.blocks == other.blocks && !self.of_blocks.is_empty();
+        let stays = |(a, b): (&Block, &Block)| a.least_singular_value() + b.least_singular_value() >= by;
+        comparable && self.of_blocks.iter().zip(&other.of_blocks).all(stays)
     }
 
     /// Whether C_D was singular in between. Not distinguished from sides of another choice.
@@ -324,15 +344,19 @@ impl Sides {
 
     /// Number of blocks of C_D whose sides differ; of other blocks, whether C_D was singular in between; of another
     /// choice, none.
+    ///
+    /// With a basis S the velocities in use are those of [C; S], whose determinant is the product of those of C_D and of
+    /// S Dᵀ: at a dead point of the independent coordinates alone both change their signs, which is none of theirs.
     pub fn changed(&self, other: &Self) -> usize {
         if self.choice != other.choice {
             return 0;
         }
         // the last sign is that of all blocks
-        match (self.blocks == other.blocks, self.negative.split_last(), other.negative.split_last()) {
+        let of_blocks = match (self.blocks == other.blocks, self.negative.split_last(), other.negative.split_last()) {
             (true, Some((_, a)), Some((_, b))) => a.iter().zip(b).filter(|(a, b)| a != b).count(),
             _ => usize::from(self.negative.last() != other.negative.last()),
-        }
+        };
+        of_blocks.abs_diff(usize::from(self.basis != other.basis))
     }
 }
 

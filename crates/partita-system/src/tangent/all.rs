@@ -10,7 +10,7 @@ use crate::equations::full::{AccelerationRule, Failure, Instant};
 use crate::error::Result;
 use crate::manifold::orthogonal::{dense_rows, orthogonal_step, MassProjection};
 use crate::options::FormulationOptions;
-use crate::record::{Correction, History, PartitionEvent, Sample};
+use crate::record::{Correction, History, Output, PartitionEvent, Sample};
 use crate::reduction::{velocity_residuals, Reduction, Sides};
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError, SystemRef};
@@ -220,6 +220,7 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> TangentChoice<'s, S> for Eve
     fn describe(
         &mut self,
         _r: Option<&mut Reduction<'s, S>>,
+        _at: &Output,
         _within: Option<&PartitionEvent>,
         out: &mut Sample,
     ) -> Result<()> {

@@ -21,7 +21,7 @@ use crate::error::Result;
 use crate::manifold::orthogonal::{dense_rows, orthogonal_step};
 use crate::options::Renew;
 use crate::partition::criterion::Quality;
-use crate::record::{Correction, History, PartitionEvent, Sample, Verdict};
+use crate::record::{Correction, History, Output, PartitionEvent, Sample, Verdict};
 use crate::reduction::{Reduction, Sides};
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError, SystemRef};
@@ -39,7 +39,7 @@ pub struct Frozen<'s, S: ConstrainedSystem> {
     renew: Renew,
     basis: Box<dyn Basis>,
     /// S.
-    selector: Matrix,
+    selector: Arc<Matrix>,
     /// `L⁻¹ S`.
     orthonormal: Vec<f64>,
     /// L with `S M⁻¹ Sᵀ = L Lᵀ` at the freezing time.
@@ -73,7 +73,7 @@ impl<'s, S: ConstrainedSystem> Frozen<'s, S> {
             base,
             renew: renew.into(),
             basis,
-            selector: Matrix::new(k, n),
+            selector: Arc::new(Matrix::new(k, n)),
             orthonormal: vec![0.0; k * n],
             lower: vec![0.0; k * k],
             lu: vec![0.0; k * k],
@@ -113,7 +113,7 @@ impl<'s, S: ConstrainedSystem> Frozen<'s, S> {
         let r = &mut self.base.r;
         self.fresh = quality_of_selector(r, t, q, &self.selector)?;
         self.lowest = self.lowest.min(self.fresh.sqrt_mu);
-        let (p, basis) = (&r.partition, Some(Arc::new(self.selector.clone())));
+        let (p, basis) = (&r.partition, Some(self.selector.clone()));
         let reason = reason(self.fresh.sqrt_mu);
         // the reported choice is the best one of coordinates; nothing enters or leaves
         let named = PartitionEvent::new(t, &p.independent, &p.independent, &p.dependent, reason, self.fresh);
@@ -125,7 +125,7 @@ impl<'s, S: ConstrainedSystem> Frozen<'s, S> {
     fn take(&mut self, t: f64, q: &[f64]) -> Result<()> {
         let r = &mut self.base.r;
         let (n, k) = (r.size().nv, r.k());
-        let (mut mass, new) = made(&*self.basis, r, t, q, (self.frozen > 0).then_some(&self.selector))?;
+        let (mut mass, new) = made(&*self.basis, r, t, q, (self.frozen > 0).then_some(&*self.selector))?;
         dense::cholesky(mass.data_mut(), n)
             .map_err(|e| SystemError::Mass { name: r.system.velocity_name(e.index), pivot: e.pivot })?;
         // S M⁻¹ Sᵀ = Y Yᵀ with Y = S L_M⁻ᵀ
@@ -141,7 +141,7 @@ impl<'s, S: ConstrainedSystem> Frozen<'s, S> {
         let orthonormal = columns.transpose().into_vec();
         self.factor(t, Some(&orthonormal))?;
         self.frozen += 1;
-        (self.selector, self.orthonormal, self.lower) = (new, orthonormal, lower);
+        (self.selector, self.orthonormal, self.lower) = (Arc::new(new), orthonormal, lower);
         Ok(())
     }
 
@@ -154,6 +154,15 @@ impl<'s, S: ConstrainedSystem> Frozen<'s, S> {
             other => other?,
         }
         self.factor(t, covectors)
+    }
+
+    /// All levels at the closed (t, q) with velocities v, with the present S.
+    fn go_on(&mut self, t: f64, q: &[f64], v: &[f64]) -> Result<()> {
+        let mut u = vec![0.0; self.count()];
+        self.select(v, &mut u);
+        self.tangent(t, q, false)?;
+        self.spread(&u);
+        self.accelerate(t, q, &u)
     }
 
     /// Renew S after each step, where it is neither judged nor recorded.
@@ -278,6 +287,10 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Frozen<'s, S> {
         self.resume(t, q, v)
     }
     fn resume(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<()> {
+        if self.renew.never() && self.frozen > 0 {
+            start::choose_partition(&mut self.base.r, t, q, None, None)?;
+            return self.go_on(t, q, v);
+        }
         let name = self.basis.name();
         let lasts = match self.renew {
             Renew::EachStep => ", and renewed after each step, which is counted but not listed",
@@ -289,11 +302,7 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Frozen<'s, S> {
                  coordinates at this time{lasts}"
             )
         })?;
-        let mut u = vec![0.0; self.count()];
-        self.select(v, &mut u);
-        self.tangent(t, q, false)?;
-        self.spread(&u);
-        self.accelerate(t, q, &u)
+        self.go_on(t, q, v)
     }
     /// S is to be renewed when √μ_S falls below `renew` times its value when frozen; 0: never.
     fn judge(&mut self, t: f64, q: &[f64]) -> Verdict {
@@ -350,21 +359,38 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Frozen<'s, S> {
             other => other.map(|()| true),
         }
     }
+    fn unlisted_basis(&self) -> Option<Arc<Matrix>> {
+        (self.renew == Renew::EachStep).then(|| self.selector.clone())
+    }
     fn describe(
         &mut self,
         r: Option<&mut Reduction<'s, S>>,
+        at: &Output,
         within: Option<&PartitionEvent>,
         out: &mut Sample,
     ) -> Result<()> {
-        let Some(r) = r.filter(|_| !out.brief) else { return Ok(()) };
-        let fresh = match self.renew {
-            // not stored: that of the rule at the output itself
-            Renew::EachStep => Some(made(&*self.basis, r, out.t, &out.q, None)?.1),
-            Renew::Below(_) => None,
-        };
-        let frozen = within.and_then(|event| event.basis.as_deref()).unwrap_or(&self.selector);
-        let quality = quality_of_selector(r, out.t, &out.q, fresh.as_ref().unwrap_or(frozen))?;
+        if out.brief {
+            return Ok(());
+        }
+        let listed = within.and_then(|event| event.basis.as_deref());
+        let own = || (self.frozen > 0).then_some(&*self.selector);
+        let known = at.basis.as_deref().or(listed).or_else(own);
+        out.selector.clear();
+        out.selector.extend_from_slice(known.unwrap_or(&self.selector).data());
+        let Some(r) = r else { return Ok(()) };
+        if self.renew == Renew::EachStep {
+            // as if renewed at the output itself, whatever the step it lies in; next to a singular position kept
+            match made(&*self.basis, r, out.t, &out.q, known) {
+                Ok((_, new)) => out.selector.copy_from_slice(new.data()),
+                Err(e) if e.is_local() => {}
+                Err(e) => return Err(e),
+            }
+        }
+        let (k, n) = (r.k(), r.size().nv);
+        let selector = Matrix::from_vec(k, n, std::mem::take(&mut out.selector));
+        let quality = quality_of_selector(r, out.t, &out.q, &selector)?;
         (out.sigma, out.sqrt_mu) = (quality.sigma, quality.sqrt_mu);
+        out.selector = selector.into_vec();
         Ok(())
     }
     fn report(&self, history: &mut History) {

@@ -13,9 +13,11 @@ pub mod user;
 pub use base::Base;
 
 use crate::error::Result;
-use crate::record::{Correction, History, PartitionEvent, Sample, Verdict};
+use crate::record::{Correction, History, Output, PartitionEvent, Sample, Verdict};
 use crate::reduction::{Reduction, Sides};
 use crate::system::{ConstrainedSystem, SystemError};
+use partita_math::dense::Matrix;
+use std::sync::Arc;
 
 /// Reason for a new choice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -121,11 +123,16 @@ pub trait TangentChoice<'s, S: ConstrainedSystem + 's>: TangentLevels<'s, S> {
     fn independent<'a>(&'a self, _within: Option<&'a PartitionEvent>) -> Option<&'a [usize]> {
         None
     }
-    /// Report of the basis of `within`, or of the one in use, in `out` instead of independent velocities; r was
+    /// S in use, where it is renewed without an event.
+    fn unlisted_basis(&self) -> Option<Arc<Matrix>> {
+        None
+    }
+    /// Report of the basis of `at` or `within`, or of the one in use, in `out` instead of independent velocities; r was
     /// evaluated there, none where the position is singular.
     fn describe(
         &mut self,
         _r: Option<&mut Reduction<'s, S>>,
+        _at: &Output,
         _within: Option<&PartitionEvent>,
         _out: &mut Sample,
     ) -> Result<()> {

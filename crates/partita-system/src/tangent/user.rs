@@ -15,7 +15,7 @@ use super::{Base, TangentChoice, TangentClosing, TangentLevels};
 use crate::error::Result;
 use crate::manifold::orthogonal::orthogonal_step;
 use crate::options::TangentMap;
-use crate::record::{Correction, History, PartitionEvent, Sample};
+use crate::record::{Correction, History, Output, PartitionEvent, Sample};
 use crate::reduction::{Reduction, Sides};
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError, SystemRef};
@@ -303,6 +303,7 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Given<'s, S> {
     fn describe(
         &mut self,
         r: Option<&mut Reduction<'s, S>>,
+        _at: &Output,
         _within: Option<&PartitionEvent>,
         out: &mut Sample,
     ) -> Result<()> {

@@ -271,6 +271,9 @@ impl<E: Equations> Formulation for Watched<'_, E> {
     fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<(), SystemError> {
         self.inner.state_at(t, y, out)
     }
+    fn accept_output(&mut self, at: &Output, within: (f64, f64)) -> Result<bool, SystemError> {
+        self.inner.accept_output(at, within)
+    }
     fn describe(&mut self, at: &Output, within: Option<&PartitionEvent>, out: &mut Sample) -> Result<(), SystemError> {
         self.inner.describe(at, within, out)
     }

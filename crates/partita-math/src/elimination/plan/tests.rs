@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::dense::{lu, lu_solve, Matrix};
+use crate::factor::svd;
 use crate::scalar::{Dual, Lanes, Recorder, Recording};
 
 /// C_D x = b and C_Dᵀ y = b for every scalar; the values of C first, then b.
@@ -405,7 +406,7 @@ fn negative_block(pattern: &Pattern, values: &[f64], mut rows: Vec<usize>, mut c
 }
 
 #[test]
-fn signs_are_those_of_the_determinants_of_the_blocks() {
+fn blocks_have_the_signs_of_their_determinants_and_bounds_of_their_singular_values() {
     let mut rng = fastrand::Rng::with_seed(51);
     let mut several = 0;
     for _ in 0..60 {
@@ -443,6 +444,27 @@ fn signs_are_those_of_the_determinants_of_the_blocks() {
             assert_eq!(*sign, wanted, "block {block} of {count}");
         }
         assert_eq!(signs[count], negative_block(&pattern, &values, rows, cols));
+
+        let (mut blocks, scale): (_, Vec<f64>) = (Vec::new(), (0..n).map(|_| 0.5 + rng.f64()).collect());
+        made.blocks(&values, &work, |k| (scale[k], 1.0 / scale[n - 1 - k]), &mut blocks);
+        assert_eq!(blocks.len(), if count > 1 { count } else { 0 });
+        for (block, found) in blocks.iter().enumerate() {
+            let own: Vec<usize> = (0..n).filter(|&k| made.layout.blocks.of_step[k] == block).collect();
+            let mut entries = Matrix::new(own.len(), own.len());
+            for (i, &k) in own.iter().enumerate() {
+                for e in pattern.row(made.pivot_rows()[k]) {
+                    if let Some(j) = own.iter().position(|&l| made.pivot_cols()[l] == pattern.col_idx[e]) {
+                        entries[(i, j)] = scale[k] * values[e] / scale[n - 1 - own[j]];
+                    }
+                }
+            }
+            let singular = svd(&entries).unwrap().s;
+            let (least, bound) = (singular[own.len() - 1], found.least_singular_value());
+            assert!(bound <= least * (1.0 + 1e-9), "{bound} {least}");
+            // two values are in the worst case equal
+            let near = if own.len() == 1 { 1.0 } else { 0.5f64.sqrt() };
+            assert!(own.len() > 2 || bound >= near * least * (1.0 - 1e-9), "{bound} {least}");
+        }
     }
     assert!(several > 20, "{several}");
 }

@@ -2,7 +2,7 @@
 
 use super::{Asked, Response, ScalarLaw};
 use crate::spec::Table;
-use crate::value;
+use crate::value::{self, Abscissa};
 use partita_math::scalar::Scalar;
 use partita_math::tolerance;
 use partita_system::SystemError;
@@ -19,7 +19,8 @@ pub struct Curve {
 
 impl<S: Scalar> ScalarLaw<S> for Curve {
     fn respond(&self, asked: &Asked<S>, _: &mut Vec<f64>) -> Result<Response<S>, SystemError> {
-        let [effort, _, _] = value::curve_at(&self.curve, self.periodic, asked.x, asked.name)?;
+        let abscissa = if self.periodic { Abscissa::Periodic } else { Abscissa::Known };
+        let [effort, _, _] = value::curve_at(&self.curve, abscissa, asked.x, asked.name)?;
         Ok(Response { effort, potential: S::zero(), power: effort * asked.rate })
     }
     fn turns(&self) -> Option<(S, f64)> {

@@ -22,6 +22,7 @@ use partita_system::kinematics::assembly;
 use partita_system::manifold::truncated::FIRST_GRADE;
 use partita_system::prelude::*;
 use partita_system::rank::{exact, weakest, Cut, Exact, Kernel};
+use partita_system::start;
 use rates::Rates;
 use std::cell::OnceCell;
 use std::collections::HashMap;
@@ -108,6 +109,11 @@ impl Geometry {
         repaired.flat_map(|x| &x.changed).fold(0.0, |m: f64, x| m.max(*x))
     }
 
+    /// Whether the drawn position is singular.
+    fn is_singular(&self) -> bool {
+        self.blocks.iter().any(|x| matches!(x.verdict, Verdict::SingularHere | Verdict::Shaky))
+    }
+
     /// What was repaired, in a sentence.
     pub fn words(&self, spec: &Spec) -> Option<String> {
         let repaired = || self.blocks.iter().filter(|x| x.verdict == Verdict::Repaired);
@@ -149,7 +155,42 @@ impl Drawing {
 
 /// Decide the geometry of a compiled mechanism. `tolerance` is that of its drawing, or a larger one to find out what
 /// would make it movable. The joints of a repaired mechanism are the second result.
+///
+/// The decision is that of joint coordinates, whatever those of the model: it must not depend on them, and of the rows
+/// of a loop alone more are settled by their pivots. How weak the constraints are is a matter of the rows in use.
 pub(super) fn decide(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joint>>) {
+    let by_joints = match model.coordinates {
+        Coordinates::Relative => None,
+        Coordinates::Absolute => {
+            let form = (Coordinates::Relative, true);
+            Model::compiled((*model.spec).clone(), model.functions(), form, false).ok()
+        }
+    };
+    let (mut found, joints) = decided(by_joints.as_ref().unwrap_or(model), tolerance);
+    let undecided = found.dof.is_none() && found.ambiguous.is_none() && joints.is_none();
+    if undecided {
+        found.dof = counted(model, tolerance);
+    }
+    if (by_joints.is_some() && !found.is_singular() && joints.is_none()) || (undecided && found.dof.is_some()) {
+        let drawn = closed(model, coarsest(tolerance));
+        found.weak |= weakest_of(model, drawn.as_deref(), found.dof) < WEAK_CONDITION * WEAK_CONDITION;
+    }
+    (found, joints)
+}
+
+/// Degrees of freedom by the pivots of the drawing, where nothing else decides: if it closes, in joint coordinates, drives
+/// released, and what is redundant there is so next to it.
+fn counted(model: &Model, tolerance: f64) -> Option<usize> {
+    let spec = Spec { drives: Vec::new(), ..(*model.spec).clone() };
+    let model = Model::compiled(spec, model.functions(), (Coordinates::Relative, true), true).ok()?;
+    let holonomic = model.size().rows == model.size().holonomic;
+    let drawn = closed(&model, coarsest(tolerance)).filter(|_| holonomic)?;
+    let found = start::analyse(&model, 0.0, &drawn).ok()?;
+    Some(model.size().nv - found.rank)
+}
+
+/// The decision in the coordinates of the model.
+fn decided(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joint>>) {
     let spec = &model.spec;
     let drawn = closed(model, coarsest(tolerance));
     let settled = match at(model, drawn.as_deref(), coarsest(tolerance)) {
@@ -206,7 +247,7 @@ pub(super) fn decide(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joi
             found.blocks.push(BlockVerdict { joints: block.joints, verdict, dof, kernel, changed, moved, length });
         }
     }
-    let singular = found.blocks.iter().any(|x| matches!(x.verdict, Verdict::SingularHere | Verdict::Shaky));
+    let singular = found.is_singular();
     let conditions = found.blocks.iter().any(|x| x.verdict == Verdict::Conditions);
     // repaired conditions are weak in the drawing alone, unless they are weak along the motion too
     let asked = !singular && (joints.is_none() || found.weak);

@@ -106,17 +106,21 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         self.checks.look(t, r, &self.vdot, drift);
     }
 
-    /// Hold an output, the point last evaluated, against its conditions.
-    pub(super) fn check_output(&mut self, t: f64) {
+    /// Violations at an output, the point last evaluated.
+    pub(super) fn output_gaps(&self, t: f64) -> Gaps {
         let r = self.tangent.seen();
-        let mut gaps = gaps(t, r);
-        let fastest = self.watch.fastest_yet();
-        gaps.in_parts_of(fastest.max(r.fastest()));
+        let mut found = gaps(t, r);
+        found.in_parts_of(self.watch.fastest_yet().max(r.fastest()));
+        found
+    }
+
+    /// Count an output, the point last evaluated, with these violations.
+    pub(super) fn count_output(&mut self, t: f64, found: Gaps) {
         // before the first step the speed is unknown
         let explained = match self.monitor.length() {
-            Some(h) => fastest + h * self.checks.trial_sizes.1 + tolerance::STANDING,
+            Some(h) => self.watch.fastest_yet() + h * self.checks.trial_sizes.1 + tolerance::STANDING,
             None => f64::INFINITY,
         };
-        self.checks.output(t, r, gaps, explained);
+        self.checks.output(t, self.tangent.seen(), found, explained);
     }
 }

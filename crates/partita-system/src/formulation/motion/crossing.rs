@@ -212,10 +212,13 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     pub(super) fn side_inside(&mut self, t: f64) -> Option<Side> {
         let (distance, _) = self.tangent.margin()?;
         // where another choice was made on the way the distance alone tells
-        let changed = self.changed().unwrap_or(0);
+        let changed = self.changed();
+        let of_blocks = changed.and_then(|_| self.monitor.sides_inside.clearance());
+        let changed = changed.unwrap_or(0);
         let at_ends = self.margins().into_iter().flatten().fold(0.0, f64::max);
         let others = (distance < tolerance::MUCH_SMALLER * at_ends).then(|| self.others(t, self.positions.q()));
-        Some(Side { distance: others.flatten().map_or(distance, |x| x.distance.max(distance)), changed })
+        let distance = others.flatten().map_or(distance, |x| x.distance.max(distance));
+        Some(Side { distance, clearance: of_blocks.map_or(distance, |x| x.max(distance)), changed })
     }
 
     /// Keep other rows from (t, y) on, if a look ahead found those in use about to lose rank and others not.
@@ -290,7 +293,9 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     /// moves.
     pub(super) fn may_flip_twice(&self) -> bool {
         let ([Some(one), Some(two)], Some(h)) = (self.margins(), self.monitor.length()) else { return false };
-        one + two < h * self.monitor.rate() && !self.monitor.crossing.is_barred()
+        let (moves, monitor) = (h * self.monitor.rate(), &self.monitor);
+        let clear = one + two >= moves || monitor.sides.stay_regular(&monitor.sides_ahead, moves);
+        !clear && !monitor.crossing.is_barred()
     }
 
     /// Distances at both ends of the step that was judged.
