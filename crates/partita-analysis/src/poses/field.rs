@@ -214,7 +214,7 @@ impl<'m> Field<'m> {
         self.closure_error_of(duty).worst
     }
 
-    /// The loop-closure row with the largest closure error, and the gap between the points [m] and directions [rad] of
+    /// The loop-closure row with the largest closure error, and the gap between the points (m) and directions (rad) of
     /// its joint.
     pub fn closure_error(&self) -> (usize, f64, f64) {
         let m = self.closings();
