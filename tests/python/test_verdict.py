@@ -99,6 +99,7 @@ def test_stored_results_keep_the_verdict(tmp_path: Path, ending: str, invalid: b
         back = results.load_result(tmp_path / f"run.{ending}")
         assert back.success is run.success and back.status == run.status and back.message == run.message
         assert back.certificate.findings == run.certificate.findings
+        assert back.record.findings == run.record.findings  # what is saved again
 
 
 def test_the_command_line_fails_where_the_run_is_invalid(
