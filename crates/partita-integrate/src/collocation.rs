@@ -48,27 +48,19 @@ pub(crate) struct Nodes {
     compared: [Vec<f64>; COMPARED.len()],
 }
 
-/// Legendre polynomials of the step at the part x, from degree 0 on.
-fn legendre(x: f64) -> impl Iterator<Item = f64> {
-    let z = 2.0 * x - 1.0;
-    let mut two = (1.0, z);
-    (1..).map(move |n| {
-        let n = f64::from(n);
-        let (this, next) = two;
-        two = (next, ((2.0 * n + 1.0) * z * next - n * this) / (n + 1.0));
-        this
-    })
+/// Legendre polynomials at x in -1..1, each with the next one, from degree 0 on.
+fn legendre(x: f64) -> impl Iterator<Item = (f64, f64)> {
+    let next = move |(n, (before, p)): &(f64, (f64, f64))| {
+        Some((n + 1.0, (*p, ((2.0 * n + 1.0) * x * p - n * before) / (n + 1.0))))
+    };
+    std::iter::successors(Some((1.0, (1.0, x))), next).map(|(_, pair)| pair)
 }
 
 impl Nodes {
     fn new(s: usize) -> Self {
         // roots of the Legendre polynomial by Newton's method, its weights by its slope
         let with_slope = |x: f64| {
-            let (mut before, mut p) = (1.0, x);
-            for n in 1..s {
-                let m = n as f64;
-                (before, p) = (p, ((2.0 * m + 1.0) * x * p - m * before) / (m + 1.0));
-            }
+            let (before, p) = legendre(x).nth(s - 1).unwrap_or((0.0, 1.0));
             (p, s as f64 * (x * p - before) / (x * x - 1.0))
         };
         let (mut c, mut b) = (Vec::new(), Vec::new());
@@ -86,8 +78,8 @@ impl Nodes {
             (0..s).map(|i| 1.0 / (0..s).filter(|&j| j != i).map(|j| 4.0 * (c[i] - c[j])).product::<f64>()).collect();
         // the quadrature of the nodes is exact for their products
         let row = |m: usize| {
-            let of_node = |(c, b): (&f64, &f64)| (2 * m + 1) as f64 * b * legendre(*c).nth(m).unwrap_or(0.0);
-            c.iter().zip(&b).map(of_node).collect()
+            let at = |c: &f64| legendre(2.0 * c - 1.0).nth(m).map_or(0.0, |(p, _)| p);
+            c.iter().zip(&b).map(|(c, b)| (2 * m + 1) as f64 * b * at(c)).collect()
         };
         let legendre = (0..s).map(row).collect();
         let mut nodes = Self { c, w, b, legendre, a: Vec::new(), compared: Default::default() };
@@ -114,8 +106,7 @@ impl Nodes {
     fn integrals(&self, x: f64) -> Vec<f64> {
         let mut sum = vec![0.0; self.count()];
         let mut before = -1.0;
-        let here = legendre(x).zip(legendre(x).skip(1));
-        for (m, (row, (this, next))) in self.legendre.iter().zip(here).enumerate() {
+        for (m, (row, (this, next))) in self.legendre.iter().zip(legendre(2.0 * x - 1.0)).enumerate() {
             // of the polynomial of degree m
             let integral = (next - before) / (2 * (2 * m + 1)) as f64;
             sum.iter_mut().zip(row).for_each(|(sum, l)| *sum += integral * l);
@@ -207,13 +198,11 @@ impl Stages {
             two.fill(0.0);
             self.add(weights, &mut one);
             other.add(others, &mut two);
+            one.iter_mut().zip(&two).for_each(|(a, b)| *a = (*a - b).abs());
             for (worst, tolerances) in worst.iter_mut().zip(tolerances) {
-                for ((a, b), tolerance) in one.iter().zip(&two).zip(tolerances) {
-                    let off = (a - b).abs() / tolerance;
-                    if off > *worst || off.is_nan() {
-                        *worst = off;
-                    }
-                }
+                let off = one.iter().zip(tolerances).map(|(off, tolerance)| off / tolerance);
+                // NaN counts
+                *worst = off.fold(*worst, |worst, off| if off > worst || off.is_nan() { off } else { worst });
             }
         }
         worst

@@ -34,7 +34,7 @@ struct End {
 }
 
 impl Continuity {
-    /// A singular position is near below this distance. Scale: distance in natural scales. Reason: crossing from there
+    /// Below this distance a singular position counts as near. Scale: distance in natural scales. Reason: crossing from there
     /// takes about half a radian.
     const SINGULAR_NEAR: f64 = 0.3;
     /// At this nearness to a dead point no step succeeds. Scale: gain of the switch. Reason: the equations in 2k
