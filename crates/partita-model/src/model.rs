@@ -117,9 +117,9 @@ fn all_welded(spec: &Spec) -> bool {
 fn following(
     own: &Evaluator<f64>,
     spec: &Spec,
-    of: &Pattern,
+    rows: (&Pattern, &[Option<f64>]),
 ) -> Result<Option<Arc<dyn Follow<f64>>>, DescriptionError> {
-    Ok(Following::new(own, spec, of)?.map(|found| Arc::new(found) as Arc<dyn Follow<f64>>))
+    Ok(Following::new(own, spec, rows)?.map(|found| Arc::new(found) as Arc<dyn Follow<f64>>))
 }
 
 impl Model {
@@ -300,7 +300,7 @@ impl Model {
         let elements = &own.full.elements;
         let has_power = elements.iter().any(Element::is_dissipative);
         let pattern = Pattern::from_rows(placed.nv, &columns);
-        own.following = following(&own, &spec, &pattern)?;
+        own.following = following(&own, &spec, (&pattern, &row_displacement))?;
         let clusters = match &own.engine {
             Engine::Planar(tree) => clusters::clusters(tree, &pattern),
             Engine::Full => clusters::clusters(&own.full, &pattern),
@@ -342,7 +342,8 @@ impl Model {
         model.dense_projection = model.dense_is_cheaper();
         if !model.placed.massless.is_empty() && !model.is_short_of_mass() {
             model.count_as_drawn();
-            model.own.following = following(&model.own, &model.spec, &model.pattern)?;
+            let rows = (&model.pattern, &model.row_displacement[..]);
+            model.own.following = following(&model.own, &model.spec, rows)?;
         }
         Ok(model)
     }
