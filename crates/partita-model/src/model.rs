@@ -16,6 +16,7 @@ use crate::numbers::Numbers;
 use crate::part::Part;
 use crate::planarity;
 use crate::reaction_friction::Following;
+use crate::rotors;
 use crate::rows::{Owner, Row};
 use crate::sparse_mass::MassLayout;
 use crate::spec::{Coupling, JointKind, Measure, Spec};
@@ -234,6 +235,7 @@ impl Model {
         validate::validate(&spec, functions.count())?;
         coincident::unite(&mut spec);
         let mut placed = Placed::new(&spec, coordinates, allow_plane)?;
+        rotors::place(&mut placed, &spec)?;
         massless::weigh(&mut placed, &spec);
         if placed.nv == 0 || !may_be_welded && all_welded(&spec) {
             let message = "nothing can move: every body is fixed to the ground; free a joint";
@@ -470,7 +472,7 @@ impl Model {
     pub fn joint_of_row(&self, row: usize) -> Option<usize> {
         match self.row_names[row].owner {
             Owner::Joint(j) => Some(j),
-            Owner::Coupling(_) | Owner::Drive(_) => None,
+            Owner::Coupling(_) | Owner::Rotor(_) | Owner::Drive(_) => None,
         }
     }
 
