@@ -23,8 +23,8 @@ def add_rotor(
 
     Its kinetic energy is inertia (ratio rate)^2 / 2 with the rate of the joint coordinate: only the rotation against
     the parent counts, as usual for gears of high ratio (`armature` in MJCF). The rotor has no weight: add its mass to
-    the body that carries the motor. Where the rotation of the parent matters too (a gyroscope, a gear of low ratio), prefer
-    a body of its own on a revolute joint, coupled by `add_gear`.
+    the body that carries the motor. Where the rotation of the parent matters too (a gyroscope, a gear of low ratio),
+    prefer a body of its own on a revolute joint, coupled by `add_gear`.
 
     In the spanning tree a rotor costs one term of the mass matrix. On a joint that closes a loop, and in absolute
     coordinates, its rotation is a coordinate of its own with the name of the rotor, coupled to that of the joint.
