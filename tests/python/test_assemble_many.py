@@ -384,7 +384,7 @@ def test_control_c_ends_it() -> None:
 
 @pytest.mark.parametrize("crank", [1.0, 1.05])
 def test_poses_do_not_depend_on_each_other(crank: float) -> None:
-    """Poses of one goal share the way to them; each is that which is found alone, to the last bit, also beyond limits
+    """Poses of one goal share the path to them; each is that which is found alone, to the last bit, also beyond limits
     and where the farthest one lies far away."""
     m = four_bar([(0, 0), (0.0, crank), (0.75, 1.9), (1.0, 0.0)])
     angles = np.array([0.0, 0.04, 0.1, 0.1 + 1e-12, -0.1, 0.37, -0.9, 1.4, 2.0, -2.5, 3.1, 6.0, -6.0, 8.8, -40.0])

@@ -23,7 +23,7 @@ const STORED: usize = 1 << 20;
 /// Positions after each full step from the start, upwards and downwards, with the pivots there; the first is the start.
 #[derive(Default)]
 struct Stations {
-    ways: [Vec<(Vec<f64>, Vec<f64>)>; 2],
+    paths: [Vec<(Vec<f64>, Vec<f64>)>; 2],
 }
 
 /// What became of a step.
@@ -118,23 +118,23 @@ impl<'m> Explicit<'m> {
         self.closing.blocks().get(block).map_or_else(String::new, |b| b.words.clone())
     }
 
-    /// With the stations on the way to the farthest of these values of one goal. Several goals have no way in common.
+    /// With the stations on the path to the farthest of these values of one goal. Several goals have no path in common.
     pub fn with_stations(mut self, values: &[f64]) -> Result<Self, SystemError> {
         let [x] = self.targets else { return Ok(self) };
         let Some((at, _)) = x.own() else { return Ok(self) };
         let (from, step) = (self.q[at], tolerance::STRIDE * x.displacement);
         let room = STORED / self.q.len().max(1);
         let mut stations = Stations::default();
-        for (way, direction) in stations.ways.iter_mut().zip([1.0, -1.0]) {
+        for (path, direction) in stations.paths.iter_mut().zip([1.0, -1.0]) {
             let farthest = values.iter().fold(0.0, |far: f64, value| far.max(direction * (value - from)));
             self.begin();
-            way.push((self.there.clone(), self.pivots.clone()));
-            while way.len() <= room && way.len() as f64 * step < farthest {
-                let value = from + direction * way.len() as f64 * step;
+            path.push((self.there.clone(), self.pivots.clone()));
+            while path.len() <= room && path.len() as f64 * step < farthest {
+                let value = from + direction * path.len() as f64 * step;
                 if self.advance(&[value], 1.0)? != Step::Taken {
                     break;
                 }
-                way.push((self.there.clone(), self.pivots.clone()));
+                path.push((self.there.clone(), self.pivots.clone()));
             }
         }
         self.stations = Arc::new(stations);
@@ -148,21 +148,21 @@ impl<'m> Explicit<'m> {
         self.pivots.clone_from(&self.first);
     }
 
-    /// From the last station before the values, `step` of the way apart: the part of the way that is done.
+    /// From the last station before the values, `step` of the path apart: the part of the path that is done.
     fn begin_near(&mut self, values: &[f64], step: f64) -> f64 {
         self.begin();
         let up = self.targets[0].own().is_some_and(|(at, _)| values[0] >= self.q[at]);
         let stations = self.stations.clone();
         // one step at least is left, which ends at the value itself
         let before = ((1.0 / step).ceil() - 1.0).max(0.0) as usize;
-        let way = &stations.ways[usize::from(!up)];
-        let Some(last) = before.min(way.len().saturating_sub(1)).checked_sub(1).map(|i| i + 1) else { return 0.0 };
-        self.there.clone_from(&way[last].0);
-        self.pivots.clone_from(&way[last].1);
+        let path = &stations.paths[usize::from(!up)];
+        let Some(last) = before.min(path.len().saturating_sub(1)).checked_sub(1).map(|i| i + 1) else { return 0.0 };
+        self.there.clone_from(&path[last].0);
+        self.pivots.clone_from(&path[last].1);
         last as f64 * step
     }
 
-    /// A step to this part of the way, unless a loop does not close there or a pivot changes too much.
+    /// A step to this part of the path, unless a loop does not close there or a pivot changes too much.
     fn advance(&mut self, values: &[f64], part: f64) -> Result<Step, SystemError> {
         self.before.clone_from(&self.there);
         if self.close(values, part)?.is_some() {
@@ -228,7 +228,7 @@ impl<'m> Explicit<'m> {
         if done == 0.0 && longest < 1.0 {
             stride = 1.0 / (1.0 / longest).ceil();
         }
-        // the nearest part of the way at which a loop does not close
+        // the nearest part of the path at which a loop does not close
         let mut blocked = f64::INFINITY;
         while done < 1.0 {
             let next = if done + stride > 1.0 - tolerance::EQUAL { 1.0 } else { done + stride };
