@@ -156,9 +156,11 @@ impl<'m> Explicit<'m> {
         // one step at least is left, which ends at the value itself
         let before = ((1.0 / step).ceil() - 1.0).max(0.0) as usize;
         let path = &stations.paths[usize::from(!up)];
-        let Some(last) = before.min(path.len().saturating_sub(1)).checked_sub(1).map(|i| i + 1) else { return 0.0 };
-        self.there.clone_from(&path[last].0);
-        self.pivots.clone_from(&path[last].1);
+        let last = before.min(path.len().saturating_sub(1));
+        if let Some((there, pivots)) = path.get(last).filter(|_| last > 0) {
+            self.there.clone_from(there);
+            self.pivots.clone_from(pivots);
+        }
         last as f64 * step
     }
 
