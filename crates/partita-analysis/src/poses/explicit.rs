@@ -157,10 +157,9 @@ impl<'m> Explicit<'m> {
         let before = ((1.0 / step).ceil() - 1.0).max(0.0) as usize;
         let path = &stations.paths[usize::from(!up)];
         let last = before.min(path.len().saturating_sub(1));
-        if let Some((there, pivots)) = path.get(last).filter(|_| last > 0) {
-            self.there.clone_from(there);
-            self.pivots.clone_from(pivots);
-        }
+        let Some((there, pivots)) = path.get(last).filter(|_| last > 0) else { return 0.0 };
+        self.there.clone_from(there);
+        self.pivots.clone_from(pivots);
         last as f64 * step
     }
 
