@@ -29,8 +29,8 @@ WALKED = (APPLIED, COMPILED, LOOKS)
 UNKNOWN = "unheard_of"
 WITH = {"included.xml": "machine.mjcf", "part.xml": "machine.mjcf"}
 """Files that are read with another one."""
-WITHIN = {"disabled.mjcf": "option", "unconstrained.mjcf": "option"}
-"""Files of which one element is changed: it disables what the others say."""
+WITHIN = {"disabled.mjcf": "option", "unconstrained.mjcf": "option", "compiler.mjcf": "compiler"}
+"""Files of which one element is changed: it disables or replaces what the others say."""
 
 
 @dataclass

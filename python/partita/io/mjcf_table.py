@@ -101,8 +101,8 @@ MJCF = Table(
             (
                 NO_EFFECT,
                 "@actuation @autoreset @clampctrl @diagexact @energy @eulerdamp @filterparent @fwdinv @invdiscrete "
-                "@ipc @island @midphase @multiccd @nativeccd @override @refsafe @sensor @sensornoise @sleep @speculative "
-                "@warmstart",
+                "@ipc @island @midphase @multiccd @nativeccd @override @refsafe @sensor @sensornoise @sleep "
+                "@speculative @warmstart",
                 _NUMERICS,
             ),
         ),
