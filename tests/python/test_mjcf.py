@@ -108,7 +108,7 @@ def test_joints_that_follow_and_what_is_left_out(tmp_path: Path) -> None:
         'joint "W" frictionloss 0.2: friction would resist the motion',
         'joint "W" range -0.0174533 to 0.0174533: limits do not act',
         "1 geoms: contacts are not read",
-        'equality "cam" 0 1 2 0 0: a polynomial of higher order',
+        'joint "cam" (joint1 W, joint2 D, polycoef 0 1 2 0 0): a polynomial of higher order',
     ):
         assert words in reported, reported
 
