@@ -60,6 +60,8 @@ def fold_hinges(robot: Robot) -> None:
         return hinges and float(np.linalg.norm(behind - before)) <= THROUGH
 
     for last in list(robot.joints.values()):
+        if robot.joints.get(last.name) is not last:
+            continue  # folded with a joint that stands before it in the file
         chain = [last]
         while between(chain[0].parent):
             chain.insert(0, carrying[chain[0].parent])

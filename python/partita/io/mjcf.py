@@ -15,6 +15,7 @@ import numpy as np
 from ..errors import MissingDependencyError
 from ..files import get
 from .reading import Reading, Remark
+from .request import Request
 from .robot import Array, Effort, Joint, Link, Loop, Robot, Spring, Tie, placed
 from .xmltree import Element, parse, refuse
 
@@ -26,7 +27,7 @@ SAME = 1e-6
 """Points nearer to a line or a point than this fraction of their distance lie on it: files have some six digits."""
 
 
-def read(path: Path) -> Robot:
+def read(path: Path, request: Request) -> Robot:
     """The robot in a file. Raises `FileFormatError` with the line of what is wrong."""
     named = _Named()
     found = _looked_at(path, path.parent, (), named)
@@ -44,7 +45,7 @@ def read(path: Path) -> Robot:
     except (ValueError, RuntimeError) as error:
         message = " ".join(str(error).split())
         refuse(path, _line(message), f"MuJoCo cannot read it: {message}")
-    return _Reader(mujoco, model, found, path).robot()
+    return _Reader(mujoco, model, found, path, request).robot()
 
 
 @dataclass
@@ -117,7 +118,7 @@ class _Held:
 
 
 class _Reader:
-    def __init__(self, mujoco: Any, model: Any, root: Element, path: Path) -> None:
+    def __init__(self, mujoco: Any, model: Any, root: Element, path: Path, request: Request) -> None:
         self.mujoco, self.model, self.root = mujoco, model, root
         self.named: dict[tuple[str, str], Element] = {}
         waiting = [root]
@@ -126,7 +127,7 @@ class _Reader:
             waiting += element.children
             self.named.setdefault((element.tag, element.get("name")), element)
         name = root.get("model") or path.stem
-        self.made = Robot(name, Reading(path, "MJCF"), gravity=tuple(model.opt.gravity.tolist()), gimbals=True)
+        self.made = Robot(name, Reading(path, "MJCF"), request, gravity=tuple(model.opt.gravity.tolist()), gimbals=True)
         self.joint_names: dict[int, str] = {}
 
     def name(self, kind: str, i: int) -> str:

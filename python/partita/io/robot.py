@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from .looks import Look
 from .reading import Reading
+from .request import Request
 from .xmltree import Element
 
 Array = NDArray[np.float64]
@@ -115,12 +116,14 @@ class Robot:
 
     name: str
     reading: Reading
+    request: Request
     links: dict[str, Link] = field(default_factory=dict)
     joints: dict[str, Joint] = field(default_factory=dict)
     loops: list[Loop] = field(default_factory=list)
     ties: list[Tie] = field(default_factory=list)
     springs: list[Spring] = field(default_factory=list)
     frames: dict[str, tuple[str, Array]] = field(default_factory=dict)
+    closed: set[str] = field(default_factory=set)
     looks: list[Look] = field(default_factory=list)
     gravity: tuple[float, ...] = (0.0, 0.0, -9.81)
     drawing_tolerance: float | None = None

@@ -8,6 +8,8 @@ import numpy as np
 
 from ..builder import Builder
 from ..errors import DescriptionError
+from . import repair
+from .closings import report_open
 from .folding import fold_ends, fold_hinges, fold_marks, fold_sleeves
 from .looks import shapes_of
 from .reading import Remark
@@ -15,8 +17,10 @@ from .robot import HEAVY, MASSLESS, Array, Effort, Link, Robot, nearest, placed
 from .xmltree import Element
 
 
-def build(robot: Robot, mechanism: Builder, base: str) -> None:
+def build(robot: Robot, mechanism: Builder) -> None:
     """Draw the robot with all its coordinates zero; the root is fixed, or floats, unless the file gives all poses."""
+    base = robot.request.base
+    repair.links(robot)
     if robot.poses is not None:
         _placed(robot, mechanism, robot.poses)
         robot.reading.shapes = shapes_of(robot, None)
@@ -32,6 +36,7 @@ def build(robot: Robot, mechanism: Builder, base: str) -> None:
     pose = {root: np.eye(4)}
     for name in order[1:]:
         pose[name] = pose[into[name].parent] @ into[name].pose
+    report_open(robot, pose)
     grounded = robot.links[root].mass <= MASSLESS and base == "fixed"
     body: dict[str, Any] = {root: mechanism.ground} if grounded else {}
     for name in order[int(grounded) :]:

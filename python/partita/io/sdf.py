@@ -15,6 +15,7 @@ import numpy as np
 from ..errors import FileFormatError
 from .looks import Look, mesh_file
 from .reading import Reading, Remark
+from .request import Request
 from .robot import Array, Effort, Joint, Link, Robot, placed, turned
 from .xmltree import Element, numbers, parse
 
@@ -30,7 +31,7 @@ _KINDS = {
 _USED = ("link", "joint", "frame", "static", "pose", "gearbox")
 
 
-def read(path: Path) -> Robot:
+def read(path: Path, request: Request) -> Robot:
     """The model in a file. Raises `FileFormatError` with the line of what is wrong."""
     root = parse(path)
     if root.tag != "sdf":
@@ -40,7 +41,7 @@ def read(path: Path) -> Robot:
     if len(models) != 1:
         (world or root).fail(f"contains {len(models)} models; one is read")
     model = models[0]
-    robot = Robot(model.get("name") or path.stem, Reading(path, "SDFormat"))
+    robot = Robot(model.get("name") or path.stem, Reading(path, "SDFormat"), request)
     gravity = None if world is None else world.first("gravity")
     if gravity is not None:
         robot.gravity = numbers(gravity, "the text", gravity.text, 3)
@@ -147,7 +148,7 @@ class _Reader:
             shape = {"kind": "ball", "radius": read("radius")[0]}
         elif of.tag == "mesh":
             named = of.the("uri").text.strip()
-            file, why = mesh_file(of.path, named)
+            file, why = mesh_file(self.made.request, of.path, named)
             if file is None:
                 self.made.reading.dropped.append(Remark(of.line, f'the mesh {named} of "{link}": {why}'))
                 return

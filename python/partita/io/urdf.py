@@ -7,7 +7,6 @@ Loops come from `<loop>` and `<coupling>` (URDF+), from `<loop_joint>` with two 
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -15,9 +14,10 @@ from typing import Any
 import numpy as np
 
 from ..errors import FileFormatError
-from . import sidecar
+from . import closings
 from .looks import Look, mesh_file
 from .reading import Reading, Remark
+from .request import Request
 from .robot import Array, Effort, Joint, Link, Loop, Robot, Tie, placed, turned
 from .xmltree import Element, parse
 
@@ -32,15 +32,14 @@ _KINDS = {
 }
 _LOOPS = {**_KINDS, "ball": "spherical", "6d": "fixed", "3d": "spherical"}
 _SHOWN = ("collision", "material", "gazebo", "sensor", "contact")
-CLOSING = re.compile(r"(?P<stem>clos(?:ing|ed_?loop).*?)[_-]?(?P<side>[12AB])", re.IGNORECASE)
 
 
-def read(path: Path) -> Robot:
+def read(path: Path, request: Request) -> Robot:
     """The robot in a file. Raises `FileFormatError` with the line of what is wrong."""
     root = parse(path)
     if root.tag != "robot":
         root.fail("is not <robot>: this is not URDF")
-    robot = Robot(root.get("name") or path.stem, Reading(path, "URDF"))
+    robot = Robot(root.get("name") or path.stem, Reading(path, "URDF"), request)
     left: Counter[str] = Counter()
     lines: dict[str, int] = {}
     for item in root.children:
@@ -66,12 +65,12 @@ def read(path: Path) -> Robot:
         _frame(robot, item)
     for item in root.all("loop", "loop_joint"):
         robot.loops.append(_loop(robot, item))
+    closings.close(robot)
     for item in root.all("joint"):
         _mimic(robot, item)
     for item in root.all("coupling"):
         robot.ties.append(_coupling(robot, item))
     robot.reading.used.append(Remark(None, f"{len(robot.links)} links, {len(robot.joints)} joints"))
-    _closings(robot)
     for tag, count in left.items():
         robot.reading.dropped.append(Remark(lines[tag], f"<{tag}>, {count} in all: {_why(tag)}"))
     return robot
@@ -126,7 +125,7 @@ def _look(robot: Robot, link: str, item: Element) -> None:
     elif of.tag == "sphere":
         shape = {"kind": "ball", "radius": of.number("radius")}
     elif of.tag == "mesh":
-        file, why = mesh_file(of.path, of.must("filename"))
+        file, why = mesh_file(robot.request, of.path, of.must("filename"))
         if file is None:
             robot.reading.dropped.append(Remark(of.line, f'the mesh {of.get("filename")} of "{link}": {why}'))
             return
@@ -189,6 +188,10 @@ def _mimic(robot: Robot, item: Element) -> None:
     if mimic is None:
         return
     name, other = item.must("name"), mimic.must("joint")
+    if robot.joints[name].kind == "fixed":
+        remark = f"joint {name} is fixed, and does not follow {other}"
+        robot.reading.dropped.append(Remark(mimic.line, remark))
+        return
     for joint in (name, other):
         if joint not in robot.joints:
             mimic.fail(f'follows the joint "{joint}", which does not exist')
@@ -271,20 +274,3 @@ def _coupling(robot: Robot, item: Element) -> Tie:
         item.fail("must couple joints of one coordinate each, at least one on each side, by a nonzero ratio")
     robot.reading.used.append(Remark(item.line, f"coupling {name} of {', '.join(joint for joint, _ in moving)}"))
     return Tie(name, [joint for joint, _ in moving], [factor for _, factor in moving], 0.0, item)
-
-
-def _closings(robot: Robot) -> None:
-    """Pairs of frames: those that the sidecar lists, or else those that are named as such."""
-    beside = sidecar.read(robot)
-    if beside:
-        return
-    sides: dict[str, list[str]] = {}
-    for name in [*robot.links, *robot.frames]:
-        found = CLOSING.fullmatch(name)
-        if found is not None:
-            sides.setdefault(found["stem"].rstrip("_-"), []).append(name)
-    for stem, names in sides.items():
-        if len(names) != 2:
-            one = robot.links.get(names[0], next(iter(robot.links.values())))
-            one.at.fail(f"is one of {len(names)} frames of the closing {stem}; it has two, _1 and _2 or _A and _B")
-        sidecar.close(robot, stem, (names[0], names[1]), "6d", None)
