@@ -1,11 +1,13 @@
 """MJCF, through MuJoCo's own parser and compiler; loops are its equalities `connect`, `weld` and `joint`.
 
 Two `connect` between the same bodies join two points, which is a hinge on the line through them; three are a weld.
-Files that the model names must lie in its own folder or below: they are checked before MuJoCo opens anything.
+Files that the model names must lie in its own folder or below, or in the root that the caller names: they are checked
+before MuJoCo opens anything.
 """
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
@@ -19,7 +21,8 @@ from .request import Request
 from .robot import Array, Effort, Joint, Link, Loop, Robot, Spring, Tie, placed
 from .xmltree import Element, parse, refuse
 
-_FILES = ("file", "meshdir", "texturedir", "assetdir", "content_type")
+_FOLDERS = ("meshdir", "texturedir", "assetdir")
+_FILES = ("file", "fileright", "fileleft", "fileup", "filedown", "filefront", "fileback")
 _NAMES = ("name", "class", "childclass", "model")
 _INCLUDES = 64
 """Files included in each other, at most."""
@@ -29,9 +32,9 @@ SAME = 1e-6
 
 def read(path: Path, request: Request) -> Robot:
     """The robot in a file. Raises `FileFormatError` with the line of what is wrong."""
-    named = _Named()
-    found = _looked_at(path, path.parent, (), named)
-    named.stay(path.parent)
+    named = _Named(path.parent, request.root)
+    found = _looked_at(Path(os.path.normpath(path)), (), named)
+    named.stay()
     if found.tag != "mujoco":
         found.fail("is not <mujoco>: this is not MJCF")
     try:
@@ -52,18 +55,29 @@ def read(path: Path, request: Request) -> Robot:
 class _Named:
     """Files that a model names, and the folders in which they may lie."""
 
+    folder: Path
+    root: Path
     files: list[tuple[Element, str]] = field(default_factory=list)
     folders: list[str] = field(default_factory=lambda: [""])
     included: int = 0
 
-    def stay(self, folder: Path) -> None:
-        """Refuse links that lead out of the folder of the model."""
+    def stay(self) -> None:
+        """Refuse names and links that lead out of the root."""
         for element, name in self.files:
-            if not all((folder / inner / name).resolve().is_relative_to(folder.resolve()) for inner in self.folders):
-                element.fail(f'names the file "{name}", a link that leads out of the folder of the model')
+            for inner in self.folders:
+                place = self.folder.resolve() / inner.replace("\\", "/") / name.replace("\\", "/")
+                if not Path(os.path.normpath(place)).is_relative_to(self.root):
+                    element.fail(f'names the file "{name}", which leads out of {self._root()}')
+                if not place.resolve().is_relative_to(self.root):
+                    element.fail(f'names the file "{name}", a link that leads out of {self._root()}')
+
+    def _root(self) -> str:
+        own = self.root == self.folder.resolve()
+        words = "the folder of the model" if own else f'the root "{self.root}"'
+        return f'{words}; root="..." in partita.load names a wider one'
 
 
-def _looked_at(path: Path, folder: Path, including: tuple[Path, ...], named: _Named) -> Element:
+def _looked_at(path: Path, including: tuple[Path, ...], named: _Named) -> Element:
     """The root of a file whose includes stay within the folder; `including` lists the files that include it."""
     root = parse(path)
     try:
@@ -78,27 +92,29 @@ def _looked_at(path: Path, folder: Path, including: tuple[Path, ...], named: _Na
             # MuJoCo writes this to its own log and continues
             if key not in _NAMES and any(word.lower().lstrip("+-") == "nan" for word in value.split()):
                 element.fail(f'has "{key}" "{value:.40}"; it takes finite numbers')
-        for key in _FILES[:4]:
+        for key in (*_FILES, *_FOLDERS):
             name = element.get(key)
-            parts = (*PurePosixPath(name).parts, *PureWindowsPath(name).parts)
-            absolute = PurePosixPath(name).is_absolute() or PureWindowsPath(name).anchor != ""
-            if absolute or ".." in parts:
-                element.fail(f'names the file "{name}", which leads out of the folder of the model')
+            if PurePosixPath(name).is_absolute() or PureWindowsPath(name).anchor != "":
+                element.fail(f'names the file "{name}", an absolute path, which leads out of the folder of the model')
             if name:
                 named.files.append((element, name))
-                named.folders += [name] if key != "file" else []
-        if element.tag == "include":
+                named.folders += [name] if key in _FOLDERS else []
+        if element.tag == "include" or (element.tag == "model" and element.get("file")):
             name = element.must("file")
-            inner = folder / name
+            inner = Path(os.path.normpath(named.folder / name))
             named.included += 1
-            named.stay(folder)
+            named.stay()
             if inner in (*including, path):
                 element.fail(f'includes "{name}", which includes this file: the includes are circular')
             if named.included > _INCLUDES:
                 element.fail(f"exceeds the limit of {_INCLUDES} included files")
             if not inner.is_file():
                 element.fail(f'includes "{name}", which does not exist')
-            _looked_at(inner, folder, (*including, path), named)
+            own = element.tag == "model"  # names files from its own folder, includes do so from that of the model
+            within = _Named(inner.parent, named.root, included=named.included) if own else named
+            _looked_at(inner, (*including, path), within)
+            within.stay()
+            named.included = within.included
     return root
 
 

@@ -168,6 +168,24 @@ class Robot:
             found += children.get(link, [])
         return found
 
+    def rename(self, old: str, new: str) -> None:
+        """Give a link another name, everywhere."""
+
+        def moved(side: tuple[str, Array]) -> tuple[str, Array]:
+            return (new, side[1]) if side[0] == old else side
+
+        self.links = {new if name == old else name: link for name, link in self.links.items()}
+        self.links[new].name = new
+        for joint in self.joints.values():
+            joint.parent, joint.child = (new if end == old else end for end in (joint.parent, joint.child))
+        pairs: list[Loop | Spring] = [*self.loops, *self.springs]
+        for pair in pairs:
+            pair.first, pair.second = moved(pair.first), moved(pair.second)
+        self.frames = {name: moved(frame) for name, frame in self.frames.items()}
+        self.looks = [replace(look, link=new) if look.link == old else look for look in self.looks]
+        if self.poses is not None and old in self.poses:
+            self.poses[new] = self.poses.pop(old)
+
     def frame(self, name: str) -> tuple[str, Array] | None:
         """Link and place of a frame: a link's own, a joint's, or a mark."""
         if name in self.frames:

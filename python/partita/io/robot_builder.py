@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..builder import Builder
+from ..builder.records import GROUND
 from ..errors import DescriptionError
 from . import repair
 from .closings import report_open
@@ -16,11 +17,14 @@ from .reading import Remark
 from .robot import HEAVY, MASSLESS, Array, Effort, Link, Robot, nearest, placed
 from .xmltree import Element
 
+_FLOATS = 'base="free" in partita.load lets it float'
+
 
 def build(robot: Robot, mechanism: Builder) -> None:
     """Draw the robot with all its coordinates zero; the root is fixed, or floats, unless the file gives all poses."""
     base = robot.request.base
     repair.links(robot)
+    _rename_ground(robot)
     if robot.poses is not None:
         _placed(robot, mechanism, robot.poses)
         robot.reading.shapes = shapes_of(robot, None)
@@ -42,10 +46,12 @@ def build(robot: Robot, mechanism: Builder) -> None:
     for name in order[int(grounded) :]:
         body[name] = _body(robot, mechanism, robot.links[name], pose[name])
     if grounded:
-        robot.reading.changed.append(Remark(robot.links[root].at.line, f'link "{root}" is the ground'))
+        robot.reading.changed.append(Remark(robot.links[root].at.line, f'link "{root}" is the ground; {_FLOATS}'))
     elif base == "fixed":
         mechanism.add_fixed(f"{root} stands", mechanism.ground, body[root])
-        robot.reading.changed.append(Remark(robot.links[root].at.line, f'the root "{root}" is fixed to the ground'))
+        robot.reading.changed.append(
+            Remark(robot.links[root].at.line, f'the root "{root}" is fixed to the ground; {_FLOATS}')
+        )
     for joint in (into[name] for name in order[1:]):
         where = pose[joint.child] @ placed(joint.point, np.eye(3))
         ends = (body[joint.parent], body[joint.child])
@@ -71,6 +77,17 @@ def build(robot: Robot, mechanism: Builder) -> None:
         data: dict[str, Any] = {"stiffness": spring.stiffness, "damping": spring.damping, "length": spring.length}
         mechanism.add_spring(spring.name, body[link1], point1, body[link2], point2, **data)
     robot.reading.shapes = shapes_of(robot, root if grounded else None)
+
+
+def _rename_ground(robot: Robot) -> None:
+    """A link may have the name that is reserved for the ground."""
+    if GROUND not in robot.links:
+        return
+    new = f"{GROUND} link"
+    while new in robot.links:
+        new += " 2"
+    robot.reading.changed.append(Remark(robot.links[GROUND].at.line, f'link "{GROUND}" is called "{new}" here'))
+    robot.rename(GROUND, new)
 
 
 def _on_body(robot: Robot, link: str, point: Array) -> tuple[str, Array]:

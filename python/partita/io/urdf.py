@@ -34,6 +34,10 @@ _LOOPS = {**_KINDS, "ball": "spherical", "6d": "fixed", "3d": "spherical"}
 _SHOWN = ("collision", "material", "gazebo", "sensor", "contact")
 
 
+WORLD = "world"
+"""Link that other readers know without its definition."""
+
+
 def read(path: Path, request: Request) -> Robot:
     """The robot in a file. Raises `FileFormatError` with the line of what is wrong."""
     root = parse(path)
@@ -61,6 +65,7 @@ def read(path: Path, request: Request) -> Robot:
                 lines.setdefault(tag, item.line)
     if not robot.links:
         root.fail("holds no <link>")
+    _world(robot)
     for item in root.all("fixed_frame", "frame"):
         _frame(robot, item)
     for item in root.all("loop", "loop_joint"):
@@ -202,6 +207,14 @@ def _mimic(robot: Robot, item: Element) -> None:
         mimic.fail("has the multiplier 0; fix the joint instead")
     robot.ties.append(Tie(f"{name} follows {other}", [name, other], [1.0, -factor], offset, mimic))
     robot.reading.used.append(Remark(mimic.line, f"joint {name} = {factor:g} x {other} + {offset:g}, a coupler"))
+
+
+def _world(robot: Robot) -> None:
+    """A link "world" that joints name and the file does not define is the world."""
+    by = next((joint for joint in robot.joints.values() if joint.parent == WORLD), None)
+    if by is not None and WORLD not in robot.links:
+        robot.links[WORLD] = Link(WORLD, 0.0, np.zeros(3), np.zeros((3, 3)), by.at)
+        robot.reading.changed.append(Remark(by.at.line, 'link "world", which the file does not define, is the world'))
 
 
 def _frame(robot: Robot, item: Element) -> None:
