@@ -11,13 +11,13 @@ from ..builder import Builder
 from ..errors import ArgumentError, FileFormatError
 from ..files import place, target
 from . import mjcf, mjcf_writer, repair, robot, robot_builder, sdf, toml, urdf, urdf_writer
-from .reading import Reading, Remark
+from .reading import Reading, Remark, RemarkGroup
 from .request import Request, request
 from .toml import Maker
 from .writing import Writing
 from .xmltree import parse
 
-__all__ = ["Reading", "Remark", "Writing", "read", "save"]
+__all__ = ["Reading", "Remark", "RemarkGroup", "Writing", "read", "save"]
 
 
 def _robot(of: Callable[[Path, Request], robot.Robot]) -> Callable[[Path, Maker, Request], Any]:

@@ -46,7 +46,9 @@ def shapes_of(robot: Any, root: str | None) -> dict[str, list[dict[str, Any]]]:
     for look in robot.looks:
         link, pose = look.link, look.pose
         if not _has_size(look.shape):
-            robot.reading.dropped.append(Remark(None, f'a {look.shape["kind"]} of "{link}" that has no size'))
+            robot.reading.dropped.append(
+                Remark(None, f"a {look.shape['kind']} that has no size", f'link "{link}"', "looks")
+            )
             continue
         if link not in robot.links:
             if link not in robot.frames:
@@ -59,7 +61,8 @@ def shapes_of(robot: Any, root: str | None) -> dict[str, list[dict[str, Any]]]:
     if found:
         robot.reading.used.append(Remark(None, f"{sum(map(len, found.values()))} shapes to draw"))
     if lost:
-        robot.reading.dropped.append(Remark(None, f"visual shapes of {', '.join(dict.fromkeys(lost))}: no such body"))
+        gone = (Remark(None, "shapes of a body that is not there", link, "looks") for link in dict.fromkeys(lost))
+        robot.reading.dropped += gone
     return found
 
 

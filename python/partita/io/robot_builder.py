@@ -107,6 +107,8 @@ def _placed(robot: Robot, mechanism: Builder, poses: dict[str, Array]) -> None:
         ends, frames = (body[joint.parent], body[joint.child]), (joint.pose, joint.pose)
         _joint(mechanism, joint.name, joint.kind, ends, frames, (joint.axis, joint.second), joint.at, joint.pitch)
         _springs(mechanism, joint.name, joint.efforts)
+    for tie in robot.ties:
+        mechanism.add_coupler(tie.name, tie.joints, tie.factors, tie.offset)
 
 
 def _springs(mechanism: Builder, joint: str, efforts: list[Effort]) -> None:

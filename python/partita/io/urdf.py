@@ -2,12 +2,11 @@
 
 Loops come from `<loop>` and `<coupling>` (URDF+), from `<loop_joint>` with two links, from frames named
 `closing_NAME_1` and `closing_NAME_2`, and from a YAML file of the same name beside it that lists pairs of frames
-(`sidecar`). Elements that are not mechanics (shapes, colours, simulators' hints) are ignored and reported.
+(`sidecar`). `urdf_table` lists what becomes of each element and attribute.
 """
 
 from __future__ import annotations
 
-from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +18,7 @@ from .looks import Look, mesh_file
 from .reading import Reading, Remark
 from .request import Request
 from .robot import Array, Effort, Joint, Link, Loop, Robot, Tie, placed, turned
+from .urdf_table import URDF
 from .xmltree import Element, parse
 
 _KINDS = {
@@ -31,7 +31,6 @@ _KINDS = {
     "spherical": "spherical",
 }
 _LOOPS = {**_KINDS, "ball": "spherical", "6d": "fixed", "3d": "spherical"}
-_SHOWN = ("collision", "material", "gazebo", "sensor", "contact")
 
 
 WORLD = "world"
@@ -44,25 +43,11 @@ def read(path: Path, request: Request) -> Robot:
     if root.tag != "robot":
         root.fail("is not <robot>: this is not URDF")
     robot = Robot(root.get("name") or path.stem, Reading(path, "URDF"), request)
-    left: Counter[str] = Counter()
-    lines: dict[str, int] = {}
-    for item in root.children:
-        match item.tag:
-            case "link":
-                _link(robot, item, left, lines)
-            case "joint":
-                _joint(robot, item)
-            case "loop" | "loop_joint":
-                pass
-            case "coupling":
-                pass
-            case "fixed_frame" | "frame":
-                pass
-            case tag if tag.startswith("xacro:"):
-                item.fail("must be expanded first: xacro FILE > robot.urdf")
-            case tag:
-                left[tag] += 1
-                lines.setdefault(tag, item.line)
+    URDF.walk(root, robot.reading)
+    for item in root.all("link"):
+        _link(robot, item)
+    for item in root.all("joint"):
+        _joint(robot, item)
     if not robot.links:
         root.fail("holds no <link>")
     _world(robot)
@@ -76,30 +61,18 @@ def read(path: Path, request: Request) -> Robot:
     for item in root.all("coupling"):
         robot.ties.append(_coupling(robot, item))
     robot.reading.used.append(Remark(None, f"{len(robot.links)} links, {len(robot.joints)} joints"))
-    for tag, count in left.items():
-        robot.reading.dropped.append(Remark(lines[tag], f"<{tag}>, {count} in all: {_why(tag)}"))
     return robot
 
 
-def _why(tag: str) -> str:
-    if tag == "transmission":
-        return "transmissions of motors are not mechanics; prescribe motions with add_drive, efforts with add_torque"
-    return "it contains no mechanics" if tag in _SHOWN else "this tag is not known"
-
-
-def _link(robot: Robot, item: Element, left: Counter[str], lines: dict[str, int]) -> None:
+def _link(robot: Robot, item: Element) -> None:
     name = item.must("name")
     if name in robot.links:
         item.fail(f"appears twice; the first one is in line {robot.links[name].at.line}")
-    for child in item.children:
-        if child.tag == "visual":
-            try:
-                _look(robot, name, child)
-            except FileFormatError as error:  # how a robot looks does not decide whether it is read
-                robot.reading.dropped.append(Remark(child.line, f"appearance of a link: {error.message}"))
-        elif child.tag != "inertial":
-            left[child.tag] += 1
-            lines.setdefault(child.tag, child.line)
+    for child in item.all("visual"):
+        try:
+            _look(robot, name, child)
+        except FileFormatError as error:  # how a robot looks does not decide whether it is read
+            robot.reading.dropped.append(Remark(child.line, error.message, f'link "{name}"', "looks"))
     mass, com, inertia = 0.0, np.zeros(3), np.zeros((3, 3))
     inertial = item.first("inertial")
     if inertial is not None:
@@ -119,7 +92,7 @@ def _look(robot: Robot, link: str, item: Element) -> None:
     """Appearance of a link; shapes that cannot be drawn are omitted and reported."""
     geometry = item.first("geometry")
     if geometry is None or not geometry.children:
-        robot.reading.dropped.append(Remark(item.line, f'a <visual> of "{link}" without a shape'))
+        robot.reading.dropped.append(Remark(item.line, "a <visual> without a shape", f'link "{link}"', "looks"))
         return
     of = geometry.children[0]
     shape: dict[str, Any] | None = None
@@ -132,11 +105,13 @@ def _look(robot: Robot, link: str, item: Element) -> None:
     elif of.tag == "mesh":
         file, why = mesh_file(robot.request, of.path, of.must("filename"))
         if file is None:
-            robot.reading.dropped.append(Remark(of.line, f'the mesh {of.get("filename")} of "{link}": {why}'))
+            robot.reading.dropped.append(
+                Remark(of.line, f"the mesh {of.get('filename')}: {why}", f'link "{link}"', "looks")
+            )
             return
         shape = {"kind": "mesh", "file": str(file), "scale": list(of.numbers("scale", 3, (1.0, 1.0, 1.0)))}
     if shape is None:
-        robot.reading.dropped.append(Remark(of.line, f'a <{of.tag}> of "{link}": it is not drawn'))
+        robot.reading.dropped.append(Remark(of.line, f"a <{of.tag}>", f'link "{link}"', "looks"))
         return
     robot.looks.append(Look(link, origin(item.first("origin")), shape))
 
@@ -168,23 +143,13 @@ def _joint(robot: Robot, item: Element) -> None:
     ends = [item.the(tag).must("link") for tag in ("parent", "child")]
     axis = _axis(item) if kind not in ("fixed", "floating", "spherical") else np.array([1.0, 0.0, 0.0])
     joint = Joint(name, _KINDS[kind], ends[0], ends[1], pose, axis, item)
-    dynamics, limit = item.first("dynamics"), item.first("limit")
+    dynamics = item.first("dynamics")
     if dynamics is not None:
-        damping, friction = dynamics.number("damping", 0.0), dynamics.number("friction", 0.0)
+        damping = dynamics.number("damping", 0.0)
         if damping < 0.0:
             dynamics.fail(f"has the damping {damping:g}; it must be 0 or more")
         if damping > 0.0 and joint.kind in ("revolute", "prismatic"):
             joint.efforts = [Effort(damping=damping)]
-        if friction != 0.0:
-            remark = f"friction {friction:g} of joint {name}: use add_friction, which also needs the stick velocity"
-            robot.reading.dropped.append(Remark(dynamics.line, remark))
-    if limit is not None and kind in ("revolute", "prismatic"):
-        low, high = limit.number("lower", 0.0), limit.number("upper", 0.0)
-        remark = f"limits {low:g} to {high:g} of joint {name} do not act as stops; use add_stop"
-        robot.reading.dropped.append(Remark(limit.line, remark))
-    for child in item.children:
-        if child.tag not in ("origin", "parent", "child", "axis", "dynamics", "limit", "mimic"):
-            robot.reading.dropped.append(Remark(child.line, f"<{child.tag}> of joint {name}: it is not used"))
     robot.joints[name] = joint
 
 
