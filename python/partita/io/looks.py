@@ -50,7 +50,7 @@ def shapes_of(robot: Any, root: str | None) -> dict[str, list[dict[str, Any]]]:
                 Remark(None, f"a {look.shape['kind']} that has no size", f'link "{link}"', "looks")
             )
             continue
-        if link not in robot.links:
+        if link not in robot.links and link != root:
             if link not in robot.frames:
                 lost.append(link)
                 continue

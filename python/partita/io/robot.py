@@ -204,6 +204,12 @@ def placed(xyz: Any, rotation: Any) -> Array:
     return found
 
 
+def inverse(frame: Array) -> Array:
+    """Of a frame."""
+    turned = frame[:3, :3].T
+    return placed(-turned @ frame[:3, 3], turned)
+
+
 def turned(rpy: Any) -> Array:
     """The rotation of roll, pitch and yaw about fixed axes."""
     (cr, cp, cy), (sr, sp, sy) = np.cos(rpy), np.sin(rpy)

@@ -27,7 +27,7 @@ def build(robot: Robot, mechanism: Builder) -> None:
     _rename_ground(robot)
     if robot.poses is not None:
         _placed(robot, mechanism, robot.poses)
-        robot.reading.shapes = shapes_of(robot, None)
+        robot.reading.shapes = shapes_of(robot, "world")
         return
     root = robot.root()
     fold_marks(robot)

@@ -24,14 +24,13 @@ from ..builder.records import DRAWING_TOLERANCE, GROUND, SpringRecord, TorsionSp
 from ..files import put
 from . import sidecar
 from .closings import is_closing
-from .robot import MASSLESS
+from .robot import MASSLESS, inverse
 from .skeleton import (
     Branch,
     Closure,
     Motion,
     Names,
     free_length,
-    inverse,
     leftovers,
     quoted,
     skeleton,
