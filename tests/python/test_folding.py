@@ -4,7 +4,8 @@ import re
 from pathlib import Path
 
 import numpy as np
-from test_urdf import written
+import pytest
+from test_urdf import LOOP, tree, written
 
 import partita as pt
 
@@ -44,3 +45,34 @@ def test_the_order_of_a_file_does_not_matter(tmp_path: Path) -> None:
         expected = expected or found
         # the order of the equations changes rounding alone
         assert max(abs(found[name] - value) for name, value in expected.items()) < 1e-12 * np.abs(rates).max()
+
+
+END = '<link name="end"><inertial><mass value="{}"/><inertia ixx="{}" iyy="{}" izz="{}"/></inertial></link>'
+FIXED = '<joint name="end" type="fixed"><parent link="crank"/><child link="end"/></joint>'
+
+
+def test_a_massless_link_with_inertia_is_no_frame(tmp_path: Path) -> None:
+    """Welded to the crank it adds its inertia; a frame adds nothing, nor does one whose inertia is rounding."""
+    plain = pt.load(written(tmp_path, tree(LOOP)))
+    inertia = plain.compile().mass_matrix(plain.assemble().q)[0, 0]
+    for moment, bodies in ((0.02, 4), (0.0, 3), (1e-20, 3)):
+        end = END.format(0, moment, moment, moment) + FIXED
+        m = pt.load(written(tmp_path, tree(LOOP + end)))
+        column = m.compile().velocity_names.index("A")
+        found = m.compile().mass_matrix(m.assemble().q)[column, column]
+        assert len(m.bodies) == bodies and abs(found - inertia - (moment if bodies == 4 else 0.0)) < 1e-15
+
+
+def test_joints_that_move_no_mass_are_named(tmp_path: Path) -> None:
+    """A finger that follows the crank moves with it, one that follows another such finger does not; a loop moves what
+    it closes."""
+    follower = '<mimic joint="{}"/></joint><link name="{}"/>'
+    fingers = ""
+    for name, leader in (("f", "A"), ("g", "h"), ("h", "")):
+        joint = f'<joint name="{name}" type="revolute"><parent link="base"/><child link="{name}"/><axis xyz="1 0 0"/>'
+        fingers += joint + (follower.format(leader, name) if leader else f'</joint><link name="{name}"/>')
+    m = pt.load(written(tmp_path, tree(LOOP + fingers)))
+    named = [remark.name for remark in m.reading.changed if "indeterminate" in remark.text]
+    assert named == ['joint "g"', 'joint "h"']
+    with pytest.raises(pt.errors.PartitaError, match="moves no mass"):
+        m.simulate(0.1)

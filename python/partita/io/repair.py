@@ -15,10 +15,7 @@ import numpy as np
 
 from ..builder.frames import INERTIA
 from .reading import Reading, Remark
-from .robot import Array, Robot
-
-NOISE = 1e-12
-"""Moments below this fraction of the largest of a robot are rounding: programs compute them as differences."""
+from .robot import NOISE, Array, Robot
 
 
 def links(robot: Robot) -> None:

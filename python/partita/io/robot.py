@@ -22,6 +22,9 @@ Array = NDArray[np.float64]
 MASSLESS = 1e-9
 """A link of no more than this [kg] at a fixed joint is a frame on its parent link: the lightest screw of a watch is a
 hundred times as heavy."""
+NOISE = 1e-12
+"""Moments of inertia below this fraction of the largest of a robot are rounding: programs compute them as
+differences."""
 HEAVY = 1e5
 """A link of more than this [kg] is a dummy: no robot weighs a hundred tonnes."""
 THROUGH = 1e-12
@@ -167,6 +170,10 @@ class Robot:
         for link in found:
             found += children.get(link, [])
         return found
+
+    def sprung(self) -> set[str]:
+        """Links to which springs between points are attached."""
+        return {link for spring in self.springs for link, _ in (spring.first, spring.second)}
 
     def rename(self, old: str, new: str) -> None:
         """Give a link another name, everywhere."""

@@ -35,6 +35,7 @@ def build(robot: Robot, mechanism: Builder) -> None:
         fold_hinges(robot)
         fold_sleeves(robot)
         fold_ends(robot)
+    _report_massless(robot)
     order = robot.outwards(root)
     into = {joint.child: joint for joint in robot.joints.values()}
     pose = {root: np.eye(4)}
@@ -88,6 +89,27 @@ def _rename_ground(robot: Robot) -> None:
         new += " 2"
     robot.reading.changed.append(Remark(robot.links[GROUND].at.line, f'link "{GROUND}" is called "{new}" here'))
     robot.rename(GROUND, new)
+
+
+def _report_massless(robot: Robot) -> None:
+    """Joints beyond which nothing has mass have no motion of their own. Those that follow others move with them; a
+    loop moves what it closes."""
+    heavy = {name for name, link in robot.links.items() if link.mass > 0.0 or np.any(link.inertia)}
+    heavy |= {link for loop in robot.loops for link, _ in (loop.first, loop.second)} | robot.sprung()
+    into = {joint.child: joint for joint in robot.joints.values()}
+    moving: set[str] = set()
+    for name in heavy:
+        while name in into and into[name].name not in moving:
+            moving.add(into[name].name)
+            name = into[name].parent
+    for tie in [*robot.ties] * len(robot.ties):
+        moving.update(tie.joints if moving.intersection(tie.joints) else ())
+    still = [joint.name for joint in robot.joints.values() if joint.kind != "fixed" and joint.name not in moving]
+    if still:
+        remark = (
+            "nothing that it moves has mass or inertia, so its motion is indeterminate: give a link mass, or fix it"
+        )
+        robot.reading.changed += [Remark(robot.joints[name].at.line, remark, f'joint "{name}"') for name in still]
 
 
 def _on_body(robot: Robot, link: str, point: Array) -> tuple[str, Array]:
