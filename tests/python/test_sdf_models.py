@@ -169,3 +169,42 @@ def test_remarks_on_an_included_file_name_it(tmp_path: Path) -> None:
     included(tmp_path, text=ROCKING.replace("<link", "<plugin name='p' filename='f'/><nonsense/><link"))
     remarks = [remark for remark in loaded(tmp_path, NESTED).reading.dropped if "new.sdf" in remark.name]
     assert len(remarks) == 2 and all(remark.line is None for remark in remarks)
+
+
+def test_a_link_called_world(tmp_path: Path) -> None:
+    """Up to version 1.6 it may be one; joints that name it mean it, and it stands on what its own joint names."""
+    body = link("crank", "").replace('"crank"', '"world"')
+    text = f'<sdf version="1.6">{placed("m", body + crank() + hinge("A", "world", "crank"))}</sdf>'
+    m = loaded(tmp_path, text)
+    assert set(m.bodies) == {"world link", "crank"} and m.compile().mobility == 6 + 1
+    assert "is not the world" in str(m.reading)
+    with pytest.raises(pt.errors.FileFormatError, match="already in use"):
+        loaded(tmp_path, text.replace("1.6", "1.7"))
+
+
+def test_old_versions_know_links_from_joints(tmp_path: Path) -> None:
+    """By where they are named; later ones refuse two of one name."""
+    base = link("rocker", "<pose>1 2 3 0 0 0.5</pose>")
+    joint = hinge("crank", "rocker", "crank", "<pose>0.1 0.2 0.3 0 0 0</pose>").replace("expressed_in", "unused")
+    text = f'<sdf version="1.6">{placed("m", joint + base + crank())}</sdf>'
+    m = loaded(tmp_path, text)
+    expected = loaded(tmp_path, text.replace('joint name="crank"', 'joint name="other"'))
+    assert list(m.joints) == ["crank"] and m.compile().mobility == 7
+    points = [one._description.joints[name].point for one, name in ((m, "crank"), (expected, "other"))]
+    assert points[0] is not None and points[1] is not None and np.array_equal(*points)
+    with pytest.raises(pt.errors.FileFormatError, match="already in use"):
+        loaded(tmp_path, text.replace("1.6", "1.7"))
+
+
+def test_a_model_that_is_missing_in_a_world_is_reported(tmp_path: Path) -> None:
+    """In a model a part of it would be missing."""
+    sun = "<include><uri>model://sun</uri></include>"
+    m = loaded(included(tmp_path), world(sun + placed("bar", crank() + COUPLING + INCLUDED + JOINTS)))
+    assert_same(m, {joint: joint for joint in "ABD"})
+    assert [remark.kind for remark in m.reading.dropped if '"model://sun"' in remark.text] == ["motion"]
+    with pytest.raises(pt.errors.FileFormatError, match='"model://sun": there is no such file'):
+        loaded(tmp_path, NESTED.replace("<include>", sun + "<include>"))
+
+
+def test_names_of_folders_alone_are_models(tmp_path: Path) -> None:
+    assert_same(loaded(included(tmp_path), NESTED.replace("model://swing", "swing")), {joint: joint for joint in "ABD"})

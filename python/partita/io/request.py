@@ -47,9 +47,9 @@ class Request:
         existing = next((path for path in inside if path.exists()), None)
         if existing is not None:
             return existing, ""
-        if inside:
-            return None, "there is no such file beside the model"
-        return None, f'it lies outside the folder "{self.root}"; root="..." in partita.load names a wider one'
+        wider = 'root="..." in partita.load names a wider one'
+        where = f'the folder "{self.root}"'
+        return None, f"there is no such file in {where}; {wider}" if inside else f"it lies outside {where}; {wider}"
 
 
 def request(

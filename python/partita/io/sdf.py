@@ -34,6 +34,8 @@ _KINDS = {
 }
 _INCLUDES = 64
 """Files included in each other, at most."""
+_RESERVED = (1, 7)
+"""Version from which names are different, and no link may be called "world"."""
 _IN_MODEL = "use_parent_model_frame"
 GRAVITY = (0.0, 0.0, -9.8)
 """Gravity of worlds that give none [m/s^2]."""
@@ -100,7 +102,8 @@ class _Files:
     def model(self, item: Element, reading: Reading) -> tuple[Element, tuple[int, ...], _Files]:
         """The model that an <include> names, with what the include says otherwise, and the version of its file."""
         where = item.the("uri").text.strip()
-        found, why = self.request.found(item.path, where)
+        bare = "/" not in where and not Path(where).suffix
+        found, why = self.request.found(item.path, f"model://{where}" if bare else where)
         if found is None:
             item.fail(f'includes "{where}": {why}')
         file = _file_of(found) if found.is_dir() else found
@@ -164,9 +167,16 @@ class _Scope:
         self.placing = False
         static = self.flag(element.first("static"), False)
         self.static: bool = static or (outer is not None and outer.static)
-        for item in element.children:
+        self.keys: dict[int, str] = {}
+        for item in sorted(element.children, key=lambda item: item.tag != "link"):
             if item.tag == "include":
-                model, its_version, its_files = files.model(item, reading)
+                try:
+                    model, its_version, its_files = files.model(item, reading)
+                except FileFormatError as error:
+                    if outer is not None:
+                        raise  # part of a model would be missing
+                    self.note("dropped", item, f"a model of the world is missing: {error.message}", "", "motion")
+                    continue
                 self.nest(_Scope(robot, model, its_version, its_files, reading, self), item)
                 files.left = its_files.left
             elif item.tag == "model":
@@ -178,9 +188,15 @@ class _Scope:
             self.note("changed", element, said, f'model "{element.get("name")}"')
 
     def name(self, name: str, item: Element) -> None:
-        if name in self.named or name in ("__model__", "world"):
+        old = name == "world" and item.tag == "link" and self.version < _RESERVED
+        if self.version < _RESERVED and name in self.named and self.named[name].tag != item.tag:
+            name = f"{name} ({item.tag})"  # old versions know what is meant by where it is named
+        if name in self.named or (name in ("__model__", "world") and not old):
             item.fail(f'has the name "{name}", which is already in use')
+        if old:
+            self.note("changed", item, f'is called "{self.full(name)}" here, and is not the world', 'link "world"')
         self.named[name] = item
+        self.keys[id(item)] = name
 
     def nest(self, scope: _Scope, item: Element) -> None:
         """A model inside this one; the names of a merged one are those of this one too."""
@@ -193,7 +209,8 @@ class _Scope:
 
     def full(self, name: str) -> str:
         """A name in this scope as one of the mechanism."""
-        return (self.outer.full("") if self.outer is not None else "") + self.prefix + name
+        own = f"{name} link" if name == "world" else name
+        return (self.outer.full("") if self.outer is not None else "") + self.prefix + own
 
     def all(self) -> Iterator[_Scope]:
         """This and all models inside it."""
@@ -227,8 +244,8 @@ class _Scope:
         """Refuse frames that are placed in, or attached to, what does not exist; used or not."""
         for scope in self.all():
             for item in scope.element.all("frame"):
-                scope.frame(item.must("name"), item)
-                scope.carrier(item.must("name"), item)
+                scope.frame(scope.keys[id(item)], item)
+                scope.carrier(scope.keys[id(item)], item)
 
     def joints(self) -> None:
         for scope in self.all():
@@ -280,7 +297,7 @@ class _Scope:
         """A frame, relative to that of this model."""
         if name in self.known:
             return self.known[name]
-        if name == "world":
+        if name == "world" and name not in self.named:
             return inverse(self.at)
         if name in asked:
             by.fail(f"is placed relative to itself: {' -> '.join((*asked, name))}")
@@ -301,7 +318,7 @@ class _Scope:
 
     def carrier(self, name: str, by: Element, asked: tuple[str, ...] = ()) -> str:
         """The link that a frame moves with, by its name in the mechanism; "world" for one of a static model."""
-        if self.static or name == "world" or (name == "__model__" and self.outer is None):
+        if self.static or (name == "world" and name not in self.named) or (name == "__model__" and self.outer is None):
             return "world"
         if name == "__model__":
             return self.carrier(self.canonical(by), by, (*asked, name))
@@ -347,10 +364,11 @@ class _Scope:
                 mimic.fail(f'couples joint "{joint}", which does not have exactly one coordinate')
         if mimic.get("axis", "axis") != "axis":
             mimic.fail(f'follows the axis "{mimic.get("axis")}" of joint "{other}", which has one axis, "axis"')
-        values: dict[str, float] = {}
-        for tag in ("multiplier", "offset", "reference"):
-            found = mimic.the(tag)
-            values[tag] = numbers(found, "the text", found.text, 1)[0]
+        values = {"multiplier": 1.0, "offset": 0.0, "reference": 0.0}
+        for tag in values:
+            found = mimic.first(tag)
+            if found is not None:
+                values[tag] = numbers(found, "the text", found.text, 1)[0]
         factor, offset = values["multiplier"], values["offset"] - values["multiplier"] * values["reference"]
         if factor == 0.0:
             mimic.fail("has the multiplier 0; fix the joint instead")
@@ -396,7 +414,7 @@ class _Scope:
 
     def link(self, item: Element) -> None:
         name, inertial = self.full(item.must("name")), item.first("inertial")
-        where = self.at @ self.frame(item.must("name"), item)
+        where = self.at @ self.frame(self.keys[id(item)], item)
         for visual in item.all("visual"):
             try:
                 self.look("world" if self.static else name, where if self.static else np.eye(4), visual)
@@ -440,7 +458,7 @@ class _Scope:
         if ends == ["world", "world"]:
             self.note("dropped", item, "both of its ends are the ground", f'joint "{name}"', "other")
             return
-        where = self.at @ self.frame(item.must("name"), item)
+        where = self.at @ self.frame(self.keys[id(item)], item)
         axes = [self.axis(item, tag, where) for tag in ("axis", "axis2") if item.first(tag) is not None]
         if not axes and _KINDS[kind] not in ("fixed", "spherical"):
             item.fail("holds no <axis>")

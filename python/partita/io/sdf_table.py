@@ -131,7 +131,7 @@ SDF = Table(
         "value": _TEXT,
         "mimic": (
             (APPLIED, "@joint", "the joint that it follows"),
-            (APPLIED, "@axis(axis) multiplier=value offset=value reference=value",
+            (APPLIED, "@axis(axis) multiplier=value(1) offset=value(0) reference=value(0)",
              "coordinate = multiplier x (that of the joint - reference) + offset"),
         ),
         "visual": (
