@@ -27,7 +27,7 @@ TABLES = {".urdf": urdf_table.URDF, ".sdf": sdf_table.SDF, ".mjcf": mjcf_table.M
 WALKED = (APPLIED, COMPILED, LOOKS)
 """Rules of elements that are described by their contexts."""
 UNKNOWN = "unheard_of"
-WITH = {"included.xml": "machine.mjcf", "part.xml": "machine.mjcf"}
+WITH = {"included.xml": "machine.mjcf", "part.xml": "machine.mjcf", "part.sdf": "nested-1.12.sdf"}
 """Files that are read with another one."""
 WITHIN = {"disabled.mjcf": "option", "unconstrained.mjcf": "option", "compiler.mjcf": "compiler"}
 """Files of which one element is changed: it disables or replaces what the others say."""

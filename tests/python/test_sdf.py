@@ -93,7 +93,7 @@ def test_joints_of_other_kinds(tmp_path: Path) -> None:
         ("<a/>", "not SDFormat"),
         ("<sdf/>", "contains 0 models"),
         ('<sdf><model name="m"/></sdf>', "no <link>"),
-        (model('<include/>'), "nested in a model"),
+        (model('<include/>'), "holds no <uri>"),
         (model('<link name="crank"/>'), "taken"),
         (model('<frame name="x"><pose relative_to="y"/></frame><frame name="y"><pose relative_to="x"/></frame>'
                + hinge("E", "x", "crank")), "circle"),

@@ -2,11 +2,13 @@
 
 Two `connect` between the same bodies join two points, which is a hinge on the line through them; three are a weld.
 `mjcf_table` lists what becomes of each element and attribute; what acts is reported by its compiled value. Files that
-the model names must lie in its own folder or below: they are checked before MuJoCo opens anything.
+the model names must lie in its own folder or below, or in the root that the caller names: they are checked before
+MuJoCo opens anything.
 """
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
@@ -18,10 +20,12 @@ from ..files import get
 from .format_table import content, remark
 from .mjcf_table import CONTACT, FLUID, FRICTION, LIMITS, MJCF, ROTOR, TENDON, YIELD
 from .reading import Reading, Remark
+from .request import Request
 from .robot import Array, Effort, Joint, Link, Loop, Robot, Spring, Tie, placed
 from .xmltree import Element, parse, refuse
 
-_FILES = ("file", "meshdir", "texturedir", "assetdir", "content_type")
+_FOLDERS = ("meshdir", "texturedir", "assetdir")
+_FILES = ("file", "fileright", "fileleft", "fileup", "filedown", "filefront", "fileback")
 _NAMES = ("name", "class", "childclass", "model")
 _INCLUDES = 64
 """Files included in each other, at most."""
@@ -29,11 +33,12 @@ SAME = 1e-6
 """Points nearer to a line or a point than this fraction of their distance lie on it: files have some six digits."""
 
 
-def read(path: Path) -> Robot:
+def read(path: Path, request: Request) -> Robot:
     """The robot in a file. Raises `FileFormatError` with the line of what is wrong."""
-    named = _Named()
-    found = _looked_at(path, path.parent, (), named)
-    named.stay(path.parent)
+    path = Path(os.path.normpath(path))
+    named = _Named(path.parent, request.root)
+    found = _looked_at(path, (), named)
+    named.stay()
     if found.tag != "mujoco":
         found.fail("is not <mujoco>: this is not MJCF")
     try:
@@ -42,36 +47,68 @@ def read(path: Path) -> Robot:
         raise MissingDependencyError(
             f'"{path}" is MJCF, which is read by MuJoCo\'s own parser: pip install partita[mujoco]', package="mujoco"
         ) from error
+    reading = Reading(path, "MJCF")
+    model = _compiled(mujoco, path, reading)
+    for root in (found, *named.attached):
+        MJCF.walk(root, reading, cut=False)
+    return _Reader(mujoco, model, found, reading, request).robot()
+
+
+def _compiled(mujoco: Any, path: Path, reading: Reading) -> Any:
+    """The model that MuJoCo makes of the file; its warnings are remarks, where it would print them and write a log."""
+    warnings: list[str] = []
+    before = mujoco.get_mju_user_warning() if hasattr(mujoco, "get_mju_user_warning") else None
+    mujoco.set_mju_user_warning(warnings.append)
     try:
-        model = mujoco.MjModel.from_xml_path(str(path))
+        return mujoco.MjModel.from_xml_path(str(path))
     except (ValueError, RuntimeError) as error:
         message = " ".join(str(error).split())
         refuse(path, _line(message), f"MuJoCo cannot read it: {message}")
-    reading = Reading(path, "MJCF")
-    for root in (found, *named.attached):
-        MJCF.walk(root, reading, cut=False)
-    return _Reader(mujoco, model, found, reading).robot()
+    finally:
+        mujoco.set_mju_user_warning(before)
+        for warning in warnings:
+            words = " ".join(warning.split())
+            reading.changed.append(Remark(_line(words), f"MuJoCo warns: {words}"))
 
 
 @dataclass
 class _Named:
     """Files that a model names, and the folders in which they may lie."""
 
+    folder: Path
+    root: Path
     files: list[tuple[Element, str]] = field(default_factory=list)
     folders: list[str] = field(default_factory=lambda: [""])
     included: int = 0
     attached: list[Element] = field(default_factory=list)
 
-    def stay(self, folder: Path) -> None:
-        """Refuse links that lead out of the folder of the model."""
+    def add(self, element: Element, key: str) -> None:
+        """The file or folder that an attribute names, if it does."""
+        name = element.get(key)
+        if PurePosixPath(name).is_absolute() or PureWindowsPath(name).anchor != "":
+            element.fail(f'names the file "{name}", an absolute path, which leads out of the folder of the model')
+        if name:
+            self.files.append((element, name))
+            self.folders += [name] if key in _FOLDERS else []
+
+    def stay(self) -> None:
+        """Refuse names and links that lead out of the root."""
         for element, name in self.files:
-            if not all((folder / inner / name).resolve().is_relative_to(folder.resolve()) for inner in self.folders):
-                element.fail(f'names the file "{name}", a link that leads out of the folder of the model')
+            for inner in self.folders:
+                place = self.folder.resolve() / inner.replace("\\", "/") / name.replace("\\", "/")
+                if not Path(os.path.normpath(place)).is_relative_to(self.root):
+                    element.fail(f'names the file "{name}", which leads out of {self._root()}')
+                if not place.resolve().is_relative_to(self.root):
+                    element.fail(f'names the file "{name}", a link that leads out of {self._root()}')
+
+    def _root(self) -> str:
+        own = self.root == self.folder.resolve()
+        words = "the folder of the model" if own else f'the root "{self.root}"'
+        return f'{words}; root="..." in partita.load names a wider one'
 
 
-def _looked_at(path: Path, folder: Path, including: tuple[Path, ...], named: _Named) -> Element:
-    """The root of a file whose includes stay within the folder, and are expanded; `including` lists the files that
-    include it."""
+def _looked_at(path: Path, including: tuple[Path, ...], named: _Named) -> Element:
+    """The root of a file whose includes stay within the root, and are expanded; `including` lists those around it."""
     root = parse(path)
     try:
         get(path).decode("utf-8")
@@ -84,12 +121,12 @@ def _looked_at(path: Path, folder: Path, including: tuple[Path, ...], named: _Na
             # MuJoCo writes this to its own log and continues
             if key not in _NAMES and any(word.lower().lstrip("+-") == "nan" for word in value.split()):
                 element.fail(f'has "{key}" "{value:.40}"; it takes finite numbers')
-        for key in _FILES[:4]:
-            _inside(element, key, named)
+        for key in (*_FILES, *_FOLDERS):
+            named.add(element, key)
         inside, own = list[Element](), list[Element]()
         for child in element.children:
             if child.tag in ("include", "model"):
-                other = _included(child, path, folder, including, named)
+                other = _included(child, path, including, named)
                 if child.tag == "include":
                     inside += other.children
                     continue
@@ -101,39 +138,32 @@ def _looked_at(path: Path, folder: Path, including: tuple[Path, ...], named: _Na
     return root
 
 
-def _included(at: Element, path: Path, folder: Path, including: tuple[Path, ...], named: _Named) -> Element:
+def _included(at: Element, path: Path, including: tuple[Path, ...], named: _Named) -> Element:
     """The root of the file that an element names: one that is included, or a model of which parts are attached."""
     more = [*(key for key in at.attributes if key != "file"), *(child.tag for child in at.children)]
     if at.tag == "include" and more:
         at.fail(f'has "{more[0]}"; it takes a file alone')
-    at.must("file")  # MuJoCo 4.0 hangs after a model without one
-    name = _inside(at, "file", named)
-    inner = folder / name
+    name = at.must("file")  # MuJoCo 4.0 hangs after a model without one
+    named.add(at, "file")
+    inner = Path(os.path.normpath(named.folder / name))
     named.included += 1
-    named.stay(folder)
+    named.stay()
     if inner in (*including, path):
         at.fail(f'includes "{name}", which includes this file: the includes are circular')
     if named.included > _INCLUDES:
         at.fail(f"exceeds the limit of {_INCLUDES} included files")
     if not inner.is_file():
         at.fail(f'includes "{name}", which does not exist')
-    root = _looked_at(inner, folder, (*including, path), named)
-    if at.tag == "include" and (odd := [key for key in root.attributes if key != "model"]):
+    own = at.tag == "model"  # names files from its own folder, includes do so from that of the model
+    within = _Named(inner.parent, named.root, included=named.included) if own else named
+    root = _looked_at(inner, (*including, path), within)
+    within.stay()
+    named.included = within.included
+    named.attached += within.attached if own else []
+    odd = [key for key in root.attributes if key != "model"]
+    if not own and odd:
         root.fail(f'has the attribute "{odd[0]}", which a file that is included does not take')
     return root
-
-
-def _inside(element: Element, key: str, named: _Named) -> str:
-    """The file or folder that an attribute names, which must not lead out of the folder of the model."""
-    name = element.get(key)
-    parts = (*PurePosixPath(name).parts, *PureWindowsPath(name).parts)
-    absolute = PurePosixPath(name).is_absolute() or PureWindowsPath(name).anchor != ""
-    if absolute or ".." in parts:
-        element.fail(f'names the file "{name}", which leads out of the folder of the model')
-    if name:
-        named.files.append((element, name))
-        named.folders += [name] if key != "file" else []
-    return name
 
 
 def _line(message: str) -> int | None:
@@ -152,7 +182,7 @@ class _Held:
 
 
 class _Reader:
-    def __init__(self, mujoco: Any, model: Any, root: Element, reading: Reading) -> None:
+    def __init__(self, mujoco: Any, model: Any, root: Element, reading: Reading, request: Request) -> None:
         self.mujoco, self.model, self.root = mujoco, model, root
         self.named: dict[tuple[str, str], Element] = {}
         waiting = [root]
@@ -162,7 +192,7 @@ class _Reader:
             self.named.setdefault((element.tag, element.get("name")), element)
         name = root.get("model") or reading.path.stem
         gravity = np.zeros(3) if self.off("gravity") else model.opt.gravity
-        self.made = Robot(name, reading, gravity=tuple(gravity.tolist()), gimbals=True)
+        self.made = Robot(name, reading, request, gravity=tuple(gravity.tolist()), gimbals=True)
         self.joint_names: dict[int, str] = {}
 
     def off(self, *flags: str) -> bool:

@@ -7,16 +7,16 @@ Loops come from `<loop>` and `<coupling>` (URDF+), from `<loop_joint>` with two 
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..errors import FileFormatError
-from . import sidecar
+from . import closings
 from .looks import Look, mesh_file
 from .reading import Reading, Remark
+from .request import Request
 from .robot import Array, Effort, Joint, Link, Loop, Robot, Tie, placed, turned
 from .urdf_table import URDF
 from .xmltree import Element, parse
@@ -31,15 +31,18 @@ _KINDS = {
     "spherical": "spherical",
 }
 _LOOPS = {**_KINDS, "ball": "spherical", "6d": "fixed", "3d": "spherical"}
-CLOSING = re.compile(r"(?P<stem>clos(?:ing|ed_?loop).*?)[_-]?(?P<side>[12AB])", re.IGNORECASE)
 
 
-def read(path: Path) -> Robot:
+WORLD = "world"
+"""Link that other readers know without its definition."""
+
+
+def read(path: Path, request: Request) -> Robot:
     """The robot in a file. Raises `FileFormatError` with the line of what is wrong."""
     root = parse(path)
     if root.tag != "robot":
         root.fail("is not <robot>: this is not URDF")
-    robot = Robot(root.get("name") or path.stem, Reading(path, "URDF"))
+    robot = Robot(root.get("name") or path.stem, Reading(path, "URDF"), request)
     URDF.walk(root, robot.reading)
     for item in root.all("link"):
         _link(robot, item)
@@ -47,16 +50,17 @@ def read(path: Path) -> Robot:
         _joint(robot, item)
     if not robot.links:
         root.fail("holds no <link>")
+    _world(robot)
     for item in root.all("fixed_frame", "frame"):
         _frame(robot, item)
     for item in root.all("loop", "loop_joint"):
         robot.loops.append(_loop(robot, item))
+    closings.close(robot)
     for item in root.all("joint"):
         _mimic(robot, item)
     for item in root.all("coupling"):
         robot.ties.append(_coupling(robot, item))
     robot.reading.used.append(Remark(None, f"{len(robot.links)} links, {len(robot.joints)} joints"))
-    _closings(robot)
     return robot
 
 
@@ -99,7 +103,7 @@ def _look(robot: Robot, link: str, item: Element) -> None:
     elif of.tag == "sphere":
         shape = {"kind": "ball", "radius": of.number("radius")}
     elif of.tag == "mesh":
-        file, why = mesh_file(of.path, of.must("filename"))
+        file, why = mesh_file(robot.request, of.path, of.must("filename"))
         if file is None:
             robot.reading.dropped.append(
                 Remark(of.line, f"the mesh {of.get('filename')}: {why}", f'link "{link}"', "looks")
@@ -154,6 +158,10 @@ def _mimic(robot: Robot, item: Element) -> None:
     if mimic is None:
         return
     name, other = item.must("name"), mimic.must("joint")
+    if robot.joints[name].kind == "fixed":
+        remark = f"joint {name} is fixed, and does not follow {other}"
+        robot.reading.dropped.append(Remark(mimic.line, remark))
+        return
     for joint in (name, other):
         if joint not in robot.joints:
             mimic.fail(f'follows the joint "{joint}", which does not exist')
@@ -164,6 +172,14 @@ def _mimic(robot: Robot, item: Element) -> None:
         mimic.fail("has the multiplier 0; fix the joint instead")
     robot.ties.append(Tie(f"{name} follows {other}", [name, other], [1.0, -factor], offset, mimic))
     robot.reading.used.append(Remark(mimic.line, f"joint {name} = {factor:g} x {other} + {offset:g}, a coupler"))
+
+
+def _world(robot: Robot) -> None:
+    """A link "world" that joints name and the file does not define is the world."""
+    by = next((joint for joint in robot.joints.values() if joint.parent == WORLD), None)
+    if by is not None and WORLD not in robot.links:
+        robot.links[WORLD] = Link(WORLD, 0.0, np.zeros(3), np.zeros((3, 3)), by.at)
+        robot.reading.changed.append(Remark(by.at.line, 'link "world", which the file does not define, is the world'))
 
 
 def _frame(robot: Robot, item: Element) -> None:
@@ -236,20 +252,3 @@ def _coupling(robot: Robot, item: Element) -> Tie:
         item.fail("must couple joints of one coordinate each, at least one on each side, by a nonzero ratio")
     robot.reading.used.append(Remark(item.line, f"coupling {name} of {', '.join(joint for joint, _ in moving)}"))
     return Tie(name, [joint for joint, _ in moving], [factor for _, factor in moving], 0.0, item)
-
-
-def _closings(robot: Robot) -> None:
-    """Pairs of frames: those that the sidecar lists, or else those that are named as such."""
-    beside = sidecar.read(robot)
-    if beside:
-        return
-    sides: dict[str, list[str]] = {}
-    for name in [*robot.links, *robot.frames]:
-        found = CLOSING.fullmatch(name)
-        if found is not None:
-            sides.setdefault(found["stem"].rstrip("_-"), []).append(name)
-    for stem, names in sides.items():
-        if len(names) != 2:
-            one = robot.links.get(names[0], next(iter(robot.links.values())))
-            one.at.fail(f"is one of {len(names)} frames of the closing {stem}; it has two, _1 and _2 or _A and _B")
-        sidecar.close(robot, stem, (names[0], names[1]), "6d", None)
