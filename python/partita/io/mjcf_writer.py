@@ -17,13 +17,13 @@ from ..builder.records import DRAWING_TOLERANCE, GROUND, BodyRecord, SpringRecor
 from ..errors import FileFormatError
 from ..files import put
 from ..numeric import quaternion
+from .robot import inverse
 from .skeleton import (
     Branch,
     Closure,
     Motion,
     Spring,
     free_length,
-    inverse,
     leftovers,
     quoted,
     skeleton,

@@ -17,7 +17,7 @@ from ..builder.checks import Array
 from ..builder.joints import motions
 from ..builder.records import GROUND, CouplingRecord, Description, JointRecord, SpringRecord, TorqueRecord
 from ..builder.records import TorsionSpringRecord as Torsion
-from .robot import nearest, placed
+from .robot import inverse, nearest, placed
 from .writing import Writing
 
 _ALWAYS_CUT = 6
@@ -91,12 +91,6 @@ class Names:
             name = f"{wanted} {number}"
         self.used.add(name)
         return name
-
-
-def inverse(frame: Array) -> Array:
-    """Of a frame."""
-    turned = frame[:3, :3].T
-    return placed(-turned @ frame[:3, 3], turned)
 
 
 def skeleton(mechanism: Builder, report: Writing) -> Skeleton:
