@@ -10,7 +10,7 @@ CONTACT = "contacts are not read: add_contact"
 FRICTION = "friction would resist the motion: add_friction"
 LIMITS = "limits do not act: add_stop"
 FLUID = "a fluid would resist the motion of all bodies"
-ROTOR = "the inertia of a rotor would add to the mass matrix: a body with add_gear"
+ROTOR = "the inertia of a rotor would add to the mass matrix, not along a single coordinate of a joint"
 YIELD = "the spring would give way beyond this deflection"
 TENDON = "this tendon would act along its length: add_torque with a function"
 _NUMERICS = "settings of the solver"
@@ -169,11 +169,10 @@ MJCF = Table(
             (APPLIED, "@name @class @type(hinge) @pos(0 0 0) @axis(0 0 1)", "a joint of the body, on its parent"),
             (
                 APPLIED,
-                "@stiffness(0) @damping(0) @springref(0) @springdamper(0 0)",
-                "a spring and a damper along the coordinate",
+                "@stiffness(0) @damping(0) @springref(0) @springdamper(0 0) @armature(0)",
+                "a spring, a damper and a rotor along the coordinate",
             ),
             (OTHER, "@ref(0)", "the coordinate is zero as drawn, where MuJoCo gives it this value"),
-            (COMPILED, "@armature(0)", ROTOR),
             (COMPILED, "@frictionloss(0)", FRICTION),
             (COMPILED, "@springyield(0)", YIELD),
             (COMPILED, "@range @limited(auto)", LIMITS),

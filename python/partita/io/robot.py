@@ -57,13 +57,20 @@ class Spring:
 
 @dataclass(frozen=True)
 class Effort:
-    """Spring and damper along one coordinate of a joint; without a name it is that of the joint."""
+    """Spring, damper and rotor along one coordinate of a joint; without a name it is that of the joint."""
 
     stiffness: float = 0.0
     damping: float = 0.0
     rest: float = 0.0
     coordinate: int = 0
     name: str = ""
+    rotor: float = 0.0
+    """The inertia that a motor's rotor adds along the coordinate, gear included."""
+
+    @property
+    def acts(self) -> bool:
+        """Whether there is anything."""
+        return (self.stiffness, self.damping, self.rotor) != (0.0, 0.0, 0.0)
 
 
 @dataclass
