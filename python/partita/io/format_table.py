@@ -36,6 +36,7 @@ _KINDS = {DROPPED: "motion", BOUNDS: "bounds", OTHER: "other"}
 """Kinds of the remarks on what is dropped."""
 _ITEM = re.compile(r"(@?[\w:.-]+|#)(\*?)(?:=([\w/]+))?(?:\(([^)]*)\))?(?:\[([\d.]*)-([\d.]*)\])?")
 """`@attribute`, `element`, `element*` (any number), `element=context` (described under that name), `#` (text);
+A context `whole`, which no table has, is an element with all inside it.
 `(value)`: the default, `(0|none)` one of several; `[1.5-1.6]`: versions of the format."""
 _LONG = 60
 """Characters of the content of an element in a remark."""
@@ -113,19 +114,21 @@ class Table:
                 self._judge(reading, None, element, f"{where} text {_short(words)}", words, version)
             seen: set[str] = set()
             kept: list[Element] = []
+            inner: list[tuple[Element, str, str]] = []
             for child in element.children:
                 item = items.get(child.tag) or items.get(f"{child.tag.partition(':')[0]}:")
                 again = item is not None and not item.many and child.tag in seen
                 seen.add(child.tag)
-                subject = _content(child, inside)
+                subject = content(child, inside)
                 if again and item is not None and item.rule != REFUSED:
                     text = f"more than one <{child.tag}>; the first is used"
-                    reading.dropped.append(Remark(child.line, text, subject, "motion"))
+                    reading.dropped.append(remark(reading, child, text, subject, "motion"))
                     continue
                 if self._judge(reading, item, child, subject, _value(child), version):
                     kept.append(child)
                     if item is not None and item.context in self.contexts:
-                        waiting.append((child, item.context, inside))
+                        inner.append((child, item.context, inside))
+            waiting += reversed(inner)
             if cut:
                 element.children = kept
 
@@ -141,18 +144,18 @@ class Table:
         """Whether this is read; else it is reported, where it says more than its default."""
         if item is None:
             kind = " ".join([self.kind, *([".".join(map(str, version))] if version else [])])
-            reading.dropped.append(Remark(at.line, f"not known to {kind}, and ignored", subject, "unknown"))
+            reading.dropped.append(remark(reading, at, f"not known to {kind}, and ignored", subject, "unknown"))
             return False
         if item.rank(version) == 1:
             text = f"belongs to {self.kind} {'.'.join(map(str, item.since))} and later; it is read as there"
-            reading.changed.append(Remark(at.line, text, subject))
+            reading.changed.append(remark(reading, at, text, subject, "changed"))
         if item.rule in (APPLIED, COMPILED, LOOKS):
             return True
         if item.rule == NO_EFFECT or item.is_default(value):
             return False
         if item.rule == REFUSED:
             at.fail(item.effect)
-        reading.dropped.append(Remark(at.line, item.effect, subject, _KINDS[item.rule]))
+        reading.dropped.append(remark(reading, at, item.effect, subject, _KINDS[item.rule]))
         return False
 
 
@@ -170,6 +173,13 @@ def _items(rows: Rows) -> Iterator[Item]:
             bounds = (number(since or ""), number(until or ""))
             yield Item(name, rule, effect, context or name, bool(many), defaults, *bounds)
             at = found.end()
+
+
+def remark(reading: Reading, at: Element, text: str, name: str, kind: str) -> Remark:
+    """A remark on an element, which may stand in another file than the one that is read."""
+    if at.path == reading.path:
+        return Remark(at.line, text, name, kind)
+    return Remark(None, text, f"{name} in {at.path.name}, line {at.line}", kind)
 
 
 def number(version: str) -> tuple[int, ...]:
@@ -200,7 +210,7 @@ def _titled(element: Element, owner: str) -> str:
     return f"{owner} {element.tag}" if owner else f"<{element.tag}>"
 
 
-def _content(element: Element, owner: str) -> str:
+def content(element: Element, owner: str = "") -> str:
     """An element with what it says, shortened."""
     said: list[str] = []
     waiting = [element]
@@ -213,10 +223,10 @@ def _content(element: Element, owner: str) -> str:
         said += [", ".join(words)] if one is element else [" ".join([one.tag, *words])]
         waiting += reversed(one.children)
     said = [words for words in said if words]
-    title, words = _titled(element, owner), ", ".join(said)
-    if len(words) > _LONG or waiting:
-        words = f"{_short(words)} {_size(element)} in all"
-    return f"{title} ({words})" if words else title
+    title, inside = _titled(element, owner), ", ".join(said)
+    if len(inside) > _LONG or waiting:
+        inside = f"{_short(inside)} {_size(element)} in all"
+    return f"{title} ({inside})" if inside else title
 
 
 def _size(element: Element) -> int:

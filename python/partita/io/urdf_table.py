@@ -38,7 +38,9 @@ URDF = Table(
         "capsule": ((LOOKS, "@radius @length", ""),),
         "sphere": ((LOOKS, "@radius", ""),),
         "mesh": ((LOOKS, "@filename @scale(1 1 1)", "a file in the folder of the model"),),
-        "inertial": ((APPLIED, "origin mass inertia", "mass, centre of mass, inertia about it in the axes of the origin"),),
+        "inertial": (
+            (APPLIED, "origin mass inertia", "mass, centre of mass, inertia about it in the axes of the origin"),
+        ),
         "origin": ((APPLIED, _SIDE, "position and fixed-axis angles (roll, pitch, yaw)"),),
         "mass": ((APPLIED, "@value", "in kg"),),
         "inertia": ((APPLIED, "@ixx(0) @ixy(0) @ixz(0) @iyy(0) @iyz(0) @izz(0)", "in kg m^2"),),
@@ -60,12 +62,18 @@ URDF = Table(
             (NO_EFFECT, "axis", "a spherical joint has no axis"),
             (DROPPED, "dynamics", "damping and friction would resist the rotation: add_bushing"),
         ),
-        "joint[planar]": ((DROPPED, "dynamics", "damping and friction would resist the motion in the plane: add_bushing"),),
+        "joint[planar]": (
+            (DROPPED, "dynamics", "damping and friction would resist the motion in the plane: add_bushing"),
+        ),
         "end": ((APPLIED, "@link", "the link at this end"),),
         "axis": ((APPLIED, "@xyz", "in the frame of the joint"),),
         "dynamics": (
             (APPLIED, "@damping(0)", "a damper along the coordinate"),
-            (DROPPED, "@friction(0)", "friction would resist the motion: add_friction, which needs the stick velocity too"),
+            (
+                DROPPED,
+                "@friction(0)",
+                "friction would resist the motion: add_friction, which needs the stick velocity too",
+            ),
         ),
         "mimic": (
             (APPLIED, "@joint @multiplier(1) @offset(0)", "coordinate = multiplier x that of the joint + offset"),
@@ -87,4 +95,4 @@ URDF = Table(
         ),
         "ratio": ((APPLIED, "@value", ""),),
     },
-)  # fmt: skip
+)
