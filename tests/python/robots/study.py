@@ -44,11 +44,11 @@ class Row:
             return f"{name:<50} refused: {self.refused}"
         if self.mobility is None:
             return f"{name:<50} {self.open}"
-        said = f"{self.mobility:4} dof  closure {self.closure:.0e}  remarks {self.remarks} ({self.moving} of motion)"
-        said += "  repaired" if self.repaired else ""
+        text = f"{self.mobility:4} dof  closure {self.closure:.0e}  remarks {self.remarks} ({self.moving} of motion)"
+        text += "  repaired" if self.repaired else ""
         if self.apart is not None:
-            said += f"  accelerations {self.apart:.0e}" + ("  DISAGREES" if self.disagrees else "")
-        return f"{name:<50} {said}" + (f"  not compared: {self.incomparable:.60}" if self.incomparable else "")
+            text += f"  accelerations {self.apart:.0e}" + ("  DISAGREES" if self.disagrees else "")
+        return f"{name:<50} {text}" + (f"  not compared: {self.incomparable:.60}" if self.incomparable else "")
 
 
 def row(path: Path, root: Path | None = None, against: str | None = None) -> Row:
