@@ -47,12 +47,12 @@ def test_types_replace_those_of_the_tree(
     text = tree(ends("here", "there"), {})
     m = pt.load(written(tmp_path, text, f"{PAIR}joint_name: [D, B]\njoint_type: [{', '.join(types)}]\n"))
     expected = pt.Mechanism("the same", gravity=GRAVITY)
-    by_hand = drawn("spherical")
-    for body in by_hand._description.bodies.values():
+    built = drawn("spherical")
+    for body in built._description.bodies.values():
         expected.add_body(body.name, mass=body.mass, inertia=body.inertia, com=body.com, position=body.position,
                           orientation=body.rotation)  # fmt: skip
-    points = {name: joint.point for name, joint in by_hand._description.joints.items()}
-    turned = by_hand._description.bodies["rocker"].rotation
+    points = {name: joint.point for name, joint in built._description.joints.items()}
+    turned = built._description.bodies["rocker"].rotation
     first, second = (turned[:, "xyz".index(axis)] for axis in axes)
     expected.add_revolute("A", expected.ground, "crank", point=points["A"], axis=(0, -1, 0))
     expected.add_spherical("B", "crank", "coupler", point=points["B"])

@@ -74,8 +74,8 @@ def report_open(robot: Robot, poses: Mapping[str, Array]) -> None:
         if all(map(is_closing, names)) or float(np.linalg.norm(one - other)) <= _TOGETHER:
             pairs.append(" and ".join(names))
     if pairs:
-        cure = "closed_loop in a YAML file beside the URDF closes them"
-        remark = f"{', '.join(pairs)} look like ends of loops, which are open; {cure}"
+        remedy = "closed_loop in a YAML file beside the URDF closes them"
+        remark = f"{', '.join(pairs)} look like ends of loops, which are open; {remedy}"
         robot.reading.dropped.append(Remark(None, remark))
 
 
