@@ -43,7 +43,7 @@ def read(path: Path, request: Request) -> Robot:
     if root.tag != "robot":
         root.fail("is not <robot>: this is not URDF")
     robot = Robot(root.get("name") or path.stem, Reading(path, "URDF"), request)
-    URDF.walk(root, robot.reading)
+    URDF.visit(root, robot.reading)
     for item in root.all("link"):
         _link(robot, item)
     for item in root.all("joint"):
