@@ -301,20 +301,19 @@ class _Reader:
             found.point = m.jnt_pos[j].copy()
         d, q, called = int(m.jnt_dofadr[j]), int(m.jnt_qposadr[j]), f'joint "{name}"'
         stiffness, damping = self.law(called, at, "jnt_stiffness", j, "dof_damping", d)
-        damping += self.geared.get(j, (0.0, 0.0))[1]
+        geared = self.geared.get(j, (0.0, 0.0))
+        damping += geared[1]
+        rotor = float(m.dof_armature[d]) + geared[0]
         if found.kind in ("revolute", "prismatic"):
-            if stiffness != 0.0 or damping != 0.0:
-                found.efforts = [Effort(stiffness, damping, float(m.qpos_spring[q] - m.qpos0[q]))]
+            effort = Effort(stiffness, damping, float(m.qpos_spring[q] - m.qpos0[q]), rotor=rotor)
+            found.efforts = [effort] if effort.acts else []
         elif stiffness != 0.0 or damping != 0.0:
             text = "a spring and a damper would act, of a joint that has no single coordinate: add_bushing"
             self.dropped(at, text, f"{called} stiffness {stiffness:g}, damping {damping:g}")
         if stiffness != 0.0 and (bound := self.value("jnt_springyield", j)) != 0.0:
             self.dropped(at, YIELD, f"{called} springyield {bound:g}")
-        armature, geared = float(m.dof_armature[d]), self.geared.get(j, (0.0, 0.0))
-        if found.kind in ("revolute", "prismatic"):
-            found.rotor = armature + geared[0]
-        elif armature != 0.0:
-            self.dropped(at, ROTOR, f"{called} armature {armature:g}")
+        if rotor != 0.0 and not found.efforts:
+            self.dropped(at, ROTOR, f"{called} armature {rotor:g}")
         if m.dof_frictionloss[d] != 0.0 and not self.off("frictionloss", "constraint"):
             self.dropped(at, FRICTION, f"{called} frictionloss {m.dof_frictionloss[d]:g}")
         if m.jnt_limited[j] and not self.off("limit", "constraint"):
