@@ -119,9 +119,10 @@ def read(robot: Robot) -> bool:
     motors = entries.get("name_mot")
     if motors:
         words = motors if isinstance(motors, list) else [motors]
-        robot.reading.dropped.append(Remark(None, f"motors {', '.join(map(str, words))} of {path.name}: use add_drive"))
+        text = f"motors of {path.name} do not act: add_drive prescribes motions, add_torque efforts"
+        robot.reading.dropped += [Remark(None, text, f'joint "{word}"', "bounds") for word in words]
     for key in sorted(set(entries) - _KEYS, key=str):
-        robot.reading.dropped.append(Remark(None, f'"{key}" of {path.name} is not known'))
+        robot.reading.dropped.append(Remark(None, f"not known in {path.name}, and ignored", f'"{key}"', "unknown"))
     return "closed_loop" in entries
 
 
