@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import importlib.util
+import json
 from pathlib import Path
 
 import mutations
+import owners
 import pytest
 from mutations import FILES, TABLES
 from thorough import either
@@ -78,3 +80,17 @@ def test_remarks_of_one_text_are_one(tmp_path: Path) -> None:
     assert friction.to_dict()["count"] == 20
     assert list(KINDS).index("motion") == 0
     assert pt.Mechanism("drawn").remarks == ()
+
+
+@pytest.mark.parametrize("name", owners.CASES)
+def test_a_file_moves_as_the_program_says_that_owns_the_format(name: str) -> None:
+    if name.endswith(".mjcf"):
+        pytest.importorskip("mujoco")
+    stored = json.loads(owners.STORED.read_text("utf-8"))[name]
+    assert max(owners.differences(name, stored)) < owners.SAME
+
+
+@pytest.mark.parametrize("name", owners.CASES)
+def test_the_program_that_owns_the_format_still_says_so(name: str) -> None:
+    pytest.importorskip(owners.PROGRAMS[Path(name).suffix][1])
+    assert max(owners.differences(name, owners.asked(name))) < owners.SAME

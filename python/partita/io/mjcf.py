@@ -18,7 +18,7 @@ import numpy as np
 from ..errors import MissingDependencyError
 from ..files import get
 from .format_table import content, remark
-from .mjcf_table import CONTACT, FLUID, FRICTION, LIMITS, MJCF, ROTOR, TENDON, YIELD
+from .mjcf_table import ACTUATORS, CONTACT, FLUID, FRICTION, LIMITS, MJCF, ROTOR, TENDON, YIELD
 from .reading import Reading, Remark
 from .request import Request
 from .robot import Array, Effort, Joint, Link, Loop, Robot, Spring, Tie, placed
@@ -194,6 +194,7 @@ class _Reader:
         gravity = np.zeros(3) if self.off("gravity") else model.opt.gravity
         self.made = Robot(name, reading, request, gravity=tuple(gravity.tolist()), gimbals=True)
         self.joint_names: dict[int, str] = {}
+        self.geared: dict[int, tuple[float, float]] = {}
 
     def off(self, *flags: str) -> bool:
         """Whether the file disables one of these; constraints are all that is not a joint or a spring."""
@@ -204,7 +205,7 @@ class _Reader:
         """Its name, or its kind and number where it has none."""
         kinds = self.mujoco.mjtObj
         of: dict[str, Any] = {"body": kinds.mjOBJ_BODY, "joint": kinds.mjOBJ_JOINT, "equality": kinds.mjOBJ_EQUALITY}
-        of["tendon"] = kinds.mjOBJ_TENDON
+        of["tendon"], of["actuator"] = kinds.mjOBJ_TENDON, kinds.mjOBJ_ACTUATOR
         return self.mujoco.mj_id2name(self.model, of[kind], i) or f"{kind} {i}"
 
     def at(self, *tags: str, name: str) -> Element:
@@ -221,6 +222,7 @@ class _Reader:
 
     def robot(self) -> Robot:
         m, robot = self.model, self.made
+        self.gears()
         robot.links["world"] = Link("world", 0.0, np.zeros(3), np.zeros((3, 3)), self.root)
         for i in range(1, m.nbody):
             self.body(i)
@@ -230,6 +232,23 @@ class _Reader:
         robot.reading.used.append(Remark(None, f"{m.nbody - 1} bodies, {m.njnt} joints, {m.neq} equalities"))
         self.world()
         return robot
+
+    def gears(self) -> None:
+        """Rotors and dampers of actuators, which act behind their gears at joints."""
+        m, kinds = self.model, self.mujoco.mjtJoint
+        for i in range(m.nu):
+            at, called = self.at(*ACTUATORS, name=self.name("actuator", i)), f'actuator "{self.name("actuator", i)}"'
+            armature = self.value("actuator_armature", i)
+            damping = self.law(called, at, "", i, "actuator_damping", i)[1]
+            if armature == 0.0 and damping == 0.0:
+                continue
+            j, ratio = int(m.actuator_trnid[i, 0]), float(m.actuator_gear[i, 0])
+            along = int(m.actuator_trntype[i]) == int(self.mujoco.mjtTrn.mjTRN_JOINT)
+            if along and int(m.jnt_type[j]) in (int(kinds.mjJNT_HINGE), int(kinds.mjJNT_SLIDE)):
+                before = self.geared.get(j, (0.0, 0.0))
+                self.geared[j] = (before[0] + ratio**2 * armature, before[1] + ratio**2 * damping)
+            else:
+                self.dropped(at, ROTOR, f"{called} armature {armature:g}, damping {damping:g}")
 
     def world(self) -> None:
         """What acts on all bodies, or between those that touch."""
@@ -282,6 +301,7 @@ class _Reader:
             found.point = m.jnt_pos[j].copy()
         d, q, called = int(m.jnt_dofadr[j]), int(m.jnt_qposadr[j]), f'joint "{name}"'
         stiffness, damping = self.law(called, at, "jnt_stiffness", j, "dof_damping", d)
+        damping += self.geared.get(j, (0.0, 0.0))[1]
         if found.kind in ("revolute", "prismatic"):
             if stiffness != 0.0 or damping != 0.0:
                 found.efforts = [Effort(stiffness, damping, float(m.qpos_spring[q] - m.qpos0[q]))]
@@ -290,8 +310,11 @@ class _Reader:
             self.dropped(at, text, f"{called} stiffness {stiffness:g}, damping {damping:g}")
         if stiffness != 0.0 and (bound := self.value("jnt_springyield", j)) != 0.0:
             self.dropped(at, YIELD, f"{called} springyield {bound:g}")
-        if m.dof_armature[d] != 0.0:
-            self.dropped(at, ROTOR, f"{called} armature {m.dof_armature[d]:g}")
+        armature, geared = float(m.dof_armature[d]), self.geared.get(j, (0.0, 0.0))
+        if found.kind in ("revolute", "prismatic"):
+            found.rotor = armature + geared[0]
+        elif armature != 0.0:
+            self.dropped(at, ROTOR, f"{called} armature {armature:g}")
         if m.dof_frictionloss[d] != 0.0 and not self.off("frictionloss", "constraint"):
             self.dropped(at, FRICTION, f"{called} frictionloss {m.dof_frictionloss[d]:g}")
         if m.jnt_limited[j] and not self.off("limit", "constraint"):

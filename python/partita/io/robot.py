@@ -69,7 +69,7 @@ class Effort:
 @dataclass
 class Joint:
     """A joint of the tree; `place` is the frame of its child in that of its parent; its point (`point`) and its `axis`
-    are in that of its child."""
+    are in that of its child; `rotor` is an inertia that turns with its coordinate."""
 
     name: str
     kind: str
@@ -79,6 +79,7 @@ class Joint:
     axis: Array
     at: Element
     efforts: list[Effort] = field(default_factory=list)
+    rotor: float = 0.0
     pitch: float = 0.0
     second: Array | None = None
     point: Array = field(default_factory=lambda: np.zeros(3))

@@ -59,6 +59,8 @@ def build(robot: Robot, mechanism: Builder) -> None:
         axes = (joint.axis, joint.second)
         _joint(mechanism, joint.name, joint.kind, ends, (where, where), axes, joint.at)
         _springs(mechanism, joint.name, joint.efforts)
+        if joint.rotor > 0.0:
+            mechanism.add_rotor(joint.name, joint.rotor)
     for loop in robot.loops:
         (link1, frame1), (link2, frame2) = loop.first, loop.second
         if body[link1] == body[link2]:

@@ -137,9 +137,9 @@ def _closes(joint: JointRecord, report: Writing) -> bool:
 
 
 def loaded(d: Description) -> set[str]:
-    """Names of joints whose coordinates forces, couplings or drives refer to."""
+    """Names of joints whose coordinates forces, couplings, rotors or drives refer to."""
     terms = [term for c in d.couplings.values() for term in c.terms] + [drive.measure for drive in d.drives.values()]
-    found = {str(term["joint"]) for term in terms if term.get("of") == "joint"}
+    found = {str(term["joint"]) for term in terms if term.get("of") == "joint"} | {r.joint for r in d.rotors.values()}
     return found | {f.joint for f in d.forces.values() if isinstance(f, Torsion | TorqueRecord)}
 
 

@@ -58,6 +58,7 @@ _STAGES = (
     ("joint",),
     ("compliance",),
     ("coupler", "gear", "belt", "rack", "distance", "cam", "rolling"),
+    ("rotor",),
     ("drive",),
 )
 _LAST = ("mechanism", "sensor")

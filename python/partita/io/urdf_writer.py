@@ -111,6 +111,7 @@ class _Writer:
             if isinstance(force, SpringRecord):
                 self.spring(force)
         leftovers(d, report, (SpringRecord, TorsionSpringRecord))
+        report.dropped += [f"rotor {name}" for name in d.rotors]
         self.weightless = [name for name, body in d.bodies.items() if not body.gravity]
         if self.weightless:
             remark = f"that gravity does not act on {', '.join(self.weightless)} is written to the sidecar file"
