@@ -40,8 +40,8 @@ def fold_marks(robot: Robot) -> None:
                 )
             mass = robot.links[joint.child].mass
             with_mass = f" and its mass of {mass:.2g} kg is omitted" if mass > 0.0 else ""
-            remark = f'link "{joint.child}" is taken as a frame of "{joint.parent}"{with_mass}'
-            robot.reading.changed.append(Remark(robot.links[joint.child].at.line, remark))
+            remark = f"a frame of the link to which it is fixed{with_mass}"
+            robot.reading.changed.append(Remark(robot.links[joint.child].at.line, remark, f'link "{joint.child}"'))
             del robot.joints[joint.name], robot.links[joint.child]
 
 

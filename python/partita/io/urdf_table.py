@@ -50,6 +50,7 @@ URDF = Table(
             (BOUNDS, "limit", "limits do not act: add_stop"),
             (BOUNDS, "safety_controller", "the limits of a controller do not act: add_stop"),
             (NO_EFFECT, "calibration", ""),
+            (APPLIED, "joint_properties", "see there"),
             (OTHER, "sensor* gazebo* hardwareInterface*", "settings of a simulator"),
         ),
         "joint[fixed]": ((NO_EFFECT, "axis dynamics limit safety_controller", "a fixed joint has no coordinate"),),
@@ -67,6 +68,13 @@ URDF = Table(
         ),
         "end": ((APPLIED, "@link", "the link at this end"),),
         "axis": ((APPLIED, "@xyz", "in the frame of the joint"),),
+        "joint_properties": (
+            (
+                DROPPED,
+                "@friction(0)",
+                "friction would resist the motion: add_friction, which needs the stick velocity too",
+            ),
+        ),
         "dynamics": (
             (APPLIED, "@damping(0)", "a damper along the coordinate"),
             (
