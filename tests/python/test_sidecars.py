@@ -67,7 +67,7 @@ def test_types_replace_those_of_the_tree(
     )
     names = ("A", "D.turn1", "D.turn2")
     assert max(abs(found[name] - by_rates[name]) for name in names) < 1e-10 * max(map(abs, by_rates.values()))
-    assert f"{types[0]} in robot.yaml: joint D" in str(m.reading)
+    assert f'joint "D": {types[0]}, by robot.yaml' in str(m.reading)
 
 
 def test_fixed_joints_and_dampers_of_others(tmp_path: Path) -> None:
@@ -76,9 +76,9 @@ def test_fixed_joints_and_dampers_of_others(tmp_path: Path) -> None:
     )
     m = pt.load(written(tmp_path, damped, "joint_name: [B, D]\njoint_type: [FIXED, SPHERICAL]\n"))
     assert kinds(m) == {"A": "revolute", "B": "fixed", "D": "spherical"} and m.compile().mobility == 4
-    assert [remark.text for remark in m.reading.dropped if "damping" in remark.text] == [
-        "damping 0.5 of joint B, which is FIXED in robot.yaml: use add_torsion_spring",
-        "damping 0.5 of joint D, which is SPHERICAL in robot.yaml: use add_torsion_spring",
+    assert [str(remark).partition(": ")[2] for remark in m.reading.dropped if "damping" in remark.text] == [
+        'joint "B" damping 0.5: FIXED in robot.yaml, whose damping is not read: add_torsion_spring',
+        'joint "D" damping 0.5: SPHERICAL in robot.yaml, whose damping is not read: add_torsion_spring',
     ]
 
 

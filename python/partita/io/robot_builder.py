@@ -63,7 +63,7 @@ def build(robot: Robot, mechanism: Builder) -> None:
         (link1, frame1), (link2, frame2) = loop.first, loop.second
         if body[link1] == body[link2]:
             message = f'{loop.name} joins two frames of one link, "{link1}"; it closes nothing'
-            robot.reading.dropped.append(Remark(loop.at.line if loop.at else None, message))
+            robot.reading.dropped.append(Remark(loop.at.line if loop.at else None, message, "", "other"))
             continue
         frames = (pose[link1] @ frame1, pose[link2] @ frame2)
         axis = np.array([1.0, 0.0, 0.0]) if loop.axis is None else loop.axis

@@ -119,10 +119,10 @@ def read(robot: Robot) -> bool:
     motors = entries.get("name_mot")
     if motors:
         words = motors if isinstance(motors, list) else [motors]
-        text = f"motors of {path.name} do not act: add_drive prescribes motions, add_torque efforts"
-        robot.reading.dropped += [Remark(None, text, f'joint "{word}"', "bounds") for word in words]
+        remark = f"a motor in {path.name}: add_drive prescribes a motion, add_torque an effort"
+        robot.reading.dropped += [Remark(None, remark, f'joint "{word}"', "bounds") for word in words]
     for key in sorted(set(entries) - _KEYS, key=str):
-        robot.reading.dropped.append(Remark(None, f"not known in {path.name}, and ignored", f'"{key}"', "unknown"))
+        robot.reading.dropped.append(Remark(lines.get(key), f"not known in {path.name}", f'"{key}"', "unknown"))
     return "closed_loop" in entries
 
 
@@ -172,7 +172,6 @@ def _types(robot: Robot, path: Path, entries: dict[str, Any], wrong: Callable[[s
     twice = [name for name, count in Counter(names).items() if count > 1]
     if twice:
         wrong("joint_name", f'joint_name: "{twice[0]}" appears twice')
-    listed: dict[str, list[str]] = {}
     for name, word in zip(names, types, strict=True):
         try:
             joint = robot.joints[find("joint", name, robot.joints)]
@@ -182,15 +181,13 @@ def _types(robot: Robot, path: Path, entries: dict[str, Any], wrong: Callable[[s
             wrong("joint_type", f'the type of joint "{name}" is "{word}"; known: {", ".join(TYPES)}')
         kind, first, second = TYPES[word.upper()]
         if joint.efforts and kind != joint.kind:
-            remark = f"damping {joint.efforts[0].damping:g} of joint {name}, which is {word} in {path.name}"
-            robot.reading.dropped.append(Remark(joint.at.line, f"{remark}: use add_torsion_spring"))
+            remark = f"{word} in {path.name}, whose damping is not read: add_torsion_spring"
+            called = f'joint "{name}" damping {joint.efforts[0].damping:g}'
+            robot.reading.dropped.append(Remark(joint.at.line, remark, called))
             joint.efforts = []
         joint.kind, joint.axis = kind, np.eye(3)[first]
         joint.second = np.eye(3)[second] if kind == "universal" else None
-        listed.setdefault(word, []).append(name)
-    for word, joints in listed.items():
-        remark = f"{word} in {path.name}: joint{'s' if len(joints) > 1 else ''} {', '.join(joints)}"
-        robot.reading.changed.append(Remark(None, remark))
+        robot.reading.changed.append(Remark(joint.at.line, f"{word}, by {path.name}", f'joint "{name}"'))
 
 
 def _springs(robot: Robot, items: Any, wrong: Callable[[str, str], NoReturn]) -> None:

@@ -165,8 +165,8 @@ def _mimic(robot: Robot, item: Element) -> None:
         return
     name, other = item.must("name"), mimic.must("joint")
     if robot.joints[name].kind == "fixed":
-        remark = f"joint {name} is fixed, and does not follow {other}"
-        robot.reading.dropped.append(Remark(mimic.line, remark))
+        remark = "a fixed joint follows no other one"
+        robot.reading.dropped.append(Remark(mimic.line, remark, f'joint "{name}" mimic {other}', "other"))
         return
     for joint in (name, other):
         if joint not in robot.joints:

@@ -70,10 +70,11 @@ def mujoco(path: Path, gravity: Array, rates: Rates) -> Rates:
         raise Incomparable("its loops are held softly")
     model.opt.gravity[:] = gravity
     data = mujoco.MjData(model)
+    single = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
     hinges = {
         mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, j): int(model.jnt_dofadr[j])
         for j in range(model.njnt)
-        if model.jnt_type[j] in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
+        if int(model.jnt_type[j]) in single
     }
     for name, column in hinges.items():
         data.qvel[column] = rates.get(name, 0.0)
