@@ -29,9 +29,9 @@ Numbers = dict[str, list[float]]
 
 def state(names: list[str], loops: bool) -> tuple[dict[str, float], dict[str, float]]:
     """Positions and speeds of joints of one coordinate."""
-    places = {name: (0.0 if loops else 0.3 * np.cos(1.0 + i)) for i, name in enumerate(sorted(names))}
+    positions = {name: (0.0 if loops else 0.3 * np.cos(1.0 + i)) for i, name in enumerate(sorted(names))}
     speeds = {name: (0.0 if loops else np.sin(2.0 + 3.0 * i)) for i, name in enumerate(sorted(names))}
-    return places, speeds
+    return positions, speeds
 
 
 def partita(path: Path, joints: list[str], loops: bool) -> tuple[Numbers, Numbers]:
@@ -47,11 +47,11 @@ def partita(path: Path, joints: list[str], loops: bool) -> tuple[Numbers, Number
     model = m.compile()
     q, v = np.array(m.assemble().q), np.zeros(len(model.velocity_names))
     names = list(model.velocity_names)
-    places, speeds = state(joints, loops)
+    positions, speeds = state(joints, loops)
     # programs differ in the model to which a joint between two of them belongs
     at = {name: next(i for i, x in enumerate(names) if x.split("::")[-1] == name.split("::")[-1]) for name in joints}
     for name, i in at.items():
-        q[model.names.index(names[i])], v[i] = places[name], speeds[name]
+        q[model.names.index(names[i])], v[i] = positions[name], speeds[name]
     rates, _ = model.acceleration(q, v)
     return poses, {name: [float(rates[i])] for name, i in at.items()}
 
@@ -67,9 +67,9 @@ def by_mujoco(path: Path, loops: bool) -> tuple[Numbers, Numbers]:
     kinds = {int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)}
     single = [i for i in range(model.njnt) if int(model.jnt_type[i]) in kinds]
     names = [model.joint(i).name for i in single]
-    places, speeds = state(names, loops)
+    positions, speeds = state(names, loops)
     for i, name in zip(single, names, strict=True):
-        data.qpos[model.jnt_qposadr[i]] += places[name]
+        data.qpos[model.jnt_qposadr[i]] += positions[name]
         data.qvel[model.jnt_dofadr[i]] = speeds[name]
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     mujoco.mj_forward(model, data)
@@ -113,10 +113,10 @@ def by_drake(path: Path, loops: bool) -> tuple[Numbers, Numbers]:
         poses[called(body)] = [*pose.translation(), *np.ravel(pose.rotation().matrix())]
     joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
     single = {called(x): x for x in joints if x.num_velocities() == 1 and x.type_name() != "screw"}
-    places, speeds = state(list(single), loops)
+    positions, speeds = state(list(single), loops)
     q, v = plant.GetPositions(context).copy(), plant.GetVelocities(context).copy()
     for name, joint in single.items():
-        q[joint.position_start()], v[joint.velocity_start()] = places[name], speeds[name]
+        q[joint.position_start()], v[joint.velocity_start()] = positions[name], speeds[name]
     plant.SetPositions(context, q)
     plant.SetVelocities(context, v)
     rates = plant.EvalTimeDerivatives(context).CopyToVector()[plant.num_positions() :]
@@ -136,14 +136,14 @@ def by_pinocchio(path: Path, loops: bool) -> tuple[Numbers, Numbers]:
     poses = {x.name: [*data.oMf[model.getFrameId(x.name)].translation,
                       *np.ravel(data.oMf[model.getFrameId(x.name)].rotation)] for x in links}  # fmt: skip
     names = list(model.names)[1:]
-    places, speeds = state(names, loops)
+    positions, speeds = state(names, loops)
     for name in names:
         joint = model.joints[model.getJointId(name)]
         v[joint.idx_v] = speeds[name]
         if joint.nq == 2:
-            q[joint.idx_q : joint.idx_q + 2] = np.cos(places[name]), np.sin(places[name])
+            q[joint.idx_q : joint.idx_q + 2] = np.cos(positions[name]), np.sin(positions[name])
         else:
-            q[joint.idx_q] = places[name]
+            q[joint.idx_q] = positions[name]
     rates = pin.aba(model, data, q, v, -np.asarray(model.damping) * v)
     return poses, {name: [float(rates[model.joints[model.getJointId(name)].idx_v])] for name in names}
 
@@ -176,15 +176,15 @@ def asked(name: str) -> dict[str, Any]:
     return {"program": f"{package} {version(package)}", "poses": poses, "accelerations": rates}
 
 
-def differences(name: str, said: dict[str, Any]) -> tuple[float, float]:
+def differences(name: str, answer: dict[str, Any]) -> tuple[float, float]:
     """By how much poses and accelerations of Partita differ from these."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        poses, rates = partita(FILES / name, list(said["accelerations"]), CASES[name])
-    apart = [np.abs(np.subtract(poses[body], pose)).max() for body, pose in said["poses"].items() if body in poses]
-    assert len(apart) > 1 or len(poses) < 3, (sorted(poses), sorted(said["poses"]))
-    largest = max(1.0, *(abs(x[0]) for x in said["accelerations"].values()))
-    off = [abs(rates[joint][0] - x[0]) / largest for joint, x in said["accelerations"].items()]
+        poses, rates = partita(FILES / name, list(answer["accelerations"]), CASES[name])
+    apart = [np.abs(np.subtract(poses[body], pose)).max() for body, pose in answer["poses"].items() if body in poses]
+    assert len(apart) > 1 or len(poses) < 3, (sorted(poses), sorted(answer["poses"]))
+    largest = max(1.0, *(abs(x[0]) for x in answer["accelerations"].values()))
+    off = [abs(rates[joint][0] - x[0]) / largest for joint, x in answer["accelerations"].items()]
     return float(max(apart)), float(max(off))
 
 
@@ -193,15 +193,15 @@ def main() -> None:
     stored, wrong = json.loads(STORED.read_text("utf-8")) if STORED.exists() else {}, False
     for name in CASES:
         try:
-            said = asked(name)
+            answer = asked(name)
         except ImportError as error:
             print(f"{name:<20} not compared: {error}")
             continue
         if "--write" in sys.argv:
-            stored[name] = said
-        apart, off = differences(name, said)
+            stored[name] = answer
+        apart, off = differences(name, answer)
         wrong |= max(apart, off) > SAME
-        print(f"{name:<20} {said['program']:<14} poses {apart:.1e} m, accelerations {off:.1e}")
+        print(f"{name:<20} {answer['program']:<14} poses {apart:.1e} m, accelerations {off:.1e}")
     if "--write" in sys.argv:
         STORED.write_text(json.dumps(stored, indent=1) + "\n", "utf-8")
     sys.exit(wrong)

@@ -50,7 +50,7 @@ def read(path: Path, request: Request) -> Robot:
     reading = Reading(path, "MJCF")
     model = _compiled(mujoco, path, reading)
     for root in (found, *named.attached):
-        MJCF.walk(root, reading, cut=False)
+        MJCF.visit(root, reading, cut=False)
     return _Reader(mujoco, model, found, reading, request).robot()
 
 
@@ -301,20 +301,19 @@ class _Reader:
             found.point = m.jnt_pos[j].copy()
         d, q, called = int(m.jnt_dofadr[j]), int(m.jnt_qposadr[j]), f'joint "{name}"'
         stiffness, damping = self.law(called, at, "jnt_stiffness", j, "dof_damping", d)
-        damping += self.geared.get(j, (0.0, 0.0))[1]
+        geared = self.geared.get(j, (0.0, 0.0))
+        damping += geared[1]
+        rotor = float(m.dof_armature[d]) + geared[0]
         if found.kind in ("revolute", "prismatic"):
-            if stiffness != 0.0 or damping != 0.0:
-                found.efforts = [Effort(stiffness, damping, float(m.qpos_spring[q] - m.qpos0[q]))]
+            effort = Effort(stiffness, damping, float(m.qpos_spring[q] - m.qpos0[q]), rotor=rotor)
+            found.efforts = [effort] if effort.acts else []
         elif stiffness != 0.0 or damping != 0.0:
             text = "a spring and a damper would act, of a joint that has no single coordinate: add_bushing"
             self.dropped(at, text, f"{called} stiffness {stiffness:g}, damping {damping:g}")
         if stiffness != 0.0 and (bound := self.value("jnt_springyield", j)) != 0.0:
             self.dropped(at, YIELD, f"{called} springyield {bound:g}")
-        armature, geared = float(m.dof_armature[d]), self.geared.get(j, (0.0, 0.0))
-        if found.kind in ("revolute", "prismatic"):
-            found.rotor = armature + geared[0]
-        elif armature != 0.0:
-            self.dropped(at, ROTOR, f"{called} armature {armature:g}")
+        if rotor != 0.0 and not found.efforts:
+            self.dropped(at, ROTOR, f"{called} armature {rotor:g}")
         if m.dof_frictionloss[d] != 0.0 and not self.off("frictionloss", "constraint"):
             self.dropped(at, FRICTION, f"{called} frictionloss {m.dof_frictionloss[d]:g}")
         if m.jnt_limited[j] and not self.off("limit", "constraint"):
@@ -379,7 +378,7 @@ class _Reader:
             at = self.at(*([tags[kind]] if kind in tags else ["tendon", "flex", "flexvert", "flexstrain"]), name=name)
             if not m.eq_active0[i] or self.off("equality", "constraint"):
                 text = "not active in the file, so it holds nothing"
-                self.remark(robot.reading.changed, at, text, self.said(at, name))
+                self.remark(robot.reading.changed, at, text, self.described(at, name))
             elif kind == kinds.mjEQ_JOINT:
                 self.tie(i, name, at)
             elif kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
@@ -391,11 +390,11 @@ class _Reader:
                     pair.append(_Held(name, (first[1][:3, 3], second[1][:3, 3]), at))
             else:
                 text = "tendons or flexible bodies would depend on each other"
-                self.dropped(at, text, self.said(at, name))
+                self.dropped(at, text, self.described(at, name))
         for bodies, held in connects.items():
             self.connect(bodies, held)
 
-    def said(self, at: Element, name: str) -> str:
+    def described(self, at: Element, name: str) -> str:
         """An equality as the file has it."""
         return f'equality "{name}"' if at is self.root else content(at)
 
@@ -446,10 +445,10 @@ class _Reader:
         follower = self.name("joint", one)
         if np.any(data[2:5]):
             text = "a polynomial of higher order would couple two joints: add_cam"
-            self.dropped(at, text, self.said(at, name))
+            self.dropped(at, text, self.described(at, name))
         elif other < 0 or data[1] == 0.0:
             text = f'joint "{follower}" would stay at {data[0]:g}: add_drive'
-            self.dropped(at, text, self.said(at, name))
+            self.dropped(at, text, self.described(at, name))
         else:
             leader = self.name("joint", other)
             robot.ties.append(Tie(name, [follower, leader], [1.0, -float(data[1])], float(data[0]), at))

@@ -180,15 +180,10 @@ MJCF = Table(
             (APPLIED, "@name @class @type(hinge) @pos(0 0 0) @axis(0 0 1)", "a joint of the body, on its parent"),
             (
                 APPLIED,
-                "@stiffness(0) @damping(0) @springref(0) @springdamper(0 0)",
-                "a spring and a damper along the coordinate",
+                "@stiffness(0) @damping(0) @springref(0) @springdamper(0 0) @armature(0)",
+                "a spring, a damper and a rotor along the coordinate",
             ),
             (OTHER, "@ref(0)", "the coordinate is zero as drawn, where MuJoCo gives it this value"),
-            (
-                APPLIED,
-                "@armature(0)",
-                "a rotor that moves with the coordinate; of balls and free joints it is reported",
-            ),
             (COMPILED, "@frictionloss(0)", FRICTION),
             (COMPILED, "@springyield(0)", YIELD),
             (COMPILED, "@range @limited(auto)", LIMITS),

@@ -33,8 +33,8 @@ class Remark:
     kind: str = ""
 
     def __str__(self) -> str:
-        said = f"{self.name}: {self.text}" if self.name else self.text
-        return said if self.line is None else f"line {self.line}: {said}"
+        shown = f"{self.name}: {self.text}" if self.name else self.text
+        return shown if self.line is None else f"line {self.line}: {shown}"
 
 
 @dataclass(frozen=True)

@@ -57,19 +57,26 @@ class Spring:
 
 @dataclass(frozen=True)
 class Effort:
-    """Spring and damper along one coordinate of a joint; without a name it is that of the joint."""
+    """Spring, damper and rotor along one coordinate of a joint; without a name it is that of the joint."""
 
     stiffness: float = 0.0
     damping: float = 0.0
     rest: float = 0.0
     coordinate: int = 0
     name: str = ""
+    rotor: float = 0.0
+    """The inertia that a motor's rotor adds along the coordinate, gear included."""
+
+    @property
+    def acts(self) -> bool:
+        """Whether there is anything."""
+        return (self.stiffness, self.damping, self.rotor) != (0.0, 0.0, 0.0)
 
 
 @dataclass
 class Joint:
     """A joint of the tree; `place` is the frame of its child in that of its parent; its point (`point`) and its `axis`
-    are in that of its child; `rotor` is an inertia that turns with its coordinate."""
+    are in that of its child."""
 
     name: str
     kind: str
@@ -79,7 +86,6 @@ class Joint:
     axis: Array
     at: Element
     efforts: list[Effort] = field(default_factory=list)
-    rotor: float = 0.0
     pitch: float = 0.0
     second: Array | None = None
     point: Array = field(default_factory=lambda: np.zeros(3))

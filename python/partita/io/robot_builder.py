@@ -58,9 +58,7 @@ def build(robot: Robot, mechanism: Builder) -> None:
         ends = (body[joint.parent], body[joint.child])
         axes = (joint.axis, joint.second)
         _joint(mechanism, joint.name, joint.kind, ends, (where, where), axes, joint.at)
-        _springs(mechanism, joint.name, joint.efforts)
-        if joint.rotor > 0.0:
-            mechanism.add_rotor(joint.name, joint.rotor)
+        _efforts(mechanism, joint.name, joint.efforts)
     for loop in robot.loops:
         (link1, frame1), (link2, frame2) = loop.first, loop.second
         if body[link1] == body[link2]:
@@ -71,7 +69,7 @@ def build(robot: Robot, mechanism: Builder) -> None:
         axis = np.array([1.0, 0.0, 0.0]) if loop.axis is None else loop.axis
         ends = (body[link1], body[link2])
         _joint(mechanism, loop.name, loop.kind, ends, frames, (axis, loop.second_axis), loop.at)
-        _springs(mechanism, loop.name, loop.efforts)
+        _efforts(mechanism, loop.name, loop.efforts)
     for tie in robot.ties:
         mechanism.add_coupler(tie.name, tie.joints, tie.factors, tie.offset)
     for spring in robot.springs:
@@ -130,19 +128,22 @@ def _placed(robot: Robot, mechanism: Builder, poses: dict[str, Array]) -> None:
     for joint in robot.joints.values():
         ends, frames = (body[joint.parent], body[joint.child]), (joint.pose, joint.pose)
         _joint(mechanism, joint.name, joint.kind, ends, frames, (joint.axis, joint.second), joint.at, joint.pitch)
-        _springs(mechanism, joint.name, joint.efforts)
+        _efforts(mechanism, joint.name, joint.efforts)
     for tie in robot.ties:
         mechanism.add_coupler(tie.name, tie.joints, tie.factors, tie.offset)
 
 
-def _springs(mechanism: Builder, joint: str, efforts: list[Effort]) -> None:
-    """Springs and dampers of a joint."""
+def _efforts(mechanism: Builder, joint: str, efforts: list[Effort]) -> None:
+    """Springs, dampers and rotors of a joint."""
     for effort in efforts:
-        name = effort.name or f"spring of {joint}"
-        while name in mechanism._description.forces:
-            name = f"{name} of {joint}"
-        law = {"stiffness": effort.stiffness, "damping": effort.damping, "angle": effort.rest}
-        mechanism.add_torsion_spring(joint, **law, coordinate=effort.coordinate, name=name)
+        if effort.stiffness != 0.0 or effort.damping != 0.0:
+            name = effort.name or f"spring of {joint}"
+            while name in mechanism._description.forces:
+                name = f"{name} of {joint}"
+            law = {"stiffness": effort.stiffness, "damping": effort.damping, "angle": effort.rest}
+            mechanism.add_torsion_spring(joint, **law, coordinate=effort.coordinate, name=name)
+        if effort.rotor != 0.0:
+            mechanism.add_rotor(joint, effort.rotor, coordinate=effort.coordinate)
 
 
 def _body(robot: Robot, mechanism: Builder, link: Link, pose: Array) -> Any:

@@ -87,7 +87,7 @@ def _walked(path: Path, reading: Reading) -> tuple[Element, tuple[int, ...]]:
     if not version:
         version = VERSIONS[-1]
         reading.changed.append(Remark(root.line, f"no version is given, so the rules of {version} are used"))
-    SDF.walk(root, reading, as_version(version))
+    SDF.visit(root, reading, as_version(version))
     return root, as_version(version)
 
 

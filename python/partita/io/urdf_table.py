@@ -49,11 +49,13 @@ URDF = Table(
             (APPLIED, "dynamics mimic", "damping; a coupler"),
             (BOUNDS, "limit", "limits do not act: add_stop"),
             (BOUNDS, "safety_controller", "the limits of a controller do not act: add_stop"),
+            (APPLIED, "joint_properties", "an old form of <dynamics>; see there"),
             (NO_EFFECT, "calibration", ""),
-            (APPLIED, "joint_properties", "see there"),
             (OTHER, "sensor* gazebo* hardwareInterface*", "settings of a simulator"),
         ),
-        "joint[fixed]": ((NO_EFFECT, "axis dynamics limit safety_controller", "a fixed joint has no coordinate"),),
+        "joint[fixed]": (
+            (NO_EFFECT, "axis dynamics limit safety_controller joint_properties", "a fixed joint has no coordinate"),
+        ),
         "joint[continuous]": ((BOUNDS, "limit", "bounds of effort and velocity do not act"),),
         "joint[floating]": (
             (NO_EFFECT, "axis", "a floating joint has no axis"),
@@ -68,13 +70,6 @@ URDF = Table(
         ),
         "end": ((APPLIED, "@link", "the link at this end"),),
         "axis": ((APPLIED, "@xyz", "in the frame of the joint"),),
-        "joint_properties": (
-            (
-                DROPPED,
-                "@friction(0)",
-                "friction would resist the motion: add_friction, which needs the stick velocity too",
-            ),
-        ),
         "dynamics": (
             (APPLIED, "@damping(0)", "a damper along the coordinate"),
             (
@@ -82,6 +77,9 @@ URDF = Table(
                 "@friction(0)",
                 "friction would resist the motion: add_friction, which needs the stick velocity too",
             ),
+        ),
+        "joint_properties": (
+            (DROPPED, "@damping(0) @friction(0)", "an old form of <dynamics>, which readers of URDF ignore"),
         ),
         "mimic": (
             (APPLIED, "@joint @multiplier(1) @offset(0)", "coordinate = multiplier x that of the joint + offset"),
