@@ -138,7 +138,10 @@ def _path(robot: Robot) -> Path | None:
         if not named[0].resolve().is_relative_to(root):
             refuse(named[0], None, f'it is a link that leads out of "{root}"; loops="..." in partita.load names it')
         return named[0]
-    files = sorted(p for p in model.parent.iterdir() if p.suffix.lower() in _ENDINGS and p.is_file())
+    try:
+        files = sorted(p for p in model.parent.iterdir() if p.suffix.lower() in _ENDINGS and p.is_file())
+    except OSError:  # a folder may be searched but not listed
+        files = []
     files = [p for p in files if p.resolve().is_relative_to(root)][:_BESIDE]
     found = [p for p in files if not p.with_suffix(model.suffix).is_file() and _belongs(robot, p)]
     if len(found) > 1:
