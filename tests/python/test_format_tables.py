@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import warnings
 from pathlib import Path
 
 import mutations
@@ -57,6 +58,18 @@ def test_the_table_of_mjcf_knows_what_mujoco_knows() -> None:
             context = "body" if context == "worldbody" else context
             missing += [f"{'/'.join(path)} {key}" for key in words if f"@{key}" not in table.items(context)]
     assert not missing
+
+
+@pytest.mark.parametrize("suffix", [".urdf", ".mjcf"])
+@pytest.mark.parametrize("name", ["four-bar", "rssr", "bricard", "car-axis", "four-bar-spring"])
+def test_what_is_written_is_read_in_full(name: str, suffix: str, tmp_path: Path) -> None:
+    if suffix == ".mjcf":
+        pytest.importorskip("mujoco")
+    path = tmp_path / f"written{suffix}"
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what the format cannot carry is said while writing
+        pt.catalogue.load(name).save(path)
+    assert {group.kind for group in pt.load(path).remarks} <= {"bounds", "changed", "used"}
 
 
 def test_remarks_of_one_text_are_one(tmp_path: Path) -> None:

@@ -40,9 +40,8 @@ def fold_marks(robot: Robot) -> None:
                 )
             mass = robot.links[joint.child].mass
             with_mass = f" and its mass of {mass:.2g} kg is omitted" if mass > 0.0 else ""
-            remark = f"taken as a frame of the link that it is fixed to{with_mass}"
-            called = f'link "{joint.child}" on "{joint.parent}"'
-            robot.reading.changed.append(Remark(robot.links[joint.child].at.line, remark, called))
+            remark = f"a frame of the link to which it is fixed{with_mass}"
+            robot.reading.changed.append(Remark(robot.links[joint.child].at.line, remark, f'link "{joint.child}"'))
             del robot.joints[joint.name], robot.links[joint.child]
 
 

@@ -31,7 +31,7 @@ SDF = Table(
         ),
         "world": (
             (APPLIED, "model* gravity", "models; gravity, in its absence 9.8 m/s^2 along -z"),
-            (APPLIED, "include* joint*[1.10-] frame*[1.7-]", "models of other files; joints and frames between models"),
+            (APPLIED, "include* joint* frame*[1.7-]", "models of other files; joints and frames between models"),
             (APPLIED, "physics*[-1.5]", "up to 1.5 gravity stands here"),
             (NO_EFFECT, "physics*[1.6-]", _NUMERICS),
             (APPLIED, "@name", "the mechanism, where there are several models"),
@@ -80,6 +80,7 @@ SDF = Table(
                 "placement_frame[1.8-] @merge(false)[1.9-]",
                 "the frame that is placed; without a name of its own",
             ),
+            (NO_EFFECT, "namespace[1.11-]", ""),
             (BOUNDS, "plugin*", "a plugin may drive the model"),
         ),
         "uri": _TEXT,
