@@ -222,3 +222,12 @@ def test_a_model_that_is_missing_in_a_world_is_reported(tmp_path: Path) -> None:
 
 def test_names_of_folders_alone_are_models(tmp_path: Path) -> None:
     assert_same(loaded(included(tmp_path), NESTED.replace("model://swing", "swing")), {joint: joint for joint in "ABD"})
+
+
+def test_models_and_frames_by_the_thousand(tmp_path: Path) -> None:
+    deep = 500 * '<model name="m"><pose>0 0 1 0 0 1</pose>' + link("crank", "") + 500 * "</model>"
+    frames = "".join(f'<frame name="f{i}" attached_to="f{i + 1}"/>' for i in range(3000))
+    long = placed("m", link("crank", "") + frames + '<frame name="f3000" attached_to="crank"/>')
+    for content in (deep, long):
+        with pytest.raises(pt.errors.FileFormatError, match="by hundreds"):
+            loaded(tmp_path, f'<sdf version="1.10">{content}</sdf>')

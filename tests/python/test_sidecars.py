@@ -192,3 +192,21 @@ def test_pairs_that_are_open_are_reported(tmp_path: Path) -> None:
     closed = pt.load(written(tmp_path, tree(pair("tip_A", "tip_B")), "closed_loop: [[tip_B, tip_A]]\ntype: [3d]\n"))
     assert not [remark for remark in closed.reading.dropped if "open" in remark.text]
     assert np.isclose(BASE, 1.0) and len(angles()) == 3
+
+
+def test_links_that_lead_elsewhere(tmp_path: Path) -> None:
+    """No sidecar is read through them, unless the caller names it."""
+    inside = tmp_path / "robot"
+    inside.mkdir()
+    model, outside = written(inside, tree(ends("here", "there"))), tmp_path / "outside.yaml"
+    outside.write_text(PAIR, "utf-8")
+    try:
+        (inside / "loops.yaml").symlink_to(outside)
+    except OSError:
+        pytest.skip("no links here")
+    assert pt.load(model).compile().mobility == 3
+    assert pt.load(model, root=tmp_path).compile().mobility == 1
+    (inside / "loops.yaml").rename(inside / "robot.yaml")
+    with pytest.raises(pt.errors.FileFormatError, match="a link that leads out of"):
+        pt.load(model)
+    assert pt.load(model, loops=inside / "robot.yaml").compile().mobility == 1

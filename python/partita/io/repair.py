@@ -26,7 +26,7 @@ def links(robot: Robot) -> None:
     for link in robot.links.values():
         link.inertia, change = repaired(link.inertia, scale)
         if change:
-            robot.reading.changed.append(Remark(link.at.line, change, f'link "{link.name}"'))
+            robot.reading.changed.append(Remark(robot.line(link.at), change, f'link "{link.name}"'))
 
 
 def of_reading(reading: Reading) -> Callable[[dict[str, Any]], dict[str, Any]]:

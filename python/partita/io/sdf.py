@@ -43,6 +43,13 @@ GRAVITY = (0.0, 0.0, -9.8)
 
 def read(path: Path, request: Request) -> Robot:
     """The models in a file, alone or in a world. Raises `FileFormatError` with the line of what is wrong."""
+    try:
+        return _read(path, request)
+    except RecursionError:
+        refuse(path, None, "models nest, or frames are attached to each other, by hundreds; no mechanism needs so many")
+
+
+def _read(path: Path, request: Request) -> Robot:
     reading = Reading(path, "SDFormat")
     root, version = _walked(path, reading)
     worlds = list(root.all("world"))

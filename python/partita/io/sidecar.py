@@ -132,10 +132,17 @@ def _path(robot: Robot) -> Path | None:
     model = robot.reading.path
     if robot.request.loops is not None:
         return robot.request.loops
+    root = robot.request.root
     named = [p for p in (model.with_suffix(end) for end in _ENDINGS) if p.is_file()]
     if named:
+        if not named[0].resolve().is_relative_to(root):
+            refuse(named[0], None, f'it is a link that leads out of "{root}"; loops="..." in partita.load names it')
         return named[0]
-    files = sorted(p for p in model.parent.iterdir() if p.suffix.lower() in _ENDINGS and p.is_file())[:_BESIDE]
+    try:
+        files = sorted(p for p in model.parent.iterdir() if p.suffix.lower() in _ENDINGS and p.is_file())
+    except OSError:  # a folder may be searched but not listed
+        files = []
+    files = [p for p in files if p.resolve().is_relative_to(root)][:_BESIDE]
     found = [p for p in files if not p.with_suffix(model.suffix).is_file() and _belongs(robot, p)]
     if len(found) > 1:
         names = ", ".join(p.name for p in found)
