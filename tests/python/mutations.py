@@ -163,7 +163,9 @@ def silent(files: list[Path], chosen: slice) -> tuple[int, list[str]]:
     with tempfile.TemporaryDirectory() as folder:
         copied = Path(folder) / "files"
         shutil.copytree(FILES, copied)
-        before = {path.name: heard(path) for path in copied.iterdir() if path.suffix and path.name not in WITH}
+        before = {
+            name: heard(copied / name) for name in dict.fromkeys(WITH.get(path.name, path.name) for path in files)
+        }
         wrong = [f"{name} is {text}" for name, text in before.items() if text.startswith("refused")]
         for path in files:
             loaded = copied / WITH.get(path.name, path.name)
