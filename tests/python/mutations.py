@@ -1,8 +1,9 @@
-"""Files with one element or attribute more or less: nothing may be ignored in silence.
+"""Files with one element or attribute more or less, or another number: nothing may be ignored in silence.
 
 `python tests/python/mutations.py` makes every change of every file in `format_files`. Of what is added, which no format
 knows, a reader must say something, or refuse the file; of what is taken away either the model changes, or what is said
-of it, unless the format's table says that nothing depends on it or that its default was written there.
+of it, unless the format's table says that nothing depends on it or that its default was written there. A number that is
+applied, made another one, changes the model or what is said.
 """
 
 from __future__ import annotations
@@ -90,6 +91,11 @@ def mutations(path: Path) -> Iterator[Mutation]:
             continue
         yield Mutation(path.name, one.number, "add element")
         yield Mutation(path.name, one.number, "add attribute")
+        texts = {"#": one.element.text or "", **{f"@{key}": value for key, value in one.element.attrib.items()}}
+        for name, value in texts.items():
+            item = one.item(name)
+            if item is not None and item.rule in (APPLIED, COMPILED) and _numbers(value):
+                yield Mutation(path.name, one.number, "change number", name)
         for key, value in one.element.attrib.items():
             if not _silent(one.item(f"@{key}"), value):
                 yield Mutation(path.name, one.number, "remove attribute", key)
@@ -99,6 +105,19 @@ def mutations(path: Path) -> Iterator[Mutation]:
         leaf = not len(one.element) and not one.element.attrib
         if not _silent(parent.item(one.element.tag), (one.element.text or "") if leaf else "\0"):
             yield Mutation(path.name, one.number, "remove element", one.element.tag)
+
+
+def _numbers(text: str) -> list[float]:
+    """The numbers of a text that is made of them."""
+    try:
+        return [float(word) for word in text.split()]
+    except ValueError:
+        return []
+
+
+def _changed(text: str) -> str:
+    """Other numbers: an axis is turned, and what is positive stays so."""
+    return " ".join(repr(1.1 * x + 0.013 * (i + 1)) for i, x in enumerate(_numbers(text)))
 
 
 def _silent(item: Item | None, value: str) -> bool:
@@ -114,6 +133,10 @@ def mutated(path: Path, mutation: Mutation) -> str:
         ET.SubElement(element, UNKNOWN)
     elif mutation.verb == "add attribute":
         element.set(UNKNOWN, "1")
+    elif mutation.name == "#":
+        element.text = _changed(element.text or "")
+    elif mutation.verb == "change number":
+        element.set(mutation.name[1:], _changed(element.attrib[mutation.name[1:]]))
     elif mutation.verb == "remove attribute":
         del element.attrib[mutation.name]
     else:

@@ -38,8 +38,8 @@ _ITEM = re.compile(r"(@?[\w:.-]+|#)(\*?)(?:=([\w/]+))?(?:\(([^)]*)\))?(?:\[([\d.
 """`@attribute`, `element`, `element*` (any number), `element=context` (described under that name), `#` (text);
 A context `whole`, which no table has, is an element with all inside it.
 `(value)`: the default, `(0|none)` one of several; `[1.5-1.6]`: versions of the format."""
-_LONG = 60
-"""Characters of the content of an element in a remark."""
+_LONG = 500
+"""Characters of the content of an element in a remark; a report shows fewer."""
 _NAMESPACES = ("xmlns", "xmlns:", "xml:")
 
 Rows = tuple[tuple[str, str, str], ...]

@@ -363,7 +363,7 @@ class _Reader:
         straight = count == 2 and all(m.wrap_type[first : first + 2] == site)
         if not straight or rest[0] != rest[1] or m.site_bodyid[ends[0]] == m.site_bodyid[ends[1]]:
             law = f"stiffness {stiffness:g}, damping {damping:g}, springlength {rest[0]:g} {rest[1]:g}"
-            self.dropped(at, TENDON, f"{called} {law}, {count} points or joints")
+            self.dropped(at, TENDON, f"{self.described(at, called)}: {law}, {count} points or joints")
             return
         one, other = ((self.link(int(m.site_bodyid[end])), m.site_pos[end].copy()) for end in ends)
         self.made.springs.append(Spring(name, one, other, stiffness, damping, float(rest[0])))
@@ -378,7 +378,7 @@ class _Reader:
             at = self.at(*([tags[kind]] if kind in tags else ["tendon", "flex", "flexvert", "flexstrain"]), name=name)
             if not m.eq_active0[i] or self.off("equality", "constraint"):
                 text = "not active in the file, so it holds nothing"
-                self.remark(robot.reading.changed, at, text, self.described(at, name))
+                self.remark(robot.reading.changed, at, text, self.described(at, f'equality "{name}"'))
             elif kind == kinds.mjEQ_JOINT:
                 self.tie(i, name, at)
             elif kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
@@ -390,13 +390,13 @@ class _Reader:
                     pair.append(_Held(name, (first[1][:3, 3], second[1][:3, 3]), at))
             else:
                 text = "tendons or flexible bodies would depend on each other"
-                self.dropped(at, text, self.described(at, name))
+                self.dropped(at, text, self.described(at, f'equality "{name}"'))
         for bodies, held in connects.items():
             self.connect(bodies, held)
 
-    def described(self, at: Element, name: str) -> str:
-        """An equality as the file has it."""
-        return f'equality "{name}"' if at is self.root else content(at)
+    def described(self, at: Element, called: str) -> str:
+        """An element as the file has it."""
+        return called if at is self.root else content(at)
 
     def frames(self, i: int, weld: bool) -> tuple[tuple[str, Array], tuple[str, Array]]:
         """The two frames of a connect or a weld, each with its body."""
@@ -445,10 +445,10 @@ class _Reader:
         follower = self.name("joint", one)
         if np.any(data[2:5]):
             text = "a polynomial of higher order would couple two joints: add_cam"
-            self.dropped(at, text, self.described(at, name))
+            self.dropped(at, text, self.described(at, f'equality "{name}"'))
         elif other < 0 or data[1] == 0.0:
             text = f'joint "{follower}" would stay at {data[0]:g}: add_drive'
-            self.dropped(at, text, self.described(at, name))
+            self.dropped(at, text, self.described(at, f'equality "{name}"'))
         else:
             leader = self.name("joint", other)
             robot.ties.append(Tie(name, [follower, leader], [1.0, -float(data[1])], float(data[0]), at))

@@ -34,7 +34,7 @@ SDF = Table(
             (APPLIED, "include* joint* frame*[1.7-]", "models of other files; joints and frames between models"),
             (APPLIED, "physics*[-1.5]", "up to 1.5 gravity stands here"),
             (NO_EFFECT, "physics*[1.6-]", _NUMERICS),
-            (APPLIED, "@name", "the mechanism, where there are several models"),
+            (LOOKS, "@name", "names the mechanism, where there are several models"),
             (NO_EFFECT, "@default_physics", ""),
             (APPLIED, "wind[1.6-]", "see there"),
             (DROPPED, "state* population*", "it would move models, or add some"),
