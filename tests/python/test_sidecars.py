@@ -117,6 +117,8 @@ def test_names_of_frames_close_loops(case: str, tmp_path: Path) -> None:
     closed = [joint for joint in m.compile().summary["joints"] if " = " in joint["name"]]
     assert [joint["kind"] for joint in closed] == [kind]
     assert "by their names" in str(m.reading)
+    # an assumption is reported, what the names say is not
+    assert ("do not say how the loop is closed" in str(m.reading)) == (case == "words before")
     if kind != "fixed":
         expected = drawn(kind)
         assert m.compile().mobility == expected.compile().mobility == 1
