@@ -18,7 +18,7 @@ def load(
 ) -> Mechanism:
     """Read a mechanism from a model file; the suffix says which kind: .toml, .urdf, .sdf, .mjcf, .xml.
 
-    What a reader used, changed and left out stands in `Mechanism.remarks`, with lines, and what changes the motion first
+    What a reader used, changed and left out stands in `Mechanism.remarks`, with lines; what changes the motion is first
     (docs/formats.md). A URDF is drawn with all joints at zero; its loops are closed where the file states so in one of
     the supported forms (docs/robots.md).
 
