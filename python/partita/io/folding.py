@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from .reading import Remark
-from .robot import MASSLESS, NOISE, THROUGH, Joint, Link, Robot, placed
+from .robot import MASSLESS, NOISE, THROUGH, Array, Joint, Link, Robot, placed
 
 
 def fold_marks(robot: Robot) -> None:
@@ -38,11 +38,28 @@ def fold_marks(robot: Robot) -> None:
                     (joint.parent, joint.pose @ pose) if link == joint.child else (link, pose)
                     for link, pose in (loop.first, loop.second)
                 )
-            mass = robot.links[joint.child].mass
-            with_mass = f" and its mass of {mass:.2g} kg is omitted" if mass > 0.0 else ""
+            mark, parent = robot.links[joint.child], robot.links[joint.parent]
+            with_mass = ""
+            if parent.mass > MASSLESS:
+                _add(parent, mark, joint.pose)
+                with_mass = ", and its mass is added there" if mark.mass > 0.0 else ""
+            elif mark.mass > 0.0:
+                with_mass = f", and its mass of {mark.mass:.2g} kg is omitted, since that link has none"
             remark = f"a frame of the link to which it is fixed{with_mass}"
             robot.reading.changed.append(Remark(robot.links[joint.child].at.line, remark, f'link "{joint.child}"'))
             del robot.joints[joint.name], robot.links[joint.child]
+
+
+def _add(link: Link, more: Link, pose: Array) -> None:
+    """Add mass and inertia of a link that is welded to another one, at this pose."""
+    mass = link.mass + more.mass
+    com = pose[:3, :3] @ more.com + pose[:3, 3]
+    middle = (link.mass * link.com + more.mass * com) / mass
+    inertia = link.inertia + pose[:3, :3] @ more.inertia @ pose[:3, :3].T
+    for part, place in ((link.mass, link.com), (more.mass, com)):
+        arm = place - middle
+        inertia = inertia + part * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    link.mass, link.com, link.inertia = mass, middle, inertia
 
 
 def fold_hinges(robot: Robot) -> None:
