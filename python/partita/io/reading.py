@@ -41,7 +41,7 @@ class Remark:
 
 @dataclass(frozen=True)
 class RemarkGroup:
-    """RemarkGroup of one kind and text.
+    """Remarks of one kind and text.
 
     Attributes:
         kind: what they mean for the motion: "motion" (dropped, it acts), "bounds" (dropped, it acts at limits, in
