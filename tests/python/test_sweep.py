@@ -76,7 +76,7 @@ def test_ctrl_c_keeps_what_was_computed() -> None:
             raise KeyboardInterrupt
         return x
 
-    with pytest.raises(pt.errors.Interrupted, match="after 2 of 4 points") as reported:
+    with pytest.raises(pt.errors.Interrupted, match="after 2 of 4 members") as reported:
         pt.sweep(stopped, {"x": [1, 2, 3, 4]})
     assert reported.value.result.value.values[:2].tolist() == [1, 2]
 
@@ -97,7 +97,7 @@ def test_progress_is_reported() -> None:
         ({"no name": [1]}, None, "no name"),
         ({"x": [1]}, "dask", "known: threads, processes"),
         ({"x": [1]}, 3, "submit"),
-        ({"y": [1]}, None, "every point failed"),
+        ({"y": [1]}, None, "its parameters are x"),
     ],
 )
 def test_nonsense_is_refused(parameters: object, executor: object, words: str) -> None:
@@ -117,5 +117,5 @@ def test_a_sweep_of_many_points_by_threads_keeps_what_came_back() -> None:
         pt.sweep(doubled, {"x": range(200_000)}, executor="threads", workers=2)
     found = stopped.value.result
     known = np.flatnonzero(np.isfinite(found["value"].values))
-    assert len(known) > 100 and f"after {len(known)} of 200000 points" in str(stopped.value)
+    assert len(known) > 100 and f"after {len(known)} of 200000 members" in str(stopped.value)
     assert np.array_equal(found["value"].values[known], 2.0 * known)
