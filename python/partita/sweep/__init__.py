@@ -127,8 +127,9 @@ class _Work:
     def keep(self, new: Mapping[int, Answer]) -> None:
         """What came back."""
         if self.store is not None:
-            new = {member: storable(answer) for member, answer in new.items()}
-            self.store.put(new)
+            stored = {member: storable(answer) for member, answer in new.items()}
+            self.store.put(stored)
+            new = stored
         self.answers |= new
         self._tell()
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,9 +14,15 @@ from .members import FAILED, SAMPLE, Members
 if TYPE_CHECKING:
     import xarray
 
-Answer = dict[str, Any] | str
-"""The arrays that a member returned, or the reason why it failed."""
+Packed = tuple[str, bytes]
+"""The layout of arrays, and their bytes."""
+Storable = Packed | str
+"""What a store can hold of an answer."""
+Answer = Storable | dict[str, Any]
+"""The arrays that a member returned, packed if they are their bytes; or the reason why it failed."""
 NOT_COMPUTED = "not computed"
+KINDS = "biufcSUmM"
+"""Kinds of NumPy's types whose arrays are their bytes."""
 
 
 def answer_of(model: Callable[..., Any], arguments: Mapping[str, Any]) -> Answer:
@@ -22,9 +30,27 @@ def answer_of(model: Callable[..., Any], arguments: Mapping[str, Any]) -> Answer
     try:
         returned = model(**arguments)
         returned = returned if isinstance(returned, Mapping) else {"value": returned}
-        return {str(name): np.array(value) for name, value in returned.items()}
+        arrays = {str(name): np.asarray(value) for name, value in returned.items()}
+        if all(value.dtype.kind in KINDS for value in arrays.values()):
+            layout = _layout(tuple((name, value.dtype, value.shape) for name, value in arrays.items()))
+            return layout, b"".join([value.tobytes() for value in arrays.values()])
+        return {name: value.copy() for name, value in arrays.items()}
     except Exception as error:
         return reason(error)
+
+
+@lru_cache(maxsize=256)
+def _layout(key: tuple[tuple[str, np.dtype[Any], tuple[int, ...]], ...]) -> str:
+    """Names, types and shapes as a text, the same object for all answers of a batch."""
+    return json.dumps([[name, kind.str, shape] for name, kind, shape in key])
+
+
+def unpacked(layout: str, bodies: list[bytes]) -> dict[str, Any]:
+    """The arrays of several answers with one layout, stacked."""
+    fields = [(name, (f"{i}", kind, tuple(shape))) for i, (name, kind, shape) in enumerate(json.loads(layout))]
+    kind = np.dtype([field for _, field in fields])
+    rows = np.frombuffer(b"".join(bodies), kind) if kind.itemsize else np.zeros(len(bodies), kind)
+    return {name: rows[field[0]] for name, field in fields}
 
 
 def reason(error: BaseException) -> str:
@@ -36,67 +62,80 @@ def dataset(members: Members, answers: Mapping[int, Answer], elsewhere: str = NO
     """The dataset of all members. It depends on the answers alone, not on the order in which they came."""
     import xarray
 
-    found, failed, kinds = _fitting(members, answers)
+    groups, failed, kinds = _fitting(members, answers)
     sizes = tuple(members.sizes.values())
+    known = np.concatenate([np.zeros(0, int), *(places for places, _ in groups)])
     variables: dict[str, Any] = {}
-    whole = len(found) == members.count
     for name, kind in kinds.items():
-        shape = next(answer[name].shape for answer in found.values() if name in answer)
-        if not (whole and all(name in answer for answer in found.values())) and kind.kind in "biu":
+        having = [(places, arrays[name]) for places, arrays in groups if name in arrays]
+        shape = having[0][1].shape[1:]
+        if sum(len(places) for places, _ in having) < members.count and kind.kind in "biu":
             kind = np.dtype(float)  # which has NaN
         values = np.full((members.count, *shape), _blank(kind), dtype=kind)
-        for member, answer in found.items():
-            if name in answer:
-                values[member] = answer[name]
+        for places, rows in having:
+            values[places] = rows
         axes = tuple(f"{name}_axis{i}" for i in range(len(shape)))
         variables[name] = ((*members.sizes, *axes), values.reshape(sizes + shape))
     reasons = np.full(members.count, elsewhere, dtype=object)
-    reasons[list(found)] = ""
+    reasons[known] = ""
     for member, why in failed.items():
         reasons[member] = why
     variables[FAILED] = (tuple(members.sizes), reasons.astype(str).reshape(sizes))
     return xarray.Dataset(variables, coords=members.coordinates())
 
 
+Group = tuple[Any, dict[str, Any]]
+"""Members, and their arrays, stacked."""
+
+
 def _fitting(
     members: Members, answers: Mapping[int, Answer]
-) -> tuple[dict[int, dict[str, Any]], dict[int, str], dict[str, np.dtype[Any]]]:
-    """Answers in the order of the members, failures, and the type of each variable.
+) -> tuple[list[Group], dict[int, str], dict[str, np.dtype[Any]]]:
+    """Answers, failures, and the type of each variable.
 
-    An answer that does not fit into one dataset with those of the members before it is a failure.
+    Answers that do not fit into one dataset with those of members before them are failures.
     """
-    found: dict[int, dict[str, Any]] = {}
-    failed: dict[int, str] = {}
+    failed = {member: answer for member, answer in answers.items() if isinstance(answer, str)}
+    found: list[Group] = []
     shapes: dict[str, tuple[int, ...]] = {}
     kinds: dict[str, np.dtype[Any]] = {}
     reserved = {FAILED, SAMPLE, *members.values}
-    for member in sorted(answers):
-        answer = answers[member]
-        if isinstance(answer, str):
-            failed[member] = answer
-            continue
+    for places, arrays in _grouped(answers):
+        why = ""
         wider: dict[str, np.dtype[Any]] = {}
-        for name, value in answer.items():
-            known = shapes.get(name, value.shape)
+        for name, rows in arrays.items():
+            known = shapes.get(name, rows.shape[1:])
             if name in reserved:
-                failed[member] = f"the model returns {name!r}, which the dataset uses for something else: rename it"
-            elif known != value.shape:
-                failed[member] = (
-                    f"{name} has the shape {value.shape}, elsewhere {known}; it must be the same throughout"
-                )
+                why = f"the model returns {name!r}, which the dataset uses for something else: rename it"
+            elif known != rows.shape[1:]:
+                why = f"{name} has the shape {rows.shape[1:]}, elsewhere {known}; it must be the same throughout"
             else:
                 try:
-                    wider[name] = np.result_type(kinds.get(name, value.dtype), value.dtype)
+                    wider[name] = np.result_type(kinds.get(name, rows.dtype), rows.dtype)
                 except TypeError:
-                    failed[member] = (
-                        f"{name} has the type {value.dtype}, elsewhere {kinds[name]}, which have none in common"
-                    )
-        if member not in failed:
-            found[member] = answer
+                    why = f"{name} has the type {rows.dtype}, elsewhere {kinds[name]}, which have none in common"
+        if why:
+            failed |= dict.fromkeys(places.tolist(), why)
+        else:
+            found.append((places, arrays))
             kinds |= wider
-            for name, value in answer.items():
-                shapes.setdefault(name, value.shape)
+            for name, rows in arrays.items():
+                shapes.setdefault(name, rows.shape[1:])
     return found, failed, kinds
+
+
+def _grouped(answers: Mapping[int, Answer]) -> list[Group]:
+    """Answers of one layout together, in the order of their first members."""
+    packed: dict[str, list[int]] = {}
+    groups: list[Group] = []
+    for member, answer in sorted(answers.items()):
+        if isinstance(answer, tuple):
+            packed.setdefault(answer[0], []).append(member)
+        elif not isinstance(answer, str):
+            groups.append((np.array([member]), {name: value[None] for name, value in answer.items()}))
+    for layout, places in packed.items():
+        groups.append((np.array(places), unpacked(layout, [answers[place][1] for place in places])))  # type: ignore[index,misc]
+    return sorted(groups, key=lambda group: int(group[0][0]))
 
 
 def _blank(kind: np.dtype[Any]) -> Any:

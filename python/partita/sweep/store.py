@@ -29,7 +29,7 @@ from ..errors import ArgumentError, FileFormatError, MissingFileError
 from ..extras import extra
 from ..files import BLANK, get, intact, place, put, sealed, target
 from ..numeric import shown
-from .collected import Answer
+from .collected import KINDS, Answer, Storable
 from .identity import digest_of, name_of
 from .members import Members, is_plain
 
@@ -48,50 +48,45 @@ _MARK = b"\x89PMr"
 _HEAD = struct.Struct("<4scQIQI")
 """Mark, kind, member, number of the layout, length of the body, checksum of all of it."""
 _LAYOUT, _VALUES, _FAILURE = b"L", b"V", b"F"
-_KINDS = "biufcSUmM"
-"""Kinds of NumPy's types that are their bytes."""
 
 
 class Log:
     """Frames of answers. Layouts are the names, types and shapes of values, numbered as they were met."""
 
     def __init__(self) -> None:
-        self.answers: dict[int, Answer] = {}
+        self.answers: dict[int, Storable] = {}
         self.layouts: dict[str, int] = {}
         self.end = 0
 
     def read(self, content: bytes, path: Path, count: int) -> None:
         """Take in a whole log."""
-        layouts: list[Any] = []
+        layouts: list[str] = []
         while (frame := _frame(content, self.end)) is not None:
-            kind, member, layout, body, length = frame
+            kind, member, layout, start, length = frame
+            body = content[start : start + length]
             if kind == _LAYOUT:
-                text = content[body : body + length].decode()
-                self.layouts[text] = len(layouts)
-                layouts.append(json.loads(text))
+                layouts.append(body.decode())
+                self.layouts[layouts[-1]] = layout
             elif member >= count or (kind == _VALUES and layout >= len(layouts)):
                 raise _damaged(path, f"member {member} at byte {self.end} is not of this sweep")
-            elif kind == _FAILURE:
-                self.answers[member] = content[body : body + length].decode()
             else:
-                self.answers[member] = _values(content, body, layouts[layout])
-            self.end = body + length
+                self.answers[member] = body.decode() if kind == _FAILURE else (layouts[layout], body)
+            self.end = start + length
         later = content.find(_MARK, self.end + 1)
         while later >= 0:
             if _frame(content, later) is not None:
                 raise _damaged(path, f"bytes {self.end} to {later} are not what was written")
             later = content.find(_MARK, later + 1)
 
-    def frames(self, member: int, answer: Answer) -> bytes:
+    def frames(self, member: int, answer: Storable) -> bytes:
         """An answer as bytes."""
         if isinstance(answer, str):
             return _packed(_FAILURE, member, 0, answer.encode("utf-8", "replace"))
-        layout = json.dumps([[name, value.dtype.str, value.shape] for name, value in answer.items()])
+        layout, body = answer
         head = b""
         if layout not in self.layouts:
             head = _packed(_LAYOUT, 0, len(self.layouts), layout.encode())
             self.layouts[layout] = len(self.layouts)
-        body = b"".join(value.tobytes() for value in answer.values())
         return head + _packed(_VALUES, member, self.layouts[layout], body)
 
 
@@ -114,14 +109,6 @@ def _frame(content: bytes, at: int) -> tuple[bytes, int, int, int, int] | None:
     return kind, member, layout, body, length
 
 
-def _values(content: bytes, at: int, layout: list[tuple[str, str, list[int]]]) -> dict[str, Any]:
-    found = {}
-    for name, kind, shape in layout:
-        found[name] = np.ndarray(tuple(shape), np.dtype(kind), buffer=content, offset=at)
-        at += found[name].nbytes
-    return found
-
-
 def _damaged(path: Path, what: str) -> FileFormatError:
     return FileFormatError(
         f"the store {str(path)!r} is damaged: {what}; take a copy of it from before, or start anew with another name",
@@ -138,11 +125,11 @@ class Store:
         self._synced = time.monotonic()
 
     @property
-    def answers(self) -> dict[int, Answer]:
+    def answers(self) -> dict[int, Storable]:
         """What was computed before."""
         return self.log.answers
 
-    def put(self, answers: Mapping[int, Answer]) -> None:
+    def put(self, answers: Mapping[int, Storable]) -> None:
         """Append answers."""
         content = memoryview(b"".join(self.log.frames(member, answer) for member, answer in answers.items()))
         try:
@@ -172,12 +159,11 @@ class Store:
                 os.replace(new, here)
 
 
-def storable(answer: Answer) -> Answer:
+def storable(answer: Answer) -> Storable:
     """The answer, or why a store cannot hold it."""
-    if not isinstance(answer, str):
-        for name, value in answer.items():
-            if value.dtype.kind not in _KINDS:
-                return f"{name} is of type {value.dtype}, which a store cannot hold; return numbers or texts"
+    if isinstance(answer, dict):
+        name, value = next(item for item in answer.items() if item[1].dtype.kind not in KINDS)
+        return f"{name} is of type {value.dtype}, which a store cannot hold; return numbers or texts"
     return answer
 
 
