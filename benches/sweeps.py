@@ -59,9 +59,10 @@ def sweep_costs() -> list[Cost]:
     if not all(importlib.util.find_spec(name) for name in ("distributed", "psutil", "xarray")):
         return []
     import dask
-    from distributed import Client, LocalCluster
 
     dask.config.set({"logging.distributed": "critical"})
+    from distributed import Client, LocalCluster
+
     grid: dict[str, Any] = {"x": range(MEMBERS)}
     before = os.environ.get("PYTHONPATH")
     os.environ["PYTHONPATH"] = os.pathsep.join([str(Path(__file__).parent), *([before] if before else [])])

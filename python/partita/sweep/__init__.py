@@ -122,7 +122,7 @@ class _Work:
         self.store, self.report = store, report
         if store is not None and store.answers:
             self.answers = dict(store.answers)
-            self._tell()
+            self._report_part()
 
     def keep(self, new: Mapping[int, Answer]) -> None:
         """What came back."""
@@ -131,9 +131,9 @@ class _Work:
             self.store.put(stored)
             new = stored
         self.answers |= new
-        self._tell()
+        self._report_part()
 
-    def _tell(self) -> None:
+    def _report_part(self) -> None:
         if self.report is not None:
             self.report(len(self.answers) / self.members.count)
 
@@ -144,9 +144,9 @@ class _Work:
             for member in left:
                 self.keep({member: answer_of(self.model, self.members.arguments(member))})
         elif left:
-            broken = Spread(self.model, left, self.members.arguments, self.keep, batch).over(pool)
-            if broken is not None:
-                self.elsewhere = f"{NOT_COMPUTED}: the executor accepts no more work ({broken})"
+            lost = Spread(self.model, left, self.members.arguments, self.keep, batch).over(pool)
+            if lost is not None:
+                self.elsewhere = f"{NOT_COMPUTED}: the executor accepts no more work ({lost})"
 
     def dataset(self) -> xarray.Dataset:
         """All members, as they stand when the sweep ends."""

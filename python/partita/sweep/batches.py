@@ -190,37 +190,37 @@ class Spread:
     def over(self, pool: Pool) -> str | None:
         """Compute all; the reason, if the executor accepts no more work."""
         while True:
-            broken = self._hand_out(pool.make(), pool.workers)
-            if broken is None and not self.pieces:
+            lost = self._hand_out(pool.make(), pool.workers)
+            if lost is None and not self.pieces:
                 return self._one_by_one(pool)
-            if broken is not None and not (pool.is_own and self.accepted):
-                return broken
+            if lost is not None and not (pool.is_own and self.accepted):
+                return lost
 
     def _hand_out(self, executor: Executor, workers: int) -> str | None:
-        """Until nothing is left, or the executor is broken: then the reason."""
+        """Until nothing is left, or the executor is lost: then the reason."""
         done: SimpleQueue[Future[Returned]] = SimpleQueue()
         under_way: dict[Future[Returned], list[int]] = {}
-        broken: str | None = None
+        lost: str | None = None
         self.accepted = False
         try:
             while True:
-                while broken is None and len(under_way) < AHEAD * workers and (batch := self._next(workers)):
+                while lost is None and len(under_way) < AHEAD * workers and (batch := self._next(workers)):
                     try:
                         future = self._submit(executor, batch)
                     except Exception as error:
                         self.pieces.appendleft(batch)
-                        broken = reason(error)
+                        lost = reason(error)
                     else:
                         self.accepted = True
                         under_way[future] = batch
                         future.add_done_callback(done.put)
                 if not under_way:
-                    return broken
+                    return lost
                 try:
                     future = done.get(timeout=PULSE)
                 except Empty:  # a chance for Ctrl-C
                     continue
-                broken = self._take(future, under_way.pop(future)) or broken
+                lost = self._take(future, under_way.pop(future)) or lost
         except BaseException as error:
             for future in list(under_way):
                 future.cancel()
@@ -247,7 +247,7 @@ class Spread:
         return int(self.size * LEAST / self.aim)
 
     def _take(self, future: Future[Returned], batch: list[int]) -> str | None:
-        """What came back of a batch; the reason, where the executor is broken."""
+        """What came back of a batch; the reason, where the executor is lost."""
         if future.cancelled():
             self.pieces.append(batch)
             return "the executor cancelled its work"
@@ -260,11 +260,11 @@ class Spread:
         if isinstance(error, futures.CancelledError):
             self.pieces.append(batch)
             return "the executor cancelled its work"
-        broken = isinstance(error, futures.BrokenExecutor)
+        lost = isinstance(error, futures.BrokenExecutor)
         if len(batch) > 1:
             size = -(-len(batch) // PIECES)
             self.pieces.extend(batch[i : i + size] for i in range(0, len(batch), size))
-        elif not (broken or _is_death(error)):
+        elif not (lost or _is_death(error)):
             self.keep({batch[0]: reason(error)})
         else:
             (member,) = batch
@@ -273,7 +273,7 @@ class Spread:
                 self.pieces.append(batch)
             else:
                 self.alone.append(member)
-        return reason(error) if broken else None
+        return reason(error) if lost else None
 
     def _keep(self, batch: list[int], returned: Returned) -> None:
         """Keep the answers, and measure."""
@@ -301,10 +301,10 @@ class Spread:
             try:
                 self._keep([member], self._submit(executor, [member]).result())
             except Exception as error:
-                broken = isinstance(error, futures.BrokenExecutor)
-                died = broken or _is_death(error)
+                lost = isinstance(error, futures.BrokenExecutor)
+                died = lost or _is_death(error)
                 self.keep({member: f"its worker died {TRIES} times" if died else reason(error)})
-                executor = None if broken else executor
+                executor = None if lost else executor
         return None
 
 

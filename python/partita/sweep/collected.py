@@ -64,16 +64,16 @@ def dataset(members: Members, answers: Mapping[int, Answer], elsewhere: str = NO
 
     groups, failed, kinds = _fitting(members, answers)
     sizes = tuple(members.sizes.values())
-    known = np.concatenate([np.zeros(0, int), *(places for places, _ in groups)])
+    known = np.concatenate([np.zeros(0, int), *(indices for indices, _ in groups)])
     variables: dict[str, Any] = {}
     for name, kind in kinds.items():
-        having = [(places, arrays[name]) for places, arrays in groups if name in arrays]
+        having = [(indices, arrays[name]) for indices, arrays in groups if name in arrays]
         shape = having[0][1].shape[1:]
-        if sum(len(places) for places, _ in having) < members.count and kind.kind in "biu":
+        if sum(len(indices) for indices, _ in having) < members.count and kind.kind in "biu":
             kind = np.dtype(float)  # which has NaN
         values = np.full((members.count, *shape), _blank(kind), dtype=kind)
-        for places, rows in having:
-            values[places] = rows
+        for indices, rows in having:
+            values[indices] = rows
         axes = tuple(f"{name}_axis{i}" for i in range(len(shape)))
         variables[name] = ((*members.sizes, *axes), values.reshape(sizes + shape))
     reasons = np.full(members.count, elsewhere, dtype=object)
@@ -100,7 +100,7 @@ def _fitting(
     shapes: dict[str, tuple[int, ...]] = {}
     kinds: dict[str, np.dtype[Any]] = {}
     reserved = {FAILED, SAMPLE, *members.values}
-    for places, arrays in _grouped(answers):
+    for indices, arrays in _grouped(answers):
         why = ""
         wider: dict[str, np.dtype[Any]] = {}
         for name, rows in arrays.items():
@@ -115,9 +115,9 @@ def _fitting(
                 except TypeError:
                     why = f"{name} has the type {rows.dtype}, elsewhere {kinds[name]}, which have none in common"
         if why:
-            failed |= dict.fromkeys(places.tolist(), why)
+            failed |= dict.fromkeys(indices.tolist(), why)
         else:
-            found.append((places, arrays))
+            found.append((indices, arrays))
             kinds |= wider
             for name, rows in arrays.items():
                 shapes.setdefault(name, rows.shape[1:])
@@ -133,8 +133,8 @@ def _grouped(answers: Mapping[int, Answer]) -> list[Group]:
             packed.setdefault(answer[0], []).append(member)
         elif not isinstance(answer, str):
             groups.append((np.array([member]), {name: value[None] for name, value in answer.items()}))
-    for layout, places in packed.items():
-        groups.append((np.array(places), unpacked(layout, [answers[place][1] for place in places])))  # type: ignore[index,misc]
+    for layout, indices in packed.items():
+        groups.append((np.array(indices), unpacked(layout, [answers[index][1] for index in indices])))  # type: ignore[index,misc]
     return sorted(groups, key=lambda group: int(group[0][0]))
 
 
