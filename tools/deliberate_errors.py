@@ -6,10 +6,11 @@ python tools/deliberate_errors.py --package     those of the package, with the n
 python tools/deliberate_errors.py --list        what they spoil
 
 An error is an exact piece of text that stands once in its file, and what takes its place. The files that git knows are
-copied to a folder of their own with their own builds, so the working tree stays as it is. Unspoilt, the tests named
-beside the errors must pass. Then each error is made, and the tests that should see it run, the narrowest first, until
-one fails: it is caught. Where none does, all that `make test` runs is asked. An error that does not compile, or with
-which the tests come to no end, is not caught. The exit code is 1 if one was not.
+copied to a folder of their own with their own builds, so the working tree stays as it is. Errors of the core are put
+into one build, each to be chosen when it runs (`errors_together`); the few that do not fit there have builds of their
+own. Unspoilt, the tests named beside the errors must pass. Then each error is made, and the tests that should see it
+run, the narrowest first, until one fails: it is caught. Where none does, all that `make test` runs is asked. An error
+that does not compile, or with which the tests come to no end, is not caught. The exit code is 1 if one was not.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from errors_together import CHOICE, HOME, VARIABLE, Body, together
 from formulas_spoilt import FORMULAS, PACKAGE, Error
 from package_spoilt import IN_PACKAGE
 
@@ -68,6 +70,8 @@ class Workshop:
         self.builds = scratch / "build"
         self.log = scratch / "last.txt"
         self.all_pass = False
+        self.numbers: dict[str, int] = {}
+        """Of the errors in the build, by name."""
         self.environment = os.environ | {
             "CARGO_TARGET_DIR": str(self.builds),
             "CARGO_PROFILE_RELEASE_INCREMENTAL": "true",  # one line changes at a time
@@ -94,9 +98,54 @@ class Workshop:
                 there.parent.mkdir(parents=True, exist_ok=True)
                 there.write_bytes(source.read_bytes())
 
+    def join(self, errors: Sequence[Error]) -> None:
+        """Put errors of the core into one build, as many as compile together."""
+        numbers = {error.name: number for number, error in enumerate(errors, 1)}
+        left = [error for error in errors if error.file.endswith(".rs")]
+        while left:
+            self.copy()
+            places: dict[str, list[tuple[Error, Body]]] = {}
+            for file in dict.fromkeys(error.file for error in left):
+                own = [(numbers[error.name], error) for error in left if error.file == file]
+                text, places[file] = together((self.tree / file).read_text("utf-8"), own, file)
+                (self.tree / file).write_text(text, "utf-8")
+            home = self.tree / HOME
+            home.write_text(home.read_text("utf-8") + CHOICE, "utf-8")
+            # of cargo's own commands the quickest that finds every error of types
+            code, output = self.run(["cargo", "check", "--release", "--workspace", "--all-targets", "--locked"])
+            joined = [error for found in places.values() for error, _ in found]
+            if code == 0:
+                self.numbers = {error.name: numbers[error.name] for error in joined}
+                return
+            blamed = self._blamed(output, places)
+            if not blamed:
+                raise SystemExit(f"the errors do not compile together:\n{tail(output)}")
+            left = [error for error in joined if error.name not in blamed]
+        self.copy()
+
+    def _blamed(self, output: str, places: dict[str, list[tuple[Error, Body]]]) -> set[str]:
+        """Names of the errors in functions that the compiler refuses."""
+        blamed = set()
+        for file, line in re.findall(r"^\s*--> (\S+?):(\d+):\d+$", output, re.M):
+            if file not in places:
+                continue
+            text = (self.tree / file).read_text("utf-8")
+            at = sum(len(x) for x in text.splitlines(keepends=True)[: int(line)])
+            blamed |= {
+                error.name for error, body in places[file] if body.begin < at and text.rfind("\n", 0, at) < body.end
+            }
+        return blamed
+
     @contextmanager
     def spoilt(self, error: Error) -> Iterator[None]:
-        """The tree with this error in it."""
+        """The tree, or what is run, with this error in it."""
+        if error.name in self.numbers:
+            self.environment[VARIABLE] = str(self.numbers[error.name])
+            try:
+                yield
+            finally:
+                del self.environment[VARIABLE]
+            return
         path = self.tree / error.file
         right = path.read_text("utf-8")
         path.write_text(spoil(error, right), "utf-8")
@@ -243,12 +292,19 @@ def main() -> int:
     workshop.copy()
     for error in errors:
         spoil(error, (workshop.tree / error.file).read_text("utf-8"))
+    workshop.join(errors)
+    # those with builds of their own come last, when the tree is as it was
+    alone = [error for error in errors if error.file.endswith(".rs") and error.name not in workshop.numbers]
+    errors = [error for error in errors if error not in alone]
     missed: list[str] = []
     caught = 0
     try:
-        check_unspoilt(workshop, errors)
-        for number, error in enumerate(errors, 1):
-            print(f"[{number}/{len(errors)}] {error.name}: {error.spoils}", flush=True)
+        check_unspoilt(workshop, [*errors, *alone])
+        for number, error in enumerate([*errors, *alone], 1):
+            if error in alone[:1]:
+                workshop.numbers = {}
+                workshop.copy()
+            print(f"[{number}/{len(errors) + len(alone)}] {error.name}: {error.spoils}", flush=True)
             began = time.monotonic()
             by = hunt(workshop, error, arguments.narrow or arguments.package)
             took = f"({time.monotonic() - began:.0f} s)"
@@ -263,7 +319,7 @@ def main() -> int:
         return 130
     finally:
         left = f"; not caught: {', '.join(missed)}" if missed else ""
-        print(f"{caught} of {len(errors)} errors were caught{left}")
+        print(f"{caught} of {len(errors) + len(alone)} errors were caught{left}")
     return 1 if missed else 0
 
 

@@ -32,14 +32,14 @@ _SMALL = 1 << 24
 _MARK = re.compile(rb"sha256:([0-9a-f]{64})")
 
 
-def place(path: Any) -> Path:
-    """`path` as a path that can be read; raises `ArgumentError` or `FileFormatError`."""
+def place(path: Any, argument: str = "path") -> Path:
+    """`path` as a path that can be read; raises `ArgumentError`, which names the argument, or `FileFormatError`."""
     try:
         given = os.fspath(path)
     except TypeError:
         given = None
     if not isinstance(given, str) or not given or "\0" in given:
-        raise ArgumentError(f"path must be the name of a file, not {path!r}", argument="path")
+        raise ArgumentError(f"{argument} must be the name of a file, not {path!r}", argument=argument)
     where = Path(given)
     try:
         where.is_file()

@@ -380,3 +380,17 @@ def test_control_c_ends_it() -> None:
     with pressed_after(0.3) as when, pytest.raises(KeyboardInterrupt):
         m.assemble_many({"ML": motors[0], "MR": motors[1]})
     assert time.monotonic() - when[0] < 1.0
+
+
+@pytest.mark.parametrize("crank", [1.0, 1.05])
+def test_poses_do_not_depend_on_each_other(crank: float) -> None:
+    """Poses of one goal share the path to them; each is that which is found alone, to the last bit, also beyond limits
+    and where the farthest one lies far away."""
+    m = four_bar([(0, 0), (0.0, crank), (0.75, 1.9), (1.0, 0.0)])
+    angles = np.array([0.0, 0.04, 0.1, 0.1 + 1e-12, -0.1, 0.37, -0.9, 1.4, 2.0, -2.5, 3.1, 6.0, -6.0, 8.8, -40.0])
+    together = m.assemble_many({"A": angles})
+    for i, angle in enumerate(angles):
+        alone = m.assemble_many({"A": [angle]})
+        assert alone.status[0] == together.status[i] and alone.reached["A"][0] == together.reached["A"][i]
+        assert np.array_equal(alone.q[0], together.q[i], equal_nan=True)
+        assert alone.reasons.get(0) == together.reasons.get(i)

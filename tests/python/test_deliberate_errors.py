@@ -63,3 +63,45 @@ def test_a_text_that_is_not_there_once_is_refused() -> None:
     for text in ("x = a;", "x = a + b; y = a + b;"):
         with pytest.raises(SystemExit, match="must be once"):
             module.spoil(error, text)
+
+
+SOURCE = """
+const SIZE: [f64; 2] = [1.0, 2.0]; // { no body
+impl<'a> Known<'a> {
+    /// A brace in a comment: {
+    fn two(&'a self, x: [f64; 2]) -> [f64; 2] {
+        let each = |i: usize| { let y = x[i]; y + 1.0 };
+        [each(0), each(1)]
+    }
+}
+const fn fixed() -> usize { 3 }
+fn three() -> usize { fn inner() -> usize { 4 } inner() - '}'.len_utf8() }
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "joined"),
+    [
+        ("y + 1.0", "y - 1.0", True),
+        ("each(0), each(1)", "each(1), each(0)", True),
+        ("{ 4 }", "{ 5 }", True),
+        ("2.0]; //", "3.0]; //", False),
+        ("{ 3 }", "{ 2 }", False),
+    ],
+)
+def test_errors_in_functions_share_a_build(old: str, new: str, joined: bool) -> None:
+    """The source with a choice is the old one, or the spoilt one, once the choice is made."""
+    tool()
+    module = importlib.import_module("errors_together")
+    error = tool().Error("name", "", "file.rs", old, new, ())
+    text, found = module.together(SOURCE, [(7, error)], "crates/partita-model/src/file.rs")
+    assert [one for one, _ in found] == [error] * joined
+    if not joined:
+        assert text == SOURCE
+        return
+    ((_, body),) = found
+    choice = text[body.begin : body.end].removeprefix("{ if partita_math::deliberate(7) ").removesuffix(" }")
+    size = (len(choice) - len(" else ") - (len(new) - len(old))) // 2
+    spoilt, right = choice[: -size - len(" else ")], choice[-size:]
+    assert text[: body.begin] + right + text[body.end :] == SOURCE
+    assert spoilt == right.replace(old, new) != right

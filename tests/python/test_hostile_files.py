@@ -194,3 +194,18 @@ def test_a_hundred_thousand_keys_and_tables_without_end(tmp_path: Path) -> None:
         assert caught.value.line == 2
     deep_xml = f'<robot name="r">{10_000 * "<x>"}'
     refused(put(tmp_path, "a.urdf", deep_xml), "nest more than 512 deep", 1)
+
+
+def test_faults_that_other_readers_overlook(tmp_path: Path) -> None:
+    """-- in comments, and lines before the declaration; what is wrong otherwise is in its own line."""
+    comment = "<!-- a -- b\n<link name='c'/> -->"
+    text = f"\n<?xml version='1.0'?>\n{comment}\n{URDF}"
+    assert pt.load(put(tmp_path, "a.urdf", text)).compile().mobility == 1
+    refused(put(tmp_path, "a.urdf", text.replace('mass value="1"', 'mass value="x"')), "not made of numbers", 7)
+    refused(put(tmp_path, "a.urdf", text.replace("</robot>", "</robots>")), "not well-formed", 2)
+    pytest.importorskip("mujoco")
+    hidden = MJCF.replace("<worldbody>", f"{comment}<include file='/etc/hosts'/><worldbody>")
+    refused(put(tmp_path, "a.mjcf", hidden), "leads out of the folder", 3)
+    # a comment is none in CDATA, so nothing is taken out of a file that has some
+    hidden = hidden.replace("<include", "<![CDATA[<!--]]><include").replace("hosts'/>", "hosts'/><![CDATA[-->]]>")
+    refused(put(tmp_path, "a.mjcf", hidden), "not well-formed", 2)

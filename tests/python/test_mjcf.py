@@ -100,11 +100,15 @@ def test_joints_that_follow_and_what_is_left_out(tmp_path: Path) -> None:
     tie = '<joint name="gear" joint1="W" joint2="A" polycoef="0.1 -3 0 0 0"/>'
     higher = '<joint name="cam" joint1="W" joint2="D" polycoef="0 1 2 0 0"/>'
     m = loaded(tmp_path, model(CLOSED + tie + higher, more))
-    assert m.compile().mobility == 1
+    assert m.compile().mobility == 1 and m.rotors["rotor of W"].inertia == 0.1
     assert abs(m.assemble(targets={"A": 0.2}).position("W") - (0.1 - 3 * 0.2)) < 1e-12
     reported = str(m.reading)
-    for words in ("armature 0.1 of joint W", "frictionloss 0.2 of joint W", "limits -1 to 1 of joint W", "1 geoms",
-                  "equality cam is a polynomial"):  # fmt: skip
+    for words in (
+        'joint "W" frictionloss 0.2: friction would resist the motion',
+        'joint "W" range -1 to 1: limits do not act',
+        "1 geoms: contacts are not read",
+        'joint "cam" (joint1 W, joint2 D, polycoef 0 1 2 0 0): a polynomial of higher order',
+    ):
         assert words in reported, reported
 
 

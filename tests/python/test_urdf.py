@@ -175,16 +175,17 @@ def test_nothing_is_read_in_silence(tmp_path: Path) -> None:
     reported = str(m.reading)
     for words in (
         "E = -2 x A + 0.1",
-        "limits -1 to 2 of joint E",
-        "friction 0.2 of joint E",
-        "<transmission>, 1 in all",
+        'joint "E" limit (lower -1, upper 2, effort 1, velocity 1): limits do not act',
+        'joint "E" dynamics friction 0.2: friction would resist',
+        'transmission "t"',
         "<gazebo>",
-        "<nonsense>, 1 in all: this tag is not known",
+        "<nonsense>: not known to URDF, and ignored",
         "3 shapes to draw",
         'link "base" is the ground',
     ):
         assert words in reported, (words, reported)
     assert m.reading.dropped[-1].line is not None and m.reading.to_dict()["kind"] == "URDF"
+    assert [group.kind for group in m.remarks][:4] == ["motion", "motion", "bounds", "unknown"]
     state = m.assemble(targets={"A": 0.2})
     assert abs(state.position("E") - (-2 * 0.2 + 0.1)) < 1e-12
     free = pt.load(tmp_path / "robot.urdf", base="free")

@@ -193,8 +193,11 @@ def test_mujoco_accelerates_the_tree_alike(tmp_path: Path) -> None:
     m.add_revolute("L", m.ground, light, point=(0, 0, 0.5), axis=(1, 0, 0))
     m.add_spring("s", "held 0", (0.1, 0, 0), "end 1", (0, 0.2, 0), stiffness=30.0, damping=2.0, length=0.4)
     m.add_torsion_spring("J0", stiffness=3.0, damping=0.2, angle=0.3)
+    for name, inertia in (("J0", 2e-4), ("K0", 3e-4), ("K1", 1e-4), ("J1", 2e-3), ("K3", 5e-4)):
+        m.add_rotor(name, inertia, ratio=-30.0)
     assert not m.save(tmp_path / "tree.xml", strict=True).dropped
     back = pt.load(tmp_path / "tree.xml")
+    assert sorted(back.rotors) == sorted(m.rotors)
     assert list(back.forces) == ["spring of J0", "s"] and back._description.bodies["light"].gravity is False
     native = mujoco.MjModel.from_xml_path(str(tmp_path / "tree.xml"))
     data, compiled = mujoco.MjData(native), back.compile()
@@ -378,6 +381,7 @@ LOSSES = {
     "torque t": lambda m: m.add_torque("A", value=1.0, name="t"),
     "force f": lambda m: m.add_force("crank", force=(1, 0, 0), name="f"),
     "rope": lambda m: m.add_distance("rope", "crank", (0, 0, 0), "rocker", (0, 0, 0)),
+    "rotor r": lambda m: m.add_rotor("A", 1e-3, name="r"),
     "negative": lambda m: m.add_torsion_spring("A", stiffness=-1.0, name="unstable"),
 }
 
@@ -385,8 +389,8 @@ LOSSES = {
 @ROBOTS
 @pytest.mark.parametrize("words", LOSSES)
 def test_what_is_lost_is_said_and_refused(words: str, suffix: str, tmp_path: Path) -> None:
-    if (words, suffix) == ("negative", ".urdf"):
-        pytest.skip("URDF loses nothing here: torsion springs stand in the file beside it")
+    if (words, suffix) in (("negative", ".urdf"), ("rotor r", ".mjcf")):
+        pytest.skip("nothing is lost here: torsion springs stand in the file beside the URDF, rotors in MJCF")
     m = drawn("revolute")
     LOSSES[words](m)
     path = tmp_path / f"robot{suffix}"

@@ -167,6 +167,7 @@ REFERENCE: dict[str, tuple[str, str, tuple[str, ...]]] = {
             "io.save",
             "io.Reading",
             "io.Remark",
+            "io.RemarkGroup",
             "io.Writing",
             "plots.plot",
             "plots.overview",

@@ -21,6 +21,7 @@ pub fn empty(name: &str) -> Spec {
         couplings: vec![],
         drives: vec![],
         forces: vec![],
+        rotors: vec![],
         sights: vec![],
     }
 }

@@ -131,7 +131,7 @@ impl<'m> Pose<'m> {
         let own = match owner {
             Owner::Joint(j) => Some(j),
             Owner::Drive(i) => model.drives.iter().find(|d| d.number == i).and_then(|d| d.joint).map(|(j, _)| j),
-            Owner::Coupling(_) => None,
+            Owner::Coupling(_) | Owner::Rotor(_) => None,
         };
         let mut taken: Vec<(usize, f64)> = Vec::new();
         model.apply_condition(

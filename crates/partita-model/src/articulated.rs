@@ -158,6 +158,9 @@ impl<G: Space> Tree<G> {
                 for l in 0..f {
                     pivot[j * f + l] = sum(d, |m| axes[m * 3 + j] * u[m * 3 + l]);
                 }
+                if let Some(rotor) = self.rotor(self.links[i].v + j) {
+                    pivot[j * f + j] += rotor;
+                }
             }
             if let Err(e) = factor(self.links[i].v, &mut pivot[..f * f], f) {
                 failed = Some(e);

@@ -56,6 +56,7 @@ pub fn compile<G: Space>(spec: &Spec, placed: &Placed, numbers: &Numbers<G::S>) 
         origins: origins.iter().map(|x| G::vec_in(*x)).collect(),
         links,
         massless: placed.massless.iter().map(weighed).collect(),
+        rotors: rotors(placed, numbers),
         closings: Vec::new(),
         gravity: G::vec_in(numbers.gravity),
         idle: Vec::new(),
@@ -82,6 +83,17 @@ pub fn compile<G: Space>(spec: &Spec, placed: &Placed, numbers: &Numbers<G::S>) 
         tree.closings.push(closing);
     }
     (tree, names)
+}
+
+/// Inertia along each velocity, `ratio² inertia` of its rotors; nothing where there are no rotors.
+fn rotors<S: Scalar>(placed: &Placed, numbers: &Numbers<S>) -> Vec<Option<S>> {
+    let mut along = vec![None; if placed.rotors.is_empty() { 0 } else { placed.nv }];
+    for (p, x) in placed.rotors.iter().zip(&numbers.rotors) {
+        let ratio = x.number("ratio");
+        let moved = ratio * ratio * x.number("inertia");
+        along[p.v] = Some(along[p.v].map_or(moved, |before| before + moved));
+    }
+    along
 }
 
 fn weighed<G: Space>(x: &Massless) -> Weight<G> {

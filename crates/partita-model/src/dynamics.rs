@@ -22,9 +22,12 @@ impl<G: Space> Tree<G> {
         x.moment += G::moment(arm, force);
     }
 
-    /// Kinetic energy and potential of gravity at the last twists.
-    pub fn energy(&self, s: &TreeScratch<G>) -> (G::S, G::S) {
+    /// Kinetic energy and potential of gravity at v, the last twists.
+    pub fn energy(&self, v: &[G::S], s: &TreeScratch<G>) -> (G::S, G::S) {
         let (mut kinetic, mut potential) = (G::S::zero(), G::S::zero());
+        for (i, rotor) in self.rotating() {
+            kinetic += (rotor * v[i] * v[i]).scale(0.5);
+        }
         for ((i, link), x) in self.links.iter().enumerate().zip(&s.links).skip(1) {
             let turning = G::dot_ang(x.w, G::spin(&x.inertia, x.w));
             kinetic += (link.mass * G::dot(x.u, x.u) + turning).scale(0.5);
@@ -95,6 +98,15 @@ impl<G: Space> Tree<G> {
                 hd[j] += tangent[v * k + j] * s.effort[v];
             }
         }
+        for (v, rotor) in self.rotating() {
+            for j in 0..k {
+                let push = rotor * tangent[v * k + j];
+                hd[j] -= push * delta[v];
+                for i in 0..k {
+                    md[j * k + i] += push * tangent[v * k + i];
+                }
+            }
+        }
         s.partial = partial;
     }
 
@@ -140,6 +152,9 @@ impl<G: Space> Tree<G> {
                 wrench[p].0 += at_parent;
                 wrench[p].1 += force;
             }
+        }
+        for (v, rotor) in self.rotating() {
+            out[v] += rotor * vdot(v);
         }
         s.partial = wrench;
     }
@@ -215,6 +230,9 @@ impl<G: Space> Tree<G> {
                     wrench[p].1 += force;
                 }
             }
+        }
+        for (v, rotor) in self.rotating() {
+            mass[v * nv + v] += rotor;
         }
         s.partial = room;
         s.moves = moves;

@@ -153,6 +153,7 @@ impl<S: Scalar> Evaluator<S> {
             let element = match c.owner {
                 Owner::Joint(_) => "joint",
                 Owner::Coupling(_) => "coupling",
+                Owner::Rotor(_) => "rotor",
                 Owner::Drive(_) => "drive",
             };
             return Err(uncallable(element, &c.name));

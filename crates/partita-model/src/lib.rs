@@ -33,6 +33,7 @@ pub mod reaction;
 mod reaction_friction;
 pub mod recorded;
 pub mod reduced;
+mod rotors;
 pub mod rows;
 pub mod shown;
 mod sparse_mass;

@@ -161,7 +161,7 @@ impl<G: Space> Mechanics<G> {
         s: &TreeScratch<G>,
         room: &mut Room<G>,
     ) -> Result<[G::S; 3], SystemError> {
-        let (kinetic, gravity) = self.energy(s);
+        let (kinetic, gravity) = self.energy(instant.v, s);
         let (mut potential, mut power) = (G::S::zero(), G::S::zero());
         let (q, v) = self.seen(&instant, s, room);
         let Instant { t, callers, .. } = instant;

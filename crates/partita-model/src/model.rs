@@ -16,6 +16,7 @@ use crate::numbers::Numbers;
 use crate::part::Part;
 use crate::planarity;
 use crate::reaction_friction::Following;
+use crate::rotors;
 use crate::rows::{Owner, Row};
 use crate::sparse_mass::MassLayout;
 use crate::spec::{Coupling, JointKind, Measure, Spec};
@@ -117,9 +118,9 @@ fn all_welded(spec: &Spec) -> bool {
 fn following(
     own: &Evaluator<f64>,
     spec: &Spec,
-    of: &Pattern,
+    rows: (&Pattern, &[Option<f64>]),
 ) -> Result<Option<Arc<dyn Follow<f64>>>, DescriptionError> {
-    Ok(Following::new(own, spec, of)?.map(|found| Arc::new(found) as Arc<dyn Follow<f64>>))
+    Ok(Following::new(own, spec, rows)?.map(|found| Arc::new(found) as Arc<dyn Follow<f64>>))
 }
 
 impl Model {
@@ -234,6 +235,7 @@ impl Model {
         validate::validate(&spec, functions.count())?;
         coincident::unite(&mut spec);
         let mut placed = Placed::new(&spec, coordinates, allow_plane)?;
+        rotors::place(&mut placed, &spec)?;
         massless::weigh(&mut placed, &spec);
         if placed.nv == 0 || !may_be_welded && all_welded(&spec) {
             let message = "nothing can move: every body is fixed to the ground; free a joint";
@@ -300,7 +302,7 @@ impl Model {
         let elements = &own.full.elements;
         let has_power = elements.iter().any(Element::is_dissipative);
         let pattern = Pattern::from_rows(placed.nv, &columns);
-        own.following = following(&own, &spec, &pattern)?;
+        own.following = following(&own, &spec, (&pattern, &row_displacement))?;
         let clusters = match &own.engine {
             Engine::Planar(tree) => clusters::clusters(tree, &pattern),
             Engine::Full => clusters::clusters(&own.full, &pattern),
@@ -342,7 +344,8 @@ impl Model {
         model.dense_projection = model.dense_is_cheaper();
         if !model.placed.massless.is_empty() && !model.is_short_of_mass() {
             model.count_as_drawn();
-            model.own.following = following(&model.own, &model.spec, &model.pattern)?;
+            let rows = (&model.pattern, &model.row_displacement[..]);
+            model.own.following = following(&model.own, &model.spec, rows)?;
         }
         Ok(model)
     }
@@ -469,7 +472,7 @@ impl Model {
     pub fn joint_of_row(&self, row: usize) -> Option<usize> {
         match self.row_names[row].owner {
             Owner::Joint(j) => Some(j),
-            Owner::Coupling(_) | Owner::Drive(_) => None,
+            Owner::Coupling(_) | Owner::Rotor(_) | Owner::Drive(_) => None,
         }
     }
 

@@ -112,6 +112,8 @@ pub struct Described<S> {
     pub pitches: Vec<S>,
     /// Numbers of each coupling by field.
     pub couplings: Vec<Fields<S>>,
+    /// Numbers of each rotor by field.
+    pub rotors: Vec<Fields<S>>,
     /// One for each force.
     pub forces: Vec<DescribedForce<S>>,
 }
@@ -172,6 +174,7 @@ impl<S: Scalar> Described<S> {
             joints: spec.joints.iter().map(|j| (vec(j.point), j.child_point.map(vec))).collect(),
             pitches: spec.joints.iter().map(|j| S::from_f64(j.pitch.unwrap_or(0.0))).collect(),
             couplings: spec.couplings.iter().map(|c| Fields::lifted(c.clone().numbers())).collect(),
+            rotors: spec.rotors.iter().map(|r| Fields::lifted(r.clone().numbers())).collect(),
             forces: forces.collect(),
         }
     }
@@ -207,6 +210,8 @@ pub struct Numbers<S> {
     pub pitches: Vec<S>,
     /// Numbers of the couplings as described.
     pub couplings: Vec<Fields<S>>,
+    /// Numbers of the rotors as described.
+    pub rotors: Vec<Fields<S>>,
     /// Numbers of the forces as described.
     pub forces: Vec<DescribedForce<S>>,
 }
@@ -230,6 +235,7 @@ impl<S: Scalar> Numbers<S> {
             reference: Vec::new(),
             pitches: described.pitches,
             couplings: described.couplings,
+            rotors: described.rotors,
             forces: described.forces,
         };
         new.referred(placed)
@@ -288,8 +294,9 @@ impl<S: Scalar> Numbers<S> {
             }
         }
         let gravity = basis.apply(given.gravity);
-        let (pitches, couplings, forces) = (given.pitches.clone(), given.couplings.clone(), given.forces.clone());
-        Self { gravity, bodies, joints, links, reference: Vec::new(), pitches, couplings, forces }.referred(placed)
+        let Described { pitches, couplings, rotors, forces, .. } = given.clone();
+        Self { gravity, bodies, joints, links, reference: Vec::new(), pitches, couplings, rotors, forces }
+            .referred(placed)
     }
 
     /// With the reference points for a zero position, whose masses determine which links are massive, which depends on

@@ -14,6 +14,7 @@
 //! DISTANCE.length  .point1  .point2          1, 3, body axes
 //! COUPLER.factors  .offset                   one for each term, 1
 //! ROLLING.radius  .center  .point            1, 3, body axes
+//! ROTOR.inertia  .ratio                      1
 //! ```
 
 use crate::coincident;
@@ -54,6 +55,8 @@ enum Slot {
     Pitch(usize),
     /// A field of a coupling.
     OfCoupling(usize, usize),
+    /// A field of a rotor.
+    OfRotor(usize, usize),
 }
 
 impl Slot {
@@ -74,6 +77,7 @@ impl Slot {
             Self::OfLoad(i, k) => &mut d.forces[i].of_load.0[k].1,
             Self::Pitch(i) => std::slice::from_mut(&mut d.pitches[i]),
             Self::OfCoupling(i, k) => &mut d.couplings[i].0[k].1,
+            Self::OfRotor(i, k) => &mut d.rotors[i].0[k].1,
         }
     }
 
@@ -126,6 +130,11 @@ impl Slot {
         for (i, c) in spec.couplings.iter().enumerate() {
             let fields = c.clone().numbers().into_iter().map(|(field, _)| field).collect::<Vec<_>>();
             let named = |(k, field)| (format!("{}.{field}", c.name()), Self::OfCoupling(i, k));
+            all.extend(fields.into_iter().enumerate().map(named));
+        }
+        for (i, r) in spec.rotors.iter().enumerate() {
+            let fields = r.clone().numbers().into_iter().map(|(field, _)| field).collect::<Vec<_>>();
+            let named = |(k, field)| (format!("{}.{field}", r.name), Self::OfRotor(i, k));
             all.extend(fields.into_iter().enumerate().map(named));
         }
         for (i, f) in spec.forces.iter().enumerate() {
@@ -188,6 +197,9 @@ fn rewritten(spec: &Spec, d: &Described<f64>) -> Spec {
         if let Coupling::Linear { factors, offset, .. } = c {
             (*factors, *offset) = made;
         }
+    }
+    for (r, n) in spec.rotors.iter_mut().zip(&d.rotors) {
+        r.numbers().into_iter().zip(&n.0).for_each(|((_, x), (_, new))| x.copy_from_slice(new));
     }
     let set = |v: &mut Value, x: f64| {
         if let Value::Constant(c) = v {

@@ -58,7 +58,7 @@ impl Part {
         let owned = |owner: Owner| match owner {
             Owner::Joint(j) => asked(j),
             Owner::Drive(i) => model.drives.iter().any(|d| d.number == i && d.joint.is_some_and(|(j, _)| asked(j))),
-            Owner::Coupling(_) => false,
+            Owner::Coupling(_) | Owner::Rotor(_) => false,
         };
         let all = &full.conditions;
         let conditions: Vec<usize> =

@@ -9,6 +9,8 @@ pub enum Owner {
     Joint(usize),
     /// Coupling number i.
     Coupling(usize),
+    /// Rotor number i, on a joint that closes a loop.
+    Rotor(usize),
     /// Drive number i.
     Drive(usize),
 }
@@ -19,6 +21,7 @@ impl Owner {
         match self {
             Self::Joint(j) => format!("joint \"{}\"", spec.joints[j].name),
             Self::Coupling(i) => format!("{} \"{}\"", spec.couplings[i].word(), spec.couplings[i].name()),
+            Self::Rotor(i) => format!("rotor \"{}\"", spec.rotors[i].name),
             Self::Drive(i) => {
                 let d = &spec.drives[i];
                 match d.measure.of_joint() {
@@ -34,6 +37,7 @@ impl Owner {
         match self {
             Self::Joint(j) => &spec.joints[j].name,
             Self::Coupling(i) => spec.couplings[i].name(),
+            Self::Rotor(i) => &spec.rotors[i].name,
             Self::Drive(i) => &spec.drives[i].name,
         }
     }

@@ -20,6 +20,8 @@ pub(crate) struct MassLayout {
     starts: Vec<usize>,
     /// Indices of (i, j) and of (j, i), in the order in which an evaluation meets them.
     entries: Vec<[u32; 2]>,
+    /// Indices of the diagonal.
+    diagonal: Vec<u32>,
 }
 
 fn velocities<G: Space>(tree: &Tree<G>, link: usize) -> Range<usize> {
@@ -68,7 +70,8 @@ impl MassLayout {
         }
         let mut starts = vec![0];
         of.iter().for_each(|x| starts.push(starts[starts.len() - 1] + x.len()));
-        Self { outboard: of.concat(), starts, entries, pattern }
+        let diagonal = (0..tree.nv).map(|v| entry(v, v)).collect();
+        Self { outboard: of.concat(), starts, entries, diagonal, pattern }
     }
 }
 
@@ -108,6 +111,9 @@ impl<G: Space> Tree<G> {
                     }
                 }
             }
+        }
+        for (v, rotor) in self.rotating() {
+            out[layout.diagonal[v] as usize] += rotor;
         }
         s.partial = room;
     }

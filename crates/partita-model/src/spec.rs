@@ -3,10 +3,12 @@
 mod couplings;
 mod forces;
 mod loads;
+mod rotor;
 
 pub use couplings::{Coupling, GivenAs};
 pub use forces::*;
 pub use loads::{Bushing, Contact, Gravity, Law, Sight, Spot, Tyre, Weightless};
+pub use rotor::Rotor;
 
 use serde::{Deserialize, Serialize};
 
@@ -46,6 +48,9 @@ pub struct Spec {
     /// Conditions between joints and bodies that are not joints.
     #[serde(default)]
     pub couplings: Vec<Coupling>,
+    /// Rotors that turn with joints.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub rotors: Vec<Rotor>,
     /// Prescribed joint motions.
     #[serde(default)]
     pub drives: Vec<Drive>,

@@ -24,6 +24,13 @@ impl Model {
                 None => self.transfer_floating(e.to - 1, (from, &turned), &s, &mut q2, &mut v2),
             }
         }
+        for (r, p) in self.spec.rotors.iter().zip(&self.placed.rotors) {
+            let (Some(link), Some(&j)) = (p.link, self.placed.joint_numbers.get(&r.joint)) else { continue };
+            // translations and angles come before a spatial rotation, of which no rotor reads a part
+            let x = from.joint_state(j, q, v, &s);
+            let l = &self.placed.links[link];
+            (q2[l.q], v2[l.v]) = (x.position[r.coordinate], x.velocity[r.coordinate]);
+        }
         (q2, v2)
     }
 

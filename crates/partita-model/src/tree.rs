@@ -136,6 +136,8 @@ pub struct Tree<G: Space> {
     pub links: Vec<Link<G>>,
     /// Mass and inertia that links lack in a metric; nothing where M is one.
     pub massless: Vec<Weight<G>>,
+    /// Inertia of the rotors that each velocity moves; nothing where there are none.
+    pub rotors: Vec<Option<G::S>>,
     /// Closings.
     pub closings: Vec<Closing<G>>,
     /// Gravity.
@@ -242,6 +244,17 @@ impl<G: Space> TreeScratch<G> {
 }
 
 impl<G: Space> Tree<G> {
+    /// Inertia of the rotors that velocity `v` moves.
+    #[inline(always)]
+    pub(crate) fn rotor(&self, v: usize) -> Option<G::S> {
+        self.rotors.get(v).copied().flatten()
+    }
+
+    /// The velocities that move rotors, and their inertias.
+    pub(crate) fn rotating(&self) -> impl Iterator<Item = (usize, G::S)> + '_ {
+        self.rotors.iter().enumerate().filter_map(|(v, x)| x.map(|x| (v, x)))
+    }
+
     /// New scratch.
     pub fn scratch(&self) -> TreeScratch<G> {
         let mut new = TreeScratch::empty();

@@ -251,6 +251,21 @@ pub fn validate(spec: &Spec, functions: usize) -> Result<(), DescriptionError> {
             }
         }
     }
+    let mut rotors: HashMap<&str, usize> = HashMap::new();
+    for (i, r) in spec.rotors.iter().enumerate() {
+        let fail = |m: String| Err(DescriptionError::new("rotor", &r.name, m));
+        if r.name.trim().is_empty() {
+            return fail(format!("rotor number {} has no name", i + 1));
+        }
+        if rotors.insert(&r.name, i).is_some() {
+            return fail("two rotors have this name; rename one".into());
+        }
+        joint("rotor", &r.name, &r.joint)?;
+        r.clone().numbers().into_iter().try_for_each(|(what, x)| finite(x, "rotor", &r.name, what))?;
+        if let Some(m) = r.fault() {
+            return fail(m);
+        }
+    }
     for d in &spec.drives {
         measure(&d.measure, "drive", &d.name)?;
         value::check(&d.motion, functions, "drive", &d.name)?;

@@ -113,6 +113,15 @@ impl PlacedJoint {
     }
 }
 
+/// Where the rotation of a rotor stands in the state.
+#[derive(Clone, Copy, Debug)]
+pub struct PlacedRotor {
+    /// Velocity that moves it.
+    pub v: usize,
+    /// Its own link, where its joint closes a loop: its rotation is then a coordinate, coupled to that of the joint.
+    pub link: Option<usize>,
+}
+
 /// Mass and inertia that a link lacks in a metric.
 #[derive(Clone, Debug)]
 pub struct Massless {
@@ -148,6 +157,8 @@ pub struct Placed {
     pub links: Vec<PlacedLink>,
     /// Joints.
     pub joints: Vec<PlacedJoint>,
+    /// Rotors.
+    pub rotors: Vec<PlacedRotor>,
     /// Rotation of each node from the drawing.
     pub turns: Vec<Mat3<f64>>,
     /// Number of each joint by its name.
@@ -175,12 +186,13 @@ pub struct Placed {
     pub held: Vec<HeldSpin>,
 }
 
-/// Names of the joints that are driven, coupled or loaded along a coordinate.
+/// Names of the joints that are driven, coupled or loaded along a coordinate, or move a rotor.
 fn loaded(spec: &Spec) -> HashSet<&str> {
     let measures = spec.drives.iter().map(|d| &d.measure).chain(spec.couplings.iter().flat_map(Coupling::terms));
     // an angle in the tree counts its turns
     let by_forces = spec.forces.iter().flat_map(Force::joints);
-    measures.filter_map(Measure::of_joint).chain(by_forces).collect()
+    let by_rotors = spec.rotors.iter().map(|r| r.joint.as_str());
+    measures.filter_map(Measure::of_joint).chain(by_forces).chain(by_rotors).collect()
 }
 
 fn edges(spec: &Spec, shapes: &[Shape]) -> Result<Vec<Edge>, DescriptionError> {
@@ -348,6 +360,7 @@ impl Placed {
             bodies: Vec::with_capacity(count - 1),
             links: vec![PlacedLink { parent: 0, motion: Motion::Ball, point: Vec3::zero(), q: 0, v: 0 }],
             joints: Vec::with_capacity(shapes.len()),
+            rotors: Vec::new(),
             turns: moved.iter().map(|m| m.rot).collect(),
             joint_numbers: spec.joints.iter().enumerate().map(|(i, j)| (j.name.clone(), i)).collect(),
             carrying: if absolute && plane.is_some() { of_joints } else { topology.tree.clone() },

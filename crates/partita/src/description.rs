@@ -2,7 +2,7 @@
 
 use crate::compiled::Model;
 use crate::error::Error;
-use partita_model::spec::{Body, DRAWING_TOLERANCE, Drive, Force, Joint, JointKind, Spec, VERSION};
+use partita_model::spec::{Body, DRAWING_TOLERANCE, Drive, Force, Joint, JointKind, Rotor, Spec, VERSION};
 use partita_model::value::{Functions, NoFunctions};
 use partita_model::zero_position::Coordinates;
 use std::sync::Arc;
@@ -40,6 +40,7 @@ impl Mechanism {
             couplings: Vec::new(),
             drives: Vec::new(),
             forces: Vec::new(),
+            rotors: Vec::new(),
             sights: Vec::new(),
         };
         Self { spec }
@@ -211,6 +212,20 @@ impl Mechanism {
     /// ```
     pub fn force(mut self, force: Force) -> Self {
         self.spec.forces.push(force);
+        self
+    }
+
+    /// Add the rotor of a motor behind a gear: the joint moves `ratio² inertia` besides its bodies.
+    ///
+    /// ```
+    /// use partita::model::spec::Rotor;
+    /// use partita::Mechanism;
+    ///
+    /// let rotor = Rotor { name: "motor".into(), joint: "A".into(), coordinate: 0, inertia: 1e-4, ratio: 50.0 };
+    /// assert_eq!(Mechanism::new("m").rotor(rotor).spec().rotors.len(), 1);
+    /// ```
+    pub fn rotor(mut self, rotor: Rotor) -> Self {
+        self.spec.rotors.push(rotor);
         self
     }
 

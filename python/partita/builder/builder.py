@@ -16,11 +16,12 @@ from . import forces as force_room
 from . import laws as law_room
 from . import loads as load_room
 from . import primitives as primitive_room
+from . import rotors as rotor_room
 from . import sensors as sensor_room
 from .elements import Elements
 from .joint_loads import JointLoads
 from .joints import NamedJoints
-from .records import Body, Coupling, Drive, Force, Handle, Joint
+from .records import Body, Coupling, Drive, Force, Handle, Joint, Rotor
 from .sensors import Sensor
 from .spec import Writer
 
@@ -50,6 +51,7 @@ class Builder(NamedJoints, JointLoads):
     add_rolling = coupling_room.add_rolling
     add_constraint = coupling_room.add_constraint
 
+    add_rotor = rotor_room.add_rotor
     add_compliance = compliance_room.add_compliance
     add_drive = drive_room.add_drive
     add_spring = force_room.add_spring
@@ -77,6 +79,11 @@ class Builder(NamedJoints, JointLoads):
     def couplings(self) -> Elements[Coupling]:
         """The couplings by name."""
         return Elements(self, Coupling, "coupling")
+
+    @property
+    def rotors(self) -> Elements[Rotor]:
+        """The rotors by name."""
+        return Elements(self, Rotor, "rotor")
 
     @property
     def drives(self) -> Elements[Drive]:

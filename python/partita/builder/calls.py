@@ -29,6 +29,7 @@ from .records import (
     JointRecord,
     LoadRecord,
     Ref,
+    RotorRecord,
     SpringRecord,
     TorqueRecord,
     TorsionSpringRecord,
@@ -61,6 +62,8 @@ def call_of(record: Any) -> Call:
             return record.call
         case DriveRecord():
             return "add_drive", _drive(record)
+        case RotorRecord():
+            return "add_rotor", {word: getattr(record, word) for word in ("joint", "inertia", "ratio", "coordinate")}
         case SpringRecord():
             words: tuple[str, ...] = ("body1", "point1", "body2", "point2", "stiffness", "damping", "length")
             return "add_spring", {word: getattr(record, word) for word in words}
@@ -133,7 +136,7 @@ def _named(argument: Any) -> Iterator[tuple[str, str]]:
 def referring(d: Description, table: str, name: str) -> list[tuple[str, str]]:
     """Table and name of the elements that refer to one, in the order in which they are made."""
     found = []
-    for other in ("joints", "couplings", "drives", "forces", "sensors"):
+    for other in ("joints", "couplings", "rotors", "drives", "forces", "sensors"):
         records: Mapping[str, Any] = getattr(d, other)
         found += [(other, own) for own, record in records.items() if (table, name) in references(record)]
     return found

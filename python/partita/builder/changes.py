@@ -27,6 +27,7 @@ _WORDS = {
     "bodies": "body",
     "joints": "joint",
     "couplings": "coupling",
+    "rotors": "rotor",
     "drives": "drive",
     "forces": "force",
     "sensors": "sensor",

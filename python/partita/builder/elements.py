@@ -1,4 +1,5 @@
-"""Elements added to a mechanism, by name: `Mechanism.bodies`, `joints`, `couplings`, `drives`, `forces`."""
+"""Elements added to a mechanism, by name: `Mechanism.bodies`, `joints`, `couplings`, `rotors`,
+`drives`, `forces`."""
 
 from __future__ import annotations
 

@@ -7,6 +7,7 @@ from .couplings import factor_units
 from .joints import effort_of, unit_of
 from .measures import measure_unit
 from .records import CouplingRecord, Description, LoadRecord, SpringRecord, TorqueRecord, TorsionSpringRecord
+from .rotors import rotor_units
 
 _OF_BODIES = {"mass": "kg", "com": "m", "inertia": "kg m^2"}
 
@@ -22,6 +23,9 @@ def parameter_unit(d: Description, name: str) -> SI:
         return "m"
     if owner in d.couplings and (unit := _of_coupling(d, d.couplings[owner], word)) is not None:
         return unit
+    if owner in d.rotors:
+        units = rotor_units(d, d.rotors[owner].joint, d.rotors[owner].coordinate)
+        return units.get(word, "")
     match d.forces.get(owner):
         case SpringRecord():
             return {"stiffness": "N/m", "damping": "N s/m", "length": "m"}.get(word, "")

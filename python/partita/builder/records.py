@@ -96,6 +96,12 @@ class Coupling(Handle):
     table = "couplings"
 
 
+class Rotor(Handle):
+    """The rotor of a motor that turns with a joint."""
+
+    table = "rotors"
+
+
 @dataclass(frozen=True)
 class Ref:
     """An element named in an argument where a body and a joint may share a name."""
@@ -171,6 +177,17 @@ class CouplingRecord:
     terms: tuple[Mapping[str, Any], ...]
     data: Mapping[str, Any]
     call: Call = ("", {})
+
+
+@dataclass(frozen=True)
+class RotorRecord:
+    """A rotor on one coordinate of a joint, which moves the inertia ratio^2 inertia besides its bodies."""
+
+    name: str
+    joint: str
+    coordinate: int
+    inertia: float
+    ratio: float
 
 
 @dataclass(frozen=True)
@@ -258,6 +275,7 @@ class Description:
     drives: dict[str, DriveRecord] = field(default_factory=dict)
     driven: dict[str, str] = field(default_factory=dict)  # measure as text -> drive
     couplings: dict[str, CouplingRecord] = field(default_factory=dict)
+    rotors: dict[str, RotorRecord] = field(default_factory=dict)
     forces: dict[str, ForceLike] = field(default_factory=dict)
     sensors: dict[str, SensorRecord] = field(default_factory=dict)
     numbers: dict[str, int] = field(default_factory=dict)  # made-up name -> number at which the next one is looked for
@@ -267,7 +285,7 @@ class Description:
         """A copy of the present state, independent of later additions; records never change and are shared."""
         tables = {
             name: dict(getattr(self, name))
-            for name in ("bodies", "joints", "drives", "driven", "couplings", "forces", "sensors", "numbers")
+            for name in ("bodies", "joints", "drives", "driven", "couplings", "rotors", "forces", "sensors", "numbers")
         }
         return Description(
             self.name, self.gravity, self.changing_gravity, self.drawing_tolerance, version=self.version, **tables

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from dataclasses import asdict
 from itertools import chain
 from typing import Any
 
@@ -82,6 +83,7 @@ class Writer:
             "bodies": map(_body, d.bodies.values()),
             "joints": map(self._joint, d.joints.values()),
             "couplings": map(self._coupling, d.couplings.values()),
+            **({"rotors": map(asdict, d.rotors.values())} if d.rotors else {}),
             "drives": chain.from_iterable(map(self._drive, d.drives.values())),
             "forces": chain(map(self._force, d.forces.values()), self._gravity()),
         }

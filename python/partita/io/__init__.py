@@ -8,41 +8,53 @@ from pathlib import Path
 from typing import Any
 
 from ..builder import Builder
-from ..errors import FileFormatError
+from ..errors import ArgumentError, FileFormatError
 from ..files import place, target
-from . import mjcf, mjcf_writer, robot, robot_builder, sdf, toml, urdf, urdf_writer
-from .reading import Reading, Remark
+from . import mjcf, mjcf_writer, repair, robot, robot_builder, sdf, toml, urdf, urdf_writer
+from .reading import Reading, Remark, RemarkGroup
+from .request import Request, request
 from .toml import Maker
 from .writing import Writing
 from .xmltree import parse
 
-__all__ = ["Reading", "Remark", "Writing", "read", "save"]
+__all__ = ["Reading", "Remark", "RemarkGroup", "Writing", "read", "save"]
 
 
-def _robot(of: Callable[[Path], robot.Robot]) -> Callable[[Path, Maker, str], Any]:
+def _robot(of: Callable[[Path, Request], robot.Robot]) -> Callable[[Path, Maker, Request], Any]:
     """A reader of robots' files as one of mechanisms."""
 
-    def read(path: Path, make: Maker, base: str) -> Any:
-        found = of(path)
+    def read(path: Path, make: Maker, request: Request) -> Any:
+        found = of(path, request)
+        _loops_of(found.reading.kind, request)
         more = {} if found.drawing_tolerance is None else {"drawing_tolerance": found.drawing_tolerance}
         mechanism: Any = make(found.name, found.gravity, **more)
-        robot_builder.build(found, mechanism, base)
+        robot_builder.build(found, mechanism)
         mechanism.reading = found.reading
         return mechanism
 
     return read
 
 
-def _xml(path: Path) -> robot.Robot:
+def _loops_of(kind: str, request: Request) -> None:
+    """Refuse a list of loops for a format that states its own."""
+    if request.loops is not None and kind != "URDF":
+        raise ArgumentError(f"loops lists the loop closures of a URDF; {kind} states its own", argument="loops")
+
+
+def _xml(path: Path, request: Request) -> robot.Robot:
     """A robot in XML whose suffix does not say in which format."""
     root = parse(path)
     of = {"robot": urdf.read, "mujoco": mjcf.read, "sdf": sdf.read}.get(root.tag)
-    return of(path) if of is not None else root.fail("is neither <robot> (URDF), nor <mujoco> (MJCF), nor <sdf>")
+    if of is None:
+        root.fail("is neither <robot> (URDF), nor <mujoco> (MJCF), nor <sdf>")
+    return of(path, request)
 
 
-def _toml(path: Path, make: Maker, base: str) -> Any:
-    mechanism: Any = toml.read(path, make)
-    mechanism.reading = Reading(path, "TOML", used=[Remark(None, "everything")])
+def _toml(path: Path, make: Maker, request: Request) -> Any:
+    _loops_of("TOML", request)
+    reading = Reading(path, "TOML", used=[Remark(None, "everything")])
+    mechanism: Any = toml.read(path, make, repair.of_reading(reading) if request.inertia == "repair" else None)
+    mechanism.reading = reading
     return mechanism
 
 
@@ -52,7 +64,7 @@ def _whole(mechanism: Builder, path: Path, strict: bool) -> Writing:
 
 
 # A new format is a module with `read` and, if it can hold a whole mechanism, `write`, and one line here.
-_READERS: dict[str, Callable[[Path, Maker, str], Any]] = {
+_READERS: dict[str, Callable[[Path, Maker, Request], Any]] = {
     ".toml": _toml,
     ".urdf": _robot(urdf.read),
     ".mjcf": _robot(mjcf.read),
@@ -67,11 +79,12 @@ _WRITERS: dict[str, Callable[[Builder, Path, bool], Writing]] = {
 }
 
 
-def read(path: str | PathLike[str], make: Maker, base: str = "fixed") -> Any:
-    """What `make(name, gravity)` made, filled from a model file; see `partita.load`."""
+def read(path: str | PathLike[str], make: Maker, **asked: Any) -> Any:
+    """What `make(name, gravity)` made, filled from a model file; see `partita.load`, whose other arguments `asked`
+    are."""
     where = place(path)
-    reader: Callable[[Path, Maker, str], Any] = _by_suffix(_READERS, where, "read")
-    return reader(where, make, base)
+    reader: Callable[[Path, Maker, Request], Any] = _by_suffix(_READERS, where, "read")
+    return reader(where, make, request(where, **asked))
 
 
 def save(mechanism: Builder, path: str | PathLike[str], strict: bool = False) -> Writing:

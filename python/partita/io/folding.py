@@ -9,17 +9,22 @@ from dataclasses import replace
 import numpy as np
 
 from .reading import Remark
-from .robot import MASSLESS, THROUGH, Joint, Robot, placed
+from .robot import MASSLESS, NOISE, THROUGH, Joint, Link, Robot, placed
 
 
 def fold_marks(robot: Robot) -> None:
-    """Massless links at the end of fixed joints are frames of their parents."""
+    """Massless links at the end of fixed joints are frames of their parents. One that has inertia is a body."""
+    scale = max((float(np.abs(link.inertia).max()) for link in robot.links.values()), default=0.0)
+
+    def is_mark(link: Link) -> bool:
+        return link.mass <= MASSLESS and float(np.abs(link.inertia).max()) <= NOISE * scale
+
     while True:
         parents = {joint.parent for joint in robot.joints.values()}
         marks = [
             joint
             for joint in robot.joints.values()
-            if joint.kind == "fixed" and joint.child not in parents and robot.links[joint.child].mass <= MASSLESS
+            if joint.kind == "fixed" and joint.child not in parents and is_mark(robot.links[joint.child])
         ]
         if not marks:
             return
@@ -44,7 +49,7 @@ def fold_hinges(robot: Robot) -> None:
     """Two or three hinges through one point with only massless links between them are a universal or a ball joint."""
     tied = {name for tie in robot.ties for name in tie.joints}
     held = {link for loop in robot.loops for link, _ in (loop.first, loop.second)}
-    held |= {link for link, _ in robot.frames.values()} | _sprung(robot)
+    held |= {link for link, _ in robot.frames.values()} | robot.sprung()
     carrying = {joint.child: joint for joint in robot.joints.values()}
     children: dict[str, list[Joint]] = {}
     for joint in robot.joints.values():
@@ -60,6 +65,8 @@ def fold_hinges(robot: Robot) -> None:
         return hinges and float(np.linalg.norm(behind - before)) <= THROUGH
 
     for last in list(robot.joints.values()):
+        if robot.joints.get(last.name) is not last:
+            continue  # folded with a joint that stands before it in the file
         chain = [last]
         while between(chain[0].parent):
             chain.insert(0, carrying[chain[0].parent])
@@ -106,7 +113,7 @@ def fold_sleeves(robot: Robot) -> None:
     carrying = {joint.child: joint for joint in robot.joints.values()}
     used = {name for tie in robot.ties for name in tie.joints}
     used |= {link for loop in robot.loops for link, _ in (loop.first, loop.second)}
-    used |= {link for link, _ in robot.frames.values()} | _sprung(robot)
+    used |= {link for link, _ in robot.frames.values()} | robot.sprung()
     for turn in list(robot.joints.values()):
         slide = carrying.get(turn.parent)
         if slide is None or (slide.kind, turn.kind) != ("prismatic", "revolute") or used & {slide.name, turn.name}:
@@ -139,7 +146,7 @@ def fold_ends(robot: Robot) -> None:
     carrying = {joint.child: joint for joint in robot.joints.values()}
     ends = Counter(link for loop in robot.loops for link, _ in (loop.first, loop.second))
     tied = {name for tie in robot.ties for name in tie.joints}
-    marked = {link for link, _ in robot.frames.values()} | _sprung(robot)
+    marked = {link for link, _ in robot.frames.values()} | robot.sprung()
     for loop in robot.loops:
         for one, other in ((loop.first, loop.second), (loop.second, loop.first)):
             joint = carrying.get(one[0])
@@ -168,8 +175,3 @@ def fold_ends(robot: Robot) -> None:
 def _nothing(robot: Robot, link: str) -> bool:
     """Whether this link has neither mass nor inertia."""
     return robot.links[link].mass == 0.0 and not np.any(robot.links[link].inertia)
-
-
-def _sprung(robot: Robot) -> set[str]:
-    """Links to which springs between points are attached."""
-    return {link for spring in robot.springs for link, _ in (spring.first, spring.second)}

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .reading import Remark
+from .request import Request
 
 Array = NDArray[np.float64]
 
@@ -26,27 +27,15 @@ class Look:
     shape: dict[str, Any]
 
 
-def mesh_file(model: Path, name: str) -> tuple[Path | None, str]:
-    """The mesh file that a model refers to, or None and the reason; only files in its folder or below are read.
-
-    `package://NAME/rest` and `model://NAME/rest` are looked for as NAME/rest and as rest.
-    """
-    folder = model.parent.resolve()
-    scheme, _, rest = name.rpartition("://")
-    if scheme not in ("", "file", "package", "model"):
-        return None, f"it is at {scheme}://; nothing is downloaded"
-    tried = [rest] if scheme in ("", "file") else [rest, rest.partition("/")[2]]
-    ending = Path(rest).suffix.lower()
+def mesh_file(request: Request, model: Path, name: str) -> tuple[Path | None, str]:
+    """The mesh file that a model refers to, or None and the reason; `Request.found` says where it may lie."""
+    ending = Path(name).suffix.lower()
     if ending not in MESHES:
         return None, f"meshes are read from {', '.join(MESHES)}, not {ending or 'a file without an ending'}"
-    outside = True
-    for one in tried:
-        found = (folder / one).resolve()
-        if one and found.is_relative_to(folder):
-            outside = False
-            if found.is_file():
-                return found, ""
-    return None, "it lies outside the folder of the model" if outside else "there is no such file beside the model"
+    found, why = request.found(model, name)
+    if found is not None and not found.is_file():
+        return None, "it is a folder"
+    return found, why
 
 
 def shapes_of(robot: Any, root: str | None) -> dict[str, list[dict[str, Any]]]:
@@ -57,9 +46,11 @@ def shapes_of(robot: Any, root: str | None) -> dict[str, list[dict[str, Any]]]:
     for look in robot.looks:
         link, pose = look.link, look.pose
         if not _has_size(look.shape):
-            robot.reading.dropped.append(Remark(None, f'a {look.shape["kind"]} of "{link}" that has no size'))
+            robot.reading.dropped.append(
+                Remark(None, f"a {look.shape['kind']} that has no size", f'link "{link}"', "looks")
+            )
             continue
-        if link not in robot.links:
+        if link not in robot.links and link != root:
             if link not in robot.frames:
                 lost.append(link)
                 continue
@@ -70,7 +61,8 @@ def shapes_of(robot: Any, root: str | None) -> dict[str, list[dict[str, Any]]]:
     if found:
         robot.reading.used.append(Remark(None, f"{sum(map(len, found.values()))} shapes to draw"))
     if lost:
-        robot.reading.dropped.append(Remark(None, f"visual shapes of {', '.join(dict.fromkeys(lost))}: no such body"))
+        gone = (Remark(None, "shapes of a body that is not there", link, "looks") for link in dict.fromkeys(lost))
+        robot.reading.dropped += gone
     return found
 
 

@@ -1,11 +1,14 @@
 """MJCF, through MuJoCo's own parser and compiler; loops are its equalities `connect`, `weld` and `joint`.
 
 Two `connect` between the same bodies join two points, which is a hinge on the line through them; three are a weld.
-Files that the model names must lie in its own folder or below: they are checked before MuJoCo opens anything.
+`mjcf_table` lists what becomes of each element and attribute; what acts is reported by its compiled value. Files that
+the model names must lie in its own folder or below, or in the root that the caller names: they are checked before
+MuJoCo opens anything.
 """
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
@@ -14,11 +17,15 @@ import numpy as np
 
 from ..errors import MissingDependencyError
 from ..files import get
+from .format_table import content, remark
+from .mjcf_table import CONTACT, FLUID, FRICTION, LIMITS, MJCF, ROTOR, TENDON, YIELD
 from .reading import Reading, Remark
+from .request import Request
 from .robot import Array, Effort, Joint, Link, Loop, Robot, Spring, Tie, placed
 from .xmltree import Element, parse, refuse
 
-_FILES = ("file", "meshdir", "texturedir", "assetdir", "content_type")
+_FOLDERS = ("meshdir", "texturedir", "assetdir")
+_FILES = ("file", "fileright", "fileleft", "fileup", "filedown", "filefront", "fileback")
 _NAMES = ("name", "class", "childclass", "model")
 _INCLUDES = 64
 """Files included in each other, at most."""
@@ -26,11 +33,12 @@ SAME = 1e-6
 """Points nearer to a line or a point than this fraction of their distance lie on it: files have some six digits."""
 
 
-def read(path: Path) -> Robot:
+def read(path: Path, request: Request) -> Robot:
     """The robot in a file. Raises `FileFormatError` with the line of what is wrong."""
-    named = _Named()
-    found = _looked_at(path, path.parent, (), named)
-    named.stay(path.parent)
+    path = Path(os.path.normpath(path))
+    named = _Named(path.parent, request.root)
+    found = _looked_at(path, (), named)
+    named.stay()
     if found.tag != "mujoco":
         found.fail("is not <mujoco>: this is not MJCF")
     try:
@@ -39,31 +47,68 @@ def read(path: Path) -> Robot:
         raise MissingDependencyError(
             f'"{path}" is MJCF, which is read by MuJoCo\'s own parser: pip install partita[mujoco]', package="mujoco"
         ) from error
+    reading = Reading(path, "MJCF")
+    model = _compiled(mujoco, path, reading)
+    for root in (found, *named.attached):
+        MJCF.walk(root, reading, cut=False)
+    return _Reader(mujoco, model, found, reading, request).robot()
+
+
+def _compiled(mujoco: Any, path: Path, reading: Reading) -> Any:
+    """The model that MuJoCo makes of the file; its warnings are remarks, where it would print them and write a log."""
+    warnings: list[str] = []
+    before = mujoco.get_mju_user_warning() if hasattr(mujoco, "get_mju_user_warning") else None
+    mujoco.set_mju_user_warning(warnings.append)
     try:
-        model = mujoco.MjModel.from_xml_path(str(path))
+        return mujoco.MjModel.from_xml_path(str(path))
     except (ValueError, RuntimeError) as error:
         message = " ".join(str(error).split())
         refuse(path, _line(message), f"MuJoCo cannot read it: {message}")
-    return _Reader(mujoco, model, found, path).robot()
+    finally:
+        mujoco.set_mju_user_warning(before)
+        for warning in warnings:
+            words = " ".join(warning.split())
+            reading.changed.append(Remark(_line(words), f"MuJoCo warns: {words}"))
 
 
 @dataclass
 class _Named:
     """Files that a model names, and the folders in which they may lie."""
 
+    folder: Path
+    root: Path
     files: list[tuple[Element, str]] = field(default_factory=list)
     folders: list[str] = field(default_factory=lambda: [""])
     included: int = 0
+    attached: list[Element] = field(default_factory=list)
 
-    def stay(self, folder: Path) -> None:
-        """Refuse links that lead out of the folder of the model."""
+    def add(self, element: Element, key: str) -> None:
+        """The file or folder that an attribute names, if it does."""
+        name = element.get(key)
+        if PurePosixPath(name).is_absolute() or PureWindowsPath(name).anchor != "":
+            element.fail(f'names the file "{name}", an absolute path, which leads out of the folder of the model')
+        if name:
+            self.files.append((element, name))
+            self.folders += [name] if key in _FOLDERS else []
+
+    def stay(self) -> None:
+        """Refuse names and links that lead out of the root."""
         for element, name in self.files:
-            if not all((folder / inner / name).resolve().is_relative_to(folder.resolve()) for inner in self.folders):
-                element.fail(f'names the file "{name}", a link that leads out of the folder of the model')
+            for inner in self.folders:
+                place = self.folder.resolve() / inner.replace("\\", "/") / name.replace("\\", "/")
+                if not Path(os.path.normpath(place)).is_relative_to(self.root):
+                    element.fail(f'names the file "{name}", which leads out of {self._root()}')
+                if not place.resolve().is_relative_to(self.root):
+                    element.fail(f'names the file "{name}", a link that leads out of {self._root()}')
+
+    def _root(self) -> str:
+        own = self.root == self.folder.resolve()
+        words = "the folder of the model" if own else f'the root "{self.root}"'
+        return f'{words}; root="..." in partita.load names a wider one'
 
 
-def _looked_at(path: Path, folder: Path, including: tuple[Path, ...], named: _Named) -> Element:
-    """The root of a file whose includes stay within the folder; `including` lists the files that include it."""
+def _looked_at(path: Path, including: tuple[Path, ...], named: _Named) -> Element:
+    """The root of a file whose includes stay within the root, and are expanded; `including` lists those around it."""
     root = parse(path)
     try:
         get(path).decode("utf-8")
@@ -72,32 +117,52 @@ def _looked_at(path: Path, folder: Path, including: tuple[Path, ...], named: _Na
     waiting = [root]
     while waiting:
         element = waiting.pop()
-        waiting += element.children
         for key, value in element.attributes.items():
             # MuJoCo writes this to its own log and continues
             if key not in _NAMES and any(word.lower().lstrip("+-") == "nan" for word in value.split()):
                 element.fail(f'has "{key}" "{value:.40}"; it takes finite numbers')
-        for key in _FILES[:4]:
-            name = element.get(key)
-            parts = (*PurePosixPath(name).parts, *PureWindowsPath(name).parts)
-            absolute = PurePosixPath(name).is_absolute() or PureWindowsPath(name).anchor != ""
-            if absolute or ".." in parts:
-                element.fail(f'names the file "{name}", which leads out of the folder of the model')
-            if name:
-                named.files.append((element, name))
-                named.folders += [name] if key != "file" else []
-        if element.tag == "include":
-            name = element.must("file")
-            inner = folder / name
-            named.included += 1
-            named.stay(folder)
-            if inner in (*including, path):
-                element.fail(f'includes "{name}", which includes this file: the includes are circular')
-            if named.included > _INCLUDES:
-                element.fail(f"exceeds the limit of {_INCLUDES} included files")
-            if not inner.is_file():
-                element.fail(f'includes "{name}", which does not exist')
-            _looked_at(inner, folder, (*including, path), named)
+        for key in (*_FILES, *_FOLDERS):
+            named.add(element, key)
+        inside, own = list[Element](), list[Element]()
+        for child in element.children:
+            if child.tag in ("include", "model"):
+                other = _included(child, path, including, named)
+                if child.tag == "include":
+                    inside += other.children
+                    continue
+                named.attached.append(other)
+            inside.append(child)
+            own.append(child)
+        element.children = inside
+        waiting += own
+    return root
+
+
+def _included(at: Element, path: Path, including: tuple[Path, ...], named: _Named) -> Element:
+    """The root of the file that an element names: one that is included, or a model of which parts are attached."""
+    more = [*(key for key in at.attributes if key != "file"), *(child.tag for child in at.children)]
+    if at.tag == "include" and more:
+        at.fail(f'has "{more[0]}"; it takes a file alone')
+    name = at.must("file")  # MuJoCo 4.0 hangs after a model without one
+    named.add(at, "file")
+    inner = Path(os.path.normpath(named.folder / name))
+    named.included += 1
+    named.stay()
+    if inner in (*including, path):
+        at.fail(f'includes "{name}", which includes this file: the includes are circular')
+    if named.included > _INCLUDES:
+        at.fail(f"exceeds the limit of {_INCLUDES} included files")
+    if not inner.is_file():
+        at.fail(f'includes "{name}", which does not exist')
+    own = at.tag == "model"  # names files from its own folder, includes do so from that of the model
+    within = _Named(inner.parent, named.root, included=named.included) if own else named
+    root = _looked_at(inner, (*including, path), within)
+    within.stay()
+    named.included = within.included
+    named.attached += within.attached if own else []
+    odd = [key for key in root.attributes if key != "model"]
+    if not own and odd:
+        root.fail(f'has the attribute "{odd[0]}", which a file that is included does not take')
     return root
 
 
@@ -117,7 +182,7 @@ class _Held:
 
 
 class _Reader:
-    def __init__(self, mujoco: Any, model: Any, root: Element, path: Path) -> None:
+    def __init__(self, mujoco: Any, model: Any, root: Element, reading: Reading, request: Request) -> None:
         self.mujoco, self.model, self.root = mujoco, model, root
         self.named: dict[tuple[str, str], Element] = {}
         waiting = [root]
@@ -125,9 +190,15 @@ class _Reader:
             element = waiting.pop()
             waiting += element.children
             self.named.setdefault((element.tag, element.get("name")), element)
-        name = root.get("model") or path.stem
-        self.made = Robot(name, Reading(path, "MJCF"), gravity=tuple(model.opt.gravity.tolist()), gimbals=True)
+        name = root.get("model") or reading.path.stem
+        gravity = np.zeros(3) if self.off("gravity") else model.opt.gravity
+        self.made = Robot(name, reading, request, gravity=tuple(gravity.tolist()), gimbals=True)
         self.joint_names: dict[int, str] = {}
+
+    def off(self, *flags: str) -> bool:
+        """Whether the file disables one of these; constraints are all that is not a joint or a spring."""
+        bits = (getattr(self.mujoco.mjtDisableBit, f"mjDSBL_{flag.upper()}", 0) for flag in flags)
+        return any(int(self.model.opt.disableflags) & int(bit) for bit in bits)
 
     def name(self, kind: str, i: int) -> str:
         """Its name, or its kind and number where it has none."""
@@ -140,8 +211,13 @@ class _Reader:
         """The element of that name in the file; else the root."""
         return next((self.named[tag, name] for tag in tags if (tag, name) in self.named), self.root)
 
-    def remark(self, remarks: list[Remark], at: Element, text: str) -> None:
-        remarks.append(Remark(None if at is self.root else at.line, text))
+    def remark(self, remarks: list[Remark], at: Element, text: str, name: str = "", kind: str = "") -> None:
+        found = Remark(None, text, name, kind) if at is self.root else remark(self.made.reading, at, text, name, kind)
+        remarks.append(found)
+
+    def dropped(self, at: Element, text: str, name: str, kind: str = "motion") -> None:
+        """Something that the model lacks."""
+        self.remark(self.made.reading.dropped, at, text, name, kind)
 
     def robot(self) -> Robot:
         m, robot = self.model, self.made
@@ -152,15 +228,21 @@ class _Reader:
         for i in range(m.ntendon):
             self.tendon(i)
         robot.reading.used.append(Remark(None, f"{m.nbody - 1} bodies, {m.njnt} joints, {m.neq} equalities"))
-        left = {
-            "geoms (their inertia is used where a body has none; contacts are not read)": m.ngeom,
-            "actuators: prescribe motions with add_drive, efforts with add_torque": m.nu,
-            "tendons other than springs between two points": m.ntendon - len(robot.springs),
-            "sensors": m.nsensor,
-            "keyframes": m.nkey,
-        }
-        robot.reading.dropped += [Remark(None, f"{count} {what}") for what, count in left.items() if count]
+        self.world()
         return robot
+
+    def world(self) -> None:
+        """What acts on all bodies, or between those that touch."""
+        m, option = self.model, self.model.opt
+        fluid = {"density": option.density, "viscosity": option.viscosity}
+        if any(fluid.values()):
+            fluid["wind"] = " ".join(f"{x:g}" for x in option.wind)
+            self.dropped(self.root, FLUID, ", ".join(f"{key} {value:}" for key, value in fluid.items()))
+        touching = int(np.count_nonzero(m.geom_contype | m.geom_conaffinity)) if m.ngeom else 0
+        if touching and not self.off("contact", "constraint"):
+            self.dropped(self.root, CONTACT, f"{touching} geoms", "bounds")
+        if m.ngeom:
+            self.dropped(self.root, "the geoms of MJCF are not drawn", f"{m.ngeom} geoms", "looks")
 
     def body(self, i: int) -> None:
         m, robot = self.model, self.made
@@ -172,8 +254,7 @@ class _Reader:
         held = float(m.body_gravcomp[i])
         link.gravity = held != 1.0
         if held not in (0.0, 1.0):
-            remark = f"gravcomp {held:g} of body {name}: gravity acts on a body fully or not at all"
-            self.remark(robot.reading.dropped, at, remark)
+            self.dropped(at, "gravity acts on a body fully or not at all", f'body "{name}" gravcomp {held:g}')
         parent = "world" if m.body_parentid[i] == 0 else self.name("body", m.body_parentid[i])
         pose = placed(m.body_pos[i], self.turned(m.body_quat[i]))
         first, count = int(m.body_jntadr[i]), int(m.body_jntnum[i])
@@ -199,43 +280,73 @@ class _Reader:
         found = Joint(name, words.get(kind, "revolute"), parent, child, pose, m.jnt_axis[j].copy(), at)
         if found.kind != "free":
             found.point = m.jnt_pos[j].copy()
-        d, q, dropped = int(m.jnt_dofadr[j]), int(m.jnt_qposadr[j]), robot.reading.dropped
+        d, q, called = int(m.jnt_dofadr[j]), int(m.jnt_qposadr[j]), f'joint "{name}"'
+        stiffness, damping = self.law(called, at, "jnt_stiffness", j, "dof_damping", d)
+        rotor = float(m.dof_armature[d])
         if found.kind in ("revolute", "prismatic"):
-            stiffness, damping = float(m.jnt_stiffness[j].flat[0]), float(m.dof_damping[d].flat[0])
-            if stiffness != 0.0 or damping != 0.0:
-                found.efforts = [Effort(stiffness, damping, float(m.qpos_spring[q] - m.qpos0[q]))]
-        elif np.any(m.dof_damping[d]) or np.any(m.jnt_stiffness[j]):
-            self.remark(dropped, at, f"spring and damper of joint {name}, which has no single coordinate")
-        if m.dof_armature[d] != 0.0:
-            self.remark(
-                dropped, at, f"armature {m.dof_armature[d]:g} of joint {name}: add a body for the rotor, with add_gear"
-            )
-        if m.dof_frictionloss[d] != 0.0:
-            remark = f"frictionloss {m.dof_frictionloss[d]:g} of joint {name}: use add_friction"
-            self.remark(dropped, at, remark)
-        if m.jnt_limited[j]:
+            effort = Effort(stiffness, damping, float(m.qpos_spring[q] - m.qpos0[q]), rotor=rotor)
+            found.efforts = [effort] if effort.acts else []
+        elif stiffness != 0.0 or damping != 0.0:
+            text = "a spring and a damper would act, of a joint that has no single coordinate: add_bushing"
+            self.dropped(at, text, f"{called} stiffness {stiffness:g}, damping {damping:g}")
+        if stiffness != 0.0 and (bound := self.value("jnt_springyield", j)) != 0.0:
+            self.dropped(at, YIELD, f"{called} springyield {bound:g}")
+        if rotor != 0.0 and not found.efforts:
+            self.dropped(at, ROTOR, f"{called} armature {rotor:g}")
+        if m.dof_frictionloss[d] != 0.0 and not self.off("frictionloss", "constraint"):
+            self.dropped(at, FRICTION, f"{called} frictionloss {m.dof_frictionloss[d]:g}")
+        if m.jnt_limited[j] and not self.off("limit", "constraint"):
             low, high = m.jnt_range[j]
-            self.remark(dropped, at, f"limits {low:g} to {high:g} of joint {name} do not act as stops; use add_stop")
+            self.dropped(at, LIMITS, f"{called} range {low:g} to {high:g}", "bounds")
         robot.joints[name] = found
 
+    def value(self, key: str, i: int) -> float:
+        """The first number of a field of the compiled model; 0 where this version of MuJoCo has no such field."""
+        found = getattr(self.model, key, None)
+        return 0.0 if found is None else float(np.asarray(found[i]).flat[0])
+
+    def law(self, called: str, at: Element, spring: str, i: int, damper: str, j: int) -> tuple[float, float]:
+        """Stiffness and damping; what they would be of higher order is reported."""
+        found = []
+        for key, at_index, flag in ((spring, i, "spring"), (damper, j, "damper")):
+            active = not self.off(flag, "passive")
+            found.append(self.value(key, at_index) if active else 0.0)
+            higher = getattr(self.model, f"{key}poly", None)
+            if active and higher is not None and np.any(higher[at_index]):
+                word = key.partition("_")[2]
+                more = " ".join(f"{x:g}" for x in higher[at_index])
+                text = f"the {word} would change with the deflection or speed; its first number is used alone"
+                self.dropped(at, text, f"{called} {word} {found[-1]:g} {more}")
+        return found[0], found[1]
+
     def tendon(self, i: int) -> None:
-        """A tendon between two sites is a spring; others are counted with what is dropped."""
+        """A tendon between two sites is a spring; others are reported."""
         m, site = self.model, self.mujoco.mjtWrap.mjWRAP_SITE
         first, count = int(m.tendon_adr[i]), int(m.tendon_num[i])
         name, rest = self.name("tendon", i), m.tendon_lengthspring[i]
-        stiffness, damping = (float(np.asarray(x[i]).flat[0]) for x in (m.tendon_stiffness, m.tendon_damping))
+        at, called = self.at("spatial", "fixed", name=name), f'tendon "{name}"'
+        stiffness, damping = self.law(called, at, "tendon_stiffness", i, "tendon_damping", i)
+        if m.tendon_limited[i] and not self.off("limit", "constraint"):
+            low, high = m.tendon_range[i]
+            self.dropped(at, LIMITS, f"{called} range {low:g} to {high:g}", "bounds")
+        if m.tendon_frictionloss[i] != 0.0 and not self.off("frictionloss", "constraint"):
+            self.dropped(at, FRICTION, f"{called} frictionloss {m.tendon_frictionloss[i]:g}")
+        if (rotor := self.value("tendon_armature", i)) != 0.0:
+            self.dropped(at, ROTOR, f"{called} armature {rotor:g}")
+        if stiffness != 0.0 and (bound := self.value("tendon_springyield", i)) != 0.0:
+            self.dropped(at, YIELD, f"{called} springyield {bound:g}")
+        if stiffness == 0.0 and damping == 0.0:
+            self.dropped(at, "without stiffness and damping it only guides or measures", called, "other")
+            return
         ends = m.wrap_objid[first : first + count]
-        if count != 2 or any(m.wrap_type[first : first + 2] != site) or rest[0] != rest[1]:
+        straight = count == 2 and all(m.wrap_type[first : first + 2] == site)
+        if not straight or rest[0] != rest[1] or m.site_bodyid[ends[0]] == m.site_bodyid[ends[1]]:
+            law = f"stiffness {stiffness:g}, damping {damping:g}, springlength {rest[0]:g} {rest[1]:g}"
+            self.dropped(at, TENDON, f"{called} {law}, {count} points or joints")
             return
-        if (stiffness == 0.0 and damping == 0.0) or m.site_bodyid[ends[0]] == m.site_bodyid[ends[1]]:
-            return
-        at = self.at("spatial", name=name)
-        for value, words in ((m.tendon_limited[i], "limits"), (m.tendon_frictionloss[i], "frictionloss")):
-            if value != 0.0:
-                self.remark(self.made.reading.dropped, at, f"{words} of tendon {name}: use add_stop, add_friction")
         one, other = ((self.link(int(m.site_bodyid[end])), m.site_pos[end].copy()) for end in ends)
         self.made.springs.append(Spring(name, one, other, stiffness, damping, float(rest[0])))
-        self.remark(self.made.reading.used, at, f"tendon {name} is a spring between two points")
+        self.remark(self.made.reading.used, at, "a spring between two points", called)
 
     def equalities(self) -> None:
         m, kinds, robot = self.model, self.mujoco.mjtEq, self.made
@@ -243,9 +354,10 @@ class _Reader:
         for i in range(m.neq):
             name, kind = self.name("equality", i), int(m.eq_type[i])
             tags = {kinds.mjEQ_CONNECT: "connect", kinds.mjEQ_WELD: "weld", kinds.mjEQ_JOINT: "joint"}
-            at = self.at(tags.get(kind, "equality"), name=name)
-            if not m.eq_active0[i]:
-                self.remark(robot.reading.dropped, at, f"equality {name} is not active")
+            at = self.at(*([tags[kind]] if kind in tags else ["tendon", "flex", "flexvert", "flexstrain"]), name=name)
+            if not m.eq_active0[i] or self.off("equality", "constraint"):
+                text = "not active in the file, so it holds nothing"
+                self.remark(robot.reading.changed, at, text, self.said(at, name))
             elif kind == kinds.mjEQ_JOINT:
                 self.tie(i, name, at)
             elif kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
@@ -256,9 +368,14 @@ class _Reader:
                     pair = connects.setdefault((first[0], second[0]), [])
                     pair.append(_Held(name, (first[1][:3, 3], second[1][:3, 3]), at))
             else:
-                self.remark(robot.reading.dropped, at, f"equality {name} between tendons or flexible bodies")
+                text = "tendons or flexible bodies would depend on each other"
+                self.dropped(at, text, self.said(at, name))
         for bodies, held in connects.items():
             self.connect(bodies, held)
+
+    def said(self, at: Element, name: str) -> str:
+        """An equality as the file has it."""
+        return f'equality "{name}"' if at is self.root else content(at)
 
     def frames(self, i: int, weld: bool) -> tuple[tuple[str, Array], tuple[str, Array]]:
         """The two frames of a connect or a weld, each with its body."""
@@ -306,10 +423,11 @@ class _Reader:
         one, other, data = int(m.eq_obj1id[i]), int(m.eq_obj2id[i]), m.eq_data[i]
         follower = self.name("joint", one)
         if np.any(data[2:5]):
-            self.remark(robot.reading.dropped, at, f"equality {name} is a polynomial of higher order: use add_cam")
+            text = "a polynomial of higher order would couple two joints: add_cam"
+            self.dropped(at, text, self.said(at, name))
         elif other < 0 or data[1] == 0.0:
-            remark = f"equality {name} fixes the position of joint {follower}: use add_drive"
-            self.remark(robot.reading.dropped, at, remark)
+            text = f'joint "{follower}" would stay at {data[0]:g}: add_drive'
+            self.dropped(at, text, self.said(at, name))
         else:
             leader = self.name("joint", other)
             robot.ties.append(Tie(name, [follower, leader], [1.0, -float(data[1])], float(data[0]), at))

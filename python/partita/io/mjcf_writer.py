@@ -17,13 +17,13 @@ from ..builder.records import DRAWING_TOLERANCE, GROUND, BodyRecord, SpringRecor
 from ..errors import FileFormatError
 from ..files import put
 from ..numeric import quaternion
+from .robot import inverse
 from .skeleton import (
     Branch,
     Closure,
     Motion,
     Spring,
     free_length,
-    inverse,
     leftovers,
     quoted,
     skeleton,
@@ -65,6 +65,10 @@ class _Writer:
         d, report = self.mechanism._description, self.report
         tree = skeleton(self.mechanism, report)
         self.names, self.springs = tree.names, springs(d, report)
+        self.rotors: dict[tuple[str, int], float] = {}
+        for rotor in d.rotors.values():
+            key = (rotor.joint, rotor.coordinate)
+            self.rotors[key] = self.rotors.get(key, 0.0) + rotor.ratio**2 * rotor.inertia
         self.called = {name: name for name in d.bodies}
         if "world" in d.bodies:
             self.called["world"] = self.names.new("body world")
@@ -84,6 +88,8 @@ class _Writer:
         bodies = self.bodies(children)
         for joint, coordinate in self.springs:
             report.dropped.append(f"spring of coordinate {coordinate} of joint {joint}, which joins points")
+        for joint, coordinate in self.rotors:
+            report.dropped.append(f"rotor on coordinate {coordinate} of joint {joint}, which joins points")
         leftovers(d, report, (SpringRecord, TorsionSpringRecord))
         if d.drawing_tolerance != DRAWING_TOLERANCE:
             report.dropped.append(f"the drawing tolerance {d.drawing_tolerance:g}")
@@ -179,9 +185,10 @@ class _Writer:
         spring: Spring | None = None
         if branch.joint is not None:
             spring = self.springs.pop((branch.joint.name, motion.coordinate), None)
-        force = ""
+        moved = self.rotors.pop((branch.joint.name, motion.coordinate), None) if branch.joint is not None else None
+        force = "" if moved is None else f' armature="{text(moved)}"'
         if spring is not None:
-            force = f' damping="{text(spring.damping)}"' if spring.damping > 0.0 else ""
+            force += f' damping="{text(spring.damping)}"' if spring.damping > 0.0 else ""
             if spring.stiffness > 0.0:
                 force += f' stiffness="{text(spring.stiffness)}" springref="{text(spring.rest)}"'
         return f'<joint name={name} type="{kind}" {at} axis="{words(motion.axis)}"{force}/>'
@@ -218,7 +225,7 @@ class _Writer:
     def closure(self, closure: Closure, children: dict[str, list[Branch]]) -> None:
         """A loop closure."""
         joint, name = closure.joint, closure.joint.name
-        bound = any((name, m.coordinate) in self.springs for m in closure.motions)
+        bound = any((name, m.coordinate) in {*self.springs, *self.rotors} for m in closure.motions)
         bound |= any(
             term.get("joint") == name for c in self.mechanism._description.couplings.values() for term in c.terms
         )

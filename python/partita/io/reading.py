@@ -1,4 +1,4 @@
-"""Report of a reader on a file: everything that was changed or dropped, with its line."""
+"""Report of a reader on a file: everything that was changed or dropped, with its line, the same remarks together."""
 
 from __future__ import annotations
 
@@ -6,16 +6,72 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+KINDS = {
+    "motion": "dropped, and the motion differs",
+    "bounds": "dropped, which acts at limits, in contacts or when driven",
+    "unknown": "not known",
+    "other": "dropped, and the motion is the same",
+    "looks": "not drawn",
+    "changed": "changed",
+    "used": "used",
+}
+"""Kinds of remarks, those that change the motion first, with their titles in a report."""
+_NAMED = 4
+"""Names that a report shows of remarks of one text; `RemarkGroup.names` has all."""
+
 
 @dataclass(frozen=True)
 class Remark:
-    """A remark on a position in a file; `line` counts from 1, None for the whole file."""
+    """A remark on a position in a file; `line` counts from 1, None for the whole file.
+
+    `name` says which element is meant, where `text` holds for several; `kind` is one of `KINDS`.
+    """
 
     line: int | None
     text: str
+    name: str = ""
+    kind: str = ""
 
     def __str__(self) -> str:
-        return self.text if self.line is None else f"line {self.line}: {self.text}"
+        said = f"{self.name}: {self.text}" if self.name else self.text
+        return said if self.line is None else f"line {self.line}: {said}"
+
+
+@dataclass(frozen=True)
+class RemarkGroup:
+    """RemarkGroup of one kind and text.
+
+    Attributes:
+        kind: what they mean for the motion: "motion" (dropped, it acts), "bounds" (dropped, it acts at limits, in
+            contacts or when driven), "unknown" (not known to the format), "other" (dropped, the motion is the same),
+            "looks" (not drawn), "changed" (said otherwise, and means the same), "used".
+        text: what they say.
+        names: elements of the file that they are about.
+        lines: the lines of these, None for the whole file.
+    """
+
+    kind: str
+    text: str
+    names: tuple[str, ...]
+    lines: tuple[int | None, ...]
+
+    @property
+    def count(self) -> int:
+        """How many there are."""
+        return len(self.lines)
+
+    def __str__(self) -> str:
+        named = list(dict.fromkeys(name for name in self.names if name))
+        shown = ", ".join(named[:_NAMED]) + (f" and {len(named) - _NAMED} more" if len(named) > _NAMED else "")
+        line = next((line for line in self.lines if line is not None), None)
+        times = f"{self.count} times, from " if self.count > 1 and line is not None else ""
+        where = "" if line is None else f"{times}line {line}: "
+        return where + (f"{shown}: {self.text}" if shown else self.text)
+
+    def to_dict(self) -> dict[str, object]:
+        """All of it, ready for JSON."""
+        plain = {"kind": self.kind, "text": self.text, "count": self.count}
+        return {**plain, "names": list(self.names), "lines": list(self.lines)}
 
 
 @dataclass
@@ -38,29 +94,46 @@ class Reading:
     dropped: list[Remark] = field(default_factory=list)
     shapes: dict[str, list[dict[str, Any]]] = field(default_factory=dict)
 
+    @property
+    def remarks(self) -> tuple[RemarkGroup, ...]:
+        """All remarks, equal ones together, those that change the motion first.
+
+        >>> reading = Reading(Path("a.urdf"), "URDF", used=[Remark(None, "1 link")])
+        >>> reading.dropped += [Remark(3, "does not act", "friction of A"), Remark(9, "does not act", "friction of B")]
+        >>> for remarks in reading.remarks:
+        ...     print(remarks.kind, remarks.count, remarks)
+        motion 2 2 times, from line 3: friction of A, friction of B: does not act
+        used 1 1 link
+        """
+        groups: dict[tuple[str, str], list[Remark]] = {}
+        for kind, remarks in (("motion", self.dropped), ("changed", self.changed), ("used", self.used)):
+            for remark in dict.fromkeys(remarks):
+                groups.setdefault((remark.kind or kind, remark.text), []).append(remark)
+        found = [
+            RemarkGroup(kind, text, tuple(x.name for x in group), tuple(x.line for x in group))
+            for (kind, text), group in groups.items()
+        ]
+        return tuple(sorted(found, key=lambda group: list(KINDS).index(group.kind)))
+
     def __str__(self) -> str:
-        parts = [f"{self.kind} {self.path}"]
-        for title, remarks in (("used", self.used), ("changed", self.changed), ("dropped", self.dropped)):
-            if remarks:
-                parts += [f"  {title}:", *(f"    {remark}" for remark in remarks)]
+        parts, title = [f"{self.kind} {self.path}"], ""
+        for group in self.remarks:
+            if KINDS[group.kind] != title:
+                title = KINDS[group.kind]
+                parts.append(f"  {title}:")
+            parts.append(f"    {group}")
         return "\n".join(parts)
 
     def to_dict(self) -> dict[str, object]:
         """All of it, ready for JSON.
 
         >>> from pathlib import Path
-        >>> Reading(Path("a.urdf"), "URDF", used=[Remark(None, "1 link")]).to_dict()["used"]
-        [{'line': None, 'text': '1 link'}]
+        >>> Reading(Path("a.urdf"), "URDF", used=[Remark(None, "1 link")]).to_dict()["remarks"]
+        [{'kind': 'used', 'text': '1 link', 'count': 1, 'names': [''], 'lines': [None]}]
         """
-
-        def plain(remarks: list[Remark]) -> list[dict[str, object]]:
-            return [{"line": remark.line, "text": remark.text} for remark in remarks]
-
         return {
             "path": str(self.path),
             "kind": self.kind,
-            "used": plain(self.used),
-            "changed": plain(self.changed),
-            "dropped": plain(self.dropped),
+            "remarks": [group.to_dict() for group in self.remarks],
             "shapes": self.shapes,
         }

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from .looks import Look
 from .reading import Reading
+from .request import Request
 from .xmltree import Element
 
 Array = NDArray[np.float64]
@@ -21,6 +22,9 @@ Array = NDArray[np.float64]
 MASSLESS = 1e-9
 """A link of no more than this [kg] at a fixed joint is a frame on its parent link: the lightest screw of a watch is a
 hundred times as heavy."""
+NOISE = 1e-12
+"""Moments of inertia below this fraction of the largest of a robot are rounding: programs compute them as
+differences."""
 HEAVY = 1e5
 """A link of more than this [kg] is a dummy: no robot weighs a hundred tonnes."""
 THROUGH = 1e-12
@@ -53,13 +57,20 @@ class Spring:
 
 @dataclass(frozen=True)
 class Effort:
-    """Spring and damper along one coordinate of a joint; without a name it is that of the joint."""
+    """Spring, damper and rotor along one coordinate of a joint; without a name it is that of the joint."""
 
     stiffness: float = 0.0
     damping: float = 0.0
     rest: float = 0.0
     coordinate: int = 0
     name: str = ""
+    rotor: float = 0.0
+    """The inertia that a motor's rotor adds along the coordinate, gear included."""
+
+    @property
+    def acts(self) -> bool:
+        """Whether there is anything."""
+        return (self.stiffness, self.damping, self.rotor) != (0.0, 0.0, 0.0)
 
 
 @dataclass
@@ -115,12 +126,14 @@ class Robot:
 
     name: str
     reading: Reading
+    request: Request
     links: dict[str, Link] = field(default_factory=dict)
     joints: dict[str, Joint] = field(default_factory=dict)
     loops: list[Loop] = field(default_factory=list)
     ties: list[Tie] = field(default_factory=list)
     springs: list[Spring] = field(default_factory=list)
     frames: dict[str, tuple[str, Array]] = field(default_factory=dict)
+    closed: set[str] = field(default_factory=set)
     looks: list[Look] = field(default_factory=list)
     gravity: tuple[float, ...] = (0.0, 0.0, -9.81)
     drawing_tolerance: float | None = None
@@ -165,6 +178,28 @@ class Robot:
             found += children.get(link, [])
         return found
 
+    def sprung(self) -> set[str]:
+        """Links to which springs between points are attached."""
+        return {link for spring in self.springs for link, _ in (spring.first, spring.second)}
+
+    def rename(self, old: str, new: str) -> None:
+        """Give a link another name, everywhere."""
+
+        def moved(side: tuple[str, Array]) -> tuple[str, Array]:
+            return (new, side[1]) if side[0] == old else side
+
+        self.links = {new if name == old else name: link for name, link in self.links.items()}
+        self.links[new].name = new
+        for joint in self.joints.values():
+            joint.parent, joint.child = (new if end == old else end for end in (joint.parent, joint.child))
+        pairs: list[Loop | Spring] = [*self.loops, *self.springs]
+        for pair in pairs:
+            pair.first, pair.second = moved(pair.first), moved(pair.second)
+        self.frames = {name: moved(frame) for name, frame in self.frames.items()}
+        self.looks = [replace(look, link=new) if look.link == old else look for look in self.looks]
+        if self.poses is not None and old in self.poses:
+            self.poses[new] = self.poses.pop(old)
+
     def frame(self, name: str) -> tuple[str, Array] | None:
         """Link and place of a frame: a link's own, a joint's, or a mark."""
         if name in self.frames:
@@ -181,6 +216,12 @@ def placed(xyz: Any, rotation: Any) -> Array:
     found = np.eye(4)
     found[:3, :3], found[:3, 3] = rotation, xyz
     return found
+
+
+def inverse(frame: Array) -> Array:
+    """Of a frame."""
+    turned = frame[:3, :3].T
+    return placed(-turned @ frame[:3, 3], turned)
 
 
 def turned(rpy: Any) -> Array:

@@ -7,19 +7,27 @@ from typing import Any
 import numpy as np
 
 from ..builder import Builder
+from ..builder.records import GROUND
 from ..errors import DescriptionError
+from . import repair
+from .closings import report_open
 from .folding import fold_ends, fold_hinges, fold_marks, fold_sleeves
 from .looks import shapes_of
 from .reading import Remark
 from .robot import HEAVY, MASSLESS, Array, Effort, Link, Robot, nearest, placed
 from .xmltree import Element
 
+_FLOATS = 'base="free" in partita.load lets it float'
 
-def build(robot: Robot, mechanism: Builder, base: str) -> None:
+
+def build(robot: Robot, mechanism: Builder) -> None:
     """Draw the robot with all its coordinates zero; the root is fixed, or floats, unless the file gives all poses."""
+    base = robot.request.base
+    repair.links(robot)
+    _rename_ground(robot)
     if robot.poses is not None:
         _placed(robot, mechanism, robot.poses)
-        robot.reading.shapes = shapes_of(robot, None)
+        robot.reading.shapes = shapes_of(robot, "world")
         return
     root = robot.root()
     fold_marks(robot)
@@ -27,26 +35,30 @@ def build(robot: Robot, mechanism: Builder, base: str) -> None:
         fold_hinges(robot)
         fold_sleeves(robot)
         fold_ends(robot)
+    _report_massless(robot)
     order = robot.outwards(root)
     into = {joint.child: joint for joint in robot.joints.values()}
     pose = {root: np.eye(4)}
     for name in order[1:]:
         pose[name] = pose[into[name].parent] @ into[name].pose
+    report_open(robot, pose)
     grounded = robot.links[root].mass <= MASSLESS and base == "fixed"
     body: dict[str, Any] = {root: mechanism.ground} if grounded else {}
     for name in order[int(grounded) :]:
         body[name] = _body(robot, mechanism, robot.links[name], pose[name])
     if grounded:
-        robot.reading.changed.append(Remark(robot.links[root].at.line, f'link "{root}" is the ground'))
+        robot.reading.changed.append(Remark(robot.links[root].at.line, f'link "{root}" is the ground; {_FLOATS}'))
     elif base == "fixed":
         mechanism.add_fixed(f"{root} stands", mechanism.ground, body[root])
-        robot.reading.changed.append(Remark(robot.links[root].at.line, f'the root "{root}" is fixed to the ground'))
+        robot.reading.changed.append(
+            Remark(robot.links[root].at.line, f'the root "{root}" is fixed to the ground; {_FLOATS}')
+        )
     for joint in (into[name] for name in order[1:]):
         where = pose[joint.child] @ placed(joint.point, np.eye(3))
         ends = (body[joint.parent], body[joint.child])
         axes = (joint.axis, joint.second)
         _joint(mechanism, joint.name, joint.kind, ends, (where, where), axes, joint.at)
-        _springs(mechanism, joint.name, joint.efforts)
+        _efforts(mechanism, joint.name, joint.efforts)
     for loop in robot.loops:
         (link1, frame1), (link2, frame2) = loop.first, loop.second
         if body[link1] == body[link2]:
@@ -57,7 +69,7 @@ def build(robot: Robot, mechanism: Builder, base: str) -> None:
         axis = np.array([1.0, 0.0, 0.0]) if loop.axis is None else loop.axis
         ends = (body[link1], body[link2])
         _joint(mechanism, loop.name, loop.kind, ends, frames, (axis, loop.second_axis), loop.at)
-        _springs(mechanism, loop.name, loop.efforts)
+        _efforts(mechanism, loop.name, loop.efforts)
     for tie in robot.ties:
         mechanism.add_coupler(tie.name, tie.joints, tie.factors, tie.offset)
     for spring in robot.springs:
@@ -66,6 +78,38 @@ def build(robot: Robot, mechanism: Builder, base: str) -> None:
         data: dict[str, Any] = {"stiffness": spring.stiffness, "damping": spring.damping, "length": spring.length}
         mechanism.add_spring(spring.name, body[link1], point1, body[link2], point2, **data)
     robot.reading.shapes = shapes_of(robot, root if grounded else None)
+
+
+def _rename_ground(robot: Robot) -> None:
+    """A link may have the name that is reserved for the ground."""
+    if GROUND not in robot.links:
+        return
+    new = f"{GROUND} link"
+    while new in robot.links:
+        new += " 2"
+    robot.reading.changed.append(Remark(robot.links[GROUND].at.line, f'link "{GROUND}" is called "{new}" here'))
+    robot.rename(GROUND, new)
+
+
+def _report_massless(robot: Robot) -> None:
+    """Joints beyond which nothing has mass have no motion of their own. Those that follow others move with them; a
+    loop moves what it closes."""
+    heavy = {name for name, link in robot.links.items() if link.mass > 0.0 or np.any(link.inertia)}
+    heavy |= {link for loop in robot.loops for link, _ in (loop.first, loop.second)} | robot.sprung()
+    into = {joint.child: joint for joint in robot.joints.values()}
+    moving: set[str] = set()
+    for name in heavy:
+        while name in into and into[name].name not in moving:
+            moving.add(into[name].name)
+            name = into[name].parent
+    for tie in [*robot.ties] * len(robot.ties):
+        moving.update(tie.joints if moving.intersection(tie.joints) else ())
+    still = [joint.name for joint in robot.joints.values() if joint.kind != "fixed" and joint.name not in moving]
+    if still:
+        remark = (
+            "nothing that it moves has mass or inertia, so its motion is indeterminate: give a link mass, or fix it"
+        )
+        robot.reading.changed += [Remark(robot.joints[name].at.line, remark, f'joint "{name}"') for name in still]
 
 
 def _on_body(robot: Robot, link: str, point: Array) -> tuple[str, Array]:
@@ -84,17 +128,22 @@ def _placed(robot: Robot, mechanism: Builder, poses: dict[str, Array]) -> None:
     for joint in robot.joints.values():
         ends, frames = (body[joint.parent], body[joint.child]), (joint.pose, joint.pose)
         _joint(mechanism, joint.name, joint.kind, ends, frames, (joint.axis, joint.second), joint.at, joint.pitch)
-        _springs(mechanism, joint.name, joint.efforts)
+        _efforts(mechanism, joint.name, joint.efforts)
+    for tie in robot.ties:
+        mechanism.add_coupler(tie.name, tie.joints, tie.factors, tie.offset)
 
 
-def _springs(mechanism: Builder, joint: str, efforts: list[Effort]) -> None:
-    """Springs and dampers of a joint."""
+def _efforts(mechanism: Builder, joint: str, efforts: list[Effort]) -> None:
+    """Springs, dampers and rotors of a joint."""
     for effort in efforts:
-        name = effort.name or f"spring of {joint}"
-        while name in mechanism._description.forces:
-            name = f"{name} of {joint}"
-        law = {"stiffness": effort.stiffness, "damping": effort.damping, "angle": effort.rest}
-        mechanism.add_torsion_spring(joint, **law, coordinate=effort.coordinate, name=name)
+        if effort.stiffness != 0.0 or effort.damping != 0.0:
+            name = effort.name or f"spring of {joint}"
+            while name in mechanism._description.forces:
+                name = f"{name} of {joint}"
+            law = {"stiffness": effort.stiffness, "damping": effort.damping, "angle": effort.rest}
+            mechanism.add_torsion_spring(joint, **law, coordinate=effort.coordinate, name=name)
+        if effort.rotor != 0.0:
+            mechanism.add_rotor(joint, effort.rotor, coordinate=effort.coordinate)
 
 
 def _body(robot: Robot, mechanism: Builder, link: Link, pose: Array) -> Any:

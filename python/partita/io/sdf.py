@@ -1,22 +1,27 @@
 """SDFormat: links, frames and joints placed in their model or relative to each other; loops are joints like any other.
 
-Frames follow `relative_to`, `attached_to` and `expressed_in`. Everything but mechanics is ignored and reported; nested
-models and `<include>` are refused, since they would lead to other files.
+Frames follow `relative_to`, `attached_to` and `expressed_in`, or the rules of older versions. `sdf_table` lists what
+becomes of each element and attribute. Models stand alone, in a world, in other models, and in files that are included;
+a name in a nested model is that of the model, ::, and its own.
 """
 
 from __future__ import annotations
 
-from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..errors import FileFormatError
+from .format_table import number as as_version
 from .looks import Look, mesh_file
 from .reading import Reading, Remark
-from .robot import Array, Effort, Joint, Link, Robot, placed, turned
-from .xmltree import Element, numbers, parse
+from .request import Request
+from .robot import Array, Effort, Joint, Link, Robot, Tie, inverse, placed, turned
+from .sdf_table import SDF, VERSIONS
+from .xmltree import Element, numbers, parse, refuse
 
 _KINDS = {
     "revolute": "revolute",
@@ -27,62 +32,253 @@ _KINDS = {
     "fixed": "fixed",
     "screw": "screw",
 }
-_USED = ("link", "joint", "frame", "static", "pose", "gearbox")
+_INCLUDES = 64
+"""Files included in each other, at most."""
+_RESERVED = (1, 7)
+"""Version from which names are different, and no link may be called "world"."""
+_IN_MODEL = "use_parent_model_frame"
+GRAVITY = (0.0, 0.0, -9.8)
+"""Gravity of worlds that give none [m/s^2]."""
 
 
-def read(path: Path) -> Robot:
-    """The model in a file. Raises `FileFormatError` with the line of what is wrong."""
+def read(path: Path, request: Request) -> Robot:
+    """The models in a file, alone or in a world. Raises `FileFormatError` with the line of what is wrong."""
+    reading = Reading(path, "SDFormat")
+    root, version = _walked(path, reading)
+    worlds = list(root.all("world"))
+    if len(worlds) > 1:
+        root.fail(f"contains {len(worlds)} worlds; one is read")
+    world = worlds[0] if worlds else None
+    top = root if world is None else world
+    robot = Robot(path.stem, reading, request)
+    physics = None if world is None else world.first("physics")
+    given = [place.first("gravity") for place in (world, physics) if place is not None]
+    gravity = next((found for found in given if found is not None), None)
+    robot.gravity = GRAVITY if gravity is None else numbers(gravity, "the text", gravity.text, 3)
+    if gravity is None:
+        reading.changed.append(Remark(top.line, "gravity is the format's own, 9.8 m/s^2 along -z"))
+    files = _Files(request, [path.resolve()])
+    scope = _Scope(robot, top, version, files, reading)
+    if not scope.inner:
+        top.fail("contains 0 models")
+    names = [model.element.get("name") for model in scope.inner.values()]
+    robot.name = (names[0] if len(names) == 1 else top.get("name")) or path.stem
+    if len(names) == 1 and not scope.named.keys() - scope.inner.keys():
+        next(iter(scope.inner.values())).prefix = ""  # nothing outside the model names what is in it
+    robot.poses = scope.poses
+    scope.links()
+    if not scope.count():
+        next(iter(scope.inner.values())).element.fail("holds no <link>")
+    scope.frames()
+    scope.joints()
+    scope.mimics()
+    reading.used.append(Remark(None, f"{len(robot.links)} links, {len(robot.joints)} joints"))
+    return robot
+
+
+def _walked(path: Path, reading: Reading) -> tuple[Element, tuple[int, ...]]:
+    """The root of a file, what is not read being reported, and its version."""
     root = parse(path)
     if root.tag != "sdf":
         root.fail("is not <sdf>: this is not SDFormat")
-    world = root.first("world")
-    models = list((world or root).all("model"))
-    if len(models) != 1:
-        (world or root).fail(f"contains {len(models)} models; one is read")
-    model = models[0]
-    robot = Robot(model.get("name") or path.stem, Reading(path, "SDFormat"))
-    gravity = None if world is None else world.first("gravity")
-    if gravity is not None:
-        robot.gravity = numbers(gravity, "the text", gravity.text, 3)
-    elif world is None:
-        robot.gravity = (0.0, 0.0, -9.8)
-        robot.reading.changed.append(Remark(model.line, "gravity is the format's own, 9.8 m/s^2 downwards"))
-    for tag in ("model", "include"):
-        if (inner := model.first(tag)) is not None:
-            inner.fail("is nested in a model; nested models are not read: put all links and joints into one model")
-    return _Reader(robot, model).robot()
+    version = root.get("version")
+    if version not in ("", *VERSIONS):
+        root.fail(f'has the version "{version}"; {VERSIONS[0]} to {VERSIONS[-1]} are read')
+    if not version:
+        version = VERSIONS[-1]
+        reading.changed.append(Remark(root.line, f"no version is given, so the rules of {version} are used"))
+    SDF.walk(root, reading, as_version(version))
+    return root, as_version(version)
 
 
-class _Reader:
-    def __init__(self, robot: Robot, model: Element) -> None:
-        self.made, self.model = robot, model
-        self.poses: dict[str, Array] = {}
-        robot.poses = self.poses
+@dataclass
+class _Files:
+    """Files that include each other, and how many more may be."""
+
+    request: Request
+    chain: list[Path]
+    left: int = _INCLUDES
+
+    def model(self, item: Element, reading: Reading) -> tuple[Element, tuple[int, ...], _Files]:
+        """The model that an <include> names, with what the include says otherwise, and the version of its file."""
+        where = item.the("uri").text.strip()
+        bare = "/" not in where and not Path(where).suffix
+        found, why = self.request.found(item.path, f"model://{where}" if bare else where)
+        if found is None:
+            item.fail(f'includes "{where}": {why}')
+        file = _file_of(found) if found.is_dir() else found
+        self.left -= 1
+        if file in self.chain or self.left < 0:
+            item.fail(f'includes "{where}", which includes this file, or more than {_INCLUDES} files')
+        own = Reading(file, reading.kind)
+        root, version = _walked(file, own)
+        models = list(root.all("model"))
+        if len(models) != 1:
+            item.fail(f'includes "{where}", which contains {len(models)} models; one is included')
+        for remarks, more in ((reading.changed, own.changed), (reading.dropped, own.dropped)):
+            remarks += [replace(x, line=None, name=f"{x.name} in {file.name}".strip()) for x in more]
+        model = models[0]
+        for tag in ("name", "placement_frame"):
+            if (said := item.first(tag)) is not None:
+                model.attributes[tag] = said.text.strip()
+        for tag in ("pose", "static"):
+            if (said := item.first(tag)) is not None:
+                model.children = [said, *(child for child in model.children if child.tag != tag)]
+        inner = _Files(self.request, [*self.chain, file], self.left)
+        return model, version, inner
+
+
+def _file_of(folder: Path) -> Path:
+    """The file of a model in its folder: that of the highest version in its model.config, else model.sdf."""
+    config = folder / "model.config"
+    listed: list[tuple[tuple[int, ...], str]] = []
+    if config.is_file():
+        for item in parse(config).all("sdf"):
+            version = item.get("version") or VERSIONS[0]
+            if version in VERSIONS:
+                listed.append((as_version(version), item.text.strip()))
+    name = max(listed)[1] if listed else "model.sdf"
+    file = (folder / name).resolve()
+    if not file.is_relative_to(folder.resolve()):
+        refuse(config, None, f'names the file "{name}", which leads out of its folder')
+    return file
+
+
+class _Scope:
+    """A model or the world: names in it, frames relative to its own, and the models nested in it."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        element: Element,
+        version: tuple[int, ...],
+        files: _Files,
+        reading: Reading,
+        outer: _Scope | None = None,
+    ) -> None:
+        self.made, self.element, self.version, self.reading, self.outer = robot, element, version, reading, outer
+        self.prefix = ""
         self.named: dict[str, Element] = {}
-        self.known: dict[str, Array] = {"__model__": np.eye(4), "world": np.eye(4)}
-        for item in model.all("link", "joint", "frame"):
-            name = item.must("name")
-            if name in self.named or name in self.known:
-                item.fail("has a name that is already in use")
-            self.named[name] = item
+        self.inner: dict[str, _Scope] = {}
+        self.merged: list[_Scope] = []
+        self.known: dict[str, Array] = {"__model__": np.eye(4)}
+        self.poses: dict[str, Array] = {} if outer is None else outer.poses
+        self.placed: Array | None = None
+        self.placing = False
+        static = self.flag(element.first("static"), False)
+        self.static: bool = static or (outer is not None and outer.static)
+        self.keys: dict[int, str] = {}
+        for item in sorted(element.children, key=lambda item: item.tag != "link"):
+            if item.tag == "include":
+                try:
+                    model, its_version, its_files = files.model(item, reading)
+                except FileFormatError as error:
+                    if outer is not None:
+                        raise  # part of a model would be missing
+                    self.note("dropped", item, f"a model of the world is missing: {error.message}", "", "motion")
+                    continue
+                self.nest(_Scope(robot, model, its_version, its_files, reading, self), item)
+                files.left = its_files.left
+            elif item.tag == "model":
+                self.nest(_Scope(robot, item, version, files, reading, self), item)
+            elif item.tag in ("link", "joint", "frame"):
+                self.name(item.must("name"), item)
+        if static and not (outer is not None and outer.static):
+            said = "the model is static: its links are the ground, and its joints do not move"
+            self.note("changed", element, said, f'model "{element.get("name")}"')
 
-    def robot(self) -> Robot:
-        robot, model = self.made, self.model
-        for item in model.all("link"):
-            self.link(item)
-        if not robot.links:
-            model.fail("holds no <link>")
-        for item in model.all("joint"):
-            self.joint(item)
-        if (static := model.first("static")) is not None and static.text.strip() in ("true", "1"):
-            static.fail("declares this model static")
-        left = Counter(child.tag for child in model.children if child.tag not in _USED)
-        left += Counter(f"link/{x.tag}" for link in model.all("link") for x in link.children
-                        if x.tag not in ("pose", "inertial", "visual"))  # fmt: skip
-        for tag, count in left.items():
-            robot.reading.dropped.append(Remark(None, f"<{tag}>, {count} in all: it is not used"))
-        robot.reading.used.append(Remark(None, f"{len(robot.links)} links, {len(robot.joints)} joints"))
-        return robot
+    def name(self, name: str, item: Element) -> None:
+        old = name == "world" and item.tag == "link" and self.version < _RESERVED
+        if self.version < _RESERVED and name in self.named and self.named[name].tag != item.tag:
+            name = f"{name} ({item.tag})"  # old versions know what is meant by where it is named
+        if name in self.named or (name in ("__model__", "world") and not old):
+            item.fail(f'has the name "{name}", which is already in use')
+        if old:
+            self.note("changed", item, f'is called "{self.full(name)}" here, and is not the world', 'link "world"')
+        self.named[name] = item
+        self.keys[id(item)] = name
+
+    def nest(self, scope: _Scope, item: Element) -> None:
+        """A model inside this one; the names of a merged one are those of this one too."""
+        if item.tag == "include" and item.get("merge") in ("true", "1"):
+            self.merged.append(scope)
+            return
+        self.name(scope.element.must("name"), item)
+        self.inner[scope.element.must("name")] = scope
+        scope.prefix = f"{scope.element.must('name')}::"
+
+    def full(self, name: str) -> str:
+        """A name in this scope as one of the mechanism."""
+        own = f"{name} link" if name == "world" else name
+        return (self.outer.full("") if self.outer is not None else "") + self.prefix + own
+
+    def all(self) -> Iterator[_Scope]:
+        """This and all models inside it."""
+        yield self
+        for scope in (*self.inner.values(), *self.merged):
+            yield from scope.all()
+
+    def has(self, name: str) -> bool:
+        """Whether a name, or the model that it begins with, stands here or in a model merged into this one."""
+        return not self.named.keys().isdisjoint((name, name.partition("::")[0])) or self.from_merged(name) is not None
+
+    def from_merged(self, name: str) -> _Scope | None:
+        """The merged model from which this one has a name."""
+        return next((scope for scope in self.merged if scope.has(name)), None)
+
+    def count(self) -> int:
+        return sum(item.tag == "link" for scope in self.all() for item in scope.named.values())
+
+    def note(self, remarks: str, at: Element, text: str, name: str = "", kind: str = "") -> None:
+        """A remark; one on an included file says so instead of the line."""
+        own = at.path == self.reading.path
+        named = name if own else f"{name} in {at.path.name}".strip()
+        getattr(self.reading, remarks).append(Remark(at.line if own else None, text, named, kind))
+
+    def links(self) -> None:
+        for scope in self.all():
+            for item in scope.element.all("link"):
+                scope.link(item)
+
+    def frames(self) -> None:
+        """Refuse frames that are placed in, or attached to, what does not exist; used or not."""
+        for scope in self.all():
+            for item in scope.element.all("frame"):
+                scope.frame(scope.keys[id(item)], item)
+                scope.carrier(scope.keys[id(item)], item)
+
+    def joints(self) -> None:
+        for scope in self.all():
+            for item in () if scope.static else scope.element.all("joint"):
+                scope.joint(item)
+
+    def mimics(self) -> None:
+        for scope in self.all():
+            for item in () if scope.static else scope.element.all("joint"):
+                scope.mimic(item)
+
+    def place(self, asked: tuple[str, ...] = ()) -> Array:
+        """The frame of this model in that of the scope around it: by its own frame, or by the one that it names."""
+        if self.outer is None or self.placed is not None:
+            return np.eye(4) if self.placed is None else self.placed
+        if self.placing:
+            self.element.fail(f"is placed relative to itself: {' -> '.join((*asked, self.element.get('name')))}")
+        self.placing = True
+        own, name = self.element.first("pose"), self.element.get("placement_frame")
+        base = self.outer.frame((self.base(own) if own is not None else "") or "__model__", self.element, asked)
+        self.placed = base @ self.pose(own)
+        if name:
+            self.placed = self.placed @ inverse(self.frame(name, self.element))
+        return self.placed
+
+    @property
+    def at(self) -> Array:
+        """The frame of this model in the world."""
+        return self.place() if self.outer is None else self.outer.at @ self.place()
+
+    def base(self, pose: Element) -> str:
+        """The frame that a pose names: by `relative_to`, up to 1.6 by `frame`."""
+        return pose.get("relative_to") or pose.get("frame")
 
     def pose(self, item: Element | None) -> Array:
         """The transform given by a `<pose>`, relative to its frame."""
@@ -98,29 +294,87 @@ class _Reader:
         return placed(values[:3], turned(np.radians(rpy) if item.get("degrees") in ("true", "1") else rpy))
 
     def frame(self, name: str, by: Element, asked: tuple[str, ...] = ()) -> Array:
-        """A frame in the model."""
+        """A frame, relative to that of this model."""
         if name in self.known:
             return self.known[name]
+        if name == "world" and name not in self.named:
+            return inverse(self.at)
         if name in asked:
             by.fail(f"is placed relative to itself: {' -> '.join((*asked, name))}")
+        if (merged := self.from_merged(name)) is not None:
+            return merged.place() @ merged.frame(name, by)
+        first, _, rest = name.partition("::")
+        if first in self.inner:
+            inside = self.inner[first]
+            return inside.place((*asked, name)) @ (inside.frame(rest, by) if rest else np.eye(4))
         if name not in self.named:
             by.fail(f'names the frame "{name}", which does not exist')
         item = self.named[name]
         own = item.first("pose")
         otherwise = {"joint": self.child(item), "frame": item.get("attached_to")}.get(item.tag, "") or "__model__"
-        base = (own.get("relative_to") if own is not None else "") or otherwise
+        base = (self.base(own) if own is not None else "") or otherwise
         self.known[name] = self.frame(base, item, (*asked, name)) @ self.pose(own)
         return self.known[name]
 
     def carrier(self, name: str, by: Element, asked: tuple[str, ...] = ()) -> str:
-        """The link that a frame moves with."""
-        if name in ("world", "__model__") or name in self.made.links:
-            return "world" if name == "world" else name
+        """The link that a frame moves with, by its name in the mechanism; "world" for one of a static model."""
+        if self.static or (name == "world" and name not in self.named) or (name == "__model__" and self.outer is None):
+            return "world"
+        if name == "__model__":
+            return self.carrier(self.canonical(by), by, (*asked, name))
+        if (merged := self.from_merged(name)) is not None:
+            return merged.carrier(name, by)
+        first, _, rest = name.partition("::")
+        if first in self.inner:
+            return self.inner[first].carrier(rest or "__model__", by)
         if name not in self.named or name in asked:
             by.fail(f'names the frame "{name}", which moves with no link')
         item = self.named[name]
+        if item.tag == "link":
+            return self.full(name)
         of = self.child(item) if item.tag == "joint" else item.get("attached_to") or "__model__"
         return self.carrier(of, by, (*asked, name))
+
+    def canonical(self, by: Element) -> str:
+        """The link that the frame of this model moves with: the one that it names, else its first."""
+        named = self.element.get("canonical_link")
+        if named:
+            return named
+        links = [item.must("name") for item in self.element.all("link")]
+        links += [name for name, scope in self.inner.items() if scope.count()]
+        links += [scope.canonical(by) for scope in self.merged if scope.count()]
+        return links[0] if links else by.fail("is attached to a model without links")
+
+    def flag(self, item: Element | None, otherwise: bool = True) -> bool:
+        """What a flag says."""
+        said = "" if item is None else item.text.strip().lower()
+        if item is not None and said not in ("true", "false", "1", "0"):
+            item.fail(f'says "{said}"; it takes true or false')
+        return said in ("true", "1") if item is not None else otherwise
+
+    def mimic(self, item: Element) -> None:
+        """A coordinate that follows another: multiplier x (the other - reference) + offset."""
+        axis = item.first("axis")
+        mimic = None if axis is None else axis.first("mimic")
+        if mimic is None:
+            return
+        name, other = self.full(item.must("name")), self.full(mimic.must("joint"))
+        for joint in (name, other):
+            if joint not in self.made.joints or self.made.joints[joint].kind not in ("revolute", "prismatic"):
+                mimic.fail(f'couples joint "{joint}", which does not have exactly one coordinate')
+        if mimic.get("axis", "axis") != "axis":
+            mimic.fail(f'follows the axis "{mimic.get("axis")}" of joint "{other}", which has one axis, "axis"')
+        values = {"multiplier": 1.0, "offset": 0.0, "reference": 0.0}
+        for tag in values:
+            found = mimic.first(tag)
+            if found is not None:
+                values[tag] = numbers(found, "the text", found.text, 1)[0]
+        factor, offset = values["multiplier"], values["offset"] - values["multiplier"] * values["reference"]
+        if factor == 0.0:
+            mimic.fail("has the multiplier 0; fix the joint instead")
+        self.made.ties.append(Tie(f"{name} follows {other}", [name, other], [1.0, -factor], offset, mimic))
+        said = f"joint {name} = {factor:g} x {other} + {offset:g}, a coupler"
+        self.note("used", mimic, said)
 
     def child(self, item: Element) -> str:
         return self.word(item, "child") if item.tag == "joint" else ""
@@ -129,7 +383,7 @@ class _Reader:
         found = item.the(tag)
         return found.text.strip() or found.fail("says nothing")
 
-    def look(self, link: str, item: Element) -> None:
+    def look(self, link: str, frame: Array, item: Element) -> None:
         """Appearance of a link; shapes that cannot be drawn are omitted and reported."""
         geometry = item.first("geometry")
         of = geometry.children[0] if geometry is not None and geometry.children else item
@@ -147,24 +401,27 @@ class _Reader:
             shape = {"kind": "ball", "radius": read("radius")[0]}
         elif of.tag == "mesh":
             named = of.the("uri").text.strip()
-            file, why = mesh_file(of.path, named)
+            file, why = mesh_file(self.made.request, of.path, named)
             if file is None:
-                self.made.reading.dropped.append(Remark(of.line, f'the mesh {named} of "{link}": {why}'))
+                self.note("dropped", of, f"the mesh {named}: {why}", f'link "{link}"', "looks")
                 return
             scale = read("scale", 3) if of.first("scale") is not None else [1.0, 1.0, 1.0]
             shape = {"kind": "mesh", "file": str(file), "scale": scale}
         if shape is None:
-            self.made.reading.dropped.append(Remark(item.line, f'a <{of.tag}> of "{link}": it is not drawn'))
+            self.note("dropped", item, f"a <{of.tag}>", f'link "{link}"', "looks")
             return
-        self.made.looks.append(Look(link, self.pose(item.first("pose")), shape))
+        self.made.looks.append(Look(link, frame @ self.pose(item.first("pose")), shape))
 
     def link(self, item: Element) -> None:
-        name, inertial = item.must("name"), item.first("inertial")
+        name, inertial = self.full(item.must("name")), item.first("inertial")
+        where = self.at @ self.frame(self.keys[id(item)], item)
         for visual in item.all("visual"):
             try:
-                self.look(name, visual)
+                self.look("world" if self.static else name, where if self.static else np.eye(4), visual)
             except FileFormatError as error:  # how a robot looks does not decide whether it is read
-                self.made.reading.dropped.append(Remark(visual.line, f"appearance of a link: {error.message}"))
+                self.note("dropped", visual, error.message, f'link "{name}"', "looks")
+        if self.static:
+            return
         mass, pose, inertia = 1.0, np.eye(4), np.eye(3)
         if inertial is not None:
             pose = self.pose(inertial.first("pose"))
@@ -178,13 +435,18 @@ class _Reader:
                                 [of["ixz"], of["iyz"], of["izz"]]])  # fmt: skip
             inertia = pose[:3, :3] @ inertia @ pose[:3, :3].T
         if inertial is None or inertial.first("mass") is None or inertial.first("inertia") is None:
-            remark = f'link "{name}" gives no mass or no inertia; the defaults of the format are 1 kg and 1 kg m^2'
-            self.made.reading.changed.append(Remark(item.line, remark))
-        self.made.links[name] = Link(name, mass, pose[:3, 3], 0.5 * (inertia + inertia.T), item)
-        self.poses[name] = self.frame(name, item)
+            remark = "no mass or no inertia is given; the defaults of the format are 1 kg and 1 kg m^2"
+            self.note("changed", item, remark, f'link "{name}"')
+        if name in self.made.links:
+            item.fail(f'has the name "{name}", which is already in use')
+        floats = self.flag(item.first("gravity"))
+        self.made.links[name] = Link(name, mass, pose[:3, 3], 0.5 * (inertia + inertia.T), item, floats)
+        self.poses[name] = where
 
     def joint(self, item: Element) -> None:
-        name, kind = item.must("name"), item.must("type")
+        name, kind = self.full(item.must("name")), item.must("type")
+        if name in self.made.joints:
+            item.fail(f'has the name "{name}", which is already in use')
         if kind not in _KINDS:
             item.fail(f'has the type "{kind}"; known: {", ".join(_KINDS)}')
         ends = []
@@ -193,7 +455,10 @@ class _Reader:
             if link not in self.made.links and link != "world":
                 item.fail(f"has a {tag} that is attached to no link")
             ends.append(link)
-        where, dropped = self.frame(name, item), self.made.reading.dropped
+        if ends == ["world", "world"]:
+            self.note("dropped", item, "both of its ends are the ground", f'joint "{name}"', "other")
+            return
+        where = self.at @ self.frame(self.keys[id(item)], item)
         axes = [self.axis(item, tag, where) for tag in ("axis", "axis2") if item.first(tag) is not None]
         if not axes and _KINDS[kind] not in ("fixed", "spherical"):
             item.fail("holds no <axis>")
@@ -213,27 +478,27 @@ class _Reader:
             found = item.first(tag)
             if found is None:
                 continue
-            dynamics, limit = found.first("dynamics"), found.first("limit")
+            dynamics = found.first("dynamics")
             of = {x.tag: numbers(x, "the text", x.text, 1)[0] for x in (dynamics.children if dynamics else ())}
             if made.kind == "universal" or (number == 0 and made.kind in ("revolute", "prismatic")):
                 called = f"spring of {name}" + (f" {tag}" if made.kind == "universal" else "")
                 stiffness, damping = of.pop("spring_stiffness", 0.0), of.pop("damping", 0.0)
                 law = Effort(stiffness, damping, of.pop("spring_reference", 0.0), number, called)
                 made.efforts += [law] if stiffness != 0.0 or damping != 0.0 else []
-            dropped += [
-                Remark(found.line, f"{key} {value:g} of joint {name}") for key, value in of.items() if value != 0.0
-            ]
-            if limit is not None:
-                bounds = ", ".join(f"{x.tag} {x.text.strip()}" for x in limit.children)
-                remark = f"limits of joint {name} ({bounds}) do not act as stops; use add_stop"
-                dropped.append(Remark(limit.line, remark))
+            text = f"springs and dampers do not act along the coordinate of a {kind} joint: add_torsion_spring"
+            for key, value in of.items():
+                if value != 0.0:
+                    self.note("dropped", found, text, f'joint "{name}" {key} {value:g}')
         self.made.joints[name] = made
 
     def axis(self, item: Element, tag: str, where: Array) -> Array:
         """An axis in the joint's own frame."""
         found = item.the(tag).first("xyz")
         axis = np.array([0.0, 0.0, 1.0] if found is None else numbers(found, "the text", found.text, 3))
-        if found is not None and (other := found.get("expressed_in")):
-            axis = where[:3, :3].T @ self.frame(other, found)[:3, :3] @ axis
+        other = "" if found is None else found.get("expressed_in")
+        if self.version < (1, 5) or (self.version < (1, 7) and self.flag(item.the(tag).first(_IN_MODEL), False)):
+            other = "__model__"
+        if other:
+            axis = where[:3, :3].T @ (self.at @ self.frame(other, item))[:3, :3] @ axis
         length = float(np.linalg.norm(axis))
         return axis / length if length > 0.0 else item.fail("has an axis of length 0")

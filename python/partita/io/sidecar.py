@@ -3,7 +3,10 @@
 closed_loop: [[frame_A, frame_B], ...]     names of links, frames or joints
 type: ["6d", "3d", ...]                    the two links are welded there, or joined at a point
 name: [knee closes, ...]                   what the loops are called; else "frame_A = frame_B"
-name_mot: [knee, ...]                      joints that are driven; told, not used
+name_mot: [knee, ...]                      joints that are driven; reported, not used
+joint_name: [ankle, ...]                   joints of the tree that are of another type than in the URDF,
+joint_type: [SPHERICAL, ...]               by the axes of their frames: UJOINT_XY turns about x, then about y; FIXED
+urdf: robot.urdf                           the file that this one belongs to, where their names differ
 gravity: [0.0, 0.0, -9.81]                 in the axes of the root, where it is another one
 springs:                                   what URDF has no words for
   - {name: s, joint: knee, stiffness: 3.0, damping: 0.1, angle: 0.2}
@@ -25,7 +28,8 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from ..errors import FileFormatError, MissingDependencyError
+from ..builder.checks import find
+from ..errors import FileFormatError, MissingDependencyError, UnknownNameError
 from ..files import get, other
 from .reading import Remark
 from .robot import Array, Effort, Loop, Robot, Spring
@@ -37,13 +41,35 @@ _SAME = 1e-12
 """Relative tolerance of a sum of dampings."""
 DEPTH = 32
 """Nesting depth of lists: pairs of frames need three levels."""
-_KEYS = {"closed_loop", "type", "name", "name_mot", "gravity", "springs", "weightless", "drawing_tolerance"}
-_KINDS = {"6d": "fixed", "3d": "spherical"}
+_KEYS = {
+    "closed_loop",
+    "type",
+    "name",
+    "name_mot",
+    "joint_name",
+    "joint_type",
+    "gravity",
+    "springs",
+    "weightless",
+    "drawing_tolerance",
+    "urdf",
+}
+_KINDS = {"6d": "fixed", "3d": "spherical", "hinge": "revolute"}
+_LISTED = ("6d", "3d")
+"""Kinds that a sidecar lists."""
+_WORDS = {"6d": "welded", "3d": "joined at a point", "hinge": "hinged about z"}
+_TURNED = {f"UJOINT_{a}{b}": ("universal", "XYZ".index(a), "XYZ".index(b)) for a in "XYZ" for b in "XYZ" if a != b}
+"""Universal joints by the axes of the joint's frame about which they turn."""
+TYPES: dict[str, tuple[str, int, int]] = {"SPHERICAL": ("spherical", 0, 1), "FIXED": ("fixed", 0, 1), **_TURNED}
+"""Types of joints: kind and axes of the joint's frame."""
+_BESIDE = 64
+"""Files of YAML in one folder in which loops are looked for, at most."""
+_ENDINGS = (".yaml", ".yml")
 
 
 def read(robot: Robot) -> bool:
     """Read the sidecar; False where it lists no loop closures, or does not exist."""
-    path = next((p for p in (robot.reading.path.with_suffix(end) for end in (".yaml", ".yml")) if p.is_file()), None)
+    path = _path(robot)
     if path is None:
         return False
     entries, lines = _loaded(path)
@@ -51,6 +77,7 @@ def read(robot: Robot) -> bool:
     def wrong(key: str, message: str) -> NoReturn:
         refuse(path, lines.get(key), message)
 
+    _types(robot, path, entries, wrong)
     pairs, kinds = entries.get("closed_loop", []), entries.get("type")
     if not isinstance(pairs, list) or not all(isinstance(p, list) and len(p) == 2 for p in pairs):
         wrong("closed_loop", f"closed_loop must be a list of pairs of frames, not {pairs!r:.80}")
@@ -69,7 +96,7 @@ def read(robot: Robot) -> bool:
         wrong("gravity", f"gravity must be three finite numbers, not {entries['gravity']!r:.80}")
     robot.gravity = gravity
     for number, (pair, kind) in enumerate(zip(pairs, kinds, strict=True), 1):
-        if str(kind).lower() not in _KINDS:
+        if str(kind).lower() not in _LISTED:
             wrong("type", f'type {number} is "{kind}"; known: 6d (welded there), 3d (point on point)')
         close(
             robot,
@@ -96,6 +123,73 @@ def read(robot: Robot) -> bool:
     for key in sorted(set(entries) - _KEYS, key=str):
         robot.reading.dropped.append(Remark(None, f'"{key}" of {path.name} is not known'))
     return "closed_loop" in entries
+
+
+def _path(robot: Robot) -> Path | None:
+    """The sidecar: the one that the caller named; that of the same name; else the only one in the folder that says
+    that it belongs to this URDF, or lists frames that all are of it."""
+    model = robot.reading.path
+    if robot.request.loops is not None:
+        return robot.request.loops
+    named = [p for p in (model.with_suffix(end) for end in _ENDINGS) if p.is_file()]
+    if named:
+        return named[0]
+    files = sorted(p for p in model.parent.iterdir() if p.suffix.lower() in _ENDINGS and p.is_file())[:_BESIDE]
+    found = [p for p in files if not p.with_suffix(model.suffix).is_file() and _belongs(robot, p)]
+    if len(found) > 1:
+        names = ", ".join(p.name for p in found)
+        remark = f'{names} all list loops of this robot, and none is used: loops="..." in partita.load names one'
+        robot.reading.dropped.append(Remark(None, remark))
+    return found[0] if len(found) == 1 else None
+
+
+def _belongs(robot: Robot, path: Path) -> bool:
+    """Whether a file of YAML of another name lists loops of this robot."""
+    try:
+        with path.open("rb") as file:
+            if b"closed_loop" not in file.read(SIZE):
+                return False
+        entries, _ = _loaded(path)
+    except (OSError, FileFormatError):
+        return False
+    if "urdf" in entries:
+        return str(entries["urdf"]) == robot.reading.path.name
+    pairs = entries.get("closed_loop")
+    frames = [frame for pair in pairs for frame in (pair if isinstance(pair, list) else [None])] if pairs else []
+    return bool(frames) and all(isinstance(frame, str) and robot.frame(frame) is not None for frame in frames)
+
+
+def _types(robot: Robot, path: Path, entries: dict[str, Any], wrong: Callable[[str, str], NoReturn]) -> None:
+    """Joints that are of another type than in the URDF, which knows no ball and no universal joint."""
+    names, types = entries.get("joint_name", []), entries.get("joint_type", [])
+    for key, words in (("joint_name", names), ("joint_type", types)):
+        if not isinstance(words, list) or not all(isinstance(word, str) for word in words):
+            wrong(key, f"{key} must be a list of words, not {words!r:.80}")
+    if len(names) != len(types):
+        key = "joint_type" if types else "joint_name"
+        wrong(key, f"joint_name has {len(names)} joints and joint_type {len(types)} types; each joint has one")
+    twice = [name for name, count in Counter(names).items() if count > 1]
+    if twice:
+        wrong("joint_name", f'joint_name: "{twice[0]}" appears twice')
+    listed: dict[str, list[str]] = {}
+    for name, word in zip(names, types, strict=True):
+        try:
+            joint = robot.joints[find("joint", name, robot.joints)]
+        except UnknownNameError as error:
+            wrong("joint_name", f"joint_name: {error.message}")
+        if word.upper() not in TYPES:
+            wrong("joint_type", f'the type of joint "{name}" is "{word}"; known: {", ".join(TYPES)}')
+        kind, first, second = TYPES[word.upper()]
+        if joint.efforts and kind != joint.kind:
+            remark = f"damping {joint.efforts[0].damping:g} of joint {name}, which is {word} in {path.name}"
+            robot.reading.dropped.append(Remark(joint.at.line, f"{remark}: use add_torsion_spring"))
+            joint.efforts = []
+        joint.kind, joint.axis = kind, np.eye(3)[first]
+        joint.second = np.eye(3)[second] if kind == "universal" else None
+        listed.setdefault(word, []).append(name)
+    for word, joints in listed.items():
+        remark = f"{word} in {path.name}: joint{'s' if len(joints) > 1 else ''} {', '.join(joints)}"
+        robot.reading.changed.append(Remark(None, remark))
 
 
 def _springs(robot: Robot, items: Any, wrong: Callable[[str, str], NoReturn]) -> None:
@@ -223,7 +317,7 @@ def close(
     location: tuple[Path, int | None] | None,
     called: str | None = None,
 ) -> None:
-    """Join two frames."""
+    """Join two frames, named in the sidecar at this location, or by their own names."""
     frames = []
     for frame in pair:
         found = robot.frame(frame)
@@ -231,6 +325,10 @@ def close(
             path, line = location or (robot.reading.path, None)
             refuse(path, line, f'"{frame}" closes a loop but is not a link, frame or joint of the URDF')
         frames.append(found)
-    robot.loops.append(Loop(called or f"{pair[0]} = {pair[1]}", _KINDS[kind], frames[0], frames[1], None))
-    words = "welded" if kind == "6d" else "joined at a point"
-    robot.reading.used.append(Remark(None, f"{name}: {pair[0]} and {pair[1]} {words}"))
+    loop = Loop(called or f"{pair[0]} = {pair[1]}", _KINDS[kind], frames[0], frames[1], None)
+    if kind == "hinge":
+        loop.axis = np.array([0.0, 0.0, 1.0])
+    robot.loops.append(loop)
+    robot.closed.update(pair)
+    source = "their names" if location is None else location[0].name
+    robot.reading.used.append(Remark(None, f"{name}: {pair[0]} and {pair[1]} {_WORDS[kind]}, by {source}"))

@@ -17,7 +17,7 @@ from ..builder.checks import Array
 from ..builder.joints import motions
 from ..builder.records import GROUND, CouplingRecord, Description, JointRecord, SpringRecord, TorqueRecord
 from ..builder.records import TorsionSpringRecord as Torsion
-from .robot import nearest, placed
+from .robot import inverse, nearest, placed
 from .writing import Writing
 
 _ALWAYS_CUT = 6
@@ -93,12 +93,6 @@ class Names:
         return name
 
 
-def inverse(frame: Array) -> Array:
-    """Of a frame."""
-    turned = frame[:3, :3].T
-    return placed(-turned @ frame[:3, 3], turned)
-
-
 def skeleton(mechanism: Builder, report: Writing) -> Skeleton:
     """The tree and the closures; what translations and rotations cannot represent is listed in the report."""
     d = mechanism._description
@@ -143,9 +137,9 @@ def _closes(joint: JointRecord, report: Writing) -> bool:
 
 
 def loaded(d: Description) -> set[str]:
-    """Names of joints whose coordinates forces, couplings or drives refer to."""
+    """Names of joints whose coordinates forces, couplings, rotors or drives refer to."""
     terms = [term for c in d.couplings.values() for term in c.terms] + [drive.measure for drive in d.drives.values()]
-    found = {str(term["joint"]) for term in terms if term.get("of") == "joint"}
+    found = {str(term["joint"]) for term in terms if term.get("of") == "joint"} | {r.joint for r in d.rotors.values()}
     return found | {f.joint for f in d.forces.values() if isinstance(f, Torsion | TorqueRecord)}
 
 

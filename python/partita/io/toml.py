@@ -58,12 +58,17 @@ _STAGES = (
     ("joint",),
     ("compliance",),
     ("coupler", "gear", "belt", "rack", "distance", "cam", "rolling"),
+    ("rotor",),
     ("drive",),
 )
 _LAST = ("mechanism", "sensor")
 
 
-def read(path: Path, make: Maker) -> Any:
+Mend = Callable[[dict[str, Any]], dict[str, Any]]
+"""Changes the arguments of a body before it is made."""
+
+
+def read(path: Path, make: Maker, mend: Mend | None = None) -> Any:
     """The mechanism in a TOML file. Raises `FileFormatError` with the line of what is wrong."""
     content = get(path)
     if (kind := other(content)) is not None:
@@ -72,7 +77,7 @@ def read(path: Path, make: Maker) -> Any:
         text = content.decode("utf-8")
     except UnicodeDecodeError as error:
         raise FileFormatError(f'"{path}" cannot be read as UTF-8 text: {error}', path=str(path), line=None) from error
-    mechanism = parse(text, make, str(path))
+    mechanism = parse(text, make, str(path), mend)
     if intact(content) is False:
         warnings.warn(
             f'"{path}" is not as it was saved (the checksum in its last line does not agree): it was edited, or '
@@ -83,12 +88,12 @@ def read(path: Path, make: Maker) -> Any:
     return mechanism
 
 
-def parse(text: str, make: Maker, path: str = "text") -> Any:
+def parse(text: str, make: Maker, path: str = "text", mend: Mend | None = None) -> Any:
     """The mechanism in a TOML text; `path` is named in errors."""
     with _growing():
         content, begins = _core.parse_toml(text, path)
         file = _File(path, text, json.loads(content), json.loads(begins))
-        return file.mechanism(make)
+        return file.mechanism(make, mend)
 
 
 @contextmanager
@@ -116,7 +121,7 @@ class _File:
     def __init__(self, path: str, text: str, content: dict[str, Any], begins: dict[str, list[int]]) -> None:
         self.path, self.text, self.content, self.begins = path, text, content, begins
 
-    def mechanism(self, make: Maker) -> Any:
+    def mechanism(self, make: Maker, mend: Mend | None) -> Any:
         """Check the content by the schema, then pass it to the object that `make` makes."""
         try:
             schema.check(self.content)
@@ -133,6 +138,8 @@ class _File:
         for tables in (*_STAGES, forces, ("sensor",)):
             for kind, pointer, item in self._in_order(tables):
                 method, arguments = _call_of(kind, item)
+                if mend is not None and kind == "body":
+                    arguments = mend(arguments)
                 self._call(pointer, getattr(mechanism, method), arguments)
         return mechanism
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -55,6 +56,9 @@ def _tables(mechanism: Builder) -> Iterator[str]:
         if joint.compliance is not None:
             along, about = joint.compliance[:3], joint.compliance[3:]
             yield _table("[[compliance]]", {"joint": joint.name, "translation": along, "rotation": about})
+    for rotor in d.rotors.values():
+        ratio = None if rotor.ratio == 1.0 else rotor.ratio
+        yield _table("[[rotor]]", {**asdict(rotor), "coordinate": rotor.coordinate or None, "ratio": ratio})
     for drive in d.drives.values():
         yield _table("[[drive]]", _drive(drive))
     for force in d.forces.values():

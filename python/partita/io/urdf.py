@@ -2,23 +2,23 @@
 
 Loops come from `<loop>` and `<coupling>` (URDF+), from `<loop_joint>` with two links, from frames named
 `closing_NAME_1` and `closing_NAME_2`, and from a YAML file of the same name beside it that lists pairs of frames
-(`sidecar`). Elements that are not mechanics (shapes, colours, simulators' hints) are ignored and reported.
+(`sidecar`). `urdf_table` lists what becomes of each element and attribute.
 """
 
 from __future__ import annotations
 
-import re
-from collections import Counter
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..errors import FileFormatError
-from . import sidecar
+from . import closings
 from .looks import Look, mesh_file
 from .reading import Reading, Remark
+from .request import Request
 from .robot import Array, Effort, Joint, Link, Loop, Robot, Tie, placed, turned
+from .urdf_table import URDF
 from .xmltree import Element, parse
 
 _KINDS = {
@@ -31,71 +31,48 @@ _KINDS = {
     "spherical": "spherical",
 }
 _LOOPS = {**_KINDS, "ball": "spherical", "6d": "fixed", "3d": "spherical"}
-_SHOWN = ("collision", "material", "gazebo", "sensor", "contact")
-CLOSING = re.compile(r"(?P<stem>clos(?:ing|ed_?loop).*?)[_-]?(?P<side>[12AB])", re.IGNORECASE)
 
 
-def read(path: Path) -> Robot:
+WORLD = "world"
+"""Link that other readers know without its definition."""
+
+
+def read(path: Path, request: Request) -> Robot:
     """The robot in a file. Raises `FileFormatError` with the line of what is wrong."""
     root = parse(path)
     if root.tag != "robot":
         root.fail("is not <robot>: this is not URDF")
-    robot = Robot(root.get("name") or path.stem, Reading(path, "URDF"))
-    left: Counter[str] = Counter()
-    lines: dict[str, int] = {}
-    for item in root.children:
-        match item.tag:
-            case "link":
-                _link(robot, item, left, lines)
-            case "joint":
-                _joint(robot, item)
-            case "loop" | "loop_joint":
-                pass
-            case "coupling":
-                pass
-            case "fixed_frame" | "frame":
-                pass
-            case tag if tag.startswith("xacro:"):
-                item.fail("must be expanded first: xacro FILE > robot.urdf")
-            case tag:
-                left[tag] += 1
-                lines.setdefault(tag, item.line)
+    robot = Robot(root.get("name") or path.stem, Reading(path, "URDF"), request)
+    URDF.walk(root, robot.reading)
+    for item in root.all("link"):
+        _link(robot, item)
+    for item in root.all("joint"):
+        _joint(robot, item)
     if not robot.links:
         root.fail("holds no <link>")
+    _world(robot)
     for item in root.all("fixed_frame", "frame"):
         _frame(robot, item)
     for item in root.all("loop", "loop_joint"):
         robot.loops.append(_loop(robot, item))
+    closings.close(robot)
     for item in root.all("joint"):
         _mimic(robot, item)
     for item in root.all("coupling"):
         robot.ties.append(_coupling(robot, item))
     robot.reading.used.append(Remark(None, f"{len(robot.links)} links, {len(robot.joints)} joints"))
-    _closings(robot)
-    for tag, count in left.items():
-        robot.reading.dropped.append(Remark(lines[tag], f"<{tag}>, {count} in all: {_why(tag)}"))
     return robot
 
 
-def _why(tag: str) -> str:
-    if tag == "transmission":
-        return "transmissions of motors are not mechanics; prescribe motions with add_drive, efforts with add_torque"
-    return "it contains no mechanics" if tag in _SHOWN else "this tag is not known"
-
-
-def _link(robot: Robot, item: Element, left: Counter[str], lines: dict[str, int]) -> None:
+def _link(robot: Robot, item: Element) -> None:
     name = item.must("name")
     if name in robot.links:
         item.fail(f"appears twice; the first one is in line {robot.links[name].at.line}")
-    for child in item.children:
-        if child.tag == "visual":
-            try:
-                _look(robot, name, child)
-            except FileFormatError as error:  # how a robot looks does not decide whether it is read
-                robot.reading.dropped.append(Remark(child.line, f"appearance of a link: {error.message}"))
-        elif child.tag != "inertial":
-            left[child.tag] += 1
-            lines.setdefault(child.tag, child.line)
+    for child in item.all("visual"):
+        try:
+            _look(robot, name, child)
+        except FileFormatError as error:  # how a robot looks does not decide whether it is read
+            robot.reading.dropped.append(Remark(child.line, error.message, f'link "{name}"', "looks"))
     mass, com, inertia = 0.0, np.zeros(3), np.zeros((3, 3))
     inertial = item.first("inertial")
     if inertial is not None:
@@ -115,7 +92,7 @@ def _look(robot: Robot, link: str, item: Element) -> None:
     """Appearance of a link; shapes that cannot be drawn are omitted and reported."""
     geometry = item.first("geometry")
     if geometry is None or not geometry.children:
-        robot.reading.dropped.append(Remark(item.line, f'a <visual> of "{link}" without a shape'))
+        robot.reading.dropped.append(Remark(item.line, "a <visual> without a shape", f'link "{link}"', "looks"))
         return
     of = geometry.children[0]
     shape: dict[str, Any] | None = None
@@ -126,13 +103,15 @@ def _look(robot: Robot, link: str, item: Element) -> None:
     elif of.tag == "sphere":
         shape = {"kind": "ball", "radius": of.number("radius")}
     elif of.tag == "mesh":
-        file, why = mesh_file(of.path, of.must("filename"))
+        file, why = mesh_file(robot.request, of.path, of.must("filename"))
         if file is None:
-            robot.reading.dropped.append(Remark(of.line, f'the mesh {of.get("filename")} of "{link}": {why}'))
+            robot.reading.dropped.append(
+                Remark(of.line, f"the mesh {of.get('filename')}: {why}", f'link "{link}"', "looks")
+            )
             return
         shape = {"kind": "mesh", "file": str(file), "scale": list(of.numbers("scale", 3, (1.0, 1.0, 1.0)))}
     if shape is None:
-        robot.reading.dropped.append(Remark(of.line, f'a <{of.tag}> of "{link}": it is not drawn'))
+        robot.reading.dropped.append(Remark(of.line, f"a <{of.tag}>", f'link "{link}"', "looks"))
         return
     robot.looks.append(Look(link, origin(item.first("origin")), shape))
 
@@ -164,23 +143,13 @@ def _joint(robot: Robot, item: Element) -> None:
     ends = [item.the(tag).must("link") for tag in ("parent", "child")]
     axis = _axis(item) if kind not in ("fixed", "floating", "spherical") else np.array([1.0, 0.0, 0.0])
     joint = Joint(name, _KINDS[kind], ends[0], ends[1], pose, axis, item)
-    dynamics, limit = item.first("dynamics"), item.first("limit")
+    dynamics = item.first("dynamics")
     if dynamics is not None:
-        damping, friction = dynamics.number("damping", 0.0), dynamics.number("friction", 0.0)
+        damping = dynamics.number("damping", 0.0)
         if damping < 0.0:
             dynamics.fail(f"has the damping {damping:g}; it must be 0 or more")
         if damping > 0.0 and joint.kind in ("revolute", "prismatic"):
             joint.efforts = [Effort(damping=damping)]
-        if friction != 0.0:
-            remark = f"friction {friction:g} of joint {name}: use add_friction, which also needs the stick velocity"
-            robot.reading.dropped.append(Remark(dynamics.line, remark))
-    if limit is not None and kind in ("revolute", "prismatic"):
-        low, high = limit.number("lower", 0.0), limit.number("upper", 0.0)
-        remark = f"limits {low:g} to {high:g} of joint {name} do not act as stops; use add_stop"
-        robot.reading.dropped.append(Remark(limit.line, remark))
-    for child in item.children:
-        if child.tag not in ("origin", "parent", "child", "axis", "dynamics", "limit", "mimic"):
-            robot.reading.dropped.append(Remark(child.line, f"<{child.tag}> of joint {name}: it is not used"))
     robot.joints[name] = joint
 
 
@@ -189,6 +158,10 @@ def _mimic(robot: Robot, item: Element) -> None:
     if mimic is None:
         return
     name, other = item.must("name"), mimic.must("joint")
+    if robot.joints[name].kind == "fixed":
+        remark = f"joint {name} is fixed, and does not follow {other}"
+        robot.reading.dropped.append(Remark(mimic.line, remark))
+        return
     for joint in (name, other):
         if joint not in robot.joints:
             mimic.fail(f'follows the joint "{joint}", which does not exist')
@@ -199,6 +172,14 @@ def _mimic(robot: Robot, item: Element) -> None:
         mimic.fail("has the multiplier 0; fix the joint instead")
     robot.ties.append(Tie(f"{name} follows {other}", [name, other], [1.0, -factor], offset, mimic))
     robot.reading.used.append(Remark(mimic.line, f"joint {name} = {factor:g} x {other} + {offset:g}, a coupler"))
+
+
+def _world(robot: Robot) -> None:
+    """A link "world" that joints name and the file does not define is the world."""
+    by = next((joint for joint in robot.joints.values() if joint.parent == WORLD), None)
+    if by is not None and WORLD not in robot.links:
+        robot.links[WORLD] = Link(WORLD, 0.0, np.zeros(3), np.zeros((3, 3)), by.at)
+        robot.reading.changed.append(Remark(by.at.line, 'link "world", which the file does not define, is the world'))
 
 
 def _frame(robot: Robot, item: Element) -> None:
@@ -271,20 +252,3 @@ def _coupling(robot: Robot, item: Element) -> Tie:
         item.fail("must couple joints of one coordinate each, at least one on each side, by a nonzero ratio")
     robot.reading.used.append(Remark(item.line, f"coupling {name} of {', '.join(joint for joint, _ in moving)}"))
     return Tie(name, [joint for joint, _ in moving], [factor for _, factor in moving], 0.0, item)
-
-
-def _closings(robot: Robot) -> None:
-    """Pairs of frames: those that the sidecar lists, or else those that are named as such."""
-    beside = sidecar.read(robot)
-    if beside:
-        return
-    sides: dict[str, list[str]] = {}
-    for name in [*robot.links, *robot.frames]:
-        found = CLOSING.fullmatch(name)
-        if found is not None:
-            sides.setdefault(found["stem"].rstrip("_-"), []).append(name)
-    for stem, names in sides.items():
-        if len(names) != 2:
-            one = robot.links.get(names[0], next(iter(robot.links.values())))
-            one.at.fail(f"is one of {len(names)} frames of the closing {stem}; it has two, _1 and _2 or _A and _B")
-        sidecar.close(robot, stem, (names[0], names[1]), "6d", None)

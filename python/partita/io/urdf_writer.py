@@ -23,14 +23,14 @@ from ..builder.checks import Array
 from ..builder.records import DRAWING_TOLERANCE, GROUND, SpringRecord, TorsionSpringRecord
 from ..files import put
 from . import sidecar
-from .robot import MASSLESS
+from .closings import is_closing
+from .robot import MASSLESS, inverse
 from .skeleton import (
     Branch,
     Closure,
     Motion,
     Names,
     free_length,
-    inverse,
     leftovers,
     quoted,
     skeleton,
@@ -38,7 +38,6 @@ from .skeleton import (
     ties,
     words,
 )
-from .urdf import CLOSING
 from .writing import Writing
 
 GRAVITY = (0.0, 0.0, -9.81)
@@ -112,6 +111,7 @@ class _Writer:
             if isinstance(force, SpringRecord):
                 self.spring(force)
         leftovers(d, report, (SpringRecord, TorsionSpringRecord))
+        report.dropped += [f"rotor {name}" for name in d.rotors]
         self.weightless = [name for name, body in d.bodies.items() if not body.gravity]
         if self.weightless:
             remark = f"that gravity does not act on {', '.join(self.weightless)} is written to the sidecar file"
@@ -282,7 +282,7 @@ class _Writer:
         motors = list(dict.fromkeys(map(str, driven)))
         gravity = tuple(d.gravity.tolist())
         beside = any(_closes(self.report.path.with_suffix(end)) for end in (".yaml", ".yml"))
-        misread = any(CLOSING.fullmatch(name) for name in d.bodies)
+        misread = any(map(is_closing, d.bodies))
         tolerance = d.drawing_tolerance != DRAWING_TOLERANCE
         more = self.beside or self.weightless or tolerance
         if not (self.pairs or motors or gravity != GRAVITY or beside or misread or more):

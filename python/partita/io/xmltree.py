@@ -5,6 +5,7 @@ Document types are refused as a whole, and with them entities; size, depth and c
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -96,8 +97,16 @@ def _short(words: str) -> str:
     return f'"{words}"' if len(words) <= 40 else f'"{words[:37]}..."'
 
 
+class _Malformed(Exception):
+    """What expat does not read; the message and the line."""
+
+
 def parse(path: Path) -> Element:
-    """The root of an XML file. Raises `FileFormatError` with the line of what is wrong."""
+    """The root of an XML file. Raises `FileFormatError` with the line of what is wrong.
+
+    Two faults that other parsers of robots' files overlook are overlooked too: -- in comments, and text before the
+    declaration.
+    """
     content = get(path)
     if len(content) > SIZE:
         refuse(path, None, f"{len(content) / 2**20:.0f} MiB of XML; more than {SIZE // 2**20} are not read")
@@ -105,6 +114,27 @@ def parse(path: Path) -> Element:
         refuse(path, None, "it is empty")
     if (kind := other(content)) is not None:
         refuse(path, None, kind)
+    try:
+        return _tree(path, content)
+    except _Malformed as error:
+        message, line = error.args
+    try:
+        return _tree(path, _without_comments(content))
+    except _Malformed:
+        refuse(path, line, message)
+
+
+def _without_comments(content: bytes) -> bytes:
+    """The same without comments and declaration, in the same lines. With CDATA, in which a comment is none, it stays
+    as it is."""
+    if b"<![CDATA[" in content:
+        return content
+    plain = re.sub(rb"<!--.*?-->", lambda found: b"\n" * found[0].count(b"\n"), content, flags=re.DOTALL)
+    return re.sub(rb"\A(\s+)<\?xml[^>]*\?>", rb"\1", plain)
+
+
+def _tree(path: Path, content: bytes) -> Element:
+    """The root of an XML text; raises `_Malformed` too."""
     parser = expat.ParserCreate(namespace_separator=None)
     parser.buffer_text = True
     parser.ordered_attributes = False
@@ -138,7 +168,7 @@ def parse(path: Path) -> Element:
     try:
         parser.Parse(content, True)
     except expat.ExpatError as error:
-        refuse(path, error.lineno, f"it is not well-formed XML: {expat.ErrorString(error.code)}")
+        raise _Malformed(f"it is not well-formed XML: {expat.ErrorString(error.code)}", error.lineno) from error
     except FileFormatError:  # is a ValueError too, and says what is wrong
         raise
     except (ValueError, LookupError) as error:  # an encoding that is unknown, or that the content does not keep to

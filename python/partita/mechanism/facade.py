@@ -8,7 +8,7 @@ from typing import Any
 from .. import options
 from ..builder.records import DRAWING_TOLERANCE
 from ..comparison import compare_mechanism
-from ..io import Reading, Writing, save
+from ..io import Reading, RemarkGroup, Writing, save
 from . import models, solve
 from . import stepper as stepping
 from .assemblies import assemblies
@@ -62,6 +62,12 @@ class Mechanism(Modelled):
         self, name: str, gravity: Any = (0.0, -9.81, 0.0), *, drawing_tolerance: float = DRAWING_TOLERANCE
     ) -> None:
         super().__init__(name, gravity, drawing_tolerance)
+
+    @property
+    def remarks(self) -> tuple[RemarkGroup, ...]:
+        """Remarks on the file that it was read from, equal ones together, those that change the motion first; see
+        `Reading.remarks`."""
+        return () if self.reading is None else self.reading.remarks
 
     compile = models.compile
     assemble = solve.assemble

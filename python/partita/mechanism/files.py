@@ -5,24 +5,37 @@ from __future__ import annotations
 from os import PathLike
 
 from ..io import read
-from ..options import one_of
 from .facade import Mechanism
 
 
-def load(path: str | PathLike[str], *, base: str = "fixed") -> Mechanism:
-    """Read a mechanism from a model file; the suffix says which kind: .toml, .urdf.
+def load(
+    path: str | PathLike[str],
+    *,
+    base: str = "fixed",
+    loops: str | PathLike[str] | None = None,
+    inertia: str | None = None,
+    root: str | PathLike[str] | None = None,
+) -> Mechanism:
+    """Read a mechanism from a model file; the suffix says which kind: .toml, .urdf, .sdf, .mjcf, .xml.
 
     What a reader used, changed and left out stands in `Mechanism.reading`, each with its line. A URDF is drawn with all
     joints at zero; its loops are closed where the file states so in one of the supported forms (docs/robots.md).
 
     Args:
-        path: the file. Nothing in it is run, no other file is opened but a YAML file of the same name beside a URDF.
+        path: the file. Nothing in it is run. Other files are opened only in its folder or below: those that it names,
+            and a YAML file beside a URDF that lists its loops.
         base: what becomes of the root of a robot: "fixed" to the ground, or "free" to float.
+        loops: the YAML file that lists the loop closures and types of joints of a URDF. Default: that of the same name
+            beside it, else the only one there whose frames it has.
+        inertia: "strict" refuses an inertia that no body can have, "repair" replaces it by the nearest possible one
+            and reports it. Default: "repair" for robots' files, "strict" for TOML.
+        root: a folder around that of the model, within which the files that it names may lie. Default: its own folder.
 
     Raises:
         MissingFileError: there is no such file.
         FileFormatError: the suffix is not known, or the content is wrong; `line` says where.
-        ArgumentError: base is neither of the two.
+        ArgumentError: base or inertia is none of its words, the model is not in root, or the format has no loops to
+            list.
 
     >>> import partita as pt
     >>> try:
@@ -31,5 +44,5 @@ def load(path: str | PathLike[str], *, base: str = "fixed") -> Mechanism:
     ...     print(error.path)
     no-such-file.toml
     """
-    mechanism: Mechanism = read(path, Mechanism, one_of("base", base, ("fixed", "free")))
+    mechanism: Mechanism = read(path, Mechanism, base=base, loops=loops, inertia=inertia, root=root)
     return mechanism

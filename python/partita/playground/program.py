@@ -142,8 +142,11 @@ def program(model: CompiledModel, state: State, drives: list[dict[str, Any]], fu
 
 
 def bounds(drawn: Mapping[str, Any]) -> dict[str, str]:
-    """Numbers of couplings and screws that the builder refuses, by parameter: up to 0 ("above"), or 0 ("not")."""
+    """Numbers of couplings, rotors and screws that the builder refuses, by parameter: up to 0 ("above"), or 0
+    ("not")."""
     found = {f"{joint['name']}.pitch": "not" for joint in drawn["joints"] if joint["kind"] == "screw"}
+    for rotor in drawn.get("rotors", ()):
+        found |= {f"{rotor['name']}.inertia": "above", f"{rotor['name']}.ratio": "not"}
     for coupling in drawn["couplings"]:
         given = coupling.get("said", "factors" if coupling["kind"] == "linear" else coupling["kind"])
         kind = given if isinstance(given, str) else next(iter(given))

@@ -259,7 +259,7 @@ def efforts(drawing: Drawing, run: Any, i: int, found: Motion, verdict: Verdict,
         if c.kind == "roll":
             mine, theirs = (np.array([x[0], np.linalg.norm(x[1:])]) for x in (mine, theirs))
         if not found.shared[c.name]:
-            top = max(found.largest, np.abs(mine).max())
+            top = max(found.largest, np.abs(mine).max(), 1e-300)
             verdict.seen("effort", float(np.abs(mine - theirs).max()) / top, REACTION, f"{words}, coupling {c.name}")
 
 

@@ -150,6 +150,17 @@ class Torsion:
 
 
 @dataclass(frozen=True)
+class Rotor:
+    """Moves the inertia ratio^2 inertia with a coordinate of a joint."""
+
+    name: str
+    joint: str
+    coordinate: int
+    inertia: float
+    ratio: float
+
+
+@dataclass(frozen=True)
 class Torque:
     name: str
     joint: str
@@ -253,6 +264,7 @@ class Drawing:
     words: str = ""
     seed: int = field(default=0, compare=False)
     couplings: tuple[Coupling, ...] = ()
+    rotors: tuple[Rotor, ...] = ()
 
     def build(self) -> pt.Mechanism:
         """Through the public face."""
@@ -271,6 +283,8 @@ class Drawing:
             if c.call is not None:
                 method, positional, named = c.call
                 getattr(m, method)(*positional, **named)
+        for r in self.rotors:
+            m.add_rotor(r.joint, r.inertia, ratio=r.ratio, coordinate=r.coordinate, name=r.name)
         return m
 
     def lines(self) -> str:
@@ -304,6 +318,9 @@ class Drawing:
         for method, positional, named in (c.call for c in self.couplings if c.call is not None):
             reported = ", ".join([*map(words, positional), *(f"{key}={words(value)}" for key, value in named.items())])
             out.append(f"m.{method}({reported})")
+        for r in self.rotors:
+            where = f"coordinate={r.coordinate}, name={r.name!r}"
+            out.append(f"m.add_rotor({r.joint!r}, {r.inertia!r}, ratio={r.ratio!r}, {where})")
         return "\n".join(out)
 
     def turned(self, r: Array) -> Drawing:

@@ -18,7 +18,7 @@ import partita as pt
 from . import chance, forces
 from .comparison import Verdict, compare
 from .curves import Monotone, Spline, Wave
-from .drawing import GROUND, Array, Body, Coupling, Drawing, Joint, TableDrive, unit
+from .drawing import GROUND, Array, Body, Coupling, Drawing, Joint, Rotor, TableDrive, unit
 
 KINDS = (
     "screw", "pin_slot", "custom", "constant_velocity", "point_on_line", "point_on_plane", "parallel", "perpendicular",
@@ -436,6 +436,7 @@ EVERY = (
     *KINDS, "Contact", "Tyre", "Bushing", "TableLoad", "Friction", "BearingFriction", "Stop", "GasSpring",
     "TableEffort", "TableDrive", "follower of add_constraint", "rates of add_constraint", "cam of add_cam",
     "periodic cam", "follower of add_point_on_curve", "cam of add_point_on_curve", "outline of add_point_on_curve",
+    "Rotor",
 )  # fmt: skip
 """Everything that `kinds_of` may find beside what `chance` draws."""
 
@@ -456,12 +457,27 @@ def mechanism(seed: int) -> Drawing:
             made.table_drive("by a table")
     for k in range(int(rng.integers(0, 3)) if rng.random() < 0.6 else 0):
         made.one(COUPLINGS)(made, f"coupling {k}")
-    return made.drawing()
+    return rotating(made.drawing(), seed)
+
+
+def rotating(d: Drawing, seed: int) -> Drawing:
+    """With rotors on some joints, in every third mechanism."""
+    rng = np.random.default_rng([seed, 26])
+    scalars = [(j, i) for j in d.joints for i in range(j.coordinates[0])]
+    if not scalars or seed % 3:
+        return d
+    rotors = []
+    for k in range(int(rng.integers(1, 4))):
+        j, i = scalars[int(rng.integers(len(scalars)))]
+        ratio = float(rng.uniform(1.0, 50.0) * rng.choice([-1.0, 1.0]))
+        moved = d.mass * float(rng.uniform(0.02, 2.0)) * (1.0 if i < len(j.motions(j.some)[0]) else d.size**2)
+        rotors.append(Rotor(f"rotor {k}", j.name, i, moved / ratio**2, ratio))
+    return replace(d, rotors=tuple(rotors))
 
 
 def kinds_of(d: Drawing) -> Counter[str]:
     """What there is in a drawing, by name."""
-    found = Counter(j.kind for j in d.joints) + Counter(type(f).__name__ for f in (*d.forces, *d.drives))
+    found = Counter(j.kind for j in d.joints) + Counter(type(f).__name__ for f in (*d.forces, *d.drives, *d.rotors))
     for c in d.couplings:
         method, _, named = c.call or ("", (), {})
         found["periodic cam" if named.get("periodic") else f"{c.kind} of {method}"] += 1

@@ -452,7 +452,7 @@ class Maximal:
     def _newton(
         self, t: float, sides: dict[str, Side], rates: dict[str, Rates]
     ) -> tuple[Array, Array, dict[str, float]]:
-        """Masses, what acts on the bodies besides the joints, and the power of each force."""
+        """Masses, those of rotors too, what acts on the bodies besides the joints, and the power of each force."""
         mass, h = np.zeros((self.n, self.n)), np.zeros(self.n)
         for name, i in self.offset.items():
             b, side = self.bodies[name], sides[name]
@@ -461,6 +461,10 @@ class Maximal:
             mass[i + 3 : i + 6, i + 3 : i + 6] = inertia
             h[i : i + 3] += b.mass * self.drawing.gravity
             h[i + 3 : i + 6] -= cross(side.pose.w, inertia @ side.pose.w)
+        for r in self.drawing.rotors:
+            row, rest = rates[r.joint].rows[r.coordinate], rates[r.joint].rest[r.coordinate]
+            mass += r.inertia * r.ratio**2 * np.outer(row, row)
+            h -= r.inertia * r.ratio**2 * rest * row
         power = {}
         for f in self.drawing.forces:
             at = Acting(t, sides, rates, np.zeros(self.n))

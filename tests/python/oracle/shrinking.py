@@ -42,6 +42,8 @@ def candidates(d: Drawing) -> Iterator[Drawing]:
         yield replace(d, drives=d.drives[:i] + d.drives[i + 1 :])
     for i in range(len(d.couplings)):
         yield replace(d, couplings=d.couplings[:i] + d.couplings[i + 1 :])
+    for i in range(len(d.rotors)):
+        yield replace(d, rotors=d.rotors[:i] + d.rotors[i + 1 :])
     for i, j in enumerate(d.joints):
         if j.cut != "auto":
             yield replace(d, joints=(*d.joints[:i], replace(j, cut="auto"), *d.joints[i + 1 :]))
@@ -80,4 +82,5 @@ def without_joint(d: Drawing, name: str) -> Drawing:
         forces=tuple(f for f in d.forces if getattr(f, "joint", None) != name),
         couplings=tuple(c for c in d.couplings if all(x.get("joint") != name for x in c.data.get("terms", ()))),
         drives=tuple(x for x in d.drives if x.joint != name),
+        rotors=tuple(x for x in d.rotors if x.joint != name),
     )

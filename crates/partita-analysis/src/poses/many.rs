@@ -1,50 +1,16 @@
 //! Thousands of positions for values of the goals, each on the branch of one state.
 
 use super::continuation::{Continuation, Ending, Start};
+use super::explicit::Explicit;
 use super::field::Duty;
 use super::goal::Target;
 use super::nearest::nearest;
-use crate::instant::Levels;
+use super::outcome::{Found, Outcome};
 use crate::outputs::{tables, Rows, Watch};
 use partita_math::tolerance;
-use partita_model::loop_closure::LoopClosing;
 use partita_model::Model;
-use partita_system::closing::Closing;
 use partita_system::prelude::*;
 use partita_system::SystemError;
-
-/// Up to this many blocks, other signs are tried where a pose does not close on its branch.
-const BLOCKS: usize = 6;
-
-/// What became of a pose.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Outcome {
-    /// Assembled on the branch.
-    Closed,
-    /// The loops stay open there.
-    Open,
-    /// It closes, but not on this branch.
-    OtherBranch,
-    /// A position where branches meet blocks the path.
-    Singular,
-    /// The goals contradict each other.
-    Contradiction,
-}
-
-impl Outcome {
-    const ALL: [Self; 5] = [Self::Closed, Self::Open, Self::OtherBranch, Self::Singular, Self::Contradiction];
-
-    /// In one word, for messages.
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::Closed => "closed",
-            Self::Open => "open",
-            Self::OtherBranch => "other branch",
-            Self::Singular => "singular",
-            Self::Contradiction => "contradiction",
-        }
-    }
-}
 
 /// Poses, row by row.
 #[derive(Clone, Debug, Default)]
@@ -65,22 +31,6 @@ pub struct Poses {
     pub reasons: Vec<(usize, String)>,
     /// Blocks of loops with their signs on this branch, where closed forms were used.
     pub branch: Option<Vec<(String, i8)>>,
-}
-
-/// One pose as numbers.
-struct Found {
-    outcome: Outcome,
-    shortfall: f64,
-    angle: f64,
-    /// Row, block or goal that is at fault.
-    culprit: usize,
-    detour: bool,
-}
-
-impl Found {
-    fn closed(detour: bool) -> Self {
-        Self { outcome: Outcome::Closed, shortfall: 0.0, angle: 0.0, culprit: 0, detour }
-    }
 }
 
 /// The rows of the tables in which poses are found.
@@ -137,7 +87,7 @@ pub fn many<E: Send + From<SystemError>>(
             return Err(SystemError::argument("targets", message).into());
         }
     }
-    let explicit = Explicit::new(model, t, q, targets, &start);
+    let explicit = Explicit::new(model, t, q, targets, &start).map(|x| x.with_stations(values)).transpose()?;
     let of = |i: usize| &values[i * width..][..width];
     let tables = match &explicit {
         Some(explicit) => {
@@ -179,193 +129,8 @@ pub fn many<E: Send + From<SystemError>>(
         poses.angle.push(found.angle);
         poses.detour.push(found.detour);
     }
-    poses.branch = explicit.map(|x| {
-        let words = x.closing.blocks().iter().map(|b| b.words.clone());
-        words.zip(x.signs.iter().copied()).filter(|(_, sign)| *sign != 0).collect()
-    });
+    poses.branch = explicit.map(|x| x.branch());
     Ok(poses)
-}
-
-/// Poses by closed forms.
-struct Explicit<'m> {
-    model: &'m Model,
-    t: f64,
-    q: Vec<f64>,
-    targets: &'m [Target],
-    inputs: Vec<usize>,
-    closing: LoopClosing<'m>,
-    signs: Vec<i8>,
-    there: Vec<f64>,
-    before: Vec<f64>,
-    trial: Vec<f64>,
-    /// Pivots at q, and the position reached on the path.
-    first: Vec<f64>,
-    pivots: Vec<f64>,
-    levels: Levels<'m, Model>,
-}
-
-impl<'m> Explicit<'m> {
-    /// Where the goals are inputs that order all loops.
-    fn new(model: &'m Model, t: f64, q: &[f64], targets: &'m [Target], start: &Start) -> Option<Self> {
-        if start.rest > 0 || !start.free.iter().all(|f| *f) {
-            return None;
-        }
-        let inputs: Option<Vec<usize>> = targets.iter().map(|x| x.own().map(|own| own.1)).collect();
-        let inputs = inputs?;
-        let closing = model.loop_closing(t, q, Some(&inputs)).ok()?;
-        if !closing.is_explicit() {
-            return None;
-        }
-        let signs = closing.state().iter().map(|s| s.branch).collect();
-        let pivots: Vec<f64> = closing.state().iter().map(|s| s.pivot).collect();
-        Some(Self {
-            model,
-            t,
-            targets,
-            inputs,
-            closing,
-            signs,
-            q: q.to_vec(),
-            there: q.to_vec(),
-            before: q.to_vec(),
-            trial: q.to_vec(),
-            first: pivots.clone(),
-            pivots,
-            levels: Levels::new(model),
-        })
-    }
-
-    /// The same for another thread: the plan follows from the position alone.
-    fn again(&self) -> Option<Self> {
-        Some(Self {
-            closing: self.model.loop_closing(self.t, &self.q, Some(&self.inputs)).ok()?,
-            q: self.q.clone(),
-            inputs: self.inputs.clone(),
-            signs: self.signs.clone(),
-            there: self.q.clone(),
-            before: self.q.clone(),
-            trial: self.q.clone(),
-            first: self.first.clone(),
-            pivots: self.first.clone(),
-            levels: Levels::new(self.model),
-            ..*self
-        })
-    }
-
-    fn set(&mut self, values: &[f64], part: f64) {
-        for (x, &value) in self.targets.iter().zip(values) {
-            if let Some((at, _)) = x.own() {
-                self.trial[at] = if part == 1.0 { value } else { self.q[at] + (value - self.q[at]) * part };
-            }
-        }
-    }
-
-    /// Close the loops with the goals at this fraction of the path; otherwise the block that fails and its closure
-    /// error.
-    fn close(&mut self, values: &[f64], part: f64) -> Result<Option<(f64, usize)>, SystemError> {
-        self.trial.clone_from(&self.there);
-        self.set(values, part);
-        match self.closing.close(self.t, &mut self.trial) {
-            Ok(()) => {}
-            Err(SystemError::Limit { block, shortfall, .. }) => {
-                let index = self.closing.blocks().iter().position(|b| b.words.starts_with(&block)).unwrap_or(0);
-                return Ok(Some((shortfall, index)));
-            }
-            Err(e) => return Err(e),
-        }
-        self.levels.position(self.t, &self.trial)?;
-        let closure_error = |(i, x): (usize, &f64)| x.abs() / self.model.row_displacement(i).unwrap_or(1.0);
-        let worst = self.levels.phi.iter().enumerate().map(closure_error).fold(0.0, f64::max);
-        if !worst.is_finite() {
-            return Err(SystemError::NotFinite { what: "a loop-closure constraint".into(), t: self.t });
-        }
-        if worst > tolerance::CLOSED_FORM {
-            let raw = self.levels.phi.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-            return Ok(Some((raw, 0)));
-        }
-        std::mem::swap(&mut self.there, &mut self.trial);
-        Ok(None)
-    }
-
-    fn pose(&mut self, values: &[f64]) -> Result<(Found, Vec<f64>), SystemError> {
-        self.closing.set_branches(&self.signs);
-        self.there.clone_from(&self.q);
-        self.pivots.clone_from(&self.first);
-        let mut far = 0.0f64;
-        for (x, &value) in self.targets.iter().zip(values) {
-            far = x.own().map_or(far, |(at, _)| far.max((value - self.q[at]).abs() / x.displacement));
-        }
-        let longest = tolerance::STRIDE / far;
-        let (mut done, mut stride) = (0.0f64, longest);
-        // full steps while nothing limits them, so that the last one is not needlessly short
-        if longest < 1.0 {
-            stride = 1.0 / (1.0 / longest).ceil();
-        }
-        while done < 1.0 {
-            let next = if done + stride > 1.0 - tolerance::EQUAL { 1.0 } else { done + stride };
-            self.before.clone_from(&self.there);
-            let limit = self.close(values, next)?.is_some();
-            // a pivot that halves within a step may have passed zero, or may reach it next
-            let well = !limit
-                && self.pivots.iter().zip(self.closing.state()).all(|(before, now)| {
-                    now.branch == 0 || tolerance::HALF_LOST * now.pivot >= (now.pivot - before).abs()
-                });
-            if well {
-                self.pivots.iter_mut().zip(self.closing.state()).for_each(|(before, now)| *before = now.pivot);
-                done = next;
-                stride = (2.0 * stride).min(longest);
-                continue;
-            }
-            if !limit {
-                std::mem::swap(&mut self.there, &mut self.before);
-            }
-            stride *= 0.5;
-            if stride * far < tolerance::SHORTEST_STEP {
-                return self.beyond(values, done, limit);
-            }
-        }
-        Ok((Found::closed(false), values.to_vec()))
-    }
-
-    /// The direct path ends here, after this fraction: at a limit, or where branches meet.
-    fn beyond(&mut self, values: &[f64], done: f64, limit: bool) -> Result<(Found, Vec<f64>), SystemError> {
-        let missing = self.close(values, 1.0)?;
-        // a single goal has only one path; with several goals the signs define the branch, whatever the path
-        if missing.is_none() && values.len() > 1 {
-            return Ok((Found::closed(true), values.to_vec()));
-        }
-        let (shortfall, culprit) = missing.unwrap_or((0.0, 0));
-        let at = |x: &Target| x.own().map_or(f64::NAN, |own| self.q[own.0]);
-        let reached = self.targets.iter().zip(values).map(|(x, value)| at(x) + (value - at(x)) * done).collect();
-        let outcome = match missing {
-            None if !limit => Outcome::Singular,
-            None => Outcome::OtherBranch,
-            Some(_) if self.other_branch(values)? => Outcome::OtherBranch,
-            Some(_) => Outcome::Open,
-        };
-        Ok((Found { outcome, shortfall, angle: 0.0, culprit, detour: false }, reached))
-    }
-
-    /// Whether it closes with other signs.
-    fn other_branch(&mut self, values: &[f64]) -> Result<bool, SystemError> {
-        let free: Vec<usize> = (0..self.signs.len()).filter(|&i| self.signs[i] != 0).collect();
-        if free.len() > BLOCKS {
-            return Ok(false);
-        }
-        for combination in 1usize..1 << free.len() {
-            let mut signs = self.signs.clone();
-            for (bit, &i) in free.iter().enumerate() {
-                if combination >> bit & 1 == 1 {
-                    signs[i] = -signs[i];
-                }
-            }
-            self.closing.set_branches(&signs);
-            if self.close(values, 1.0)?.is_none() {
-                return Ok(true);
-            }
-        }
-        Ok(false)
-    }
 }
 
 /// Poses by following the motion.
@@ -473,7 +238,7 @@ impl Asked<'_> {
 
     fn reason(&self, found: &Found, explicit: Option<&Explicit>) -> String {
         let subject = match explicit {
-            Some(x) => x.closing.blocks().get(found.culprit).map_or_else(String::new, |b| b.words.clone()),
+            Some(x) => x.words_of(found.culprit),
             None => super::messages::loop_of(self.model, found.culprit),
         };
         let closure_error = super::messages::gap(found.shortfall, found.angle);

@@ -4,19 +4,22 @@ mod closed;
 mod continuation;
 mod driven;
 mod explain;
+mod explicit;
 mod field;
 mod goal;
 mod many;
 mod messages;
 mod nearest;
 mod one;
+mod outcome;
 mod rates;
 
 pub use closed::closed;
 pub use driven::driven_beyond;
 pub use goal::{Goal, Target};
-pub use many::{many, Outcome, Poses};
+pub use many::{many, Poses};
 pub use one::{one, Ask, Met, One};
+pub use outcome::Outcome;
 pub use rates::with_rates;
 
 #[cfg(test)]

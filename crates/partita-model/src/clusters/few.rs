@@ -92,8 +92,18 @@ impl<G: Space> Tree<G> {
             }
             let link = &self.links[i];
             for v in link.v..link.v + dof(&link.motion) {
+                let rates = &given.tangents.dt[v * stride..v * stride + k];
                 for j in 0..k {
-                    own[j] += given.tangents.dt[v * stride + j] * given.effort[v];
+                    own[j] += rates[j] * given.effort[v];
+                }
+                if let Some(rotor) = self.rotor(v) {
+                    for j in 0..k {
+                        let push = rotor * rates[j];
+                        own[j] -= push * given.tangents.delta[v];
+                        for h in 0..=j {
+                            mass[j * k + h] += push * rates[h];
+                        }
+                    }
                 }
             }
             if f.base != 0 {

@@ -306,7 +306,10 @@ impl<G: Space> Tree<G> {
             for r in 0..d {
                 push[r] = dot(&inertia[r * d..(r + 1) * d], axis);
             }
-            let felt = dot(axis, push);
+            let mut felt = dot(axis, push);
+            if let Some(rotor) = self.rotor(v) {
+                felt += rotor;
+            }
             x.pivots[v] = felt;
             let inverse = G::S::one() / felt;
             let left = given.effort[v] - dot(axis, force);

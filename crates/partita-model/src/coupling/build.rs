@@ -5,6 +5,7 @@ use crate::error::DescriptionError;
 use crate::joint::{Follows, Own};
 use crate::measurement::{Maker, Measurement, Mover, Quantity};
 use crate::numbers::Numbers;
+use crate::rotors;
 use crate::rows::Owner;
 use crate::spec::{Coupling, Drive, GivenAs, Level, Measure, Spec, Turning};
 use crate::tree::{LinkMotion, Tree};
@@ -34,6 +35,7 @@ pub(crate) fn all<G: Space>(
             Owner::Coupling(i) => {
                 (spec.couplings[i].name().to_string(), coupling(spec, i, placed, numbers, &group, &measurements)?)
             }
+            Owner::Rotor(i) => (spec.rotors[i].name.clone(), rotor(spec, i, placed, &group, &measurements)?),
             Owner::Drive(i) => {
                 let d = &spec.drives[i];
                 let law = |law| Ok(Says::Law(law, vec![measurements.driven(d)?]));
@@ -76,6 +78,22 @@ fn own<G: Space>(
         }
         Some(Own::Twist) | None => Says::Law(linear(vec![G::S::one()], None), vec![measurements.twist(j)]),
     }
+}
+
+/// A rotor turns with the coordinate of its joint, which closes a loop.
+fn rotor<G: Space>(
+    spec: &Spec,
+    i: usize,
+    placed: &Placed,
+    group: &ConditionRows,
+    measurements: &Maker<G>,
+) -> Result<Says<G>, DescriptionError> {
+    let r = &spec.rotors[i];
+    let of_joint = measurements.reading(&rotors::measure(r), "rotor", &r.name)?;
+    let own = placed.rotors[i].link.map(|link| measurements.of_link(link));
+    let factors = vec![G::S::one(), -G::S::one()];
+    let law = Law::Linear { factors, offset: G::S::zero(), period: group.period.map(G::S::from_f64) };
+    Ok(Says::Law(law, std::iter::once(of_joint).chain(own).collect()))
 }
 
 /// One component of a prescribed orientation.

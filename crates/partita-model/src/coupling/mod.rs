@@ -211,6 +211,7 @@ impl<G: Space> Condition<G> {
             }
             (Owner::Joint(_), Says::Law(_, readings)) if readings.len() == 2 => vec![row(format!("{name}.advance"))],
             (Owner::Joint(_), _) => vec![row(format!("{name}.twist"))],
+            (Owner::Rotor(_), _) => vec![row(format!("rotor {name}"))],
             (Owner::Coupling(i), _) => vec![row(format!("{} {name}", spec.couplings[i].word()))],
         }
     }

@@ -3,6 +3,7 @@
 use crate::error::DescriptionError;
 use crate::joint::Own;
 use crate::measurement;
+use crate::rotors;
 use crate::rows::Owner;
 use crate::spec::{Coupling, Level, Measure, Spec};
 use crate::zero_position::Placed;
@@ -106,6 +107,10 @@ pub fn order(spec: &Spec, placed: &Placed) -> Result<Vec<ConditionRows>, Descrip
                 }
             }
         }
+    }
+    for (i, r) in spec.rotors.iter().enumerate().filter(|(i, _)| placed.rotors[*i].link.is_some()) {
+        let period = wraps(placed, &rotors::measure(r)).then_some(turn);
+        groups.push(ConditionRows { owner: Owner::Rotor(i), part: 0, holonomic: true, rows: 1, period });
     }
     for (i, d) in spec.drives.iter().enumerate() {
         measurement::drivable(d, placed)?;

@@ -175,6 +175,12 @@ impl<'a, G: Space> Maker<'a, G> {
         })
     }
 
+    /// The coordinate of a link that turns or slides.
+    pub(crate) fn of_link(&self, link: usize) -> Measurement<G> {
+        let at = &self.placed.links[link];
+        self.in_tree(link, Quantity::Coordinate { q: at.q, v: at.v })
+    }
+
     /// The coordinates of the tree itself.
     fn in_tree(&self, link: usize, quantity: Quantity<G>) -> Measurement<G> {
         let movers = vec![Mover { link, on_b: true, column: 0 }];
@@ -232,8 +238,7 @@ impl<'a, G: Space> Maker<'a, G> {
     pub fn coordinate(&self, j: usize, motion: usize) -> Measurement<G> {
         let p = &self.placed.joints[j];
         if let Some(links) = &p.links {
-            let link = &self.placed.links[links[motion]];
-            return self.in_tree(links[motion], Quantity::Coordinate { q: link.q, v: link.v });
+            return self.of_link(links[motion]);
         }
         let nodes = [p.parent, p.child];
         match p.shape.motions[motion] {

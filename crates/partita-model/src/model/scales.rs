@@ -76,7 +76,7 @@ impl RowMeasures<'_> {
         for c in &tree.conditions {
             let of = match (c.owner, &c.says) {
                 (_, Says::Rolling(..)) => Some(self.placed.length),
-                (Owner::Joint(_), _) => Some(if is_angle(c) { 1.0 } else { self.placed.length }),
+                (Owner::Joint(_) | Owner::Rotor(_), _) => Some(if is_angle(c) { 1.0 } else { self.placed.length }),
                 (Owner::Drive(i), _) => Some(self.characteristic_displacement(&self.spec.drives[i].measure)),
                 (Owner::Coupling(i), _) => match &self.spec.couplings[i] {
                     Coupling::Linear { terms, factors, .. } => Some(
@@ -104,7 +104,7 @@ impl RowMeasures<'_> {
         for c in &tree.conditions {
             let of = match (c.owner, &c.says) {
                 (_, Says::Rolling(..)) => false,
-                (Owner::Joint(_), _) => c.readings().first().is_some_and(|x| x.is_angle(tree)),
+                (Owner::Joint(_) | Owner::Rotor(_), _) => c.readings().first().is_some_and(|x| x.is_angle(tree)),
                 (Owner::Drive(i), _) => angle(&self.spec.drives[i].measure),
                 (Owner::Coupling(i), _) => match &self.spec.couplings[i] {
                     Coupling::Curve { terms, .. } | Coupling::Function { terms, like: Some(0), .. } => angle(&terms[0]),

@@ -417,7 +417,7 @@ impl Conditions for Model {
         match self.row_names[i].owner {
             Owner::Drive(_) => true,
             Owner::Coupling(k) => matches!(self.spec.couplings[k], Coupling::Function { .. }),
-            Owner::Joint(_) => false,
+            Owner::Joint(_) | Owner::Rotor(_) => false,
         }
     }
     fn turned_over(&self, q: &[f64]) -> Vec<usize> {

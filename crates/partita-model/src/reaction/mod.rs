@@ -172,7 +172,10 @@ impl<S: Scalar> Evaluator<S> {
         vdot: &[S],
         s: &mut Scratch<S>,
     ) -> Result<Known<S>, SystemError> {
-        let Applied { on: mut needed, efforts } = self.applied(part, t, q, v, s)?;
+        let Applied { on: mut needed, mut efforts } = self.applied(part, t, q, v, s)?;
+        for (i, rotor) in self.full.rotating() {
+            efforts[i] -= rotor * vdot[i];
+        }
         let added = self.link_accelerations(part, vdot, s);
         let per_length = S::one().scale(1.0 / self.placed.size);
         let mut largest = S::zero();
@@ -425,7 +428,7 @@ impl<S: Scalar> Evaluator<S> {
         match owner {
             Owner::Joint(j) => Some(j),
             Owner::Drive(i) => self.drives.iter().find(|d| d.number == i).and_then(|d| d.joint).map(|(j, _)| j),
-            Owner::Coupling(_) => None,
+            Owner::Coupling(_) | Owner::Rotor(_) => None,
         }
     }
 

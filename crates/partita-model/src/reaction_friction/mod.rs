@@ -58,6 +58,8 @@ pub(crate) struct Following {
     frictions: Vec<ReactionFriction>,
     /// Of C.
     pattern: Pattern,
+    /// Largest closure error of each row under a large displacement, where it is known.
+    row_displacement: Vec<Option<f64>>,
     /// Squared sines below this are zero: rows that depend on each other.
     dependent: f64,
     /// Whether M itself is singular.
@@ -66,7 +68,11 @@ pub(crate) struct Following {
 
 impl Following {
     /// Reaction-dependent frictions of a mechanism, if there are any.
-    pub(crate) fn new(own: &Evaluator<f64>, spec: &Spec, pattern: &Pattern) -> Result<Option<Self>, DescriptionError> {
+    pub(crate) fn new(
+        own: &Evaluator<f64>,
+        spec: &Spec,
+        (pattern, row_displacement): (&Pattern, &[Option<f64>]),
+    ) -> Result<Option<Self>, DescriptionError> {
         let placed = &own.placed;
         let mut frictions = Vec::new();
         for (element, e) in own.full.elements.iter().enumerate() {
@@ -116,8 +122,8 @@ impl Following {
         }
         let dependent = tolerance::DEPENDENT.max(tolerance::CLEARLY * spec.drawing_tolerance).powi(2);
         let short_of_mass = !placed.massless.is_empty();
-        let pattern = pattern.clone();
-        Ok((!frictions.is_empty()).then_some(Self { frictions, pattern, dependent, short_of_mass }))
+        let (pattern, row_displacement) = (pattern.clone(), row_displacement.to_vec());
+        Ok((!frictions.is_empty()).then_some(Self { frictions, pattern, row_displacement, dependent, short_of_mass }))
     }
 }
 

@@ -11,6 +11,7 @@ use crate::wrench::{with_along, Wrench};
 use partita_math::dense;
 use partita_math::spatial::{Space, Vec3};
 use partita_math::tolerance;
+use partita_system::reduction;
 use partita_system::SystemError;
 
 /// A motion and multipliers, whose reactions are requested.
@@ -201,7 +202,11 @@ impl Following {
             }
             dense::cholesky_forward(&x.mass, n, w);
             let length = dense::dot(w, w).sqrt();
-            x.scale[row] = if length > 0.0 { 1.0 / length } else { 0.0 };
+            let sizes = &model.callers.v_sizes;
+            let strength = |large: f64| reduction::strength(&self.pattern, &x.c, sizes, row, large);
+            let empty =
+                length <= 0.0 || self.row_displacement[row].is_some_and(|d| reduction::is_round_off(strength(d)));
+            x.scale[row] = if empty { 0.0 } else { 1.0 / length };
             w.iter_mut().for_each(|w| *w *= x.scale[row]);
         }
         for i in 0..m {

@@ -1,7 +1,7 @@
 //! Occasional decisions at a position: scales of velocities and rows, the choice and the plan of its elimination, the
 //! recursion over the clusters, and the layout of the data of an evaluation.
 
-use super::{choice, Choice, Reduction, NONE};
+use super::{choice, is_round_off, Choice, Reduction, NONE};
 use crate::clusters::Clusters;
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::elimination::{Plan, PlanOptions};
@@ -37,9 +37,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         let pattern = self.system.pattern();
         for i in 0..self.size.rows {
             let norm = pattern.row(i).map(|e| (self.c[e] * self.s[pattern.col_idx[e]]).powi(2)).sum::<f64>().sqrt();
-            // a row of round-off alone has no direction to pivot on; strengths are squares
-            let nothing = tolerance::NEGLIGIBLE * tolerance::NEGLIGIBLE;
-            let empty = norm == 0.0 || self.strength(i).is_some_and(|s| s < nothing);
+            let empty = norm == 0.0 || self.strength(i).is_some_and(is_round_off);
             self.row_scale[i] = if empty { 0.0 } else { 1.0 / norm };
             // entries of C are lever arms: the lengths that are added up in Φ
             let arm =

@@ -12,7 +12,7 @@ mod watch;
 
 pub use arithmetic::Choice;
 pub use correction::DependentStep;
-pub use watch::{largest, quality_of, velocity_residuals, Sides};
+pub use watch::{is_round_off, largest, quality_of, strength, velocity_residuals, Sides};
 
 use crate::clusters::Clusters;
 use crate::partition::Partition;

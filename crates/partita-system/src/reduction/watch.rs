@@ -67,10 +67,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     /// Squared size of row i of C for unit characteristic displacements, over its closure error under a large
     /// displacement: 1 for a well-scaled row.
     pub fn strength(&self, i: usize) -> Option<f64> {
-        let pattern = self.system.pattern();
-        let displacement = self.row_displacement[i]?;
-        let sum: f64 = pattern.row(i).map(|e| (self.c[e] * self.displacement[pattern.col_idx[e]]).powi(2)).sum();
-        Some(sum / (displacement * displacement))
+        Some(strength(self.system.pattern(), &self.c, &self.displacement, i, self.row_displacement[i]?))
     }
 
     /// P5 cluster by cluster at the last tangent: volumes are products over clusters, so each cluster chooses
@@ -412,6 +409,17 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
 /// Largest |x|; NaN counts as infinite.
 pub fn largest(x: impl IntoIterator<Item = f64>) -> f64 {
     x.into_iter().fold(0.0, |m: f64, x| if x.is_nan() { f64::INFINITY } else { m.max(x.abs()) })
+}
+
+/// Squared size of row i of C, given by its values in pattern order, for these displacements of the coordinates, over
+/// its closure error `large` under a large displacement.
+pub fn strength(pattern: &Pattern, c: &[f64], displacement: &[f64], i: usize, large: f64) -> f64 {
+    pattern.row(i).map(|e| (c[e] * displacement[pattern.col_idx[e]]).powi(2)).sum::<f64>() / (large * large)
+}
+
+/// Whether a row of this strength is round-off alone: it has no direction, and normalised it would be noise.
+pub fn is_round_off(strength: f64) -> bool {
+    strength < tolerance::NEGLIGIBLE * tolerance::NEGLIGIBLE
 }
 
 /// C v + a, row by row, for values of C in pattern order.

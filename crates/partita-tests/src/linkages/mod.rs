@@ -36,6 +36,7 @@ pub fn drawing(name: &str) -> Drawing {
         couplings: vec![],
         drives: vec![],
         forces: vec![],
+        rotors: vec![],
         sights: vec![],
     })
 }

@@ -110,6 +110,7 @@ pub(super) fn blocks(spec: &Spec) -> Blocks {
             couplings,
             drives: Vec::new(),
             forces: Vec::new(),
+            rotors: Vec::new(),
             sights: Vec::new(),
         };
         for joint in &mut drawn.joints {

@@ -1,0 +1,128 @@
+"""Loop closures of a URDF: pairs of frames that a sidecar lists, or else pairs that are named as such.
+
+closing_NAME_1, closing_NAME_2    also _A and _B, `closedloop`, and with words before
+..._3D, ..._6D, closedloop3D...   the frames are joined at their points, or welded; welded without it
+closing_NAME_1_z, closing_NAME_2_z    points on the z axes of the two frames: they are hinged about it
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from typing import NoReturn
+
+import numpy as np
+
+from . import sidecar
+from .reading import Remark
+from .robot import MASSLESS, Array, Robot
+
+_WORD = r"(?:.*[^a-z])?clos(?:ing|ed?_?loop)s?"
+_NAME = re.compile(rf"(?P<stem>{_WORD}.*?)[_-]?(?P<side>[12AB])(?:[_-]?(?P<end>[36]D))?", re.IGNORECASE)
+_KIND = re.compile(rf"{_WORD}[_-]?([36]D)", re.IGNORECASE)
+_SIDE = re.compile(r"(?P<stem>.+?)(?P<side>[12AB])(?:[_-]?[36]D)?", re.IGNORECASE)
+_AXIS = "_z"
+"""Ending of the name of a second point on the axis of a hinge."""
+_ON_AXIS = 1e-6
+"""Distance from an axis, as a fraction of the distance along it, of a point that lies on it: six digits."""
+_TOGETHER = 1e-6
+"""Frames within this distance [m] were drawn in one place: coordinates in files have a micrometre."""
+
+
+def is_closing(name: str) -> bool:
+    """Whether a frame of this name closes a loop."""
+    return _NAME.fullmatch(name) is not None
+
+
+def close(robot: Robot) -> None:
+    """Close the loops that the sidecar or the names of frames state."""
+    if sidecar.read(robot):
+        return
+    stated = _named(robot)
+    for stem, names in stated.items():
+        if len(names) != 2:
+            message = f"is one of {len(names)} frames of the closing {stem}; it has two, _1 and _2 or _A and _B"
+            _fail(robot, names[0], message)
+        kinds = {kind for name in names if (kind := _kind(name))}
+        if len(kinds) > 1:
+            _fail(robot, names[0], f"and {names[1]} are of different kinds, {' and '.join(sorted(kinds))}")
+        kind = next(iter(kinds), "hinge" if _hinged(robot, names) else "6d")
+        sidecar.close(robot, stem, (names[0], names[1]), kind, None)
+
+
+def report_open(robot: Robot, poses: Mapping[str, Array]) -> None:
+    """Report pairs of frames that look like loops and are not closed: of the names above, or with names that differ
+    in the side alone and drawn in one place."""
+
+    def place(name: str) -> tuple[str, bytes]:
+        link, pose = robot.frames[name]
+        return link, pose.tobytes()
+
+    taken = {place(name) for name in robot.closed if name in robot.frames}
+    sides: dict[str, list[str]] = {}
+    for name in robot.frames:
+        found = _SIDE.fullmatch(name)
+        if place(name) not in taken and found is not None:
+            taken.add(place(name))  # a joint's name stands for the same frame
+            sides.setdefault(name[: found.start("side")] + name[found.end("side") :], []).append(name)
+    pairs = []
+    for names in (sorted(names) for names in sides.values() if len(names) == 2):
+        links, frames = zip(*(robot.frames[name] for name in names), strict=True)
+        if links[0] == links[1] or any(link not in poses for link in links):
+            continue
+        one, other = ((poses[link] @ frame)[:3, 3] for link, frame in zip(links, frames, strict=True))
+        if all(map(is_closing, names)) or float(np.linalg.norm(one - other)) <= _TOGETHER:
+            pairs.append(" and ".join(names))
+    if pairs:
+        cure = "closed_loop in a YAML file beside the URDF closes them"
+        remark = f"{', '.join(pairs)} look like ends of loops, which are open; {cure}"
+        robot.reading.dropped.append(Remark(None, remark))
+
+
+def _named(robot: Robot) -> dict[str, list[str]]:
+    """Frames by the stem of their names. A link that carries others, or that moves and has mass, is none."""
+    parents = {joint.parent for joint in robot.joints.values()}
+    fixed = {joint.child for joint in robot.joints.values() if joint.kind == "fixed"}
+    ends = {name for name, link in robot.links.items() if name in fixed or link.mass <= MASSLESS} - parents
+    sides: dict[str, list[str]] = {}
+    for name in [*(link for link in robot.links if link in ends), *robot.frames]:
+        found = _NAME.fullmatch(name)
+        if found is not None:
+            sides.setdefault(found["stem"].rstrip("_- "), []).append(name)
+    return sides
+
+
+def _kind(name: str) -> str:
+    found, within = _NAME.fullmatch(name), _KIND.match(name)
+    end = found["end"] if found is not None else None
+    return (end or (within[1] if within is not None else "")).lower()
+
+
+def _hinged(robot: Robot, names: Iterable[str]) -> bool:
+    """Whether each frame has a second point on its z axis."""
+    for name in names:
+        frame, beyond = robot.frame(name), robot.frame(name + _AXIS)
+        if frame is None or beyond is None:
+            return False
+        point = _seen(robot, beyond, frame)
+        if point is None or point[2] == 0.0 or float(np.linalg.norm(point[:2])) > _ON_AXIS * abs(point[2]):
+            return False
+    return True
+
+
+def _seen(robot: Robot, point: tuple[str, Array], frame: tuple[str, Array]) -> Array | None:
+    """The origin of a frame in another one, both at ends of fixed joints of one link; else None."""
+    (one, here), (other, there) = _carrier(robot, point), _carrier(robot, frame)
+    return there[:3, :3].T @ (here[:3, 3] - there[:3, 3]) if one == other else None
+
+
+def _carrier(robot: Robot, frame: tuple[str, Array]) -> tuple[str, Array]:
+    """A frame at the end of a fixed joint, as one of the link that carries it."""
+    link, pose = frame
+    fixed = next((j for j in robot.joints.values() if j.child == link and j.kind == "fixed"), None)
+    return frame if fixed is None else (fixed.parent, fixed.pose @ pose)
+
+
+def _fail(robot: Robot, name: str, message: str) -> NoReturn:
+    link = robot.links.get(name) or next(iter(robot.links.values()))
+    link.at.fail(f"{'' if name in robot.links else f'and the frame {name} '}{message}")
