@@ -197,11 +197,10 @@ def parameters_of(d: Description, names: Iterable[str], known: Mapping[str, Any]
         unit = parameter_unit(d, name)
         for i, value in enumerate(values):
             part = "" if len(values) == 1 else f".{_AXES[i] if len(values) == 3 else i}"
-            own = unit if isinstance(unit, str) else unit[i]
+            own = str(unit if isinstance(unit, str) else unit[i])
+            words = f"parameter {name}{part}, set before the start"
             means = {"name": name, "component": i}
-            found.append(
-                Parameter(name + part, _FMI_UNITS.get(own, own), f"parameter {name}{part}", float(value), means)
-            )
+            found.append(Parameter(name + part, _FMI_UNITS.get(own, own), words, float(value), means))
     return found
 
 
