@@ -601,6 +601,7 @@ def asked() -> dict[str, Callable[[], Call]]:
                 "path": "none/x.fmu",
                 "inputs": ["A"],
                 "outputs": ["A"],
+                "parameters": ["gravity"],
                 "initial": None,
                 "duration": 1.0,
                 "communication_step": 0.1,

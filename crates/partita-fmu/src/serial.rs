@@ -5,7 +5,7 @@ const MARK: &[u8] = b"partita fmu state 1";
 /// The lists, after a mark and the name of the model.
 pub fn bytes(guid: &str, lists: &[&[f64]]) -> Vec<u8> {
     let mut found = MARK.to_vec();
-    let mut count = |found: &mut Vec<u8>, n: usize| found.extend((n as u64).to_le_bytes());
+    let count = |found: &mut Vec<u8>, n: usize| found.extend((n as u64).to_le_bytes());
     count(&mut found, guid.len());
     found.extend(guid.as_bytes());
     for list in lists {

@@ -336,9 +336,9 @@ impl Slave {
         self.cell.set(&courses);
         match self.marched(now, end, &[end], false) {
             Ok((state, doubts)) => {
-                let before = std::mem::replace(&mut self.state, state);
-                self.state =
-                    State { inputs: before.inputs, parameters: before.parameters, courses, ..self.state.clone() };
+                let (inputs, parameters) =
+                    (std::mem::take(&mut self.state.inputs), std::mem::take(&mut self.state.parameters));
+                self.state = State { inputs, parameters, courses, ..state };
                 Ok(Stepped { doubts })
             }
             Err(e) => {
