@@ -216,6 +216,26 @@ def test_two_instances_with_other_parameters_are_native_runs(tmp_path: Path, ope
     assert both[1].call("fmi2FreeFMUstate", ctypes.byref(kept)) == 0
 
 
+def test_fmpy_sets_parameters(tmp_path: Path) -> None:
+    fmpy = pytest.importorskip("fmpy", reason="fmpy is no pinned tool; the others run FMUs by ctypes")
+    from fmpy.validation import validate_fmu
+
+    m = swinging()
+    path = written(m, tmp_path, outputs=["A"], parameters=PARAMETERS)
+    assert validate_fmu(str(path)) == []
+    changes = changes_of(m)
+    starts = {
+        name + part: number
+        for name, value in changes.items()
+        for part, number in zip((["", ".x", ".y", ".z"])[np.ndim(value) :], np.ravel(value), strict=False)
+    }
+    for given, start in (({}, {}), (changes, starts)):
+        found = fmpy.simulate_fmu(str(path), stop_time=1.0, step_size=STEP, output_interval=STEP, start_values=start,
+                                  output=["A.position"])  # fmt: skip
+        run = m.simulate(1.0, t_eval=TIMES, rtol=1e-11, atol=1e-13, parameters=given)
+        assert np.abs(found["A.position"] - run.joint("A").position[:, 0]).max() < 1e-8
+
+
 def test_a_saved_state_is_taken_to_another_instance(tmp_path: Path, opened: Any) -> None:
     """As bytes: the same steps follow, to the last bit; other bytes are refused."""
     m = swinging()
