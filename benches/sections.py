@@ -21,6 +21,8 @@ from playground import frame_costs
 from poses import AIM as POSES_AIM
 from poses import poses_cost
 from public_face import AGAIN_AIM, RUNS, face_cost, second_run
+from sweeps import AIM as SWEEPS_AIM
+from sweeps import MEMBERS, sweep_costs
 from timing import against, text
 
 ENOUGH = 180.0
@@ -198,6 +200,22 @@ def playground(_: Path) -> dict[str, Any]:
     return {title: asdict(cost) for title, cost in found.items()}
 
 
+def sweeps(_: Path) -> dict[str, Any]:
+    """Short members over a cluster."""
+    print(f"\nSweeps: {MEMBERS} members of 0.5 ms over a Dask cluster of two processes, CPU time of all processes")
+    found = sweep_costs()
+    if not found:
+        print("  Dask, psutil or xarray is missing")
+    for cost in found:
+        print(
+            f"  {cost.title:<13}{text(cost.cpu)}, of it the members {text(cost.members)} and the parent "
+            f"{text(cost.parent)}: {against(cost.ratio, SWEEPS_AIM)}; serial loop {text(cost.serial)}, "
+            f"idle cluster {text(cost.idle)}, wall {text(cost.wall)}"
+            f"{'' if cost.same else '; OTHER VALUES'}"
+        )
+    return {cost.title: {**asdict(cost), "ratio": cost.ratio} for cost in found}
+
+
 def _ratio(seconds: float, limit: Figure | None) -> float | None:
     return None if limit is None else seconds / limit.seconds
 
@@ -211,4 +229,5 @@ SECTIONS = {
     "poses": poses,
     "loads": loads,
     "playground": playground,
+    "sweeps": sweeps,
 }

@@ -20,7 +20,7 @@ from .builder import Along, Coordinate, Cosine, Distance
 from .comparison import compare
 from .mechanism import Mechanism, load
 from .state import State
-from .sweep import sweep
+from .sweep import load_sweep, samples, sweep
 from .system import System, simulate
 from .tangent import TangentVelocities
 
@@ -46,7 +46,9 @@ __all__ = [
     "errors",
     "load",
     "load_result",
+    "load_sweep",
     "partition",
+    "samples",
     "simulate",
     "sweep",
     "units",

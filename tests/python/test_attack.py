@@ -602,6 +602,7 @@ def asked() -> dict[str, Callable[[], Call]]:
                 "path": "none/x.fmu",
                 "inputs": ["A"],
                 "outputs": ["A"],
+                "parameters": ["gravity"],
                 "initial": None,
                 "duration": 1.0,
                 "communication_step": 0.1,
@@ -613,7 +614,19 @@ def asked() -> dict[str, Callable[[], Call]]:
         ),
         "Mechanism.save": (loop().save, {"path": "none/x.urdf", "strict": True}),
         "load": (pt.load, {"path": "none.toml", "base": "fixed"}),
-        "sweep": (pt.sweep, {"model": abs_of, "parameters": {"x": [1.0]}, "executor": None, "workers": 1}),
+        "sweep": (
+            pt.sweep,
+            {
+                "model": abs_of,
+                "parameters": {"x": [1.0]},
+                "executor": None,
+                "workers": 1,
+                "batch": "auto",
+                "store": None,
+            },
+        ),
+        "samples": (pt.samples, {"ranges": {"x": (0.0, 1.0)}, "count": 2, "sampler": "halton", "seed": 0}),
+        "load_sweep": (pt.load_sweep, {"path": "none"}),
         "load_result": (pt.load_result, {"path": "none.json"}),
     }
     for name in ("mass_matrix", "constraints", "jacobian", "measure", "rate"):

@@ -159,6 +159,128 @@ def test_a_state_is_come_back_to(tmp_path: Path, opened: Any) -> None:
     assert one.get(0) == [0.0]
 
 
+def swinging() -> pt.Mechanism:
+    """A four-bar with a spring, at rest; it swings by its weight."""
+    m = pt.catalogue.load("four-bar")
+    m.add_torsion_spring("D", stiffness=0.4, damping=0.1, angle=0.2, name="spring")
+    return m
+
+
+PARAMETERS = ["gravity", "crank.mass", "D.point", "spring.stiffness"]
+CHANGES = {"gravity": (0.5, -3.0, 0.0), "crank.mass": 2.5, "D.point": None, "spring.stiffness": 3.0}
+
+
+def changes_of(m: pt.Mechanism) -> dict[str, Any]:
+    """Other values: gravity, a mass, a length and a stiffness."""
+    point = np.add(m.compile().parameters["D.point"], (0.05, -0.02, 0.0))
+    return {**CHANGES, "D.point": point.tolist()}
+
+
+def test_two_instances_with_other_parameters_are_native_runs(tmp_path: Path, opened: Any) -> None:
+    """Each instance its own; a saved state has the parameters, and Reset returns to those of the file."""
+    m = swinging()
+    path = written(m, tmp_path, outputs=["A", "D.force", "energy"], parameters=PARAMETERS)
+    changes = changes_of(m)
+    runs = [m.simulate(0.1, t_eval=np.linspace(0, 0.1, 6), rtol=1e-11, atol=1e-13, parameters=given)
+            for given in ({}, changes)]  # fmt: skip
+    assert np.abs(runs[0].joint("A").position - runs[1].joint("A").position).max() > 1e-4
+    both = [opened(path), opened(path)]
+    for name, value in changes.items():
+        for part, number in zip((["", ".x", ".y", ".z"])[np.ndim(value) :], np.ravel(value), strict=False):
+            assert both[1].set(both[1].references[name + part], float(number)) == 0
+    for one in both:
+        one.begin()
+    names = list(both[0].references)[:7]
+    numbers = [both[0].references[name] for name in names]
+
+    def wanted(run: Any, k: int) -> list[float]:
+        joint = run.joint("A")
+        return [joint.position[k, 0], joint.velocity[k, 0], *run.joint("D").force[k], run.energy.kinetic[k],
+                run.energy.potential[k]]  # fmt: skip
+
+    for k in range(5):
+        for one, run in zip(both, runs, strict=True):
+            found = np.array(one.get(*numbers))
+            assert np.abs(found - wanted(run, k)).max() < 1e-8 * max(1.0, np.abs(found).max()), (k, names)
+            assert one.step(k * STEP) == 0, one.messages
+    mass = both[1].references["crank.mass"]
+    assert both[1].get(mass) == [2.5] and both[0].get(mass) != [2.5]
+    assert both[1].set(mass, 1.0) == 3 and "not allowed" in both[1].messages[-1]
+    kept = ctypes.c_void_p()
+    assert both[1].call("fmi2GetFMUstate", ctypes.byref(kept)) == 0
+    there = both[1].get(*numbers)
+    assert both[1].call("fmi2Reset") == 0 and both[1].get(mass) == both[0].get(mass)
+    both[1].begin()
+    assert np.abs(np.array(both[1].get(*numbers)) - wanted(runs[0], 0)).max() < 1e-8
+    assert both[1].call("fmi2SetFMUstate", kept) == 0 and both[1].get(*numbers, mass) == [*there, 2.5]
+    assert both[1].call("fmi2FreeFMUstate", ctypes.byref(kept)) == 0
+
+
+def test_fmpy_sets_parameters(tmp_path: Path) -> None:
+    fmpy = pytest.importorskip("fmpy", reason="fmpy is no pinned tool; the others run FMUs by ctypes")
+    from fmpy.validation import validate_fmu
+
+    m = swinging()
+    path = written(m, tmp_path, outputs=["A"], parameters=PARAMETERS)
+    assert validate_fmu(str(path)) == []
+    changes = changes_of(m)
+    starts = {
+        name + part: number
+        for name, value in changes.items()
+        for part, number in zip((["", ".x", ".y", ".z"])[np.ndim(value) :], np.ravel(value), strict=False)
+    }
+    for given, start in (({}, {}), (changes, starts)):
+        found = fmpy.simulate_fmu(str(path), stop_time=1.0, step_size=STEP, output_interval=STEP, start_values=start,
+                                  output=["A.position"])  # fmt: skip
+        run = m.simulate(1.0, t_eval=TIMES, rtol=1e-11, atol=1e-13, parameters=given)
+        assert np.abs(found["A.position"] - run.joint("A").position[:, 0]).max() < 1e-8
+
+
+def test_a_saved_state_is_taken_to_another_instance(tmp_path: Path, opened: Any) -> None:
+    """As bytes: the same steps follow, to the last bit; other bytes are refused."""
+    m = swinging()
+    m.add_torque("A", value=0.0, name="motor")
+    path = written(m, tmp_path, inputs=["motor"], outputs=["A", "D.force"], parameters=["crank.mass"])
+    one, other = opened(path), opened(path)
+    mass = one.references["crank.mass"]
+    assert one.set(mass, 1.5) == 0
+    one.begin()
+    assert one.set(0, 0.4) == 0 and one.step(0.0) == 0
+    kept, size = ctypes.c_void_p(), ctypes.c_size_t()
+    assert one.call("fmi2GetFMUstate", ctypes.byref(kept)) == 0
+    assert one.call("fmi2SerializedFMUstateSize", kept, ctypes.byref(size)) == 0
+    content = ctypes.create_string_buffer(size.value)
+    assert one.call("fmi2SerializeFMUstate", kept, content, ctypes.c_size_t(size.value - 1)) == 3
+    assert one.call("fmi2SerializeFMUstate", kept, content, size) == 0
+    read = ctypes.c_void_p()
+    for spoilt in (b"", content.raw[:-1], content.raw + b"x", content.raw.replace(b"{", b"[", 1)):
+        assert other.call("fmi2DeSerializeFMUstate", spoilt, ctypes.c_size_t(len(spoilt)), ctypes.byref(read)) == 3
+        assert not read.value
+    assert "not a state of this model" in other.messages[-1]
+    assert other.call("fmi2DeSerializeFMUstate", content, size, ctypes.byref(read)) == 0
+    assert other.call("fmi2SetFMUstate", read) == 0
+    shown = (0, 1, 2, 3, 4, 5, mass)
+    assert other.get(*shown) == one.get(*shown)
+    for k in (1, 2):
+        assert one.step(k * STEP) == other.step(k * STEP) == 0 and other.get(*shown) == one.get(*shown)
+    for instance, state in ((one, kept), (other, read)):
+        assert instance.call("fmi2FreeFMUstate", ctypes.byref(state)) == 0
+
+
+def test_parameters_that_cannot_be_are_refused(tmp_path: Path, opened: Any) -> None:
+    """When the initialisation ends, in the words of the native refusal; with better numbers it ends."""
+    one = opened(written(swinging(), tmp_path, parameters=PARAMETERS))
+    mass = one.references["crank.mass"]
+    with pytest.raises(pt.errors.DescriptionError) as native:
+        swinging().compile().with_parameters({"crank.mass": -1.0})
+    assert one.set(mass, -1.0) == 0
+    assert one.call("fmi2SetupExperiment", 0, ctypes.c_double(0), ctypes.c_double(0), 0, ctypes.c_double(0)) == 0
+    assert one.call("fmi2EnterInitializationMode") == 0
+    assert one.call("fmi2ExitInitializationMode") == 3 and str(native.value) in one.messages[-1], one.messages
+    assert one.set(mass, float("nan")) == 3 and one.set(99, 1.0) == 3
+    assert one.set(mass, 1.0) == 0 and one.call("fmi2ExitInitializationMode") == 0 and one.step(0.0) == 0
+
+
 def test_what_goes_wrong_is_said(tmp_path: Path, opened: Any) -> None:
     path = written(four_bar(), tmp_path, inputs=["motor"], outputs=["A"])
     assert not opened(path, guid="{other}").at
@@ -238,6 +360,10 @@ BAD = [
     ({"inputs": [1.0]}, "list of names"),
     ({"outputs": ["A.colour"]}, "is not known"),
     ({"outputs": ["A", "A.position"]}, "twice"),
+    ({"parameters": ["crank.mas"]}, "near it: crank.mass"),
+    ({"parameters": ["gravity", "gravity"]}, "appears twice"),
+    ({"parameters": "gravity"}, "list of names"),
+    ({"inputs": ["motor"], "parameters": ["motor.value"]}, "is not one"),
     ({"duration": -1.0}, "duration"),
     ({"communication_step": 0.0}, "communication_step"),
     ({"initial": 1.0}, "State"),

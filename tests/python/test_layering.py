@@ -43,7 +43,7 @@ ONLY_IN = {"pyo3": {"py"}, "numpy": {"py"}, "faer": {"math", "system", "analysis
 WITHOUT_CIRCLES = ("analysis", "fmu", "integrate", "math", "model", "py", "system")
 """Crates whose rooms are held to it that none uses itself by way of others."""
 
-CORE_USERS = {"__init__", "builder", "io", "options", "partition", "results", "system"}
+CORE_USERS = {"__init__", "builder", "io", "options", "partition", "results", "sweep", "system"}
 """The modules of the package that talk to the compiled core; the others work on what these return."""
 
 USE = re.compile(r"\bpartita_(\w+)(?=\s*(?:::|;|as\b))")

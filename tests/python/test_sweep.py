@@ -1,12 +1,17 @@
-"""Sweeps: serial, threads and processes agree; a dead worker loses nothing else; a failure is reported at its point."""
+"""Sweeps: all executors agree; a dead worker loses nothing else; a failure is reported with its member; samples."""
 
 import os
 import signal
+import time
+from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from pressing import heard
+from scipy.stats import norm, qmc
 
 import partita as pt
 
@@ -70,13 +75,120 @@ def test_points_that_fail_are_reported() -> None:
     )
 
 
+def one_kills(x: int) -> int:
+    """One member of many kills its worker."""
+    if x == 1234:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return x
+
+
+def test_a_member_that_kills_is_found_in_a_large_batch() -> None:
+    found = pt.sweep(one_kills, {"x": range(2000)}, executor="processes", workers=2, batch=500)  # type: ignore[dict-item]
+    wanted = np.arange(2000.0)
+    wanted[1234] = np.nan
+    assert np.array_equal(found.value.values, wanted, equal_nan=True)
+    assert found.failed.values[1234] == "its worker died 3 times" and (found.failed != "").sum() == 1
+
+
+def unlike(x: int) -> Any:
+    """A result that cannot be sent back, and one that can."""
+    return (lambda: x) if x == 3 else float(x)
+
+
+def test_a_result_that_cannot_be_sent_is_a_failure_of_its_member() -> None:
+    found = pt.sweep(unlike, {"x": range(6)}, executor="processes", workers=1, batch=6)  # type: ignore[dict-item]
+    assert [bool(why) for why in found.failed.values] == [x == 3 for x in range(6)]
+    assert "pickle" in found.failed.values[3] and found.value.values[5] == 5.0
+    with pytest.raises(pt.errors.ArgumentError, match=r"processes cannot import the model <function .*lambda"):
+        pt.sweep(lambda x: x, {"x": [1]}, executor="processes")
+
+
+def test_batches_are_sized_by_time() -> None:
+    """Of members of a millisecond many go together; the long ones among them are not waited for together."""
+    sizes: list[int] = []
+
+    class Watched(ThreadPoolExecutor):
+        def submit(self, function: Any, /, *arguments: Any, **options: Any) -> Any:
+            sizes.append(len(arguments[1]))
+            return super().submit(function, *arguments, **options)
+
+    def model(x: int) -> int:
+        time.sleep(0.3 if 600 <= x < 605 else 0.0)
+        return x
+
+    with Watched(2) as pool:
+        found = pt.sweep(model, {"x": range(20_000)}, executor=pool)  # type: ignore[dict-item]
+    assert np.array_equal(found.value.values, np.arange(20_000))
+    assert sizes[:2] == [1, 1] and max(sizes) > 1000 and len(sizes) < 200
+    counted = Counter(sizes)
+    sizes.clear()
+    with Watched(2) as pool:
+        pt.sweep(lambda x: time.sleep(0.3) or x, {"x": range(5)}, executor=pool)  # type: ignore[dict-item, func-returns-value]
+    assert set(sizes) == {1} and counted[1] < 20
+
+
+def test_samples_are_a_dimension() -> None:
+    """The same members as points of a grid and as samples have the same values."""
+    grid = pt.sweep(four_bar, GRID)
+    samples = [{"mass": mass, "crank": crank} for crank in GRID["crank"] for mass in GRID["mass"]]
+    for executor in (None, "threads"):
+        found = pt.sweep(four_bar, samples, executor=executor)
+        assert found.energy.dims == ("sample", "energy_axis0") and found.sample.values.tolist() == list(range(6))
+        assert found.crank.dims == ("sample",) and found.crank.values.tolist() == np.repeat(GRID["crank"], 2).tolist()
+        assert np.array_equal(found.energy.values.reshape(3, 2, 5), grid.energy.values)
+
+
+@pytest.mark.parametrize("sampler", ["sobol", "halton", "latin hypercube"])
+def test_samplers_fill_the_ranges(sampler: str) -> None:
+    ranges = {"x": (1.0, 2.0), "y": (-3.0, 0.0), "z": norm(0.5, 0.01)}
+    drawn = pt.samples(ranges, 64, sampler=sampler)
+    assert drawn == pt.samples(ranges, 64, sampler=sampler) != pt.samples(ranges, 64, sampler=sampler, seed=1)
+    x, y, z = (np.array([one[name] for one in drawn]) for name in ranges)
+    # one of 64 equal intervals each, or nearly: twice the spacing
+    assert np.diff(np.sort(x), prepend=1.0, append=2.0).max() < 3 / 64
+    assert np.diff(np.sort(y), prepend=-3.0, append=0.0).max() < 9 / 64
+    assert abs(z.mean() - 0.5) < 2e-3 and 0.005 < z.std() < 0.015
+    found = pt.sweep(lambda x, y, z: x * y + z, drawn)
+    assert np.array_equal(found.value.values, x * y + z)
+
+
+def test_samplers_of_scipy_and_of_ones_own() -> None:
+    assert pt.samples({"x": (0, 2)}, 2, sampler=Fixed([[0.0], [0.5]])) == [{"x": 0.0}, {"x": 1.0}]
+    assert len(pt.samples({"x": (0, 1), "y": (0, 1)}, 4, sampler=qmc.LatinHypercube(2))) == 4
+    for given, words in (
+        ([[0.5, 0.5]], r"shape \(1, 2\); 1 samples of 1 parameters need \(1, 1\)"),
+        ([0.5], r"shape \(1,\)"),
+        ([[np.nan]], "outside of 0 to 1"),
+        ([[1.5]], "outside of 0 to 1"),
+        ("no", "the sampler failed"),
+    ):
+        with pytest.raises(pt.errors.ArgumentError, match=words):
+            pt.samples({"x": (0, 1)}, 1, sampler=Fixed(given))
+    for ranges, words in (({}, "ranges must be a dict"), ({"x": (1, 0)}, "the lower first"), ({"x": 3}, "method ppf"),
+                          ({"x": (0, np.inf)}, "finite")):  # fmt: skip
+        with pytest.raises(pt.errors.ArgumentError, match=words):
+            pt.samples(ranges, 1)
+    with pytest.raises(pt.errors.ArgumentError, match="known: sobol, halton, latin hypercube"):
+        pt.samples({"x": (0, 1)}, 1, sampler="random")
+
+
+class Fixed:
+    """A sampler that returns what it was given."""
+
+    def __init__(self, cube: Any) -> None:
+        self.cube = cube
+
+    def random(self, count: int) -> Any:
+        return self.cube
+
+
 def test_ctrl_c_keeps_what_was_computed() -> None:
     def stopped(x: int) -> int:
         if x == 3:
             raise KeyboardInterrupt
         return x
 
-    with pytest.raises(pt.errors.Interrupted, match="after 2 of 4 points") as reported:
+    with pytest.raises(pt.errors.Interrupted, match="after 2 of 4 members") as reported:
         pt.sweep(stopped, {"x": [1, 2, 3, 4]})
     assert reported.value.result.value.values[:2].tolist() == [1, 2]
 
@@ -97,7 +209,19 @@ def test_progress_is_reported() -> None:
         ({"no name": [1]}, None, "no name"),
         ({"x": [1]}, "dask", "known: threads, processes"),
         ({"x": [1]}, 3, "submit"),
-        ({"y": [1]}, None, "every point failed"),
+        ({"y": [1]}, None, "its parameters are x"),
+        ({"x": [1], "z": [2]}, None, "parameters x, z: .*unexpected keyword argument 'z'; its parameters are x"),
+        ({"x": [1.0, np.nan]}, None, r"parameters\['x'\]\[1\] is NaN"),
+        ({"x": [2, 1, 2]}, None, "has 2 twice, at 0 and 2"),
+        ({"failed": [1]}, None, "the dataset uses it"),
+        ([], None, "must be a dict"),
+        ([3], None, "sample 0 must be a dict"),
+        ([{"x": 1}, {}], None, "sample 1 must be a dict"),
+        (np.zeros((3, 2)), None, "must be a dict of lists for a grid, .*or a list of samples"),
+        ([{"x": 1}, {"y": 1}], None, "sample 1 has the parameters y, but sample 0 has x"),
+        ([{"x": 1}, {"x": 1.0}], None, r"samples 0 and 1 are equal \({'x': 1}\)"),
+        ([{"x": 1}, {"x": np.nan}], None, "parameter 'x' of sample 1 is NaN"),
+        ([{"sample": 1}], None, "the dataset uses it"),
     ],
 )
 def test_nonsense_is_refused(parameters: object, executor: object, words: str) -> None:
@@ -117,5 +241,16 @@ def test_a_sweep_of_many_points_by_threads_keeps_what_came_back() -> None:
         pt.sweep(doubled, {"x": range(200_000)}, executor="threads", workers=2)
     found = stopped.value.result
     known = np.flatnonzero(np.isfinite(found["value"].values))
-    assert len(known) > 100 and f"after {len(known)} of 200000 points" in str(stopped.value)
+    assert len(known) > 100 and f"after {len(known)} of 200000 members" in str(stopped.value)
     assert np.array_equal(found["value"].values[known], 2.0 * known)
+
+
+def test_results_that_take_names_of_parameters_are_refused() -> None:
+    with pytest.raises(pt.errors.ArgumentError, match="the model returns 'x', which the dataset uses"):
+        pt.sweep(lambda x: {"x": x}, {"x": [1, 2]})
+    found = pt.sweep(lambda x: x or np.datetime64("2020-01-01"), {"x": [1.5, 0.0]})
+    assert found.failed.values.tolist()[1].startswith("value has the type datetime64[D], elsewhere float64")
+    with pytest.raises(pt.errors.ArgumentError, match="batch must be a positive integer"):
+        pt.sweep(lambda x: x, {"x": [1]}, batch=0)
+    with pytest.raises(pt.errors.ArgumentError, match="workers must be a positive integer"):
+        pt.sweep(lambda x: x, {"x": [1]}, executor="threads", workers=0)

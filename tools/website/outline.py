@@ -70,6 +70,8 @@ REFERENCE: dict[str, tuple[str, str, tuple[str, ...]]] = {
             "mechanism.stepper.Stepper",
             "mechanism.stepper.JointMotion",
             "sweep",
+            "samples",
+            "load_sweep",
         ),
     ),
     "elements": (

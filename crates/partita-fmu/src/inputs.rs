@@ -25,6 +25,26 @@ pub enum Course {
 }
 
 impl Course {
+    /// How many numbers one is.
+    pub const NUMBERS: usize = 5;
+
+    /// The course as numbers, the first of which says of which kind it is.
+    pub fn numbers(&self) -> [f64; Self::NUMBERS] {
+        match *self {
+            Self::Effort(value) => [0.0, value, 0.0, 0.0, 0.0],
+            Self::Motion { t, x, rate, growth } => [1.0, t, x, rate, growth],
+        }
+    }
+
+    /// The course of such numbers.
+    pub fn from_numbers(numbers: &[f64]) -> Option<Self> {
+        match *numbers {
+            [kind, value, ..] if kind == 0.0 && numbers.len() == Self::NUMBERS => Some(Self::Effort(value)),
+            [_, t, x, rate, growth] => Some(Self::Motion { t, x, rate, growth }),
+            _ => None,
+        }
+    }
+
     /// Position, rate and acceleration at t; an effort has its value in place of all.
     pub fn at(&self, t: f64) -> [f64; 3] {
         match *self {

@@ -39,6 +39,10 @@ enum Phase {
     Ended,
 }
 
+impl Phase {
+    const ALL: [Self; 4] = [Self::Made, Self::Initialising, Self::Stepping, Self::Ended];
+}
+
 /// An instance.
 pub struct Component {
     name: CString,
@@ -231,7 +235,7 @@ pub extern "C" fn fmi2EnterInitializationMode(component: *mut Component) -> c_in
 pub extern "C" fn fmi2ExitInitializationMode(component: *mut Component) -> c_int {
     with(component, "fmi2ExitInitializationMode", |c| {
         in_phase(c, &[Phase::Initialising])?;
-        c.slave.settle();
+        c.slave.settle()?;
         c.phase = Phase::Stepping;
         Ok(OK)
     })
@@ -249,7 +253,7 @@ pub extern "C" fn fmi2Terminate(component: *mut Component) -> c_int {
 #[no_mangle]
 pub extern "C" fn fmi2Reset(component: *mut Component) -> c_int {
     with(component, "fmi2Reset", |c| {
-        c.slave.reset();
+        c.slave.reset()?;
         c.phase = Phase::Made;
         Ok(OK)
     })
@@ -271,7 +275,7 @@ pub unsafe extern "C" fn fmi2GetReal(
             return Err(missing());
         }
         if c.phase == Phase::Initialising {
-            c.slave.settle();
+            c.slave.settle()?;
         }
         for (i, reference) in references.iter().enumerate() {
             let value = c.slave.get(*reference as usize)?;
@@ -297,6 +301,9 @@ pub unsafe extern "C" fn fmi2SetReal(
         let (references, values) = unsafe { (items(references, count), items(values, count)) };
         let (references, values) = (references.ok_or_else(missing)?, values.ok_or_else(missing)?);
         for (reference, value) in references.iter().zip(values) {
+            if c.slave.is_parameter(*reference as usize) {
+                in_phase(c, &[Phase::Made, Phase::Initialising])?;
+            }
             c.slave.set(*reference as usize, *value)?;
         }
         Ok(OK)
@@ -344,7 +351,7 @@ pub unsafe extern "C" fn fmi2SetFMUstate(component: *mut Component, kept: *mut K
     with(component, "fmi2SetFMUstate", |c| {
         // SAFETY: null, or from `fmi2GetFMUstate` and not yet freed.
         let kept = unsafe { kept.as_ref() }.ok_or_else(missing)?;
-        c.slave.restore(kept.state.clone());
+        c.slave.restore(kept.state.clone())?;
         c.phase = kept.phase;
         Ok(OK)
     })
@@ -361,6 +368,74 @@ pub unsafe extern "C" fn fmi2FreeFMUstate(component: *mut Component, kept: *mut 
             // SAFETY: from `Box::into_raw` in `fmi2GetFMUstate`.
             drop(unsafe { Box::from_raw(*slot) });
             *slot = ptr::null_mut();
+        }
+        Ok(OK)
+    })
+}
+
+/// # Safety
+/// A state of this instance; `size` is null or points to a number.
+#[no_mangle]
+pub unsafe extern "C" fn fmi2SerializedFMUstateSize(
+    component: *mut Component,
+    kept: *mut Kept,
+    size: *mut usize,
+) -> c_int {
+    with(component, "fmi2SerializedFMUstateSize", |c| {
+        // SAFETY: null, or from `fmi2GetFMUstate` and not yet freed; null, or the caller's promise.
+        let (kept, size) = unsafe { (kept.as_ref(), size.as_mut()) };
+        let (kept, size) = (kept.ok_or_else(missing)?, size.ok_or_else(missing)?);
+        *size = c.slave.bytes_of(&kept.state, kept.phase as u8).len();
+        Ok(OK)
+    })
+}
+
+/// # Safety
+/// A state of this instance, and an array of `size` bytes.
+#[no_mangle]
+pub unsafe extern "C" fn fmi2SerializeFMUstate(
+    component: *mut Component,
+    kept: *mut Kept,
+    bytes: *mut c_char,
+    size: usize,
+) -> c_int {
+    with(component, "fmi2SerializeFMUstate", |c| {
+        // SAFETY: null, or from `fmi2GetFMUstate` and not yet freed.
+        let kept = unsafe { kept.as_ref() }.ok_or_else(missing)?;
+        let found = c.slave.bytes_of(&kept.state, kept.phase as u8);
+        if bytes.is_null() {
+            return Err(missing());
+        }
+        if found.len() > size {
+            return Err(Failed(ERROR, format!("the state has {} bytes, but there is room for {size}", found.len())));
+        }
+        // SAFETY: not null, and as long as what is written; the caller's promise.
+        unsafe { ptr::copy_nonoverlapping(found.as_ptr().cast::<c_char>(), bytes, found.len()) };
+        Ok(OK)
+    })
+}
+
+/// # Safety
+/// An array of `size` bytes; `kept` points to null or to a state of this instance.
+#[no_mangle]
+pub unsafe extern "C" fn fmi2DeSerializeFMUstate(
+    component: *mut Component,
+    bytes: *const c_char,
+    size: usize,
+    kept: *mut *mut Kept,
+) -> c_int {
+    with(component, "fmi2DeSerializeFMUstate", |c| {
+        // SAFETY: the caller's promise.
+        let bytes = unsafe { items(bytes.cast::<u8>(), size) }.ok_or_else(missing)?;
+        // SAFETY: the caller's promise.
+        let slot = unsafe { kept.as_mut() }.ok_or_else(missing)?;
+        let (state, phase) = c.slave.state_of(bytes)?;
+        let phase = Phase::ALL.get(usize::from(phase)).copied().ok_or_else(|| "it has an unknown phase".to_string())?;
+        let now = Kept { state, phase };
+        // SAFETY: null, or from here and not yet freed.
+        match unsafe { slot.as_mut() } {
+            Some(old) => *old = now,
+            None => *slot = Box::into_raw(Box::new(now)),
         }
         Ok(OK)
     })
@@ -418,9 +493,6 @@ none_of! {
 }
 
 nothing! {
-    fmi2SerializedFMUstateSize(kept: *mut Kept, size: *mut usize);
-    fmi2SerializeFMUstate(kept: *mut Kept, bytes: *mut c_char, size: usize);
-    fmi2DeSerializeFMUstate(bytes: *const c_char, size: usize, kept: *mut *mut Kept);
     fmi2GetDirectionalDerivative(
         unknowns: *const Reference, count: usize, knowns: *const Reference, known: usize, seed: *const c_double,
         result: *mut c_double);

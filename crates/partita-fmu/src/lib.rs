@@ -8,4 +8,5 @@ mod inputs;
 pub mod interface;
 mod resource;
 pub mod resources;
+mod serial;
 mod slave;

@@ -25,6 +25,19 @@ pub struct Resource {
     pub inputs: Vec<Input>,
     /// Outputs: value references after those of the inputs.
     pub outputs: Vec<Shown>,
+    /// Numbers that can be set before the start: value references after those of the outputs.
+    #[serde(default)]
+    pub parameters: Vec<Parameter>,
+}
+
+/// A number of a parameter of the model.
+#[derive(Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Parameter {
+    /// The parameter.
+    pub name: String,
+    /// Its number.
+    pub component: usize,
 }
 
 /// A state.

@@ -1,9 +1,11 @@
 //! The mechanism between communication points: inputs in, a step, outputs.
 
 use crate::inputs::{Course, Inputs};
-use crate::resource::{Input, Resource, Shown, VERSION};
+use crate::resource::{Input, Parameter, Resource, Shown, VERSION};
+use crate::serial;
 use partita_analysis::error::AnalysisError;
 use partita_analysis::outputs::{self, Forces, States};
+use partita_analysis::poses::{self, Ask};
 use partita_analysis::run::{self, Request, Run};
 use partita_integrate::simulate::Status;
 use partita_math::tolerance;
@@ -28,11 +30,19 @@ pub struct State {
     courses: Vec<Course>,
     /// Values; `None` where they must be computed again.
     outputs: Option<Vec<f64>>,
+    /// Values of the parameters.
+    parameters: Vec<f64>,
 }
 
 /// A mechanism that steps.
 pub struct Slave {
-    model: Model,
+    guid: String,
+    /// With the parameters of the file.
+    drawn: Model,
+    /// With those in `built`, where they are others.
+    changed: Option<Model>,
+    parameters: Vec<Parameter>,
+    built: Vec<f64>,
     options: Request,
     kinds: Vec<Input>,
     shown: Vec<(Shown, usize)>,
@@ -94,8 +104,61 @@ impl Slave {
         }
         let shown = resource.outputs.into_iter().map(|x| Ok((x.clone(), joint_of(&model, &x)?)));
         let shown = shown.collect::<Result<Vec<_>, String>>()?;
-        let first = State { t: start.t, q: start.q, v: start.v, inputs, courses, outputs: None };
-        Ok(Self { model, options: resource.options, kinds: resource.inputs, shown, cell, state: first.clone(), first })
+        let known = model.parameters();
+        let number = |x: &Parameter| {
+            let values = known.iter().find(|(name, _)| *name == x.name).map(|(_, values)| values);
+            let value = values.and_then(|values| values.get(x.component)).copied();
+            value.ok_or_else(|| format!("the model has no parameter \"{}\", number {}", x.name, x.component))
+        };
+        let built = resource.parameters.iter().map(number).collect::<Result<Vec<_>, String>>()?;
+        let first =
+            State { t: start.t, q: start.q, v: start.v, inputs, courses, outputs: None, parameters: built.clone() };
+        Ok(Self {
+            guid: resource.guid,
+            drawn: model,
+            changed: None,
+            parameters: resource.parameters,
+            built,
+            options: resource.options,
+            kinds: resource.inputs,
+            shown,
+            cell,
+            state: first.clone(),
+            first,
+        })
+    }
+
+    /// The model with the parameters in use.
+    fn model(&self) -> &Model {
+        self.changed.as_ref().unwrap_or(&self.drawn)
+    }
+
+    /// Make the model with these parameters; on failure nothing changes.
+    fn rebuild(&mut self, values: &[f64]) -> Result<(), String> {
+        if self.built == values {
+            return Ok(());
+        }
+        let mut changes: Vec<(String, Vec<f64>)> = Vec::new();
+        let known = self.drawn.parameters();
+        for (parameter, value) in self.parameters.iter().zip(values) {
+            let at = match changes.iter().position(|(name, _)| *name == parameter.name) {
+                Some(at) => at,
+                None => {
+                    let found = known.iter().find(|(name, _)| *name == parameter.name);
+                    changes.push(found.ok_or("a parameter does not exist")?.clone());
+                    changes.len() - 1
+                }
+            };
+            let slot = changes.get_mut(at).and_then(|(_, numbers)| numbers.get_mut(parameter.component));
+            *slot.ok_or("a parameter has fewer numbers")? = *value;
+        }
+        let changes: Vec<(&str, &[f64])> = changes.iter().map(|(name, x)| (&name[..], &x[..])).collect();
+        self.changed = match self.first.parameters == values {
+            true => None,
+            false => Some(self.drawn.with_parameters(&changes).map_err(words)?),
+        };
+        self.built = values.to_vec();
+        Ok(())
     }
 
     /// Current state.
@@ -104,14 +167,49 @@ impl Slave {
     }
 
     /// Restore a state.
-    pub fn restore(&mut self, state: State) {
+    pub fn restore(&mut self, state: State) -> Result<(), String> {
+        self.rebuild(&state.parameters)?;
+        self.hold(state);
+        Ok(())
+    }
+
+    /// Make a state with the parameters in use the current one.
+    fn hold(&mut self, state: State) {
         self.cell.set(&state.courses);
         self.state = state;
     }
 
     /// Return to the initial state.
-    pub fn reset(&mut self) {
-        self.restore(self.first.clone());
+    pub fn reset(&mut self) -> Result<(), String> {
+        self.restore(self.first.clone())
+    }
+
+    /// A state as bytes, for this model alone.
+    pub fn bytes_of(&self, state: &State, phase: u8) -> Vec<u8> {
+        let courses: Vec<f64> = state.courses.iter().flat_map(Course::numbers).collect();
+        let (outputs, known) =
+            (state.outputs.clone().unwrap_or_default(), f64::from(u8::from(state.outputs.is_some())));
+        let alone = [state.t, f64::from(phase), known];
+        serial::bytes(&self.guid, &[&alone, &state.q, &state.v, &state.inputs, &courses, &outputs, &state.parameters])
+    }
+
+    /// The state and the phase in bytes of this model.
+    pub fn state_of(&self, bytes: &[u8]) -> Result<(State, u8), String> {
+        let wrong = || "these bytes are not a state of this model".to_string();
+        let lists = serial::lists(&self.guid, bytes).ok_or_else(wrong)?;
+        let [alone, q, v, inputs, courses, outputs, parameters]: [Vec<f64>; 7] =
+            lists.try_into().map_err(|_| wrong())?;
+        let [t, phase, known]: [f64; 3] = alone.try_into().map_err(|_| wrong())?;
+        let courses = courses.chunks(Course::NUMBERS).map(Course::from_numbers).collect::<Option<Vec<_>>>();
+        let courses = courses.ok_or_else(wrong)?;
+        let sizes = |x: &State| (x.q.len(), x.v.len(), x.inputs.len(), x.courses.len(), x.parameters.len());
+        let outputs = (known != 0.0).then_some(outputs);
+        let state = State { t, q, v, inputs, courses, outputs, parameters };
+        let fits = state.outputs.as_ref().is_none_or(|x| x.len() == self.shown.len());
+        match sizes(&state) == sizes(&self.first) && fits {
+            true => Ok((state, phase as u8)),
+            false => Err(wrong()),
+        }
     }
 
     /// Start at time t; `rtol` replaces the relative tolerance.
@@ -133,8 +231,14 @@ impl Slave {
             }
         }
         state.outputs = None;
-        self.restore(state);
+        self.hold(state);
         Ok(())
+    }
+
+    /// Whether a value reference is that of a parameter, which is set before the start alone.
+    pub fn is_parameter(&self, reference: usize) -> bool {
+        let (inputs, outputs) = self.size();
+        (inputs + outputs..inputs + outputs + self.parameters.len()).contains(&reference)
     }
 
     /// Number of inputs and outputs.
@@ -142,10 +246,17 @@ impl Slave {
         (self.kinds.len(), self.shown.len())
     }
 
-    /// Set an input.
+    /// Set an input or a parameter.
     pub fn set(&mut self, reference: usize, value: f64) -> Result<(), String> {
         if !value.is_finite() {
-            return Err(format!("input {reference} is {value}"));
+            return Err(format!("value {reference} is {value}"));
+        }
+        if self.is_parameter(reference) {
+            let (inputs, outputs) = self.size();
+            if let Some(slot) = self.state.parameters.get_mut(reference - inputs - outputs) {
+                *slot = value;
+            }
+            return Ok(());
         }
         let known = self.kinds.len();
         let input = self.state.inputs.get_mut(reference);
@@ -159,21 +270,39 @@ impl Slave {
         Ok(())
     }
 
-    /// Inputs set at the start hold from the start: efforts act at once, drives move at their rates.
-    pub fn settle(&mut self) {
+    /// Inputs and parameters set at the start hold from the start: efforts act at once, drives move at their rates; with
+    /// other parameters the loops are closed from the initial position.
+    pub fn settle(&mut self) -> Result<(), String> {
         let mut state = self.state.clone();
+        if state.parameters != self.built {
+            self.rebuild(&state.parameters)?;
+            let (model, t) = (self.model(), state.t);
+            let ask = Ask { guess: vec![], fixed: vec![], levels: vec![], tolerance: tolerance::EQUAL };
+            let q = poses::one(model, t, &self.first.q, &ask).map_err(words)?.q;
+            let rest = self.first.v.iter().all(|v| *v == 0.0) && !model.rheonomic();
+            let near = &self.first.v;
+            state.v = match rest {
+                true => near.clone(),
+                false => poses::with_rates(model, t, &q, near, &[], &[]).map_err(words)?,
+            };
+            state.q = q;
+        }
         for (course, input) in state.courses.iter_mut().zip(&state.inputs) {
             if let Course::Effort(value) = course {
                 *value = *input;
             }
         }
         state.outputs = None;
-        self.restore(state);
+        self.hold(state);
+        Ok(())
     }
 
-    /// An input or an output.
+    /// An input, an output or a parameter.
     pub fn get(&mut self, reference: usize) -> Result<f64, String> {
         let (inputs, outputs) = self.size();
+        if let Some(value) = reference.checked_sub(inputs + outputs).and_then(|i| self.state.parameters.get(i)) {
+            return Ok(*value);
+        }
         if let Some(value) = self.state.inputs.get(reference) {
             return Ok(*value);
         }
@@ -207,7 +336,9 @@ impl Slave {
         self.cell.set(&courses);
         match self.marched(now, end, &[end], false) {
             Ok((state, doubts)) => {
-                self.state = State { inputs: std::mem::take(&mut self.state.inputs), courses, ..state };
+                let (inputs, parameters) =
+                    (std::mem::take(&mut self.state.inputs), std::mem::take(&mut self.state.parameters));
+                self.state = State { inputs, parameters, courses, ..state };
                 Ok(Stepped { doubts })
             }
             Err(e) => {
@@ -231,7 +362,7 @@ impl Slave {
         let options = Request { t0: now, t_end: end, ..self.options.clone() };
         let mut watch = |_: f64| if at_once { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
         let (q, v) = (&self.state.q[..], &self.state.v[..]);
-        let found = run::run(&self.model, &options, None, t_eval, (q, v), &mut watch).map_err(words)?;
+        let found = run::run(self.model(), &options, None, t_eval, (q, v), &mut watch).map_err(words)?;
         let ended = found.outcome.status;
         if !(matches!(ended, Status::Finished | Status::Invalid) || (at_once && ended == Status::Interrupted)) {
             return Err(format!("it ends at t = {} ({}): {}", found.outcome.t, ended.word(), found.outcome.message));
@@ -253,7 +384,7 @@ impl Slave {
         let states = States { t: &times, q: &q, v: &v };
         let reacts = |x: &Shown| matches!(x, Shown::Force { .. } | Shown::Moment { .. } | Shown::Effort { .. });
         let forces = match self.shown.iter().any(|(x, _)| reacts(x)) {
-            true => Some(found.log.describe::<_, AnalysisError>(&self.model, false, &mut watch).map_err(words)?),
+            true => Some(found.log.describe::<_, AnalysisError>(self.model(), false, &mut watch).map_err(words)?),
             false => None,
         };
         let mut values = Vec::with_capacity(self.shown.len());
@@ -267,7 +398,7 @@ impl Slave {
                     let known = motions.take().filter(|(of, _)| *of == j);
                     let known = match known {
                         Some(known) => known,
-                        None => (j, outputs::joints(&self.model, &states, &[j], &mut watch).map_err(words)?),
+                        None => (j, outputs::joints(self.model(), &states, &[j], &mut watch).map_err(words)?),
                     };
                     let table = usize::from(matches!(what, Shown::Velocity { .. }));
                     (&motions.insert(known).1, table, *component)
@@ -277,7 +408,7 @@ impl Slave {
                         (Some(known), _) => known,
                         (None, Some(forces)) => {
                             let forces = Forces { vdot: &forces.vdot, multipliers: &forces.multipliers };
-                            (j, outputs::reaction(&self.model, &states, &forces, j, &mut watch).map_err(words)?)
+                            (j, outputs::reaction(self.model(), &states, &forces, j, &mut watch).map_err(words)?)
                         }
                         (None, None) => return Err("there are no reactions".into()),
                     };
@@ -291,7 +422,7 @@ impl Slave {
                 Shown::Kinetic | Shown::Potential => {
                     let known = match energies.take() {
                         Some(known) => known,
-                        None => outputs::energies(&self.model, &states, &mut watch).map_err(words)?,
+                        None => outputs::energies(self.model(), &states, &mut watch).map_err(words)?,
                     };
                     let table = usize::from(matches!(what, Shown::Potential));
                     (&*energies.insert(known), table, 0)
@@ -300,7 +431,8 @@ impl Slave {
             let value = tables.get(table).and_then(|row| row.get(i)).copied();
             values.push(value.ok_or_else(|| format!("an output names component {i}, which does not exist"))?);
         }
-        Ok(State { t, q, v, inputs: Vec::new(), courses: Vec::new(), outputs: Some(values) })
+        let outputs = Some(values);
+        Ok(State { t, q, v, inputs: Vec::new(), courses: Vec::new(), outputs, parameters: Vec::new() })
     }
 }
 

@@ -68,6 +68,9 @@ fn a_pendulum_is_turned() {
         assert_eq!(fmi2SetReal(c, [0].as_ptr(), 1, null()), ERROR);
         assert_eq!(fmi2GetFMUstate(c, null_mut()), ERROR);
         assert_eq!(fmi2SetFMUstate(c, null_mut()), ERROR);
+        assert_eq!(fmi2SerializedFMUstateSize(c, null_mut(), null_mut()), ERROR);
+        assert_eq!(fmi2SerializeFMUstate(c, null_mut(), null_mut(), 0), ERROR);
+        assert_eq!(fmi2DeSerializeFMUstate(c, null(), 3, null_mut()), ERROR);
         fmi2FreeInstance(c);
     }
 }

@@ -5,6 +5,7 @@ The binary is the same in all of them: the core without Python, which reads the 
 
 from __future__ import annotations
 
+import difflib
 import hashlib
 import io
 import json
@@ -17,8 +18,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from .. import _core
 from ..builder.joints import scalars, speeds
+from ..builder.parameter_units import parameter_unit
 from ..builder.records import Description, JointRecord, TorqueRecord
 from ..builder.spec import Writer
 from ..builder.values import Constant, Function
@@ -33,6 +37,8 @@ _SYSTEMS = {"linux": ("linux64", "libpartita_fmu.so", ".so"), "darwin": ("darwin
 _WINDOWS = ("win64", "partita_fmu.dll", ".dll")
 _PARTS = ("position", "velocity", "force", "moment", "effort")
 _AXES = "xyz"
+_FMI_UNITS = {"N m": "N.m"}
+"""Units of parameters whose names in the description are others."""
 
 
 @dataclass(frozen=True)
@@ -164,6 +170,40 @@ def _outputs(d: Description, name: str) -> list[Output]:
     return found
 
 
+@dataclass(frozen=True)
+class Parameter:
+    """A number of a parameter, which the environment sets before the start."""
+
+    name: str
+    unit: str
+    words: str
+    start: float
+    means: Mapping[str, Any]
+
+
+def parameters_of(d: Description, names: Iterable[str], known: Mapping[str, Any]) -> list[Parameter]:
+    """The numbers of the parameters named; `known` are all parameters with their values."""
+    found: list[Parameter] = []
+    for name in _listed("parameters", names):
+        if name not in known:
+            close = difflib.get_close_matches(name, known, n=3) or list(known)[:10]
+            raise ArgumentError(
+                f'parameters: "{name}" is not one; near it: {", ".join(close)} (m.compile().parameters has all)',
+                argument="parameters",
+            )
+        if any(x.means["name"] == name for x in found):
+            raise ArgumentError(f'parameters: "{name}" appears twice', argument="parameters")
+        values = np.atleast_1d(np.asarray(known[name], dtype=float))
+        unit = parameter_unit(d, name)
+        for i, value in enumerate(values):
+            part = "" if len(values) == 1 else f".{_AXES[i] if len(values) == 3 else i}"
+            own = str(unit if isinstance(unit, str) else unit[i])
+            words = f"parameter {name}{part}, set before the start"
+            means = {"name": name, "component": i}
+            found.append(Parameter(name + part, _FMI_UNITS.get(own, own), words, float(value), means))
+    return found
+
+
 def _coordinates(joint: JointRecord) -> list[str]:
     """Units of the coordinates of a joint."""
     kinds = ["slide"] * 3 + ["ball"] if joint.kind == "free" else [kind for kind, _ in axes_of(joint)]
@@ -245,6 +285,7 @@ def archive(
     inputs: list[Input],
     starts: list[float],
     outputs: list[Output],
+    parameters: list[Parameter],
     experiment: dict[str, float],
 ) -> None:
     """Write the FMU. The same mechanism gives the same bytes."""
@@ -255,7 +296,9 @@ def archive(
     identifier = re.sub(r"[^A-Za-z0-9_]", "_", name)
     identifier = identifier if identifier[:1].isalpha() else f"m_{identifier}"
     members = {
-        "modelDescription.xml": _described(name, guid, identifier, inputs, starts, outputs, experiment).encode("utf-8"),
+        "modelDescription.xml": _described(
+            name, guid, identifier, inputs, starts, outputs, parameters, experiment
+        ).encode("utf-8"),
         "resources/model.json": json.dumps({**resource, "guid": guid}).encode(),
         f"binaries/{folder}/{identifier}{suffix}": content,
     }
@@ -276,6 +319,13 @@ _UNITS = {
     "N": {"kg": 1, "m": 1, "s": -2},
     "N.m": {"kg": 1, "m": 2, "s": -2},
     "J": {"kg": 1, "m": 2, "s": -2},
+    "kg": {"kg": 1},
+    "kg m^2": {"kg": 1, "m": 2},
+    "m/s^2": {"m": 1, "s": -2},
+    "N/m": {"kg": 1, "s": -2},
+    "N s/m": {"kg": 1, "s": -1},
+    "N m/rad": {"kg": 1, "m": 2, "s": -2, "rad": -1},
+    "N m s/rad": {"kg": 1, "m": 2, "s": -1, "rad": -1},
 }
 
 
@@ -286,6 +336,7 @@ def _described(
     inputs: list[Input],
     starts: list[float],
     outputs: list[Output],
+    parameters: list[Parameter],
     experiment: dict[str, float],
 ) -> str:
     lines = [
@@ -293,10 +344,11 @@ def _described(
         f'<fmiModelDescription fmiVersion="2.0" modelName={quoted(name)} guid="{guid}"'
         f' generationTool="Partita {_core.version()}" variableNamingConvention="flat" numberOfEventIndicators="0">',
         f'  <CoSimulation modelIdentifier="{identifier}" canHandleVariableCommunicationStepSize="true"'
-        ' canGetAndSetFMUstate="true"/>',
+        ' canGetAndSetFMUstate="true" canSerializeFMUstate="true"/>',
         "  <UnitDefinitions>",
     ]
-    used = dict.fromkeys(unit for unit in [*(x.unit for x in inputs), *(x.unit for x in outputs)] if unit in _UNITS)
+    variables: list[Input | Output | Parameter] = [*inputs, *outputs, *parameters]
+    used = dict.fromkeys(x.unit for x in variables if x.unit in _UNITS)
     for unit in used or ["m"]:
         base = " ".join(f'{key}="{power}"' for key, power in _UNITS[unit].items())
         lines.append(f'    <Unit name="{unit}"><BaseUnit {base}/></Unit>')
@@ -322,6 +374,13 @@ def _described(
             f'    <ScalarVariable name={quoted(shown.name)} valueReference="{number}" causality="output"'
             f' variability="continuous" initial="calculated" description={quoted(shown.words)}>'
             f"<Real{unit}/></ScalarVariable>"
+        )
+    for number, given in enumerate(parameters, len(inputs) + len(outputs)):
+        unit = f' unit="{given.unit}"' if given.unit in _UNITS else ""
+        lines.append(
+            f'    <ScalarVariable name={quoted(given.name)} valueReference="{number}" causality="parameter"'
+            f' variability="fixed" initial="exact" description={quoted(given.words)}>'
+            f'<Real{unit} start="{text(given.start)}"/></ScalarVariable>'
         )
     lines += ["  </ModelVariables>", "  <ModelStructure>"]
     indices = range(len(inputs) + 1, len(inputs) + len(outputs) + 1)

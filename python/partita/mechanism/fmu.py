@@ -24,6 +24,7 @@ def to_fmu(
     path: str | PathLike[str],
     inputs: Iterable[str] = (),
     outputs: Iterable[str] | None = None,
+    parameters: Iterable[str] = (),
     *,
     initial: State | None = None,
     duration: float = 10.0,
@@ -47,6 +48,9 @@ def to_fmu(
             (of a drive) of a joint A; "A" for position and velocity; "energy.kinetic", "energy.potential", "energy" for
             both. None: all joints and the energies. Angles of joints that close loops in space are reported within one
             turn.
+        parameters: names of parameters (`m.compile().parameters`: "gravity", "BODY.mass", "JOINT.point",
+            "SPRING.stiffness", ...) that each instance can set before it starts, one variable for each of their numbers
+            ("gravity.x", ...). With other values the loops are closed from the initial position.
         initial: state to start from; None: the drawing, assembled, at rest.
         duration, communication_step: default values stored in the FMU [s].
         rtol, atol, method, formulation: as in `simulate`; the simulation environment may set another rtol.
@@ -85,6 +89,9 @@ def to_fmu(
     if start.names != model.names:
         q, v = model.core.transferred(layout_of(self, "relative")[0].core, start.q, start.v)
     state = State(start.t, q, v, layout=layout)
+    acting = {f"{one.name if one.name in description.forces else f'input {one.name}'}.value" for one in known}
+    constant = {name: value for name, value in model.parameters.items() if name not in acting}
+    numbers = fmu.parameters_of(description, parameters, constant)
     span = run_options.positive("duration", duration)
     step = run_options.positive("communication_step", communication_step)
     options = run_options.options(
@@ -111,9 +118,10 @@ def to_fmu(
         "start": {"t": start.t, "q": q.tolist(), "v": v.tolist()},
         "inputs": reported,
         "outputs": [dict(x.means) for x in shown],
+        "parameters": [dict(x.means) for x in numbers],
     }
     experiment = {"startTime": start.t, "stopTime": start.t + span, "stepSize": step, "tolerance": options["rtol"]}
-    fmu.archive(where, self.name, resource, known, starts, shown, experiment)
+    fmu.archive(where, self.name, resource, known, starts, shown, numbers, experiment)
     return where
 
 
