@@ -104,35 +104,35 @@ class Workshop:
         left = [error for error in errors if error.file.endswith(".rs")]
         while left:
             self.copy()
-            places: dict[str, list[tuple[Error, Body]]] = {}
+            written: dict[str, list[tuple[Error, Body]]] = {}
             for file in dict.fromkeys(error.file for error in left):
                 own = [(numbers[error.name], error) for error in left if error.file == file]
-                text, places[file] = together((self.tree / file).read_text("utf-8"), own, file)
+                text, written[file] = together((self.tree / file).read_text("utf-8"), own, file)
                 (self.tree / file).write_text(text, "utf-8")
             home = self.tree / HOME
             home.write_text(home.read_text("utf-8") + CHOICE, "utf-8")
             # of cargo's own commands the quickest that finds every error of types
             code, output = self.run(["cargo", "check", "--release", "--workspace", "--all-targets", "--locked"])
-            joined = [error for found in places.values() for error, _ in found]
+            joined = [error for found in written.values() for error, _ in found]
             if code == 0:
                 self.numbers = {error.name: numbers[error.name] for error in joined}
                 return
-            blamed = self._blamed(output, places)
+            blamed = self._blamed(output, written)
             if not blamed:
                 raise SystemExit(f"the errors do not compile together:\n{tail(output)}")
             left = [error for error in joined if error.name not in blamed]
         self.copy()
 
-    def _blamed(self, output: str, places: dict[str, list[tuple[Error, Body]]]) -> set[str]:
+    def _blamed(self, output: str, written: dict[str, list[tuple[Error, Body]]]) -> set[str]:
         """Names of the errors in functions that the compiler refuses."""
         blamed = set()
         for file, line in re.findall(r"^\s*--> (\S+?):(\d+):\d+$", output, re.M):
-            if file not in places:
+            if file not in written:
                 continue
             text = (self.tree / file).read_text("utf-8")
             at = sum(len(x) for x in text.splitlines(keepends=True)[: int(line)])
             blamed |= {
-                error.name for error, body in places[file] if body.begin < at and text.rfind("\n", 0, at) < body.end
+                error.name for error, body in written[file] if body.begin < at and text.rfind("\n", 0, at) < body.end
             }
         return blamed
 

@@ -20,7 +20,8 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from partita import catalogue
-from partita.io import schema
+from partita.io import mjcf_table, schema, sdf_table, urdf_table
+from partita.io.format_table import Item
 
 TOOLS = Path(__file__).parent
 DOCS = TOOLS.parent / "docs"
@@ -118,6 +119,30 @@ def schema_page() -> str:
     return "\n".join(lines)
 
 
+def formats_page() -> str:
+    """The tables by which robots' files are read."""
+    lines: list[str] = []
+    for table in (urdf_table.URDF, sdf_table.SDF, mjcf_table.MJCF):
+        lines += ["", f"## {table.kind}", "", "| in | item | rule | what it does |", "|---|---|---|---|"]
+        for context, items in table.contexts.items():
+            shown = context.replace("[", " of type ").removesuffix("]")
+            rows: dict[tuple[str, str], list[str]] = {}
+            for found in items:
+                rows.setdefault((found.rule, found.effect), []).append(item(found))
+            lines += [f"| {shown} | {', '.join(names)} | {rule} | {effect} |" for (rule, effect), names in rows.items()]
+    return "\n".join([*lines, ""])
+
+
+def item(found: Item) -> str:
+    """An item of a table of a format."""
+    default = f" ({' or '.join(found.defaults)})" if found.defaults is not None else ""
+    since, until = (".".join(map(str, bound)) for bound in (found.since, found.until))
+    versions = f" [{since} to {until}]" if since and until else f" [from {since}]" if since else ""
+    versions = f" [up to {until}]" if until and not since else versions
+    name = "text" if found.name == "#" else f"`{found.name}{'*' if found.many else ''}`"
+    return f"{name}{default}{versions}"
+
+
 def messages_page() -> str:
     """What is said of broken and odd models."""
     return str(scripts(TESTS, "messages").page())
@@ -179,6 +204,7 @@ GENERATED: dict[str, Callable[[], str]] = {
     "catalogue": catalogue_page,
     "zoo": zoo_page,
     "model-files": schema_page,
+    "formats": formats_page,
     "messages": messages_page,
     "trust": trust_page,
     "tolerances": tolerances_page,

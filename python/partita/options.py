@@ -30,6 +30,10 @@ CORRECTIONS = ("partition", "kantorovich", "mass-orthogonal", "none")
 # When frozen tangent velocities are renewed, if not by their quality.
 EACH_STEP = "each step"
 COORDINATES = ("relative", "absolute")
+BASES = ("fixed", "free")
+"""What becomes of the root of a robot's file."""
+INERTIAS = ("strict", "repair")
+"""What becomes of an inertia in a file that no body can have."""
 OUTPUTS = 201
 # Output times beyond the end of the run by the rounding of np.arange are moved onto it.
 _SLACK = 1e-12

@@ -1,8 +1,9 @@
-"""Files with one element or attribute more or less: nothing may be ignored in silence.
+"""Files with one element or attribute more or less, or another number: nothing may be ignored in silence.
 
 `python tests/python/mutations.py` makes every change of every file in `format_files`. Of what is added, which no format
 knows, a reader must say something, or refuse the file; of what is taken away either the model changes, or what is said
-of it, unless the format's table says that nothing depends on it or that its default was written there.
+of it, unless the format's table says that nothing depends on it or that its default was written there. A number that is
+applied, made another one, changes the model or what is said.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ WITHIN = {"disabled.mjcf": "option", "unconstrained.mjcf": "option", "compiler.m
 
 
 @dataclass
-class Place:
+class Standing:
     """An element of a file: its number in the order of the file, and the items of the table on the way to it."""
 
     number: int
@@ -48,7 +49,7 @@ class Place:
 
 @dataclass(frozen=True)
 class Mutation:
-    """A change of one file in one place."""
+    """A change of one file in one one."""
 
     file: str
     number: int
@@ -59,46 +60,64 @@ class Mutation:
         return f"{self.file}: {self.verb} {self.name} at element {self.number}"
 
 
-def places(path: Path) -> list[Place]:
+def standing(path: Path) -> list[Standing]:
     """All elements of a file."""
     root = ET.parse(path).getroot()
     table, version = TABLES[path.suffix], format_table.number(root.get("version", "") if path.suffix == ".sdf" else "")
-    found: list[Place] = []
+    found: list[Standing] = []
 
-    def visit(element: ET.Element, context: str, covered: bool) -> None:
+    def descend(element: ET.Element, context: str, covered: bool) -> None:
         items = {} if covered else dict(table.items(context, element.get("type", ""), version or None))
-        found.append(Place(len(found), element, items, covered))
+        found.append(Standing(len(found), element, items, covered))
         for child in element:
             item = items.get(child.tag)
             inside = item is not None and item.rule in WALKED and item.context in table.contexts
             # what is not walked is reported or refused as a whole, or nothing depends on it
             silent = item is not None and item.rule in (LOOKS, NO_EFFECT) and not inside
-            visit(child, item.context if inside and item else "", covered or silent)
+            descend(child, item.context if inside and item else "", covered or silent)
 
-    visit(root, table.root, False)
+    descend(root, table.root, False)
     return found
 
 
 def mutations(path: Path) -> Iterator[Mutation]:
     """Every change of a file of which something must be heard."""
-    found = places(path)
+    found = standing(path)
     within = next((x for x in found if x.element.tag == WITHIN.get(path.name)), found[0])
     chosen = set(map(id, within.element.iter()))
-    above = {id(child): place for place in found for child in place.element}
-    for place in found:
-        if place.covered or id(place.element) not in chosen:
+    above = {id(child): one for one in found for child in one.element}
+    for one in found:
+        if one.covered or id(one.element) not in chosen:
             continue
-        yield Mutation(path.name, place.number, "add element")
-        yield Mutation(path.name, place.number, "add attribute")
-        for key, value in place.element.attrib.items():
-            if not _silent(place.item(f"@{key}"), value):
-                yield Mutation(path.name, place.number, "remove attribute", key)
-        parent = above.get(id(place.element))
+        yield Mutation(path.name, one.number, "add element")
+        yield Mutation(path.name, one.number, "add attribute")
+        texts = {"#": one.element.text or "", **{f"@{key}": value for key, value in one.element.attrib.items()}}
+        for name, value in texts.items():
+            item = one.item(name)
+            if item is not None and item.rule in (APPLIED, COMPILED) and _numbers(value):
+                yield Mutation(path.name, one.number, "change number", name)
+        for key, value in one.element.attrib.items():
+            if not _silent(one.item(f"@{key}"), value):
+                yield Mutation(path.name, one.number, "remove attribute", key)
+        parent = above.get(id(one.element))
         if parent is None:
             continue
-        leaf = not len(place.element) and not place.element.attrib
-        if not _silent(parent.item(place.element.tag), (place.element.text or "") if leaf else "\0"):
-            yield Mutation(path.name, place.number, "remove element", place.element.tag)
+        leaf = not len(one.element) and not one.element.attrib
+        if not _silent(parent.item(one.element.tag), (one.element.text or "") if leaf else "\0"):
+            yield Mutation(path.name, one.number, "remove element", one.element.tag)
+
+
+def _numbers(text: str) -> list[float]:
+    """The numbers of a text that is made of them."""
+    try:
+        return [float(word) for word in text.split()]
+    except ValueError:
+        return []
+
+
+def _changed(text: str) -> str:
+    """Other numbers: an axis is turned, and what is positive stays so."""
+    return " ".join(repr(1.1 * x + 0.013 * (i + 1)) for i, x in enumerate(_numbers(text)))
 
 
 def _silent(item: Item | None, value: str) -> bool:
@@ -114,6 +133,10 @@ def mutated(path: Path, mutation: Mutation) -> str:
         ET.SubElement(element, UNKNOWN)
     elif mutation.verb == "add attribute":
         element.set(UNKNOWN, "1")
+    elif mutation.name == "#":
+        element.text = _changed(element.text or "")
+    elif mutation.verb == "change number":
+        element.set(mutation.name[1:], _changed(element.attrib[mutation.name[1:]]))
     elif mutation.verb == "remove attribute":
         del element.attrib[mutation.name]
     else:
@@ -129,9 +152,9 @@ def heard(path: Path) -> str:
             m = pt.load(path)
         except pt.errors.PartitaError as error:
             return f"refused: {error}"
-    said = [(group.kind, group.text, sorted(group.names)) for group in m.remarks if group.kind != "used"]
+    remarks = [(group.kind, group.text, sorted(group.names)) for group in m.remarks if group.kind != "used"]
     assert m.reading is not None
-    return json.dumps([m.to_spec(), m.reading.shapes, said], sort_keys=True)
+    return json.dumps([m.to_spec(), m.reading.shapes, remarks], sort_keys=True)
 
 
 def silent(files: list[Path], chosen: slice) -> tuple[int, list[str]]:
@@ -140,8 +163,10 @@ def silent(files: list[Path], chosen: slice) -> tuple[int, list[str]]:
     with tempfile.TemporaryDirectory() as folder:
         copied = Path(folder) / "files"
         shutil.copytree(FILES, copied)
-        before = {path.name: heard(path) for path in copied.iterdir() if path.suffix and path.name not in WITH}
-        wrong = [f"{name} is {said}" for name, said in before.items() if said.startswith("refused")]
+        before = {
+            name: heard(copied / name) for name in dict.fromkeys(WITH.get(path.name, path.name) for path in files)
+        }
+        wrong = [f"{name} is {text}" for name, text in before.items() if text.startswith("refused")]
         for path in files:
             loaded = copied / WITH.get(path.name, path.name)
             original = path.read_text("utf-8")

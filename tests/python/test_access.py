@@ -122,6 +122,7 @@ CALLS: list[tuple[Call, dict[str, Any]]] = [
         ("add_coupler", "sum", {"terms": ["R", APART, ALONG], "factors": [1, 2, 3], "offset": 0.1}),
         {"terms": ["R", ALONG, APART], "factors": [1, 2, -3], "offset": 0.2, "word": "mix"},
     ),
+    (("add_rotor", "rotor", {"joint": "R", "inertia": 2e-3, "ratio": 7, "coordinate": 0}), {"ratio": 3, "joint": "W"}),
     (("add_gear", "gear", {"joint1": "R", "joint2": "C", "ratio": -2, "coordinate2": 1}), {"ratio": 3, "joint1": "W"}),
     (
         ("add_belt", "belt", {"pulley1": "R", "pulley2": "W", "radius1": 0.1, "radius2": 0.3}),
@@ -241,7 +242,7 @@ def draw(changed: int | None = None, **arguments: Any) -> pt.Mechanism:
 def spec(m: pt.Mechanism) -> str:
     """The description passed to the core, and the Python functions in it."""
     d = m._description
-    records = [*d.couplings.values(), *d.drives.values(), *d.forces.values(), *d.sensors.values()]
+    records = [*d.couplings.values(), *d.rotors.values(), *d.drives.values(), *d.forces.values(), *d.sensors.values()]
     return json.dumps(m.to_spec()) + repr([call_of(record) for record in records])
 
 
@@ -251,7 +252,7 @@ def element(m: pt.Mechanism, i: int) -> Any:
 
 
 def tables(m: pt.Mechanism) -> list[Any]:
-    return [m.bodies, m.joints, m.couplings, m.drives, m.forces, m.sensors]
+    return [m.bodies, m.joints, m.couplings, m.rotors, m.drives, m.forces, m.sensors]
 
 
 def test_every_method_is_among_the_calls() -> None:

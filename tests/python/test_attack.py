@@ -131,6 +131,7 @@ def built() -> dict[str, Callable[[], Call]]:
         "add_orientation": {**two, "child_frame": np.eye(3), "cut": "auto"},
         "add_pin_slot": {**two, "axis1": X, "axis2": Y, "child_point": X, "child_frame": np.eye(3), "cut": "auto"},
         "add_coupler": {"name": "c", "terms": ["A", "P"], "factors": (1.0, 2.0), "offset": 0.0, "word": "coupler"},
+        "add_rotor": {"joint": "A", "inertia": 1e-3, "ratio": 5.0, "coordinate": 0, "name": "r"},
         "add_gear": {"joint1": "A", "joint2": "P", "ratio": 2.0, "coordinate1": 0, "coordinate2": 2, "name": "g"},
         "add_belt": {"pulley1": "A", "pulley2": "P", "radius1": 1.0, "radius2": 2.0, "crossed": True, "name": "b"},
         "add_rack": {"pinion": "A", "slide": "P", "radius": 1.0, "coordinate1": 0, "coordinate2": 1, "name": "r"},

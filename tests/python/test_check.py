@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
-from test_urdf import LENGTHS, LOOP, tree, written
+from test_urdf import LENGTHS, LOOP, PAIR, ends, tree, written
 
 from partita.cli import main
 
@@ -34,3 +34,17 @@ def test_a_catalogue_entry_and_a_bad_file(tmp_path: Path, capsys: pytest.Capture
     assert "degrees of freedom: 1" in capsys.readouterr().out
     assert main(["check", str(written(tmp_path, "<robot>"))]) == 2
     assert "line 1" in capsys.readouterr().err
+
+
+def test_how_a_file_is_read(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The arguments of `partita.load` on the command line."""
+    (tmp_path / "urdf").mkdir()
+    path = written(tmp_path / "urdf", tree(ends("here", "there")))
+    loops = tmp_path / "loops.yml"
+    loops.write_text(PAIR, "utf-8")
+    for more, dof in (((), 3), (("--base", "free"), 9), (("--loops", str(loops)), 1), (("--root", str(tmp_path)), 3)):
+        assert main(["check", str(path), *more]) == 0
+        assert f"degrees of freedom: {dof}" in capsys.readouterr().out
+    heavy = written(tmp_path / "urdf", tree().replace('iyy="1e-4"', 'iyy="1e3"'))
+    assert main(["check", str(heavy)]) == 0 and "principal values" in capsys.readouterr().out
+    assert main(["check", str(heavy), "--inertia", "strict"]) != 0

@@ -63,6 +63,22 @@ def test_a_massless_link_with_inertia_is_no_frame(tmp_path: Path) -> None:
         assert len(m.bodies) == bodies and abs(found - inertia - (moment if bodies == 4 else 0.0)) < 1e-15
 
 
+def test_the_mass_of_a_frame_is_that_of_its_link(tmp_path: Path) -> None:
+    """As of a body that is welded there, to the last digits; a link without mass stays so."""
+    end = END.format(9e-10, 0, 0, 0) + FIXED.replace("/></joint>", '/><origin xyz="0.3 0.2 0.1" rpy="1 2 3"/></joint>')
+    m = pt.load(written(tmp_path, tree(LOOP + end)))
+    heavier = pt.load(written(tmp_path, tree(LOOP + end.replace("9e-10", "9e-9"))))
+    plain = pt.load(written(tmp_path, tree(LOOP)))
+    assert len(m.bodies) == len(heavier.bodies) - 1 == 3 and "its mass is added there" in str(m.reading)
+    inertias = []
+    for one in (plain, m, heavier):
+        column = one.compile().velocity_names.index("A")
+        inertias.append(one.compile().mass_matrix(one.assemble().q)[column, column])
+    assert inertias[1] - inertias[0] == pytest.approx(0.1 * (inertias[2] - inertias[0]), rel=1e-6)  # of 1e-10 of them
+    base = pt.load(written(tmp_path, tree(LOOP + end.replace('link="crank"', 'link="base"'))))
+    assert len(base.bodies) == 3 and "is omitted, since that link has none" in str(base.reading)
+
+
 def test_joints_that_move_no_mass_are_named(tmp_path: Path) -> None:
     """A finger that follows the crank moves with it, one that follows another such finger does not; a loop moves what
     it closes."""

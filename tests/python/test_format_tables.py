@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import importlib.util
+import json
+import warnings
 from pathlib import Path
 
 import mutations
+import owners
 import pytest
 from mutations import FILES, TABLES
 from thorough import either
@@ -57,6 +60,18 @@ def test_the_table_of_mjcf_knows_what_mujoco_knows() -> None:
     assert not missing
 
 
+@pytest.mark.parametrize("suffix", [".urdf", ".mjcf"])
+@pytest.mark.parametrize("name", ["four-bar", "rssr", "bricard", "car-axis", "four-bar-spring"])
+def test_what_is_written_is_read_in_full(name: str, suffix: str, tmp_path: Path) -> None:
+    if suffix == ".mjcf":
+        pytest.importorskip("mujoco")
+    path = tmp_path / f"written{suffix}"
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what the format cannot carry is said while writing
+        pt.catalogue.load(name).save(path)
+    assert {group.kind for group in pt.load(path).remarks} <= {"bounds", "changed", "used"}
+
+
 def test_remarks_of_one_text_are_one(tmp_path: Path) -> None:
     joint = (
         '<link name="{0}"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial></link>'
@@ -78,3 +93,17 @@ def test_remarks_of_one_text_are_one(tmp_path: Path) -> None:
     assert friction.to_dict()["count"] == 20
     assert list(KINDS).index("motion") == 0
     assert pt.Mechanism("drawn").remarks == ()
+
+
+@pytest.mark.parametrize("name", owners.CASES)
+def test_a_file_moves_as_the_program_says_that_owns_the_format(name: str) -> None:
+    if name.endswith(".mjcf"):
+        pytest.importorskip("mujoco")
+    stored = json.loads(owners.STORED.read_text("utf-8"))[name]
+    assert max(owners.differences(name, stored)) < owners.SAME
+
+
+@pytest.mark.parametrize("name", owners.CASES)
+def test_the_program_that_owns_the_format_still_says_so(name: str) -> None:
+    pytest.importorskip(owners.PROGRAMS[Path(name).suffix][1])
+    assert max(owners.differences(name, owners.asked(name))) < owners.SAME

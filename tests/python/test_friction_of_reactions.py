@@ -564,3 +564,27 @@ def test_what_acts_along_other_coordinates_of_the_joint_does_not_press(coordinat
     assert np.linalg.norm(run.joint("J").force[-1]) == pytest.approx(mass * G, rel=1e-10)
     slowed = mu * radius * mass * G / 0.1
     assert run.joint("J").velocity[-1, 1] == pytest.approx(3.0 - 0.2 * slowed, abs=1e-6)
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+def test_a_drive_of_another_coordinate_presses(coordinates: str) -> None:
+    """A sleeve whose turn is driven slides on its key: the torque I alpha presses with I alpha / r at the radius r. A
+    torque that is applied, and is no reaction, presses nothing."""
+    inertia, mass, radius, alpha, mu = 0.3, 2.0, 0.05, 4.0, 0.2
+    slowed = []
+    for driven in (True, False):
+        m = pt.Mechanism("sleeve", gravity=None)
+        sleeve = m.add_body("sleeve", mass=mass, inertia=(0.2, 0.2, inertia))
+        m.add_cylindrical("C", m.ground, sleeve, point=(0, 0, 0), axis=(0, 0, 1))
+        m.add_friction("C", coefficient=mu, radius=radius, stick_velocity=1e-5, coordinate=0)
+        if driven:
+            m.add_drive("C", lambda t: 0.5 * alpha * t**2, coordinate=1)
+        else:
+            m.add_torque("C", inertia * alpha, coordinate=1)
+        start = m.convert(m.assemble(rates={"C.slide": 100.0}), coordinates)
+        run = m.simulate(0.01, initial=start, coordinates=coordinates)
+        assert run.success, run.message
+        slowed.append(run.joint("C").acceleration[:, 0])
+        assert np.abs(run.joint("C").acceleration[:, 1] - alpha).max() < 1e-9
+    assert np.abs(slowed[0] + mu * inertia * alpha / radius / mass).max() < 1e-9
+    assert np.abs(slowed[1]).max() < 1e-9

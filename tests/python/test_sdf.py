@@ -107,3 +107,69 @@ def test_a_bad_file(text: str, words: str, tmp_path: Path) -> None:
     with pytest.raises(pt.errors.FileFormatError) as reported:
         loaded(tmp_path, text)
     assert words in str(reported.value) and reported.value.line is not None
+
+
+def one(version: str, axis: str, model_pose: str = "0 0 0 0 0 0", more: str = "") -> str:
+    """A link 1 m along x of its model, on a hinge that is turned by a quarter about z."""
+    return f"""<sdf version="{version}"><model name="m"><pose>{model_pose}</pose>
+  <link name="a"><pose>1 0 0 0 0 0</pose>{more}<inertial><mass>1</mass>
+    <inertia><ixx>1</ixx><iyy>1</iyy><izz>1</izz></inertia></inertial></link>
+  <joint name="j" type="revolute"><parent>world</parent><child>a</child><pose>0 0 0 0 0 {np.pi / 2!r}</pose>
+    <axis><xyz>1 0 0</xyz>{axis}</axis></joint></model></sdf>"""
+
+
+@pytest.mark.parametrize(
+    ("version", "axis", "along"),
+    [
+        ("1.4", "", (1, 0, 0)),
+        ("1.5", "", (0, 1, 0)),
+        ("1.5", "<use_parent_model_frame>true</use_parent_model_frame>", (1, 0, 0)),
+        ("1.6", "<use_parent_model_frame>1</use_parent_model_frame>", (1, 0, 0)),
+        ("1.6", "<use_parent_model_frame>false</use_parent_model_frame>", (0, 1, 0)),
+        ("1.7", "", (0, 1, 0)),
+        ("1.7", "<use_parent_model_frame>true</use_parent_model_frame>", (0, 1, 0)),
+    ],
+)
+def test_axes_follow_the_rules_of_their_version(
+    version: str, axis: str, along: tuple[int, ...], tmp_path: Path
+) -> None:
+    m = loaded(tmp_path, one(version, axis))
+    (joint,) = m.to_spec()["joints"]
+    assert np.abs(np.array(joint["axis"]) - along).max() < 1e-15
+    assert ("unknown" in [group.kind for group in m.remarks]) == (version == "1.7" and bool(axis))
+
+
+def test_the_pose_of_a_model_turns_all_of_it(tmp_path: Path) -> None:
+    m = loaded(tmp_path, one("1.9", "", f"0.5 0 0 0 0 {np.pi / 2!r}", "<gravity>false</gravity>"))
+    (body,), (joint,) = m.to_spec()["bodies"], m.to_spec()["joints"]
+    assert np.abs(np.array(body["position"]) - (0.5, 1, 0)).max() < 1e-15
+    assert np.abs(np.array(joint["axis"]) - (-1, 0, 0)).max() < 1e-15
+    assert [force["kind"] for force in m.to_spec()["forces"]] == ["weightless"]
+
+
+@pytest.mark.parametrize(
+    ("text", "gravity"),
+    [
+        ("{}", (0, 0, -9.8)),
+        ("<world name='w'>{}</world>", (0, 0, -9.8)),
+        ("<world name='w'><gravity>0 1 2</gravity>{}</world>", (0, 1, 2)),
+        ("<world name='w'><physics type='ode'><gravity>0 3 2</gravity></physics>{}</world>", (0, 0, -9.8)),
+    ],
+)
+def test_gravity_of_the_world_or_of_the_format(text: str, gravity: tuple[float, ...], tmp_path: Path) -> None:
+    whole = one("1.6", "")
+    inner = whole[whole.index("<model") : whole.index("</sdf>")]
+    for version in ("1.5", "1.6"):
+        m = loaded(tmp_path, f'<sdf version="{version}">{text.format(inner)}</sdf>')
+        by_physics = version == "1.5" and "physics" in text
+        assert m.gravity == ((0, 3, 2) if by_physics else gravity)
+        own = any(group.text.startswith("gravity is the format's own") for group in m.remarks)
+        assert own == (gravity == (0, 0, -9.8) and not by_physics)
+
+
+def test_mimic_is_a_coupler(tmp_path: Path) -> None:
+    mimic = '<mimic joint="A"><multiplier>-2</multiplier><offset>0.1</offset><reference>0.3</reference></mimic>'
+    more = link("crank", "<pose>0 2 0 0 0 0</pose>").replace('"crank"', '"second"')
+    m = loaded(tmp_path, model(more + hinge("E", "world", "second", axis=f"<xyz>0 1 0</xyz>{mimic}")))
+    assert m.compile().mobility == 1
+    assert abs(m.assemble(targets={"A": 0.5}).position("E") - (-2 * (0.5 - 0.3) + 0.1)) < 1e-12

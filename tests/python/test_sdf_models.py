@@ -4,10 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from test_sdf import hinge, link
 from test_urdf import BASE, LENGTHS, angles, drawn
 
 import partita as pt
+
+Array = NDArray[np.float64]
 
 CRANK, COUPLER, ROCKER = (float(x) for x in angles())
 AXIS = '<xyz expressed_in="__model__">0 -1 0</xyz>'
@@ -64,25 +67,36 @@ def included(folder: Path, name: str = "swing", text: str = ROCKING) -> Path:
     return folder
 
 
-def assert_same(m: pt.Mechanism, names: dict[str, str]) -> None:
-    """Moves as the four-bar drawn by hand, whose joints have these names here."""
+HERE = (np.eye(3), np.zeros(3))
+
+
+def assert_same(m: pt.Mechanism, names: dict[str, str], moved: tuple[Array, Array] = HERE) -> None:
+    """Moves as the four-bar drawn by hand, turned and shifted as a whole, whose joints have these names here."""
     expected = drawn("revolute")
     assert m.compile().mobility == 1
-    found, by_hand = m.assemble(rates={names["A"]: 2.0}), expected.assemble(rates={"A": 2.0})
+    found, built = m.assemble(rates={names["A"]: 2.0}), expected.assemble(rates={"A": 2.0})
     rates, other = (
         dict(zip(one.compile().velocity_names, one.compile().acceleration(s.q, s.v)[0], strict=True))
-        for one, s in ((m, found), (expected, by_hand))
+        for one, s in ((m, found), (expected, built))
     )
     assert max(abs(rates[names[joint]] - other[joint]) for joint in "ABD") < 1e-12 * abs(other["A"])
     positions = {name.rpartition("::")[2]: body.position for name, body in m._description.bodies.items()}
     for name, body in expected._description.bodies.items():
-        assert np.abs(positions[name] - body.position).max() < 1e-14
+        assert np.abs(positions[name] - moved[0] @ body.position - moved[1]).max() < 1e-14
 
 
 def test_nested_and_included_models(tmp_path: Path) -> None:
     m = loaded(included(tmp_path), NESTED)
     assert set(m.bodies) == {"crank", "upper::coupler", "lower::rocker"} and m.name == "bar"
     assert_same(m, {joint: joint for joint in "ABD"})
+
+
+def test_a_model_that_stands_elsewhere(tmp_path: Path) -> None:
+    """Inside another one; both are turned about the vertical, and shifted."""
+    inner = placed("bar", crank() + COUPLING + INCLUDED + JOINTS, "<pose>1 2 3 0 0 0.7</pose>")
+    m = loaded(included(tmp_path), world(placed("outer", inner, "<pose>-3 5 1 0 0 0.4</pose>")))
+    one, both = (np.array([[np.cos(a), -np.sin(a), 0], [np.sin(a), np.cos(a), 0], [0, 0, 1]]) for a in (0.4, 1.1))
+    assert_same(m, {joint: f"bar::{joint}" for joint in "ABD"}, (both, one @ [1, 2, 3] + [-3, 5, 1]))
 
 
 def test_several_models_in_a_world(tmp_path: Path) -> None:
@@ -208,3 +222,12 @@ def test_a_model_that_is_missing_in_a_world_is_reported(tmp_path: Path) -> None:
 
 def test_names_of_folders_alone_are_models(tmp_path: Path) -> None:
     assert_same(loaded(included(tmp_path), NESTED.replace("model://swing", "swing")), {joint: joint for joint in "ABD"})
+
+
+def test_models_and_frames_by_the_thousand(tmp_path: Path) -> None:
+    deep = 500 * '<model name="m"><pose>0 0 1 0 0 1</pose>' + link("crank", "") + 500 * "</model>"
+    frames = "".join(f'<frame name="f{i}" attached_to="f{i + 1}"/>' for i in range(3000))
+    long = placed("m", link("crank", "") + frames + '<frame name="f3000" attached_to="crank"/>')
+    for content in (deep, long):
+        with pytest.raises(pt.errors.FileFormatError, match="by hundreds"):
+            loaded(tmp_path, f'<sdf version="1.10">{content}</sdf>')

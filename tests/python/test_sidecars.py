@@ -47,12 +47,12 @@ def test_types_replace_those_of_the_tree(
     text = tree(ends("here", "there"), {})
     m = pt.load(written(tmp_path, text, f"{PAIR}joint_name: [D, B]\njoint_type: [{', '.join(types)}]\n"))
     expected = pt.Mechanism("the same", gravity=GRAVITY)
-    by_hand = drawn("spherical")
-    for body in by_hand._description.bodies.values():
+    built = drawn("spherical")
+    for body in built._description.bodies.values():
         expected.add_body(body.name, mass=body.mass, inertia=body.inertia, com=body.com, position=body.position,
                           orientation=body.rotation)  # fmt: skip
-    points = {name: joint.point for name, joint in by_hand._description.joints.items()}
-    turned = by_hand._description.bodies["rocker"].rotation
+    points = {name: joint.point for name, joint in built._description.joints.items()}
+    turned = built._description.bodies["rocker"].rotation
     first, second = (turned[:, "xyz".index(axis)] for axis in axes)
     expected.add_revolute("A", expected.ground, "crank", point=points["A"], axis=(0, -1, 0))
     expected.add_spherical("B", "crank", "coupler", point=points["B"])
@@ -67,7 +67,7 @@ def test_types_replace_those_of_the_tree(
     )
     names = ("A", "D.turn1", "D.turn2")
     assert max(abs(found[name] - by_rates[name]) for name in names) < 1e-10 * max(map(abs, by_rates.values()))
-    assert f"{types[0]} in robot.yaml: joint D" in str(m.reading)
+    assert f'joint "D": {types[0]}, by robot.yaml' in str(m.reading)
 
 
 def test_fixed_joints_and_dampers_of_others(tmp_path: Path) -> None:
@@ -76,9 +76,9 @@ def test_fixed_joints_and_dampers_of_others(tmp_path: Path) -> None:
     )
     m = pt.load(written(tmp_path, damped, "joint_name: [B, D]\njoint_type: [FIXED, SPHERICAL]\n"))
     assert kinds(m) == {"A": "revolute", "B": "fixed", "D": "spherical"} and m.compile().mobility == 4
-    assert [remark.text for remark in m.reading.dropped if "damping" in remark.text] == [
-        "damping 0.5 of joint B, which is FIXED in robot.yaml: use add_torsion_spring",
-        "damping 0.5 of joint D, which is SPHERICAL in robot.yaml: use add_torsion_spring",
+    assert [str(remark).partition(": ")[2] for remark in m.reading.dropped if "damping" in remark.text] == [
+        'joint "B" damping 0.5: FIXED in robot.yaml, whose damping is not read: add_torsion_spring',
+        'joint "D" damping 0.5: SPHERICAL in robot.yaml, whose damping is not read: add_torsion_spring',
     ]
 
 
@@ -117,6 +117,8 @@ def test_names_of_frames_close_loops(case: str, tmp_path: Path) -> None:
     closed = [joint for joint in m.compile().summary["joints"] if " = " in joint["name"]]
     assert [joint["kind"] for joint in closed] == [kind]
     assert "by their names" in str(m.reading)
+    # an assumption is reported, what the names say is not
+    assert ("do not say how the loop is closed" in str(m.reading)) == (case == "words before")
     if kind != "fixed":
         expected = drawn(kind)
         assert m.compile().mobility == expected.compile().mobility == 1
@@ -192,3 +194,21 @@ def test_pairs_that_are_open_are_reported(tmp_path: Path) -> None:
     closed = pt.load(written(tmp_path, tree(pair("tip_A", "tip_B")), "closed_loop: [[tip_B, tip_A]]\ntype: [3d]\n"))
     assert not [remark for remark in closed.reading.dropped if "open" in remark.text]
     assert np.isclose(BASE, 1.0) and len(angles()) == 3
+
+
+def test_links_that_lead_elsewhere(tmp_path: Path) -> None:
+    """No sidecar is read through them, unless the caller names it."""
+    inside = tmp_path / "robot"
+    inside.mkdir()
+    model, outside = written(inside, tree(ends("here", "there"))), tmp_path / "outside.yaml"
+    outside.write_text(PAIR, "utf-8")
+    try:
+        (inside / "loops.yaml").symlink_to(outside)
+    except OSError:
+        pytest.skip("no links here")
+    assert pt.load(model).compile().mobility == 3
+    assert pt.load(model, root=tmp_path).compile().mobility == 1
+    (inside / "loops.yaml").rename(inside / "robot.yaml")
+    with pytest.raises(pt.errors.FileFormatError, match="a link that leads out of"):
+        pt.load(model)
+    assert pt.load(model, loops=inside / "robot.yaml").compile().mobility == 1

@@ -210,7 +210,7 @@ def test_hinges_through_one_point_are_one_joint(tmp_path: Path) -> None:
         text += line.format(name, parent, child, origin, axis)
     m = pt.load(written(tmp_path, text + "</robot>"))
     assert [(j["name"], j["kind"]) for j in m.compile().summary["joints"]] == [("z", "spherical"), ("v", "universal")]
-    assert "hinges x, y, z with no mass between them are one spherical joint" in str(m.reading)
+    assert "x - y - z: hinges with no mass between them are one spherical joint" in str(m.reading)
 
 
 JOINT = '\n<joint name="{}" type="{}"><parent link="base"/><child link="{}"/></joint>'

@@ -31,6 +31,7 @@ PARTS: dict[str, tuple[str, ...]] = {
         "sweeps",
         "model-files",
         "robots",
+        "formats",
         "fmu",
         "pictures",
         "playground",

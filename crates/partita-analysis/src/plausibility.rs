@@ -3,6 +3,7 @@
 use crate::reason::names;
 use partita_math::dense::Matrix;
 use partita_math::factor::symmetric_eigen;
+use partita_math::formatted;
 use partita_math::tolerance;
 use partita_model::spec::{Body, Force, Measure, Value};
 use partita_model::spin;
@@ -137,9 +138,10 @@ pub fn suspicious(model: &Model) -> Vec<String> {
     if let Some(&usual) = sizes.get(sizes.len() / 2).filter(|_| sizes.len() > 2) {
         for (i, x) in extents.iter().filter(|(_, x)| *x > FAR_OFF * usual || *x * FAR_OFF < usual) {
             found.push(format!(
-                "{} extends over {x:.3} m, where bodies typically measure {usual:.3} m; check the unit (see \
-                 partita.units)",
-                model.spec.bodies[*i].name
+                "{} extends over {} m, where bodies typically measure {} m; check the unit (see partita.units)",
+                model.spec.bodies[*i].name,
+                formatted(*x),
+                formatted(usual)
             ));
         }
     }

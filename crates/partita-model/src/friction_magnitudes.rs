@@ -12,6 +12,7 @@
 //! the matrix `|κ_i| Σ_t weight_t |B_tj|` is a contraction; and where every R_t keeps to one line, so that u_t is a
 //! number between −1 and 1, as soon as the determinant, which is affine in each of them, is positive in all corners.
 
+use crate::wrench::Wrench;
 use partita_math::dense;
 use partita_math::tolerance;
 
@@ -37,7 +38,17 @@ pub(crate) struct Hold {
     pub x: Vec<f64>,
     pub lambda: Vec<f64>,
     pub still: Vec<f64>,
+    pub conditions: OfConditions,
     pub magnitudes: FrictionMagnitudes,
+}
+
+/// What the conditions of joints and their drives add to reactions.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct OfConditions {
+    /// Effort along each velocity of the tree.
+    pub own: Vec<f64>,
+    /// For each friction, on the child of its joint, about the origin of the tree's world.
+    pub wrenches: Vec<Wrench>,
 }
 
 /// A force that determines a friction.

@@ -51,8 +51,8 @@ def add_friction(
 
     Give either the magnitude (`dynamic`, `static`) or a `coefficient`; with a coefficient the magnitude is coefficient
     N and depends on the reaction of this joint, which the friction affects in turn. With F and M the force and the
-    moment of the joint's constraints (as in `run.joint(...)`), N is |F| across the axis for a translation, and radius
-    |F| across the axis for a rotation. Give the `length` L of the bearing if it carries a moment: two short bearings at
+    moment of the joint's constraints and drives (as in `run.joint(...)`), N is |F| across the axis for a translation,
+    and radius |F| across the axis for a rotation. Give the `length` L of the bearing if it carries a moment: two short bearings at
     its ends then share F and take M across the axis, N = |F/2 + M x a / L| + |F/2 - M x a / L| (times the radius for a
     rotation), with the axis a. `collar` adds collar |F along the axis| for a rotation, `radius` adds |M about the axis|
     / radius for a translation.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import NoReturn
 
-from ..options import COORDINATES, CORRECTIONS, FORMULATIONS, METHODS, SELECTIONS
+from ..options import BASES, COORDINATES, CORRECTIONS, FORMULATIONS, INERTIAS, METHODS, SELECTIONS
 from .values import count, ladder, listed, pair, positive, repeats, seconds, setting
 
 MODEL = "a model file (it exists or has an ending such as .toml), or a name from `partita list`"
@@ -56,12 +56,13 @@ def parser() -> argparse.ArgumentParser:
     report = _command(words, "report", commands.report, "mobility, redundancy, coordinates and reactions, in words")
     report.add_argument("model", metavar="FILE|NAME", help=MODEL)
     report.add_argument("--markdown", action="store_true", help="headings and tables instead of plain text")
+    _reading(report)
     _json(report)
     about = "check a model file: what was read and omitted, whether it closes, its mobility, likely mistakes"
     lint = _command(words, "check", check.check, about)
     lint.add_argument("model", metavar="FILE|NAME", help=MODEL)
     _json(lint)
-    lint.add_argument("--base", choices=("fixed", "free"), default="fixed", help="how the root of a URDF is attached")
+    _reading(lint)
 
     _assemble(_command(words, "assemble", assemble, "close the loops and print all positions"))
 
@@ -92,14 +93,21 @@ def parser() -> argparse.ArgumentParser:
     convert.add_argument("target", metavar="B", help="model file to write; its ending decides the format")
     convert.add_argument("--strict", action="store_true", help="fail if the format cannot represent the model")
     _json(convert, "print changes and omissions as JSON")
-    convert.add_argument(
-        "--base", choices=("fixed", "free"), default="fixed", help="how the root of a URDF is attached"
-    )
+    _reading(convert)
 
     shell = _command(words, "completion", completion, "print the completion script of a shell")
     shell.add_argument("shell", choices=("bash", "zsh", "tcsh"), help="shell for which the script is written")
     shell.set_defaults(words=top)
     return top
+
+
+def _reading(command: argparse.ArgumentParser) -> None:
+    """How a model file is read: arguments of `partita.load`."""
+    add = command.add_argument
+    add("--base", choices=BASES, default="fixed", help="how the root of a URDF is attached (default fixed)")
+    add("--loops", metavar="FILE", help="YAML file that lists the loops and joint types of a URDF")
+    add("--inertia", choices=INERTIAS, help="whether an inertia that no body can have is repaired (robots) or refused")
+    add("--root", metavar="FOLDER", help="folder around the model in which the files that it names may lie")
 
 
 def _simulate(command: argparse.ArgumentParser) -> None:
@@ -127,6 +135,7 @@ def _simulate(command: argparse.ArgumentParser) -> None:
     add("--save", metavar="FILE", help="write the result (.nc, .zarr, .json, .csv, .parquet, .mat)")
     add("--plot", metavar="FILE", help="write the figure (.png, .pdf, .svg)")
     add("--quiet", action="store_true", help="print nothing but errors")
+    _reading(command)
     _json(command)
 
 
@@ -169,7 +178,7 @@ def _assemble(command: argparse.ArgumentParser) -> None:
     _start(command)
     add("--all", action="store_true", help="all positions that close for these targets, branch by branch")
     add("--inputs", metavar="A,B", type=listed, help="with --all: velocities whose positions are given")
-    add("--base", choices=("fixed", "free"), default="fixed", help="how the root of a URDF is attached")
+    _reading(command)
     _json(command)
 
 

@@ -6,7 +6,7 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 from ..naming import listed
-from .models import open_model, settings, start_of
+from .models import open_as_asked, settings, start_of
 from .printing import print_json
 
 if TYPE_CHECKING:
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 def assemble(arguments: argparse.Namespace) -> int:
     """Close the loops for the given targets, and print all positions; with --all, on every branch."""
-    opened = open_model(arguments.model, base=arguments.base)
+    opened = open_as_asked(arguments.model, arguments)
     if arguments.all:
         targets, rates = settings(arguments.target), settings(arguments.rate)
         found = opened.mechanism.assemblies(targets, rates, opened.initial(), inputs=arguments.inputs)

@@ -6,7 +6,7 @@ import argparse
 from typing import Any
 
 from ..errors import AssemblyError, SingularityError
-from .models import open_model
+from .models import open_as_asked
 from .printing import print_json
 
 HELD, BROKEN = 0, 1
@@ -14,7 +14,7 @@ HELD, BROKEN = 0, 1
 
 def check(arguments: argparse.Namespace) -> int:
     """Print the findings on a model file; return 1 if its loops do not close."""
-    mechanism = open_model(arguments.model, base=arguments.base).mechanism
+    mechanism = open_as_asked(arguments.model, arguments).mechanism
     found: dict[str, Any] = {"reading": None if mechanism.reading is None else mechanism.reading.to_dict()}
     try:
         found["report"] = mechanism.report().to_dict()

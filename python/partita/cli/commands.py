@@ -7,13 +7,13 @@ import warnings
 from pathlib import Path
 
 from ..errors import ArgumentError, LossyFileWarning
-from .models import open_model
+from .models import open_as_asked
 from .printing import print_json
 
 
 def report(arguments: argparse.Namespace) -> int:
     """Print the report of a mechanism."""
-    opened = open_model(arguments.model)
+    opened = open_as_asked(arguments.model, arguments)
     found = opened.mechanism.report(opened.initial())
     if arguments.json:
         print_json(found.to_dict())
@@ -64,7 +64,7 @@ def view(arguments: argparse.Namespace) -> int:
 
 def convert(arguments: argparse.Namespace) -> int:
     """Read one model file, write another, and print changes and losses."""
-    opened = open_model(arguments.source, base=arguments.base)
+    opened = open_as_asked(arguments.source, arguments)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LossyFileWarning)  # printed below
         written = opened.mechanism.save(arguments.target, strict=arguments.strict)

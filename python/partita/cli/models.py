@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -29,17 +30,26 @@ class Opened:
         return start if coordinates == "relative" else self.mechanism.convert(start, coordinates)
 
 
-def open_model(word: str, base: str = "fixed") -> Opened:
+READING = ("base", "loops", "inertia", "root")
+"""Arguments of `partita.load`."""
+
+
+def open_as_asked(word: str, arguments: argparse.Namespace) -> Opened:
+    """`open_model`, with what the command line says about reading files."""
+    return open_model(word, **{key: value for key in READING if (value := getattr(arguments, key)) is not None})
+
+
+def open_model(word: str, **reading: str) -> Opened:
     """The mechanism in the file `word`, or of that name in the catalogue.
 
     A file is meant when it exists or when the word has an ending or a folder in it. Errors: those of `partita.load` and
-    of `partita.catalogue.entry`. `base` is that of `partita.load`.
+    of `partita.catalogue.entry`. `reading` are arguments of `partita.load`.
     """
     path = Path(word)
     if path.is_file() or path.suffix or len(path.parts) > 1:
         from ..mechanism import load
 
-        return Opened(load(word, base=base))
+        return Opened(load(word, **reading))
     from .. import catalogue
 
     entry = catalogue.entry(word)

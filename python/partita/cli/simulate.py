@@ -17,7 +17,7 @@ from ..progress import has_bars
 from ..results.save import checked_path
 from .account import account
 from .interruption import so_far
-from .models import Opened, length_of, open_model, start_of
+from .models import Opened, length_of, open_as_asked, start_of
 from .printing import print_json
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ _OPTIONS = (
 def simulate(arguments: argparse.Namespace) -> int:
     """Run, write the requested files and print the summary; the exit code states how the run ended."""
     _check_outputs(arguments)
-    opened = open_model(arguments.model)
+    opened = open_as_asked(arguments.model, arguments)
     duration = length_of(opened, arguments.model, arguments.time)
     start = start_of(opened, arguments.target, arguments.rate, arguments.coordinates)
     result = _run(opened, start, duration, arguments)

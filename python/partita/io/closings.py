@@ -21,6 +21,7 @@ _WORD = r"(?:.*[^a-z])?clos(?:ing|ed?_?loop)s?"
 _NAME = re.compile(rf"(?P<stem>{_WORD}.*?)[_-]?(?P<side>[12AB])(?:[_-]?(?P<end>[36]D))?", re.IGNORECASE)
 _KIND = re.compile(rf"{_WORD}[_-]?([36]D)", re.IGNORECASE)
 _SIDE = re.compile(r"(?P<stem>.+?)(?P<side>[12AB])(?:[_-]?[36]D)?", re.IGNORECASE)
+_UNTYPED = "welded, since the names of the frames do not say how the loop is closed"
 _AXIS = "_z"
 """Ending of the name of a second point on the axis of a hinge."""
 _ON_AXIS = 1e-6
@@ -46,7 +47,13 @@ def close(robot: Robot) -> None:
         kinds = {kind for name in names if (kind := _kind(name))}
         if len(kinds) > 1:
             _fail(robot, names[0], f"and {names[1]} are of different kinds, {' and '.join(sorted(kinds))}")
-        kind = next(iter(kinds), "hinge" if _hinged(robot, names) else "6d")
+        kind = next(iter(kinds), "hinge" if _hinged(robot, names) else "")
+        if not kind:
+            remark = (
+                f"{_UNTYPED}; with _3D at the end of both, or type 3d in a YAML file beside, their points are joined"
+            )
+            robot.reading.changed.append(Remark(None, remark, " and ".join(names)))
+            kind = "6d"
         sidecar.close(robot, stem, (names[0], names[1]), kind, None)
 
 
@@ -74,8 +81,8 @@ def report_open(robot: Robot, poses: Mapping[str, Array]) -> None:
         if all(map(is_closing, names)) or float(np.linalg.norm(one - other)) <= _TOGETHER:
             pairs.append(" and ".join(names))
     if pairs:
-        cure = "closed_loop in a YAML file beside the URDF closes them"
-        remark = f"{', '.join(pairs)} look like ends of loops, which are open; {cure}"
+        remedy = "closed_loop in a YAML file beside the URDF closes them"
+        remark = f"{', '.join(pairs)} look like ends of loops, which are open; {remedy}"
         robot.reading.dropped.append(Remark(None, remark))
 
 

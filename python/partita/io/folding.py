@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from .reading import Remark
-from .robot import MASSLESS, NOISE, THROUGH, Joint, Link, Robot, placed
+from .robot import MASSLESS, NOISE, THROUGH, Array, Joint, Link, Robot, placed
 
 
 def fold_marks(robot: Robot) -> None:
@@ -38,11 +38,28 @@ def fold_marks(robot: Robot) -> None:
                     (joint.parent, joint.pose @ pose) if link == joint.child else (link, pose)
                     for link, pose in (loop.first, loop.second)
                 )
-            mass = robot.links[joint.child].mass
-            with_mass = f" and its mass of {mass:.2g} kg is omitted" if mass > 0.0 else ""
-            remark = f'link "{joint.child}" is taken as a frame of "{joint.parent}"{with_mass}'
-            robot.reading.changed.append(Remark(robot.links[joint.child].at.line, remark))
+            mark, parent = robot.links[joint.child], robot.links[joint.parent]
+            with_mass = ""
+            if parent.mass > MASSLESS:
+                _add(parent, mark, joint.pose)
+                with_mass = ", and its mass is added there" if mark.mass > 0.0 else ""
+            elif mark.mass > 0.0:
+                with_mass = f", and its mass of {mark.mass:.2g} kg is omitted, since that link has none"
+            remark = f"a frame of the link to which it is fixed{with_mass}"
+            robot.reading.changed.append(Remark(robot.links[joint.child].at.line, remark, f'link "{joint.child}"'))
             del robot.joints[joint.name], robot.links[joint.child]
+
+
+def _add(link: Link, more: Link, pose: Array) -> None:
+    """Add mass and inertia of a link that is welded to another one, at this pose."""
+    mass = link.mass + more.mass
+    com = pose[:3, :3] @ more.com + pose[:3, 3]
+    middle = (link.mass * link.com + more.mass * com) / mass
+    inertia = link.inertia + pose[:3, :3] @ more.inertia @ pose[:3, :3].T
+    for part, place in ((link.mass, link.com), (more.mass, com)):
+        arm = place - middle
+        inertia = inertia + part * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    link.mass, link.com, link.inertia = mass, middle, inertia
 
 
 def fold_hinges(robot: Robot) -> None:
@@ -103,8 +120,8 @@ def fold_hinges(robot: Robot) -> None:
         for joint in chain[:-1]:
             del robot.links[joint.child], robot.joints[joint.name]
         robot.joints[last.name] = folded
-        remark = f"hinges {', '.join(names)} with no mass between them are one {kind} joint, {last.name}"
-        robot.reading.changed.append(Remark(last.at.line, remark))
+        remark = f"hinges with no mass between them are one {kind} joint with the name of the last"
+        robot.reading.changed.append(Remark(last.at.line, remark, " - ".join(names)))
 
 
 def fold_sleeves(robot: Robot) -> None:
@@ -136,8 +153,8 @@ def fold_sleeves(robot: Robot) -> None:
             point=turn.point,
         )
         del robot.joints[slide.name], robot.links[turn.parent]
-        remark = f"{slide.name} and {turn.name} with no mass between them are one cylindrical joint, {turn.name}"
-        robot.reading.changed.append(Remark(turn.at.line, remark))
+        remark = "slide and hinge with no mass between them are one cylindrical joint with the name of the hinge"
+        robot.reading.changed.append(Remark(turn.at.line, remark, f"{slide.name} - {turn.name}"))
 
 
 def fold_ends(robot: Robot) -> None:
@@ -162,8 +179,9 @@ def fold_ends(robot: Robot) -> None:
             loop.kind, loop.axis, loop.second_axis = joint.kind, joint.axis, joint.second
             loop.efforts = [replace(e, name=e.name or f"spring of {joint.name}") for e in joint.efforts]
             loop.first, loop.second = (joint.parent, joint.pose @ point), (other[0], other[1] @ back @ point)
-            remark = f'link "{one[0]}" of no mass is omitted: {joint.name} closes the loop {loop.name} directly'
-            robot.reading.changed.append(Remark(robot.links[one[0]].at.line, remark))
+            remark = "a link of no mass is omitted: its joint closes the loop directly"
+            called = f'link "{one[0]}" of loop {loop.name}'
+            robot.reading.changed.append(Remark(robot.links[one[0]].at.line, remark, called))
             robot.frames.pop(joint.name, None)
             del robot.joints[joint.name], robot.links[one[0]]
             break

@@ -38,8 +38,8 @@ _ITEM = re.compile(r"(@?[\w:.-]+|#)(\*?)(?:=([\w/]+))?(?:\(([^)]*)\))?(?:\[([\d.
 """`@attribute`, `element`, `element*` (any number), `element=context` (described under that name), `#` (text);
 A context `whole`, which no table has, is an element with all inside it.
 `(value)`: the default, `(0|none)` one of several; `[1.5-1.6]`: versions of the format."""
-_LONG = 60
-"""Characters of the content of an element in a remark."""
+_LONG = 500
+"""Characters of the content of an element in a remark; a report shows fewer."""
 _NAMESPACES = ("xmlns", "xmlns:", "xml:")
 
 Rows = tuple[tuple[str, str, str], ...]
@@ -93,7 +93,7 @@ class Table:
                 self._found[key] |= {item.name: item for item in rows if item.rank(version) == least}
         return self._found[key]
 
-    def walk(self, root: Element, reading: Reading, version: tuple[int, ...] | None = None, cut: bool = True) -> None:
+    def visit(self, root: Element, reading: Reading, version: tuple[int, ...] | None = None, cut: bool = True) -> None:
         """Report what is dropped or not known, refuse what is refused; `cut` takes all but what is applied or drawn out
         of the tree."""
         waiting = [(root, self.root, "")]
@@ -105,8 +105,8 @@ class Table:
             for key, value in list(element.attributes.items()):
                 if key.startswith(_NAMESPACES):
                     continue
-                said = f"{where} {key} {_short(value.strip())}"
-                found = self._judge(reading, items.get(f"@{key}"), element, said, value, version)
+                subject = f"{where} {key} {_short(value.strip())}"
+                found = self._judge(reading, items.get(f"@{key}"), element, subject, value, version)
                 if cut and not found:
                     del element.attributes[key]
             words = element.text.strip()
@@ -212,18 +212,18 @@ def _titled(element: Element, owner: str) -> str:
 
 def content(element: Element, owner: str = "") -> str:
     """An element with what it says, shortened."""
-    said: list[str] = []
+    inner: list[str] = []
     waiting = [element]
-    while waiting and sum(map(len, said)) <= _LONG:
+    while waiting and sum(map(len, inner)) <= _LONG:
         one = waiting.pop()
         words = [
             f"{key} {value.strip()}" for key, value in one.attributes.items() if one is not element or key != "name"
         ]
         words += [" ".join(one.text.split())] if one.text.strip() else []
-        said += [", ".join(words)] if one is element else [" ".join([one.tag, *words])]
+        inner += [", ".join(words)] if one is element else [" ".join([one.tag, *words])]
         waiting += reversed(one.children)
-    said = [words for words in said if words]
-    title, inside = _titled(element, owner), ", ".join(said)
+    inner = [words for words in inner if words]
+    title, inside = _titled(element, owner), ", ".join(inner)
     if len(inside) > _LONG or waiting:
         inside = f"{_short(inside)} {_size(element)} in all"
     return f"{title} ({inside})" if inside else title

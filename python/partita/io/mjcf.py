@@ -18,7 +18,7 @@ import numpy as np
 from ..errors import MissingDependencyError
 from ..files import get
 from .format_table import content, remark
-from .mjcf_table import CONTACT, FLUID, FRICTION, LIMITS, MJCF, ROTOR, TENDON, YIELD
+from .mjcf_table import ACTUATORS, CONTACT, FLUID, FRICTION, LIMITS, MJCF, ROTOR, TENDON, YIELD
 from .reading import Reading, Remark
 from .request import Request
 from .robot import Array, Effort, Joint, Link, Loop, Robot, Spring, Tie, placed
@@ -50,7 +50,7 @@ def read(path: Path, request: Request) -> Robot:
     reading = Reading(path, "MJCF")
     model = _compiled(mujoco, path, reading)
     for root in (found, *named.attached):
-        MJCF.walk(root, reading, cut=False)
+        MJCF.visit(root, reading, cut=False)
     return _Reader(mujoco, model, found, reading, request).robot()
 
 
@@ -194,6 +194,7 @@ class _Reader:
         gravity = np.zeros(3) if self.off("gravity") else model.opt.gravity
         self.made = Robot(name, reading, request, gravity=tuple(gravity.tolist()), gimbals=True)
         self.joint_names: dict[int, str] = {}
+        self.geared: dict[int, tuple[float, float]] = {}
 
     def off(self, *flags: str) -> bool:
         """Whether the file disables one of these; constraints are all that is not a joint or a spring."""
@@ -204,7 +205,7 @@ class _Reader:
         """Its name, or its kind and number where it has none."""
         kinds = self.mujoco.mjtObj
         of: dict[str, Any] = {"body": kinds.mjOBJ_BODY, "joint": kinds.mjOBJ_JOINT, "equality": kinds.mjOBJ_EQUALITY}
-        of["tendon"] = kinds.mjOBJ_TENDON
+        of["tendon"], of["actuator"] = kinds.mjOBJ_TENDON, kinds.mjOBJ_ACTUATOR
         return self.mujoco.mj_id2name(self.model, of[kind], i) or f"{kind} {i}"
 
     def at(self, *tags: str, name: str) -> Element:
@@ -221,6 +222,7 @@ class _Reader:
 
     def robot(self) -> Robot:
         m, robot = self.model, self.made
+        self.gears()
         robot.links["world"] = Link("world", 0.0, np.zeros(3), np.zeros((3, 3)), self.root)
         for i in range(1, m.nbody):
             self.body(i)
@@ -230,6 +232,23 @@ class _Reader:
         robot.reading.used.append(Remark(None, f"{m.nbody - 1} bodies, {m.njnt} joints, {m.neq} equalities"))
         self.world()
         return robot
+
+    def gears(self) -> None:
+        """Rotors and dampers of actuators, which act behind their gears at joints."""
+        m, kinds = self.model, self.mujoco.mjtJoint
+        for i in range(m.nu):
+            at, called = self.at(*ACTUATORS, name=self.name("actuator", i)), f'actuator "{self.name("actuator", i)}"'
+            armature = self.value("actuator_armature", i)
+            damping = self.law(called, at, "", i, "actuator_damping", i)[1]
+            if armature == 0.0 and damping == 0.0:
+                continue
+            j, ratio = int(m.actuator_trnid[i, 0]), float(m.actuator_gear[i, 0])
+            along = int(m.actuator_trntype[i]) == int(self.mujoco.mjtTrn.mjTRN_JOINT)
+            if along and int(m.jnt_type[j]) in (int(kinds.mjJNT_HINGE), int(kinds.mjJNT_SLIDE)):
+                before = self.geared.get(j, (0.0, 0.0))
+                self.geared[j] = (before[0] + ratio**2 * armature, before[1] + ratio**2 * damping)
+            else:
+                self.dropped(at, ROTOR, f"{called} armature {armature:g}, damping {damping:g}")
 
     def world(self) -> None:
         """What acts on all bodies, or between those that touch."""
@@ -282,7 +301,9 @@ class _Reader:
             found.point = m.jnt_pos[j].copy()
         d, q, called = int(m.jnt_dofadr[j]), int(m.jnt_qposadr[j]), f'joint "{name}"'
         stiffness, damping = self.law(called, at, "jnt_stiffness", j, "dof_damping", d)
-        rotor = float(m.dof_armature[d])
+        geared = self.geared.get(j, (0.0, 0.0))
+        damping += geared[1]
+        rotor = float(m.dof_armature[d]) + geared[0]
         if found.kind in ("revolute", "prismatic"):
             effort = Effort(stiffness, damping, float(m.qpos_spring[q] - m.qpos0[q]), rotor=rotor)
             found.efforts = [effort] if effort.acts else []
@@ -342,7 +363,7 @@ class _Reader:
         straight = count == 2 and all(m.wrap_type[first : first + 2] == site)
         if not straight or rest[0] != rest[1] or m.site_bodyid[ends[0]] == m.site_bodyid[ends[1]]:
             law = f"stiffness {stiffness:g}, damping {damping:g}, springlength {rest[0]:g} {rest[1]:g}"
-            self.dropped(at, TENDON, f"{called} {law}, {count} points or joints")
+            self.dropped(at, TENDON, f"{self.described(at, called)}: {law}, {count} points or joints")
             return
         one, other = ((self.link(int(m.site_bodyid[end])), m.site_pos[end].copy()) for end in ends)
         self.made.springs.append(Spring(name, one, other, stiffness, damping, float(rest[0])))
@@ -357,7 +378,7 @@ class _Reader:
             at = self.at(*([tags[kind]] if kind in tags else ["tendon", "flex", "flexvert", "flexstrain"]), name=name)
             if not m.eq_active0[i] or self.off("equality", "constraint"):
                 text = "not active in the file, so it holds nothing"
-                self.remark(robot.reading.changed, at, text, self.said(at, name))
+                self.remark(robot.reading.changed, at, text, self.described(at, f'equality "{name}"'))
             elif kind == kinds.mjEQ_JOINT:
                 self.tie(i, name, at)
             elif kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
@@ -369,13 +390,13 @@ class _Reader:
                     pair.append(_Held(name, (first[1][:3, 3], second[1][:3, 3]), at))
             else:
                 text = "tendons or flexible bodies would depend on each other"
-                self.dropped(at, text, self.said(at, name))
+                self.dropped(at, text, self.described(at, f'equality "{name}"'))
         for bodies, held in connects.items():
             self.connect(bodies, held)
 
-    def said(self, at: Element, name: str) -> str:
-        """An equality as the file has it."""
-        return f'equality "{name}"' if at is self.root else content(at)
+    def described(self, at: Element, called: str) -> str:
+        """An element as the file has it."""
+        return called if at is self.root else content(at)
 
     def frames(self, i: int, weld: bool) -> tuple[tuple[str, Array], tuple[str, Array]]:
         """The two frames of a connect or a weld, each with its body."""
@@ -424,10 +445,10 @@ class _Reader:
         follower = self.name("joint", one)
         if np.any(data[2:5]):
             text = "a polynomial of higher order would couple two joints: add_cam"
-            self.dropped(at, text, self.said(at, name))
+            self.dropped(at, text, self.described(at, f'equality "{name}"'))
         elif other < 0 or data[1] == 0.0:
             text = f'joint "{follower}" would stay at {data[0]:g}: add_drive'
-            self.dropped(at, text, self.said(at, name))
+            self.dropped(at, text, self.described(at, f'equality "{name}"'))
         else:
             leader = self.name("joint", other)
             robot.ties.append(Tie(name, [follower, leader], [1.0, -float(data[1])], float(data[0]), at))

@@ -10,7 +10,7 @@ CONTACT = "contacts are not read: add_contact"
 FRICTION = "friction would resist the motion: add_friction"
 LIMITS = "limits do not act: add_stop"
 FLUID = "a fluid would resist the motion of all bodies"
-ROTOR = "the inertia of a rotor would add to the mass matrix, not along a single coordinate of a joint"
+ROTOR = "a rotor or damper would act along more than one coordinate: add_rotor, add_bushing"
 YIELD = "the spring would give way beyond this deflection"
 TENDON = "this tendon would act along its length: add_torque with a function"
 _NUMERICS = "settings of the solver"
@@ -24,8 +24,10 @@ _CARRIED: Rows = (
     (DROPPED, "flexcomp*", _FLEX),
     (DROPPED, "plugin*", "a plugin may move the body"),
 )
-_SERVO = "this actuator would act even when its control is zero: add_drive prescribes motions, add_torque efforts"
-_MOTOR = "this actuator acts when it is driven: add_drive prescribes motions, add_torque efforts"
+_SERVO = (
+    "it would act even at zero control (its armature and damping do): add_drive prescribes motions, add_torque efforts"
+)
+_MOTOR = "it would act when driven (its armature and damping do): add_drive prescribes motions, add_torque efforts"
 _MEASURES = (
     "touch accelerometer velocimeter gyro force torque magnetometer camprojection rangefinder jointpos jointvel "
     "tendonpos tendonvel actuatorpos actuatorvel actuatorfrc jointactuatorfrc tendonactuatorfrc ballquat ballangvel "
@@ -33,6 +35,15 @@ _MEASURES = (
     "framexaxis frameyaxis framezaxis framelinvel frameangvel framelinacc frameangacc subtreecom subtreelinvel "
     "subtreeangmom insidesite distance normal fromto contact e_potential e_kinetic clock tactile user plugin"
 )
+DRIVEN = ("motor", "cylinder", "muscle", "adhesion", "dcmotor")
+SERVOS = ("general", "position", "velocity", "intvelocity", "orientation", "pid", "damper", "plugin")
+ACTUATORS = (*DRIVEN, *SERVOS)
+
+
+def _many(tags: tuple[str, ...]) -> str:
+    return " ".join(f"{tag}*" for tag in tags)
+
+
 _EQUALITY: Rows = (
     (APPLIED, "@active(true)", "one that is not active is reported"),
     (OTHER, "@solref(0.02 1) @solimp(0.9 0.95 0.001 0.5 2)", _SOFT),
@@ -274,12 +285,10 @@ MJCF = Table(
             *_EQUALITY,
         ),
         "actuator": (
-            (BOUNDS, "motor* cylinder* muscle* adhesion* dcmotor*", _MOTOR),
-            (DROPPED, "general* position* velocity* intvelocity* orientation* pid* damper* plugin*", _SERVO),
+            (BOUNDS, _many(DRIVEN), _MOTOR),
+            (DROPPED, _many(SERVOS), _SERVO),
         ),
-        "sensor": (
-            (OTHER, " ".join(f"{tag}*" for tag in _MEASURES.split()), "measures, and moves nothing: add_sensor"),
-        ),
+        "sensor": ((OTHER, _many(tuple(_MEASURES.split())), "measures, and moves nothing: add_sensor"),),
         "keyframe": ((OTHER, "key*", "a state that is stored: assemble(targets=...)"),),
     },
 )

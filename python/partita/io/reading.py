@@ -16,6 +16,8 @@ KINDS = {
     "used": "used",
 }
 """Kinds of remarks, those that change the motion first, with their titles in a report."""
+_WIDTH = 72
+"""Characters of a name that a report shows."""
 _NAMED = 4
 """Names that a report shows of remarks of one text; `RemarkGroup.names` has all."""
 
@@ -33,13 +35,13 @@ class Remark:
     kind: str = ""
 
     def __str__(self) -> str:
-        said = f"{self.name}: {self.text}" if self.name else self.text
-        return said if self.line is None else f"line {self.line}: {said}"
+        shown = f"{self.name}: {self.text}" if self.name else self.text
+        return shown if self.line is None else f"line {self.line}: {shown}"
 
 
 @dataclass(frozen=True)
 class RemarkGroup:
-    """RemarkGroup of one kind and text.
+    """Remarks of one kind and text.
 
     Attributes:
         kind: what they mean for the motion: "motion" (dropped, it acts), "bounds" (dropped, it acts at limits, in
@@ -62,7 +64,8 @@ class RemarkGroup:
 
     def __str__(self) -> str:
         named = list(dict.fromkeys(name for name in self.names if name))
-        shown = ", ".join(named[:_NAMED]) + (f" and {len(named) - _NAMED} more" if len(named) > _NAMED else "")
+        short = [name if len(name) <= _WIDTH else f"{name[: _WIDTH - 3]}..." for name in named[:_NAMED]]
+        shown = ", ".join(short) + (f" and {len(named) - _NAMED} more" if len(named) > _NAMED else "")
         line = next((line for line in self.lines if line is not None), None)
         times = f"{self.count} times, from " if self.count > 1 and line is not None else ""
         where = "" if line is None else f"{times}line {line}: "

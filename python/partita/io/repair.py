@@ -26,7 +26,7 @@ def links(robot: Robot) -> None:
     for link in robot.links.values():
         link.inertia, change = repaired(link.inertia, scale)
         if change:
-            robot.reading.changed.append(Remark(link.at.line, f'link "{link.name}": {change}'))
+            robot.reading.changed.append(Remark(robot.line(link.at), change, f'link "{link.name}"'))
 
 
 def of_reading(reading: Reading) -> Callable[[dict[str, Any]], dict[str, Any]]:
@@ -44,7 +44,7 @@ def of_reading(reading: Reading) -> Callable[[dict[str, Any]], dict[str, Any]]:
         if found is tensor:
             return arguments
         if change:
-            reading.changed.append(Remark(None, f'body "{arguments.get("name")}": {change}'))
+            reading.changed.append(Remark(None, change, f'body "{arguments.get("name")}"'))
         return {**arguments, "inertia": found.tolist()}
 
     return mend

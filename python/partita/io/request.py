@@ -7,10 +7,7 @@ from pathlib import Path
 
 from ..errors import ArgumentError
 from ..files import place
-from ..options import one_of
-
-BASES = ("fixed", "free")
-INERTIA = ("strict", "repair")
+from ..options import BASES, INERTIAS, one_of
 
 
 @dataclass(frozen=True)
@@ -60,6 +57,6 @@ def request(
     folder = path.parent.resolve() if root is None else place(root, "root").resolve()
     if not path.parent.resolve().is_relative_to(folder):
         raise ArgumentError(f'root "{folder}" must be a folder that the model "{path}" lies in', argument="root")
-    chosen = ("strict" if own else "repair") if inertia is None else one_of("inertia", inertia, INERTIA)
+    chosen = ("strict" if own else "repair") if inertia is None else one_of("inertia", inertia, INERTIAS)
     listed = None if loops is None else place(loops, "loops")
     return Request(one_of("base", base, BASES), chosen, folder, listed)

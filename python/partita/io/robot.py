@@ -178,6 +178,10 @@ class Robot:
             found += children.get(link, [])
         return found
 
+    def line(self, at: Element) -> int | None:
+        """The line of an element for remarks; None in a file that the model includes."""
+        return at.line if at.path == self.reading.path else None
+
     def sprung(self) -> set[str]:
         """Links to which springs between points are attached."""
         return {link for spring in self.springs for link, _ in (spring.first, spring.second)}

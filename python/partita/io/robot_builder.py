@@ -63,7 +63,7 @@ def build(robot: Robot, mechanism: Builder) -> None:
         (link1, frame1), (link2, frame2) = loop.first, loop.second
         if body[link1] == body[link2]:
             message = f'{loop.name} joins two frames of one link, "{link1}"; it closes nothing'
-            robot.reading.dropped.append(Remark(loop.at.line if loop.at else None, message))
+            robot.reading.dropped.append(Remark(loop.at.line if loop.at else None, message, "", "other"))
             continue
         frames = (pose[link1] @ frame1, pose[link2] @ frame2)
         axis = np.array([1.0, 0.0, 0.0]) if loop.axis is None else loop.axis
@@ -87,7 +87,7 @@ def _rename_ground(robot: Robot) -> None:
     new = f"{GROUND} link"
     while new in robot.links:
         new += " 2"
-    robot.reading.changed.append(Remark(robot.links[GROUND].at.line, f'link "{GROUND}" is called "{new}" here'))
+    robot.reading.changed.append(Remark(robot.line(robot.links[GROUND].at), f'link "{GROUND}" is called "{new}" here'))
     robot.rename(GROUND, new)
 
 
@@ -149,7 +149,7 @@ def _efforts(mechanism: Builder, joint: str, efforts: list[Effort]) -> None:
 def _body(robot: Robot, mechanism: Builder, link: Link, pose: Array) -> Any:
     if link.mass > HEAVY:
         remark = f'link "{link.name}" of {link.mass:.3g} kg looks like a dummy; it is kept as it is'
-        robot.reading.changed.append(Remark(link.at.line, remark))
+        robot.reading.changed.append(Remark(robot.line(link.at), remark))
     try:
         return mechanism.add_body(
             link.name,

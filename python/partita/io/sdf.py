@@ -43,6 +43,13 @@ GRAVITY = (0.0, 0.0, -9.8)
 
 def read(path: Path, request: Request) -> Robot:
     """The models in a file, alone or in a world. Raises `FileFormatError` with the line of what is wrong."""
+    try:
+        return _read(path, request)
+    except RecursionError:
+        refuse(path, None, "models nest, or frames are attached to each other, by hundreds; no mechanism needs so many")
+
+
+def _read(path: Path, request: Request) -> Robot:
     reading = Reading(path, "SDFormat")
     root, version = _walked(path, reading)
     worlds = list(root.all("world"))
@@ -87,7 +94,7 @@ def _walked(path: Path, reading: Reading) -> tuple[Element, tuple[int, ...]]:
     if not version:
         version = VERSIONS[-1]
         reading.changed.append(Remark(root.line, f"no version is given, so the rules of {version} are used"))
-    SDF.walk(root, reading, as_version(version))
+    SDF.visit(root, reading, as_version(version))
     return root, as_version(version)
 
 
@@ -119,11 +126,11 @@ class _Files:
             remarks += [replace(x, line=None, name=f"{x.name} in {file.name}".strip()) for x in more]
         model = models[0]
         for tag in ("name", "placement_frame"):
-            if (said := item.first(tag)) is not None:
-                model.attributes[tag] = said.text.strip()
+            if (text := item.first(tag)) is not None:
+                model.attributes[tag] = text.text.strip()
         for tag in ("pose", "static"):
-            if (said := item.first(tag)) is not None:
-                model.children = [said, *(child for child in model.children if child.tag != tag)]
+            if (text := item.first(tag)) is not None:
+                model.children = [text, *(child for child in model.children if child.tag != tag)]
         inner = _Files(self.request, [*self.chain, file], self.left)
         return model, version, inner
 
@@ -184,8 +191,8 @@ class _Scope:
             elif item.tag in ("link", "joint", "frame"):
                 self.name(item.must("name"), item)
         if static and not (outer is not None and outer.static):
-            said = "the model is static: its links are the ground, and its joints do not move"
-            self.note("changed", element, said, f'model "{element.get("name")}"')
+            text = "the model is static: its links are the ground, and its joints do not move"
+            self.note("changed", element, text, f'model "{element.get("name")}"')
 
     def name(self, name: str, item: Element) -> None:
         old = name == "world" and item.tag == "link" and self.version < _RESERVED
@@ -347,10 +354,10 @@ class _Scope:
 
     def flag(self, item: Element | None, otherwise: bool = True) -> bool:
         """What a flag says."""
-        said = "" if item is None else item.text.strip().lower()
-        if item is not None and said not in ("true", "false", "1", "0"):
-            item.fail(f'says "{said}"; it takes true or false')
-        return said in ("true", "1") if item is not None else otherwise
+        text = "" if item is None else item.text.strip().lower()
+        if item is not None and text not in ("true", "false", "1", "0"):
+            item.fail(f'says "{text}"; it takes true or false')
+        return text in ("true", "1") if item is not None else otherwise
 
     def mimic(self, item: Element) -> None:
         """A coordinate that follows another: multiplier x (the other - reference) + offset."""
@@ -373,8 +380,8 @@ class _Scope:
         if factor == 0.0:
             mimic.fail("has the multiplier 0; fix the joint instead")
         self.made.ties.append(Tie(f"{name} follows {other}", [name, other], [1.0, -factor], offset, mimic))
-        said = f"joint {name} = {factor:g} x {other} + {offset:g}, a coupler"
-        self.note("used", mimic, said)
+        text = f"joint {name} = {factor:g} x {other} + {offset:g}, a coupler"
+        self.note("used", mimic, text)
 
     def child(self, item: Element) -> str:
         return self.word(item, "child") if item.tag == "joint" else ""

@@ -119,9 +119,10 @@ def read(robot: Robot) -> bool:
     motors = entries.get("name_mot")
     if motors:
         words = motors if isinstance(motors, list) else [motors]
-        robot.reading.dropped.append(Remark(None, f"motors {', '.join(map(str, words))} of {path.name}: use add_drive"))
+        remark = f"a motor in {path.name}: add_drive prescribes a motion, add_torque an effort"
+        robot.reading.dropped += [Remark(None, remark, f'joint "{word}"', "bounds") for word in words]
     for key in sorted(set(entries) - _KEYS, key=str):
-        robot.reading.dropped.append(Remark(None, f'"{key}" of {path.name} is not known'))
+        robot.reading.dropped.append(Remark(lines.get(key), f"not known in {path.name}", f'"{key}"', "unknown"))
     return "closed_loop" in entries
 
 
@@ -131,10 +132,17 @@ def _path(robot: Robot) -> Path | None:
     model = robot.reading.path
     if robot.request.loops is not None:
         return robot.request.loops
+    root = robot.request.root
     named = [p for p in (model.with_suffix(end) for end in _ENDINGS) if p.is_file()]
     if named:
+        if not named[0].resolve().is_relative_to(root):
+            refuse(named[0], None, f'it is a link that leads out of "{root}"; loops="..." in partita.load names it')
         return named[0]
-    files = sorted(p for p in model.parent.iterdir() if p.suffix.lower() in _ENDINGS and p.is_file())[:_BESIDE]
+    try:
+        files = sorted(p for p in model.parent.iterdir() if p.suffix.lower() in _ENDINGS and p.is_file())
+    except OSError:  # a folder may be searched but not listed
+        files = []
+    files = [p for p in files if p.resolve().is_relative_to(root)][:_BESIDE]
     found = [p for p in files if not p.with_suffix(model.suffix).is_file() and _belongs(robot, p)]
     if len(found) > 1:
         names = ", ".join(p.name for p in found)
@@ -171,7 +179,6 @@ def _types(robot: Robot, path: Path, entries: dict[str, Any], wrong: Callable[[s
     twice = [name for name, count in Counter(names).items() if count > 1]
     if twice:
         wrong("joint_name", f'joint_name: "{twice[0]}" appears twice')
-    listed: dict[str, list[str]] = {}
     for name, word in zip(names, types, strict=True):
         try:
             joint = robot.joints[find("joint", name, robot.joints)]
@@ -181,15 +188,13 @@ def _types(robot: Robot, path: Path, entries: dict[str, Any], wrong: Callable[[s
             wrong("joint_type", f'the type of joint "{name}" is "{word}"; known: {", ".join(TYPES)}')
         kind, first, second = TYPES[word.upper()]
         if joint.efforts and kind != joint.kind:
-            remark = f"damping {joint.efforts[0].damping:g} of joint {name}, which is {word} in {path.name}"
-            robot.reading.dropped.append(Remark(joint.at.line, f"{remark}: use add_torsion_spring"))
+            remark = f"{word} in {path.name}, whose damping is not read: add_torsion_spring"
+            called = f'joint "{name}" damping {joint.efforts[0].damping:g}'
+            robot.reading.dropped.append(Remark(joint.at.line, remark, called))
             joint.efforts = []
         joint.kind, joint.axis = kind, np.eye(3)[first]
         joint.second = np.eye(3)[second] if kind == "universal" else None
-        listed.setdefault(word, []).append(name)
-    for word, joints in listed.items():
-        remark = f"{word} in {path.name}: joint{'s' if len(joints) > 1 else ''} {', '.join(joints)}"
-        robot.reading.changed.append(Remark(None, remark))
+        robot.reading.changed.append(Remark(joint.at.line, f"{word}, by {path.name}", f'joint "{name}"'))
 
 
 def _springs(robot: Robot, items: Any, wrong: Callable[[str, str], NoReturn]) -> None:

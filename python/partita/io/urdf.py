@@ -43,7 +43,7 @@ def read(path: Path, request: Request) -> Robot:
     if root.tag != "robot":
         root.fail("is not <robot>: this is not URDF")
     robot = Robot(root.get("name") or path.stem, Reading(path, "URDF"), request)
-    URDF.walk(root, robot.reading)
+    URDF.visit(root, robot.reading)
     for item in root.all("link"):
         _link(robot, item)
     for item in root.all("joint"):
@@ -79,7 +79,13 @@ def _link(robot: Robot, item: Element) -> None:
         mass = inertial.the("mass").number("value")
         pose = origin(inertial.first("origin"))
         moments = inertial.the("inertia")
-        of = {key: moments.number(key, 0.0) for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")}
+        entries = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+        of = {key: moments.number(key, 0.0) for key in entries}
+        if missing := [key for key in entries if not moments.get(key)]:
+            text = (
+                f"{', '.join(missing)} of its inertia are missing and taken as 0; other readers leave it without mass"
+            )
+            robot.reading.changed.append(Remark(moments.line, text, f'link "{name}"'))
         inertia = np.array(
             [[of["ixx"], of["ixy"], of["ixz"]], [of["ixy"], of["iyy"], of["iyz"]], [of["ixz"], of["iyz"], of["izz"]]]
         )
@@ -159,8 +165,8 @@ def _mimic(robot: Robot, item: Element) -> None:
         return
     name, other = item.must("name"), mimic.must("joint")
     if robot.joints[name].kind == "fixed":
-        remark = f"joint {name} is fixed, and does not follow {other}"
-        robot.reading.dropped.append(Remark(mimic.line, remark))
+        remark = "a fixed joint follows no other one"
+        robot.reading.dropped.append(Remark(mimic.line, remark, f'joint "{name}" mimic {other}', "other"))
         return
     for joint in (name, other):
         if joint not in robot.joints:

@@ -49,10 +49,13 @@ URDF = Table(
             (APPLIED, "dynamics mimic", "damping; a coupler"),
             (BOUNDS, "limit", "limits do not act: add_stop"),
             (BOUNDS, "safety_controller", "the limits of a controller do not act: add_stop"),
+            (APPLIED, "joint_properties", "an old form of <dynamics>; see there"),
             (NO_EFFECT, "calibration", ""),
             (OTHER, "sensor* gazebo* hardwareInterface*", "settings of a simulator"),
         ),
-        "joint[fixed]": ((NO_EFFECT, "axis dynamics limit safety_controller", "a fixed joint has no coordinate"),),
+        "joint[fixed]": (
+            (NO_EFFECT, "axis dynamics limit safety_controller joint_properties", "a fixed joint has no coordinate"),
+        ),
         "joint[continuous]": ((BOUNDS, "limit", "bounds of effort and velocity do not act"),),
         "joint[floating]": (
             (NO_EFFECT, "axis", "a floating joint has no axis"),
@@ -74,6 +77,9 @@ URDF = Table(
                 "@friction(0)",
                 "friction would resist the motion: add_friction, which needs the stick velocity too",
             ),
+        ),
+        "joint_properties": (
+            (DROPPED, "@damping(0) @friction(0)", "an old form of <dynamics>, which readers of URDF ignore"),
         ),
         "mimic": (
             (APPLIED, "@joint @multiplier(1) @offset(0)", "coordinate = multiplier x that of the joint + offset"),

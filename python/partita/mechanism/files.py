@@ -18,8 +18,9 @@ def load(
 ) -> Mechanism:
     """Read a mechanism from a model file; the suffix says which kind: .toml, .urdf, .sdf, .mjcf, .xml.
 
-    What a reader used, changed and left out stands in `Mechanism.reading`, each with its line. A URDF is drawn with all
-    joints at zero; its loops are closed where the file states so in one of the supported forms (docs/robots.md).
+    What a reader used, changed and left out stands in `Mechanism.remarks`, with lines; what changes the motion is first
+    (docs/formats.md). A URDF is drawn with all joints at zero; its loops are closed where the file states so in one of
+    the supported forms (docs/robots.md).
 
     Args:
         path: the file. Nothing in it is run. Other files are opened only in its folder or below: those that it names,

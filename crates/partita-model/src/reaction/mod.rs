@@ -424,7 +424,7 @@ impl<S: Scalar> Evaluator<S> {
     }
 
     /// The joint whose reaction a condition is part of: its own, or that of the coordinate it drives.
-    fn joint_of(&self, owner: Owner) -> Option<usize> {
+    pub(crate) fn joint_of(&self, owner: Owner) -> Option<usize> {
         match owner {
             Owner::Joint(j) => Some(j),
             Owner::Drive(i) => self.drives.iter().find(|d| d.number == i).and_then(|d| d.joint).map(|(j, _)| j),

@@ -3,7 +3,7 @@
 use super::{Followed, Following, ReactionFriction, Read};
 use crate::evaluator::Evaluator;
 use crate::force::{AppliedWrench, At, Bearing, Effect, ForceApplication, Room};
-use crate::friction_magnitudes::{Hold, Jam, Term};
+use crate::friction_magnitudes::{Hold, Jam, OfConditions, Term};
 use crate::mechanics::Mechanics;
 use crate::tree::TreeScratch;
 use crate::value::Instant;
@@ -81,18 +81,20 @@ impl Following {
             };
             let y = &x.y[column * n..(column + 1) * n];
             let cause = Cause { vdot: y, lambda: &x.lambda, whole: column == 0, application: unit.as_ref() };
-            transmit(model, tree, at, s, &cause)?;
-            self.press(model, tree, s, &x.lambda, |t, of, weight, force| match column.checked_sub(1) {
-                None => x.magnitudes.terms[t] = Term { of, weight, a: force },
-                Some(j) => x.magnitudes.b[t * k + j] = force,
+            self.transmit(model, tree, at, s, &cause, &mut x.conditions)?;
+            self.press(model, tree, s, (&x.lambda, &x.conditions), |t, of, weight, force| {
+                match column.checked_sub(1) {
+                    None => x.magnitudes.terms[t] = Term { of, weight, a: force },
+                    Some(j) => x.magnitudes.b[t * k + j] = force,
+                }
             });
         }
         for dropped in rank..m {
             self.self_stress(m, rank, dropped, x);
             let cause = Cause { vdot: &x.still, lambda: &x.lambda, whole: false, application: None };
-            let largest = transmit(model, tree, at, s, &cause)?;
+            let largest = self.transmit(model, tree, at, s, &cause, &mut x.conditions)?;
             let mut felt = None;
-            self.press(model, tree, s, &x.lambda, |_, of, _, force| {
+            self.press(model, tree, s, (&x.lambda, &x.conditions), |_, of, _, force| {
                 if Vec3(force).norm() > tolerance::TAKES_PART * largest {
                     felt = Some(of);
                 }
@@ -147,10 +149,12 @@ impl Following {
             (&mut x.x, m),
             (&mut x.lambda, m),
             (&mut x.still, n),
+            (&mut x.conditions.own, n),
         ] {
             x.resize(size, 0.0);
         }
         x.perm.resize(m, 0);
+        x.conditions.wrenches.resize(k, Wrench::default());
         let of = |g: &ReactionFriction| friction(tree, g).map_or(0, |x| terms(x.bearing, g.turn));
         x.magnitudes.fit(k, self.frictions.iter().map(of).sum());
     }
@@ -251,25 +255,105 @@ impl Following {
         x.lambda[row] = if x.scale[row] > 0.0 { x.scale[row] } else { 1.0 };
     }
 
+    /// Load that the joint of each link transmits to it, left in the second half of `partial`; the largest load of a loop
+    /// closure or a condition, moments over the size of bodies. Loads of joints' own conditions and drives are reactions
+    /// too, and are left beside.
+    fn transmit<G: Space<S = f64>>(
+        &self,
+        model: &Evaluator<f64>,
+        tree: &Mechanics<G>,
+        at: &Instant<f64>,
+        s: &mut TreeScratch<G>,
+        cause: &Cause<G>,
+        conditions: &mut OfConditions,
+    ) -> Result<f64, SystemError> {
+        conditions.own.fill(0.0);
+        conditions.wrenches.fill(Wrench::default());
+        let n = tree.links.len();
+        let mut room = room_of(tree, s);
+        let (acceleration, wrench) = room.split_at_mut(n);
+        acceleration[0] = Default::default();
+        wrench[..n].fill(Default::default());
+        for i in 1..n {
+            let (w, u) = acceleration[tree.links[i].parent];
+            acceleration[i] = tree.propagate(i, s, w, u, |v| cause.vdot[v]);
+            let (link, x) = (&tree.links[i], &s.links[i]);
+            let (alpha, acc) = acceleration[i];
+            wrench[i] = if cause.whole {
+                let force = G::scale(x.acc + acc - tree.gravity, link.mass) - x.force;
+                let turning = G::cross_ang(x.w, G::spin(&x.inertia, x.w));
+                (G::spin(&x.inertia, x.alpha + alpha) + turning - x.moment, force)
+            } else {
+                (G::spin(&x.inertia, alpha), G::scale(acc, link.mass))
+            };
+        }
+        if let Some(application) = cause.application {
+            each(application, |p| add_wrench::<G>(wrench, p, -1.0));
+        }
+        let (length, mut largest) = (model.placed.length, 0.0f64);
+        let size =
+            |moment: G::Ang, force: G::Vec| G::dot(force, force).sqrt().max(G::dot_ang(moment, moment).sqrt() / length);
+        for k in &tree.closings {
+            let (moment, force) = tree.closing_wrench(k, s, cause.lambda);
+            largest = largest.max(size(moment, force));
+        }
+        tree.closing_wrenches(s, cause.lambda, |link, moment, force| {
+            wrench[link].0 -= moment;
+            wrench[link].1 -= force;
+        });
+        for c in &tree.conditions {
+            let joint = model.joint_of(c.owner);
+            let OfConditions { own, wrenches } = &mut *conditions;
+            let along = |v: usize, x: f64| {
+                if joint.is_some() {
+                    own[v] += x;
+                }
+            };
+            let put = |x: f64, pushed: &crate::coupling::Pushed<G>| {
+                let (moment, force) = (G::scale_ang(pushed.unit.moment, x), G::scale(pushed.unit.force, x));
+                largest = largest.max(size(moment, force));
+                for (node, sign) in [(pushed.nodes[1], -1.0), (pushed.nodes[0], 1.0)] {
+                    let link = model.placed.link_of(node);
+                    let arm = pushed.unit.in_world - tree.reference_point(link, s);
+                    wrench[link].0 += G::scale_ang(moment + G::moment(arm, force), sign);
+                    wrench[link].1 += G::scale(force, sign);
+                }
+                let on_child = Wrench { moment: G::ang_to(moment), force: G::vec_to(force) };
+                let about_origin = on_child.about(G::vec_to(pushed.unit.in_world));
+                let of = self.frictions.iter().zip(wrenches.iter_mut()).filter(|(f, _)| Some(f.number) == joint);
+                of.for_each(|(_, w)| w.add(&about_origin));
+            };
+            c.apply(tree, s, at, &cause.lambda[c.row..c.row + c.rows()], put, along)?;
+        }
+        for i in (1..n).rev() {
+            let (moment, force) = wrench[i];
+            let parent = tree.links[i].parent;
+            let at_parent = tree.to_parent(i, s, moment, force);
+            wrench[parent].0 += at_parent;
+            wrench[parent].1 += force;
+        }
+        s.partial = room;
+        Ok(largest)
+    }
+
     /// The forces that determine each friction at the reactions last found: `put(term, friction, arm, force)`.
     fn press<G: Space<S = f64>>(
         &self,
         model: &Evaluator<f64>,
         tree: &Mechanics<G>,
         s: &TreeScratch<G>,
-        lambda: &[f64],
+        (lambda, conditions): (&[f64], &OfConditions),
         mut put: impl FnMut(usize, usize, f64, [f64; 3]),
     ) {
         let links = tree.links.len();
         let mut t = 0;
         for (i, entry) in self.frictions.iter().enumerate() {
             let Some(Followed { bearing, .. }) = friction(tree, entry) else { continue };
+            let zero = model.numbers.joints[entry.number].1 - model.numbers.reference[entry.child];
+            let point = tree.reference_point(entry.child, s) + G::rotate(&s.links[entry.child].rot, G::vec_in(zero));
             let (axis, reaction) = match entry.read {
                 Read::Tree { outer, moved } => {
                     let (moment, force) = s.partial[links + outer];
-                    let zero = model.numbers.joints[entry.number].1 - model.numbers.reference[entry.child];
-                    let point =
-                        tree.reference_point(entry.child, s) + G::rotate(&s.links[entry.child].rot, G::vec_in(zero));
                     let about = moment + G::moment(tree.reference_point(outer, s) - point, force);
                     let axis = |turn: bool, link: usize| {
                         let x = &s.links[link];
@@ -283,12 +367,16 @@ impl Following {
                     let several = free.iter_mut().zip(&entry.free);
                     several.for_each(|(free, &(turn, link))| *free = (turn, axis(turn, link)));
                     let passed = Wrench { moment: G::ang_to(about), force: G::vec_to(force) };
-                    (axis(entry.turn, moved), with_along(&free[..entry.free.len()], &passed, |_| 0.0))
+                    // of the efforts there those of the joint's own conditions and drives are reactions
+                    let own = |i: usize| conditions.own[tree.links[entry.free[i].1].v];
+                    (axis(entry.turn, moved), with_along(&free[..entry.free.len()], &passed, own))
                 }
                 Read::Cut { closing, link, axis } => {
                     let (moment, force) = tree.closing_wrench(&tree.closings[closing], s, lambda);
                     let rot = G::rot_to(&s.links[link].rot);
-                    (rot.apply(axis), Wrench { moment: G::ang_to(moment), force: G::vec_to(force) })
+                    let mut whole = Wrench { moment: G::ang_to(moment), force: G::vec_to(force) };
+                    whole.add(&conditions.wrenches[i].about(-G::vec_to(point)));
+                    (rot.apply(axis), whole)
                 }
             };
             let Wrench { moment, force } = reaction;
@@ -378,69 +466,4 @@ fn room_of<G: Space<S = f64>>(tree: &Mechanics<G>, s: &mut TreeScratch<G>) -> Ve
         room.resize(2 * tree.links.len(), Default::default()); // at set-up; later the room is there
     }
     room
-}
-
-/// Load that the joint of each link transmits to it, left in the second half of `partial`; the largest load of a loop
-/// closure or a condition, moments over the size of bodies.
-fn transmit<G: Space<S = f64>>(
-    model: &Evaluator<f64>,
-    tree: &Mechanics<G>,
-    at: &Instant<f64>,
-    s: &mut TreeScratch<G>,
-    cause: &Cause<G>,
-) -> Result<f64, SystemError> {
-    let n = tree.links.len();
-    let mut room = room_of(tree, s);
-    let (acceleration, wrench) = room.split_at_mut(n);
-    acceleration[0] = Default::default();
-    wrench[..n].fill(Default::default());
-    for i in 1..n {
-        let (w, u) = acceleration[tree.links[i].parent];
-        acceleration[i] = tree.propagate(i, s, w, u, |v| cause.vdot[v]);
-        let (link, x) = (&tree.links[i], &s.links[i]);
-        let (alpha, acc) = acceleration[i];
-        wrench[i] = if cause.whole {
-            let force = G::scale(x.acc + acc - tree.gravity, link.mass) - x.force;
-            let turning = G::cross_ang(x.w, G::spin(&x.inertia, x.w));
-            (G::spin(&x.inertia, x.alpha + alpha) + turning - x.moment, force)
-        } else {
-            (G::spin(&x.inertia, alpha), G::scale(acc, link.mass))
-        };
-    }
-    if let Some(application) = cause.application {
-        each(application, |p| add_wrench::<G>(wrench, p, -1.0));
-    }
-    let (length, mut largest) = (model.placed.length, 0.0f64);
-    let size =
-        |moment: G::Ang, force: G::Vec| G::dot(force, force).sqrt().max(G::dot_ang(moment, moment).sqrt() / length);
-    for k in &tree.closings {
-        let (moment, force) = tree.closing_wrench(k, s, cause.lambda);
-        largest = largest.max(size(moment, force));
-    }
-    tree.closing_wrenches(s, cause.lambda, |link, moment, force| {
-        wrench[link].0 -= moment;
-        wrench[link].1 -= force;
-    });
-    for c in &tree.conditions {
-        let put = |x: f64, pushed: &crate::coupling::Pushed<G>| {
-            let (moment, force) = (G::scale_ang(pushed.unit.moment, x), G::scale(pushed.unit.force, x));
-            largest = largest.max(size(moment, force));
-            for (node, sign) in [(pushed.nodes[1], -1.0), (pushed.nodes[0], 1.0)] {
-                let link = model.placed.link_of(node);
-                let arm = pushed.unit.in_world - tree.reference_point(link, s);
-                wrench[link].0 += G::scale_ang(moment + G::moment(arm, force), sign);
-                wrench[link].1 += G::scale(force, sign);
-            }
-        };
-        c.apply(tree, s, at, &cause.lambda[c.row..c.row + c.rows()], put, |_, _| {})?;
-    }
-    for i in (1..n).rev() {
-        let (moment, force) = wrench[i];
-        let parent = tree.links[i].parent;
-        let at_parent = tree.to_parent(i, s, moment, force);
-        wrench[parent].0 += at_parent;
-        wrench[parent].1 += force;
-    }
-    s.partial = room;
-    Ok(largest)
 }
