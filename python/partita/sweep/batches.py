@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import multiprocessing
 import os
 import pickle
 import threading
@@ -131,6 +130,7 @@ def _check_picklable(model: Callable[..., Any]) -> None:
 
 def _end_with_parent() -> None:
     """A worker ends with its parent, also where that was killed: it would wait for work for ever."""
+    import multiprocessing  # which is slow to import, and there in a worker
 
     def watch() -> None:
         parent = multiprocessing.parent_process()
