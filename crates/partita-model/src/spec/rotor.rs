@@ -19,9 +19,9 @@ pub struct Rotor {
     /// Which of its coordinates.
     #[serde(default)]
     pub coordinate: usize,
-    /// Inertia about its own axis [kg m²]; of a translation without a gear a mass [kg].
+    /// Inertia about its own axis (kg m²).
     pub inertia: f64,
-    /// Rate of the rotor over the rate of the joint (1, or 1/m for a translation that a rotation moves).
+    /// Rate of the rotor over the rate of the joint; for a translation in rad/m.
     #[serde(default = "direct")]
     pub ratio: f64,
 }
