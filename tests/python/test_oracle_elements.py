@@ -10,9 +10,9 @@ from oracle import elements
 from oracle.comparison import Verdict
 
 # Every number is a mechanism; `make trust` looks at thousands more. Some call functions in Python many thousand times.
-# In 135 a friction follows the reaction of a joint that holds a ring of parallel hinges, some rows of which are zero.
+# In 135 and 515 a friction follows the reaction of a joint beside a ring of parallel hinges: some of its rows are zero.
 LONG = (1, 7, 8, 11, 13, 14, 15, 16, 18, 29, 30, 34, 39, 40)
-SEEDS = (*(seed for seed in range(48) if seed not in LONG), 50, 51, 52, 54, 56, 57, 58, 59, 81, 135)
+SEEDS = (*(seed for seed in range(48) if seed not in LONG), 50, 51, 52, 54, 56, 57, 58, 59, 81, 135, 515)
 
 
 @cache

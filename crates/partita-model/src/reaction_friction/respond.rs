@@ -159,6 +159,12 @@ impl Following {
         x.magnitudes.fit(k, self.frictions.iter().map(of).sum());
     }
 
+    /// Whether a row of C is round-off alone for these displacements of the velocities.
+    fn is_round_off(&self, displacement: &[f64], row: usize, c: &[f64]) -> bool {
+        let strength = |large: f64| reduction::strength(&self.pattern, c, displacement, row, large);
+        self.row_displacement[row].is_some_and(|large| reduction::is_round_off(strength(large)))
+    }
+
     /// `M + Cᵀ W C` and `h − Cᵀ W b` where M alone is singular: neither v' nor λ changes.
     fn heavier(&self, model: &Evaluator<f64>, n: usize, m: usize, x: &mut Hold) {
         let displacement = &model.callers.v_sizes;
@@ -166,7 +172,7 @@ impl Following {
         for row in 0..m {
             let entries = || self.pattern.row(row).map(|e| (self.pattern.col_idx[e], x.c[e]));
             let length: f64 = entries().map(|(i, c)| (c * displacement[i]).powi(2)).sum();
-            if length <= 0.0 {
+            if length <= 0.0 || self.is_round_off(displacement, row, &x.c) {
                 continue;
             }
             let weight = size / length;
@@ -206,10 +212,7 @@ impl Following {
             }
             dense::cholesky_forward(&x.mass, n, w);
             let length = dense::dot(w, w).sqrt();
-            let sizes = &model.callers.v_sizes;
-            let strength = |large: f64| reduction::strength(&self.pattern, &x.c, sizes, row, large);
-            let empty =
-                length <= 0.0 || self.row_displacement[row].is_some_and(|d| reduction::is_round_off(strength(d)));
+            let empty = length <= 0.0 || self.is_round_off(&model.callers.v_sizes, row, &x.c);
             x.scale[row] = if empty { 0.0 } else { 1.0 / length };
             w.iter_mut().for_each(|w| *w *= x.scale[row]);
         }
