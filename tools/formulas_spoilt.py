@@ -982,7 +982,7 @@ FORMULAS = (
         f"{MODEL}/clusters/few.rs",
         "own[j] -= push * given.tangents.delta[v];",
         "own[j] += push * given.tangents.delta[v];",
-        ("python test_rotors.py",),
+        ("python test_oracle_elements.py",),
     ),
     Error(
         "rotor-in-inverse-dynamics",
