@@ -35,7 +35,7 @@ WITHIN = {"disabled.mjcf": "option", "unconstrained.mjcf": "option", "compiler.m
 
 
 @dataclass
-class Standing:
+class Described:
     """An element of a file: its number in the order of the file, and the items of the table on the way to it."""
 
     number: int
@@ -49,7 +49,7 @@ class Standing:
 
 @dataclass(frozen=True)
 class Mutation:
-    """A change of one file in one one."""
+    """A change of a file at one element."""
 
     file: str
     number: int
@@ -60,15 +60,15 @@ class Mutation:
         return f"{self.file}: {self.verb} {self.name} at element {self.number}"
 
 
-def standing(path: Path) -> list[Standing]:
+def described(path: Path) -> list[Described]:
     """All elements of a file."""
     root = ET.parse(path).getroot()
     table, version = TABLES[path.suffix], format_table.number(root.get("version", "") if path.suffix == ".sdf" else "")
-    found: list[Standing] = []
+    found: list[Described] = []
 
     def descend(element: ET.Element, context: str, covered: bool) -> None:
         items = {} if covered else dict(table.items(context, element.get("type", ""), version or None))
-        found.append(Standing(len(found), element, items, covered))
+        found.append(Described(len(found), element, items, covered))
         for child in element:
             item = items.get(child.tag)
             inside = item is not None and item.rule in WALKED and item.context in table.contexts
@@ -82,7 +82,7 @@ def standing(path: Path) -> list[Standing]:
 
 def mutations(path: Path) -> Iterator[Mutation]:
     """Every change of a file of which something must be heard."""
-    found = standing(path)
+    found = described(path)
     within = next((x for x in found if x.element.tag == WITHIN.get(path.name)), found[0])
     chosen = set(map(id, within.element.iter()))
     above = {id(child): one for one in found for child in one.element}

@@ -306,7 +306,7 @@ class _Reader:
         rotor = float(m.dof_armature[d]) + geared[0]
         if found.kind in ("revolute", "prismatic"):
             effort = Effort(stiffness, damping, float(m.qpos_spring[q] - m.qpos0[q]), rotor=rotor)
-            found.efforts = [effort] if effort.acts else []
+            found.efforts = [] if effort.is_empty else [effort]
         elif stiffness != 0.0 or damping != 0.0:
             text = "a spring and a damper would act, of a joint that has no single coordinate: add_bushing"
             self.dropped(at, text, f"{called} stiffness {stiffness:g}, damping {damping:g}")

@@ -68,9 +68,9 @@ class Effort:
     """The inertia that a motor's rotor adds along the coordinate, gear included."""
 
     @property
-    def acts(self) -> bool:
-        """Whether there is anything."""
-        return (self.stiffness, self.damping, self.rotor) != (0.0, 0.0, 0.0)
+    def is_empty(self) -> bool:
+        """Whether there is nothing."""
+        return self.stiffness == self.damping == self.rotor == 0.0
 
 
 @dataclass

@@ -491,7 +491,7 @@ class _Scope:
                 called = f"spring of {name}" + (f" {tag}" if made.kind == "universal" else "")
                 stiffness, damping = of.pop("spring_stiffness", 0.0), of.pop("damping", 0.0)
                 law = Effort(stiffness, damping, of.pop("spring_reference", 0.0), number, called)
-                made.efforts += [law] if stiffness != 0.0 or damping != 0.0 else []
+                made.efforts += [] if law.is_empty else [law]
             text = f"springs and dampers do not act along the coordinate of a {kind} joint: add_torsion_spring"
             for key, value in of.items():
                 if value != 0.0:
