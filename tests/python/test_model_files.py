@@ -30,8 +30,8 @@ def on_a_piece() -> str:
         '<link name="piece"><inertial><mass value="1e-3"/><inertia ixx="1e-9" iyy="1e-9" izz="1e-9"/></inertial></link>'
     )
     turn = urdf.hinge("C", "coupler", "piece", END, rocker - coupler)
-    marks = urdf.mark("closing_top_1", "piece", 0.0)
-    return urdf.tree(piece + turn + marks + urdf.mark("closing_top_2", "rocker", urdf.LENGTHS["rocker"]))
+    marks = urdf.mark("closing_top_1_6D", "piece", 0.0)
+    return urdf.tree(piece + turn + marks + urdf.mark("closing_top_2_6D", "rocker", urdf.LENGTHS["rocker"]))
 
 
 def gimbal() -> str:

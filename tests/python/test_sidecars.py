@@ -102,7 +102,8 @@ BY_NAME = {
     "point": (pair("closedloop0_A_3D", "closedloop0_B_3D"), "spherical"),
     "weld": (pair("closedloop0_B_6D", "closedloop0_A_6D"), "fixed"),
     "in the middle": (pair("closedloop3D_1A", "closedloop3D_1B"), "spherical"),
-    "words before": (pair("left_closing_knee_1", "left_closing_knee_2"), "fixed"),
+    "words before": (pair("left_closing_knee_1", "left_closing_knee_2"), "spherical"),
+    "closed loop": (pair("left_closedloop0_A", "left_closedloop0_B"), "fixed"),
     "hinge": (
         pair("closing_top_1", "closing_top_2") + pair("closing_top_1_z", "closing_top_2_z", 0.1),
         "revolute",
@@ -118,7 +119,7 @@ def test_names_of_frames_close_loops(case: str, tmp_path: Path) -> None:
     assert [joint["kind"] for joint in closed] == [kind]
     assert "by their names" in str(m.reading)
     # an assumption is reported, what the names say is not
-    assert ("do not say how the loop is closed" in str(m.reading)) == (case == "words before")
+    assert ("do not say how the loop is closed" in str(m.reading)) == (case in ("words before", "closed loop"))
     if kind != "fixed":
         expected = drawn(kind)
         assert m.compile().mobility == expected.compile().mobility == 1

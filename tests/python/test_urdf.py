@@ -153,10 +153,10 @@ def test_closing_frames_are_welded_on_a_hinged_end(tmp_path: Path) -> None:
     piece = """
   <link name="piece"><inertial><mass value="1e-3"/><inertia ixx="1e-9" iyy="1e-9" izz="1e-9"/></inertial></link>"""
     turn = hinge("C", "coupler", "piece", LENGTHS["coupler"], rocker - coupler)
-    marks = mark("closing_top_1", "piece", 0.0) + mark("closing_top_2", "rocker", LENGTHS["rocker"])
+    marks = mark("closing_top_1_6D", "piece", 0.0) + mark("closing_top_2_6D", "rocker", LENGTHS["rocker"])
     m = pt.load(written(tmp_path, tree(piece + turn + marks)))
     assert m.compile().mobility == 1
-    assert list(m.joints)[-1] == "closing_top_1 = closing_top_2"
+    assert list(m.joints)[-1] == "closing_top_1_6D = closing_top_2_6D"
     assert m.simulate(0.5).certificate.verdict == "valid"
     # a file beside it that lists no loops leaves them to their names
     beside = pt.load(written(tmp_path, tree(piece + turn + marks), "gravity: [0.0, 0.0, -1.0]\n"))

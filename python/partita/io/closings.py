@@ -1,8 +1,10 @@
-"""Loop closures of a URDF: pairs of frames that a sidecar lists, or else pairs that are named as such.
+"""Loop closures of robots' files: pairs of frames that a sidecar of a URDF lists, or else pairs that are named as such.
 
 closing_NAME_1, closing_NAME_2    also _A and _B, `closedloop`, and with words before
-..._3D, ..._6D, closedloop3D...   the frames are joined at their points, or welded; welded without it
+..._3D, ..._6D, closedloop3D...   the frames are joined at their points, or welded
 closing_NAME_1_z, closing_NAME_2_z    points on the z axes of the two frames: they are hinged about it
+
+Names that do not say so: `closing` joins points, `closedloop` welds, as the programs of these names do (decision 0054).
 """
 
 from __future__ import annotations
@@ -21,8 +23,13 @@ _WORD = r"(?:.*[^a-z])?clos(?:ing|ed?_?loop)s?"
 _NAME = re.compile(rf"(?P<stem>{_WORD}.*?)[_-]?(?P<side>[12AB])(?:[_-]?(?P<end>[36]D))?", re.IGNORECASE)
 _KIND = re.compile(rf"{_WORD}[_-]?([36]D)", re.IGNORECASE)
 _SIDE = re.compile(r"(?P<stem>.+?)(?P<side>[12AB])(?:[_-]?[36]D)?", re.IGNORECASE)
-_UNTYPED = "welded, since the names of the frames do not say how the loop is closed"
-_AXIS = "_z"
+_WELDING = re.compile(r"(?:.*[^a-z])?closed?_?loop", re.IGNORECASE)
+"""Names without a type that weld."""
+_UNTYPED = "the names of the frames do not say how the loop is closed"
+_REMEDIES = {"URDF": "type in a YAML file beside, or named by loops=,", "SDFormat": "a <joint> between the frames"}
+"""What states the type of a loop, other than names."""
+_IN_SIDECAR = "closed_loop in a YAML file beside the URDF closes them"
+AXIS = "_z"
 """Ending of the name of a second point on the axis of a hinge."""
 _ON_AXIS = 1e-6
 """Distance from an axis, as a fraction of the distance along it, of a point that lies on it: six digits."""
@@ -37,9 +44,13 @@ def is_closing(name: str) -> bool:
 
 def close(robot: Robot) -> None:
     """Close the loops that the sidecar or the names of frames state."""
-    if sidecar.read(robot):
-        return
-    stated = _named(robot)
+    if not sidecar.read(robot):
+        close_named(robot)
+
+
+def close_named(robot: Robot) -> None:
+    """Close the loops that the names of frames state."""
+    stated = named(robot, robot.frames)
     for stem, names in stated.items():
         if len(names) != 2:
             message = f"is one of {len(names)} frames of the closing {stem}; it has two, _1 and _2 or _A and _B"
@@ -49,11 +60,10 @@ def close(robot: Robot) -> None:
             _fail(robot, names[0], f"and {names[1]} are of different kinds, {' and '.join(sorted(kinds))}")
         kind = next(iter(kinds), "hinge" if _hinged(robot, names) else "")
         if not kind:
-            remark = (
-                f"{_UNTYPED}; with _3D at the end of both, or type 3d in a YAML file beside, their points are joined"
-            )
+            kind = "6d" if _WELDING.match(names[0]) else "3d"
+            ending = "_6D (welded) or _3D (points joined) at the end of both names"
+            remark = f"{sidecar.WORDS[kind]}, since {_UNTYPED}; {ending}, or {_REMEDIES[robot.reading.kind]} states it"
             robot.reading.changed.append(Remark(None, remark, " and ".join(names)))
-            kind = "6d"
         sidecar.close(robot, stem, (names[0], names[1]), kind, None)
 
 
@@ -81,18 +91,19 @@ def report_open(robot: Robot, poses: Mapping[str, Array]) -> None:
         if all(map(is_closing, names)) or float(np.linalg.norm(one - other)) <= _TOGETHER:
             pairs.append(" and ".join(names))
     if pairs:
-        remedy = "closed_loop in a YAML file beside the URDF closes them"
+        remedy = {"MJCF": "an <equality> closes them"}.get(robot.reading.kind, _IN_SIDECAR)
         remark = f"{', '.join(pairs)} look like ends of loops, which are open; {remedy}"
         robot.reading.dropped.append(Remark(None, remark))
 
 
-def _named(robot: Robot) -> dict[str, list[str]]:
-    """Frames by the stem of their names. A link that carries others, or that moves and has mass, is none."""
+def named(robot: Robot, frames: Iterable[str]) -> dict[str, list[str]]:
+    """Ends of loops among links and frames, by the stem of their names. A link that carries others, or that moves and
+    has mass, is none."""
     parents = {joint.parent for joint in robot.joints.values()}
     fixed = {joint.child for joint in robot.joints.values() if joint.kind == "fixed"}
     ends = {name for name, link in robot.links.items() if name in fixed or link.mass <= MASSLESS} - parents
     sides: dict[str, list[str]] = {}
-    for name in [*(link for link in robot.links if link in ends), *robot.frames]:
+    for name in [*(link for link in robot.links if link in ends), *frames]:
         found = _NAME.fullmatch(name)
         if found is not None:
             sides.setdefault(found["stem"].rstrip("_- "), []).append(name)
@@ -108,7 +119,7 @@ def _kind(name: str) -> str:
 def _hinged(robot: Robot, names: Iterable[str]) -> bool:
     """Whether each frame has a second point on its z axis."""
     for name in names:
-        frame, beyond = robot.frame(name), robot.frame(name + _AXIS)
+        frame, beyond = robot.frame(name), robot.frame(name + AXIS)
         if frame is None or beyond is None:
             return False
         point = _seen(robot, beyond, frame)

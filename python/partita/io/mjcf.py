@@ -17,6 +17,7 @@ import numpy as np
 
 from ..errors import MissingDependencyError
 from ..files import get
+from . import closings
 from .format_table import content, remark
 from .mjcf_table import ACTUATORS, CONTACT, FLUID, FRICTION, LIMITS, MJCF, ROTOR, TENDON, YIELD
 from .reading import Reading, Remark
@@ -227,6 +228,7 @@ class _Reader:
         for i in range(1, m.nbody):
             self.body(i)
         self.equalities()
+        self.ends()
         for i in range(m.ntendon):
             self.tendon(i)
         robot.reading.used.append(Remark(None, f"{m.nbody - 1} bodies, {m.njnt} joints, {m.neq} equalities"))
@@ -393,6 +395,19 @@ class _Reader:
                 self.dropped(at, text, self.described(at, f'equality "{name}"'))
         for bodies, held in connects.items():
             self.connect(bodies, held)
+
+    def ends(self) -> None:
+        """Sites that are named as ends of loops, where no equality holds their bodies together: reported as open."""
+        m, site = self.model, self.mujoco.mjtObj.mjOBJ_SITE
+        held = {frozenset((loop.first[0], loop.second[0])) for loop in self.made.loops}
+        named: dict[str, tuple[str, Array]] = {}
+        for i in range(m.nsite):
+            name = self.mujoco.mj_id2name(m, site, i)
+            if name and closings.is_closing(name):
+                named[name] = self.link(int(m.site_bodyid[i])), placed(m.site_pos[i], np.eye(3))
+        for pair in closings.named(self.made, named).values():
+            if frozenset(named[name][0] for name in pair) not in held:
+                self.made.frames.update((name, named[name]) for name in pair)
 
     def described(self, at: Element, called: str) -> str:
         """An element as the file has it."""

@@ -59,6 +59,19 @@ def build(robot: Robot, mechanism: Builder) -> None:
         axes = (joint.axis, joint.second)
         _joint(mechanism, joint.name, joint.kind, ends, (where, where), axes, joint.at)
         _efforts(mechanism, joint.name, joint.efforts)
+    _loops(robot, mechanism, body, pose)
+    for tie in robot.ties:
+        mechanism.add_coupler(tie.name, tie.joints, tie.factors, tie.offset)
+    for spring in robot.springs:
+        sides = [_on_body(robot, *side) for side in (spring.first, spring.second)]
+        (link1, point1), (link2, point2) = sides
+        data: dict[str, Any] = {"stiffness": spring.stiffness, "damping": spring.damping, "length": spring.length}
+        mechanism.add_spring(spring.name, body[link1], point1, body[link2], point2, **data)
+    robot.reading.shapes = shapes_of(robot, root if grounded else None)
+
+
+def _loops(robot: Robot, mechanism: Builder, body: dict[str, Any], pose: dict[str, Array]) -> None:
+    """Joints between two frames, each on its link."""
     for loop in robot.loops:
         (link1, frame1), (link2, frame2) = loop.first, loop.second
         if body[link1] == body[link2]:
@@ -70,14 +83,6 @@ def build(robot: Robot, mechanism: Builder) -> None:
         ends = (body[link1], body[link2])
         _joint(mechanism, loop.name, loop.kind, ends, frames, (axis, loop.second_axis), loop.at)
         _efforts(mechanism, loop.name, loop.efforts)
-    for tie in robot.ties:
-        mechanism.add_coupler(tie.name, tie.joints, tie.factors, tie.offset)
-    for spring in robot.springs:
-        sides = [_on_body(robot, *side) for side in (spring.first, spring.second)]
-        (link1, point1), (link2, point2) = sides
-        data: dict[str, Any] = {"stiffness": spring.stiffness, "damping": spring.damping, "length": spring.length}
-        mechanism.add_spring(spring.name, body[link1], point1, body[link2], point2, **data)
-    robot.reading.shapes = shapes_of(robot, root if grounded else None)
 
 
 def _rename_ground(robot: Robot) -> None:
@@ -129,6 +134,7 @@ def _placed(robot: Robot, mechanism: Builder, poses: dict[str, Array]) -> None:
         ends, frames = (body[joint.parent], body[joint.child]), (joint.pose, joint.pose)
         _joint(mechanism, joint.name, joint.kind, ends, frames, (joint.axis, joint.second), joint.at, joint.pitch)
         _efforts(mechanism, joint.name, joint.efforts)
+    _loops(robot, mechanism, body, {**poses, "world": np.eye(4)})
     for tie in robot.ties:
         mechanism.add_coupler(tie.name, tie.joints, tie.factors, tie.offset)
 

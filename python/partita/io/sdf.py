@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import FileFormatError
+from . import closings
 from .format_table import number as as_version
 from .looks import Look, mesh_file
 from .reading import Reading, Remark
@@ -79,6 +80,8 @@ def _read(path: Path, request: Request) -> Robot:
     scope.frames()
     scope.joints()
     scope.mimics()
+    scope.ends()
+    closings.close_named(robot)
     reading.used.append(Remark(None, f"{len(robot.links)} links, {len(robot.joints)} joints"))
     return robot
 
@@ -263,6 +266,27 @@ class _Scope:
         for scope in self.all():
             for item in () if scope.static else scope.element.all("joint"):
                 scope.mimic(item)
+
+    def ends(self) -> None:
+        """Frames that close loops by their names, where no joint names them. What is attached to nothing moves with
+        the link that its pose is relative to: by this, programs mean where they put it."""
+        for scope in self.all():
+            joined = {scope.word(item, end) for item in scope.element.all("joint") for end in ("parent", "child")}
+            for item in scope.element.all("frame"):
+                name = scope.keys[id(item)]
+                plain = name.removesuffix(closings.AXIS)
+                if scope.static or not closings.is_closing(plain) or not joined.isdisjoint((name, plain)):
+                    continue
+                pose, of = item.first("pose"), name
+                if pose is not None and not item.get("attached_to") and scope.base(pose):
+                    of = scope.base(pose)
+                    remark = (
+                        f'attached to the model; as the end of a loop it moves with "{of}", where its pose is given'
+                    )
+                    scope.note("changed", item, remark, f'frame "{scope.full(name)}"')
+                link = scope.carrier(of, item)
+                where = np.eye(4) if link == "world" else scope.poses[link]
+                scope.made.frames[scope.full(name)] = link, inverse(where) @ scope.at @ scope.frame(name, item)
 
     def place(self, asked: tuple[str, ...] = ()) -> Array:
         """The frame of this model in that of the scope around it: by its own frame, or by the one that it names."""

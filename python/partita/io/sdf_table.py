@@ -55,7 +55,11 @@ SDF = Table(
         ),
         "gravity": ((APPLIED, "#", "in m/s^2"),),
         "model": (
-            (APPLIED, "@name link* joint* frame*[1.5-]", "the mechanism, its bodies, joints and frames"),
+            (
+                APPLIED,
+                "@name link* joint* frame*[1.5-]",
+                "the mechanism, its bodies, joints and frames; closing_NAME_1 and _2 close loops",
+            ),
             (APPLIED, "pose static(false)", "where it stands, with its rotation; whether its links are the ground"),
             (
                 APPLIED,

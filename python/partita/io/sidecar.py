@@ -57,7 +57,7 @@ _KEYS = {
 _KINDS = {"6d": "fixed", "3d": "spherical", "hinge": "revolute"}
 _LISTED = ("6d", "3d")
 """Kinds that a sidecar lists."""
-_WORDS = {"6d": "welded", "3d": "joined at a point", "hinge": "hinged about z"}
+WORDS = {"6d": "welded", "3d": "joined at a point", "hinge": "hinged about z"}
 _TURNED = {f"UJOINT_{a}{b}": ("universal", "XYZ".index(a), "XYZ".index(b)) for a in "XYZ" for b in "XYZ" if a != b}
 """Universal joints by the axes of the joint's frame about which they turn."""
 TYPES: dict[str, tuple[str, int, int]] = {"SPHERICAL": ("spherical", 0, 1), "FIXED": ("fixed", 0, 1), **_TURNED}
@@ -336,4 +336,4 @@ def close(
     robot.loops.append(loop)
     robot.closed.update(pair)
     source = "their names" if location is None else location[0].name
-    robot.reading.used.append(Remark(None, f"{name}: {pair[0]} and {pair[1]} {_WORDS[kind]}, by {source}"))
+    robot.reading.used.append(Remark(None, f"{name}: {pair[0]} and {pair[1]} {WORDS[kind]}, by {source}"))

@@ -245,10 +245,9 @@ class _Writer:
         parent, child = self.of(joint.parent), self.of(joint.child)
         here = inverse(self.frames[joint.parent]) @ closure.here
         there = inverse(self.frames[joint.child]) @ closure.there
-        word = (
-            "meeting" if joint.kind == "spherical" else "closing"
-        )  # without a sidecar file, frames named closing_... are welded by the reader
-        first, second = (self.names.new(f"{word} {joint.name} {side}") for side in "12")
+        kind = "3d" if joint.kind == "spherical" else "6d"
+        # the names say how the loop is closed to who reads the URDF without its sidecar
+        first, second = (self.names.new(f"closing {joint.name} {side}_{kind.upper()}") for side in "12")
         self.mark(second, child, there)
         if joint.kind in ("fixed", "spherical"):
             self.mark(first, parent, here)
@@ -256,7 +255,7 @@ class _Writer:
             self.link(first)
             self.chain(joint.name, joint.kind, closure.motions, (parent, first), here)
         self.pairs.append((first, second))
-        self.kinds.append("3d" if joint.kind == "spherical" else "6d")
+        self.kinds.append(kind)
         self.loops.append(joint.name)
 
     def spring(self, record: SpringRecord) -> None:
