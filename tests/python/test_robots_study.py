@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from robots.loops import compare
 from robots.others import difference
 from robots.study import main, row
 from test_sdf import model
@@ -36,4 +37,19 @@ def test_trees_accelerate_as_in_the_program_that_owns_the_format(tmp_path: Path)
     # with other masses it would be seen
     m = pt.load(written(tmp_path, text.replace('mass value="1.1"', 'mass value="1.1001"')))
     assert difference(m, written(tmp_path, text), "pinocchio") > 1e-6
-    assert row(written(tmp_path, text, PAIR), against="pinocchio").incomparable == "it has loops or couplings"
+    coupled = text.replace("</joint>", '<mimic joint="B"/></joint>', 1)
+    assert "couplings" in row(written(tmp_path, coupled), against="pinocchio").incomparable
+
+
+def test_loops_accelerate_as_in_the_program_that_knows_their_lists(tmp_path: Path) -> None:
+    """With joints of other types, and with redundant rows; each program's error is its own."""
+    pytest.importorskip("pinocchio", reason="pin is no pinned tool")
+    typed = f"{PAIR}joint_name: [D, B]\njoint_type: [UJOINT_ZY, SPHERICAL]\n"
+    text = tree(ends("here", "there")).replace('"revolute"', '"continuous"')
+    for sidecar in (PAIR, typed):
+        path = written(tmp_path, text, sidecar)
+        found = row(path, against="pinocchio")
+        assert found.loops is not None and found.loops.exact < 1e-12 and found.loops.own_error < 1e-12
+        assert not found.disagrees and "conditions" in str(found)
+    heavier = pt.load(written(tmp_path, text.replace('mass value="1.1"', 'mass value="1.1001"'), PAIR))
+    assert compare(heavier, written(tmp_path, text, PAIR)).exact > 1e-6
