@@ -20,7 +20,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from partita import catalogue
-from partita.io import mjcf_table, schema, sdf_table, urdf_table
+from partita.io import mjcf_table, schema, sdf_table, urdf_table, writing_table
 from partita.io.format_table import Item
 
 TOOLS = Path(__file__).parent
@@ -133,6 +133,17 @@ def formats_page() -> str:
     return "\n".join([*lines, ""])
 
 
+def written_page() -> str:
+    """The table by which files are written; elements of one fate together."""
+    rows: dict[tuple[str, ...], list[str]] = {}
+    for kind, fates in writing_table.TABLE.items():
+        rows.setdefault(tuple(str(fates[name]) for name in writing_table.FORMATS), []).append(kind)
+    head = ["| element", *writing_table.FORMATS]
+    lines = ["", f"{' | '.join(head)} |", f"{'|---' * len(head)}|"]
+    lines += [f"| {', '.join(kinds)} | {' | '.join(fates)} |" for fates, kinds in rows.items()]
+    return "\n".join([*lines, "", ""])
+
+
 def item(found: Item) -> str:
     """An item of a table of a format."""
     default = f" ({' or '.join(found.defaults)})" if found.defaults is not None else ""
@@ -205,6 +216,7 @@ GENERATED: dict[str, Callable[[], str]] = {
     "zoo": zoo_page,
     "model-files": schema_page,
     "formats": formats_page,
+    "written": written_page,
     "messages": messages_page,
     "trust": trust_page,
     "tolerances": tolerances_page,

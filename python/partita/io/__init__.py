@@ -10,7 +10,7 @@ from typing import Any
 from ..builder import Builder
 from ..errors import ArgumentError, FileFormatError
 from ..files import place, target
-from . import mjcf, mjcf_writer, repair, robot, robot_builder, sdf, toml, urdf, urdf_writer
+from . import mjcf, mjcf_writer, repair, robot, robot_builder, sdf, toml, urdf, urdf_writer, writing_table
 from .reading import Reading, Remark, RemarkGroup
 from .request import Request, request
 from .toml import Maker
@@ -59,8 +59,12 @@ def _toml(path: Path, make: Maker, request: Request) -> Any:
 
 
 def _whole(mechanism: Builder, path: Path, strict: bool) -> Writing:
+    report = Writing(path, "TOML")
+    writing_table.visit(mechanism._description, report)
+    report.judge(strict)
     toml.write(mechanism, path)
-    return Writing(path, "TOML", [path])
+    report.files.append(path)
+    return report
 
 
 # A new format is a module with `read` and, if it can hold a whole mechanism, `write`, and one line here.

@@ -13,10 +13,11 @@ import numpy as np
 
 from ..builder import Builder
 from ..builder.checks import Array
-from ..builder.records import DRAWING_TOLERANCE, GROUND, BodyRecord, SpringRecord, TorsionSpringRecord
+from ..builder.records import GROUND, BodyRecord, SpringRecord
 from ..errors import FileFormatError
 from ..files import put
 from ..numeric import quaternion
+from . import writing_table
 from .robot import inverse
 from .skeleton import (
     Branch,
@@ -24,7 +25,6 @@ from .skeleton import (
     Motion,
     Spring,
     free_length,
-    leftovers,
     quoted,
     skeleton,
     springs,
@@ -90,9 +90,7 @@ class _Writer:
             report.dropped.append(f"spring of coordinate {coordinate} of joint {joint}, which joins points")
         for joint, coordinate in self.rotors:
             report.dropped.append(f"rotor on coordinate {coordinate} of joint {joint}, which joins points")
-        leftovers(d, report, (SpringRecord, TorsionSpringRecord))
-        if d.drawing_tolerance != DRAWING_TOLERANCE:
-            report.dropped.append(f"the drawing tolerance {d.drawing_tolerance:g}")
+        writing_table.visit(d, report)
         parts = [
             f"<mujoco model={quoted(d.name)}>",
             '  <compiler angle="radian" inertiafromgeom="false"/>',

@@ -13,12 +13,14 @@ import numpy as np
 
 from ..builder import Builder
 from ..builder.bodies import to_world
+from ..builder.calls import kind_of
 from ..builder.checks import Array
 from ..builder.joints import motions
 from ..builder.records import GROUND, CouplingRecord, Description, JointRecord, SpringRecord, TorqueRecord
 from ..builder.records import TorsionSpringRecord as Torsion
 from .robot import inverse, nearest, placed
 from .writing import Writing
+from .writing_table import DROPPED, TABLE
 
 _ALWAYS_CUT = 6
 _LAST = 5
@@ -129,9 +131,7 @@ def skeleton(mechanism: Builder, report: Writing) -> Skeleton:
 
 
 def _closes(joint: JointRecord, report: Writing) -> bool:
-    if joint.kind == "constant_velocity":
-        report.dropped.append(f"constant-velocity joint {joint.name}: two universal joints and a shaft approximate it")
-    elif joint.kind == "free":
+    if joint.kind == "free":
         report.changed.append(f"free joint {joint.name}, which constrains nothing, is omitted")
     return joint.kind not in ("constant_velocity", "free")
 
@@ -301,6 +301,8 @@ def ties(d: Description, tree: Skeleton, report: Writing) -> list[tuple[str, str
             what = f"joint {joint.name}: {', '.join(joint.follows)} no longer depend on the others"
             report.dropped.append(f"{what}: functions of its other coordinates cannot be represented in this format")
     for coupling in d.couplings.values():
+        if TABLE[kind_of(coupling)][report.kind].rule == DROPPED:
+            continue
         pair = _pair(coupling, tree)
         if pair is None:
             what = f"{coupling.word} {coupling.name}"
@@ -355,25 +357,6 @@ def free_length(d: Description, spring: SpringRecord) -> float:
     ends = ((spring.body1, spring.point1), (spring.body2, spring.point2))
     one, other = (to_world(d, body, point) for body, point in ends)
     return float(np.linalg.norm(other - one))
-
-
-def leftovers(d: Description, report: Writing, kinds: tuple[type, ...]) -> None:
-    """Elements that no robots' format supports: drives, and forces other than of these kinds."""
-    for drive in d.drives.values():
-        report.dropped.append(f"drive {drive.name}: the driven coordinate becomes free")
-    for force in d.forces.values():
-        if not isinstance(force, kinds):
-            report.dropped.append(f"{_word(force)} {force.name}")
-    for joint in d.joints.values():
-        if joint.compliance is not None:
-            report.dropped.append(f"compliance of joint {joint.name}")
-    if d.changing_gravity is not None:
-        report.dropped.append("time-dependent gravity")
-
-
-def _word(force: object) -> str:
-    kind = getattr(force, "kind", None)
-    return str(kind) if kind is not None else type(force).__name__.removesuffix("Record").lower()
 
 
 def text(value: float) -> str:

@@ -116,12 +116,6 @@ def _joint(record: JointRecord) -> Entries:
         word: None if word == "frame" and np.array_equal(value, np.eye(3)) else value
         for word, value in record.geometry.items()
     }
-    if record.follows:
-        Element("joint", record.name).fail(
-            f"{', '.join(record.follows)} follow by Python functions, which a file cannot contain; sample them into "
-            f"cams "
-            "(add_cam) between the coordinates of a generic joint before saving"
-        )
     return {
         "name": record.name,
         "type": record.kind,

@@ -22,7 +22,7 @@ from ..builder import Builder
 from ..builder.checks import Array
 from ..builder.records import DRAWING_TOLERANCE, GROUND, SpringRecord, TorsionSpringRecord
 from ..files import put
-from . import sidecar
+from . import sidecar, writing_table
 from .closings import is_closing
 from .robot import MASSLESS, inverse
 from .skeleton import (
@@ -31,7 +31,6 @@ from .skeleton import (
     Motion,
     Names,
     free_length,
-    leftovers,
     quoted,
     skeleton,
     text,
@@ -110,8 +109,7 @@ class _Writer:
         for force in d.forces.values():
             if isinstance(force, SpringRecord):
                 self.spring(force)
-        leftovers(d, report, (SpringRecord, TorsionSpringRecord))
-        report.dropped += [f"rotor {name}" for name in d.rotors]
+        writing_table.visit(d, report)
         self.weightless = [name for name, body in d.bodies.items() if not body.gravity]
         if self.weightless:
             remark = f"that gravity does not act on {', '.join(self.weightless)} is written to the sidecar file"

@@ -1,0 +1,138 @@
+"""The table of the writers: what becomes of each element of a mechanism in each format. Writers walk a mechanism by it.
+
+A writer says of itself what it writes otherwise, or in part; what the table drops, leaves out or refuses is said here.
+What the table does not have is dropped with a remark. The page docs/formats.md is written from the same table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from ..builder.calls import kind_of
+from ..builder.checks import Element
+from ..builder.records import DRAWING_TOLERANCE, CouplingRecord, Description, JointRecord
+from .writing import Writing
+
+WRITTEN = "written"
+"""As it is, with all digits."""
+CHANGED = "changed"
+"""Said otherwise, and means the same: a remark."""
+PARTLY = "partly"
+"""As it is, or said otherwise, where the format can; else dropped: a remark."""
+DROPPED = "dropped"
+"""The file is of another mechanism: a remark says what it does without."""
+OMITTED = "left out"
+"""The file lacks it, and moves the same: a remark."""
+REFUSED = "refused"
+"""A mechanism that has it is not written."""
+RULES = (WRITTEN, CHANGED, PARTLY, DROPPED, OMITTED, REFUSED)
+FORMATS = ("URDF", "MJCF", "TOML")
+
+
+@dataclass(frozen=True)
+class Fate:
+    """What becomes of an element: the rule, and how it is written or what is lost."""
+
+    rule: str
+    effect: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.rule}: {self.effect}" if self.effect else self.rule
+
+
+_AS_IS = Fate(WRITTEN)
+_CHAIN = Fate(CHANGED, "slides and hinges through massless links, which the reader merges")
+_PYTHON = "it is a Python function, which a file cannot contain"
+_GIVEN = Fate(PARTLY, "numbers and tables; Python functions are refused")
+_RATIO = "of two joint coordinates in a fixed ratio; others dropped"
+_FREE = Fate(DROPPED, "what it holds together moves freely")
+_SIDE = Fate(CHANGED, "in the sidecar, which other programs do not read")
+_DAMPERS = "dampers of hinges and slides; springs in the sidecar; of other coordinates dropped"
+Row = tuple[str, Fate, Fate, Fate]
+
+
+def _row(kinds: str, urdf: Fate, mjcf: Fate | None = None, toml: Fate = _AS_IS) -> Row:
+    """Elements by the words of `kind_of`, separated by commas, and their fates in the order of `FORMATS`."""
+    return kinds, urdf, urdf if mjcf is None else mjcf, toml
+
+
+_FLOATS = "in the tree; one that closes a loop constrains nothing, and is left out"
+_SEVERAL = "universal, cylindrical, planar, pin slot, generic, parallel, perpendicular, orientation, point on line"
+_SAMPLED = f"{_PYTHON}; sample it into cams (add_cam) between the coordinates of a generic joint before saving"
+_ROWS = (
+    _row("body, rod", Fate(WRITTEN, "a link, its frame at its joint"), Fate(WRITTEN, "a body")),
+    _row("body without gravity", _SIDE, Fate(WRITTEN, "`gravcomp`")),
+    _row("gravity", _SIDE, Fate(WRITTEN, "`option`")),
+    _row("time-dependent gravity", Fate(DROPPED, "gravity keeps its constant part"), toml=_GIVEN),
+    _row("drawing tolerance", _SIDE, Fate(DROPPED, "loops are closed within the default tolerance")),
+    _row("revolute, prismatic, fixed", _AS_IS, Fate(WRITTEN, "`connect` and `weld` where they close loops")),
+    _row("free", Fate(CHANGED, f"`floating`, {_FLOATS}"), Fate(CHANGED, f"`freejoint`, {_FLOATS}")),
+    _row("spherical", _CHAIN, Fate(WRITTEN, "`ball`, or `connect` where it closes a loop")),
+    _row(f"{_SEVERAL}, point on plane", _CHAIN, Fate(CHANGED, "several joints of one body")),
+    _row("screw", Fate(CHANGED, "a slide that mimics a hinge"), Fate(CHANGED, "a slide coupled to a hinge")),
+    _row("constant velocity", Fate(DROPPED, "its bodies are not joined; two universal joints approximate it")),
+    _row("custom", Fate(PARTLY, "its motions no longer depend on each other"), toml=Fate(REFUSED, _SAMPLED)),
+    _row("compliance", Fate(DROPPED, "reactions that the motion does not determine are shared otherwise")),
+    _row("coupler, gear, belt, rack", Fate(PARTLY, f"`mimic`, {_RATIO}"), Fate(PARTLY, f"an equality, {_RATIO}")),
+    _row("distance, rolling", _FREE),
+    _row("cam", _FREE, toml=_GIVEN),
+    _row("constraint", _FREE, toml=Fate(REFUSED, _PYTHON)),
+    _row("point on curve", _FREE, toml=Fate(REFUSED, "model files have no such table; add it after loading")),
+    _row("rotor", Fate(DROPPED, "its inertia no longer adds to that of the joint"), Fate(WRITTEN, "`armature`")),
+    _row("drive", Fate(DROPPED, "the driven coordinate becomes free"), toml=_GIVEN),
+    _row("spring", _SIDE, Fate(PARTLY, "`tendon`; of negative stiffness, damping or length dropped")),
+    _row("torsion spring", Fate(PARTLY, _DAMPERS), Fate(PARTLY, "sums along a coordinate; negative ones dropped")),
+    _row("torque, force", Fate(DROPPED, "it no longer acts"), toml=_GIVEN),
+    _row("gas spring", Fate(DROPPED, "it no longer acts")),
+    _row("force law", Fate(DROPPED, "it no longer acts"), toml=Fate(REFUSED, _PYTHON)),
+    _row("bushing", Fate(DROPPED, "nothing holds its bodies together")),
+    _row("friction", Fate(DROPPED, "nothing resists the motion"), toml=_GIVEN),
+    _row("stop", Fate(DROPPED, "the motion has no end there")),
+    _row("contact", Fate(DROPPED, "its bodies pass through each other")),
+    _row("tyre", Fate(DROPPED, "the wheel does not touch the road")),
+    _row("sensor", Fate(OMITTED, "it measures, and moves nothing"), toml=_GIVEN),
+)
+TABLE: dict[str, dict[str, Fate]] = {
+    kind: dict(zip(FORMATS, fates, strict=True)) for kinds, *fates in _ROWS for kind in kinds.split(", ")
+}
+"""By element and format."""
+
+
+def visit(d: Description, report: Writing) -> None:
+    """Report what the format of this writing drops or leaves out; refuse what it refuses."""
+    for kind, name, word in elements(d):
+        fate = TABLE.get(kind, {}).get(report.kind) or Fate(DROPPED, f"not known to the writer of {report.kind}")
+        said = f"{word} {name}".strip()
+        if fate.rule == DROPPED:
+            report.dropped.append(f"{said}: {fate.effect}")
+        elif fate.rule == OMITTED:
+            report.changed.append(f"{said} is not written: {fate.effect}")
+        elif fate.rule == REFUSED:
+            Element(kind, name).fail(fate.effect)
+
+
+def elements(d: Description) -> Iterator[tuple[str, str, str]]:
+    """Everything in a mechanism: its kind, its name, and the word for it."""
+    yield "gravity", "", "gravity"
+    if d.changing_gravity is not None:
+        yield "time-dependent gravity", "", "time-dependent gravity"
+    if d.drawing_tolerance != DRAWING_TOLERANCE:
+        yield "drawing tolerance", f"{d.drawing_tolerance:g}", "the drawing tolerance"
+    tables: list[dict[str, Any]] = [d.bodies, d.joints, d.couplings, d.rotors, d.drives, d.forces, d.sensors]
+    for table in tables:
+        for name, record in table.items():
+            kind = kind_of(record).replace("_", " ")
+            yield kind, name, _word(kind, record)
+            if table is d.bodies and not record.gravity:
+                yield "body without gravity", name, "body"
+            if isinstance(record, JointRecord) and record.compliance is not None:
+                yield "compliance", name, "compliance of joint"
+
+
+def _word(kind: str, record: Any) -> str:
+    """The word before its name."""
+    if isinstance(record, CouplingRecord):
+        return record.word
+    return f"{kind} joint" if isinstance(record, JointRecord) else kind
