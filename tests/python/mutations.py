@@ -15,6 +15,7 @@ import sys
 import tempfile
 import warnings
 import xml.etree.ElementTree as ET
+import xml.parsers.expat
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -60,9 +61,18 @@ class Mutation:
         return f"{self.file}: {self.verb} {self.name} at element {self.number}"
 
 
+def parsed(path: Path) -> ET.Element:
+    """The root of a file, its names as they are written: namespaces are no matter of these formats."""
+    builder, parser = ET.TreeBuilder(), xml.parsers.expat.ParserCreate()
+    parser.StartElementHandler, parser.EndElementHandler = builder.start, builder.end
+    parser.CharacterDataHandler = builder.data
+    parser.Parse(path.read_bytes(), True)
+    return builder.close()
+
+
 def described(path: Path) -> list[Described]:
     """All elements of a file."""
-    root = ET.parse(path).getroot()
+    root = parsed(path)
     table, version = TABLES[path.suffix], format_table.number(root.get("version", "") if path.suffix == ".sdf" else "")
     found: list[Described] = []
 
@@ -97,7 +107,7 @@ def mutations(path: Path) -> Iterator[Mutation]:
             if item is not None and item.rule in (APPLIED, COMPILED) and _numbers(value):
                 yield Mutation(path.name, one.number, "change number", name)
         for key, value in one.element.attrib.items():
-            if not _silent(one.item(f"@{key}"), value):
+            if not key.startswith("xmlns") and not _silent(one.item(f"@{key}"), value):
                 yield Mutation(path.name, one.number, "remove attribute", key)
         parent = above.get(id(one.element))
         if parent is None:
@@ -126,7 +136,7 @@ def _silent(item: Item | None, value: str) -> bool:
 
 def mutated(path: Path, mutation: Mutation) -> str:
     """The text of the changed file."""
-    root = copy.deepcopy(ET.parse(path).getroot())
+    root = copy.deepcopy(parsed(path))
     elements = list(root.iter())
     element = elements[mutation.number]
     if mutation.verb == "add element":
@@ -188,7 +198,7 @@ def unused(table: Table, files: list[Path]) -> list[str]:
         if item.rule not in (LOOKS, NO_EFFECT, format_table.REFUSED)
     }
     for path in files:
-        root = ET.parse(path).getroot()
+        root = parsed(path)
         waiting = [(root, table.root)]
         while waiting:
             element, context = waiting.pop()

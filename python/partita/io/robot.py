@@ -65,7 +65,8 @@ class Effort:
     coordinate: int = 0
     name: str = ""
     rotor: float = 0.0
-    """The inertia that a motor's rotor adds along the coordinate, gear included."""
+    ratio: float = 1.0
+    """Inertia of a motor's rotor, and how many times as fast as the coordinate it turns."""
 
     @property
     def is_empty(self) -> bool:

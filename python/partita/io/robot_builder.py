@@ -149,7 +149,7 @@ def _efforts(mechanism: Builder, joint: str, efforts: list[Effort]) -> None:
             law = {"stiffness": effort.stiffness, "damping": effort.damping, "angle": effort.rest}
             mechanism.add_torsion_spring(joint, **law, coordinate=effort.coordinate, name=name)
         if effort.rotor != 0.0:
-            mechanism.add_rotor(joint, effort.rotor, coordinate=effort.coordinate)
+            mechanism.add_rotor(joint, effort.rotor, ratio=effort.ratio, coordinate=effort.coordinate)
 
 
 def _body(robot: Robot, mechanism: Builder, link: Link, pose: Array) -> Any:

@@ -16,6 +16,7 @@ import numpy as np
 
 from ..errors import FileFormatError
 from . import closings
+from .format_table import content, remark
 from .format_table import number as as_version
 from .looks import Look, mesh_file
 from .reading import Reading, Remark
@@ -33,6 +34,10 @@ _KINDS = {
     "fixed": "fixed",
     "screw": "screw",
 }
+GEARBOX = "gearbox"
+"""Type of a joint that couples two hinges."""
+_PARALLEL = 1e-6
+"""Sine of the angle between axes that are one: files have six digits."""
 _INCLUDES = 64
 """Files included in each other, at most."""
 _RESERVED = (1, 7)
@@ -80,6 +85,7 @@ def _read(path: Path, request: Request) -> Robot:
     scope.frames()
     scope.joints()
     scope.mimics()
+    scope.gearboxes()
     scope.ends()
     closings.close_named(robot)
     reading.used.append(Remark(None, f"{len(robot.links)} links, {len(robot.joints)} joints"))
@@ -97,8 +103,26 @@ def _walked(path: Path, reading: Reading) -> tuple[Element, tuple[int, ...]]:
     if not version:
         version = VERSIONS[-1]
         reading.changed.append(Remark(root.line, f"no version is given, so the rules of {version} are used"))
+    _motorless(root, reading)
     SDF.visit(root, reading, as_version(version))
     return root, as_version(version)
+
+
+def _motorless(root: Element, reading: Reading) -> None:
+    """Take out rotors of joints whose effort is 0: Drake puts no motors there."""
+    waiting = [root]
+    while waiting:
+        item = waiting.pop()
+        waiting += item.children
+        axis = item.first("axis") if item.tag == "joint" else None
+        limit = None if axis is None else axis.first("limit")
+        effort = None if limit is None else limit.first("effort")
+        if effort is None or numbers(effort, "the text", effort.text, 1)[0] != 0.0:
+            continue
+        for rotor in item.all("drake:rotor_inertia"):
+            text = "the joint has an effort of 0: no motor, and no rotor"
+            reading.dropped.append(remark(reading, rotor, text, content(rotor, f'joint "{item.get("name")}"'), "other"))
+        item.children = [child for child in item.children if not child.tag.startswith("drake:")]
 
 
 @dataclass
@@ -407,6 +431,40 @@ class _Scope:
         text = f"joint {name} = {factor:g} x {other} + {offset:g}, a coupler"
         self.note("used", mimic, text)
 
+    def gearboxes(self) -> None:
+        for scope in self.all():
+            for item in () if scope.static else scope.element.all("joint"):
+                if item.get("type") == GEARBOX:
+                    scope.gearbox(item)
+
+    def gearbox(self, item: Element) -> None:
+        """theta_2 = -ratio theta_1: angles of parent and child from the reference body, about the two axes."""
+        name, ratio = self.full(item.must("name")), 1.0
+        if (given := item.first("gearbox_ratio")) is not None:
+            ratio = numbers(given, "the text", given.text, 1)[0] or given.fail("is 0; fix the joint instead")
+        where = self.at @ self.frame(self.keys[id(item)], item)
+        base = self.carrier(self.word(item, "gearbox_reference_body"), item)
+        axes = [where[:3, :3] @ self.axis(item, tag, where) for tag in ("axis", "axis2")]
+        links = [self.carrier(self.word(item, end), item) for end in ("parent", "child")]
+        hinges = [self.hinge(base, link, axis) for link, axis in zip(links, axes, strict=True)]
+        if hinges[0] is None or hinges[1] is None:
+            text = f'it would gear hinges on "{base}" about these axes, which are not there: add_gear, add_coupler'
+            self.note("dropped", item, text, content(item))
+            return
+        (first, one), (second, other) = hinges[0], hinges[1]
+        self.made.ties.append(Tie(name, [second, first], [other, ratio * one], 0.0, item))
+        self.note("used", item, f"a gear: {second} turns {-ratio * one * other:g} times as far as {first}")
+
+    def hinge(self, base: str, link: str, axis: Array) -> tuple[str, float] | None:
+        """The hinge between two links about an axis, and 1 where its coordinate is the angle of the link, else -1."""
+        for joint in self.made.joints.values():
+            about = joint.pose[:3, :3] @ joint.axis
+            along = float(about @ axis)
+            parallel = joint.kind == "revolute" and float(np.linalg.norm(np.cross(about, axis))) <= _PARALLEL
+            if parallel and (joint.parent, joint.child) in ((base, link), (link, base)):
+                return joint.name, float(np.sign(along)) * (1.0 if joint.parent == base else -1.0)
+        return None
+
     def child(self, item: Element) -> str:
         return self.word(item, "child") if item.tag == "joint" else ""
 
@@ -478,8 +536,10 @@ class _Scope:
         name, kind = self.full(item.must("name")), item.must("type")
         if name in self.made.joints:
             item.fail(f'has the name "{name}", which is already in use')
+        if kind == GEARBOX:
+            return
         if kind not in _KINDS:
-            item.fail(f'has the type "{kind}"; known: {", ".join(_KINDS)}')
+            item.fail(f'has the type "{kind}"; known: {", ".join((*_KINDS, GEARBOX))}')
         ends = []
         for tag in ("parent", "child"):
             link = self.carrier(self.word(item, tag), item)
@@ -520,7 +580,18 @@ class _Scope:
             for key, value in of.items():
                 if value != 0.0:
                     self.note("dropped", found, text, f'joint "{name}" {key} {value:g}')
+        rotor = self.values(item, "drake:rotor_inertia", "drake:gear_ratio")
+        if inertia := rotor.get("drake:rotor_inertia", 0.0):
+            if inertia < 0.0:
+                item.fail(f"has a rotor of the inertia {inertia:g}; it must be 0 or more")
+            ratio = rotor.get("drake:gear_ratio", 1.0)
+            made.efforts += [Effort(rotor=inertia, ratio=ratio)] if ratio != 0.0 else []
+            self.note("used", item, f"a rotor of {inertia:g} turns {ratio:g} times as fast", f'joint "{name}"')
         self.made.joints[name] = made
+
+    def values(self, item: Element, *tags: str) -> dict[str, float]:
+        """Numbers of elements that are there."""
+        return {x.tag: numbers(x, "the text", x.text, 1)[0] for x in item.all(*tags)}
 
     def axis(self, item: Element, tag: str, where: Array) -> Array:
         """An axis in the joint's own frame."""

@@ -21,6 +21,9 @@ _LEAF = ((LOOKS, "#", ""),)
 _ADDED = [f"{a}{b}" for i, a in enumerate("xyzpqr") for b in "xyzpqr"[i:]]
 _NUMERICS = "settings of a solver, which close loops softly"
 
+_ROTOR = "drake:rotor_inertia drake:gear_ratio"
+_NO_MOTOR = (NO_EFFECT, _ROTOR, "Drake has motors on joints of one axis alone")
+
 SDF = Table(
     "SDFormat",
     "sdf",
@@ -132,13 +135,29 @@ SDF = Table(
                 "gearbox_ratio gearbox_reference_body thread_pitch screw_thread_pitch[1.10-]",
                 "of other types",
             ),
+            (APPLIED, "drake:rotor_inertia=value drake:gear_ratio=value(1)", "the rotor of a motor, as Drake reads it"),
             (OTHER, "physics", _NUMERICS),
             (OTHER, "sensor*", "measures, and moves nothing: add_sensor"),
         ),
-        "joint[screw]": ((APPLIED, "thread_pitch screw_thread_pitch[1.10-]", "advance per turn"),),
-        "joint[universal]": ((APPLIED, "axis2=axis", "its second axis"),),
-        "joint[fixed]": ((NO_EFFECT, "axis axis2", "a fixed joint has no axis"),),
-        "joint[ball]": ((OTHER, "axis axis2", "a ball joint has no axis, and no laws along one"),),
+        "joint[screw]": (
+            (APPLIED, "thread_pitch screw_thread_pitch[1.10-]", "advance per turn"),
+            (DROPPED, _ROTOR, "a rotor would turn with the joint: add_rotor"),
+        ),
+        "joint[universal]": ((APPLIED, "axis2=axis", "its second axis"), _NO_MOTOR),
+        "joint[fixed]": ((NO_EFFECT, "axis axis2", "a fixed joint has no axis"), _NO_MOTOR),
+        "joint[ball]": ((OTHER, "axis axis2", "a ball joint has no axis, and no laws along one"), _NO_MOTOR),
+        "joint[gearbox]": (
+            (APPLIED, "gearbox_ratio(1) gearbox_reference_body", "hinges on this link that turn -ratio : 1"),
+            (APPLIED, "axis=gearbox/axis axis2=gearbox/axis", "the axes of the hinges of its parent and its child"),
+            _NO_MOTOR,
+        ),
+        "gearbox/axis": (
+            (APPLIED, "xyz(0 0 1) use_parent_model_frame(false)[1.5-1.6]", "its direction"),
+            (DROPPED, "dynamics mimic[1.11-]", "laws of a gearbox would act: give them to its hinges"),
+            (BOUNDS, "limit", "limits do not act: add_stop"),
+        ),
+        "gearbox_ratio": _TEXT,
+        "gearbox_reference_body": _TEXT,
         "parent": _TEXT,
         "child": _TEXT,
         "thread_pitch": _TEXT,

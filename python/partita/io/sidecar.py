@@ -188,9 +188,15 @@ def _types(robot: Robot, path: Path, entries: dict[str, Any], wrong: Callable[[s
             wrong("joint_type", f'the type of joint "{name}" is "{word}"; known: {", ".join(TYPES)}')
         kind, first, second = TYPES[word.upper()]
         if joint.efforts and kind != joint.kind:
-            remark = f"{word} in {path.name}, whose damping is not read: add_torsion_spring"
-            called = f'joint "{name}" damping {joint.efforts[0].damping:g}'
-            robot.reading.dropped.append(Remark(joint.at.line, remark, called))
+            for effort in joint.efforts:
+                if effort.damping != 0.0:
+                    remark = f"{word} in {path.name}, whose damping is not read: add_torsion_spring"
+                    called = f'joint "{name}" damping {effort.damping:g}'
+                    robot.reading.dropped.append(Remark(joint.at.line, remark, called))
+                if effort.rotor != 0.0:
+                    remark = f"{word} in {path.name}, which has no coordinate with which a rotor turns"
+                    called = f'joint "{name}" rotor {effort.rotor:g}'
+                    robot.reading.dropped.append(Remark(joint.at.line, remark, called))
             joint.efforts = []
         joint.kind, joint.axis = kind, np.eye(3)[first]
         joint.second = np.eye(3)[second] if kind == "universal" else None
@@ -238,14 +244,15 @@ def _springs(robot: Robot, items: Any, wrong: Callable[[str, str], NoReturn]) ->
     for name, efforts in listed.items():
         joint = robot.joints[name]
         own, reported = (sum(e.damping for e in x) for x in (joint.efforts, efforts))
-        if joint.efforts and abs(own - reported) > _SAME * max(abs(own), abs(reported)):
+        rotors = [e for e in joint.efforts if e.rotor != 0.0]
+        if own != 0.0 and abs(own - reported) > _SAME * max(abs(own), abs(reported)):
             ignored = f"the value {reported:g} in the sidecar file is ignored"
             remark = f"damping {own:g} of joint {name} is taken from the URDF; {ignored}"
             robot.reading.changed.append(Remark(joint.at.line, remark))
             joint.efforts = [replace(e, name=f"damper of {name}") for e in joint.efforts]
             joint.efforts += [replace(e, damping=0.0) for e in efforts if e.stiffness != 0.0]
         else:
-            joint.efforts = efforts
+            joint.efforts = [*rotors, *efforts]
     if items:
         robot.reading.used.append(Remark(None, f"{len(items)} springs and dampers of the sidecar file"))
 

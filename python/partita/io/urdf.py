@@ -14,6 +14,7 @@ import numpy as np
 
 from ..errors import FileFormatError
 from . import closings
+from .format_table import content
 from .looks import Look, mesh_file
 from .reading import Reading, Remark
 from .request import Request
@@ -33,6 +34,7 @@ _KINDS = {
 _LOOPS = {**_KINDS, "ball": "spherical", "6d": "fixed", "3d": "spherical"}
 
 
+_MOTOR = "motors are not mechanics: add_drive prescribes motions, add_torque efforts"
 WORLD = "world"
 """Link that other readers know without its definition."""
 
@@ -43,11 +45,14 @@ def read(path: Path, request: Request) -> Robot:
     if root.tag != "robot":
         root.fail("is not <robot>: this is not URDF")
     robot = Robot(root.get("name") or path.stem, Reading(path, "URDF"), request)
+    idle = _idle(root)
     URDF.visit(root, robot.reading)
     for item in root.all("link"):
         _link(robot, item)
     for item in root.all("joint"):
         _joint(robot, item)
+    for item in root.all("transmission"):
+        _transmission(robot, item, idle)
     if not robot.links:
         root.fail("holds no <link>")
     _world(robot)
@@ -157,6 +162,37 @@ def _joint(robot: Robot, item: Element) -> None:
         if damping > 0.0 and joint.kind in ("revolute", "prismatic"):
             joint.efforts = [Effort(damping=damping)]
     robot.joints[name] = joint
+
+
+def _idle(root: Element) -> set[str]:
+    """Joints whose motors have no effort: Drake puts none there."""
+    found = ((item.get("name"), limit) for item in root.all("joint") if (limit := item.first("limit")) is not None)
+    return {name for name, limit in found if limit.get("effort") and limit.number("effort") == 0.0}
+
+
+def _transmission(robot: Robot, item: Element, idle: set[str]) -> None:
+    """A motor behind a gear: its rotor, as Drake reads it, turns with the joint; the rest is not mechanics."""
+    robot.reading.dropped.append(Remark(item.line, _MOTOR, content(item), "other"))
+    actuator, end = item.first("actuator"), item.first("joint")
+    rotor = None if actuator is None else actuator.first("drake:rotor_inertia")
+    if actuator is None or end is None or rotor is None:
+        return
+    gear, name, kind = actuator.first("drake:gear_ratio"), end.must("name"), item.first("type")
+    inertia, ratio = rotor.number("value"), 1.0 if gear is None else gear.number("value")
+    word, joint = item.get("type") or ("" if kind is None else kind.text), robot.joints.get(name)
+    if joint is None:
+        item.fail(f'moves the joint "{name}", which does not exist')
+    if inertia < 0.0:
+        rotor.fail(f"has the inertia {inertia:g}; it must be 0 or more")
+    single = joint.kind in ("revolute", "prismatic")
+    if name in idle or not single or "SimpleTransmission" not in word:
+        why = "it has no effort" if name in idle else "it is no simple transmission" if single else "of this type"
+        text = f"no rotor turns with the joint of this transmission: {why}"
+        robot.reading.dropped.append(Remark(rotor.line, text, f'joint "{name}" rotor_inertia {inertia:g}', "other"))
+    elif inertia > 0.0 and ratio != 0.0:
+        joint.efforts.append(Effort(rotor=inertia, ratio=ratio))
+        text = f"a rotor of {inertia:g} turns {ratio:g} times as fast"
+        robot.reading.used.append(Remark(rotor.line, text, f'joint "{name}"'))
 
 
 def _mimic(robot: Robot, item: Element) -> None:

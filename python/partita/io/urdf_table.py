@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .format_table import APPLIED, BOUNDS, DROPPED, LOOKS, NO_EFFECT, OTHER, REFUSED, Table
+from .format_table import APPLIED, BOUNDS, COMPILED, DROPPED, LOOKS, NO_EFFECT, OTHER, REFUSED, Table
 
 _JOINT = "the joint between two links, drawn at zero"
 _SIDE = "@xyz(0 0 0) @rpy(0 0 0)"
@@ -17,7 +17,12 @@ URDF = Table(
             (APPLIED, "fixed_frame*=frame frame*", "dialects: marks on links, of which pairs may close loops"),
             (NO_EFFECT, "@version @xmlns", ""),
             (LOOKS, "material*", "colours"),
-            (OTHER, "transmission*", "motors are not mechanics: add_drive prescribes motions, add_torque efforts"),
+            (
+                COMPILED,
+                "transmission*=whole",
+                "motors, of which the rotors alone are read: drake:rotor_inertia, behind "
+                "drake:gear_ratio (1), of a SimpleTransmission to a joint whose effort is not 0",
+            ),
             (OTHER, "sensor* contact* model_state*", "settings of a simulator"),
             (DROPPED, "gazebo*", "settings of a simulator, which may act there (gravity, springs, motors)"),
             (REFUSED, "xacro:*", "must be expanded first: xacro FILE > robot.urdf"),

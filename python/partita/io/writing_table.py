@@ -104,11 +104,11 @@ def visit(d: Description, report: Writing) -> None:
     """Report what the format of this writing drops or leaves out; refuse what it refuses."""
     for kind, name, word in elements(d):
         fate = TABLE.get(kind, {}).get(report.kind) or Fate(DROPPED, f"not known to the writer of {report.kind}")
-        said = f"{word} {name}".strip()
+        called = f"{word} {name}".strip()
         if fate.rule == DROPPED:
-            report.dropped.append(f"{said}: {fate.effect}")
+            report.dropped.append(f"{called}: {fate.effect}")
         elif fate.rule == OMITTED:
-            report.changed.append(f"{said} is not written: {fate.effect}")
+            report.changed.append(f"{called} is not written: {fate.effect}")
         elif fate.rule == REFUSED:
             Element(kind, name).fail(fate.effect)
 
