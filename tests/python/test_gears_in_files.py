@@ -86,6 +86,12 @@ def test_a_joint_without_effort_has_no_motor(suffix: str, tmp_path: Path) -> Non
     assert len(found) == 1 and "effort" in found[0].text
 
 
+def test_an_effort_without_bounds_has_a_motor(tmp_path: Path) -> None:
+    for effort in ("inf", "1e308", "-1", ""):
+        text = BOTH[".sdf"].replace("</xyz></axis>", f"</xyz><limit><effort>{effort}</effort></limit></axis>")
+        assert loaded(tmp_path, ".sdf", text)._description.rotors
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [

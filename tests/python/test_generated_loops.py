@@ -6,6 +6,7 @@ axis along z of the frame.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -241,3 +242,33 @@ def test_closedloop_without_a_type_is_welded(tmp_path: Path) -> None:
     assert [joint["kind"] for joint in m.compile().summary["joints"] if " = " in joint["name"]] == ["fixed"]
     (remark,) = (group for group in m.remarks if "names of the frames do not say how" in group.text)
     assert remark.text.startswith("welded, since") and "_3D (points joined)" in remark.text
+
+
+def test_what_does_not_fit_is_named(tmp_path: Path) -> None:
+    """No list is empty, and no error is 0: welds in place of joints, a link too long, coordinates beyond measure."""
+    welded = as_urdf(LEG).replace('_ankle_1"', '_ankle_1_6D"').replace('_ankle_2"', '_ankle_2_6D"')
+    long = as_urdf(FOUR_BAR).replace(f'xyz="{numbers(FOUR_BAR.relative("rocker")[:3, 3])}"', 'xyz="1e3 0 0"')
+    path = tmp_path / "robot.urdf"
+    for text, closing in (
+        (welded.replace('_knee_1"', '_knee_1_6D"').replace('_knee_2"', '_knee_2_6D"'), ""),
+        (long, "top"),
+    ):
+        path.write_text(text, "utf-8")
+        with pytest.raises(pt.errors.AssemblyError) as caught:
+            pt.load(path).assemble()
+        message = str(caught.value)
+        assert closing in message and re.search(
+            r"not closed: joint \".*? by [1-9]|not closed: joint \".*? by 0\.0*[1-9]", message
+        )
+        assert not re.search(r": ;|: \.|  |by 0[ ,;]", message)
+    for size, words in (("1e160", "magnitudes above 1e\\+60"), ("1e400", "finite")):
+        path.write_text(as_urdf(FOUR_BAR).replace('<origin xyz="', f'<origin xyz="{size} 0 0" was="'), "utf-8")
+        with pytest.raises(pt.errors.FileFormatError, match=f'<origin> has "xyz" "{size} 0 0"; .*{words}'):
+            pt.load(path)
+
+
+def test_an_axis_has_a_direction_however_short_it_is(tmp_path: Path) -> None:
+    for suffix, form, old in ((".urdf", as_urdf, 'axis xyz="0 0 1"'), (".sdf", as_sdf, "<xyz>0 0 1</xyz>")):
+        path = tmp_path / f"robot{suffix}"
+        path.write_text(form(FOUR_BAR).replace(old, old.replace("0 0 1", "0 0 1e-200")), "utf-8")
+        assert pt.load(path).compile().mobility == 1

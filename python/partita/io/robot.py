@@ -223,6 +223,15 @@ def placed(xyz: Any, rotation: Any) -> Array:
     return found
 
 
+def unit(axis: Array) -> Array | None:
+    """The direction of an axis, however short; None where it has none."""
+    length = float(np.linalg.norm(axis))
+    if length == 0.0 and np.any(axis):  # its squares are too small
+        axis = axis / float(np.max(np.abs(axis)))
+        length = float(np.linalg.norm(axis))
+    return axis / length if length > 0.0 else None
+
+
 def inverse(frame: Array) -> Array:
     """Of a frame."""
     turned = frame[:3, :3].T

@@ -21,9 +21,9 @@ from .format_table import number as as_version
 from .looks import Look, mesh_file
 from .reading import Reading, Remark
 from .request import Request
-from .robot import Array, Effort, Joint, Link, Robot, Tie, inverse, placed, turned
+from .robot import Array, Effort, Joint, Link, Robot, Tie, inverse, placed, turned, unit
 from .sdf_table import SDF, VERSIONS
-from .xmltree import Element, numbers, parse, refuse
+from .xmltree import Element, is_zero, numbers, parse, refuse
 
 _KINDS = {
     "revolute": "revolute",
@@ -117,7 +117,7 @@ def _motorless(root: Element, reading: Reading) -> None:
         axis = item.first("axis") if item.tag == "joint" else None
         limit = None if axis is None else axis.first("limit")
         effort = None if limit is None else limit.first("effort")
-        if effort is None or numbers(effort, "the text", effort.text, 1)[0] != 0.0:
+        if effort is None or not is_zero(effort.text):
             continue
         for rotor in item.all("drake:rotor_inertia"):
             text = "the joint has an effort of 0: no motor, and no rotor"
@@ -602,5 +602,5 @@ class _Scope:
             other = "__model__"
         if other:
             axis = where[:3, :3].T @ (self.at @ self.frame(other, item))[:3, :3] @ axis
-        length = float(np.linalg.norm(axis))
-        return axis / length if length > 0.0 else item.fail("has an axis of length 0")
+        direction = unit(axis)
+        return direction if direction is not None else item.fail("has an axis of length 0")

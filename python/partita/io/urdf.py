@@ -18,9 +18,9 @@ from .format_table import content
 from .looks import Look, mesh_file
 from .reading import Reading, Remark
 from .request import Request
-from .robot import Array, Effort, Joint, Link, Loop, Robot, Tie, placed, turned
+from .robot import Array, Effort, Joint, Link, Loop, Robot, Tie, placed, turned, unit
 from .urdf_table import URDF
-from .xmltree import Element, parse
+from .xmltree import Element, is_zero, parse
 
 _KINDS = {
     "revolute": "revolute",
@@ -138,10 +138,8 @@ def origin(item: Element | None) -> Array:
 def _axis(item: Element, otherwise: tuple[float, float, float] = (1.0, 0.0, 0.0)) -> Array:
     found = item.first("axis")
     axis = np.array(otherwise if found is None else found.numbers("xyz", 3))
-    length = float(np.linalg.norm(axis))
-    if length == 0.0:
-        item.fail("has an axis of length 0")
-    return axis / length
+    direction = unit(axis)
+    return direction if direction is not None else item.fail("has an axis of length 0")
 
 
 def _joint(robot: Robot, item: Element) -> None:
@@ -167,7 +165,7 @@ def _joint(robot: Robot, item: Element) -> None:
 def _idle(root: Element) -> set[str]:
     """Joints whose motors have no effort: Drake puts none there."""
     found = ((item.get("name"), limit) for item in root.all("joint") if (limit := item.first("limit")) is not None)
-    return {name for name, limit in found if limit.get("effort") and limit.number("effort") == 0.0}
+    return {name for name, limit in found if is_zero(limit.get("effort"))}
 
 
 def _transmission(robot: Robot, item: Element, idle: set[str]) -> None:

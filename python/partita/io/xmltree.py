@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import NoReturn
 from xml.parsers import expat
 
+from ..builder.checks import LARGEST
 from ..errors import FileFormatError
 from ..files import get, other
 
@@ -90,7 +91,17 @@ def numbers(element: Element, what: str, words: str, count: int) -> tuple[float,
         element.fail(f"has {what} {_short(words)}, which is not made of numbers")
     if len(found) != count or not all(abs(x) < float("inf") for x in found):
         element.fail(f"has {what} {_short(words)}; it takes {count} finite number{'s' if count != 1 else ''}")
+    if any(abs(x) > LARGEST for x in found):
+        element.fail(f"has {what} {_short(words)}; magnitudes above {LARGEST:g} are not supported: use other units")
     return found
+
+
+def is_zero(words: str) -> bool:
+    """Whether a text is the number 0."""
+    try:
+        return float(words) == 0.0
+    except ValueError:
+        return False
 
 
 def _short(words: str) -> str:
