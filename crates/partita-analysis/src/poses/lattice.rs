@@ -22,6 +22,8 @@ use std::sync::{Arc, OnceLock};
 /// Distance of neighbouring points of the lattice. Unit: characteristic displacement. Reason: no goal of a pose is
 /// farther than one stride from the nearest point.
 const SPACING: f64 = 2.0 * tolerance::STRIDE;
+/// Longer last steps are not taken. Scale: characteristic displacement. Reason: as for a step along a curve.
+const LONGEST_LAST: f64 = LONGEST_PREDICTION;
 /// Stations are stored where this many poses share one.
 const SHARED: usize = 4;
 /// Maximum number of coordinates stored at stations: eight megabytes.
@@ -333,7 +335,7 @@ fn stays(adjacent: &Adjacent<Lanes>, lane: usize, travel: f64, determinant: f64)
     let [first, second, third] = adjacent.corrections.map(|x| x.0[lane]);
     let kept = adjacent.determinant.0[lane] / determinant;
     let moved = first + second + third;
-    travel <= LONGEST_PREDICTION
+    travel <= LONGEST_LAST
         && first <= FIRST_CORRECTION
         && moved <= (tolerance::HALF_LOST * travel).max(tolerance::LAST_MOVE)
         && second <= (tolerance::CONVERGES * first).max(tolerance::LAST_MOVE)

@@ -4,8 +4,6 @@ use super::implicit::{Implicit, Straight, StraightRoom};
 use super::instant::Instant;
 use crate::evaluator::Evaluator;
 use crate::model::Model;
-use partita_math::elimination::Pattern;
-use partita_math::rank::independent_rows;
 use partita_math::scalar::Scalar;
 use partita_math::tolerance;
 use partita_system::prelude::*;
@@ -109,33 +107,6 @@ fn derivatives(model: &Model, t: f64, q: &[f64]) -> Result<Vec<f64>, SystemError
     let mut c = vec![0.0; model.pattern().nnz()];
     model.position(t, q, &mut model.scratch(), &mut phi, &mut c, &mut a)?;
     Ok(c)
-}
-
-impl Instant<'_> {
-    /// As many independent velocities among `within` as these rows have; fewer where they are dependent.
-    fn columns(&self, rows: &[usize], within: &[bool]) -> Vec<usize> {
-        let candidates: Vec<usize> = (0..within.len()).filter(|&v| within[v]).collect();
-        let mut place = vec![usize::MAX; within.len()];
-        candidates.iter().enumerate().for_each(|(i, &v)| place[v] = i);
-        let mut entries: Vec<Vec<(usize, f64)>> = vec![Vec::new(); candidates.len()];
-        for (i, &r) in rows.iter().enumerate() {
-            let size = self.model.row_displacement(r).unwrap_or(1.0);
-            for e in self.pattern().row(r) {
-                let v = self.pattern().col_idx[e];
-                if within[v] {
-                    entries[place[v]].push((i, self.c[e] * self.model.characteristic_displacement(v) / size));
-                }
-            }
-        }
-        let mut row_ptr = vec![0];
-        for of in &entries {
-            row_ptr.push(row_ptr[row_ptr.len() - 1] + of.len());
-        }
-        let (col_idx, values): (Vec<usize>, Vec<f64>) = entries.into_iter().flatten().unzip();
-        let transposed = Pattern::new(candidates.len(), rows.len(), row_ptr, col_idx);
-        let kept = independent_rows(&transposed, &values, &vec![1.0; rows.len()], tolerance::REDUNDANT).kept;
-        kept.into_iter().map(|i| candidates[i]).collect()
-    }
 }
 
 impl Model {
