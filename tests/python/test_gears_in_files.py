@@ -166,3 +166,29 @@ def test_a_gearbox_without_hinges_is_reported(tmp_path: Path) -> None:
         loaded(tmp_path, ".sdf", geared("out", "out", 3.0).replace("<axis2><xyz>0 0 1</xyz></axis2>", ""))
     with pytest.raises(pt.errors.FileFormatError, match="is 0; fix the joint"):
         loaded(tmp_path, ".sdf", geared("out", "out", 0.0))
+
+
+@pytest.mark.parametrize("suffix", [".urdf", ".mjcf", ".toml"])
+def test_rotors_are_written_and_read_again(suffix: str, tmp_path: Path) -> None:
+    """Of hinges and slides, in the tree and where a loop is closed; two of one joint add up."""
+    if suffix == ".mjcf":
+        pytest.importorskip("mujoco")
+    m = pt.Mechanism("slider-crank", gravity=(0, 0, -9.81))
+    m.add_rod("crank", (0, 0, 0), (0.3, 0, 0.4), mass=1.0)
+    m.add_rod("rod", (0.3, 0, 0.4), (1.5, 0, 0), mass=2.0)
+    m.add_body("block", mass=3.0, inertia=(0.1, 0.1, 0.1), position=(1.5, 0, 0))
+    m.add_revolute("A", m.ground, "crank", point=(0, 0, 0), axis=(0, 1, 0))
+    m.add_revolute("B", "crank", "rod", point=(0.3, 0, 0.4), axis=(0, 1, 0))
+    m.add_cylindrical("C", "rod", "block", point=(1.5, 0, 0), axis=(0, 1, 0))
+    m.add_prismatic("S", m.ground, "block", point=(1.5, 0, 0), axis=(1, 0, 0))
+    m.add_rotor("A", 2e-4, ratio=-20.0)
+    m.add_rotor("A", 0.01)
+    m.add_rotor("C", 0.02, ratio=3.0, coordinate=1)
+    m.add_rotor("S", 0.5)
+    path = tmp_path / f"written{suffix}"
+    assert not m.save(path, strict=True).dropped
+    back = pt.load(path)
+    assert falls(back) == pytest.approx(falls(m), rel=1e-11)
+    assert sum(rotor.ratio**2 * rotor.inertia for rotor in back._description.rotors.values()) == pytest.approx(
+        20.0**2 * 2e-4 + 0.01 + 3.0**2 * 0.02 + 0.5, rel=1e-14
+    )

@@ -20,7 +20,7 @@ import numpy as np
 
 from ..builder import Builder
 from ..builder.checks import Array
-from ..builder.records import DRAWING_TOLERANCE, GROUND, SpringRecord, TorsionSpringRecord
+from ..builder.records import DRAWING_TOLERANCE, GROUND, RotorRecord, SpringRecord, TorsionSpringRecord
 from ..files import put
 from . import sidecar, writing_table
 from .closings import is_closing
@@ -41,6 +41,8 @@ from .writing import Writing
 
 GRAVITY = (0.0, 0.0, -9.81)
 """Default of readers of URDF, which defines none."""
+DRAKE = "http://drake.mit.edu"
+"""Namespace of Drake's elements."""
 FAR = 1e9
 """Limits [m] of a slide without limits: URDF requires them."""
 _GIMBAL = (
@@ -73,6 +75,8 @@ class _Writer:
     loops: list[str] = field(default_factory=list)
     beside: list[str] = field(default_factory=list)
     springs: dict[tuple[str, int], list[TorsionSpringRecord]] = field(default_factory=dict)
+    rotors: dict[tuple[str, int], list[RotorRecord]] = field(default_factory=dict)
+    transmissions: list[str] = field(default_factory=list)
 
     def text(self) -> str:
         """The URDF."""
@@ -83,6 +87,8 @@ class _Writer:
         for force in d.forces.values():
             if isinstance(force, TorsionSpringRecord):
                 self.springs.setdefault((force.joint, force.coordinate), []).append(force)
+        for rotor in d.rotors.values():
+            self.rotors.setdefault((rotor.joint, rotor.coordinate), []).append(rotor)
         self.mimics: dict[str, tuple[str, float, float]] = {}
         self.ties(ties(d, tree, report))
         self.frames = {GROUND: np.eye(4)}  # of links in their bodies
@@ -106,6 +112,8 @@ class _Writer:
             report.dropped.append(
                 f"spring of coordinate {coordinate} of joint {joint}, which is neither a hinge nor a slide"
             )
+        for joint, coordinate in self.rotors:
+            report.dropped.append(f"rotor on coordinate {coordinate} of joint {joint}, neither a hinge nor a slide")
         for force in d.forces.values():
             if isinstance(force, SpringRecord):
                 self.spring(force)
@@ -116,8 +124,22 @@ class _Writer:
             report.changed.append(f"{remark}; other programs apply it to all bodies")
         if d.drawing_tolerance != DRAWING_TOLERANCE:
             report.changed.append(f"the drawing tolerance {d.drawing_tolerance:g} is written to the sidecar file")
-        head = f"<robot name={quoted(d.name)}>"
-        return "\n".join(['<?xml version="1.0" encoding="utf-8"?>', head, *self.links, *self.joints, "</robot>", ""])
+        dialect = f' xmlns:drake="{DRAKE}"' if self.transmissions else ""
+        head = ['<?xml version="1.0" encoding="utf-8"?>', f"<robot name={quoted(d.name)}{dialect}>"]
+        return "\n".join([*head, *self.links, *self.joints, *self.transmissions, "</robot>", ""])
+
+    def turned(self, joint: str, rotors: Iterable[RotorRecord]) -> None:
+        """Rotors as Drake reads them: of motors that turn with a joint of the file."""
+        for rotor in rotors:
+            inertia = f'<drake:rotor_inertia value="{text(rotor.inertia)}"/>'
+            motor = f'{inertia}<drake:gear_ratio value="{text(rotor.ratio)}"/>'
+            self.transmissions += [
+                f"  <transmission name={quoted(rotor.name)}>",
+                "    <type>transmission_interface/SimpleTransmission</type>",
+                f"    <joint name={quoted(joint)}/>",
+                f"    <actuator name={quoted(rotor.name)}>{motor}</actuator>",
+                "  </transmission>",
+            ]
 
     def ties(self, found: list[tuple[str, str, str, float, float]]) -> None:
         """Couplers as mimics: a joint mimics one other joint."""
@@ -174,7 +196,8 @@ class _Writer:
         pose: Array,
     ) -> None:
         """Translations and rotations, one after the other, through massless links."""
-        if kind == "planar" and not any((name, m.coordinate) in self.springs or m.name in self.mimics for m in motions):
+        bound = {*self.springs, *self.rotors}
+        if kind == "planar" and not any((name, m.coordinate) in bound or m.name in self.mimics for m in motions):
             normal = next(m.axis for m in motions if m.kind == "turn")
             if not any(leader in {m.name for m in motions} for leader, _, _ in self.mimics.values()):
                 self.joint(name, "planar", ends, pose, normal)
@@ -198,6 +221,7 @@ class _Writer:
             found = self.springs.pop((name, coordinate), [])
             kind_word = "prismatic" if motion_kind == "slide" else "continuous"
             self.joint(step, kind_word, (here, there), pose if i == 0 else np.eye(4), axis, found)
+            self.turned(step, self.rotors.pop((name, coordinate), []))
             here = there
 
     def joint(

@@ -80,7 +80,7 @@ _ROWS = (
     _row("cam", _FREE, toml=_GIVEN),
     _row("constraint", _FREE, toml=Fate(REFUSED, _PYTHON)),
     _row("point on curve", _FREE, toml=Fate(REFUSED, "model files have no such table; add it after loading")),
-    _row("rotor", Fate(DROPPED, "its inertia no longer adds to that of the joint"), Fate(WRITTEN, "`armature`")),
+    _row("rotor", Fate(WRITTEN, "a `transmission` with `drake:rotor_inertia`"), Fate(WRITTEN, "`armature`")),
     _row("drive", Fate(DROPPED, "the driven coordinate becomes free"), toml=_GIVEN),
     _row("spring", _SIDE, Fate(PARTLY, "`tendon`; of negative stiffness, damping or length dropped")),
     _row("torsion spring", Fate(PARTLY, _DAMPERS), Fate(PARTLY, "sums along a coordinate; negative ones dropped")),
