@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from geometry_study import misdrawn
 from oracle.slave import STEP, Instance
+from thorough import either
 
 import partita as pt
 from partita.io import fmu as archive
@@ -87,6 +88,27 @@ def test_fmpy_finds_nothing_and_runs_it(version: str, tmp_path: Path) -> None:
     assert set(wanted) == set(names)
     for name, values in wanted.items():
         assert np.abs(found[name] - values).max() < 1e-8 * max(1.0, np.abs(values).max()), name
+
+
+@pytest.mark.parametrize("name", either(["slider-crank", "stewart-ups"], pt.catalogue.names()))
+def test_fmpy_finds_nothing_in_the_catalogue(name: str, tmp_path: Path) -> None:
+    """And steps both versions alike, to the last bit."""
+    fmpy = pytest.importorskip("fmpy", reason="fmpy is no pinned tool; the others run FMUs by ctypes")
+    from fmpy.validation import validate_fmu
+
+    m, found = pt.catalogue.load(name), []
+    parameters = list(m.compile().parameters)[:6]
+    for version in VERSIONS:
+        path = tmp_path / f"{version}.fmu"
+        try:
+            m.to_fmu(path, parameters=parameters, version=version)
+        except pt.errors.DescriptionError as error:
+            assert "Python functions" in str(error)
+            return
+        assert validate_fmu(str(path)) == []
+        steps = fmpy.simulate_fmu(str(path), stop_time=3 * STEP, step_size=STEP, output_interval=STEP)
+        found.append(np.column_stack([steps[x].reshape(len(steps), -1) for x in steps.dtype.names]))
+    assert found[0].shape[0] == 4 and np.array_equal(*found)
 
 
 def in_version(version: str, name: str, values: Any) -> dict[str, Any]:
