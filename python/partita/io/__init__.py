@@ -10,7 +10,7 @@ from typing import Any
 from ..builder import Builder
 from ..errors import ArgumentError, FileFormatError
 from ..files import place, target
-from . import mjcf, mjcf_writer, repair, robot, robot_builder, sdf, toml, urdf, urdf_writer
+from . import mjcf, mjcf_writer, repair, robot, robot_builder, sdf, toml, urdf, urdf_writer, usd
 from .reading import Reading, Remark, RemarkGroup
 from .request import Request, request
 from .toml import Maker
@@ -70,6 +70,7 @@ _READERS: dict[str, Callable[[Path, Maker, Request], Any]] = {
     ".mjcf": _robot(mjcf.read),
     ".sdf": _robot(sdf.read),
     ".xml": _robot(_xml),
+    **dict.fromkeys((".usd", ".usda", ".usdc"), _robot(usd.read)),
 }
 _WRITERS: dict[str, Callable[[Builder, Path, bool], Writing]] = {
     ".toml": _whole,

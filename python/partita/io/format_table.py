@@ -35,7 +35,8 @@ RULES = (APPLIED, COMPILED, DROPPED, BOUNDS, OTHER, LOOKS, NO_EFFECT, REFUSED)
 _KINDS = {DROPPED: "motion", BOUNDS: "bounds", OTHER: "other"}
 """Kinds of the remarks on what is dropped."""
 _ITEM = re.compile(r"(@?[\w:.-]+|#)(\*?)(?:=([\w/]+))?(?:\(([^)]*)\))?(?:\[([\d.]*)-([\d.]*)\])?")
-"""`@attribute`, `element`, `element*` (any number), `element=context` (described under that name), `#` (text);
+"""`@attribute`, `@first:` (all attributes of this namespace), `element`, `element*` (any number), `element=context`
+(described under that name), `#` (text);
 A context `whole`, which no table has, is an element with all inside it.
 `(value)`: the default, `(0|none)` one of several; `[1.5-1.6]`: versions of the format."""
 _LONG = 500
@@ -105,8 +106,9 @@ class Table:
             for key, value in list(element.attributes.items()):
                 if key.startswith(_NAMESPACES):
                     continue
-                subject = f"{where} {key} {_short(value.strip())}"
-                found = self._judge(reading, items.get(f"@{key}"), element, subject, value, version)
+                subject = f"{where} {key} {_short(value.strip())}".rstrip()
+                item = items.get(f"@{key}") or items.get(f"@{key.partition(':')[0]}:")
+                found = self._judge(reading, item, element, subject, value, version)
                 if cut and not found:
                     del element.attributes[key]
             words = element.text.strip()

@@ -1,7 +1,7 @@
 """A robot between its file and a mechanism: links, joints that form a tree, and loop closures.
 
-The readers of URDF, SDFormat and MJCF fill it; `robot_builder` draws it. Frames are 4 x 4, in their parents' or in the
-world.
+The readers of URDF, SDFormat, MJCF and USD fill it; `robot_builder` draws it. Frames are 4 x 4, in their parents' or in
+the world.
 """
 
 from __future__ import annotations
@@ -66,11 +66,13 @@ class Effort:
     name: str = ""
     rotor: float = 0.0
     """The inertia that a motor's rotor adds along the coordinate, gear included."""
+    constant: float = 0.0
+    """A constant force or torque."""
 
     @property
     def is_empty(self) -> bool:
         """Whether there is nothing."""
-        return self.stiffness == self.damping == self.rotor == 0.0
+        return self.stiffness == self.damping == self.rotor == self.constant == 0.0
 
 
 @dataclass
@@ -89,6 +91,8 @@ class Joint:
     pitch: float = 0.0
     second: Array | None = None
     point: Array = field(default_factory=lambda: np.zeros(3))
+    free: tuple[str, ...] = ()
+    """Directions of a joint of kind "generic"."""
 
     def along(self, coordinate: int) -> list[Effort]:
         """Its springs and dampers as those of a coordinate of the joint that replaces it."""
@@ -97,7 +101,8 @@ class Joint:
 
 @dataclass
 class Loop:
-    """A joint between two frames to be joined: (link, frame in it) of each; axes in the first frame."""
+    """A joint between two frames to be joined: (link, frame in it) of each; axes in the first frame. `free` are the
+    directions of a joint of kind "generic"; a `distance` keeps the origins of the frames at this `length`."""
 
     name: str
     kind: str
@@ -107,6 +112,8 @@ class Loop:
     axis: Array | None = None
     second_axis: Array | None = None
     efforts: list[Effort] = field(default_factory=list)
+    free: tuple[str, ...] = ()
+    length: float = 0.0
 
 
 @dataclass

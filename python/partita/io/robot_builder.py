@@ -59,6 +59,12 @@ def build(robot: Robot, mechanism: Builder) -> None:
         axes = (joint.axis, joint.second)
         _joint(mechanism, joint.name, joint.kind, ends, (where, where), axes, joint.at)
         _efforts(mechanism, joint.name, joint.efforts)
+    _loops(robot, mechanism, body, pose)
+    robot.reading.shapes = shapes_of(robot, root if grounded else None)
+
+
+def _loops(robot: Robot, mechanism: Builder, body: dict[str, Any], pose: dict[str, Array]) -> None:
+    """Joints between frames of bodies, couplers, and springs between points."""
     for loop in robot.loops:
         (link1, frame1), (link2, frame2) = loop.first, loop.second
         if body[link1] == body[link2]:
@@ -66,9 +72,13 @@ def build(robot: Robot, mechanism: Builder) -> None:
             robot.reading.dropped.append(Remark(loop.at.line if loop.at else None, message, "", "other"))
             continue
         frames = (pose[link1] @ frame1, pose[link2] @ frame2)
+        if loop.kind == "distance":
+            points = (frame1[:3, 3], frame2[:3, 3])
+            mechanism.add_distance(loop.name, body[link1], points[0], body[link2], points[1], loop.length)
+            continue
         axis = np.array([1.0, 0.0, 0.0]) if loop.axis is None else loop.axis
         ends = (body[link1], body[link2])
-        _joint(mechanism, loop.name, loop.kind, ends, frames, (axis, loop.second_axis), loop.at)
+        _joint(mechanism, loop.name, loop.kind, ends, frames, (axis, loop.second_axis), loop.at, free=loop.free)
         _efforts(mechanism, loop.name, loop.efforts)
     for tie in robot.ties:
         mechanism.add_coupler(tie.name, tie.joints, tie.factors, tie.offset)
@@ -77,7 +87,6 @@ def build(robot: Robot, mechanism: Builder) -> None:
         (link1, point1), (link2, point2) = sides
         data: dict[str, Any] = {"stiffness": spring.stiffness, "damping": spring.damping, "length": spring.length}
         mechanism.add_spring(spring.name, body[link1], point1, body[link2], point2, **data)
-    robot.reading.shapes = shapes_of(robot, root if grounded else None)
 
 
 def _rename_ground(robot: Robot) -> None:
@@ -127,10 +136,10 @@ def _placed(robot: Robot, mechanism: Builder, poses: dict[str, Array]) -> None:
         body[name] = _body(robot, mechanism, link, poses[name])
     for joint in robot.joints.values():
         ends, frames = (body[joint.parent], body[joint.child]), (joint.pose, joint.pose)
-        _joint(mechanism, joint.name, joint.kind, ends, frames, (joint.axis, joint.second), joint.at, joint.pitch)
+        axes, more = (joint.axis, joint.second), (joint.pitch, joint.free)
+        _joint(mechanism, joint.name, joint.kind, ends, frames, axes, joint.at, *more)
         _efforts(mechanism, joint.name, joint.efforts)
-    for tie in robot.ties:
-        mechanism.add_coupler(tie.name, tie.joints, tie.factors, tie.offset)
+    _loops(robot, mechanism, body, {"world": np.eye(4), **poses})
 
 
 def _efforts(mechanism: Builder, joint: str, efforts: list[Effort]) -> None:
@@ -144,6 +153,8 @@ def _efforts(mechanism: Builder, joint: str, efforts: list[Effort]) -> None:
             mechanism.add_torsion_spring(joint, **law, coordinate=effort.coordinate, name=name)
         if effort.rotor != 0.0:
             mechanism.add_rotor(joint, effort.rotor, coordinate=effort.coordinate)
+        if effort.constant != 0.0:
+            mechanism.add_torque(joint, effort.constant, coordinate=effort.coordinate)
 
 
 def _body(robot: Robot, mechanism: Builder, link: Link, pose: Array) -> Any:
@@ -173,6 +184,7 @@ def _joint(
     axes: tuple[Array, Array | None],
     at: Element | None,
     pitch: float = 0.0,
+    free: tuple[str, ...] = (),
 ) -> None:
     """A joint between two frames of the world, which may differ slightly."""
     here, there = frames
@@ -196,6 +208,10 @@ def _joint(
         elif kind == "universal":
             second = here[:3, :3] @ (axes[0] if axes[1] is None else axes[1])
             add.add_universal(name, *ends, point=point, axis1=axis, axis2=second, **apart)
+        elif kind == "generic":
+            if apart:
+                apart["child_frame"] = nearest(there[:3, :3])
+            add.add_joint(name, *ends, free=free, point=point, frame=nearest(here[:3, :3]), **apart)
         elif kind == "free":
             add.add_free(name, *ends, point=point)
         else:

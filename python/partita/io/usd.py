@@ -1,0 +1,512 @@
+"""USD physics: bodies with their places, joints that may close loops, drives as springs and dampers.
+
+`usd_stage` composes the stage, `usd_table` lists what becomes of each schema and attribute. Lengths, masses and angles
+become metres, kilograms and radians; numbers in single precision are read as the decimals that they were written as.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .format_table import remark
+from .looks import Look
+from .reading import Reading
+from .request import Request
+from .robot import Array, Effort, Joint, Link, Loop, Robot, Tie, inverse, nearest, placed
+from .usd_joints import CLOSED, Frames, Kind, apart, kind_of, limited, split
+from .usd_mass import DENSITY, Part, about, axis_of, part, together
+from .usd_stage import Prim, Stage, opened, precise
+from .usd_table import ACCELERATION, AXES, CONTACT, LIMITS, OWN, USD, VELOCITY
+
+EARTH = 9.81
+"""Gravity [m/s^2] where a scene gives none: that of the earth."""
+_EVEN = 1e-6
+"""Relative error of a scale, and sine of a shear, in single precision: less is none."""
+_GROUND = "world"
+_GPRIMS = ("Cube", "Sphere", "Cylinder", "Capsule", "Cone", "Plane", "Mesh")
+
+
+def read(path: Path, request: Request) -> Robot:
+    """The mechanism in a file. Raises `FileFormatError` with the path of the prim that is wrong."""
+    reading = Reading(path, "USD")
+    stage = opened(path, request, reading)
+    USD.visit(stage.root, reading)
+    return _Reader(stage, reading, request).robot()
+
+
+@dataclass(frozen=True)
+class _Body:
+    """A body, its prim and its frame in the world, in metres."""
+
+    name: str
+    prim: Prim
+    frame: Array
+
+
+class _Reader:
+    def __init__(self, stage: Stage, reading: Reading, request: Request) -> None:
+        self.stage, self.reading, root = stage, reading, stage.root
+        self.length = root.real("metersPerUnit", 0.01)
+        self.mass = root.real("kilogramsPerUnit", 1.0)
+        for key, unit in (("metersPerUnit", self.length), ("kilogramsPerUnit", self.mass)):
+            if not 0.0 < unit < np.inf:
+                root.fail(f"has {key} {unit:g}; it is positive")
+        if "metersPerUnit" not in root.attributes:
+            self.remark(root, "no metersPerUnit is given, so lengths are in centimetres", "", "changed")
+        self.up = axis_of(root, "Y", "upAxis")
+        self.prims = list(walk(root))
+        self.made = Robot(self.called(root), reading, request)
+        self.made.poses = {}
+        self.bodies: dict[str, _Body] = {}
+        self.kinds: dict[str, tuple[str, Prim, Kind]] = {}
+        self.carried: dict[str, str] = {}
+
+    def remark(self, at: Prim, words: str, what: str = "", kind: str = "motion") -> None:
+        """Something that the model lacks, or has in another way."""
+        called = f'{at.tag} "{at.get("name")}"' if at.get("name") else ""
+        name = " ".join(x for x in (called, what) if x)
+        found = remark(self.reading, at, words, name, kind)
+        (self.reading.changed if kind == "changed" else self.reading.dropped).append(found)
+
+    def called(self, root: Prim) -> str:
+        """The name of the mechanism: that of the prim that stands for the stage."""
+        return str(root.values.get("defaultPrim") or "") or self.reading.path.stem
+
+    def robot(self) -> Robot:
+        robot = self.made
+        robot.gravity = self.gravity()
+        self.find()
+        shapes = self.shapes()
+        for path, body in self.bodies.items():
+            robot.links[body.name] = self.link(body, shapes.get(path, []))
+            assert robot.poses is not None
+            robot.poses[body.name] = body.frame
+        joints = [prim for prim in self.prims if prim.tag.startswith("Physics") and prim.tag.endswith("Joint")]
+        names = _short(joints, set(robot.links))
+        for prim in joints:
+            self.joint(prim, names[prim.get("name")])
+        for found in self.kinds.values():
+            self.mimic(*found)
+        count = f"{len(self.bodies)} bodies, {len(robot.joints) + len(robot.loops)} joints"
+        self.reading.used.append(remark(self.reading, self.stage.root, count, "", "used"))
+        return robot
+
+    def gravity(self) -> tuple[float, ...]:
+        """Gravity of the first scene [m/s^2]; without a scene that of the earth."""
+        scenes = [prim for prim in self.prims if prim.tag == "PhysicsScene"]
+        for other in scenes[1:]:
+            self.remark(other, "more than one scene; the gravity of the first acts on all bodies")
+        if not scenes:
+            self.remark(self.stage.root, f"no scene is given, so gravity is {EARTH} m/s^2 downwards", "", "changed")
+            return tuple((-EARTH * self.up).tolist())
+        scene = scenes[0]
+        along = scene.finite("physics:gravityDirection", (0.0, 0.0, 0.0))
+        size = scene.real("physics:gravityMagnitude", -np.inf)
+        if size == np.inf:
+            scene.fail("has an infinite physics:gravityMagnitude")
+        norm = float(np.linalg.norm(along))
+        along = along / norm if norm > 0.0 else -self.up
+        # a negative magnitude is none, whatever its size
+        found = along * (size * self.length if size >= 0.0 else EARTH)
+        own = scene.finite(f"{OWN}:gravity", found)
+        same = np.allclose(own, found, rtol=0.0, atol=_EVEN * max(EARTH, float(np.linalg.norm(found))))
+        return tuple((own if same else found).tolist())
+
+    def find(self) -> None:
+        """The bodies, by their paths; what each prim is carried by."""
+        found = [prim for prim in self.prims if self.is_body(prim)]
+        paths = {prim.get("name") for prim in found}
+        names = _short(found, {_GROUND})
+        for prim in self.prims:
+            path = prim.get("name")
+            above = self.carried.get(path.rpartition("/")[0], _GROUND)
+            self.carried[path] = path if path in paths else above
+            if path in paths:
+                self.bodies[path] = _Body(names[path], prim, self.frame(prim))
+                if above != _GROUND:
+                    words = "lies within another body; each is a body of its own"
+                    self.remark(prim, words, f"in {self.bodies[above].name}", "changed")
+        for prim in self.prims:
+            if prim.has("PhysicsMassAPI") and prim.get("name") not in paths and not prim.has("PhysicsCollisionAPI"):
+                self.remark(prim, "a mass of what is neither a body nor a shape that collides is not used", "", "other")
+
+    def is_body(self, prim: Prim) -> bool:
+        """Whether a prim is a body that moves."""
+        if not prim.has("PhysicsRigidBodyAPI"):
+            return False
+        if any(step == "PointInstancer" for step in _types(prim)):
+            prim.fail("is a body that a PointInstancer repeats, which is not read: write each as a prim")
+        if not prim.flag("physics:rigidBodyEnabled", True):
+            self.remark(prim, "not enabled as a body, so it belongs to what carries it", "", "changed")
+            return False
+        if prim.flag("physics:kinematicEnabled", False):
+            self.remark(
+                prim, "moved by the user in the file, it stands still as part of the ground: add_drive", "", "other"
+            )
+            return False
+        for key in ("physics:velocity", "physics:angularVelocity"):
+            if np.any(prim.finite(key, (0.0, 0.0, 0.0))):
+                self.remark(prim, VELOCITY, f"{key} {prim.get(key)}")
+        return True
+
+    def frame(self, prim: Prim) -> Array:
+        """The frame of a prim in the world, in metres. Scales stay behind; a shear or a reflection is refused."""
+        linear = prim.world[:3, :3]
+        sizes = np.linalg.norm(linear, axis=0)
+        if not np.all(np.isfinite(prim.world)) or np.any(sizes == 0.0):
+            prim.fail("has a transform that is not finite, or has no size")
+        axes = linear / sizes
+        if float(np.abs(axes.T @ axes - np.eye(3)).max()) > _EVEN or float(np.linalg.det(axes)) < 0.0:
+            prim.fail("is sheared or reflected by its transforms, so it has no axes that could be those of a body")
+        return placed(self.length * prim.world[:3, 3], nearest(axes))
+
+    def scale(self, prim: Prim) -> Array:
+        """The scale of a prim along its axes; 1 where it is off by rounding."""
+        sizes = np.linalg.norm(prim.world[:3, :3], axis=0)
+        return np.where(np.abs(sizes - 1.0) <= _EVEN, 1.0, sizes)
+
+    # ---- masses ----
+
+    def shapes(self) -> dict[str, list[Prim]]:
+        """Shapes that collide, by the path of the body that carries them; all shapes are looks."""
+        found: dict[str, list[Prim]] = {}
+        for prim in self.prims:
+            if prim.tag not in _GPRIMS:
+                continue
+            carrier = self.carried[prim.get("name")]
+            if prim.has("PhysicsCollisionAPI"):
+                found.setdefault(carrier, []).append(prim)
+                if prim.flag("physics:collisionEnabled", True):
+                    self.remark(prim, CONTACT, "", "bounds")
+            self.look(prim, carrier)
+        return found
+
+    def look(self, prim: Prim, carrier: str) -> None:
+        """A shape to draw."""
+        if prim.get("visibility") == "invisible" or prim.get("purpose") == "guide":
+            return
+        body = self.bodies.get(carrier)
+        try:
+            frame = self.frame(prim)
+        except ValueError:
+            frame = None  # a reflected or sheared shape
+        sizes = self.length * self.scale(prim)
+        shape: dict[str, Any] | None = None
+        if prim.tag == "Cube":
+            shape = {"kind": "box", "size": [float(x) for x in sizes * prim.real("size", 2.0)]}
+        elif prim.tag == "Sphere" and np.ptp(sizes) <= _EVEN * sizes[0]:
+            shape = {"kind": "ball", "radius": float(sizes[0]) * prim.real("radius", 1.0)}
+        elif prim.tag == "Cylinder":
+            along = axis_of(prim, "Z")
+            k = int(np.argmax(along))
+            across = np.delete(sizes, k)
+            radius, height = prim.real("radius", 1.0), prim.real("height", 2.0)
+            if abs(across[0] - across[1]) <= _EVEN * across[0]:
+                shape = {"kind": "cylinder", "radius": float(across[0]) * radius, "length": float(sizes[k]) * height}
+                if frame is not None:
+                    frame = frame @ placed(np.zeros(3), np.roll(np.eye(3), k - 2, axis=0))
+        if shape is None or frame is None:
+            self.remark(prim, "this shape is not drawn", "", "looks")
+            return
+        pose = frame if body is None else inverse(body.frame) @ frame
+        self.made.looks.append(Look(_GROUND if body is None else body.name, pose, shape))
+
+    def link(self, body: _Body, shapes: list[Prim]) -> Link:
+        """A body with its mass; what it does not give follows from its shapes."""
+        prim, length = body.prim, self.length
+        mass = self.weight(prim)
+        com = prim.reals("physics:centerOfMass", (-np.inf,) * 3)
+        moments = prim.finite("physics:diagonalInertia", (0.0,) * 3)
+        given_com, given_moments = bool(np.all(np.isfinite(com))), bool(np.any(moments != 0.0))
+        whole: Part | None = None
+        if not (mass > 0.0 and given_moments) or not given_com:
+            needed = not (mass > 0.0 and given_moments)
+            whole = self.whole(body, shapes) if needed or any(self.plain(one) for one in shapes) else None
+            if whole is None and needed:
+                lacks = "no mass" if mass == 0.0 else "no inertia"
+                prim.fail(
+                    f"has {lacks}, and no shape that collides whose volume gives it: "
+                    "give physics:mass and physics:diagonalInertia"
+                )
+        total = mass if mass > 0.0 else whole.mass if whole is not None else 0.0
+        center = np.zeros(3)
+        if given_com:
+            center = length * self.scale(prim) * precise(prim, "physics:centerOfMass", 3, com)
+        elif whole is not None:
+            center = whole.com
+        if given_moments:
+            inertia = self.mass * length**2 * self.inertia(prim, moments)
+        else:
+            assert whole is not None
+            inertia = total / whole.mass * about(whole.inertia, whole.mass, center - whole.com)
+        found = Link(body.name, total, center, 0.5 * (inertia + inertia.T), prim)
+        found.gravity = not prim.flag("physxRigidBody:disableGravity", False)
+        return found
+
+    def weight(self, prim: Prim) -> float:
+        """The mass that a prim gives [kg], or 0."""
+        single = prim.finite("physics:mass", (0.0,))
+        if single[0] < 0.0:
+            prim.fail(f"has the mass {single[0]:g}")
+        return self.mass * float(precise(prim, "physics:mass", 1, single)[0])
+
+    def inertia(self, prim: Prim, moments: Array) -> Array:
+        """The inertia that a body gives about its centre of mass, in its own axes and the units of the file."""
+        quaternion = prim.finite("physics:principalAxes", (0.0,) * 4)
+        axes = rotation(prim, "physics:principalAxes", quaternion) if np.any(quaternion) else np.eye(3)
+        found = axes @ np.diag(moments) @ axes.T
+        own = prim.value(f"{OWN}:inertia")
+        if own is None:
+            return found
+        exact = prim.finite(f"{OWN}:inertia", (0.0,) * 9).reshape(3, 3)
+        return exact if np.allclose(exact, found, rtol=0.0, atol=_EVEN * float(np.abs(found).max())) else found
+
+    def plain(self, shape: Prim) -> bool:
+        """Whether the volume of a shape can be found."""
+        return shape.tag != "Mesh" or str(shape.value("physics:approximation") or "none") in ("none", "convexHull")
+
+    def whole(self, body: _Body, shapes: list[Prim]) -> Part | None:
+        """All shapes of a body as one part, or None where they have no volume."""
+        parts = []
+        for shape in shapes:
+            own = self.weight(shape) if shape is not body.prim else 0.0
+            found = part(shape, body.frame, self.length, self.density(shape, body.prim), own)
+            if found is not None:
+                parts.append(found)
+        return together(parts) if parts else None
+
+    def density(self, shape: Prim, body: Prim) -> float:
+        """Of a shape [kg/m^3]: its own, that of what is around it up to its body, that of its material, or of water."""
+        path, unit = shape.get("name"), self.mass / self.length**3
+        while path:
+            found = self.stage.prims.get(path)
+            if found is not None and (given := float(found.finite("physics:density", (0.0,))[0])) > 0.0:
+                return given * unit
+            if path == body.get("name"):
+                break
+            path = path.rpartition("/")[0]
+        material = self.material(shape)
+        given = float(material.finite("physics:density", (0.0,))[0]) if material is not None else 0.0
+        return given * unit if given > 0.0 else DENSITY
+
+    def material(self, shape: Prim) -> Prim | None:
+        """The material that is bound to a shape for physics, or for all purposes."""
+        binding = self.stage.usd.UsdShade.MaterialBindingAPI(shape.handle)
+        found, _ = binding.ComputeBoundMaterial("physics")
+        return self.stage.prims.get(str(found.GetPath())) if found else None
+
+    # ---- joints ----
+
+    def joint(self, prim: Prim, name: str) -> None:
+        """A joint, which may close a loop."""
+        if not prim.flag("physics:jointEnabled", True):
+            self.remark(prim, "not enabled in the file, so it holds nothing", "", "changed")
+            return
+        ends = [self.end(prim, i) for i in (0, 1)]
+        here, there = (frame for _, frame in ends)
+        kind = kind_of(prim)
+        first, second = (link for link, _ in ends)
+        if first == second:
+            what = "the ground" if first == _GROUND else f'one body, "{first}"'
+            self.remark(prim, "it joins two frames of the same body, so it holds nothing", f"of {what}", "other")
+            return
+        if prim.tag == "PhysicsDistanceJoint":
+            self.distance(prim, name, (first, second), Frames(here, there))
+            return
+        frames, drawn = split(prim, kind, Frames(here, there))
+        gap, angle = apart(frames)
+        if gap > CLOSED or angle > CLOSED:
+            words = "not closed as drawn; assembly closes it"
+            self.remark(prim, words, f"open by {_length(frames):.2g} m, {np.degrees(angle):.2g} deg", "changed")
+        if kind.word == "universal" and prim.value(f"{OWN}:kind") != "universal":
+            words = "USD does not say in which order it turns: a universal joint, as PhysX has it, first about "
+            self.remark(prim, words + f"{kind.free[-1][1]} of the frame of body 0", "", "changed")
+        for axis, low, high in limited(prim):
+            self.remark(prim, LIMITS, f"{axis} {low:g} to {high:g}", "bounds")
+        word = "generic" if kind.word == "prismatic" and angle > CLOSED else kind.word
+        efforts, along = self.efforts(prim, name, kind, drawn), kind.axis
+        if frames.here is frames.there:
+            some = np.array([1.0, 0.0, 0.0]) if along is None else along
+            made = Joint(name, word, first, second, frames.here, some, prim, efforts)
+            made.second, made.free = kind.second, kind.free
+            self.made.joints[name] = made
+        else:
+            sides = (self.side(first, frames.here), self.side(second, frames.there))
+            self.made.loops.append(Loop(name, word, *sides, prim, along, kind.second, efforts, kind.free))
+        self.kinds[prim.get("name")] = (name, prim, replace(kind, drawn=tuple(drawn.items())))
+
+    def side(self, link: str, frame: Array) -> tuple[str, Array]:
+        """A link, and a frame of the world in it."""
+        assert self.made.poses is not None
+        return link, frame if link == _GROUND else inverse(self.made.poses[link]) @ frame
+
+    def end(self, prim: Prim, side: int) -> tuple[str, Array]:
+        """The link on one side of a joint, and the frame of the joint in the world."""
+        key = f"physics:body{side}"
+        targets = prim.value(key) or []
+        if len(targets) > 1:
+            prim.fail(f"has {len(targets)} targets of {key}; a joint has one body on each side")
+        point = precise(prim, f"physics:localPos{side}", 3, prim.finite(f"physics:localPos{side}", (0.0,) * 3))
+        single = prim.finite(f"physics:localRot{side}", (1.0, 0.0, 0.0, 0.0))
+        turn = rotation(prim, f"physics:localRot{side}", single)
+        if not targets:
+            return _GROUND, placed(self.length * point, turn)
+        at = self.stage.prims.get(targets[0])
+        if at is None:
+            prim.fail(f"joins {targets[0]} ({key}), which is not there")
+        carrier = self.carried[targets[0]]
+        frame = self.frame(at) @ placed(self.length * self.scale(at) * point, turn)
+        return (_GROUND if carrier == _GROUND else self.bodies[carrier].name), frame
+
+    def distance(self, prim: Prim, name: str, links: tuple[str, str], frames: Frames) -> None:
+        """Two points at a constant distance."""
+        least, most = prim.real("physics:minDistance", -1.0), prim.real("physics:maxDistance", -1.0)
+        if least != most or least < 0.0:
+            if max(least, most) >= 0.0:
+                self.remark(prim, LIMITS, f"distance {least:g} to {most:g}", "bounds")
+            else:
+                self.remark(prim, "a distance joint without distances holds nothing", "", "other")
+            return
+        if least == 0.0:
+            prim.fail("holds two points at the distance 0: use PhysicsSphericalJoint")
+        single = prim.finite("physics:maxDistance", (-1.0,))
+        own = prim.finite(f"{OWN}:length", single)
+        length = self.length * float((own if np.float32(own[0]) == np.float32(single[0]) else single)[0])
+        sides = (self.side(links[0], frames.here), self.side(links[1], frames.there))
+        self.made.loops.append(Loop(name, "distance", *sides, prim, length=length))
+
+    def efforts(self, prim: Prim, name: str, kind: Kind, drawn: dict[str, float]) -> list[Effort]:
+        """Springs, dampers and rotors along the coordinates of a joint."""
+        found: list[Effort] = []
+        armature = prim.real("physxJoint:armature", 0.0)
+        for axis in (*AXES, "angular", "linear"):
+            acts = prim.has(f"PhysicsDriveAPI:{axis}")
+            own = prim.has(f"{OWN}:{axis}:stiffness") or prim.has(f"{OWN}:{axis}:rotor")
+            if not acts and not own:
+                continue
+            if axis not in kind.coordinates:
+                if acts:
+                    words = "a drive would act along a direction that is not a coordinate of this joint"
+                    self.remark(prim, words, f"drive {axis}")
+                continue
+            effort = self.drive(prim, axis, drawn.get(axis, 0.0)) if acts else None
+            effort = effort or Effort()
+            rotor = prim.real(f"{OWN}:{axis}:rotor", 0.0)
+            several = len(kind.coordinates) > 1
+            label = f"spring of {name} {axis}" if several else ""
+            if not effort.is_empty or rotor != 0.0:
+                found.append(replace(effort, coordinate=kind.coordinates[axis], rotor=rotor, name=label))
+        if armature != 0.0:
+            if len(kind.coordinates) == 1:
+                (axis,) = kind.coordinates
+                unit = self.mass * (self.length**2 if turns(axis) else 1.0)
+                if not any(effort.rotor for effort in found):
+                    found.append(Effort(rotor=armature * unit))
+            else:
+                words = "the inertia of rotors would add to the mass matrix: add_rotor on a coordinate"
+                self.remark(prim, words, f"armature {armature:g}")
+        return found
+
+    def drive(self, prim: Prim, axis: str, drawn: float) -> Effort | None:
+        """A drive: stiffness (target - x) + damping (target rate - rate)."""
+
+        def read(key: str) -> float:
+            return float(prim.finite(f"drive:{axis}:physics:{key}", (0.0,))[0])
+
+        stiffness, damping, target, rate = map(read, ("stiffness", "damping", "targetPosition", "targetVelocity"))
+        kind = str(prim.value(f"drive:{axis}:physics:type") or "force")
+        law = f"drive {axis}: stiffness {stiffness:g}, damping {damping:g}, target {target:g}, rate {rate:g}"
+        if stiffness == 0.0 and damping == 0.0:
+            return None
+        if kind != "force":
+            self.remark(prim, ACCELERATION, f"{law}, type {kind}")
+            return None
+        turn = turns(axis)
+        per = self.mass * self.length**2 * 180.0 / np.pi if turn else self.mass
+        unit = np.pi / 180.0 if turn else self.length
+        found = (per * stiffness, per * damping, unit * target)
+        own = tuple(
+            float(prim.finite(f"{OWN}:{axis}:{word}", (value,))[0])
+            for word, value in zip(("stiffness", "damping", "rest"), found, strict=True)
+        )
+        same = np.allclose(own, found, rtol=_EVEN, atol=_EVEN * unit)
+        stiffness, damping, target = own if same else found
+        target, torque = target - drawn, damping * unit * rate
+        if stiffness != 0.0:
+            return Effort(stiffness, damping, target + torque / stiffness)
+        return Effort(0.0, damping, 0.0, constant=torque)
+
+    def mimic(self, name: str, prim: Prim, kind: Kind) -> None:
+        """Joints that follow others: coordinate + gearing x the other's + offset = 0, in degrees."""
+        for axis in AXES[3:]:
+            if not prim.has(f"PhysxMimicJointAPI:{axis}"):
+                continue
+            key = f"physxMimicJoint:{axis}"
+            gearing, offset = prim.real(f"{key}:gearing", 1.0), prim.real(f"{key}:offset", 0.0)
+            targets = prim.value(f"{key}:referenceJoint") or []
+            other = self.kinds.get(targets[0]) if len(targets) == 1 else None
+            law = f"{axis}: gearing {gearing:g}, offset {offset:g}, to {', '.join(targets) or 'nothing'}"
+            if other is None or kind.word != "revolute" or other[2].word != "revolute":
+                self.remark(prim, "it would follow another joint: add_coupler", law)
+                continue
+            (mine,), (its,) = (dict(one.drawn).values() for one in (kind, other[2]))
+            rest = -np.radians(offset) - mine - gearing * its
+            self.made.ties.append(Tie(f"{name} mimic", [name, other[0]], [1.0, gearing], rest, prim))
+
+
+def _length(frames: Frames) -> float:
+    return float(np.linalg.norm(frames.here[:3, 3] - frames.there[:3, 3]))
+
+
+def turns(axis: str) -> bool:
+    """Whether a drive acts about an axis."""
+    return axis.startswith("rot") or axis == "angular"
+
+
+def rotation(prim: Prim, key: str, single: Array) -> Array:
+    """The rotation of a quaternion, real part first."""
+    found = precise(prim, key, 4, single)
+    norm = float(np.linalg.norm(found))
+    if norm == 0.0:
+        prim.fail(f"has {key} 0 0 0 0, which is no rotation")
+    w, x, y, z = found / norm
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def walk(root: Prim) -> Any:
+    """All prims below this one, each after what it stands in, in the order of the file."""
+    waiting = list(reversed(root.children))
+    while waiting:
+        prim = waiting.pop()
+        yield prim
+        waiting += reversed(prim.children)
+
+
+def _types(prim: Prim) -> Any:
+    """Types of what a prim stands in."""
+    handle = prim.handle.GetParent()
+    while handle and handle.GetPath().pathString != "/":
+        yield str(handle.GetTypeName())
+        handle = handle.GetParent()
+
+
+def _short(prims: list[Prim], taken: set[str]) -> dict[str, str]:
+    """Names by paths: the last word where no other one has it, else the whole path."""
+    last = [prim.get("name").rpartition("/")[2] for prim in prims]
+    found: dict[str, str] = {}
+    for prim, word in zip(prims, last, strict=True):
+        name = word if last.count(word) == 1 and word not in taken else prim.get("name").lstrip("/")
+        while name in taken or name in found.values():
+            name += "_"
+        found[prim.get("name")] = name
+    return found
