@@ -265,8 +265,12 @@ class _Tree:
         """The tree, as deep as the limits allow."""
         pseudo = self.stage.GetPseudoRoot()
         root = Prim("stage", {}, None, self.path)
-        for key in self.stage.GetRootLayer().pseudoRoot.ListInfoKeys():
-            root.values[key] = self.stage.GetRootLayer().pseudoRoot.GetInfo(key)
+        layer = self.stage.GetRootLayer().pseudoRoot
+        for key in layer.ListInfoKeys():
+            try:
+                root.values[key] = layer.GetInfo(key)
+            except TypeError:  # offsets of layers have no form in Python
+                root.values[key] = ""
             root.attributes[key] = text(root.values[key])
         every = self.usd.Usd.TraverseInstanceProxies(self.usd.Usd.PrimAllPrimsPredicate)
         waiting = [(pseudo, root, 0)]

@@ -15,7 +15,7 @@ CONTACT = "contacts are not read: add_contact"
 ACCELERATION = "a drive would give an acceleration, whatever the inertia that it moves: add_torque with a function"
 FORCE = "a bound of the drive's effort does not act"
 FRICTION = "friction would resist the motion: add_friction"
-VELOCITY = "the body would start with this velocity: assemble(targets=...) sets that of a state"
+VELOCITY = "the body would start with this velocity: assemble(rates=...) gives a state one"
 OWN = "partita"
 """Namespace of attributes that hold in double precision what USD has in single."""
 
@@ -175,7 +175,7 @@ def _states(*names: str) -> tuple[tuple[str, str, str], ...]:
             _named("@state:{0}:physics:position", names),
             "a state that is stored; the bodies are where they are drawn",
         ),
-        (OTHER, _named("@state:{0}:physics:velocity", names), "a state that is stored: assemble(targets=...)"),
+        (OTHER, _named("@state:{0}:physics:velocity", names), "a state that is stored: assemble(rates=...)"),
         (BOUNDS, _named("@PhysxLimitAPI:{0} @physxLimit:{0}:", names), LIMITS),
     )
 
