@@ -74,7 +74,10 @@ class _Reader:
 
     def called(self, root: Prim) -> str:
         """The name of the mechanism: that of the prim that stands for the stage."""
-        return str(root.values.get("defaultPrim") or "") or self.reading.path.stem
+        word = str(root.values.get("defaultPrim") or "")
+        first = self.stage.prims.get(f"/{word}")
+        own = first.value(f"{OWN}:name") if first is not None else None
+        return str(own or word or self.reading.path.stem)
 
     def robot(self) -> Robot:
         robot = self.made
@@ -86,7 +89,7 @@ class _Reader:
             assert robot.poses is not None
             robot.poses[body.name] = body.frame
         joints = [prim for prim in self.prims if prim.tag.startswith("Physics") and prim.tag.endswith("Joint")]
-        names = _short(joints, set(robot.links))
+        names = _short(joints, set())
         for prim in joints:
             self.joint(prim, names[prim.get("name")])
         for found in self.kinds.values():
@@ -221,10 +224,11 @@ class _Reader:
         mass = self.weight(prim)
         com = prim.reals("physics:centerOfMass", (-np.inf,) * 3)
         moments = prim.finite("physics:diagonalInertia", (0.0,) * 3)
-        given_com, given_moments = bool(np.all(np.isfinite(com))), bool(np.any(moments != 0.0))
+        own = prim.value(f"{OWN}:mass") is not None  # a body without mass too
+        given_com, given_moments = bool(np.all(np.isfinite(com))), own or bool(np.any(moments != 0.0))
         whole: Part | None = None
-        if not (mass > 0.0 and given_moments) or not given_com:
-            needed = not (mass > 0.0 and given_moments)
+        needed = not own and not (mass > 0.0 and given_moments)
+        if needed or not given_com:
             whole = self.whole(body, shapes) if needed or any(self.plain(one) for one in shapes) else None
             if whole is None and needed:
                 lacks = "no mass" if mass == 0.0 else "no inertia"
@@ -232,7 +236,7 @@ class _Reader:
                     f"has {lacks}, and no shape that collides whose volume gives it: "
                     "give physics:mass and physics:diagonalInertia"
                 )
-        total = mass if mass > 0.0 else whole.mass if whole is not None else 0.0
+        total = mass if mass > 0.0 or own or whole is None else whole.mass
         center = np.zeros(3)
         if given_com:
             center = length * self.scale(prim) * precise(prim, "physics:centerOfMass", 3, com)
@@ -395,7 +399,9 @@ class _Reader:
                 continue
             effort = self.drive(prim, axis, drawn.get(axis, 0.0)) if acts else None
             effort = effort or Effort()
-            rotor = prim.real(f"{OWN}:{axis}:rotor", 0.0)
+            rotor = prim.real(f"{OWN}:{axis}:rotor", armature)
+            if prim.has("PhysxJointAPI") and np.float32(rotor) != np.float32(armature):
+                rotor = 0.0  # another program has changed it
             several = len(kind.coordinates) > 1
             label = f"spring of {name} {axis}" if several else ""
             if not effort.is_empty or rotor != 0.0:
@@ -502,7 +508,7 @@ def _types(prim: Prim) -> Any:
 
 def _short(prims: list[Prim], taken: set[str]) -> dict[str, str]:
     """Names by paths: the last word where no other one has it, else the whole path."""
-    last = [prim.get("name").rpartition("/")[2] for prim in prims]
+    last = [str(prim.value(f"{OWN}:name") or prim.get("name").rpartition("/")[2]) for prim in prims]
     found: dict[str, str] = {}
     for prim, word in zip(prims, last, strict=True):
         name = word if last.count(word) == 1 and word not in taken else prim.get("name").lstrip("/")

@@ -45,6 +45,7 @@ _PRIMS = (
 _XFORM = (
     (APPLIED, "@name @xformOp: @xformOpOrder", "where it is"),
     (LOOKS, "@visibility @purpose @primvars: @material: @extent @doubleSided @orientation", ""),
+    (APPLIED, f"@{OWN}:name", "of files that Partita writes: a name that USD cannot have"),
     (NO_EFFECT, "@proxyPrim @userProperties: @ui: @kind @collection: @model:", ""),
 )
 _RIGID = (
