@@ -446,7 +446,7 @@ def test_names_that_are_taken(tmp_path: Path) -> None:
     m = loaded(
         tmp_path, SCENE, body("ground"), body("world"), prim("Xform", "x", body("b")), prim("Xform", "y", body("b"))
     )
-    assert list(m.bodies) == ["ground link", "World/world", "World/x/b", "World/y/b"]
+    assert list(m.bodies) == ["ground link", "world", "World/x/b", "World/y/b"]
 
 
 def test_a_body_within_a_body_is_one_of_its_own(tmp_path: Path) -> None:

@@ -29,7 +29,7 @@ def at(x: float, y: float, z: float, *more: str) -> str:
     )
 
 
-def body(name: str, *lines: str, mass: float = 1.0, com: str = "(0, 0, 0)", schemas: str = "") -> str:
+def body(name: str, *lines: str, mass: float = 1.0, com: str = "(0, 0, 0.25)", schemas: str = "") -> str:
     """A body with inertia."""
     given = (
         f"float physics:mass = {mass!r}",

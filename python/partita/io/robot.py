@@ -146,6 +146,8 @@ class Robot:
     drawing_tolerance: float | None = None
     gimbals: bool = False
     poses: dict[str, Array] | None = None
+    world: str = "world"
+    """The ground, as an end of joints of a model that gives all poses."""
 
     def root(self) -> str:
         """The root link, which is the child of no joint; refuses trees with none, with several, and cycles."""

@@ -27,7 +27,7 @@ def build(robot: Robot, mechanism: Builder) -> None:
     _rename_ground(robot)
     if robot.poses is not None:
         _placed(robot, mechanism, robot.poses)
-        robot.reading.shapes = shapes_of(robot, "world")
+        robot.reading.shapes = shapes_of(robot, robot.world)
         return
     root = robot.root()
     fold_marks(robot)
@@ -131,7 +131,7 @@ def _on_body(robot: Robot, link: str, point: Array) -> tuple[str, Array]:
 
 def _placed(robot: Robot, mechanism: Builder, poses: dict[str, Array]) -> None:
     """A model that gives the poses of its links; its joints may close loops."""
-    body: dict[str, Any] = {"world": mechanism.ground}
+    body: dict[str, Any] = {robot.world: mechanism.ground}
     for name, link in robot.links.items():
         body[name] = _body(robot, mechanism, link, poses[name])
     for joint in robot.joints.values():
@@ -139,7 +139,7 @@ def _placed(robot: Robot, mechanism: Builder, poses: dict[str, Array]) -> None:
         axes, more = (joint.axis, joint.second), (joint.pitch, joint.free)
         _joint(mechanism, joint.name, joint.kind, ends, frames, axes, joint.at, *more)
         _efforts(mechanism, joint.name, joint.efforts)
-    _loops(robot, mechanism, body, {"world": np.eye(4), **poses})
+    _loops(robot, mechanism, body, {robot.world: np.eye(4), **poses})
 
 
 def _efforts(mechanism: Builder, joint: str, efforts: list[Effort]) -> None:

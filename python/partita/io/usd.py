@@ -19,23 +19,24 @@ from .request import Request
 from .robot import Array, Effort, Joint, Link, Loop, Robot, Tie, inverse, nearest, placed
 from .usd_joints import CLOSED, Frames, Kind, apart, kind_of, limited, split
 from .usd_mass import DENSITY, Part, about, axis_of, part, together
-from .usd_stage import Prim, Stage, opened, precise
+from .usd_stage import Prim, Stage, opened, own
 from .usd_table import ACCELERATION, AXES, CONTACT, LIMITS, OWN, USD, VELOCITY
 
 EARTH = 9.81
 """Gravity [m/s^2] where a scene gives none: that of the earth."""
 _EVEN = 1e-6
 """Relative error of a scale, and sine of a shear, in single precision: less is none."""
-_GROUND = "world"
+_GROUND = " "
+"""The ground among links: no prim has this name."""
 _GPRIMS = ("Cube", "Sphere", "Cylinder", "Capsule", "Cone", "Plane", "Mesh")
 
 
 def read(path: Path, request: Request) -> Robot:
     """The mechanism in a file. Raises `FileFormatError` with the path of the prim that is wrong."""
     reading = Reading(path, "USD")
-    stage = opened(path, request, reading)
-    USD.visit(stage.root, reading)
-    return _Reader(stage, reading, request).robot()
+    with opened(path, request, reading) as stage:
+        USD.visit(stage.root, reading)
+        return _Reader(stage, reading, request).robot()
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ class _Reader:
         self.up = axis_of(root, "Y", "upAxis")
         self.prims = list(walk(root))
         self.made = Robot(self.called(root), reading, request)
-        self.made.poses = {}
+        self.made.poses, self.made.world = {}, _GROUND
         self.bodies: dict[str, _Body] = {}
         self.kinds: dict[str, tuple[str, Prim, Kind]] = {}
         self.carried: dict[str, str] = {}
@@ -72,12 +73,31 @@ class _Reader:
         found = remark(self.reading, at, words, name, kind)
         (self.reading.changed if kind == "changed" else self.reading.dropped).append(found)
 
+    def precise(self, prim: Prim, key: str, otherwise: tuple[float, ...]) -> Array:
+        """Finite numbers, with all digits where an attribute of ours has them and agrees."""
+        found = prim.finite(key, otherwise)
+        beside = own(key)
+        if prim.value(beside) is None:
+            return found
+        exact = prim.finite(beside, otherwise)
+        return self.agreed(
+            prim, beside, exact, found, np.array_equal(exact.astype(np.float32), found.astype(np.float32))
+        )
+
+    def agreed(self, prim: Prim, beside: str, exact: Any, found: Any, same: bool) -> Any:
+        """The exact numbers beside others, or those where another program has changed them."""
+        if not same:
+            self.remark(
+                prim, "USD's own numbers differ from this and are used", f"{beside} {prim.get(beside)}", "changed"
+            )
+        return exact if same else found
+
     def called(self, root: Prim) -> str:
         """The name of the mechanism: that of the prim that stands for the stage."""
         word = str(root.values.get("defaultPrim") or "")
         first = self.stage.prims.get(f"/{word}")
-        own = first.value(f"{OWN}:name") if first is not None else None
-        return str(own or word or self.reading.path.stem)
+        given = first.value(f"{OWN}:name") if first is not None else None
+        return str(given or word or self.reading.path.stem)
 
     def robot(self) -> Robot:
         robot = self.made
@@ -115,9 +135,9 @@ class _Reader:
         along = along / norm if norm > 0.0 else -self.up
         # a negative magnitude is none, whatever its size
         found = along * (size * self.length if size >= 0.0 else EARTH)
-        own = scene.finite(f"{OWN}:gravity", found)
-        same = np.allclose(own, found, rtol=0.0, atol=_EVEN * max(EARTH, float(np.linalg.norm(found))))
-        return tuple((own if same else found).tolist())
+        exact = scene.finite(f"{OWN}:gravity", found)
+        same = np.allclose(exact, found, rtol=0.0, atol=_EVEN * float(np.linalg.norm(found)))
+        return tuple(self.agreed(scene, f"{OWN}:gravity", exact, found, same).tolist())
 
     def find(self) -> None:
         """The bodies, by their paths; what each prim is carried by."""
@@ -224,10 +244,10 @@ class _Reader:
         mass = self.weight(prim)
         com = prim.reals("physics:centerOfMass", (-np.inf,) * 3)
         moments = prim.finite("physics:diagonalInertia", (0.0,) * 3)
-        own = prim.value(f"{OWN}:mass") is not None  # a body without mass too
-        given_com, given_moments = bool(np.all(np.isfinite(com))), own or bool(np.any(moments != 0.0))
+        ours = prim.value(f"{OWN}:mass") is not None  # a body without mass too
+        given_com, given_moments = bool(np.all(np.isfinite(com))), ours or bool(np.any(moments != 0.0))
         whole: Part | None = None
-        needed = not own and not (mass > 0.0 and given_moments)
+        needed = not ours and not (mass > 0.0 and given_moments)
         if needed or not given_com:
             whole = self.whole(body, shapes) if needed or any(self.plain(one) for one in shapes) else None
             if whole is None and needed:
@@ -236,10 +256,10 @@ class _Reader:
                     f"has {lacks}, and no shape that collides whose volume gives it: "
                     "give physics:mass and physics:diagonalInertia"
                 )
-        total = mass if mass > 0.0 or own or whole is None else whole.mass
+        total = mass if mass > 0.0 or ours or whole is None else whole.mass
         center = np.zeros(3)
         if given_com:
-            center = length * self.scale(prim) * precise(prim, "physics:centerOfMass", 3, com)
+            center = length * self.scale(prim) * self.precise(prim, "physics:centerOfMass", (0.0,) * 3)
         elif whole is not None:
             center = whole.com
         if given_moments:
@@ -253,21 +273,19 @@ class _Reader:
 
     def weight(self, prim: Prim) -> float:
         """The mass that a prim gives [kg], or 0."""
-        single = prim.finite("physics:mass", (0.0,))
-        if single[0] < 0.0:
-            prim.fail(f"has the mass {single[0]:g}")
-        return self.mass * float(precise(prim, "physics:mass", 1, single)[0])
+        found = float(self.precise(prim, "physics:mass", (0.0,))[0])
+        return self.mass * found if found >= 0.0 else prim.fail(f"has the mass {found:g}")
 
     def inertia(self, prim: Prim, moments: Array) -> Array:
         """The inertia that a body gives about its centre of mass, in its own axes and the units of the file."""
         quaternion = prim.finite("physics:principalAxes", (0.0,) * 4)
         axes = rotation(prim, "physics:principalAxes", quaternion) if np.any(quaternion) else np.eye(3)
         found = axes @ np.diag(moments) @ axes.T
-        own = prim.value(f"{OWN}:inertia")
-        if own is None:
+        if prim.value(f"{OWN}:inertia") is None:
             return found
         exact = prim.finite(f"{OWN}:inertia", (0.0,) * 9).reshape(3, 3)
-        return exact if np.allclose(exact, found, rtol=0.0, atol=_EVEN * float(np.abs(found).max())) else found
+        same = np.allclose(exact, found, rtol=0.0, atol=_EVEN * float(np.abs(found).max()))
+        return np.asarray(self.agreed(prim, f"{OWN}:inertia", exact, found, same))
 
     def plain(self, shape: Prim) -> bool:
         """Whether the volume of a shape can be found."""
@@ -277,8 +295,8 @@ class _Reader:
         """All shapes of a body as one part, or None where they have no volume."""
         parts = []
         for shape in shapes:
-            own = self.weight(shape) if shape is not body.prim else 0.0
-            found = part(shape, body.frame, self.length, self.density(shape, body.prim), own)
+            weight = self.weight(shape) if shape is not body.prim else 0.0
+            found = part(shape, body.frame, self.length, self.density(shape, body.prim), weight)
             if found is not None:
                 parts.append(found)
         return together(parts) if parts else None
@@ -354,9 +372,9 @@ class _Reader:
         targets = prim.value(key) or []
         if len(targets) > 1:
             prim.fail(f"has {len(targets)} targets of {key}; a joint has one body on each side")
-        point = precise(prim, f"physics:localPos{side}", 3, prim.finite(f"physics:localPos{side}", (0.0,) * 3))
-        single = prim.finite(f"physics:localRot{side}", (1.0, 0.0, 0.0, 0.0))
-        turn = rotation(prim, f"physics:localRot{side}", single)
+        point = self.precise(prim, f"physics:localPos{side}", (0.0,) * 3)
+        word = f"physics:localRot{side}"
+        turn = rotation(prim, word, self.precise(prim, word, (1.0, 0.0, 0.0, 0.0)))
         if not targets:
             return _GROUND, placed(self.length * point, turn)
         at = self.stage.prims.get(targets[0])
@@ -377,9 +395,9 @@ class _Reader:
             return
         if least == 0.0:
             prim.fail("holds two points at the distance 0: use PhysicsSphericalJoint")
-        single = prim.finite("physics:maxDistance", (-1.0,))
-        own = prim.finite(f"{OWN}:length", single)
-        length = self.length * float((own if np.float32(own[0]) == np.float32(single[0]) else single)[0])
+        exact = float(prim.finite(f"{OWN}:length", (most,))[0])
+        same = np.float32(exact) == np.float32(most)
+        length = self.length * float(self.agreed(prim, f"{OWN}:length", exact, most, bool(same)))
         sides = (self.side(links[0], frames.here), self.side(links[1], frames.there))
         self.made.loops.append(Loop(name, "distance", *sides, prim, length=length))
 
@@ -389,8 +407,8 @@ class _Reader:
         armature = prim.real("physxJoint:armature", 0.0)
         for axis in (*AXES, "angular", "linear"):
             acts = prim.has(f"PhysicsDriveAPI:{axis}")
-            own = prim.has(f"{OWN}:{axis}:stiffness") or prim.has(f"{OWN}:{axis}:rotor")
-            if not acts and not own:
+            turned = f"{OWN}:{axis}:rotor"
+            if not acts and not prim.has(turned):
                 continue
             if axis not in kind.coordinates:
                 if acts:
@@ -399,9 +417,9 @@ class _Reader:
                 continue
             effort = self.drive(prim, axis, drawn.get(axis, 0.0)) if acts else None
             effort = effort or Effort()
-            rotor = prim.real(f"{OWN}:{axis}:rotor", armature)
-            if prim.has("PhysxJointAPI") and np.float32(rotor) != np.float32(armature):
-                rotor = 0.0  # another program has changed it
+            rotor = prim.real(turned, 0.0)
+            if prim.has(turned) and prim.has("PhysxJointAPI") and len(kind.coordinates) == 1:
+                rotor = self.agreed(prim, turned, rotor, 0.0, bool(np.float32(rotor) == np.float32(armature)))
             several = len(kind.coordinates) > 1
             label = f"spring of {name} {axis}" if several else ""
             if not effort.is_empty or rotor != 0.0:
@@ -435,12 +453,12 @@ class _Reader:
         per = self.mass * self.length**2 * 180.0 / np.pi if turn else self.mass
         unit = np.pi / 180.0 if turn else self.length
         found = (per * stiffness, per * damping, unit * target)
-        own = tuple(
-            float(prim.finite(f"{OWN}:{axis}:{word}", (value,))[0])
-            for word, value in zip(("stiffness", "damping", "rest"), found, strict=True)
+        words = [f"{OWN}:{axis}:{word}" for word in ("stiffness", "damping", "rest")]
+        stiffness, damping, target = (
+            float(self.agreed(prim, word, exact, value, bool(np.isclose(exact, value, rtol=_EVEN, atol=_EVEN * unit))))
+            for word, value in zip(words, found, strict=True)
+            for exact in (float(prim.finite(word, (value,))[0]),)
         )
-        same = np.allclose(own, found, rtol=_EVEN, atol=_EVEN * unit)
-        stiffness, damping, target = own if same else found
         target, torque = target - drawn, damping * unit * rate
         if stiffness != 0.0:
             return Effort(stiffness, damping, target + torque / stiffness)
@@ -452,16 +470,26 @@ class _Reader:
             if not prim.has(f"PhysxMimicJointAPI:{axis}"):
                 continue
             key = f"physxMimicJoint:{axis}"
-            gearing, offset = prim.real(f"{key}:gearing", 1.0), prim.real(f"{key}:offset", 0.0)
+            gearing, offset = (
+                float(prim.finite(f"{key}:{word}", (x,))[0]) for word, x in (("gearing", 1.0), ("offset", 0.0))
+            )
             targets = prim.value(f"{key}:referenceJoint") or []
             other = self.kinds.get(targets[0]) if len(targets) == 1 else None
             law = f"{axis}: gearing {gearing:g}, offset {offset:g}, to {', '.join(targets) or 'nothing'}"
             if other is None or kind.word != "revolute" or other[2].word != "revolute":
                 self.remark(prim, "it would follow another joint: add_coupler", law)
                 continue
+            ours = f"{OWN}:{axis}"
+            turn = -np.radians(offset)
+            for word, value in (("gearing", gearing), ("offset", -turn)):
+                exact = float(prim.finite(f"{ours}:{word}", (value,))[0])
+                same = bool(np.isclose(exact, value, rtol=_EVEN, atol=1e-12))
+                value = float(self.agreed(prim, f"{ours}:{word}", exact, value, same))
+                gearing, turn = (value, turn) if word == "gearing" else (gearing, -value)
+            title = str(prim.value(f"{ours}:name") or f"{name} mimic")
             (mine,), (its,) = (dict(one.drawn).values() for one in (kind, other[2]))
-            rest = -np.radians(offset) - mine - gearing * its
-            self.made.ties.append(Tie(f"{name} mimic", [name, other[0]], [1.0, gearing], rest, prim))
+            rest = turn - mine - gearing * its
+            self.made.ties.append(Tie(title, [name, other[0]], [1.0, gearing], rest, prim))
 
 
 def _length(frames: Frames) -> float:
@@ -473,9 +501,8 @@ def turns(axis: str) -> bool:
     return axis.startswith("rot") or axis == "angular"
 
 
-def rotation(prim: Prim, key: str, single: Array) -> Array:
+def rotation(prim: Prim, key: str, found: Array) -> Array:
     """The rotation of a quaternion, real part first."""
-    found = precise(prim, key, 4, single)
     norm = float(np.linalg.norm(found))
     if norm == 0.0:
         prim.fail(f"has {key} 0 0 0 0, which is no rotation")

@@ -55,7 +55,6 @@ def kind_of(prim: Prim) -> Kind:
         axis = axis_of(prim, "X", "physics:axis")
         return Kind("prismatic", axis, None, (_WORDS[int(np.argmax(axis))],), {"linear": 0})
     if prim.tag == "PhysicsSphericalJoint":
-        axis_of(prim, "X", "physics:axis")
         return Kind("spherical", None, None, _WORDS[3:], {})
     if prim.tag == "PhysicsDistanceJoint":
         return Kind("distance", None, None, _WORDS, {})

@@ -26,7 +26,7 @@ from .robot import Array
 from .usd_table import OWN, USD
 from .xmltree import COUNT, DEPTH, SIZE, Element, refuse
 
-SUFFIXES = (".usd", ".usda", ".usdc")
+SUFFIXES = (".usda", ".usd", ".usdc")
 _HEADERS = (b"#usda ", b"#sdf ", b"PXR-USDC")
 _BINARY = _HEADERS[2]
 _PATIENCE = 30.0
@@ -113,7 +113,7 @@ class Prim(Element):
 
 @dataclass
 class Stage:
-    """The tree of prims, and USD itself; its handles are valid as long as the stage is there."""
+    """The tree of prims, and USD itself. Handles of prims are valid as long as the stage is there."""
 
     root: Prim
     usd: Any
@@ -147,19 +147,20 @@ def text(value: Any) -> str:
     return " ".join(map(text, items.tolist())) if items.size <= 16 else f"{items.size} numbers"
 
 
-def opened(path: Path, request: Request, reading: Reading) -> Stage:
-    """The stage in a file. Raises `FileFormatError`."""
+@contextmanager
+def opened(path: Path, request: Request, reading: Reading) -> Iterator[Stage]:
+    """The stage in a file, as long as it is read. Raises `FileFormatError`."""
     _checked(path, path)
     usd = _Usd()
     with _heard(usd, path, reading):
-        kept = [*_layers(usd, path.resolve(), path, request)]
+        kept = [*_layers(usd, path.resolve(), request, reading)]
         stage = usd.Usd.Stage.Open(kept[0], None)
         if stage is None:
             refuse(path, None, "USD cannot open it")
         errors = [" ".join(str(error).split()) for error in stage.GetCompositionErrors()]
         if errors:
             refuse(path, None, f"its layers do not fit together: {'; '.join(errors[:_SAID])}")
-        return _Tree(usd, stage, path, reading).grown()
+        yield _Tree(usd, stage, path, reading).grown()
 
 
 def _checked(path: Path, model: Path) -> bytes:
@@ -203,7 +204,7 @@ def _heard(usd: Any, path: Path, reading: Reading) -> Iterator[None]:
     try:
         yield
     except usd.Tf.ErrorException as error:
-        said = [" ".join(str(one.commentary).split()) for one in error.args] or [str(error)]
+        said = _said(error)
         at = _AT.match(said[0])
         line = int(at[2]) if at is not None and at[1] == str(path.resolve()) else None
         said[0] = said[0][at.end() :] if at is not None and line is not None else said[0]
@@ -214,14 +215,19 @@ def _heard(usd: Any, path: Path, reading: Reading) -> Iterator[None]:
         del delegate
 
 
-def _layers(usd: Any, first: Path, model: Path, request: Request) -> Iterator[Any]:
+def _said(error: Any) -> list[str]:
+    """What USD says of an error."""
+    return [" ".join(str(one.commentary).split()) for one in error.args] or [str(error)]
+
+
+def _layers(usd: Any, first: Path, request: Request, reading: Reading) -> Iterator[Any]:
     """The layers of a stage, each opened when it is known where it lies; the first one is the root."""
-    waiting, seen = [first], {first}
+    waiting, seen, model = [first], {first}, reading.path
     while waiting:
         path = waiting.pop()
         if _checked(path, model).startswith(_BINARY):
             _survived(path, model)
-        layer = usd.Sdf.Layer.FindOrOpen(str(path))
+        layer = _as_stored(usd, path, reading)
         if layer is None:
             refuse(model, None, f"USD cannot open {path.name}")
         yield layer
@@ -238,6 +244,19 @@ def _layers(usd: Any, first: Path, model: Path, request: Request) -> Iterator[An
                 waiting.append(found)
             if len(seen) > _LAYERS:
                 refuse(model, None, f"it is made of more than {_LAYERS} files")
+
+
+def _as_stored(usd: Any, path: Path, reading: Reading) -> Any:
+    """A layer as it is on disk, though USD shares with all of a process what was opened before."""
+    layer = usd.Sdf.Layer.Find(str(path))
+    if layer is None:
+        return usd.Sdf.Layer.FindOrOpen(str(path))
+    if layer.dirty:
+        said = f"{path.name} is open in this process with changes that are not stored; they are read"
+        reading.changed.append(Remark(None, said))
+    else:
+        layer.Reload(True)
+    return layer
 
 
 class _Tree:
@@ -306,11 +325,10 @@ class _Tree:
                 Remark(None, "a type not known to USD; what is inside is read", f"{kind} {name}", "unknown")
             )
         found = Prim(tag, {"name": name}, None, self.path, handle=handle)
-        if self.usd.UsdGeom.Xformable(handle):
+        try:
             found.world = np.array(self.places.GetLocalToWorldTransform(handle)).T
-        else:
-            parent = self.places.GetParentToWorldTransform(handle)
-            found.world = np.array(parent).T
+        except self.usd.Tf.ErrorException as error:
+            found.fail(f"has transforms that USD cannot read: {_said(error)[0]}")
         if any(handle.HasAuthoredMetadata(key) for key in ("clips", "clipSets")):
             found.fail("has value clips, which are not read: they may open any file")
         applied = {str(x) for x in (*handle.GetAppliedSchemas(), *handle.GetPrimTypeInfo().GetAppliedAPISchemas())}
@@ -381,12 +399,6 @@ def plain(value: Any, single: bool) -> Any:
 def decimal(value: float) -> float:
     """The number with the fewest digits that is this one in single precision: what a text had in seven digits."""
     return float(str(np.float32(value)))
-
-
-def precise(prim: Prim, key: str, count: int, single: Array) -> Array:
-    """The attribute that holds another one in double precision in files that Partita writes, where both agree."""
-    found = prim.reals(own(key), np.full(count, np.nan)) if prim.value(own(key)) is not None else single
-    return found if np.array_equal(found.astype(np.float32), single.astype(np.float32)) else single
 
 
 def own(key: str) -> str:

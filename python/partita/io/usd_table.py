@@ -120,7 +120,7 @@ _JOINT = (
     (APPLIED, "@physics:body0 @physics:body1", "what it joins; nothing is the ground"),
     (
         APPLIED,
-        "@physics:localPos0 @physics:localPos1 @physics:localRot0 @physics:localRot1",
+        "@physics:localPos0(0 0 0) @physics:localPos1(0 0 0) @physics:localRot0(1 0 0 0) @physics:localRot1(1 0 0 0)",
         "its frame on either side; where they are apart assembly closes the joint",
     ),
     (APPLIED, "@physics:jointEnabled(true)", "one that is disabled is reported, and holds nothing"),
@@ -177,7 +177,7 @@ def _states(*names: str) -> tuple[tuple[str, str, str], ...]:
             "a state that is stored; the bodies are where they are drawn",
         ),
         (OTHER, _named("@state:{0}:physics:velocity", names), "a state that is stored: assemble(rates=...)"),
-        (BOUNDS, _named("@PhysxLimitAPI:{0} @physxLimit:{0}:", names), LIMITS),
+        (BOUNDS, _named("@PhysxLimitAPI:{0}", names) + " @physxLimit:", LIMITS),
     )
 
 
@@ -190,6 +190,11 @@ _MIMIC = tuple(
             f"@PhysxMimicJointAPI:{name} @physxMimicJoint:{name}:gearing @physxMimicJoint:{name}:offset "
             f"@physxMimicJoint:{name}:referenceJoint",
             "a coupler: coordinate + gearing x that of the other joint + offset = 0",
+        ),
+        (
+            APPLIED,
+            f"@{OWN}:{name}:gearing @{OWN}:{name}:offset @{OWN}:{name}:name",
+            "of files that Partita writes, in radians, where USD's own agree to single precision",
         ),
         (NO_EFFECT, f"@physxMimicJoint:{name}:referenceJointAxis", "a joint has one axis"),
         (
@@ -259,13 +264,14 @@ USD = Table(
         "PhysicsPrismaticJoint": (*_JOINT, *_AXIS, *_RANGE, *_drives("linear"), *_states("linear")),
         "PhysicsSphericalJoint": (
             *_JOINT,
-            *_AXIS,
+            (NO_EFFECT, "@physics:axis", "that of the cone"),
             (BOUNDS, "@physics:coneAngle0Limit(-1) @physics:coneAngle1Limit(-1)", LIMITS),
         ),
         "PhysicsDistanceJoint": (
             *_JOINT,
             (COMPILED, "@physics:minDistance(-1) @physics:maxDistance(-1)", "a distance, where both are the same"),
             (APPLIED, f"@{OWN}:length", "of files that Partita writes"),
+            (NO_EFFECT, f"@physics:localRot0 @physics:localRot1 @{OWN}:localRot0 @{OWN}:localRot1", "it joins points"),
         ),
         "PhysicsJoint": (
             *_JOINT,

@@ -72,6 +72,8 @@ class _Writer:
     mechanism: Builder
     report: Writing
     paths: dict[str, str] = field(default_factory=dict)
+    joints: dict[str, str] = field(default_factory=dict)
+    taken: set[str] = field(default_factory=set)
 
     def text(self) -> str:
         """The stage."""
@@ -81,11 +83,16 @@ class _Writer:
         for rotor in d.rotors.values():
             key = (rotor.joint, rotor.coordinate)
             self.rotors[key] = self.rotors.get(key, 0.0) + rotor.ratio**2 * rotor.inertia
+        self.followers = {one.name: one for one in d.couplings.values() if self.follows(one)}
         root = _identifier(d.name, set())
         self.root = f"/{root}"
         bodies = [line for body in d.bodies.values() for line in self.body(body)]
         used: set[str] = set()
-        joints = [line for joint in d.joints.values() for line in self.joint(joint, used)]
+        for joint in d.joints.values():
+            called = _identifier(joint.name, used)
+            used.add(called)
+            self.joints[joint.name] = f"{self.root}/joints/{called}"
+        joints = [line for joint in d.joints.values() for line in self.joint(joint)]
         for coupling in d.couplings.values():
             joints += self.coupling(coupling, used)
         for what, left in (("spring", self.springs), ("rotor", self.rotors)):
@@ -176,14 +183,12 @@ class _Writer:
             f"custom double4 {OWN}:localRot{side} = {_doubles(turn)}",
         ]
 
-    def joint(self, joint: JointRecord, used: set[str]) -> list[str]:
+    def joint(self, joint: JointRecord) -> list[str]:
         """A joint."""
         form = self.form(joint)
         if form is None:
             return []
-        called = _identifier(joint.name, used)
-        used.add(called)
-        self.paths[f"joint {joint.name}"] = f"{self.root}/joints/{called}"
+        called = self.joints[joint.name].rpartition("/")[2]
         lines, schemas = [*_name(joint.name, called), *self.frames(joint, form)], list[str]()
         if form.axis:
             lines.append(f'uniform token physics:axis = "{form.axis}"')
@@ -207,7 +212,38 @@ class _Writer:
                     lines.append(f"float physxJoint:armature = {_single(rotor)}")
                     known = "by a schema of PhysX"
                 self.report.changed.append(f"rotor on coordinate {i} of joint {joint.name}, {known}")
+        for coupling in self.followers.values():
+            if coupling.terms[0]["joint"] == joint.name:
+                schemas.append(f"PhysxMimicJointAPI:rot{form.axis}")
+                lines += self.mimic(coupling, f"rot{form.axis}")
         return _prim(form.kind, called, lines, schemas)
+
+    def follows(self, coupling: CouplingRecord) -> bool:
+        """Whether a coupling is of two hinges, the first of which follows no other one yet."""
+        joints = self.mechanism._description.joints
+        hinges = [str(term["joint"]) for term in coupling.terms if term.get("of") == "joint"]
+        if coupling.kind != "linear" or not len(hinges) == len(coupling.terms) == 2 or hinges[0] in self.taken:
+            return False
+        if any(joints[name].kind != "revolute" for name in hinges):
+            return False
+        self.taken.add(hinges[0])
+        return True
+
+    def mimic(self, coupling: CouplingRecord, axis: str) -> list[str]:
+        """Lines of a hinge that follows another one: x + gearing y + offset = 0, in degrees."""
+        self.report.changed.append(
+            f"{coupling.word} {coupling.name} is a joint that follows another by a schema of PhysX"
+        )
+        first, second = (float(x) for x in coupling.data["factors"])
+        gearing, offset = second / first, -float(coupling.data["offset"]) / first
+        return [
+            f"float physxMimicJoint:{axis}:gearing = {_single(gearing)}",
+            f"float physxMimicJoint:{axis}:offset = {_single(float(np.degrees(offset)))}",
+            f"rel physxMimicJoint:{axis}:referenceJoint = <{self.joints[str(coupling.terms[1]['joint'])]}>",
+            f"custom double {OWN}:{axis}:gearing = {text(gearing)}",
+            f"custom double {OWN}:{axis}:offset = {text(offset)}",
+            *_name(coupling.name, "", f"{axis}:name"),
+        ]
 
     def form(self, joint: JointRecord) -> _Form | None:
         """The form of a joint; None where USD has none."""
@@ -264,9 +300,13 @@ class _Writer:
 
     def coupling(self, coupling: CouplingRecord, used: set[str]) -> list[str]:
         """A distance between two points; other couplings are dropped."""
+        if coupling.name in self.followers:
+            return []
         term = coupling.terms[0] if len(coupling.terms) == 1 else {}
         if coupling.word != "distance" or term.get("of") != "distance":
-            self.report.dropped.append(f"{coupling.word} {coupling.name}: USD couples no coordinates of joints")
+            self.report.dropped.append(
+                f"{coupling.word} {coupling.name}: only two hinges in a fixed ratio can be coupled"
+            )
             return []
         length = float(coupling.data["offset"]) / float(coupling.data["factors"][0])
         called = _identifier(coupling.name, used)
@@ -275,7 +315,7 @@ class _Writer:
         for side in (0, 1):
             frame = np.eye(4)
             frame[:3, 3] = term[f"point{side + 1}"]
-            lines += self.end(side, str(term[f"body{side + 1}"]), frame)
+            lines += self.end(side, str(term[f"body{side + 1}"]), frame)[:-2]
         for word in ("min", "max"):
             lines.append(f"float physics:{word}Distance = {_single(length)}")
         lines.append(f"custom double {OWN}:length = {text(length)}")
@@ -315,9 +355,9 @@ def _prim(kind: str, name: str, lines: list[str], schemas: list[str] | None = No
     return [*head, "{", *_indented(lines), "}"]
 
 
-def _name(name: str, called: str) -> list[str]:
+def _name(name: str, called: str, key: str = "name") -> list[str]:
     """Lines with a name that is no identifier."""
-    return [] if name == called else [f"custom string {OWN}:name = {json.dumps(name, ensure_ascii=False)}"]
+    return [] if name == called else [f"custom string {OWN}:{key} = {json.dumps(name, ensure_ascii=False)}"]
 
 
 def _identifier(name: str, used: set[str]) -> str:
