@@ -74,11 +74,14 @@ class Item:
 class Table:
     """The rules of a format, by context: the kind of element in which something stands.
 
-    A context `joint[fixed]` holds in addition, and before others, for elements `joint` of type "fixed".
+    A context `joint[fixed]` holds in addition, and before others, for elements `joint` of type "fixed". A context has
+    also what those have that it is `like`, unless it says otherwise.
     """
 
-    def __init__(self, kind: str, root: str, contexts: Mapping[str, Rows]) -> None:
-        self.kind, self.root = kind, root
+    def __init__(
+        self, kind: str, root: str, contexts: Mapping[str, Rows], like: Mapping[str, str] | None = None
+    ) -> None:
+        self.kind, self.root, self.like = kind, root, dict(like or {})
         self.contexts = {context: tuple(_items(rows)) for context, rows in contexts.items()}
         unknown = {item.rule for items in self.contexts.values() for item in items} - set(RULES)
         assert not unknown, unknown
@@ -88,11 +91,16 @@ class Table:
         """What may stand in an element of this context and type, by name: `@attribute`, `element`, `#`."""
         key = (context, kind, version)
         if key not in self._found:
-            rows = (*self.contexts.get(context, ()), *self.contexts.get(f"{context}[{kind}]", ()))
+            rows = (*self._rows(context), *self.contexts.get(f"{context}[{kind}]", ()))
             self._found[key] = {}
             for least in (1, 2):
                 self._found[key] |= {item.name: item for item in rows if item.rank(version) == least}
         return self._found[key]
+
+    def _rows(self, context: str) -> tuple[Item, ...]:
+        """The rows of a context, after those of what it is like."""
+        above = self._rows(self.like[context]) if context in self.like else ()
+        return (*above, *self.contexts.get(context, ()))
 
     def visit(self, root: Element, reading: Reading, version: tuple[int, ...] | None = None, cut: bool = True) -> None:
         """Report what is dropped or not known, refuse what is refused; `cut` takes all but what is applied or drawn out

@@ -233,6 +233,8 @@ def _layers(usd: Any, first: Path, request: Request, reading: Reading) -> Iterat
         yield layer
         for asked in layer.GetCompositionAssetDependencies():
             name, _ = usd.Sdf.Layer.SplitIdentifier(asked)
+            if not name:
+                continue  # another prim of the same layer
             called = f'the layer "{name}", which {path.name} names,'
             if Path(name).suffix.lower() not in SUFFIXES:
                 refuse(model, None, f"{called} is not read: read are {', '.join(SUFFIXES)}")

@@ -10,6 +10,8 @@ from .format_table import APPLIED, BOUNDS, COMPILED, DROPPED, LOOKS, NO_EFFECT, 
 
 AXES = ("transX", "transY", "transZ", "rotX", "rotY", "rotZ")
 """Axes of a joint whose free directions are chosen: its slides, then its rotations."""
+KINDS = ("Revolute", "Prismatic", "Spherical", "Distance", "")
+"""Types of joints with attributes of their own; the last is that whose free directions are chosen."""
 LIMITS = "limits do not act: add_stop"
 CONTACT = "contacts are not read: add_contact"
 ACCELERATION = "a drive would give an acceleration, whatever the inertia that it moves: add_torque with a function"
@@ -114,9 +116,7 @@ _OWN_BODY = (
         "of files that Partita writes, where USD's own agree to single precision",
     ),
 )
-_PRIM = (*_XFORM, *_RIGID, *_OWN_BODY, *_PRIMS)
 _JOINT = (
-    *_XFORM,
     (APPLIED, "@physics:body0 @physics:body1", "what it joins; nothing is the ground"),
     (
         APPLIED,
@@ -140,7 +140,6 @@ _JOINT = (
         "of files that Partita writes: the frames, where USD's own agree to single precision, and a kind of joint that "
         "USD does not name",
     ),
-    *_PRIMS,
 )
 
 
@@ -206,11 +205,6 @@ _MIMIC = tuple(
 )
 _AXIS = ((APPLIED, "@physics:axis(X)", "its axis, in its frames"),)
 _RANGE = ((BOUNDS, "@physics:lowerLimit(-inf) @physics:upperLimit(inf)", LIMITS),)
-_FORMS = "@radius @height @axis @size @width @length"
-
-
-def _shape(*rows: tuple[str, str, str]) -> tuple[tuple[str, str, str], ...]:
-    return (*_PRIM, *rows)
 
 
 USD = Table(
@@ -230,19 +224,19 @@ USD = Table(
             ),
             *_PRIMS,
         ),
-        "prim": (*_PRIM, (DROPPED, "@prototypes", "what is instanced many times is not read")),
-        "Cube": _shape((APPLIED, "@size(2)", "its edges")),
-        "Sphere": _shape((APPLIED, "@radius(1)", "")),
-        "Cylinder": _shape((APPLIED, "@radius(1) @height(2) @axis(Z)", "")),
-        "Capsule": _shape((APPLIED, "@radius(0.5) @height(1) @axis(Z)", "")),
-        "Cone": _shape((APPLIED, "@radius(1) @height(2) @axis(Z)", "")),
-        "Plane": _shape((LOOKS, "@width @length @axis", "it has no volume")),
-        "Mesh": _shape(
+        "any": (*_XFORM, *_PRIMS),
+        "prim": (*_RIGID, *_OWN_BODY, (DROPPED, "@prototypes", "what is instanced many times is not read")),
+        "Cube": ((APPLIED, "@size(2)", "its edges"),),
+        "Sphere": ((APPLIED, "@radius(1)", ""),),
+        "Cylinder": ((APPLIED, "@radius(1) @height(2) @axis(Z)", ""),),
+        "Capsule": ((APPLIED, "@radius(0.5) @height(1) @axis(Z)", ""),),
+        "Cone": ((APPLIED, "@radius(1) @height(2) @axis(Z)", ""),),
+        "Plane": ((LOOKS, "@width @length @axis", "it has no volume"),),
+        "Mesh": (
             (APPLIED, "@points @faceVertexCounts @faceVertexIndices", "its volume; not drawn"),
             (LOOKS, "@normals @subdivisionScheme", ""),
         ),
         "PhysicsScene": (
-            *_XFORM,
             (
                 APPLIED,
                 "@physics:gravityDirection(0 0 0) @physics:gravityMagnitude(-inf)",
@@ -250,31 +244,26 @@ USD = Table(
             ),
             (NO_EFFECT, "@PhysxSceneAPI @physxScene:", _SOLVER),
             (APPLIED, f"@{OWN}:gravity", "of files that Partita writes, in SI"),
-            *_PRIMS,
         ),
         "joint": _JOINT,
         "PhysicsRevoluteJoint": (
-            *_JOINT,
             *_AXIS,
             *_RANGE,
             *_drives("angular"),
             *_states("angular"),
             *_MIMIC,
         ),
-        "PhysicsPrismaticJoint": (*_JOINT, *_AXIS, *_RANGE, *_drives("linear"), *_states("linear")),
+        "PhysicsPrismaticJoint": (*_AXIS, *_RANGE, *_drives("linear"), *_states("linear")),
         "PhysicsSphericalJoint": (
-            *_JOINT,
             (NO_EFFECT, "@physics:axis", "that of the cone"),
             (BOUNDS, "@physics:coneAngle0Limit(-1) @physics:coneAngle1Limit(-1)", LIMITS),
         ),
         "PhysicsDistanceJoint": (
-            *_JOINT,
             (COMPILED, "@physics:minDistance(-1) @physics:maxDistance(-1)", "a distance, where both are the same"),
             (APPLIED, f"@{OWN}:length", "of files that Partita writes"),
             (NO_EFFECT, f"@physics:localRot0 @physics:localRot1 @{OWN}:localRot0 @{OWN}:localRot1", "it joins points"),
         ),
         "PhysicsJoint": (
-            *_JOINT,
             (
                 COMPILED,
                 _named("@PhysicsLimitAPI:{0} @limit:{0}:physics:low(-inf) @limit:{0}:physics:high(inf)"),
@@ -289,16 +278,13 @@ USD = Table(
             *_states(*AXES),
         ),
         "group": (
-            *_XFORM,
             (
                 NO_EFFECT,
                 "@physics:filteredGroups @physics:mergeGroup @physics:invertFilteredGroups",
                 "contacts are not read",
             ),
-            *_PRIMS,
         ),
         "Material": (
-            *_XFORM,
             (
                 APPLIED,
                 "@PhysicsMaterialAPI @physics:density(0)",
@@ -307,7 +293,11 @@ USD = Table(
             (BOUNDS, "@physics:dynamicFriction @physics:staticFriction @physics:restitution", CONTACT),
             (BOUNDS, "@PhysxMaterialAPI @physxMaterial:", CONTACT),
             (LOOKS, "@inputs: @outputs:", ""),
-            *_PRIMS,
         ),
+    },
+    {
+        **dict.fromkeys(("prim", "joint", "PhysicsScene", "group", "Material"), "any"),
+        **dict.fromkeys(("Cube", "Sphere", "Cylinder", "Capsule", "Cone", "Plane", "Mesh"), "prim"),
+        **dict.fromkeys((f"Physics{kind}Joint" for kind in KINDS), "joint"),
     },
 )
