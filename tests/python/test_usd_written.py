@@ -149,13 +149,13 @@ LOSSES = {
 def test_what_is_lost_is_said_and_refused(words: str, tmp_path: Path) -> None:
     m = full()
     LOSSES[words](m)
-    said = "coupler g" if words == "gear g" else words
-    with pytest.raises(pt.errors.FileFormatError, match=said):
+    message = "coupler g" if words == "gear g" else words
+    with pytest.raises(pt.errors.FileFormatError, match=message):
         m.save(tmp_path / "m.usda", strict=True)
     assert not list(tmp_path.iterdir())
     with pytest.warns(pt.errors.LossyFileWarning):
         written = m.save(tmp_path / "m.usda")
-    assert any(said in remark for remark in written.dropped)
+    assert any(message in remark for remark in written.dropped)
     pt.load(tmp_path / "m.usda")
 
 

@@ -59,7 +59,7 @@ class _Reader:
         if "metersPerUnit" not in root.attributes:
             self.remark(root, "no metersPerUnit is given, so lengths are in centimetres", "", "changed")
         self.up = axis_of(root, "Y", "upAxis")
-        self.prims = list(walk(root))
+        self.prims = list(descendants(root))
         self.made = Robot(self.called(root), reading, request)
         self.made.poses, self.made.world = {}, _GROUND
         self.bodies: dict[str, _Body] = {}
@@ -516,7 +516,7 @@ def rotation(prim: Prim, key: str, found: Array) -> Array:
     )
 
 
-def walk(root: Prim) -> Any:
+def descendants(root: Prim) -> Any:
     """All prims below this one, each after what it stands in, in the order of the file."""
     waiting = list(reversed(root.children))
     while waiting:

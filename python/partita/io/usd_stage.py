@@ -39,7 +39,7 @@ layer and layer.ExportToString()
 """
 _LAYERS = 1000
 """Files of one stage, at most."""
-_SAID = 3
+_SHOWN = 3
 """Sentences of USD in an error; the first ones name the cause."""
 _AT = re.compile(r"(.*?):(\d+):\d+: ")
 """Where something is wrong in a text, as USD says it."""
@@ -159,7 +159,7 @@ def opened(path: Path, request: Request, reading: Reading) -> Iterator[Stage]:
             refuse(path, None, "USD cannot open it")
         errors = [" ".join(str(error).split()) for error in stage.GetCompositionErrors()]
         if errors:
-            refuse(path, None, f"its layers do not fit together: {'; '.join(errors[:_SAID])}")
+            refuse(path, None, f"its layers do not fit together: {'; '.join(errors[:_SHOWN])}")
         yield _Tree(usd, stage, path, reading).grown()
 
 
@@ -204,18 +204,18 @@ def _heard(usd: Any, path: Path, reading: Reading) -> Iterator[None]:
     try:
         yield
     except usd.Tf.ErrorException as error:
-        said = _said(error)
-        at = _AT.match(said[0])
+        words = _messages(error)
+        at = _AT.match(words[0])
         line = int(at[2]) if at is not None and at[1] == str(path.resolve()) else None
-        said[0] = said[0][at.end() :] if at is not None and line is not None else said[0]
-        refuse(path, line, f"USD cannot read it: {'; '.join(said[:_SAID])}")
+        words[0] = words[0][at.end() :] if at is not None and line is not None else words[0]
+        refuse(path, line, f"USD cannot read it: {'; '.join(words[:_SHOWN])}")
     finally:
         for one in delegate.TakeUncoalescedDiagnostics():
             reading.changed.append(Remark(None, f"USD says: {' '.join(one.commentary.split())}"))
         del delegate
 
 
-def _said(error: Any) -> list[str]:
+def _messages(error: Any) -> list[str]:
     """What USD says of an error."""
     return [" ".join(str(one.commentary).split()) for one in error.args] or [str(error)]
 
@@ -254,8 +254,8 @@ def _as_stored(usd: Any, path: Path, reading: Reading) -> Any:
     if layer is None:
         return usd.Sdf.Layer.FindOrOpen(str(path))
     if layer.dirty:
-        said = f"{path.name} is open in this process with changes that are not stored; they are read"
-        reading.changed.append(Remark(None, said))
+        words = f"{path.name} is open in this process with changes that are not stored; they are read"
+        reading.changed.append(Remark(None, words))
     else:
         layer.Reload(True)
     return layer
@@ -267,7 +267,7 @@ class _Tree:
     def __init__(self, usd: Any, stage: Any, path: Path, reading: Reading) -> None:
         self.usd, self.stage, self.path, self.reading = usd, stage, path, reading
         self.time = usd.Usd.TimeCode.EarliestTime()
-        self.places = usd.UsdGeom.XformCache(self.time)
+        self.transforms = usd.UsdGeom.XformCache(self.time)
         self.registry = usd.Usd.SchemaRegistry()
         self.prims: dict[str, Prim] = {}
         items = [item for found in USD.contexts.values() for item in found]
@@ -328,9 +328,9 @@ class _Tree:
             )
         found = Prim(tag, {"name": name}, None, self.path, handle=handle)
         try:
-            found.world = np.array(self.places.GetLocalToWorldTransform(handle)).T
+            found.world = np.array(self.transforms.GetLocalToWorldTransform(handle)).T
         except self.usd.Tf.ErrorException as error:
-            found.fail(f"has transforms that USD cannot read: {_said(error)[0]}")
+            found.fail(f"has transforms that USD cannot read: {_messages(error)[0]}")
         if any(handle.HasAuthoredMetadata(key) for key in ("clips", "clipSets")):
             found.fail("has value clips, which are not read: they may open any file")
         applied = {str(x) for x in (*handle.GetAppliedSchemas(), *handle.GetPrimTypeInfo().GetAppliedAPISchemas())}
@@ -361,13 +361,13 @@ class _Tree:
             prim.values[key] = value if many else plain(value, single)
             prim.attributes[key] = f"{len(value)} values" if many else text(prim.values[key])
             if item.ValueMightBeTimeVarying() and not self.looks(key):
-                said = "it changes with time in the file; its first value is used"
-                self.reading.dropped.append(Remark(None, said, f'{prim.tag} "{prim.get("name")}" {key}'))
+                words = "it changes with time in the file; its first value is used"
+                self.reading.dropped.append(Remark(None, words, f'{prim.tag} "{prim.get("name")}" {key}'))
         owner = self.owner(key)
         if owner and owner not in applied and key not in own:
-            said = f"without {owner}, which is not applied here, it means nothing"
+            words = f"without {owner}, which is not applied here, it means nothing"
             self.reading.dropped.append(
-                Remark(None, said, f'{prim.tag} "{prim.get("name")}" {key} {prim.attributes[key]}', "other")
+                Remark(None, words, f'{prim.tag} "{prim.get("name")}" {key} {prim.attributes[key]}', "other")
             )
             del prim.attributes[key]
 
