@@ -249,6 +249,18 @@ def turned(rpy: Any) -> Array:
     )
 
 
+def rotation_of(quaternion: Any) -> Array:
+    """The rotation of a quaternion (w, x, y, z) of any length."""
+    w, x, y, z = np.asarray(quaternion, dtype=float) / np.linalg.norm(quaternion)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
 def nearest(rotation: Array) -> Array:
     """The nearest rotation: products of many have some round-off."""
     left, _, right = np.linalg.svd(rotation)

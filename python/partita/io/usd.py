@@ -16,7 +16,7 @@ from .format_table import remark
 from .looks import Look
 from .reading import Reading
 from .request import Request
-from .robot import Array, Effort, Joint, Link, Loop, Robot, Tie, inverse, nearest, placed
+from .robot import Array, Effort, Joint, Link, Loop, Robot, Tie, inverse, nearest, placed, rotation_of
 from .usd_joints import CLOSED, Frames, Kind, apart, kind_of, limited, split
 from .usd_mass import DENSITY, Part, about, axis_of, part, together
 from .usd_stage import Prim, Stage, opened, own
@@ -150,9 +150,6 @@ class _Reader:
             self.carried[path] = path if path in paths else above
             if path in paths:
                 self.bodies[path] = _Body(names[path], prim, self.frame(prim))
-                if above != _GROUND:
-                    words = "lies within another body; each is a body of its own"
-                    self.remark(prim, words, f"in {self.bodies[above].name}", "changed")
         for prim in self.prims:
             if prim.has("PhysicsMassAPI") and prim.get("name") not in paths and not prim.has("PhysicsCollisionAPI"):
                 self.remark(prim, "a mass of what is neither a body nor a shape that collides is not used", "", "other")
@@ -503,17 +500,9 @@ def turns(axis: str) -> bool:
 
 def rotation(prim: Prim, key: str, found: Array) -> Array:
     """The rotation of a quaternion, real part first."""
-    norm = float(np.linalg.norm(found))
-    if norm == 0.0:
+    if not np.any(found):
         prim.fail(f"has {key} 0 0 0 0, which is no rotation")
-    w, x, y, z = found / norm
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    return rotation_of(found)
 
 
 def descendants(root: Prim) -> Any:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .robot import Array, inverse, placed
+from .robot import Array, inverse, placed, turned
 from .usd_mass import axis_of
 from .usd_stage import Prim
 from .usd_table import AXES
@@ -132,7 +132,7 @@ def split(at: Prim, kind: Kind, frames: Frames) -> tuple[Frames, dict[str, float
         axis = np.eye(3)["xyz".index(rotations[0][1])]
         angle = _twist(turn, axis)
         drawn[f"rot{rotations[0][1].upper()}"] = angle
-        turn = turn @ _about(axis, -angle)
+        turn = turn @ turned(-angle * axis)
     for word in kind.free:
         if len(word) == 1:
             i = "xyz".index(word)
@@ -181,10 +181,3 @@ def _twist(turn: Array, axis: Array) -> float:
     k = int(np.argmax(np.abs(axis)))
     i, j = (k + 1) % 3, (k + 2) % 3
     return float(np.arctan2(turn[j, i] - turn[i, j], turn[i, i] + turn[j, j]))
-
-
-def _about(axis: Array, angle: float) -> Array:
-    """The rotation about an axis."""
-    x, y, z = axis
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.asarray(np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross)

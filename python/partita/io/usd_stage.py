@@ -324,7 +324,7 @@ class _Tree:
         tag = kind if kind in self.named else "Prim"
         if kind and tag == "Prim" and not self.registry.FindConcretePrimDefinition(kind):
             self.reading.dropped.append(
-                Remark(None, "a type not known to USD; what is inside is read", f"{kind} {name}", "unknown")
+                Remark(None, "a type not known to USD; what is inside is read", f'{kind} "{name}"', "unknown")
             )
         found = Prim(tag, {"name": name}, None, self.path, handle=handle)
         try:
