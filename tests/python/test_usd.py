@@ -155,7 +155,7 @@ FACES = "int[] faceVertexCounts = [4, 4, 4, 4, 4, 4]"
 AROUND = "int[] faceVertexIndices = [3,2,1,0, 4,5,6,7, 0,1,5,4, 1,2,6,5, 2,3,7,6, 3,0,4,7]"
 
 
-@pytest.mark.parametrize("form", ["none", "convexHull"])
+@pytest.mark.parametrize("form", ["none", "convexHull", "boundingCube", "convexDecomposition"])
 def test_a_mesh_has_the_mass_of_its_volume(tmp_path: Path, form: str) -> None:
     approximation = f'uniform token physics:approximation = "{form}"'
     schemas = "PhysicsCollisionAPI PhysicsMeshCollisionAPI"
@@ -166,6 +166,7 @@ def test_a_mesh_has_the_mass_of_its_volume(tmp_path: Path, form: str) -> None:
     assert found["mass"] == pytest.approx(6.0, rel=1e-12)
     assert found["com"] == pytest.approx([0.05, 0.1, 0.15], rel=1e-12)
     assert np.diag(found["inertia"]) == pytest.approx([0.5 * 0.13, 0.5 * 0.10, 0.5 * 0.05], rel=1e-12)
+    assert ("an approximation of the mesh" in remarks(m)) == (form == "convexDecomposition")
     assert np.abs(found["inertia"] - np.diag(np.diag(found["inertia"]))).max() < 1e-15
 
 
@@ -450,5 +451,7 @@ def test_names_that_are_taken(tmp_path: Path) -> None:
 
 
 def test_a_body_within_a_body_is_one_of_its_own(tmp_path: Path) -> None:
-    m = loaded(tmp_path, SCENE, body("a", at(0, 0, 1), body("b", at(0, 0, 1))), joint("FixedJoint", "A", ("a", "a/b")))
+    inner = body("a", at(0, 0, 1), body("b", at(0, 0, 1)))
+    weld = joint("FixedJoint", "A", ("a", "a/b"), points("(0, 0, 1)", "(0, 0, 0)"))
+    m = loaded(tmp_path, SCENE, inner, weld)
     assert m.bodies["b"].position[2] == 2.0 and m.remarks[0].kind == "used"

@@ -97,6 +97,18 @@ def locked(low: float, high: float, *axes: str) -> str:
     return joint("Joint", "J", ("", "a"), *lines, schemas=" ".join(f"PhysicsLimitAPI:{x}" for x in axes))
 
 
+def mesh(line: str, corners: str, counts: str, faces: str) -> str:
+    """A body with a mesh."""
+    lines = (
+        line,
+        f"point3f[] points = {corners}",
+        f"int[] faceVertexCounts = {counts}",
+        f"int[] faceVertexIndices = {faces}",
+    )
+    shape = prim("Mesh", "s", *lines, schemas="PhysicsCollisionAPI PhysicsMeshCollisionAPI")
+    return prim("Xform", "a", shape, schemas="PhysicsRigidBodyAPI")
+
+
 HOSTILE = {
     "a mass that is no number": (body("a", mass=float("nan")), "physics:mass nan; it takes a number"),
     "an infinite mass": (body("a", mass=float("inf")), "takes finite numbers"),
@@ -107,16 +119,15 @@ HOSTILE = {
         "has no inertia, and no shape that collides",
     ),
     "a shape that is approximated": (
-        prim("Xform", "a", prim("Mesh", "s", 'uniform token physics:approximation = "convexDecomposition"',
-             "point3f[] points = [(0,0,0)]", "int[] faceVertexCounts = [1]", "int[] faceVertexIndices = [0]",
-             schemas="PhysicsCollisionAPI PhysicsMeshCollisionAPI"), schemas="PhysicsRigidBodyAPI"),
-        '"convexDecomposition" is the choice of each program',
+        mesh('uniform token physics:approximation = "boundingSphere"', "[(0,0,0)]", "[1]", "[0]"),
+        'approximation "boundingSphere", whose size each program chooses',
     ),
-    "a mesh that is none": (
-        prim("Xform", "a", prim("Mesh", "s", "point3f[] points = [(0,0,0)]", "int[] faceVertexCounts = [3]",
-             "int[] faceVertexIndices = [0, 1, 2]", schemas="PhysicsCollisionAPI"), schemas="PhysicsRigidBodyAPI"),
-        "is not a mesh",
+    "a mesh that is open": (mesh("", "[(0,0,0), (1,0,0), (0,1,0)]", "[3]", "[0, 1, 2]"), "is open, or its faces"),
+    "a flat mesh": (
+        mesh("", "[(0,0,0), (1,0,0), (0,1,0)]", "[3, 3]", "[0, 1, 2, 0, 2, 1]"),
+        "has no mass, and no shape that collides",
     ),
+    "a mesh that is none": (mesh("", "[(0,0,0)]", "[3]", "[0, 1, 2]"), "is not a mesh"),
     "a place that is no number": (body("a", at(float("inf"), 0, 0)), "a transform that is not finite"),
     "an odd transform": (
         body("a", 'uniform token[] xformOpOrder = ["xformOp:nothing"]'),
@@ -145,6 +156,10 @@ HOSTILE = {
         body("a") + joint("RevoluteJoint", "J", ("", "a"), drive("angular", stiffness="inf"),
                           schemas="PhysicsDriveAPI:angular"),
         "drive:angular:physics:stiffness inf; it takes finite numbers",
+    ),
+    "a rotor": (
+        body("a") + joint("RevoluteJoint", "J", ("", "a"), "float physxJoint:armature = -1", schemas="PhysxJointAPI"),
+        'PhysicsRevoluteJoint "/World/J" cannot act so',
     ),
     "no distance": (
         body("a") + joint("DistanceJoint", "J", ("", "a"), "float physics:minDistance = 0",
@@ -217,3 +232,11 @@ def test_values_of_another_type(tmp_path: Path) -> None:
 def test_loops_belong_to_urdf(tmp_path: Path) -> None:
     with pytest.raises(pt.errors.ArgumentError, match="USD states its own"):
         pt.load(put(tmp_path, four_bar()), loops="loops.yaml")
+
+
+def test_without_the_extra_the_reader_names_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import sys
+
+    monkeypatch.setitem(sys.modules, "pxr.Usd", None)
+    with pytest.raises(pt.errors.MissingDependencyError, match=r"needs pxr, .* pip install 'partita\[usd\]'"):
+        pt.load(put(tmp_path, four_bar()))

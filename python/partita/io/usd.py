@@ -18,7 +18,7 @@ from .reading import Reading
 from .request import Request
 from .robot import Array, Effort, Joint, Link, Loop, Robot, Tie, inverse, nearest, placed, rotation_of
 from .usd_joints import CLOSED, Frames, Kind, apart, kind_of, limited, split
-from .usd_mass import DENSITY, Part, about, axis_of, part, together
+from .usd_mass import APPROXIMATED, DENSITY, Part, about, axis_of, part, together
 from .usd_stage import Prim, Stage, opened, own
 from .usd_table import ACCELERATION, AXES, CONTACT, LIMITS, OWN, USD, VELOCITY
 
@@ -246,7 +246,7 @@ class _Reader:
         whole: Part | None = None
         needed = not ours and not (mass > 0.0 and given_moments)
         if needed or not given_com:
-            whole = self.whole(body, shapes) if needed or any(self.plain(one) for one in shapes) else None
+            whole = self.whole(body, shapes)
             if whole is None and needed:
                 lacks = "no mass" if mass == 0.0 else "no inertia"
                 prim.fail(
@@ -284,14 +284,13 @@ class _Reader:
         same = np.allclose(exact, found, rtol=0.0, atol=_EVEN * float(np.abs(found).max()))
         return np.asarray(self.agreed(prim, f"{OWN}:inertia", exact, found, same))
 
-    def plain(self, shape: Prim) -> bool:
-        """Whether the volume of a shape can be found."""
-        return shape.tag != "Mesh" or str(shape.value("physics:approximation") or "none") in ("none", "convexHull")
-
     def whole(self, body: _Body, shapes: list[Prim]) -> Part | None:
         """All shapes of a body as one part, or None where they have no volume."""
         parts = []
         for shape in shapes:
+            form = str(shape.value("physics:approximation") or "")
+            if form in APPROXIMATED:
+                self.remark(shape, "an approximation of the mesh, whose own volume is used", form, "changed")
             weight = self.weight(shape) if shape is not body.prim else 0.0
             found = part(shape, body.frame, self.length, self.density(shape, body.prim), weight)
             if found is not None:

@@ -17,7 +17,9 @@ DENSITY = 1000.0
 """Density [kg/m^3] of a shape where nothing gives one, which is USD's."""
 _FLAT = 1e-9
 """Volume of a mesh below which it is empty, as a fraction of the cube of its size: seven digits of coordinates."""
-_NOT_READ = "has no mass, and this approximation of the shape {0} is the choice of each program: give mass and inertia"
+APPROXIMATED = ("convexDecomposition", "meshSimplification", "sdf")
+"""Approximations of a mesh that follow it: its own volume is what they approach."""
+_GIVE = "give physics:mass, physics:centerOfMass and physics:diagonalInertia of its body"
 
 
 @dataclass(frozen=True)
@@ -83,15 +85,38 @@ def _mesh(prim: Prim) -> Solid | None:
     good = counts.size > 0 and int(counts.sum()) == corners.size and bool(np.all(counts >= 0))
     if not good or np.any(corners < 0) or np.any(corners >= len(points)) or not np.all(np.isfinite(points)):
         prim.fail("is not a mesh: its faces do not fit its points, or these are not finite")
+    if form == "boundingCube":
+        return _box(points)
     if form == "convexHull":
         triangles = _hull(points)
-    elif form == "none":
+    elif form in ("none", *APPROXIMATED):
         starts = np.concatenate([[0], np.cumsum(counts)[:-1]])
         faces = [corners[i : i + n] for i, n in zip(starts, counts, strict=True)]
         triangles = np.array([(f[0], f[i], f[i + 1]) for f in faces for i in range(1, len(f) - 1)], dtype=int)
+        if not _closed(points, triangles):
+            prim.fail(f"is open, or its faces do not all look outwards, so it has no volume: {_GIVE}")
     else:
-        prim.fail(_NOT_READ.format(f'"{form}"'))
+        prim.fail(f'has the approximation "{form}", whose size each program chooses: {_GIVE}')
     return None if triangles is None or not len(triangles) else _within(points, triangles)
+
+
+def _box(points: Array) -> Solid | None:
+    """The box around points, along their axes."""
+    low, sizes = points.min(axis=0), np.ptp(points, axis=0)
+    volume = float(np.prod(sizes))
+    return Solid(volume, low + 0.5 * sizes, volume / 12.0 * np.diag(sizes**2)) if volume > 0.0 else None
+
+
+def _closed(points: Array, triangles: Array) -> bool:
+    """Whether each edge is passed in both directions the same number of times. Points in one place are one."""
+    _, places = np.unique(points, axis=0, return_inverse=True)
+    found = places.reshape(-1)[triangles]
+    edges = np.concatenate([found[:, [0, 1]], found[:, [1, 2]], found[:, [2, 0]]])
+    edges = edges[edges[:, 0] != edges[:, 1]]
+    _, which = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True)
+    passed = np.zeros(len(edges))
+    np.add.at(passed, which.reshape(-1), np.where(edges[:, 0] < edges[:, 1], 1.0, -1.0))
+    return not np.any(passed)
 
 
 def _hull(points: Array) -> Array | None:
