@@ -482,15 +482,7 @@ FORMULAS = (
         f"{MATH}/wide.rs",
         "unsafe { std::arch::x86_64::_mm256_zeroupper() }",
         "unsafe {}",
-        ("lib factor",),
-    ),
-    Error(
-        "passage-date",
-        "a passage is dated nearer to the farther end of its step",
-        f"{SYSTEM}/formulation/motion/crossing.rs",
-        "from + h * one / (one + two)",
-        "from + h * two / (one + two)",
-        ("whole motion::crossings",),
+        ("lib wide",),
     ),
     Error(
         "switches-of-corrections",
@@ -566,10 +558,10 @@ FORMULAS = (
     ),
     Error(
         "time-of-a-passage",
-        "a singular position that was crossed is dated from the wrong end of its step",
-        f"{SYSTEM}/formulation/motion/crossing.rs",
-        "from + h * one / (one + two)",
-        "from + h * two / (one + two)",
+        "singular positions are dated at the ends of the steps that crossed them",
+        f"{SYSTEM}/singular/change_point.rs",
+        "self.times.extend_from_slice(zeros)",
+        "self.times.extend(zeros.iter().map(|_| t))",
         ("whole motion::crossings",),
     ),
     Error(
@@ -910,7 +902,7 @@ FORMULAS = (
         f"{MODEL}/measurement/mod.rs",
         "(G::dot(rate, rate) - along * along) / length",
         "(G::dot(rate, rate) + along * along) / length",
-        ("python test_oracle_couplings.py",),
+        ("python test_couplings.py",),
     ),
     Error(
         "displacement-coriolis",

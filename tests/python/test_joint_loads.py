@@ -6,7 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 from force_mechanisms import TIGHT, G, balanced, slider
+from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
+from scipy.spatial.transform import Rotation
 
 import partita as pt
 from partita.errors import DescriptionError
@@ -83,6 +85,25 @@ def test_a_bushing_with_a_full_matrix_keeps_energy_between_two_bodies_that_tumbl
         centre, velocity = centre + mass / 3 * x, velocity + mass / 3 * v
     total = sum(mass * np.cross(x - centre, v - velocity) + turning for mass, x, v, turning in spins)
     np.testing.assert_allclose(total, total[0] + 0 * total, atol=1e-8)
+
+
+def test_a_bushing_takes_the_energy_of_the_rates_of_its_rotation_vector() -> None:
+    """Turned by more than a radian about one axis and spun about another: the rates are those of the rotation vectors."""
+    damping = np.array([0.3, 0.7, 0.5])
+    m = pt.Mechanism("damped", gravity=(0, 0, 0))
+    m.add_body("b", mass=1.0, inertia=(0.4, 0.5, 0.6))
+    m.add_bushing("B", m.ground, "b", (0, 0, 0), stiffness=(1, 1, 1, 2, 2, 2), damping=(0, 0, 0, *damping))
+    start = m.assemble()
+    q = start.q.copy()
+    q[np.abs(q).argmax() :][:4] = [np.cos(0.7), np.sin(0.7), 0.0, 0.0]
+    run = m.simulate(1.0, initial=pt.State(0.0, q, [0, 0, 0, 0.2, 1.0, -2.0]), t_eval=np.linspace(0, 1, 401), **TIGHT)
+    turned = Rotation.from_matrix(run.body("b").rotation).as_rotvec()
+    assert np.linalg.norm(turned[0]) > 1.3
+    rates = CubicSpline(run.t, turned).derivative()(run.t)
+    taken = CubicSpline(run.t, np.sum(damping * rates**2, axis=1)).antiderivative()(1.0)
+    energy = run.energy.total
+    assert energy[0] - energy[-1] > 0.5
+    np.testing.assert_allclose(energy[0] - energy[-1], taken, rtol=1e-6)
 
 
 # ---------------------------------------------------------------- friction

@@ -37,3 +37,23 @@ pub(crate) fn in_use() -> Option<u64> {
     // SAFETY: the processor has the instruction and answers this question
     supported.then(|| unsafe { asked() })
 }
+
+#[cfg(all(test, target_arch = "x86_64"))]
+mod tests {
+    use super::*;
+
+    /// Where the processor reports what is in use.
+    #[test]
+    fn upper_halves_are_cleared() {
+        if !std::is_x86_feature_detected!("avx") {
+            return;
+        }
+        // SAFETY: the processor has the instruction; the register is declared as overwritten
+        unsafe { std::arch::asm!("vcmptrueps ymm15, ymm15, ymm15", out("xmm15") _) };
+        let used = in_use();
+        drop(Cleared);
+        if used.is_some_and(|used| used != 0) {
+            assert_eq!(in_use(), Some(0));
+        }
+    }
+}

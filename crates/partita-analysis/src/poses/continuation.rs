@@ -24,7 +24,7 @@ const LAST: Rule = Rule::new(6, f64::EPSILON, tolerance::CLOSED);
 /// some distance to it on both sides.
 const LEAPS: [f64; 3] = [1e-3, 1e-2, 3e-2];
 /// Velocities up to which the sign of the determinant is watched: its cost grows with their cube.
-const WATCHED: usize = 150;
+pub(super) const WATCHED: usize = 150;
 /// Number of steps of one continuation: three thousand radians.
 const STEPS: usize = 10_000;
 
@@ -61,6 +61,13 @@ pub(super) struct Start {
     /// Whether anything besides the goals moves.
     pub rest: usize,
     signed: Option<Signed>,
+}
+
+impl Start {
+    /// Whether continuations from it notice singular positions by the sign of a determinant.
+    pub fn is_watched(&self) -> bool {
+        self.signed.is_some()
+    }
 }
 
 /// Work arrays for continuations of one mechanism.
@@ -231,6 +238,42 @@ impl<'m> Continuation<'m> {
             return Ok(Ending::Limit(1.0));
         }
         Ok(ending)
+    }
+
+    /// The start of further continuations where the goals have the values `to`; none where they are not reached from this
+    /// one.
+    ///
+    /// # Errors
+    /// As [`go`](Self::go).
+    pub fn start_at(&mut self, start: &Start, to: &[f64]) -> Result<Option<Start>, SystemError> {
+        let mut next = Start { y: to.to_vec(), ..start.clone() };
+        self.begin(start);
+        self.field.y.copy_from_slice(&start.y);
+        let ending = self.on(&start.y, to, &mut next.q, &mut next.signed)?;
+        Ok((ending == Ending::There && self.settle(&mut next.q, to)?).then_some(next))
+    }
+
+    /// For each goal the least velocity that changes it at unit rate with the loops closed and the others at rest, at
+    /// this start.
+    ///
+    /// # Errors
+    /// As [`go`](Self::go).
+    pub fn directions(&mut self, start: &Start) -> Result<Vec<Vec<f64>>, SystemError> {
+        self.begin(start);
+        let f = &mut self.field;
+        f.y.copy_from_slice(&start.y);
+        f.aims.copy_from_slice(&start.y);
+        f.evaluate(&start.q)?;
+        f.factor_hard();
+        let m = f.closings();
+        let mut found = Vec::with_capacity(f.targets.len());
+        for (k, x) in f.targets.iter().enumerate() {
+            self.r.fill(0.0);
+            self.r[m + k] = 1.0 / x.displacement;
+            f.solve(&self.r);
+            found.push(f.dv.iter().zip(&f.displacement).map(|(x, displacement)| x * displacement).collect());
+        }
+        Ok(found)
     }
 
     /// As `go`, via intermediate values of the goals, linearly from each to the next.

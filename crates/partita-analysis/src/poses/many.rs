@@ -1,10 +1,10 @@
 //! Thousands of positions for values of the goals, each on the branch of one state.
 
-use super::continuation::{Continuation, Ending, Start};
+use super::continuation::{Continuation, Start};
 use super::explicit::Explicit;
-use super::field::Duty;
 use super::goal::Target;
-use super::nearest::nearest;
+use super::lattice::{LastSteps, Lattice};
+use super::numeric::Numeric;
 use super::outcome::{Found, Outcome};
 use crate::outputs::{tables, Rows, Watch};
 use partita_math::tolerance;
@@ -103,14 +103,7 @@ pub fn many<E: Send + From<SystemError>>(
             };
             tables(count, &widths, chunk, || explicit.again(), row, watch)?
         }
-        None => {
-            let row = |i: usize, room: &mut Numeric, rows: &mut Rows| {
-                let (found, reached) = room.pose(of(i))?;
-                put(&found, &reached, &room.there, i, rows);
-                Ok(())
-            };
-            tables(count, &widths, chunk, || Numeric::new(model, t, targets, &start), row, watch)?
-        }
+        None => by_following(model, t, targets, &start, values, watch)?,
     };
     let mut tables = tables.into_iter();
     let mut next = || tables.next().unwrap_or_default();
@@ -133,79 +126,31 @@ pub fn many<E: Send + From<SystemError>>(
     Ok(poses)
 }
 
-/// Poses by following the motion.
-struct Numeric<'m> {
-    continuation: Continuation<'m>,
-    start: &'m Start,
-    there: Vec<f64>,
-}
-
-impl<'m> Numeric<'m> {
-    fn new(model: &'m Model, t: f64, targets: &'m [Target], start: &'m Start) -> Self {
-        Self { continuation: Continuation::new(model, targets, t), start, there: start.q.clone() }
-    }
-
-    /// Points between which the goals vary linearly, one after the other, forward and backward.
-    fn detours(&self, values: &[f64]) -> [Vec<Vec<f64>>; 2] {
-        let one_by_one = |order: &mut dyn Iterator<Item = usize>| {
-            let mut now = self.start.y.clone();
-            let mut by = Vec::with_capacity(values.len());
-            for k in order {
-                now[k] = values[k];
-                by.push(now.clone());
-            }
-            by.pop();
-            by
-        };
-        [one_by_one(&mut (0..values.len())), one_by_one(&mut (0..values.len()).rev())]
-    }
-
-    fn pose(&mut self, values: &[f64]) -> Result<(Found, Vec<f64>), SystemError> {
-        let first = self.continuation.go(self.start, values, &mut self.there)?;
-        if first == Ending::There {
-            return Ok((self.agreeing(values, false), values.to_vec()));
+/// The tables of poses found by following the motion.
+fn by_following<E: Send + From<SystemError>>(
+    model: &Model,
+    t: f64,
+    targets: &[Target],
+    start: &Start,
+    values: &[f64],
+    watch: Watch<E>,
+) -> Result<Vec<Vec<f64>>, E> {
+    let width = targets.len();
+    let count = values.len() / width;
+    let widths = [model.size().nq, width, RESULT];
+    let of = |i: usize| &values[i * width..][..width];
+    let lattice = Lattice::new(model, t, targets, start).map(|x| x.with_stations(values)).transpose()?;
+    let chunk = if model.calls_functions() { usize::MAX } else { LastSteps::BATCH };
+    let row = |i: usize, room: &mut Numeric, rows: &mut Rows| {
+        let place = i % LastSteps::BATCH;
+        if place == 0 {
+            room.batch((i..count.min(i + LastSteps::BATCH)).map(of))?;
         }
-        let reached = self.continuation.field.y.clone();
-        let here = self.there.clone();
-        if self.start.free.iter().filter(|f| **f).count() > 1 {
-            for by in self.detours(values) {
-                if self.continuation.go_by(self.start, &by, values, &mut self.there)? == Ending::There {
-                    return Ok((self.agreeing(values, true), values.to_vec()));
-                }
-            }
-        }
-        // from the end of the direct path: the closure error with the goals at their targets
-        self.there.clone_from(&here);
-        let f = &mut self.continuation.field;
-        f.y.copy_from_slice(&reached);
-        let m = f.closings();
-        f.duty[..m].fill(Duty::Soft);
-        nearest(f, &mut self.there, values)?;
-        let goals_met = f.worst(Duty::Hard) <= tolerance::CLOSED.sqrt();
-        let (culprit, shortfall, angle) = f.closure_error();
-        let closes = goals_met && f.worst(Duty::Soft) <= tolerance::CLOSED.sqrt();
-        let outcome = match first {
-            Ending::Crossing(_) => Outcome::Singular,
-            _ if closes => Outcome::OtherBranch,
-            _ => Outcome::Open,
-        };
-        let (shortfall, angle) = if goals_met { (shortfall, angle) } else { (f64::NAN, f64::NAN) };
-        Ok((Found { outcome, shortfall, angle, culprit, detour: false }, reached))
-    }
-
-    /// Goals that depend on the others must have reached their targets.
-    fn agreeing(&mut self, values: &[f64], detour: bool) -> Found {
-        self.continuation.field.look(&self.there);
-        let f = &self.continuation.field;
-        let off = |k: usize| (f.y[k] - values[k]).abs() / f.targets[k].displacement;
-        let dependent = (0..values.len()).filter(|&k| !self.start.free[k]);
-        match dependent.max_by(|&i, &j| off(i).total_cmp(&off(j))) {
-            Some(k) if off(k) > tolerance::EQUAL => {
-                Found { outcome: Outcome::Contradiction, shortfall: f.y[k], angle: f64::NAN, culprit: k, detour }
-            }
-            _ => Found::closed(detour),
-        }
-    }
+        let (found, reached) = room.pose(place, of(i))?;
+        put(&found, &reached, &room.there, i, rows);
+        Ok(())
+    };
+    tables(count, &widths, chunk, || Numeric::new(model, t, targets, start, lattice.as_ref()), row, watch)
 }
 
 /// The goals of one pose, for messages.

@@ -96,8 +96,8 @@ pub fn lu_solve_transposed<T: Scalar>(a: &[T], n: usize, piv: &[usize], b: &mut 
 }
 
 /// Determinant of A from the factors of [`lu`]; 1 for n = 0.
-pub fn lu_determinant(a: &[f64], n: usize, piv: &[usize]) -> f64 {
-    (0..n).fold(1.0, |det, k| {
+pub fn lu_determinant<T: Scalar>(a: &[T], n: usize, piv: &[usize]) -> T {
+    (0..n).fold(T::one(), |det, k| {
         let pivot = a[k * n + k];
         if piv[k] == k {
             det * pivot

@@ -7,7 +7,7 @@ use super::instant::Instant;
 use super::planar::Fit;
 use crate::evaluator::{Evaluator, Scratch};
 use crate::model::{Model, ModelScratch};
-use partita_math::dense::{lu, lu_in_order, lu_pivot_ratio, lu_solve};
+use partita_math::dense::{lu, lu_determinant, lu_in_order, lu_pivot_ratio, lu_solve};
 use partita_math::scalar::Scalar;
 use partita_math::tolerance;
 use partita_system::manifold::follow::LONGEST_PREDICTION;
@@ -64,6 +64,31 @@ pub(super) struct StraightRoom<S: Scalar> {
     pub dv: Vec<S>,
     pub jacobian: Vec<S>,
     pub x: Vec<S>,
+}
+
+impl<S: Scalar> StraightRoom<S> {
+    /// For blocks of at most n unknowns.
+    pub fn new(model: &Model, e: &Evaluator<S>, n: usize) -> Self {
+        let (size, room) = (model.size(), |n: usize| vec![S::zero(); n]);
+        Self {
+            scratch: e.scratch(),
+            phi: room(size.holonomic),
+            c: room(model.pattern().nnz()),
+            a: room(size.rows),
+            dv: room(size.nv),
+            jacobian: room(n * n),
+            x: room(n),
+        }
+    }
+}
+
+/// One unchecked iteration.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Straight<S> {
+    /// Largest correction, in characteristic displacements.
+    pub largest: S,
+    /// Determinant of the block before it.
+    pub determinant: S,
 }
 
 /// Working data of the iteration.
@@ -150,24 +175,46 @@ impl Implicit {
         q: &mut [S],
         room: &mut StraightRoom<S>,
     ) -> Result<Fit<S>, SystemError> {
-        let n = self.rows.len();
         let mut largest = S::zero();
         for _ in 0..STRAIGHT {
-            e.position(t, q, &mut room.scratch, &mut room.phi, &mut room.c, &mut room.a)?;
-            let (jacobian, x) = (&mut room.jacobian[..n * n], &mut room.x[..n]);
-            self.equations(model, &room.c, &room.phi, jacobian, x);
-            lu_in_order(jacobian, n, &self.pivots);
-            lu_solve(jacobian, n, &self.pivots, x);
-            largest = x.iter().fold(S::zero(), |m, x| m.max(x.abs()));
-            room.dv.fill(S::zero());
-            for (x, &u) in x.iter().zip(&self.unknown) {
-                room.dv[u] = x.scale(model.characteristic_displacement(u));
-            }
-            e.step(q, &room.dv);
-            e.normalise(q);
+            largest = self.iterate((model, e), t, q, room)?.largest;
         }
         let closure_error = room.phi.iter().fold(S::zero(), |m, x| m.max(x.abs()));
         Ok(Fit { excess: largest - S::from_f64(tolerance::LAST_MOVE), shortfall: closure_error })
+    }
+
+    /// One iteration with the exchanges of the plan.
+    pub fn iterate<S: Scalar>(
+        &self,
+        (model, e): (&Model, &Evaluator<S>),
+        t: S,
+        q: &mut [S],
+        room: &mut StraightRoom<S>,
+    ) -> Result<Straight<S>, SystemError> {
+        let n = self.rows.len();
+        e.position(t, q, &mut room.scratch, &mut room.phi, &mut room.c, &mut room.a)?;
+        let (jacobian, x) = (&mut room.jacobian[..n * n], &mut room.x[..n]);
+        self.equations(model, &room.c, &room.phi, jacobian, x);
+        lu_in_order(jacobian, n, &self.pivots);
+        lu_solve(jacobian, n, &self.pivots, x);
+        let largest = x.iter().fold(S::zero(), |m, x| m.max(x.abs()));
+        let determinant = lu_determinant(jacobian, n, &self.pivots);
+        room.dv.fill(S::zero());
+        for (x, &u) in x.iter().zip(&self.unknown) {
+            room.dv[u] = x.scale(model.characteristic_displacement(u));
+        }
+        e.step(q, &room.dv);
+        e.normalise(q);
+        Ok(Straight { largest, determinant })
+    }
+
+    /// Determinant of the block for these values of C, and the ratio of the pivots in the order of the plan.
+    pub fn determinant(&self, model: &Model, c: &[f64]) -> (f64, f64) {
+        let n = self.rows.len();
+        let mut jacobian = vec![0.0; n * n];
+        self.jacobian(model, c, &mut jacobian);
+        lu_in_order(&mut jacobian, n, &self.pivots);
+        (lu_determinant(&jacobian, n, &self.pivots), lu_pivot_ratio(&jacobian, n))
     }
 
     /// Closes the rows by moving the unknowns of q; returns the ratio of the pivots.

@@ -77,6 +77,31 @@ impl<'m> Instant<'m> {
         rows
     }
 
+    /// As many independent velocities among `within` as these rows have; fewer where they are dependent.
+    pub fn columns(&self, rows: &[usize], within: &[bool]) -> Vec<usize> {
+        let candidates: Vec<usize> = (0..within.len()).filter(|&v| within[v]).collect();
+        let mut place = vec![usize::MAX; within.len()];
+        candidates.iter().enumerate().for_each(|(i, &v)| place[v] = i);
+        let mut entries: Vec<Vec<(usize, f64)>> = vec![Vec::new(); candidates.len()];
+        for (i, &r) in rows.iter().enumerate() {
+            let size = self.model.row_displacement(r).unwrap_or(1.0);
+            for e in self.pattern().row(r) {
+                let v = self.pattern().col_idx[e];
+                if within[v] {
+                    entries[place[v]].push((i, self.c[e] * self.model.characteristic_displacement(v) / size));
+                }
+            }
+        }
+        let mut row_ptr = vec![0];
+        for of in &entries {
+            row_ptr.push(row_ptr[row_ptr.len() - 1] + of.len());
+        }
+        let (col_idx, values): (Vec<usize>, Vec<f64>) = entries.into_iter().flatten().unzip();
+        let transposed = Pattern::new(candidates.len(), rows.len(), row_ptr, col_idx);
+        let kept = independent_rows(&transposed, &values, &vec![1.0; rows.len()], tolerance::REDUNDANT).kept;
+        kept.into_iter().map(|i| candidates[i]).collect()
+    }
+
     /// The rows of `others` that are combinations of `rows`, up to round-off.
     pub fn that_follow_exactly(&self, rows: &[usize], others: impl Iterator<Item = usize>) -> Vec<usize> {
         let n = self.model.size().nv;

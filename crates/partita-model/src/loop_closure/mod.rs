@@ -19,6 +19,7 @@
 //!
 //! [`SystemError::Limit`]: partita_system::SystemError::Limit
 
+mod adjacent;
 mod arm;
 mod assemblies;
 mod blocks;
@@ -36,6 +37,7 @@ mod planar;
 mod polygon;
 mod spatial;
 
+pub use adjacent::{Adjacent, AdjacentClosing, AdjacentRoom};
 pub use assemblies::{Assembled, Assemblies};
 pub use over::ClosingRoom;
 

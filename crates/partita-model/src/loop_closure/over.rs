@@ -9,7 +9,6 @@ use crate::evaluator::Evaluator;
 use crate::value;
 use partita_math::scalar::Scalar;
 use partita_math::spatial::Mat3;
-use partita_system::prelude::*;
 use partita_system::SystemError;
 use std::sync::Arc;
 
@@ -22,19 +21,9 @@ pub struct ClosingRoom<S: Scalar> {
 impl LoopClosing<'_> {
     /// Memory for closing over other numbers, of the same model.
     pub fn room_over<S: Scalar>(&self, e: &Evaluator<S>) -> ClosingRoom<S> {
-        let size = self.model.size();
         let block = |s: &super::Step| if let Work::Implicit(b) = &s.work { b.rows.len() } else { 0 };
         let n = self.steps.iter().map(block).max().unwrap_or(0);
-        let room = |n: usize| vec![S::zero(); n];
-        let straight = StraightRoom {
-            scratch: e.scratch(),
-            phi: room(size.holonomic),
-            c: room(self.model.pattern().nnz()),
-            a: room(size.rows),
-            dv: room(size.nv),
-            jacobian: room(n * n),
-            x: room(n),
-        };
+        let straight = StraightRoom::new(&self.model, e, n);
         ClosingRoom { pose: Pose::new(&self.graph, &e.numbers), straight }
     }
 

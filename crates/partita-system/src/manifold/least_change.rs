@@ -24,7 +24,7 @@ pub const fn from_afar(tolerance: f64) -> Rule {
 
 /// Largest first correction of a predicted position. Scale: characteristic displacement. Reason: the curvature over the
 /// longest prediction.
-const FIRST_CORRECTION: f64 = 0.05;
+pub const FIRST_CORRECTION: f64 = 0.05;
 /// Corrections of one position; a step that needs more is too long.
 const CORRECTIONS: usize = 8;
 

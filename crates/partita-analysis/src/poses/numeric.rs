@@ -1,0 +1,109 @@
+//! Poses by following the motion from the start, the last step of each in a batch where a lattice applies.
+
+use super::continuation::{Continuation, Ending, Start};
+use super::field::Duty;
+use super::goal::Target;
+use super::lattice::{LastSteps, Lattice};
+use super::nearest::nearest;
+use super::outcome::{Found, Outcome};
+use partita_math::tolerance;
+use partita_model::Model;
+use partita_system::SystemError;
+
+/// Poses by following the motion.
+pub(super) struct Numeric<'l, 'm> {
+    continuation: Continuation<'m>,
+    start: &'m Start,
+    last_steps: Option<LastSteps<'l, 'm>>,
+    /// The position found.
+    pub there: Vec<f64>,
+}
+
+impl<'l, 'm> Numeric<'l, 'm> {
+    pub fn new(
+        model: &'m Model,
+        t: f64,
+        targets: &'m [Target],
+        start: &'m Start,
+        lattice: Option<&'l Lattice<'m>>,
+    ) -> Self {
+        let continuation = Continuation::new(model, targets, t);
+        Self { continuation, start, last_steps: lattice.map(LastSteps::new), there: start.q.clone() }
+    }
+
+    /// Take the last steps of the poses of a batch together.
+    pub fn batch<'v>(&mut self, values: impl Iterator<Item = &'v [f64]>) -> Result<(), SystemError> {
+        match &mut self.last_steps {
+            Some(last_steps) => last_steps.batch(&mut self.continuation, values),
+            None => Ok(()),
+        }
+    }
+
+    /// Points between which the goals vary linearly, one after the other, forward and backward.
+    fn detours(&self, values: &[f64]) -> [Vec<Vec<f64>>; 2] {
+        let one_by_one = |order: &mut dyn Iterator<Item = usize>| {
+            let mut now = self.start.y.clone();
+            let mut by = Vec::with_capacity(values.len());
+            for k in order {
+                now[k] = values[k];
+                by.push(now.clone());
+            }
+            by.pop();
+            by
+        };
+        [one_by_one(&mut (0..values.len())), one_by_one(&mut (0..values.len()).rev())]
+    }
+
+    /// Pose `i` of the last batch.
+    pub fn pose(&mut self, i: usize, values: &[f64]) -> Result<(Found, Vec<f64>), SystemError> {
+        if let Some(q) = self.last_steps.as_ref().and_then(|x| x.pose(i)) {
+            self.there.clear();
+            self.there.extend_from_slice(q);
+            return Ok((Found::closed(false), values.to_vec()));
+        }
+        let first = self.continuation.go(self.start, values, &mut self.there)?;
+        if first == Ending::There {
+            return Ok((self.agreeing(values, false), values.to_vec()));
+        }
+        let reached = self.continuation.field.y.clone();
+        let here = self.there.clone();
+        if self.start.free.iter().filter(|f| **f).count() > 1 {
+            for by in self.detours(values) {
+                if self.continuation.go_by(self.start, &by, values, &mut self.there)? == Ending::There {
+                    return Ok((self.agreeing(values, true), values.to_vec()));
+                }
+            }
+        }
+        // from the end of the direct path: the closure error with the goals at their targets
+        self.there.clone_from(&here);
+        let f = &mut self.continuation.field;
+        f.y.copy_from_slice(&reached);
+        let m = f.closings();
+        f.duty[..m].fill(Duty::Soft);
+        nearest(f, &mut self.there, values)?;
+        let goals_met = f.worst(Duty::Hard) <= tolerance::CLOSED.sqrt();
+        let (culprit, shortfall, angle) = f.closure_error();
+        let closes = goals_met && f.worst(Duty::Soft) <= tolerance::CLOSED.sqrt();
+        let outcome = match first {
+            Ending::Crossing(_) => Outcome::Singular,
+            _ if closes => Outcome::OtherBranch,
+            _ => Outcome::Open,
+        };
+        let (shortfall, angle) = if goals_met { (shortfall, angle) } else { (f64::NAN, f64::NAN) };
+        Ok((Found { outcome, shortfall, angle, culprit, detour: false }, reached))
+    }
+
+    /// Goals that depend on the others must have reached their targets.
+    fn agreeing(&mut self, values: &[f64], detour: bool) -> Found {
+        self.continuation.field.look(&self.there);
+        let f = &self.continuation.field;
+        let off = |k: usize| (f.y[k] - values[k]).abs() / f.targets[k].displacement;
+        let dependent = (0..values.len()).filter(|&k| !self.start.free[k]);
+        match dependent.max_by(|&i, &j| off(i).total_cmp(&off(j))) {
+            Some(k) if off(k) > tolerance::EQUAL => {
+                Found { outcome: Outcome::Contradiction, shortfall: f.y[k], angle: f64::NAN, culprit: k, detour }
+            }
+            _ => Found::closed(detour),
+        }
+    }
+}
