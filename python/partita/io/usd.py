@@ -6,6 +6,7 @@ become metres, kilograms and radians; numbers in single precision are read as th
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -65,6 +66,7 @@ class _Reader:
         self.bodies: dict[str, _Body] = {}
         self.kinds: dict[str, tuple[str, Prim, Kind]] = {}
         self.carried: dict[str, str] = {}
+        self.frames: dict[str, Array] = {}
 
     def remark(self, at: Prim, words: str, what: str = "", kind: str = "motion") -> None:
         """Something that the model lacks, or has in another way."""
@@ -175,6 +177,9 @@ class _Reader:
 
     def frame(self, prim: Prim) -> Array:
         """The frame of a prim in the world, in metres. Scales stay behind; a shear or a reflection is refused."""
+        known = self.frames.get(prim.get("name"))
+        if known is not None:
+            return known
         linear = prim.world[:3, :3]
         sizes = np.linalg.norm(linear, axis=0)
         if not np.all(np.isfinite(prim.world)) or np.any(sizes == 0.0):
@@ -182,7 +187,8 @@ class _Reader:
         axes = linear / sizes
         if float(np.abs(axes.T @ axes - np.eye(3)).max()) > _EVEN or float(np.linalg.det(axes)) < 0.0:
             prim.fail("is sheared or reflected by its transforms, so it has no axes that could be those of a body")
-        return placed(self.length * prim.world[:3, 3], nearest(axes))
+        found = self.frames[prim.get("name")] = placed(self.length * prim.world[:3, 3], nearest(axes))
+        return found
 
     def scale(self, prim: Prim) -> Array:
         """The scale of a prim along its axes; 1 where it is off by rounding."""
@@ -341,7 +347,7 @@ class _Reader:
             words = "not closed as drawn; assembly closes it"
             self.remark(prim, words, f"open by {_length(frames):.2g} m, {np.degrees(angle):.2g} deg", "changed")
         if kind.word == "universal" and prim.value(f"{OWN}:kind") != "universal":
-            words = "USD does not say in which order it turns: a universal joint, as PhysX has it, first about "
+            words = "USD does not say in which order it turns: a universal joint, as PhysX's D6 has it, first about "
             self.remark(prim, words + f"{kind.free[-1][1]} of the frame of body 0", "", "changed")
         for axis, low, high in limited(prim):
             self.remark(prim, LIMITS, f"{axis} {low:g} to {high:g}", "bounds")
@@ -524,10 +530,12 @@ def _types(prim: Prim) -> Any:
 def _short(prims: list[Prim], taken: set[str]) -> dict[str, str]:
     """Names by paths: the last word where no other one has it, else the whole path."""
     last = [str(prim.value(f"{OWN}:name") or prim.get("name").rpartition("/")[2]) for prim in prims]
+    times, used = Counter(last), set(taken)
     found: dict[str, str] = {}
     for prim, word in zip(prims, last, strict=True):
-        name = word if last.count(word) == 1 and word not in taken else prim.get("name").lstrip("/")
-        while name in taken or name in found.values():
+        name = word if times[word] == 1 and word not in used else prim.get("name").lstrip("/")
+        while name in used:
             name += "_"
+        used.add(name)
         found[prim.get("name")] = name
     return found

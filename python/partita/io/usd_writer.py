@@ -293,7 +293,9 @@ class _Writer:
         if abs(float(first @ second)) > _SQUARE:
             self.report.dropped.append(f"universal joint {joint.name}, whose axes are not perpendicular")
             return None
-        self.report.changed.append(f"universal joint {joint.name} has a free twist and swing, in the order of PhysX")
+        self.report.changed.append(
+            f"universal joint {joint.name} has a free twist and swing, in the order of PhysX's D6 joint"
+        )
         frame = np.column_stack([second, first, np.cross(second, first)])
         locked = ("transX", "transY", "transZ", "rotZ")
         return _Form("PhysicsJoint", frame, "", locked, ("rotY", "rotX"), "universal")
