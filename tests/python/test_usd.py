@@ -193,6 +193,51 @@ def test_what_a_body_gives_precedes_what_its_shapes_say(tmp_path: Path) -> None:
     assert record(loaded(tmp_path, material, dense), "bodies", "a")["mass"] == pytest.approx(2.0)
 
 
+STEEL = "rel material:binding:physics = </World/steel>"
+MASSES = {
+    "nothing": ((), "", ""),
+    "a density": (("float physics:density = 500",), "", ""),
+    "a mass": (("float physics:mass = 3",), "", ""),
+    "a mass and its centre": (("float physics:mass = 3", "point3f physics:centerOfMass = (0, 0, 0)"), "", ""),
+    "the mass of a shape": ((), "float physics:mass = 2", ""),
+    "a density of a shape and a material": ((), "float physics:density = 2000", STEEL),
+    "a density and a material": (("float physics:density = 500",), "", STEEL),
+    "an inertia": (("float3 physics:diagonalInertia = (0.1, 0.2, 0.25)",), "", ""),
+    "masses of both": (("float physics:mass = 3",), "float physics:mass = 2", ""),
+}
+
+
+@pytest.mark.parametrize("name", MASSES)
+def test_masses_are_those_that_usd_itself_computes(tmp_path: Path, name: str) -> None:
+    """By the rules in USD's own library, which takes volumes and computes in single precision."""
+    from pxr import Gf, Usd, UsdPhysics
+
+    lines, first, second = MASSES[name]
+    steel = prim("Material", "steel", "float physics:density = 7800", schemas="PhysicsMaterialAPI")
+    shapes = [
+        prim("Cube", "s", "double size = 0.2", at(0.3, 0.1, 0), first, schemas=BOX),
+        prim("Cube", "t", "double size = 0.1", at(-0.3, 0.2, 0.4), second, schemas=f"{BOX} MaterialBindingAPI"),
+    ]
+    a = prim("Xform", "a", *lines, *shapes, schemas="PhysicsRigidBodyAPI PhysicsMassAPI")
+    path = put(tmp_path, usd(SCENE, steel, a))
+
+    def volume(shape: Any) -> Any:
+        found, edge = UsdPhysics.RigidBodyAPI.MassInformation(), shape.GetAttribute("size").Get()
+        found.volume, found.inertia = edge**3, Gf.Matrix3f(edge**5 / 6)
+        found.centerOfMass, found.localRot = Gf.Vec3f(0), Gf.Quatf(1)
+        found.localPos = Gf.Vec3f(shape.GetAttribute("xformOp:translate").Get())
+        return found
+
+    stage = Usd.Stage.Open(str(path))
+    of = UsdPhysics.RigidBodyAPI(stage.GetPrimAtPath("/World/a"))
+    mass, moments, center, _ = of.ComputeMassProperties(volume)
+    body_a = pt.load(path).bodies["a"]
+    assert body_a.mass == pytest.approx(mass, rel=1e-6)
+    assert body_a.com == pytest.approx(np.array(center), abs=1e-6)
+    own = np.linalg.eigvalsh(np.array(body_a.inertia))
+    assert own == pytest.approx(sorted(moments), rel=2e-6)
+
+
 def test_principal_axes_and_scales_of_a_body(tmp_path: Path) -> None:
     turn = "quatf physics:principalAxes = (0.70710678, 0, 0, 0.70710678)"
     place = at(0, 0, 0, "float3 xformOp:scale = (2, 3, 4)")

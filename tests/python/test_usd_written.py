@@ -12,6 +12,8 @@ import pytest
 import usd_mutations
 from test_writers import KINDS, carried, moved
 from thorough import either
+from usd_files import SCENE, at, body, points, prim, put, usd
+from usd_files import joint as joint_of
 
 import partita as pt
 from partita.cli import main
@@ -217,6 +219,47 @@ def test_others_read_what_is_written(tmp_path: Path) -> None:
     (drive,) = [x.drive for x in hinges if x.drive.enabled]
     assert drive.stiffness == pytest.approx(7 / 3 * np.pi / 180, rel=1e-6)
     assert drive.targetPosition == pytest.approx(180 / np.pi / 7, rel=1e-6)
+
+
+def test_frames_of_joints_are_where_usd_itself_finds_them(tmp_path: Path) -> None:
+    """On prims within bodies, within prims that are scaled: bodies and frames by USD's own reader of physics."""
+    from pxr import Gf, Usd, UsdPhysics
+
+    turn = "float3 xformOp:rotateXYZ = (10, 20, 30)"
+    grip = prim("Xform", "grip", at(0.1, 0.2, 0.3, "float3 xformOp:rotateXYZ = (5, -7, 9)"))
+    inner = body("a", at(0.5, 0, 0, "float3 xformOp:rotateXYZ = (40, 0, 0)"), grip)
+    text = usd(
+        SCENE,
+        prim("Xform", "outer", at(1, 2, 3, turn, "double3 xformOp:scale = (2, 2, 2)"), inner),
+        body("b", at(0, 1, 0, "float xformOp:rotateY = 33")),
+        joint_of("RevoluteJoint", "J", ("outer/a/grip", "b"), points("(0.3, 0.1, -0.2)", "(0.4, 0.5, 0.6)"),
+              "quatf physics:localRot0 = (0.8, 0, 0.6, 0)", "quatf physics:localRot1 = (0.6, 0.8, 0, 0)"),
+    )  # fmt: skip
+    path = put(tmp_path, text)
+    stage = Usd.Stage.Open(str(path))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        found = UsdPhysics.LoadUsdPhysicsFromRange(stage, ["/"])
+    kinds = UsdPhysics.ObjectType
+    places = {
+        str(x.primPath): (Gf.Vec3d(x.position), Gf.Rotation(Gf.Quatd(x.rotation))) for x in found[kinds.RigidBody][1]
+    }
+    (hinge,) = found[kinds.RevoluteJoint][1]
+    m = pt.load(path)
+    record = m.to_spec()["joints"][0]
+    for word, axis, carrier, point, rotation in (
+        ("point", "axis", hinge.body0, hinge.localPose0Position, hinge.localPose0Orientation),
+        ("child_point", "child_axis", hinge.body1, hinge.localPose1Position, hinge.localPose1Orientation),
+    ):
+        place, turned = places[str(carrier)]
+        assert np.allclose(place + turned.TransformDir(Gf.Vec3d(point)), record[word], atol=1e-6)
+        along = Gf.Rotation(Gf.Quatd(rotation)).TransformDir(Gf.Vec3d(1, 0, 0))
+        assert np.allclose(turned.TransformDir(along), record[axis], atol=1e-6)
+    for name, (place, turned) in places.items():
+        mine = m.bodies[name.rpartition("/")[2]]
+        assert np.allclose(place, mine.position, atol=1e-6)
+        axes = np.transpose([turned.TransformDir(Gf.Vec3d(*x)) for x in np.eye(3)])
+        assert np.allclose(axes, mine.orientation, atol=1e-6)
 
 
 EVERY = either(19, 1)

@@ -20,7 +20,7 @@ from usd_files import at, body, drive, joint, points, prim, put, usd
 
 import partita as pt
 from partita.io.format_table import APPLIED, COMPILED, LOOKS, NO_EFFECT, REFUSED
-from partita.io.usd_stage import text
+from partita.io.usd_stage import plain, text
 from partita.io.usd_table import OWN, USD
 
 NOT_CHANGED = ("limit:", "drive:rotX", "xformOpOrder", "partita:name", "partita:kind")
@@ -146,7 +146,7 @@ def written() -> str:
     m.add_revolute("A", m.ground, a, point=(1 / 3, 1 / 3, 0), axis=(1, 2, 3))
     m.add_torsion_spring("A", stiffness=7 / 3, damping=1 / 3, angle=1 / 7)
     m.add_rotor("A", 1 / 3)
-    m.add_revolute("D", m.ground, d, point=(3, 0, 0), axis=(1, 0, 0))
+    m.add_revolute("D", m.ground, d, point=(10 / 3, 0, 0), axis=(1, 1, 3))
     m.add_coupler("D like A", ["D", "A"], [3.0, 1.0], 1 / 7)
     m.add_universal("U", a, b, point=(2 / 3, 0, 0), axis1=(1, 2, 2), axis2=(2, 1, -2))
     m.add_torsion_spring("U", stiffness=7 / 3, damping=1 / 3, angle=1 / 7, coordinate=1)
@@ -241,7 +241,7 @@ def _schemas(spec: Any, more: str, less: str) -> None:
 
 def shown(value: Any) -> str:
     """A value as the reader shows it."""
-    return "\0" if value is None else text(value)
+    return "\0" if value is None else text(plain(value, True))
 
 
 def changed(value: Any) -> Any:
