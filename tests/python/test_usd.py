@@ -409,6 +409,18 @@ def test_bodies_that_do_not_move_by_themselves(tmp_path: Path) -> None:
         assert words in remarks(m), words
 
 
+def test_looks_alone_are_no_remarks(tmp_path: Path) -> None:
+    shader = prim("Shader", "paint", 'uniform token info:id = "UsdPreviewSurface"',
+                  "color3f inputs:diffuseColor = (1, 0, 0)", "token outputs:surface")  # fmt: skip
+    shape = prim(
+        "Cube", "s", "double size = 0.1", "color3f[] primvars:displayColor = [(1, 0, 0)]",
+        "rel material:binding = </World/look>", schemas="MaterialBindingAPI")  # fmt: skip
+    camera = prim("Camera", "eye", "float focalLength = 20", at(0, 0, 5))
+    light = prim("SphereLight", "lamp", "float inputs:intensity = 100")
+    m = loaded(tmp_path, SCENE, prim("Material", "look", shader), camera, light, body("a", shape))
+    assert {group.kind for group in m.remarks} == {"used"}
+
+
 def test_limits_breaks_and_contacts_are_reported(tmp_path: Path) -> None:
     m = loaded(
         tmp_path,

@@ -46,7 +46,12 @@ _PRIMS = (
 )
 _XFORM = (
     (APPLIED, "@name @xformOp: @xformOpOrder", "where it is"),
-    (LOOKS, "@visibility @purpose @primvars: @material: @extent @doubleSided @orientation", ""),
+    (
+        LOOKS,
+        "@visibility @purpose @primvars: @material: @extent @doubleSided @orientation @inputs: @outputs: @info: "
+        "@subsetFamily:",
+        "",
+    ),
     (APPLIED, f"@{OWN}:name", "of files that Partita writes: a name that USD cannot have"),
     (NO_EFFECT, "@proxyPrim @userProperties: @ui: @kind @collection: @model:", ""),
 )
@@ -292,7 +297,6 @@ USD = Table(
             ),
             (BOUNDS, "@physics:dynamicFriction @physics:staticFriction @physics:restitution", CONTACT),
             (BOUNDS, "@PhysxMaterialAPI @physxMaterial:", CONTACT),
-            (LOOKS, "@inputs: @outputs:", ""),
         ),
     },
     {
