@@ -226,8 +226,8 @@ def test_frames_of_joints_are_where_usd_itself_finds_them(tmp_path: Path) -> Non
     from pxr import Gf, Usd, UsdPhysics
 
     turn = "float3 xformOp:rotateXYZ = (10, 20, 30)"
-    grip = prim("Xform", "grip", at(0.1, 0.2, 0.3, "float3 xformOp:rotateXYZ = (5, -7, 9)"))
-    inner = body("a", at(0.5, 0, 0, "float3 xformOp:rotateXYZ = (40, 0, 0)"), grip)
+    hand = prim("Xform", "grip", at(0.1, 0.2, 0.3, "float3 xformOp:rotateXYZ = (5, -7, 9)"))
+    inner = body("a", at(0.5, 0, 0, "float3 xformOp:rotateXYZ = (40, 0, 0)"), hand)
     text = usd(
         SCENE,
         prim("Xform", "outer", at(1, 2, 3, turn, "double3 xformOp:scale = (2, 2, 2)"), inner),
@@ -241,7 +241,7 @@ def test_frames_of_joints_are_where_usd_itself_finds_them(tmp_path: Path) -> Non
         warnings.simplefilter("ignore", DeprecationWarning)
         found = UsdPhysics.LoadUsdPhysicsFromRange(stage, ["/"])
     kinds = UsdPhysics.ObjectType
-    places = {
+    poses = {
         str(x.primPath): (Gf.Vec3d(x.position), Gf.Rotation(Gf.Quatd(x.rotation))) for x in found[kinds.RigidBody][1]
     }
     (hinge,) = found[kinds.RevoluteJoint][1]
@@ -251,11 +251,11 @@ def test_frames_of_joints_are_where_usd_itself_finds_them(tmp_path: Path) -> Non
         ("point", "axis", hinge.body0, hinge.localPose0Position, hinge.localPose0Orientation),
         ("child_point", "child_axis", hinge.body1, hinge.localPose1Position, hinge.localPose1Orientation),
     ):
-        place, turned = places[str(carrier)]
+        place, turned = poses[str(carrier)]
         assert np.allclose(place + turned.TransformDir(Gf.Vec3d(point)), record[word], atol=1e-6)
         along = Gf.Rotation(Gf.Quatd(rotation)).TransformDir(Gf.Vec3d(1, 0, 0))
         assert np.allclose(turned.TransformDir(along), record[axis], atol=1e-6)
-    for name, (place, turned) in places.items():
+    for name, (place, turned) in poses.items():
         mine = m.bodies[name.rpartition("/")[2]]
         assert np.allclose(place, mine.position, atol=1e-6)
         axes = np.transpose([turned.TransformDir(Gf.Vec3d(*x)) for x in np.eye(3)])

@@ -109,8 +109,8 @@ def _box(points: Array) -> Solid | None:
 
 def _closed(points: Array, triangles: Array) -> bool:
     """Whether each edge is passed in both directions the same number of times. Points in one place are one."""
-    _, places = np.unique(points, axis=0, return_inverse=True)
-    found = places.reshape(-1)[triangles]
+    _, indices = np.unique(points, axis=0, return_inverse=True)
+    found = indices.reshape(-1)[triangles]
     edges = np.concatenate([found[:, [0, 1]], found[:, [1, 2]], found[:, [2, 0]]])
     edges = edges[edges[:, 0] != edges[:, 1]]
     _, which = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True)

@@ -111,7 +111,7 @@ _RIGID = (
         "@physxArticulation:sleepThreshold @physxArticulation:stabilizationThreshold",
         _SOLVER,
     ),
-    (BOUNDS, "@physxArticulation:enabledSelfCollisions", CONTACT),
+    (BOUNDS, "@physxArticulation:enabledSelfCollisions(false)", CONTACT),
     (BOUNDS, "@PhysxCollisionAPI @physxCollision: @PhysxConvexHullCollisionAPI @physxConvexHullCollision:", CONTACT),
 )
 _OWN_BODY = (
@@ -133,7 +133,7 @@ _JOINT = (
     (NO_EFFECT, "@physics:excludeFromArticulation", "a joint closes a loop where there is one"),
     (NO_EFFECT, "@PhysicsArticulationRootAPI @PhysxArticulationAPI", "a joint to the ground fixes the base"),
     (NO_EFFECT, "@physxArticulation:articulationEnabled", ""),
-    (BOUNDS, "@physxArticulation:enabledSelfCollisions", CONTACT),
+    (BOUNDS, "@physxArticulation:enabledSelfCollisions(false)", CONTACT),
     (BOUNDS, "@physics:breakForce(inf) @physics:breakTorque(inf)", _BREAKS),
     (APPLIED, "@PhysxJointAPI @physxJoint:armature(0)", "a rotor along the coordinate"),
     (DROPPED, "@physxJoint:jointFriction(0)", FRICTION),
