@@ -409,6 +409,15 @@ def test_bodies_that_do_not_move_by_themselves(tmp_path: Path) -> None:
         assert words in remarks(m), words
 
 
+def test_joints_say_whether_the_base_of_an_articulation_floats(tmp_path: Path) -> None:
+    arm = body("arm", at(0, 0, 1)), joint("RevoluteJoint", "A", ("base", "arm"), points("(0, 0, 1)", "(0, 0, 0)"))
+    free = loaded(tmp_path, SCENE, body("base", schemas="PhysicsArticulationRootAPI"), *arm)
+    assert free.compile().mobility == 7
+    root = joint("FixedJoint", "root", ("", "base"), schemas="PhysicsArticulationRootAPI")
+    fixed = loaded(tmp_path, SCENE, body("base"), root, *arm)
+    assert fixed.compile().mobility == 1 and {group.kind for group in fixed.remarks} == {"used"}
+
+
 def test_looks_alone_are_no_remarks(tmp_path: Path) -> None:
     shader = prim("Shader", "paint", 'uniform token info:id = "UsdPreviewSurface"',
                   "color3f inputs:diffuseColor = (1, 0, 0)", "token outputs:surface")  # fmt: skip

@@ -226,13 +226,13 @@ def test_frames_of_joints_are_where_usd_itself_finds_them(tmp_path: Path) -> Non
     from pxr import Gf, Usd, UsdPhysics
 
     turn = "float3 xformOp:rotateXYZ = (10, 20, 30)"
-    hand = prim("Xform", "grip", at(0.1, 0.2, 0.3, "float3 xformOp:rotateXYZ = (5, -7, 9)"))
-    inner = body("a", at(0.5, 0, 0, "float3 xformOp:rotateXYZ = (40, 0, 0)"), hand)
+    tool = prim("Xform", "tool", at(0.1, 0.2, 0.3, "float3 xformOp:rotateXYZ = (5, -7, 9)"))
+    inner = body("a", at(0.5, 0, 0, "float3 xformOp:rotateXYZ = (40, 0, 0)"), tool)
     text = usd(
         SCENE,
         prim("Xform", "outer", at(1, 2, 3, turn, "double3 xformOp:scale = (2, 2, 2)"), inner),
         body("b", at(0, 1, 0, "float xformOp:rotateY = 33")),
-        joint_of("RevoluteJoint", "J", ("outer/a/grip", "b"), points("(0.3, 0.1, -0.2)", "(0.4, 0.5, 0.6)"),
+        joint_of("RevoluteJoint", "J", ("outer/a/tool", "b"), points("(0.3, 0.1, -0.2)", "(0.4, 0.5, 0.6)"),
               "quatf physics:localRot0 = (0.8, 0, 0.6, 0)", "quatf physics:localRot1 = (0.6, 0.8, 0, 0)"),
     )  # fmt: skip
     path = put(tmp_path, text)
