@@ -76,6 +76,10 @@ def test_layers_that_are_missing_circular_or_outside(tmp_path: Path, capfd: pyte
     for name in ("../outside.usda", str(outside)):
         refused(asking(name), "lies outside")
     assert [*pt.load(asking("../outside.usda"), root=tmp_path).bodies] == ["x"]
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "stage.usda").symlink_to(asking("part.usda"))
+    put(tmp_path / "other", '#usda 1.0\n(defaultPrim = "A")\n' + body("A", mass=9.0), "part.usda")
+    assert pt.load(tmp_path / "other" / "stage.usda").bodies["x"].mass == 9.0
     (inside / "link.usda").symlink_to(outside)
     refused(asking("link.usda"), "lies outside")
     refused(asking("https://example.org/a.usda", "payload"), "nothing is downloaded")

@@ -153,7 +153,7 @@ def opened(path: Path, request: Request, reading: Reading) -> Iterator[Stage]:
     _checked(path, path)
     usd = _Usd()
     with _heard(usd, path, reading):
-        kept = [*_layers(usd, path.resolve(), request, reading)]
+        kept = [*_layers(usd, _absolute(path), request, reading)]
         stage = usd.Usd.Stage.Open(kept[0], None)
         if stage is None:
             refuse(path, None, "USD cannot open it")
@@ -161,6 +161,11 @@ def opened(path: Path, request: Request, reading: Reading) -> Iterator[Stage]:
         if errors:
             refuse(path, None, f"its layers do not fit together: {'; '.join(errors[:_SHOWN])}")
         yield _Tree(usd, stage, path, reading).grown()
+
+
+def _absolute(path: Path) -> Path:
+    """The path by which USD knows a layer; what it names lies beside it, though it may be a link itself."""
+    return path.parent.resolve() / path.name
 
 
 def _checked(path: Path, model: Path) -> bytes:
@@ -206,7 +211,7 @@ def _heard(usd: Any, path: Path, reading: Reading) -> Iterator[None]:
     except usd.Tf.ErrorException as error:
         words = _messages(error)
         at = _AT.match(words[0])
-        line = int(at[2]) if at is not None and at[1] == str(path.resolve()) else None
+        line = int(at[2]) if at is not None and at[1] == str(_absolute(path)) else None
         words[0] = words[0][at.end() :] if at is not None and line is not None else words[0]
         refuse(path, line, f"USD cannot read it: {'; '.join(words[:_SHOWN])}")
     finally:
