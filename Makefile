@@ -53,7 +53,7 @@ $(FMU): $(TOOLS) $(RUST)
 .PHONY: put-fmu
 put-fmu:
 	@mkdir -p python/partita/_fmu
-	cp $(FMU_LIBRARY) python/partita/_fmu/
+	cp $(FMU_LIBRARY) LICENSE-* python/partita/_fmu/
 
 ## fmu: the binary inside FMUs; a wheel that is made afterwards holds it
 fmu: $(FMU)

@@ -238,6 +238,7 @@ class Workshop:
             ]
             built = {"_core.abi3.so": next(path for path in found if path.stem == "lib_core")}
             built |= {f"_fmu/{path.name}": path for path in found if path.stem == "libpartita_fmu"}
+        built |= {f"_fmu/{path.name}": path for path in ROOT.glob("LICENSE-*")}
         for name, path in built.items():
             there = self.tree / PACKAGE / name
             if not there.exists() or there.read_bytes() != path.read_bytes():

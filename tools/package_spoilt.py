@@ -719,4 +719,12 @@ IN_PACKAGE = (
         '{"what": part, "joint": joint.name, "component": len(units) - 1 - i}',
         ("python test_oracle_fmu.py",),
     ),
+    Error(
+        "fmu-array",
+        "the value reference of an array of FMI 3.0 is the number of its last value",
+        f"{PACKAGE}/io/fmu_description.py",
+        "first.words, first.number, len(members)",
+        "first.words, members[-1].number, len(members)",
+        ("python test_oracle_fmu.py",),
+    ),
 )

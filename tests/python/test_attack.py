@@ -610,6 +610,7 @@ def asked() -> dict[str, Callable[[], Call]]:
                 "atol": 1e-10,
                 "method": "dop853",
                 "formulation": "projective",
+                "version": "3.0",
             },
         ),
         "Mechanism.save": (loop().save, {"path": "none/x.urdf", "strict": True}),

@@ -88,7 +88,7 @@ def test_a_bushing_with_a_full_matrix_keeps_energy_between_two_bodies_that_tumbl
 
 
 def test_a_bushing_takes_the_energy_of_the_rates_of_its_rotation_vector() -> None:
-    """Turned by more than a radian about one axis and spun about another: the rates are those of the rotation vectors."""
+    """Turned far about one axis and spun about another: the rates are those of the rotation vectors."""
     damping = np.array([0.3, 0.7, 0.5])
     m = pt.Mechanism("damped", gravity=(0, 0, 0))
     m.add_body("b", mass=1.0, inertia=(0.4, 0.5, 0.6))

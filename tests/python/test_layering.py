@@ -402,7 +402,7 @@ RANKED = {
     "partita-system/src/rank/exact.rs": "the verdict on a mechanism",
     "partita-system/src/start.rs": "systems of which none was made: equations by hand, rolling",
     "partita-system/src/reduction/rows.rs": "which of the rows serve, their number known",
-    "partita-model/src/loop_closure/instant.rs": "rows within the columns of one block of a closing, columns for given rows",
+    "partita-model/src/loop_closure/instant.rs": "rows within the columns of a block of a closing, columns for rows",
     "partita-analysis/src/mobility.rs": "which of several drives come too late, their number known",
     "partita-analysis/src/poses/continuation.rs": "which goals of a pose are free of each other",
     "partita-analysis/src/matrices.rs": "a matrix handed in without a mechanism",

@@ -25,9 +25,12 @@ pub struct Resource {
     pub inputs: Vec<Input>,
     /// Outputs: value references after those of the inputs.
     pub outputs: Vec<Shown>,
-    /// Numbers that can be set before the start: value references after those of the outputs.
+    /// Numbers that can be set before the start: value references after those of the outputs. The time is the next one.
     #[serde(default)]
     pub parameters: Vec<Parameter>,
+    /// Arrays among all these, by the number of their first value and their length; other values are variables alone.
+    #[serde(default)]
+    pub arrays: Vec<(usize, usize)>,
 }
 
 /// A number of a parameter of the model.

@@ -13,7 +13,7 @@ use partita_model::zero_position::Coordinates;
 use partita_model::Model;
 use partita_system::positions::turns;
 use partita_system::prelude::*;
-use std::ops::ControlFlow;
+use std::ops::{ControlFlow, Range};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -44,6 +44,10 @@ pub struct Slave {
     parameters: Vec<Parameter>,
     built: Vec<f64>,
     options: Request,
+    /// Relative tolerance of the file.
+    rtol: f64,
+    /// First and last number, plus one, of values that are one variable, in order.
+    arrays: Vec<Range<usize>>,
     kinds: Vec<Input>,
     shown: Vec<(Shown, usize)>,
     cell: Inputs,
@@ -55,6 +59,17 @@ pub struct Slave {
 pub struct Stepped {
     /// Findings that make it suspect, in sentences.
     pub doubts: Vec<String>,
+}
+
+/// Arrays among so many values, as ranges; `None` where they overlap, are empty or out of order, or go beyond them.
+fn arrays(given: &[(usize, usize)], count: usize) -> Option<Vec<Range<usize>>> {
+    let mut free = 0;
+    let ranges = given.iter().map(|&(first, length)| {
+        let end = first.checked_add(length).filter(|end| first >= free && length > 0 && *end <= count)?;
+        free = end;
+        Some(first..end)
+    });
+    ranges.collect()
 }
 
 fn words(e: impl std::fmt::Display) -> String {
@@ -111,6 +126,8 @@ impl Slave {
             value.ok_or_else(|| format!("the model has no parameter \"{}\", number {}", x.name, x.component))
         };
         let built = resource.parameters.iter().map(number).collect::<Result<Vec<_>, String>>()?;
+        let count = inputs.len() + shown.len() + built.len();
+        let arrays = arrays(&resource.arrays, count).ok_or("the arrays of the resources do not fit")?;
         let first =
             State { t: start.t, q: start.q, v: start.v, inputs, courses, outputs: None, parameters: built.clone() };
         Ok(Self {
@@ -119,7 +136,9 @@ impl Slave {
             changed: None,
             parameters: resource.parameters,
             built,
+            rtol: resource.options.rtol,
             options: resource.options,
+            arrays,
             kinds: resource.inputs,
             shown,
             cell,
@@ -217,12 +236,10 @@ impl Slave {
         if !t.is_finite() {
             return Err(format!("the start time is {t}"));
         }
-        if let Some(rtol) = rtol {
-            if !(rtol > 0.0 && rtol < 1.0) {
-                return Err(format!("the tolerance is {rtol}; give one between 0 and 1"));
-            }
-            self.options.rtol = rtol;
+        if let Some(rtol) = rtol.filter(|rtol| !(*rtol > 0.0 && *rtol < 1.0)) {
+            return Err(format!("the tolerance is {rtol}; give one between 0 and 1"));
         }
+        self.options.rtol = rtol.unwrap_or(self.rtol);
         let mut state = self.state.clone();
         state.t = t;
         for course in &mut state.courses {
@@ -235,10 +252,29 @@ impl Slave {
         Ok(())
     }
 
-    /// Whether a value reference is that of a parameter, which is set before the start alone.
-    pub fn is_parameter(&self, reference: usize) -> bool {
+    /// Whether a value is that of a parameter, which is set before the start alone.
+    pub fn is_parameter(&self, number: usize) -> bool {
         let (inputs, outputs) = self.size();
-        (inputs + outputs..inputs + outputs + self.parameters.len()).contains(&reference)
+        (inputs + outputs..self.time()).contains(&number)
+    }
+
+    /// The number of the time, after those of the parameters.
+    fn time(&self) -> usize {
+        let (inputs, outputs) = self.size();
+        inputs + outputs + self.parameters.len()
+    }
+
+    /// Numbers of the values of a variable: one, or those of an array, whose first one is its value reference.
+    pub fn slots(&self, reference: usize) -> Result<Range<usize>, String> {
+        let next = self.arrays.partition_point(|array| array.end <= reference);
+        match self.arrays.get(next).filter(|array| array.contains(&reference)) {
+            Some(array) if array.start == reference => Ok(array.clone()),
+            Some(array) => Err(format!(
+                "there is no value reference {reference}; value {reference} is in the array with the value reference {}",
+                array.start
+            )),
+            None => Ok(reference..reference.saturating_add(1)),
+        }
     }
 
     /// Number of inputs and outputs.
@@ -297,7 +333,7 @@ impl Slave {
         Ok(())
     }
 
-    /// An input, an output or a parameter.
+    /// An input, an output, a parameter or the time.
     pub fn get(&mut self, reference: usize) -> Result<f64, String> {
         let (inputs, outputs) = self.size();
         if let Some(value) = reference.checked_sub(inputs + outputs).and_then(|i| self.state.parameters.get(i)) {
@@ -306,8 +342,11 @@ impl Slave {
         if let Some(value) = self.state.inputs.get(reference) {
             return Ok(*value);
         }
-        let unknown =
-            || format!("there is no value reference {reference}; they are numbered below {}", inputs + outputs);
+        if reference == self.time() {
+            return Ok(self.state.t);
+        }
+        let count = self.time() + 1;
+        let unknown = || format!("there is no value reference {reference}; they are numbered below {count}");
         let slot = reference.checked_sub(inputs).filter(|i| *i < outputs).ok_or_else(unknown)?;
         if self.state.outputs.is_none() {
             self.look()?;

@@ -1,4 +1,4 @@
-"""FMI 2.0 for co-simulation: the inputs and outputs of an FMU, its description, and the archive.
+"""FMI 2.0 and 3.0 for co-simulation: the inputs, outputs and parameters of an FMU, and the archive.
 
 The binary is the same in all of them: the core without Python, which reads the mechanism from the resources.
 """
@@ -13,14 +13,13 @@ import platform
 import re
 import sys
 import zipfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from .. import _core
 from ..builder.joints import scalars, speeds
 from ..builder.parameter_units import parameter_unit
 from ..builder.records import Description, JointRecord, TorqueRecord
@@ -29,12 +28,18 @@ from ..builder.values import Constant, Function
 from ..errors import ArgumentError, DescriptionError, MissingDependencyError
 from ..files import put
 from ..state import Layout
-from .skeleton import axes_of, quoted, text
+from .fmu_description import Described, Variable, arrays, page, xml
+from .skeleton import axes_of
 
 BINARIES = Path(__file__).parents[1] / "_fmu"
 """Where the binary is put when Partita is built."""
-_SYSTEMS = {"linux": ("linux64", "libpartita_fmu.so", ".so"), "darwin": ("darwin64", "libpartita_fmu.dylib", ".dylib")}
-_WINDOWS = ("win64", "partita_fmu.dll", ".dll")
+_SYSTEMS = {
+    "linux": ("linux64", "linux", "libpartita_fmu.so", ".so"),
+    "darwin": ("darwin64", "darwin", "libpartita_fmu.dylib", ".dylib"),
+}
+_WINDOWS = ("win64", "windows", "partita_fmu.dll", ".dll")
+"""Of a system: its folder by FMI 2.0, its name by FMI 3.0, the file here, and its suffix."""
+_PROCESSORS = {"x86_64": "x86_64", "amd64": "x86_64", "aarch64": "aarch64", "arm64": "aarch64"}
 _PARTS = ("position", "velocity", "force", "moment", "effort")
 _AXES = "xyz"
 _FMI_UNITS = {"N m": "N.m"}
@@ -53,9 +58,10 @@ class Input:
 
 @dataclass(frozen=True)
 class Output:
-    """An output: its name, its unit, its kind, and its name in the resources."""
+    """An output: its name, what it is a number of, its unit, its meaning, and its name in the resources."""
 
     name: str
+    of: str
     unit: str
     words: str
     means: Mapping[str, Any]
@@ -114,13 +120,13 @@ def _input(d: Description, name: str, kind: str) -> Input:
             "(add_torque) and name that torque as input",
             argument="inputs",
         )
-    d.store(d.forces, TorqueRecord(_fresh(d, f"input {name}"), name, 0, Constant(0.0)))
+    d.store(d.forces, TorqueRecord(_fresh(d.forces, f"input {name}"), name, 0, Constant(0.0)))
     return Input(name, "effort", _unit(joint, 0, "effort"), f"effort along joint {name}, held over a step")
 
 
-def _fresh(d: Description, wanted: str) -> str:
+def _fresh(taken: Container[str], wanted: str) -> str:
     name, number = wanted, 1
-    while name in d.forces:
+    while name in taken:
         number += 1
         name = f"{wanted} {number}"
     return name
@@ -148,8 +154,10 @@ def outputs_of(d: Description, names: Iterable[str] | None) -> list[Output]:
 
 def _outputs(d: Description, name: str) -> list[Output]:
     energies = {
-        "energy.kinetic": Output("energy.kinetic", "J", "kinetic energy", {"what": "kinetic"}),
-        "energy.potential": Output("energy.potential", "J", "potential energy", {"what": "potential"}),
+        "energy.kinetic": Output("energy.kinetic", "energy.kinetic", "J", "kinetic energy", {"what": "kinetic"}),
+        "energy.potential": Output(
+            "energy.potential", "energy.potential", "J", "potential energy", {"what": "potential"}
+        ),
     }
     if name in d.joints:
         return [x for part in ("position", "velocity") for x in _of_joint(d.joints[name], part)]
@@ -175,6 +183,7 @@ class Parameter:
     """A number of a parameter, which the environment sets before the start."""
 
     name: str
+    of: str
     unit: str
     words: str
     start: float
@@ -198,9 +207,9 @@ def parameters_of(d: Description, names: Iterable[str], known: Mapping[str, Any]
         for i, value in enumerate(values):
             part = "" if len(values) == 1 else f".{_AXES[i] if len(values) == 3 else i}"
             own = str(unit if isinstance(unit, str) else unit[i])
-            words = f"parameter {name}{part}, set before the start"
+            words = f"parameter {name}, set before the start"
             means = {"name": name, "component": i}
-            found.append(Parameter(name + part, _FMI_UNITS.get(own, own), words, float(value), means))
+            found.append(Parameter(name + part, name, _FMI_UNITS.get(own, own), words, float(value), means))
     return found
 
 
@@ -226,6 +235,7 @@ def _of_joint(joint: JointRecord, part: str) -> list[Output]:
     return [
         Output(
             f"{joint.name}.{part}" + (f".{_AXES[i] if along else i}" if len(units) > 1 else ""),
+            f"{joint.name}.{part}",
             unit,
             words,
             {"what": part, "joint": joint.name, "component": i},
@@ -265,43 +275,76 @@ def _functions(d: Description) -> list[str]:
     return [name for name, value in values if isinstance(value, Function)]
 
 
-def binary() -> tuple[str, Path, str]:
+def binary(version: str) -> tuple[str, Path, str]:
     """Folder in the archive, file and suffix of the binary for this system."""
-    folder, name, suffix = _SYSTEMS.get(sys.platform, _WINDOWS)
+    folder, system, name, suffix = _SYSTEMS.get(sys.platform, _WINDOWS)
     path = BINARIES / name
-    wide = platform.machine().lower() in ("x86_64", "amd64") or sys.platform == "darwin"
-    if not path.is_file() or not wide:
+    processor = _PROCESSORS.get(platform.machine().lower())
+    known = processor == "x86_64" or sys.platform == "darwin" if version == "2.0" else processor is not None
+    if not path.is_file() or not known:
         raise MissingDependencyError(
             f"this installation of Partita has no binary for FMUs ({path}); `make fmu` in its sources builds it",
             package="partita",
         )
-    return folder, path, suffix
+    return folder if version == "2.0" else f"{processor}-{system}", path, suffix
+
+
+def variables_of(
+    inputs: list[Input], starts: list[float], outputs: list[Output], parameters: list[Parameter], version: str
+) -> list[Variable]:
+    """All variables: one for each value, and by FMI 3.0 arrays and the time."""
+    found = [
+        Variable(x.name, "input", x.name, x.unit, x.words, i, starts=(start,))
+        for i, (x, start) in enumerate(zip(inputs, starts, strict=True))
+    ]
+    found += [Variable(x.name, "output", x.of, x.unit, x.words, i) for i, x in enumerate(outputs, len(found))]
+    found += [
+        Variable(x.name, "parameter", x.of, x.unit, x.words, i, starts=(x.start,))
+        for i, x in enumerate(parameters, len(found))
+    ]
+    count = len(found)
+    if version == "3.0":
+        found = arrays(found)
+    names = [x.name for x in found]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise ArgumentError(
+            f'inputs, outputs and parameters: two variables have the name "{twice}"; rename what is called so in the '
+            "mechanism",
+            argument="inputs",
+        )
+    if version == "3.0":
+        name = _fresh(names, "time")
+        found.append(Variable(name, "independent", name, "s", "time", count))
+    return found
 
 
 def archive(
     path: Path,
     name: str,
+    version: str,
     resource: dict[str, Any],
-    inputs: list[Input],
-    starts: list[float],
-    outputs: list[Output],
-    parameters: list[Parameter],
+    variables: list[Variable],
     experiment: dict[str, float],
 ) -> None:
     """Write the FMU. The same mechanism gives the same bytes."""
-    folder, file, suffix = binary()
+    folder, file, suffix = binary(version)
     content = file.read_bytes()
-    digest = hashlib.sha256(json.dumps(resource).encode() + hashlib.sha256(content).digest()).hexdigest()
-    guid = "{" + "-".join(digest[a:b] for a, b in ((0, 8), (8, 12), (12, 16), (16, 20), (20, 32))) + "}"
+    resource = {**resource, "arrays": [[x.number, x.size] for x in variables if x.size > 1]}
+    fingerprint = version.encode() + json.dumps(resource).encode() + hashlib.sha256(content).digest()
+    digest = hashlib.sha256(fingerprint).hexdigest()
+    token = "{" + "-".join(digest[a:b] for a, b in ((0, 8), (8, 12), (12, 16), (16, 20), (20, 32))) + "}"
     identifier = re.sub(r"[^A-Za-z0-9_]", "_", name)
     identifier = identifier if identifier[:1].isalpha() else f"m_{identifier}"
+    described = Described(name, token, identifier, experiment, variables)
     members = {
-        "modelDescription.xml": _described(
-            name, guid, identifier, inputs, starts, outputs, parameters, experiment
-        ).encode("utf-8"),
-        "resources/model.json": json.dumps({**resource, "guid": guid}).encode(),
+        "modelDescription.xml": xml(described, version).encode("utf-8"),
+        "resources/model.json": json.dumps({**resource, "guid": token}).encode(),
         f"binaries/{folder}/{identifier}{suffix}": content,
+        "documentation/index.html": page(described, version).encode("utf-8"),
+        "documentation/licenses/license.txt": _LICENCE.encode("utf-8"),
     }
+    members |= {f"documentation/licenses/{x.name}.txt": x.read_bytes() for x in sorted(BINARIES.glob("LICENSE-*"))}
     whole = io.BytesIO()
     with zipfile.ZipFile(whole, "w") as packed:
         for member, data in members.items():
@@ -311,80 +354,8 @@ def archive(
     put(path, whole.getvalue())
 
 
-_UNITS = {
-    "m": {"m": 1},
-    "rad": {"rad": 1},
-    "m/s": {"m": 1, "s": -1},
-    "rad/s": {"rad": 1, "s": -1},
-    "N": {"kg": 1, "m": 1, "s": -2},
-    "N.m": {"kg": 1, "m": 2, "s": -2},
-    "J": {"kg": 1, "m": 2, "s": -2},
-    "kg": {"kg": 1},
-    "kg m^2": {"kg": 1, "m": 2},
-    "m/s^2": {"m": 1, "s": -2},
-    "N/m": {"kg": 1, "s": -2},
-    "N s/m": {"kg": 1, "s": -1},
-    "N m/rad": {"kg": 1, "m": 2, "s": -2, "rad": -1},
-    "N m s/rad": {"kg": 1, "m": 2, "s": -1, "rad": -1},
-}
-
-
-def _described(
-    name: str,
-    guid: str,
-    identifier: str,
-    inputs: list[Input],
-    starts: list[float],
-    outputs: list[Output],
-    parameters: list[Parameter],
-    experiment: dict[str, float],
-) -> str:
-    lines = [
-        '<?xml version="1.0" encoding="UTF-8"?>',
-        f'<fmiModelDescription fmiVersion="2.0" modelName={quoted(name)} guid="{guid}"'
-        f' generationTool="Partita {_core.version()}" variableNamingConvention="flat" numberOfEventIndicators="0">',
-        f'  <CoSimulation modelIdentifier="{identifier}" canHandleVariableCommunicationStepSize="true"'
-        ' canGetAndSetFMUstate="true" canSerializeFMUstate="true"/>',
-        "  <UnitDefinitions>",
-    ]
-    variables: list[Input | Output | Parameter] = [*inputs, *outputs, *parameters]
-    used = dict.fromkeys(x.unit for x in variables if x.unit in _UNITS)
-    for unit in used or ["m"]:
-        base = " ".join(f'{key}="{power}"' for key, power in _UNITS[unit].items())
-        lines.append(f'    <Unit name="{unit}"><BaseUnit {base}/></Unit>')
-    times = " ".join(f'{key}="{text(value)}"' for key, value in experiment.items())
-    lines += [
-        "  </UnitDefinitions>",
-        "  <LogCategories>",
-        '    <Category name="logStatusWarning"/>',
-        '    <Category name="logStatusError"/>',
-        "  </LogCategories>",
-        f"  <DefaultExperiment {times}/>",
-        "  <ModelVariables>",
-    ]
-    for number, one in enumerate(inputs):
-        lines.append(
-            f'    <ScalarVariable name={quoted(one.name)} valueReference="{number}" causality="input"'
-            f' variability="continuous" description={quoted(one.words)}>'
-            f'<Real unit="{one.unit}" start="{text(starts[number])}"/></ScalarVariable>'
-        )
-    for number, shown in enumerate(outputs, len(inputs)):
-        unit = f' unit="{shown.unit}"' if shown.unit in _UNITS else ""
-        lines.append(
-            f'    <ScalarVariable name={quoted(shown.name)} valueReference="{number}" causality="output"'
-            f' variability="continuous" initial="calculated" description={quoted(shown.words)}>'
-            f"<Real{unit}/></ScalarVariable>"
-        )
-    for number, given in enumerate(parameters, len(inputs) + len(outputs)):
-        unit = f' unit="{given.unit}"' if given.unit in _UNITS else ""
-        lines.append(
-            f'    <ScalarVariable name={quoted(given.name)} valueReference="{number}" causality="parameter"'
-            f' variability="fixed" initial="exact" description={quoted(given.words)}>'
-            f'<Real{unit} start="{text(given.start)}"/></ScalarVariable>'
-        )
-    lines += ["  </ModelVariables>", "  <ModelStructure>"]
-    indices = range(len(inputs) + 1, len(inputs) + len(outputs) + 1)
-    for part in ("Outputs", "InitialUnknowns"):
-        if outputs:
-            lines += [f"    <{part}>", *(f'      <Unknown index="{i}"/>' for i in indices), f"    </{part}>"]
-    return "\n".join([*lines, "  </ModelStructure>", "</fmiModelDescription>", ""])
+_LICENCE = """\
+The folder "binaries" holds the compiled core of Partita, which is licensed under the MIT License or the Apache License,
+Version 2.0, at your option. It contains Rust libraries under the same licences. The mechanism in the folder "resources"
+is its author's.
+"""

@@ -14,6 +14,7 @@ from ..builder.values import Constant
 from ..errors import ArgumentError
 from ..files import target
 from ..io import fmu
+from ..io.fmu_description import VERSIONS
 from ..state import State
 from .models import Modelled, layout_of
 from .solve import assemble, convert
@@ -33,8 +34,9 @@ def to_fmu(
     atol: float = 1e-11,
     method: str = "dop853",
     formulation: str = "projective",
+    version: str = "2.0",
 ) -> Path:
-    """Write an FMU (FMI 2.0, co-simulation): the mechanism as a component in the simulations of other programs.
+    """Write an FMU (co-simulation): the mechanism as a component in the simulations of other programs.
 
     It contains the mechanism and Partita's compiled core: no compiler is needed to write it, and neither a compiler nor
     Python to run it. An FMU runs on the operating system on which it was written (Linux, macOS, Windows; 64 bit).
@@ -54,6 +56,8 @@ def to_fmu(
         initial: state to start from; None: the drawing, assembled, at rest.
         duration, communication_step: default values stored in the FMU [s].
         rtol, atol, method, formulation: as in `simulate`; the simulation environment may set another rtol.
+        version: of FMI, "2.0" or "3.0". Both give the same numbers; by 3.0 the numbers of one quantity that have one
+            unit ("A.force", "gravity") are one variable, an array.
 
     Returns:
         The path.
@@ -77,6 +81,7 @@ def to_fmu(
     where = target(path, "an FMU ")
     if where.suffix.lower() != ".fmu":
         raise ArgumentError(f'"{where}": the name of an FMU must end in .fmu', argument="path")
+    version = run_options.one_of("version", version, VERSIONS)
     if initial is not None and not isinstance(initial, State):
         raise ArgumentError(f"initial must be a State, not {type(initial).__name__}", argument="initial")
     description, known = fmu.prepared(self._description, inputs)
@@ -121,7 +126,8 @@ def to_fmu(
         "parameters": [dict(x.means) for x in numbers],
     }
     experiment = {"startTime": start.t, "stopTime": start.t + span, "stepSize": step, "tolerance": options["rtol"]}
-    fmu.archive(where, self.name, resource, known, starts, shown, numbers, experiment)
+    variables = fmu.variables_of(known, starts, shown, numbers, version)
+    fmu.archive(where, self.name, version, resource, variables, experiment)
     return where
 
 

@@ -139,10 +139,10 @@ def assemble_many(
     A pose is found by continuation: the targets vary linearly from their values in the branch's state, in steps that
     are checked to stay on the branch and that end at a limit or a singular position, where branches meet; then the
     targets are varied one after the other. Poses whose targets are coordinates share such steps up to positions 0.2 rad
-    (or lengths of the mechanism) apart, and each takes the last one alone. If the targets are inputs from which all loops follow in closed form (planar
-    dyads, spatial loops with one or two ball joints), the branch is the sign of each block, and a pose is found
-    wherever its loops close with these signs. Prefer it to repeated calls of `assemble`: it runs on all cores, and the
-    result for a pose depends only on that pose and the branch's state.
+    (or lengths of the mechanism) apart, and each takes the last one alone. If the targets are inputs from which all
+    loops follow in closed form (planar dyads, spatial loops with one or two ball joints), the branch is the sign of
+    each block, and a pose is found wherever its loops close with these signs. Prefer it to repeated calls of
+    `assemble`: it runs on all cores, and the result for a pose depends only on that pose and the branch's state.
 
     Args:
         targets: joint (name or handle) -> positions [rad or m], (n,) or (n, coordinates); one coordinate of several by

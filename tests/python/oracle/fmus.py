@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 import partita as pt
+from partita.io.fmu_description import VERSIONS
 
 from . import elements
 from .comparison import Verdict, moving
@@ -48,7 +49,8 @@ def compare_fmu(seed: int, folder: Path) -> Verdict:
         # about a joint that closes a loop a torque has no potential
         tree = {j["name"] for j in m.compile().summary["joints"] if j["tree"]}
         torque = next((f for f in d.forces if isinstance(f, Torque) and f.joint in tree), None)
-        m.to_fmu(folder / "it.fmu", [torque.name] if torque else [], outputs, initial=state, **TIGHT)
+        version = str(np.random.default_rng((seed, len(VERSIONS))).choice(VERSIONS))
+        m.to_fmu(folder / "it.fmu", [torque.name] if torque else [], outputs, initial=state, version=version, **TIGHT)
     except pt.errors.PartitaError as error:
         verdict.counts[f"refused: {type(error).__name__}"] += 1
         return verdict
@@ -79,6 +81,7 @@ def compare_fmu(seed: int, folder: Path) -> Verdict:
     finally:
         one.free()
     verdict.counts["FMUs"] += 1
+    verdict.counts[f"FMI {version}"] += 1
     return verdict
 
 

@@ -79,7 +79,8 @@ fn a_thousand_turns_leave_the_loop_closed() {
 fn outputs_of_a_loose_run_close_to_round_off() {
     let t_eval: Vec<f64> = (1..=2000).map(|i| 0.01 * f64::from(i)).collect();
     let (worst, _) = run(1e-3, &t_eval);
-    assert!(worst < 5e-15, "{worst:e}");
+    // some units in the last place more than at a hundred outputs
+    assert!(worst < 2e-14, "{worst:e}");
 }
 
 /// sin and cos do not know of whole turns: an angle that has lost some points where it did, to the last digit. A turn is
