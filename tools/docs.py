@@ -20,7 +20,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from partita import catalogue
-from partita.io import mjcf_table, schema, sdf_table, urdf_table, writing_table
+from partita.io import mjcf_table, schema, sdf_table, urdf_table, usd_table, writing_table
 from partita.io.format_table import Item
 
 TOOLS = Path(__file__).parent
@@ -122,11 +122,13 @@ def schema_page() -> str:
 def formats_page() -> str:
     """The tables by which robots' files are read."""
     lines: list[str] = []
-    for table in (urdf_table.URDF, sdf_table.SDF, mjcf_table.MJCF):
+    for table in (urdf_table.URDF, sdf_table.SDF, mjcf_table.MJCF, usd_table.USD):
         lines += ["", f"## {table.kind}", "", "| in | item | rule | what it does |", "|---|---|---|---|"]
         for context, items in table.contexts.items():
             shown = context.replace("[", " of type ").removesuffix("]")
             rows: dict[tuple[str, str], list[str]] = {}
+            if context in table.like:
+                lines.append(f"| {shown} | all of {table.like[context]} | | |")
             for found in items:
                 rows.setdefault((found.rule, found.effect), []).append(item(found))
             lines += [f"| {shown} | {', '.join(names)} | {rule} | {effect} |" for (rule, effect), names in rows.items()]

@@ -131,10 +131,10 @@ def test_the_table_has_every_element() -> None:
     assert methods | {"body without gravity"} == set(ADDED)
 
 
-@pytest.mark.parametrize("suffix", [".urdf", ".mjcf", ".toml"])
+@pytest.mark.parametrize("suffix", [".urdf", ".mjcf", ".usda", ".toml"])
 def test_no_element_leaves_unheard(suffix: str, tmp_path: Path) -> None:
     """Each element, added to a mechanism, changes its file or what is said of it, as its rule says."""
-    kind = suffix.removeprefix(".").upper()
+    kind = suffix.removeprefix(".").upper()[:4].replace("USDA", "USD")
     m = base()
     text, changed, dropped = saved(m, tmp_path, suffix)
     for element, add in ADDED.items():
@@ -164,7 +164,7 @@ def test_no_element_leaves_unheard(suffix: str, tmp_path: Path) -> None:
         text, changed, dropped = now
 
 
-@pytest.mark.parametrize("suffix", [".urdf", ".mjcf", ".toml"])
+@pytest.mark.parametrize("suffix", [".urdf", ".mjcf", ".usda", ".toml"])
 def test_settings_of_a_mechanism_are_heard(suffix: str, tmp_path: Path) -> None:
     found = []
     for settings in (

@@ -10,7 +10,21 @@ from typing import Any
 from ..builder import Builder
 from ..errors import ArgumentError, FileFormatError
 from ..files import place, target
-from . import mjcf, mjcf_writer, repair, robot, robot_builder, sdf, toml, urdf, urdf_writer, writing_table
+from . import (
+    mjcf,
+    mjcf_writer,
+    repair,
+    robot,
+    robot_builder,
+    sdf,
+    toml,
+    urdf,
+    urdf_writer,
+    usd,
+    usd_stage,
+    usd_writer,
+    writing_table,
+)
 from .reading import Reading, Remark, RemarkGroup
 from .request import Request, request
 from .toml import Maker
@@ -74,12 +88,14 @@ _READERS: dict[str, Callable[[Path, Maker, Request], Any]] = {
     ".mjcf": _robot(mjcf.read),
     ".sdf": _robot(sdf.read),
     ".xml": _robot(_xml),
+    **dict.fromkeys(usd_stage.SUFFIXES, _robot(usd.read)),
 }
 _WRITERS: dict[str, Callable[[Builder, Path, bool], Writing]] = {
     ".toml": _whole,
     ".urdf": urdf_writer.write,
     ".mjcf": mjcf_writer.write,
     ".xml": mjcf_writer.write,
+    **dict.fromkeys(usd_stage.SUFFIXES, usd_writer.write),
 }
 
 

@@ -35,7 +35,8 @@ RULES = (APPLIED, COMPILED, DROPPED, BOUNDS, OTHER, LOOKS, NO_EFFECT, REFUSED)
 _KINDS = {DROPPED: "motion", BOUNDS: "bounds", OTHER: "other"}
 """Kinds of the remarks on what is dropped."""
 _ITEM = re.compile(r"(@?[\w:.-]+|#)(\*?)(?:=([\w/]+))?(?:\(([^)]*)\))?(?:\[([\d.]*)-([\d.]*)\])?")
-"""`@attribute`, `element`, `element*` (any number), `element=context` (described under that name), `#` (text);
+"""`@attribute`, `@first:` (all attributes of this namespace), `element`, `element*` (any number), `element=context`
+(described under that name), `#` (text);
 A context `whole`, which no table has, is an element with all inside it.
 `(value)`: the default, `(0|none)` one of several; `[1.5-1.6]`: versions of the format."""
 _LONG = 500
@@ -73,11 +74,14 @@ class Item:
 class Table:
     """The rules of a format, by context: the kind of element in which something stands.
 
-    A context `joint[fixed]` holds in addition, and before others, for elements `joint` of type "fixed".
+    A context `joint[fixed]` holds in addition, and before others, for elements `joint` of type "fixed". A context has
+    also what those have that it is `like`, unless it says otherwise.
     """
 
-    def __init__(self, kind: str, root: str, contexts: Mapping[str, Rows]) -> None:
-        self.kind, self.root = kind, root
+    def __init__(
+        self, kind: str, root: str, contexts: Mapping[str, Rows], like: Mapping[str, str] | None = None
+    ) -> None:
+        self.kind, self.root, self.like = kind, root, dict(like or {})
         self.contexts = {context: tuple(_items(rows)) for context, rows in contexts.items()}
         unknown = {item.rule for items in self.contexts.values() for item in items} - set(RULES)
         assert not unknown, unknown
@@ -87,11 +91,16 @@ class Table:
         """What may stand in an element of this context and type, by name: `@attribute`, `element`, `#`."""
         key = (context, kind, version)
         if key not in self._found:
-            rows = (*self.contexts.get(context, ()), *self.contexts.get(f"{context}[{kind}]", ()))
+            rows = (*self._rows(context), *self.contexts.get(f"{context}[{kind}]", ()))
             self._found[key] = {}
             for least in (1, 2):
                 self._found[key] |= {item.name: item for item in rows if item.rank(version) == least}
         return self._found[key]
+
+    def _rows(self, context: str) -> tuple[Item, ...]:
+        """The rows of a context, after those of what it is like."""
+        above = self._rows(self.like[context]) if context in self.like else ()
+        return (*above, *self.contexts.get(context, ()))
 
     def visit(self, root: Element, reading: Reading, version: tuple[int, ...] | None = None, cut: bool = True) -> None:
         """Report what is dropped or not known, refuse what is refused; `cut` takes all but what is applied or drawn out
@@ -105,8 +114,9 @@ class Table:
             for key, value in list(element.attributes.items()):
                 if key.startswith(_NAMESPACES):
                     continue
-                subject = f"{where} {key} {_short(value.strip())}"
-                found = self._judge(reading, items.get(f"@{key}"), element, subject, value, version)
+                subject = f"{where} {key} {_short(value.strip())}".rstrip()
+                item = items.get(f"@{key}") or items.get(f"@{key.partition(':')[0]}:")
+                found = self._judge(reading, item, element, subject, value, version)
                 if cut and not found:
                     del element.attributes[key]
             words = element.text.strip()

@@ -22,7 +22,7 @@ from .format_table import content, remark
 from .mjcf_table import ACTUATORS, CONTACT, FLUID, FRICTION, LIMITS, MJCF, ROTOR, TENDON, YIELD
 from .reading import Reading, Remark
 from .request import Request
-from .robot import Array, Effort, Joint, Link, Loop, Robot, Spring, Tie, placed
+from .robot import Array, Effort, Joint, Link, Loop, Robot, Spring, Tie, placed, rotation_of
 from .xmltree import Element, parse, refuse
 
 _FOLDERS = ("meshdir", "texturedir", "assetdir")
@@ -268,7 +268,7 @@ class _Reader:
     def body(self, i: int) -> None:
         m, robot = self.model, self.made
         name = self.name("body", i)
-        axes = self.turned(m.body_iquat[i])
+        axes = rotation_of(m.body_iquat[i])
         inertia = axes @ np.diag(m.body_inertia[i]) @ axes.T
         at = self.at("body", name=name)
         link = Link(name, float(m.body_mass[i]), m.body_ipos[i].copy(), 0.5 * (inertia + inertia.T), at)
@@ -277,7 +277,7 @@ class _Reader:
         if held not in (0.0, 1.0):
             self.dropped(at, "gravity acts on a body fully or not at all", f'body "{name}" gravcomp {held:g}')
         parent = "world" if m.body_parentid[i] == 0 else self.name("body", m.body_parentid[i])
-        pose = placed(m.body_pos[i], self.turned(m.body_quat[i]))
+        pose = placed(m.body_pos[i], rotation_of(m.body_quat[i]))
         first, count = int(m.body_jntadr[i]), int(m.body_jntnum[i])
         if count == 0:
             robot.joints[f"{name} on {parent}"] = Joint(
@@ -419,12 +419,12 @@ class _Reader:
         one, other = int(m.eq_obj1id[i]), int(m.eq_obj2id[i])
         if m.eq_objtype[i] == self.mujoco.mjtObj.mjOBJ_SITE:
             sites = [
-                (int(m.site_bodyid[s]), placed(m.site_pos[s], self.turned(m.site_quat[s]) if weld else np.eye(3)))
+                (int(m.site_bodyid[s]), placed(m.site_pos[s], rotation_of(m.site_quat[s]) if weld else np.eye(3)))
                 for s in (one, other)
             ]
             return (self.link(sites[0][0]), sites[0][1]), (self.link(sites[1][0]), sites[1][1])
         if weld:
-            here, there = placed(data[3:6], self.turned(data[6:10])), placed(data[0:3], np.eye(3))
+            here, there = placed(data[3:6], rotation_of(data[6:10])), placed(data[0:3], np.eye(3))
         else:
             here, there = placed(data[0:3], np.eye(3)), placed(data[3:6], np.eye(3))
         return (self.link(one), here), (self.link(other), there)
@@ -467,16 +467,6 @@ class _Reader:
         else:
             leader = self.name("joint", other)
             robot.ties.append(Tie(name, [follower, leader], [1.0, -float(data[1])], float(data[0]), at))
-
-    def turned(self, quaternion: Any) -> Array:
-        w, x, y, z = np.asarray(quaternion, dtype=float) / np.linalg.norm(quaternion)
-        return np.array(
-            [
-                [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-                [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-                [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-            ]
-        )
 
 
 def _along(axis: Array, beside: Array | None = None) -> Array:

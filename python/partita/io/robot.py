@@ -1,7 +1,7 @@
 """A robot between its file and a mechanism: links, joints that form a tree, and loop closures.
 
-The readers of URDF, SDFormat and MJCF fill it; `robot_builder` draws it. Frames are 4 x 4, in their parents' or in the
-world.
+The readers of URDF, SDFormat, MJCF and USD fill it; `robot_builder` draws it. Frames are 4 x 4, in their parents' or in
+the world.
 """
 
 from __future__ import annotations
@@ -67,11 +67,13 @@ class Effort:
     rotor: float = 0.0
     ratio: float = 1.0
     """Inertia of a motor's rotor, and how many times as fast as the coordinate it turns."""
+    constant: float = 0.0
+    """A constant force or torque."""
 
     @property
     def is_empty(self) -> bool:
         """Whether there is nothing."""
-        return self.stiffness == self.damping == self.rotor == 0.0
+        return self.stiffness == self.damping == self.rotor == self.constant == 0.0
 
 
 @dataclass
@@ -90,6 +92,8 @@ class Joint:
     pitch: float = 0.0
     second: Array | None = None
     point: Array = field(default_factory=lambda: np.zeros(3))
+    free: tuple[str, ...] = ()
+    """Directions of a joint of kind "generic"."""
 
     def along(self, coordinate: int) -> list[Effort]:
         """Its springs and dampers as those of a coordinate of the joint that replaces it."""
@@ -98,7 +102,8 @@ class Joint:
 
 @dataclass
 class Loop:
-    """A joint between two frames to be joined: (link, frame in it) of each; axes in the first frame."""
+    """A joint between two frames to be joined: (link, frame in it) of each; axes in the first frame. `free` are the
+    directions of a joint of kind "generic"; a `distance` keeps the origins of the frames at this `length`."""
 
     name: str
     kind: str
@@ -108,6 +113,8 @@ class Loop:
     axis: Array | None = None
     second_axis: Array | None = None
     efforts: list[Effort] = field(default_factory=list)
+    free: tuple[str, ...] = ()
+    length: float = 0.0
 
 
 @dataclass
@@ -140,6 +147,8 @@ class Robot:
     drawing_tolerance: float | None = None
     gimbals: bool = False
     poses: dict[str, Array] | None = None
+    world: str = "world"
+    """The ground, as an end of joints of a model that gives all poses."""
 
     def root(self) -> str:
         """The root link, which is the child of no joint; refuses trees with none, with several, and cycles."""
@@ -246,6 +255,18 @@ def turned(rpy: Any) -> Array:
             [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
             [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
             [-sp, cp * sr, cp * cr],
+        ]
+    )
+
+
+def rotation_of(quaternion: Any) -> Array:
+    """The rotation of a quaternion (w, x, y, z) of any length."""
+    w, x, y, z = np.asarray(quaternion, dtype=float) / np.linalg.norm(quaternion)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
         ]
     )
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -27,7 +29,7 @@ def build(robot: Robot, mechanism: Builder) -> None:
     _rename_ground(robot)
     if robot.poses is not None:
         _placed(robot, mechanism, robot.poses)
-        robot.reading.shapes = shapes_of(robot, "world")
+        robot.reading.shapes = shapes_of(robot, robot.world)
         return
     root = robot.root()
     fold_marks(robot)
@@ -58,20 +60,13 @@ def build(robot: Robot, mechanism: Builder) -> None:
         ends = (body[joint.parent], body[joint.child])
         axes = (joint.axis, joint.second)
         _joint(mechanism, joint.name, joint.kind, ends, (where, where), axes, joint.at)
-        _efforts(mechanism, joint.name, joint.efforts)
+        _efforts(mechanism, joint.name, joint.efforts, joint.at)
     _loops(robot, mechanism, body, pose)
-    for tie in robot.ties:
-        mechanism.add_coupler(tie.name, tie.joints, tie.factors, tie.offset)
-    for spring in robot.springs:
-        sides = [_on_body(robot, *side) for side in (spring.first, spring.second)]
-        (link1, point1), (link2, point2) = sides
-        data: dict[str, Any] = {"stiffness": spring.stiffness, "damping": spring.damping, "length": spring.length}
-        mechanism.add_spring(spring.name, body[link1], point1, body[link2], point2, **data)
     robot.reading.shapes = shapes_of(robot, root if grounded else None)
 
 
 def _loops(robot: Robot, mechanism: Builder, body: dict[str, Any], pose: dict[str, Array]) -> None:
-    """Joints between two frames, each on its link."""
+    """Joints between frames of bodies, couplers, and springs between points."""
     for loop in robot.loops:
         (link1, frame1), (link2, frame2) = loop.first, loop.second
         if body[link1] == body[link2]:
@@ -79,10 +74,23 @@ def _loops(robot: Robot, mechanism: Builder, body: dict[str, Any], pose: dict[st
             robot.reading.dropped.append(Remark(loop.at.line if loop.at else None, message, "", "other"))
             continue
         frames = (pose[link1] @ frame1, pose[link2] @ frame2)
+        if loop.kind == "distance":
+            points = (frame1[:3, 3], frame2[:3, 3])
+            with _refused(loop.at, "cannot be a distance"):
+                mechanism.add_distance(loop.name, body[link1], points[0], body[link2], points[1], loop.length)
+            continue
         axis = np.array([1.0, 0.0, 0.0]) if loop.axis is None else loop.axis
         ends = (body[link1], body[link2])
-        _joint(mechanism, loop.name, loop.kind, ends, frames, (axis, loop.second_axis), loop.at)
-        _efforts(mechanism, loop.name, loop.efforts)
+        _joint(mechanism, loop.name, loop.kind, ends, frames, (axis, loop.second_axis), loop.at, free=loop.free)
+        _efforts(mechanism, loop.name, loop.efforts, loop.at)
+    for tie in robot.ties:
+        with _refused(tie.at, "cannot couple joints"):
+            mechanism.add_coupler(tie.name, tie.joints, tie.factors, tie.offset)
+    for spring in robot.springs:
+        sides = [_on_body(robot, *side) for side in (spring.first, spring.second)]
+        (link1, point1), (link2, point2) = sides
+        data: dict[str, Any] = {"stiffness": spring.stiffness, "damping": spring.damping, "length": spring.length}
+        mechanism.add_spring(spring.name, body[link1], point1, body[link2], point2, **data)
 
 
 def _rename_ground(robot: Robot) -> None:
@@ -127,36 +135,54 @@ def _on_body(robot: Robot, link: str, point: Array) -> tuple[str, Array]:
 
 def _placed(robot: Robot, mechanism: Builder, poses: dict[str, Array]) -> None:
     """A model that gives the poses of its links; its joints may close loops."""
-    body: dict[str, Any] = {"world": mechanism.ground}
+    body: dict[str, Any] = {robot.world: mechanism.ground}
     for name, link in robot.links.items():
         body[name] = _body(robot, mechanism, link, poses[name])
     for joint in robot.joints.values():
         ends, frames = (body[joint.parent], body[joint.child]), (joint.pose, joint.pose)
-        _joint(mechanism, joint.name, joint.kind, ends, frames, (joint.axis, joint.second), joint.at, joint.pitch)
-        _efforts(mechanism, joint.name, joint.efforts)
-    _loops(robot, mechanism, body, {**poses, "world": np.eye(4)})
-    for tie in robot.ties:
-        mechanism.add_coupler(tie.name, tie.joints, tie.factors, tie.offset)
+        axes, more = (joint.axis, joint.second), (joint.pitch, joint.free)
+        _joint(mechanism, joint.name, joint.kind, ends, frames, axes, joint.at, *more)
+        _efforts(mechanism, joint.name, joint.efforts, joint.at)
+    _loops(robot, mechanism, body, {robot.world: np.eye(4), **poses})
 
 
-def _efforts(mechanism: Builder, joint: str, efforts: list[Effort]) -> None:
+@contextmanager
+def _refused(at: Element | None, words: str) -> Iterator[None]:
+    """What a mechanism refuses is an error of the element in the file that asks for it."""
+    try:
+        yield
+    except DescriptionError as error:
+        if at is None:
+            raise
+        at.fail(f"{words}: {error.message}")
+
+
+def _efforts(mechanism: Builder, joint: str, efforts: list[Effort], at: Element | None) -> None:
     """Springs, dampers and rotors of a joint."""
     for effort in efforts:
-        if effort.stiffness != 0.0 or effort.damping != 0.0:
-            name = effort.name or f"spring of {joint}"
-            while name in mechanism._description.forces:
-                name = f"{name} of {joint}"
-            law = {"stiffness": effort.stiffness, "damping": effort.damping, "angle": effort.rest}
-            mechanism.add_torsion_spring(joint, **law, coordinate=effort.coordinate, name=name)
-        if effort.rotor != 0.0:
-            mechanism.add_rotor(joint, effort.rotor, ratio=effort.ratio, coordinate=effort.coordinate)
+        with _refused(at, "cannot act so"):
+            _effort(mechanism, joint, effort)
+
+
+def _effort(mechanism: Builder, joint: str, effort: Effort) -> None:
+    """A spring with a damper, a rotor, a constant effort."""
+    if effort.stiffness != 0.0 or effort.damping != 0.0:
+        name = effort.name or f"spring of {joint}"
+        while name in mechanism._description.forces:
+            name = f"{name} of {joint}"
+        law = {"stiffness": effort.stiffness, "damping": effort.damping, "angle": effort.rest}
+        mechanism.add_torsion_spring(joint, **law, coordinate=effort.coordinate, name=name)
+    if effort.rotor != 0.0:
+        mechanism.add_rotor(joint, effort.rotor, ratio=effort.ratio, coordinate=effort.coordinate)
+    if effort.constant != 0.0:
+        mechanism.add_torque(joint, effort.constant, coordinate=effort.coordinate)
 
 
 def _body(robot: Robot, mechanism: Builder, link: Link, pose: Array) -> Any:
     if link.mass > HEAVY:
         remark = f'link "{link.name}" of {link.mass:.3g} kg looks like a dummy; it is kept as it is'
         robot.reading.changed.append(Remark(robot.line(link.at), remark))
-    try:
+    with _refused(link.at, "cannot be a body"):
         return mechanism.add_body(
             link.name,
             mass=link.mass,
@@ -166,8 +192,6 @@ def _body(robot: Robot, mechanism: Builder, link: Link, pose: Array) -> Any:
             orientation=nearest(pose[:3, :3]),
             **({} if link.gravity else {"gravity": False}),
         )
-    except DescriptionError as error:
-        link.at.fail(f"cannot be a body: {error.message}")
 
 
 def _joint(
@@ -179,6 +203,7 @@ def _joint(
     axes: tuple[Array, Array | None],
     at: Element | None,
     pitch: float = 0.0,
+    free: tuple[str, ...] = (),
 ) -> None:
     """A joint between two frames of the world, which may differ slightly."""
     here, there = frames
@@ -192,7 +217,7 @@ def _joint(
     elif apart and kind in ("fixed", "universal"):
         apart["child_frame"] = nearest(there[:3, :3] @ here[:3, :3].T)
     add: Any = mechanism
-    try:
+    with _refused(at, "cannot be a joint"):
         if kind in ("revolute", "prismatic", "cylindrical"):
             getattr(add, f"add_{kind}")(name, *ends, point=point, axis=axis, **apart)
         elif kind == "screw":
@@ -202,11 +227,11 @@ def _joint(
         elif kind == "universal":
             second = here[:3, :3] @ (axes[0] if axes[1] is None else axes[1])
             add.add_universal(name, *ends, point=point, axis1=axis, axis2=second, **apart)
+        elif kind == "generic":
+            if apart:
+                apart["child_frame"] = nearest(there[:3, :3])
+            add.add_joint(name, *ends, free=free, point=point, frame=nearest(here[:3, :3]), **apart)
         elif kind == "free":
             add.add_free(name, *ends, point=point)
         else:
             getattr(add, f"add_{kind}")(name, *ends, point=point, **apart)
-    except DescriptionError as error:
-        if at is None:
-            raise
-        at.fail(f"cannot be a joint: {error.message}")

@@ -181,7 +181,7 @@ def axes_of(joint: JointRecord) -> tuple[tuple[str, Array], ...]:
         return ()
     unit = {word: axis if word == "frame" else axis / np.linalg.norm(axis) for word, axis in joint.geometry.items()}
     axis = next((unit[word] for word in ("axis", "normal", "axis1") if word in unit), None)
-    frame = unit.get("frame", np.eye(3)) if axis is None else np.column_stack([*_across(axis), axis])
+    frame = unit.get("frame", np.eye(3)) if axis is None else np.column_stack([*across(axis), axis])
     along = {**dict(zip("xyz", frame.T, strict=True)), "1": axis, "2": unit.get("axis2")}
     moving = motions(joint)
     slides = [("slide", along[item]) for item in moving if not item.startswith("r")]
@@ -189,14 +189,14 @@ def axes_of(joint: JointRecord) -> tuple[tuple[str, Array], ...]:
     return (*slides, *(turns if len(turns) < 3 else [("ball", _Z)]))
 
 
-def _across(axis: Array) -> tuple[Array, Array]:
+def across(axis: Array) -> tuple[Array, Array]:
     """Two directions perpendicular to an axis and to each other."""
     x = np.cross(np.eye(3)[int(np.argmin(np.abs(axis)))], axis)
     x /= np.linalg.norm(x)
     return x, np.cross(axis, x)
 
 
-def _turn_of_child(joint: JointRecord) -> Array:
+def turn_of_child(joint: JointRecord) -> Array:
     """Rotation of the joint frame on the child relative to that on the parent, as drawn."""
     if joint.child_frame is not None:
         return np.asarray(joint.child_frame @ joint.geometry.get("frame", np.eye(3)).T)
@@ -214,13 +214,13 @@ def _between(one: Array, other: Array) -> Array:
     if cosine >= 0.0:
         factor = 1.0 / (1.0 + cosine)
     else:  # opposite directions do not determine the axis of rotation
-        w = w if sine > 1e-14 else _across(a)[0]
+        w = w if sine > 1e-14 else across(a)[0]
         factor = (1.0 - cosine) / float(w @ w)
     cross = np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]]) if sine > 1e-14 else np.zeros((3, 3))
     return cosine * np.eye(3) + cross + factor * np.outer(w, w)
 
 
-def _point(joint: JointRecord, drawn: dict[str, Array]) -> Array:
+def point_of(joint: JointRecord, drawn: dict[str, Array]) -> Array:
     if joint.point is not None:
         return joint.point
     return drawn[joint.parent if joint.child == GROUND else joint.child][:3, 3]
@@ -250,10 +250,10 @@ def _branch(
     report: Writing,
 ) -> Branch:
     """A body with the joint that carries it, all coordinates zero."""
-    point, reverse = _point(joint, drawn), body != joint.child
+    point, reverse = point_of(joint, drawn), body != joint.child
     apart = joint.child_point is not None or joint.child_axis is not None or joint.child_frame is not None
     if apart:
-        there = placed(point if joint.child_point is None else joint.child_point, _turn_of_child(joint))
+        there = placed(point if joint.child_point is None else joint.child_point, turn_of_child(joint))
         moved = placed(point, np.eye(3)) @ inverse(there)  # the transformation of the child to the joint on the parent
         pose = inverse(drawn[joint.parent]) @ moved @ drawn[joint.child]
         pose = inverse(pose) if reverse else pose
@@ -279,10 +279,10 @@ def _branch(
 
 
 def _closure(d: Description, joint: JointRecord, drawn: dict[str, Array], names: Names) -> Closure:
-    point = _point(joint, drawn)
+    point = point_of(joint, drawn)
     other = point if joint.child_point is None else joint.child_point
     here = inverse(drawn[joint.parent]) @ placed(point, np.eye(3))
-    there = inverse(drawn[joint.child]) @ placed(other, _turn_of_child(joint))
+    there = inverse(drawn[joint.child]) @ placed(other, turn_of_child(joint))
     return Closure(joint, here, there, _named(joint, np.eye(3), names, False))
 
 

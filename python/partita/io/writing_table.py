@@ -28,7 +28,7 @@ OMITTED = "left out"
 REFUSED = "refused"
 """A mechanism that has it is not written."""
 RULES = (WRITTEN, CHANGED, PARTLY, DROPPED, OMITTED, REFUSED)
-FORMATS = ("URDF", "MJCF", "TOML")
+FORMATS = ("URDF", "MJCF", "USD", "TOML")
 
 
 @dataclass(frozen=True)
@@ -49,13 +49,18 @@ _GIVEN = Fate(PARTLY, "numbers and tables; Python functions are refused")
 _RATIO = "of two joint coordinates in a fixed ratio; others dropped"
 _FREE = Fate(DROPPED, "what it holds together moves freely")
 _SIDE = Fate(CHANGED, "in the sidecar, which other programs do not read")
+_LOCKED = Fate(PARTLY, "`PhysicsJoint` with locked directions; two rotations beside slides are dropped")
+_LOOSE = Fate(PARTLY, "its motions no longer depend on each other")
+_HINGES = Fate(PARTLY, "a mimic joint of PhysX, of two hinges; others dropped")
+_NONE = Fate(DROPPED, "nothing pulls its points together")
 _DAMPERS = "dampers of hinges and slides; springs in the sidecar; of other coordinates dropped"
-Row = tuple[str, Fate, Fate, Fate]
+Row = tuple[str, Fate, Fate, Fate, Fate]
 
 
-def _row(kinds: str, urdf: Fate, mjcf: Fate | None = None, toml: Fate = _AS_IS) -> Row:
+def _row(kinds: str, urdf: Fate, mjcf: Fate | None = None, usd: Fate | None = None, toml: Fate = _AS_IS) -> Row:
     """Elements by the words of `kind_of`, separated by commas, and their fates in the order of `FORMATS`."""
-    return kinds, urdf, urdf if mjcf is None else mjcf, toml
+    mjcf = urdf if mjcf is None else mjcf
+    return kinds, urdf, mjcf, mjcf if usd is None else usd, toml
 
 
 _FLOATS = "in the tree; one that closes a loop constrains nothing, and is left out"
@@ -63,26 +68,44 @@ _SEVERAL = "universal, cylindrical, planar, pin slot, generic, parallel, perpend
 _SAMPLED = f"{_PYTHON}; sample it into cams (add_cam) between the coordinates of a generic joint before saving"
 _ROWS = (
     _row("body, rod", Fate(WRITTEN, "a link, its frame at its joint"), Fate(WRITTEN, "a body")),
-    _row("body without gravity", _SIDE, Fate(WRITTEN, "`gravcomp`")),
-    _row("gravity", _SIDE, Fate(WRITTEN, "`option`")),
+    _row("body without gravity", _SIDE, Fate(WRITTEN, "`gravcomp`"), Fate(CHANGED, "a schema of PhysX")),
+    _row("gravity", _SIDE, Fate(WRITTEN, "`option`"), Fate(WRITTEN, "`PhysicsScene`")),
     _row("time-dependent gravity", Fate(DROPPED, "gravity keeps its constant part"), toml=_GIVEN),
     _row("drawing tolerance", _SIDE, Fate(DROPPED, "loops are closed within the default tolerance")),
-    _row("revolute, prismatic, fixed", _AS_IS, Fate(WRITTEN, "`connect` and `weld` where they close loops")),
-    _row("free", Fate(CHANGED, f"`floating`, {_FLOATS}"), Fate(CHANGED, f"`freejoint`, {_FLOATS}")),
-    _row("spherical", _CHAIN, Fate(WRITTEN, "`ball`, or `connect` where it closes a loop")),
-    _row(f"{_SEVERAL}, point on plane", _CHAIN, Fate(CHANGED, "several joints of one body")),
-    _row("screw", Fate(CHANGED, "a slide that mimics a hinge"), Fate(CHANGED, "a slide coupled to a hinge")),
+    _row("revolute, prismatic, fixed", _AS_IS, Fate(WRITTEN, "`connect` and `weld` where they close loops"), _AS_IS),
+    _row(
+        "free",
+        Fate(CHANGED, f"`floating`, {_FLOATS}"),
+        Fate(CHANGED, f"`freejoint`, {_FLOATS}"),
+        Fate(WRITTEN, "`PhysicsJoint`"),
+    ),
+    _row("spherical", _CHAIN, Fate(WRITTEN, "`ball`, or `connect` where it closes a loop"), _AS_IS),
+    _row(f"{_SEVERAL}, point on plane", _CHAIN, Fate(CHANGED, "several joints of one body"), _LOCKED),
+    _row(
+        "screw",
+        Fate(CHANGED, "a slide that mimics a hinge"),
+        Fate(CHANGED, "a slide coupled to a hinge"),
+        Fate(PARTLY, "its thread is dropped"),
+    ),
     _row("constant velocity", Fate(DROPPED, "its bodies are not joined; two universal joints approximate it")),
-    _row("custom", Fate(PARTLY, "its motions no longer depend on each other"), toml=Fate(REFUSED, _SAMPLED)),
+    _row("custom", _LOOSE, usd=_LOCKED, toml=Fate(REFUSED, _SAMPLED)),
     _row("compliance", Fate(DROPPED, "reactions that the motion does not determine are shared otherwise")),
-    _row("coupler, gear, belt, rack", Fate(PARTLY, f"`mimic`, {_RATIO}"), Fate(PARTLY, f"an equality, {_RATIO}")),
-    _row("distance, rolling", _FREE),
+    _row(
+        "coupler, gear, belt, rack", Fate(PARTLY, f"`mimic`, {_RATIO}"), Fate(PARTLY, f"an equality, {_RATIO}"), _HINGES
+    ),
+    _row("distance", _FREE, usd=Fate(WRITTEN, "`PhysicsDistanceJoint`")),
+    _row("rolling", _FREE),
     _row("cam", _FREE, toml=_GIVEN),
     _row("constraint", _FREE, toml=Fate(REFUSED, _PYTHON)),
     _row("point on curve", _FREE, toml=Fate(REFUSED, "model files have no such table; add it after loading")),
-    _row("rotor", Fate(WRITTEN, "a `transmission` with `drake:rotor_inertia`"), Fate(WRITTEN, "`armature`")),
+    _row(
+        "rotor",
+        Fate(WRITTEN, "a `transmission` with `drake:rotor_inertia`"),
+        Fate(WRITTEN, "`armature`"),
+        Fate(CHANGED, "an armature of PhysX"),
+    ),
     _row("drive", Fate(DROPPED, "the driven coordinate becomes free"), toml=_GIVEN),
-    _row("spring", _SIDE, Fate(PARTLY, "`tendon`; of negative stiffness, damping or length dropped")),
+    _row("spring", _SIDE, Fate(PARTLY, "`tendon`; of negative stiffness, damping or length dropped"), _NONE),
     _row("torsion spring", Fate(PARTLY, _DAMPERS), Fate(PARTLY, "sums along a coordinate; negative ones dropped")),
     _row("torque, force", Fate(DROPPED, "it no longer acts"), toml=_GIVEN),
     _row("gas spring", Fate(DROPPED, "it no longer acts")),

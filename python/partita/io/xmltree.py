@@ -27,11 +27,11 @@ DEPTH = 512
 
 @dataclass
 class Element:
-    """An element: its tag, its attributes, its content, and the line where it begins."""
+    """An element: its tag, its attributes, its content, and the line where it begins, where that is known."""
 
     tag: str
     attributes: dict[str, str]
-    line: int
+    line: int | None
     path: Path
     children: list[Element] = field(default_factory=list)
     text: str = ""

@@ -84,7 +84,8 @@ class Mechanism(Modelled):
 
     def save(self, path: str | PathLike[str], *, strict: bool = False) -> Writing:
         """Write a model file; the suffix says which kind: .toml, which holds all of it and which `partita.load` reads
-        back to the last bit; .urdf, with a .yaml beside it where loops are closed; .mjcf or .xml (MuJoCo's MJCF).
+        back to the last bit; .urdf, with a .yaml beside it where loops are closed; .mjcf or .xml (MuJoCo's MJCF);
+        .usda, .usd or .usdc (USD physics).
 
         Robots' formats hold bodies, joints, loops, springs of joints and couplers of two joints (docs/robots.md). The
         returned `Writing` lists changes and losses; for losses a `LossyFileWarning` is issued as well. Numbers are

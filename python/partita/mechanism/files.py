@@ -16,7 +16,8 @@ def load(
     inertia: str | None = None,
     root: str | PathLike[str] | None = None,
 ) -> Mechanism:
-    """Read a mechanism from a model file; the suffix says which kind: .toml, .urdf, .sdf, .mjcf, .xml.
+    """Read a mechanism from a model file; the suffix says which kind: .toml, .urdf, .sdf, .mjcf, .xml,
+    .usda, .usd, .usdc.
 
     What a reader used, changed and left out stands in `Mechanism.remarks`, with lines; what changes the motion is first
     (docs/formats.md). A URDF is drawn with all joints at zero; its loops are closed where the file states so in one of
