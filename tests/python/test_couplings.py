@@ -215,6 +215,20 @@ def test_drives_by_position_rate_and_acceleration(
     assert np.allclose(r.joint("A").drive[inner, 0], (1 + 4 + 8) / 9 * bend, atol=2e-2)
 
 
+def test_the_bias_of_a_distance_is_the_rate_of_its_rate() -> None:
+    """For motions along the line and across it, by differences."""
+    m = pt.Mechanism("table", gravity=(0, 0, 0))
+    m.add_body("slide", mass=1.0, inertia=(1, 1, 1))
+    m.add_body("load", mass=2.0, inertia=(1, 1, 1), position=(0.3, 1.1, 0))
+    m.add_prismatic("X", m.ground, "slide", axis=(1, 0, 0))
+    m.add_prismatic("Y", "slide", "load", axis=(0, 1, 0))
+    m.add_drive(pt.Distance(m.ground, (0, 0, 0), "load", (0, 0, 0)), position=lambda t: 1 + 0.1 * t**2)
+    model, q, h = m.compile(), np.array([0.4, -0.2]), 1e-5
+    for v in np.random.default_rng(4).normal(size=(5, 2)):
+        rates = [model.jacobian(q + s * h * v, t=0.5 + s * h) @ v + model.rate(q, t=0.5 + s * h) for s in (-1, 1)]
+        np.testing.assert_allclose(model.bias(q, v, t=0.5), (rates[1] - rates[0]) / (2 * h), atol=1e-8)
+
+
 @BOTH
 def test_a_distance_is_driven(coordinates: str) -> None:
     m = pt.Mechanism("winch", gravity=(0, 0, 0))
