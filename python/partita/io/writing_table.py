@@ -65,7 +65,11 @@ def _row(kinds: str, urdf: Fate, mjcf: Fate | None = None, usd: Fate | None = No
 
 _FLOATS = "in the tree; one that closes a loop constrains nothing, and is left out"
 _SEVERAL = "universal, cylindrical, planar, pin slot, generic, parallel, perpendicular, orientation, point on line"
-_SAMPLED = f"{_PYTHON}; sample it into cams (add_cam) between the coordinates of a generic joint before saving"
+_ITS = "its coordinates"
+_SAMPLED = (
+    f"{_ITS} follow by Python functions, which a file cannot contain; sample them into cams (add_cam) between the "
+    "coordinates of a generic joint before saving"
+)
 _ROWS = (
     _row("body, rod", Fate(WRITTEN, "a link, its frame at its joint"), Fate(WRITTEN, "a body")),
     _row("body without gravity", _SIDE, Fate(WRITTEN, "`gravcomp`"), Fate(CHANGED, "a schema of PhysX")),
@@ -125,7 +129,7 @@ TABLE: dict[str, dict[str, Fate]] = {
 
 def visit(d: Description, report: Writing) -> None:
     """Report what the format of this writing drops or leaves out; refuse what it refuses."""
-    for kind, name, word in elements(d):
+    for kind, name, word, record in elements(d):
         fate = TABLE.get(kind, {}).get(report.kind) or Fate(DROPPED, f"not known to the writer of {report.kind}")
         called = f"{word} {name}".strip()
         if fate.rule == DROPPED:
@@ -133,25 +137,27 @@ def visit(d: Description, report: Writing) -> None:
         elif fate.rule == OMITTED:
             report.changed.append(f"{called} is not written: {fate.effect}")
         elif fate.rule == REFUSED:
+            if isinstance(record, JointRecord):
+                Element("joint", name).fail(fate.effect.replace(_ITS, ", ".join(record.follows)))
             Element(kind, name).fail(fate.effect)
 
 
-def elements(d: Description) -> Iterator[tuple[str, str, str]]:
-    """Everything in a mechanism: its kind, its name, and the word for it."""
-    yield "gravity", "", "gravity"
+def elements(d: Description) -> Iterator[tuple[str, str, str, Any]]:
+    """Everything in a mechanism: its kind, its name, the word for it, and its record if it has one."""
+    yield "gravity", "", "gravity", None
     if d.changing_gravity is not None:
-        yield "time-dependent gravity", "", "time-dependent gravity"
+        yield "time-dependent gravity", "", "time-dependent gravity", None
     if d.drawing_tolerance != DRAWING_TOLERANCE:
-        yield "drawing tolerance", f"{d.drawing_tolerance:g}", "the drawing tolerance"
+        yield "drawing tolerance", f"{d.drawing_tolerance:g}", "the drawing tolerance", None
     tables: list[dict[str, Any]] = [d.bodies, d.joints, d.couplings, d.rotors, d.drives, d.forces, d.sensors]
     for table in tables:
         for name, record in table.items():
             kind = kind_of(record).replace("_", " ")
-            yield kind, name, _word(kind, record)
+            yield kind, name, _word(kind, record), record
             if table is d.bodies and not record.gravity:
-                yield "body without gravity", name, "body"
+                yield "body without gravity", name, "body", record
             if isinstance(record, JointRecord) and record.compliance is not None:
-                yield "compliance", name, "compliance of joint"
+                yield "compliance", name, "compliance of joint", record
 
 
 def _word(kind: str, record: Any) -> str:
