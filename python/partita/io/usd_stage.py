@@ -307,13 +307,13 @@ class _Tree:
             if len(self.prims) > COUNT:
                 refuse(self.path, None, f"more than {COUNT} prims; no mechanism has so many")
             for child in handle.GetFilteredChildren(every):
-                if not child.IsAbstract() and self.acts(child):
+                if not child.IsAbstract() and self.is_part(child):
                     inner = self.prim(child)
                     prim.children.append(inner)
                     waiting.append((child, inner, depth + 1))
         return Stage(root, self.usd, self.stage, self.prims)
 
-    def acts(self, handle: Any) -> bool:
+    def is_part(self, handle: Any) -> bool:
         """Whether a prim is a part of the scene; one that is not is reported."""
         if handle.IsActive() and handle.IsDefined():
             return True

@@ -68,6 +68,13 @@ impl Start {
     pub fn is_watched(&self) -> bool {
         self.signed.is_some()
     }
+
+    /// How many numbers it holds, one at least.
+    pub fn numbers(&self) -> usize {
+        let of = |rows: &[Vec<f64>]| rows.iter().map(Vec::len).sum::<usize>();
+        let signed = self.signed.as_ref();
+        1 + self.q.len() + signed.map_or(0, |s| of(&s.null) + s.range.as_deref().map_or(0, of))
+    }
 }
 
 /// Work arrays for continuations of one mechanism.

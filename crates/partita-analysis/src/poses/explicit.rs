@@ -17,8 +17,8 @@ use std::sync::Arc;
 
 /// Up to this many blocks, other signs are tried where a pose does not close on its branch.
 const BLOCKS: usize = 6;
-/// Maximum number of coordinates stored at stations: eight megabytes.
-const STORED: usize = 1 << 20;
+/// Maximum number of numbers stored at stations: eight megabytes.
+pub(super) const STORED: usize = 1 << 20;
 
 /// Positions after each full step from the start, upwards and downwards, with the pivots there; the first is the start.
 #[derive(Default)]

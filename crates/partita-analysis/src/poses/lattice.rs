@@ -6,6 +6,7 @@
 //! changes by half, is not taken: such poses are followed all the way from the start.
 
 use super::continuation::{Continuation, Start, WATCHED};
+use super::explicit::STORED;
 use super::goal::Target;
 use partita_math::scalar::{Cases, Lanes, Scalar};
 use partita_math::tolerance;
@@ -26,9 +27,6 @@ const SPACING: f64 = 2.0 * tolerance::STRIDE;
 const LONGEST_LAST: f64 = LONGEST_PREDICTION;
 /// Stations are stored where this many poses share one.
 const SHARED: usize = 4;
-/// Maximum number of coordinates stored at stations: eight megabytes.
-const STORED: usize = 1 << 20;
-
 /// A point of the lattice, relative to the start.
 type Cell = Vec<i64>;
 
@@ -99,8 +97,8 @@ impl<'m> Lattice<'m> {
     /// Those of functions that the conditions call.
     pub fn with_stations(mut self, values: &[f64]) -> Result<Self, SystemError> {
         let poses = values.len() / self.targets.len();
-        let room = STORED / (self.model.size().nq * (1 + self.targets.len()));
-        let most = room.min(poses / SHARED);
+        let directions = self.model.size().nv * self.targets.len();
+        let most = (STORED / (self.first.start.numbers() + directions)).min(poses / SHARED);
         let mut cells = BTreeSet::new();
         for of in values.chunks(self.targets.len()) {
             let mut cell = self.cell(of);
