@@ -8,6 +8,7 @@ mod examples;
 mod geometric_error;
 mod geometry;
 pub mod instant;
+pub mod kinematic;
 pub mod matrices;
 pub mod mobility;
 pub mod outputs;

@@ -13,6 +13,7 @@ from . import models, solve
 from . import stepper as stepping
 from .assemblies import assemblies
 from .fmu import to_fmu
+from .kinematics import kinematics
 from .models import Modelled
 from .playground import to_playground
 from .poses import assemble_many
@@ -73,6 +74,7 @@ class Mechanism(Modelled):
     assemble = solve.assemble
     assemblies = assemblies
     assemble_many = assemble_many
+    kinematics = kinematics
     convert = solve.convert
     simulate = solve.simulate
     inputs = property(stepping.inputs)
