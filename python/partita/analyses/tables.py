@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..extras import extra
+from ..result_view import MotionView
 from ..results.content import Content
 from ..results.table import columns
 from ..results.variables import Axis, Variable, axes_of_motion, of_motion, sensors
@@ -15,17 +18,28 @@ if TYPE_CHECKING:
     import pandas
     import xarray
 
-    from .kinematics import Kinematics
-
 POSE = "pose"
 
 
-def to_xarray(k: Kinematics) -> xarray.Dataset:
+class StudyView(MotionView, Protocol):
+    """A kinematic study as it is stored; `Kinematics` documents each item."""
+
+    @property
+    def reached(self) -> NDArray[np.bool_]: ...
+    @property
+    def margin(self) -> NDArray[np.float64]: ...
+    @property
+    def goals(self) -> Mapping[Any, NDArray[np.float64]]: ...
+    @property
+    def notes(self) -> tuple[str, ...]: ...
+
+
+def to_xarray(k: StudyView) -> xarray.Dataset:
     """See `Kinematics.to_xarray`."""
     xarray = extra("xarray", "xarray", "to_xarray")
     content = _content(k)
     variables: dict[str, Any] = {v.name: ([POSE, *v.axes[1:]], v.values, _about(v)) for v in content.variables}
-    labels: dict[str, Any] = {POSE: np.arange(len(k))}
+    labels: dict[str, Any] = {POSE: np.arange(len(k.reached))}
     for key, values in k.goals.items():
         if values.ndim == 1 and str(key) not in variables:
             labels[str(key)] = (POSE, values)
@@ -36,17 +50,17 @@ def to_xarray(k: Kinematics) -> xarray.Dataset:
     return xarray.Dataset(variables, coords=labels, attrs={"title": k.title, "notes": "; ".join(k.notes)})
 
 
-def to_pandas(k: Kinematics) -> pandas.DataFrame:
+def to_pandas(k: StudyView) -> pandas.DataFrame:
     """See `Kinematics.to_pandas`."""
     pandas = extra("pandas", "pandas", "to_pandas")
     found = columns(_content(k))
-    frame = pandas.DataFrame({c.name: c.values for c in found}, index=pandas.RangeIndex(len(k), name=POSE))
+    frame = pandas.DataFrame({c.name: c.values for c in found}, index=pandas.RangeIndex(len(k.reached), name=POSE))
     frame.attrs["units"] = {c.name: c.unit for c in found}
     frame.attrs["title"] = k.title
     return frame
 
 
-def _content(k: Kinematics) -> Content:
+def _content(k: StudyView) -> Content:
     own = [
         Variable("reached", k.reached, (POSE,), "1", "1 where the pose was reached on the branch"),
         Variable("margin", k.margin, (POSE,), "1", "0 where the goals do not determine the motion, 1 at best"),
