@@ -2,12 +2,14 @@
 //! reactions the motion determines, and the outputs along a motion.
 
 pub mod determined;
+pub mod equilibrium;
 pub mod error;
 #[cfg(test)]
 mod examples;
 mod geometric_error;
 mod geometry;
 pub mod instant;
+pub mod linear;
 pub mod matrices;
 pub mod mobility;
 pub mod outputs;

@@ -306,7 +306,10 @@ mod tests {
         for _ in 0..50 {
             let x = 4.0 * random.f64() - 2.0;
             let along: [f64; 3] = std::array::from_fn(|_| random.f64() - 0.5);
-            let (y, called) = (mixture(Dual::new(x, along)), opaque(Dual::new(x, along), Dual::new(0.3, along), Dual::new(x, [0.0; 3]), &mut 0));
+            let (y, called) = (
+                mixture(Dual::new(x, along)),
+                opaque(Dual::new(x, along), Dual::new(0.3, along), Dual::new(x, [0.0; 3]), &mut 0),
+            );
             for i in 0..3 {
                 let one = mixture(Dual::new(x, [along[i]]));
                 assert_eq!((y.re.to_bits(), y.eps[i].to_bits()), (one.re.to_bits(), one.eps[0].to_bits()));
