@@ -344,6 +344,20 @@ impl Model {
         })
     }
 
+    /// q moved by the displacement in each row, its loops closed.
+    fn displaced<'py>(
+        &self,
+        py: Python<'py>,
+        t: f64,
+        q: Vector<'py>,
+        displacements: Table<'py>,
+    ) -> PyResult<Array<'py>> {
+        guarded(py, || {
+            let q = vector(&q, self.nq(), "q")?;
+            analyses::displaced(py, &self.inner, t, &q, &matrix(&displacements).2)
+        })
+    }
+
     fn mass_matrix<'py>(&self, py: Python<'py>, t: f64, q: Vector<'py>) -> PyResult<Array<'py>> {
         guarded(py, || {
             let n = self.nv();
