@@ -2,6 +2,7 @@
 //! reactions the motion determines, and the outputs along a motion.
 
 pub mod determined;
+pub mod equilibrium;
 pub mod error;
 #[cfg(test)]
 mod examples;
@@ -9,6 +10,7 @@ mod geometric_error;
 mod geometry;
 pub mod instant;
 pub mod kinematic;
+pub mod linear;
 pub mod matrices;
 pub mod mobility;
 pub mod outputs;
