@@ -14,14 +14,19 @@ fn closed(m: &Model) -> Vec<f64> {
     q
 }
 
-/// All coordinates of joints that are one by one, and a point of the last body.
+/// All coordinates of joints that are one by one, a point of the last body and its orientation.
 fn all_goals(m: &Model) -> Vec<Target> {
     let mut goals = Vec::new();
     for joint in 0..m.spec.joints.len() {
         let count: usize = m.placed.joints[joint].shape.motions.iter().map(|x| x.coordinates()).sum();
         goals.extend((0..count).map(|coordinate| Goal::Joint { joint, coordinate }));
     }
-    goals.extend((0..3).map(|axis| Goal::Point { body: m.spec.bodies.len() - 1, point: [0.3, -0.2, 0.5], axis }));
+    let body = m.spec.bodies.len() - 1;
+    goals.extend((0..3).map(|axis| Goal::Point { body, point: [0.3, -0.2, 0.5], axis }));
+    // a reference that is a quarter of a turn away about one axis, and a little about another
+    let (s, c) = 0.2f64.sin_cos();
+    let reference = [0.0, -1.0, 0.0, c, 0.0, -s, s, 0.0, c];
+    goals.extend((0..3).map(|axis| Goal::Turn { body, reference, axis }));
     goals.iter().filter_map(|goal| Target::new(m, goal, "goal").ok()).collect()
 }
 
