@@ -13,6 +13,7 @@ from . import models, solve
 from . import stepper as stepping
 from .assemblies import assemblies
 from .fmu import to_fmu
+from .inverse import inverse_dynamics
 from .models import Modelled
 from .playground import to_playground
 from .poses import assemble_many
@@ -75,6 +76,7 @@ class Mechanism(Modelled):
     assemble_many = assemble_many
     convert = solve.convert
     simulate = solve.simulate
+    inverse_dynamics = inverse_dynamics
     inputs = property(stepping.inputs)
     stepper = stepping.stepper
     compare = compare_mechanism
