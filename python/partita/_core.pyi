@@ -162,6 +162,14 @@ class Model:
     def transferred(self, other: Model, q: Array, v: Array) -> tuple[Array, Array]:
         """(q, v) of this model where every body is and moves as in another one of the same description."""
 
+    def linearized(
+        self, t: float, q: Array, v: Array, efforts: Array, independent: list[int] | None = None
+    ) -> dict[str, Any]:
+        """A, B, f0 and their parts about a state, modes, and states beside it for outputs."""
+
+    def equilibrium(self, t: float, q: Array, stable: bool) -> dict[str, Any]:
+        """The position at rest that a search from the closed position q arrives at."""
+
     def mass_matrix(self, t: float, q: Array) -> Array:
         """M (nv, nv)."""
 

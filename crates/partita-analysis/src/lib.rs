@@ -3,6 +3,7 @@
 
 pub mod actuated;
 pub mod determined;
+pub mod equilibrium;
 pub mod error;
 #[cfg(test)]
 mod examples;
@@ -10,6 +11,7 @@ mod geometric_error;
 mod geometry;
 pub mod instant;
 pub mod inverse;
+pub mod linear;
 pub mod matrices;
 pub mod mobility;
 pub mod outputs;

@@ -23,6 +23,7 @@ use crate::spec::{Coupling, JointKind, Measure, Spec};
 use crate::tree::LinkMotion;
 use crate::validate;
 use crate::value::{Abscissa, Callers, Functions};
+use crate::vary::Wide;
 use crate::zero_position::{Coordinates, Placed};
 use partita_math::elimination::Pattern;
 use partita_math::scalar::Scalar;
@@ -74,6 +75,8 @@ pub struct Model {
     row_is_angle: Vec<bool>,
     /// The decision about the drawing.
     geometry: Arc<Geometry>,
+    /// The equations with derivatives, made on first use; none where `f64` alone can solve for frictions.
+    pub(crate) varied: OnceLock<Option<Evaluator<Wide>>>,
     /// Memory for the next evaluations.
     spare: Arc<Spare>,
     /// The mechanism itself, where its drives were replaced by actuators.
@@ -346,6 +349,7 @@ impl Model {
             preference: Preference::default(),
             has_power,
             geometry: Arc::default(),
+            varied: OnceLock::new(),
             spare: Arc::default(),
             mechanism: None,
         };
@@ -396,14 +400,25 @@ impl Model {
     ///
     /// Fails where a user function would have to be called and cannot be (a recording).
     pub fn over<S: Scalar>(&self) -> Result<Evaluator<S>, DescriptionError> {
-        if self.own.following.is_some() {
+        self.refuse_following()?;
+        let numbers = Numbers::new(&self.spec, &self.placed);
+        let made = Evaluator::new(&self.spec, self.placed.clone(), numbers, self.drives.clone(), self.callers.clone());
+        Ok(made?.0)
+    }
+
+    /// Whether frictions follow from reactions, which `f64` alone can solve for.
+    pub fn follows_reactions(&self) -> bool {
+        self.own.following.is_some()
+    }
+
+    /// Refuse frictions that another number type would take for zero.
+    pub(crate) fn refuse_following(&self) -> Result<(), DescriptionError> {
+        if self.follows_reactions() {
             let message = "a reaction-dependent friction cannot be evaluated here; give the friction magnitudes \
                 (dynamic=)";
             return Err(DescriptionError::new("mechanism", &self.spec.name, message));
         }
-        let numbers = Numbers::new(&self.spec, &self.placed);
-        let made = Evaluator::new(&self.spec, self.placed.clone(), numbers, self.drives.clone(), self.callers.clone());
-        Ok(made?.0)
+        Ok(())
     }
 
     /// For k near n the mass matrix is cheaper than k partial velocities: compare the two counts.

@@ -1,5 +1,6 @@
 //! The interface to Python: plain data in, arrays out. No mechanics here.
 
+mod analyses;
 mod arrays;
 mod balance;
 mod calls;

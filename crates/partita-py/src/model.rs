@@ -1,6 +1,7 @@
 //! The compiled mechanism for Python.
 
-use crate::arrays::{array, vector};
+use crate::analyses;
+use crate::arrays::{array, matrix, vector};
 use crate::failure::{self, guarded, raise};
 use crate::functions::Callables;
 use crate::outputs::{self, Acting, Flags, Motion};
@@ -318,6 +319,38 @@ impl Model {
             self.inner.check_transfer(&other.inner, &q).map_err(|e| failure::system(py, e))?;
             let (q, v) = self.inner.transferred(&other.inner, &q, &v);
             Ok((array(py, &[q.len()], q), array(py, &[v.len()], v)))
+        })
+    }
+
+    /// The linearised equations about (t, q, v), with a column of E in each row of `efforts`.
+    #[pyo3(signature = (t, q, v, efforts, independent = None))]
+    fn linearized<'py>(
+        &self,
+        py: Python<'py>,
+        t: f64,
+        q: Vector<'py>,
+        v: Vector<'py>,
+        efforts: Table<'py>,
+        independent: Option<Vec<usize>>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        guarded(py, || {
+            let (q, v) = self.state(&q, &v)?;
+            let (_, _, efforts) = matrix(&efforts);
+            analyses::linearized(py, &self.inner, (t, &q, &v), independent.as_deref(), &efforts)
+        })
+    }
+
+    /// The position at rest that a search from the closed position q arrives at.
+    fn equilibrium<'py>(
+        &self,
+        py: Python<'py>,
+        t: f64,
+        q: Vector<'py>,
+        stable: bool,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        guarded(py, || {
+            let q = vector(&q, self.nq(), "q")?;
+            analyses::equilibrium_of(py, &self.inner, t, &q, stable)
         })
     }
 

@@ -24,6 +24,7 @@ pub mod start;
 pub mod step_boundary;
 pub mod system;
 pub mod tangent;
+pub mod variation;
 pub mod weight;
 
 pub use partition::Partition;

@@ -12,8 +12,10 @@ from ..io import Reading, RemarkGroup, Writing, save
 from . import models, solve
 from . import stepper as stepping
 from .assemblies import assemblies
+from .equilibrium import equilibria, equilibrium
 from .fmu import to_fmu
 from .inverse import inverse_dynamics
+from .linear import linearize
 from .models import Modelled
 from .playground import to_playground
 from .poses import assemble_many
@@ -80,6 +82,9 @@ class Mechanism(Modelled):
     inputs = property(stepping.inputs)
     stepper = stepping.stepper
     compare = compare_mechanism
+    equilibrium = equilibrium
+    equilibria = equilibria
+    linearize = linearize
     report = report
     to_fmu = to_fmu
     to_playground = to_playground
