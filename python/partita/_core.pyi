@@ -170,6 +170,9 @@ class Model:
     def equilibrium(self, t: float, q: Array, stable: bool) -> dict[str, Any]:
         """The position at rest that a search from the closed position q arrives at."""
 
+    def displaced(self, t: float, q: Array, displacements: Array) -> Array:
+        """q moved by the displacement in each row, its loops closed."""
+
     def mass_matrix(self, t: float, q: Array) -> Array:
         """M (nv, nv)."""
 

@@ -211,12 +211,18 @@ pub fn equilibrium<'s, S: ConstrainedSystem + Varied + 's>(
     let found = start::analyse(&*system, t, q)?;
     let n = system.size().nv;
     let displacement: Vec<f64> = (0..n).map(|l| system.characteristic_displacement(l)).collect();
-    let mut search =
-        Search { reduction: Reduction::dense(system.clone(), found.rank), t, stable, displacement: displacement.clone() };
+    let mut search = Search {
+        reduction: Reduction::dense(system.clone(), found.rank),
+        t,
+        stable,
+        displacement: displacement.clone(),
+    };
     let mut q = q.to_vec();
     let mut here = search.look(&q)?;
     let moving = (0..n).max_by(|&a, &b| {
-        (search.reduction.gamma[a] / displacement[a]).abs().total_cmp(&(search.reduction.gamma[b] / displacement[b]).abs())
+        (search.reduction.gamma[a] / displacement[a])
+            .abs()
+            .total_cmp(&(search.reduction.gamma[b] / displacement[b]).abs())
     });
     if let Some(i) = moving.filter(|&i| search.reduction.gamma[i] != 0.0) {
         let message = format!(
@@ -232,7 +238,8 @@ pub fn equilibrium<'s, S: ConstrainedSystem + Varied + 's>(
         let length = travel(&here.dt, &displacement, &z);
         let rounding = here.force.iter().zip(&here.pull).all(|(f, p)| f.abs() <= tolerance::ROUNDING * p);
         // once steps are rounding, they do not shrink any more
-        let arrived = rounding || length <= tolerance::CLOSED || (length < tolerance::CLOSED_IN_RUN && length > 0.5 * left);
+        let arrived =
+            rounding || length <= tolerance::CLOSED || (length < tolerance::CLOSED_IN_RUN && length > 0.5 * left);
         let off = if stable && arrived { descent } else { None };
         if arrived && off.is_none() {
             return Ok(Equilibrium {
@@ -278,7 +285,13 @@ fn no_equilibrium<S: ConstrainedSystem>(system: &S, here: &Here, steps: usize) -
 
 impl<S: ConstrainedSystem + Varied> Search<'_, S> {
     /// The position a part of a step on, if it closes and is better.
-    fn moved(&mut self, q: &[f64], here: &Here, z: &[f64], part: f64) -> Result<Option<(Vec<f64>, Here)>, AnalysisError> {
+    fn moved(
+        &mut self,
+        q: &[f64],
+        here: &Here,
+        z: &[f64],
+        part: f64,
+    ) -> Result<Option<(Vec<f64>, Here)>, AnalysisError> {
         let (k, n) = (z.len(), self.reduction.size().nv);
         let dv: Vec<f64> = (0..n).map(|l| part * dense::dot(&here.dt[l * k..(l + 1) * k], z)).collect();
         let mut next = q.to_vec();

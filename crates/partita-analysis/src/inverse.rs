@@ -16,7 +16,7 @@ use partita_math::spatial::Vec3;
 use partita_math::tolerance;
 use partita_model::model::{ModelScratch, Silent};
 use partita_model::rows::Owner;
-use partita_model::spec::{Drive, Level, Measure, Value};
+use partita_model::spec::{Drive, Force, Level, Measure, Value};
 use partita_model::Model;
 use partita_system::actuation::{self, Actuation};
 use partita_system::prelude::*;
@@ -143,7 +143,8 @@ impl Inverse {
     /// # Errors
     /// `Description` for a measurement that does not exist, `Argument` for friction that follows reactions.
     pub fn new(model: &Arc<Model>, actuators: &[Actuator], silent: &[Silent]) -> Result<Self, AnalysisError> {
-        if let Some(friction) = model.follows_reactions() {
+        let follows = |f: &&Force| matches!(f, Force::Friction(x) if x.follows.is_some());
+        if let Some(friction) = model.spec.forces.iter().find(follows).map(Force::name) {
             let message = format!(
                 "the friction \"{friction}\" follows the reaction of its joint, which the efforts change in turn; give \
                  its magnitudes (dynamic=)"

@@ -23,6 +23,8 @@ struct Room {
     a: Vec<Wide>,
     b: Vec<Wide>,
     force: Vec<Wide>,
+    rates: Vec<Wide>,
+    accelerations: Vec<Wide>,
 }
 
 impl Model {
@@ -58,6 +60,8 @@ impl Varied for Model {
             a: zeros(size.rows),
             b: zeros(size.rows),
             force: zeros(n),
+            rates: zeros(size.rows),
+            accelerations: zeros(size.rows),
         };
         let base: Vec<Wide> = at.q.iter().map(|q| Dual::constant(*q)).collect();
         for first in (0..along.count).step_by(TOGETHER) {
@@ -81,8 +85,9 @@ impl Varied for Model {
                     acceleration += c * x.vdot[col];
                     x.force[col] -= c.scale(at.multipliers[i]);
                 }
-                x.a[i] = rate;
-                x.b[i] = acceleration;
+                // a and b stay as they are: rows without them are never written
+                x.rates[i] = rate;
+                x.accelerations[i] = acceleration;
             }
             for l in 0..TOGETHER.min(along.count - first) {
                 let put = |from: &[Wide], to: &mut [f64]| {
@@ -90,8 +95,8 @@ impl Varied for Model {
                     let part = &mut to[(first + l) * m..(first + l + 1) * m];
                     part.iter_mut().zip(from).for_each(|(to, from)| *to = from.eps[l]);
                 };
-                put(&x.a, &mut out.rates);
-                put(&x.b, &mut out.accelerations);
+                put(&x.rates, &mut out.rates);
+                put(&x.accelerations, &mut out.accelerations);
                 put(&x.force, &mut out.forces);
             }
         }

@@ -6,6 +6,9 @@ use crate::model::Inner;
 use crate::state::Array;
 use partita_analysis::equilibrium;
 use partita_analysis::linear::{self, Modes};
+use partita_analysis::poses;
+use partita_math::tolerance;
+use partita_system::prelude::*;
 use partita_system::variation::Derivatives;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -95,4 +98,22 @@ pub fn equilibrium_of<'py>(
     d.set_item("symmetric", found.symmetric)?;
     d.set_item("iterations", found.iterations)?;
     Ok(d)
+}
+
+/// q moved by each of the displacements (nv numbers, one after the other), and its loops closed.
+pub fn displaced<'py>(
+    py: Python<'py>,
+    model: &Inner,
+    t: f64,
+    q: &[f64],
+    displacements: &[f64],
+) -> PyResult<Array<'py>> {
+    let mut found = Vec::new();
+    for by in displacements.chunks_exact(model.size().nv) {
+        let mut at = q.to_vec();
+        model.step(&mut at, by);
+        poses::closed(model, t, &mut at, tolerance::CLOSED, &[]).map_err(|e| failure::system(py, e))?;
+        found.extend(at);
+    }
+    Ok(array(py, &[found.len() / q.len().max(1), q.len()], found))
 }

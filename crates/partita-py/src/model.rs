@@ -341,16 +341,24 @@ impl Model {
     }
 
     /// The position at rest that a search from the closed position q arrives at.
-    fn equilibrium<'py>(
+    fn equilibrium<'py>(&self, py: Python<'py>, t: f64, q: Vector<'py>, stable: bool) -> PyResult<Bound<'py, PyDict>> {
+        guarded(py, || {
+            let q = vector(&q, self.nq(), "q")?;
+            analyses::equilibrium_of(py, &self.inner, t, &q, stable)
+        })
+    }
+
+    /// q moved by the displacement in each row, its loops closed.
+    fn displaced<'py>(
         &self,
         py: Python<'py>,
         t: f64,
         q: Vector<'py>,
-        stable: bool,
-    ) -> PyResult<Bound<'py, PyDict>> {
+        displacements: Table<'py>,
+    ) -> PyResult<Array<'py>> {
         guarded(py, || {
             let q = vector(&q, self.nq(), "q")?;
-            analyses::equilibrium_of(py, &self.inner, t, &q, stable)
+            analyses::displaced(py, &self.inner, t, &q, &matrix(&displacements).2)
         })
     }
 

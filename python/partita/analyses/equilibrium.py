@@ -73,4 +73,5 @@ class Equilibrium:
             word += f", {self.indifferent} indifferent direction{'s' * (self.indifferent > 1)}"
         found = np.sort(np.abs(self.eigenvalues[self.eigenvalues.imag > 0.0])) / (2.0 * np.pi)
         rest = f"; frequencies {', '.join(f'{x:.4g}' for x in found[:4])} Hz" if found.size else ""
-        return f"<Equilibrium: {word}{rest}; {len(self.independent)} degrees of freedom>"
+        k = len(self.independent)
+        return f"<Equilibrium: {word}{rest}; {k} degree{'s' * (k != 1)} of freedom>"

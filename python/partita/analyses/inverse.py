@@ -38,8 +38,8 @@ class InverseDynamics:
             without units: 1 best, 0 there. The smallest singular value of L^-1 D E diag(1/|k_s|), M_d = L L^T; with
             fewer actuators than degrees of freedom, how far they are from doing the same. NaN where the constraints
             themselves are singular.
-        remainder: (nt,) the part of the required forces that no effort provides, 0 to 1, in the metric M_d^-1. It is
-            round-off with enough actuators.
+        remainder: (nt,) the generalised force that no effort provides, as a fraction of the larger of the applied and
+            the inertial one, in the metric M_d^-1. It is round-off with enough actuators.
         null_space: (nt, s, s - k) efforts that cause no motion, of more actuators than the k degrees of freedom:
             orthonormal in the metric of the weights, and continuous in time. Any multiple can be added, for instance
             against backlash.
@@ -49,8 +49,8 @@ class InverseDynamics:
         notes: sentences on instants without efforts, what the set cannot do, and exceeded limits.
 
     `joint`, `body`, `coupling`, `sensor` and `energy` are those of a `Result`, with the efforts acting:
-    `joint("A").force` includes all loads, `joint("A").drive` the effort of an actuator in the joint. Which reactions are
-    determined follows from the constraints alone: no actuator is one.
+    `joint("A").force` includes all loads, `joint("A").drive` the effort of an actuator in the joint. Which reactions
+    are determined follows from the constraints alone: no actuator is one.
 
     >>> import partita as pt
     >>> m = pt.catalogue.load("four-bar")
@@ -115,8 +115,8 @@ class InverseDynamics:
 
     @property
     def use(self) -> FloatArray | None:
-        """(nt,): the largest fraction of a limit that is used; above 1 no distribution of the efforts stays within. None
-        without limits."""
+        """(nt,): the largest fraction of a limit that is used; above 1 no distribution of the efforts stays within.
+        None without limits."""
         return None if self.limits is None else use_of(self.efforts, self.limits)
 
     def peak(self) -> dict[str, dict[str, float]]:
@@ -265,14 +265,14 @@ def notes_of(found: Mapping[str, Any], names: Sequence[str], t: FloatArray) -> l
         said.append(
             f"this motion is not possible with {', '.join(names)} alone: {len(names)} actuator"
             f"{'s' * (len(names) > 1)} for {found['k']} degrees of freedom leave up to "
-            f"{100.0 * remainder[worst]:.3g} % of the required forces (at t = {t[worst]:.6g} s); the efforts are those "
+            f"{100.0 * remainder[worst]:.3g} % of the acting forces (at t = {t[worst]:.6g} s); the efforts are those "
             f"that leave the least; add {found['k'] - len(names)} more"
         )
     return said
 
 
 LEFT = 1e-9
-"""A smaller part of the required forces is round-off."""
+"""A smaller part of the acting forces is round-off."""
 
 
 def exceeded(efforts: FloatArray, limits: FloatArray | None, t: FloatArray) -> list[str]:
@@ -294,7 +294,7 @@ def mixed(units: Sequence[str]) -> ArgumentError:
     """Efforts of different units cannot be added without weights."""
     return ArgumentError(
         f"weights: more actuators than degrees of freedom share the load, and their efforts have different units "
-        f"({', '.join(dict.fromkeys(units))}), so that the least sum of squares has no meaning; give a weight for each, "
-        "such as the inverse square of what a motor can do, or limits with weights='least-use'",
+        f"({', '.join(dict.fromkeys(units))}), so that the least sum of squares has no meaning; give a weight for "
+        "each, such as the inverse square of what a motor can do, or limits with weights='least-use'",
         argument="weights",
     )

@@ -31,6 +31,9 @@ class Shapes(Protocol):
     def kinetic(self, displacements: Array) -> dict[str, Array]:
         """Kinetic energy of each body at velocities equal to these displacements, (m,) by name."""
 
+    def animated(self, displacement: ComplexArray, amplitude: float, period: float) -> Any:
+        """A `Result` of one period of the motion along a displacement."""
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Mode:
@@ -131,6 +134,31 @@ class Modes:
         parts = {name: float(part.sum()) for name, part in found.items()}
         total = sum(parts.values()) or 1.0
         return {name: part / total for name, part in parts.items()}
+
+    def to_html(self, path: Any, number: int = 0, *, amplitude: float = 0.3, period: float = 2.0, **drawn: Any) -> Any:
+        """Write a page with the animated motion of a mode, its loops closed.
+
+        Args:
+            path: the page.
+            number: of the mode.
+            amplitude: the largest displacement, in radians or fractions of the size of the mechanism.
+            period: shown length of one period [s].
+            drawn: `shapes` and `points`, as in `Result.to_html`.
+
+        Returns the path. Raises `AssemblyError` where the loops do not close with such an amplitude.
+
+        >>> import os, tempfile
+        >>> import partita as pt
+        >>> m = pt.catalogue.load("four-bar-spring")
+        >>> modes = m.linearize(m.equilibrium()).modes()
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     modes.to_html(os.path.join(folder, "mode.html")).name
+        'mode.html'
+        """
+        mode = self[number]
+        shown_as = f"mode {mode.number}: {mode.frequency:.4g} Hz" if mode.frequency else f"mode {mode.number}"
+        moved = self._shapes.animated(mode.displacements, amplitude, period)
+        return moved.to_html(path, title=drawn.pop("title", shown_as), **drawn)
 
     def _number(self, number: int) -> int:
         wanted = operator.index(number)

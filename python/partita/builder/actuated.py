@@ -18,8 +18,8 @@ FloatArray = NDArray[np.float64]
 
 
 class Actuated:
-    """A mechanism seen from as many actuators as it has degrees of freedom, at one state: tau = M w' + bias, where w are
-    the rates along the actuators.
+    """A mechanism seen from as many actuators as it has degrees of freedom, at one state: tau = M w' + bias, where w
+    are the rates along the actuators.
 
     Attributes:
         actuators: names of the k actuators.

@@ -74,7 +74,12 @@ def actuators_of(d: Description, summary: Mapping[str, Any], wanted: Any) -> lis
 def for_core(description: str, actuators: list[Actuator]) -> tuple[str, list[tuple[int, int | None]]]:
     """The actuators as JSON, and the forces whose efforts they replace, by their numbers in the description (JSON)."""
     plain = [
-        {"name": each.name, "along": each.along, "rate": each.rate, **({} if each.axis is None else {"axis": each.axis})}
+        {
+            "name": each.name,
+            "along": each.along,
+            "rate": each.rate,
+            **({} if each.axis is None else {"axis": each.axis}),
+        }
         for each in actuators
     ]
     silent = [each.silent for each in actuators if each.silent is not None]
@@ -113,8 +118,8 @@ def _one(key: Any, d: Description, summary: Mapping[str, Any]) -> Actuator:
         index_of(name, [*known, *d.drives, *d.forces], "actuator")
     except UnknownNameError as error:
         raise UnknownNameError(
-            f"actuators: {error.message}; an actuator is a joint with one coordinate, a coordinate such as 'C.slide', a "
-            "drive, a spring, a torque, or a component of a force such as 'push.x'",
+            f"actuators: {error.message}; an actuator is a joint with one coordinate, a coordinate such as 'C.slide', "
+            "a drive, a spring, a torque, or a component of a force such as 'push.x'",
             **error.fields,
         ) from None
     raise _none(name, "it can exert no effort")
@@ -188,9 +193,7 @@ def numbers(what: str, given: Any, actuators: list[Actuator], units: list[str], 
     for i, value in entries(what, given, actuators).items():
         number = _array(what, actuators[i].name, value, units[i])
         if number.shape != ():
-            raise ArgumentError(
-                f"{what}[{actuators[i].name!r}] must be a number, not {shown(value)}", argument=what
-            )
+            raise ArgumentError(f"{what}[{actuators[i].name!r}] must be a number, not {shown(value)}", argument=what)
         found[i] = float(number)
     return found
 

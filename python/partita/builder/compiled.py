@@ -299,8 +299,8 @@ class CompiledModel(Equations):
         """The equations of motion in the rates of as many actuators as degrees of freedom: mass matrix, bias, gravity,
         transmission ratios, Jacobians and margin at one state. For control and drive design; drives are left out.
 
-        An evaluation costs that of the accelerations, and no matrix of nv x nv is made. `Actuated.at` evaluates at another
-        state with the same set-up.
+        An evaluation costs that of the accelerations, and no matrix of nv x nv is made. `Actuated.at` evaluates at
+        another state with the same set-up.
 
         Args:
             state: as `assemble` returns it.

@@ -11,14 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import options as run_options
 from ..analyses.equilibrium import Equilibrium
+from ..analyses.still import run_of
 from ..builder.compiled import CompiledModel
 from ..errors import ArgumentError, PartitaError
 from ..naming import Names, coordinate_units
-from ..results.record import Record
 from ..results.run import Run
-from ..results.sensor import LiveSensors, account_of
-from ..results.source import ModelSource
-from ..results.tables import Tables
 from ..state import State
 from .models import Modelled, layout_of
 from .solve import start_of
@@ -94,22 +91,8 @@ def _found(model: CompiledModel, t: float, start: State, stable: bool) -> Equili
                 stable_here = False
         elif abs(growth) > small:
             stable_here = growth < 0.0
-    arrays = {
-        "t": np.array([t]),
-        "q": q[None, :],
-        "v": rest[None, :],
-        "vdot": rest[None, :],
-        "multipliers": found["multipliers"][None, :],
-        "work": np.zeros(1),
-    }
-    account = account_of(model.sensors, model.summary)
-    summary = {**model.summary, "sensors": account} if account else model.summary
-    source = ModelSource(model.core, arrays, summary)
-    run = Run(
-        Record(arrays=Tables(arrays), summary=dict(summary), description=model.description),
-        source,
-        LiveSensors(model.sensors, source, account),
-    )
+    row = rest[None, :]
+    run = run_of(Run, model, np.array([t]), q[None, :], row, row, found["multipliers"][None, :])
     return Equilibrium(
         state=state,
         stable=stable_here,

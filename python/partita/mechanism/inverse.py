@@ -65,8 +65,8 @@ def inverse_dynamics(
 
     The set of actuators is independent of how the motion was made: drives are left out, and actuators act as forces,
     never as constraints. With as many actuators as degrees of freedom the efforts are unique; with more they are
-    distributed by `weights` or `limits`; with fewer the motion is in general not possible, and the remainder says by how
-    much.
+    distributed by `weights` or `limits`; with fewer the motion is in general not possible, and the remainder says by
+    how much.
 
     Args:
         motion: a `Result` (or anything with t, q, v, vdot and names of this mechanism); a `State` at rest, which is to
@@ -74,18 +74,19 @@ def inverse_dynamics(
             positions at these times (joined by a twice differentiable cubic spline), a table (times, values) or a
             function of t, as in `add_drive`, instead of all drives of the mechanism; times (nt,) alone: the motion that
             the drives of the mechanism prescribe; None: the same at t = 0.
-        actuators: names or handles: a joint with one degree of freedom, or one of several coordinates such as "C.slide"
-            (in the tree or closing a loop); a drive (what it drives); a spring (along its line, in addition to the
-            spring's own force); a torque of `add_torque`, or a component "push.x" of a force of `add_force`, whose given
-            effort is then replaced. None: what the drives prescribe; for (t, {...}) the coordinates named there.
-        weights: with more actuators than degrees of freedom: the least sum of weight effort^2, actuator -> weight (1 for
-            those not named; all 1 if None and the units agree); or "least-use": the largest effort in fractions of its
-            limit is made as small as possible.
+        actuators: names or handles: a joint with one degree of freedom, or one of several coordinates such as
+            "C.slide" (in the tree or closing a loop); a drive (what it drives); a spring (along its line, in addition
+            to the spring's own force); a torque of `add_torque`, or a component "push.x" of a force of `add_force`,
+            whose given effort is then replaced. None: what the drives prescribe; for (t, {...}) the coordinates named
+            there.
+        weights: with more actuators than degrees of freedom: the least sum of weight effort^2, actuator -> weight (1
+            for those not named; all 1 if None and the units agree); or "least-use": the largest effort in fractions of
+            its limit is made as small as possible.
         limits: actuator -> largest magnitude, or (lower, upper) around 0 [N, N m]; for every actuator. The least
             weighted sum of squares within them is found; where none is possible, the least use is taken, and a note
             gives its factor.
-        preload: actuator -> effort, constant or at each time (nt,): the least sum of squares is that of the difference to
-            it.
+        preload: actuator -> effort, constant or at each time (nt,): the least sum of squares is that of the difference
+            to it.
         initial: for a motion by drives, the state near which it begins, to select a branch; None: the drawing.
         parameters: name -> value, numbers that replace those of the drawing, as in `CompiledModel.with_parameters`.
 
@@ -94,8 +95,8 @@ def inverse_dynamics(
         constraints are singular, efforts are NaN, and a note names the instants.
 
     Raises:
-        ArgumentError: the motion belongs to another mechanism or violates the constraints (the message says which, where
-            and by how much), something is not an actuator, or limits, weights and preload do not fit.
+        ArgumentError: the motion belongs to another mechanism or violates the constraints (the message says which,
+            where and by how much), something is not an actuator, or limits, weights and preload do not fit.
         UnknownNameError: a name does not exist.
 
     A slider-crank: the torque of a crank turning at 10 rad/s, and the force on its pin.
@@ -153,8 +154,8 @@ def _motion(
         _fitting("motion", motion, model)
         if np.any(motion.v):
             raise ArgumentError(
-                "motion: the state moves, and its accelerations are not known; give a state at rest, which is held, or a "
-                "motion over time",
+                "motion: the state moves, and its accelerations are not known; give a state at rest, which is held, or "
+                "a motion over time",
                 argument="motion",
             )
         return self, model, (np.array([motion.t]), motion.q[None, :], motion.v[None, :], 0.0 * motion.v[None, :])
@@ -184,17 +185,15 @@ def _motion(
     return mechanism, layout_of(mechanism, "relative", parameters)[0], (run.t, run.q, run.v, run.vdot)
 
 
-def _model_of(
-    self: Modelled, what: str, names: list[str], parameters: Mapping[str, ArrayLike] | None
-) -> CompiledModel:
+def _model_of(self: Modelled, what: str, names: list[str], parameters: Mapping[str, ArrayLike] | None) -> CompiledModel:
     """The model of this mechanism whose coordinates have these names."""
     for coordinates in run_options.COORDINATES:
         if list(compile(self, coordinates).names) == list(names):
             return layout_of(self, coordinates, parameters)[0]
     own = listed(list(compile(self).names))
     raise ArgumentError(
-        f"motion: {what} has the coordinates {listed(list(names))}, but this mechanism has {own}; give a motion of this "
-        "mechanism, from simulate or assemble",
+        f"motion: {what} has the coordinates {listed(list(names))}, but this mechanism has {own}; give a motion of "
+        "this mechanism, from simulate or assemble",
         argument="motion",
     )
 
@@ -209,8 +208,8 @@ def _times(given: Any) -> FloatArray:
         t = np.empty((0, 0))
     if t.ndim != 1 or not t.size:
         raise ArgumentError(
-            "motion must be a Result, a State at rest, times (nt,), or (times, {'A': values, a table or a function}), not "
-            f"{shown(given)}",
+            "motion must be a Result, a State at rest, times (nt,), or (times, {'A': values, a table or a function}), "
+            f"not {shown(given)}",
             argument="motion",
         )
     return run_options.output_times(t, float(t[0]), float(t[-1]))
@@ -248,7 +247,8 @@ def _course(key: str, t: FloatArray, course: Any) -> Any:
         return float(values)
     if values.shape != t.shape:
         raise ArgumentError(
-            f"motion[{key!r}] has shape {values.shape}; give a position for each of the {len(t)} times", argument="motion"
+            f"motion[{key!r}] has shape {values.shape}; give a position for each of the {len(t)} times",
+            argument="motion",
         )
     return float(values[0]) if len(t) == 1 else (t, values)
 
@@ -279,9 +279,7 @@ def _prescribed(
     return run
 
 
-def _start(
-    self: Modelled, mechanism: Modelled, initial: Any, parameters: Mapping[str, ArrayLike] | None
-) -> State:
+def _start(self: Modelled, mechanism: Modelled, initial: Any, parameters: Mapping[str, ArrayLike] | None) -> State:
     """The initial state in the coordinates of the driven mechanism."""
     model, layout = layout_of(mechanism, "relative", parameters)
     if isinstance(initial, State) and not initial.is_of(model.summary):

@@ -12,12 +12,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import options as run_options
 from ..analyses.linear import Linearization
+from ..analyses.still import run_of
 from ..builder.compiled import CompiledModel
 from ..errors import ArgumentError
-from ..naming import index_of
+from ..naming import Names, coordinate_units, index_of
 from ..numeric import shown
-from ..results.sensor import LiveSensors, account_of
-from ..results.source import ModelSource
+from ..results import Result
+from ..results.run import Run
 from ..state import State
 from .models import Modelled, layout_of
 from .solve import start_of
@@ -41,9 +42,7 @@ class ModelShapes:
         found, every = self._model.summary["joints"], range(len(self._model.summary["joints"]))
         rates = self._model.core.joints(*self._motion(displacements), list(every))["joint_velocity"]
         spans = [tuple(joint["v"]) for joint in found]
-        return {
-            joint["name"]: rates[:, first : first + n] for joint, (first, n) in zip(found, spans, strict=True)
-        }
+        return {joint["name"]: rates[:, first : first + n] for joint, (first, n) in zip(found, spans, strict=True)}
 
     def kinetic(self, displacements: Array) -> dict[str, Array]:
         """Kinetic energy of each body."""
@@ -57,6 +56,29 @@ class ModelShapes:
             turning = np.einsum("ti,ij,tj->t", inside, np.array(body["inertia"]), inside)
             energies[body["name"]] = 0.5 * (body["mass"] * np.sum(velocity**2, axis=1) + turning)
         return energies
+
+    def animated(self, displacement: NDArray[np.complex128], amplitude: float, period: float) -> Result:
+        """One period of the motion along a displacement, closed at every output."""
+        size = amplitude / (np.abs(displacement / self._sizes).max(initial=0.0) or 1.0)
+        t = np.linspace(0.0, period, 61)
+        turning = np.exp(2j * np.pi * t / period)[:, None]
+        moved = np.ascontiguousarray((size * displacement * turning).real)
+        rates = np.ascontiguousarray((size * displacement * turning * 2j * np.pi / period).real)
+        q = self._model.core.displaced(self._state.t, self._state.q, moved)
+        rows = np.zeros((len(t), self._model.core.rows))
+        return run_of(Result, self._model, t, q, rates, np.zeros_like(rates), rows)
+
+    @cached_property
+    def _sizes(self) -> Array:
+        """One radian, or the size of the mechanism."""
+        units = coordinate_units(
+            self._model.summary,
+            Names.from_summary(self._model.summary, self._model.core.nq, self._model.core.nv, self._model.core.rows),
+        )[1]
+        at = self._motion(np.zeros((1, self._model.core.nv)))
+        points = self._model.core.bodies(*at, list(range(len(self._bodies))))["body_position"][0]
+        extent = float(np.ptp(points, axis=0).max(initial=0.0)) or 1.0
+        return np.array([1.0 if unit == "rad/s" else extent for unit in units])
 
     @cached_property
     def _bodies(self) -> list[dict[str, Any]]:
@@ -195,17 +217,14 @@ class _Readings:
             "vdot": (found["vdot"], found["probe_vdot"]),
             "multipliers": (found["multipliers"], found["probe_multipliers"]),
         }
-        arrays = {name: np.vstack([here[None, :], there]) for name, (here, there) in beside.items()}
-        arrays["t"] = np.full(len(arrays["q"]), state.t)
-        self._source = ModelSource(model.core, arrays, model.summary)
-        self._sensors = LiveSensors(model.sensors, self._source, account_of(model.sensors, model.summary))
-        self._joints = model.summary["joints"]
+        rows = {name: np.vstack([here[None, :], there]) for name, (here, there) in beside.items()}
+        self._run = run_of(Run, model, np.full(len(rows["q"]), state.t), **rows)
 
     def of(self, wanted: Sequence[tuple[str, str]]) -> tuple[Array, Array, list[str]]:
         """Values, changes with states and inputs, and names of their components."""
         values, changes, labels = [], [], []
         for kind, name in wanted:
-            read = self._sensors.read(name) if kind == "sensor" else self._joint(name)
+            read = np.asarray(self._run.sensor(name).values if kind == "sensor" else self._run.joint(name).position)
             flat = read.reshape(len(read), -1)
             values.append(flat[0])
             changes.append((flat[1::2] - flat[2::2]).T / (2.0 * self._steps))
@@ -215,8 +234,3 @@ class _Readings:
         if not values:
             return np.zeros(0), np.zeros((0, count)), labels
         return np.concatenate(values), np.vstack(changes), labels
-
-    def _joint(self, name: str) -> Array:
-        j = next(i for i, joint in enumerate(self._joints) if joint["name"] == name)
-        q, v = tuple(self._joints[j]["q"]), tuple(self._joints[j]["v"])
-        return np.asarray(self._source.joint(j, q, v)["joint_position"])

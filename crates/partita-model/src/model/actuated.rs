@@ -56,12 +56,6 @@ impl Model {
         self.mechanism.is_some()
     }
 
-    /// Name of a friction that follows the reaction of its joint, if there is one.
-    pub fn follows_reactions(&self) -> Option<&str> {
-        let follows = |f: &&Force| matches!(f, Force::Friction(x) if x.follows.is_some());
-        self.spec.forces.iter().find(follows).map(Force::name)
-    }
-
     /// On the tree of this model, whatever tree a description with these drives would have.
     fn with_rows(&self, rows: Vec<Drive>, silent: &[Silent]) -> Result<Self, DescriptionError> {
         let mut spec = Spec { drives: rows, ..(*self.spec).clone() };
