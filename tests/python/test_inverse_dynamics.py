@@ -1,7 +1,9 @@
 """Inverse dynamics: efforts of any set of actuators, against forward dynamics, closed forms and another optimiser."""
 
 import itertools
+import json
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,6 +13,7 @@ from scipy import optimize
 from test_assemble_many import POINTS, five_bar
 
 import partita as pt
+from partita import cli
 from partita.errors import ArgumentError, DescriptionError, UnknownNameError
 
 Array = NDArray[np.float64]
@@ -382,6 +385,8 @@ def test_a_course_moves_what_it_names_and_drives_move_themselves() -> None:
     assert held.v.tolist() == [[0.0] * held.v.shape[1]] and np.isfinite(held.efforts).all()
     m.add_drive("A", position=lambda t: 30.0 * t, name="motor")
     by_drive = m.inverse_dynamics(t)
+    again = m.inverse_dynamics((t, {"A": lambda t: 30.0 * t}))  # in place of the drive
+    assert np.abs(again.efforts - by_drive.efforts).max() < 1e-8 * np.abs(by_drive.efforts).max()
     for d in (by_values, by_table, by_drive):
         assert np.abs(d.effort("A") - by_function.effort("A")).max() < 1e-8 * np.abs(by_function.effort("A")).max()
     assert np.abs(m.simulate(0.02, t_eval=t).joint("A").drive[:, 0] - by_drive.effort("A")).max() < 1e-7
@@ -456,3 +461,21 @@ def test_a_mechanism_without_freedom_is_refused() -> None:
     m.add_revolute("top", "rod 0", "rod 1", point=(1, 1, 0))
     with pytest.raises((ArgumentError, DescriptionError), match=r"no degree of freedom|nothing can move"):
         m.inverse_dynamics(m.assemble(), ["top"])
+
+
+def test_the_command_line_prints_what_motors_must_do(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    command = ["inverse", "four-bar", "--rate", "A=60rpm", "--time", "1"]
+    assert cli.main([*command, "-o", "torque.png"]) == 0
+    printed = capsys.readouterr().out
+    assert printed.splitlines()[1].startswith("A") and printed.splitlines()[1].endswith("N m")
+    assert "least margin" in printed and (tmp_path / "torque.png").stat().st_size > 1000
+    assert cli.main([*command, "--actuator", "D", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert list(found["actuators"]) == ["D"] and found["actuators"]["D"]["unit"] == "N m"
+    assert cli.main([*command, "--actuator", "Z"]) == 2
+    assert "no actuator named 'Z'" in capsys.readouterr().err
+    assert cli.main(["inverse", "four-bar"]) == 2
+    assert "the mechanism has no drives" in capsys.readouterr().err

@@ -113,9 +113,9 @@ def _one(key: Any, d: Description, summary: Mapping[str, Any]) -> Actuator:
         for own, part in ((name, ""), (force, component)):
             if own in d.forces and part in ("", *_AXES):
                 return _force(name, d.forces[own], part, d)
-    known = [_label(joint, i) for joint in joints for i in range(len(joint["axes"]))]
+    coordinates = [_label(joint, i) for joint in joints for i in range(len(joint["axes"]))]
     try:
-        index_of(name, [*known, *d.drives, *d.forces], "actuator")
+        index_of(name, [*coordinates, *d.drives, *d.forces], "actuator")
     except UnknownNameError as error:
         raise UnknownNameError(
             f"actuators: {error.message}; an actuator is a joint with one coordinate, a coordinate such as 'C.slide', "
@@ -159,9 +159,9 @@ def _force(name: str, record: Any, part: str, d: Description) -> Actuator:
     match record:
         case TorqueRecord() | TorsionSpringRecord() if not part:
             along = {"of": "joint", "joint": record.joint, "coordinate": record.coordinate}
-            silent = (record.name, None) if isinstance(record, TorqueRecord) else None
+            given = (record.name, None) if isinstance(record, TorqueRecord) else None
             ball = record.coordinate >= scalars(d.joints[record.joint])
-            return Actuator(name, [along], _effort(along, d), rate=ball, silent=silent)
+            return Actuator(name, [along], _effort(along, d), rate=ball, silent=given)
         case SpringRecord() if not part:
             ends = {"point1": record.point1.tolist(), "point2": record.point2.tolist()}
             along = {"of": "distance", "body1": record.body1, "body2": record.body2, **ends}

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from .. import options as run_options
 from ..analyses.inverse import InverseDynamics, exceeded, mixed, notes_of
 from ..builder.actuators import limits_of, preload_of, weights_of
+from ..builder.changes import remove
 from ..builder.compiled import CompiledModel
-from ..builder.records import Drive
 from ..errors import ArgumentError
 from ..naming import Names, listed
 from ..numeric import floats, shown
@@ -221,7 +221,7 @@ def _driven(self: Modelled, t: FloatArray, courses: Mapping[Any, Any]) -> Modell
         raise ArgumentError("motion names nothing that moves; give at least one joint", argument="motion")
     driven = copy.deepcopy(self)
     for name in list(driven._description.drives):
-        driven.remove(Drive(name, driven))
+        remove(driven, "drives", name)
     joints = compile(self).summary["joints"]
     for key, course in courses.items():
         goals = goals_of("motion", key, compile(self))
