@@ -28,6 +28,8 @@ PARTS: dict[str, tuple[str, ...]] = {
         "reactions",
         "sensors",
         "stepping",
+        "statics",
+        "vibration",
         "sweeps",
         "model-files",
         "robots",

@@ -13,17 +13,18 @@ use partita_math::tolerance;
 use partita_system::manifold::kept_rows::close_kept;
 use partita_system::reduction::Reduction;
 use partita_system::start;
-use partita_system::variation::{At, Changes, Directions, Varied};
+use partita_system::system::{At, Changes, Directions, Varied};
 use partita_system::{ConstrainedSystem, SystemError, SystemRef};
 
-/// Longest step. Unit: characteristic displacement. Reason: forces may differ beyond it.
+/// Longest step towards an equilibrium. Unit: characteristic displacement. Reason: forces may differ beyond it.
 const LONGEST_STEP: f64 = 0.2;
 /// Steps before the search ends. Reason: thirty turns at the longest step.
 const MOST_STEPS: usize = 1000;
 /// Halvings of a step before the search ends. Reason: the step is then rounding.
 const MOST_HALVINGS: usize = 40;
 
-/// Part of the expected gain that a step must bring. Reason: the usual one of line searches.
+/// Part of the expected gain that a step must bring. Scale: fraction of the gain of first order. Reason: the usual one of
+/// line searches.
 const SUFFICIENT: f64 = 1e-4;
 /// First step off an equilibrium that is not the wanted one. Unit: characteristic displacement. Reason: its forces
 /// exceed rounding by far.
@@ -211,12 +212,18 @@ pub fn equilibrium<'s, S: ConstrainedSystem + Varied + 's>(
     let found = start::analyse(&*system, t, q)?;
     let n = system.size().nv;
     let displacement: Vec<f64> = (0..n).map(|l| system.characteristic_displacement(l)).collect();
-    let mut search =
-        Search { reduction: Reduction::dense(system.clone(), found.rank), t, stable, displacement: displacement.clone() };
+    let mut search = Search {
+        reduction: Reduction::dense(system.clone(), found.rank),
+        t,
+        stable,
+        displacement: displacement.clone(),
+    };
     let mut q = q.to_vec();
     let mut here = search.look(&q)?;
     let moving = (0..n).max_by(|&a, &b| {
-        (search.reduction.gamma[a] / displacement[a]).abs().total_cmp(&(search.reduction.gamma[b] / displacement[b]).abs())
+        (search.reduction.gamma[a] / displacement[a])
+            .abs()
+            .total_cmp(&(search.reduction.gamma[b] / displacement[b]).abs())
     });
     if let Some(i) = moving.filter(|&i| search.reduction.gamma[i] != 0.0) {
         let message = format!(
@@ -232,7 +239,9 @@ pub fn equilibrium<'s, S: ConstrainedSystem + Varied + 's>(
         let length = travel(&here.dt, &displacement, &z);
         let rounding = here.force.iter().zip(&here.pull).all(|(f, p)| f.abs() <= tolerance::ROUNDING * p);
         // once steps are rounding, they do not shrink any more
-        let arrived = rounding || length <= tolerance::CLOSED || (length < tolerance::CLOSED_IN_RUN && length > 0.5 * left);
+        let arrived = rounding
+            || length <= tolerance::CLOSED
+            || (length < tolerance::CLOSED_IN_RUN && tolerance::DOUBLED * length > left);
         let off = if stable && arrived { descent } else { None };
         if arrived && off.is_none() {
             return Ok(Equilibrium {
@@ -278,7 +287,13 @@ fn no_equilibrium<S: ConstrainedSystem>(system: &S, here: &Here, steps: usize) -
 
 impl<S: ConstrainedSystem + Varied> Search<'_, S> {
     /// The position a part of a step on, if it closes and is better.
-    fn moved(&mut self, q: &[f64], here: &Here, z: &[f64], part: f64) -> Result<Option<(Vec<f64>, Here)>, AnalysisError> {
+    fn moved(
+        &mut self,
+        q: &[f64],
+        here: &Here,
+        z: &[f64],
+        part: f64,
+    ) -> Result<Option<(Vec<f64>, Here)>, AnalysisError> {
         let (k, n) = (z.len(), self.reduction.size().nv);
         let dv: Vec<f64> = (0..n).map(|l| part * dense::dot(&here.dt[l * k..(l + 1) * k], z)).collect();
         let mut next = q.to_vec();
@@ -300,7 +315,8 @@ impl<S: ConstrainedSystem + Varied> Search<'_, S> {
             // mean work of the forces along the way: downhill
             let ahead: f64 = there.force.iter().zip(&there.independent).map(|(f, &i)| f * dv[i]).sum();
             let before: f64 = here.force.iter().zip(&here.independent).map(|(f, &i)| f * dv[i]).sum();
-            0.5 * (before + ahead) >= SUFFICIENT * before
+            let mean = 0.5 * (before + ahead);
+            mean >= SUFFICIENT * before
         } else {
             there.size <= here.size * (1.0 - SUFFICIENT * part)
         };
