@@ -9,6 +9,7 @@ mod examples;
 mod geometric_error;
 mod geometry;
 pub mod instant;
+pub mod kinematic;
 pub mod linear;
 pub mod matrices;
 pub mod mobility;

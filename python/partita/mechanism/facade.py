@@ -14,6 +14,7 @@ from . import stepper as stepping
 from .assemblies import assemblies
 from .equilibrium import equilibria, equilibrium
 from .fmu import to_fmu
+from .kinematics import kinematics
 from .linear import linearize
 from .models import Modelled
 from .playground import to_playground
@@ -75,6 +76,7 @@ class Mechanism(Modelled):
     assemble = solve.assemble
     assemblies = assemblies
     assemble_many = assemble_many
+    kinematics = kinematics
     convert = solve.convert
     simulate = solve.simulate
     inputs = property(stepping.inputs)
