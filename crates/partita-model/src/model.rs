@@ -78,6 +78,8 @@ pub struct Model {
     pub(crate) varied: OnceLock<Option<Evaluator<Wide>>>,
     /// Memory for the next evaluations.
     spare: Arc<Spare>,
+    /// The mechanism itself, where its drives were replaced by actuators.
+    mechanism: Option<Arc<Model>>,
 }
 
 impl Deref for Model {
@@ -87,11 +89,13 @@ impl Deref for Model {
     }
 }
 
+mod actuated;
 mod geometry;
 mod scales;
 mod scratch;
 mod system;
 
+pub use actuated::Silent;
 pub use geometry::{BlockVerdict, Geometry, Verdict};
 use scales::{Links, RowMeasures};
 pub use scratch::ModelScratch;
@@ -167,6 +171,9 @@ impl Model {
 
     /// As `in_space`, around the position q.
     pub fn in_space_at(&self, q: &[f64]) -> Result<Self, DescriptionError> {
+        if let Some(mechanism) = &self.mechanism {
+            return mechanism.in_space_at(q);
+        }
         let mut spec = (*self.spec).clone();
         if self.needs_turns() {
             let mut s = self.scratch();
@@ -343,6 +350,7 @@ impl Model {
             geometry: Arc::default(),
             varied: OnceLock::new(),
             spare: Arc::default(),
+            mechanism: None,
         };
         model.dense_projection = model.dense_is_cheaper();
         if !model.placed.massless.is_empty() && !model.is_short_of_mass() {
