@@ -63,7 +63,7 @@ def _read(path: Path, request: Request) -> Robot:
     _check_frames(scope)
     add_joints(scope)
     _ends(scope)
-    closings.close_named(robot)
+    closings.close(robot)
     reading.used.append(Remark(None, f"{len(robot.links)} links, {len(robot.joints)} joints"))
     return robot
 
@@ -145,17 +145,20 @@ def _check_frames(scope: Scope) -> None:
 
 
 def _ends(scope: Scope) -> None:
-    """Frames that close loops by their names, where no joint names them. What is attached to nothing moves with
-    the link that its pose is relative to: by this, programs mean where they put it."""
+    """Frames that close loops by their names, where no joint names them; all others, where the caller names a list
+    of loops. What is attached to nothing moves, as an end by its name, with the link that its pose is relative to: by
+    this, programs mean where they put it."""
+    listed = scope.made.request.loops is not None
     for model in scope.all():
         joined = {model.word(item, end) for item in model.element.all("joint") for end in ("parent", "child")}
         for item in model.element.all("frame"):
             name = model.keys[id(item)]
             plain = name.removesuffix(closings.AXIS)
-            if model.static or not closings.is_closing(plain) or not joined.isdisjoint((name, plain)):
+            is_end = closings.is_closing(plain)
+            if model.static or not (joined.isdisjoint((name, plain)) if is_end else listed):
                 continue
             pose, of = item.first("pose"), name
-            if pose is not None and not item.get("attached_to") and model.base(pose):
+            if is_end and pose is not None and not item.get("attached_to") and model.base(pose):
                 of = model.base(pose)
                 remark = f'attached to the model; as the end of a loop it moves with "{of}", where its pose is given'
                 model.note("changed", item, remark, f'frame "{model.full(name)}"')
