@@ -197,12 +197,26 @@ impl<S: Scalar> Evaluator<S> {
         c: &mut [S],
         a: &mut [S],
     ) -> Result<(), SystemError> {
+        self.closings(t, q, s, phi, c, a)?;
+        with_engine!(self, s, |tree, x| tree.inertias(x));
+        Ok(())
+    }
+
+    /// As [`position`](Self::position), for iterations at position level: no other level may follow.
+    pub(crate) fn closings(
+        &self,
+        t: S,
+        q: &[S],
+        s: &mut Scratch<S>,
+        phi: &mut [S],
+        c: &mut [S],
+        a: &mut [S],
+    ) -> Result<(), SystemError> {
         s.forces_at = false;
         let mut room = std::mem::take(&mut s.room);
         let at = self.instant(t, q, &[]);
         let held = with_engine!(self, s, |tree, x| {
             tree.poses(q, x);
-            tree.inertias(x);
             tree.close(x, phi, c);
             tree.hold(&at, x, &mut room, phi, c, a)
         });
