@@ -11,6 +11,7 @@ mod geometric_error;
 mod geometry;
 pub mod instant;
 pub mod inverse;
+pub mod kinematic;
 pub mod linear;
 pub mod matrices;
 pub mod mobility;

@@ -306,6 +306,57 @@ impl Model {
         guarded(py, || poses::many(py, &self.inner, t, &q, &goals, &values))
     }
 
+    /// Velocities and accelerations for which the goals move at the rates and accelerations of each row, at the closed
+    /// positions in the rows of q, by name; `near` is a regular one.
+    #[pyo3(signature = (t, near, q, goals, rates, accelerations))]
+    fn rates<'py>(
+        &self,
+        py: Python<'py>,
+        t: f64,
+        near: Vector<'py>,
+        q: Table<'py>,
+        goals: Vec<poses::Named>,
+        rates: Table<'py>,
+        accelerations: Table<'py>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        guarded(py, || poses::rates(py, &self.inner, (t, &near), &q, &goals, (&rates, &accelerations)))
+    }
+
+    /// Degrees of freedom at the closed position q, and rotations among them that move no other body.
+    #[pyo3(signature = (t, q))]
+    fn freedoms(&self, py: Python<'_>, t: f64, q: Vector<'_>) -> PyResult<(usize, usize)> {
+        guarded(py, || poses::freedoms(py, &self.inner, t, &q))
+    }
+
+    /// Where the straight path of the goals from the closed position q to the values `to` ends: q, values of the goals,
+    /// and whether it is located to round-off; None where it does not end.
+    #[pyo3(signature = (t, q, goals, to))]
+    fn limit<'py>(
+        &self,
+        py: Python<'py>,
+        t: f64,
+        q: Vector<'py>,
+        goals: Vec<poses::Named>,
+        to: Vector<'py>,
+    ) -> PyResult<Option<poses::Ended<'py>>> {
+        guarded(py, || poses::limit(py, &self.inner, t, &q, &goals, &to))
+    }
+
+    /// Where `reading` is stationary on the straight path of the goals from the closed position q to the values `to`: q
+    /// and the fraction of the path.
+    #[pyo3(signature = (t, q, goals, to, reading))]
+    fn stationary<'py>(
+        &self,
+        py: Python<'py>,
+        t: f64,
+        q: Vector<'py>,
+        goals: Vec<poses::Named>,
+        to: Vector<'py>,
+        reading: poses::Named,
+    ) -> PyResult<Option<(Array<'py>, f64)>> {
+        guarded(py, || poses::stationary(py, &self.inner, t, &q, &goals, &to, reading))
+    }
+
     /// (q, v) of this model where every body is and moves as in another one of the same description.
     fn transferred<'py>(
         &self,

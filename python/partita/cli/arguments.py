@@ -115,7 +115,7 @@ def _reading(command: argparse.ArgumentParser) -> None:
     """How a model file is read: arguments of `partita.load`."""
     add = command.add_argument
     add("--base", choices=BASES, default="fixed", help="how the root of a URDF is attached (default fixed)")
-    add("--loops", metavar="FILE", help="YAML file that lists the loops and joint types of a URDF")
+    add("--loops", metavar="FILE", help="YAML file that lists the loops and joint types of a URDF or SDFormat file")
     add("--inertia", choices=INERTIAS, help="whether an inertia that no body can have is repaired (robots) or refused")
     add("--root", metavar="FOLDER", help="folder around the model in which the files that it names may lie")
 

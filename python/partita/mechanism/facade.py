@@ -15,6 +15,7 @@ from .assemblies import assemblies
 from .equilibrium import equilibria, equilibrium
 from .fmu import to_fmu
 from .inverse import inverse_dynamics
+from .kinematics import kinematics
 from .linear import linearize
 from .models import Modelled
 from .playground import to_playground
@@ -76,6 +77,7 @@ class Mechanism(Modelled):
     assemble = solve.assemble
     assemblies = assemblies
     assemble_many = assemble_many
+    kinematics = kinematics
     convert = solve.convert
     simulate = solve.simulate
     inverse_dynamics = inverse_dynamics

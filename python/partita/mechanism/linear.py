@@ -225,11 +225,11 @@ class _Readings:
         values, changes, labels = [], [], []
         for kind, name in wanted:
             read = np.asarray(self._run.sensor(name).values if kind == "sensor" else self._run.joint(name).position)
-            flat = read.reshape(len(read), -1)
-            values.append(flat[0])
-            changes.append((flat[1::2] - flat[2::2]).T / (2.0 * self._steps))
-            one = flat.shape[1] == 1
-            labels += [name if one else f"{name}[{i}]" for i in range(flat.shape[1])]
+            columns = read.reshape(len(read), -1)
+            values.append(columns[0])
+            changes.append((columns[1::2] - columns[2::2]).T / (2.0 * self._steps))
+            one = columns.shape[1] == 1
+            labels += [name if one else f"{name}[{i}]" for i in range(columns.shape[1])]
         count = len(self._steps)
         if not values:
             return np.zeros(0), np.zeros((0, count)), labels
