@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-Goal = tuple[str, str, int, int, tuple[float, float, float]]
+Goal = tuple[str, str, int, int, tuple[float, ...]]
 
 class Options:
     """Options of runs, read once from JSON."""
@@ -52,6 +52,41 @@ class Stepper:
 
     def result(self, breaks: list[float], values: list[list[float]]) -> tuple[dict[str, Any], Model]:
         """What a run would have left, and the model with the inputs as tables."""
+
+class Actuated:
+    """The equations in the rates of as many actuators as degrees of freedom."""
+
+    def at(self, t: float, q: Array, v: Array) -> dict[str, Any]:
+        """M, bias, gravity, ratios, rates and margin, by name."""
+
+    def cost(self, t: float, q: Array, v: Array) -> float:
+        """Seconds of one evaluation."""
+
+class Inverse:
+    """A mechanism with a set of actuators."""
+
+    def __init__(self, model: Model, actuators: str, silent: list[tuple[int, int | None]]) -> None:
+        """`actuators` as JSON; forces of the description, and components, whose efforts are replaced by actuators."""
+
+    @property
+    def model(self) -> Model:
+        """The model whose multipliers are found, with a row for each measurement along which an actuator acts."""
+
+    def at(self, t: float, q: Array) -> Actuated:
+        """The equations in the rates of the actuators, for positions like (t, q)."""
+
+    def efforts(
+        self,
+        t: Array,
+        q: Array,
+        v: Array,
+        vdot: Array,
+        weights: Array,
+        preload: Array,
+        limits: Array | None,
+        least_use: bool,
+    ) -> dict[str, Any]:
+        """Efforts, multipliers, margin, remainder, null space, rates, gaps and k for a motion, by name."""
 
 class Model:
     """A compiled mechanism: constant; states are handed in."""
@@ -121,11 +156,42 @@ class Model:
         """Positions in which the goals have the values of each row (n, goals), on the branch of the closed position q:
         q (n, nq), reached (n, goals), shortfall, angle, detour (n,), status (n words), reasons (number and sentence of
         each pose that was not assembled), branch (words and sign of each block, or None). A goal is its name, "own" (a
-        coordinate of q), "joint" or "point", the number of the coordinate, joint or body, that of the coordinate or
-        axis in it, and the point in body axes."""
+        coordinate of q), "joint", "point" or "turn", the number of the coordinate, joint or body, that of the
+        coordinate or axis in it, and numbers: the point in body axes, or the reference orientation row by row. The
+        three turns of a body follow each other."""
+
+    def rates(
+        self, t: float, near: Array, q: Array, goals: list[Goal], rates: Array, accelerations: Array
+    ) -> dict[str, Any]:
+        """Velocities and accelerations for which the goals move at the rates and accelerations of each row, at the
+        closed positions in the rows of q; `near` is a regular one: v, vdot (n, nv), ratios (n, goals, nv), margin (n,),
+        missed (goal and what it lacks), determined (n words). The rate of a turn is the angular velocity along an axis
+        of the world."""
+
+    def freedoms(self, t: float, q: Array) -> tuple[int, int]:
+        """Degrees of freedom at the closed position q, and rotations among them that move no other body."""
+
+    def limit(self, t: float, q: Array, goals: list[Goal], to: Array) -> tuple[Array, Array, bool] | None:
+        """Where the straight path of the goals from the closed position q to the values `to` ends: q, values of the
+        goals, and whether it is located to round-off; None where it does not end."""
+
+    def stationary(self, t: float, q: Array, goals: list[Goal], to: Array, reading: Goal) -> tuple[Array, float] | None:
+        """Where `reading` is stationary on the straight path of the goals from the closed position q to the values
+        `to`: q and the fraction of the path."""
 
     def transferred(self, other: Model, q: Array, v: Array) -> tuple[Array, Array]:
         """(q, v) of this model where every body is and moves as in another one of the same description."""
+
+    def linearized(
+        self, t: float, q: Array, v: Array, efforts: Array, independent: list[int] | None = None
+    ) -> dict[str, Any]:
+        """A, B, f0 and their parts about a state, modes, and states beside it for outputs."""
+
+    def equilibrium(self, t: float, q: Array, stable: bool) -> dict[str, Any]:
+        """The position at rest that a search from the closed position q arrives at."""
+
+    def displaced(self, t: float, q: Array, displacements: Array) -> Array:
+        """q moved by the displacement in each row, its loops closed."""
 
     def mass_matrix(self, t: float, q: Array) -> Array:
         """M (nv, nv)."""

@@ -478,6 +478,25 @@ def asked() -> dict[str, Callable[[], Call]]:
             lambda joint, point: assembled(m.assemble_many({"A": joint, ("crank", X, "x"): point})),
             {"joint": [0.1], "point": 0.1},
         ),
+        "Mechanism.equilibrium": (
+            m.equilibrium,
+            {"near": state, "stable": True, "t": 0.0, "coordinates": "relative", "parameters": None},
+        ),
+        "Mechanism.equilibria": (
+            m.equilibria,
+            {"starts": 2, "seed": 1, "near": state, "coordinates": "relative", "parameters": None},
+        ),
+        "Mechanism.linearize": (
+            m.linearize,
+            {
+                "at": state,
+                "inputs": ["A"],
+                "outputs": ["A"],
+                "independent": ["A"],
+                "coordinates": "relative",
+                "parameters": None,
+            },
+        ),
         "Mechanism.assemblies": (
             m.assemblies,
             {"targets": {"A": 0.1}, "rates": {"A": 1.0}, "near": None, "inputs": ["A"], "t": 0.0},

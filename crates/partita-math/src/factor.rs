@@ -179,6 +179,31 @@ pub fn symmetric_eigen(a: &Matrix) -> Result<(Vec<f64>, Matrix), FactorError> {
     Ok((f.S().column_vector().iter().copied().collect(), columns(f.U(), 0, a.rows())))
 }
 
+/// Eigenvalues of a square matrix, real and imaginary parts, and real and imaginary parts of its eigenvectors, in
+/// columns.
+///
+/// # Panics
+/// If the matrix is not square.
+pub fn general_eigen(a: &Matrix) -> Result<(Vec<(f64, f64)>, Matrix, Matrix), FactorError> {
+    square(a);
+    finite(a.data())?;
+    let n = a.rows();
+    if n == 0 {
+        return Ok((Vec::new(), Matrix::default(), Matrix::default()));
+    }
+    let _after = Cleared;
+    let f = view(a).eigen().map_err(|_| FactorError::NoConvergence)?;
+    let values = f.S().column_vector().iter().map(|x| (x.re, x.im)).collect();
+    let (mut re, mut im) = (Matrix::new(n, n), Matrix::new(n, n));
+    for i in 0..n {
+        for j in 0..n {
+            let x = f.U()[(i, j)];
+            (re[(i, j)], im[(i, j)]) = (x.re, x.im);
+        }
+    }
+    Ok((values, re, im))
+}
+
 fn square(a: &Matrix) {
     assert_eq!(a.rows(), a.cols(), "a {} x {} matrix is not square", a.rows(), a.cols());
 }

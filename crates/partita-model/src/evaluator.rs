@@ -21,11 +21,17 @@ use crate::tree::{LinkMotion, LinkState, TreeScratch};
 use crate::value::{Callers, Instant};
 use crate::zero_position::Placed;
 use partita_math::elimination::Pattern;
-use partita_math::scalar::Scalar;
+use partita_math::scalar::{Dual, Scalar};
 use partita_math::spatial::{Mat3, Planar, Quaternion, Space, Spatial, Vec3};
 use partita_system::clusters::Clusters;
 use partita_system::SystemError;
 use std::sync::Arc;
+
+/// Directions that are differentiated together.
+pub(crate) const TOGETHER: usize = 8;
+
+/// Numbers with that many derivatives.
+pub(crate) type Wide = Dual<TOGETHER>;
 
 /// A prescribed motion and its row.
 #[derive(Clone, Debug)]

@@ -45,6 +45,7 @@ mod transfer;
 pub mod tree;
 pub mod validate;
 pub mod value;
+mod vary;
 mod wrench;
 pub mod zero_position;
 

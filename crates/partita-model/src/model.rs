@@ -6,7 +6,7 @@ use crate::coincident;
 use crate::compile;
 use crate::coupling::{self, Condition, Law, Says};
 use crate::error::DescriptionError;
-use crate::evaluator::{with_engine, DriveRow, Engine, Evaluator, Follow};
+use crate::evaluator::{with_engine, DriveRow, Engine, Evaluator, Follow, Wide};
 use crate::force::Element;
 use crate::massless;
 use crate::measurement::Measurement;
@@ -74,8 +74,12 @@ pub struct Model {
     row_is_angle: Vec<bool>,
     /// The decision about the drawing.
     geometry: Arc<Geometry>,
+    /// The equations with derivatives, made on first use; none where `f64` alone can solve for frictions.
+    pub(crate) varied: OnceLock<Option<Evaluator<Wide>>>,
     /// Memory for the next evaluations.
     spare: Arc<Spare>,
+    /// The mechanism itself, where its drives were replaced by actuators.
+    mechanism: Option<Arc<Model>>,
 }
 
 impl Deref for Model {
@@ -85,11 +89,13 @@ impl Deref for Model {
     }
 }
 
+mod actuated;
 mod geometry;
 mod scales;
 mod scratch;
 mod system;
 
+pub use actuated::Silent;
 pub use geometry::{BlockVerdict, Geometry, Verdict};
 use scales::{Links, RowMeasures};
 pub use scratch::ModelScratch;
@@ -165,6 +171,9 @@ impl Model {
 
     /// As `in_space`, around the position q.
     pub fn in_space_at(&self, q: &[f64]) -> Result<Self, DescriptionError> {
+        if let Some(mechanism) = &self.mechanism {
+            return mechanism.in_space_at(q);
+        }
         let mut spec = (*self.spec).clone();
         if self.needs_turns() {
             let mut s = self.scratch();
@@ -339,7 +348,9 @@ impl Model {
             preference: Preference::default(),
             has_power,
             geometry: Arc::default(),
+            varied: OnceLock::new(),
             spare: Arc::default(),
+            mechanism: None,
         };
         model.dense_projection = model.dense_is_cheaper();
         if !model.placed.massless.is_empty() && !model.is_short_of_mass() {
@@ -388,14 +399,25 @@ impl Model {
     ///
     /// Fails where a user function would have to be called and cannot be (a recording).
     pub fn over<S: Scalar>(&self) -> Result<Evaluator<S>, DescriptionError> {
-        if self.own.following.is_some() {
+        self.refuse_following()?;
+        let numbers = Numbers::new(&self.spec, &self.placed);
+        let made = Evaluator::new(&self.spec, self.placed.clone(), numbers, self.drives.clone(), self.callers.clone());
+        Ok(made?.0)
+    }
+
+    /// Whether frictions follow from reactions, which `f64` alone can solve for.
+    pub fn follows_reactions(&self) -> bool {
+        self.own.following.is_some()
+    }
+
+    /// Refuse frictions that another number type would take for zero.
+    pub(crate) fn refuse_following(&self) -> Result<(), DescriptionError> {
+        if self.follows_reactions() {
             let message = "a reaction-dependent friction cannot be evaluated here; give the friction magnitudes \
                 (dynamic=)";
             return Err(DescriptionError::new("mechanism", &self.spec.name, message));
         }
-        let numbers = Numbers::new(&self.spec, &self.placed);
-        let made = Evaluator::new(&self.spec, self.placed.clone(), numbers, self.drives.clone(), self.callers.clone());
-        Ok(made?.0)
+        Ok(())
     }
 
     /// For k near n the mass matrix is cheaper than k partial velocities: compare the two counts.

@@ -348,6 +348,7 @@ impl Model {
     /// massless links, on which no dynamics depends; and for factors of couplings between several joints whose whole
     /// turns are not known.
     pub fn over_with<S: Scalar>(&self, changes: &[(&str, &[S])]) -> Result<Evaluator<S>, DescriptionError> {
+        self.refuse_following()?;
         let (described, slots) = changed(&self.spec, changes)?;
         for (slot, (name, _)) in slots.iter().zip(changes) {
             if self.counts_turns(*slot) {

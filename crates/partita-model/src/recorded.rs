@@ -75,8 +75,6 @@ impl Model {
     /// Parameters that do not exist or are given twice; elements that call user functions, and reaction-dependent
     /// frictions: they cannot be recorded.
     pub fn recorded(&self, names: &[String]) -> Result<Recorded, DescriptionError> {
-        // refuses reaction-dependent frictions
-        self.over::<Recorder>()?;
         let present = self.parameters();
         let (nq, nv) = (self.placed.nq, self.placed.nv);
         let mut next = 1 + nq + nv;

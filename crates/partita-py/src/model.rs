@@ -1,6 +1,7 @@
 //! The compiled mechanism for Python.
 
-use crate::arrays::{array, vector};
+use crate::analyses;
+use crate::arrays::{array, matrix, vector};
 use crate::failure::{self, guarded, raise};
 use crate::functions::Callables;
 use crate::outputs::{self, Acting, Flags, Motion};
@@ -60,6 +61,16 @@ impl Model {
     /// For a compiled mechanism.
     pub(crate) fn of(inner: Arc<Inner>) -> Self {
         Self { inner, structure: OnceLock::new() }
+    }
+
+    /// Likewise, shared.
+    pub(crate) fn shared(&self) -> &Arc<Inner> {
+        &self.inner
+    }
+
+    /// For a mechanism whose zero position is not assembled.
+    pub(crate) fn without_structure(inner: Arc<Inner>) -> Self {
+        Self { inner, structure: OnceLock::from(Structure { mobility: None, note: None }) }
     }
 
     /// Whether an analysis of the whole model may take long.
@@ -295,6 +306,57 @@ impl Model {
         guarded(py, || poses::many(py, &self.inner, t, &q, &goals, &values))
     }
 
+    /// Velocities and accelerations for which the goals move at the rates and accelerations of each row, at the closed
+    /// positions in the rows of q, by name; `near` is a regular one.
+    #[pyo3(signature = (t, near, q, goals, rates, accelerations))]
+    fn rates<'py>(
+        &self,
+        py: Python<'py>,
+        t: f64,
+        near: Vector<'py>,
+        q: Table<'py>,
+        goals: Vec<poses::Named>,
+        rates: Table<'py>,
+        accelerations: Table<'py>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        guarded(py, || poses::rates(py, &self.inner, (t, &near), &q, &goals, (&rates, &accelerations)))
+    }
+
+    /// Degrees of freedom at the closed position q, and rotations among them that move no other body.
+    #[pyo3(signature = (t, q))]
+    fn freedoms(&self, py: Python<'_>, t: f64, q: Vector<'_>) -> PyResult<(usize, usize)> {
+        guarded(py, || poses::freedoms(py, &self.inner, t, &q))
+    }
+
+    /// Where the straight path of the goals from the closed position q to the values `to` ends: q, values of the goals,
+    /// and whether it is located to round-off; None where it does not end.
+    #[pyo3(signature = (t, q, goals, to))]
+    fn limit<'py>(
+        &self,
+        py: Python<'py>,
+        t: f64,
+        q: Vector<'py>,
+        goals: Vec<poses::Named>,
+        to: Vector<'py>,
+    ) -> PyResult<Option<poses::Ended<'py>>> {
+        guarded(py, || poses::limit(py, &self.inner, t, &q, &goals, &to))
+    }
+
+    /// Where `reading` is stationary on the straight path of the goals from the closed position q to the values `to`: q
+    /// and the fraction of the path.
+    #[pyo3(signature = (t, q, goals, to, reading))]
+    fn stationary<'py>(
+        &self,
+        py: Python<'py>,
+        t: f64,
+        q: Vector<'py>,
+        goals: Vec<poses::Named>,
+        to: Vector<'py>,
+        reading: poses::Named,
+    ) -> PyResult<Option<(Array<'py>, f64)>> {
+        guarded(py, || poses::stationary(py, &self.inner, t, &q, &goals, &to, reading))
+    }
+
     /// (q, v) of this model where every body is and moves as in another one of the same description.
     fn transferred<'py>(
         &self,
@@ -308,6 +370,46 @@ impl Model {
             self.inner.check_transfer(&other.inner, &q).map_err(|e| failure::system(py, e))?;
             let (q, v) = self.inner.transferred(&other.inner, &q, &v);
             Ok((array(py, &[q.len()], q), array(py, &[v.len()], v)))
+        })
+    }
+
+    /// The linearised equations about (t, q, v), with a column of E in each row of `efforts`.
+    #[pyo3(signature = (t, q, v, efforts, independent = None))]
+    fn linearized<'py>(
+        &self,
+        py: Python<'py>,
+        t: f64,
+        q: Vector<'py>,
+        v: Vector<'py>,
+        efforts: Table<'py>,
+        independent: Option<Vec<usize>>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        guarded(py, || {
+            let (q, v) = self.state(&q, &v)?;
+            let (_, _, efforts) = matrix(&efforts);
+            analyses::linearized(py, &self.inner, (t, &q, &v), independent.as_deref(), &efforts)
+        })
+    }
+
+    /// The position at rest that a search from the closed position q arrives at.
+    fn equilibrium<'py>(&self, py: Python<'py>, t: f64, q: Vector<'py>, stable: bool) -> PyResult<Bound<'py, PyDict>> {
+        guarded(py, || {
+            let q = vector(&q, self.nq(), "q")?;
+            analyses::equilibrium_of(py, &self.inner, t, &q, stable)
+        })
+    }
+
+    /// q moved by the displacement in each row, its loops closed.
+    fn displaced<'py>(
+        &self,
+        py: Python<'py>,
+        t: f64,
+        q: Vector<'py>,
+        displacements: Table<'py>,
+    ) -> PyResult<Array<'py>> {
+        guarded(py, || {
+            let q = vector(&q, self.nq(), "q")?;
+            analyses::displaced(py, &self.inner, t, &q, &matrix(&displacements).2)
         })
     }
 

@@ -1,9 +1,11 @@
 //! Goals and poses between Python and Rust.
 
-use crate::arrays::{array, matrix, shaped, vector};
+use crate::arrays::{array, matrix, rows_of, shaped, vector};
 use crate::failure::{self, raise};
 use crate::outputs::{watched, Stop};
+use crate::state::Array;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
+use partita_analysis::kinematic;
 use partita_analysis::poses::{self, Ask, Goal, Target};
 use partita_model::Model;
 use partita_system::prelude::*;
@@ -11,9 +13,9 @@ use partita_system::SystemError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-/// Name, kind ("own", "joint", "point"), number of the coordinate, joint or body, number of the coordinate or axis in it,
-/// point in body axes.
-pub type Named = (String, String, usize, usize, [f64; 3]);
+/// Name, kind ("own", "joint", "point", "turn"), number of the coordinate, joint or body, number of the coordinate or axis
+/// in it, point in body axes, or reference orientation row by row.
+pub type Named = (String, String, usize, usize, Vec<f64>);
 
 /// A goal and its value.
 pub type Valued = (Named, f64);
@@ -81,16 +83,110 @@ pub fn targets(py: Python<'_>, m: &Model, named: &[Named]) -> PyResult<Vec<Targe
         let message = format!("{name} is neither a coordinate nor a point of this model");
         raise(py, "ArgumentError", &message, &[("argument", "targets".into())])
     };
-    let read = |(name, kind, of, part, point): &Named| {
+    let read = |(name, kind, of, part, numbers): &Named| {
+        let body = *of < m.spec.bodies.len() && *part < 3;
         let goal = match kind.as_str() {
             "own" if *of < m.size().nq => Goal::Own { q: *of },
             "joint" if *of < m.spec.joints.len() => Goal::Joint { joint: *of, coordinate: *part },
-            "point" if *of < m.spec.bodies.len() && *part < 3 => Goal::Point { body: *of, point: *point, axis: *part },
+            "point" | "turn" if body => {
+                match (<[f64; 3]>::try_from(&numbers[..]), <[f64; 9]>::try_from(&numbers[..])) {
+                    (Ok(point), _) => Goal::Point { body: *of, point, axis: *part },
+                    (_, Ok(reference)) => Goal::Turn { body: *of, reference, axis: *part },
+                    _ => return Err(refuse(name)),
+                }
+            }
             _ => return Err(refuse(name)),
         };
         Target::new(m, &goal, name).map_err(|e| failure::system(py, e))
     };
+    let turns: Vec<_> = named.iter().filter(|x| x.1 == "turn").collect();
+    if let Some(x) = turns.chunks(3).find(|x| x.len() != 3 || (0..3).any(|i| x[i].3 != i || x[i].2 != x[0].2)) {
+        return Err(refuse(&x[0].0));
+    }
     named.iter().map(read).collect()
+}
+
+/// Rows of a table with a column for each goal, all of them finite.
+fn rows_for(values: &PyReadonlyArray2<'_, f64>, width: usize) -> PyResult<(usize, Vec<f64>)> {
+    let py = values.py();
+    let (count, columns, values) = matrix(values);
+    if columns != width || !values.iter().all(|x| x.is_finite()) {
+        let message = format!("values must be finite numbers, a column for each of the {width} goals");
+        return Err(raise(py, "ArgumentError", &message, &[("argument", "targets".into())]));
+    }
+    Ok((count, values))
+}
+
+/// Velocities and accelerations for which goals move at these rates at the poses in the rows of `q`, by name.
+pub fn rates<'py>(
+    py: Python<'py>,
+    m: &Model,
+    (t, near): (f64, &PyReadonlyArray1<'py, f64>),
+    q: &PyReadonlyArray2<'py, f64>,
+    goals: &[Named],
+    wanted: (&PyReadonlyArray2<'py, f64>, &PyReadonlyArray2<'py, f64>),
+) -> PyResult<Bound<'py, PyDict>> {
+    let (targets, size) = (targets(py, m, goals)?, m.size());
+    let near = vector(near, size.nq, "near")?;
+    let ((count, rates), (more, accelerations)) =
+        (rows_for(wanted.0, targets.len())?, rows_for(wanted.1, targets.len())?);
+    let q = rows_of(q, count, size.nq, "q")?;
+    if more != count {
+        let message = format!("{count} rates do not fit {more} accelerations");
+        return Err(raise(py, "ArgumentError", &message, &[("argument", "accelerations".into())]));
+    }
+    let found =
+        watched(py, |watch| kinematic::rates::<Stop>(m, (t, &near), &q, &targets, (&rates, &accelerations), watch))?;
+    let (n, w) = (size.nv, targets.len());
+    let d = PyDict::new(py);
+    d.set_item("v", array(py, &[count, n], found.v))?;
+    d.set_item("vdot", array(py, &[count, n], found.vdot))?;
+    d.set_item("ratios", array(py, &[count, w, n], found.ratios))?;
+    d.set_item("margin", array(py, &[count], found.margin))?;
+    d.set_item("missed", found.missed)?;
+    d.set_item("determined", found.determined.iter().map(|x| x.word()).collect::<Vec<_>>())?;
+    Ok(d)
+}
+
+/// Degrees of freedom at a closed position, and rotations among them that move no other body.
+pub fn freedoms(py: Python<'_>, m: &Model, t: f64, q: &PyReadonlyArray1<'_, f64>) -> PyResult<(usize, usize)> {
+    let q = vector(q, m.size().nq, "q")?;
+    let found = kinematic::freedoms(m, t, &q).map_err(|e| failure::system(py, e))?;
+    Ok((found.all, found.idle))
+}
+
+/// q, values of the goals, and whether it is located to round-off.
+pub type Ended<'py> = (Array<'py>, Array<'py>, bool);
+
+/// Where the path of the goals from q to the values `to` ends; None where it does not.
+pub fn limit<'py>(
+    py: Python<'py>,
+    m: &Model,
+    t: f64,
+    q: &PyReadonlyArray1<'py, f64>,
+    goals: &[Named],
+    to: &PyReadonlyArray1<'py, f64>,
+) -> PyResult<Option<Ended<'py>>> {
+    let targets = targets(py, m, goals)?;
+    let (q, to) = (vector(q, m.size().nq, "q")?, vector(to, targets.len(), "to")?);
+    let found = watched(py, |_| Ok(poses::limit(m, t, &q, &targets, &to)?))?;
+    Ok(found.map(|x| (array(py, &[x.q.len()], x.q), array(py, &[x.goals.len()], x.goals), x.located)))
+}
+
+/// Where a reading is stationary on the path of the goals from q to the values `to`: q and the fraction of the path.
+pub fn stationary<'py>(
+    py: Python<'py>,
+    m: &Model,
+    t: f64,
+    q: &PyReadonlyArray1<'py, f64>,
+    goals: &[Named],
+    to: &PyReadonlyArray1<'py, f64>,
+    reading: Named,
+) -> PyResult<Option<(Array<'py>, f64)>> {
+    let (targets, reading) = (targets(py, m, goals)?, targets(py, m, &[reading])?);
+    let (q, to) = (vector(q, m.size().nq, "q")?, vector(to, targets.len(), "to")?);
+    let found = watched(py, |_| Ok(poses::stationary(m, t, &q, &targets, &to, &reading[0])?))?;
+    Ok(found.map(|x| (array(py, &[x.q.len()], x.q), x.part)))
 }
 
 /// Positions for the rows of `values` on the branch of q, by name.
@@ -105,11 +201,7 @@ pub fn many<'py>(
     let targets = targets(py, m, goals)?;
     let (nq, width) = (m.size().nq, targets.len());
     let q = vector(q, nq, "q")?;
-    let (count, columns, values) = matrix(values);
-    if columns != width || !values.iter().all(|x| x.is_finite()) {
-        let message = format!("values must be finite numbers, a column for each of the {width} goals");
-        return Err(raise(py, "ArgumentError", &message, &[("argument", "targets".into())]));
-    }
+    let (count, values) = rows_for(values, width)?;
     let found = watched(py, |watch| poses::many::<Stop>(m, t, &q, &targets, &values, watch))?;
     let d = PyDict::new(py);
     d.set_item("q", array(py, &[count, nq], found.q))?;

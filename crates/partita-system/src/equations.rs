@@ -5,7 +5,7 @@ pub mod derivatives;
 pub mod full;
 
 use crate::closing::Closing;
-use crate::system::{project_dense, Size, SystemError, SystemRef, Tangent};
+use crate::system::{project_dense, Size, SystemError, SystemRef, Tangent, Varied};
 use crate::system::{Clustered, Conditions, Guards, InverseKinematics, Levels, Manifold, Metric, Names, Scales};
 use closing::UserClosing;
 use partita_math::dense;
@@ -283,6 +283,8 @@ impl<E: Equations> Metric for UserSystem<E> {
 impl<E: Equations> Clustered for UserSystem<E> {}
 
 impl<E: Equations> Manifold for UserSystem<E> {}
+
+impl<E: Equations> Varied for UserSystem<E> {}
 
 impl<E: Equations> Scales for UserSystem<E> {
     fn characteristic_displacement(&self, i: usize) -> f64 {

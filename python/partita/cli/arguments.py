@@ -25,6 +25,8 @@ EXAMPLES = {
     "report": ("bricard", "four-bar --markdown"),
     "check": ("model.toml", "robot.urdf --base free --json"),
     "assemble": ("four-bar --target A=30deg", "four-bar --target A=0.5 --inputs A --all"),
+    "equilibrium": ("four-bar-spring", "four-bar-spring --target D=20deg --json"),
+    "modes": ("four-bar-spring", "four-bar-spring --html mode.html"),
     "list": ("",),
     "bench": ("four-bar --time 1", "andrews-squeezer --tolerances 1e-5,1e-7,1e-9"),
     "plot": ("run.nc", "run.nc --what energy --what A -o energy.pdf"),
@@ -44,6 +46,7 @@ def parser() -> argparse.ArgumentParser:
     from .compare import compare
     from .completion import completion
     from .simulate import simulate
+    from .statics import equilibrium, modes
 
     top = _Parser(prog="partita", description="Motion and forces of mechanisms with closed loops.")
     top.add_argument("--version", action="version", version=f"partita {__version__}")
@@ -65,6 +68,9 @@ def parser() -> argparse.ArgumentParser:
     _reading(lint)
 
     _assemble(_command(words, "assemble", assemble, "close the loops and print all positions"))
+
+    _equilibrium(_command(words, "equilibrium", equilibrium, "find a position of rest and the forces that hold it"))
+    _modes(_command(words, "modes", modes, "frequencies, damping and shapes of small motions about an equilibrium"))
 
     _json(_command(words, "list", commands.list_names, "list the mechanisms of the catalogue"))
 
@@ -178,6 +184,23 @@ def _assemble(command: argparse.ArgumentParser) -> None:
     _start(command)
     add("--all", action="store_true", help="all positions that close for these targets, branch by branch")
     add("--inputs", metavar="A,B", type=listed, help="with --all: velocities whose positions are given")
+    _reading(command)
+    _json(command)
+
+
+def _equilibrium(command: argparse.ArgumentParser) -> None:
+    command.add_argument("model", metavar="FILE|NAME", help=MODEL)
+    command.add_argument("--nearest", action="store_true", help="the nearest equilibrium, stable or not")
+    _start(command)
+    _reading(command)
+    _json(command)
+
+
+def _modes(command: argparse.ArgumentParser) -> None:
+    command.add_argument("model", metavar="FILE|NAME", help=MODEL)
+    command.add_argument("--here", action="store_true", help="about the start itself, which must be steady")
+    command.add_argument("--html", metavar="FILE", help="write the animated page of the slowest mode that moves")
+    _start(command)
     _reading(command)
     _json(command)
 

@@ -12,7 +12,11 @@ from ..io import Reading, RemarkGroup, Writing, save
 from . import models, solve
 from . import stepper as stepping
 from .assemblies import assemblies
+from .equilibrium import equilibria, equilibrium
 from .fmu import to_fmu
+from .inverse import inverse_dynamics
+from .kinematics import kinematics
+from .linear import linearize
 from .models import Modelled
 from .playground import to_playground
 from .poses import assemble_many
@@ -73,11 +77,16 @@ class Mechanism(Modelled):
     assemble = solve.assemble
     assemblies = assemblies
     assemble_many = assemble_many
+    kinematics = kinematics
     convert = solve.convert
     simulate = solve.simulate
+    inverse_dynamics = inverse_dynamics
     inputs = property(stepping.inputs)
     stepper = stepping.stepper
     compare = compare_mechanism
+    equilibrium = equilibrium
+    equilibria = equilibria
+    linearize = linearize
     report = report
     to_fmu = to_fmu
     to_playground = to_playground

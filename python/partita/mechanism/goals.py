@@ -1,23 +1,30 @@
-"""Goals of a position, by name: coordinates of joints and positions of points."""
+"""Goals of a position, by name: coordinates of joints, positions of points, positions with orientations of bodies."""
 
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..builder.checks import Element
 from ..builder.compiled import CompiledModel
-from ..errors import ArgumentError, UnknownNameError
+from ..builder.frames import is_rotation, rotation, transform
+from ..errors import ArgumentError, DescriptionError, UnknownNameError
 from ..naming import Names, coordinate_units, joint_units
 from ..numeric import floats, shown
 from ..options import si
 from ..units.door import bare
 
-Goal = tuple[str, str, int, int, tuple[float, float, float]]
-"""Name, kind, number of the coordinate, joint or body, that of the coordinate or axis in it, point in body axes."""
+Array = NDArray[np.float64]
+Goal = tuple[str, str, int, int, tuple[float, ...]]
+"""Name, kind, number of the coordinate, joint or body, that of the coordinate or axis in it, and numbers: the point in
+body axes, or the reference of an orientation."""
+
+Framed = Callable[[str, Any, Any], tuple[list[Goal], Any]]
+"""Goals and values of a position with an orientation: `what`, key and value."""
 
 _NOWHERE = (0.0, 0.0, 0.0)
 _AXES = "xyz"
@@ -64,7 +71,7 @@ def units_of(goals: list[Goal], model: CompiledModel) -> list[str]:
             own = own or state_units(model)[0]
             units.append(own[i])
         else:
-            units.append("m")
+            units.append("m" if kind == "point" else "rad")
     return ["" if unit == "1" else unit for unit in units]
 
 
@@ -124,15 +131,131 @@ def _point(what: str, key: tuple[Any, ...], model: CompiledModel) -> list[Goal]:
     return [(f"{words} in {axis}", "point", bodies.index(name), _AXES.index(axis), local) for axis in axes]
 
 
-def asked(what: str, wanted: Any, model: CompiledModel) -> list[tuple[Any, list[Goal], Any]]:
-    """Key, goals and value of each entry of a dict of targets; every number at most once."""
+def is_framed(key: Any, value: Any) -> bool:
+    """Whether a target is a position with an orientation: a point of a body, and (orientation, position)."""
+    if not (isinstance(key, tuple) and len(key) == 2 and isinstance(value, tuple | list) and len(value) == 2):
+        return False
+    shape = np.shape(value[0]) if not is_rotation(value[0]) else (3, 3)
+    return shape in ((3, 3), (4,)) or (len(shape) == 3 and shape[1:] == (3, 3)) or (len(shape) == 2 and shape[1] == 4)
+
+
+def orientation_goals(what: str, key: Any, model: CompiledModel, reference: Array) -> list[Goal]:
+    """The components of the rotation vector of a body relative to a reference orientation (3, 3)."""
+    (_, _, body, _, _), *_ = _point(what, key, model)
+    numbers = tuple(float(x) for x in reference.ravel())
+    name = model.summary["bodies"][body]["name"]
+    return [(f"orientation of {name} about {axis}", "turn", body, i, numbers) for i, axis in enumerate(_AXES)]
+
+
+def orientations(what: str, key: Any, value: Any) -> Array:
+    """Rotation matrices (n, 3, 3), or (3, 3) for one, from matrices, quaternions (w, x, y, z) or a SciPy Rotation."""
+    try:
+        if is_rotation(value) and not value.single:
+            return np.asarray(value.as_matrix(), dtype=float)
+        shape = (3, 3) if is_rotation(value) else np.shape(value)
+        element = Element("target", str(key[0]))
+        many = len(shape) == 3 or (len(shape) == 2 and shape != (3, 3))
+        if many:
+            return np.array([rotation(element, "the orientation", one) for one in value]).reshape(-1, 3, 3)
+        return rotation(element, "the orientation", value)
+    except DescriptionError as error:
+        raise ArgumentError(f"{what}: {error.message}", argument=what) from error
+
+
+def _at_target(model: CompiledModel) -> Framed:
+    """For one position: the orientation relative to the one that is asked for, so that its target is zero."""
+
+    def framed(what: str, key: Any, value: Any) -> tuple[list[Goal], Any]:
+        reference = orientations(what, key, value[0])
+        if reference.shape != (3, 3):
+            message = f"{what}[{shown(key)}] has {len(reference)} orientations; give one, or use assemble_many"
+            raise ArgumentError(message, argument=what)
+        points = _point(what, key, model)
+        place = _numbers_of(what, key, value[1], "m", 3)
+        if place.ndim != 1:
+            raise ArgumentError(f"{what}[{shown(key)}] needs one position of three numbers", argument=what)
+        return [*points, *orientation_goals(what, key, model, reference)], [*place.tolist(), 0.0, 0.0, 0.0]
+
+    return framed
+
+
+def relative_to(references: Callable[[int], Array], model: CompiledModel) -> Framed:
+    """For many poses: rotation vectors relative to the orientation `references(body)` of the state of the branch."""
+
+    def framed(what: str, key: Any, value: Any) -> tuple[list[Goal], Any]:
+        points = _point(what, key, model)
+        reference = references(points[0][2])
+        turned = orientations(what, key, value[0]).reshape(-1, 3, 3)
+        vectors = transform().Rotation.from_matrix(reference.T @ turned).as_rotvec()
+        return [*points, *orientation_goals(what, key, model, reference)], _rows(what, key, value[1], vectors, "m")
+
+    return framed
+
+
+def rates_of_frames(framed_keys: Mapping[Any, list[Goal]], unit: str) -> Framed:
+    """For rates of such targets: (angular velocity, velocity) along the axes of the world."""
+
+    def framed(what: str, key: Any, value: Any) -> tuple[list[Goal], Any]:
+        turned = np.atleast_2d(_numbers_of(what, key, value[0], f"rad{unit}", 3))
+        return framed_keys[key], _rows(what, key, value[1], turned, f"m{unit}")
+
+    return framed
+
+
+def _rows(what: str, key: Any, places: Any, vectors: Array, unit: str) -> Array:
+    """Positions and rotation vectors side by side: (n, 6), or (6,) for one."""
+    rows = np.atleast_2d(_numbers_of(what, key, places, unit, 3))
+    if len({len(rows), len(vectors)} - {1}) > 1:
+        raise ArgumentError(
+            f"{what}[{shown(key)}] has {len(vectors)} rotations and {len(rows)} positions; give as many of both, or "
+            "one for all",
+            argument=what,
+        )
+    count = max(len(rows), len(vectors))
+    found = np.hstack([np.broadcast_to(part, (count, 3)) for part in (rows, vectors)])
+    return found[0] if count == 1 else found
+
+
+def _numbers_of(what: str, key: Any, value: Any, unit: str, width: int) -> Array:
+    """Finite numbers (width,) or (n, width), in SI units."""
+    try:
+        array = floats(si(f"{what}[{shown(key)}]", value, unit))
+    except TypeError as error:
+        sentence = f"{what}[{shown(key)}] must be made of numbers, not {shown(value)}"
+        raise ArgumentError(sentence, argument=what) from error
+    if array.ndim not in (1, 2) or array.shape[-1] != width or not np.isfinite(array).all():
+        raise ArgumentError(
+            f"{what}[{shown(key)}] must be {width} finite numbers, or a row of them for each pose, not of shape "
+            f"{array.shape}: {shown(value)}",
+            argument=what,
+        )
+    return array
+
+
+def asked(
+    what: str, wanted: Any, model: CompiledModel, framed: Framed | None = None, frames: Mapping[Any, Any] | None = None
+) -> list[tuple[Any, list[Goal], Any]]:
+    """Key, goals and value of each entry of a dict of targets; every number at most once.
+
+    `framed` takes positions with orientations, by default those of one position; `frames` are keys that are such.
+    """
     if not isinstance(wanted, Mapping):
         raise ArgumentError(f"{what} must be a dict such as {{'A': 1.0}}, not {shown(wanted)}", argument=what)
+    framed = framed or _at_target(model)
     found, seen = [], set[tuple[Any, ...]]()
     for key, value in wanted.items():
-        goals = goals_of(what, key, model)
+        with_orientation = is_framed(key, value) if frames is None else key in frames
+        if with_orientation:
+            goals, value = framed(what, key, value)
+        elif frames is None and is_framed(key, value[::-1] if isinstance(value, tuple | list) else value):
+            raise ArgumentError(
+                f"{what}[{shown(key)}]: give the orientation first, then the position: (orientation, position)",
+                argument=what,
+            )
+        else:
+            goals = goals_of(what, key, model)
         for goal in goals:
-            same = goal[1:]
+            same = goal[1:4] if goal[1] == "turn" else goal[1:]
             if same in seen:
                 raise ArgumentError(f"{what} sets {goal[0]!r} twice; give it once", argument=what)
             seen.add(same)
@@ -149,21 +272,29 @@ def inputs_of(goals: list[Goal], model: CompiledModel) -> list[int] | None:
 
 
 def columns(
-    what: str, wanted: Any, model: CompiledModel
-) -> tuple[list[Goal], NDArray[np.float64], dict[str, list[int]]]:
+    what: str,
+    wanted: Any,
+    model: CompiledModel,
+    framed: Framed,
+    *,
+    per: str = "",
+    frames: Mapping[Any, Any] | None = None,
+) -> tuple[list[Goal], Array, dict[Any, list[int]]]:
     """Goals and their values, a row for each pose; also the columns of each key.
 
-    Numbers apply to all poses; arrays of n (or n times as many as the key has numbers) give one for each.
+    Numbers apply to all poses; arrays of n (or n times as many as the key has numbers) give one for each. `per` is what
+    follows the units: "/s" for rates.
     """
-    entries = asked(what, wanted, model)
+    entries = asked(what, wanted, model, framed, frames)
     if not entries:
         raise ArgumentError(f"{what} is empty; name what differs from pose to pose", argument=what)
     goals: list[Goal] = []
-    parts: list[tuple[Any, NDArray[np.float64]]] = []
-    indices: dict[str, list[int]] = {}
+    parts: list[tuple[Any, Array]] = []
+    indices: dict[Any, list[int]] = {}
     for key, own, value in entries:
+        units = [f"{unit or 1}{per}" if per else unit for unit in units_of(own, model)]
         try:
-            array = floats(si(f"{what}[{shown(key)}]", value, _by_rows(value, units_of(own, model))))
+            array = floats(si(f"{what}[{shown(key)}]", value, _by_rows(value, units)))
         except TypeError as error:
             message = f"{what}[{shown(key)}] must be an array of numbers, not {shown(value)}"
             raise ArgumentError(message, argument=what) from error
@@ -183,10 +314,11 @@ def columns(
             row = int(np.argmin(np.isfinite(array).all(axis=1)))
             message = f"{what}[{shown(key)}] of pose {row} is {shown(array[row].tolist())}; give finite numbers"
             raise ArgumentError(message, argument=what)
-        indices[str(key)] = list(range(len(goals), len(goals) + count))
+        indices[key] = list(range(len(goals), len(goals) + count))
         goals += own
         parts.append((key, array))
-    counts = {len(array): key for key, array in parts if np.ndim(wanted[key]) > 1 or len(array) != 1}
+    given = {key: np.ndim(value) for key, _, value in entries}
+    counts = {len(array): key for key, array in parts if given[key] > 1 or len(array) != 1}
     if len(counts) > 1:
         words = ", ".join(f"{shown(key)}: {n}" for n, key in counts.items())
         raise ArgumentError(f"{what} has different numbers of poses ({words}); give the same for all", argument=what)

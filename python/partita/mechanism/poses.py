@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..builder.compiled import CompiledModel
 from ..errors import ArgumentError, AssemblyError
@@ -15,7 +15,7 @@ from ..numeric import shown
 from ..results.body import BodyResult, resting
 from ..state import Layout, State
 from .branches import on_branch
-from .goals import columns, inputs_of
+from .goals import Goal, columns, inputs_of, relative_to
 from .models import Modelled, layout_of
 from .solve import assemble
 
@@ -35,7 +35,8 @@ class Poses:
             ended, and the closure error.
         shortfall: (n,) closure error of the nearest position [m]; 0 where assembled, NaN where unknown.
         shortfall_angle: (n,) the same for directions [rad].
-        reached: target -> how far the direct path from the state of the branch led, (n,) or (n, numbers of the target).
+        reached: target -> how far the direct path from the state of the branch led, (n,) or (n, numbers of the target);
+            of an orientation, after the position, the rotation vector relative to that state [rad].
         detour: (n,) bool: reached not on the direct path, but on another path of the branch.
         branch: block of loops -> its sign, if the poses were found in closed form; otherwise None.
         near: the state whose branch it is."""
@@ -147,8 +148,10 @@ def assemble_many(
     Args:
         targets: joint (name or handle) -> positions [rad or m], (n,) or (n, coordinates); one coordinate of several by
             its name; joints that close loops are treated like all others. A point of a body, ("coupler", (0.6, 0, 0))
-            in body axes, -> positions (n, 3) in the world [m]; ("coupler", (0.6, 0, 0), "xy") -> (n, 2). A single value
-            applies to all poses. Coordinates that the targets leave free move as little as possible.
+            in body axes, -> positions (n, 3) in the world [m]; ("coupler", (0.6, 0, 0), "xy") -> (n, 2). A point with
+            the orientation of its body -> (orientations, positions): rotation matrices (n, 3, 3), quaternions (n, 4) or
+            a SciPy `Rotation`, and positions (n, 3). A single value applies to all poses. Coordinates that the targets
+            leave free move as little as possible.
         near: state that defines the branch, as returned by `assemble` or `assemblies`; None: the drawing.
         branch: signs of the blocks, such as "+-", instead of those of `near`, as reported in `Assembled.branch` with
             the targets as inputs.
@@ -170,11 +173,51 @@ def assemble_many(
     >>> poses.body("rocker").point((0, 0, 0)).shape
     (5, 3)
     """
-    model, layout = layout_of(self, "relative")
-    goals, values, indices = columns("targets", targets, model)
-    start = assemble(self, None, None, near, t=t)
+    found = found_poses(self, targets, near, branch, t)
+    return Poses(found.model, found.layout, found.start, found.raw, {str(key): i for key, i in found.indices.items()})
+
+
+class Found(NamedTuple):
+    """Poses as the core found them, and what was asked for."""
+
+    model: CompiledModel
+    layout: Layout
+    start: State
+    goals: list[Goal]
+    values: FloatArray
+    """(n, goals)."""
+    indices: dict[Any, list[int]]
+    raw: dict[str, Any]
+
+
+def found_poses(
+    self: Modelled,
+    targets: Mapping[Any, Any],
+    near: State | None,
+    branch: str | None,
+    t: float | None,
+    coordinates: str = "relative",
+    parameters: Mapping[str, ArrayLike] | None = None,
+    check: Callable[[CompiledModel, State, list[Goal]], None] | None = None,
+) -> Found:
+    """Poses for many values of the targets on one branch; `check` may refuse the goals before they are sought."""
+    model, layout = layout_of(self, coordinates, parameters)
+    start = assemble(self, None, None, near, t=t, coordinates=coordinates, parameters=parameters)
+    framed = relative_to(orientations_at(model, start), model)
+    goals, values, indices = columns("targets", targets, model, framed)
+    if check is not None:
+        check(model, start, goals)
     if branch is not None:
         inputs = inputs_of(goals, model)
         start = State(start.t, on_branch(model, start.t, start.q, branch, inputs), start.v, layout=layout)
-    found = model.core.poses(start.t, start.q, goals, values)
-    return Poses(model, layout, start, found, indices)
+    return Found(model, layout, start, goals, values, indices, model.core.poses(start.t, start.q, goals, values))
+
+
+def orientations_at(model: CompiledModel, state: State) -> Callable[[int], FloatArray]:
+    """Orientation (3, 3) of a body, by its number, in a state."""
+
+    def of(body: int) -> FloatArray:
+        found = model.core.bodies(np.array([state.t]), state.q[None], np.zeros((1, state.v.size)), [body])
+        return np.asarray(found["body_rotation"][0, 0])
+
+    return of

@@ -8,12 +8,14 @@ from typing import Any, Literal, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import ArgumentError
+from ..errors import ArgumentError, UnknownAttributeError
 from ..numeric import floats
 from .source import Arrays, Source, Span, columns
 
 FloatArray = NDArray[np.float64]
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
+OF_REACTIONS = ("force", "moment", "drive", "drive_determined", "determined", "determined_at", "directions", "in_frame")
+"""What a joint offers only where forces are computed."""
 
 
 class JointIndices(NamedTuple):
@@ -108,7 +110,57 @@ class Directions(NamedTuple):
     moments_determined: FloatArray
 
 
-class JointResult:
+class JointMotion:
+    """Motion of one joint over nt outputs, in the tree or closing a loop.
+
+    Its coordinates, velocities and point are computed at the first access to one of them, its accelerations at the
+    first `acceleration`, each for all outputs at once.
+
+    Attributes:
+        name, kind: of the joint.
+        parent, child: names of its bodies.
+    """
+
+    def __init__(self, name: str, kind: str, parent: str, child: str, data: JointData) -> None:
+        self.name, self.kind, self.parent, self.child = name, kind, parent, child
+        self._data = data
+
+    @property
+    def position(self) -> FloatArray:
+        """(nt, nq of the joint): its coordinates [m or rad; quaternions scalar first], zero as drawn."""
+        return self._data.motion["joint_position"]
+
+    @property
+    def velocity(self) -> FloatArray:
+        """(nt, dof): their velocities [m/s or rad/s]."""
+        return self._data.motion["joint_velocity"]
+
+    @property
+    def acceleration(self) -> FloatArray:
+        """(nt, dof): derivatives of `velocity` [m/s^2 or rad/s^2], exactly those of the equations of motion; NaN at
+        singular positions, where they are undetermined."""
+        return self._data.acceleration
+
+    @property
+    def point(self) -> FloatArray:
+        """(nt, 3): the joint's point on the child, always in world axes [m]."""
+        return self._data.motion["joint_point"]
+
+    def __getattr__(self, name: str) -> Any:
+        if name in OF_REACTIONS:
+            raise UnknownAttributeError(
+                f"joint {self.name!r} has no {name} here: kinematics computes motions, not forces; simulate "
+                "the motion, with drives where it is prescribed, and ask its result",
+                name=name,
+                known=["position", "velocity", "acceleration", "point"],
+            )
+        raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+
+    def __repr__(self) -> str:
+        return f"<joint {self.name!r}: {self.kind}, {self.parent} -> {self.child}, {len(self.point)} poses>"
+
+
+class JointResult(JointMotion):
     """Motion and reaction of one joint over the nt outputs of a run.
 
     Nothing is computed before it is accessed: the motion of this joint at the first `position`, `velocity` or `point`,
@@ -141,30 +193,9 @@ class JointResult:
         axes: str = "world",
         turn: FloatArray | None = None,
     ) -> None:
-        self.name, self.kind, self.parent, self.child = name, kind, parent, child
+        super().__init__(name, kind, parent, child, data)
         self.axes = axes
-        self._data, self._turn = data, turn
-
-    @property
-    def position(self) -> FloatArray:
-        """(nt, nq of the joint): its coordinates [m or rad; quaternions scalar first], zero as drawn."""
-        return self._data.motion["joint_position"]
-
-    @property
-    def velocity(self) -> FloatArray:
-        """(nt, dof): their velocities [m/s or rad/s]."""
-        return self._data.motion["joint_velocity"]
-
-    @property
-    def acceleration(self) -> FloatArray:
-        """(nt, dof): derivatives of `velocity` [m/s^2 or rad/s^2], exactly those of the equations of motion; NaN at
-        singular positions, where they are undetermined."""
-        return self._data.acceleration
-
-    @property
-    def point(self) -> FloatArray:
-        """(nt, 3): the joint's point on the child, always in world axes [m]."""
-        return self._data.motion["joint_point"]
+        self._turn = turn
 
     @property
     def drive(self) -> FloatArray:

@@ -16,17 +16,17 @@ from ..naming import driven, listed
 from ..numeric import shown
 from ..partition import Geometry, geometry
 from ..sensing import SensorRecord
-from .body import BodyResult, resting
 from .certificate import Certificate, certify
 from .coupling import CouplingResult, DriveResult
 from .energy import EnergyResult
-from .joint import AskedJoint, JointIndices, JointResult
-from .names import Names, index_of
+from .joint import JointResult
+from .motion import Motion
+from .names import index_of
 from .partition_log import PartitionChange, partition_changes
 from .record import Record
 from .self_stress import SelfStresses, self_stresses_of
-from .sensor import LiveSensors, SensorResult, StoredSensors, account_of, result_of
-from .source import BODIES, Arrays, ModelSource, Source
+from .sensor import LiveSensors, StoredSensors, account_of
+from .source import Arrays, ModelSource, Source
 from .variables import units
 from .verdict import SUSPECT, Finding, verdict_of
 
@@ -37,7 +37,7 @@ INTERRUPTED = "interrupted"
 AT_A_PROMPT = "sys.last_value.result"
 
 
-class Run:
+class Run(Motion):
     """The contents of a `Result`: its arrays, and bodies, joints, reactions and sensors by name."""
 
     def __init__(
@@ -132,12 +132,6 @@ class Run:
             reported = "; ".join(finding.sentence for finding in findings)
             warnings.warn(f"the result is suspect: {reported}", SuspectResultWarning, stacklevel=4)
 
-    @cached_property
-    def names(self) -> Names:
-        """Names along the axes of the arrays: of coordinates, velocities, multipliers, joints and bodies."""
-        rows = int(self.summary.get("rows", 0))
-        return Names.from_summary(self.summary, self.q.shape[1], self.v.shape[1], rows)
-
     @property
     def units(self) -> dict[str, str | tuple[str, ...]]:
         """Unit of each array by its name in files; of those whose columns differ, such as `q`, one for each column. ""
@@ -218,11 +212,6 @@ class Run:
         """Plain description of the mechanism as built, or None for a `System`."""
         return self._record.spec
 
-    @property
-    def title(self) -> str:
-        """Name of the mechanism, or "system"."""
-        return str(self.summary.get("name") or "system")
-
     @cached_property
     def partitions(self) -> list[PartitionChange]:
         """Every choice of independent coordinates, the first one included, in order of time."""
@@ -266,10 +255,7 @@ class Run:
         Raises `UnknownNameError` with the nearest names. Its quantities are computed on access, for this joint
         alone.
         """
-        source = self._source_for("joint", name)
-        j = index_of(name, self.names.joints, "joint")
-        about = self.summary["joints"][j]
-        data = AskedJoint(source, JointIndices(j, tuple(about["q"]), tuple(about["v"])))
+        about, data = self._joint(name)
         return JointResult(name, about["kind"], about["parent"], about["child"], data)
 
     def coupling(self, name: str) -> CouplingResult:
@@ -289,34 +275,6 @@ class Run:
         found = list(rows.values())[index_of(name, list(rows), "drive")]
         first = int(self.summary.get("closing_rows", 0))
         return DriveResult(name, source, [row - first for row in found])
-
-    def body(self, name: str) -> BodyResult:
-        """Motion of the body `name`; `"ground"` rests. `UnknownNameError` with the nearest names."""
-        source = self._source_for("body", name)
-        if isinstance(name, str) and name == "ground":
-            return resting(name, len(self.t))
-        seen = source.body(index_of(name, self.names.bodies, "body"))
-        return BodyResult(name, *(seen[key] for key in BODIES))
-
-    def sensor(self, name: str) -> SensorResult:
-        """The readings of the sensor `name`: `values` over time, `unit` and long name; see `Mechanism.add_sensor`.
-
-        Computed at the outputs on first access, and stored. `UnknownNameError` with the nearest names; an
-        `EvaluationError` where the function of a sensor fails.
-        """
-        self._source_for("sensor", name)
-        read = self._sensors
-        return result_of(name, self.summary.get("sensors", ()), lambda one: read.read(one) if read else np.zeros(0))
-
-    @property
-    def sensors(self) -> tuple[str, ...]:
-        """Names of the sensors."""
-        return tuple(item["name"] for item in self.summary.get("sensors", ()))
-
-    @property
-    def observed(self) -> Arrays:
-        """All bodies and joints at once, by array name (`body_position` (nt, nb, 3), ...); for tools."""
-        return self._source_for("body", "all").observed
 
     @property
     def reactions(self) -> Arrays:
@@ -364,11 +322,6 @@ class Run:
     def checks(self) -> Arrays:
         """Further checks of the outputs for the certificate, by array name; for tools."""
         return self._source_for("joint", "all").checks
-
-    @property
-    def joint_accelerations(self) -> FloatArray:
-        """Accelerations of all joints (nt, degrees of freedom), as `joint_velocity` of `observed`; for tools."""
-        return self._source_for("joint", "all").joint_accelerations
 
     @property
     def determined_efforts(self) -> NDArray[np.bool_]:
@@ -434,15 +387,6 @@ class Run:
                 argument="output",
             )
         return int(output) % nt
-
-    def _source_for(self, kind: str, name: str) -> Source:
-        if self._source is None:
-            raise ArgumentError(
-                f"no {kind} {name!r}: this is the run of a System given by matrices, which has coordinates "
-                f"and multipliers only; use result.q, result.v and result.multipliers",
-                argument=kind,
-            )
-        return self._source
 
     @property
     def arrays(self) -> Arrays:

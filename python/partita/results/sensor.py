@@ -58,7 +58,6 @@ class RunSignals:
         self._source = source
         self._model, self._run, self._summary = source.model, source.run, source.summary
         self._loads: dict[str, Mapping[str, Array]] = {}
-        self._accelerations: dict[str, tuple[Array, Array]] = {}
 
     @property
     def t(self) -> Array:
@@ -74,12 +73,7 @@ class RunSignals:
     def body_acceleration(self, name: str) -> tuple[Array, Array]:
         if name == "ground":
             return np.zeros((len(self.t), 3)), np.zeros((len(self.t), 3))
-        if name not in self._accelerations:
-            i = self._names["body"].index(name)
-            found = self._model.body_accelerations(*self._motion, self._run["vdot"], [i])
-            acceleration, spin = found["body_acceleration"][:, 0], found["body_angular_acceleration"][:, 0]
-            self._accelerations[name] = acceleration, spin
-        return self._accelerations[name]
+        return self._source.body_acceleration(self._names["body"].index(name))
 
     def joint(self, name: str) -> tuple[Array, Array]:
         found = self._source.joint(*self._place(name))

@@ -27,6 +27,13 @@ class Source(Protocol):
     def body(self, i: int) -> Arrays:
         """The `BODIES` arrays of one body, without the axis of the bodies."""
 
+    @property
+    def has_model(self) -> bool:
+        """Whether it computes what is asked; otherwise it has what was stored."""
+
+    def body_acceleration(self, i: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Accelerations of the origin of one body, and angular ones, (nt, 3) each; with a model only."""
+
     def joint(self, j: int, q: Span, v: Span) -> Arrays:
         """The `JOINTS` arrays of one joint, whose coordinates are at `q` (first, count) among those of all joints."""
 
@@ -93,10 +100,13 @@ class ModelSource:
     """Evaluates the compiled model for one body, joint or reaction on first use, at all outputs at once, and stores the
     result. The cost is that of the part on which it depends: the links down to the ground, the connected bodies."""
 
+    has_model = True
+
     def __init__(self, model: Any, run: Arrays, summary: Mapping[str, Any]) -> None:
         self._model, self._run, self._summary = model, run, summary
         self._accelerations: dict[int, NDArray[np.float64]] = {}
         self._bodies: dict[int, Arrays] = {}
+        self._accelerated: dict[int, tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
         self._joints: dict[int, Arrays] = {}
         self._reactions: dict[int, Arrays] = {}
         self._stresses: dict[int, NDArray[np.float64]] = {}
@@ -120,6 +130,12 @@ class ModelSource:
         if i not in self._bodies:
             self._bodies[i] = alone(self._model.bodies(*self._motion, [i]), BODIES)
         return self._bodies[i]
+
+    def body_acceleration(self, i: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        if i not in self._accelerated:
+            found = self._model.body_accelerations(*self._motion, self._run["vdot"], [i])
+            self._accelerated[i] = found["body_acceleration"][:, 0], found["body_angular_acceleration"][:, 0]
+        return self._accelerated[i]
 
     def joint(self, j: int, q: Span, v: Span) -> Arrays:
         if j not in self._joints:
@@ -234,11 +250,16 @@ class ModelSource:
 class StoredSource:
     """Reads the same from the arrays of a file."""
 
+    has_model = False
+
     def __init__(self, arrays: Arrays) -> None:
         self._arrays = arrays
 
     def body(self, i: int) -> Arrays:
         return {key: self._arrays[key][:, i] for key in BODIES}
+
+    def body_acceleration(self, i: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        raise NotImplementedError("a stored result has no accelerations of bodies")
 
     def joint(self, j: int, q: Span, v: Span) -> Arrays:
         return {

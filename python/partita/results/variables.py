@@ -8,7 +8,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from ..naming import column_names, coordinate_units, joint_units
-from ..result_view import ResultView
+from ..result_view import MotionView, ResultView
 from .joint import COMPONENTS
 from .source import Arrays
 
@@ -112,7 +112,7 @@ def variables(result: ResultView) -> list[Variable]:
     return found
 
 
-def sensors(result: ResultView) -> list[tuple[Variable, Axis | None]]:
+def sensors(result: MotionView) -> list[tuple[Variable, Axis | None]]:
     """Readings of sensors, each with an axis of its own where its columns are not x, y, z."""
     found: list[tuple[Variable, Axis | None]] = []
     for item in result.summary.get("sensors", ()):
@@ -147,6 +147,17 @@ def units(result: ResultView) -> dict[str, str | tuple[str, ...]]:
     return found
 
 
+def of_motion(motion: MotionView) -> list[Variable]:
+    """Coordinates, bodies, joints and sensors over time, without what needs forces."""
+    states = {name: RUN[name] for name in ("q", "v", "vdot")}
+    return [
+        *_over_time(states, {"q": motion.q, "v": motion.v, "vdot": motion.vdot}),
+        *_over_time(OBSERVED, motion.observed),
+        *_over_time(ACCELERATIONS, {"joint_acceleration": motion.joint_accelerations}),
+        *(variable for variable, _ in sensors(motion)),
+    ]
+
+
 def _over_time(table: dict[str, tuple[tuple[str, ...], str, str]], arrays: Arrays) -> list[Variable]:
     return [
         Variable(name, arrays[name], ("t", *axes), unit, text)
@@ -166,15 +177,23 @@ def axes(result: ResultView) -> dict[str, Axis]:
 def _own_axes(result: ResultView) -> dict[str, Axis]:
     """Those of a run itself, for which no sensor is read."""
     names = result.names
-    q_units, v_units = coordinate_units(result.summary, names)
-    q_labels, q_kinds, v_labels, v_kinds = _joint_axes(result)
+    listed = [
+        Axis("multiplier", names.multipliers),
+        Axis("condition", names.multipliers[int(result.summary.get("closing_rows", 0)) :]),
+        Axis("choice", tuple(str(i) for i in range(result.independent.shape[1]))),
+    ]
+    return {**axes_of_motion(result), **{axis.name: axis for axis in listed}}
+
+
+def axes_of_motion(motion: MotionView) -> dict[str, Axis]:
+    """Axes of what has bodies and joints, with or without forces."""
+    names = motion.names
+    q_units, v_units = coordinate_units(motion.summary, names)
+    q_labels, q_kinds, v_labels, v_kinds = _joint_axes(motion)
     xyz = ("x", "y", "z")
     listed = [
         Axis("coordinate", names.coordinates, tuple(q_units)),
         Axis("velocity", names.velocities, tuple(v_units)),
-        Axis("multiplier", names.multipliers),
-        Axis("condition", names.multipliers[int(result.summary.get("closing_rows", 0)) :]),
-        Axis("choice", tuple(str(i) for i in range(result.independent.shape[1]))),
         Axis("body", names.bodies),
         Axis("joint", names.joints),
         Axis("joint_coordinate", tuple(q_labels), tuple(q_kinds)),
@@ -187,7 +206,7 @@ def _own_axes(result: ResultView) -> dict[str, Axis]:
     return {axis.name: axis for axis in listed}
 
 
-def _joint_axes(result: ResultView) -> tuple[list[str], list[str], list[str], list[str]]:
+def _joint_axes(result: MotionView) -> tuple[list[str], list[str], list[str], list[str]]:
     """Labels and units of the columns of joint_position and joint_velocity."""
     q_labels: list[str] = []
     q_units: list[str] = []

@@ -278,7 +278,14 @@ impl<'m> Continuation<'m> {
             self.r.fill(0.0);
             self.r[m + k] = 1.0 / x.displacement;
             f.solve(&self.r);
-            found.push(f.dv.iter().zip(&f.displacement).map(|(x, displacement)| x * displacement).collect());
+            let first = f.dv.clone();
+            // the damping leaves a part of 1e-10; a second solution removes it
+            for (i, r) in self.r.iter_mut().enumerate() {
+                *r = if f.duty[i] == Duty::Hard { *r - f.along(i, &first) } else { 0.0 };
+            }
+            f.solve(&self.r);
+            let exact = first.iter().zip(&f.dv).zip(&f.displacement);
+            found.push(exact.map(|((x, more), displacement)| (x + more) * displacement).collect());
         }
         Ok(found)
     }

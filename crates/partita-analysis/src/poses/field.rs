@@ -97,9 +97,11 @@ impl<'m> Field<'m> {
 
     /// Values of the goals at q; angles that are read off a pose as near to `self.y` as they can be.
     pub fn look(&mut self, q: &[f64]) {
-        for (x, y) in self.targets.iter().zip(&mut self.y) {
-            *y = x.value(self.model, q, &self.rest, &mut self.levels.scratch, *y);
+        for (k, x) in self.targets.iter().enumerate() {
+            let near = x.near(&self.y, k);
+            self.next[k] = x.value_near(self.model, q, &self.rest, &mut self.levels.scratch, near);
         }
+        self.y.copy_from_slice(&self.next);
     }
 
     /// Residuals and their derivatives at q for the targets.
@@ -117,10 +119,11 @@ impl<'m> Field<'m> {
         }
         for (k, x) in self.targets.iter().enumerate() {
             let s = &mut self.levels.scratch;
-            self.next[k] = x.value(self.model, q, &self.rest, s, self.y[k]);
+            let near = x.near(&self.y, k);
+            self.next[k] = x.value_near(self.model, q, &self.rest, s, near);
             self.phi[m + k] = (self.next[k] - self.aims[k]) / x.displacement;
             let mut e = self.pattern.row_ptr[m + k];
-            x.gradient(self.model, q, &mut self.rest, s, |g| {
+            x.gradient(self.model, q, near, &mut self.rest, s, |g| {
                 self.c[e] = g * self.displacement[self.pattern.col_idx[e]] / x.displacement;
                 e += 1;
             });

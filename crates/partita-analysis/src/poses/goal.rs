@@ -1,8 +1,10 @@
-//! Goals of a position: a coordinate of any joint, or the position of a point of a body.
+//! Goals of a position: a coordinate of any joint, the position of a point of a body, or the orientation of a body.
 
-use partita_math::spatial::Vec3;
+use partita_math::spatial::{Mat3, Quaternion, Vec3};
+use partita_math::tolerance;
 use partita_model::joint::Motion;
 use partita_model::model::ModelScratch;
+use partita_model::observe::DegreeOfFreedom;
 use partita_model::{Model, Part};
 use partita_system::prelude::*;
 use partita_system::SystemError;
@@ -33,6 +35,16 @@ pub enum Goal {
         /// x, y or z of the world.
         axis: usize,
     },
+    /// A component of the rotation vector of a body relative to a reference orientation. The three components of one
+    /// body follow each other among the goals: whole turns are counted on all of them together.
+    Turn {
+        /// Number of the body.
+        body: usize,
+        /// The reference: its columns are the axes of the body there, in the world; row by row.
+        reference: [f64; 9],
+        /// Along x, y or z of the reference.
+        axis: usize,
+    },
 }
 
 /// How a goal is evaluated.
@@ -41,6 +53,7 @@ enum Source {
     Own { q: usize, v: usize },
     Joint { joint: usize, position: usize, velocity: usize, wraps: bool },
     Point { body: usize, point: Vec3<f64>, axis: usize },
+    Turn { body: usize, reference: Mat3<f64>, axis: usize },
 }
 
 /// A goal with its name, its natural scale, and its dependences.
@@ -136,6 +149,12 @@ impl Target {
                 let own = velocities(model, links.into_iter());
                 Ok(named(source, model.placed.length, "m", own, model.part_of_body(body)))
             }
+            Goal::Turn { body, reference, axis } => {
+                let links = ancestors(model, model.placed.bodies[body].link);
+                let reference = Mat3(std::array::from_fn(|i| std::array::from_fn(|j| reference[3 * i + j])));
+                let own = velocities(model, links.into_iter());
+                Ok(named(Source::Turn { body, reference, axis }, 1.0, "rad", own, model.part_of_body(body)))
+            }
         }
     }
 
@@ -163,15 +182,33 @@ impl Target {
         }
     }
 
-    /// Its value at q; an angle measured from a pose is taken within half a turn of `near`.
+    /// The values that are counted on from: its own, or all three of an orientation; `y` holds those of all goals, its own
+    /// at `k`.
+    pub fn near(&self, y: &[f64], k: usize) -> [f64; 3] {
+        match self.source {
+            Source::Turn { axis, .. } => std::array::from_fn(|i| y[k - axis + i]),
+            _ => [y[k], 0.0, 0.0],
+        }
+    }
+
+    /// Its value at q, an angle measured from a pose within half a turn of `near`; of an orientation within half a turn
+    /// of the reference.
     pub fn value(&self, model: &Model, q: &[f64], rest: &[f64], s: &mut ModelScratch, near: f64) -> f64 {
+        match self.source {
+            Source::Turn { .. } => self.value_near(model, q, rest, s, [0.0; 3]),
+            _ => self.value_near(model, q, rest, s, [near, 0.0, 0.0]),
+        }
+    }
+
+    /// As `value`, of an orientation too the nearest to [`near`](Self::near).
+    pub fn value_near(&self, model: &Model, q: &[f64], rest: &[f64], s: &mut ModelScratch, near: [f64; 3]) -> f64 {
         match &self.source {
             Source::Own { q: i, .. } => q[*i],
             Source::Joint { joint, position, wraps, .. } => {
                 model.look_at(&self.part, q, rest, s);
                 let x = model.joint_state(*joint, q, rest, s).position[*position];
                 if *wraps {
-                    x + ((near - x) / TAU).round() * TAU
+                    x + ((near[0] - x) / TAU).round() * TAU
                 } else {
                     x
                 }
@@ -181,31 +218,138 @@ impl Target {
                 let b = model.body_state(*body, s);
                 (b.position + b.rotation.apply(*point)).0[*axis]
             }
+            Source::Turn { body, reference, axis } => {
+                model.look_at(&self.part, q, rest, s);
+                rotation_vector(reference, &model.body_state(*body, s).rotation, near).0[*axis]
+            }
         }
     }
 
-    /// Its derivatives by `velocities`, in their order. `v` is scratch memory, zero before and after.
-    pub fn gradient(&self, model: &Model, q: &[f64], v: &mut [f64], s: &mut ModelScratch, mut put: impl FnMut(f64)) {
-        if let Source::Own { .. } = self.source {
-            return put(1.0);
+    /// Its derivatives by `velocities`, in their order; of an orientation where its values are `near`. `v` is scratch
+    /// memory, zero before and after.
+    pub fn gradient(
+        &self,
+        model: &Model,
+        q: &[f64],
+        near: [f64; 3],
+        v: &mut [f64],
+        s: &mut ModelScratch,
+        mut put: impl FnMut(f64),
+    ) {
+        match &self.source {
+            Source::Turn { body, reference, axis } => {
+                model.look_at(&self.part, q, v, s);
+                let rotation = model.body_state(*body, s).rotation;
+                let turn = rotation_vector(reference, &rotation, near);
+                self.columns(model, q, v, s, |columns| put(turning(turn, rotation.apply_transposed(columns)).0[*axis]));
+            }
+            _ => self.rates(model, q, v, s, put),
         }
+    }
+
+    /// How its rate follows from `velocities`, in their order: as the gradient, but of an orientation that of the angular
+    /// velocity along an axis of the world. `v` is scratch memory, zero before and after.
+    pub fn rates(&self, model: &Model, q: &[f64], v: &mut [f64], s: &mut ModelScratch, mut put: impl FnMut(f64)) {
+        match &self.source {
+            Source::Own { .. } => put(1.0),
+            Source::Joint { joint, velocity, .. } => {
+                for &i in &self.velocities {
+                    v[i] = 1.0;
+                    model.look_at(&self.part, q, v, s);
+                    put(model.joint_state(*joint, q, v, s).velocity[*velocity]);
+                    v[i] = 0.0;
+                }
+            }
+            Source::Point { axis, .. } | Source::Turn { axis, .. } => {
+                self.columns(model, q, v, s, |column| put(column.0[*axis]));
+            }
+        }
+    }
+
+    /// Velocity of the point, or angular velocity of the body, for each of `velocities` alone at unit rate.
+    fn columns(&self, model: &Model, q: &[f64], v: &mut [f64], s: &mut ModelScratch, mut put: impl FnMut(Vec3<f64>)) {
         for &i in &self.velocities {
             v[i] = 1.0;
             model.look_at(&self.part, q, v, s);
             v[i] = 0.0;
-            put(match &self.source {
-                Source::Own { .. } => 1.0,
-                Source::Joint { joint, velocity, .. } => {
-                    v[i] = 1.0;
-                    let rate = model.joint_state(*joint, q, v, s).velocity[*velocity];
-                    v[i] = 0.0;
-                    rate
-                }
-                Source::Point { body, point, axis } => {
+            match &self.source {
+                Source::Point { body, point, .. } => {
                     let b = model.body_state(*body, s);
-                    (b.velocity + b.angular_velocity.cross(b.rotation.apply(*point))).0[*axis]
+                    put(b.velocity + b.angular_velocity.cross(b.rotation.apply(*point)));
                 }
-            });
+                Source::Turn { body, .. } => put(model.body_state(*body, s).angular_velocity),
+                _ => {}
+            }
         }
     }
+
+    /// What its acceleration is made of; only coordinates of joints outside of the state have such a thing.
+    ///
+    /// # Errors
+    /// None for a model that could be compiled.
+    pub fn degree_of_freedom(&self, model: &Model) -> Result<Option<DegreeOfFreedom>, SystemError> {
+        let Source::Joint { joint, velocity, .. } = self.source else { return Ok(None) };
+        let all = model.degrees_of_freedom_of(&[joint]).map_err(|e| SystemError::argument("targets", e.to_string()))?;
+        Ok(all.into_iter().nth(velocity))
+    }
+
+    /// Its acceleration at (q, v) for v' = `vdot`, along an axis of the world for a point or an orientation; `dof` as
+    /// [`degree_of_freedom`](Self::degree_of_freedom) gave it.
+    pub fn acceleration(
+        &self,
+        model: &Model,
+        (q, v, vdot): (&[f64], &[f64], &[f64]),
+        s: &mut ModelScratch,
+        dof: &mut Option<DegreeOfFreedom>,
+    ) -> f64 {
+        match &self.source {
+            Source::Own { v: i, .. } => vdot[*i],
+            Source::Joint { .. } => {
+                model.look_at(&self.part, q, v, s);
+                dof.as_mut().map_or(f64::NAN, |dof| dof.acceleration(model, vdot, s))
+            }
+            Source::Point { body, point, axis } => {
+                model.look_at(&self.part, q, v, s);
+                let [acceleration, alpha] = model.body_acceleration(*body, &self.part, vdot, s);
+                let b = model.body_state(*body, s);
+                let (arm, omega) = (b.rotation.apply(*point), b.angular_velocity);
+                (acceleration + alpha.cross(arm) + omega.cross(omega.cross(arm))).0[*axis]
+            }
+            Source::Turn { body, axis, .. } => {
+                model.look_at(&self.part, q, v, s);
+                model.body_acceleration(*body, &self.part, vdot, s)[1].0[*axis]
+            }
+        }
+    }
+}
+
+/// The rotation vector y of `rotation = reference exp(y)` nearest to `near`, less than a turn.
+fn rotation_vector(reference: &Mat3<f64>, rotation: &Mat3<f64>, near: [f64; 3]) -> Vec3<f64> {
+    let Quaternion([w, x, y, z]) = Quaternion::from_matrix(&reference.transpose().mul(rotation));
+    let (half, sin) = (Vec3([x, y, z]), Vec3([x, y, z]).norm());
+    if sin < tolerance::ROUNDING {
+        return half.times(2.0 * w.signum());
+    }
+    // the two quaternions of a rotation belong to two rotation vectors
+    let of = |sign: f64| half.times(sign * 2.0 * sin.atan2(sign * w) / sin);
+    let [one, other] = [of(1.0), of(-1.0)];
+    let distance = |a: Vec3<f64>| (a - Vec3(near)).norm();
+    if distance(one) <= distance(other) {
+        one
+    } else {
+        other
+    }
+}
+
+/// The rate of a rotation vector y for an angular velocity along the axes of the body:
+/// `ω + ½ y × ω + (1 − ½θ cot ½θ)/θ² y × (y × ω)`, θ = |y|.
+fn turning(y: Vec3<f64>, omega: Vec3<f64>) -> Vec3<f64> {
+    let (angle, square) = (y.norm(), y.dot(y));
+    let third = if angle < tolerance::SERIES_ANGLE {
+        1.0 / 12.0 + square * (1.0 / 720.0 + square * (1.0 / 30_240.0 + square / 1_209_600.0))
+    } else {
+        (1.0 - 0.5 * angle / (0.5 * angle).tan()) / square
+    };
+    let across = y.cross(omega);
+    omega + across.times(0.5) + y.cross(across).times(third)
 }

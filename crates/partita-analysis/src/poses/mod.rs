@@ -1,4 +1,4 @@
-//! Positions for goals (joint coordinates, positions of points), reached from a given state on its branch.
+//! Positions for goals (joint coordinates, positions of points, orientations), reached from a given state on its branch.
 
 mod closed;
 mod continuation;
@@ -15,6 +15,7 @@ mod numeric;
 mod one;
 mod outcome;
 mod rates;
+mod stationary;
 
 pub use closed::closed;
 pub use driven::driven_beyond;
@@ -23,6 +24,7 @@ pub use many::{many, Poses};
 pub use one::{one, Ask, Met, One};
 pub use outcome::Outcome;
 pub use rates::with_rates;
+pub use stationary::{limit, stationary, Limit, Stationary};
 
 #[cfg(test)]
 mod tests;

@@ -17,7 +17,7 @@ use partita_system::{start, SystemError};
 fn gradient(model: &Model, q: &[f64], x: &Target, room: &mut [f64], s: &mut ModelScratch) -> Vec<f64> {
     let mut g = vec![0.0; model.size().nv];
     let mut at = x.velocities.iter();
-    x.gradient(model, q, room, s, |value| {
+    x.rates(model, q, room, s, |value| {
         if let Some(&i) = at.next() {
             g[i] = value;
         }

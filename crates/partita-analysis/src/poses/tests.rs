@@ -55,7 +55,7 @@ fn gradients_are_those_of_the_values() {
             for x in &goals {
                 let mut gradient = vec![0.0; n];
                 let mut own = x.velocities.iter();
-                x.gradient(&m, &q, &mut room, &mut s, |g| gradient[*own.next().unwrap()] = g);
+                x.gradient(&m, &q, [0.0; 3], &mut room, &mut s, |g| gradient[*own.next().unwrap()] = g);
                 assert!(room.iter().all(|v| *v == 0.0));
                 let here = x.value(&m, &q, &rest, &mut s, 0.0);
                 for v in 0..n {

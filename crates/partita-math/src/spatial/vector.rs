@@ -33,7 +33,7 @@ macro_rules! vector {
             #[inline(always)]
             pub fn times(mut self, k: S) -> Self {
                 for x in &mut self.0 {
-                    *x = *x * k;
+                    *x *= k;
                 }
                 self
             }

@@ -142,10 +142,10 @@ mod tests {
             // w in the axes that stay
             let inner = q.matrix().apply_transposed(w);
             let rate = q.rate(inner);
-            let moved = Quaternion(std::array::from_fn(|i| Dual::new(q.0[i], rate[i])));
+            let moved = Quaternion(std::array::from_fn(|i| Dual::new(q.0[i], [rate[i]])));
             let (by_dual, _) = rotation_vector(&moved.matrix());
             let rate = turn_rate(turn, curl, w);
-            let slope = Vec3(by_dual.0.map(|x| x.eps));
+            let slope = Vec3(by_dual.0.map(|x| x.eps[0]));
             assert!((rate - slope).norm() < 1e-11, "{size}: {rate:?} {slope:?}");
             let along = Vec3([0; 3].map(|_| rng.f64() - 0.5));
             assert!((moment_of(turn, curl, along).dot(w) - along.dot(rate)).abs() < 1e-13);

@@ -97,9 +97,23 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
 
     /// Any admissible partition with rows out of these.
     fn plan_freely(&mut self, t: f64, rows: &[bool]) -> Result<(), SystemError> {
-        let (pattern, any) = (self.system.pattern(), vec![true; self.size.nv]);
-        let plan = Plan::new(pattern, &self.c, rows, &any, &self.row_scale, &self.s, self.rank, PlanOptions::default())
-            .map_err(|_| SystemError::Singular { t, pivot: 0.0, limit: tolerance::SINGULAR_PIVOT })?;
+        let any = vec![true; self.size.nv];
+        self.plan_among(t, &any, rows)
+    }
+
+    /// By the rows in use, at the last position: as many of these velocities become dependent as the rows determine.
+    pub fn plan_dependent(&mut self, t: f64, among: &[usize]) -> Result<(), SystemError> {
+        let mut eligible = vec![false; self.size.nv];
+        among.iter().for_each(|&i| eligible[i] = true);
+        self.plan_among(t, &eligible, &self.rows_in_use())
+    }
+
+    /// Any admissible partition with dependent velocities among these and rows out of these.
+    fn plan_among(&mut self, t: f64, eligible: &[bool], rows: &[bool]) -> Result<(), SystemError> {
+        let pattern = self.system.pattern();
+        let plan =
+            Plan::new(pattern, &self.c, rows, eligible, &self.row_scale, &self.s, self.rank, PlanOptions::default())
+                .map_err(|_| SystemError::Singular { t, pivot: 0.0, limit: tolerance::SINGULAR_PIVOT })?;
         let mut dependent = vec![false; self.size.nv];
         plan.pivot_cols().iter().for_each(|&c| dependent[c] = true);
         let independent: Vec<usize> = (0..self.size.nv).filter(|&i| !dependent[i]).collect();

@@ -435,6 +435,11 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         Ok(())
     }
 
+    /// λ of forces r (nv) with the present factors: `C_Dᵀ λ = r_D`; zero on dropped rows. `work` has room for the rank.
+    pub fn multipliers_of(&self, forces: &[f64], work: &mut [f64], out: &mut [f64]) {
+        choice!(self).multipliers(&self.factors, forces, work, out);
+    }
+
     /// The step of the dependent coordinates last found, `q_D ← q_D − C_D⁻¹ Φ`.                        (34)
     pub fn move_dependent(&mut self, q: &mut [f64]) {
         self.residual.fill(0.0);

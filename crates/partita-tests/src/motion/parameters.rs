@@ -84,11 +84,11 @@ fn derivatives_by_parameters_agree_with_differences() {
             // all at once, and one at a time
             for part in std::iter::once(&all[..]).chain(all.chunks(1)) {
                 let seeds: Vec<Vec<Dual>> =
-                    part.iter().map(|(_, x, d)| x.iter().zip(d).map(|(x, d)| Dual::new(*x, *d)).collect()).collect();
+                    part.iter().map(|(_, x, d)| x.iter().zip(d).map(|(x, d)| Dual::new(*x, [*d])).collect()).collect();
                 let changes: Vec<(&str, &[Dual])> =
                     part.iter().zip(&seeds).map(|(a, x)| (a.0.as_str(), &x[..])).collect();
                 let dual = everything(&model.over_with(&changes).unwrap(), nnz, size.rows, m);
-                let slopes: Vec<f64> = dual.iter().map(|x| x.eps).collect();
+                let slopes: Vec<f64> = dual.iter().map(|x| x.eps[0]).collect();
                 let differences = derivative(STEP, |h| everything(&moved(model, part, h), nnz, size.rows, m));
                 assert!(apart(&slopes, &differences) < 1e-6, "{}: {:e}", part[0].0, apart(&slopes, &differences));
             }

@@ -311,14 +311,14 @@ fn dual_numbers_agree_with_differences() {
         let along: Vec<f64> = x.iter().map(|_| between(rng, -1.0, 1.0)).collect();
         let moved = |h: f64| -> Vec<f64> { x.iter().zip(&along).map(|(x, d)| x + h * d).collect() };
         let differences = derivative(STEP, |h| components(layout.everything(model, &choices, &moved(h))));
-        let duals: Vec<Dual> = x.iter().zip(&along).map(|(x, d)| Dual::new(*x, *d)).collect();
+        let duals: Vec<Dual> = x.iter().zip(&along).map(|(x, d)| Dual::new(*x, [*d])).collect();
         let (plain, duals) = (layout.everything(model, &choices, &x), layout.everything(&dual, &choices, &duals));
         let mut differences = &differences[..];
         for ((name, values), (_, duals)) in plain.iter().zip(&duals) {
             let (own, rest) = differences.split_at(values.len());
             differences = rest;
             assert!(values.iter().zip(duals).all(|(x, y)| x.to_bits() == y.re.to_bits()), "value of {name}");
-            let slopes: Vec<f64> = duals.iter().map(|x| x.eps).collect();
+            let slopes: Vec<f64> = duals.iter().map(|x| x.eps[0]).collect();
             assert!(apart(own, &slopes) < RELATIVE, "derivative of {name}: {:e}", apart(own, &slopes));
         }
     });
@@ -451,8 +451,8 @@ fn rates_of_a_table_are_its_derivatives() {
         for t in [0.0, 0.1, 0.29, 0.31, 1.0, 1.9] {
             let [x, u, a] = table_at(&table, Dual::variable(t), "a table").unwrap();
             // three products each
-            assert!((x.eps - u.re).abs() < 1e-14 * (1.0 + u.re.abs()), "{t}: {} {}", x.eps, u.re);
-            assert!((u.eps - a.re).abs() < 1e-14 * (1.0 + a.re.abs()), "{t}: {} {}", u.eps, a.re);
+            assert!((x.eps[0] - u.re).abs() < 1e-14 * (1.0 + u.re.abs()), "{t}: {} {}", x.eps[0], u.re);
+            assert!((u.eps[0] - a.re).abs() < 1e-14 * (1.0 + a.re.abs()), "{t}: {} {}", u.eps[0], a.re);
         }
     }
 }

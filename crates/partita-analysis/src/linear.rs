@@ -1,0 +1,248 @@
+//! Linearised equations of motion about a state, and their modes.
+//!
+//! ```text
+//! x = (z, u)     x' = f0 + A (x − x0) + B w     z: independent positions, u: independent velocities
+//! ```
+
+use crate::error::AnalysisError;
+use partita_math::dense::{self, Matrix};
+use partita_math::factor::{self, FactorError};
+use partita_math::tolerance;
+use partita_system::variation::{FirstOrder, Solved, StateError, Varied};
+use partita_system::{ConstrainedSystem, SystemRef};
+
+/// The linearised equations.
+pub struct Linearized {
+    /// A, B, f0 and their parts.
+    pub first_order: FirstOrder,
+    /// v'.
+    pub vdot: Vec<f64>,
+    /// λ.
+    pub multipliers: Vec<f64>,
+    /// Whether f0 stays as it is while the motion goes on: rest, or a motion on which nothing depends. Only then are
+    /// eigenvalues of A the same for all coordinates.
+    pub steady: bool,
+    /// Whether it is at rest without dissipation: stiffness and mass are symmetric and nothing else acts.
+    pub conservative: bool,
+    /// Modes, where it is steady.
+    pub modes: Option<Modes>,
+}
+
+/// Eigenvalues and motions of a linearisation.
+pub struct Modes {
+    /// Eigenvalues of A: real and imaginary parts, in conjugate pairs, the slowest first.
+    pub values: Vec<(f64, f64)>,
+    /// Changes of all displacements (nv) for each eigenvalue, real and imaginary parts in turn.
+    pub shapes: Vec<(Vec<f64>, Vec<f64>)>,
+    /// Size of an eigenvalue that counts as zero.
+    pub zero: f64,
+}
+
+/// States beside a linearised one, from which outputs that are known as numbers alone are differentiated: one ahead and
+/// one behind along each state and each effort. Central differences of them cancel what is missing to the second order,
+/// so the loops need not be closed again.
+pub struct Probes {
+    /// Steps of states and efforts.
+    pub steps: Vec<f64>,
+    /// Coordinates, one row each: ahead and behind in turn.
+    pub q: Vec<f64>,
+    /// Velocities.
+    pub v: Vec<f64>,
+    /// Accelerations.
+    pub vdot: Vec<f64>,
+    /// λ.
+    pub multipliers: Vec<f64>,
+}
+
+impl Linearized {
+    /// States beside (q, v).
+    pub fn probes<S: ConstrainedSystem>(&self, system: &S, q: &[f64], v: &[f64]) -> Probes {
+        let found = &self.first_order;
+        let (kz, states, count) = (found.positions.len(), found.f0.len(), found.accelerations.cols());
+        // where the errors of a central difference meet: h² of the third derivative, ε/h of round-off
+        let h = f64::EPSILON.cbrt();
+        let steps = sizes(system, found).into_iter().map(|s| h * s).chain(std::iter::repeat_n(1.0, count - states));
+        let mut made =
+            Probes { steps: steps.collect(), q: Vec::new(), v: Vec::new(), vdot: Vec::new(), multipliers: Vec::new() };
+        let column = |m: &Matrix, j: usize, by: f64| (0..m.rows()).map(move |i| by * m[(i, j)]).collect::<Vec<_>>();
+        let moved = |x: &[f64], m: &Matrix, j: usize, by: f64| -> Vec<f64> {
+            x.iter().zip(column(m, j, by)).map(|(x, d)| x + d).collect()
+        };
+        for j in 0..count {
+            for by in [made.steps[j], -made.steps[j]] {
+                let mut at = q.to_vec();
+                if j < kz {
+                    system.step(&mut at, &column(&found.displacements, j, by));
+                }
+                made.q.extend(at);
+                made.v.extend(if j < states { moved(v, &found.rates, j, by) } else { v.to_vec() });
+                made.vdot.extend(moved(&self.vdot, &found.accelerations, j, by));
+                made.multipliers.extend(moved(&self.multipliers, &found.multipliers, j, by));
+            }
+        }
+        made
+    }
+}
+
+/// Linearise about (t, q, v); `efforts` are columns of E (nv numbers each), one after the other.
+///
+/// # Errors
+/// Singular positions, velocities that violate constraints, a choice that does not serve.
+pub fn linearize<'s, S: ConstrainedSystem + Varied + 's>(
+    system: impl Into<SystemRef<'s, S>>,
+    (t, q, v): (f64, &[f64], &[f64]),
+    independent: Option<&[usize]>,
+    efforts: &[f64],
+) -> Result<Linearized, AnalysisError> {
+    let system = system.into();
+    let solved = Solved::new(system.clone(), (t, q, v), independent).map_err(|e| state_error(&*system, e))?;
+    let found = solved.first_order(efforts)?;
+    let still = system.travel(v) == 0.0;
+    let steady = is_steady(&*system, &solved, &found);
+    let conservative = steady && still && !system.rheonomic() && is_conservative(&found);
+    let mut made = Linearized {
+        first_order: found,
+        vdot: solved.vdot.clone(),
+        multipliers: solved.multipliers.clone(),
+        steady,
+        conservative,
+        modes: None,
+    };
+    if steady {
+        let modes = if conservative { real_modes(&made.first_order) } else { modes(&*system, &made.first_order) };
+        made.modes = Some(modes.map_err(|e| failed(&e))?);
+    }
+    Ok(made)
+}
+
+fn failed(error: &FactorError) -> AnalysisError {
+    AnalysisError::Argument { argument: "at", message: format!("the eigenvalues could not be computed: {error}") }
+}
+
+/// An error of a state, with the row in words.
+pub(crate) fn state_error<S: ConstrainedSystem>(system: &S, error: StateError) -> AnalysisError {
+    match error {
+        StateError::System(error) => AnalysisError::System(error),
+        StateError::Inconsistent { row, rate } => AnalysisError::Argument {
+            argument: "at",
+            message: format!(
+                "the velocities violate constraints, the most {} (by {rate:.3e} per second); make the state with \
+                 assemble(rates=...)",
+                system.row_description(row)
+            ),
+        },
+    }
+}
+
+/// Natural sizes of the states: characteristic displacements, and the same per second.
+fn sizes<S: ConstrainedSystem>(system: &S, found: &FirstOrder) -> Vec<f64> {
+    found.positions.iter().chain(&found.velocities).map(|&i| system.characteristic_displacement(i)).collect()
+}
+
+/// No independent velocity accelerates, and f0 does not change along itself.
+fn is_steady<S: ConstrainedSystem + Varied>(system: &S, solved: &Solved<S>, found: &FirstOrder) -> bool {
+    let (kz, n, r) = (found.positions.len(), found.f0.len(), &solved.reduction);
+    let sizes = sizes(system, found);
+    let scaled = |i: usize, j: usize| found.a[(i, j)] * sizes[j] / sizes[i];
+    // accelerations that an ordinary displacement would cause, or single forces
+    let mut single: Vec<f64> = (0..r.k())
+        .map(|j| (0..solved.forces.len()).map(|l| (r.dt[l * r.k() + j] * solved.forces[l]).abs()).sum())
+        .collect();
+    dense::cholesky_solve(&r.md_factor, r.k(), &mut single);
+    let ordinary = (kz..n).fold(0.0, |m: f64, i| {
+        (0..kz).fold(m.max(single[i - kz].abs() / sizes[i]), |m: f64, j| m.max(scaled(i, j).abs()))
+    });
+    if (kz..n).any(|i| found.f0[i].abs() / sizes[i] > tolerance::CLOSED_IN_RUN * ordinary) {
+        return false;
+    }
+    let rate = |j: usize| found.f0[j] / sizes[j];
+    let fastest = (0..kz).fold(0.0, |m: f64, j| m.max(rate(j).abs()));
+    let largest =
+        (0..n).flat_map(|i| (0..kz).map(move |j| (i, j))).fold(0.0, |m: f64, (i, j)| m.max(scaled(i, j).abs()));
+    (0..n).all(|i| {
+        (0..kz).map(|j| scaled(i, j) * rate(j)).sum::<f64>().abs() <= tolerance::CLOSED_IN_RUN * largest * fastest
+    })
+}
+
+/// Stiffness symmetric, and no force depends on velocities.
+fn is_conservative(found: &FirstOrder) -> bool {
+    let (k, stiffness, damping) = (found.velocities.len(), &found.stiffness, &found.damping);
+    if found.positions != found.velocities {
+        return false;
+    }
+    let size = |m: &Matrix, i: usize, j: usize| m[(i, j)] / (found.mass[(i, i)] * found.mass[(j, j)]).sqrt();
+    let all = || (0..k).flat_map(|i| (0..k).map(move |j| (i, j)));
+    let largest = all().fold(0.0, |m: f64, (i, j)| m.max(size(stiffness, i, j).abs()));
+    let skew = all().fold(0.0, |m: f64, (i, j)| m.max((size(stiffness, i, j) - size(stiffness, j, i)).abs()));
+    let damped = all().fold(0.0, |m: f64, (i, j)| m.max(size(damping, i, j).abs()));
+    skew <= tolerance::CLOSED_IN_RUN * largest && damped <= tolerance::CLOSED_IN_RUN * largest.sqrt()
+}
+
+/// Modes of M_d u' + K z = 0 by a symmetric matrix: ω² real, none lost to rounding.
+fn real_modes(found: &FirstOrder) -> Result<Modes, FactorError> {
+    let (k, n) = (found.velocities.len(), found.displacements.rows());
+    let mut factor = found.mass.data().to_vec();
+    factor::cholesky_large(&mut factor, k)?;
+    // L⁻¹ K L⁻ᵀ
+    let symmetric = Matrix::from_vec(
+        k,
+        k,
+        (0..k * k)
+            .map(|e| 0.5 * (found.stiffness[(e / k, e % k)] + found.stiffness[(e % k, e / k)]))
+            .collect::<Vec<f64>>(),
+    );
+    let half = forward_columns(&factor, k, &symmetric).transpose();
+    let reduced = forward_columns(&factor, k, &half);
+    let (squares, vectors) = factor::symmetric_eigen(&reduced)?;
+    let largest = squares.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+    let zero = tolerance::SOLUTION_ROUNDING.sqrt() * largest.sqrt();
+    let mut modes = Modes { values: Vec::new(), shapes: Vec::new(), zero };
+    for (j, square) in squares.iter().enumerate() {
+        let mut y: Vec<f64> = (0..k).map(|i| vectors[(i, j)]).collect();
+        dense::cholesky_backward(&factor, k, &mut y);
+        let shape: Vec<f64> = (0..n).map(|l| (0..k).map(|i| found.displacements[(l, i)] * y[i]).sum::<f64>()).collect();
+        let root = if square.abs() <= zero * zero { 0.0 } else { square.abs().sqrt() };
+        let pair = if *square < 0.0 { [(-root, 0.0), (root, 0.0)] } else { [(0.0, root), (0.0, -root)] };
+        for value in pair {
+            modes.values.push(value);
+            modes.shapes.push((shape.clone(), vec![0.0; n]));
+        }
+    }
+    Ok(modes)
+}
+
+/// L⁻¹ X.
+fn forward_columns(factor: &[f64], k: usize, x: &Matrix) -> Matrix {
+    let mut out = Matrix::new(k, k);
+    let mut column = vec![0.0; k];
+    for j in 0..k {
+        (0..k).for_each(|i| column[i] = x[(i, j)]);
+        dense::cholesky_forward(factor, k, &mut column);
+        (0..k).for_each(|i| out[(i, j)] = column[i]);
+    }
+    out
+}
+
+/// Eigenvalues and eigenvectors of A, balanced by the natural sizes of the states.
+fn modes<S: ConstrainedSystem>(system: &S, found: &FirstOrder) -> Result<Modes, FactorError> {
+    let (count, kz, n) = (found.f0.len(), found.positions.len(), found.displacements.rows());
+    let sizes = sizes(system, found);
+    let mut balanced = found.a.clone();
+    for i in 0..count {
+        (0..count).for_each(|j| balanced[(i, j)] *= sizes[j] / sizes[i]);
+    }
+    let (mut values, re, im) = factor::general_eigen(&balanced)?;
+    let largest = values.iter().fold(0.0, |m: f64, x| m.max(x.0.hypot(x.1)));
+    let zero = tolerance::SOLUTION_ROUNDING.sqrt() * largest;
+    let mut order: Vec<usize> = (0..count).collect();
+    order.sort_by(|&a, &b| {
+        let size = |x: (f64, f64)| x.0.hypot(x.1);
+        size(values[a]).total_cmp(&size(values[b])).then(values[b].1.total_cmp(&values[a].1))
+    });
+    let shape = |m: &Matrix, j: usize| -> Vec<f64> {
+        (0..n).map(|l| (0..kz).map(|i| found.displacements[(l, i)] * sizes[i] * m[(i, j)]).sum::<f64>()).collect()
+    };
+    let shapes = order.iter().map(|&j| (shape(&re, j), shape(&im, j))).collect();
+    values = order.iter().map(|&j| values[j]).collect();
+    Ok(Modes { values, shapes, zero })
+}

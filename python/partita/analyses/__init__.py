@@ -1,0 +1,21 @@
+"""Analyses of one position, or of many: results of `kinematics`, `inverse_dynamics`, `equilibrium`, `linearize`."""
+
+from __future__ import annotations
+
+from .equilibrium import Equilibrium
+from .inverse import InverseDynamics
+from .kinematics import DeadPoint, Kinematics, Limit, PointMotion
+from .linear import Linearization
+from .modes import Mode, Modes
+
+__all__ = [
+    "DeadPoint",
+    "Equilibrium",
+    "InverseDynamics",
+    "Kinematics",
+    "Limit",
+    "Linearization",
+    "Mode",
+    "Modes",
+    "PointMotion",
+]

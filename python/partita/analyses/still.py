@@ -1,0 +1,34 @@
+"""States without a run in the form of a run: bodies, joints, reactions and sensors of them by name."""
+
+from __future__ import annotations
+
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..results.record import Record
+from ..results.run import Run
+from ..results.sensor import LiveSensors, account_of
+from ..results.source import ModelSource
+from ..results.tables import Tables
+
+R = TypeVar("R", bound=Run)
+
+
+def run_of(
+    cls: type[R],
+    model: Any,
+    t: NDArray[np.float64],
+    q: NDArray[np.float64],
+    v: NDArray[np.float64],
+    vdot: NDArray[np.float64],
+    multipliers: NDArray[np.float64],
+) -> R:
+    """A run of the compiled model with these outputs, one row each."""
+    arrays = {"t": t, "q": q, "v": v, "vdot": vdot, "multipliers": multipliers, "work": np.zeros(len(t))}
+    account = account_of(model.sensors, model.summary)
+    summary = {**model.summary, "sensors": account} if account else dict(model.summary)
+    source = ModelSource(model.core, arrays, summary)
+    record = Record(arrays=Tables(arrays), summary=summary, description=model.description)
+    return cls(record, source, LiveSensors(model.sensors, source, account))

@@ -1,0 +1,268 @@
+"""Linearised equations, modes and equilibria: closed forms, published numbers, differences of the equations."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+import partita as pt
+from partita.analyses.linear import Linearization
+from partita.catalogue import spring_four_bar as diagonal
+from partita.cli import main
+from partita.errors import ArgumentError, UnknownNameError
+
+
+def pendulum(axis: tuple[float, float, float] = (0, 0, 1)) -> pt.Mechanism:
+    m = pt.Mechanism("pendulum")
+    rod = m.add_rod("rod", start=(0, 0, 0), end=(0, -1, 0), mass=1.0)
+    m.add_revolute("A", m.ground, rod, point=(0, 0, 0), axis=axis)
+    return m
+
+
+def test_pendulum_swings_at_its_closed_form():
+    modes = pendulum().linearize().modes()
+    assert modes.frequency == pytest.approx([math.sqrt(1.5 * 9.81) / (2 * math.pi)], rel=1e-14)
+    assert modes.eigenvalues.real.tolist() == [0.0, 0.0]
+
+
+def test_double_pendulum_against_its_closed_form():
+    """Two point masses on massless bars of 1 m: omega^2 = g (2 -+ sqrt 2)."""
+    m = pt.Mechanism("double")
+    for name, top in (("upper", 0.0), ("lower", -1.0)):
+        m.add_body(name, mass=1.0, inertia=(0, 0, 0), position=(0, top - 1.0, 0))
+    m.add_revolute("A", m.ground, "upper", point=(0, 0, 0))
+    m.add_revolute("B", "upper", "lower", point=(0, -1, 0))
+    for coordinates in ("relative", "absolute"):
+        modes = m.linearize(coordinates=coordinates).modes()
+        wanted = np.sqrt(9.81 * (2 + np.array([-1, 1]) * math.sqrt(2))) / (2 * math.pi)
+        assert modes.frequency == pytest.approx(wanted, rel=1e-12), coordinates
+
+
+def test_four_bar_with_spring_has_the_published_linearisation():
+    """Benchmark of the IFToMM library: equilibrium, M, C, K and eigenvalues."""
+    m = diagonal.build()
+    e = m.equilibrium()
+    assert e.state.q == pytest.approx(np.zeros(len(e.state.q)), abs=1e-9)
+    assert e.stable
+    assert e.eigenvalues[0] == pytest.approx(diagonal.EIGENVALUE, rel=1e-9)
+    lin = m.linearize(e, independent=["D"])
+    found = float(lin.mass[0, 0]), float(lin.damping[0, 0]), float(lin.stiffness[0, 0])
+    assert found == pytest.approx((diagonal.MASS, diagonal.DAMPING, diagonal.STIFFNESS), rel=1e-9)
+    # from another drawing, and in absolute coordinates
+    away = m.assemble({"D": 0.4})
+    for near, coordinates in ((away, "relative"), (m.convert(away, "absolute"), "absolute")):
+        e = m.equilibrium(near, coordinates=coordinates)
+        assert e.stable and e.eigenvalues[0] == pytest.approx(diagonal.EIGENVALUE, rel=1e-9)
+
+
+def bicycle(speed: float) -> Linearization:
+    m = pt.catalogue.load("whipple-bicycle")
+    start = m.assemble(rates={
+        "frame": (speed, 0.0, 0.0, 0.0, 0.0, 0.0), "steer": 0.0, "rear axle": -speed / 0.3, "front axle": -speed / 0.35,
+    })  # fmt: skip
+    return m.linearize(start)
+
+
+@pytest.mark.parametrize(
+    ("speed", "part"),
+    [
+        (4.292382536341107, lambda values: max(values[values.imag > 0].real, key=abs)),  # weave
+        (6.024262015388369, lambda values: max(values[values.imag == 0].real)),  # capsize
+    ],
+)
+def test_bicycle_has_the_published_speeds_of_weave_and_capsize(speed, part):
+    """Meijaard, Papadopoulos, Ruina, Schwab 2007: there an eigenvalue has no real part. Its root is that of the
+    polynomial through real parts at speeds beside."""
+    beside = 0.02 * np.array([-4, -3, -2, -1, 1, 2, 3, 4])
+    found = []
+    for offset in beside:
+        lin = bicycle(speed + float(offset))
+        assert lin.steady and lin.A.shape == (10, 10)
+        modes = lin.modes()
+        # position and heading, the turned wheels, and the speed: of 10, six are zero, by name
+        assert modes.zero == 6
+        found.append(part(modes.eigenvalues[np.abs(modes.eigenvalues) > 0]))
+    fit = np.polynomial.Polynomial.fit(found, beside, 7)
+    assert abs(fit(0.0)) < 1e-9 * speed
+
+
+CATALOGUE = (
+    "four-bar",
+    "andrews",
+    "bricard",
+    "delta",
+    "slider-crank",
+    "car-axis",
+    "three-rrr",
+    "whipple-bicycle",
+    "rolling-ball",
+)
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+@pytest.mark.parametrize("name", CATALOGUE)
+def test_a_is_the_derivative_of_the_accelerations(name, coordinates):
+    """Of a moving mechanism, by differences of v' at states beside it."""
+    m, entry = pt.catalogue.load(name), pt.catalogue.entry(name)
+    run = m.simulate(0.05, initial=entry.initial(m), t_eval=[0.05], coordinates=coordinates)
+    model = m.compile(coordinates)
+    t, q, v = run.t[-1], run.q[-1], run.v[-1]
+    found = model.core.linearized(t, q, v, np.zeros((0, len(v))))
+    kz = len(found["positions"])
+    nx, a = kz + len(found["velocities"]), found["A"]
+    ahead, behind = (
+        np.array(
+            [model.acceleration(found["probe_q"][i], found["probe_v"][i], t=t)[0] for i in range(first, 2 * nx, 2)]
+        )
+        for first in (0, 1)
+    )
+    slopes = (ahead - behind) / (2.0 * found["steps"][:, None])
+    size = np.abs(found["accelerations"]).max(axis=0)
+    assert np.all(np.abs(slopes.T - found["accelerations"][:, :nx]).max(axis=0) < 1e-7 * size.max())
+    assert np.allclose(
+        a[kz:], found["accelerations"][found["velocities"], :nx], rtol=1e-12, atol=1e-12 * np.abs(a).max()
+    )
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+def test_a_spinning_body_nutates(coordinates):
+    """A free symmetric body: 0 twice, +-i spin for its axes, +-i spin (I3 / I1 - 1) for its nutation."""
+    m = pt.Mechanism("top", gravity=None)
+    top = m.add_body("top", mass=1.0, inertia=(1.0, 1.0, 1.7))
+    m.add_spherical("A", m.ground, top, point=(0, 0, 0))
+    lin = m.linearize(m.convert(m.assemble(rates={"A": (0, 0, 3.0)}), coordinates), coordinates=coordinates)
+    assert lin.steady and not lin.conservative
+    wanted = [0, 0, 3j, -3j, 2.1j, -2.1j]
+    assert sorted(lin.modes().eigenvalues.imag) == pytest.approx(
+        sorted(x.imag for x in map(complex, wanted)), abs=1e-12
+    )
+
+
+def test_the_force_of_a_pin_changes_with_state_and_effort():
+    """V4: C and D of a reaction, against runs that begin beside the state, or with another torque."""
+    m = pt.catalogue.load("four-bar")
+    m.add_torque("A", 0.0, name="motor")
+    m.add_sensor("pin", m.joints["C"], "force")
+    lin = m.linearize(m.assemble({"A": 0.3}, rates={"A": 2.0}), inputs=["A"], independent=["A"])
+    assert lin.outputs == ("pin[0]", "pin[1]", "pin[2]")
+
+    def pin(angle: float, rate: float, torque: float = 0.0) -> np.ndarray:
+        start = m.assemble({"A": angle}, rates={"A": rate})
+        run = m.simulate(1e-3, initial=start, t_eval=[0.0, 1e-3], parameters={"motor.value": torque})
+        return run.sensor("pin").values[0]
+
+    h = 1e-5
+    columns = (pin(0.3 + h, 2.0) - pin(0.3 - h, 2.0)) / (2 * h), (pin(0.3, 2.0 + h) - pin(0.3, 2.0 - h)) / (2 * h)
+    size = np.abs(lin.C).max()
+    assert pytest.approx(np.column_stack(columns), abs=1e-7 * size) == lin.C
+    assert lin.D[:, 0] == pytest.approx(pin(0.3, 2.0, 1.0) - pin(0.3, 2.0), abs=1e-9 * np.abs(lin.D).max())
+    assert lin.y0 == pytest.approx(pin(0.3, 2.0), rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", ["four-bar-spring", "delta", "three-rrr"])
+def test_eigenvalues_are_those_of_absolute_coordinates(name):
+    m = pt.catalogue.load(name)
+    e = m.equilibrium(stable=True)
+    one = m.linearize(e).modes().eigenvalues
+    other = m.linearize(m.convert(e.state, "absolute"), coordinates="absolute").modes().eigenvalues
+    assert np.sort_complex(one) == pytest.approx(np.sort_complex(other), rel=1e-8, abs=1e-6 * np.abs(one).max())
+
+
+def test_a_moving_mechanism_has_no_modes():
+    m = pt.catalogue.load("four-bar")
+    lin = m.linearize(m.assemble(rates={"A": 2.0}))
+    assert not lin.steady
+    with pytest.raises(ArgumentError, match="not steady: it moves"):
+        lin.modes()
+    with pytest.raises(ArgumentError, match="not steady: it accelerates"):
+        m.linearize().modes()
+
+
+def test_an_effort_and_a_sensor():
+    """Torque on a pendulum, read as an angle and as the force of its pin: closed forms."""
+    m = pendulum()
+    lin = m.linearize(inputs=["A"], outputs=["A"])
+    assert lin.B[:, 0] == pytest.approx([0.0, 3.0], rel=1e-14)
+    assert pytest.approx(np.array([[1.0, 0.0]]), abs=1e-9) == lin.C
+    system = lin.to_scipy()
+    assert system.A.shape == (2, 2)
+
+
+def test_equilibria_of_a_double_pendulum():
+    m = pt.Mechanism("double")
+    a = m.add_rod("a", start=(0, 0, 0), end=(0, -1, 0), mass=1.0)
+    b = m.add_rod("b", start=(0, -1, 0), end=(0, -2, 0), mass=1.0)
+    m.add_revolute("A", m.ground, a, point=(0, 0, 0))
+    m.add_revolute("B", a, b, point=(0, -1, 0))
+    found = m.equilibria(30)
+    assert [e.stable for e in found] == [True, False, False, False]
+    assert found[0].potential < found[1].potential < found[2].potential < found[3].potential
+
+
+def test_a_stable_equilibrium_is_found_from_the_top():
+    """From a saddle itself, where no force shows the way."""
+    m = pendulum()
+    top = m.assemble({"A": math.pi})
+    assert m.equilibrium(top).stable is False
+    down = m.equilibrium(top, stable=True)
+    assert down.stable and math.cos(down.state.position("A")) == pytest.approx(1.0, abs=1e-12)
+
+
+def test_neutral_equilibrium_is_named():
+    m = pt.Mechanism("turntable", gravity=(0, 0, -9.81))
+    disc = m.add_body("disc", mass=1.0, inertia=(1, 1, 2))
+    m.add_revolute("A", m.ground, disc, point=(0, 0, 0))
+    e = m.equilibrium()
+    assert (e.stable, e.indifferent) == (None, 1)
+    assert [mode.kind for mode in m.linearize().modes()] == ["zero", "zero"]
+
+
+def test_no_equilibrium():
+    m = pt.Mechanism("falling")
+    body = m.add_body("body", mass=1.0, inertia=(1, 1, 1))
+    m.add_prismatic("A", m.ground, body, point=(0, 0, 0), axis=(0, 1, 0))
+    with pytest.raises(ArgumentError, match=r"no equilibrium was found .* effort -9.81.* along A is left"):
+        m.equilibrium()
+    m = pendulum()
+    m.add_friction("A", 0.1, stick_velocity=0.01)
+    with pytest.raises(ArgumentError, match=r"friction .* whole set of positions"):
+        m.equilibrium()
+    m = pendulum()
+    m.add_drive("A", lambda t: 2.0 * t)
+    with pytest.raises(ArgumentError, match="drives move at t = 0"):
+        m.equilibrium()
+
+
+def test_reactions_of_an_equilibrium():
+    """A rhombus hung from a spring: the pins carry the weight."""
+    m = diagonal.build()
+    e = m.equilibrium()
+    total = e.joint("A").force + e.joint("D").force
+    assert total.shape == (1, 3)
+    spring = m.simulate(0.01, initial=e.state, t_eval=[0.0]).joint("A").force[0]
+    assert e.joint("A").force[0] == pytest.approx(spring, abs=1e-8)
+
+
+def test_names_that_are_none():
+    m = pendulum()
+    with pytest.raises(UnknownNameError):
+        m.linearize(inputs=["Z"])
+    with pytest.raises(UnknownNameError):
+        m.linearize(outputs=["Z"])
+    with pytest.raises(ArgumentError, match="list of names"):
+        m.linearize(inputs="A")
+
+
+def test_commands_print_equilibrium_and_modes(tmp_path, capsys):
+    assert main(["equilibrium", "four-bar-spring", "--target", "D=20deg"]) == 0
+    printed = capsys.readouterr().out
+    assert printed.startswith("<Equilibrium: stable; frequencies 0.3418 Hz")
+    assert main(["modes", "four-bar-spring", "--html", str(tmp_path / "mode.html")]) == 0
+    printed = capsys.readouterr().out
+    assert "0.3418" in printed and "rocker" in printed
+    assert (tmp_path / "mode.html").stat().st_size > 10_000
+    assert main(["modes", "four-bar-spring", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["zero"] == 0
+    assert main(["modes", "whipple-bicycle", "--here"]) == 2  # its start rolls to one side
+    assert "not steady" in capsys.readouterr().err
