@@ -61,7 +61,8 @@ impl<S: Scalar> Mat3<S> {
     /// `M N`.
     #[inline(always)]
     pub fn mul(&self, o: &Self) -> Self {
-        let row = |r: &[S; 3]| [0, 1, 2].map(|j| Vec3(*r).dot(o.column(j)));
+        let (x, y, z) = (o.column(0), o.column(1), o.column(2));
+        let row = |r: &[S; 3]| [Vec3(*r).dot(x), Vec3(*r).dot(y), Vec3(*r).dot(z)];
         let [a, b, c] = &self.0;
         Self([row(a), row(b), row(c)])
     }
