@@ -75,6 +75,9 @@ class Inverse:
     def at(self, t: float, q: Array) -> Actuated:
         """The equations in the rates of the actuators, for positions like (t, q)."""
 
+    def columns(self, t: float, q: Array) -> Array:
+        """E at (t, q): a row for each actuator (s, nv)."""
+
     def efforts(
         self,
         t: Array,

@@ -265,6 +265,20 @@ impl Inverse {
         Ok(())
     }
 
+    /// The columns of E at (t, q), nv numbers each, one after the other.
+    ///
+    /// # Errors
+    /// Where the model cannot be evaluated.
+    pub fn columns_at(&self, t: f64, q: &[f64]) -> Result<Vec<f64>, SystemError> {
+        let (mut room, n) = (self.room(0), self.released.size().nv);
+        self.columns(t, q, &mut room)?;
+        let mut all = vec![0.0; n * room.columns.len()];
+        for (row, column) in all.chunks_exact_mut(n).zip(&room.columns) {
+            column.iter().for_each(|&(i, x)| row[i] += x);
+        }
+        Ok(all)
+    }
+
     /// E'ᵀ v of each actuator at v, after `columns` at the same (t, q): what its rate changes by for v' = 0. `b` has room for
     /// all rows.
     pub(crate) fn biases(

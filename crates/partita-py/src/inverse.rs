@@ -4,6 +4,7 @@ use crate::arrays::{any_vector, array, entries_of, rows_of, vector};
 use crate::failure::{self, guarded, raise, unexpected};
 use crate::model::Model;
 use crate::outputs::{watched, Stop};
+use crate::state::Array;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use partita_analysis::inverse::{Actuator, Distribution, Gap};
 use partita_analysis::outputs::States;
@@ -109,6 +110,16 @@ impl Inverse {
             let q = vector(&q, self.inner.actuated().size().nq, "q")?;
             let made = partita_analysis::actuated::Actuated::new(self.inner.clone(), t, &q);
             Ok(Actuated { inner: Mutex::new(made.map_err(|e| failure::analysis(py, e))?) })
+        })
+    }
+
+    /// E at (t, q): a row for each actuator (s, nv).
+    fn columns<'py>(&self, py: Python<'py>, t: f64, q: PyReadonlyArray1<'py, f64>) -> PyResult<Array<'py>> {
+        guarded(py, || {
+            let size = self.inner.actuated().size();
+            let q = vector(&q, size.nq, "q")?;
+            let found = self.inner.columns_at(t, &q).map_err(|e| failure::system(py, e))?;
+            Ok(array(py, &[self.actuators, size.nv], found))
         })
     }
 

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import options as run_options
 from ..analyses.inverse import InverseDynamics, exceeded, mixed, notes_of
+from ..analyses.still import run_of
 from ..builder.actuators import limits_of, preload_of, weights_of
 from ..builder.changes import remove
 from ..builder.compiled import CompiledModel
@@ -20,11 +21,7 @@ from ..naming import Names, listed
 from ..numeric import floats, shown
 from ..options import si
 from ..results import Result
-from ..results.record import Record
 from ..results.run import Run
-from ..results.sensor import LiveSensors, account_of
-from ..results.source import ModelSource
-from ..results.tables import Tables
 from ..state import State
 from .goals import goals_of
 from .models import Modelled, compile, layout_of
@@ -303,12 +300,6 @@ def _with_efforts(
     """The motion with its efforts as data of a run, from which reactions follow."""
     own = json.loads(core.summary)
     rows = {key: own[key] for key in ("rows", "rows_names", "closing_rows", "couplings")}
-    summary = {**model.summary, **rows, "drives": [], "drive_rows": [], "notes": list(model.notes)}
-    sensors = account_of(model.sensors, summary)
-    if sensors:
-        summary["sensors"] = sensors
+    changes = {**rows, "drives": [], "drive_rows": [], "notes": list(model.notes)}
     t, q, v, vdot = path
-    arrays = Tables({"t": t, "q": q, "v": v, "vdot": vdot, "multipliers": multipliers})
-    source = ModelSource(core, arrays, summary)
-    record = Record(arrays=arrays, summary=summary, description=model.description)
-    return Run(record, source, LiveSensors(model.sensors, source, sensors))
+    return run_of(Run, model, t, q, v, vdot, multipliers, core=core, changes=changes)
