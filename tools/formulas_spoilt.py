@@ -972,7 +972,7 @@ FORMULAS = (
     Error(
         "rates-beside-a-state",
         "sign of G d(C v + a) in the change of velocities (V2)",
-        f"{SYSTEM}/variation/state.rs",
+        f"{SYSTEM}/variation.rs",
         "dv[j * n..(j + 1) * n].iter_mut().zip(&lifted).for_each(|(x, g)| *x -= g);",
         "dv[j * n..(j + 1) * n].iter_mut().zip(&lifted).for_each(|(x, g)| *x += g);",
         ("python test_linear.py",),
@@ -980,7 +980,7 @@ FORMULAS = (
     Error(
         "accelerations-beside-a-state",
         "sign of G ds in the change of accelerations (V3)",
-        f"{SYSTEM}/variation/state.rs",
+        f"{SYSTEM}/variation.rs",
         "dvdot[j * n..(j + 1) * n].iter_mut().zip(&lifted).for_each(|(x, g)| *x -= g);",
         "dvdot[j * n..(j + 1) * n].iter_mut().zip(&lifted).for_each(|(x, g)| *x += g);",
         ("python test_linear.py",),
@@ -988,7 +988,7 @@ FORMULAS = (
     Error(
         "turning-axes",
         "sign of the turning axes in the rate of a displacement",
-        f"{SYSTEM}/variation/state.rs",
+        f"{SYSTEM}/variation.rs",
         "out[i + j] -= w[a] * z[b] - w[b] * z[a];",
         "out[i + j] += w[a] * z[b] - w[b] * z[a];",
         ("python test_linear.py",),
@@ -996,7 +996,7 @@ FORMULAS = (
     Error(
         "multipliers-beside-a-state",
         "the change of the forces without the accelerations that they cause (V4)",
-        f"{SYSTEM}/variation/state.rs",
+        f"{SYSTEM}/variation.rs",
         "dvdot[j * n + l] += (0..ku).map(|i| r.dt[l * ku + i] * du[i]).sum::<f64>();",
         "let _ = l;",
         ("python test_linear.py",),

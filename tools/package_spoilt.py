@@ -266,7 +266,7 @@ IN_PACKAGE = (
     Error(
         "sdf-quaternion",
         "a quaternion is taken for its inverse",
-        f"{PACKAGE}/io/sdf.py",
+        f"{PACKAGE}/io/sdf_scope.py",
         "np.eye(3) + 2 * w * cross + 2 * cross @ cross",
         "np.eye(3) - 2 * w * cross + 2 * cross @ cross",
         ("python test_oracle_files.py",),
@@ -274,7 +274,7 @@ IN_PACKAGE = (
     Error(
         "sdf-degrees",
         "degrees are taken for radians",
-        f"{PACKAGE}/io/sdf.py",
+        f"{PACKAGE}/io/sdf_scope.py",
         "np.radians(rpy) if item.get",
         "rpy if item.get",
         ("python test_oracle_files.py",),
@@ -282,7 +282,7 @@ IN_PACKAGE = (
     Error(
         "sdf-relative",
         "a pose relative to a frame is multiplied from the wrong side",
-        f"{PACKAGE}/io/sdf.py",
+        f"{PACKAGE}/io/sdf_scope.py",
         "self.frame(base, item, (*asked, name)) @ self.pose(own)",
         "self.pose(own) @ self.frame(base, item, (*asked, name))",
         ("python test_oracle_files.py",),
@@ -290,9 +290,9 @@ IN_PACKAGE = (
     Error(
         "sdf-axis-of-old-versions",
         "axes of SDFormat 1.4 are in the frame of the joint",
-        f"{PACKAGE}/io/sdf.py",
-        "if self.version < (1, 5) or",
-        "if self.version < (1, 4) or",
+        f"{PACKAGE}/io/sdf_joints.py",
+        "if scope.version < (1, 5) or",
+        "if scope.version < (1, 4) or",
         ("python test_sdf.py", "python test_format_tables.py"),
     ),
     Error(
@@ -330,15 +330,15 @@ IN_PACKAGE = (
     Error(
         "sdf-expressed-in",
         "an axis expressed in another frame is turned the wrong way",
-        f"{PACKAGE}/io/sdf.py",
-        "where[:3, :3].T @ (self.at @ self.frame(other, item))[:3, :3] @ axis",
-        "(self.at @ self.frame(other, item))[:3, :3].T @ where[:3, :3] @ axis",
+        f"{PACKAGE}/io/sdf_joints.py",
+        "where[:3, :3].T @ (scope.at @ scope.frame(other, item))[:3, :3] @ axis",
+        "(scope.at @ scope.frame(other, item))[:3, :3].T @ where[:3, :3] @ axis",
         ("python test_oracle_files.py",),
     ),
     Error(
         "sdf-model-in-a-model",
         "the frames of a model and of the one around it are multiplied in the wrong order",
-        f"{PACKAGE}/io/sdf.py",
+        f"{PACKAGE}/io/sdf_scope.py",
         "return self.place() if self.outer is None else self.outer.at @ self.place()",
         "return self.place() if self.outer is None else self.place() @ self.outer.at",
         ("python test_sdf_models.py",),

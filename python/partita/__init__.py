@@ -26,6 +26,7 @@ from .tangent import TangentVelocities
 
 if TYPE_CHECKING:
     from . import catalogue
+    from .analyses import InverseDynamics
     from .results import Result, load_result
 
 __version__ = _version()
@@ -35,6 +36,7 @@ __all__ = [
     "Coordinate",
     "Cosine",
     "Distance",
+    "InverseDynamics",
     "Mechanism",
     "Result",
     "State",
@@ -56,7 +58,7 @@ __all__ = [
 
 # Imported on first use: they bring plotting and data libraries along.
 _LATER = ("catalogue", "plots", "results", "viewer")
-_NAMED_LATER = {"Result": "results", "load_result": "results"}
+_NAMED_LATER = {"InverseDynamics": "analyses", "Result": "results", "load_result": "results"}
 
 
 def __getattr__(name: str) -> Any:

@@ -53,6 +53,44 @@ class Stepper:
     def result(self, breaks: list[float], values: list[list[float]]) -> tuple[dict[str, Any], Model]:
         """What a run would have left, and the model with the inputs as tables."""
 
+class Actuated:
+    """The equations in the rates of as many actuators as degrees of freedom."""
+
+    def at(self, t: float, q: Array, v: Array) -> dict[str, Any]:
+        """M, bias, gravity, ratios, rates and margin, by name."""
+
+    def cost(self, t: float, q: Array, v: Array) -> float:
+        """Seconds of one evaluation."""
+
+class Inverse:
+    """A mechanism with a set of actuators."""
+
+    def __init__(self, model: Model, actuators: str, silent: list[tuple[int, int | None]]) -> None:
+        """`actuators` as JSON; forces of the description, and components, whose efforts are replaced by actuators."""
+
+    @property
+    def model(self) -> Model:
+        """The model whose multipliers are found, with a row for each measurement along which an actuator acts."""
+
+    def at(self, t: float, q: Array) -> Actuated:
+        """The equations in the rates of the actuators, for positions like (t, q)."""
+
+    def columns(self, t: float, q: Array) -> Array:
+        """E at (t, q): a row for each actuator (s, nv)."""
+
+    def efforts(
+        self,
+        t: Array,
+        q: Array,
+        v: Array,
+        vdot: Array,
+        weights: Array,
+        preload: Array,
+        limits: Array | None,
+        least_use: bool,
+    ) -> dict[str, Any]:
+        """Efforts, multipliers, margin, remainder, null space, rates, gaps and k for a motion, by name."""
+
 class Model:
     """A compiled mechanism: constant; states are handed in."""
 

@@ -325,13 +325,19 @@ def tangent_of(value: Any, n: int) -> TangentVelocities:
     return value.checked(n)
 
 
-def count(value: Any) -> int:
-    """A number of steps."""
+def count(value: Any, what: str = "max_steps") -> int:
+    """A number of steps, or of something else."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or not 1 <= value < 2**63:
-        raise ArgumentError(
-            f"max_steps is {shown(value)}; it must be an integer above zero and below 2^63", argument="max_steps"
-        )
+        raise ArgumentError(f"{what} is {shown(value)}; it must be an integer above zero and below 2^63", argument=what)
     return int(value)
+
+
+def generator(seed: Any) -> np.random.Generator:
+    """Random numbers from a seed; None: others in each call."""
+    try:
+        return np.random.default_rng(seed)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise ArgumentError(f"seed must be an integer or None, not {shown(seed)}", argument="seed") from error
 
 
 def velocities(what: str, given: Iterable[Any], velocity_names: list[str]) -> list[str]:

@@ -341,6 +341,12 @@ def assembled(poses: Any) -> Any:
     return poses.q[poses.ok]
 
 
+def needed(d: Any) -> Any:
+    """Efforts at the instants that have them; the others are NaN, and say why."""
+    assert np.isnan(d.efforts).any(axis=1).nonzero()[0].tolist() == sorted(d.gaps)
+    return np.delete(d.efforts, sorted(d.gaps), axis=0)
+
+
 def abs_of(x: float) -> float:
     """A model for sweeps."""
     return abs(x)
@@ -477,6 +483,46 @@ def asked() -> dict[str, Callable[[], Call]]:
         "Mechanism.assemble_many.value": (
             lambda joint, point: assembled(m.assemble_many({"A": joint, ("crank", X, "x"): point})),
             {"joint": [0.1], "point": 0.1},
+        ),
+        "Mechanism.inverse_dynamics": (
+            lambda **given: needed(m.inverse_dynamics(**given)),
+            {
+                "motion": run,
+                "actuators": ["A"],
+                "weights": {"A": 2.0},
+                "limits": {"A": 10.0},
+                "preload": {"A": 1.0},
+                "initial": None,
+                "parameters": None,
+            },
+        ),
+        "Mechanism.inverse_dynamics.course": (
+            lambda **given: needed(m.inverse_dynamics((given["t"], {"A": given["course"]}), initial=given["initial"])),
+            {"t": [0.0, 0.1], "course": [0.0, 0.1], "initial": state},
+        ),
+        "InverseDynamics.effort": (m.inverse_dynamics(run, ["A"]).effort, {"actuator": "A"}),
+        "Model.actuated": (
+            lambda **given: (lambda a: (a.M, a.bias))(model.actuated(**given)),
+            {"state": state, "actuators": ["A"]},
+        ),
+        "Mechanism.equilibrium": (
+            m.equilibrium,
+            {"near": state, "stable": True, "t": 0.0, "coordinates": "relative", "parameters": None},
+        ),
+        "Mechanism.equilibria": (
+            m.equilibria,
+            {"starts": 2, "seed": 1, "near": state, "coordinates": "relative", "parameters": None},
+        ),
+        "Mechanism.linearize": (
+            m.linearize,
+            {
+                "at": state,
+                "inputs": ["A"],
+                "outputs": ["A"],
+                "independent": ["A"],
+                "coordinates": "relative",
+                "parameters": None,
+            },
         ),
         "Mechanism.assemblies": (
             m.assemblies,

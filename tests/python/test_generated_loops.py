@@ -201,7 +201,7 @@ def test_a_generated_file_moves_as_drawn(name: str, suffix: str, tmp_path: Path)
     if remarks:
         untyped = drawing.closings[-1][0]
         assert remarks[0].names == (f"{untyped}_1 and {untyped}_2",) and "joined at a point, since" in remarks[0].text
-        assert {".urdf": "loops=", ".sdf": "a <joint> between"}[suffix] in remarks[0].text
+        assert {".urdf": "loops=", ".sdf": "loops=, or a <joint> between"}[suffix] in remarks[0].text
 
 
 def test_types_in_names_and_joints_of_sdf(tmp_path: Path) -> None:

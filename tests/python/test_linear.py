@@ -155,7 +155,7 @@ def test_the_force_of_a_pin_changes_with_state_and_effort():
     h = 1e-5
     columns = (pin(0.3 + h, 2.0) - pin(0.3 - h, 2.0)) / (2 * h), (pin(0.3, 2.0 + h) - pin(0.3, 2.0 - h)) / (2 * h)
     size = np.abs(lin.C).max()
-    assert lin.C == pytest.approx(np.column_stack(columns), abs=1e-7 * size)
+    assert pytest.approx(np.column_stack(columns), abs=1e-7 * size) == lin.C
     assert lin.D[:, 0] == pytest.approx(pin(0.3, 2.0, 1.0) - pin(0.3, 2.0), abs=1e-9 * np.abs(lin.D).max())
     assert lin.y0 == pytest.approx(pin(0.3, 2.0), rel=1e-9, abs=1e-9)
 
@@ -266,3 +266,65 @@ def test_commands_print_equilibrium_and_modes(tmp_path, capsys):
     assert json.loads(capsys.readouterr().out)["zero"] == 0
     assert main(["modes", "whipple-bicycle", "--here"]) == 2  # its start rolls to one side
     assert "not steady" in capsys.readouterr().err
+
+
+def test_platform_on_six_springs_has_the_frequencies_of_its_stiffness():
+    """Unstressed legs along the lines of a Stewart platform: K = sum k J^T J, with J the line coordinates."""
+    m = pt.Mechanism("platform", gravity=None)
+    inertia = np.diag([0.4, 0.5, 0.8])
+    top = m.add_body("top", mass=6.0, inertia=inertia, position=(0, 0, 1.0))
+    m.add_free("free", m.ground, top, point=(0, 0, 1.0))
+    stiffness = np.zeros((6, 6))
+    for i in range(6):
+        around, below = math.radians(60 * i + (10 if i % 2 else -10)), math.radians(60 * i + (-20 if i % 2 else 20))
+        foot = np.array([1.2 * math.cos(below), 1.2 * math.sin(below), 0.0])
+        head = np.array([0.7 * math.cos(around), 0.7 * math.sin(around), 0.0])
+        leg = head + (0, 0, 1.0) - foot
+        line = leg / np.linalg.norm(leg)
+        k = 1000.0 * (1 + i)
+        m.add_spring(f"leg {i}", m.ground, foot, top, head, stiffness=k, length=float(np.linalg.norm(leg)))
+        gradient = np.concatenate([line, np.cross(head, line)])
+        stiffness += k * np.outer(gradient, gradient)
+    root = np.diag(1 / np.sqrt([6.0, 6.0, 6.0, 0.4, 0.5, 0.8]))
+    wanted = np.sqrt(np.linalg.eigvalsh(root @ stiffness @ root)) / (2 * math.pi)
+    e = m.equilibrium()
+    assert e.stable and e.indifferent == 0
+    for coordinates in ("relative", "absolute"):
+        modes = m.linearize(coordinates=coordinates).modes()
+        assert modes.frequency == pytest.approx(wanted, rel=1e-9), coordinates
+
+
+def test_all_equilibria_of_a_crank_rocker_on_both_branches():
+    """Against the stationary points of its potential, from the closed form of its positions."""
+    a, b, c, d = 0.4, 1.0, 0.8, 1.1
+    m = pt.Mechanism("crank-rocker")
+    crank = m.add_rod("crank", start=(0, 0, 0), end=(a, 0, 0), mass=1.0)
+    far = (a - d) ** 2
+    x = (far + c**2 - b**2) / (2 * math.sqrt(far))  # from D towards B
+    top = np.array([d - x, math.sqrt(c**2 - x**2), 0.0])
+    coupler = m.add_rod("coupler", start=(a, 0, 0), end=top, mass=2.0)
+    rocker = m.add_rod("rocker", start=(d, 0, 0), end=top, mass=1.5)
+    m.add_revolute("A", m.ground, crank, point=(0, 0, 0))
+    m.add_revolute("B", crank, coupler, point=(a, 0, 0))
+    m.add_revolute("C", coupler, rocker, point=top)
+    m.add_revolute("D", m.ground, rocker, point=(d, 0, 0))
+    m.add_torsion_spring("A", stiffness=1.5, angle=0.3)
+
+    def height(angle: np.ndarray, sign: int) -> np.ndarray:
+        bx, by = a * np.cos(angle), a * np.sin(angle)
+        length = np.hypot(d - bx, -by)
+        along = (length**2 + b**2 - c**2) / (2 * length)
+        off = sign * np.sqrt(b**2 - along**2)
+        cy = by + along * -by / length + off * (d - bx) / length
+        return 9.81 * (by / 2 + 2.0 * (by + cy) / 2 + 1.5 * cy / 2) + 0.75 * (angle - 0.3) ** 2
+
+    wanted = []
+    angle = np.linspace(-math.pi, math.pi, 200_001)[:-1]
+    for sign in (1, -1):
+        slope = np.gradient(height(angle, sign), angle)[1:-1]
+        wanted += angle[1:-1][:-1][slope[:-1] * slope[1:] < 0].tolist()
+    found = m.equilibria(200)
+    inside = sorted(e.state.position("A") for e in found if abs(e.state.position("A")) < math.pi - 1e-3)
+    # the spring winds: other turns of the crank have equilibria of their own
+    assert len(inside) == len(wanted)
+    assert inside == pytest.approx(sorted(wanted), abs=1e-4)

@@ -173,3 +173,26 @@ def test_mimic_is_a_coupler(tmp_path: Path) -> None:
     m = loaded(tmp_path, model(more + hinge("E", "world", "second", axis=f"<xyz>0 1 0</xyz>{mimic}")))
     assert m.compile().mobility == 1
     assert abs(m.assemble(targets={"A": 0.5}).position("E") - (-2 * (0.5 - 0.3) + 0.1)) < 1e-12
+
+
+def test_the_caller_lists_the_loops(tmp_path: Path) -> None:
+    """By frames of any names, and how pairs are closed whose names do not say it."""
+    ends = "".join(
+        f'<frame name="{name}_{side}" attached_to="{link}"><pose>{LENGTHS[link]} 0 0 0 0 0</pose></frame>'
+        for name in ("closing_top", "point")
+        for side, link in ((1, "coupler"), (2, "rocker"))
+    )
+    path, listed = tmp_path / "model.sdf", tmp_path / "loops.yaml"
+    path.write_text(model(closing=ends), "utf-8")
+    listed.write_text("closed_loop: [[point_1, point_2]]\ntype: [3d]\n", "utf-8")
+    by_names, by_list = pt.load(path), pt.load(path, loops=listed)
+    assert any("loops=" in group.text for group in by_names.remarks)
+    assert not any("do not say how" in group.text for group in by_list.remarks)
+    runs = [m.simulate(0.1, initial=m.assemble(rates={"A": 2.0})) for m in (by_names, by_list, drawn("revolute"))]
+    for run in runs[:2]:
+        assert np.abs(run.joint("B").position - runs[2].joint("B").position).max() < 1e-6
+    listed.write_text("closed_loop: [[closing_top_1, closing_top_2]]\ntype: [6d]\n", "utf-8")
+    assert "closing_top_2 welded, by loops.yaml" in str(pt.load(path, loops=listed).reading)
+    listed.write_text("closed_loop: [[point_1, nowhere]]\n", "utf-8")
+    with pytest.raises(pt.errors.FileFormatError, match=r'"nowhere" closes a loop but is not .* SDFormat'):
+        pt.load(path, loops=listed)

@@ -82,7 +82,7 @@ fn loaded_directions(joints: usize, size: f64, stresses: &[Stress]) -> Vec<Loade
 pub fn determined(model: &Model, t: f64, q: &[f64], in_joint_frame: bool) -> Result<Vec<[bool; 6]>, AnalysisError> {
     let (twin, q) = in_space(model, q)?;
     // drives belong to it: two that prescribe one motion can work against each other
-    let system = Geometry::new(&twin, true);
+    let system = Geometry::of_reactions(model, &twin);
     let (found, _) = here(&system, &analyse(&system, t, &q)?, t, &q)?;
     let mut scratch = twin.scratch();
     twin.look(&q, &vec![0.0; twin.placed.nv], &mut scratch);
@@ -128,7 +128,7 @@ fn around(
         return anywhere(system, t, &lifted(model, system.model, q));
     }
     let (twin, q) = in_space(model, q)?;
-    anywhere(&Geometry::new(&twin, true), t, &q)
+    anywhere(&Geometry::of_reactions(model, &twin), t, &q)
 }
 
 /// Rows of conditions whose effort self-stresses change.
@@ -161,7 +161,7 @@ pub fn flags<E: Send + From<AnalysisError>>(
     watch: Watch<E>,
 ) -> Result<Vec<Vec<f64>>, E> {
     let twin = model.in_space().map_err(AnalysisError::from)?;
-    let (system, still) = (Geometry::new(&twin, true), vec![0.0; twin.placed.nv]);
+    let (system, still) = (Geometry::of_reactions(model, &twin), vec![0.0; twin.placed.nv]);
     let mut dof = 0;
     let first: Vec<usize> = twin
         .placed
@@ -211,7 +211,7 @@ pub fn directions<E: Send + From<AnalysisError>>(
     watch: Watch<E>,
 ) -> Result<Vec<f64>, E> {
     let twin = model.in_space().map_err(AnalysisError::from)?;
-    let system = Geometry::new(&twin, true);
+    let system = Geometry::of_reactions(model, &twin);
     let row = |i: usize, (): &mut (), rows: &mut Rows| {
         let (t, q, _) = states.at(model, i);
         let (found, _) = around(model, &system, t, q)?;

@@ -13,17 +13,18 @@ use partita_math::tolerance;
 use partita_system::manifold::kept_rows::close_kept;
 use partita_system::reduction::Reduction;
 use partita_system::start;
-use partita_system::variation::{At, Changes, Directions, Varied};
+use partita_system::system::{At, Changes, Directions, Varied};
 use partita_system::{ConstrainedSystem, SystemError, SystemRef};
 
-/// Longest step. Unit: characteristic displacement. Reason: forces may differ beyond it.
+/// Longest step towards an equilibrium. Unit: characteristic displacement. Reason: forces may differ beyond it.
 const LONGEST_STEP: f64 = 0.2;
 /// Steps before the search ends. Reason: thirty turns at the longest step.
 const MOST_STEPS: usize = 1000;
 /// Halvings of a step before the search ends. Reason: the step is then rounding.
 const MOST_HALVINGS: usize = 40;
 
-/// Part of the expected gain that a step must bring. Reason: the usual one of line searches.
+/// Part of the expected gain that a step must bring. Scale: fraction of the gain of first order. Reason: the usual one of
+/// line searches.
 const SUFFICIENT: f64 = 1e-4;
 /// First step off an equilibrium that is not the wanted one. Unit: characteristic displacement. Reason: its forces
 /// exceed rounding by far.
@@ -238,8 +239,9 @@ pub fn equilibrium<'s, S: ConstrainedSystem + Varied + 's>(
         let length = travel(&here.dt, &displacement, &z);
         let rounding = here.force.iter().zip(&here.pull).all(|(f, p)| f.abs() <= tolerance::ROUNDING * p);
         // once steps are rounding, they do not shrink any more
-        let arrived =
-            rounding || length <= tolerance::CLOSED || (length < tolerance::CLOSED_IN_RUN && length > 0.5 * left);
+        let arrived = rounding
+            || length <= tolerance::CLOSED
+            || (length < tolerance::CLOSED_IN_RUN && tolerance::DOUBLED * length > left);
         let off = if stable && arrived { descent } else { None };
         if arrived && off.is_none() {
             return Ok(Equilibrium {
@@ -313,7 +315,8 @@ impl<S: ConstrainedSystem + Varied> Search<'_, S> {
             // mean work of the forces along the way: downhill
             let ahead: f64 = there.force.iter().zip(&there.independent).map(|(f, &i)| f * dv[i]).sum();
             let before: f64 = here.force.iter().zip(&here.independent).map(|(f, &i)| f * dv[i]).sum();
-            0.5 * (before + ahead) >= SUFFICIENT * before
+            let mean = 0.5 * (before + ahead);
+            mean >= SUFFICIENT * before
         } else {
             there.size <= here.size * (1.0 - SUFFICIENT * part)
         };

@@ -111,6 +111,12 @@ impl<'m> Geometry<'m> {
         Self { model, pattern, rows, holonomic, scale2, row_displacement, nothing }
     }
 
+    /// The rows of `twin` that can work against each other in reactions of `model`: drives belong to them, actuators do
+    /// not.
+    pub(crate) fn of_reactions(model: &Model, twin: &'m Model) -> Self {
+        Self::new(twin, !model.is_actuated())
+    }
+
     /// Length of row `i` of C for unit characteristic displacements over the closure error of a large displacement:
     /// squared, 1 for a well-scaled row.
     fn weight(&self, i: usize, c: &[f64]) -> f64 {

@@ -313,7 +313,7 @@ pub fn rates<E: Send + From<SystemError>>(
     let one = |i: usize, room: &mut Room, rows: &mut Rows| {
         let (mut v, mut vdot) = (vec![f64::NAN; size.nv], vec![f64::NAN; size.nv]);
         let mut ratios = vec![0.0; size.nv * w];
-        let of = |x| &<[f64]>::get(x, i * w..(i + 1) * w).unwrap_or_default()[..];
+        let of = |x| <[f64]>::get(x, i * w..(i + 1) * w).unwrap_or_default();
         let mut row = Row { v: &mut v, vdot: &mut vdot, ratios: &mut ratios };
         let there = (t, &q[i * size.nq..][..size.nq]);
         let (found, margin, missed) = room.pose(there, (of(rates), of(accelerations)), needed, &mut row)?;

@@ -1,6 +1,7 @@
 //! Analysis of a model: its degrees of freedom, which constraint rows of its joints are redundant and why, which
 //! reactions the motion determines, and the outputs along a motion.
 
+pub mod actuated;
 pub mod determined;
 pub mod equilibrium;
 pub mod error;
@@ -9,6 +10,7 @@ mod examples;
 mod geometric_error;
 mod geometry;
 pub mod instant;
+pub mod inverse;
 pub mod kinematic;
 pub mod linear;
 pub mod matrices;

@@ -6,7 +6,7 @@
 
 use crate::error::AnalysisError;
 use partita_math::dense::{self, Matrix};
-use partita_math::factor::{self, FactorError};
+use partita_math::factor::{self, Eigen, FactorError};
 use partita_math::tolerance;
 use partita_system::variation::{FirstOrder, Solved, StateError, Varied};
 use partita_system::{ConstrainedSystem, SystemRef};
@@ -231,7 +231,7 @@ fn modes<S: ConstrainedSystem>(system: &S, found: &FirstOrder) -> Result<Modes, 
     for i in 0..count {
         (0..count).for_each(|j| balanced[(i, j)] *= sizes[j] / sizes[i]);
     }
-    let (mut values, re, im) = factor::general_eigen(&balanced)?;
+    let Eigen { mut values, re, im } = factor::general_eigen(&balanced)?;
     let largest = values.iter().fold(0.0, |m: f64, x| m.max(x.0.hypot(x.1)));
     let zero = tolerance::SOLUTION_ROUNDING.sqrt() * largest;
     let mut order: Vec<usize> = (0..count).collect();

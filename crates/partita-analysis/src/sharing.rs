@@ -209,7 +209,7 @@ pub(crate) fn with_rule<T, E: From<AnalysisError>>(
 ) -> Result<T, E> {
     let Some((t, q)) = reference.filter(|_| has_loops(model)) else { return f(None) };
     let (twin, q) = in_space(model, q)?;
-    let system = Geometry::new(&twin, true);
+    let system = Geometry::of_reactions(model, &twin);
     let sharing = Sharing::new(&system, t, &q)?;
     if sharing.is_idle() {
         return f(None);
@@ -345,7 +345,7 @@ impl<'a> Rule<'a> {
         };
         if self.model.needs_turns() {
             let (twin, q) = in_space(self.model, q)?;
-            let system = Geometry::new(&twin, true);
+            let system = Geometry::of_reactions(self.model, &twin);
             let sharing = Sharing::new(&system, t, &q)?;
             return sharing.share(t, &q, joints, condition, &mut sharing.room());
         }

@@ -179,17 +179,27 @@ pub fn symmetric_eigen(a: &Matrix) -> Result<(Vec<f64>, Matrix), FactorError> {
     Ok((f.S().column_vector().iter().copied().collect(), columns(f.U(), 0, a.rows())))
 }
 
-/// Eigenvalues of a square matrix, real and imaginary parts, and real and imaginary parts of its eigenvectors, in
-/// columns.
+/// Eigenvalues and eigenvectors of a square matrix.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Eigen {
+    /// Real and imaginary parts of the eigenvalues.
+    pub values: Vec<(f64, f64)>,
+    /// Real parts of the eigenvectors, in columns.
+    pub re: Matrix,
+    /// Imaginary parts of the eigenvectors.
+    pub im: Matrix,
+}
+
+/// Eigenvalues of a square matrix, and its eigenvectors.
 ///
 /// # Panics
 /// If the matrix is not square.
-pub fn general_eigen(a: &Matrix) -> Result<(Vec<(f64, f64)>, Matrix, Matrix), FactorError> {
+pub fn general_eigen(a: &Matrix) -> Result<Eigen, FactorError> {
     square(a);
     finite(a.data())?;
     let n = a.rows();
     if n == 0 {
-        return Ok((Vec::new(), Matrix::default(), Matrix::default()));
+        return Ok(Eigen::default());
     }
     let _after = Cleared;
     let f = view(a).eigen().map_err(|_| FactorError::NoConvergence)?;
@@ -201,7 +211,7 @@ pub fn general_eigen(a: &Matrix) -> Result<(Vec<(f64, f64)>, Matrix, Matrix), Fa
             (re[(i, j)], im[(i, j)]) = (x.re, x.im);
         }
     }
-    Ok((values, re, im))
+    Ok(Eigen { values, re, im })
 }
 
 fn square(a: &Matrix) {

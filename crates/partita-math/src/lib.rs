@@ -7,6 +7,7 @@ pub mod elimination;
 pub mod factor;
 mod formatted;
 pub mod least_norm;
+pub mod quadratic;
 pub mod rank;
 pub mod scalar;
 pub mod spatial;

@@ -21,11 +21,17 @@ use crate::tree::{LinkMotion, LinkState, TreeScratch};
 use crate::value::{Callers, Instant};
 use crate::zero_position::Placed;
 use partita_math::elimination::Pattern;
-use partita_math::scalar::Scalar;
+use partita_math::scalar::{Dual, Scalar};
 use partita_math::spatial::{Mat3, Planar, Quaternion, Space, Spatial, Vec3};
 use partita_system::clusters::Clusters;
 use partita_system::SystemError;
 use std::sync::Arc;
+
+/// Directions that are differentiated together.
+pub(crate) const TOGETHER: usize = 8;
+
+/// Numbers with that many derivatives.
+pub(crate) type Wide = Dual<TOGETHER>;
 
 /// A prescribed motion and its row.
 #[derive(Clone, Debug)]
@@ -191,12 +197,26 @@ impl<S: Scalar> Evaluator<S> {
         c: &mut [S],
         a: &mut [S],
     ) -> Result<(), SystemError> {
+        self.closings(t, q, s, phi, c, a)?;
+        with_engine!(self, s, |tree, x| tree.inertias(x));
+        Ok(())
+    }
+
+    /// As [`position`](Self::position), for iterations at position level: no other level may follow.
+    pub(crate) fn closings(
+        &self,
+        t: S,
+        q: &[S],
+        s: &mut Scratch<S>,
+        phi: &mut [S],
+        c: &mut [S],
+        a: &mut [S],
+    ) -> Result<(), SystemError> {
         s.forces_at = false;
         let mut room = std::mem::take(&mut s.room);
         let at = self.instant(t, q, &[]);
         let held = with_engine!(self, s, |tree, x| {
             tree.poses(q, x);
-            tree.inertias(x);
             tree.close(x, phi, c);
             tree.hold(&at, x, &mut room, phi, c, a)
         });

@@ -6,7 +6,7 @@ use crate::coincident;
 use crate::compile;
 use crate::coupling::{self, Condition, Law, Says};
 use crate::error::DescriptionError;
-use crate::evaluator::{with_engine, DriveRow, Engine, Evaluator, Follow};
+use crate::evaluator::{with_engine, DriveRow, Engine, Evaluator, Follow, Wide};
 use crate::force::Element;
 use crate::massless;
 use crate::measurement::Measurement;
@@ -23,7 +23,6 @@ use crate::spec::{Coupling, JointKind, Measure, Spec};
 use crate::tree::LinkMotion;
 use crate::validate;
 use crate::value::{Abscissa, Callers, Functions};
-use crate::vary::Wide;
 use crate::zero_position::{Coordinates, Placed};
 use partita_math::elimination::Pattern;
 use partita_math::scalar::Scalar;
@@ -79,6 +78,8 @@ pub struct Model {
     pub(crate) varied: OnceLock<Option<Evaluator<Wide>>>,
     /// Memory for the next evaluations.
     spare: Arc<Spare>,
+    /// The mechanism itself, where its drives were replaced by actuators.
+    mechanism: Option<Arc<Model>>,
 }
 
 impl Deref for Model {
@@ -88,11 +89,13 @@ impl Deref for Model {
     }
 }
 
+mod actuated;
 mod geometry;
 mod scales;
 mod scratch;
 mod system;
 
+pub use actuated::Silent;
 pub use geometry::{BlockVerdict, Geometry, Verdict};
 use scales::{Links, RowMeasures};
 pub use scratch::ModelScratch;
@@ -168,6 +171,9 @@ impl Model {
 
     /// As `in_space`, around the position q.
     pub fn in_space_at(&self, q: &[f64]) -> Result<Self, DescriptionError> {
+        if let Some(mechanism) = &self.mechanism {
+            return mechanism.in_space_at(q);
+        }
         let mut spec = (*self.spec).clone();
         if self.needs_turns() {
             let mut s = self.scratch();
@@ -344,6 +350,7 @@ impl Model {
             geometry: Arc::default(),
             varied: OnceLock::new(),
             spare: Arc::default(),
+            mechanism: None,
         };
         model.dense_projection = model.dense_is_cheaper();
         if !model.placed.massless.is_empty() && !model.is_short_of_mass() {

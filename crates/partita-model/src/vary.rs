@@ -1,17 +1,11 @@
 //! Derivatives of the equations of a mechanism along displacements and changes of velocities and accelerations.
 
-use crate::evaluator::Evaluator;
+use crate::evaluator::{Evaluator, Wide, TOGETHER};
 use crate::model::Model;
 use partita_math::scalar::{Dual, Scalar};
 use partita_system::prelude::*;
-use partita_system::variation::{by_differences, At, Changes, Derivatives, Directions, Varied};
+use partita_system::system::{by_differences, At, Changes, Derivatives, Directions, Varied};
 use partita_system::SystemError;
-
-/// Directions that are differentiated together.
-const TOGETHER: usize = 8;
-
-/// Numbers with that many derivatives.
-pub(crate) type Wide = Dual<TOGETHER>;
 
 /// Memory of an evaluation with derivatives.
 struct Room {

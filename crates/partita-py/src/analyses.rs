@@ -2,12 +2,12 @@
 
 use crate::arrays::{array, dense, indices};
 use crate::failure;
-use crate::model::Inner;
 use crate::state::Array;
 use partita_analysis::equilibrium;
 use partita_analysis::linear::{self, Modes};
 use partita_analysis::poses;
 use partita_math::tolerance;
+use partita_model::Model;
 use partita_system::prelude::*;
 use partita_system::variation::Derivatives;
 use pyo3::prelude::*;
@@ -33,7 +33,7 @@ fn modes<'py>(py: Python<'py>, modes: &Modes, n: usize) -> PyResult<Bound<'py, P
 /// The linearised equations about a state; `efforts` hold a column of E in each row.
 pub fn linearized<'py>(
     py: Python<'py>,
-    model: &Inner,
+    model: &Model,
     state: (f64, &[f64], &[f64]),
     independent: Option<&[usize]>,
     efforts: &[f64],
@@ -83,7 +83,7 @@ pub fn linearized<'py>(
 /// The equilibrium that a search from the closed position q arrives at.
 pub fn equilibrium_of<'py>(
     py: Python<'py>,
-    model: &Inner,
+    model: &Model,
     t: f64,
     q: &[f64],
     stable: bool,
@@ -103,7 +103,7 @@ pub fn equilibrium_of<'py>(
 /// q moved by each of the displacements (nv numbers, one after the other), and its loops closed.
 pub fn displaced<'py>(
     py: Python<'py>,
-    model: &Inner,
+    model: &Model,
     t: f64,
     q: &[f64],
     displacements: &[f64],

@@ -6,6 +6,7 @@ mod balance;
 mod calls;
 mod failure;
 mod functions;
+mod inverse;
 mod model;
 mod outputs;
 mod partition;
@@ -36,6 +37,7 @@ fn version() -> &'static str {
 #[pymodule]
 fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<model::Model>()?;
+    m.add_class::<inverse::Inverse>()?;
     m.add_class::<user_system::System>()?;
     m.add_class::<run::Account>()?;
     m.add_class::<run::Options>()?;

@@ -63,6 +63,16 @@ impl Model {
         Self { inner, structure: OnceLock::new() }
     }
 
+    /// Likewise, shared.
+    pub(crate) fn shared(&self) -> &Arc<Inner> {
+        &self.inner
+    }
+
+    /// For a mechanism whose zero position is not assembled.
+    pub(crate) fn without_structure(inner: Arc<Inner>) -> Self {
+        Self { inner, structure: OnceLock::from(Structure { mobility: None, note: None }) }
+    }
+
     /// Whether an analysis of the whole model may take long.
     fn is_large(&self) -> bool {
         self.inner.size().nv > MANY

@@ -5,9 +5,8 @@ pub mod derivatives;
 pub mod full;
 
 use crate::closing::Closing;
-use crate::system::{project_dense, Size, SystemError, SystemRef, Tangent};
+use crate::system::{project_dense, Size, SystemError, SystemRef, Tangent, Varied};
 use crate::system::{Clustered, Conditions, Guards, InverseKinematics, Levels, Manifold, Metric, Names, Scales};
-use crate::variation::Varied;
 use closing::UserClosing;
 use partita_math::dense;
 use partita_math::elimination::Pattern;

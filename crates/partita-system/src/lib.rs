@@ -1,6 +1,7 @@
 //! The constrained system S1-S5 and everything that needs no body and no joint: the partition and its projective
 //! criterion, closing and projecting, the reduced equations, multipliers.
 
+pub mod actuation;
 pub mod branching;
 pub mod breakpoints;
 pub mod closing;

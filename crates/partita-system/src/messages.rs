@@ -1,6 +1,6 @@
 //! Names of rows in the terms of the drawing.
 
-use crate::system::ConstrainedSystem;
+use crate::system::{ConstrainedSystem, SystemError};
 
 /// Maximum number of names in a message.
 const NAMED: usize = 6;
@@ -9,6 +9,14 @@ const NAMED: usize = 6;
 pub fn some(names: &[String]) -> String {
     let more = if names.len() > NAMED { format!(" and {} more", names.len() - NAMED) } else { String::new() };
     format!("{}{more}", names[..names.len().min(NAMED)].join(", "))
+}
+
+/// `NotFinite` at t, with the first row of S3 whose Φ or C is not finite, if one is.
+pub fn not_finite<S: ConstrainedSystem>(system: &S, t: f64, phi: &[f64], c: &[f64]) -> SystemError {
+    let finite = |i: usize| phi[i].is_finite() && system.pattern().row(i).all(|e| c[e].is_finite());
+    let row = (0..system.size().holonomic).find(|&i| !finite(i));
+    let what = row.map_or_else(|| "a loop-closure constraint".into(), |i| system.row_description(i));
+    SystemError::NotFinite { what, t }
 }
 
 /// The loop that row i closes, by its joints, if there are any.

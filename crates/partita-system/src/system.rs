@@ -1,12 +1,14 @@
 //! The one contract: a constrained system by levels, with a fixed sparsity and its own tangential projection.
 
 mod duties;
+mod varied;
 
 pub use crate::error::SystemError;
 pub use duties::{Clustered, Conditions, Guards, InverseKinematics, Levels, Manifold, Metric, Names, Scales};
 use partita_math::dense;
 use std::ops::Deref;
 use std::sync::Arc;
+pub use varied::{by_differences, At, Changes, Derivatives, Directions, Varied};
 
 /// Degrees of freedom of a system over finite motions, drives released.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

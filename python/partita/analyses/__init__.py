@@ -2,6 +2,20 @@
 
 from __future__ import annotations
 
+from .equilibrium import Equilibrium
+from .inverse import InverseDynamics
 from .kinematics import DeadPoint, Kinematics, Limit, PointMotion
+from .linear import Linearization
+from .modes import Mode, Modes
 
-__all__ = ["DeadPoint", "Kinematics", "Limit", "PointMotion"]
+__all__ = [
+    "DeadPoint",
+    "Equilibrium",
+    "InverseDynamics",
+    "Kinematics",
+    "Limit",
+    "Linearization",
+    "Mode",
+    "Modes",
+    "PointMotion",
+]

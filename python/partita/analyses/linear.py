@@ -17,6 +17,7 @@ from ..state import State
 from .modes import Modes, Shapes
 
 Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -101,7 +102,7 @@ class Linearization:
         names = {"states": list(self.states), "inputs": list(self.inputs), "outputs": list(self.outputs)}
         return control.ss(self.A, self.B, self.C, self.D, **names)
 
-    def locus(self, parameter: str, values: Sequence[float]) -> tuple[Array, ...]:
+    def locus(self, parameter: str, values: Sequence[float]) -> tuple[ComplexArray, ...]:
         """Eigenvalues of A (complex, (nx,)) for each value of a parameter of `m.compile().parameters`, about the same
         state; NaN where it is not steady with that value.
 
@@ -117,7 +118,7 @@ class Linearization:
         again = self._again
         if again is None or isinstance(parameter, (list, tuple)):
             raise ArgumentError(f"parameter must be a name, not {shown(parameter)}", argument="parameter")
-        found = []
+        found: list[ComplexArray] = []
         for value in values:
             made = again({parameter: value})
             found.append(made.modes().eigenvalues if made.steady else np.full(len(self.states), np.nan + 0j))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, TypeVar
 
 import numpy as np
@@ -24,11 +25,17 @@ def run_of(
     v: NDArray[np.float64],
     vdot: NDArray[np.float64],
     multipliers: NDArray[np.float64],
+    *,
+    core: Any = None,
+    changes: Mapping[str, Any] | None = None,
 ) -> R:
-    """A run of the compiled model with these outputs, one row each."""
-    arrays = {"t": t, "q": q, "v": v, "vdot": vdot, "multipliers": multipliers, "work": np.zeros(len(t))}
-    account = account_of(model.sensors, model.summary)
-    summary = {**model.summary, "sensors": account} if account else dict(model.summary)
-    source = ModelSource(model.core, arrays, summary)
-    record = Record(arrays=Tables(arrays), summary=summary, description=model.description)
+    """A run of the compiled model with these outputs, one row each; `core`: another model of the core that has the
+    multipliers, `changes`: where its summary differs."""
+    arrays = Tables({"t": t, "q": q, "v": v, "vdot": vdot, "multipliers": multipliers, "work": np.zeros(len(t))})
+    summary = {**model.summary, **(changes or {})}
+    account = account_of(model.sensors, summary)
+    if account:
+        summary["sensors"] = account
+    source = ModelSource(model.core if core is None else core, arrays, summary)
+    record = Record(arrays=arrays, summary=summary, description=model.description)
     return cls(record, source, LiveSensors(model.sensors, source, account))

@@ -19,6 +19,8 @@ from ..numeric import floats, shown
 from ..sensing import SensorRecord
 from ..state import Layout, State, finite_time
 from ..units.door import SI, QuantityError, in_si
+from .actuated import Actuated
+from .actuators import Actuator, actuators_of, for_core
 from .checks import Element, shape_of
 from .costs import evaluation_costs
 from .parameter_units import parameter_unit
@@ -292,6 +294,46 @@ class CompiledModel(Equations):
     def _stepping(self, *arguments: Any) -> _core.Stepper:
         """The stepper of the core behind `Mechanism.stepper`; for tools."""
         return _core.Stepper(self.core, *arguments)
+
+    def actuated(self, state: State, actuators: Any) -> Actuated:
+        """The equations of motion in the rates of as many actuators as degrees of freedom: mass matrix, bias, gravity,
+        transmission ratios, Jacobians and margin at one state. For control and drive design; drives are left out.
+
+        An evaluation costs that of the accelerations, and no matrix of nv x nv is made. `Actuated.at` evaluates at
+        another state with the same set-up.
+
+        Args:
+            state: as `assemble` returns it.
+            actuators: names or handles, as in `Mechanism.inverse_dynamics`.
+
+        Raises `ArgumentError` for another number of actuators than degrees of freedom, and at a state where they cannot
+        cause every motion (type II singularity); `UnknownNameError` for an unknown name.
+
+        >>> import partita as pt
+        >>> m = pt.Mechanism("pendulum")
+        >>> rod = m.add_rod("rod", start=(0, 0, 0), end=(1, 0, 0), mass=3.0)
+        >>> hinge = m.add_revolute("A", m.ground, rod, point=(0, 0, 0))
+        >>> a = m.compile().actuated(m.assemble(), [hinge])
+        >>> a.M.round(12).tolist(), a.gravity.round(12).tolist()    # m L^2 / 3, m g L / 2
+        ([[1.0]], [14.715])
+        """
+        self._of_this(state)
+        core, chosen = self._with_actuators(actuators)
+        return Actuated(self, core.at(state.t, state.q), tuple(each.name for each in chosen), state)
+
+    def _of_this(self, state: Any) -> None:
+        """Refuse a state of another model."""
+        if not isinstance(state, State) or not (state.is_of(self.summary) or not state.names):
+            raise ArgumentError(
+                f"state must be a State of this model ({self.coordinates} coordinates), as assemble returns it, not "
+                f"{shown(state)}",
+                argument="state",
+            )
+
+    def _with_actuators(self, wanted: Any) -> tuple[_core.Inverse, list[Actuator]]:
+        """The mechanism with actuators, and these; for tools."""
+        chosen = actuators_of(self._drawn, self.summary, wanted)
+        return _core.Inverse(self.core, *for_core(self.description, chosen)), chosen
 
     def __reduce__(self) -> Any:
         """Pickled as its description, and compiled again when loaded."""

@@ -27,6 +27,7 @@ EXAMPLES = {
     "assemble": ("four-bar --target A=30deg", "four-bar --target A=0.5 --inputs A --all"),
     "equilibrium": ("four-bar-spring", "four-bar-spring --target D=20deg --json"),
     "modes": ("four-bar-spring", "four-bar-spring --html mode.html"),
+    "inverse": ("four-bar --rate A=60rpm --time 1", "four-bar --rate A=60rpm --actuator D -o torque.png"),
     "list": ("",),
     "bench": ("four-bar --time 1", "andrews-squeezer --tolerances 1e-5,1e-7,1e-9"),
     "plot": ("run.nc", "run.nc --what energy --what A -o energy.pdf"),
@@ -45,6 +46,7 @@ def parser() -> argparse.ArgumentParser:
     from .bench import bench
     from .compare import compare
     from .completion import completion
+    from .inverse import inverse
     from .simulate import simulate
     from .statics import equilibrium, modes
 
@@ -71,6 +73,8 @@ def parser() -> argparse.ArgumentParser:
 
     _equilibrium(_command(words, "equilibrium", equilibrium, "find a position of rest and the forces that hold it"))
     _modes(_command(words, "modes", modes, "frequencies, damping and shapes of small motions about an equilibrium"))
+
+    _inverse(_command(words, "inverse", inverse, "efforts that a motion needs, for the choice of motors"))
 
     _json(_command(words, "list", commands.list_names, "list the mechanisms of the catalogue"))
 
@@ -111,7 +115,7 @@ def _reading(command: argparse.ArgumentParser) -> None:
     """How a model file is read: arguments of `partita.load`."""
     add = command.add_argument
     add("--base", choices=BASES, default="fixed", help="how the root of a URDF is attached (default fixed)")
-    add("--loops", metavar="FILE", help="YAML file that lists the loops and joint types of a URDF")
+    add("--loops", metavar="FILE", help="YAML file that lists the loops and joint types of a URDF or SDFormat file")
     add("--inertia", choices=INERTIAS, help="whether an inertia that no body can have is repaired (robots) or refused")
     add("--root", metavar="FOLDER", help="folder around the model in which the files that it names may lie")
 
@@ -201,6 +205,28 @@ def _modes(command: argparse.ArgumentParser) -> None:
     command.add_argument("--here", action="store_true", help="about the start itself, which must be steady")
     command.add_argument("--html", metavar="FILE", help="write the animated page of the slowest mode that moves")
     _start(command)
+    _reading(command)
+    _json(command)
+
+
+def _inverse(command: argparse.ArgumentParser) -> None:
+    add = command.add_argument
+    add("model", metavar="FILE|NAME", help=MODEL)
+    add("--time", metavar="S", type=seconds, default=1.0, help="length of the motion [s]; default 1")
+    add(
+        "--rate",
+        metavar="JOINT=VALUE",
+        type=setting,
+        action="append",
+        default=[],
+        help="constant rate of a joint [rad/s or m/s; or with its unit: 60rpm], from where it is drawn, instead of the "
+        "drives of the model; repeatable",
+    )
+    about = (
+        "a joint, a coordinate such as C.slide, a spring, a force such as push.x; default: what is moved; repeatable"
+    )
+    add("--actuator", metavar="NAME", action="append", help=about)
+    add("-o", "--output", metavar="FILE", help="figure to write (.png, .pdf, .svg)")
     _reading(command)
     _json(command)
 

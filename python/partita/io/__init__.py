@@ -50,9 +50,11 @@ def _robot(of: Callable[[Path, Request], robot.Robot]) -> Callable[[Path, Maker,
 
 
 def _loops_of(kind: str, request: Request) -> None:
-    """Refuse a list of loops for a format that states its own."""
-    if request.loops is not None and kind != "URDF":
-        raise ArgumentError(f"loops lists the loop closures of a URDF; {kind} states its own", argument="loops")
+    """Refuse a list of loops for a format whose files state their own."""
+    if request.loops is not None and kind not in ("URDF", "SDFormat"):
+        raise ArgumentError(
+            f"loops lists the loop closures of URDF and SDFormat; {kind} states its own", argument="loops"
+        )
 
 
 def _xml(path: Path, request: Request) -> robot.Robot:

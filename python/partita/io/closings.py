@@ -1,4 +1,4 @@
-"""Loop closures of robots' files: pairs of frames that a sidecar of a URDF lists, or else pairs that are named as such.
+"""Loop closures of robots' files: pairs of frames that a sidecar lists, or else pairs that are named as such.
 
 closing_NAME_1, closing_NAME_2    also _A and _B, `closedloop`, and with words before
 ..._3D, ..._6D, closedloop3D...   the frames are joined at their points, or welded
@@ -26,7 +26,10 @@ _SIDE = re.compile(r"(?P<stem>.+?)(?P<side>[12AB])(?:[_-]?[36]D)?", re.IGNORECAS
 _WELDING = re.compile(r"(?:.*[^a-z])?closed?_?loop", re.IGNORECASE)
 """Names without a type that weld."""
 _UNTYPED = "the names of the frames do not say how the loop is closed"
-_REMEDIES = {"URDF": "type in a YAML file beside, or named by loops=,", "SDFormat": "a <joint> between the frames"}
+_REMEDIES = {
+    "URDF": "type in a YAML file beside, or named by loops=,",
+    "SDFormat": "type in a YAML file named by loops=, or a <joint> between the frames,",
+}
 """What states the type of a loop, other than names."""
 _IN_SIDECAR = "closed_loop in a YAML file beside the URDF closes them"
 AXIS = "_z"

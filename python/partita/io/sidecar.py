@@ -1,4 +1,4 @@
-"""A YAML file beside a URDF that lists which frames close its loops.
+"""A YAML file, beside a URDF or named by the caller, that lists which frames close loops.
 
 closed_loop: [[frame_A, frame_B], ...]     names of links, frames or joints
 type: ["6d", "3d", ...]                    the two links are welded there, or joined at a point
@@ -109,7 +109,7 @@ def read(robot: Robot) -> bool:
     _springs(robot, entries.get("springs", []), wrong)
     weightless = entries.get("weightless", [])
     if not isinstance(weightless, list) or not all(str(name) in robot.links for name in weightless):
-        wrong("weightless", f"weightless must be a list of links of the URDF, not {weightless!r:.80}")
+        wrong("weightless", f"weightless must be a list of links of the robot, not {weightless!r:.80}")
     for name in weightless:
         robot.links[str(name)].gravity = False
     if "drawing_tolerance" in entries:
@@ -132,6 +132,8 @@ def _path(robot: Robot) -> Path | None:
     model = robot.reading.path
     if robot.request.loops is not None:
         return robot.request.loops
+    if robot.reading.kind != "URDF":
+        return None  # joints of other formats close loops: a file that happens to be there adds none
     root = robot.request.root
     named = [p for p in (model.with_suffix(end) for end in _ENDINGS) if p.is_file()]
     if named:
@@ -335,7 +337,11 @@ def close(
         found = robot.frame(frame)
         if found is None:
             path, line = location or (robot.reading.path, None)
-            refuse(path, line, f'"{frame}" closes a loop but is not a link, frame or joint of the URDF')
+            refuse(
+                path,
+                line,
+                f'"{frame}" closes a loop but is not a link, frame or joint of the {robot.reading.kind} file',
+            )
         frames.append(found)
     loop = Loop(called or f"{pair[0]} = {pair[1]}", _KINDS[kind], frames[0], frames[1], None)
     if kind == "hinge":

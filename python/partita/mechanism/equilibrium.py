@@ -144,8 +144,7 @@ def equilibria(
     model, _ = layout_of(self, wanted, parameters)
     start = start_of(self, getattr(near, "state", near), model, wanted, parameters)
     _refuse_friction(model)
-    count = run_options.count(starts)
-    random = np.random.default_rng(seed)
+    count, random = run_options.count(starts, "starts"), run_options.generator(seed)
     scales = _scales(model, start)
     found: list[Equilibrium] = []
     for i in range(count + 1):

@@ -14,6 +14,7 @@ from . import stepper as stepping
 from .assemblies import assemblies
 from .equilibrium import equilibria, equilibrium
 from .fmu import to_fmu
+from .inverse import inverse_dynamics
 from .kinematics import kinematics
 from .linear import linearize
 from .models import Modelled
@@ -79,6 +80,7 @@ class Mechanism(Modelled):
     kinematics = kinematics
     convert = solve.convert
     simulate = solve.simulate
+    inverse_dynamics = inverse_dynamics
     inputs = property(stepping.inputs)
     stepper = stepping.stepper
     compare = compare_mechanism

@@ -27,8 +27,8 @@ def load(
         path: the file. Nothing in it is run. Other files are opened only in its folder or below: those that it names,
             and a YAML file beside a URDF that lists its loops.
         base: what becomes of the root of a robot: "fixed" to the ground, or "free" to float.
-        loops: the YAML file that lists the loop closures and types of joints of a URDF. Default: that of the same name
-            beside it, else the only one there whose frames it has.
+        loops: the YAML file that lists the loop closures and types of joints of a URDF or an SDFormat file. Default:
+            beside a URDF that of the same name, else the only one there whose frames it has.
         inertia: "strict" refuses an inertia that no body can have, "repair" replaces it by the nearest possible one
             and reports it. Default: "repair" for robots' files, "strict" for TOML.
         root: a folder around that of the model, within which the files that it names may lie. Default: its own folder.

@@ -110,7 +110,8 @@ def linearize(
 
     Args:
         at: state, as `assemble` returns it, or an `Equilibrium`; None: the drawing, assembled, at rest.
-        inputs: names of joint coordinates of the state; the input is an effort [N or N m] along each. None: none.
+        inputs: actuators as in `inverse_dynamics`: joints or their coordinates (those that close loops too), lines of
+            springs, torques, components of forces; the input is an effort [N or N m] beside all that acts. None: none.
         outputs: names of sensors, or of joints for their coordinates; None: all sensors. Their derivatives are central
             differences along exact motions (errors of about 1e-10).
         independent: names of the independent velocities; None: the choice that a run would begin with.
@@ -135,7 +136,7 @@ def linearize(
         at = getattr(at, "state", at)
     start = start_of(self, at, model, wanted, parameters)
     names = model.velocity_names
-    efforts, columns = _efforts(inputs, model)
+    efforts, columns = _efforts(inputs, model, start)
     chosen = None
     if independent is not None:
         chosen = [names.index(name) for name in run_options.velocities("independent", independent, names)]
@@ -181,14 +182,13 @@ def _names(what: str, given: Any) -> list[str]:
     return [str(name) for name in given]
 
 
-def _efforts(inputs: Any, model: CompiledModel) -> tuple[list[str], Array]:
+def _efforts(inputs: Any, model: CompiledModel, at: State) -> tuple[list[str], Array]:
     """Names of the inputs, and the column of E of each, as rows."""
     wanted = _names("inputs", () if inputs is None else inputs)
-    names = model.velocity_names
-    columns = np.zeros((len(wanted), len(names)))
-    for row, name in zip(columns, wanted, strict=True):
-        row[index_of(name, names, "input")] = 1.0
-    return wanted, columns
+    if not wanted:
+        return [], np.zeros((0, model.core.nv))
+    core, chosen = model._with_actuators(wanted)
+    return [each.name for each in chosen], core.columns(at.t, at.q)
 
 
 def _outputs(outputs: Any, model: CompiledModel) -> list[tuple[str, str]]:
@@ -218,18 +218,20 @@ class _Readings:
             "multipliers": (found["multipliers"], found["probe_multipliers"]),
         }
         rows = {name: np.vstack([here[None, :], there]) for name, (here, there) in beside.items()}
-        self._run = run_of(Run, model, np.full(len(rows["q"]), state.t), **rows)
+        self._run = run_of(
+            Run, model, np.full(len(rows["q"]), state.t), rows["q"], rows["v"], rows["vdot"], rows["multipliers"]
+        )
 
     def of(self, wanted: Sequence[tuple[str, str]]) -> tuple[Array, Array, list[str]]:
         """Values, changes with states and inputs, and names of their components."""
         values, changes, labels = [], [], []
         for kind, name in wanted:
             read = np.asarray(self._run.sensor(name).values if kind == "sensor" else self._run.joint(name).position)
-            flat = read.reshape(len(read), -1)
-            values.append(flat[0])
-            changes.append((flat[1::2] - flat[2::2]).T / (2.0 * self._steps))
-            one = flat.shape[1] == 1
-            labels += [name if one else f"{name}[{i}]" for i in range(flat.shape[1])]
+            columns = read.reshape(len(read), -1)
+            values.append(columns[0])
+            changes.append((columns[1::2] - columns[2::2]).T / (2.0 * self._steps))
+            one = columns.shape[1] == 1
+            labels += [name if one else f"{name}[{i}]" for i in range(columns.shape[1])]
         count = len(self._steps)
         if not values:
             return np.zeros(0), np.zeros((0, count)), labels

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import ArgumentError
 from ..numeric import shown
-from .collected import Answer, answer_of, reason
+from .collected import Answer, Plain, call, packed, reason
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor, Future
@@ -62,15 +62,16 @@ class Returned:
 
 def run_batch(model: Callable[..., Any], batch: list[dict[str, Any]], patience: float) -> Returned:
     """Compute members one after the other, in a worker; those that are left after `patience` seconds go back."""
-    answers: list[Answer] = []
+    called: list[Answer | Plain] = []
     began, cpu, stopped = time.perf_counter(), time.thread_time(), False
     try:
         for arguments in batch:
-            answers.append(answer_of(model, arguments))
+            called.append(call(model, arguments))
             if time.perf_counter() - began > patience:
                 break
     except KeyboardInterrupt:
         stopped = True
+    answers = [packed(answer) for answer in called]
     return Returned(answers, time.perf_counter() - began, stopped, os.getpid(), time.thread_time() - cpu)
 
 

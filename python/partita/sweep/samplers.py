@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import options as run_options
 from ..errors import ArgumentError
 from ..numeric import real, shown
 
@@ -57,10 +58,7 @@ def _cube(sampler: Any, seed: Any, count: int, size: int) -> NDArray[np.float64]
                 f'sampler is "{sampler}"; known: {", ".join(_ENGINES)}, or an object with the method random',
                 argument="sampler",
             )
-        try:
-            generator = np.random.default_rng(seed)
-        except (TypeError, ValueError) as error:
-            raise ArgumentError(f"seed must be an integer or None, not {shown(seed)}", argument="seed") from error
+        generator = run_options.generator(seed)
         from scipy.stats import qmc  # slow to import
 
         engine = getattr(qmc, _ENGINES[sampler])

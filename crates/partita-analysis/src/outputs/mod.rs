@@ -15,7 +15,7 @@ use partita_model::Model;
 use partita_system::prelude::*;
 
 /// User functions are called in order, on one thread.
-fn chunk_of(model: &Model) -> usize {
+pub(crate) fn chunk_of(model: &Model) -> usize {
     if model.calls_functions() {
         usize::MAX
     } else {

@@ -316,6 +316,28 @@ impl<'m> Continuation<'m> {
         Ok(if self.settle(q, to)? { Ending::There } else { Ending::Limit(1.0) })
     }
 
+    /// As [`go`](Self::go) from a start near by, for goals that are all independent; false where steps would have to be
+    /// shorter than this many characteristic displacements.
+    ///
+    /// # Errors
+    /// As [`go`](Self::go).
+    pub fn go_near(&mut self, start: &Start, to: &[f64], shortest: f64, q: &mut Vec<f64>) -> Result<bool, SystemError> {
+        q.clone_from(&start.q);
+        self.begin(start);
+        self.field.y.copy_from_slice(&start.y);
+        let mut signed = start.signed.clone();
+        let (mut line, none) = self.line(&start.y, to);
+        let end = line.follow((&mut q[..], &none), shortest, &mut signed)?;
+        Ok(end.is_none() && self.settle(q, to)?)
+    }
+
+    /// The line between these values of the goals, from where the conditions were last evaluated, and the displacement
+    /// zero.
+    fn line<'a>(&'a mut self, from: &'a [f64], to: &'a [f64]) -> (Straight<'a, 'm>, Vec<f64>) {
+        let (kept, none) = (self.field.y.clone(), vec![0.0; self.field.pattern.cols]);
+        (Straight { continuation: self, from, to, kept, is_fresh: false }, none)
+    }
+
     fn on(
         &mut self,
         from: &[f64],
@@ -323,46 +345,24 @@ impl<'m> Continuation<'m> {
         q: &mut [f64],
         signed: &mut Option<Signed>,
     ) -> Result<Ending, SystemError> {
-        let m = self.field.closings();
-        let far = (0..from.len()).filter(|&k| self.field.duty[m + k] == Duty::Hard);
-        let far = far.map(|k| (to[k] - from[k]).abs() / self.field.targets[k].displacement).fold(0.0, f64::max);
-        if far == 0.0 {
+        let (mut line, none) = self.line(from, to);
+        let Some(end) = line.follow((&mut *q, &none), tolerance::SHORTEST_STEP, signed)? else {
             return Ok(Ending::There);
-        }
-        let pace = Pace {
-            longest: follow::LONGEST_PREDICTION,
-            shortest: (tolerance::SHORTEST_STEP / far).min(0.1),
-            steps: STEPS,
         };
-        let (kept, none) = (self.field.y.clone(), vec![0.0; self.field.pattern.cols]);
-        let mut curve = Straight { continuation: self, from, to, kept, is_fresh: false };
-        let done = follow(&mut curve, q, &none, 1.0, &pace, &mut |curve, _| {
-            // across a singular position the determinant changes its sign
-            let Some(before) = &*signed else { return Ok(Visit::On) };
-            let now = curve.continuation.updated(before);
-            let keeps = curve.continuation.sign(&now) == Some(now.sign);
-            if keeps {
-                *signed = Some(now);
-            }
-            Ok(if keeps { Visit::On } else { Visit::Back })
-        })?;
-        if done.end == End::There {
-            return Ok(Ending::There);
-        }
         // next to a singular position no step succeeds; a longer one may lead across
-        let Some(before) = signed else { return Ok(Ending::Limit(done.s)) };
+        let Some(before) = signed else { return Ok(Ending::Limit(end)) };
         for part in LEAPS {
             let (mut there, mut crossed) = (q.to_vec(), false);
-            leap(&mut curve, &mut there, &none, (done.s, 1.0), part, &mut |curve, _| {
-                let now = curve.continuation.updated(before);
-                crossed = curve.continuation.sign(&now) != Some(now.sign);
+            leap(&mut line, &mut there, &none, (end, 1.0), part, &mut |line, _| {
+                let now = line.continuation.updated(before);
+                crossed = line.continuation.sign(&now) != Some(now.sign);
                 Ok(Visit::Back)
             })?;
             if crossed {
-                return Ok(Ending::Crossing(done.s));
+                return Ok(Ending::Crossing(end));
             }
         }
-        Ok(Ending::Limit(done.s))
+        Ok(Ending::Limit(end))
     }
 
     /// The bases of `s` where last evaluated and factored.
@@ -436,6 +436,35 @@ impl Curve for Straight<'_, '_> {
 }
 
 impl Straight<'_, '_> {
+    /// Follow the line from q as far as steps of at least this many characteristic displacements lead; the fraction of
+    /// it that was followed, if not all. The sign of the determinant is that of `signed`, which is kept up to date.
+    fn follow(
+        &mut self,
+        (q, none): (&mut [f64], &[f64]),
+        shortest: f64,
+        signed: &mut Option<Signed>,
+    ) -> Result<Option<f64>, SystemError> {
+        let f = &self.continuation.field;
+        let m = f.closings();
+        let far = (0..self.from.len()).filter(|&k| f.duty[m + k] == Duty::Hard);
+        let far = far.map(|k| (self.to[k] - self.from[k]).abs() / f.targets[k].displacement).fold(0.0, f64::max);
+        if far == 0.0 {
+            return Ok(None);
+        }
+        let pace = Pace { longest: follow::LONGEST_PREDICTION, shortest: (shortest / far).min(0.1), steps: STEPS };
+        let done = follow(self, q, none, 1.0, &pace, &mut |line, _| {
+            // across a singular position the determinant changes its sign
+            let Some(before) = &*signed else { return Ok(Visit::On) };
+            let now = line.continuation.updated(before);
+            let keeps = line.continuation.sign(&now) == Some(now.sign);
+            if keeps {
+                *signed = Some(now);
+            }
+            Ok(if keeps { Visit::On } else { Visit::Back })
+        })?;
+        Ok((done.end != End::There).then_some(done.s))
+    }
+
     fn aim(&mut self, s: f64) {
         let ends = self.from.iter().zip(self.to);
         for (aim, (from, to)) in self.continuation.field.aims.iter_mut().zip(ends) {

@@ -11,6 +11,8 @@ use partita_math::tolerance;
 use partita_model::loop_closure::LoopClosing;
 use partita_model::Model;
 use partita_system::closing::Closing;
+use partita_system::manifold::ClosureError;
+use partita_system::messages::not_finite;
 use partita_system::prelude::*;
 use partita_system::SystemError;
 use std::sync::Arc;
@@ -206,9 +208,9 @@ impl<'m> Explicit<'m> {
         }
         self.levels.position(self.t, &self.trial)?;
         let closure_error = |(i, x): (usize, &f64)| x.abs() / self.model.row_displacement(i).unwrap_or(1.0);
-        let worst = self.levels.phi.iter().enumerate().map(closure_error).fold(0.0, f64::max);
+        let worst = ClosureError::of(self.levels.phi.iter().enumerate().map(closure_error)).worst;
         if !worst.is_finite() {
-            return Err(SystemError::NotFinite { what: "a loop-closure constraint".into(), t: self.t });
+            return Err(not_finite(self.model, self.t, &self.levels.phi, &self.levels.c));
         }
         if worst > tolerance::CLOSED_FORM {
             let raw = self.levels.phi.iter().fold(0.0, |m: f64, x| m.max(x.abs()));

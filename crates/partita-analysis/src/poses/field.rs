@@ -8,6 +8,7 @@ use partita_math::least_norm::LeastNorm;
 use partita_math::tolerance;
 use partita_model::Model;
 use partita_system::manifold::{close, Closed, ClosureError, Linearization, Part, Residuals, Room, Rule};
+use partita_system::messages::not_finite;
 use partita_system::prelude::*;
 use partita_system::SystemError;
 
@@ -128,7 +129,7 @@ impl<'m> Field<'m> {
             });
         }
         if !self.phi.iter().chain(&self.c).all(|x| x.is_finite()) {
-            return Err(SystemError::NotFinite { what: "a loop-closure constraint".into(), t: self.t });
+            return Err(not_finite(self.model, self.t, &self.levels.phi, &self.levels.c));
         }
         self.y.copy_from_slice(&self.next);
         Ok(())

@@ -3,7 +3,8 @@
 //! The *stations*, positions at the points of the lattice, lie on paths from the start that branch: each is reached from
 //! the next one towards the start. Poses near one another share their stations, and each takes the last step alone,
 //! eight poses at a time. A step that the rules for following a curve refuse, or over which the determinant of the loops
-//! changes by half, is not taken: such poses are followed all the way from the start.
+//! changes by half, is not taken: such poses are followed from the station, and where that needs short steps, all the way
+//! from the start.
 
 use super::continuation::{Continuation, Start, WATCHED};
 use super::explicit::STORED;
@@ -17,7 +18,7 @@ use partita_system::manifold::follow::LONGEST_PREDICTION;
 use partita_system::manifold::least_change::FIRST_CORRECTION;
 use partita_system::prelude::*;
 use partita_system::SystemError;
-use std::collections::{BTreeSet, HashMap};
+use std::collections::{HashMap, HashSet};
 use std::sync::{Arc, OnceLock};
 
 /// Distance of neighbouring points of the lattice. Unit: characteristic displacement. Reason: no goal of a pose is
@@ -99,22 +100,22 @@ impl<'m> Lattice<'m> {
         let poses = values.len() / self.targets.len();
         let directions = self.model.size().nv * self.targets.len();
         let most = (STORED / (self.first.start.numbers() + directions)).min(poses / SHARED);
-        let mut cells = BTreeSet::new();
+        let (mut cells, mut cell) = (HashSet::new(), Cell::new());
         for of in values.chunks(self.targets.len()) {
-            let mut cell = self.cell(of);
-            while !is_start(&cell) && cells.len() <= most {
+            self.cell(of, &mut cell);
+            while !is_start(&cell) && cells.len() <= most && !cells.contains(&cell) {
                 let next = before(&cell);
-                if !cells.insert((cell.iter().map(|c| c.abs()).max(), cell)) {
-                    break;
-                }
-                cell = next;
+                cells.insert(std::mem::replace(&mut cell, next));
             }
         }
         if cells.len() > most {
             return Ok(self);
         }
+        // each after the one next to it towards the start
+        let mut cells: Vec<Cell> = cells.into_iter().collect();
+        cells.sort_unstable_by_key(|cell| cell.iter().map(|c| c.abs()).max());
         let mut continuation = Continuation::new(self.model, self.targets, self.t);
-        for (_, cell) in cells {
+        for cell in cells {
             let found = self.after(&mut continuation, &before(&cell), &cell)?;
             self.stored.insert(cell, found);
         }
@@ -122,13 +123,11 @@ impl<'m> Lattice<'m> {
     }
 
     /// The nearest point of the lattice.
-    pub fn cell(&self, values: &[f64]) -> Cell {
+    fn cell(&self, values: &[f64], cell: &mut Cell) {
         let from = self.targets.iter().zip(&self.first.start.y);
-        values
-            .iter()
-            .zip(from)
-            .map(|(value, (x, y))| ((value - y) / (SPACING * x.displacement)).round() as i64)
-            .collect()
+        let of = |(value, (x, y)): (&f64, (&Target, &f64))| ((value - y) / (SPACING * x.displacement)).round() as i64;
+        cell.clear();
+        cell.extend(values.iter().zip(from).map(of));
     }
 
     fn values(&self, cell: &[i64]) -> Vec<f64> {
@@ -185,14 +184,24 @@ impl<'m> Lattice<'m> {
     }
 }
 
+/// The station of a pose, or else the last one on the path to it.
+#[derive(Clone)]
+struct Reached {
+    station: Arc<Station>,
+    is_own: bool,
+}
+
 /// Poses one step away from their stations.
 pub(super) struct LastSteps<'l, 'm> {
     lattice: &'l Lattice<'m>,
-    /// The station of the last pose that is not stored.
-    last: (Cell, Option<Arc<Station>>),
+    /// The point of the lattice last looked up that is not stored.
+    last: (Cell, Reached),
+    cell: Cell,
     room: AdjacentRoom<Lanes>,
     q: Vec<Lanes>,
     dv: Vec<Lanes>,
+    /// Stations of the poses of a batch.
+    stations: [Option<Reached>; Lanes::COUNT],
     /// Coordinates of the poses of a batch, row by row, and whether they were found.
     found: Vec<f64>,
     closed: [bool; Lanes::COUNT],
@@ -206,10 +215,12 @@ impl<'l, 'm> LastSteps<'l, 'm> {
         let size = lattice.model.size();
         Self {
             lattice,
-            last: (vec![0; lattice.targets.len()], Some(lattice.first.clone())),
+            last: (vec![0; lattice.targets.len()], Reached { station: lattice.first.clone(), is_own: true }),
+            cell: Vec::with_capacity(lattice.targets.len()),
             room: AdjacentRoom::new(lattice.model, &lattice.evaluator),
             q: vec![Lanes::zero(); size.nq],
             dv: vec![Lanes::zero(); size.nv],
+            stations: std::array::from_fn(|_| None),
             found: vec![0.0; size.nq * Self::BATCH],
             closed: [false; Lanes::COUNT],
         }
@@ -221,30 +232,43 @@ impl<'l, 'm> LastSteps<'l, 'm> {
         self.closed[i].then(|| &self.found[i * nq..][..nq])
     }
 
-    fn station(
-        &mut self,
-        continuation: &mut Continuation<'m>,
-        cell: Cell,
-    ) -> Result<Option<Arc<Station>>, SystemError> {
-        if let Some(known) = self.lattice.known(&cell) {
-            return Ok(known);
+    /// The position of the last batch from which a pose that was not found may be reached.
+    pub fn near(&self, i: usize) -> Option<&Start> {
+        self.stations[i].as_ref().map(|reached| &reached.station.start)
+    }
+
+    /// The station of `self.cell`, or else the last one on the path to it.
+    fn station(&mut self, continuation: &mut Continuation<'m>) -> Result<Reached, SystemError> {
+        if let Some(Some(station)) = self.lattice.known(&self.cell) {
+            return Ok(Reached { station, is_own: true });
         }
-        if self.last.0 == cell {
+        if self.last.0 == self.cell {
             return Ok(self.last.1.clone());
         }
-        let mut path = vec![cell.clone()];
-        let mut found = loop {
-            let next = before(&path[path.len() - 1]);
-            if let Some(known) = self.lattice.known(&next) {
-                break known;
+        let (mut path, mut point, mut is_own) = (Vec::new(), self.cell.clone(), true);
+        let mut station = loop {
+            match self.lattice.known(&point) {
+                Some(Some(station)) => break station,
+                // nor is what lies beyond it
+                Some(None) => {
+                    path.clear();
+                    is_own = false;
+                }
+                None => path.push(point.clone()),
             }
-            path.push(next);
+            point = before(&point);
         };
-        while let (Some(from), Some(to)) = (&found, path.pop()) {
-            found = self.lattice.step(continuation, from, &to)?;
+        while let Some(to) = path.pop() {
+            let Some(next) = self.lattice.step(continuation, &station, &to)? else {
+                is_own = false;
+                break;
+            };
+            station = next;
         }
-        self.last = (cell, found.clone());
-        Ok(found)
+        let reached = Reached { station, is_own };
+        self.last.0.clone_from(&self.cell);
+        self.last.1.clone_from(&reached);
+        Ok(reached)
     }
 
     /// Find poses, one for each row of `values`, at most eight.
@@ -257,24 +281,34 @@ impl<'l, 'm> LastSteps<'l, 'm> {
         values: impl Iterator<Item = &'v [f64]>,
     ) -> Result<(), SystemError> {
         self.closed = [false; Lanes::COUNT];
-        let mut waiting: Vec<Pose<'v>> = Vec::with_capacity(Lanes::COUNT);
+        let mut of: [&[f64]; Lanes::COUNT] = [&[]; Lanes::COUNT];
+        let mut plans: [Option<Arc<AdjacentClosing>>; Lanes::COUNT] = std::array::from_fn(|_| None);
         for (place, values) in values.enumerate() {
-            let Some(station) = self.station(continuation, self.lattice.cell(values))? else { continue };
-            if station.step.get().is_none() {
+            self.lattice.cell(values, &mut self.cell);
+            let reached = self.station(continuation)?;
+            let step = &reached.station.step;
+            if reached.is_own && step.get().is_none() {
                 // another thread may be faster: both find the same
-                let _ = station.step.set(self.lattice.last_step(continuation, &station)?);
+                let _ = step.set(self.lattice.last_step(continuation, &reached.station)?);
             }
-            waiting.push(Pose { place, values, station });
+            plans[place] = reached.step().map(|step| step.plan.clone());
+            self.stations[place] = Some(reached);
+            of[place] = values;
         }
-        while let Some(plan) = waiting.iter().find_map(|x| Some(x.step()?.plan.clone())) {
-            let has = |x: &Pose| x.step().is_some_and(|step| Arc::ptr_eq(&step.plan, &plan));
-            let (group, others): (Vec<_>, Vec<_>) = waiting.into_iter().partition(has);
-            waiting = others;
+        while let Some(plan) = plans.iter().find_map(Clone::clone) {
+            let (mut group, mut count) = ([0; Lanes::COUNT], 0);
+            for (place, own) in plans.iter_mut().enumerate() {
+                if own.take_if(|own| Arc::ptr_eq(own, &plan)).is_some() {
+                    group[count] = place;
+                    count += 1;
+                }
+            }
+            let group = &group[..count];
             // one that cannot be evaluated must not hinder the others
-            if self.together(&plan, &group).is_err() {
+            if self.together(&plan, &of, group).is_err() {
                 for one in group.chunks(1) {
-                    if self.together(&plan, one).is_err() {
-                        self.closed[one[0].place] = false;
+                    if self.together(&plan, &of, one).is_err() {
+                        self.closed[one[0]] = false;
                     }
                 }
             }
@@ -282,17 +316,19 @@ impl<'l, 'm> LastSteps<'l, 'm> {
         Ok(())
     }
 
-    /// The last steps of poses with the same plan.
-    fn together(&mut self, plan: &AdjacentClosing, poses: &[Pose]) -> Result<(), SystemError> {
+    /// The last steps of those poses of a batch that have this plan.
+    fn together(&mut self, plan: &AdjacentClosing, of: &[&[f64]], places: &[usize]) -> Result<(), SystemError> {
         let (model, e, nq) = (self.lattice.model, &self.lattice.evaluator, self.q.len());
         self.dv.fill(Lanes::zero());
+        let mut determinants = [f64::NAN; Lanes::COUNT];
         for lane in 0..Lanes::COUNT {
             // lanes without a pose repeat the first one
-            let pose = &poses[if lane < poses.len() { lane } else { 0 }];
-            let start = &pose.station.start;
+            let place = places[if lane < places.len() { lane } else { 0 }];
+            let Some((start, step)) = self.stations[place].as_ref().and_then(Reached::last_step) else { continue };
+            determinants[lane] = step.determinant;
             self.q.iter_mut().zip(&start.q).for_each(|(q, x)| q.0[lane] = *x);
-            let changes = pose.values.iter().zip(&start.y).map(|(value, y)| value - y);
-            for (direction, change) in pose.step().iter().flat_map(|step| &step.directions).zip(changes) {
+            let changes = of[place].iter().zip(&start.y).map(|(value, y)| value - y);
+            for (direction, change) in step.directions.iter().zip(changes) {
                 self.dv.iter_mut().zip(direction).for_each(|(dv, x)| dv.0[lane] += change * x);
             }
         }
@@ -303,28 +339,24 @@ impl<'l, 'm> LastSteps<'l, 'm> {
         e.step(&mut self.q, &self.dv);
         e.normalise(&mut self.q);
         for (k, &(at, _)) in self.lattice.own.iter().enumerate() {
-            poses.iter().enumerate().for_each(|(lane, pose)| self.q[at].0[lane] = pose.values[k]);
+            places.iter().enumerate().for_each(|(lane, place)| self.q[at].0[lane] = of[*place][k]);
         }
         let adjacent = plan.close(model, e, Lanes::from_f64(self.lattice.t), &mut self.q, &mut self.room)?;
-        for (lane, pose) in poses.iter().enumerate() {
-            let determinant = pose.step().map_or(f64::NAN, |step| step.determinant);
-            self.closed[pose.place] = stays(&adjacent, lane, travel.0[lane], determinant);
-            self.found[pose.place * nq..][..nq].iter_mut().zip(&self.q).for_each(|(to, q)| *to = q.0[lane]);
+        for (lane, &place) in places.iter().enumerate() {
+            self.closed[place] = stays(&adjacent, lane, travel.0[lane], determinants[lane]);
+            self.found[place * nq..][..nq].iter_mut().zip(&self.q).for_each(|(to, q)| *to = q.0[lane]);
         }
         Ok(())
     }
 }
 
-/// A pose of a batch.
-struct Pose<'v> {
-    place: usize,
-    values: &'v [f64],
-    station: Arc<Station>,
-}
-
-impl Pose<'_> {
+impl Reached {
     fn step(&self) -> Option<&LastStep> {
-        self.station.step.get()?.as_ref()
+        self.station.step.get()?.as_ref().filter(|_| self.is_own)
+    }
+
+    fn last_step(&self) -> Option<(&Start, &LastStep)> {
+        Some((&self.station.start, self.step()?))
     }
 }
 

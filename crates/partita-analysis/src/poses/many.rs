@@ -146,8 +146,8 @@ fn by_following<E: Send + From<SystemError>>(
         if place == 0 {
             room.batch((i..count.min(i + LastSteps::BATCH)).map(of))?;
         }
-        let (found, reached) = room.pose(place, of(i))?;
-        put(&found, &reached, &room.there, i, rows);
+        let found = room.pose(place, of(i))?;
+        put(&found, &room.reached, &room.there, i, rows);
         Ok(())
     };
     tables(count, &widths, chunk, || Numeric::new(model, t, targets, start, lattice.as_ref()), row, watch)

@@ -10,6 +10,10 @@ use partita_math::tolerance;
 use partita_model::Model;
 use partita_system::SystemError;
 
+/// Paths from stations that would need shorter steps are not followed. Unit: characteristic displacement. Reason: next
+/// to a limit the path from the start decides, and two paths there would cost twice.
+const SHORTEST_NEAR: f64 = 0.1 * tolerance::STRIDE;
+
 /// Poses by following the motion.
 pub(super) struct Numeric<'l, 'm> {
     continuation: Continuation<'m>,
@@ -17,6 +21,8 @@ pub(super) struct Numeric<'l, 'm> {
     last_steps: Option<LastSteps<'l, 'm>>,
     /// The position found.
     pub there: Vec<f64>,
+    /// Values that the goals reached.
+    pub reached: Vec<f64>,
 }
 
 impl<'l, 'm> Numeric<'l, 'm> {
@@ -28,7 +34,13 @@ impl<'l, 'm> Numeric<'l, 'm> {
         lattice: Option<&'l Lattice<'m>>,
     ) -> Self {
         let continuation = Continuation::new(model, targets, t);
-        Self { continuation, start, last_steps: lattice.map(LastSteps::new), there: start.q.clone() }
+        Self {
+            continuation,
+            start,
+            last_steps: lattice.map(LastSteps::new),
+            there: start.q.clone(),
+            reached: start.y.clone(),
+        }
     }
 
     /// Take the last steps of the poses of a batch together.
@@ -55,22 +67,29 @@ impl<'l, 'm> Numeric<'l, 'm> {
     }
 
     /// Pose `i` of the last batch.
-    pub fn pose(&mut self, i: usize, values: &[f64]) -> Result<(Found, Vec<f64>), SystemError> {
-        if let Some(q) = self.last_steps.as_ref().and_then(|x| x.pose(i)) {
-            self.there.clear();
-            self.there.extend_from_slice(q);
-            return Ok((Found::closed(false), values.to_vec()));
+    pub fn pose(&mut self, i: usize, values: &[f64]) -> Result<Found, SystemError> {
+        self.reached.copy_from_slice(values);
+        if let Some(last_steps) = &self.last_steps {
+            if let Some(q) = last_steps.pose(i) {
+                self.there.copy_from_slice(q);
+                return Ok(Found::closed(false));
+            }
+            if let Some(start) = last_steps.near(i) {
+                if self.continuation.go_near(start, values, SHORTEST_NEAR, &mut self.there)? {
+                    return Ok(Found::closed(false));
+                }
+            }
         }
         let first = self.continuation.go(self.start, values, &mut self.there)?;
         if first == Ending::There {
-            return Ok((self.agreeing(values, false), values.to_vec()));
+            return Ok(self.agreeing(values, false));
         }
         let reached = self.continuation.field.y.clone();
         let here = self.there.clone();
         if self.start.free.iter().filter(|f| **f).count() > 1 {
             for by in self.detours(values) {
                 if self.continuation.go_by(self.start, &by, values, &mut self.there)? == Ending::There {
-                    return Ok((self.agreeing(values, true), values.to_vec()));
+                    return Ok(self.agreeing(values, true));
                 }
             }
         }
@@ -90,7 +109,8 @@ impl<'l, 'm> Numeric<'l, 'm> {
             _ => Outcome::Open,
         };
         let (shortfall, angle) = if goals_met { (shortfall, angle) } else { (f64::NAN, f64::NAN) };
-        Ok((Found { outcome, shortfall, angle, culprit, detour: false }, reached))
+        self.reached.copy_from_slice(&reached);
+        Ok(Found { outcome, shortfall, angle, culprit, detour: false })
     }
 
     /// Goals that depend on the others must have reached their targets.

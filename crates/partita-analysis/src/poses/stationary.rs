@@ -13,7 +13,7 @@ use partita_system::SystemError;
 const LOCATING: usize = 100;
 /// First distance from the end of a continuation to a position beyond the limit. Scale: characteristic displacements of
 /// the coordinate followed. Reason: continuations end nearer to a limit.
-const BEYOND: f64 = 1e-2;
+const PAST_LIMIT: f64 = 1e-2;
 /// How often it is doubled.
 const DOUBLINGS: usize = 6;
 
@@ -189,7 +189,7 @@ fn folded(
     let reading = std::mem::replace(&mut others[k], leader);
     let mut continuation = Continuation::new(model, &others, t);
     let start = continuation.start(q)?;
-    let mut distance = BEYOND * others[k].displacement;
+    let mut distance = PAST_LIMIT * others[k].displacement;
     for _ in 0..DOUBLINGS {
         let mut to = start.y.clone();
         to[k] += distance * (direction * rate).signum();

@@ -44,7 +44,19 @@ impl<const N: usize> Dual<N> {
         Self { re, eps: [0.0; N] }
     }
 
-    /// A value whose derivatives are a combination of these.
+    /// A value whose derivatives are a times those of the one and b times those of the other.
+    #[inline(always)]
+    fn combined(re: f64, (a, one): (f64, &Self), (b, other): (f64, &Self)) -> Self {
+        Self::of(re, |i| one.eps[i] * a + b * other.eps[i])
+    }
+
+    /// The same value, its derivatives divided.
+    #[inline(always)]
+    fn slopes_over(self, divisor: f64) -> Self {
+        Self::of(self.re, |i| self.eps[i] / divisor)
+    }
+
+    /// A value whose derivatives are computed one by one.
     #[inline(always)]
     fn of(re: f64, eps: impl Fn(usize) -> f64) -> Self {
         Self { re, eps: std::array::from_fn(eps) }
@@ -87,7 +99,7 @@ impl<const N: usize> Mul for Dual<N> {
     type Output = Self;
     #[inline(always)]
     fn mul(self, other: Self) -> Self {
-        Self::of(self.re * other.re, |i| self.eps[i] * other.re + self.re * other.eps[i])
+        Self::combined(self.re * other.re, (other.re, &self), (self.re, &other))
     }
 }
 
@@ -96,7 +108,7 @@ impl<const N: usize> Div for Dual<N> {
     #[inline(always)]
     fn div(self, other: Self) -> Self {
         let re = self.re / other.re;
-        Self::of(re, |i| (self.eps[i] - re * other.eps[i]) / other.re)
+        Self::combined(re, (1.0, &self), (-re, &other)).slopes_over(other.re)
     }
 }
 

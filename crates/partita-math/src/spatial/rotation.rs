@@ -44,8 +44,8 @@ impl<S: Scalar> Mat3<S> {
     /// `M x`.
     #[inline(always)]
     pub fn apply(&self, x: Vec3<S>) -> Vec3<S> {
-        let [a, b, c] = self.0;
-        Vec3([Vec3(a).dot(x), Vec3(b).dot(x), Vec3(c).dot(x)])
+        let [a, b, c] = &self.0;
+        Vec3([Vec3(*a).dot(x), Vec3(*b).dot(x), Vec3(*c).dot(x)])
     }
     /// `Mᵀ x`.
     #[inline(always)]
@@ -61,11 +61,10 @@ impl<S: Scalar> Mat3<S> {
     /// `M N`.
     #[inline(always)]
     pub fn mul(&self, o: &Self) -> Self {
-        let t = o.transpose();
-        Self(self.0.map(|r| {
-            let r = Vec3(r);
-            [r.dot(Vec3(t.0[0])), r.dot(Vec3(t.0[1])), r.dot(Vec3(t.0[2]))]
-        }))
+        let (x, y, z) = (o.column(0), o.column(1), o.column(2));
+        let row = |r: &[S; 3]| [Vec3(*r).dot(x), Vec3(*r).dot(y), Vec3(*r).dot(z)];
+        let [a, b, c] = &self.0;
+        Self([row(a), row(b), row(c)])
     }
     /// Sum.
     #[inline(always)]

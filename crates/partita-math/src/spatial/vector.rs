@@ -31,8 +31,11 @@ macro_rules! vector {
             }
             /// Multiple of the vector.
             #[inline(always)]
-            pub fn times(self, k: S) -> Self {
-                Self(self.0.map(|x| x * k))
+            pub fn times(mut self, k: S) -> Self {
+                for x in &mut self.0 {
+                    *x *= k;
+                }
+                self
             }
             /// Euclidean length.
             #[inline(always)]
@@ -59,8 +62,11 @@ macro_rules! vector {
         impl<S: Scalar> Neg for $name<S> {
             type Output = Self;
             #[inline(always)]
-            fn neg(self) -> Self {
-                Self(self.0.map(|x| -x))
+            fn neg(mut self) -> Self {
+                for x in &mut self.0 {
+                    *x = -*x;
+                }
+                self
             }
         }
         impl<S: Scalar> AddAssign for $name<S> {

@@ -91,7 +91,7 @@ impl AdjacentClosing {
         if self.block.rows.len() == room.phi.len() {
             return Ok(found);
         }
-        e.position(t, q, &mut room.scratch, &mut room.phi, &mut room.c, &mut room.a)?;
+        e.closings(t, q, &mut room.scratch, &mut room.phi, &mut room.c, &mut room.a)?;
         for (row, phi) in room.phi.iter().enumerate() {
             let error = phi.abs() / S::from_f64(model.row_displacement(row).unwrap_or(1.0));
             found.closure_error = found.closure_error.max(error);

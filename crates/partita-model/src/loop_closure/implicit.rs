@@ -192,7 +192,7 @@ impl Implicit {
         room: &mut StraightRoom<S>,
     ) -> Result<Straight<S>, SystemError> {
         let n = self.rows.len();
-        e.position(t, q, &mut room.scratch, &mut room.phi, &mut room.c, &mut room.a)?;
+        e.closings(t, q, &mut room.scratch, &mut room.phi, &mut room.c, &mut room.a)?;
         let (jacobian, x) = (&mut room.jacobian[..n * n], &mut room.x[..n]);
         self.equations(model, &room.c, &room.phi, jacobian, x);
         lu_in_order(jacobian, n, &self.pivots);

@@ -1,6 +1,7 @@
 //! Φ and C at one position in natural scales, with one more row for every target: displacements in characteristic
 //! displacements (a radian, a characteristic length), residuals relative to the closure error of a large displacement.
 
+use crate::messages::not_finite;
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::dense::Matrix;
 use partita_math::elimination::Pattern;
@@ -84,7 +85,7 @@ impl<'s, S: ConstrainedSystem> Scaled<'s, S> {
     pub fn evaluate(&mut self, t: f64, q: &[f64]) -> Result<(), SystemError> {
         self.system.position(t, q, &mut self.scratch, &mut self.raw_phi, &mut self.raw_c, &mut self.raw_a)?;
         if !self.raw_phi.iter().chain(&self.raw_c).all(|x| x.is_finite()) {
-            return Err(SystemError::NotFinite { what: "a loop-closure constraint".into(), t });
+            return Err(not_finite(self.system, t, &self.raw_phi, &self.raw_c));
         }
         self.phi.fill(0.0);
         self.c.fill(0.0);

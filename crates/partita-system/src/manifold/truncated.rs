@@ -11,6 +11,7 @@ use super::close::{close, Closed, ClosureError, Ending, Linearization, Part, Res
 use super::follow::{Curve, LONGEST_PREDICTION};
 use super::scaled::Scaled;
 use crate::error::Result;
+use crate::messages::not_finite;
 use crate::reduction::largest;
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::dense::Matrix;
@@ -160,7 +161,7 @@ impl<'s, S: ConstrainedSystem> Truncated<'s, S> {
     }
 
     fn not_finite(&self) -> SystemError {
-        SystemError::NotFinite { what: "a loop-closure constraint".into(), t: self.t }
+        not_finite(self.scaled.system, self.t, &self.scaled.raw_phi, &self.scaled.raw_c)
     }
 }
 

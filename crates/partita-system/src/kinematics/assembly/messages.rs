@@ -9,12 +9,15 @@ use partita_math::formatted;
 
 fn open_rows<S: ConstrainedSystem>(d: &LeastChange<S>, tolerance: f64) -> String {
     let s = &d.scaled;
-    let mut open: Vec<usize> = (0..s.rows()).filter(|&i| s.phi[i].abs() > tolerance).collect();
+    let mut open: Vec<usize> = (0..s.rows()).filter(|&i| s.phi[i].is_nan() || s.phi[i].abs() > tolerance).collect();
     open.sort_by(|&a, &b| s.phi[b].abs().total_cmp(&s.phi[a].abs()));
     some(
         &open
             .iter()
-            .map(|&i| format!("{} by {}", s.system.row_description(i), formatted(s.raw(i).abs())))
+            .map(|&i| match s.raw(i).is_finite() {
+                true => format!("{} by {}", s.system.row_description(i), formatted(s.raw(i).abs())),
+                false => format!("{}, which is not finite", s.system.row_description(i)),
+            })
             .collect::<Vec<_>>(),
     )
 }

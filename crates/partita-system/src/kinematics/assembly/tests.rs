@@ -4,6 +4,7 @@ use super::move_to;
 use crate::manifold::least_change::{from_afar, near_by, LeastChange};
 use crate::manifold::tests::{four_bar, Chains, CRANK_ROCKER};
 use crate::manifold::{close, Room};
+use crate::prelude::*;
 use crate::system::SystemError;
 use std::f64::consts::TAU;
 
@@ -36,4 +37,14 @@ fn a_crank_is_driven_to_the_limit_of_its_loop() {
     let mut beyond = [limit + 0.01, q[1], q[2]];
     let done = close(&mut locked, &mut beyond, &near_by(1e-12), &mut Room::default()).unwrap();
     assert!(!done.is_closed());
+}
+
+#[test]
+fn a_row_that_is_not_finite_is_named() {
+    let (lengths, base) = CRANK_ROCKER;
+    let system = Chains::one(&lengths, base);
+    let Err(SystemError::NotFinite { what, .. }) = LeastChange::new(&system, 0.0, &[0.3, f64::NAN, 0.1], &[]) else {
+        panic!("a position that is not finite is taken");
+    };
+    assert_eq!(what, system.row_description(0));
 }

@@ -1,13 +1,28 @@
-//! The equations of first order about one state, in independent positions z and velocities u = v_I.
+//! First-order changes of a motion and of its forces (V1-V4): what is solved is differentiated, never the solver.
+//!
+//! ```text
+//! r = M v' − h − Cᵀ λ     s = C v' + b     (v', λ as solved, constant while r and s are differentiated)
+//!
+//! (V1)  dq  = D_hᵀ dz − G_h Φ_p dp
+//! (V2)  dv  = Dᵀ du − G d(C v + a)
+//! (V3)  dv' = Dᵀ du' − G ds       M_d du' = −D (dr − M G ds)
+//! (V4)  C_Dᵀ dλ = (M dv' + dr)_D
+//! ```
+//!
+//! G x = [0 on I; C_D⁻¹ x on D]; D_h and G_h belong to the rows that constrain positions. A system gives the changes of
+//! Φ, C v + a, s and r along given directions ([`Varied`]); they know no partition.
+//!
+//! In independent positions z and velocities u = v_I:
 //!
 //! ```text
 //! x = (z, u)      x' = f0 + A dx + B dw      w: efforts along columns of E
 //! ```
 
-use super::{At, Changes, Derivatives, Directions, Varied};
 use crate::reduction::Reduction;
 use crate::start::{self, Start};
+use crate::system::{At, Changes, Directions};
 use crate::system::{ConstrainedSystem, SystemError, SystemRef};
+pub use crate::system::{Derivatives, Varied};
 use partita_math::dense::{self, Matrix};
 use partita_math::tolerance;
 

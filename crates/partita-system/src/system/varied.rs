@@ -1,22 +1,6 @@
-//! First-order changes of a motion and of its forces (V1-V4): what is solved is differentiated, never the solver.
-//!
-//! ```text
-//! r = M v' − h − Cᵀ λ     s = C v' + b     (v', λ as solved, constant while r and s are differentiated)
-//!
-//! (V1)  dq  = D_hᵀ dz − G_h Φ_p dp
-//! (V2)  dv  = Dᵀ du − G d(C v + a)
-//! (V3)  dv' = Dᵀ du' − G ds       M_d du' = −D (dr − M G ds)
-//! (V4)  C_Dᵀ dλ = (M dv' + dr)_D
-//! ```
-//!
-//! G x = [0 on I; C_D⁻¹ x on D]; D_h and G_h belong to the rows that constrain positions. A system gives the changes of
-//! Φ, C v + a, s and r along given directions ([`Varied`]); they know no partition.
+//! Derivatives of the equations of a system along directions.
 
-mod state;
-
-pub use state::{FirstOrder, Solved, StateError};
-
-use crate::system::{Levels, Manifold, Scales, SystemError};
+use super::{Levels, Manifold, Scales, SystemError};
 
 /// How derivatives were computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,0 +1,74 @@
+//! A mechanism moved by actuators: forces along measurements in place of prescribed motions.
+//!
+//! ```text
+//! M v' = h + Cᵀ λ + E τ        a column of E: the unit wrench of a measurement
+//! ```
+//!
+//! The gradient of a measurement is a row of C for a drive and a column of E for an actuator. So an actuated mechanism
+//! has a row for each actuator, whose multiplier is an effort, and which constrains nothing.
+
+use super::{drives, Model};
+use crate::compile;
+use crate::error::DescriptionError;
+use crate::numbers::Numbers;
+use crate::spec::{Drive, Force, Spec, Value, VectorValue};
+use std::sync::Arc;
+
+/// A force whose given effort is replaced by that of an actuator: its number, and the component where it has three.
+pub type Silent = (usize, Option<usize>);
+
+/// Set the given effort to zero; a function that returns all components is left out as a whole.
+fn silence(force: &mut Force, component: Option<usize>) {
+    match (force, component) {
+        (Force::Torque { value, over, .. }, _) => (*value, *over) = (Value::Constant(0.0), None),
+        (Force::Force { value: VectorValue::Components(all), .. }, Some(i)) if i < 3 => all[i] = Value::Constant(0.0),
+        (Force::Force { value, .. }, _) => *value = VectorValue::Components([0.0; 3].map(Value::Constant)),
+        _ => {}
+    }
+}
+
+impl Model {
+    /// The same mechanism in the same coordinates with nothing prescribed; the forces `silent` have the effort 0.
+    ///
+    /// # Errors
+    /// Where its equations cannot be made.
+    pub fn released(&self, silent: &[Silent]) -> Result<Self, DescriptionError> {
+        self.with_rows(Vec::new(), silent)
+    }
+
+    /// As [`released`](Self::released), with a row for each measurement of `actuators`, which constrains nothing: its
+    /// multiplier is the effort along it. What the motion determines is that of the mechanism itself.
+    ///
+    /// # Errors
+    /// As `released`, and where a measurement does not exist.
+    pub fn with_actuators(
+        self: &Arc<Self>,
+        actuators: Vec<Drive>,
+        silent: &[Silent],
+    ) -> Result<Self, DescriptionError> {
+        let mut made = self.with_rows(actuators, silent)?;
+        made.mechanism = Some(self.clone());
+        Ok(made)
+    }
+
+    /// Whether the rows of drives are those of actuators, which constrain nothing.
+    pub fn is_actuated(&self) -> bool {
+        self.mechanism.is_some()
+    }
+
+    /// On the tree of this model, whatever tree a description with these drives would have.
+    fn with_rows(&self, rows: Vec<Drive>, silent: &[Silent]) -> Result<Self, DescriptionError> {
+        let mut spec = Spec { drives: rows, ..(*self.spec).clone() };
+        for &(i, component) in silent {
+            if let Some(force) = spec.forces.get_mut(i) {
+                silence(force, component);
+            }
+        }
+        let placed = (*self.placed).clone();
+        let numbers = Numbers::new(&spec, &placed);
+        let rows = drives(&spec, &placed, compile::row_count(&placed))?;
+        let mut made = Self::made(spec, placed, numbers, rows, self.functions(), self.coordinates)?;
+        made.geometry = self.geometry.clone();
+        Ok(made.with_recursion(self.preference))
+    }
+}
