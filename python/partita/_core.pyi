@@ -171,7 +171,7 @@ class Model:
         missed (goal and what it lacks), determined (n words). The rate of a turn is the angular velocity along an axis
         of the world."""
 
-    def freedoms(self, t: float, q: Array) -> tuple[int, int]:
+    def degrees_of_freedom(self, t: float, q: Array) -> tuple[int, int]:
         """Degrees of freedom at the closed position q, and rotations among them that move no other body."""
 
     def limit(self, t: float, q: Array, goals: list[Goal], to: Array) -> tuple[Array, Array, bool] | None:

@@ -505,6 +505,19 @@ def asked() -> dict[str, Callable[[], Call]]:
             lambda **given: (lambda a: (a.M, a.bias))(model.actuated(**given)),
             {"state": state, "actuators": ["A"]},
         ),
+        "Mechanism.kinematics": (
+            m.kinematics,
+            {
+                "targets": {"A": [0.1, 0.2]},
+                "rates": {"A": 1.0},
+                "accelerations": {"A": 0.5},
+                "branch": None,
+                "near": state,
+                "t": 0.0,
+                "coordinates": "relative",
+                "parameters": None,
+            },
+        ),
         "Mechanism.equilibrium": (
             m.equilibrium,
             {"near": state, "stable": True, "t": 0.0, "coordinates": "relative", "parameters": None},

@@ -415,7 +415,7 @@ def bad(m: pt.Mechanism, kind: type[Exception], words: str, *arguments: Any, **o
     assert words in str(caught.value), str(caught.value)
 
 
-def test_bad_input_is_refused_with_names_numbers_and_a_cure() -> None:
+def test_bad_input_is_refused_with_names_numbers_and_a_remedy() -> None:
     m = engine()
     m.add_spring("s", m.ground, (0, 1, 0), "rod", (0, 0, 0), stiffness=1.0)
     m.add_friction("A", 1.0, stick_velocity=0.1, name="rub")

@@ -104,8 +104,8 @@ def test_dead_points_of_a_crank_rocker_are_where_crank_and_coupler_line_up() -> 
     drawn = np.arctan2(*(b - a)[::-1])
     # A, C, D are a triangle with the side coupler -+ crank
     expected = []
-    for reach, flip in ((coupler + crank, 0.0), (coupler - crank, np.pi)):
-        angle = np.arccos((reach**2 + ground**2 - rocker**2) / (2.0 * reach * ground))
+    for extent, flip in ((coupler + crank, 0.0), (coupler - crank, np.pi)):
+        angle = np.arccos((extent**2 + ground**2 - rocker**2) / (2.0 * extent * ground))
         expected.append((angle + flip - drawn) % (2.0 * np.pi))
     assert np.abs(np.array(found) - sorted(expected)).max() < 1e-13
     for point in dead:
@@ -133,8 +133,8 @@ def test_limits_are_where_the_other_links_line_up(points: Any, goal: str) -> Non
     drawn = np.arctan2(link[1], link[0])
     axis = 0.0 if goal == "A" else np.pi
     expected = []
-    for reach in (coupler + other, abs(coupler - other)):
-        cosine = (own**2 + ground**2 - reach**2) / (2.0 * own * ground)
+    for extent in (coupler + other, abs(coupler - other)):
+        cosine = (own**2 + ground**2 - extent**2) / (2.0 * own * ground)
         if abs(cosine) <= 1.0:
             expected += [axis + np.arccos(cosine) - drawn, axis - np.arccos(cosine) - drawn]
     gap = [min(abs((end - x + np.pi) % (2 * np.pi) - np.pi) for x in expected) for end in ends]
@@ -234,8 +234,8 @@ def test_ratios_of_several_goals_hold_the_others() -> None:
     with pytest.raises(ArgumentError, match="none of the 2 goals"):
         k.ratio("C", "B")
     # the limit of one goal, the other held: the rods p and q in line
-    reach = m.kinematics({"A": np.linspace(0.0, 2.0, 16), "E": -0.5})
-    (limit,) = reach.limits
+    reached = m.kinematics({"A": np.linspace(0.0, 2.0, 16), "E": -0.5})
+    (limit,) = reached.limits
     there = m.kinematics(limit.goals, near=limit.state)
     gap = np.linalg.norm(there.joint("B").point[0] - there.joint("D").point[0])
     assert limit.located and abs(gap - 2.0 * np.hypot(0.8, 0.9)) < 1e-14
@@ -301,14 +301,14 @@ def test_a_platform_is_placed_by_its_frame() -> None:
 
 def test_orientations_may_turn_by_more_than_half_a_turn() -> None:
     m = pt.Mechanism("wrist")
-    hand = m.add_body("hand", mass=1.0, inertia=(1, 1, 1))
-    m.add_free("pose", m.ground, hand)
+    tool = m.add_body("tool", mass=1.0, inertia=(1, 1, 1))
+    m.add_free("pose", m.ground, tool)
     for axis in ((0.0, 0.0, 1.0), (0.6, 0.0, 0.8), (0.3, -0.5, 0.2)):
         unit = np.array(axis) / np.linalg.norm(axis)
         turn = Rotation.from_rotvec(np.linspace(-3.14, 3.14, 25)[:, None] * unit)
-        poses = m.assemble_many({("hand", (0.1, 0.2, 0.3)): (turn, (1.0, 0.0, 0.0))})
+        poses = m.assemble_many({("tool", (0.1, 0.2, 0.3)): (turn, (1.0, 0.0, 0.0))})
         assert poses.ok.all()
-        assert np.abs(poses.body("hand").rotation - turn.as_matrix()).max() < 1e-12
+        assert np.abs(poses.body("tool").rotation - turn.as_matrix()).max() < 1e-12
 
 
 def test_a_rotation_that_moves_no_other_body_needs_no_goal() -> None:
@@ -321,8 +321,8 @@ def test_a_rotation_that_moves_no_other_body_needs_no_goal() -> None:
 
 def test_singular_positions_have_no_rates_and_are_named() -> None:
     m = parallelogram(1.0)
-    flat = -1.0
-    k = m.kinematics({"A": np.array([0.0, -0.5, flat])}, rates={"A": 1.0})
+    in_line = -1.0
+    k = m.kinematics({"A": np.array([0.0, -0.5, in_line])}, rates={"A": 1.0})
     assert k.status[0] == k.status[1] == "reached"
     assert k.status[2] in ("undetermined", "singular", "open", "other branch")
     assert np.isnan(k.v[2]).all() and 2 in k.reasons

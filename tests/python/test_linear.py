@@ -279,7 +279,7 @@ def test_platform_on_six_springs_has_the_frequencies_of_its_stiffness():
         around, below = math.radians(60 * i + (10 if i % 2 else -10)), math.radians(60 * i + (-20 if i % 2 else 20))
         foot = np.array([1.2 * math.cos(below), 1.2 * math.sin(below), 0.0])
         head = np.array([0.7 * math.cos(around), 0.7 * math.sin(around), 0.0])
-        leg = head + (0, 0, 1.0) - foot
+        leg = head - foot + np.array([0, 0, 1.0])
         line = leg / np.linalg.norm(leg)
         k = 1000.0 * (1 + i)
         m.add_spring(f"leg {i}", m.ground, foot, top, head, stiffness=k, length=float(np.linalg.norm(leg)))

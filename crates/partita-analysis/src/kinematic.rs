@@ -24,7 +24,7 @@ use partita_system::{start, SystemError};
 
 /// How many goals a mechanism needs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Freedoms {
+pub struct DegreesOfFreedom {
     /// Degrees of freedom.
     pub all: usize,
     /// Rotations among them that move no other body and need no goal.
@@ -35,9 +35,9 @@ pub struct Freedoms {
 ///
 /// # Errors
 /// `SingularStart` where branches meet.
-pub fn freedoms(model: &Model, t: f64, q: &[f64]) -> Result<Freedoms, SystemError> {
+pub fn degrees_of_freedom(model: &Model, t: f64, q: &[f64]) -> Result<DegreesOfFreedom, SystemError> {
     let all = model.size().nv - start::analyse(&Geometry::new(model, true), t, q)?.rank;
-    Ok(Freedoms { all, idle: idle(model).len().min(all) })
+    Ok(DegreesOfFreedom { all, idle: idle(model).len().min(all) })
 }
 
 /// What became of the rates of one pose.
@@ -306,7 +306,7 @@ pub fn rates<E: Send + From<SystemError>>(
     let (size, w) = (model.size(), targets.len());
     let count = q.len() / size.nq;
     let geometry = Geometry::new(model, true);
-    let Freedoms { all, idle } = freedoms(model, t, near)?;
+    let DegreesOfFreedom { all, idle } = degrees_of_freedom(model, t, near)?;
     let needed = all - idle;
     let dofs: Vec<_> = targets.iter().map(|x| x.degree_of_freedom(model)).collect::<Result<_, _>>()?;
     let widths = [size.nv, size.nv, size.nv * w, 4];

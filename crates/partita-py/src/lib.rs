@@ -38,6 +38,7 @@ fn version() -> &'static str {
 fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<model::Model>()?;
     m.add_class::<inverse::Inverse>()?;
+    m.add_class::<inverse::Actuated>()?;
     m.add_class::<user_system::System>()?;
     m.add_class::<run::Account>()?;
     m.add_class::<run::Options>()?;

@@ -324,8 +324,8 @@ impl Model {
 
     /// Degrees of freedom at the closed position q, and rotations among them that move no other body.
     #[pyo3(signature = (t, q))]
-    fn freedoms(&self, py: Python<'_>, t: f64, q: Vector<'_>) -> PyResult<(usize, usize)> {
-        guarded(py, || poses::freedoms(py, &self.inner, t, &q))
+    fn degrees_of_freedom(&self, py: Python<'_>, t: f64, q: Vector<'_>) -> PyResult<(usize, usize)> {
+        guarded(py, || poses::degrees_of_freedom(py, &self.inner, t, &q))
     }
 
     /// Where the straight path of the goals from the closed position q to the values `to` ends: q, values of the goals,

@@ -149,9 +149,14 @@ pub fn rates<'py>(
 }
 
 /// Degrees of freedom at a closed position, and rotations among them that move no other body.
-pub fn freedoms(py: Python<'_>, m: &Model, t: f64, q: &PyReadonlyArray1<'_, f64>) -> PyResult<(usize, usize)> {
+pub fn degrees_of_freedom(
+    py: Python<'_>,
+    m: &Model,
+    t: f64,
+    q: &PyReadonlyArray1<'_, f64>,
+) -> PyResult<(usize, usize)> {
     let q = vector(q, m.size().nq, "q")?;
-    let found = kinematic::freedoms(m, t, &q).map_err(|e| failure::system(py, e))?;
+    let found = kinematic::degrees_of_freedom(m, t, &q).map_err(|e| failure::system(py, e))?;
     Ok((found.all, found.idle))
 }
 

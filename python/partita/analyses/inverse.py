@@ -246,7 +246,7 @@ def use_of(efforts: FloatArray, limits: FloatArray) -> FloatArray:
 
 def notes_of(found: Mapping[str, Any], names: Sequence[str], t: FloatArray) -> list[str]:
     """Sentences on what the efforts cannot do."""
-    said = []
+    notes = []
     gaps = np.array(found["gaps"])
     why = {
         "constraints": "the constraints are singular: the motion is not unique there; the efforts are NaN",
@@ -258,17 +258,17 @@ def notes_of(found: Mapping[str, Any], names: Sequence[str], t: FloatArray) -> l
         where = np.flatnonzero(gaps == word)
         if len(where):
             times = ", ".join(f"{t[i]:.6g}" for i in where[:3]) + (" ..." if len(where) > 3 else "")
-            said.append(f"at {len(where)} of {len(t)} instants (t = {times} s) {sentence.format(who=who)}")
+            notes.append(f"at {len(where)} of {len(t)} instants (t = {times} s) {sentence.format(who=who)}")
     remainder = np.nan_to_num(found["remainder"])
     if len(remainder) and len(names) < found["k"] and remainder.max() > LEFT:
         worst = int(np.argmax(remainder))
-        said.append(
+        notes.append(
             f"this motion is not possible with {', '.join(names)} alone: {len(names)} actuator"
             f"{'s' * (len(names) > 1)} for {found['k']} degrees of freedom leave up to "
             f"{100.0 * remainder[worst]:.3g} % of the acting forces (at t = {t[worst]:.6g} s); the efforts are those "
             f"that leave the least; add {found['k'] - len(names)} more"
         )
-    return said
+    return notes
 
 
 LEFT = 1e-9

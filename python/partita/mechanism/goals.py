@@ -202,9 +202,9 @@ def rates_of_frames(framed_keys: Mapping[Any, list[Goal]], unit: str) -> Framed:
     return framed
 
 
-def _rows(what: str, key: Any, places: Any, vectors: Array, unit: str) -> Array:
+def _rows(what: str, key: Any, positions: Any, vectors: Array, unit: str) -> Array:
     """Positions and rotation vectors side by side: (n, 6), or (6,) for one."""
-    rows = np.atleast_2d(_numbers_of(what, key, places, unit, 3))
+    rows = np.atleast_2d(_numbers_of(what, key, positions, unit, 3))
     if len({len(rows), len(vectors)} - {1}) > 1:
         raise ArgumentError(
             f"{what}[{shown(key)}] has {len(vectors)} rotations and {len(rows)} positions; give as many of both, or "

@@ -122,22 +122,22 @@ def _resolved(model: CompiledModel, what: str, key: Any) -> list[Goal]:
 
 def _as_many_as_needed(model: CompiledModel, start: State, goals: list[Goal]) -> None:
     """Refuse fewer goals than degrees of freedom, and more."""
-    freedoms, idle = model.core.freedoms(start.t, start.q)
+    dof, idle = model.core.degrees_of_freedom(start.t, start.q)
     given = f"{_count(len(goals), 'goal')} ({listed([goal[0] for goal in goals])})"
-    if len(goals) < freedoms - idle:
+    if len(goals) < dof - idle:
         raise ArgumentError(
-            f"targets: {given} for {_count(freedoms - idle, 'degree')} of freedom; name "
-            f"{freedoms - idle - len(goals)} more: a joint that keeps its position is a goal with one value for all",
+            f"targets: {given} for {_count(dof - idle, 'degree')} of freedom; name "
+            f"{dof - idle - len(goals)} more: a joint that keeps its position is a goal with one value for all",
             argument="targets",
         )
-    if len(goals) > freedoms:
+    if len(goals) > dof:
         driven = (
             "; drives prescribe the motion of their joints: draw the mechanism without that of a joint to move it"
             if model.summary.get("drives")
             else ""
         )
         raise ArgumentError(
-            f"targets: {given} for {_count(freedoms, 'degree')} of freedom; leave out {len(goals) - freedoms}, whose "
+            f"targets: {given} for {_count(dof, 'degree')} of freedom; leave out {len(goals) - dof}, whose "
             f"positions follow from the others{driven}",
             argument="targets",
         )
@@ -169,11 +169,11 @@ def _rates(
     known = [goal[1:] for goal in rows]
     if any(goal[1:] not in known for goal in own):
         rows = own
-        freedoms, idle = model.core.freedoms(found.start.t, found.start.q)
-        if len(rows) < freedoms - idle:
+        dof, idle = model.core.degrees_of_freedom(found.start.t, found.start.q)
+        if len(rows) < dof - idle:
             raise ArgumentError(
                 f"rates: {_count(len(rows), 'rate')} ({listed([goal[0] for goal in rows])}) for "
-                f"{_count(freedoms - idle, 'degree')} of freedom; name {freedoms - idle - len(rows)} more, or rates of "
+                f"{_count(dof - idle, 'degree')} of freedom; name {dof - idle - len(rows)} more, or rates of "
                 "the goals alone, of which those not named are at rest",
                 argument="rates",
             )
@@ -220,9 +220,9 @@ def _at(found: Found, i: Any) -> str:
 
 def _notes(found: Found, undetermined: NDArray[np.bool_], reasons: Mapping[int, str]) -> tuple[str, ...]:
     notes = []
-    freedoms, idle = found.model.core.freedoms(found.start.t, found.start.q)
-    if idle and len(found.goals) < freedoms:
-        left = freedoms - len(found.goals)
+    dof, idle = found.model.core.degrees_of_freedom(found.start.t, found.start.q)
+    if idle and len(found.goals) < dof:
+        left = dof - len(found.goals)
         notes.append(
             f"{left} rotation{'s' * (left > 1)} that move{'s' * (left == 1)} no other body "
             f"{'are' if left > 1 else 'is'} left free by the goals and as small as possible; m.report() names "

@@ -317,17 +317,17 @@ impl<'l, 'm> LastSteps<'l, 'm> {
     }
 
     /// The last steps of those poses of a batch that have this plan.
-    fn together(&mut self, plan: &AdjacentClosing, of: &[&[f64]], places: &[usize]) -> Result<(), SystemError> {
+    fn together(&mut self, plan: &AdjacentClosing, of: &[&[f64]], indices: &[usize]) -> Result<(), SystemError> {
         let (model, e, nq) = (self.lattice.model, &self.lattice.evaluator, self.q.len());
         self.dv.fill(Lanes::zero());
         let mut determinants = [f64::NAN; Lanes::COUNT];
         for lane in 0..Lanes::COUNT {
             // lanes without a pose repeat the first one
-            let place = places[if lane < places.len() { lane } else { 0 }];
-            let Some((start, step)) = self.stations[place].as_ref().and_then(Reached::last_step) else { continue };
+            let index = indices[if lane < indices.len() { lane } else { 0 }];
+            let Some((start, step)) = self.stations[index].as_ref().and_then(Reached::last_step) else { continue };
             determinants[lane] = step.determinant;
             self.q.iter_mut().zip(&start.q).for_each(|(q, x)| q.0[lane] = *x);
-            let changes = of[place].iter().zip(&start.y).map(|(value, y)| value - y);
+            let changes = of[index].iter().zip(&start.y).map(|(value, y)| value - y);
             for (direction, change) in step.directions.iter().zip(changes) {
                 self.dv.iter_mut().zip(direction).for_each(|(dv, x)| dv.0[lane] += change * x);
             }
@@ -339,12 +339,12 @@ impl<'l, 'm> LastSteps<'l, 'm> {
         e.step(&mut self.q, &self.dv);
         e.normalise(&mut self.q);
         for (k, &(at, _)) in self.lattice.own.iter().enumerate() {
-            places.iter().enumerate().for_each(|(lane, place)| self.q[at].0[lane] = of[*place][k]);
+            indices.iter().enumerate().for_each(|(lane, index)| self.q[at].0[lane] = of[*index][k]);
         }
         let adjacent = plan.close(model, e, Lanes::from_f64(self.lattice.t), &mut self.q, &mut self.room)?;
-        for (lane, &place) in places.iter().enumerate() {
-            self.closed[place] = stays(&adjacent, lane, travel.0[lane], determinants[lane]);
-            self.found[place * nq..][..nq].iter_mut().zip(&self.q).for_each(|(to, q)| *to = q.0[lane]);
+        for (lane, &index) in indices.iter().enumerate() {
+            self.closed[index] = stays(&adjacent, lane, travel.0[lane], determinants[lane]);
+            self.found[index * nq..][..nq].iter_mut().zip(&self.q).for_each(|(to, q)| *to = q.0[lane]);
         }
         Ok(())
     }
