@@ -37,7 +37,6 @@ fn version() -> &'static str {
 #[pymodule]
 fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<model::Model>()?;
-    m.add_class::<inverse::Actuated>()?;
     m.add_class::<inverse::Inverse>()?;
     m.add_class::<inverse::Actuated>()?;
     m.add_class::<user_system::System>()?;

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ..results.joint import JointMotion
 from .equilibrium import Equilibrium
 from .inverse import InverseDynamics
 from .kinematics import DeadPoint, Kinematics, Limit, PointMotion
@@ -12,6 +13,7 @@ __all__ = [
     "DeadPoint",
     "Equilibrium",
     "InverseDynamics",
+    "JointMotion",
     "Kinematics",
     "Limit",
     "Linearization",

@@ -8,7 +8,7 @@ from .body import BodyResult
 from .certificate import Certificate
 from .coupling import CouplingResult, DriveResult
 from .energy import EnergyResult
-from .joint import JointMotion, JointResult
+from .joint import JointResult
 from .names import Names
 from .partition_log import PartitionChange
 from .result import Result
@@ -25,7 +25,6 @@ __all__ = [
     "DriveResult",
     "EnergyResult",
     "Finding",
-    "JointMotion",
     "JointResult",
     "Names",
     "PartitionChange",
