@@ -270,7 +270,7 @@ def test_reference_has_every_public_name() -> None:
     found = tool().scripts(ROOT / "tools", "website.stage").found
     there = [found(name) for _, _, names in outline.REFERENCE.values() for name in names]
     assert len({id(each) for each in there}) == len(there)
-    rooms = (pt, pt.results, pt.partition, pt.catalogue, pt.comparison, pt.io, pt.plots, pt.viewer)
+    rooms = (pt, pt.results, pt.analyses, pt.partition, pt.catalogue, pt.comparison, pt.io, pt.plots, pt.viewer)
     known = {"partita.errors", "partita.units"}  # pages made of whole modules
     for room in rooms:
         for name in room.__all__:

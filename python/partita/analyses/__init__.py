@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..results.joint import JointMotion
+from ..results.joint import JointKinematics
 from .equilibrium import Equilibrium
 from .inverse import InverseDynamics
 from .kinematics import DeadPoint, Kinematics, Limit, PointMotion
@@ -13,7 +13,7 @@ __all__ = [
     "DeadPoint",
     "Equilibrium",
     "InverseDynamics",
-    "JointMotion",
+    "JointKinematics",
     "Kinematics",
     "Limit",
     "Linearization",

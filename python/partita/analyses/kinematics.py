@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import ArgumentError
 from ..naming import index_of
 from ..numeric import shown
-from ..results.joint import JointMotion
+from ..results.joint import JointKinematics
 from ..results.motion import Motion
 from ..results.notebook import names, table
 from ..results.sensor import LiveSensors
@@ -185,10 +185,10 @@ class Kinematics(Motion):
     def __len__(self) -> int:
         return len(self.reached)
 
-    def joint(self, name: str) -> JointMotion:
+    def joint(self, name: str) -> JointKinematics:
         """Motion of the joint `name`, in the tree or closing a loop; `UnknownNameError` with the nearest names."""
         about, data = self._joint(name)
-        return JointMotion(name, about["kind"], about["parent"], about["child"], data)
+        return JointKinematics(name, about["kind"], about["parent"], about["child"], data)
 
     def point(self, body: Any, point: ArrayLike = (0.0, 0.0, 0.0)) -> PointMotion:
         """Path, velocity and acceleration of a point of a body, `point` in body axes [m]: a coupler curve.

@@ -110,7 +110,7 @@ class Directions(NamedTuple):
     moments_determined: FloatArray
 
 
-class JointMotion:
+class JointKinematics:
     """Motion of one joint over nt outputs, in the tree or closing a loop.
 
     Its coordinates, velocities and point are computed at the first access to one of them, its accelerations at the
@@ -160,7 +160,7 @@ class JointMotion:
         return f"<joint {self.name!r}: {self.kind}, {self.parent} -> {self.child}, {len(self.point)} poses>"
 
 
-class JointResult(JointMotion):
+class JointResult(JointKinematics):
     """Motion and reaction of one joint over the nt outputs of a run.
 
     Nothing is computed before it is accessed: the motion of this joint at the first `position`, `velocity` or `point`,
