@@ -185,8 +185,9 @@ def test_an_effort_and_a_sensor():
     lin = m.linearize(inputs=["A"], outputs=["A"])
     assert lin.B[:, 0] == pytest.approx([0.0, 3.0], rel=1e-14)
     assert pytest.approx(np.array([[1.0, 0.0]]), abs=1e-9) == lin.C
-    system = lin.to_scipy()
-    assert system.A.shape == (2, 2)
+    system, named = lin.to_scipy(), lin.to_control()
+    assert np.array_equal(system.A, lin.A) and np.array_equal(named.B, lin.B)
+    assert named.state_labels == ["A", "A'"] and named.input_labels == ["A"] and named.output_labels == ["A"]
 
 
 def test_equilibria_of_a_double_pendulum():
