@@ -329,3 +329,13 @@ def test_all_equilibria_of_a_crank_rocker_on_both_branches():
     # the spring winds: other turns of the crank have equilibria of their own
     assert len(inside) == len(wanted)
     assert inside == pytest.approx(sorted(wanted), abs=1e-4)
+
+
+def test_an_animated_mode_is_closed_and_claims_no_forces():
+    m = pt.catalogue.load("four-bar-spring")
+    modes = m.linearize(m.equilibrium()).modes()
+    moved = modes._shapes.animated(modes[0].displacements, 0.3, 2.0)
+    assert np.abs(moved.q).max() == pytest.approx(0.3, rel=0.1)
+    model = m.compile()
+    assert max(np.abs(model.constraints(q)).max() for q in moved.q) < 1e-12
+    assert np.isnan(moved.joint("C").force).all()

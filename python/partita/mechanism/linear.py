@@ -65,8 +65,9 @@ class ModelShapes:
         moved = np.ascontiguousarray((size * displacement * turning).real)
         rates = np.ascontiguousarray((size * displacement * turning * 2j * np.pi / period).real)
         q = self._model.core.displaced(self._state.t, self._state.q, moved)
-        rows = np.zeros((len(t), self._model.core.rows))
-        return run_of(Result, self._model, t, q, rates, np.zeros_like(rates), rows)
+        # no law holds the amplitude, so no force belongs to the motion
+        rows = np.full((len(t), self._model.core.rows), np.nan)
+        return run_of(Result, self._model, t, q, rates, np.full_like(rates, np.nan), rows)
 
     @cached_property
     def _sizes(self) -> Array:
