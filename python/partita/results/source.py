@@ -10,6 +10,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import ArgumentError
+
 Arrays = Mapping[str, NDArray[Any]]
 Span = tuple[int, int]
 
@@ -259,7 +261,8 @@ class StoredSource:
         return {key: self._arrays[key][:, i] for key in BODIES}
 
     def body_acceleration(self, i: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        raise NotImplementedError("a stored result has no accelerations of bodies")
+        message = "a stored result has no accelerations of bodies; ask the run itself, or store them as sensors"
+        raise ArgumentError(message, argument="name")
 
     def joint(self, j: int, q: Span, v: Span) -> Arrays:
         return {
