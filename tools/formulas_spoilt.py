@@ -1012,10 +1012,26 @@ FORMULAS = (
     Error(
         "uphill",
         "the search for a stable equilibrium follows negative curvature upwards",
-        f"{ANALYSIS}/equilibrium.rs",
+        f"{ANALYSIS}/equilibrium/search.rs",
         "let curvature = if self.stable { value.abs() } else { *value };",
         "let curvature = *value;",
         ("python test_linear.py",),
+    ),
+    Error(
+        "deflated-step",
+        "a search beside known equilibria takes the steps of Newton's method",
+        f"{ANALYSIS}/equilibrium/deflation.rs",
+        "slope -= 2.0 * along / (square * (1.0 + square));",
+        "slope += 0.0 * along * square;",
+        ("python test_equilibria.py",),
+    ),
+    Error(
+        "fold-or-branching",
+        "a fold is taken for a branch point",
+        f"{ANALYSIS}/equilibrium/family.rs",
+        "let fold = turned && (one > 0.0) != (two > 0.0);",
+        "let fold = turned && (one > 0.0) == (two > 0.0);",
+        ("python test_equilibria.py",),
     ),
     Error(
         "rotor-in-a-cluster",

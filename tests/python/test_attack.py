@@ -356,6 +356,9 @@ def asked() -> dict[str, Callable[[], Call]]:
     """Calls that compute."""
     m = loop()
     state = m.assemble(rates={"A": 1.0})
+    sprung = loop()
+    sprung.add_torsion_spring("A", stiffness=10.0, name="s")
+    sprung_state = sprung.assemble()
     model = m.compile()
     run = m.simulate(0.01, t_eval=[0.0, 0.01], initial=state)
     tip = mechanism()
@@ -520,7 +523,21 @@ def asked() -> dict[str, Callable[[], Call]]:
         ),
         "Mechanism.equilibrium": (
             m.equilibrium,
-            {"near": state, "stable": True, "t": 0.0, "coordinates": "relative", "parameters": None},
+            {"near": state, "along": None, "stable": True, "t": 0.0, "coordinates": "relative", "parameters": None},
+        ),
+        "Mechanism.equilibrium.along": (
+            lambda **given: m.equilibrium(along={"rocker.mass": given["values"], "coupler.mass": given["beside"]}),
+            {"values": [1.0, 1.1], "beside": [1.0, 1.1]},
+        ),
+        "Mechanism.preload": (
+            lambda **given: sprung.preload(**given),
+            {
+                "unknown": ["s.angle"],
+                "at": sprung_state,
+                "t": 0.0,
+                "coordinates": "relative",
+                "parameters": None,
+            },
         ),
         "Mechanism.equilibria": (
             m.equilibria,

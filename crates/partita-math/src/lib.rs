@@ -13,5 +13,6 @@ pub mod scalar;
 pub mod spatial;
 pub mod tolerance;
 mod wide;
+pub mod zero;
 
 pub use formatted::formatted;

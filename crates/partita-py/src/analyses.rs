@@ -3,7 +3,6 @@
 use crate::arrays::{array, dense, indices};
 use crate::failure;
 use crate::state::Array;
-use partita_analysis::equilibrium;
 use partita_analysis::linear::{self, Modes};
 use partita_analysis::poses;
 use partita_math::tolerance;
@@ -77,26 +76,6 @@ pub fn linearized<'py>(
         d.set_item(name, array(py, &[count, width], rows))?;
     }
     d.set_item("modes", made.modes.as_ref().map(|m| modes(py, m, n)).transpose()?)?;
-    Ok(d)
-}
-
-/// The equilibrium that a search from the closed position q arrives at.
-pub fn equilibrium_of<'py>(
-    py: Python<'py>,
-    model: &Model,
-    t: f64,
-    q: &[f64],
-    stable: bool,
-) -> PyResult<Bound<'py, PyDict>> {
-    let found = py.detach(|| equilibrium::equilibrium(model, t, q, stable)).map_err(|e| failure::analysis(py, e))?;
-    let d = PyDict::new(py);
-    d.set_item("q", array(py, &[q.len()], found.q))?;
-    d.set_item("multipliers", array(py, &[found.multipliers.len()], found.multipliers))?;
-    d.set_item("independent", indices(py, &found.independent))?;
-    d.set_item("stiffness", dense(py, found.stiffness))?;
-    d.set_item("curvatures", array(py, &[found.curvatures.len()], found.curvatures))?;
-    d.set_item("symmetric", found.symmetric)?;
-    d.set_item("iterations", found.iterations)?;
     Ok(d)
 }
 

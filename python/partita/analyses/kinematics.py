@@ -20,6 +20,7 @@ from ..results.notebook import names, table
 from ..results.sensor import LiveSensors
 from ..results.source import ModelSource
 from ..state import Layout, State
+from .still import place
 
 if TYPE_CHECKING:
     import pandas
@@ -206,12 +207,7 @@ class Kinematics(Motion):
     def state(self, index: int) -> State:
         """Pose number `index` with its velocities, at rest where these are undetermined; `ArgumentError` where it was
         not reached."""
-        try:
-            i = range(len(self))[index]
-        except TypeError:
-            raise ArgumentError(
-                f"the number of a pose must be an integer, not {shown(index)}", argument="index"
-            ) from None
+        i = place(index, len(self), "a pose")
         if not self.reached[i]:
             raise ArgumentError(f"pose {i} was not reached: {self.reasons[i]}", argument="index")
         return self._state(self.q[i], np.nan_to_num(self.v[i]))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +13,15 @@ from numpy.typing import NDArray
 from ..errors import ArgumentError
 from ..extras import extra
 from ..numeric import shown
+from ..results.notebook import names, table
 from ..state import State
 from .modes import Modes, Shapes
+
+if TYPE_CHECKING:
+    import xarray
+    from matplotlib.figure import Figure
+
+    from ..plots.files import PathLike
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -123,6 +130,45 @@ class Linearization:
             made = again({parameter: value})
             found.append(made.modes().eigenvalues if made.steady else np.full(len(self.states), np.nan + 0j))
         return tuple(found)
+
+    def plot(self, path: PathLike | None = None) -> Figure:
+        """The eigenvalues of A in the complex plane, and the shares of energy of each mode: `modes().plot()`, with its
+        errors."""
+        return self.modes().plot(path)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """A, B, C, D, f0 and y0 with the names of states, inputs and outputs, as an `xarray.Dataset`; columns of A and
+        C along "by". `MissingDependencyError` without xarray."""
+        xarray = extra("xarray", "xarray", "to_xarray")
+        data = {
+            "A": (("state", "by"), self.A),
+            "B": (("state", "input"), self.B),
+            "C": (("output", "by"), self.C),
+            "D": (("output", "input"), self.D),
+            "f0": ("state", self.f0),
+            "y0": ("output", self.y0),
+        }
+        labels = {
+            "state": np.array(self.states, dtype=str),
+            "by": np.array(self.states, dtype=str),
+            "input": np.array(self.inputs, dtype=str),
+            "output": np.array(self.outputs, dtype=str),
+        }
+        about = {"t": self.state.t, "steady": int(self.steady), "method": self.method}
+        return xarray.Dataset(data, coords=labels, attrs=about)
+
+    def _repr_html_(self) -> str:
+        """A small table, in a notebook."""
+        rows = [
+            ("states", names(self.states)),
+            ("inputs", names(self.inputs)),
+            ("outputs", names(self.outputs)),
+            ("steady", "yes" if self.steady else "no: eigenvalues would depend on the coordinates"),
+            ("derivatives", self.method),
+        ]
+        if self._found is not None and self._shapes is not None:
+            rows += [(f"mode {mode.number}", repr(mode)) for mode in self.modes().modes[:4]]
+        return table(f"Linearised about t = {self.state.t:g} s", rows)
 
     # an empty system has a shape that SciPy does not take
     def _columns(self, x: Array) -> Array:

@@ -6,13 +6,25 @@ import math
 import operator
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ArgumentError
+from ..extras import extra
 from ..numeric import shown
+from ..options import one_of
+from ..results.notebook import table
+
+if TYPE_CHECKING:
+    import xarray
+    from matplotlib.figure import Figure
+
+    from ..plots.files import PathLike
+
+SHOWN = 12
+"""Modes that are shown before the rest is counted."""
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -30,6 +42,9 @@ class Shapes(Protocol):
 
     def kinetic(self, displacements: Array) -> dict[str, Array]:
         """Kinetic energy of each body at velocities equal to these displacements, (m,) by name."""
+
+    def elastic(self, displacements: Array) -> dict[str, tuple[Array, str | None]]:
+        """Strain energy of each spring at these displacements, (m,) by name, and the joint that it is in."""
 
     def animated(self, displacement: ComplexArray, amplitude: float, period: float) -> Any:
         """A `Result` of one period of the motion along a displacement."""
@@ -58,11 +73,7 @@ class Mode:
     displacements: ComplexArray
 
     def __repr__(self) -> str:
-        if self.kind == "zero":
-            return f"<mode {self.number}: zero, free motion of {self.motion}>"
-        if self.frequency:
-            return f"<mode {self.number}: {self.frequency:.6g} Hz, damping {self.damping:.3g}, mostly {self.motion}>"
-        return f"<mode {self.number}: {self.kind}, {self.eigenvalue.real:.6g} /s, mostly {self.motion}>"
+        return f"<mode {self.number}: {'zero, ' if self.kind == 'zero' else ''}{_words(self)}>"
 
 
 class Modes:
@@ -127,13 +138,81 @@ class Modes:
         found = self._shapes.joints(np.array([moved.real, moved.imag]))
         return {name: np.asarray(parts[0] + 1j * parts[1]) for name, parts in found.items()}
 
-    def energy(self, number: int) -> dict[str, float]:
-        """Share of each body in the kinetic energy of a mode, by name, averaged over a cycle; they add up to 1."""
+    def energy(self, number: int, of: str = "bodies") -> dict[str, float]:
+        """Shares in the energy of a mode by name, averaged over a cycle; they add up to 1 (to 0 where nothing is
+        strained).
+
+        Args:
+            number: of the mode.
+            of: "bodies": of the kinetic energy; "springs": of the strain energy 1/2 k d^2 of springs and torsion
+                springs, d the change of their length or angle; "joints": the same of the springs in each joint.
+
+        >>> import partita as pt
+        >>> m = pt.catalogue.load("four-bar-spring")
+        >>> modes = m.linearize(m.equilibrium()).modes()
+        >>> modes.energy(0, of="springs")
+        {'diagonal': 1.0}
+        """
+        wanted = one_of("of", of, ("bodies", "springs", "joints"))
         moved = self[number].displacements
-        found = self._shapes.kinetic(np.array([moved.real, moved.imag]))
-        parts = {name: float(part.sum()) for name, part in found.items()}
+        both = np.array([moved.real, moved.imag])
+        if wanted == "bodies":
+            parts = {name: float(part.sum()) for name, part in self._shapes.kinetic(both).items()}
+        else:
+            parts = {}
+            for name, (part, joint) in self._shapes.elastic(both).items():
+                owner = name if wanted == "springs" else joint
+                if owner is not None:
+                    parts[owner] = parts.get(owner, 0.0) + float(part.sum())
         total = sum(parts.values()) or 1.0
         return {name: part / total for name, part in parts.items()}
+
+    def plot(self, path: PathLike | None = None) -> Figure:
+        """The eigenvalues in the complex plane, and of each mode the shares of bodies and of springs in its energy.
+
+        Args:
+            path: also write the figure to this file.
+
+        Returns the Matplotlib figure; `MissingDependencyError` without Matplotlib.
+
+        >>> import partita as pt
+        >>> m = pt.catalogue.load("four-bar-spring")
+        >>> figure = m.linearize(m.equilibrium()).modes().plot()
+        >>> [ax.get_xlabel() for ax in figure.axes]
+        ['real part [1/s]', 'share of the kinetic energy', 'share of the strain energy']
+        """
+        from ..plots import plot_modes
+
+        return plot_modes(self, path)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Frequencies, damping and shapes along "mode", with the shares of energy, as an `xarray.Dataset`; real and
+        imaginary parts along "part". `MissingDependencyError` without xarray."""
+        xarray = extra("xarray", "xarray", "to_xarray")
+
+        def parts(values: ComplexArray) -> Array:
+            return np.stack([values.real, values.imag], axis=-1)
+
+        count, names = len(self), list(self._shapes.names)
+        shapes = np.array([mode.displacements for mode in self.modes], dtype=complex).reshape(count, len(names))
+        data: dict[str, Any] = {
+            "eigenvalue": (
+                ("mode", "part"),
+                parts(np.array([mode.eigenvalue for mode in self.modes])),
+                {"units": "1/s"},
+            ),
+            "frequency": ("mode", self.frequency, {"units": "Hz"}),
+            "damping": ("mode", self.damping, {"units": "1", "long_name": "damping ratio"}),
+            "kind": ("mode", np.array([mode.kind for mode in self.modes], dtype=str)),
+            "shape": (("mode", "displacement", "part"), parts(shapes)),
+        }
+        labels: dict[str, Any] = {"mode": np.arange(count), "displacement": names, "part": ["real", "imaginary"]}
+        for what, axis in (("bodies", "body"), ("springs", "spring")):
+            shares = [self.energy(i, of=what) for i in range(count)]
+            known = list(shares[0]) if shares else []
+            data[f"{axis}_energy"] = (("mode", axis), np.array([[one[k] for k in known] for one in shares]))
+            labels[axis] = np.array(known, dtype=str)
+        return xarray.Dataset(data, coords=labels)
 
     def to_html(self, path: Any, number: int = 0, *, amplitude: float = 0.3, period: float = 2.0, **drawn: Any) -> Any:
         """Write a page with the animated motion of a mode, its loops closed.
@@ -170,10 +249,24 @@ class Modes:
 
     def __repr__(self) -> str:
         lines = [f"<Modes: {len(self.modes)}, of them {sum(m.kind == 'zero' for m in self.modes)} zero"]
-        lines += [f"  {mode!r}" for mode in self.modes[:12]]
-        if len(self.modes) > 12:
-            lines.append(f"  ... and {len(self.modes) - 12} more")
+        lines += [f"  {mode!r}" for mode in self.modes[:SHOWN]]
+        if len(self.modes) > SHOWN:
+            lines.append(f"  ... and {len(self.modes) - SHOWN} more")
         return "\n".join(lines) + ">"
+
+    def _repr_html_(self) -> str:
+        """A small table, in a notebook."""
+        rows = [(f"mode {mode.number}", _words(mode)) for mode in self.modes[:SHOWN]]
+        more = len(self.modes) - SHOWN
+        return table("Modes", [*rows, *([("", f"and {more} more")] if more > 0 else [])])
+
+
+def _words(mode: Mode) -> str:
+    if mode.kind == "zero":
+        return f"free motion of {mode.motion}"
+    if mode.frequency:
+        return f"{mode.frequency:.6g} Hz, damping {mode.damping:.3g}, mostly {mode.motion}"
+    return f"{mode.kind}, {mode.eigenvalue.real:.6g} /s, mostly {mode.motion}"
 
 
 def _largest(shapes: Shapes, moved: ComplexArray) -> str:

@@ -8,6 +8,8 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import ArgumentError
+from ..numeric import shown
 from ..results.record import Record
 from ..results.run import Run
 from ..results.sensor import LiveSensors, account_of
@@ -39,3 +41,11 @@ def run_of(
     source = ModelSource(model.core if core is None else core, arrays, summary)
     record = Record(arrays=arrays, summary=summary, description=model.description)
     return cls(record, source, LiveSensors(model.sensors, source, account))
+
+
+def place(index: Any, count: int, what: str) -> int:
+    """Index of one of `count` things, from the end if it is negative; `IndexError` beyond them."""
+    try:
+        return range(count)[index]
+    except TypeError:
+        raise ArgumentError(f"the number of {what} must be an integer, not {shown(index)}", argument="index") from None

@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import options as run_options
 from ..analyses.equilibrium import Equilibrium
+from ..analyses.family import EquilibriumPath
 from ..analyses.still import run_of
+from ..builder import rest
 from ..builder.compiled import CompiledModel
 from ..errors import ArgumentError, PartitaError
 from ..naming import Names, coordinate_units
 from ..results.run import Run
 from ..state import State
+from . import family
 from .models import Modelled, layout_of
 from .solve import start_of
 
@@ -24,31 +27,63 @@ Array = NDArray[np.float64]
 
 SAME = 1e-6
 """Equilibria nearer to each other, in radians and fractions of the size of the state, are one."""
+DEFLATED = 20
+"""Starts from which further equilibria are searched beside the known ones, after the last start that found one."""
 
 
+@overload
 def equilibrium(
     self: Modelled,
     near: Any = None,
     *,
+    along: None = None,
     stable: bool | None = None,
     t: float | None = None,
     coordinates: str = "relative",
     parameters: Mapping[str, ArrayLike] | None = None,
-) -> Equilibrium:
+) -> Equilibrium: ...
+@overload
+def equilibrium(
+    self: Modelled,
+    near: Any = None,
+    *,
+    along: Mapping[str, ArrayLike],
+    stable: bool | None = None,
+    t: float | None = None,
+    coordinates: str = "relative",
+    parameters: Mapping[str, ArrayLike] | None = None,
+) -> EquilibriumPath: ...
+def equilibrium(
+    self: Modelled,
+    near: Any = None,
+    *,
+    along: Mapping[str, ArrayLike] | None = None,
+    stable: bool | None = None,
+    t: float | None = None,
+    coordinates: str = "relative",
+    parameters: Mapping[str, ArrayLike] | None = None,
+) -> Equilibrium | EquilibriumPath:
     """Find a position in which the mechanism stays at rest under its loads, with all loops closed and all reactions.
 
     Args:
         near: state from which the search starts; its velocities are ignored. None: the drawing, assembled.
+        along: name of a parameter (`m.compile().parameters`) -> values, at least two: the family of equilibria over
+            them, as an `EquilibriumPath`. It begins at the equilibrium for the first value and is followed by
+            pseudo-arclength continuation, through folds, while the parameter stays within the range of the values,
+            widened by itself on both sides. Parameters of several numbers take rows of them, several parameters
+            change together; they must lie on a straight line.
         stable: True: go down the potential to a stable equilibrium, never to a saddle; None or False: the nearest one
-            by Newton's method, stable or not.
+            by Newton's method, stable or not. Of a family: the equilibrium at which it begins.
         t: time [s] of loads and prescribed motions; None: that of `near`. Drives must be at rest then; they hold their
             positions.
         coordinates, parameters: as in `simulate`.
 
     Raises:
         ArgumentError: no equilibrium was found from there (what is left is named), a drive moves, or friction could
-            hold the mechanism at rest anywhere in a set of positions.
+            hold the mechanism at rest anywhere in a set of positions; values of `along` that are no straight line.
         SingularityError: the position is singular.
+
+    Cost of a family: for each position about four evaluations, with three changes of parameters each.
 
     >>> import math
     >>> import partita as pt
@@ -58,24 +93,51 @@ def equilibrium(
     >>> e = m.equilibrium(stable=True)
     >>> e.stable, round(e.state.position("A") / math.pi, 12), e.joint("A").force.round(9).tolist()
     (True, -0.5, [[0.0, 9.81, 0.0]])
+    >>> spring = m.add_torsion_spring("A", stiffness=20.0, name="s")
+    >>> m.equilibrium(along={"s.stiffness": [20.0, 10.0, 5.0]})
+    <EquilibriumPath over s.stiffness: 3 equilibria for 3 values, 3 stable; no folds>
     """
     wanted = run_options.one_of("coordinates", coordinates, run_options.COORDINATES)
-    model, _ = layout_of(self, wanted, parameters)
-    near = getattr(near, "state", near)
-    start = start_of(self, near, model, wanted, parameters)
+    model, layout = layout_of(self, wanted, parameters)
     descends = False if stable is None else run_options.yes_or_no("stable", stable)
-    time = start.t if t is None else State(run_options.si("t", t, "s"), [], []).t
-    _refuse_friction(model)
-    return _found(model, time, start, descends)
+    near = getattr(near, "state", near)
+    if along is not None:
+        line = family.line_of(model, along)
+        model = model.with_parameters(line.at(float(line.asked[0])))
+        first = {**(parameters or {}), **line.at(float(line.asked[0]))}
+        start = _start(self, near, model, wanted, first, t)
+        found = _searched(model, start, descends)
+        return family.followed(self, model, layout, line, found.state, lambda m, state: _found(m, state))
+    return _searched(model, _start(self, near, model, wanted, parameters, t), descends)
 
 
-def _found(model: CompiledModel, t: float, start: State, stable: bool) -> Equilibrium:
+def _start(
+    self: Modelled,
+    near: Any,
+    model: CompiledModel,
+    coordinates: str,
+    parameters: Mapping[str, ArrayLike] | None,
+    t: float | None,
+) -> State:
+    start = start_of(self, near, model, coordinates, parameters)
+    refuse_friction(model)
+    if t is None:
+        return start
+    time = State(run_options.si("t", t, "s"), [], []).t
+    return State(time, start.q, start.v, layout=start._layout)
+
+
+def _searched(model: CompiledModel, start: State, stable: bool, known: list[Array] | None = None) -> Equilibrium:
     """The equilibrium that a search arrives at."""
-    found = model.core.equilibrium(t, start.q, stable)
-    rest = np.zeros(model.core.nv)
-    q = found["q"]
-    state = State(t, q, rest, layout=start._layout)
-    about = model.core.linearized(t, q, rest, np.zeros((0, len(rest))))
+    found = rest.searched(model.core, start.t, start.q, stable, known or ())
+    return _found(model, State(start.t, found["q"], np.zeros(model.core.nv), layout=start._layout), found)
+
+
+def _found(model: CompiledModel, state: State, found: Mapping[str, Any] | None = None) -> Equilibrium:
+    """A position of rest, with everything about it."""
+    if found is None:
+        found = rest.resting(model.core, state.t, state.q)
+    about = model.core.linearized(state.t, state.q, state.v, np.zeros((0, len(state.v))))
     modes = about["modes"]
     values = np.zeros(0, dtype=complex)
     stable_here: bool | None = None
@@ -91,8 +153,8 @@ def _found(model: CompiledModel, t: float, start: State, stable: bool) -> Equili
                 stable_here = False
         elif abs(growth) > small:
             stable_here = growth < 0.0
-    row = rest[None, :]
-    run = run_of(Run, model, np.array([t]), q[None, :], row, row, found["multipliers"][None, :])
+    row = state.v[None, :]
+    run = run_of(Run, model, np.array([state.t]), state.q[None, :], row, row, found["multipliers"][None, :])
     return Equilibrium(
         state=state,
         stable=stable_here,
@@ -105,7 +167,7 @@ def _found(model: CompiledModel, t: float, start: State, stable: bool) -> Equili
     )
 
 
-def _refuse_friction(model: CompiledModel) -> None:
+def refuse_friction(model: CompiledModel) -> None:
     """Friction that sticks holds the mechanism at rest in a whole set of positions."""
     for force in json.loads(model.core.description)["forces"]:
         if force["kind"] == "friction":
@@ -128,6 +190,9 @@ def equilibria(
     """Search equilibria from many positions drawn at random, on all branches; the ones found, each once, the lowest
     potential energy first. There may be others: this is what was found from so many starts, never "all".
 
+    From each start it searches by Newton's method and down the potential, and then for further ones with those that are
+    known removed from the equations (deflation).
+
     Args:
         starts: number of random positions from which the search starts.
         seed: of the random positions; the same seed gives the same list.
@@ -142,55 +207,50 @@ def equilibria(
     """
     wanted = run_options.one_of("coordinates", coordinates, run_options.COORDINATES)
     model, _ = layout_of(self, wanted, parameters)
-    start = start_of(self, getattr(near, "state", near), model, wanted, parameters)
-    _refuse_friction(model)
+    start = _start(self, getattr(near, "state", near), model, wanted, parameters, None)
     count, random = run_options.count(starts, "starts"), run_options.generator(seed)
-    scales = _scales(model, start)
+    spread = _spread(model)
     found: list[Equilibrium] = []
+    last = 0
     for i in range(count + 1):
-        here = start if i == 0 else _drawn(model, start, scales, random)
+        here = start if i == 0 else _drawn(model, start, spread, random)
         if here is None:
             continue
         for stable in (False, True):
-            try:
-                one = _found(model, start.t, here, stable)
-            except PartitaError:
-                continue
-            if not any(_same(model, one, other, scales) for other in found):
-                found.append(one)
+            if _added(model, here, stable, found, deflated=False):
+                last = i
+        # beside one of a continuum there are others without end
+        while found and i - last <= DEFLATED and not any(one.indifferent for one in found):
+            if not _added(model, here, False, found, deflated=True):
+                break
+            last = i
     return sorted(found, key=lambda one: one.potential)
 
 
-def _scales(model: CompiledModel, start: State) -> Array:
-    """Range of each coordinate: half a turn, or the size of the mechanism."""
-    bodies = model.core.bodies(np.array([start.t]), start.q[None, :], start.v[None, :], list(range(_bodies(model))))
-    points = bodies["body_position"][0]
-    size = float(np.ptp(points, axis=0).max(initial=0.0)) or 1.0
-    return np.array([np.pi if unit == "rad" else size if unit == "m" else 1.0 for unit in _units(model)])
-
-
-def _bodies(model: CompiledModel) -> int:
-    return len(model.summary["bodies"])
-
-
-def _units(model: CompiledModel) -> list[str]:
-    names = Names.from_summary(model.summary, model.core.nq, model.core.nv, model.core.rows)
-    return coordinate_units(model.summary, names)[0]
-
-
-def _drawn(model: CompiledModel, start: State, scales: Array, random: np.random.Generator) -> State | None:
-    """A position drawn at random, its loops closed; None where they do not close from there."""
-    q = start.q + scales * random.uniform(-1.0, 1.0, len(scales))
+def _added(model: CompiledModel, start: State, stable: bool, found: list[Equilibrium], *, deflated: bool) -> bool:
+    """Whether a search found another equilibrium, which joins the others."""
     try:
-        q, v, _ = model.core.assemble(start.t, q, np.zeros(model.core.nv), [], [], [], [], [], 1e-10)
+        one = _searched(model, start, stable, [other.state.q for other in found] if deflated else None)
+    except PartitaError:
+        return False
+    if any(rest.apart(model.core, one.state.q, other.state.q) <= SAME for other in found):
+        return False
+    found.append(one)
+    return True
+
+
+def _spread(model: CompiledModel) -> Array:
+    """Range of each displacement: half a turn, or the size of the mechanism."""
+    names = Names.from_summary(model.summary, model.core.nq, model.core.nv, model.core.rows)
+    units = coordinate_units(model.summary, names)[1]
+    return rest.sizes(model.core) * np.array([np.pi if unit == "rad/s" else 1.0 for unit in units])
+
+
+def _drawn(model: CompiledModel, start: State, spread: Array, random: np.random.Generator) -> State | None:
+    """A position drawn at random, its loops closed; None where they do not close from there."""
+    by = spread * random.uniform(-1.0, 1.0, len(spread))
+    try:
+        q = model.core.displaced(start.t, start.q, by[None, :])[0]
     except PartitaError:
         return None
-    return State(start.t, q, v, layout=start._layout)
-
-
-def _same(model: CompiledModel, one: Equilibrium, other: Equilibrium, scales: Array) -> bool:
-    """Whether two positions are one, whole turns of angles aside."""
-    off = one.state.q - other.state.q
-    turns = scales == np.pi
-    off[turns] -= 2.0 * np.pi * np.round(off[turns] / (2.0 * np.pi))
-    return bool(np.max(np.abs(off) / scales, initial=0.0) <= SAME)
+    return State(start.t, q, np.zeros(model.core.nv), layout=start._layout)

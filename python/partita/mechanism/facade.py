@@ -20,6 +20,7 @@ from .linear import linearize
 from .models import Modelled
 from .playground import to_playground
 from .poses import assemble_many
+from .preload import preload
 from .report import report
 
 
@@ -86,6 +87,7 @@ class Mechanism(Modelled):
     compare = compare_mechanism
     equilibrium = equilibrium
     equilibria = equilibria
+    preload = preload
     linearize = linearize
     report = report
     to_fmu = to_fmu

@@ -13,9 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 from .. import options as run_options
 from ..analyses.linear import Linearization
 from ..analyses.still import run_of
+from ..builder import rest
 from ..builder.compiled import CompiledModel
 from ..errors import ArgumentError
-from ..naming import Names, coordinate_units, index_of
+from ..naming import index_of
 from ..numeric import shown
 from ..results import Result
 from ..results.run import Run
@@ -57,6 +58,39 @@ class ModelShapes:
             energies[body["name"]] = 0.5 * (body["mass"] * np.sum(velocity**2, axis=1) + turning)
         return energies
 
+    def elastic(self, displacements: Array) -> dict[str, tuple[Array, str | None]]:
+        """Strain energy of each spring by its change of length or angle, and the joint that it is in."""
+        motion = self._motion(displacements)
+        bodies = self._model.core.bodies(*motion, list(range(len(self._bodies))))
+        places = {body["name"]: i for i, body in enumerate(self._bodies)}
+        joints = self.joints(displacements)
+        still = np.zeros((len(displacements), 3))
+        energies: dict[str, tuple[Array, str | None]] = {}
+
+        def end(body: str, point: list[float]) -> tuple[Array, Array]:
+            """Position and velocity of a point."""
+            if body not in places:
+                return still + np.array(point), still
+            i = places[body]
+            arm = bodies["body_rotation"][:, i] @ np.array(point)
+            moving = bodies["body_velocity"][:, i] + np.cross(bodies["body_angular_velocity"][:, i], arm)
+            return bodies["body_position"][:, i] + arm, moving
+
+        for force in json.loads(self._model.core.description)["forces"]:
+            if force["kind"] == "spring":
+                ends = [end(force[f"body{k}"], force[f"point{k}"]) for k in (1, 2)]
+                line, rate = ends[1][0] - ends[0][0], ends[1][1] - ends[0][1]
+                lengths = np.linalg.norm(line, axis=1)
+                change = np.einsum("ij,ij->i", line, rate) / np.where(lengths > 0.0, lengths, 1.0)
+                joint = None
+            elif force["kind"] == "torsion_spring":
+                joint = str(force["joint"])
+                change = joints[joint][:, int(force.get("coordinate", 0))]
+            else:
+                continue
+            energies[str(force["name"])] = (0.5 * float(force["stiffness"]) * change**2, joint)
+        return energies
+
     def animated(self, displacement: NDArray[np.complex128], amplitude: float, period: float) -> Result:
         """One period of the motion along a displacement, closed at every output."""
         size = amplitude / (np.abs(displacement / self._sizes).max(initial=0.0) or 1.0)
@@ -71,15 +105,8 @@ class ModelShapes:
 
     @cached_property
     def _sizes(self) -> Array:
-        """One radian, or the size of the mechanism."""
-        units = coordinate_units(
-            self._model.summary,
-            Names.from_summary(self._model.summary, self._model.core.nq, self._model.core.nv, self._model.core.rows),
-        )[1]
-        at = self._motion(np.zeros((1, self._model.core.nv)))
-        points = self._model.core.bodies(*at, list(range(len(self._bodies))))["body_position"][0]
-        extent = float(np.ptp(points, axis=0).max(initial=0.0)) or 1.0
-        return np.array([1.0 if unit == "rad/s" else extent for unit in units])
+        """One radian, or a length."""
+        return rest.sizes(self._model.core)
 
     @cached_property
     def _bodies(self) -> list[dict[str, Any]]:

@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..analyses.still import place
 from ..builder.compiled import CompiledModel
-from ..errors import ArgumentError, AssemblyError
+from ..errors import AssemblyError
 from ..naming import index_of
-from ..numeric import shown
 from ..results.body import BodyResult, resting
 from ..state import Layout, State
 from .branches import on_branch
@@ -80,12 +80,7 @@ class Poses:
 
     def state(self, index: int) -> State:
         """Pose number `index`, at rest. Raises `AssemblyError`, with the reason, where it was not assembled."""
-        try:
-            i = range(len(self))[index]
-        except TypeError:
-            raise ArgumentError(
-                f"the number of a pose must be an integer, not {shown(index)}", argument="index"
-            ) from None
+        i = place(index, len(self), "a pose")
         if not self.ok[i]:
             raise AssemblyError(
                 f"pose {i}: {self.reasons[i]}", residual=float(self.shortfall[i]), iterations=0, loops=self.reasons[i]

@@ -2,15 +2,14 @@
 
 use super::continuation::{Continuation, Ending, Start};
 use super::goal::{Goal, Target};
-use partita_math::{dense, tolerance};
+use partita_math::dense;
+use partita_math::zero::false_position;
 use partita_model::joint::Motion;
 use partita_model::model::ModelScratch;
 use partita_model::Model;
 use partita_system::prelude::*;
 use partita_system::SystemError;
 
-/// Number of positions tried until a slope is zero: false position converges in about eight.
-const LOCATING: usize = 100;
 /// First distance from the end of a continuation to a position beyond the limit. Scale: characteristic displacements of
 /// the coordinate followed. Reason: continuations end nearer to a limit.
 const PAST_LIMIT: f64 = 1e-2;
@@ -94,7 +93,6 @@ pub fn stationary(
 fn zero(path: &mut Path, end: f64) -> Result<Option<Stationary>, SystemError> {
     let (mut q, mut there) = (Vec::new(), Vec::new());
     let (Some(first), Some(last)) = (path.at(0.0, &mut q)?, path.at(end, &mut there)?) else { return Ok(None) };
-    let (mut a, mut b) = ((0.0, first), (end, last));
     if first == 0.0 {
         return Ok(Some(Stationary { q, part: 0.0 }));
     }
@@ -104,29 +102,8 @@ fn zero(path: &mut Path, end: f64) -> Result<Option<Stationary>, SystemError> {
     if (first > 0.0) == (last > 0.0) || !first.is_finite() || !last.is_finite() {
         return Ok(None);
     }
-    // false position; the end that stays has its slope halved
-    let (mut part, mut kept) = (0.0, 0);
-    for _ in 0..LOCATING {
-        let last = part;
-        part = a.0 + (b.0 - a.0) * a.1 / (a.1 - b.1);
-        if !(part > a.0 && part < b.0) {
-            part = 0.5 * (a.0 + b.0);
-        }
-        let Some(slope) = path.at(part, &mut q)? else { return Ok(None) };
-        if slope == 0.0 || (part - last).abs() <= tolerance::ROUNDING * end || b.0 - a.0 <= tolerance::ROUNDING * end {
-            break;
-        }
-        if (slope > 0.0) == (a.1 > 0.0) {
-            a = (part, slope);
-            b.1 *= if kept > 0 { 0.5 } else { 1.0 };
-            kept = 1;
-        } else {
-            b = (part, slope);
-            a.1 *= if kept < 0 { 0.5 } else { 1.0 };
-            kept = -1;
-        }
-    }
-    Ok(Some(Stationary { q, part }))
+    let part = false_position((0.0, first), (end, last), |part| path.at(part, &mut q))?;
+    Ok(part.map(|part| Stationary { q, part }))
 }
 
 /// The end of the range of a goal.

@@ -1,0 +1,172 @@
+"""One mechanism of the zoo with springs: A and B moving and at rest, and eigenvalues in both kinds of coordinates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+import partita as pt
+from partita.builder.compiled import CompiledModel
+from partita.errors import PartitaError
+
+Array = NDArray[np.float64]
+
+EXACT = 1e-7
+"""Entries of A and B and the differences, over the largest entry of their block."""
+EXTRAPOLATED = 1e-8
+"""Largest error of the differences themselves: what the last extrapolation changes. Three lengths remove errors of the
+second and fourth order."""
+LENGTH = 4e-3
+"""Longest difference, in characteristic displacements: its sixth power is below rounding."""
+SAME = 1e-7
+"""Eigenvalues in the two kinds of coordinates, over the largest; zero ones are roots of rounding, 1e-6."""
+SPRUNG = 3
+"""Joints with a spring."""
+
+
+@dataclass
+class Judged:
+    """What was wrong, in words, and the largest differences."""
+
+    name: str
+    wrong: list[str] = field(default_factory=list)
+    worst: dict[str, float] = field(default_factory=dict)
+    left_out: list[str] = field(default_factory=list)
+
+    def hold(self, what: str, value: float, limit: float) -> None:
+        self.worst[what] = max(value, self.worst.get(what, 0.0))
+        if not value <= limit:
+            self.wrong.append(f"{what}: {value:.1e}, more than {limit:.0e}")
+
+
+def sprung(name: str) -> tuple[pt.Mechanism, str | None]:
+    """The mechanism with springs and dampers in joints and on bodies, and a joint of one coordinate."""
+    m = pt.catalogue.entry(name).mechanism()
+    single = [joint for joint in m.joints if m.joints[joint].kind in ("revolute", "prismatic", "screw")]
+    for i, joint in enumerate(single[:SPRUNG]):
+        m.add_torsion_spring(joint, stiffness=30.0 + 7.0 * i, damping=0.4 + 0.1 * i, angle=0.1, name=f"twist {i}")
+    bodies = list(m.bodies)
+    for i, body in enumerate(dict.fromkeys((bodies[0], bodies[-1]))):
+        foot = (0.3, -0.7 + 0.2 * i, 0.4)
+        m.add_spring(f"coil {i}", m.ground, foot, body, (0, 0, 0), stiffness=90.0, damping=1.5, length=0.4)
+    if single:
+        m.add_torque(single[0], 0.0, name="probe")
+    return m, single[0] if single else None
+
+
+def differences(model: CompiledModel, at: tuple[float, Array, Array], found: dict[str, Array]) -> tuple[Array, Array]:
+    """Changes of v' with all states by central differences, extrapolated twice, and how much the last time."""
+    t, q, v = at
+    kz, states = len(found["positions"]), found["A"].shape[0]
+    sizes = found["steps"][:states] / np.cbrt(np.finfo(float).eps)
+
+    def acceleration(j: int, h: float) -> Array:
+        moved = model.core.displaced(t, q, h * found["displacements"][:, j][None, :])[0] if j < kz else q
+        return model.core.acceleration(t, moved, v + h * found["rates"][:, j])[0]
+
+    columns, changed = [], []
+    for j in range(states):
+        slopes = []
+        for part in (1.0, 0.5, 0.25):
+            h = LENGTH * sizes[j] * part
+            slopes.append((acceleration(j, h) - acceleration(j, -h)) / (2.0 * h))
+        once = [(4.0 * b - a) / 3.0 for a, b in pairwise(slopes)]
+        columns.append((16.0 * once[1] - once[0]) / 15.0)
+        changed.append(columns[-1] - once[1])
+    return np.array(columns).T, np.array(changed).T
+
+
+def compared(
+    judged: Judged, model: CompiledModel, at: tuple[float, Array, Array], motor: str | None, word: str
+) -> None:
+    """A, B and the number of states at one state."""
+    t, q, v = at
+    efforts = np.zeros((0, model.core.nv))
+    if motor is not None:
+        core, _ = model._with_actuators([motor])
+        efforts = core.columns(t, q)
+    found = model.core.linearized(t, q, v, efforts)
+    kz, ku, states = len(found["positions"]), len(found["velocities"]), found["A"].shape[0]
+    sizes = found["steps"][:states] / np.cbrt(np.finfo(float).eps)
+    jacobian = model.core.jacobian(t, q)
+    rank = int(np.linalg.matrix_rank(jacobian, tol=1e-8 * max(1.0, np.abs(jacobian).max(initial=0.0))))
+    rolling = name_rolls(judged.name)
+    if ku != model.core.nv - rank or states != kz + ku or (kz != ku) != rolling:
+        judged.wrong.append(f"{word}: {kz} + {ku} states of {model.core.nv} velocities with constraints of rank {rank}")
+    exact = found["accelerations"][:, :states]
+    slopes, changed = differences(model, at, found)
+    whole = np.abs(exact * sizes).max(initial=0.0)
+    for block, what in ((slice(0, kz), "by positions"), (slice(kz, states), "by velocities")):
+        # forces may all but vanish along some of the states
+        size = max(np.abs((exact * sizes)[:, block]).max(initial=0.0), 1e-3 * whole, 1e-300)
+        off = np.abs(((exact - slopes) * sizes)[:, block]).max(initial=0.0) / size
+        judged.hold(f"A {what}, {word}", float(off), EXACT)
+        judged.hold(
+            f"error of differences, {word}",
+            float(np.abs((changed * sizes)[:, block]).max(initial=0.0) / size),
+            EXTRAPOLATED,
+        )
+    velocities = np.abs(found["A"][kz:] - exact[found["velocities"]]).max(initial=0.0)
+    judged.hold(f"rows of A, {word}", float(velocities / max(np.abs(exact).max(initial=0.0), 1e-300)), 1e-12)
+    if motor is not None:
+        pushed = model.with_parameters({"probe.value": 1.0}).core.acceleration(t, q, v)[0]
+        column = pushed - model.core.acceleration(t, q, v)[0]
+        size = np.abs(found["accelerations"][:, states]).max(initial=0.0)
+        # an unlucky joint may move nothing; what is left is the rounding of v'
+        rounding = 1e-12 * np.abs(pushed).max(initial=0.0)
+        off = np.abs(found["accelerations"][:, states] - column).max(initial=0.0)
+        judged.hold(f"B, {word}", float(off / max(size, rounding / EXACT, 1e-300)), EXACT)
+
+
+def name_rolls(name: str) -> bool:
+    """Whether wheels roll, so that there are more positions than rates."""
+    return any(word in name for word in ("rolling", "bicycle"))
+
+
+def eigenvalues(judged: Judged, m: pt.Mechanism) -> None:
+    """About an equilibrium: twice as many as degrees of freedom, the same in both kinds of coordinates."""
+    try:
+        e = m.equilibrium(stable=True)
+        away = m.convert(e.state, "absolute")
+    except PartitaError as error:
+        judged.left_out.append(f"eigenvalues: {error}")
+        return
+    found = []
+    for state, coordinates in ((e.state, "relative"), (away, "absolute")):
+        lin = m.linearize(state, outputs=(), coordinates=coordinates)
+        if not lin.steady:
+            judged.left_out.append(f"eigenvalues: not steady in {coordinates} coordinates")
+            return
+        found.append(lin.modes().eigenvalues)
+    one, other = (values[np.lexsort((values.imag, values.real, np.abs(values).round(6)))] for values in found)
+    k = len(e.independent)
+    if len(one) != len(other) or (not name_rolls(judged.name) and len(one) != 2 * k):
+        judged.wrong.append(f"{len(one)} and {len(other)} eigenvalues of {k} degrees of freedom")
+        return
+    size = np.abs(one).max(initial=0.0) or 1.0
+    # each to its nearest: a sum of ties has no order
+    off = max((float(np.abs(other - value).min()) for value in one), default=0.0)
+    judged.hold("eigenvalues, relative and absolute", off / size, SAME if np.abs(one).min(initial=1.0) > 0 else 1e-6)
+
+
+def study(name: str) -> Judged:
+    """Everything of one mechanism."""
+    judged = Judged(name)
+    m, motor = sprung(name)
+    entry = pt.catalogue.entry(name)
+    try:
+        start = entry.initial(m)
+        later = m.simulate(0.05, initial=start, t_eval=[0.0, 0.05], rtol=1e-9, atol=1e-11).state(0.05)
+        for coordinates in ("relative", "absolute"):
+            model = m.compile(coordinates)
+            moving = later if coordinates == "relative" else m.convert(later, coordinates)
+            compared(judged, model, (moving.t, moving.q, moving.v), motor, "moving")
+            compared(judged, model, (moving.t, moving.q, np.zeros_like(moving.v)), motor, "at rest")
+    except PartitaError as error:
+        judged.wrong.append(f"{type(error).__name__}: {error}")
+        return judged
+    eigenvalues(judged, m)
+    return judged
