@@ -85,7 +85,7 @@ class Equilibrium:
 
         Returns the Matplotlib figure; `MissingDependencyError` without Matplotlib.
         """
-        from ..plots import plot_poles
+        from ..plots.modes import plot_poles
 
         return plot_poles(self._run.title, self.eigenvalues, path)
 

@@ -197,7 +197,7 @@ class EquilibriumPath:
 
         Returns the Matplotlib figure; `MissingDependencyError` without Matplotlib.
         """
-        from ..plots import plot_family
+        from ..plots.family import plot_family
 
         spans = np.ptp(self.curve_q, axis=0)
         shown_one = (

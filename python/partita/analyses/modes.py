@@ -181,7 +181,7 @@ class Modes:
         >>> [ax.get_xlabel() for ax in figure.axes]
         ['real part [1/s]', 'share of the kinetic energy', 'share of the strain energy']
         """
-        from ..plots import plot_modes
+        from ..plots.modes import plot_modes
 
         return plot_modes(self, path)
 

@@ -64,20 +64,20 @@ def line_of(model: CompiledModel, along: Any) -> Line:
         widths.append(values.shape[1])
     names = [str(name) for name in along]
     every, cuts = np.hstack(rows), np.cumsum(widths)[:-1]
-    origin, way = every[0].copy(), every[-1] - every[0]
+    origin, direction = every[0].copy(), every[-1] - every[0]
     varying = np.flatnonzero(np.ptp(every, axis=0) > 0.0)
     if len(varying) == 1:
         one = int(varying[0])
         label = [f"{name}[{i}]" if w > 1 else name for name, w in zip(names, widths, strict=True) for i in range(w)][
             one
         ]
-        x, origin[one], way = every[:, one], 0.0, np.zeros(len(origin))
-        way[one] = 1.0
+        x, origin[one], direction = every[:, one], 0.0, np.zeros(len(origin))
+        direction[one] = 1.0
     else:
         label = f"{', '.join(names)} (fraction)"
-        length = float(way @ way)
-        x = (every - every[0]) @ way / length if length else np.zeros(len(every))
-        off = np.abs(every - every[0] - x[:, None] * way).max(axis=1)
+        length = float(direction @ direction)
+        x = (every - every[0]) @ direction / length if length else np.zeros(len(every))
+        off = np.abs(every - every[0] - x[:, None] * direction).max(axis=1)
         if np.any(off > STRAIGHT * np.sqrt(length)):
             raise ArgumentError(
                 f"along: the values of {', '.join(names)} do not lie on a straight line (row {int(np.argmax(off))} is "
@@ -86,7 +86,7 @@ def line_of(model: CompiledModel, along: Any) -> Line:
             )
     if len(np.unique(x)) != len(x):
         raise ArgumentError("along: a value is given twice; give each once", argument="along")
-    parts = [[part.tolist() for part in np.split(numbers, cuts)] for numbers in (origin, way)]
+    parts = [[part.tolist() for part in np.split(numbers, cuts)] for numbers in (origin, direction)]
     return Line(label, names, parts[0], parts[1], np.ascontiguousarray(x))
 
 

@@ -62,16 +62,16 @@ class ModelShapes:
         """Strain energy of each spring by its change of length or angle, and the joint that it is in."""
         motion = self._motion(displacements)
         bodies = self._model.core.bodies(*motion, list(range(len(self._bodies))))
-        places = {body["name"]: i for i, body in enumerate(self._bodies)}
+        numbers = {body["name"]: i for i, body in enumerate(self._bodies)}
         joints = self.joints(displacements)
         still = np.zeros((len(displacements), 3))
         energies: dict[str, tuple[Array, str | None]] = {}
 
         def end(body: str, point: list[float]) -> tuple[Array, Array]:
             """Position and velocity of a point."""
-            if body not in places:
+            if body not in numbers:
                 return still + np.array(point), still
-            i = places[body]
+            i = numbers[body]
             arm = bodies["body_rotation"][:, i] @ np.array(point)
             moving = bodies["body_velocity"][:, i] + np.cross(bodies["body_angular_velocity"][:, i], arm)
             return bodies["body_position"][:, i] + arm, moving

@@ -23,11 +23,9 @@ from ..naming import index_of
 from ..numeric import shown
 from ..result_view import ResultView, checked_run
 from .abscissa import Abscissa, abscissa
-from .family import plot_family
 from .files import PathLike, figure_path, save_figure
 from .joint import draw_joint
 from .measure import draw_measure
-from .modes import plot_modes, plot_poles
 from .overview import draw_overview, overview_height
 from .paths import draw_bearings, draw_paths
 from .reactions import draw_reactions
@@ -46,11 +44,8 @@ __all__ = [
     "overview",
     "plot",
     "plot_energy",
-    "plot_family",
     "plot_joint",
     "plot_measure",
-    "plot_modes",
-    "plot_poles",
     "plot_reactions",
     "save_figure",
 ]

@@ -16,6 +16,7 @@ use partita_math::factor;
 use partita_math::tolerance;
 use partita_math::zero::false_position;
 use partita_system::manifold::kept_rows::close_kept;
+use partita_system::manifold::least_change::FIRST_CORRECTION;
 use partita_system::manifold::{follow, At, Closed, ClosureError, Curve, End, Ending, Pace, Visit};
 use partita_system::start;
 use partita_system::system::Varied;
@@ -29,7 +30,7 @@ const LONGEST_FAMILY_STEP: f64 = 0.1;
 const MOST_FAMILY_STEPS: usize = 2000;
 /// Corrections of one position of a family. Reason: Newton's method needs five.
 const CORRECTIONS: usize = 12;
-/// Folds and branchings in one step are separated down to steps of this length. Unit: characteristic displacement.
+/// Folds and branchings in one step are separated down to steps of this length. Scale: characteristic displacement.
 /// Reason: nearer ones are one to six digits of their difference.
 const SEPARATED: f64 = 1e-4;
 
@@ -304,7 +305,7 @@ impl<S: ConstrainedSystem + Varied + 'static> Curve for Equilibria<'_, S> {
                 self.there = Some(there);
                 return Ok(Closed { ending: Ending::Closed, ..closed });
             }
-            let Some(by) = by.filter(|_| length <= LONGEST_FAMILY_STEP && length <= tolerance::CONVERGES * left) else {
+            let Some(by) = by.filter(|_| length <= FIRST_CORRECTION && length <= tolerance::CONVERGES * left) else {
                 return Ok(closed);
             };
             self.advance(at, &by, 1.0);
