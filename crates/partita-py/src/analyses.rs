@@ -1,10 +1,10 @@
 //! Analyses of one state, as dictionaries of arrays.
 
 use crate::arrays::{array, dense, indices};
-use crate::failure;
+use crate::failure::{self, raise};
 use crate::state::Array;
 use partita_analysis::equilibrium;
-use partita_analysis::linear::{self, Modes};
+use partita_analysis::linear::{self, Driven, Modes};
 use partita_analysis::poses;
 use partita_math::tolerance;
 use partita_model::Model;
@@ -30,20 +30,36 @@ fn modes<'py>(py: Python<'py>, modes: &Modes, n: usize) -> PyResult<Bound<'py, P
     Ok(d)
 }
 
-/// The linearised equations about a state; `efforts` hold a column of E in each row.
+/// The linearised equations about a state; `efforts` hold a column of E in each row, `drives` the rows of those whose
+/// accelerations are inputs.
 pub fn linearized<'py>(
     py: Python<'py>,
     model: &Model,
     state: (f64, &[f64], &[f64]),
     independent: Option<&[usize]>,
     efforts: &[f64],
+    drives: &[usize],
 ) -> PyResult<Bound<'py, PyDict>> {
-    let made =
-        py.detach(|| linear::linearize(model, state, independent, efforts)).map_err(|e| failure::analysis(py, e))?;
+    let driven = |row: &usize| match model.prescribed(*row, state.0) {
+        Ok(Some([rate, acceleration])) => Ok(Driven { row: *row, rate, acceleration }),
+        Ok(None) => Err(raise(
+            py,
+            "ArgumentError",
+            "inputs: a prescribed orientation has no acceleration that is one number; drive angles instead",
+            &[("argument", "inputs".into())],
+        )),
+        Err(e) => Err(failure::system(py, e)),
+    };
+    let driven = drives.iter().map(driven).collect::<PyResult<Vec<_>>>()?;
+    let made = py
+        .detach(|| linear::linearize(model, state, independent, efforts, &driven))
+        .map_err(|e| failure::analysis(py, e))?;
     let found = &made.first_order;
     let d = PyDict::new(py);
     d.set_item("positions", indices(py, &found.positions))?;
     d.set_item("velocities", indices(py, &found.velocities))?;
+    d.set_item("driven_positions", indices(py, &found.driven_positions))?;
+    d.set_item("driven_rates", indices(py, &found.driven_rates))?;
     for (name, m) in [
         ("A", &found.a),
         ("B", &found.b),
