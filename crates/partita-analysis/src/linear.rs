@@ -119,7 +119,9 @@ pub fn linearize<'s, S: ConstrainedSystem + Varied + 's>(
     let solved = Solved::new(system.clone(), (t, q, v), independent).map_err(|e| state_error(&*system, e))?;
     let found = solved.first_order(efforts, driven)?;
     let still = system.travel(v) == 0.0;
-    let steady = is_steady(&*system, &solved, &found);
+    // at rest, loads given over time are those of this time
+    let lasting = if still || !system.rheonomic() { stays(&*system, &found) } else { persists(&solved, (t, q, v))? };
+    let steady = lasting && !accelerates(&*system, &solved, &found);
     let conservative = steady && still && driven.is_empty() && !system.rheonomic() && is_conservative(&found);
     let mut made = Linearized {
         first_order: found,
@@ -164,11 +166,10 @@ fn sizes<S: ConstrainedSystem>(system: &S, found: &FirstOrder) -> Vec<f64> {
     [of(&found.positions, &found.driven_positions), of(&found.velocities, &found.driven_rates)].concat()
 }
 
-/// No independent velocity accelerates, and f0 does not change along itself.
-fn is_steady<S: ConstrainedSystem + Varied>(system: &S, solved: &Solved<S>, found: &FirstOrder) -> bool {
+/// Whether an independent velocity accelerates.
+fn accelerates<S: ConstrainedSystem + Varied>(system: &S, solved: &Solved<S>, found: &FirstOrder) -> bool {
     let (kz, n, r) = (found.displacements.cols(), found.f0.len(), &solved.reduction);
     let sizes = sizes(system, found);
-    let scaled = |i: usize, j: usize| found.a[(i, j)] * sizes[j] / sizes[i];
     // accelerations that an ordinary displacement would cause, or single forces
     let mut single: Vec<f64> = (0..r.k())
         .map(|j| (0..solved.forces.len()).map(|l| (r.dt[l * r.k() + j] * solved.forces[l]).abs()).sum())
@@ -176,11 +177,15 @@ fn is_steady<S: ConstrainedSystem + Varied>(system: &S, solved: &Solved<S>, foun
     dense::cholesky_solve(&r.md_factor, r.k(), &mut single);
     let ordinary = (kz..n).fold(0.0, |m: f64, i| {
         let single = single.get(i - kz).map_or(0.0, |x| x.abs() / sizes[i]);
-        (0..kz).fold(m.max(single), |m: f64, j| m.max(scaled(i, j).abs()))
+        (0..kz).fold(m.max(single), |m: f64, j| m.max((found.a[(i, j)] * sizes[j] / sizes[i]).abs()))
     });
-    if (kz..n).any(|i| found.f0[i].abs() / sizes[i] > tolerance::CLOSED_IN_RUN * ordinary) {
-        return false;
-    }
+    (kz..n).any(|i| found.f0[i].abs() / sizes[i] > tolerance::CLOSED_IN_RUN * ordinary)
+}
+
+/// Whether f0, without accelerations, does not change along itself: A f0 = 0.
+fn stays<S: ConstrainedSystem>(system: &S, found: &FirstOrder) -> bool {
+    let (kz, n, sizes) = (found.displacements.cols(), found.f0.len(), sizes(system, found));
+    let scaled = |i: usize, j: usize| found.a[(i, j)] * sizes[j] / sizes[i];
     let rate = |j: usize| found.f0[j] / sizes[j];
     let fastest = (0..kz).fold(0.0, |m: f64, j| m.max(rate(j).abs()));
     let largest =
@@ -188,6 +193,32 @@ fn is_steady<S: ConstrainedSystem + Varied>(system: &S, solved: &Solved<S>, foun
     (0..n).all(|i| {
         (0..kz).map(|j| scaled(i, j) * rate(j)).sum::<f64>().abs() <= tolerance::CLOSED_IN_RUN * largest * fastest
     })
+}
+
+/// Whether the independent velocities go on as they are while drives move: by their accelerations a moment ahead and
+/// behind, on the motion.
+fn persists<S: ConstrainedSystem + Varied>(
+    solved: &Solved<S>,
+    (t, q, v): (f64, &[f64], &[f64]),
+) -> Result<bool, AnalysisError> {
+    let system = &solved.reduction.system;
+    let fastest = system.travel(v);
+    let h = f64::EPSILON.cbrt() / fastest;
+    let beside = |h: f64| -> Result<Solved<S>, AnalysisError> {
+        let (mut q, along) = (q.to_vec(), v.iter().map(|v| h * v).collect::<Vec<_>>());
+        system.step(&mut q, &along);
+        let v: Vec<f64> = v.iter().zip(&solved.vdot).map(|(v, a)| v + h * a).collect();
+        let independent = Some(&*solved.reduction.partition.independent);
+        Solved::new(system.clone(), (t + h, &q, &v), independent).map_err(|e| state_error(&**system, e))
+    };
+    let (ahead, behind) = (beside(h)?, beside(-h)?);
+    // the fastest motion, and what forces and the drives accelerate by themselves
+    let size = |i: usize| system.characteristic_displacement(i);
+    let strongest = (0..v.len()).fold(fastest * fastest, |m: f64, i| m.max(solved.vdot[i].abs() / size(i)));
+    Ok(solved.reduction.partition.independent.iter().all(|&i| {
+        let grown = (ahead.vdot[i] - behind.vdot[i]).abs() / (2.0 * h);
+        grown <= tolerance::OPEN * size(i) * strongest * fastest
+    }))
 }
 
 /// Stiffness symmetric, and no force depends on velocities.
