@@ -193,6 +193,7 @@ class Model:
         efforts: Array,
         independent: list[int] | None = None,
         drives: Sequence[int] = (),
+        beside: bool = True,
     ) -> dict[str, Any]:
         """A, B, f0 and their parts about a state, modes, and states beside it for outputs."""
 

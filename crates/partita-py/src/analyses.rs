@@ -39,6 +39,7 @@ pub fn linearized<'py>(
     independent: Option<&[usize]>,
     efforts: &[f64],
     drives: &[usize],
+    beside: bool,
 ) -> PyResult<Bound<'py, PyDict>> {
     let driven = |row: &usize| match model.prescribed(*row, state.0) {
         Ok(Some([rate, acceleration])) => Ok(Driven { row: *row, rate, acceleration }),
@@ -79,19 +80,21 @@ pub fn linearized<'py>(
     d.set_item("exact", found.derivatives == Derivatives::Exact)?;
     d.set_item("steady", made.steady)?;
     d.set_item("conservative", made.conservative)?;
-    let n = found.displacements.rows();
-    let (_, q, v) = state;
-    let probes = made.probes(model, q, v);
-    let count = 2 * probes.steps.len();
-    d.set_item("steps", array(py, &[probes.steps.len()], probes.steps))?;
-    for (name, rows, width) in [
-        ("probe_q", probes.q, q.len()),
-        ("probe_v", probes.v, v.len()),
-        ("probe_vdot", probes.vdot, v.len()),
-        ("probe_multipliers", probes.multipliers, found.multipliers.rows()),
-    ] {
-        d.set_item(name, array(py, &[count, width], rows))?;
+    if beside {
+        let (_, q, v) = state;
+        let probes = made.probes(model, q, v);
+        let count = 2 * probes.steps.len();
+        d.set_item("steps", array(py, &[probes.steps.len()], probes.steps))?;
+        for (name, rows, width) in [
+            ("probe_q", probes.q, q.len()),
+            ("probe_v", probes.v, v.len()),
+            ("probe_vdot", probes.vdot, v.len()),
+            ("probe_multipliers", probes.multipliers, found.multipliers.rows()),
+        ] {
+            d.set_item(name, array(py, &[count, width], rows))?;
+        }
     }
+    let n = found.displacements.rows();
     d.set_item("modes", made.modes.as_ref().map(|m| modes(py, m, n)).transpose()?)?;
     Ok(d)
 }

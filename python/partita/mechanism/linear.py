@@ -149,10 +149,9 @@ def linearize(
     chosen = None
     if independent is not None:
         chosen = [names.index(name) for name in run_options.velocities("independent", independent, names)]
-    found = model.core.linearized(start.t, start.q, start.v, asked.columns, chosen, asked.rows)
-    readings = _Readings(model, start, found)
     read = _outputs(outputs, model)
-    y, changes, labels = readings.of(read)
+    found = model.core.linearized(start.t, start.q, start.v, asked.columns, chosen, asked.rows, bool(read))
+    y, changes, labels = _readings(model, start, found, read)
     drives = dict(zip(asked.rows, asked.drives, strict=True))
     states = [names[i] for i in found["positions"]] + [drives[i] for i in found["driven_positions"]]
     states += [f"{names[i]}'" for i in found["velocities"]] + [f"{drives[i]}'" for i in found["driven_rates"]]
@@ -203,10 +202,12 @@ class _Inputs(NamedTuple):
 
 
 def _inputs(inputs: Any, model: CompiledModel, at: State) -> _Inputs:
+    if inputs is None:
+        return _Inputs((), np.zeros((0, model.core.nv)), [], [])
     if isinstance(inputs, Mapping):
         kinds = {key: run_options.one_of("inputs", kind, ("effort", "acceleration")) for key, kind in inputs.items()}
     else:
-        kinds = dict.fromkeys(_listed("inputs", () if inputs is None else inputs), "effort")
+        kinds = dict.fromkeys(_listed("inputs", inputs), "effort")
     rows_of = driven(model.summary)
     efforts, rows, drives = [], [], []
     for key, kind in kinds.items():
@@ -257,33 +258,27 @@ def _outputs(outputs: Any, model: CompiledModel) -> list[tuple[str, str]]:
     return found
 
 
-class _Readings:
-    """Outputs at a state and beside it."""
-
-    def __init__(self, model: CompiledModel, state: State, found: Mapping[str, Any]) -> None:
-        self._steps: Array = found["steps"]
-        beside = {
-            "q": (state.q, found["probe_q"]),
-            "v": (state.v, found["probe_v"]),
-            "vdot": (found["vdot"], found["probe_vdot"]),
-            "multipliers": (found["multipliers"], found["probe_multipliers"]),
-        }
-        rows = {name: np.vstack([here[None, :], there]) for name, (here, there) in beside.items()}
-        self._run = run_of(
-            Run, model, np.full(len(rows["q"]), state.t), rows["q"], rows["v"], rows["vdot"], rows["multipliers"]
-        )
-
-    def of(self, wanted: Sequence[tuple[str, str]]) -> tuple[Array, Array, list[str]]:
-        """Values, changes with states and inputs, and names of their components."""
-        values, changes, labels = [], [], []
-        for kind, name in wanted:
-            read = np.asarray(self._run.sensor(name).values if kind == "sensor" else self._run.joint(name).position)
-            columns = read.reshape(len(read), -1)
-            values.append(columns[0])
-            changes.append((columns[1::2] - columns[2::2]).T / (2.0 * self._steps))
-            one = columns.shape[1] == 1
-            labels += [name if one else f"{name}[{i}]" for i in range(columns.shape[1])]
-        count = len(self._steps)
-        if not values:
-            return np.zeros(0), np.zeros((0, count)), labels
-        return np.concatenate(values), np.vstack(changes), labels
+def _readings(
+    model: CompiledModel, state: State, found: Mapping[str, Any], wanted: Sequence[tuple[str, str]]
+) -> tuple[Array, Array, list[str]]:
+    """Values of outputs, their changes with states and inputs, and names of their components."""
+    if not wanted:
+        return np.zeros(0), np.zeros((0, found["accelerations"].shape[1])), []
+    steps: Array = found["steps"]
+    beside = {
+        "q": (state.q, found["probe_q"]),
+        "v": (state.v, found["probe_v"]),
+        "vdot": (found["vdot"], found["probe_vdot"]),
+        "multipliers": (found["multipliers"], found["probe_multipliers"]),
+    }
+    rows = [np.vstack([here[None, :], there]) for here, there in beside.values()]
+    run = run_of(Run, model, np.full(len(rows[0]), state.t), *rows)
+    values, changes, labels = [], [], []
+    for kind, name in wanted:
+        read = np.asarray(run.sensor(name).values if kind == "sensor" else run.joint(name).position)
+        columns = read.reshape(len(read), -1)
+        values.append(columns[0])
+        changes.append((columns[1::2] - columns[2::2]).T / (2.0 * steps))
+        one = columns.shape[1] == 1
+        labels += [name if one else f"{name}[{i}]" for i in range(columns.shape[1])]
+    return np.concatenate(values), np.vstack(changes), labels

@@ -138,7 +138,7 @@ impl Model {
 
     /// The linearised equations about (t, q, v), with a column of E in each row of `efforts`, and the accelerations of the
     /// drives with these rows as inputs.
-    #[pyo3(signature = (t, q, v, efforts, independent = None, drives = Vec::new()))]
+    #[pyo3(signature = (t, q, v, efforts, independent = None, drives = Vec::new(), beside = true))]
     fn linearized<'py>(
         &self,
         py: Python<'py>,
@@ -148,11 +148,12 @@ impl Model {
         efforts: Table<'py>,
         independent: Option<Vec<usize>>,
         drives: Vec<usize>,
+        beside: bool,
     ) -> PyResult<Bound<'py, PyDict>> {
         guarded(py, || {
             let (q, v) = self.state(&q, &v)?;
             let (_, _, efforts) = matrix(&efforts);
-            analyses::linearized(py, &self.inner, (t, &q, &v), independent.as_deref(), &efforts, &drives)
+            analyses::linearized(py, &self.inner, (t, &q, &v), independent.as_deref(), &efforts, &drives, beside)
         })
     }
 

@@ -184,6 +184,10 @@ fn evaluations_allocate_nothing() {
     }
 }
 
+fn diagonal(x: f64) -> [[f64; 3]; 3] {
+    [[x, 0.0, 0.0], [0.0, x, 0.0], [0.0, 0.0, x]]
+}
+
 /// A crank, a rod between balls, which spins idly, and a slider.
 fn rod_between_balls() -> Spec {
     let mut rng = fastrand::Rng::with_seed(5);
@@ -198,8 +202,9 @@ fn rod_between_balls() -> Spec {
     slide.axis = Some([1.0, 0.0, 0.0]);
     spec.joints.push(slide);
     let rod = spec.bodies.iter_mut().find(|b| b.name == "rod").unwrap();
-    // on its line, and without a preferred side
-    (rod.com, rod.inertia) = ([1.0, 0.25, 0.35], [[0.2, 0.0, 0.0], [0.0, 0.2, 0.0], [0.0, 0.0, 0.2]]);
+    // its centre of mass on its line, without a preferred side
+    (rod.position, rod.com) = ([1.0, 0.25, 0.35], [0.0; 3]);
+    (rod.orientation, rod.inertia) = (diagonal(1.0), diagonal(0.2));
     spec
 }
 
