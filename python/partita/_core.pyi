@@ -186,9 +186,39 @@ class Model:
         """(q, v) of this model where every body is and moves as in another one of the same description."""
 
     def linearized(
-        self, t: float, q: Array, v: Array, efforts: Array, independent: list[int] | None = None
+        self,
+        t: float,
+        q: Array,
+        v: Array,
+        efforts: Array,
+        independent: list[int] | None = None,
+        drives: Sequence[int] = (),
+        beside: bool = True,
     ) -> dict[str, Any]:
         """A, B, f0 and their parts about a state, modes, and states beside it for outputs."""
+
+    def equilibrium(self, t: float, q: Array, stable: bool, known: Array) -> dict[str, Any]:
+        """The position at rest that a search from the closed position q arrives at, none of the `known` ones in the
+        rows."""
+
+    def resting(self, t: float, q: Array) -> dict[str, Any]:
+        """The same of a position at rest that is known."""
+
+    def equilibrium_family(
+        self, t: float, q: Array, along: list[tuple[str, list[float], list[float]]], x: float, asked: Array
+    ) -> dict[str, Any]:
+        """The family of equilibria through q, where parameters have the values of the first list plus x times those
+        of the second: positions along it, folds and branchings, positions in which x has the values asked for."""
+
+    def preload(self, t: float, q: Array, unknown: list[tuple[str, tuple[int, int]]]) -> list[list[float]]:
+        """Numbers of parameters, their natural sizes by powers of length and energy, with which the closed position q
+        is one of rest."""
+
+    def characteristic_displacements(self) -> Array:
+        """Size of a large displacement of each velocity (nv,): 1 for an angle, a length otherwise."""
+
+    def displacement_between(self, start: Array, end: Array) -> Array:
+        """Displacement (nv,) from one position to another, in characteristic displacements."""
 
     def displaced(self, t: float, q: Array, displacements: Array) -> Array:
         """q moved by the displacement in each row, its loops closed."""
@@ -356,29 +386,6 @@ class System:
     def evaluation_costs(
         self, options: list[str], steps: list[float], t: Array, q: Array, v: Array, tangent: Any = None
     ) -> list[float]: ...
-
-def equilibrium(model: Model, t: float, q: Array, stable: bool, known: Array) -> dict[str, Any]:
-    """The position at rest that a search from the closed position q arrives at, none of the `known` ones (one in each
-    row)."""
-
-def resting(model: Model, t: float, q: Array) -> dict[str, Any]:
-    """The same of a position at rest that is known."""
-
-def equilibrium_family(
-    model: Model, t: float, q: Array, along: list[tuple[str, list[float], list[float]]], x: float, asked: Array
-) -> dict[str, Any]:
-    """The family of equilibria through q, where parameters have the values of the first list plus x times those of the
-    second: positions along it, folds and branchings, positions in which x has the values asked for."""
-
-def preload(model: Model, t: float, q: Array, unknown: list[tuple[str, tuple[int, int]]]) -> list[list[float]]:
-    """Numbers of parameters, their natural sizes by powers of length and energy, with which the closed position q is
-    one of rest."""
-
-def characteristic_displacements(model: Model) -> Array:
-    """Size of a large displacement of each velocity (nv,): 1 for an angle, a length otherwise."""
-
-def displacement_between(model: Model, start: Array, end: Array) -> Array:
-    """Displacement (nv,) from one position to another, in characteristic displacements."""
 
 def measure(mass: Array, jacobian: Array) -> Array:
     """rho (nv,)."""

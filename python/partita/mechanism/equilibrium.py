@@ -13,7 +13,6 @@ from .. import options as run_options
 from ..analyses.equilibrium import Equilibrium
 from ..analyses.family import EquilibriumPath
 from ..analyses.still import run_of
-from ..builder import rest
 from ..builder.compiled import CompiledModel
 from ..errors import ArgumentError, PartitaError
 from ..naming import Names, coordinate_units
@@ -27,7 +26,7 @@ Array = NDArray[np.float64]
 
 SAME = 1e-6
 """Equilibria nearer to each other, in radians and fractions of the size of the state, are one."""
-DEFLATED = 20
+DEFLATED = 5
 """Starts from which further equilibria are searched beside the known ones, after the last start that found one."""
 
 
@@ -129,15 +128,16 @@ def _start(
 
 def _searched(model: CompiledModel, start: State, stable: bool, known: list[Array] | None = None) -> Equilibrium:
     """The equilibrium that a search arrives at."""
-    found = rest.searched(model.core, start.t, start.q, stable, known or ())
+    beside = np.ascontiguousarray(known) if known else np.zeros((0, len(start.q)))
+    found = model.core.equilibrium(start.t, start.q, stable, beside)
     return _found(model, State(start.t, found["q"], np.zeros(model.core.nv), layout=start._layout), found)
 
 
 def _found(model: CompiledModel, state: State, found: Mapping[str, Any] | None = None) -> Equilibrium:
     """A position of rest, with everything about it."""
     if found is None:
-        found = rest.resting(model.core, state.t, state.q)
-    about = model.core.linearized(state.t, state.q, state.v, np.zeros((0, len(state.v))))
+        found = model.core.resting(state.t, state.q)
+    about = model.core.linearized(state.t, state.q, state.v, np.zeros((0, len(state.v))), beside=False)
     modes = about["modes"]
     values = np.zeros(0, dtype=complex)
     stable_here: bool | None = None
@@ -233,8 +233,9 @@ def _added(model: CompiledModel, start: State, stable: bool, found: list[Equilib
         one = _searched(model, start, stable, [other.state.q for other in found] if deflated else None)
     except PartitaError:
         return False
-    if any(rest.apart(model.core, one.state.q, other.state.q) <= SAME for other in found):
-        return False
+    for other in found:
+        if np.abs(model.core.displacement_between(one.state.q, other.state.q)).max(initial=0.0) <= SAME:
+            return False
     found.append(one)
     return True
 
@@ -243,7 +244,7 @@ def _spread(model: CompiledModel) -> Array:
     """Range of each displacement: half a turn, or the size of the mechanism."""
     names = Names.from_summary(model.summary, model.core.nq, model.core.nv, model.core.rows)
     units = coordinate_units(model.summary, names)[1]
-    return rest.sizes(model.core) * np.array([np.pi if unit == "rad/s" else 1.0 for unit in units])
+    return model.core.characteristic_displacements() * np.array([np.pi if unit == "rad/s" else 1.0 for unit in units])
 
 
 def _drawn(model: CompiledModel, start: State, spread: Array, random: np.random.Generator) -> State | None:

@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from ..analyses.equilibrium import Equilibrium
 from ..analyses.family import BranchPoint, EquilibriumPath, Fold
-from ..builder import rest
 from ..builder.compiled import CompiledModel
+from ..builder.parameter_units import parameter_unit
 from ..errors import ArgumentError, PartitaError
 from ..numeric import floats, shown
 from ..state import Layout, State
+from ..units.door import QuantityError, in_si
 from .models import Modelled
 
 Array = NDArray[np.float64]
@@ -96,14 +97,20 @@ def _values(model: CompiledModel, name: str, given: Any) -> Array:
     width = next((len(numbers) for key, numbers in known if key == name), None)
     if width is None:
         model.with_parameters({name: given})  # says which there are
+    unit = parameter_unit(model._drawn, name)
     try:
-        values = floats(given)
+        rows = [in_si(name, row, unit) for row in given] if isinstance(given, (list, tuple)) else given
+        values = floats(in_si(name, rows, unit) if isinstance(unit, str) else rows)
+    except QuantityError as error:
+        raise ArgumentError(str(error), argument="along") from error
     except TypeError:
         message = f"along: values of {name} must be numbers, not {shown(given)}"
         raise ArgumentError(message, argument="along") from None
     if values.ndim == 1 and width == 1:
         values = values[:, None]
-    if values.ndim != 2 or values.shape[1] != width or len(values) < 2 or not np.isfinite(values).all():
+    with np.errstate(over="ignore", invalid="ignore"):
+        bounded = values.size > 0 and np.isfinite(np.ptp(values))
+    if values.ndim != 2 or values.shape[1] != width or len(values) < 2 or not bounded:
         wanted = "(n,)" if width == 1 else f"(n, {width})"
         raise ArgumentError(
             f"along: {name} needs values of shape {wanted}, at least two, all finite; given are {shown(given)}",
@@ -117,7 +124,7 @@ def followed(
 ) -> EquilibriumPath:
     """The family through an equilibrium at the first value."""
     along = list(zip(line.names, line.origin, line.slope, strict=True))
-    raw = rest.family(model.core, start.t, start.q, along, float(line.asked[0]), line.asked)
+    raw = model.core.equilibrium_family(start.t, start.q, along, float(line.asked[0]), line.asked)
     still = np.zeros(model.core.nv)
 
     def state_of(q: Array) -> State:
@@ -174,13 +181,13 @@ def _snapped(
 ) -> Equilibrium | None:
     """The stable equilibrium to which the forces lead from a fold, if they lead to one."""
     x, q = fold
-    t = state_of(q).t
+    t, none = state_of(q).t, np.zeros((0, len(q)))
     try:
         beyond = model.with_parameters(line.at(x + onwards))
         closed = beyond.core.displaced(t, q, np.zeros((1, model.core.nv)))[0]
-        away = rest.searched(beyond.core, t, closed, True)["q"]
+        away = beyond.core.equilibrium(t, closed, True, none)["q"]
         here = model.with_parameters(line.at(x))
         closed = here.core.displaced(t, away, np.zeros((1, model.core.nv)))[0]
-        return describe(here, state_of(rest.searched(here.core, t, closed, True)["q"]))
+        return describe(here, state_of(here.core.equilibrium(t, closed, True, none)["q"]))
     except PartitaError:
         return None

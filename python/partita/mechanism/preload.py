@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .. import options as run_options
-from ..builder import rest
 from ..builder.parameter_units import parameter_unit
 from ..errors import ArgumentError
 from ..numeric import shown
@@ -87,5 +86,5 @@ def preload(
                 argument="unknown",
             )
         asked.append((name, POWERS[unit]))
-    found = rest.preloaded(model.core, time, np.asarray(start.q), asked)
+    found = model.core.preload(time, np.asarray(start.q), asked)
     return {name: x[0] if len(x) == 1 else x for name, x in zip(names, found, strict=True)}
