@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
+SHOWN = 4
+"""Folds and branch points that are shown before the rest is counted."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -240,8 +242,8 @@ class EquilibriumPath:
         rows = [
             ("values", f"{len(self.asked)}, from {self.asked.min():.6g} to {self.asked.max():.6g}"),
             ("equilibria", f"{len(self)}, of them {sum(one is True for one in self.stable)} stable"),
-            *((f"fold {i}", repr(one)) for i, one in enumerate(self.folds)),
-            *((f"branch point {i}", repr(one)) for i, one in enumerate(self.branch_points)),
+            *((f"fold {i}", repr(one)) for i, one in enumerate(self.folds[:SHOWN])),
+            *((f"branch point {i}", repr(one)) for i, one in enumerate(self.branch_points[:SHOWN])),
             ("ends", "; ".join(self.ends)),
         ]
         return table(f"{self.title}: equilibria over {self.parameter}", rows)
@@ -250,4 +252,6 @@ class EquilibriumPath:
 def _listed(found: tuple[Fold, ...] | tuple[BranchPoint, ...], word: str) -> str:
     if not found:
         return f"no {word}s"
-    return f"{word}{'s' * (len(found) > 1)} at {', '.join(f'{one.value:.6g}' for one in found)}"
+    first = ", ".join(f"{one.value:.6g}" for one in found[:SHOWN])
+    more = f" and {len(found) - SHOWN} more" if len(found) > SHOWN else ""
+    return f"{word}{'s' * (len(found) > 1)} at {first}{more}"

@@ -456,7 +456,7 @@ fn free_direction<S: ConstrainedSystem + Varied + 'static>(there: &There<S>) -> 
 }
 
 /// The family of equilibria through the one at (q, x), over all values `asked`: it is followed as long as x stays within
-/// their range, widened by itself on both sides, folds included.
+/// their range, widened by itself on both sides but not through zero, folds included.
 ///
 /// # Errors
 /// Where the position has no neighbours, and errors of functions that the model calls.
@@ -471,7 +471,13 @@ pub fn family<S: ConstrainedSystem + Varied + 'static>(
     let rank = start::analyse(&*base, t, q)?.rank;
     let (low, high) = asked.iter().fold((x, x), |(low, high), a| (low.min(*a), high.max(*a)));
     let scale = if high > low { high - low } else { x.abs().max(1.0) };
-    let limits = (low - scale, high + scale);
+    // a stiffness or a length that is positive everywhere stays so
+    let beyond = |limit: f64, end: f64| if limit * end > 0.0 { limit } else { 0.0 };
+    let crosses = low < 0.0 && high > 0.0 || low == 0.0 || high == 0.0;
+    let limits = match crosses {
+        true => (low - scale, high + scale),
+        false => (beyond(low - scale, low), beyond(high + scale, high)),
+    };
     let displacement = (0..base.size().nv).map(|l| base.characteristic_displacement(l)).collect();
     let mut curve =
         Equilibria { equations, base, t, rank, displacement, scale, there: None, border: Vec::new(), refusal: None };
