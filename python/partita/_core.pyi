@@ -91,6 +91,22 @@ class Inverse:
     ) -> dict[str, Any]:
         """Efforts, multipliers, margin, remainder, null space, rates, gaps and k for a motion, by name."""
 
+def singularities(
+    model: Model,
+    actuators: Inverse | None,
+    outputs: list[Goal],
+    t: float,
+    goals: list[Goal],
+    limits: Array,
+    seeds: Array,
+) -> dict[str, Any]:
+    """Singular positions of the actuators, or of the outputs, or of the constraints where there is neither, within the
+    limits of the goals: "curves" (q, goals, measure, ends), "samples" and "complete". `seeds`: where to begin."""
+
+def measures(model: Model, actuators: Inverse, t: float, q: Array) -> dict[str, Any]:
+    """At the positions in the rows of q: "actuators" (n, k, s), what each can do without units, "constraints" (n), and
+    the "length" of the mechanism."""
+
 class Model:
     """A compiled mechanism: constant; states are handed in."""
 

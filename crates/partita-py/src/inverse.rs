@@ -86,6 +86,13 @@ impl Actuated {
 const REPEATED: u32 = 20;
 const BATCHES: u32 = 25;
 
+impl Inverse {
+    /// The mechanism with the actuators.
+    pub(crate) fn inner(&self) -> &partita_analysis::inverse::Inverse {
+        &self.inner
+    }
+}
+
 #[pymethods]
 impl Inverse {
     /// `actuators` as JSON; the forces `silent` (number, component) act as actuators alone.

@@ -18,9 +18,12 @@ from .inverse import inverse_dynamics
 from .kinematics import kinematics
 from .linear import linearize
 from .models import Modelled
+from .placement import placement
 from .playground import to_playground
 from .poses import assemble_many
 from .report import report
+from .singularities import singularities
+from .workspace import workspace
 
 
 class Mechanism(Modelled):
@@ -87,6 +90,9 @@ class Mechanism(Modelled):
     equilibrium = equilibrium
     equilibria = equilibria
     linearize = linearize
+    singularities = singularities
+    workspace = workspace
+    placement = placement
     report = report
     to_fmu = to_fmu
     to_playground = to_playground
