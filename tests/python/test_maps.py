@@ -307,7 +307,7 @@ def test_constraints_of_a_parallelogram_are_singular_where_it_is_flat() -> None:
 
 def test_margins_of_a_workspace_are_those_of_inverse_dynamics() -> None:
     m, model = five_bar(), five_bar().compile()
-    small = np.linspace(-0.4, 0.4, 4)
+    small = np.linspace(-0.25, 0.25, 4)
     w = m.workspace({"A": small, "E": small}, P, actuators=("A", "E"), outputs=[(*P, "xy")], assemblies=True)
     assert w.margin.shape == (4, 4) and w.reached.all() and w.reach is not None and w.outputs is not None
     for index in ((0, 0), (2, 1), (3, 3)):
@@ -335,7 +335,7 @@ def test_positions_beyond_the_limit_are_not_reached() -> None:
 
 def test_placement_ranks_as_single_margins_do() -> None:
     m = five_bar()
-    small = np.linspace(-0.4, 0.4, 3)
+    small = np.linspace(-0.25, 0.25, 3)
     w = m.workspace({"A": small, "E": small})
     p = m.placement(2, over=w)
     assert len(p) == 10 and p.exhaustive
@@ -357,17 +357,17 @@ def test_bounds_find_the_same_sets_as_comparing_all(monkeypatch: pytest.MonkeyPa
     scaled = random.normal(size=(12, 3, 9))
     scaled /= np.linalg.norm(scaled, axis=1, keepdims=True)
     for count in (3, 4):
-        every, total, exhaustive = placement.ranked(scaled, count)
+        every, total, exhaustive = placement.ranked(scaled, count, 3)
         assert exhaustive and total == len(every)
         monkeypatch.setattr(placement, "COMPARED", 0)
-        best, _, all_of_them = placement.ranked(scaled, count)
+        best, _, all_of_them = placement.ranked(scaled, count, 3)
         monkeypatch.undo()
         assert not all_of_them and [which for which, _ in best] == [which for which, _ in every[: len(best)]]
 
 
 def test_encoders_on_the_cranks_do_not_tell_assemblies_apart() -> None:
     m = five_bar()
-    small = np.linspace(-0.4, 0.4, 4)
+    small = np.linspace(-0.25, 0.25, 4)
     w = m.workspace({"A": small, "E": small}, assemblies=True)
     p = m.placement(2, over=w, of="encoders")
     cranks_alone = next(one for one in p if set(one.names) == {"A", "E"})

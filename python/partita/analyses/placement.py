@@ -110,20 +110,21 @@ class Placement:
         return table(title, [*rows, *further, *(("note", note) for note in self.notes)])
 
 
-def ranked(scaled: FloatArray, count: int) -> tuple[list[tuple[tuple[int, ...], FloatArray]], int, bool]:
+def ranked(scaled: FloatArray, count: int, k: int) -> tuple[list[tuple[tuple[int, ...], FloatArray]], int, bool]:
     """Sets of `count` columns with their margins at each position, the best first; how many there are; whether all are
-    in the list. `scaled` (n, k, s): what each column does, without units."""
+    in the list. `scaled` (n, motions, s): what each column does, without units; the least of `k` singular values
+    counts, fewer than the motions where rotations move no other body."""
     s = scaled.shape[2]
     total = comb(s, count)
     if total <= COMPARED:
-        sets = [(which, margins_of(scaled, which)) for which in itertools.combinations(range(s), count)]
+        sets = [(which, margins_of(scaled, which, k)) for which in itertools.combinations(range(s), count)]
         return sorted(sets, key=order), total, True
-    return _bounded(scaled, count), total, False
+    return _bounded(scaled, count, k), total, False
 
 
-def margins_of(scaled: FloatArray, which: Sequence[int]) -> FloatArray:
+def margins_of(scaled: FloatArray, which: Sequence[int], k: int) -> FloatArray:
     """(n,): the least singular value of these columns, as far as they can span the k motions."""
-    return np.asarray(np.linalg.svd(scaled[:, :, list(which)], compute_uv=False)[:, -1])
+    return np.asarray(np.linalg.svd(scaled[:, :, list(which)], compute_uv=False)[:, min(len(which), k) - 1])
 
 
 def order(found: tuple[tuple[int, ...], FloatArray]) -> tuple[float, float, tuple[int, ...]]:
@@ -139,25 +140,25 @@ def typical(margins: FloatArray) -> float:
     return float(np.exp(np.log(np.maximum(margins, 1e-300)).mean()))
 
 
-def _bounded(scaled: FloatArray, count: int) -> list[tuple[tuple[int, ...], FloatArray]]:
+def _bounded(scaled: FloatArray, count: int, k: int) -> list[tuple[tuple[int, ...], FloatArray]]:
     """The best sets by branch and bound.
 
     Fewer than k columns have a least singular value not below that of k of which they are part; all that can still be
-    added have one not below that of a part of them. A branch is cut where the smaller bound is below the last of the best.
+    added have one not below that of a part of them. A branch is cut where a bound is below the last of the best.
     """
-    k, s = scaled.shape[1:]
+    s = scaled.shape[2]
     alone = np.linalg.norm(scaled, axis=1).min(axis=0)
     columns = list(np.argsort(-alone, kind="stable"))
     best: list[tuple[tuple[int, ...], FloatArray]] = []
 
     def bound(which: list[int], rest: list[int]) -> float:
-        small = margins_of(scaled, which).min() if count == k else np.inf
-        large = margins_of(scaled, [*which, *rest]).min() if len(which) + len(rest) >= k else 0.0
+        small = margins_of(scaled, which, k).min() if count == k else np.inf
+        large = margins_of(scaled, [*which, *rest], k).min() if len(which) + len(rest) >= k else 0.0
         return float(min(small, large))
 
     def search(which: list[int], start: int) -> None:
         if len(which) == count:
-            best.append((tuple(sorted(which)), margins_of(scaled, which)))
+            best.append((tuple(sorted(which)), margins_of(scaled, which, k)))
             best.sort(key=order)
             del best[RANKED:]
             return

@@ -80,7 +80,7 @@ def placement(self: Modelled, count: int, among: Any = None, *, over: Workspace,
     if not len(where):
         raise ArgumentError("over: the workspace has no position in which the constraints are regular", argument="over")
     scaled = scaled[where]
-    found, total, exhaustive = ranked(scaled, int(count))
+    found, total, exhaustive = ranked(scaled, int(count), dof - idle)
     names = [each.name for each in chosen]
 
     def placed(which: Sequence[int], margins: FloatArray) -> PlacedSet:
@@ -97,7 +97,7 @@ def placement(self: Modelled, count: int, among: Any = None, *, over: Workspace,
     sets = tuple(placed(which, margins) for which, margins in found)
     further, notes = None, list[str]()
     if of == ENCODERS:
-        further = _further(scaled, found[0][0], readings, placed)
+        further = _further(scaled, found[0][0], dof - idle, readings, placed)
         notes = _notes(over, sets[0], further)
     return Placement(over.title, of, sets, total, exhaustive, len(where), further, tuple(notes))
 
@@ -149,12 +149,14 @@ def _readings(over: Workspace, chosen: list[Actuator], length: float) -> FloatAr
     return apart(readings, positions, turns)
 
 
-def _further(scaled: FloatArray, best: tuple[int, ...], readings: FloatArray | None, placed: Any) -> PlacedSet | None:
+def _further(
+    scaled: FloatArray, best: tuple[int, ...], k: int, readings: FloatArray | None, placed: Any
+) -> PlacedSet | None:
     """The best set with the encoder that helps most: to tell assemblies apart, or else by the margin."""
     rest = [i for i in range(scaled.shape[2]) if i not in best]
     if not rest:
         return None
-    sets = [((*best, i), margins_of(scaled, (*best, i))) for i in rest]
+    sets = [((*best, i), margins_of(scaled, (*best, i), k)) for i in rest]
     if readings is not None and told(readings, best) < CLOSE:
         which, margins = max(sets, key=lambda found: (told(readings, found[0]), -order(found)[0], -order(found)[1]))
     else:

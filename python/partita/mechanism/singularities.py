@@ -19,8 +19,8 @@ from .models import Modelled
 from .ranges import Room, keys_of, room_of, rows_of, with_actuators
 
 FloatArray = NDArray[np.float64]
-SEEDS = 25
-"""Values of each axis at which the search begins."""
+SEEDS = 169
+"""Positions at which the search begins: a grid over the range."""
 OTHERS = 9
 """Positions at which other assemblies are sought."""
 
@@ -147,8 +147,9 @@ def outputs_of(room: Room, keys: list[Any]) -> list[Goal]:
 
 def _seeds(room: Room, others: bool) -> tuple[FloatArray, list[str]]:
     """Closed positions within the range, the start's branch first, and what could not be searched."""
+    each = round(SEEDS ** (1.0 / len(room.free)))
     values = [
-        np.linspace(axis.values.min(), axis.values.max(), SEEDS) if axis.is_free else axis.values for axis in room.axes
+        np.linspace(axis.values.min(), axis.values.max(), each) if axis.is_free else axis.values for axis in room.axes
     ]
     found = room.poses(room.product(values))
     reached = np.array(found["status"]) == "closed"

@@ -89,7 +89,8 @@ def workspace(
     shape = tuple(len(axis.values) for axis in room.free)
     q = np.where(reached[:, None], np.asarray(found["q"]), np.nan)
     effects, constraints, _ = actuated.effects(room.start.t, q)
-    margin = least_value(effects)
+    dof, idle = room.model.core.degrees_of_freedom(room.start.t, room.start.q)
+    margin = least_value(effects, dof - idle)
     sheets, notes = _sheets(room, values, np.asarray(found["q"])[reached]) if counted else ({}, [])
     count = np.sum([np.isfinite(rows[:, 0]) for rows in sheets.values()], axis=0) if sheets else None
     reasons = dict(found["reasons"])
@@ -120,12 +121,12 @@ def workspace(
     )
 
 
-def least_value(scaled: FloatArray) -> FloatArray:
-    """(...,): the least singular value of matrices (..., k, s); NaN where they have one."""
+def least_value(scaled: FloatArray, k: int) -> FloatArray:
+    """(...,): the least of k singular values of matrices (..., motions, s); NaN where they have one."""
     known = np.isfinite(scaled).all(axis=(-2, -1))
     margin = np.full(scaled.shape[:-2], np.nan)
     if known.any() and scaled.shape[-2] and scaled.shape[-1]:
-        margin[known] = np.linalg.svd(scaled[known], compute_uv=False)[..., -1]
+        margin[known] = np.linalg.svd(scaled[known], compute_uv=False)[..., min(k, scaled.shape[-1]) - 1]
     return margin
 
 

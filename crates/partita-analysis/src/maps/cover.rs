@@ -16,6 +16,9 @@ pub(super) const SPACING: f64 = 0.2;
 /// A position nearer than this to a sample is covered by it. Scale: fraction of [`SPACING`]. Reason: hexagons of samples
 /// one spacing apart leave no gap.
 const COVERED: f64 = 0.7;
+/// A step is not taken if it leads nearer than this to a sample, before its loops are closed. Scale: fraction of
+/// [`SPACING`]. Reason: closing a step of one moves it by a twentieth of itself, at most by a tenth.
+const FORESEEN: f64 = 0.6;
 /// Directions of the steps from a sample in two dimensions. Reason: one and a half times those of a hexagon.
 const DIRECTIONS: usize = 9;
 /// Maximum number of samples. Reason: some seconds, and a surface of fifty square turns.
@@ -64,13 +67,13 @@ impl Cells {
     }
 
     /// Whether a sample covers this position.
-    fn covers(&self, samples: &[Sample], goals: &[f64], signature: &[f64]) -> bool {
+    fn covers(&self, samples: &[Sample], goals: &[f64], signature: &[f64], within: f64) -> bool {
         let cell = Self::cell(goals);
         (0..3_usize.pow(cell.len() as u32)).any(|number| {
             let near: Vec<i64> =
                 cell.iter().enumerate().map(|(i, x)| x + (number / 3_usize.pow(i as u32) % 3) as i64 - 1).collect();
             let own = self.0.get(&near).map_or(&[][..], Vec::as_slice);
-            own.iter().any(|&i| distance(&samples[i].signature, signature) < COVERED * SPACING)
+            own.iter().any(|&i| distance(&samples[i].signature, signature) < within * SPACING)
         })
     }
 }
@@ -108,7 +111,7 @@ fn add(slice: &mut Slice, mut q: Vec<f64>, samples: &mut Vec<Sample>, cells: &mu
     }
     let (inside, goals, y) = (slice.is_within(0.0), slice.free_goals(), slice.field.y.clone());
     let signature = slice.signature(&q);
-    if cells.covers(samples, &goals, &signature) {
+    if cells.covers(samples, &goals, &signature, COVERED) {
         return Ok(());
     }
     let place = slice.look(&q)?;
@@ -122,6 +125,8 @@ fn around(slice: &mut Slice, i: usize, samples: &mut Vec<Sample>, cells: &mut Ce
     let (q, y, place) = (samples[i].q.clone(), samples[i].y.clone(), samples[i].place.clone());
     let rates: Vec<Vec<f64>> = place.slice.iter().map(|x| slice.signature_rate(&q, x)).collect();
     slice.field.y.copy_from_slice(&y);
+    slice.field.evaluate(&q)?;
+    let (home, goal_rates) = (slice.free_goals(), slice.free_goal_rates(&place.slice));
     let slopes = slice.slopes(&q, &place, &place.slice)?;
     let mut change = vec![0.0; samples[i].signature.len()];
     let square = dense::dot(&slopes, &slopes);
@@ -142,9 +147,16 @@ fn around(slice: &mut Slice, i: usize, samples: &mut Vec<Sample>, cells: &mut Ce
         if speed <= 0.0 {
             continue;
         }
+        let step = SPACING / speed;
+        let goals: Vec<f64> =
+            home.iter().zip(&goal_rates).map(|(x, rates)| x + step * dense::dot(&by, rates)).collect();
+        let signature: Vec<f64> = samples[i].signature.iter().zip(&change).map(|(x, c)| x + step * c).collect();
+        if cells.covers(samples, &goals, &signature, FORESEEN) {
+            continue;
+        }
         let mut there = q.clone();
         slice.field.y.copy_from_slice(&y);
-        slice.moved(&mut there, &direction, SPACING / speed);
+        slice.moved(&mut there, &direction, step);
         add(slice, there, samples, cells)?;
     }
     Ok(())
@@ -162,4 +174,25 @@ fn directions(rates: &[Vec<f64>]) -> Vec<Vec<f64>> {
         vec![(cos - sin * along / across) / length, sin / across]
     };
     (0..DIRECTIONS).map(of).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Steps in all directions move the bodies evenly, however oblique the motions are.
+    #[test]
+    fn directions_are_even_for_the_bodies() {
+        let rates = [vec![2.0, 0.0, 0.0], vec![1.9, 0.1, 0.2]];
+        let moves: Vec<Vec<f64>> = directions(&rates)
+            .iter()
+            .map(|by| (0..3).map(|i| by[0] * rates[0][i] + by[1] * rates[1][i]).collect())
+            .collect();
+        assert_eq!(moves.len(), DIRECTIONS);
+        for (x, next) in moves.iter().zip(moves.iter().cycle().skip(1)) {
+            assert!((dense::dot(x, x) - 1.0).abs() < 1e-12);
+            assert!((dense::dot(x, next) - (TAU / DIRECTIONS as f64).cos()).abs() < 1e-12);
+        }
+        assert_eq!(directions(&rates[..1]), [[1.0], [-1.0]]);
+    }
 }

@@ -62,7 +62,7 @@ fn weakest_constraints<E: Send + From<SystemError>>(
         let there = &q[i * nq..][..nq];
         rows.row(0, i)[0] = if there.iter().all(|x| x.is_finite()) {
             slice.field.evaluate(there)?;
-            slice.weakest_constraint()?
+            slice.weakest_constraint(there)?
         } else {
             f64::NAN
         };

@@ -4,10 +4,11 @@ use super::Range;
 use crate::error::AnalysisError;
 use crate::inverse::{self, Inverse};
 use crate::kinematic::{degrees_of_freedom, DegreesOfFreedom};
+use crate::plausibility::idle_bodies;
 use crate::poses::field::{Duty, Field};
 use crate::poses::Target;
 use partita_math::dense::{self, Matrix};
-use partita_math::factor::{least_squares_min_norm, svd, svd_full};
+use partita_math::factor::{least_squares_min_norm, svd, svd_full, Svd};
 use partita_math::tolerance;
 use partita_model::model::ModelScratch;
 use partita_model::Model;
@@ -72,6 +73,9 @@ pub(super) struct Slice<'m> {
     pub field: Field<'m>,
     set: Set<'m>,
     limits: Vec<[f64; 2]>,
+    /// Bodies without those that may spin by themselves, and the number of such rotations.
+    told: Vec<usize>,
+    idle: usize,
     /// Rank of the constraints, and dimension of the slice.
     rank: usize,
     pub dimension: usize,
@@ -94,18 +98,10 @@ impl<'m> Slice<'m> {
             return argument("grid", message.into());
         }
         let start = range.seeds.get(..size.nq).unwrap_or_default();
-        let DegreesOfFreedom { all: k, idle } = degrees_of_freedom(model, range.t, start)?;
-        if idle > 0 {
-            let message = format!(
-                "{idle} of the {k} degrees of freedom {} no other body, so that no set of measurements follows every \
-                 motion; hold {} in the drawing (m.report() names {}), by a universal joint in place of a ball joint",
-                if idle > 1 { "are rotations that move" } else { "is a rotation that moves" },
-                if idle > 1 { "them" } else { "it" },
-                if idle > 1 { "them" } else { "it" },
-            );
-            return argument("grid", message);
-        }
-        let mut made = Self::of_rank(model, range, set, size.nv - k);
+        let DegreesOfFreedom { all, .. } = degrees_of_freedom(model, range.t, start)?;
+        let mut made = Self::of_rank(model, range, set, size.nv - all);
+        made.field.evaluate(start)?;
+        let k = made.count_motions(start)?;
         let count = match set {
             Set::Actuators(x) => x.count(),
             Set::Outputs(_) => made.moving_rows(range.seeds)?,
@@ -120,7 +116,10 @@ impl<'m> Slice<'m> {
             return argument("of", message);
         }
         made.field.evaluate(start)?;
-        let held = made.held(&made.motions()?.2)?;
+        let held = {
+            let motions = made.motions(start)?.2;
+            made.held(&motions)?
+        };
         let free = range.limits.iter().filter(|[lower, upper]| lower < upper).count();
         made.dimension = k - held.rank(tolerance::NULL_VALUE).min(k);
         if !(1..=2).contains(&made.dimension) || made.dimension != free {
@@ -138,7 +137,7 @@ impl<'m> Slice<'m> {
 
     /// For constraints of this rank, not checked.
     pub fn of_rank(model: &'m Model, range: Range<'m>, set: Set<'m>, rank: usize) -> Self {
-        let n = model.size().nv;
+        let (n, spinning) = (model.size().nv, idle_bodies(model));
         let mut field = Field::new(model, range.targets, range.t);
         let m = field.closings();
         for (i, [lower, upper]) in range.limits.iter().enumerate() {
@@ -155,6 +154,8 @@ impl<'m> Slice<'m> {
             field,
             set,
             limits: range.limits.to_vec(),
+            told: (0..model.placed.bodies.len()).filter(|i| !spinning.contains(i)).collect(),
+            idle: 0,
             rank,
             dimension: n - rank,
             inverse,
@@ -189,13 +190,46 @@ impl<'m> Slice<'m> {
         c
     }
 
-    /// The constraints decomposed, the weakest of them, and an orthonormal basis of the motions.
-    fn motions(&self) -> Result<(partita_math::factor::Svd, f64, Vec<Vec<f64>>), SystemError> {
+    /// The constraints decomposed, the weakest of them, and an orthonormal basis of the motions at q, where the field was
+    /// evaluated.
+    fn motions(&mut self, q: &[f64]) -> Result<(Svd, f64, Vec<Vec<f64>>), SystemError> {
         let f = svd_full(&self.constraints()).map_err(|_| self.not_finite())?;
         let weakest = if self.rank == 0 { 1.0 } else { f.s.get(self.rank - 1).copied().unwrap_or(0.0) };
         let n = self.field.pattern.cols;
-        let free = (self.rank..n).map(|j| (0..n).map(|i| f.v[(i, j)]).collect()).collect();
-        Ok((f, weakest, free))
+        let free: Vec<Vec<f64>> = (self.rank..n).map(|j| (0..n).map(|i| f.v[(i, j)]).collect()).collect();
+        if self.idle == 0 {
+            return Ok((f, weakest, free));
+        }
+        let twists = self.twists(q, &free)?;
+        let kept = (0..free.len() - self.idle).map(|c| combined(&free, |j| twists.v[(j, c)])).collect();
+        Ok((f, weakest, kept))
+    }
+
+    /// What the motions do to the bodies that are told by their places, decomposed.
+    fn twists(&mut self, q: &[f64], motions: &[Vec<f64>]) -> Result<Svd, SystemError> {
+        let model = self.field.model;
+        let mut rates = Matrix::new(6 * self.told.len(), motions.len());
+        for (j, x) in motions.iter().enumerate() {
+            let v: Vec<f64> = x.iter().zip(&self.field.displacement).map(|(x, d)| x * d).collect();
+            model.look(q, &v, &mut self.scratch);
+            for (a, &i) in self.told.iter().enumerate() {
+                let b = model.body_state(i, &self.scratch);
+                for axis in 0..3 {
+                    rates[(6 * a + axis, j)] = b.velocity.0[axis] / model.placed.length;
+                    rates[(6 * a + 3 + axis, j)] = b.angular_velocity.0[axis];
+                }
+            }
+        }
+        svd_full(&rates).map_err(|_| self.not_finite())
+    }
+
+    /// The number of motions at q, where the field was evaluated, without rotations that move no other body.
+    fn count_motions(&mut self, q: &[f64]) -> Result<usize, SystemError> {
+        let motions = self.motions(q)?.2;
+        if self.told.len() < self.field.model.placed.bodies.len() {
+            self.idle = motions.len() - self.twists(q, &motions)?.rank(tolerance::NULL_VALUE);
+        }
+        Ok(motions.len() - self.idle)
     }
 
     fn not_finite(&self) -> SystemError {
@@ -203,7 +237,7 @@ impl<'m> Slice<'m> {
     }
 
     /// Rates of the goals that are held, for each motion.
-    fn held(&self, motions: &[Vec<f64>]) -> Result<partita_math::factor::Svd, SystemError> {
+    fn held(&self, motions: &[Vec<f64>]) -> Result<Svd, SystemError> {
         let m = self.field.closings();
         let rows: Vec<usize> = (m..self.field.duty.len()).filter(|&i| self.field.duty[i] == Duty::Hard).collect();
         let mut g = Matrix::new(rows.len(), motions.len());
@@ -248,21 +282,16 @@ impl<'m> Slice<'m> {
     }
 
     /// The weakest of the constraints, where last evaluated.
-    pub fn weakest_constraint(&self) -> Result<f64, SystemError> {
-        Ok(self.motions()?.1)
+    pub fn weakest_constraint(&mut self, q: &[f64]) -> Result<f64, SystemError> {
+        Ok(self.motions(q)?.1)
     }
 
     /// The place at q, where the field was evaluated.
     pub fn look(&mut self, q: &[f64]) -> Result<Place, SystemError> {
-        let (f, weakest, motions) = self.motions()?;
+        let (f, weakest, motions) = self.motions(q)?;
         let held = self.held(&motions)?;
         let k = motions.len();
-        let combined = |x: &dyn Fn(usize) -> f64| {
-            let mut sum = vec![0.0; self.rest.len()];
-            motions.iter().enumerate().for_each(|(j, motion)| dense::axpy(x(j), motion, &mut sum));
-            sum
-        };
-        let slice = (k - self.dimension..k).map(|c| combined(&|j| held.v[(j, c)])).collect();
+        let slice = (k - self.dimension..k).map(|c| combined(&motions, |j| held.v[(j, c)])).collect();
         if matches!(self.set, Set::Constraints) {
             let last = self.rank.saturating_sub(1);
             let column = |x: &Matrix| (0..x.rows()).map(|i| x[(i, last)]).collect::<Vec<_>>();
@@ -276,7 +305,7 @@ impl<'m> Slice<'m> {
             motions.iter().enumerate().for_each(|(j, x)| p[(i, j)] = dense::dot(row, x) / length);
         }
         let set = svd(&p).map_err(|_| self.not_finite())?;
-        let motion = combined_of(&motions, k, &set.v);
+        let motion = combined(&motions, |j| set.v[(j, k - 1)]);
         let u: Vec<f64> = (0..rows.len()).map(|i| set.u[(i, k - 1)]).collect();
         let mut row = vec![0.0; self.rest.len()];
         for ((x, u), length) in rows.iter().zip(&u).zip(&lengths) {
@@ -345,12 +374,19 @@ impl<'m> Slice<'m> {
         free.map(|(i, _)| self.field.y[i] / self.field.targets[i].displacement).collect()
     }
 
+    /// Rates of the free goals along directions, where last evaluated: a row for each goal.
+    pub fn free_goal_rates(&self, along: &[Vec<f64>]) -> Vec<Vec<f64>> {
+        let m = self.field.closings();
+        let free = self.limits.iter().enumerate().filter(|(_, [lower, upper])| lower < upper);
+        free.map(|(i, _)| along.iter().map(|x| self.field.along(m + i, x)).collect()).collect()
+    }
+
     /// Where all bodies are, whatever the coordinates: positions in lengths of the mechanism, and two axes.
     pub fn signature(&mut self, q: &[f64]) -> Vec<f64> {
         let model = self.field.model;
         model.look(q, &self.rest, &mut self.scratch);
-        let mut all = Vec::with_capacity(9 * model.placed.bodies.len());
-        for i in 0..model.placed.bodies.len() {
+        let mut all = Vec::with_capacity(9 * self.told.len());
+        for &i in &self.told {
             let b = model.body_state(i, &self.scratch);
             all.extend(b.position.0.map(|x| x / model.placed.length));
             all.extend((0..3).flat_map(|row| [b.rotation.0[row][0], b.rotation.0[row][1]]));
@@ -513,10 +549,10 @@ impl<'m> Slice<'m> {
     }
 }
 
-/// Σ_j v_jk motion_j for the last column.
-fn combined_of(motions: &[Vec<f64>], k: usize, v: &Matrix) -> Vec<f64> {
+/// A combination of motions.
+fn combined(motions: &[Vec<f64>], by: impl Fn(usize) -> f64) -> Vec<f64> {
     let mut sum = vec![0.0; motions.first().map_or(0, Vec::len)];
-    motions.iter().enumerate().for_each(|(j, x)| dense::axpy(v[(j, k - 1)], x, &mut sum));
+    motions.iter().enumerate().for_each(|(j, x)| dense::axpy(by(j), x, &mut sum));
     sum
 }
 

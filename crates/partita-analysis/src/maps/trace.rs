@@ -150,11 +150,8 @@ fn both_ways(slice: &mut Slice, seed: Point, place: Place) -> Result<(Vec<Point>
     let back: Vec<f64> = tangent.iter().map(|x| -x).collect();
     let (behind, first) = one_way(slice, &seed, &back)?;
     // after whole turns of a goal, of which the range holds more than one
-    let (ahead, ends) = if first == CurveEnd::Closed {
-        (Vec::new(), [CurveEnd::Closed; 2])
-    } else {
-        (ahead, [first, end])
-    };
+    let (ahead, ends) =
+        if first == CurveEnd::Closed { (Vec::new(), [CurveEnd::Closed; 2]) } else { (ahead, [first, end]) };
     let mut points: Vec<Point> = behind.into_iter().rev().collect();
     points.push(seed);
     points.extend(ahead);
