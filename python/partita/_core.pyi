@@ -99,9 +99,11 @@ def singularities(
     goals: list[Goal],
     limits: Array,
     seeds: Array,
+    one_branch: bool,
 ) -> dict[str, Any]:
     """Singular positions of the actuators, or of the outputs, or of the constraints where there is neither, within the
-    limits of the goals: "curves" (q, goals, measure, ends), "samples" and "complete". `seeds`: where to begin."""
+    limits of the goals: "curves" (q, goals, measure, ends), "samples" and "complete". `seeds`: where to begin;
+    `one_branch`: to stay on their branch."""
 
 def measures(model: Model, actuators: Inverse, t: float, q: Array) -> dict[str, Any]:
     """At the positions in the rows of q: "actuators" (n, k, s), what each can do without units, "constraints" (n), and

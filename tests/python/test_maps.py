@@ -431,6 +431,62 @@ def test_bad_requests_are_refused(grid: object, of: object, kind: str, words: st
         five_bar().singularities(grid, of=of, kind=kind)  # type: ignore[arg-type]
 
 
+def ankle() -> pt.Mechanism:
+    """A platform on a universal joint, and two cranks with rods whose ball joints let them spin."""
+    m = pt.Mechanism("ankle", gravity=None)
+    platform = m.add_body("platform", mass=1.0, inertia=(0.01, 0.01, 0.01))
+    m.add_universal("U", m.ground, platform, point=(0, 0, 0), axis1=(1, 0, 0), axis2=(0, 1, 0))
+    for side, name in ((1, "L"), (-1, "R")):
+        c, e, f = (
+            np.array(x) for x in ((-0.05, 0.06 * side, 0.25), (-0.1, 0.06 * side, 0.25), (-0.06, 0.05 * side, 0.02))
+        )
+        crank = m.add_rod("crank " + name, start=c, end=e, mass=0.1)
+        rod = m.add_rod("rod " + name, start=e, end=f, mass=0.1)
+        m.add_revolute("M" + name, m.ground, crank, point=c, axis=(0, 1, 0))
+        m.add_spherical("S" + name, crank, rod, point=e)
+        m.add_spherical("T" + name, rod, platform, point=f)
+    return m
+
+
+def test_rods_that_spin_freely_leave_the_maps_alone() -> None:
+    """Actuators are singular where moments of the rods' forces about the axes of the universal joint are parallel."""
+    m = ankle()
+    grid = {"U.turn1": np.linspace(-0.9, 0.9, 5), "U.turn2": np.linspace(-1.4, 1.4, 5)}
+    found = m.singularities(grid, of=("ML", "MR"))
+    assert len(found) and all(curve.measure.max() < 1e-12 for curve in found)
+    for curve in found:
+        axes = (np.array([1.0, 0.0, 0.0]), curve.path("platform", (0, 1.0, 0)) - curve.path("platform"))
+        moments = []
+        for name, y in (("L", 0.05), ("R", -0.05)):
+            head = curve.path("platform", (-0.06, y, 0.02))
+            rod = curve.path(f"rod {name}") - head
+            moment = np.cross(head, rod / np.linalg.norm(rod, axis=1)[:, None])
+            moments.append([np.sum(moment * axis, axis=-1) for axis in axes])
+        (a, b), (c, d) = moments
+        assert np.abs(a * d - b * c).max() < TO_ROUND_OFF
+    w = m.workspace({"ML": SMALL, "MR": SMALL})
+    state = w.state(0, 2)
+    assert np.isclose(w.margin[0, 2], m.inverse_dynamics(state, ["ML", "MR"]).margin[0], rtol=1e-10)
+    assert m.placement(2, ["ML", "MR", "U.turn1", "U.turn2"], over=w).compared == 6
+
+
+def test_on_one_branch_curves_end_where_it_does() -> None:
+    m = five_bar()
+    grid = {(*P, "x"): np.linspace(-0.5, 1.5, 9), (*P, "y"): np.linspace(0.3, 2.0, 9)}
+    every, one = m.singularities(grid, of=("A", "E")), m.singularities(grid, of=("A", "E"), near=m.assemble())
+    assert 0 < sum(map(len, one)) < sum(map(len, every))
+    assert any("end of the branch" in curve.ends for curve in one) or len(one) < len(every)
+    for curve in one:
+        # the knees stay on their sides of the lines from the bases to P
+        p = curve.path(*P)
+        for crank, base in (("crank 1", np.zeros(3)), ("crank 2", np.array([BASE, 0.0, 0.0]))):
+            knee = curve.path("rod 1" if crank == "crank 1" else "rod 2") - base
+            side = np.cross(p - base, knee)[:, 2]
+            assert (side > -1e-6).all() or (side < 1e-6).all()
+    branch = m.singularities({"A": TURN, "E": TURN}, of=("A", "E"), near=m.assemble())
+    assert len(branch) and branch.samples < type_two().samples
+
+
 def test_what_cannot_be_reached_is_refused() -> None:
     m = five_bar()
     far = {(*P, "x"): [5.0, 6.0], (*P, "y"): [5.0, 6.0]}

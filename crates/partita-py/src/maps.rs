@@ -14,9 +14,9 @@ use pyo3::types::{PyDict, PyList};
 
 /// Singular positions of the actuators, or of the outputs, or of the constraints where there is neither, within the limits
 /// of the goals (lower, upper), equal ones held: curves with q, goals, measure and ends; the number of samples and whether
-/// they cover all. `seeds`: closed positions to begin with.
+/// they cover all. `seeds`: closed positions to begin with; `one_branch`: to stay on theirs.
 #[pyfunction]
-#[pyo3(signature = (model, actuators, outputs, t, goals, limits, seeds))]
+#[pyo3(signature = (model, actuators, outputs, t, goals, limits, seeds, one_branch))]
 pub fn singularities<'py>(
     py: Python<'py>,
     model: &Model,
@@ -26,6 +26,7 @@ pub fn singularities<'py>(
     goals: Vec<Named>,
     limits: PyReadonlyArray2<'py, f64>,
     seeds: PyReadonlyArray2<'py, f64>,
+    one_branch: bool,
 ) -> PyResult<Bound<'py, PyDict>> {
     guarded(py, || {
         let m = model.shared();
@@ -35,7 +36,7 @@ pub fn singularities<'py>(
         let (nq, width) = (m.size().nq, goals.len());
         let count = matrix(&seeds).0;
         let seeds = rows_of(&seeds, count, nq, "seeds")?;
-        let range = Range { t, targets: &goals, limits: &limits, seeds: &seeds };
+        let range = Range { t, targets: &goals, limits: &limits, seeds: &seeds, one_branch };
         let set = match actuators {
             Some(x) => Set::Actuators(x.inner()),
             None if outputs.is_empty() => Set::Constraints,

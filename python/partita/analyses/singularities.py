@@ -29,6 +29,7 @@ KINDS = (ACTUATORS, OUTPUTS, CONSTRAINTS)
 ENDS = {
     "closed": "closed",
     "range": "end of the range",
+    "branch": "end of the branch",
     "limit": "limit of the loops, or no single direction further on",
     "long": "more points than are followed",
 }
@@ -42,7 +43,8 @@ class SingularCurve:
         q: (n, nq) coordinates of the positions.
         goals: goal -> its values (n,), as in the grid; of all goals, those that are held too.
         measure: (n,) what remains of the least singular value, which is zero at a singular position: round-off.
-        ends: how it begins and ends: "closed", "end of the range", or what stopped it; empty for single positions.
+        ends: how it begins and ends: "closed", "end of the range", "end of the branch", or what stopped it; empty for
+            single positions.
     """
 
     q: FloatArray

@@ -28,13 +28,21 @@ class ActuatedModel:
         found = _core.measures(self.model.core, self._core, t, np.ascontiguousarray(q))
         return found["actuators"], found["constraints"], found["length"]
 
-    def singular_positions(self, t: float, goals: list[Any], limits: FloatArray, seeds: FloatArray) -> dict[str, Any]:
+    def singular_positions(
+        self, t: float, goals: list[Any], limits: FloatArray, seeds: FloatArray, one_branch: bool
+    ) -> dict[str, Any]:
         """Singular positions of the actuators within the limits of the goals."""
-        return _core.singularities(self.model.core, self._core, [], t, goals, limits, seeds)
+        return _core.singularities(self.model.core, self._core, [], t, goals, limits, seeds, one_branch)
 
 
 def singular_positions(
-    model: CompiledModel, outputs: list[Any], t: float, goals: list[Any], limits: FloatArray, seeds: FloatArray
+    model: CompiledModel,
+    outputs: list[Any],
+    t: float,
+    goals: list[Any],
+    limits: FloatArray,
+    seeds: FloatArray,
+    one_branch: bool,
 ) -> dict[str, Any]:
     """Singular positions of outputs within the limits of the goals, or of the constraints where there are none."""
-    return _core.singularities(model.core, None, outputs, t, goals, limits, seeds)
+    return _core.singularities(model.core, None, outputs, t, goals, limits, seeds, one_branch)

@@ -43,8 +43,8 @@ def singularities(
     "constraints": the rank of the loop closures falls, and branches meet. All are zeros of one function, the least
     singular value of the measurements on the admissible motions, and each position is located to round-off.
 
-    The range is searched on all sheets: actuators are singular where two assemblies meet, so that the search passes
-    from one to the other. Drives are left out; actuators move the mechanism in their place.
+    The range is searched on all sheets, since sheets meet where goals or actuators are singular, or on one branch.
+    Drives are left out; actuators move the mechanism in their place.
 
     Args:
         grid: goal -> values, one goal for each degree of freedom: a joint, one of its coordinates, an axis of a point
@@ -54,9 +54,11 @@ def singularities(
         of: for "actuators" as in `inverse_dynamics`, None: what the drives move; for "outputs" joints, points such as
             ("tool", (0, 0, 0), "xy"), or bodies, for their orientation; as many as degrees of freedom.
         kind: "actuators", "outputs" or "constraints".
-        branch: signs of the blocks in which the loops are closed, as in `assemble_many`, where the search begins.
-        near: state to begin with. If it or `branch` is given, only what is connected with it is found; otherwise other
-            assemblies are searched as well, where the loops can be solved in closed form.
+        branch: signs of the blocks in which the loops are closed, as in `assemble_many`; only this branch is searched,
+            up to where the goals are singular.
+        near: state on the branch that is searched, such as `m.assemble()`. If neither it nor `branch` is given, all
+            sheets are searched that are connected with the drawing, and other assemblies where the loops can be solved
+            in closed form.
         coordinates: "relative" or "absolute", as in `compile`.
         parameters: name -> value, numbers that replace those of the drawing, as in `CompiledModel.with_parameters`.
 
@@ -82,8 +84,9 @@ def singularities(
     room = room_of(self, grid, near, branch, coordinates, parameters)
     actuated, outputs, words = _set(self, room, of, kind)
     limits = np.array([_limits(axis, i) for axis in room.axes for i in range(len(axis.goals))])
-    seeds, notes = _seeds(room, others=near is None and branch is None)
-    asked = (room.start.t, room.goals, limits, seeds)
+    one_branch = near is not None or branch is not None
+    seeds, notes = _seeds(room, others=not one_branch)
+    asked = (room.start.t, room.goals, limits, seeds, one_branch)
     found = (
         actuated.singular_positions(*asked) if actuated is not None else singular_positions(room.model, outputs, *asked)
     )
@@ -157,7 +160,7 @@ def _seeds(room: Room, others: bool) -> tuple[FloatArray, list[str]]:
         raise room.unreachable(found)
     seeds = np.asarray(found["q"])[reached]
     if not others:
-        return seeds, ["searched: what is connected with the given position"]
+        return seeds, ["searched: the branch of the given position"]
     more, notes = [], ["searched: what is connected with the drawing, and other assemblies in closed form"]
     for i in np.unique(np.linspace(0, len(seeds) - 1, OTHERS).astype(int)):
         try:

@@ -1,6 +1,6 @@
 //! Positions that cover a range: from each one steps in all directions, until no place is left without a neighbour.
 
-use super::slice::{newton, Place, Slice};
+use super::slice::{alike, newton, Place, Slice};
 use crate::outputs::Watch;
 use partita_math::dense;
 use partita_math::tolerance;
@@ -43,7 +43,9 @@ pub(super) struct Sample {
     pub towards: Option<Vec<f64>>,
     /// Whether it is within the range.
     inside: bool,
-    place: Place,
+    /// The sign that turns the basis of its slice into that of its branch, where the goals are oriented positively.
+    pub sign: f64,
+    pub place: Place,
 }
 
 /// All of them.
@@ -84,7 +86,7 @@ pub(super) fn cover<E: From<SystemError>>(slice: &mut Slice, seeds: &[f64], watc
     let (mut samples, mut cells, mut next) = (Vec::new(), Cells::default(), 0);
     for seed in seeds.chunks_exact(nq) {
         slice.field.look(seed);
-        add(slice, seed.to_vec(), &mut samples, &mut cells)?;
+        add(slice, seed.to_vec(), None, &mut samples, &mut cells)?;
         while next < samples.len() {
             if next % PATIENCE == 0 {
                 watch()?;
@@ -100,7 +102,13 @@ pub(super) fn cover<E: From<SystemError>>(slice: &mut Slice, seeds: &[f64], watc
 }
 
 /// Close q, and make a sample of it where none is near.
-fn add(slice: &mut Slice, mut q: Vec<f64>, samples: &mut Vec<Sample>, cells: &mut Cells) -> Result<(), SystemError> {
+fn add(
+    slice: &mut Slice,
+    mut q: Vec<f64>,
+    from: Option<(f64, &Place)>,
+    samples: &mut Vec<Sample>,
+    cells: &mut Cells,
+) -> Result<(), SystemError> {
     match slice.field.close_hard(&mut q, &NEAR) {
         Ok(closed) if closed.is_closed() => {}
         Ok(_) | Err(SystemError::NotFinite { .. }) => return Ok(()),
@@ -115,14 +123,20 @@ fn add(slice: &mut Slice, mut q: Vec<f64>, samples: &mut Vec<Sample>, cells: &mu
         return Ok(());
     }
     let place = slice.look(&q)?;
+    let orientation = slice.orientation(&place);
+    let sign = from.map_or(orientation.signum(), |(sign, before)| sign * alike(&place.slice, &before.slice));
+    if slice.one_branch && sign * orientation < 0.0 {
+        return Ok(());
+    }
     cells.0.entry(Cells::cell(&goals)).or_default().push(samples.len());
-    samples.push(Sample { q, y, signature, towards: None, inside, place });
+    samples.push(Sample { q, y, signature, towards: None, inside, sign, place });
     Ok(())
 }
 
 /// Steps from a sample in all directions, and where the measure is zero.
 fn around(slice: &mut Slice, i: usize, samples: &mut Vec<Sample>, cells: &mut Cells) -> Result<(), SystemError> {
     let (q, y, place) = (samples[i].q.clone(), samples[i].y.clone(), samples[i].place.clone());
+    let sign = samples[i].sign;
     let rates: Vec<Vec<f64>> = place.slice.iter().map(|x| slice.signature_rate(&q, x)).collect();
     slice.field.y.copy_from_slice(&y);
     slice.field.evaluate(&q)?;
@@ -157,7 +171,7 @@ fn around(slice: &mut Slice, i: usize, samples: &mut Vec<Sample>, cells: &mut Ce
         let mut there = q.clone();
         slice.field.y.copy_from_slice(&y);
         slice.moved(&mut there, &direction, step);
-        add(slice, there, samples, cells)?;
+        add(slice, there, Some((sign, &place)), samples, cells)?;
     }
     Ok(())
 }

@@ -57,7 +57,7 @@ fn weakest_constraints<E: Send + From<SystemError>>(
 ) -> Result<Vec<f64>, E> {
     let nq = model.size().nq;
     let count = q.len() / nq.max(1);
-    let none = Range { t, targets: &[], limits: &[], seeds: &[] };
+    let none = Range { t, targets: &[], limits: &[], seeds: &[], one_branch: false };
     let one = |i: usize, slice: &mut Slice, rows: &mut Rows| {
         let there = &q[i * nq..][..nq];
         rows.row(0, i)[0] = if there.iter().all(|x| x.is_finite()) {

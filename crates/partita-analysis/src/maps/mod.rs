@@ -37,6 +37,8 @@ pub struct Range<'a> {
     pub limits: &'a [[f64; 2]],
     /// Closed positions to begin with, one after the other; the first one is regular.
     pub seeds: &'a [f64],
+    /// Whether to stay on the branch of the seeds, on which the goals determine the position.
+    pub one_branch: bool,
 }
 
 /// How a curve ends.
@@ -46,6 +48,8 @@ pub enum CurveEnd {
     Closed,
     /// At the end of the range.
     Range,
+    /// At the end of the branch, where the goals are singular.
+    Branch,
     /// Positions further on do not close, or the curve has no direction there.
     Limit,
     /// More points than are followed.
@@ -58,6 +62,7 @@ impl CurveEnd {
         match self {
             Self::Closed => "closed",
             Self::Range => "range",
+            Self::Branch => "branch",
             Self::Limit => "limit",
             Self::Long => "long",
         }
@@ -88,7 +93,8 @@ pub struct Singularities {
     pub complete: bool,
 }
 
-/// Singular positions of a set of measurements within a range, on all sheets that are connected with the seeds.
+/// Singular positions of a set of measurements within a range, on all sheets that are connected with the seeds, or on
+/// their branch alone.
 ///
 /// # Errors
 /// `Argument` where goals or measurements are too few or too many; errors of functions that the model calls, and of

@@ -73,6 +73,7 @@ pub(super) struct Slice<'m> {
     pub field: Field<'m>,
     set: Set<'m>,
     limits: Vec<[f64; 2]>,
+    pub one_branch: bool,
     /// Bodies without those that may spin by themselves, and the number of such rotations.
     told: Vec<usize>,
     idle: usize,
@@ -154,6 +155,7 @@ impl<'m> Slice<'m> {
             field,
             set,
             limits: range.limits.to_vec(),
+            one_branch: range.one_branch,
             told: (0..model.placed.bodies.len()).filter(|i| !spinning.contains(i)).collect(),
             idle: 0,
             rank,
@@ -381,6 +383,14 @@ impl<'m> Slice<'m> {
         free.map(|(i, _)| along.iter().map(|x| self.field.along(m + i, x)).collect()).collect()
     }
 
+    /// How the free goals orient the slice at a place, where the field was evaluated: 0 where they are singular, and of
+    /// different signs on both sides of that.
+    pub fn orientation(&self, place: &Place) -> f64 {
+        let rates = self.free_goal_rates(&place.slice);
+        let length = |x: &Vec<f64>| dense::dot(x, x).sqrt().max(f64::MIN_POSITIVE);
+        determinant(&rates) / rates.iter().map(length).product::<f64>()
+    }
+
     /// Where all bodies are, whatever the coordinates: positions in lengths of the mechanism, and two axes.
     pub fn signature(&mut self, q: &[f64]) -> Vec<f64> {
         let model = self.field.model;
@@ -547,6 +557,21 @@ impl<'m> Slice<'m> {
         self.field.y.copy_from_slice(&y);
         Ok(found)
     }
+}
+
+/// Of one or two rows.
+fn determinant(rows: &[Vec<f64>]) -> f64 {
+    match rows {
+        [a, b] => a[0] * b[1] - a[1] * b[0],
+        [a] => a[0],
+        _ => 1.0,
+    }
+}
+
+/// The sign by which the bases of two slices next to each other are oriented alike.
+pub(super) fn alike(one: &[Vec<f64>], two: &[Vec<f64>]) -> f64 {
+    let products: Vec<Vec<f64>> = one.iter().map(|x| two.iter().map(|y| dense::dot(x, y)).collect()).collect();
+    determinant(&products).signum()
 }
 
 /// A combination of motions.

@@ -1,7 +1,7 @@
 //! Curves of singular positions, followed from the samples of a cover.
 
 use super::cover::{distance, Sample, SPACING};
-use super::slice::{Place, Slice};
+use super::slice::{alike, Place, Slice};
 use super::{CurveEnd, SingularCurve};
 use crate::outputs::Watch;
 use partita_math::dense;
@@ -18,6 +18,9 @@ const LEAST_CHORD: f64 = 0.01;
 /// Points nearer to a curve than this belong to it. Unit: characteristic displacements of the body that moves most.
 /// Reason: ten times the deviation of a chord.
 const SAME_CURVE: f64 = 5e-3;
+/// Goals oriented by less than this are singular along the curve itself, which ends no branch. Scale: sine. Reason: far
+/// above round-off; a curve that crosses the end of a branch is cut a millionth beyond it.
+const SINGULAR_GOALS: f64 = 1e-6;
 /// Single positions nearer to each other are one. Unit: characteristic displacements of the body that moves most.
 /// Reason: those of constraints are known to half of the digits.
 const SAME_POINT: f64 = 1e-6;
@@ -41,6 +44,8 @@ struct Trace<'s, 'm> {
     /// Values of the goals at the last point taken.
     home: Vec<f64>,
     place: Option<Place>,
+    /// The sign of the branch, and the slice that it belongs to, at the last point taken.
+    branch: (f64, Vec<Vec<f64>>),
 }
 
 impl Curve for Trace<'_, '_> {
@@ -93,7 +98,8 @@ pub(super) fn traced<E: From<SystemError>>(
             other => other?,
         };
         let (true, Some(place)) = (reached.0.is_closed(), reached.1) else { continue };
-        if !slice.is_within(0.0) {
+        let sign = sample.sign * alike(&place.slice, &sample.place.slice);
+        if !slice.is_within(0.0) || slice.one_branch && sign * slice.orientation(&place) < -SINGULAR_GOALS {
             continue;
         }
         let y = slice.field.y.clone();
@@ -102,7 +108,7 @@ pub(super) fn traced<E: From<SystemError>>(
         if curves.iter().any(|(points, _)| meets(points, &seed, slice, near)) {
             continue;
         }
-        let found = if slice.dimension == 1 { (vec![seed], None) } else { both_ways(slice, seed, place)? };
+        let found = if slice.dimension == 1 { (vec![seed], None) } else { both_ways(slice, seed, place, sign)? };
         curves.push(found);
     }
     let joined = |(points, ends): (Vec<Point>, _)| SingularCurve {
@@ -137,18 +143,23 @@ fn meets(points: &[Point], at: &Point, slice: &Slice, near: f64) -> bool {
 }
 
 /// A curve through a point, followed in both directions unless it returns.
-fn both_ways(slice: &mut Slice, seed: Point, place: Place) -> Result<(Vec<Point>, Option<[CurveEnd; 2]>), SystemError> {
+fn both_ways(
+    slice: &mut Slice,
+    seed: Point,
+    place: Place,
+    sign: f64,
+) -> Result<(Vec<Point>, Option<[CurveEnd; 2]>), SystemError> {
     slice.field.y.copy_from_slice(&seed.y);
     slice.field.evaluate(&seed.q)?;
     let Some(tangent) = slice.direction(&seed.q, &place)? else { return Ok((vec![seed], None)) };
-    let (ahead, end) = one_way(slice, &seed, &tangent)?;
+    let (ahead, end) = one_way(slice, &seed, &tangent, (sign, &place))?;
     if end == CurveEnd::Closed {
         let mut points = vec![seed];
         points.extend(ahead);
         return Ok((points, Some([CurveEnd::Closed; 2])));
     }
     let back: Vec<f64> = tangent.iter().map(|x| -x).collect();
-    let (behind, first) = one_way(slice, &seed, &back)?;
+    let (behind, first) = one_way(slice, &seed, &back, (sign, &place))?;
     // after whole turns of a goal, of which the range holds more than one
     let (ahead, ends) =
         if first == CurveEnd::Closed { (Vec::new(), [CurveEnd::Closed; 2]) } else { (ahead, [first, end]) };
@@ -158,16 +169,30 @@ fn both_ways(slice: &mut Slice, seed: Point, place: Place) -> Result<(Vec<Point>
     Ok((points, Some(ends)))
 }
 
-fn one_way(slice: &mut Slice, seed: &Point, tangent: &[f64]) -> Result<(Vec<Point>, CurveEnd), SystemError> {
+fn one_way(
+    slice: &mut Slice,
+    seed: &Point,
+    tangent: &[f64],
+    (sign, place): (f64, &Place),
+) -> Result<(Vec<Point>, CurveEnd), SystemError> {
     slice.field.y.copy_from_slice(&seed.y);
     let mut q = seed.q.clone();
-    let mut trace = Trace { slice, home: seed.y.clone(), place: None };
-    let (mut points, mut outside): (Vec<Point>, bool) = (Vec::new(), false);
+    let mut trace = Trace { slice, home: seed.y.clone(), place: None, branch: (sign, place.slice.clone()) };
+    let (mut points, mut outside, mut beyond): (Vec<Point>, bool, bool) = (Vec::new(), false, false);
     let mut visit = |trace: &mut Trace, at: At| {
         let slice = &mut *trace.slice;
         outside = !slice.is_within(0.0);
+        beyond = false;
         if outside {
             return Ok(Visit::Back);
+        }
+        if let Some(place) = &trace.place {
+            let sign = trace.branch.0 * alike(&place.slice, &trace.branch.1);
+            beyond = slice.one_branch && sign * slice.orientation(place) < -SINGULAR_GOALS;
+            if beyond {
+                return Ok(Visit::Back);
+            }
+            trace.branch = (sign, place.slice.clone());
         }
         let measure = trace.place.as_ref().map_or(f64::NAN, |x| x.measure);
         let y = slice.field.y.clone();
@@ -197,6 +222,7 @@ fn one_way(slice: &mut Slice, seed: &Point, tangent: &[f64]) -> Result<(Vec<Poin
     kept.reverse();
     let end = match found.end {
         End::Stopped => CurveEnd::Closed,
+        _ if beyond => CurveEnd::Branch,
         End::Refused => CurveEnd::Range,
         End::Long | End::There => CurveEnd::Long,
         _ if outside => CurveEnd::Range,
