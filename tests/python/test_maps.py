@@ -309,14 +309,14 @@ def test_margins_of_a_workspace_are_those_of_inverse_dynamics() -> None:
     m, model = five_bar(), five_bar().compile()
     small = np.linspace(-0.25, 0.25, 4)
     w = m.workspace({"A": small, "E": small}, P, actuators=("A", "E"), outputs=[(*P, "xy")], assemblies=True)
-    assert w.margin.shape == (4, 4) and w.reached.all() and w.reach is not None and w.outputs is not None
+    assert w.margin.shape == (4, 4) and w.reached.all() and w.positions is not None and w.outputs is not None
     for index in ((0, 0), (2, 1), (3, 3)):
         state = w.state(*index)
         assert np.isclose(w.margin[index], m.inverse_dynamics(state, ["A", "E"]).margin[0], rtol=1e-12)
         assert np.isclose(w.margin[index], model.actuated(state, ["A", "E"]).margin, rtol=1e-12)
         b, d = cranks(small[index[0]], small[index[1]])
         expected = meeting(np.append(b, 0), np.append(d, 0), ROD, ROD2)
-        assert np.allclose(w.reach[index], expected, atol=1e-12)
+        assert np.allclose(w.positions[index], expected, atol=1e-12)
     assert w.assemblies is not None and (w.assemblies == 2).all()
 
 
@@ -365,17 +365,17 @@ def test_bounds_find_the_same_sets_as_comparing_all(monkeypatch: pytest.MonkeyPa
         assert not all_of_them and [which for which, _ in best] == [which for which, _ in every[: len(best)]]
 
 
-def test_encoders_on_the_cranks_do_not_tell_assemblies_apart() -> None:
+def test_encoders_on_the_cranks_do_not_separate_assemblies() -> None:
     m = five_bar()
     small = np.linspace(-0.25, 0.25, 4)
     w = m.workspace({"A": small, "E": small}, assemblies=True)
     p = m.placement(2, over=w, of="encoders")
     cranks_alone = next(one for one in p if set(one.names) == {"A", "E"})
-    assert cranks_alone.tells < 1e-9
+    assert cranks_alone.separation < 1e-9
     other = next(one for one in p if set(one.names) == {"A", "B"})
-    assert other.tells > 0.1
+    assert other.separation > 0.1
     alone = m.placement(2, ["A", "E", "C"], over=w, of="encoders")
-    assert alone.further is not None and alone.further.tells > 0.1
+    assert alone.further is not None and alone.further.separation > 0.1
     assert any("further encoder" in note for note in alone.notes)
 
 

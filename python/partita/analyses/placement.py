@@ -35,15 +35,15 @@ class PlacedSet:
         worst: the least margin over all positions.
         typical: the geometric mean of the margins.
         at: index of the position with the least one, in the grid of the workspace.
-        tells: of encoders the least distance between the readings of two assemblies with the same goals, in radians and
-            lengths of the mechanism; NaN if not known, infinite where there is one assembly everywhere.
+        separation: of encoders the least distance between the readings of two assemblies with the same goals, in
+            radians and lengths of the mechanism; NaN if not known, infinite where there is one assembly everywhere.
     """
 
     names: tuple[str, ...]
     worst: float
     typical: float
     at: tuple[int, ...]
-    tells: float = float("nan")
+    separation: float = float("nan")
 
     def __repr__(self) -> str:
         return f"<{', '.join(self.names)}: margin at least {self.worst:.3g}, typically {self.typical:.3g}>"
@@ -192,7 +192,7 @@ DIFFERENT = 1e-6
 """Positions that differ by less are one assembly [lengths of the mechanism]."""
 
 
-def told(distances: FloatArray, which: Sequence[int]) -> float:
+def separation(distances: FloatArray, which: Sequence[int]) -> float:
     """How far apart the readings of a set are at least, over all pairs of assemblies."""
     if not len(distances):
         return float("inf")

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..builder.compiled import CompiledModel
 from ..errors import ArgumentError
-from ..naming import index_of
+from ..naming import goal_name, index_of
 from ..results import BodyResult
 from ..results.notebook import names, table
 from ..state import Layout, State
@@ -179,7 +179,7 @@ class Singularities:
         }
         for key in (*self.keys, *self.held):
             values = np.concatenate([part.goals[key] for part in parts])
-            variables[word(key)] = (("position",), values, {"units": units.get(key, "")})
+            variables[goal_name(key)] = (("position",), values, {"units": units.get(key, "")})
         coords = {"curve": ("position", numbers)}
         return xarray.Dataset(variables, coords=coords, attrs={"title": f"{self.title}: singular {self.kind}"})
 
@@ -193,7 +193,7 @@ class Singularities:
 
     def __repr__(self) -> str:
         what = f"{self.kind} {', '.join(self.of)}" if self.of else self.kind
-        over = ", ".join(word(key) for key in self.keys)
+        over = ", ".join(goal_name(key) for key in self.keys)
         return f"<Singularities of {self.title!r}, {what}, over {over}: {self._words()}>"
 
     def _repr_html_(self) -> str:
@@ -201,8 +201,8 @@ class Singularities:
         limits = zip(self.keys, self.units, self.limits, strict=True)
         rows = [
             ("kind", f"{self.kind} {names(self.of)}" if self.of else self.kind),
-            *(("range", f"{word(key)}: {low:.4g} to {high:.4g} {unit}") for key, unit, (low, high) in limits),
-            *(("held", f"{word(key)} = {value:.6g}") for key, value in self.held.items()),
+            *(("range", f"{goal_name(key)}: {low:.4g} to {high:.4g} {unit}") for key, unit, (low, high) in limits),
+            *(("held", f"{goal_name(key)} = {value:.6g}") for key, value in self.held.items()),
             ("found", self._words()),
             *(("curve", repr(curve)[1:-1]) for curve in self.curves[:SHOWN]),
             *(("note", note) for note in self.notes),
@@ -212,10 +212,3 @@ class Singularities:
 
 SHOWN = 8
 """Curves named in a table."""
-
-
-def word(key: Any) -> str:
-    """The name of a goal on an axis of a plot."""
-    if not isinstance(key, tuple):
-        return str(key)
-    return f"{key[0]} {key[2]}" if len(key) == 3 else str(key[0])

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from ..builder.compiled import CompiledModel
 from ..errors import ArgumentError, AssemblyError
-from ..naming import index_of
+from ..naming import goal_name, index_of
 from ..results.notebook import names, table
 from ..state import Layout, State
-from .singularities import body_at, joint_at, word
+from .singularities import body_at, joint_at
 
 if TYPE_CHECKING:
     import xarray
@@ -41,7 +41,7 @@ class Workspace:
         reached: whether the mechanism can take each position.
         reasons: index in the grid -> why not.
         q: (..., nq) coordinates; NaN where it cannot.
-        reach: (..., 3) positions [m] of the point `of`; None if there is none.
+        positions: (..., 3) positions [m] of the point `of`; None if there is none.
         margin: how far the actuators are from a position in which a motion escapes them, as in `inverse_dynamics`:
             0 there, 1 at best, without units.
         constraints: the least singular value of the constraints in natural scales: 0 where branches meet.
@@ -61,7 +61,7 @@ class Workspace:
     reached: NDArray[np.bool_]
     reasons: Mapping[tuple[int, ...], str]
     q: FloatArray
-    reach: FloatArray | None
+    positions: FloatArray | None
     margin: FloatArray
     constraints: FloatArray
     outputs: FloatArray | None
@@ -132,15 +132,15 @@ class Workspace:
         from ..extras import extra
 
         xarray = extra("xarray", "xarray", "to_xarray")
-        dims = tuple(word(key) for key in self.keys)
+        dims = tuple(goal_name(key) for key in self.keys)
         variables: dict[str, Any] = {
             "reached": (dims, self.reached),
             "q": ((*dims, "coordinate"), self.q),
             "margin": (dims, self.margin, {"units": "1", "long_name": "distance of the actuators from a singularity"}),
             "constraints": (dims, self.constraints, {"units": "1", "long_name": "least value of the constraints"}),
         }
-        if self.reach is not None:
-            variables["reach"] = ((*dims, "axis"), self.reach, {"units": "m"})
+        if self.positions is not None:
+            variables["positions"] = ((*dims, "axis"), self.positions, {"units": "m"})
         if self.outputs is not None:
             variables["outputs"] = (dims, self.outputs, {"units": "1"})
         if self.assemblies is not None:
@@ -154,7 +154,7 @@ class Workspace:
         return f"{known.min():.3g} to {known.max():.3g}" if known.size else "not known"
 
     def __repr__(self) -> str:
-        over = ", ".join(word(key) for key in self.keys)
+        over = ", ".join(goal_name(key) for key in self.keys)
         margin = f"; margin of {', '.join(self.actuators)}: {self._least()}" if self.actuators else ""
         count = f"{int(self.reached.sum())} of {self.reached.size} positions reached"
         return f"<Workspace of {self.title!r} over {over}: {count}{margin}>"
@@ -164,10 +164,10 @@ class Workspace:
         axes = zip(self.keys, self.axes, self.units, strict=True)
         rows = [
             *(
-                ("goal", f"{word(key)}: {x.min():.4g} to {x.max():.4g} {unit}, {len(x)} values")
+                ("goal", f"{goal_name(key)}: {x.min():.4g} to {x.max():.4g} {unit}, {len(x)} values")
                 for key, x, unit in axes
             ),
-            *(("held", f"{word(key)} = {value:.6g}") for key, value in self.held.items()),
+            *(("held", f"{goal_name(key)} = {value:.6g}") for key, value in self.held.items()),
             ("reached", f"{int(self.reached.sum())} of {self.reached.size} positions"),
             ("actuators", names(self.actuators)),
             ("margin", self._least()),

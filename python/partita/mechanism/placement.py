@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import options as run_options
-from ..analyses.placement import PlacedSet, Placement, apart, margins_of, order, ranked, told, typical
+from ..analyses.placement import PlacedSet, Placement, apart, margins_of, order, ranked, separation, typical
 from ..analyses.singularities import body_at, joint_at
 from ..analyses.workspace import Workspace
 from ..builder.actuators import Actuator, actuators_of
@@ -91,7 +91,7 @@ def placement(self: Modelled, count: int, among: Any = None, *, over: Workspace,
             worst=float(margins[worst]),
             typical=typical(margins),
             at=tuple(int(i) for i in index),
-            tells=float("nan") if readings is None else told(readings, which),
+            separation=float("nan") if readings is None else separation(readings, which),
         )
 
     sets = tuple(placed(which, margins) for which, margins in found)
@@ -144,8 +144,8 @@ def _readings(over: Workspace, chosen: list[Actuator], length: float) -> FloatAr
         readings.append(np.column_stack(columns))
         bodies = [body["name"] for body in model.summary["bodies"]]
         corners = [(0.0, 0.0, 0.0), (length, 0.0, 0.0), (0.0, length, 0.0)]
-        places = [body_at(model, t, q, body).point(corner) / length for body in bodies for corner in corners]
-        positions.append(np.hstack(places))
+        corners_of_bodies = [body_at(model, t, q, body).point(corner) / length for body in bodies for corner in corners]
+        positions.append(np.hstack(corners_of_bodies))
     return apart(readings, positions, turns)
 
 
@@ -157,8 +157,10 @@ def _further(
     if not rest:
         return None
     sets = [((*best, i), margins_of(scaled, (*best, i), k)) for i in rest]
-    if readings is not None and told(readings, best) < CLOSE:
-        which, margins = max(sets, key=lambda found: (told(readings, found[0]), -order(found)[0], -order(found)[1]))
+    if readings is not None and separation(readings, best) < CLOSE:
+        which, margins = max(
+            sets, key=lambda found: (separation(readings, found[0]), -order(found)[0], -order(found)[1])
+        )
     else:
         which, margins = min(sets, key=order)
     made: PlacedSet = placed(which, margins)
@@ -168,22 +170,24 @@ def _further(
 def _notes(over: Workspace, best: PlacedSet, further: PlacedSet | None) -> list[str]:
     notes = []
     names = ", ".join(best.names)
-    if np.isnan(best.tells):
+    if np.isnan(best.separation):
         notes.append(
             "whether readings tell assemblies apart is not known: " + "; ".join(over.notes)
             if over.notes
             else "whether readings tell assemblies apart is not known; pass a workspace with assemblies=True"
         )
-    elif np.isinf(best.tells):
+    elif np.isinf(best.separation):
         notes.append("there is one assembly at each position of the workspace")
-    elif best.tells < CLOSE:
-        notes.append(f"{names} do not tell all assemblies apart: the readings of two differ by {best.tells:.2g}")
+    elif best.separation < CLOSE:
+        notes.append(f"{names} do not tell all assemblies apart: the readings of two differ by {best.separation:.2g}")
     else:
-        notes.append(f"{names} tell the assemblies apart: their readings differ by at least {best.tells:.3g}")
+        notes.append(f"{names} tell the assemblies apart: their readings differ by at least {best.separation:.3g}")
     if further is not None:
         gained = f"margin at least {further.worst:.3g} instead of {best.worst:.3g}"
-        told_too = (
-            "" if not np.isfinite(further.tells) else f", readings of two assemblies at least {further.tells:.3g} apart"
+        separated = (
+            ""
+            if not np.isfinite(further.separation)
+            else f", readings of two assemblies at least {further.separation:.3g} apart"
         )
-        notes.append(f"the further encoder that helps most: {further.names[-1]} ({gained}{told_too})")
+        notes.append(f"the further encoder that helps most: {further.names[-1]} ({gained}{separated})")
     return notes

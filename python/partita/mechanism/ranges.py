@@ -128,14 +128,14 @@ def room_of(
     if not dof - idle <= len(axes) <= dof:
         names = listed([axis.name for axis in axes])
         missing = dof - idle - len(axes)
-        cure = (
+        remedy = (
             f"name {missing} more: one that is to stay where it is gets one number"
             if missing > 0
             else f"leave out {len(axes) - dof}, which follow from the others"
         )
         raise ArgumentError(
             f"grid: {len(axes)} goal{'s' * (len(axes) != 1)} ({names}) for {dof - idle} degree{'s' * (dof != 1)} of "
-            f"freedom; {cure}",
+            f"freedom; {remedy}",
             argument="grid",
         )
     if not any(axis.is_free for axis in axes):

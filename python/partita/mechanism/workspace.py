@@ -46,7 +46,7 @@ def workspace(
     Args:
         grid: goal -> values, as in `singularities`, with any number of goals that vary: the maps are over all
             combinations of their values. One goal for each degree of freedom.
-        of: (body, (x, y, z)) in body axes: the point whose positions are returned as `reach`; None: none.
+        of: (body, (x, y, z)) in body axes: the point whose positions are returned as `positions`; None: none.
         actuators: as in `inverse_dynamics`: as many as degrees of freedom, or more; None: what the drives move, or,
             without drives, the goals that are coordinates of joints.
         outputs: measurements as in `singularities`, whose margin is wanted too.
@@ -94,7 +94,7 @@ def workspace(
     sheets, notes = _sheets(room, values, np.asarray(found["q"])[reached]) if counted else ({}, [])
     count = np.sum([np.isfinite(rows[:, 0]) for rows in sheets.values()], axis=0) if sheets else None
     reasons = dict(found["reasons"])
-    reach = None if of is None else _point(room, of, q)
+    positions = None if of is None else _point(room, of, q)
     return Workspace(
         title=room.model.summary["name"],
         actuators=actuated.names,
@@ -108,7 +108,7 @@ def workspace(
             for i in np.flatnonzero(~reached)
         },
         q=q.reshape(*shape, -1),
-        reach=None if reach is None else reach.reshape(*shape, 3),
+        positions=None if positions is None else positions.reshape(*shape, 3),
         margin=margin.reshape(shape),
         constraints=constraints.reshape(shape),
         outputs=None if outputs is None else _outputs(room, outputs, q).reshape(shape),

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol
 
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from ..analyses.placement import RANKED, Placement
-from ..analyses.singularities import SingularCurve, Singularities, word
-from ..analyses.workspace import Workspace
 from ..errors import ArgumentError
+from ..naming import goal_name
 from ..numeric import shown
 from .files import PathLike, save_figure
 from .style import COLOURS, dressed, new_figure
@@ -23,10 +22,73 @@ TITLES = {
     "outputs": "Margin of the outputs",
     "assemblies": "Number of assemblies",
 }
+MOST = 10
+"""Sets that are drawn."""
 KIND_COLOURS = {"actuators": COLOURS[1], "outputs": COLOURS[0], "constraints": COLOURS[3]}
 
 
-def plot_singularities(found: Singularities, of: Any, ax: Any, path: PathLike | None) -> Figure:
+class Curve(Protocol):
+    """Singular positions one after the other."""
+
+    @property
+    def goals(self) -> Mapping[Any, FloatArray]: ...
+    @property
+    def ends(self) -> tuple[str, ...]: ...
+    @property
+    def closed(self) -> bool: ...
+    def __len__(self) -> int: ...
+    def path(self, body: Any, point: Any = ...) -> FloatArray: ...
+
+
+class SingularPositions(Protocol):
+    """Input: singular curves and points."""
+
+    @property
+    def title(self) -> str: ...
+    @property
+    def kind(self) -> str: ...
+    @property
+    def of(self) -> tuple[str, ...]: ...
+    @property
+    def keys(self) -> tuple[Any, ...]: ...
+    @property
+    def units(self) -> tuple[str, ...]: ...
+    @property
+    def limits(self) -> FloatArray: ...
+    @property
+    def curves(self) -> Sequence[Curve]: ...
+    @property
+    def points(self) -> Curve: ...
+
+
+class Maps(Protocol):
+    """Input: maps over a grid."""
+
+    @property
+    def title(self) -> str: ...
+    @property
+    def keys(self) -> tuple[Any, ...]: ...
+    @property
+    def axes(self) -> tuple[FloatArray, ...]: ...
+    @property
+    def units(self) -> tuple[str, ...]: ...
+    @property
+    def reached(self) -> NDArray[np.bool_]: ...
+    def map(self, of: str) -> NDArray[Any]: ...
+
+
+class Ranking(Protocol):
+    """Input: sets of actuators or encoders, the best first."""
+
+    @property
+    def title(self) -> str: ...
+    @property
+    def of(self) -> str: ...
+    @property
+    def sets(self) -> Sequence[Any]: ...
+
+
+def plot_singularities(found: SingularPositions, of: Any, ax: Any, path: PathLike | None) -> Figure:
     """The curves over the goals, or over the positions of a point."""
     figure, ax = _panel(ax)
     parts = [*found.curves, found.points]
@@ -66,7 +128,7 @@ def plot_singularities(found: Singularities, of: Any, ax: Any, path: PathLike | 
     return figure
 
 
-def _unwound(x: FloatArray, y: FloatArray, part: SingularCurve) -> tuple[FloatArray, FloatArray]:
+def _unwound(x: FloatArray, y: FloatArray, part: Curve) -> tuple[FloatArray, FloatArray]:
     """A curve over the goals; a closed one returns to its first point unless whole turns of a goal lie between."""
     step = np.hypot(np.diff(x), np.diff(y)).max(initial=0.0)
     if part.closed and np.hypot(x[0] - x[-1], y[0] - y[-1]) <= 2.0 * step:
@@ -74,7 +136,7 @@ def _unwound(x: FloatArray, y: FloatArray, part: SingularCurve) -> tuple[FloatAr
     return x, y
 
 
-def _places(parts: list[SingularCurve], of: Any) -> tuple[list[list[FloatArray]], list[str]]:
+def _places(parts: list[Curve], of: Any) -> tuple[list[list[FloatArray]], list[str]]:
     if not isinstance(of, tuple) or len(of) != 2:
         raise ArgumentError(f"of must be a point (body, (x, y, z)), not {shown(of)}", argument="of")
     paths = [part.path(*of) for part in parts]
@@ -84,7 +146,7 @@ def _places(parts: list[SingularCurve], of: Any) -> tuple[list[list[FloatArray]]
     return values, [f"{'xyz'[i]} of {of[0]} [m]" for i in shown_axes]
 
 
-def plot_workspace(found: Workspace, of: str, ax: Any, path: PathLike | None) -> Figure:
+def plot_workspace(found: Maps, of: str, ax: Any, path: PathLike | None) -> Figure:
     """One of the maps over one or two goals."""
     values = np.asarray(found.map(of), dtype=float)
     if values.ndim > 2:
@@ -113,9 +175,9 @@ def plot_workspace(found: Workspace, of: str, ax: Any, path: PathLike | None) ->
     return figure
 
 
-def plot_placement(found: Placement, path: PathLike | None) -> Figure:
+def plot_placement(found: Ranking, path: PathLike | None) -> Figure:
     """Bars of the best sets."""
-    sets = list(found.sets[:RANKED])
+    sets = list(found.sets[:MOST])
     figure = new_figure(8.0, 1.2 + 0.4 * len(sets))
     ax = dressed(figure.subplots(), f"{found.title}: sets of {found.of}", "", time_axis=False)
     rows = np.arange(len(sets))[::-1]
@@ -130,7 +192,7 @@ def plot_placement(found: Placement, path: PathLike | None) -> Figure:
 
 
 def _label(key: Any, unit: str) -> str:
-    return f"{word(key)} [{unit}]" if unit else word(key)
+    return f"{goal_name(key)} [{unit}]" if unit else goal_name(key)
 
 
 def _panel(ax: Any) -> tuple[Figure, Any]:

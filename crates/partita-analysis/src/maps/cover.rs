@@ -1,6 +1,6 @@
 //! Positions that cover a range: from each one steps in all directions, until no place is left without a neighbour.
 
-use super::slice::{alike, newton, Place, Slice};
+use super::slice::{alike, newton, Evaluation, Slice};
 use crate::outputs::Watch;
 use partita_math::dense;
 use partita_math::tolerance;
@@ -10,14 +10,14 @@ use partita_system::SystemError;
 use std::collections::HashMap;
 use std::f64::consts::TAU;
 
-/// Distance between neighbouring samples. Unit: characteristic displacements of the body that moves most. Reason: a
+/// Distance between neighbouring samples. Scale: characteristic displacements of the body that moves most. Reason: a
 /// sheet or a closed curve of singular positions that is a quarter of a radian wide is met.
-pub(super) const SPACING: f64 = 0.2;
-/// A position nearer than this to a sample is covered by it. Scale: fraction of [`SPACING`]. Reason: hexagons of samples
+pub(super) const SAMPLE_SPACING: f64 = 0.2;
+/// A position nearer than this to a sample is covered by it. Scale: fraction of [`SAMPLE_SPACING`]. Reason: hexagons of samples
 /// one spacing apart leave no gap.
 const COVERED: f64 = 0.7;
 /// A step is not taken if it leads nearer than this to a sample, before its loops are closed. Scale: fraction of
-/// [`SPACING`]. Reason: closing a step of one moves it by a twentieth of itself, at most by a tenth.
+/// [`SAMPLE_SPACING`]. Reason: closing a step of one moves it by a twentieth of itself, at most by a tenth.
 const FORESEEN: f64 = 0.6;
 /// Directions of the steps from a sample in two dimensions. Reason: one and a half times those of a hexagon.
 const DIRECTIONS: usize = 9;
@@ -26,12 +26,12 @@ const SAMPLES: usize = 60_000;
 /// Samples between two checks for an interrupt by the user.
 const PATIENCE: usize = 256;
 /// Singular positions are sought up to this distance from a sample, along the slope of the measure. Scale: multiples of
-/// [`SPACING`]. Reason: each is within one of a sample; the slope may err by half.
+/// [`SAMPLE_SPACING`]. Reason: each is within one of a sample; the slope may err by half.
 const SOUGHT: f64 = 1.5;
 
 /// Closing a step: one that is corrected by more than half of it leads elsewhere.
-const NEAR: Rule =
-    Rule::new(12, f64::EPSILON, tolerance::FITS).contracting(tolerance::HALF_LOST * SPACING, tolerance::HALF_LOST);
+const NEAR: Rule = Rule::new(12, f64::EPSILON, tolerance::FITS)
+    .contracting(tolerance::HALF_LOST * SAMPLE_SPACING, tolerance::HALF_LOST);
 
 /// A position of the cover.
 pub(super) struct Sample {
@@ -45,7 +45,7 @@ pub(super) struct Sample {
     inside: bool,
     /// The sign that turns the basis of its slice into that of its branch, where the goals are oriented positively.
     pub sign: f64,
-    pub place: Place,
+    pub place: Evaluation,
 }
 
 /// All of them.
@@ -65,7 +65,7 @@ struct Cells(HashMap<Vec<i64>, Vec<usize>>);
 
 impl Cells {
     fn cell(goals: &[f64]) -> Vec<i64> {
-        goals.iter().map(|x| (x / (2.0 * SPACING)).floor() as i64).collect()
+        goals.iter().map(|x| (x / (2.0 * SAMPLE_SPACING)).floor() as i64).collect()
     }
 
     /// Whether a sample covers this position.
@@ -75,7 +75,7 @@ impl Cells {
             let near: Vec<i64> =
                 cell.iter().enumerate().map(|(i, x)| x + (number / 3_usize.pow(i as u32) % 3) as i64 - 1).collect();
             let own = self.0.get(&near).map_or(&[][..], Vec::as_slice);
-            own.iter().any(|&i| distance(&samples[i].signature, signature) < within * SPACING)
+            own.iter().any(|&i| distance(&samples[i].signature, signature) < within * SAMPLE_SPACING)
         })
     }
 }
@@ -105,7 +105,7 @@ pub(super) fn cover<E: From<SystemError>>(slice: &mut Slice, seeds: &[f64], watc
 fn add(
     slice: &mut Slice,
     mut q: Vec<f64>,
-    from: Option<(f64, &Place)>,
+    from: Option<(f64, &Evaluation)>,
     samples: &mut Vec<Sample>,
     cells: &mut Cells,
 ) -> Result<(), SystemError> {
@@ -114,7 +114,7 @@ fn add(
         Ok(_) | Err(SystemError::NotFinite { .. }) => return Ok(()),
         Err(e) => return Err(e),
     }
-    if !slice.is_within(SPACING) {
+    if !slice.is_within(SAMPLE_SPACING) {
         return Ok(());
     }
     let (inside, goals, y) = (slice.is_within(0.0), slice.free_goals(), slice.field.y.clone());
@@ -145,7 +145,7 @@ fn around(slice: &mut Slice, i: usize, samples: &mut Vec<Sample>, cells: &mut Ce
     let mut change = vec![0.0; samples[i].signature.len()];
     let square = dense::dot(&slopes, &slopes);
     rates.iter().zip(&slopes).for_each(|(x, slope)| dense::axpy(-place.measure * slope / square, x, &mut change));
-    if square > 0.0 && distance(&change, &vec![0.0; change.len()]) <= SOUGHT * SPACING {
+    if square > 0.0 && distance(&change, &vec![0.0; change.len()]) <= SOUGHT * SAMPLE_SPACING {
         samples[i].towards = Some(newton(&place.slice, place.measure, &slopes));
     }
     if !samples[i].inside {
@@ -161,7 +161,7 @@ fn around(slice: &mut Slice, i: usize, samples: &mut Vec<Sample>, cells: &mut Ce
         if speed <= 0.0 {
             continue;
         }
-        let step = SPACING / speed;
+        let step = SAMPLE_SPACING / speed;
         let goals: Vec<f64> =
             home.iter().zip(&goal_rates).map(|(x, rates)| x + step * dense::dot(&by, rates)).collect();
         let signature: Vec<f64> = samples[i].signature.iter().zip(&change).map(|(x, c)| x + step * c).collect();

@@ -29,8 +29,12 @@ const ALONG: f64 = 1e-6;
 /// Reason: closing alone loses its direction there.
 const NEARLY_SINGULAR: f64 = 0.05;
 
+/// A singular position is located where its measure and the residuals of its loops are below this. Scale: natural scales.
+/// Reason: some ten roundings; further steps gain nothing.
+const SINGULAR_LOCATED: f64 = 1e-14;
+
 /// To singular positions: closed to round-off, and the measure too.
-const TO_SINGULAR: Rule = Rule::new(30, 1e-14, tolerance::CLOSED).cut(LONGEST_APPROACH);
+const TO_SINGULAR: Rule = Rule::new(30, SINGULAR_LOCATED, tolerance::CLOSED).cut(LONGEST_APPROACH);
 
 /// A set of measurements.
 #[derive(Clone, Copy)]
@@ -55,7 +59,7 @@ impl std::fmt::Debug for Set<'_> {
 
 /// What is known of a closed position, in natural scales.
 #[derive(Clone, Debug)]
-pub(super) struct Place {
+pub(super) struct Evaluation {
     /// Orthonormal motions with the goals held (rows of n).
     pub slice: Vec<Vec<f64>>,
     /// Least singular value of the set on the motions.
@@ -75,7 +79,7 @@ pub(super) struct Slice<'m> {
     limits: Vec<[f64; 2]>,
     pub one_branch: bool,
     /// Bodies without those that may spin by themselves, and the number of such rotations.
-    told: Vec<usize>,
+    tracked: Vec<usize>,
     idle: usize,
     /// Rank of the constraints, and dimension of the slice.
     rank: usize,
@@ -156,7 +160,7 @@ impl<'m> Slice<'m> {
             set,
             limits: range.limits.to_vec(),
             one_branch: range.one_branch,
-            told: (0..model.placed.bodies.len()).filter(|i| !spinning.contains(i)).collect(),
+            tracked: (0..model.placed.bodies.len()).filter(|i| !spinning.contains(i)).collect(),
             idle: 0,
             rank,
             dimension: n - rank,
@@ -207,14 +211,14 @@ impl<'m> Slice<'m> {
         Ok((f, weakest, kept))
     }
 
-    /// What the motions do to the bodies that are told by their places, decomposed.
+    /// What the motions do to the bodies that are tracked, decomposed.
     fn twists(&mut self, q: &[f64], motions: &[Vec<f64>]) -> Result<Svd, SystemError> {
         let model = self.field.model;
-        let mut rates = Matrix::new(6 * self.told.len(), motions.len());
+        let mut rates = Matrix::new(6 * self.tracked.len(), motions.len());
         for (j, x) in motions.iter().enumerate() {
             let v: Vec<f64> = x.iter().zip(&self.field.displacement).map(|(x, d)| x * d).collect();
             model.look(q, &v, &mut self.scratch);
-            for (a, &i) in self.told.iter().enumerate() {
+            for (a, &i) in self.tracked.iter().enumerate() {
                 let b = model.body_state(i, &self.scratch);
                 for axis in 0..3 {
                     rates[(6 * a + axis, j)] = b.velocity.0[axis] / model.placed.length;
@@ -228,7 +232,7 @@ impl<'m> Slice<'m> {
     /// The number of motions at q, where the field was evaluated, without rotations that move no other body.
     fn count_motions(&mut self, q: &[f64]) -> Result<usize, SystemError> {
         let motions = self.motions(q)?.2;
-        if self.told.len() < self.field.model.placed.bodies.len() {
+        if self.tracked.len() < self.field.model.placed.bodies.len() {
             self.idle = motions.len() - self.twists(q, &motions)?.rank(tolerance::NULL_VALUE);
         }
         Ok(motions.len() - self.idle)
@@ -289,7 +293,7 @@ impl<'m> Slice<'m> {
     }
 
     /// The place at q, where the field was evaluated.
-    pub fn look(&mut self, q: &[f64]) -> Result<Place, SystemError> {
+    pub fn look(&mut self, q: &[f64]) -> Result<Evaluation, SystemError> {
         let (f, weakest, motions) = self.motions(q)?;
         let held = self.held(&motions)?;
         let k = motions.len();
@@ -298,7 +302,7 @@ impl<'m> Slice<'m> {
             let last = self.rank.saturating_sub(1);
             let column = |x: &Matrix| (0..x.rows()).map(|i| x[(i, last)]).collect::<Vec<_>>();
             let left = (if self.rank == 0 { Vec::new() } else { column(&f.u) }, Vec::new());
-            return Ok(Place { slice, measure: weakest, left, lengths: Vec::new(), motion: column(&f.v) });
+            return Ok(Evaluation { slice, measure: weakest, left, lengths: Vec::new(), motion: column(&f.v) });
         }
         let rows = self.rows(q)?;
         let lengths: Vec<f64> = rows.iter().map(|x| dense::dot(x, x).sqrt().max(f64::MIN_POSITIVE)).collect();
@@ -319,11 +323,11 @@ impl<'m> Slice<'m> {
             let along: f64 = (0..row.len()).map(|i| row[i] * f.v[(i, j)]).sum::<f64>() / f.s[j];
             (0..across.len()).for_each(|i| across[i] -= along * f.u[(i, j)]);
         }
-        Ok(Place { slice, measure: set.s[k - 1], left: (across, u), lengths, motion })
+        Ok(Evaluation { slice, measure: set.s[k - 1], left: (across, u), lengths, motion })
     }
 
     /// ψᵀ A(q) w with ψ and w of another place; the field is left at q.
-    fn paired(&mut self, q: &[f64], place: &Place) -> Result<f64, SystemError> {
+    fn paired(&mut self, q: &[f64], place: &Evaluation) -> Result<f64, SystemError> {
         self.field.evaluate(q)?;
         let (across, u) = &place.left;
         let of_constraints: f64 = across.iter().enumerate().map(|(i, x)| x * self.field.along(i, &place.motion)).sum();
@@ -333,7 +337,7 @@ impl<'m> Slice<'m> {
     }
 
     /// Derivatives of the measure at q along directions; the field is left elsewhere.
-    pub fn slopes(&mut self, q: &[f64], place: &Place, along: &[Vec<f64>]) -> Result<Vec<f64>, SystemError> {
+    pub fn slopes(&mut self, q: &[f64], place: &Evaluation, along: &[Vec<f64>]) -> Result<Vec<f64>, SystemError> {
         let y = self.field.y.clone();
         let mut found = Vec::with_capacity(along.len());
         for x in along {
@@ -385,7 +389,7 @@ impl<'m> Slice<'m> {
 
     /// How the free goals orient the slice at a place, where the field was evaluated: 0 where they are singular, and of
     /// different signs on both sides of that.
-    pub fn orientation(&self, place: &Place) -> f64 {
+    pub fn orientation(&self, place: &Evaluation) -> f64 {
         let rates = self.free_goal_rates(&place.slice);
         let length = |x: &Vec<f64>| dense::dot(x, x).sqrt().max(f64::MIN_POSITIVE);
         determinant(&rates) / rates.iter().map(length).product::<f64>()
@@ -395,8 +399,8 @@ impl<'m> Slice<'m> {
     pub fn signature(&mut self, q: &[f64]) -> Vec<f64> {
         let model = self.field.model;
         model.look(q, &self.rest, &mut self.scratch);
-        let mut all = Vec::with_capacity(9 * self.told.len());
-        for &i in &self.told {
+        let mut all = Vec::with_capacity(9 * self.tracked.len());
+        for &i in &self.tracked {
             let b = model.body_state(i, &self.scratch);
             all.extend(b.position.0.map(|x| x / model.placed.length));
             all.extend((0..3).flat_map(|row| [b.rotation.0[row][0], b.rotation.0[row][1]]));
@@ -417,12 +421,12 @@ impl<'m> Slice<'m> {
     }
 
     /// Move q to the singular position next to it, by this rule of closing; how it ended, with the place.
-    pub fn to_singular(&mut self, q: &mut [f64], longest: f64) -> Result<(Closed, Option<Place>), SystemError> {
+    pub fn locate(&mut self, q: &mut [f64], longest: f64) -> Result<(Closed, Option<Evaluation>), SystemError> {
         let mut room = std::mem::take(&mut self.room);
         let mut approach = Approach { slice: self, place: None, error: ClosureError::default() };
         let rule = TO_SINGULAR.cut(longest.min(LONGEST_APPROACH));
         let closed = match approach.slice.set {
-            Set::Constraints => approach.slice.to_singular_constraints(q, longest),
+            Set::Constraints => approach.slice.locate_constraints(q, longest),
             _ => close(&mut approach, q, &rule, &mut room),
         };
         let place = approach.place.take();
@@ -436,7 +440,7 @@ impl<'m> Slice<'m> {
     }
 
     /// Where the constraints lose rank: all conditions together, by least steps.
-    fn to_singular_constraints(&mut self, q: &mut [f64], longest: f64) -> Result<Closed, SystemError> {
+    fn locate_constraints(&mut self, q: &mut [f64], longest: f64) -> Result<Closed, SystemError> {
         let refused = |iterations, moved| Closed {
             ending: Ending::Elsewhere,
             iterations,
@@ -476,7 +480,7 @@ impl<'m> Slice<'m> {
             let n = self.rest.len();
             let length = step[..n].iter().fold(0.0, |m: f64, x| m.max(x.abs()));
             moved += length;
-            if moved.is_nan() || length > longest || moved > 2.0 * longest {
+            if moved.is_nan() || moved > longest {
                 return Ok(refused(iterations, moved));
             }
             self.moved(q, &step[..n], 1.0);
@@ -529,7 +533,7 @@ impl<'m> Slice<'m> {
 
     /// The direction of the curve of singular positions at q, where the field was evaluated; none where there is no
     /// single one.
-    pub fn direction(&mut self, q: &[f64], place: &Place) -> Result<Option<Vec<f64>>, SystemError> {
+    pub fn direction(&mut self, q: &[f64], place: &Evaluation) -> Result<Option<Vec<f64>>, SystemError> {
         let y = self.field.y.clone();
         let found = if let Set::Constraints = self.set {
             let (j, _) = self.all_conditions(q, &place.left.0)?;
@@ -594,7 +598,7 @@ pub(super) fn newton(slice: &[Vec<f64>], measure: f64, slopes: &[f64]) -> Vec<f6
 /// Constraints, goals held and the measure, to zero together.
 struct Approach<'s, 'm> {
     slice: &'s mut Slice<'m>,
-    place: Option<Place>,
+    place: Option<Evaluation>,
     error: ClosureError,
 }
 

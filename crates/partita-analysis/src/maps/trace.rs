@@ -1,7 +1,7 @@
 //! Curves of singular positions, followed from the samples of a cover.
 
-use super::cover::{distance, Sample, SPACING};
-use super::slice::{alike, Place, Slice};
+use super::cover::{distance, Sample, SAMPLE_SPACING};
+use super::slice::{alike, Evaluation, Slice};
 use super::{CurveEnd, SingularCurve};
 use crate::outputs::Watch;
 use partita_math::dense;
@@ -12,20 +12,22 @@ use partita_system::SystemError;
 /// Distance between points of a curve, at most. Unit: characteristic displacements. Reason: chords of a circle of one
 /// radian deviate by a three-thousandth.
 const LONGEST_CHORD: f64 = 0.05;
-/// Distance between points of a curve, at least, except at its ends, which are approached by ever shorter steps. Unit:
+/// Distance between points of a curve, at least, except at its ends, which are approached by ever shorter steps. Scale:
 /// characteristic displacements of the body that moves most. Reason: a fifth of the longest.
 const LEAST_CHORD: f64 = 0.01;
-/// Points nearer to a curve than this belong to it. Unit: characteristic displacements of the body that moves most.
+/// Points nearer to a curve than this belong to it. Scale: characteristic displacements of the body that moves most.
 /// Reason: ten times the deviation of a chord.
 const SAME_CURVE: f64 = 5e-3;
 /// Goals oriented by less than this are singular along the curve itself, which ends no branch. Scale: sine. Reason: far
 /// above round-off; a curve that crosses the end of a branch is cut a millionth beyond it.
 const SINGULAR_GOALS: f64 = 1e-6;
-/// Single positions nearer to each other are one. Unit: characteristic displacements of the body that moves most.
+/// Single positions nearer to each other are one. Scale: characteristic displacements of the body that moves most.
 /// Reason: those of constraints are known to half of the digits.
 const SAME_POINT: f64 = 1e-6;
-/// Maximum number of points of a curve, and length of the longest.
+/// Maximum number of points of a curve.
 const POINTS: usize = 20_000;
+/// Length up to which curves are followed. Unit: characteristic displacements. Reason: longer than the largest number of
+/// steps.
 const LONGEST_CURVE: f64 = 1e4;
 
 /// Steps along a curve; at the end of the range they shorten to nine digits.
@@ -43,7 +45,7 @@ struct Trace<'s, 'm> {
     slice: &'s mut Slice<'m>,
     /// Values of the goals at the last point taken.
     home: Vec<f64>,
-    place: Option<Place>,
+    place: Option<Evaluation>,
     /// The sign of the branch, and the slice that it belongs to, at the last point taken.
     branch: (f64, Vec<Vec<f64>>),
 }
@@ -67,7 +69,7 @@ impl Curve for Trace<'_, '_> {
         self.slice.moved(q, tangent, ds);
     }
     fn close(&mut self, q: &mut [f64], _s: f64) -> Result<Closed, SystemError> {
-        let (closed, place) = self.slice.to_singular(q, LONGEST_CHORD)?;
+        let (closed, place) = self.slice.locate(q, LONGEST_CHORD)?;
         self.place = place;
         Ok(closed)
     }
@@ -93,7 +95,7 @@ pub(super) fn traced<E: From<SystemError>>(
         let mut q = sample.q.clone();
         slice.field.y.copy_from_slice(&sample.y);
         slice.moved(&mut q, towards, 1.0);
-        let reached = match slice.to_singular(&mut q, 2.0 * SPACING) {
+        let reached = match slice.locate(&mut q, 2.0 * SAMPLE_SPACING) {
             Err(SystemError::NotFinite { .. }) => continue,
             other => other?,
         };
@@ -108,7 +110,7 @@ pub(super) fn traced<E: From<SystemError>>(
         if curves.iter().any(|(points, _)| meets(points, &seed, slice, near)) {
             continue;
         }
-        let found = if slice.dimension == 1 { (vec![seed], None) } else { both_ways(slice, seed, place, sign)? };
+        let found = if slice.dimension == 1 { (vec![seed], None) } else { both_directions(slice, seed, place, sign)? };
         curves.push(found);
     }
     let joined = |(points, ends): (Vec<Point>, _)| SingularCurve {
@@ -143,10 +145,10 @@ fn meets(points: &[Point], at: &Point, slice: &Slice, near: f64) -> bool {
 }
 
 /// A curve through a point, followed in both directions unless it returns.
-fn both_ways(
+fn both_directions(
     slice: &mut Slice,
     seed: Point,
-    place: Place,
+    place: Evaluation,
     sign: f64,
 ) -> Result<(Vec<Point>, Option<[CurveEnd; 2]>), SystemError> {
     slice.field.y.copy_from_slice(&seed.y);
@@ -173,7 +175,7 @@ fn one_way(
     slice: &mut Slice,
     seed: &Point,
     tangent: &[f64],
-    (sign, place): (f64, &Place),
+    (sign, place): (f64, &Evaluation),
 ) -> Result<(Vec<Point>, CurveEnd), SystemError> {
     slice.field.y.copy_from_slice(&seed.y);
     let mut q = seed.q.clone();
@@ -199,7 +201,7 @@ fn one_way(
         let point = Point { signature: slice.signature(at.q), q: at.q.to_vec(), y, measure };
         let before = points.last().unwrap_or(seed);
         // back at the first point: it lies between the last two
-        let returns = points.len() > 1 && at.s > 2.0 * LONGEST_CHORD && {
+        let returns = points.len() > 1 && {
             let chord = distance(&before.signature, &point.signature);
             let there = distance(&seed.signature, &point.signature);
             let start = distance(&before.signature, &seed.signature);
