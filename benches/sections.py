@@ -11,6 +11,7 @@ from typing import Any
 
 from building import AIM, PARTS, building_cost
 from evaluations import AGREES, PROBLEMS, costs
+from instant import answers
 from limit import Figure, measured
 from loads import AIM as LOADS_AIM
 from loads import load_costs
@@ -176,6 +177,19 @@ def poses(_: Path) -> dict[str, Any]:
     return {"sweeps": [asdict(cost) for cost in found]}
 
 
+def instant(_: Path) -> dict[str, Any]:
+    """Questions about one position."""
+    print("\nOne position: an evaluation of the core, and the call of the package; how far from another way")
+    found = answers()
+    for one in found:
+        mark = "" if one.core <= one.aim else " !"
+        print(
+            f"  {one.title:<38}{text(one.core):>9} (aim: at most {text(one.aim)}){mark}; call {text(one.call)}; "
+            f"{one.error:.0e}"
+        )
+    return {one.title: asdict(one) for one in found}
+
+
 def loads(_: Path) -> dict[str, Any]:
     """Forces over a coordinate and of tyres, without Python in the loop."""
     print("\nLoads: m.simulate with a load over the same fixed steps without it")
@@ -227,6 +241,7 @@ SECTIONS = {
     "evaluations": evaluations,
     "face": face,
     "poses": poses,
+    "instant": instant,
     "loads": loads,
     "playground": playground,
     "sweeps": sweeps,

@@ -204,7 +204,14 @@ class Model:
         """(q, v) of this model where every body is and moves as in another one of the same description."""
 
     def linearized(
-        self, t: float, q: Array, v: Array, efforts: Array, independent: list[int] | None = None
+        self,
+        t: float,
+        q: Array,
+        v: Array,
+        efforts: Array,
+        independent: list[int] | None = None,
+        drives: Sequence[int] = (),
+        beside: bool = True,
     ) -> dict[str, Any]:
         """A, B, f0 and their parts about a state, modes, and states beside it for outputs."""
 

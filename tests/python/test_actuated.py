@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from test_assemble_many import ankle
 from test_inverse_dynamics import Moved, engine, moving, straight, wanted
 
 import partita as pt
@@ -84,6 +85,31 @@ def test_ratios_jacobians_and_gravity_are_derivatives(chosen: str) -> None:
     weight = model.core.energies(t, q, still)["potential"]
     assert a.gravity[0] == pytest.approx((weight[2] - weight[0]) / step, rel=1e-6)
     assert np.abs(a.at(at[2]).M - model.actuated(at[2], [chosen]).M).max() < 1e-12
+
+
+@pytest.mark.parametrize("solid", [0.0, 2e-4])
+@pytest.mark.parametrize("motors", [("ML", "MR"), ("U.turn1", "MR")])
+def test_idle_spins_of_rods_need_no_actuator(solid: float, motors: tuple[str, str]) -> None:
+    """A platform moved by rods between balls: as with universal joints, and as it moves by itself."""
+    m = ankle(solid=solid)
+    model, start = m.compile(), m.assemble({"ML": 0.1, "MR": -0.2}, rates={"ML": 1.0, "MR": -2.0})
+    a = model.actuated(start, motors)
+    assert a.M.shape == (2, 2) and a.rates == pytest.approx(
+        [start.velocity("ML") if motors[0] == "ML" else a.rates[0], -2.0], abs=1e-12
+    )
+    if solid == 0.0:
+        held = ankle(ball=False)
+        b = held.compile().actuated(held.assemble({"ML": 0.1, "MR": -0.2}, rates={"ML": 1.0, "MR": -2.0}), motors)
+        assert np.abs(a.M - b.M).max() < 1e-12 * b.M.max() and a.bias == pytest.approx(b.bias, rel=1e-10)
+        assert a.ratio("ML") == pytest.approx(b.ratio("ML"), abs=1e-12)
+        assert a.jacobian("platform") == pytest.approx(b.jacobian("platform"), abs=1e-12)
+    h = 1e-4
+    near = m.simulate(2 * h, initial=start, t_eval=h * np.arange(3), rtol=1e-12, atol=1e-13)
+    rates = [model.actuated(near.state(t), motors).rates for t in near.t]
+    growth = (-3 * rates[0] + 4 * rates[1] - rates[2]) / (2 * h)
+    assert np.abs(a.efforts(growth)).max() < 1e-5 * np.abs(a.bias).max()
+    with pytest.raises(ArgumentError, match="but 2 degrees of freedom beside 2 idle rotations; name 2"):
+        model.actuated(start, ["ML"])
 
 
 def test_bad_input_is_refused() -> None:

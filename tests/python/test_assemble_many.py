@@ -104,8 +104,8 @@ def test_the_other_branch_by_name_and_by_state() -> None:
         m.assemble({"A": 0.1}, branch="up")
 
 
-def ankle(scale: float = 1.0, ball: bool = True) -> pt.Mechanism:
-    """A platform on a universal joint, moved by two cranks and two rods in space."""
+def ankle(scale: float = 1.0, ball: bool = True, solid: float = 0.0) -> pt.Mechanism:
+    """A platform on a universal joint, moved by two cranks and two rods in space, slender or solid."""
     m = pt.Mechanism("ankle")
     p = m.add_body("platform", mass=1, inertia=(0.01, 0.01, 0.01))
     m.add_universal("U", m.ground, p, point=(0, 0, 0), axis1=(1, 0, 0), axis2=(0, 1, 0))
@@ -113,7 +113,10 @@ def ankle(scale: float = 1.0, ball: bool = True) -> pt.Mechanism:
         c, e, f = (scale * x for x in leg(side))
         crank = m.add_rod("crank" + name, start=c, end=e, mass=0.1)
         m.add_revolute("M" + name, m.ground, crank, point=c, axis=(0, 1, 0))
-        rod = m.add_rod("rod" + name, start=e, end=f, mass=0.1)
+        if solid:
+            rod = m.add_body("rod" + name, mass=0.1, inertia=(solid,) * 3, position=(e + f) / 2)
+        else:
+            rod = m.add_rod("rod" + name, start=e, end=f, mass=0.1)
         m.add_spherical("S" + name, crank, rod, point=e)
         if ball:
             m.add_spherical("T" + name, rod, p, point=f)

@@ -11,9 +11,11 @@ import pytest
 from numpy.typing import NDArray
 from scipy import optimize
 from test_assemble_many import POINTS, five_bar
+from thorough import THOROUGH, either
 
 import partita as pt
 from partita import cli
+from partita.catalogue.zoo import platforms
 from partita.errors import ArgumentError, DescriptionError, UnknownNameError
 
 Array = NDArray[np.float64]
@@ -96,6 +98,30 @@ def test_every_admissible_set_returns_the_motion(name: str, most: int, least: in
     assert d.reactions["residual"].max() < 1e-9
     other = d.run.reactions_by("augmented")["force"]
     assert np.abs(other - d.reactions["force"]).max() < 1e-8 * (1.0 + np.abs(other).max())
+
+
+@pytest.mark.parametrize("part", range(either(1, 20)))
+def test_every_set_of_a_delta_robot_whose_bars_do_not_spin(part: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Three of its 33 coordinates, 5456 sets in all: each that is admissible returns the motion."""
+    bars = platforms.bars
+    monkeypatch.setattr(platforms, "bars", lambda *given, spins: bars(*given, spins=False))
+    m = pt.Mechanism("delta", gravity=(0, 0, -9.81))
+    platforms.delta(m)
+    motors = actuated(m)
+    assert m.compile().mobility == 3 and len(motors) == 33
+    path = wanted(m, m.simulate(0.2, initial=m.assemble(rates={"shoulder 1": 0.5}), t_eval=[0.0, 0.2]))
+    path = Moved(path.t[1:], path.q[1:], path.v[1:], path.vdot[1:], path.names)
+    sets = list(itertools.combinations(motors, 3))
+    order = np.random.default_rng(3).permutation(len(sets))
+    admissible, errors = 0, []
+    for i in np.array_split(order, 20)[part] if THOROUGH else order[:60]:
+        d = m.inverse_dynamics(path, sets[i])
+        if d.margin[0] > 1e-3:
+            admissible += 1
+            errors.append(np.abs(caused(m, d, motors, 0) - path.vdot[0]).max() / np.abs(path.vdot[0]).max())
+            assert d.remainder[0] < 1e-9
+    assert max(errors) < 1e-9
+    print(f"{admissible} admissible sets, worst {max(errors):.1e}")
 
 
 def test_a_delta_robot_is_moved_by_its_shoulders() -> None:

@@ -139,6 +139,27 @@ def test_a_spinning_body_nutates(coordinates):
     )
 
 
+@pytest.mark.parametrize(
+    ("coordinates", "independent", "turning"),
+    [
+        ("relative", None, True),
+        ("absolute", ["top.wx", "top.wy", "top.wz"], True),
+        ("absolute", ["top.x", "top.y", "top.wz"], False),
+    ],
+)
+def test_a_sleeping_top_precesses_in_the_axes_of_the_states(coordinates, independent, turning):
+    """I1 p^2 - I3 spin p + m g l = 0 for motions exp(i p t) in space, exp(i (p - spin) t) in axes of the body."""
+    m = pt.Mechanism("top", gravity=(0, 0, -9.81))
+    top = m.add_body("top", mass=2.0, inertia=(0.3, 0.3, 0.5), position=(0, 0, 0.4))
+    m.add_spherical("A", m.ground, top, point=(0, 0, 0))
+    state = m.convert(m.assemble(rates={"A": (0, 0, 9.0)}), coordinates)
+    found = m.linearize(state, coordinates=coordinates, independent=independent)
+    assert found.steady and not found.conservative
+    across, weight = 0.3 + 2.0 * 0.4**2, 2.0 * 9.81 * 0.4
+    precession = np.roots([across, -0.5 * 9.0, weight]) - (9.0 if turning else 0.0)
+    assert sorted(found.modes().eigenvalues.imag) == pytest.approx(sorted([*precession, *-precession, 0, 0]), abs=1e-12)
+
+
 def test_the_force_of_a_pin_changes_with_state_and_effort():
     """V4: C and D of a reaction, against runs that begin beside the state, or with another torque."""
     m = pt.catalogue.load("four-bar")

@@ -4,12 +4,20 @@
 //! w = Eᵀ v    v = R w,  R = Dᵀ B⁻ᵀ    v' = R w' + σ    τ = M_a w' + c,   M_a = Rᵀ M R,  c = Rᵀ (M σ − h)
 //! ```
 //!
-//! R are the transmission ratios: each row the rate of a velocity per rate of an actuator, the others held. An evaluation
-//! costs that of the recursion for k partial velocities; no matrix of n x n is made, and after set-up nothing is
-//! allocated.
+//! R are the transmission ratios: each row the rate of a velocity per rate of an actuator, the others held. Rotations that
+//! move nothing else (rods between balls) need no actuator: no effort acts on them, and R is what costs least,
+//!
+//! ```text
+//! R = Dᵀ M_d⁻¹ B S⁻¹    M_a = S⁻¹,   S = Bᵀ M_d⁻¹ B
+//! ```
+//!
+//! E is the same everywhere where the actuators stand in the tree, and then it is not evaluated again. An evaluation
+//! costs that of the recursion for k partial velocities, or of the mass matrix where k is nearly n and that costs less;
+//! after set-up nothing is allocated.
 
 use crate::error::AnalysisError;
 use crate::inverse::{Inverse, Room};
+use crate::plausibility::idle;
 use partita_math::dense;
 use partita_math::tolerance;
 use partita_model::Model;
@@ -23,9 +31,15 @@ use std::sync::Arc;
 pub struct Actuated {
     inverse: Arc<Inverse>,
     room: Room,
-    /// B in natural scales, factored, and its pivots.
+    /// Degrees of freedom, those included that need no actuator.
+    all: usize,
+    /// B (all x k), and in natural scales, factored, where no degree of freedom is without an actuator; pivots.
     b: Vec<f64>,
     pivots: Vec<usize>,
+    /// Right-hand sides (all x n): Rᵀ, or M_d⁻¹ B column by column.
+    sides: Vec<f64>,
+    /// S in natural scales, factored.
+    responses: Vec<f64>,
     /// |k_s| of each actuator where this was made: scales.
     lengths: Vec<f64>,
     column: Vec<f64>,
@@ -45,18 +59,26 @@ impl Actuated {
     /// For positions like (t, q).
     ///
     /// # Errors
-    /// `Argument` where there are not as many actuators as degrees of freedom, and where the position is singular.
+    /// `Argument` where there are not as many actuators as degrees of freedom, idle rotations aside, and where the position
+    /// is singular.
     pub fn new(inverse: Arc<Inverse>, t: f64, q: &[f64]) -> Result<Self, AnalysisError> {
         let released = inverse.released().clone();
         let rank = start::analyse(&*released, t, q)?.rank;
         let (n, s) = (released.size().nv, inverse.count());
-        let k = n - rank;
-        if s != k {
+        let all = n - rank;
+        let spins = idle(&released).len().min(all);
+        let k = all - spins;
+        if s != k && s != all {
             let message = format!(
-                "there {} {s} actuator{}, but {k} degree{} of freedom; name {k}",
+                "there {} {s} actuator{}, but {k} degree{} of freedom{}; name {k}",
                 if s == 1 { "is" } else { "are" },
                 if s == 1 { "" } else { "s" },
                 if k == 1 { "" } else { "s" },
+                if spins > 0 {
+                    format!(" beside {spins} idle rotation{}", if spins == 1 { "" } else { "s" })
+                } else {
+                    String::new()
+                },
             );
             return Err(AnalysisError::Argument { argument: "actuators", message });
         }
@@ -69,15 +91,18 @@ impl Actuated {
         Ok(Self {
             inverse,
             room,
-            b: vec![0.0; k * k],
-            pivots: vec![0; k],
+            all,
+            b: vec![0.0; all * s],
+            pivots: vec![0; s],
+            sides: vec![0.0; all * n],
+            responses: vec![0.0; s * s],
             lengths,
-            column: vec![0.0; k],
+            column: vec![0.0; s],
             rows,
-            ratios: vec![0.0; n * k],
+            ratios: vec![0.0; n * s],
             drift: vec![0.0; n],
-            mass: vec![0.0; k * k],
-            bias: vec![0.0; k],
+            mass: vec![0.0; s * s],
+            bias: vec![0.0; s],
         })
     }
 
@@ -97,7 +122,12 @@ impl Actuated {
     /// `Argument` where the actuators cannot cause every motion; where the system cannot be evaluated.
     pub fn evaluate(&mut self, t: f64, q: &[f64], v: &[f64]) -> Result<(), AnalysisError> {
         let (inverse, k) = (self.inverse.clone(), self.pivots.len());
-        inverse.columns(t, q, &mut self.room)?;
+        if !inverse.is_constant() {
+            inverse.columns(t, q, &mut self.room)?;
+        }
+        if self.all > k {
+            return self.beside_idle(t, q, v);
+        }
         let r = &mut self.room.reduction;
         r.position(t, q)?;
         match r.tangent(t) {
@@ -109,26 +139,98 @@ impl Actuated {
         self.factor(t)?;
         let r = &mut self.room.reduction;
         // Bᵀ u = w: B times a row of R is a row of Dᵀ
-        let scales = r.scales();
-        for (row, d) in self.ratios.chunks_exact_mut(k).zip(r.dt.chunks_exact(k)) {
-            row.iter_mut().zip(d).zip(&r.partition.independent).for_each(|((x, d), &i)| *x = d * scales[i]);
-            dense::lu_solve(&self.b, k, &self.pivots, row);
-            row.iter_mut().zip(&self.lengths).for_each(|(x, length)| *x /= length);
+        let (scales, n) = (r.scales(), self.drift.len());
+        for (j, (row, &i)) in self.sides.chunks_exact_mut(n).zip(&r.partition.independent).enumerate() {
+            row.iter_mut().zip(r.dt[j..].iter().step_by(k)).for_each(|(x, d)| *x = d * scales[i]);
+        }
+        dense::lu_solve_many(&self.b, k, &self.pivots, &mut self.sides, n);
+        for (j, (row, length)) in self.sides.chunks_exact(n).zip(&self.lengths).enumerate() {
+            self.ratios[j..].iter_mut().step_by(k).zip(row).for_each(|(x, side)| *x = side / length);
         }
         r.v.copy_from_slice(v);
         r.velocity(t, q)?;
-        // Eᵀ σ = −b_E with σ = [0; ξ] + Dᵀ u
-        inverse.biases((t, q, v), &mut self.room, &mut self.rows, &mut self.column)?;
+        self.accelerate(t, q, v)?;
         let r = &mut self.room.reduction;
-        for (x, column) in self.column.iter_mut().zip(&self.room.columns) {
-            *x = column.iter().fold(-*x, |x, &(i, e)| x - e * r.delta[i]);
-        }
         for ((x, delta), row) in self.drift.iter_mut().zip(&r.delta).zip(self.ratios.chunks_exact(k)) {
             *x = delta + dense::dot(row, &self.column);
         }
         let tangent = Tangent { k, dt: &self.ratios, delta: &self.drift };
         r.system.project(t, q, v, &tangent, &mut r.scratch, &mut self.mass, &mut self.bias)?;
         self.bias.iter_mut().for_each(|x| *x = -*x);
+        Ok(())
+    }
+
+    /// Bᵀ u' for w' = 0 in `column`: Eᵀ v' = −b_E with v' = δ + Dᵀ u'.
+    fn accelerate(&mut self, t: f64, q: &[f64], v: &[f64]) -> Result<(), AnalysisError> {
+        let inverse = self.inverse.clone();
+        if inverse.is_constant() {
+            self.column.fill(0.0);
+        } else {
+            inverse.biases((t, q, v), &mut self.room, &mut self.rows, &mut self.column)?;
+        }
+        let delta = &self.room.reduction.delta;
+        for (x, column) in self.column.iter_mut().zip(&self.room.columns) {
+            *x = column.iter().fold(-*x, |x, &(i, e)| x - e * delta[i]);
+        }
+        Ok(())
+    }
+
+    /// [`evaluate`](Self::evaluate) where rotations need no actuator.
+    fn beside_idle(&mut self, t: f64, q: &[f64], v: &[f64]) -> Result<(), AnalysisError> {
+        let (all, k) = (self.all, self.pivots.len());
+        let r = &mut self.room.reduction;
+        for attempt in 0..2 {
+            for (x, &i) in self.sides.iter_mut().zip(&r.partition.independent) {
+                *x = v[i];
+            }
+            match r.evaluate(t, q, &self.sides[..all]) {
+                Err(SystemError::Singular { .. }) if attempt == 0 => start::choose_partition(r, t, q, None, None)?,
+                other => {
+                    other?;
+                    break;
+                }
+            }
+        }
+        actuation::reduced(&r.dt, all, self.room.columns.iter().map(Vec::as_slice), &mut self.b);
+        self.accelerate(t, q, v)?;
+        let r = &self.room.reduction;
+        // M_d⁻¹ B, column by column
+        for (j, side) in self.sides.chunks_exact_mut(all).take(k).enumerate() {
+            side.iter_mut().zip(self.b[j..].iter().step_by(k)).for_each(|(x, b)| *x = *b);
+            dense::cholesky_solve(&r.md_factor, all, side);
+        }
+        for (i, side) in self.sides.chunks_exact(all).take(k).enumerate() {
+            for j in 0..k {
+                let s: f64 = side.iter().zip(self.b[j..].iter().step_by(k)).map(|(x, b)| x * b).sum();
+                self.responses[i * k + j] = s / (self.lengths[i] * self.lengths[j]);
+            }
+        }
+        let factored = dense::cholesky(&mut self.responses, k).is_ok();
+        if !factored || (0..k).any(|i| self.responses[i * k + i] < tolerance::SINGULAR_PIVOT) {
+            return Err(self.singular(t));
+        }
+        // c = S⁻¹ (Bᵀ u' for w' = 0 − Bᵀ u' without efforts)
+        for (i, c) in self.bias.iter_mut().enumerate() {
+            let free: f64 = r.vdot_independent.iter().zip(self.b[i..].iter().step_by(k)).map(|(x, b)| x * b).sum();
+            *c = (self.column[i] - free) / self.lengths[i];
+        }
+        dense::cholesky_solve(&self.responses, k, &mut self.bias);
+        self.bias.iter_mut().zip(&self.lengths).for_each(|(c, length)| *c /= length);
+        for (i, row) in self.mass.chunks_exact_mut(k).enumerate() {
+            row.fill(0.0);
+            row[i] = 1.0;
+            dense::cholesky_solve(&self.responses, k, row);
+            row.iter_mut().zip(&self.lengths).for_each(|(x, length)| *x /= length * self.lengths[i]);
+        }
+        for (l, d) in r.dt.chunks_exact(all).enumerate() {
+            for (x, side) in self.column.iter_mut().zip(self.sides.chunks_exact(all)) {
+                *x = dense::dot(d, side);
+            }
+            for (j, x) in self.ratios[l * k..(l + 1) * k].iter_mut().enumerate() {
+                *x = (0..k).map(|i| self.column[i] * self.mass[i * k + j]).sum();
+            }
+            self.drift[l] = r.delta[l] + dense::dot(d, &r.vdot_independent) + dense::dot(&self.column, &self.bias);
+        }
         Ok(())
     }
 
@@ -179,11 +281,15 @@ impl Actuated {
         if factored && smallest(&self.b) > tolerance::SINGULAR_PIVOT {
             return Ok(());
         }
+        Err(self.singular(t))
+    }
+
+    fn singular(&self, t: f64) -> AnalysisError {
         let message = format!(
             "at t = {t:.6} s the actuators {} cannot cause every motion (type II singularity): their effects depend on \
              each other up to rounding; name others, or move away from this position",
             self.inverse.names()
         );
-        Err(AnalysisError::Argument { argument: "actuators", message })
+        AnalysisError::Argument { argument: "actuators", message }
     }
 }

@@ -108,6 +108,8 @@ pub struct Inverse {
     levers: Vec<Lever>,
     /// Whether a force turns with its body.
     turning: bool,
+    /// Whether all efforts act along velocities of the tree: E is constant.
+    constant: bool,
     names: Vec<String>,
     /// Row of `actuated` for each row of `released`.
     rows: Vec<usize>,
@@ -190,7 +192,14 @@ impl Inverse {
         moved.dedup();
         let names = actuators.iter().map(|a| a.name.clone()).collect();
         let turning = levers.iter().any(|l| l.axis.is_some());
-        Ok(Self { actuated: Arc::new(actuated), released, levers, turning, names, rows, moved })
+        let along = |row: usize| actuated.drives.iter().any(|d| d.row == row && d.velocity().is_some());
+        let constant = !turning && levers.iter().flat_map(|l| &l.rows).all(|&row| along(row));
+        Ok(Self { actuated: Arc::new(actuated), released, levers, turning, constant, names, rows, moved })
+    }
+
+    /// Whether E is the same at all positions, its rate zero.
+    pub(crate) fn is_constant(&self) -> bool {
+        self.constant
     }
 
     /// The mechanism without drives.

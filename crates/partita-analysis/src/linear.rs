@@ -1,13 +1,14 @@
 //! Linearised equations of motion about a state, and their modes.
 //!
 //! ```text
-//! x = (z, u)     x' = f0 + A (x − x0) + B w     z: independent positions, u: independent velocities
+//! x = (z, p, u, p')     x' = f0 + A (x − x0) + B w     z, u: independent positions and velocities, p: of drives
 //! ```
 
 use crate::error::AnalysisError;
 use partita_math::dense::{self, Matrix};
 use partita_math::factor::{self, Eigen, FactorError};
 use partita_math::tolerance;
+pub use partita_system::variation::Driven;
 use partita_system::variation::{FirstOrder, Solved, StateError, Varied};
 use partita_system::{ConstrainedSystem, SystemRef};
 
@@ -22,7 +23,8 @@ pub struct Linearized {
     /// Whether f0 stays as it is while the motion goes on: rest, or a motion on which nothing depends. Only then are
     /// eigenvalues of A the same for all coordinates.
     pub steady: bool,
-    /// Whether it is at rest without dissipation: stiffness and mass are symmetric and nothing else acts.
+    /// Whether it is at rest without dissipation and without drives as inputs: stiffness and mass are symmetric and
+    /// nothing else acts.
     pub conservative: bool,
     /// Modes, where it is steady.
     pub modes: Option<Modes>,
@@ -39,10 +41,10 @@ pub struct Modes {
 }
 
 /// States beside a linearised one, from which outputs that are known as numbers alone are differentiated: one ahead and
-/// one behind along each state and each effort. Central differences of them cancel what is missing to the second order,
+/// one behind along each state and each input. Central differences of them cancel what is missing to the second order,
 /// so the loops need not be closed again.
 pub struct Probes {
-    /// Steps of states and efforts.
+    /// Steps of states and inputs.
     pub steps: Vec<f64>,
     /// Coordinates, one row each: ahead and behind in turn.
     pub q: Vec<f64>,
@@ -58,10 +60,11 @@ impl Linearized {
     /// States beside (q, v).
     pub fn probes<S: ConstrainedSystem>(&self, system: &S, q: &[f64], v: &[f64]) -> Probes {
         let found = &self.first_order;
-        let (kz, states, count) = (found.positions.len(), found.f0.len(), found.accelerations.cols());
+        let (kz, states, count) = (found.displacements.cols(), found.f0.len(), found.accelerations.cols());
         // where the errors of a central difference meet: h² of the third derivative, ε/h of round-off
         let h = f64::EPSILON.cbrt();
-        let steps = sizes(system, found).into_iter().map(|s| h * s).chain(std::iter::repeat_n(1.0, count - states));
+        let inputs = (states..count).map(|j| h * self.size_of(system, j));
+        let steps = sizes(system, found).into_iter().map(|s| h * s).chain(inputs);
         let mut made =
             Probes { steps: steps.collect(), q: Vec::new(), v: Vec::new(), vdot: Vec::new(), multipliers: Vec::new() };
         let column = |m: &Matrix, j: usize, by: f64| (0..m.rows()).map(move |i| by * m[(i, j)]).collect::<Vec<_>>();
@@ -82,9 +85,26 @@ impl Linearized {
         }
         made
     }
+
+    /// Size of an input: what it adds to accelerations or forces is then as large as these.
+    fn size_of<S: ConstrainedSystem>(&self, system: &S, j: usize) -> f64 {
+        let FirstOrder { accelerations, multipliers, .. } = &self.first_order;
+        let gained = self.vdot.iter().enumerate().fold(0.0, |m: f64, (l, x)| {
+            m.max(accelerations[(l, j)].abs() / x.abs().max(system.characteristic_displacement(l)))
+        });
+        let load = self.multipliers.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+        let added = (0..self.multipliers.len()).fold(0.0, |m: f64, i| m.max(multipliers[(i, j)].abs()));
+        let share = gained.max(if load > 0.0 { added / load } else { 0.0 });
+        if share > 0.0 {
+            1.0 / share
+        } else {
+            1.0
+        }
+    }
 }
 
-/// Linearise about (t, q, v); `efforts` are columns of E (nv numbers each), one after the other.
+/// Linearise about (t, q, v); `efforts` are columns of E (nv numbers each), one after the other, and the accelerations of
+/// the drives are inputs behind them.
 ///
 /// # Errors
 /// Singular positions, velocities that violate constraints, a choice that does not serve.
@@ -93,13 +113,16 @@ pub fn linearize<'s, S: ConstrainedSystem + Varied + 's>(
     (t, q, v): (f64, &[f64], &[f64]),
     independent: Option<&[usize]>,
     efforts: &[f64],
+    driven: &[Driven],
 ) -> Result<Linearized, AnalysisError> {
     let system = system.into();
     let solved = Solved::new(system.clone(), (t, q, v), independent).map_err(|e| state_error(&*system, e))?;
-    let found = solved.first_order(efforts)?;
+    let found = solved.first_order(efforts, driven)?;
     let still = system.travel(v) == 0.0;
-    let steady = is_steady(&*system, &solved, &found);
-    let conservative = steady && still && !system.rheonomic() && is_conservative(&found);
+    // at rest, loads given over time are those of this time
+    let lasting = if still || !system.rheonomic() { stays(&*system, &found) } else { persists(&solved, (t, q, v))? };
+    let steady = lasting && !accelerates(&*system, &solved, &found);
+    let conservative = steady && still && driven.is_empty() && !system.rheonomic() && is_conservative(&found);
     let mut made = Linearized {
         first_order: found,
         vdot: solved.vdot.clone(),
@@ -136,25 +159,33 @@ pub(crate) fn state_error<S: ConstrainedSystem>(system: &S, error: StateError) -
 
 /// Natural sizes of the states: characteristic displacements, and the same per second.
 fn sizes<S: ConstrainedSystem>(system: &S, found: &FirstOrder) -> Vec<f64> {
-    found.positions.iter().chain(&found.velocities).map(|&i| system.characteristic_displacement(i)).collect()
+    let of = |velocities: &[usize], drives: &[usize]| {
+        let drives = drives.iter().map(|&i| system.row_displacement(i).unwrap_or(1.0));
+        velocities.iter().map(|&i| system.characteristic_displacement(i)).chain(drives).collect::<Vec<_>>()
+    };
+    [of(&found.positions, &found.driven_positions), of(&found.velocities, &found.driven_rates)].concat()
 }
 
-/// No independent velocity accelerates, and f0 does not change along itself.
-fn is_steady<S: ConstrainedSystem + Varied>(system: &S, solved: &Solved<S>, found: &FirstOrder) -> bool {
-    let (kz, n, r) = (found.positions.len(), found.f0.len(), &solved.reduction);
+/// Whether an independent velocity accelerates.
+fn accelerates<S: ConstrainedSystem + Varied>(system: &S, solved: &Solved<S>, found: &FirstOrder) -> bool {
+    let (kz, n, r) = (found.displacements.cols(), found.f0.len(), &solved.reduction);
     let sizes = sizes(system, found);
-    let scaled = |i: usize, j: usize| found.a[(i, j)] * sizes[j] / sizes[i];
     // accelerations that an ordinary displacement would cause, or single forces
     let mut single: Vec<f64> = (0..r.k())
         .map(|j| (0..solved.forces.len()).map(|l| (r.dt[l * r.k() + j] * solved.forces[l]).abs()).sum())
         .collect();
     dense::cholesky_solve(&r.md_factor, r.k(), &mut single);
     let ordinary = (kz..n).fold(0.0, |m: f64, i| {
-        (0..kz).fold(m.max(single[i - kz].abs() / sizes[i]), |m: f64, j| m.max(scaled(i, j).abs()))
+        let single = single.get(i - kz).map_or(0.0, |x| x.abs() / sizes[i]);
+        (0..kz).fold(m.max(single), |m: f64, j| m.max((found.a[(i, j)] * sizes[j] / sizes[i]).abs()))
     });
-    if (kz..n).any(|i| found.f0[i].abs() / sizes[i] > tolerance::CLOSED_IN_RUN * ordinary) {
-        return false;
-    }
+    (kz..n).any(|i| found.f0[i].abs() / sizes[i] > tolerance::CLOSED_IN_RUN * ordinary)
+}
+
+/// Whether f0, without accelerations, does not change along itself: A f0 = 0.
+fn stays<S: ConstrainedSystem>(system: &S, found: &FirstOrder) -> bool {
+    let (kz, n, sizes) = (found.displacements.cols(), found.f0.len(), sizes(system, found));
+    let scaled = |i: usize, j: usize| found.a[(i, j)] * sizes[j] / sizes[i];
     let rate = |j: usize| found.f0[j] / sizes[j];
     let fastest = (0..kz).fold(0.0, |m: f64, j| m.max(rate(j).abs()));
     let largest =
@@ -162,6 +193,32 @@ fn is_steady<S: ConstrainedSystem + Varied>(system: &S, solved: &Solved<S>, foun
     (0..n).all(|i| {
         (0..kz).map(|j| scaled(i, j) * rate(j)).sum::<f64>().abs() <= tolerance::CLOSED_IN_RUN * largest * fastest
     })
+}
+
+/// Whether the independent velocities go on as they are while drives move: by their accelerations a moment ahead and
+/// behind, on the motion.
+fn persists<S: ConstrainedSystem + Varied>(
+    solved: &Solved<S>,
+    (t, q, v): (f64, &[f64], &[f64]),
+) -> Result<bool, AnalysisError> {
+    let system = &solved.reduction.system;
+    let fastest = system.travel(v);
+    let h = f64::EPSILON.cbrt() / fastest;
+    let beside = |h: f64| -> Result<Solved<S>, AnalysisError> {
+        let (mut q, along) = (q.to_vec(), v.iter().map(|v| h * v).collect::<Vec<_>>());
+        system.step(&mut q, &along);
+        let v: Vec<f64> = v.iter().zip(&solved.vdot).map(|(v, a)| v + h * a).collect();
+        let independent = Some(&*solved.reduction.partition.independent);
+        Solved::new(system.clone(), (t + h, &q, &v), independent).map_err(|e| state_error(&**system, e))
+    };
+    let (ahead, behind) = (beside(h)?, beside(-h)?);
+    // the fastest motion, and what forces and the drives accelerate by themselves
+    let size = |i: usize| system.characteristic_displacement(i);
+    let strongest = (0..v.len()).fold(fastest * fastest, |m: f64, i| m.max(solved.vdot[i].abs() / size(i)));
+    Ok(solved.reduction.partition.independent.iter().all(|&i| {
+        let grown = (ahead.vdot[i] - behind.vdot[i]).abs() / (2.0 * h);
+        grown <= tolerance::OPEN * size(i) * strongest * fastest
+    }))
 }
 
 /// Stiffness symmetric, and no force depends on velocities.
@@ -225,7 +282,7 @@ fn forward_columns(factor: &[f64], k: usize, x: &Matrix) -> Matrix {
 
 /// Eigenvalues and eigenvectors of A, balanced by the natural sizes of the states.
 fn modes<S: ConstrainedSystem>(system: &S, found: &FirstOrder) -> Result<Modes, FactorError> {
-    let (count, kz, n) = (found.f0.len(), found.positions.len(), found.displacements.rows());
+    let (count, kz, n) = (found.f0.len(), found.displacements.cols(), found.displacements.rows());
     let sizes = sizes(system, found);
     let mut balanced = found.a.clone();
     for i in 0..count {

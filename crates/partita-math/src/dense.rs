@@ -17,7 +17,7 @@ pub use cholesky::{
     pivoted_cholesky, NotPositiveDefinite,
 };
 pub use ldlt::{ldlt, ldlt_solve, ldlt_straight};
-pub use lu::{lu, lu_determinant, lu_in_order, lu_pivot_ratio, lu_solve, lu_solve_transposed, Singular};
+pub use lu::{lu, lu_determinant, lu_in_order, lu_pivot_ratio, lu_solve, lu_solve_many, lu_solve_transposed, Singular};
 pub use matrix::Matrix;
 
 /// Scalar product `xᵀ y` over the shorter length.

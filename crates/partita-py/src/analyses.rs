@@ -1,10 +1,10 @@
 //! Analyses of one state, as dictionaries of arrays.
 
 use crate::arrays::{array, dense, indices};
-use crate::failure;
+use crate::failure::{self, raise};
 use crate::state::Array;
 use partita_analysis::equilibrium;
-use partita_analysis::linear::{self, Modes};
+use partita_analysis::linear::{self, Driven, Modes};
 use partita_analysis::poses;
 use partita_math::tolerance;
 use partita_model::Model;
@@ -30,20 +30,37 @@ fn modes<'py>(py: Python<'py>, modes: &Modes, n: usize) -> PyResult<Bound<'py, P
     Ok(d)
 }
 
-/// The linearised equations about a state; `efforts` hold a column of E in each row.
+/// The linearised equations about a state; `efforts` hold a column of E in each row, `drives` the rows of those whose
+/// accelerations are inputs.
 pub fn linearized<'py>(
     py: Python<'py>,
     model: &Model,
     state: (f64, &[f64], &[f64]),
     independent: Option<&[usize]>,
     efforts: &[f64],
+    drives: &[usize],
+    beside: bool,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let made =
-        py.detach(|| linear::linearize(model, state, independent, efforts)).map_err(|e| failure::analysis(py, e))?;
+    let driven = |row: &usize| match model.prescribed(*row, state.0) {
+        Ok(Some([rate, acceleration])) => Ok(Driven { row: *row, rate, acceleration }),
+        Ok(None) => Err(raise(
+            py,
+            "ArgumentError",
+            "inputs: a prescribed orientation has no acceleration that is one number; drive angles instead",
+            &[("argument", "inputs".into())],
+        )),
+        Err(e) => Err(failure::system(py, e)),
+    };
+    let driven = drives.iter().map(driven).collect::<PyResult<Vec<_>>>()?;
+    let made = py
+        .detach(|| linear::linearize(model, state, independent, efforts, &driven))
+        .map_err(|e| failure::analysis(py, e))?;
     let found = &made.first_order;
     let d = PyDict::new(py);
     d.set_item("positions", indices(py, &found.positions))?;
     d.set_item("velocities", indices(py, &found.velocities))?;
+    d.set_item("driven_positions", indices(py, &found.driven_positions))?;
+    d.set_item("driven_rates", indices(py, &found.driven_rates))?;
     for (name, m) in [
         ("A", &found.a),
         ("B", &found.b),
@@ -63,19 +80,21 @@ pub fn linearized<'py>(
     d.set_item("exact", found.derivatives == Derivatives::Exact)?;
     d.set_item("steady", made.steady)?;
     d.set_item("conservative", made.conservative)?;
-    let n = found.displacements.rows();
-    let (_, q, v) = state;
-    let probes = made.probes(model, q, v);
-    let count = 2 * probes.steps.len();
-    d.set_item("steps", array(py, &[probes.steps.len()], probes.steps))?;
-    for (name, rows, width) in [
-        ("probe_q", probes.q, q.len()),
-        ("probe_v", probes.v, v.len()),
-        ("probe_vdot", probes.vdot, v.len()),
-        ("probe_multipliers", probes.multipliers, found.multipliers.rows()),
-    ] {
-        d.set_item(name, array(py, &[count, width], rows))?;
+    if beside {
+        let (_, q, v) = state;
+        let probes = made.probes(model, q, v);
+        let count = 2 * probes.steps.len();
+        d.set_item("steps", array(py, &[probes.steps.len()], probes.steps))?;
+        for (name, rows, width) in [
+            ("probe_q", probes.q, q.len()),
+            ("probe_v", probes.v, v.len()),
+            ("probe_vdot", probes.vdot, v.len()),
+            ("probe_multipliers", probes.multipliers, found.multipliers.rows()),
+        ] {
+            d.set_item(name, array(py, &[count, width], rows))?;
+        }
     }
+    let n = found.displacements.rows();
     d.set_item("modes", made.modes.as_ref().map(|m| modes(py, m, n)).transpose()?)?;
     Ok(d)
 }

@@ -15,8 +15,10 @@
 //! In independent positions z and velocities u = v_I:
 //!
 //! ```text
-//! x = (z, u)      x' = f0 + A dx + B dw      w: efforts along columns of E
+//! x = (z, p, u, p')      x' = f0 + A dx + B dw      w: efforts along columns of E, and accelerations p'' of drives
 //! ```
+//!
+//! The rows of a drive are Φ − p, C v − p' and C v' + b − p'': its motion enters by G alone.
 
 use crate::reduction::Reduction;
 use crate::start::{self, Start};
@@ -46,6 +48,17 @@ impl From<SystemError> for StateError {
     }
 }
 
+/// A drive whose acceleration is an input.
+#[derive(Clone, Copy, Debug)]
+pub struct Driven {
+    /// Its row.
+    pub row: usize,
+    /// Rate that it prescribes at the state.
+    pub rate: f64,
+    /// Acceleration, likewise.
+    pub acceleration: f64,
+}
+
 /// A state whose reduced equations are solved, with everything that its first-order changes need.
 pub struct Solved<'s, S: ConstrainedSystem + Varied> {
     /// The reduction there: choice, factors, D.
@@ -66,15 +79,19 @@ pub struct Solved<'s, S: ConstrainedSystem + Varied> {
 pub struct FirstOrder {
     /// Velocities whose displacements are the states z.
     pub positions: Vec<usize>,
+    /// Rows of the drives whose positions are the states p.
+    pub driven_positions: Vec<usize>,
     /// Independent velocities, the states u.
     pub velocities: Vec<usize>,
-    /// D_hᵀ (nv x kz): displacements.
+    /// Rows of the drives whose rates are the states p'.
+    pub driven_rates: Vec<usize>,
+    /// Displacements with z and p (nv columns each).                                                     (V1)
     pub displacements: Matrix,
-    /// Changes of all velocities with the states (nv x (kz + ku)).                                       (V2)
+    /// Changes of all velocities with the states (nv x states).                                          (V2)
     pub rates: Matrix,
-    /// Changes of all accelerations with states and efforts (nv x (kz + ku + s)).                        (V3)
+    /// Changes of all accelerations with states and inputs (nv x (states + inputs)).                     (V3)
     pub accelerations: Matrix,
-    /// Changes of λ with states and efforts (rows x (kz + ku + s)), zero on redundant rows.              (V4)
+    /// Changes of λ with states and inputs (rows x (states + inputs)), zero on redundant rows.           (V4)
     pub multipliers: Matrix,
     /// A.
     pub a: Matrix,
@@ -156,8 +173,7 @@ impl<'s, S: ConstrainedSystem + Varied> Solved<'s, S> {
     }
 
     /// G x for rows x of all constraints.
-    fn lift(&self, x: &[f64], out: &mut [f64]) {
-        let r = &self.reduction;
+    fn lift(r: &Reduction<'s, S>, x: &[f64], out: &mut [f64]) {
         let mut kept: Vec<f64> = r.partition.rows.iter().map(|&i| x[i]).collect();
         r.solve(&mut kept, 1);
         out.fill(0.0);
@@ -166,39 +182,65 @@ impl<'s, S: ConstrainedSystem + Varied> Solved<'s, S> {
         }
     }
 
-    /// A, B and f0 with their parts; `efforts` are the columns of E (nv numbers each), one after the other.
+    /// A, B and f0 with their parts; `efforts` are the columns of E (nv numbers each), one after the other, and the
+    /// accelerations of the drives are inputs behind them.
     ///
     /// # Errors
-    /// Where the system cannot be evaluated.
-    pub fn first_order(&self, efforts: &[f64]) -> Result<FirstOrder, SystemError> {
+    /// Where the system cannot be evaluated; `Argument` for a drive whose row repeats others.
+    pub fn first_order(&self, efforts: &[f64], driven: &[Driven]) -> Result<FirstOrder, SystemError> {
         let (r, system) = (&self.reduction, &*self.reduction.system);
         let (n, rows, ku) = (r.size().nv, r.size().rows, r.k());
         let displacing = self.displacing();
         let (kz, positions) = (displacing.k(), &displacing.partition.independent);
-        let states = kz + ku;
-        let count = states + efforts.len() / n.max(1);
+        if let Some(d) = driven.iter().find(|d| !r.partition.rows.contains(&d.row)) {
+            let message = format!(
+                "{} repeats other conditions here, so that it moves nothing alone",
+                system.row_description(d.row)
+            );
+            return Err(SystemError::argument("inputs", message));
+        }
+        // a drive of rates alone leaves its position among z
+        let held: Vec<usize> = driven.iter().map(|d| d.row).filter(|&i| i < r.size().holonomic).collect();
+        let (kp, kr) = (held.len(), driven.len());
+        let (first_rate, states) = (kz + kp, kz + kp + ku + kr);
+        let first_drive = states + efforts.len() / n.max(1);
+        let count = first_drive + kr;
         let at = At { t: self.t, q: &self.q, v: &r.v, vdot: &self.vdot, multipliers: &self.multipliers };
         let (mut dq, mut dv, mut dvdot) = (vec![0.0; count * n], vec![0.0; count * n], vec![0.0; count * n]);
         let mut changes = Changes::new(rows, n, count);
         for i in 0..n {
             (0..kz).for_each(|j| dq[j * n + i] = displacing.dt[i * kz + j]);
-            (0..ku).for_each(|j| dv[(kz + j) * n + i] = r.dt[i * ku + j]);
+            (0..ku).for_each(|j| dv[(first_rate + j) * n + i] = r.dt[i * ku + j]);
+        }
+        let mut unit = vec![0.0; rows];
+        let mut moved = |r: &Reduction<'s, S>, row: usize, out: &mut [f64]| {
+            unit[row] = 1.0;
+            Self::lift(r, &unit, out);
+            unit[row] = 0.0;
+        };
+        for (j, &row) in held.iter().enumerate() {
+            moved(displacing, row, &mut dq[(kz + j) * n..(kz + j + 1) * n]); // (V1)
+        }
+        for (j, d) in driven.iter().enumerate() {
+            let (rate, input) = (first_rate + ku + j, first_drive + j);
+            moved(r, d.row, &mut dv[rate * n..(rate + 1) * n]);
+            moved(r, d.row, &mut dvdot[input * n..(input + 1) * n]);
         }
         let mut lifted = vec![0.0; n];
         let along = |dq: &[f64], dv: &[f64], dvdot: &[f64], changes: &mut Changes| {
             let derivatives = system.vary(&at, &Directions { count, q: dq, v: dv, vdot: dvdot }, changes)?;
-            changes.forces[states * n..].iter_mut().zip(efforts).for_each(|(r, e)| *r -= e);
+            changes.forces[states * n..first_drive * n].iter_mut().zip(efforts).for_each(|(r, e)| *r -= e);
             Ok::<_, SystemError>(derivatives)
         };
         // each level needs the changes of the one before
         along(&dq, &dv, &dvdot, &mut changes)?;
-        for j in 0..kz {
-            self.lift(&changes.rates[j * rows..(j + 1) * rows], &mut lifted); // (V2)
+        for j in 0..first_rate {
+            Self::lift(r, &changes.rates[j * rows..(j + 1) * rows], &mut lifted); // (V2)
             dv[j * n..(j + 1) * n].iter_mut().zip(&lifted).for_each(|(x, g)| *x -= g);
         }
         along(&dq, &dv, &dvdot, &mut changes)?;
         for j in 0..states {
-            self.lift(&changes.accelerations[j * rows..(j + 1) * rows], &mut lifted); // (V3)
+            Self::lift(r, &changes.accelerations[j * rows..(j + 1) * rows], &mut lifted); // (V3)
             dvdot[j * n..(j + 1) * n].iter_mut().zip(&lifted).for_each(|(x, g)| *x -= g);
         }
         // with it M times −G ds is part of the change of r
@@ -214,7 +256,7 @@ impl<'s, S: ConstrainedSystem + Varied> Solved<'s, S> {
             }
             dense::cholesky_solve(&r.md_factor, ku, &mut du);
             let (to, column) = if j < states { (&mut a, j) } else { (&mut b, j - states) };
-            du.iter().enumerate().for_each(|(i, x)| to[(kz + i, column)] = *x);
+            du.iter().enumerate().for_each(|(i, x)| to[(first_rate + i, column)] = *x);
             for l in 0..n {
                 dvdot[j * n + l] += (0..ku).map(|i| r.dt[l * ku + i] * du[i]).sum::<f64>();
             }
@@ -222,6 +264,12 @@ impl<'s, S: ConstrainedSystem + Varied> Solved<'s, S> {
         for j in 0..states {
             let rate = self.rate_of(&dq[j * n..(j + 1) * n], &dv[j * n..(j + 1) * n]);
             positions.iter().enumerate().for_each(|(i, &p)| a[(i, j)] = rate[p]);
+        }
+        for (j, d) in driven.iter().enumerate() {
+            if let Some(i) = held.iter().position(|row| *row == d.row) {
+                a[(kz + i, first_rate + ku + j)] = 1.0;
+            }
+            b[(first_rate + ku + j, first_drive - states + j)] = 1.0;
         }
         let derivatives = along(&dq, &dv, &dvdot, &mut changes)?;
         let (mut work, mut lambda) = (vec![0.0; r.rank()], vec![0.0; rows]);
@@ -240,19 +288,27 @@ impl<'s, S: ConstrainedSystem + Varied> Solved<'s, S> {
             (0..ku).for_each(|i| (0..columns).for_each(|j| m[(i, j)] = force[(i, from + j)]));
             m
         };
+        let rate = |row: &usize| driven.iter().find(|d| d.row == *row).map_or(0.0, |d| d.rate);
+        let f0 = (positions.iter().map(|&i| r.v[i]))
+            .chain(held.iter().map(rate))
+            .chain(r.vdot_independent.iter().copied())
+            .chain(driven.iter().map(|d| d.acceleration))
+            .collect();
         Ok(FirstOrder {
             positions: positions.clone(),
             velocities: r.partition.independent.clone(),
-            displacements: by_columns(&dq, kz),
+            displacements: by_columns(&dq, first_rate),
             rates: by_columns(&dv, states),
             accelerations: by_columns(&dvdot, count),
             multipliers,
             a,
             b,
-            f0: positions.iter().map(|&i| r.v[i]).chain(r.vdot_independent.iter().copied()).collect(),
+            f0,
             mass: Matrix::from_vec(ku, ku, r.md.clone()),
             stiffness: part(0, kz),
-            damping: part(kz, ku),
+            damping: part(first_rate, ku),
+            driven_positions: held,
+            driven_rates: driven.iter().map(|d| d.row).collect(),
             derivatives,
         })
     }

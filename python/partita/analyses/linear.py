@@ -35,7 +35,9 @@ class Linearization:
         mass, stiffness, damping: M_d, and the changes of the forces in independent coordinates by positions and
             velocities, each with its sign on the left-hand side; at rest M_d u' + damping u + stiffness z = 0.
         steady: whether f0 remains what it is: rest, or a motion along coordinates on which nothing depends (a bicycle
-            running straight, a spinning shaft). Only then do the eigenvalues of A not depend on the coordinates.
+            running straight, a spinning shaft). Only then do the eigenvalues of A not depend on the coordinates, but
+            for the axes of a motion that turns: states such as "top.x" are measured in space, turns such as "top.wx"
+            in axes of the body, which turn with it, and there an oscillation has another frequency by that of the spin.
         conservative: at rest, without dissipation.
         method: "exact", or "differences" where functions given in Python or reaction-dependent frictions are
             differentiated numerically (errors of about 1e-9 of the largest entries).

@@ -19,7 +19,7 @@ FloatArray = NDArray[np.float64]
 
 class Actuated:
     """A mechanism seen from as many actuators as it has degrees of freedom, at one state: tau = M w' + bias, where w
-    are the rates along the actuators.
+    are the rates along the actuators. Idle rotations (rods between balls) need none: no effort acts on them.
 
     Attributes:
         actuators: names of the k actuators.

@@ -335,6 +335,10 @@ class CompiledModel(Equations):
         chosen = actuators_of(self._drawn, self.summary, wanted)
         return _core.Inverse(self.core, *for_core(self.description, chosen)), chosen
 
+    def _actuator(self, wanted: Any) -> Actuator:
+        """One actuator, with what it acts along; for tools."""
+        return actuators_of(self._drawn, self.summary, [wanted])[0]
+
     def __reduce__(self) -> Any:
         """Pickled as its description, and compiled again when loaded."""
         return _again, (self._drawn, self.coordinates, self._changes)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,8 +14,9 @@ from .. import options as run_options
 from ..analyses.linear import Linearization
 from ..analyses.still import run_of
 from ..builder.compiled import CompiledModel
+from ..builder.drives import driven_key
 from ..errors import ArgumentError
-from ..naming import Names, coordinate_units, index_of
+from ..naming import Names, coordinate_units, driven, index_of
 from ..numeric import shown
 from ..results import Result
 from ..results.run import Run
@@ -98,7 +99,7 @@ def linearize(
     self: Modelled,
     at: Any = None,
     *,
-    inputs: Iterable[Any] | None = None,
+    inputs: Iterable[Any] | Mapping[Any, str] | None = None,
     outputs: Iterable[Any] | None = None,
     independent: Iterable[str] | None = None,
     coordinates: str = "relative",
@@ -112,14 +113,17 @@ def linearize(
     Args:
         at: state, as `assemble` returns it, or an `Equilibrium`; None: the drawing, assembled, at rest.
         inputs: actuators as in `inverse_dynamics`: joints or their coordinates (those that close loops too), lines of
-            springs, torques, components of forces; the input is an effort [N or N m] beside all that acts. None: none.
+            springs, torques, components of forces; the input is an effort [N or N m] beside all that acts. Or a dict of
+            names with "effort" or "acceleration": the acceleration of a drive, named by itself or by what it drives.
+            Its position and rate are states then (a drive of rates: its rate). None: none.
         outputs: names of sensors, or of joints for their coordinates; None: all sensors. Their derivatives are central
             differences along exact motions (errors of about 1e-10).
         independent: names of the independent velocities; None: the choice that a run would begin with.
         coordinates, parameters: as in `simulate`.
 
     Raises:
-        ArgumentError: the velocities of the state violate constraints, a name is no input, a choice does not serve.
+        ArgumentError: the velocities of the state violate constraints, a name is no input, a choice does not serve, an
+            effort acts where a drive prescribes the motion, nothing drives what an acceleration is asked of.
         SingularityError: the position is singular. UnknownNameError: there is no output of a name.
 
     Cost: an evaluation with derivatives for every eight columns.
@@ -130,6 +134,10 @@ def linearize(
     <Linearization: 2 states, 1 inputs, 0 outputs; not steady>
     >>> m.linearize(inputs=["A"]).A.shape
     (2, 2)
+    >>> crank = m.add_drive("A", velocity=3.0, name="motor")
+    >>> driven = m.linearize(inputs={"motor": "acceleration"}, outputs=["D"])
+    >>> driven.states, driven.inputs
+    (('A', "motor'"), ("motor''",))
     """
     wanted = run_options.one_of("coordinates", coordinates, run_options.COORDINATES)
     model, _ = layout_of(self, wanted, parameters)
@@ -137,15 +145,16 @@ def linearize(
         at = getattr(at, "state", at)
     start = start_of(self, at, model, wanted, parameters)
     names = model.velocity_names
-    efforts, columns = _efforts(inputs, model, start)
+    asked = _inputs(inputs, model, start)
     chosen = None
     if independent is not None:
         chosen = [names.index(name) for name in run_options.velocities("independent", independent, names)]
-    found = model.core.linearized(start.t, start.q, start.v, columns, chosen)
-    readings = _Readings(model, start, found)
     read = _outputs(outputs, model)
-    y, changes, labels = readings.of(read)
-    states = [names[i] for i in found["positions"]] + [f"{names[i]}'" for i in found["velocities"]]
+    found = model.core.linearized(start.t, start.q, start.v, asked.columns, chosen, asked.rows, bool(read))
+    y, changes, labels = _readings(model, start, found, read)
+    drives = dict(zip(asked.rows, asked.drives, strict=True))
+    states = [names[i] for i in found["positions"]] + [drives[i] for i in found["driven_positions"]]
+    states += [f"{names[i]}'" for i in found["velocities"]] + [f"{drives[i]}'" for i in found["driven_rates"]]
     nx = len(states)
 
     def again(changed: dict[str, Any]) -> Linearization:
@@ -162,7 +171,7 @@ def linearize(
         f0=found["f0"],
         y0=y,
         states=tuple(states),
-        inputs=tuple(efforts),
+        inputs=asked.names,
         outputs=tuple(labels),
         state=start,
         mass=found["mass"],
@@ -177,19 +186,61 @@ def linearize(
     )
 
 
-def _names(what: str, given: Any) -> list[str]:
+def _listed(what: str, given: Any) -> list[Any]:
     if isinstance(given, (str, bytes)) or not isinstance(given, Iterable):
         raise ArgumentError(f"{what} must be a list of names such as ['A'], not {shown(given)}", argument=what)
-    return [str(name) for name in given]
+    return list(given)
 
 
-def _efforts(inputs: Any, model: CompiledModel, at: State) -> tuple[list[str], Array]:
-    """Names of the inputs, and the column of E of each, as rows."""
-    wanted = _names("inputs", () if inputs is None else inputs)
-    if not wanted:
-        return [], np.zeros((0, model.core.nv))
-    core, chosen = model._with_actuators(wanted)
-    return [each.name for each in chosen], core.columns(at.t, at.q)
+class _Inputs(NamedTuple):
+    """Names of the inputs; the column of E of each effort, as rows; rows and names of the drives behind them."""
+
+    names: tuple[str, ...]
+    columns: Array
+    rows: list[int]
+    drives: list[str]
+
+
+def _inputs(inputs: Any, model: CompiledModel, at: State) -> _Inputs:
+    if inputs is None:
+        return _Inputs((), np.zeros((0, model.core.nv)), [], [])
+    if isinstance(inputs, Mapping):
+        kinds = {key: run_options.one_of("inputs", kind, ("effort", "acceleration")) for key, kind in inputs.items()}
+    else:
+        kinds = dict.fromkeys(_listed("inputs", inputs), "effort")
+    rows_of = driven(model.summary)
+    efforts, rows, drives = [], [], []
+    for key, kind in kinds.items():
+        found = model._actuator(key)
+        drive = model._drawn.driven.get(driven_key(found.along[0])) if found.axis is None else None
+        if kind == "effort":
+            if drive is not None:
+                raise ArgumentError(
+                    f"inputs: {found.name!r} is driven by {drive!r}, so an effort there moves nothing; take the "
+                    f"acceleration of the drive, inputs={{{found.name!r}: 'acceleration'}}, or remove the drive",
+                    argument="inputs",
+                )
+            efforts.append(key)
+        elif drive is None:
+            raise ArgumentError(
+                f"inputs: nothing drives {found.name!r}, so it has no acceleration that is an input; add "
+                f"m.add_drive({found.name!r}, ...), or take its effort",
+                argument="inputs",
+            )
+        elif len(rows_of[drive]) > 1:
+            raise ArgumentError(
+                f"inputs: {drive!r} prescribes a pose, whose acceleration is not one number; drive single coordinates",
+                argument="inputs",
+            )
+        else:
+            rows += rows_of[drive]
+            drives.append(drive)
+    if not efforts:
+        names, columns = [], np.zeros((0, model.core.nv))
+    else:
+        core, chosen = model._with_actuators(efforts)
+        names, columns = [each.name for each in chosen], core.columns(at.t, at.q)
+    return _Inputs((*names, *(f"{drive}''" for drive in drives)), columns, rows, drives)
 
 
 def _outputs(outputs: Any, model: CompiledModel) -> list[tuple[str, str]]:
@@ -198,7 +249,7 @@ def _outputs(outputs: Any, model: CompiledModel) -> list[tuple[str, str]]:
         return [("sensor", name) for name in model.sensors]
     joints = [joint["name"] for joint in model.summary["joints"]]
     found = []
-    for name in _names("outputs", outputs):
+    for name in map(str, _listed("outputs", outputs)):
         if name in model.sensors:
             found.append(("sensor", name))
         else:
@@ -207,33 +258,27 @@ def _outputs(outputs: Any, model: CompiledModel) -> list[tuple[str, str]]:
     return found
 
 
-class _Readings:
-    """Outputs at a state and beside it."""
-
-    def __init__(self, model: CompiledModel, state: State, found: Mapping[str, Any]) -> None:
-        self._steps: Array = found["steps"]
-        beside = {
-            "q": (state.q, found["probe_q"]),
-            "v": (state.v, found["probe_v"]),
-            "vdot": (found["vdot"], found["probe_vdot"]),
-            "multipliers": (found["multipliers"], found["probe_multipliers"]),
-        }
-        rows = {name: np.vstack([here[None, :], there]) for name, (here, there) in beside.items()}
-        self._run = run_of(
-            Run, model, np.full(len(rows["q"]), state.t), rows["q"], rows["v"], rows["vdot"], rows["multipliers"]
-        )
-
-    def of(self, wanted: Sequence[tuple[str, str]]) -> tuple[Array, Array, list[str]]:
-        """Values, changes with states and inputs, and names of their components."""
-        values, changes, labels = [], [], []
-        for kind, name in wanted:
-            read = np.asarray(self._run.sensor(name).values if kind == "sensor" else self._run.joint(name).position)
-            columns = read.reshape(len(read), -1)
-            values.append(columns[0])
-            changes.append((columns[1::2] - columns[2::2]).T / (2.0 * self._steps))
-            one = columns.shape[1] == 1
-            labels += [name if one else f"{name}[{i}]" for i in range(columns.shape[1])]
-        count = len(self._steps)
-        if not values:
-            return np.zeros(0), np.zeros((0, count)), labels
-        return np.concatenate(values), np.vstack(changes), labels
+def _readings(
+    model: CompiledModel, state: State, found: Mapping[str, Any], wanted: Sequence[tuple[str, str]]
+) -> tuple[Array, Array, list[str]]:
+    """Values of outputs, their changes with states and inputs, and names of their components."""
+    if not wanted:
+        return np.zeros(0), np.zeros((0, found["accelerations"].shape[1])), []
+    steps: Array = found["steps"]
+    beside = {
+        "q": (state.q, found["probe_q"]),
+        "v": (state.v, found["probe_v"]),
+        "vdot": (found["vdot"], found["probe_vdot"]),
+        "multipliers": (found["multipliers"], found["probe_multipliers"]),
+    }
+    rows = [np.vstack([here[None, :], there]) for here, there in beside.values()]
+    run = run_of(Run, model, np.full(len(rows[0]), state.t), *rows)
+    values, changes, labels = [], [], []
+    for kind, name in wanted:
+        read = np.asarray(run.sensor(name).values if kind == "sensor" else run.joint(name).position)
+        columns = read.reshape(len(read), -1)
+        values.append(columns[0])
+        changes.append((columns[1::2] - columns[2::2]).T / (2.0 * steps))
+        one = columns.shape[1] == 1
+        labels += [name if one else f"{name}[{i}]" for i in range(columns.shape[1])]
+    return np.concatenate(values), np.vstack(changes), labels

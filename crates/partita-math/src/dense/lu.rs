@@ -77,6 +77,32 @@ pub fn lu_solve<T: Scalar>(a: &[T], n: usize, piv: &[usize], b: &mut [T]) {
     }
 }
 
+/// Solves `A X = B` in place for the m columns of B (n x m, row by row), all together.
+pub fn lu_solve_many<T: Scalar>(a: &[T], n: usize, piv: &[usize], b: &mut [T], m: usize) {
+    for k in 0..n {
+        if piv[k] != k {
+            let (upper, lower) = b.split_at_mut(piv[k] * m);
+            upper[k * m..(k + 1) * m].swap_with_slice(&mut lower[..m]);
+        }
+    }
+    for i in 1..n {
+        let (known, rest) = b.split_at_mut(i * m);
+        for (l, x) in a[i * n..i * n + i].iter().zip(known.chunks_exact(m)) {
+            super::axpy(-*l, x, &mut rest[..m]);
+        }
+    }
+    for i in (0..n).rev() {
+        let row = &a[i * n..(i + 1) * n];
+        let (head, known) = b.split_at_mut((i + 1) * m);
+        let x = &mut head[i * m..];
+        for (u, x_j) in row[i + 1..].iter().zip(known.chunks_exact(m)) {
+            super::axpy(-*u, x_j, x);
+        }
+        let reciprocal = T::one() / row[i];
+        x.iter_mut().for_each(|x| *x *= reciprocal);
+    }
+}
+
 /// Solves `Aᵀ x = b` in place with the factors of [`lu`].
 pub fn lu_solve_transposed<T: Scalar>(a: &[T], n: usize, piv: &[usize], b: &mut [T]) {
     for i in 0..n {

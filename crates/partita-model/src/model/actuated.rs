@@ -11,7 +11,9 @@ use super::{drives, Model};
 use crate::compile;
 use crate::error::DescriptionError;
 use crate::numbers::Numbers;
-use crate::spec::{Drive, Force, Spec, Value, VectorValue};
+use crate::spec::{Drive, Force, Level, Spec, Value, VectorValue};
+use crate::value;
+use partita_system::SystemError;
 use std::sync::Arc;
 
 /// A force whose given effort is replaced by that of an actuator: its number, and the component where it has three.
@@ -49,6 +51,23 @@ impl Model {
         let mut made = self.with_rows(actuators, silent)?;
         made.mechanism = Some(self.clone());
         Ok(made)
+    }
+
+    /// Rate and acceleration that the drive with this row prescribes at t; `None` for a component of an orientation, whose
+    /// displacements are turns, and for a row that is none of a drive.
+    ///
+    /// # Errors
+    /// Functions that fail or return no number, times outside a table.
+    pub fn prescribed(&self, row: usize, t: f64) -> Result<Option<[f64; 2]>, SystemError> {
+        let Some(drive) = self.drives.iter().find(|d| d.row == row) else { return Ok(None) };
+        if self.spec.drives[drive.number].turning.is_some() {
+            return Ok(None);
+        }
+        let [x, rate, growth] = value::motion_at(&drive.motion, &self.callers, t, &drive.name, &mut Vec::new())?;
+        Ok(Some(match drive.level {
+            Level::Position => [rate, growth],
+            Level::Velocity => [x, rate],
+        }))
     }
 
     /// Whether the rows of drives are those of actuators, which constrain nothing.

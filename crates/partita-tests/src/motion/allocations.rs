@@ -2,9 +2,11 @@
 
 use crate::counting::{allocations, BYTES};
 use crate::mechanisms::{body, compile, couple, drawing, empty, joint, loads, Moment, Wishes, COUPLINGS, ROLLS};
+use partita_analysis::actuated::Actuated;
+use partita_analysis::inverse::{Actuator, Inverse};
 use partita_analysis::run::run;
 use partita_integrate::simulate::Status;
-use partita_model::spec::{Follows, Force, Friction, JointKind, Spec, Value};
+use partita_model::spec::{Follows, Force, Friction, JointKind, Measure, Spec, Value};
 use partita_model::zero_position::Coordinates;
 use partita_model::Model;
 use partita_system::formulation::motion::Projective;
@@ -15,6 +17,7 @@ use partita_system::options::FormulationOptions;
 use partita_system::prelude::*;
 use partita_system::start;
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
 const Z: Option<[f64; 3]> = Some([0.0, 0.0, 1.0]);
 
@@ -178,6 +181,63 @@ fn evaluations_allocate_nothing() {
     }
     for model in [four_bar(), chain(20), in_space(), rank_and_file(JointKind::Revolute)] {
         count_named("explicit-closing", &compiled(model));
+    }
+}
+
+fn diagonal(x: f64) -> [[f64; 3]; 3] {
+    [[x, 0.0, 0.0], [0.0, x, 0.0], [0.0, 0.0, x]]
+}
+
+/// A crank, a rod between balls, which spins idly, and a slider.
+fn rod_between_balls() -> Spec {
+    let mut rng = fastrand::Rng::with_seed(5);
+    let mut spec = empty("rod");
+    for name in ["crank", "rod", "slider"] {
+        spec.bodies.push(body(&mut rng, name.into()));
+    }
+    pin(&mut spec, "ground", "crank", [0.0; 3]);
+    spec.joints.push(joint("near".into(), JointKind::Spherical, "crank", "rod", [0.3, 0.4, 0.2]));
+    spec.joints.push(joint("far".into(), JointKind::Spherical, "rod", "slider", [1.7, 0.1, 0.5]));
+    let mut slide = joint("slide".into(), JointKind::Prismatic, "ground", "slider", [1.7, 0.1, 0.5]);
+    slide.axis = Some([1.0, 0.0, 0.0]);
+    spec.joints.push(slide);
+    let rod = spec.bodies.iter_mut().find(|b| b.name == "rod").unwrap();
+    // its centre of mass on its line, without a preferred side
+    (rod.position, rod.com) = ([1.0, 0.25, 0.35], [0.0; 3]);
+    (rod.orientation, rod.inertia) = (diagonal(1.0), diagonal(0.2));
+    spec
+}
+
+/// Allocations of the equations in the rates of actuators, at states around the start.
+fn count_actuated(spec: &Spec, motors: &[&str], what: &str) {
+    let model = Arc::new(compile(spec, Coordinates::Relative).unwrap());
+    let along = |joint: &&str| Actuator {
+        name: (*joint).into(),
+        along: vec![Measure::Joint { joint: (*joint).into(), coordinate: 0 }],
+        rate: false,
+        axis: None,
+    };
+    let set = Inverse::new(&model, &motors.iter().map(along).collect::<Vec<_>>(), &[]).unwrap();
+    let mut q = model.initial();
+    partita_system::kinematics::assembly::close(&*model, 0.0, &mut q, 1e-10, &[]).unwrap();
+    let mut a = Actuated::new(Arc::new(set), 0.0, &q).unwrap();
+    let mut v = vec![0.0; model.size().nv];
+    a.evaluate(0.0, &q, &v).unwrap();
+    for (v, row) in v.iter_mut().zip(a.ratios.chunks_exact(motors.len())) {
+        *v = row.iter().sum();
+    }
+    let ((), counted) = allocations(|| (0..20).for_each(|_| a.evaluate(0.0, &q, &v).unwrap()));
+    assert_eq!(counted, 0, "{what}: {counted} allocations");
+    assert!(a.rates(&v).iter().all(|w| (w - 1.0).abs() < 1e-12), "{what}");
+}
+
+#[test]
+fn equations_in_the_rates_of_actuators_allocate_nothing() {
+    for motor in ["pin0", "pin1", "pin2", "pin3"] {
+        count_actuated(&four_bar(), &[motor], motor);
+    }
+    for motor in ["pin0", "slide"] {
+        count_actuated(&rod_between_balls(), &[motor], motor);
     }
 }
 
