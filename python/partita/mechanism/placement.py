@@ -21,6 +21,8 @@ from .ranges import keys_of
 
 FloatArray = NDArray[np.float64]
 ACTUATORS, ENCODERS = "actuators", "encoders"
+EQUAL = 1e-9
+"""Readings that differ by less are equal."""
 CLOSE = 1e-3
 """Readings nearer than this do not tell two assemblies apart [rad, lengths of the mechanism]."""
 
@@ -179,7 +181,8 @@ def _notes(over: Workspace, best: PlacedSet, further: PlacedSet | None) -> list[
     elif np.isinf(best.separation):
         notes.append("there is one assembly at each position of the workspace")
     elif best.separation < CLOSE:
-        notes.append(f"{names} do not tell all assemblies apart: the readings of two differ by {best.separation:.2g}")
+        differ = f"differ by {best.separation:.2g}" if best.separation > EQUAL else "are equal"
+        notes.append(f"{names} do not tell all assemblies apart: the readings of two {differ}")
     else:
         notes.append(f"{names} tell the assemblies apart: their readings differ by at least {best.separation:.3g}")
     if further is not None:
