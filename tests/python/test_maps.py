@@ -421,6 +421,8 @@ GRID = {"A": SMALL, "E": SMALL}
         (GRID, "A", "actuators", "list of names"),
         (GRID, ["A", "A"], "outputs", "'A' twice"),
         (GRID, None, "outputs", "name the outputs"),
+        (GRID, (*P, "xy"), "outputs", "in a list"),
+        (GRID, [5.0, 6.0], "outputs", "in a list"),
         (GRID, ("A",), "constraints", "leave it out"),
         (GRID, ("A", "E"), "type I", "kind"),
         (5, ("A", "E"), "actuators", "must be a dict"),
@@ -429,6 +431,17 @@ GRID = {"A": SMALL, "E": SMALL}
 def test_bad_requests_are_refused(grid: object, of: object, kind: str, words: str) -> None:
     with pytest.raises(ArgumentError, match=re.escape(words)):
         five_bar().singularities(grid, of=of, kind=kind)  # type: ignore[arg-type]
+
+
+def test_drives_are_actuators_and_move_nothing() -> None:
+    m = five_bar()
+    m.add_drive("A", position=lambda t: t)
+    m.add_drive("E", position=lambda t: 0.5 * t)
+    small = np.linspace(-1.0, 1.0, 9)
+    grid = {"A": small, "E": small}
+    own, other = m.singularities(grid), five_bar().singularities(grid, of=("A", "E"))
+    assert own.of == ("A", "E") and len(own) == len(other) > 0
+    assert m.workspace(GRID).reached.all()
 
 
 def ankle() -> pt.Mechanism:

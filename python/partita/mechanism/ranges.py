@@ -228,18 +228,16 @@ def keys_of(what: str, wanted: Any) -> list[Any]:
     if isinstance(wanted, (str, bytes, Handle)) or not isinstance(wanted, Iterable):
         raise ArgumentError(f"{what} must be a list of names such as ('A', 'E'), not {shown(wanted)}", argument=what)
     keys = list(wanted)
-    if (
-        len(keys) > 1
-        and isinstance(keys[1], tuple | list | np.ndarray)
-        and isinstance(keys[0], str)
-        and len(np.ravel(np.asarray(keys[1], dtype=object))) == 3
-        and all(isinstance(x, int | float) for x in np.ravel(np.asarray(keys[1], dtype=object)))
-    ):
-        keys = [tuple(keys)]  # one point, without a list around it
     if not keys:
         raise ArgumentError(f"{what} is empty; name at least one", argument=what)
     for i, key in enumerate(keys):
-        if key in keys[:i]:
+        name = (*key, None)[0] if isinstance(key, tuple) else key
+        if not isinstance(name, (str, Handle)):
+            raise ArgumentError(
+                f"{what} must hold names, or points such as ('tool', (0, 0, 0), 'xy') in a list, not {shown(key)}",
+                argument=what,
+            )
+        if repr(key) in map(repr, keys[:i]):
             raise ArgumentError(f"{what} names {shown(key)} twice; give it once", argument=what)
     return keys
 

@@ -158,7 +158,8 @@ def _seeds(room: Room, others: bool) -> tuple[FloatArray, list[str]]:
     reached = np.array(found["status"]) == "closed"
     if not reached.any():
         raise room.unreachable(found)
-    seeds = np.asarray(found["q"])[reached]
+    # the start first: it is known to be regular
+    seeds = np.vstack([room.start.q, np.asarray(found["q"])[reached]])
     if not others:
         return seeds, ["searched: the branch of the given position"]
     more, notes = [], ["searched: what is connected with the drawing, and other assemblies in closed form"]

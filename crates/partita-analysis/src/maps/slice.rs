@@ -102,7 +102,9 @@ impl<'m> Slice<'m> {
                            with as many dimensions as degrees of freedom; maps need conditions on positions";
             return argument("grid", message.into());
         }
-        let start = range.seeds.get(..size.nq).unwrap_or_default();
+        let Some(start) = range.seeds.get(..size.nq) else {
+            return argument("grid", "no position is given to begin with".into());
+        };
         let DegreesOfFreedom { all, .. } = degrees_of_freedom(model, range.t, start)?;
         let mut made = Self::of_rank(model, range, set, size.nv - all);
         made.field.evaluate(start)?;
