@@ -59,7 +59,7 @@ class Actuated:
 
     @cached_property
     def margin(self) -> float:
-        """Distance from a position in which the actuators cannot cause every motion, without units: 1 best, 0 there; see
+        """Distance from a position in which the actuators cannot cause every motion, without units: 1 best, 0 there; as
         `InverseDynamics.margin`."""
         return self._core.margin(self.state.t, self.state.q)
 
