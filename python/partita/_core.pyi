@@ -57,7 +57,13 @@ class Actuated:
     """The equations in the rates of as many actuators as degrees of freedom."""
 
     def at(self, t: float, q: Array, v: Array) -> dict[str, Any]:
-        """M, bias, gravity, ratios, rates and margin, by name."""
+        """M, bias, ratios and rates, by name."""
+
+    def gravity(self, t: float, q: Array, v: Array) -> Array:
+        """Efforts that carry the constant gravity."""
+
+    def margin(self, t: float, q: Array) -> float:
+        """How far the set is from a position in which a motion escapes it."""
 
     def cost(self, t: float, q: Array, v: Array) -> float:
         """Seconds of one evaluation."""
