@@ -106,7 +106,7 @@ def sign_changes(values: FloatArray, axes: tuple[FloatArray, FloatArray]) -> Flo
 
 def test_five_bar_actuators_are_singular_where_the_distal_links_are_in_line() -> None:
     found = type_two()
-    assert len(found) and all(curve.measure.max() < 1e-12 for curve in found)
+    assert len(found) == 4 and all(curve.measure.max() < 1e-12 for curve in found)
     for curve in found:
         b, d = cranks(curve.goals["A"], curve.goals["E"])
         length = np.linalg.norm(b - d, axis=1)

@@ -261,7 +261,10 @@ impl<'m> Slice<'m> {
         let displacement = &self.field.displacement;
         match (self.set, &mut self.inverse) {
             (Set::Actuators(x), Some(room)) => {
-                x.columns(self.field.t, q, room)?;
+                // where E is the same everywhere, once
+                if !x.is_constant() || room.columns.iter().any(Vec::is_empty) {
+                    x.columns(self.field.t, q, room)?;
+                }
                 let row = |column: &Vec<(usize, f64)>| {
                     let mut row = vec![0.0; n];
                     column.iter().for_each(|&(i, e)| row[i] += e * displacement[i]);

@@ -15,9 +15,12 @@ const LONGEST_CHORD: f64 = 0.05;
 /// Distance between points of a curve, at least, except at its ends, which are approached by ever shorter steps. Scale:
 /// characteristic displacements of the body that moves most. Reason: a fifth of the longest.
 const LEAST_CHORD: f64 = 0.01;
-/// Points nearer to a curve than this belong to it. Scale: characteristic displacements of the body that moves most.
-/// Reason: ten times the deviation of a chord.
+/// Points nearer to a point of a curve than this belong to it. Scale: characteristic displacements of the body that moves
+/// most. Reason: a tenth of the longest chord.
 const SAME_CURVE: f64 = 5e-3;
+/// Points nearer to a chord than this are on its curve. Scale: length of the chord. Reason: where a curve turns by half a
+/// radian over a chord, the most that a step may, it deviates by a sixteenth.
+const SAGITTA: f64 = 0.1;
 /// Goals oriented by less than this are singular along the curve itself, which ends no branch. Scale: sine. Reason: far
 /// above round-off; a curve that crosses the end of a branch is cut a millionth beyond it.
 const SINGULAR_GOALS: f64 = 1e-6;
@@ -107,7 +110,7 @@ pub(super) fn traced<E: From<SystemError>>(
         let y = slice.field.y.clone();
         let seed = Point { signature: slice.signature(&q), q, y, measure: place.measure };
         let near = if slice.dimension == 1 { SAME_POINT } else { SAME_CURVE };
-        if curves.iter().any(|(points, _)| meets(points, &seed, slice, near)) {
+        if curves.iter().any(|(points, ends)| meets((points, *ends), &seed, slice, near)) {
             continue;
         }
         let found = if slice.dimension == 1 { (vec![seed], None) } else { both_directions(slice, seed, place, sign)? };
@@ -123,7 +126,7 @@ pub(super) fn traced<E: From<SystemError>>(
 }
 
 /// Whether a point lies on a curve.
-fn meets(points: &[Point], at: &Point, slice: &Slice, near: f64) -> bool {
+fn meets((points, ends): (&[Point], Option<[CurveEnd; 2]>), at: &Point, slice: &Slice, near: f64) -> bool {
     // the same position after whole turns of a goal is another point
     let apart = |p: &Point| {
         let turns = p.y.iter().zip(&at.y).zip(slice.field.targets);
@@ -139,9 +142,13 @@ fn meets(points: &[Point], at: &Point, slice: &Slice, near: f64) -> bool {
         }
         let part = (dense::dot(&chord, &there) / square).clamp(0.0, 1.0);
         let rest = chord.iter().zip(&there).fold(0.0, |m: f64, (c, x)| m.max((x - part * c).abs()));
-        rest < near && apart(a) < 1.0
+        rest < near + SAGITTA * distance(&a.signature, &b.signature) && apart(a) < 1.0
     };
-    points.iter().any(on) || points.windows(2).any(|pair| between(&pair[0], &pair[1]))
+    let last = match (points.last(), points.first(), ends) {
+        (Some(last), Some(first), Some([CurveEnd::Closed, _])) => between(last, first),
+        _ => false,
+    };
+    last || points.iter().any(on) || points.windows(2).any(|pair| between(&pair[0], &pair[1]))
 }
 
 /// A curve through a point, followed in both directions unless it returns.
