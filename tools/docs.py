@@ -1,7 +1,7 @@
 """The pages of docs/: what is generated in them, and the site that is made of them.
 
 python tools/docs.py --write          rewrite the generated parts of docs/*.md
-python tools/docs.py --render FOLDER  the site, with the figures that examples/paper and tools/compare_page.py draw
+python tools/docs.py --render FOLDER  the site, with the figures that examples/paper and tools/*_page.py draw
 python tools/docs.py --links FOLDER   whether every link of a rendered site leads somewhere, and nothing is fetched
 python tools/docs.py --look FOLDER    a rendered site in Chromium: nothing cut or pale, search, animated pages
 """
@@ -256,6 +256,8 @@ def stage(folder: Path, short: bool = False, only: tuple[str, ...] | None = None
             scripts(PAPER, figure).main(short, into / "paper")
         for figure in figures("compare"):
             scripts(TOOLS, "compare_page").draw(figure, into / "compare", short)
+        for figure in figures("maps"):
+            scripts(TOOLS, "maps_page").draw(figure, into / "maps", short)
 
     scripts(TOOLS, "website.stage").stage(folder, draw, only)
 
@@ -264,7 +266,7 @@ def figures(kind: str) -> list[str]:
     """Names of the figures on the pages that stand in the folder `kind`.
 
     Those of "paper" are drawn by the scripts of examples/paper with their names, those of "compare" by compare_page.py
-    for the mechanism with that name.
+    for the mechanism with that name, those of "maps" by maps_page.py.
     """
     text = "".join(page.read_text(encoding="utf-8") for page in pages())
     return list(dict.fromkeys(re.findall(rf"\]\({kind}/([\w-]+)\.png\)", text)))

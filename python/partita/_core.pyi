@@ -57,7 +57,13 @@ class Actuated:
     """The equations in the rates of as many actuators as degrees of freedom."""
 
     def at(self, t: float, q: Array, v: Array) -> dict[str, Any]:
-        """M, bias, gravity, ratios, rates and margin, by name."""
+        """M, bias, ratios and rates, by name."""
+
+    def gravity(self, t: float, q: Array, v: Array) -> Array:
+        """Efforts that carry the constant gravity."""
+
+    def margin(self, t: float, q: Array) -> float:
+        """How far the set is from a position in which a motion escapes it."""
 
     def cost(self, t: float, q: Array, v: Array) -> float:
         """Seconds of one evaluation."""
@@ -90,6 +96,24 @@ class Inverse:
         least_use: bool,
     ) -> dict[str, Any]:
         """Efforts, multipliers, margin, remainder, null space, rates, gaps and k for a motion, by name."""
+
+def singularities(
+    model: Model,
+    actuators: Inverse | None,
+    outputs: list[Goal],
+    t: float,
+    goals: list[Goal],
+    limits: Array,
+    seeds: Array,
+    one_branch: bool,
+) -> dict[str, Any]:
+    """Singular positions of the actuators, or of the outputs, or of the constraints where there is neither, within the
+    limits of the goals: "curves" (q, goals, measure, ends), "samples" and "complete". `seeds`: where to begin;
+    `one_branch`: to stay on their branch."""
+
+def measures(model: Model, actuators: Inverse, t: float, q: Array) -> dict[str, Any]:
+    """At the positions in the rows of q: "actuators" (n, k, s), what each can do without units, "constraints" (n), and
+    the "length" of the mechanism."""
 
 class Model:
     """A compiled mechanism: constant; states are handed in."""

@@ -129,3 +129,10 @@ def column_names(name: str, words: list[str], count: int) -> list[str]:
     if len(words) != count or len(set(words)) != count:
         words = [str(i) for i in range(count)]
     return [f"{name}.{word}" for word in words]
+
+
+def goal_name(key: Any) -> str:
+    """The name of a goal in words: of a joint, a body, or an axis of a point (body, (x, y, z), axis)."""
+    if not isinstance(key, tuple):
+        return str(key)
+    return f"{key[0]} {key[2]}" if len(key) == 3 else str(key[0])

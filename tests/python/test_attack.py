@@ -521,6 +521,36 @@ def asked() -> dict[str, Callable[[], Call]]:
                 "parameters": None,
             },
         ),
+        "Mechanism.singularities": (
+            m.singularities,
+            {
+                "grid": {"A": [0.1, 0.2]},
+                "of": ["A"],
+                "kind": "actuators",
+                "branch": None,
+                "near": state,
+                "coordinates": "relative",
+                "parameters": None,
+            },
+        ),
+        "Mechanism.workspace": (
+            m.workspace,
+            {
+                "grid": {"A": [0.1, 0.2]},
+                "of": ("crank", ORIGIN),
+                "actuators": ["A"],
+                "outputs": ["A"],
+                "assemblies": False,
+                "branch": None,
+                "near": state,
+                "coordinates": "relative",
+                "parameters": None,
+            },
+        ),
+        "Mechanism.placement": (
+            m.placement,
+            {"count": 1, "among": ["A"], "over": m.workspace({"A": [0.1, 0.2]}), "of": "actuators"},
+        ),
         "Mechanism.equilibrium": (
             m.equilibrium,
             {"near": state, "along": None, "stable": True, "t": 0.0, "coordinates": "relative", "parameters": None},

@@ -86,6 +86,8 @@ def source_of(page: Path, link: str) -> Path:
         return ROOT / "examples" / "paper" / f"{figure[1]}.py"
     if (figure := re.fullmatch(r"compare/([\w-]+)\.png", link)) and figure[1] in pt.catalogue.names():
         return ROOT / "tools" / "compare_page.py"
+    if re.fullmatch(r"maps/([\w-]+)\.png", link):
+        return ROOT / "tools" / "maps_page.py"
     return page.parent / link
 
 

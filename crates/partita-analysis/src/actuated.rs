@@ -33,6 +33,8 @@ pub struct Actuated {
     room: Room,
     /// Degrees of freedom, those included that need no actuator.
     all: usize,
+    /// The mechanism without gravity, once it was needed.
+    light: Option<Model>,
     /// B (all x k), and in natural scales, factored, where no degree of freedom is without an actuator; pivots.
     b: Vec<f64>,
     pivots: Vec<usize>,
@@ -92,6 +94,7 @@ impl Actuated {
             inverse,
             room,
             all,
+            light: None,
             b: vec![0.0; all * s],
             pivots: vec![0; s],
             sides: vec![0.0; all * n],
@@ -234,16 +237,20 @@ impl Actuated {
         Ok(())
     }
 
-    /// Efforts (k) that carry the constant gravity, after `evaluate` at the same state: the difference to the same mechanism
-    /// without it. Allocates.
+    /// Efforts (k) that carry the constant gravity at (t, q): the difference to the same mechanism without it, which is made
+    /// at the first call. Allocates.
     ///
     /// # Errors
     /// Where the system cannot be evaluated.
-    pub fn gravity(&self, t: f64, q: &[f64], v: &[f64]) -> Result<Vec<f64>, AnalysisError> {
+    pub fn gravity(&mut self, t: f64, q: &[f64], v: &[f64]) -> Result<Vec<f64>, AnalysisError> {
+        self.evaluate(t, q, v)?;
         let k = self.pivots.len();
         let mut out = vec![0.0; k];
         let heavy: &Model = self.inverse.released();
-        let light = heavy.with_parameters(&[("gravity", &[0.0; 3])])?;
+        let light = match self.light.take() {
+            Some(light) => light,
+            None => heavy.with_parameters(&[("gravity", &[0.0; 3])])?,
+        };
         for (model, sign) in [(heavy, 1.0), (&light, -1.0)] {
             let mut s = model.scratch();
             let size = model.size();
@@ -256,6 +263,7 @@ impl Actuated {
                 dense::axpy(sign * x, row, &mut out);
             }
         }
+        self.light = Some(light);
         Ok(out)
     }
 

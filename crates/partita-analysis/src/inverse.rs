@@ -208,7 +208,7 @@ impl Inverse {
     }
 
     /// Number of actuators.
-    pub(crate) fn count(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.levers.len()
     }
 

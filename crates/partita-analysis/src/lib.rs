@@ -13,6 +13,7 @@ pub mod instant;
 pub mod inverse;
 pub mod kinematic;
 pub mod linear;
+pub mod maps;
 pub mod matrices;
 pub mod mobility;
 pub mod outputs;

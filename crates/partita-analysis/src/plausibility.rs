@@ -26,6 +26,11 @@ pub(crate) fn idle(model: &Model) -> Vec<Idle> {
     free_spins(model).into_iter().filter(|x| !x.loaded).map(|x| named(model, &x)).collect()
 }
 
+/// Bodies of which one of these spins is a rotation.
+pub(crate) fn idle_bodies(model: &Model) -> Vec<usize> {
+    free_spins(model).into_iter().filter(|x| !x.loaded).flat_map(|x| x.bodies).collect()
+}
+
 /// The same, and those on which some load depends.
 fn free_spins(model: &Model) -> Vec<spin::Idle> {
     spin::idle(&model.spec, &model.placed)

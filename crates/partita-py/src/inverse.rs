@@ -29,7 +29,7 @@ pub struct Actuated {
 
 #[pymethods]
 impl Actuated {
-    /// Mass matrix, bias, gravity, ratios, rates and margin at one state, by name.
+    /// Mass matrix, bias, ratios and rates at one state, by name.
     fn at<'py>(
         &self,
         py: Python<'py>,
@@ -42,18 +42,40 @@ impl Actuated {
             let mut a = self.inner.lock().unwrap_or_else(PoisonError::into_inner);
             let size = a.size();
             let (q, v) = (vector(&q, size.nq, "q")?, vector(&v, size.nv, "v")?);
-            let margin = a.margin(t, &q).map_err(|e| failure::analysis(py, e))?;
             a.evaluate(t, &q, &v).map_err(|e| failure::analysis(py, e))?;
-            let gravity = a.gravity(t, &q, &v).map_err(|e| failure::analysis(py, e))?;
             let k = a.bias.len();
             let d = PyDict::new(py);
             d.set_item("M", array(py, &[k, k], a.mass.clone()))?;
             d.set_item("bias", array(py, &[k], a.bias.clone()))?;
-            d.set_item("gravity", array(py, &[k], gravity))?;
             d.set_item("ratios", array(py, &[size.nv, k], a.ratios.clone()))?;
             d.set_item("rates", array(py, &[k], a.rates(&v)))?;
-            d.set_item("margin", margin)?;
             Ok(d)
+        })
+    }
+
+    /// Efforts that carry the constant gravity.
+    fn gravity<'py>(
+        &self,
+        py: Python<'py>,
+        t: f64,
+        q: PyReadonlyArray1<'py, f64>,
+        v: PyReadonlyArray1<'py, f64>,
+    ) -> PyResult<Array<'py>> {
+        guarded(py, || {
+            let mut a = self.inner.lock().unwrap_or_else(PoisonError::into_inner);
+            let size = a.size();
+            let (q, v) = (vector(&q, size.nq, "q")?, vector(&v, size.nv, "v")?);
+            let found = a.gravity(t, &q, &v).map_err(|e| failure::analysis(py, e))?;
+            Ok(array(py, &[found.len()], found))
+        })
+    }
+
+    /// How far the set is from a position in which a motion escapes it.
+    fn margin(&self, py: Python<'_>, t: f64, q: PyReadonlyArray1<'_, f64>) -> PyResult<f64> {
+        guarded(py, || {
+            let mut a = self.inner.lock().unwrap_or_else(PoisonError::into_inner);
+            let q = vector(&q, a.size().nq, "q")?;
+            a.margin(t, &q).map_err(|e| failure::analysis(py, e))
         })
     }
 
@@ -85,6 +107,13 @@ impl Actuated {
 /// Evaluations that are timed together, and how often.
 const REPEATED: u32 = 20;
 const BATCHES: u32 = 25;
+
+impl Inverse {
+    /// The mechanism with the actuators.
+    pub(crate) fn inner(&self) -> &partita_analysis::inverse::Inverse {
+        &self.inner
+    }
+}
 
 #[pymethods]
 impl Inverse {

@@ -7,6 +7,7 @@ mod calls;
 mod failure;
 mod functions;
 mod inverse;
+mod maps;
 mod model;
 mod outputs;
 mod partition;
@@ -43,6 +44,8 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<run::Account>()?;
     m.add_class::<run::Options>()?;
     m.add_class::<stepper::Stepper>()?;
+    m.add_function(wrap_pyfunction!(maps::singularities, m)?)?;
+    m.add_function(wrap_pyfunction!(maps::measures, m)?)?;
     m.add_function(wrap_pyfunction!(partition::measure, m)?)?;
     m.add_function(wrap_pyfunction!(partition::choose, m)?)?;
     m.add_function(wrap_pyfunction!(partition::geometry, m)?)?;

@@ -67,6 +67,11 @@ impl Actuation {
         self.margin
     }
 
+    /// `L_d⁻¹ B diag(1/|k_s|)` (k x s), without units: the margin of a subset is that of its columns.
+    pub fn scaled(&self) -> &Matrix {
+        &self.scaled
+    }
+
     /// Whether efforts follow from B up to rounding.
     pub fn is_regular(&self) -> bool {
         self.margin >= tolerance::SINGULAR_PIVOT

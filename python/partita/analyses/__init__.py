@@ -1,4 +1,5 @@
-"""Analyses of one position, or of many: results of `kinematics`, `inverse_dynamics`, `equilibrium`, `linearize`."""
+"""Analyses of one position, or of many: results of `kinematics`, `inverse_dynamics`, `equilibrium`, `linearize`,
+`singularities`, `workspace`, `placement`."""
 
 from __future__ import annotations
 
@@ -9,6 +10,9 @@ from .inverse import InverseDynamics
 from .kinematics import DeadPoint, Kinematics, Limit, PointMotion
 from .linear import Linearization
 from .modes import Mode, Modes
+from .placement import PlacedSet, Placement
+from .singularities import SingularCurve, Singularities
+from .workspace import Workspace
 
 __all__ = [
     "BranchPoint",
@@ -23,5 +27,10 @@ __all__ = [
     "Linearization",
     "Mode",
     "Modes",
+    "PlacedSet",
+    "Placement",
     "PointMotion",
+    "SingularCurve",
+    "Singularities",
+    "Workspace",
 ]

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import _core
 from ..errors import ArgumentError
 from ..naming import index_of
 from ..numeric import floats, shown
@@ -27,10 +29,7 @@ class Actuated:
         M: (k, k) mass matrix in the rates of the actuators; its diagonal is the reflected inertia of each, the others
             held.
         bias: (k,) efforts for w' = 0: velocity terms, gravity and all other applied forces.
-        gravity: (k,) the part of the bias that carries the constant gravity.
         rates: (k,) w, rates along the actuators.
-        margin: distance from a position in which the actuators cannot cause every motion, without units: 1 best, 0
-            there; see `InverseDynamics.margin`.
         ratios: (nv, k) transmission ratios: each velocity of the state per rate of an actuator, the others held.
 
     >>> import partita as pt
@@ -44,16 +43,25 @@ class Actuated:
     True
     """
 
-    def __init__(self, model: Any, core: Any, actuators: tuple[str, ...], state: State) -> None:
+    def __init__(self, model: Any, core: _core.Actuated, actuators: tuple[str, ...], state: State) -> None:
         self._model, self._core = model, core
         self.actuators, self.state = actuators, state
         found = core.at(state.t, state.q, state.v)
         self.M: FloatArray = found["M"]
         self.bias: FloatArray = found["bias"]
-        self.gravity: FloatArray = found["gravity"]
         self.ratios: FloatArray = found["ratios"]
         self.rates: FloatArray = found["rates"]
-        self.margin: float = found["margin"]
+
+    @cached_property
+    def gravity(self) -> FloatArray:
+        """(k,): the part of the bias that carries the constant gravity."""
+        return self._core.gravity(self.state.t, self.state.q, self.state.v)
+
+    @cached_property
+    def margin(self) -> float:
+        """Distance from a position in which the actuators cannot cause every motion, without units: 1 best, 0 there; as
+        `InverseDynamics.margin`."""
+        return self._core.margin(self.state.t, self.state.q)
 
     def at(self, state: State) -> Actuated:
         """The same at another state."""

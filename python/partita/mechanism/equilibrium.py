@@ -69,8 +69,8 @@ def equilibrium(
         along: name of a parameter (`m.compile().parameters`) -> values, at least two: the family of equilibria over
             them, as an `EquilibriumPath`. It begins at the equilibrium for the first value and is followed by
             pseudo-arclength continuation, through folds, while the parameter stays within the range of the values,
-            widened by itself on both sides, but not through zero unless they are on both sides of it, or at it. Parameters of several numbers take rows of them, several parameters
-            change together; they must lie on a straight line.
+            widened by itself on both sides (values of one sign keep it). Parameters of several numbers take rows of
+            them, several parameters change together; they must lie on a straight line.
         stable: True: go down the potential to a stable equilibrium, never to a saddle; None or False: the nearest one
             by Newton's method, stable or not. Of a family: the equilibrium at which it begins.
         t: time [s] of loads and prescribed motions; None: that of `near`. Drives must be at rest then; they hold their

@@ -18,10 +18,13 @@ from .inverse import inverse_dynamics
 from .kinematics import kinematics
 from .linear import linearize
 from .models import Modelled
+from .placement import placement
 from .playground import to_playground
 from .poses import assemble_many
 from .preload import preload
 from .report import report
+from .singularities import singularities
+from .workspace import workspace
 
 
 class Mechanism(Modelled):
@@ -89,6 +92,9 @@ class Mechanism(Modelled):
     equilibria = equilibria
     preload = preload
     linearize = linearize
+    singularities = singularities
+    workspace = workspace
+    placement = placement
     report = report
     to_fmu = to_fmu
     to_playground = to_playground

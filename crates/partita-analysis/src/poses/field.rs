@@ -18,7 +18,7 @@ const IGNORED: f64 = 1e12;
 
 /// Role of a row in a displacement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Duty {
+pub(crate) enum Duty {
     /// It must be satisfied.
     Hard,
     /// Its square is minimised.
@@ -28,7 +28,7 @@ pub(super) enum Duty {
 }
 
 /// `Φ_i / L_i` and `C_ij displacement_j / L_i`, and behind them the same for each goal's difference from its target.
-pub(super) struct Field<'m> {
+pub(crate) struct Field<'m> {
     pub model: &'m Model,
     pub targets: &'m [Target],
     pub t: f64,

@@ -5,7 +5,7 @@ mod continuation;
 mod driven;
 mod explain;
 mod explicit;
-mod field;
+pub(crate) mod field;
 mod goal;
 mod lattice;
 mod many;
