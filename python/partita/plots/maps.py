@@ -24,6 +24,8 @@ TITLES = {
 }
 MOST = 10
 """Sets that are drawn."""
+AT_REST = 1e-3
+"""Curves that move by less are drawn as a point. Scale: extent of the figure. Reason: less than a pixel."""
 KIND_COLOURS = {"actuators": COLOURS[1], "outputs": COLOURS[0], "constraints": COLOURS[3]}
 
 
@@ -100,12 +102,16 @@ def plot_singularities(found: SingularPositions, of: Any, ax: Any, path: PathLik
     if len(labels) == 1:
         values, labels = [[row[0], np.zeros(len(row[0]))] for row in values], [labels[0], ""]
         ax.set_yticks([])
+    extent = np.ptp(found.limits, axis=1).max()
+    if of is not None:
+        extent = max((np.ptp(row) for pair in values for row in pair if len(row)), default=0.0)
     colour = KIND_COLOURS[found.kind]
     named = f"{found.kind}: {', '.join(found.of)}" if found.of else found.kind
     for i, (part, (x, y)) in enumerate(zip(parts, values, strict=True)):
         if not len(part):
             continue
-        single = not part.ends
+        # where goals and point rest along a curve, it is a point of the figure
+        single = not part.ends or max(np.ptp(x), np.ptp(y)) <= AT_REST * extent
         closed = part.closed and of is not None
         joined = (np.append(x, x[:1]), np.append(y, y[:1])) if closed else _unwound(x, y, part)
         style = {"linestyle": "none", "marker": "o", "markersize": 5} if single else {"linewidth": 1.6}
