@@ -21,7 +21,7 @@ const COVERED: f64 = 0.7;
 const FORESEEN: f64 = 0.6;
 /// Samples up to this distance beyond the range have neighbours. Scale: fraction of [`SAMPLE_SPACING`]. Reason: a part of
 /// a sheet in a corner of the range, which may be connected with the rest beyond it alone, is smaller than that.
-const BEYOND: f64 = 0.5;
+const SAMPLED_BEYOND: f64 = 0.5;
 /// Directions of the steps from a sample in two dimensions. Reason: one and a half times those of a hexagon.
 const DIRECTIONS: usize = 9;
 /// Maximum number of samples. Reason: some seconds, and a surface of fifty square turns.
@@ -118,10 +118,11 @@ fn add(
         Err(e) => return Err(e),
     }
     // parts in a corner of the range may be connected beyond it alone
-    if !slice.is_within((1.0 + BEYOND) * SAMPLE_SPACING) {
+    if !slice.is_within((1.0 + SAMPLED_BEYOND) * SAMPLE_SPACING) {
         return Ok(());
     }
-    let (inside, goals, y) = (slice.is_within(BEYOND * SAMPLE_SPACING), slice.free_goals(), slice.field.y.clone());
+    let (inside, goals, y) =
+        (slice.is_within(SAMPLED_BEYOND * SAMPLE_SPACING), slice.free_goals(), slice.field.y.clone());
     let signature = slice.signature(&q);
     if cells.covers(samples, &goals, &signature, COVERED) {
         return Ok(());
