@@ -1098,6 +1098,22 @@ FORMULAS = (
         ("python test_kinematics.py",),
     ),
     Error(
+        "singular-set-among-constraints",
+        "what the constraints add to a singular combination of measurements has the wrong sign",
+        f"{ANALYSIS}/maps/slice.rs",
+        "(0..across.len()).for_each(|i| across[i] -= along * f.u[(i, j)]);",
+        "(0..across.len()).for_each(|i| across[i] += along * f.u[(i, j)]);",
+        ("python test_maps.py",),
+    ),
+    Error(
+        "closing-beside-the-measure",
+        "the step to a singular position forgets that closing changes the measure",
+        f"{ANALYSIS}/maps/slice.rs",
+        "let measure = place.measure + slopes.pop().unwrap_or_default();",
+        "let measure = place.measure + 0.0 * slopes.pop().unwrap_or_default();",
+        ("python test_maps.py",),
+    ),
+    Error(
         "rotor-in-a-cluster",
         "a cluster by partial velocities does not feel the bias of its rotors (48)",
         f"{MODEL}/clusters/few.rs",

@@ -95,6 +95,20 @@ def test_a_slider_crank_moves_as_its_triangle_says() -> None:
     assert np.abs(np.array([point.value for point in dead]) - [0.0, -2 * r, 0.0]).max() < 1e-15
 
 
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+def test_transmission_angle_of_a_crank_rocker_is_that_between_coupler_and_rocker(coordinates: str) -> None:
+    """By the law of cosines in the triangle of coupler, rocker and diagonal, acute and obtuse."""
+    a, b, c, d = (np.array(p) for p in CRANK_ROCKER)
+    crank, coupler, rocker, ground = (np.linalg.norm(x) for x in (b - a, c - b, c - d, d - a))
+    turn = np.linspace(0.0, 2.0 * np.pi, 37)
+    k = four_bar(CRANK_ROCKER).kinematics({"A": turn}, coordinates=coordinates)
+    angle = turn + np.arctan2(*(b - a)[::-1]) - np.arctan2(*(d - a)[::-1])
+    diagonal = crank**2 + ground**2 - 2.0 * crank * ground * np.cos(angle)
+    expected = np.arccos((coupler**2 + rocker**2 - diagonal) / (2.0 * coupler * rocker))
+    assert np.abs(k.transmission("B", "D") - expected).max() < 1e-12
+    assert expected.min() < np.pi / 2 < expected.max()
+
+
 def test_dead_points_of_a_crank_rocker_are_where_crank_and_coupler_line_up() -> None:
     a, b, c, d = (np.array(p) for p in CRANK_ROCKER)
     crank, coupler, rocker, ground = (np.linalg.norm(x) for x in (b - a, c - b, c - d, d - a))

@@ -189,7 +189,7 @@ def three_rrr() -> pt.Mechanism:
 FEET = [1.0 * unit(np.radians(angle)) for angle in (210.0, 330.0, 90.0)]
 HEADS = [0.35 * unit(np.radians(angle)) for angle in (200.0, 335.0, 85.0)]
 LEG = (0.6, 0.75)
-ACROSS = np.linspace(-0.6, 0.6, 13)
+ACROSS = np.linspace(-0.45, 0.45, 13)
 POSE = {("plate", (0.0, 0.0, 0.0), "x"): ACROSS, ("plate", (0.0, 0.0, 0.0), "y"): ACROSS, "plate": 0.2}
 
 
@@ -211,7 +211,7 @@ def test_planar_platform_actuators_are_singular_where_three_lines_meet() -> None
         heads = [curve.path(f"rod {i}", (LEG[1], 0, 0))[:, :2] for i in (1, 2, 3)]
         assert np.abs(pluecker(knees, heads)).max() < TO_ROUND_OFF
     # every root on a fine grid, in all eight working modes
-    fine = np.linspace(-0.6, 0.6, 241)
+    fine = np.linspace(-0.45, 0.45, 181)
     centre = np.stack(np.meshgrid(fine, fine, indexing="ij"), axis=-1)
     rotation = np.array([[np.cos(0.2), -np.sin(0.2)], [np.sin(0.2), np.cos(0.2)]])
     heads = [centre + rotation @ head[:2] for head in HEADS]

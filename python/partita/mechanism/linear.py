@@ -231,12 +231,12 @@ def _inputs(inputs: Any, model: CompiledModel, at: State) -> _Inputs:
     if inputs is None:
         return _Inputs((), np.zeros((0, model.core.nv)), [], [])
     if isinstance(inputs, Mapping):
-        kinds = {key: run_options.one_of("inputs", kind, ("effort", "acceleration")) for key, kind in inputs.items()}
+        kinds = [(key, run_options.one_of("inputs", kind, ("effort", "acceleration"))) for key, kind in inputs.items()]
     else:
-        kinds = dict.fromkeys(_listed("inputs", inputs), "effort")
+        kinds = [(key, "effort") for key in _listed("inputs", inputs)]
     rows_of = driven(model.summary)
     efforts, rows, drives = [], [], []
-    for key, kind in kinds.items():
+    for key, kind in kinds:
         found = model._actuator(key)
         drive = model._drawn.driven.get(driven_key(found.along[0])) if found.axis is None else None
         if kind == "effort":

@@ -19,6 +19,9 @@ const COVERED: f64 = 0.7;
 /// A step is not taken if it leads nearer than this to a sample, before its loops are closed. Scale: fraction of
 /// [`SAMPLE_SPACING`]. Reason: closing a step of one moves it by a twentieth of itself, at most by a tenth.
 const FORESEEN: f64 = 0.6;
+/// Samples up to this distance beyond the range have neighbours. Scale: fraction of [`SAMPLE_SPACING`]. Reason: a part of
+/// a sheet in a corner of the range, which may be connected with the rest beyond it alone, is smaller than that.
+const SAMPLED_BEYOND: f64 = 0.5;
 /// Directions of the steps from a sample in two dimensions. Reason: one and a half times those of a hexagon.
 const DIRECTIONS: usize = 9;
 /// Maximum number of samples. Reason: some seconds, and a surface of fifty square turns.
@@ -41,7 +44,7 @@ pub(super) struct Sample {
     signature: Vec<f64>,
     /// The singular position that the slope of the measure points to, if it is near.
     pub towards: Option<Vec<f64>>,
-    /// Whether it is within the range.
+    /// Whether it is within the range, or little beyond it.
     inside: bool,
     /// The sign that turns the basis of its slice into that of its branch, where the goals are oriented positively.
     pub sign: f64,
@@ -114,10 +117,12 @@ fn add(
         Ok(_) | Err(SystemError::NotFinite { .. }) => return Ok(()),
         Err(e) => return Err(e),
     }
-    if !slice.is_within(SAMPLE_SPACING) {
+    // parts in a corner of the range may be connected beyond it alone
+    if !slice.is_within((1.0 + SAMPLED_BEYOND) * SAMPLE_SPACING) {
         return Ok(());
     }
-    let (inside, goals, y) = (slice.is_within(0.0), slice.free_goals(), slice.field.y.clone());
+    let (inside, goals, y) =
+        (slice.is_within(SAMPLED_BEYOND * SAMPLE_SPACING), slice.free_goals(), slice.field.y.clone());
     let signature = slice.signature(&q);
     if cells.covers(samples, &goals, &signature, COVERED) {
         return Ok(());

@@ -22,13 +22,16 @@ const SAME_CURVE: f64 = 5e-3;
 /// radian over a chord, the most that a step may, it deviates by a sixteenth.
 const SAGITTA: f64 = 0.1;
 /// Goals oriented by less than this are singular along the curve itself, which ends no branch. Scale: sine. Reason: far
-/// above round-off; a curve that crosses the end of a branch is cut a millionth beyond it.
-const SINGULAR_GOALS: f64 = 1e-6;
+/// above round-off; a curve that crosses the end of a branch is cut a billionth beyond it.
+const SINGULAR_GOALS: f64 = 1e-9;
 /// Single positions nearer to each other are one. Scale: characteristic displacements of the body that moves most.
 /// Reason: those of constraints are known to half of the digits.
 const SAME_POINT: f64 = 1e-6;
 /// Maximum number of points of a curve.
 const POINTS: usize = 20_000;
+/// Length up to which a curve is followed from a point beyond the range into it. Unit: characteristic displacements.
+/// Reason: several samples.
+const LONGEST_DETOUR: f64 = 1.0;
 /// Length up to which curves are followed. Unit: characteristic displacements. Reason: longer than the largest number of
 /// steps.
 const LONGEST_CURVE: f64 = 1e4;
@@ -104,11 +107,18 @@ pub(super) fn traced<E: From<SystemError>>(
         };
         let (true, Some(place)) = (reached.0.is_closed(), reached.1) else { continue };
         let sign = sample.sign * alike(&place.slice, &sample.place.slice);
-        if !slice.is_within(0.0) || slice.one_branch && sign * slice.orientation(&place) < -SINGULAR_GOALS {
+        let (inside, orientation) = (slice.is_within(0.0), slice.orientation(&place));
+        let y = slice.field.y.clone();
+        let mut found = (Point { signature: slice.signature(&q), q, y, measure: place.measure }, place, sign);
+        if !inside {
+            match entered(slice, &found)? {
+                Some(point) => found = point,
+                None => continue,
+            }
+        } else if slice.one_branch && sign * orientation < -SINGULAR_GOALS {
             continue;
         }
-        let y = slice.field.y.clone();
-        let seed = Point { signature: slice.signature(&q), q, y, measure: place.measure };
+        let (seed, place, sign) = found;
         let near = if slice.dimension == 1 { SAME_POINT } else { SAME_CURVE };
         if curves.iter().any(|(points, ends)| meets((points, *ends), &seed, slice, near)) {
             continue;
@@ -149,6 +159,47 @@ fn meets((points, ends): (&[Point], Option<[CurveEnd; 2]>), at: &Point, slice: &
         _ => false,
     };
     last || points.iter().any(on) || points.windows(2).any(|pair| between(&pair[0], &pair[1]))
+}
+
+/// The first point within the range on the curve through a point beyond its end, with its evaluation and the sign of the
+/// branch: a part in a corner of the range may have no sample whose slope points to it.
+fn entered(
+    slice: &mut Slice,
+    (seed, place, sign): &(Point, Evaluation, f64),
+) -> Result<Option<(Point, Evaluation, f64)>, SystemError> {
+    if slice.dimension == 1 || !slice.is_within(2.0 * SAMPLE_SPACING) {
+        return Ok(None);
+    }
+    slice.field.evaluate(&seed.q)?;
+    let Some(tangent) = slice.direction(&seed.q, place)? else { return Ok(None) };
+    for turned in [1.0, -1.0] {
+        let direction: Vec<f64> = tangent.iter().map(|x| turned * x).collect();
+        slice.field.y.copy_from_slice(&seed.y);
+        let mut q = seed.q.clone();
+        let mut trace = Trace { slice, home: seed.y.clone(), place: None, branch: (*sign, place.slice.clone()) };
+        let mut found = None;
+        let mut visit = |trace: &mut Trace, at: At| {
+            let Some(place) = &trace.place else { return Ok(Visit::Stop) };
+            let sign = trace.branch.0 * alike(&place.slice, &trace.branch.1);
+            trace.branch = (sign, place.slice.clone());
+            let slice = &mut *trace.slice;
+            if slice.is_within(0.0) {
+                if !slice.one_branch || sign * slice.orientation(place) >= -SINGULAR_GOALS {
+                    let y = slice.field.y.clone();
+                    let signature = slice.signature(at.q);
+                    let point = Point { signature, q: at.q.to_vec(), y, measure: place.measure };
+                    found = Some((point, place.clone(), sign));
+                }
+                return Ok(Visit::Stop);
+            }
+            Ok(if slice.is_within(2.0 * SAMPLE_SPACING) { Visit::On } else { Visit::Stop })
+        };
+        follow(&mut trace, &mut q, &direction, LONGEST_DETOUR, &PACE, &mut visit)?;
+        if found.is_some() {
+            return Ok(found);
+        }
+    }
+    Ok(None)
 }
 
 /// A curve through a point, followed in both directions unless it returns.
