@@ -23,5 +23,5 @@ NAMES = (
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_and_b_are_the_extrapolated_differences(name: str) -> None:
+def test_the_matrices_are_the_extrapolated_differences(name: str) -> None:
     assert study(name).wrong == []

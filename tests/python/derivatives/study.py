@@ -1,7 +1,8 @@
-"""One mechanism of the zoo with springs: A and B moving and at rest, and eigenvalues in both kinds of coordinates."""
+"""One mechanism of the zoo with springs: A to D moving and at rest, and eigenvalues in both kinds of coordinates."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -9,8 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import partita as pt
+from partita.analyses.still import run_of
 from partita.builder.compiled import CompiledModel
 from partita.errors import PartitaError
+from partita.results.run import Run
 
 Array = NDArray[np.float64]
 
@@ -24,6 +27,8 @@ LENGTHS = (4e-3, 1e-3, 2.5e-4)
 singular positions derivatives grow, and shorter ones are better."""
 SAME = 1e-7
 """Eigenvalues in the two kinds of coordinates, over the largest; zero ones are roots of rounding, 1e-6."""
+SENSED = ("position", "velocity", "acceleration")
+"""What is read at a point of the last body."""
 SPRUNG = 3
 """Joints with a spring."""
 
@@ -46,7 +51,12 @@ class Judged:
 def sprung(name: str) -> tuple[pt.Mechanism, str | None]:
     """The mechanism with springs and dampers in joints and on bodies, and a joint of one coordinate."""
     m = pt.catalogue.entry(name).mechanism()
-    single = [joint for joint in m.joints if m.joints[joint].kind in ("revolute", "prismatic", "screw")]
+    driven = {drive.joint for drive in m.drives.values()}
+    single = [
+        joint
+        for joint in m.joints
+        if m.joints[joint].kind in ("revolute", "prismatic", "screw") and joint not in driven
+    ]
     for i, joint in enumerate(single[:SPRUNG]):
         m.add_torsion_spring(joint, stiffness=30.0 + 7.0 * i, damping=0.4 + 0.1 * i, angle=0.1, name=f"twist {i}")
     bodies = list(m.bodies)
@@ -55,33 +65,70 @@ def sprung(name: str) -> tuple[pt.Mechanism, str | None]:
         m.add_spring(f"coil {i}", m.ground, foot, body, (0, 0, 0), stiffness=90.0, damping=1.5, length=0.4)
     if single:
         m.add_torque(single[0], 0.0, name="probe")
+    for name in SENSED:
+        m.add_sensor(name, (bodies[-1], (0.1, 0.2, 0.3)), name)
     return m, single[0] if single else None
 
 
-def differences(model: CompiledModel, at: tuple[float, Array, Array], found: dict[str, Array]) -> tuple[Array, Array]:
-    """Changes of v' with all states by central differences, extrapolated twice, and how much the last time."""
+def differences(
+    model: CompiledModel,
+    at: tuple[float, Array, Array],
+    found: dict[str, Array],
+    value: Callable[[Array, Array], Array],
+) -> tuple[Array, Array]:
+    """Changes of a value of (q, v) with all states by central differences, extrapolated twice, and how much the last
+    time."""
     t, q, v = at
     kz, states = len(found["positions"]), found["A"].shape[0]
     sizes = found["steps"][:states] / np.cbrt(np.finfo(float).eps)
 
-    def acceleration(j: int, h: float) -> Array:
+    def beside(j: int, h: float) -> Array:
         moved = model.core.displaced(t, q, h * found["displacements"][:, j][None, :])[0] if j < kz else q
-        return model.core.acceleration(t, moved, v + h * found["rates"][:, j])[0]
+        return value(moved, v + h * found["rates"][:, j])
 
     def extrapolated(j: int, length: float) -> tuple[Array, Array]:
         slopes = []
         for part in (1.0, 0.5, 0.25):
             h = length * sizes[j] * part
-            slopes.append((acceleration(j, h) - acceleration(j, -h)) / (2.0 * h))
+            slopes.append((beside(j, h) - beside(j, -h)) / (2.0 * h))
         once = [(4.0 * b - a) / 3.0 for a, b in pairwise(slopes)]
         twice = (16.0 * once[1] - once[0]) / 15.0
         return twice, twice - once[1]
 
-    columns, changed = np.zeros((model.core.nv, states)), np.zeros((model.core.nv, states))
+    size = len(value(q, v))
+    columns, changed = np.zeros((size, states)), np.zeros((size, states))
     for j in range(states):
         tried = [extrapolated(j, length) for length in LENGTHS]
         columns[:, j], changed[:, j] = min(tried, key=lambda one: np.abs(one[1]).max(initial=0.0))
     return columns, changed
+
+
+def measured(judged: Judged, m: pt.Mechanism, state: pt.State, coordinates: str, motor: str | None, word: str) -> None:
+    """C and D: position, velocity and acceleration of a point, each over its largest entry."""
+    model, at = m.compile(coordinates), (state.t, state.q, state.v)
+    lin = m.linearize(state, inputs=[motor] if motor else (), outputs=SENSED, coordinates=coordinates)
+    found = model.core.linearized(*at, np.zeros((0, model.core.nv)))
+
+    def read(of: CompiledModel, q: Array, v: Array) -> Array:
+        rows = (q[None, :], v[None, :], of.core.acceleration(state.t, q, v)[0][None, :])
+        run = run_of(Run, model, np.array([state.t]), *rows, np.zeros((1, model.core.rows)))
+        return np.concatenate([run.sensor(name).values[0] for name in SENSED])
+
+    slopes, changed = differences(model, at, found, lambda q, v: read(model, q, v))
+    sizes = found["steps"] / np.cbrt(np.finfo(float).eps)
+    for i, name in enumerate(SENSED):
+        part = slice(3 * i, 3 * i + 3)
+        # near a dwell an output all but rests; what is left is the rounding of its value
+        whole = max(np.abs(slopes[part] * sizes).max(initial=0.0), 1e-3 * np.abs(lin.y0[part]).max(), 1e-300)
+        if np.abs(changed[part] * sizes).max(initial=0.0) / whole <= EXTRAPOLATED:
+            off = np.abs((lin.C - slopes)[part] * sizes).max(initial=0.0) / whole
+            judged.hold(f"C of {name}, {word}", float(off), EXACT)
+        else:
+            judged.left_out.append(f"C of {name}, {word}: the differences are not exact enough")
+    if motor is not None:
+        pushed = read(model.with_parameters({"probe.value": 1.0}), state.q, state.v) - read(model, state.q, state.v)
+        size = max(np.abs(pushed).max(initial=0.0), 1e-12 * np.abs(lin.y0).max(initial=0.0) / EXACT, 1e-300)
+        judged.hold(f"D, {word}", float(np.abs(lin.D[:, 0] - pushed).max(initial=0.0) / size), EXACT)
 
 
 def compared(
@@ -106,7 +153,7 @@ def compared(
             f"{closing} of positions"
         )
     exact = found["accelerations"][:, :states]
-    slopes, changed = differences(model, at, found)
+    slopes, changed = differences(model, at, found, lambda q, v: model.core.acceleration(t, q, v)[0])
     whole = np.abs(exact * sizes).max(initial=0.0)
     for block, what in ((slice(0, kz), "by positions"), (slice(kz, states), "by velocities")):
         # forces may all but vanish along some of the states
@@ -167,6 +214,7 @@ def study(name: str) -> Judged:
             model = m.compile(coordinates)
             moving = later if coordinates == "relative" else m.convert(later, coordinates)
             compared(judged, model, (moving.t, moving.q, moving.v), motor, "moving")
+            measured(judged, m, moving, coordinates, motor, "moving")
             if not np.any(model.core.rate(moving.t, moving.q)):  # no drive moves
                 compared(judged, model, (moving.t, moving.q, np.zeros_like(moving.v)), motor, "at rest")
     except PartitaError as error:
