@@ -9,8 +9,10 @@
 
 use crate::error::AnalysisError;
 use crate::outputs::{chunk_of, tables, Rows, States, Watch};
+use crate::plausibility::idle;
 use crate::sharing::rows_between;
 use partita_math::dense::{self, Matrix};
+use partita_math::factor;
 use partita_math::quadratic::ProgramError;
 use partita_math::spatial::Vec3;
 use partita_math::tolerance;
@@ -83,6 +85,8 @@ pub struct Found {
     pub null_space: Vec<f64>,
     /// Rate along each actuator (s): times its effort, its power.
     pub rates: Vec<f64>,
+    /// v', idle rotations as the efforts leave them.
+    pub vdot: Vec<f64>,
     /// Degrees of freedom.
     pub k: usize,
     /// Why an instant has no efforts.
@@ -115,6 +119,8 @@ pub struct Inverse {
     rows: Vec<usize>,
     /// Velocities that a measurement depends on.
     moved: Vec<usize>,
+    /// Rotations that move nothing else.
+    idle: usize,
 }
 
 /// Memory of a thread.
@@ -194,7 +200,8 @@ impl Inverse {
         let turning = levers.iter().any(|l| l.axis.is_some());
         let along = |row: usize| actuated.drives.iter().any(|d| d.row == row && d.velocity().is_some());
         let constant = !turning && levers.iter().flat_map(|l| &l.rows).all(|&row| along(row));
-        Ok(Self { actuated: Arc::new(actuated), released, levers, turning, constant, names, rows, moved })
+        let idle = idle(&released).len();
+        Ok(Self { actuated: Arc::new(actuated), released, levers, turning, constant, names, rows, moved, idle })
     }
 
     /// Whether E is the same at all positions, its rate zero.
@@ -393,10 +400,13 @@ impl Inverse {
             return Err(AnalysisError::Argument { argument: "actuators", message }.into());
         }
         let spare = s.saturating_sub(k);
-        let widths = [s, rows, 1, 1, s * spare, 1, 1, FITS, s];
+        // rotations that move nothing else, and have no actuator
+        let spins = s < k && k - s <= self.idle;
+        let widths = [s, rows, 1, 1, s * spare, 1, 1, FITS, s, n];
         let row = |i: usize, room: &mut Room, out: &mut Rows| {
             let (t, q, v) = states.at(&self.released, i);
             let vdot = &vdot[i * n..][..n];
+            out.row(9, i).copy_from_slice(vdot);
             for table in 0..4 {
                 out.row(table, i).fill(f64::NAN);
             }
@@ -432,13 +442,23 @@ impl Inverse {
                 room.residual.iter().zip(r.dt.chunks_exact(k)).for_each(|(x, d)| dense::axpy(*x, d, &mut sum));
                 Ok::<_, SystemError>(sum)
             };
-            let (applied, needed) = (along(&room.still)?, along(vdot)?);
+            let (applied, mut needed) = (along(&room.still)?, along(vdot)?);
             let inertial: Vec<f64> = needed.iter().zip(&applied).map(|(x, y)| x - y).collect();
             let overflow = |_| SystemError::NotFinite { what: "an effort".into(), t };
             let preload = &by.preload[i * s..][..s];
             let mut tau = set.efforts(&needed, preload, &by.weights).map_err(overflow)?;
             if spare > 0 && !by.limits.is_empty() {
                 tau = limited(&set, &needed, preload, by, tau, t)?;
+            }
+            if spins {
+                // they go on as they will: M_d du' = B τ − τ_d
+                let mut du: Vec<f64> = set.b().matvec(&tau).iter().zip(&needed).map(|(x, y)| x - y).collect();
+                let mut l = room.md.clone();
+                factor::cholesky_large(&mut l, k).map_err(overflow)?;
+                dense::cholesky_solve(&l, k, &mut du);
+                let moved = out.row(9, i);
+                moved.iter_mut().zip(r.dt.chunks_exact(k)).for_each(|(x, d)| *x += dense::dot(d, &du));
+                needed = along(moved)?;
             }
             out.row(0, i).copy_from_slice(&tau);
             out.row(3, i)[0] = set.remainder(&needed, &tau, [&applied, &inertial]);
@@ -453,7 +473,7 @@ impl Inverse {
         let mut next = || found.next().unwrap_or_default();
         let (efforts, multipliers, margin, remainder) = (next(), next(), next(), next());
         let (mut null_space, gaps, weakest, fits) = (next(), next(), next(), next());
-        let rates = next();
+        let (rates, vdot) = (next(), next());
         self.fitting(states, &fits)?;
         continued(&mut null_space, s, spare, &by.weights);
         let least =
@@ -461,7 +481,7 @@ impl Inverse {
         let gaps =
             gaps.iter().map(|x| [Gap::None, Gap::Constraints, Gap::Actuators, Gap::Motion][*x as usize]).collect();
         let weakest = least.map(|i| (i, weakest[i] as usize));
-        Ok(Found { efforts, multipliers, margin, remainder, null_space, rates, k, gaps, weakest })
+        Ok(Found { efforts, multipliers, margin, remainder, null_space, rates, vdot, k, gaps, weakest })
     }
 
     /// λ of the actuated model: efforts in the rows of actuators, and `C_Dᵀ λ = (M v' − h − E τ)_D`.          (R1)

@@ -30,7 +30,7 @@ fn modes<'py>(py: Python<'py>, modes: &Modes, n: usize) -> PyResult<Bound<'py, P
 }
 
 /// The linearised equations about a state; `efforts` hold a column of E in each row, `drives` the rows of those whose
-/// accelerations are inputs.
+/// accelerations are inputs; with changes of everything and states `beside` it if outputs are to be differentiated.
 pub fn linearized<'py>(
     py: Python<'py>,
     model: &Model,
@@ -63,10 +63,6 @@ pub fn linearized<'py>(
     for (name, m) in [
         ("A", &found.a),
         ("B", &found.b),
-        ("displacements", &found.displacements),
-        ("rates", &found.rates),
-        ("accelerations", &found.accelerations),
-        ("multiplier_changes", &found.multipliers),
         ("mass", &found.mass),
         ("stiffness", &found.stiffness),
         ("damping", &found.damping),
@@ -74,12 +70,20 @@ pub fn linearized<'py>(
         d.set_item(name, dense(py, m.clone()))?;
     }
     d.set_item("f0", array(py, &[found.f0.len()], found.f0.clone()))?;
-    d.set_item("vdot", array(py, &[made.vdot.len()], made.vdot.clone()))?;
-    d.set_item("multipliers", array(py, &[made.multipliers.len()], made.multipliers.clone()))?;
     d.set_item("exact", found.derivatives == Derivatives::Exact)?;
     d.set_item("steady", made.steady)?;
     d.set_item("conservative", made.conservative)?;
     if beside {
+        for (name, m) in [
+            ("displacements", &found.displacements),
+            ("rates", &found.rates),
+            ("accelerations", &found.accelerations),
+            ("multiplier_changes", &found.multipliers),
+        ] {
+            d.set_item(name, dense(py, m.clone()))?;
+        }
+        d.set_item("vdot", array(py, &[made.vdot.len()], made.vdot.clone()))?;
+        d.set_item("multipliers", array(py, &[made.multipliers.len()], made.multipliers.clone()))?;
         let (_, q, v) = state;
         let probes = made.probes(model, q, v);
         let count = 2 * probes.steps.len();

@@ -186,10 +186,11 @@ impl Inverse {
             let found = watched(py, |watch| self.inner.efforts::<Stop>(&states, &vdot, &by, watch))?;
             let spare = s.saturating_sub(found.k);
             let d = PyDict::new(py);
-            let shapes: [(&str, Vec<f64>, &[usize]); 6] = [
+            let shapes: [(&str, Vec<f64>, &[usize]); 7] = [
                 ("efforts", found.efforts, &[s]),
                 ("multipliers", found.multipliers, &[size.rows]),
                 ("rates", found.rates, &[s]),
+                ("vdot", found.vdot, &[size.nv]),
                 ("margin", found.margin, &[]),
                 ("remainder", found.remainder, &[]),
                 ("null_space", found.null_space, &[s, spare]),

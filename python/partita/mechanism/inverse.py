@@ -138,7 +138,7 @@ def inverse_dynamics(
         limits=bounds,
         gaps={i: gap for i, gap in enumerate(found["gaps"]) if gap},
         notes=(*notes_of(found, names, t), *exceeded(found["efforts"], bounds if distributed else None, t)),
-        run=_with_efforts(mechanism, model, core.model, (t, q, v, vdot), found["multipliers"]),
+        run=_with_efforts(mechanism, model, core.model, (t, q, v, found["vdot"]), found["multipliers"]),
     )
 
 

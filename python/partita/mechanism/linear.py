@@ -178,9 +178,13 @@ def linearize(
     read = _outputs(outputs, model)
     found = model.core.linearized(start.t, start.q, start.v, asked.columns, chosen, asked.rows, bool(read))
     y, changes, labels = _readings(model, start, found, read)
-    drives = dict(zip(asked.rows, asked.drives, strict=True))
-    states = [names[i] for i in found["positions"]] + [drives[i] for i in found["driven_positions"]]
-    states += [f"{names[i]}'" for i in found["velocities"]] + [f"{drives[i]}'" for i in found["driven_rates"]]
+    states = [names[i] for i in found["positions"].tolist()]
+    rates = [names[i] + "'" for i in found["velocities"].tolist()]
+    if asked.rows:
+        drives = dict(zip(asked.rows, asked.drives, strict=True))
+        states += [drives[i] for i in found["driven_positions"].tolist()]
+        rates += [drives[i] + "'" for i in found["driven_rates"].tolist()]
+    states += rates
     nx = len(states)
 
     def again(changed: dict[str, Any]) -> Linearization:
@@ -289,7 +293,7 @@ def _readings(
 ) -> tuple[Array, Array, list[str]]:
     """Values of outputs, their changes with states and inputs, and names of their components."""
     if not wanted:
-        return np.zeros(0), np.zeros((0, found["accelerations"].shape[1])), []
+        return np.zeros(0), np.zeros((0, found["A"].shape[1] + found["B"].shape[1])), []
     steps: Array = found["steps"]
     beside = {
         "q": (state.q, found["probe_q"]),

@@ -217,6 +217,9 @@ def study(name: str) -> Judged:
             measured(judged, m, moving, coordinates, motor, "moving")
             if not np.any(model.core.rate(moving.t, moving.q)):  # no drive moves
                 compared(judged, model, (moving.t, moving.q, np.zeros_like(moving.v)), motor, "at rest")
+                still = moving.copy()
+                still.v[:] = 0.0
+                measured(judged, m, still, coordinates, motor, "at rest")
     except PartitaError as error:
         judged.wrong.append(f"{type(error).__name__}: {error}")
         return judged
