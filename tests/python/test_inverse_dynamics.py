@@ -141,9 +141,11 @@ def test_idle_bars_spin_as_they_will() -> None:
     torques = {name: m.add_torque(name, 0.0, name=f"torque of {name}").name for name in shoulders}
     m.add_sensor("tool", m.bodies["platform"], "acceleration")
     tool, s = ("platform", (0, 0, 0)), np.linspace(0.0, 1.0, 5)
-    way = np.array([0.06, 0.02, 0.03])
+    offset = np.array([0.06, 0.02, 0.03])
     k = m.kinematics(
-        {tool: np.outer(s**2, way)}, rates={tool: np.outer(2 * s, way)}, accelerations={tool: np.tile(2 * way, (5, 1))}
+        {tool: np.outer(s**2, offset)},
+        rates={tool: np.outer(2 * s, offset)},
+        accelerations={tool: np.tile(2 * offset, (5, 1))},
     )
     d = m.inverse_dynamics(k, shoulders)
     assert d.remainder.max() < 1e-12 and not d.notes and d.reactions["residual"].max() < 1e-9
@@ -151,7 +153,7 @@ def test_idle_bars_spin_as_they_will() -> None:
         efforts = {f"{torques[name]}.value": d.effort(name)[row] for name in shoulders}
         start = pt.State(0.0, d.q[row], d.v[row])
         run = m.simulate(1e-3, initial=start, t_eval=[0.0], parameters=efforts)
-        assert np.abs(run.sensor("tool").values[0] - 2 * way).max() < 1e-9
+        assert np.abs(run.sensor("tool").values[0] - 2 * offset).max() < 1e-9
 
 
 R, L, M1, M2, M3, SPEED = 0.05, 0.17, 0.8, 0.5, 0.6, 120.0
