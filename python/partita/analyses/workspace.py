@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
 MAPS = ("margin", "constraints", "outputs", "assemblies")
 
 
@@ -58,7 +59,7 @@ class Workspace:
     axes: tuple[FloatArray, ...]
     units: tuple[str, ...]
     held: Mapping[Any, float]
-    reached: NDArray[np.bool_]
+    reached: BoolArray
     reasons: Mapping[tuple[int, ...], str]
     q: FloatArray
     positions: FloatArray | None
