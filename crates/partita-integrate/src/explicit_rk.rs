@@ -55,6 +55,9 @@ pub struct ExplicitRungeKutta {
     span: f64,
     /// Where the next step is to end at the latest.
     goal: Option<f64>,
+    /// Whether the slopes have a corner at `goal`, and at `t_old`.
+    corner_ahead: bool,
+    corner_behind: bool,
     y_old: Vec<f64>,
     y_new: Vec<f64>,
     y_stage: Vec<f64>,
@@ -109,6 +112,8 @@ impl ExplicitRungeKutta {
             t_end: 0.0,
             span: 0.0,
             goal: None,
+            corner_ahead: false,
+            corner_behind: false,
             y_old: vector(),
             y_new: vector(),
             y_stage: vector(),
@@ -261,6 +266,7 @@ impl<E: Display> Stepper<E> for ExplicitRungeKutta {
         self.phase = Phase::Ready;
         self.dense.ready = false;
         self.controller.reset();
+        (self.corner_ahead, self.corner_behind) = (false, false);
         self.forget();
         if let Some(component) = first_not_finite(&self.y_old) {
             return Err(StepFailure::NotFinite { t, component });
@@ -300,7 +306,10 @@ impl<E: Display> Stepper<E> for ExplicitRungeKutta {
             }
             let error = match self.grid {
                 Some(_) => 0.0,
-                None => self.method.error(&self.norm, h, &self.stages, &self.y_old, &self.y_new),
+                None => {
+                    let at_a_corner = self.corner_behind || (self.corner_ahead && self.goal == Some(t_new));
+                    self.method.error(&self.norm, h, &self.stages, (&self.y_old, &self.y_new), at_a_corner)
+                }
             };
             if let Some(component) = self.not_finite(error) {
                 self.shorten_not_finite(h);

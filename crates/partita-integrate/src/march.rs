@@ -534,7 +534,7 @@ impl March {
             let t = match formulation.guard(self.tolerance, self.free) {
                 Look::Clear => return Ok(true),
                 Look::Crossed { t, .. } => {
-                    stepper.end_at(t);
+                    stepper.end_at_corner(t);
                     return Ok(false);
                 }
                 Look::At(t) => t,

@@ -86,6 +86,11 @@ pub trait StepControl: Debug + Send + Sync {
     fn reject(&mut self, factor: f64);
     /// Reject the concluded step: it is repeated and ends at `t` inside it. The planned length is kept.
     fn end_at(&mut self, t: f64);
+    /// As [`end_at`](Self::end_at), where the slopes have a corner: neither the step that ends there nor the next one is
+    /// as smooth as estimates of high order assume.
+    fn end_at_corner(&mut self, t: f64) {
+        self.end_at(t);
+    }
 }
 
 /// Corrects the end of a step and leaves its slope: `end(t, y, dy, known)`, where `known` states that dy contains the

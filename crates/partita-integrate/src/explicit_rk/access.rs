@@ -28,6 +28,7 @@ impl StepControl for ExplicitRungeKutta {
         let length = plan.length.abs();
         self.step = self.memory.as_ref().map_or(length, |memory| memory.limited(length));
         self.goal = plan.goal;
+        self.corner_ahead = false;
     }
 
     fn set_sizes(&mut self, sizes: &[f64]) {
@@ -36,6 +37,7 @@ impl StepControl for ExplicitRungeKutta {
 
     fn replace_start(&mut self, t: f64, y: &[f64], dy: &[f64]) {
         assert_eq!(self.phase, Phase::Ready, "commit or reject the previous step");
+        self.corner_behind &= t == self.t_old;
         (self.t_old, self.t_new) = (t, t);
         self.y_old[..self.dim].copy_from_slice(y);
         self.stages[..self.dim].copy_from_slice(dy);
@@ -48,6 +50,8 @@ impl StepControl for ExplicitRungeKutta {
         let (n, end) = (self.stride, self.tableau.end_slot() * self.stride);
         // what happens where a step was to end, the method does not know: its slopes may jump there
         let changes = self.goal == Some(self.t_new) || self.options.discontinuities.contains(&self.t_new);
+        self.corner_behind = self.corner_ahead && self.goal == Some(self.t_new);
+        self.corner_ahead = false;
         let mut growth = None;
         if let Some(memory) = &mut self.memory {
             let error = memory.decide(&self.norm, self.attempted_h, &self.stages, &self.y_old, &self.y_new);
@@ -91,7 +95,13 @@ impl StepControl for ExplicitRungeKutta {
         assert_eq!(self.phase, Phase::Concluded, "conclude the step first");
         self.step = self.step.max(self.attempted_h.abs());
         self.goal = Some(t);
+        self.corner_ahead = false;
         self.throw_away();
+    }
+
+    fn end_at_corner(&mut self, t: f64) {
+        self.end_at(t);
+        self.corner_ahead = true;
     }
 }
 

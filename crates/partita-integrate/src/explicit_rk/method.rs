@@ -47,7 +47,17 @@ impl Method {
     }
 
     /// Error of a step of length `h`, with its margin, in units of the tolerance; 0 without an estimate.
-    pub(super) fn error(&self, norm: &ErrorNorm, h: f64, stages: &[f64], y_old: &[f64], y_new: &[f64]) -> f64 {
+    ///
+    /// Two estimates of different order in one are of the order of the method where the slopes are smooth. At a corner
+    /// all orders are alike, and their combination is the square of a small number: the better of the two serves alone.
+    pub(super) fn error(
+        &self,
+        norm: &ErrorNorm,
+        h: f64,
+        stages: &[f64],
+        (y_old, y_new): (&[f64], &[f64]),
+        at_a_corner: bool,
+    ) -> f64 {
         match &self.estimate {
             Estimate::None => 0.0,
             Estimate::One(rows) => {
@@ -57,7 +67,9 @@ impl Method {
             Estimate::FifthAndThird(rows) => {
                 let [fifth, third] = norm.largest_squares(rows, stages, y_old, y_new);
                 let sum = fifth + 0.01 * third;
-                if sum == 0.0 {
+                if at_a_corner {
+                    ERROR_MARGIN * h.abs() * fifth.sqrt()
+                } else if sum == 0.0 {
                     0.0
                 } else {
                     ERROR_MARGIN * h.abs() * fifth / sum.sqrt()
