@@ -174,6 +174,12 @@ class Model:
         """q, v that satisfy (S3), (S4) nearest to those given, and a JSON report. Targets by priority; rates index v,
         `turns` are those of coordinates outside of v; `fixed` stays as it is in the guess."""
 
+    def c_functions(
+        self, name: str, t: float, q: Array, actuators: list[int] | None, joints: list[int]
+    ) -> list[tuple[str, str, str, int]]:
+        """Functions in C recorded at the closed position q: name, declaration, text and operations of each. Without
+        actuators (velocities) those of the motion, else the map between them and the joints (velocities)."""
+
     def assemblies(
         self, t: float, q: Array, inputs: list[int] | None
     ) -> tuple[list[tuple[Array, list[int], float]], list[str], list[str]]:

@@ -38,6 +38,7 @@ PARTS: dict[str, tuple[str, ...]] = {
         "robots",
         "formats",
         "fmu",
+        "c",
         "pictures",
         "playground",
         "messages",

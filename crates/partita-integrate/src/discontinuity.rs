@@ -99,7 +99,9 @@ impl Search {
         if located {
             within = (low.0, high.0, high.1 - low.1);
         }
-        let location = match (within.1 - within.0).abs() < ABRUPT * length.abs() && within.2.abs() >= least {
+        // a step that is no longer than what can be resolved is abrupt itself
+        let abrupt = located || (within.1 - within.0).abs() < ABRUPT * length.abs();
+        let location = match abrupt && within.2.abs() >= least {
             true => Location::Within { before: within.0, after: within.1 },
             false => Location::Smooth,
         };

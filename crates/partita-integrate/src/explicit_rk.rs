@@ -294,6 +294,9 @@ impl<E: Display> Stepper<E> for ExplicitRungeKutta {
         let mut obstacle = None;
         loop {
             let (h, t_new) = self.plan();
+            if t_new == self.t_old {
+                return Err(StepFailure::TooSmall { t: t_new, h, last: obstacle });
+            }
             match self.stages(ode, h, t_new) {
                 Ok(()) => {}
                 Err((_, RhsError::Retry(error))) => {

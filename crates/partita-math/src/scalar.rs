@@ -18,7 +18,7 @@ mod recorder;
 
 pub use dual::Dual;
 pub use lanes::Lanes;
-pub use recorder::{Module, OperationCounts, Recorder, Recording};
+pub use recorder::{head as c_head, Module, Numbers, OperationCounts, Recorder, Recording};
 
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};

@@ -10,6 +10,7 @@ pub mod coupling;
 pub mod dynamics;
 pub mod error;
 pub mod evaluator;
+mod exported;
 pub mod force;
 mod friction_magnitudes;
 mod guards;
@@ -51,5 +52,6 @@ pub mod zero_position;
 
 pub use error::DescriptionError;
 pub use evaluator::Evaluator;
+pub use exported::CFunction;
 pub use model::{BlockVerdict, Geometry, Model, Verdict};
 pub use part::Part;

@@ -13,6 +13,7 @@ from . import models, solve
 from . import stepper as stepping
 from .assemblies import assemblies
 from .equilibrium import equilibria, equilibrium
+from .exporting import export_c
 from .fmu import to_fmu
 from .inverse import inverse_dynamics
 from .kinematics import kinematics
@@ -97,6 +98,7 @@ class Mechanism(Modelled):
     placement = placement
     report = report
     to_fmu = to_fmu
+    export_c = export_c
     to_playground = to_playground
 
     def save(self, path: str | PathLike[str], *, strict: bool = False) -> Writing:

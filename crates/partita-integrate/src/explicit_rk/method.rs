@@ -49,7 +49,8 @@ impl Method {
     /// Error of a step of length `h`, with its margin, in units of the tolerance; 0 without an estimate.
     ///
     /// Two estimates of different order in one are of the order of the method where the slopes are smooth. At a corner
-    /// all orders are alike, and their combination is the square of a small number: the better of the two serves alone.
+    /// all orders are alike, and their combination is the square of a small number, one of which may vanish by chance: the
+    /// larger of the two serves there.
     pub(super) fn error(
         &self,
         norm: &ErrorNorm,
@@ -68,7 +69,7 @@ impl Method {
                 let [fifth, third] = norm.largest_squares(rows, stages, y_old, y_new);
                 let sum = fifth + 0.01 * third;
                 if at_a_corner {
-                    ERROR_MARGIN * h.abs() * fifth.sqrt()
+                    ERROR_MARGIN * h.abs() * fifth.max(third).sqrt()
                 } else if sum == 0.0 {
                     0.0
                 } else {

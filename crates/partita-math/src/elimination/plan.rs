@@ -222,6 +222,12 @@ impl Plan {
         failed.map_or(Ok(()), |(step, pivot)| Err(self.shrunk(step, pivot)))
     }
 
+    /// The same as a number: above 0 where a pivot of the last [`eliminate`](Self::eliminate) is below its guard.
+    pub fn excess<T: Scalar>(&self, work: &[T]) -> T {
+        let relative = |k: usize| work[self.layout.program.pivot_place(k)].abs().scale(self.guards[k]);
+        (0..self.rank()).fold(T::zero(), |m, k| m.max(relative(k))) - T::one()
+    }
+
     #[cold]
     fn shrunk(&self, step: usize, pivot: f64) -> PivotShrunk {
         PivotShrunk { step, pivot, reference: self.references[step] }

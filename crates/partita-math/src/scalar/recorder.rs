@@ -6,10 +6,12 @@
 //!
 //! The tape belongs to the thread and to one recording: numbers that outlive it, or meet another one, are NaN.
 
+mod c;
 mod counts;
 mod lean;
 mod module;
 
+pub use c::{head, Numbers};
 pub use counts::OperationCounts;
 pub use module::Module;
 

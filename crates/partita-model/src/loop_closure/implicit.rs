@@ -23,7 +23,7 @@ const RULE: Rule =
 
 /// Iterations without a check of the steps: from a tenth of a characteristic displacement each squares the remaining
 /// error, and the derivative follows one iteration later.
-const STRAIGHT: usize = 7;
+pub(crate) const STRAIGHT: usize = 7;
 
 /// Rows and velocities solved together.
 #[derive(Clone, Debug)]
@@ -174,9 +174,10 @@ impl Implicit {
         t: S,
         q: &mut [S],
         room: &mut StraightRoom<S>,
+        iterations: usize,
     ) -> Result<Fit<S>, SystemError> {
         let mut largest = S::zero();
-        for _ in 0..STRAIGHT {
+        for _ in 0..iterations {
             largest = self.iterate((model, e), t, q, room)?.largest;
         }
         let closure_error = room.phi.iter().fold(S::zero(), |m, x| m.max(x.abs()));

@@ -39,6 +39,7 @@ mod spatial;
 
 pub use adjacent::{Adjacent, AdjacentClosing, AdjacentRoom};
 pub use assemblies::{Assembled, Assemblies};
+pub(crate) use implicit::STRAIGHT;
 pub use over::ClosingRoom;
 
 use crate::model::{Model, ModelScratch};

@@ -2,7 +2,7 @@
 
 use super::arm::Pose;
 use super::close::planar_side;
-use super::implicit::StraightRoom;
+use super::implicit::{StraightRoom, STRAIGHT};
 use super::planar::Fit;
 use super::{spatial, LoopClosing, Work};
 use crate::evaluator::Evaluator;
@@ -37,6 +37,18 @@ impl LoopClosing<'_> {
     /// it.
     pub fn close_over<S: Scalar>(
         &self,
+        e: &Evaluator<S>,
+        t: S,
+        q: &mut [S],
+        room: &mut ClosingRoom<S>,
+    ) -> Result<S, SystemError> {
+        self.close_in(STRAIGHT, e, t, q, room)
+    }
+
+    /// As [`close_over`](Self::close_over), with this many iterations in each implicit block.
+    pub(crate) fn close_in<S: Scalar>(
+        &self,
+        iterations: usize,
         e: &Evaluator<S>,
         t: S,
         q: &mut [S],
@@ -88,7 +100,7 @@ impl LoopClosing<'_> {
                     continue;
                 }
                 Work::Implicit(block) => {
-                    fit = fit.or(block.solve_straight((&*self.model, e), t, q, straight)?);
+                    fit = fit.or(block.solve_straight((&*self.model, e), t, q, straight, iterations)?);
                     step.edges.iter().for_each(|&i| pose.read(&self.graph, i, q));
                     continue;
                 }

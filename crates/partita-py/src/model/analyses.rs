@@ -38,6 +38,29 @@ impl Model {
         })
     }
 
+    /// Functions in C recorded at the closed position q: name, declaration, text and operations of each. Without
+    /// actuators those of the motion, else the map between these velocities and those of the joints.
+    #[pyo3(signature = (name, t, q, actuators, joints))]
+    fn c_functions(
+        &self,
+        py: Python<'_>,
+        name: &str,
+        t: f64,
+        q: Vector<'_>,
+        actuators: Option<Vec<usize>>,
+        joints: Vec<usize>,
+    ) -> PyResult<Vec<(String, String, String, usize)>> {
+        guarded(py, || {
+            let (model, q) = (&self.inner, vector(&q, self.nq(), "q")?);
+            let made = match &actuators {
+                None => model.c_rates(name).and_then(|rates| Ok(vec![rates, model.c_accelerations(name, t, &q)?])),
+                Some(actuators) => model.c_actuator_map(name, (t, &q), actuators, &joints),
+            };
+            let made = made.map_err(|e| failure::system(py, e))?;
+            Ok(made.into_iter().map(|f| (f.name, f.head, f.text, f.operations)).collect())
+        })
+    }
+
     /// All positions that close for the input values in the closed position q: (q, branches, residual) of each, names
     /// of the blocks, notes.
     #[pyo3(signature = (t, q, inputs))]
