@@ -30,7 +30,25 @@ SHOWN = 4
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class BranchPoint:
+class _SpecialPoint:
+    """What both kinds have."""
+
+    value: float
+    parameters: Mapping[str, list[float]]
+    state: State
+    motion: str
+    direction: Array
+    before: int
+    after: int
+
+    @property
+    def unstable(self) -> tuple[int, int]:
+        """How many directions have negative curvature before and after it."""
+        return self.before, self.after
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class BranchPoint(_SpecialPoint):
     """A position of a family at which another family branches off: buckling, for instance.
 
     Attributes:
@@ -42,25 +60,12 @@ class BranchPoint:
         unstable: number of directions of negative curvature before and after, in the order of the family.
     """
 
-    value: float
-    parameters: Mapping[str, list[float]]
-    state: State
-    motion: str
-    direction: Array
-    before: int
-    after: int
-
-    @property
-    def unstable(self) -> tuple[int, int]:
-        """How many directions have negative curvature before and after it."""
-        return self.before, self.after
-
     def __repr__(self) -> str:
         return f"<branch point at {self.value:.10g}, along {self.motion}; {_change(self.before, self.after)}>"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Fold:
+class Fold(_SpecialPoint):
     """A position at which the parameter turns back along a family: beyond it no equilibrium is near.
 
     Attributes:
@@ -72,19 +77,7 @@ class Fold:
         unstable: number of directions of negative curvature before and after, in the order of the family.
     """
 
-    value: float
-    parameters: Mapping[str, list[float]]
-    state: State
-    motion: str
-    direction: Array
-    before: int
-    after: int
     _snap: Callable[[], Equilibrium | None] | None = field(default=None)
-
-    @property
-    def unstable(self) -> tuple[int, int]:
-        """How many directions have negative curvature before and after it."""
-        return self.before, self.after
 
     @cached_property
     def snaps_to(self) -> Equilibrium | None:
