@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import notebook
 from .errors import ArgumentError, UnknownNameError
 from .naming import Names, coordinate_units
-from .numeric import floats, quaternion, real, shown
+from .numeric import MaybeNone, floats, quaternion, real, shown
 from .sensing import Senses
 
 Array = NDArray[np.float64]
@@ -196,7 +196,7 @@ class State(StateView):
                 list(layout.names) if velocity_names is None else _labels("velocity_names", velocity_names)
             )
         super().__init__(finite_time(t), _flat("q", q, layout.names), _flat("v", v, layout.velocity_names), layout)
-        self.assembly = assembly
+        self.assembly: dict[str, Any] | MaybeNone = assembly
 
     @property
     def names(self) -> list[str]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from numpy.typing import ArrayLike
 
+from ..units import Quantity
 from .bodies import resolve
 from .checks import direction, name_of, number
 from .drawing import Drawing
@@ -25,15 +26,15 @@ def add_contact(
     body2: Body | str,
     point2: ArrayLike,
     *,
-    radius1: float,
-    stiffness: float,
+    radius1: Quantity,
+    stiffness: Quantity,
     normal: ArrayLike | None = None,
-    radius2: float | None = None,
+    radius2: Quantity | None = None,
     exponent: float = 1.5,
-    damping: float = 0.0,
+    damping: Quantity = 0.0,
     friction: float = 0.0,
     static_friction: float | None = None,
-    stick_velocity: float | None = None,
+    stick_velocity: Quantity | None = None,
 ) -> Force:
     """Add the contact of a sphere (or a point) on one body with a plane or a sphere on another.
 
@@ -61,8 +62,9 @@ def add_contact(
     >>> import partita as pt
     >>> m = pt.Mechanism("ball")
     >>> ball = m.add_body("ball", mass=0.1, inertia=(4e-5, 4e-5, 4e-5), position=(0, 0.5, 0))
-    >>> floor = dict(normal=(0, 1, 0), stiffness=1e6)
-    >>> contact = m.add_contact("floor", ball, (0, 0, 0), m.ground, (0, 0, 0), radius1=0.03, **floor)
+    >>> contact = m.add_contact(
+    ...     "floor", ball, (0, 0, 0), m.ground, (0, 0, 0), radius1=0.03, normal=(0, 1, 0), stiffness=1e6
+    ... )
     >>> run = m.simulate(0.35)
     >>> bool(run.body("ball").velocity[-1, 1] > 2.5)   # it came down and goes up again
     True
@@ -114,16 +116,16 @@ def add_tyre(
     *,
     center: ArrayLike,
     axis: ArrayLike,
-    radius: float,
+    radius: Quantity,
     normal: ArrayLike,
-    stiffness: float,
+    stiffness: Quantity,
     ground: Body | str = GROUND,
     point: ArrayLike = (0.0, 0.0, 0.0),
-    damping: float = 0.0,
+    damping: Quantity = 0.0,
     friction: float = 0.0,
-    longitudinal: float = 0.0,
-    lateral: float = 0.0,
-    slow_speed: float | None = None,
+    longitudinal: Quantity = 0.0,
+    lateral: Quantity = 0.0,
+    slow_speed: Quantity | None = None,
 ) -> Force:
     """Add a tyre: the disc of a wheel that presses on a road, optionally with slip forces.
 
@@ -152,8 +154,7 @@ def add_tyre(
     >>> import partita as pt
     >>> m = pt.Mechanism("wheel")
     >>> wheel = m.add_body("wheel", mass=20.0, inertia=(0.5, 0.5, 0.9), position=(0, 0.3, 0))
-    >>> tyre = dict(center=(0, 0, 0), axis=(0, 0, 1), radius=0.3, normal=(0, 1, 0), stiffness=2e5)
-    >>> m.add_tyre("T", wheel, **tyre).name
+    >>> m.add_tyre("T", wheel, center=(0, 0, 0), axis=(0, 0, 1), radius=0.3, normal=(0, 1, 0), stiffness=2e5).name
     'T'
     """
     element = name_of("force", name, self._description.forces)

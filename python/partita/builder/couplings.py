@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..units import Quantity
 from .bodies import resolve
 from .checks import Element, choice, direction, name_of, number, numbers, switch, takes
 from .drawing import Drawing
@@ -37,7 +38,7 @@ def add_coupler(
     name: str,
     terms: Sequence[Any],
     factors: ArrayLike,
-    offset: float = 0.0,
+    offset: Quantity = 0.0,
     *,
     word: str = "coupler",
 ) -> Coupling:
@@ -120,8 +121,8 @@ def add_belt(
     self: Drawing,
     pulley1: Joint | str,
     pulley2: Joint | str,
-    radius1: float,
-    radius2: float,
+    radius1: Quantity,
+    radius2: Quantity,
     *,
     crossed: bool = False,
     name: str | None = None,
@@ -151,7 +152,7 @@ def add_rack(
     self: Drawing,
     pinion: Joint | str,
     slide: Joint | str,
-    radius: float,
+    radius: Quantity,
     *,
     coordinate1: int = 0,
     coordinate2: int = 0,
@@ -187,7 +188,7 @@ def add_distance(
     point1: ArrayLike,
     body2: BodyLike,
     point2: ArrayLike,
-    length: float | None = None,
+    length: Quantity | None = None,
 ) -> Coupling:
     """Keep two points at a constant distance: a massless rod between two balls, without an idle rotation.
 
@@ -334,7 +335,7 @@ def add_rolling(
     self: Drawing,
     name: str,
     body: BodyLike,
-    radius: float,
+    radius: Quantity,
     *,
     center: ArrayLike = (0.0, 0.0, 0.0),
     axis: ArrayLike = (0.0, 0.0, 1.0),

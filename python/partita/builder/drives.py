@@ -8,6 +8,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
+from ..units import Quantity
 from .bodies import resolve
 from .checks import Element, name_of, number
 from .drawing import Drawing
@@ -19,7 +20,7 @@ from .poses import as_given, pose_value
 from .records import Body, Drive, DriveRecord, Joint, Ref
 from .values import Function, scalar
 
-Course = float | tuple[ArrayLike, ArrayLike] | Callable[..., Any]
+Course = Quantity | tuple[ArrayLike, ArrayLike] | Callable[..., Any]
 
 
 def add_drive(
@@ -31,7 +32,7 @@ def add_drive(
     *,
     pose: Any = None,
     coordinate: int = 0,
-    rate: float = 0.0,
+    rate: Quantity = 0.0,
     name: str | None = None,
 ) -> Drive:
     """Prescribe a motion over time: of a joint coordinate, a distance, a displacement, or the whole pose of a body.
@@ -120,7 +121,7 @@ def _drive_pose(
     pose: Any,
     others: tuple[Any, ...],
     coordinate: int,
-    rate: float,
+    rate: Quantity,
     name: str | None,
 ) -> Drive:
     """A drive of all translations and of the spatial rotation of a joint, or of a body relative to the ground."""

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..units import Quantity
 from . import callbacks
 from .bodies import resolve, to_world
 from .checks import Element, choice, name_of, number, switch
@@ -44,9 +45,9 @@ def add_spring(
     body2: Body | str,
     point2: ArrayLike,
     *,
-    stiffness: float,
-    damping: float = 0.0,
-    length: float | None = None,
+    stiffness: Quantity,
+    damping: Quantity = 0.0,
+    length: Quantity | None = None,
 ) -> Force:
     """Add a linear spring and damper between two points.
 
@@ -98,9 +99,9 @@ def add_torsion_spring(
     self: Drawing,
     joint: Joint | str,
     *,
-    stiffness: float,
-    damping: float = 0.0,
-    angle: float = 0.0,
+    stiffness: Quantity,
+    damping: Quantity = 0.0,
+    angle: Quantity = 0.0,
     coordinate: int = 0,
     name: str | None = None,
 ) -> Force:
@@ -140,7 +141,7 @@ def add_torsion_spring(
 def add_torque(
     self: Drawing,
     joint: Joint | str,
-    value: float | tuple[ArrayLike, ArrayLike] | Callable[..., Any],
+    value: Quantity | tuple[ArrayLike, ArrayLike] | Callable[..., Any],
     *,
     over: Any = None,
     periodic: bool = False,

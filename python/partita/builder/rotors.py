@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ..units import Quantity
 from ..units.door import SI
 from .checks import name_of, number
 from .drawing import Drawing
@@ -13,7 +14,7 @@ from .records import Description, Joint, Rotor, RotorRecord
 def add_rotor(
     self: Drawing,
     joint: Joint | str,
-    inertia: float,
+    inertia: Quantity,
     *,
     ratio: float = 1.0,
     coordinate: int = 0,

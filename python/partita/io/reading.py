@@ -101,6 +101,8 @@ class Reading:
     def remarks(self) -> tuple[RemarkGroup, ...]:
         """All remarks, equal ones together, those that change the motion first.
 
+        >>> from pathlib import Path
+        >>> from partita.io.reading import Reading, Remark
         >>> reading = Reading(Path("a.urdf"), "URDF", used=[Remark(None, "1 link")])
         >>> reading.dropped += [Remark(3, "does not act", "friction of A"), Remark(9, "does not act", "friction of B")]
         >>> for remarks in reading.remarks:
@@ -131,6 +133,7 @@ class Reading:
         """All of it, ready for JSON.
 
         >>> from pathlib import Path
+        >>> from partita.io.reading import Reading, Remark
         >>> Reading(Path("a.urdf"), "URDF", used=[Remark(None, "1 link")]).to_dict()["remarks"]
         [{'kind': 'used', 'text': '1 link', 'count': 1, 'names': [''], 'lines': [None]}]
         """

@@ -41,6 +41,7 @@ class Writing:
         """All of it, ready for JSON.
 
         >>> from pathlib import Path
+        >>> from partita.io.writing import Writing
         >>> Writing(Path("a.urdf"), "URDF", dropped=["spring s"]).to_dict()["dropped"]
         ['spring s']
         """

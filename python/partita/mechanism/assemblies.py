@@ -11,6 +11,7 @@ import numpy as np
 from .. import options as run_options
 from ..errors import ArgumentError
 from ..state import State
+from ..units import Quantity
 from .branches import name_of
 from .models import Modelled, layout_of
 from .solve import assemble
@@ -73,7 +74,7 @@ def assemblies(
     near: State | None = None,
     *,
     inputs: Iterable[str] | None = None,
-    t: float | None = None,
+    t: Quantity | None = None,
 ) -> Assemblies:
     """Find all positions in which the loops close for given values of the inputs, by inverse kinematics.
 

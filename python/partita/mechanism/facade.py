@@ -9,6 +9,7 @@ from .. import options
 from ..builder.records import DRAWING_TOLERANCE
 from ..comparison import compare_mechanism
 from ..io import Reading, RemarkGroup, Writing, save
+from ..numeric import MaybeNone
 from . import models, seen, solve
 from . import stepper as stepping
 from .assemblies import assemblies
@@ -64,7 +65,7 @@ class Mechanism(Modelled):
     1
     """
 
-    reading: Reading | None = None
+    reading: Reading | MaybeNone = None
     """What became of the file that it was read from (`load`): used, changed, dropped; None where it was drawn."""
 
     def __init__(

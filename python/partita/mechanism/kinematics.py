@@ -16,6 +16,7 @@ from ..errors import ArgumentError
 from ..naming import listed
 from ..results.sensor import LiveSensors, account_of
 from ..state import State
+from ..units import Quantity
 from .goals import Goal, columns, goals_of, is_framed, is_turn, rates_of_frames, units_of
 from .models import Modelled
 from .poses import Found, found_poses
@@ -33,7 +34,7 @@ def kinematics(
     *,
     branch: str | None = None,
     near: State | None = None,
-    t: float | None = None,
+    t: Quantity | None = None,
     coordinates: str = "relative",
     parameters: Mapping[str, ArrayLike] | None = None,
 ) -> Kinematics:

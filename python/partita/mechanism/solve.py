@@ -18,6 +18,7 @@ from ..numeric import floats, shown
 from ..results import Result
 from ..state import Layout, State
 from ..tangent import TangentVelocities
+from ..units import Quantity
 from .branches import on_branch
 from .goals import Goal, asked, goals_of, inputs_of, state_units, units_of
 from .models import Modelled, compile, layout_of
@@ -32,7 +33,7 @@ def assemble(
     fixed: Iterable[Any] = (),
     guess: Mapping[Any, Any] | None = None,
     branch: str | None = None,
-    t: float | None = None,
+    t: Quantity | None = None,
     tolerance: float = 1e-12,
     coordinates: str = "relative",
     parameters: Mapping[str, ArrayLike] | None = None,
@@ -351,7 +352,7 @@ def start_of(
 
 def simulate(
     self: Modelled,
-    duration: float,
+    duration: Quantity,
     *,
     t_eval: ArrayLike | None = None,
     initial: State | None = None,
@@ -364,13 +365,13 @@ def simulate(
     progress: Any = False,
     correction: str = "partition",
     switch_threshold: float = 1.25,
-    step: float | None = None,
-    max_step: float | None = None,
+    step: Quantity | None = None,
+    max_step: Quantity | None = None,
     max_steps: int = 10_000_000,
     independent: Iterable[str] | None = None,
     selection: str = "collective",
     weights: Mapping[str, float] | None = None,
-    window: float | None = None,
+    window: Quantity | None = None,
     baumgarte: tuple[float, float] | None = None,
     renew: float | str = 0.5,
     tangent: TangentVelocities | None = None,

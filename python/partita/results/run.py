@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from .. import deprecated
 from ..errors import ArgumentError, Interrupted, SuspectResultWarning
 from ..naming import driven, listed
-from ..numeric import shown
+from ..numeric import MaybeNone, shown
 from ..partition import Geometry, geometry
 from ..sensing import SensorRecord
 from .certificate import Certificate, certify
@@ -186,7 +186,7 @@ class Run(Motion):
         return self._record.arrays["independent"]
 
     @property
-    def selector(self) -> FloatArray | None:
+    def selector(self) -> FloatArray | MaybeNone:
         """(nt, k, nv): S of the tangent velocities u = S v that were integrated, in use at each output: that of
         "zero-eigenvalue", "svd", "qr", "liang-lance", "gram-schmidt" and "tangent-space". With `renew="each step"` that
         which the rule makes at the output itself, for "liang-lance" from the one in use.

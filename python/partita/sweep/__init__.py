@@ -26,7 +26,7 @@ __all__ = ["load_sweep", "samples", "sweep"]
 
 def sweep(
     model: Callable[..., Any],
-    parameters: Mapping[str, Sequence[Any]] | Sequence[Mapping[str, Any]],
+    parameters: Mapping[str, Any] | Sequence[Mapping[str, Any]],
     *,
     executor: Executor | str | None = None,
     workers: int | None = None,

@@ -27,7 +27,8 @@ A constant is the size of its unit in SI, so that a multiplication converts in a
 from __future__ import annotations
 
 import math
-from typing import overload
+from collections.abc import Sequence
+from typing import Any, Protocol, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -45,9 +46,9 @@ __all__ = [
     "foot",
     "gram",
     "inch",
-    "kN",
     "kg",
     "km",
+    "kN",
     "lb",
     "lbf",
     "metre",
@@ -55,11 +56,26 @@ __all__ = [
     "mm",
     "ms",
     "newton",
+    "Quantity",
     "rad",
     "rev",
     "rpm",
     "second",
 ]
+
+
+class WithUnit(Protocol):
+    """A quantity of pint: a number and its unit."""
+
+    @property
+    def magnitude(self) -> Any: ...
+    @property
+    def units(self) -> Any: ...
+    def __hash__(self) -> int: ...
+
+
+Quantity = float | str | WithUnit
+"""A number in SI, text with a unit such as "250 mm", or a quantity of pint: the type of arguments with a dimension."""
 
 metre, km, cm, mm, inch, foot = 1.0, 1e3, 1e-2, 1e-3, 0.0254, 0.3048
 kg, gram, lb = 1.0, 1e-3, 0.45359237
@@ -72,7 +88,7 @@ newton, kN, lbf = 1.0, 1e3, 4.4482216152605
 @overload
 def convert(value: float, unit: str, to: str) -> float: ...
 @overload
-def convert(value: ArrayLike, unit: str, to: str) -> float | NDArray[np.float64]: ...
+def convert(value: Sequence[Any] | NDArray[Any], unit: str, to: str) -> NDArray[np.float64]: ...
 def convert(value: ArrayLike, unit: str, to: str) -> float | NDArray[np.float64]:
     """Convert `value`, a number or an array of any shape, from `unit` into the unit `to`.
 
