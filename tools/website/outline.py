@@ -128,6 +128,7 @@ REFERENCE: dict[str, tuple[str, str, tuple[str, ...]]] = {
             "results.CouplingResult",
             "results.DriveResult",
             "results.sensor.SensorResult",
+            "results.force.ForceResult",
             "results.EnergyResult",
             "results.Certificate",
             "results.Finding",
@@ -208,6 +209,6 @@ REFERENCE: dict[str, tuple[str, str, tuple[str, ...]]] = {
             "viewer.LiveView",
         ),
     ),
-    "units": ("Units", "Constants and conversion.", ("units.convert",)),
+    "units": ("Units", "Constants and conversion.", ("units.convert", "units.UnitArray")),
     "errors": ("Errors and warnings", "Every error is a `PartitaError`; each says what to do.", ()),
 }

@@ -106,6 +106,9 @@ class Builder(NamedJoints, JointLoads):
     def _change(self, handle: Handle, arguments: Mapping[str, Any]) -> None:
         changes.change(self, handle, arguments)
 
+    def _content(self, handle: Handle) -> str:
+        return changes.content(self, handle)
+
     def _words(self, handle: Handle) -> list[str]:
         return changes.words(self, handle)
 

@@ -60,6 +60,52 @@ def read(mechanism: Drawing, handle: Handle, word: str) -> Any:
     return _shown(mechanism, value)
 
 
+def content(mechanism: Drawing, handle: Handle) -> str:
+    """Kind and arguments of an element in one line; those that have their default are left out."""
+    if handle.name == GROUND and handle.table == "bodies":
+        return "the world"
+    record = _record(mechanism, handle)
+    known, given = words_of(type(mechanism), record), call_of(record)[1]
+    parts = []
+    for word in known:
+        value = _shown(mechanism, given.get(word, known[word]))
+        if word == "name" or value is None or np.array_equal(_comparable(value), _comparable(known[word])):
+            continue
+        parts.append(f"{word}={_brief(value)}")
+    return f"{kind_of(record)}{', ' if parts else ''}{', '.join(parts)}"
+
+
+_BRIEF = 48
+"""Letters of an argument in the line of an element."""
+
+
+def _comparable(value: Any) -> Any:
+    return np.asarray(value) if isinstance(value, (np.ndarray, tuple, float, int)) else np.array(value, dtype=object)
+
+
+def _brief(value: Any) -> str:
+    if isinstance(value, Handle):
+        return repr(value.name)
+    if isinstance(value, Mapping) and value.get("of") == "joint":
+        return repr(value["joint"])
+    if isinstance(value, tuple) and len(value) == 2 and isinstance(value[0], np.ndarray):
+        return f"a table of {len(value[0])}"
+    if isinstance(value, np.ndarray) and value.ndim == 2:
+        diagonal = np.diagonal(value)
+        if value.shape[0] != value.shape[1] or not np.array_equal(value, np.diag(diagonal)):
+            return f"{value.shape[0]}x{value.shape[1]}"
+        value = diagonal
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if isinstance(value, (list, tuple)) and all(isinstance(item, float) for item in value):
+        text = f"({', '.join(f'{item:.6g}' for item in value)})"
+    elif callable(value):
+        text = getattr(value, "__name__", type(value).__name__)
+    else:
+        text = f"{value:.6g}" if isinstance(value, float) else repr(value)
+    return text if len(text) <= _BRIEF else f"{text[: _BRIEF - 4]} ..."
+
+
 def change(mechanism: Drawing, handle: Handle, arguments: Mapping[str, Any]) -> None:
     """Give other values to some arguments."""
     if handle.name == GROUND and handle.table == "bodies":

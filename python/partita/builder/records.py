@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from numpy.typing import ArrayLike
 
+from ..errors import UnknownNameError
 from ..sensing import SensorRecord
 from ..units.door import SI
 from .checks import Array, Element, find, vector
@@ -62,7 +63,11 @@ class Handle:
         return hash((self.table, self.name))
 
     def __repr__(self) -> str:
-        return f"{type(self).__name__}(name={self.name!r})"
+        try:
+            about = self.mechanism._content(self)
+        except UnknownNameError:
+            about = "removed"
+        return f"{type(self).__name__}({self.name!r}: {about})"
 
     def __str__(self) -> str:
         return self.name

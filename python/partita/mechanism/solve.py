@@ -480,7 +480,7 @@ def simulate(
     raw = run_options.run(model.core, chosen, times, start.q, start.v, progress, tangent)
     if notes := (*self._remarks(), *model._sentences):
         raw["notes"] = [*(note for note in notes if note not in raw["notes"]), *raw["notes"]]
-    return Result.from_run(
+    found = Result.from_run(
         raw,
         model=model.core,
         summary=model.summary,
@@ -488,3 +488,7 @@ def simulate(
         options=chosen.of(wanted),
         sensors=model.sensors,
     )
+    logger.info(
+        "%s: %s after %d outputs and %d steps", self.name, found.status, len(found.t), found.counters.get("steps", 0)
+    )
+    return found

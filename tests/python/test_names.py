@@ -1,0 +1,143 @@
+"""What is found by its name: completion, elements in one line, forces and angles of a run, the logger."""
+
+from __future__ import annotations
+
+import copy
+import logging
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import partita as pt
+from partita.units import UnitArray
+
+
+def swing() -> pt.Mechanism:
+    m = pt.Mechanism("swing", gravity="-y")
+    rod = m.add_rod("rod", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
+    m.add_revolute("A", m.ground, rod, point=(0, 0, 0))
+    m.add_spring("S", m.ground, (1, 2, 0), rod, rod.at((1, 0, 0)), stiffness=40.0, damping=0.5, length=1.5)
+    m.add_torsion_spring("A", stiffness=3.0, damping=0.1, name="T")
+    m.add_force(rod, (1.0, 2.0, 0.0), (0.5, 0, 0), name="F")
+    return m
+
+
+def test_completion_offers_public_names_alone() -> None:
+    names = [name for name in dir(pt) if not name.startswith("__")]
+    assert set(pt.__all__) - {"__version__"} <= set(names)
+    assert set(names) - set(pt.__all__) == {"plots", "results", "viewer"}
+    assert all(hasattr(pt, name) for name in names)
+
+
+def test_elements_show_their_content() -> None:
+    m = swing()
+    rod, spring = m.bodies["rod"], m.forces["S"]
+    assert repr(rod) == "Body('rod': rod, start=(0, 0, 0), end=(1, 0, 0), mass=1)"
+    assert repr(m.joints["A"]) == "Joint('A': revolute, parent='ground', child='rod', point=(0, 0, 0))"
+    assert repr(spring) == (
+        "Force('S': spring, body1='ground', point1=(1, 2, 0), body2='rod', point2=(1, 0, 0), stiffness=40, "
+        "damping=0.5, length=1.5)"
+    )
+    assert repr(m.ground) == "Body('ground': the world)" and str(rod) == "rod"
+    spring.stiffness = 41.0
+    assert "stiffness=41" in repr(spring)
+    m.forces.remove("S")
+    assert repr(spring) == "Force('S': removed)"
+    push = m.add_torque("A", lambda t, state: 0.0, name="push")
+    assert repr(push) == "Force('push': torque, joint='A', value=<lambda>)"
+
+
+@pytest.mark.parametrize("name", pt.catalogue.names())
+def test_every_element_of_the_catalogue_has_a_line(name: str) -> None:
+    m = pt.catalogue.load(name)
+    for table in (m.bodies, m.joints, m.couplings, m.rotors, m.drives, m.forces, m.sensors):
+        for element in table.values():
+            line = repr(element)
+            assert line.startswith(f"{type(element).__name__}('{element.name}'") and "\n" not in line
+            assert len(line) < 400 and "array" not in line
+
+
+def test_forces_of_a_run_by_their_names() -> None:
+    m = swing()
+    for what in ("length", "rate", "force", "power", "energy"):
+        m.add_sensor(f"S {what}", m.forces["S"], what)
+    for what in ("effort", "power", "energy"):
+        m.add_sensor(f"T {what}", m.forces["T"], what)
+    for what in ("force", "moment", "position", "power", "energy"):
+        m.add_sensor(f"F {what}", m.forces["F"], what)
+    run = m.simulate(1.0)
+    for sensor in run.sensors:
+        name, what = sensor.split()
+        found = run.force(m.forces[name]) if name == "S" else run.force(name)
+        assert np.array_equal(getattr(found, "point" if what == "position" else what), run.sensor(sensor).values)
+    angle = run.joint("A").angle
+    assert np.allclose(
+        run.force("T").effort, -3.0 * angle - 0.1 * run.joint("A").velocity[:, 0], rtol=1e-12, atol=1e-12
+    )
+    assert repr(run.force("S")) == "<force 'S': spring; length, rate, force, power, energy>"
+    with pytest.raises(pt.errors.UnknownAttributeError, match=r'force "S" \(spring\) has no moment; it has: length'):
+        run.force("S").moment  # noqa: B018
+    assert not hasattr(run.force("F"), "effort") and hasattr(run.force("F"), "point")
+    with pytest.raises(pt.errors.UnknownNameError, match="no force named 's'"):
+        run.force("s")
+
+
+def test_forces_need_the_model(tmp_path: Path) -> None:
+    run = swing().simulate(0.1)
+    for stored in (pickle.loads(pickle.dumps(run)), pt.load_result(run.save(tmp_path / "run.json"))):
+        with pytest.raises(pt.errors.ArgumentError, match="add a sensor of the force before storing it"):
+            stored.force("S")
+    system = pt.System(n=1, mass=np.eye(1), forces=(0.0,))
+    with pytest.raises(pt.errors.ArgumentError, match="System given by matrices"):
+        pt.simulate(system, 0.1, [0.0], [1.0]).force("S")
+
+
+def test_angles_and_displacements() -> None:
+    run = pt.catalogue.load("slider-crank").simulate(0.2)
+    crank, slide = run.joint("O"), run.joint("slide")
+    assert np.array_equal(crank.angle, crank.position[:, 0]) and crank.angle.unit == "rad"
+    assert np.array_equal(slide.displacement, slide.position[:, 0]) and slide.displacement.unit == "m"
+    assert np.array_equal(crank.angle.to("deg"), crank.position[:, 0] * np.degrees(1.0))
+    assert np.allclose(slide.displacement.to("mm"), 1e3 * slide.position[:, 0], rtol=1e-15)
+    assert np.array_equal(crank.in_frame("joint").angle, crank.angle)
+    for joint, word in ((crank, "displacement"), (slide, "angle")):
+        with pytest.raises(pt.errors.UnknownAttributeError, match=f"so {word} is not defined; read its position"):
+            getattr(joint, word)
+        assert not hasattr(joint, word)
+    with pytest.raises(pt.errors.ArgumentError, match="cannot be converted"):
+        crank.angle.to("mm")
+    study = pt.catalogue.load("four-bar").kinematics({"A": np.linspace(0.0, 7.0, 5)})
+    assert np.allclose(study.joint("A").angle.to("rev")[-1], 7.0 / (2.0 * np.pi), rtol=1e-14)
+
+
+def test_joints_of_several_coordinates() -> None:
+    m = pt.Mechanism("several")
+    for i, kind in enumerate(("cylindrical", "universal", "spherical")):
+        m.add_body(kind, mass=1.0, inertia=(1, 1, 1), position=(i, 0, 0))
+    m.add_cylindrical("cylindrical", m.ground, "cylindrical", point=(0, 0, 0))
+    m.add_universal("universal", m.ground, "universal", point=(1, 0, 0), axis1=(1, 0, 0), axis2=(0, 1, 0))
+    m.add_spherical("spherical", m.ground, "spherical", point=(2, 0, 0))
+    run = m.simulate(0.1)
+    both = run.joint("cylindrical")
+    assert np.array_equal(both.displacement, both.position[:, 0]) and np.array_equal(both.angle, both.position[:, 1])
+    assert not hasattr(run.joint("universal"), "angle") and not hasattr(run.joint("spherical"), "angle")
+
+
+def test_numbers_that_know_their_unit() -> None:
+    angle = UnitArray(np.linspace(0.0, 1.0, 5), "rad")
+    for twin in (pickle.loads(pickle.dumps(angle)), copy.deepcopy(angle), angle[1:], angle.copy()):
+        assert isinstance(twin, UnitArray) and twin.unit == "rad"
+    for plain in (2.0 * angle, np.sin(angle), angle**2, angle - angle, angle > 0.5, -angle):
+        assert type(plain) is np.ndarray
+    assert type(angle.max()) is np.float64 and type(angle[0]) is np.float64 and type(angle.sum()) is np.float64
+    with pytest.raises(pt.errors.ArgumentError, match="no unit"):
+        np.concatenate([angle, angle]).view(UnitArray).to("deg")
+
+
+def test_runs_are_logged(caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.INFO, logger="partita"):
+        swing().simulate(0.1)
+    (line,) = (record.message for record in caplog.records if record.levelno == logging.INFO)
+    assert line.startswith("swing: finished after 201 outputs and ")
