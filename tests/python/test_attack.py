@@ -738,6 +738,7 @@ def asked() -> dict[str, Callable[[], Call]]:
             loop().plot,
             {"path": None, "state": None, "ax": None, "shapes": None, "points": {"P": ("crank", ORIGIN)}},
         ),
+        "table": (pt.table, {"function": lambda t: t, "start": 0.0, "end": 1.0, "tolerance": 1e-6}),
         "Mechanism.check": (loop().check, {"state": None}),
         "Body.at": (loop().bodies["crank"].at, {"point": X}),
         "Body.world": (loop().bodies["crank"].world, {"point": X}),

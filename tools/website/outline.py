@@ -114,6 +114,8 @@ REFERENCE: dict[str, tuple[str, str, tuple[str, ...]]] = {
             "Distance",
             "Along",
             "Cosine",
+            "table",
+            "builder.SampledTable",
             "builder.Expression",
         ),
     ),

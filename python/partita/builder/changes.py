@@ -22,6 +22,7 @@ from .calls import call_of, kind_of, readers, referring, words_of
 from .checks import Element, find, vector
 from .drawing import Drawing
 from .records import GROUND, BodyRecord, Handle, JointRecord, Point, Ref
+from .sampled import SampledTable
 
 _WORDS = {
     "bodies": "body",
@@ -189,6 +190,8 @@ def _shown(mechanism: Drawing, value: Any) -> Any:
         return mechanism.ground
     if isinstance(value, Ref):
         return getattr(mechanism, value.table)[value.name]
+    if isinstance(value, SampledTable):
+        return SampledTable(_shown(mechanism, value.times), _shown(mechanism, value.values), value.error)
     if isinstance(value, (list, tuple)) and not isinstance(value, Point):
         return type(value)(_shown(mechanism, item) for item in value)
     return copy.deepcopy(value) if isinstance(value, Mapping) else value

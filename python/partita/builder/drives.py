@@ -18,6 +18,7 @@ from .measures import Measure, measure, measured_in
 from .motion import Motion
 from .poses import as_given, pose_value
 from .records import Body, Drive, DriveRecord, Joint, Ref
+from .sampled import SampledTable
 from .values import Function, scalar
 
 Course = Quantity | tuple[ArrayLike, ArrayLike] | Callable[..., Any]
@@ -197,6 +198,11 @@ def _level(element: Element, position: Any, velocity: Any, acceleration: Any) ->
             )
         if velocity is not None:
             return "velocity", velocity
+        if isinstance(acceleration, SampledTable):
+            element.fail(
+                "a table of accelerations is joined by straight lines, which do not keep the error to which this one "
+                "was sampled; sample the velocity or the position instead"
+            )
         if acceleration is not None:
             return "acceleration", acceleration
         element.fail("no motion is prescribed; give position, velocity or acceleration")
