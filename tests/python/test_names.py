@@ -141,3 +141,28 @@ def test_runs_are_logged(caplog: pytest.LogCaptureFixture) -> None:
         swing().simulate(0.1)
     (line,) = (record.message for record in caplog.records if record.levelno == logging.INFO)
     assert line.startswith("swing: finished after 201 outputs and ")
+
+
+def test_frames_in_units_of_choice() -> None:
+    run = pt.catalogue.load("slider-crank").simulate(0.2)
+    plain, chosen = run.to_pandas(), run.to_pandas(units={"rad": "deg", "m": "mm", "N": "kN", "rad/s": "rpm"})
+    assert list(plain.columns) == list(chosen.columns)
+    for name, factor, unit in (
+        ("joint.O.position", 180.0 / np.pi, "deg"),
+        ("joint.slide.position", 1e3, "mm"),
+        ("joint.O.force.x", 1e-3, "kN"),
+        ("joint.O.velocity", 30.0 / np.pi, "rpm"),
+        ("joint.O.moment.z", 1.0, "N m"),
+        ("energy.kinetic", 1.0, "J"),
+        ("joint.slide.velocity", 1.0, "m/s"),
+    ):
+        assert np.allclose(chosen[name], factor * plain[name], rtol=1e-14, atol=0.0)
+        assert chosen.attrs["units"][name] == unit
+    for wrong, words in (
+        ({"rad": "mm"}, "cannot be converted"),
+        ({"km": "m"}, "no column is in 'km'; there are"),
+        ("deg", "must be a mapping such as"),
+        ({"rad": "degree of arc"}, "is not known"),
+    ):
+        with pytest.raises(pt.errors.ArgumentError, match=words):
+            run.to_pandas(units=wrong)  # type: ignore[arg-type]

@@ -103,15 +103,22 @@ class Result(Run):
 
         return to_xarray(self)
 
-    def to_pandas(self) -> pandas.DataFrame:
+    def to_pandas(self, units: Mapping[str, str] | None = None) -> pandas.DataFrame:
         """One row per output, one column per number, indexed by time; `df.attrs["units"]` has the units.
 
-        Columns are those of `save("x.csv")`: the most used first, then rotation matrices, flags and the rest.
-        `MissingDependencyError` without pandas.
+        Columns are those of `save("x.csv")`: the most used first, then rotation matrices, flags and the rest. `units`
+        replaces units: `{"rad": "deg", "m": "mm"}`. `MissingDependencyError` without pandas, `ArgumentError` for a
+        unit that no column has, and for one of another kind.
+
+        >>> import partita as pt
+        >>> run = pt.catalogue.load("four-bar").simulate(0.5)
+        >>> frame = run.to_pandas(units={"rad": "deg"})
+        >>> frame.attrs["units"]["joint.A.position"], frame.attrs["units"]["joint.A.velocity"]
+        ('deg', 'rad/s')
         """
         from .table import to_pandas
 
-        return to_pandas(self)
+        return to_pandas(self, units)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write to `path` in the format of its ending, and return the path; `partita.load_result` reads all formats.
