@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import copy
+import inspect
 import logging
 import pickle
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import partita as pt
+from partita.mechanism.unknown import ELSEWHERE
+from partita.results.joint import ELSEWHERE as OF_JOINTS
 from partita.units import UnitArray
 
 
@@ -166,3 +170,102 @@ def test_frames_in_units_of_choice() -> None:
     ):
         with pytest.raises(pt.errors.ArgumentError, match=words):
             run.to_pandas(units=wrong)  # type: ignore[arg-type]
+
+
+def named() -> pt.Mechanism:
+    m = pt.Mechanism("pair", gravity=None)
+    for i, name in enumerate(("a", "b")):
+        m.add_body(name, mass=1.0, inertia=(1, 1, 1), position=(i, 0, 0))
+        m.add_revolute(name.upper(), m.ground, name, point=(i, 0, 0))
+    m.add_body("c", mass=1.0, inertia=(1, 1, 1), position=(2, 0, 0))
+    m.add_prismatic("C", m.ground, "c", axis=(0, 1, 0))
+    return m
+
+
+FIRST: dict[str, tuple[tuple[object, ...], dict[str, object]]] = {
+    "add_gear": (("A", "B", 2.0), {}),
+    "add_belt": (("A", "B", 0.1, 0.2), {}),
+    "add_rack": (("A", "C", 0.1), {}),
+    "add_cam": (("C", "A", ([0.0, 1.0, 2.0], [0.0, 1.0, 0.0])), {}),
+    "add_torque": (("A", 5.0), {}),
+    "add_torsion_spring": (("A",), {"stiffness": 1.0}),
+    "add_force": (("a", (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)), {}),
+    "add_friction": (("A", 1.0), {"stick_velocity": 0.1}),
+    "add_stop": (("A",), {"stiffness": 1.0, "upper": 1.0}),
+    "add_gas_spring": (("C",), {"force": 1.0, "length": 0.1}),
+    "add_rotor": (("A", 0.1), {"ratio": 2.0}),
+    "add_drive": (("A", None, 2.0), {}),
+}
+
+
+@pytest.mark.parametrize("method", FIRST)
+def test_the_name_may_come_first(method: str) -> None:
+    arguments, more = FIRST[method]
+    specs = []
+    for form in ("keyword", "first", "first, handles", "first, keywords"):
+        m = named()
+        given: list[object] = list(arguments)
+        if form == "first, handles":
+            given = [
+                m.joints[item] if isinstance(item, str) and item in m.joints else m.bodies["a"] if item == "a" else item
+                for item in given
+            ]
+        call = getattr(m, method)
+        if form == "keyword":
+            call(*given, **more, name="own")
+        elif form == "first, keywords":
+            words = list(inspect.signature(call).parameters)
+            call("own", **dict(zip(words, given, strict=False)), **more)
+        else:
+            call("own", *given, **more)
+        specs.append(m.to_spec())
+    assert all(spec == specs[0] for spec in specs[1:])
+    m = named()
+    getattr(m, method)(*arguments, **more)  # the name may be left out
+    assert "name" in inspect.signature(getattr(m, method)).parameters
+
+
+def test_a_name_first_and_an_unknown_joint() -> None:
+    m = named()
+    with pytest.raises(pt.errors.UnknownNameError, match='there is no joint "D"'):
+        m.add_torque("motor", "D", 5.0)
+    with pytest.raises(TypeError, match="positional arguments"):
+        m.add_torque("motor", "A", 5.0, name="other")  # type: ignore[call-overload]
+    assert m.add_torque("A", "5 N m").name == "torque on A"  # the second argument is no joint
+
+
+def test_a_drive_given_at_another_level() -> None:
+    m = named()
+    with pytest.raises(
+        pt.errors.DescriptionError,
+        match="has the unit of its velocity; give velocity='60 rpm'",
+    ):
+        m.add_drive("A", "60 rpm")
+    with pytest.raises(pt.errors.DescriptionError, match="'30 deg', which has the unit of its position"):
+        m.add_drive("A", velocity="30 deg")
+    with pytest.raises(pt.errors.DescriptionError, match="'3 kg' is a mass"):
+        m.add_drive("A", velocity="3 kg")
+
+
+def test_what_a_mechanism_does_not_have_is_named() -> None:
+    m = named()
+    for word, hint in (
+        ("add_damper", "springs have a damper: damping= of add_spring and add_torsion_spring"),
+        ("add_hinge", "use add_revolute"),
+        ("natural_frequencies", r"use m.linearize\(m.equilibrium\(\)\).modes\(\)"),
+        ("add_revolut", "did you mean 'add_revolute'"),
+        ("add_motr", "add_torque applies an effort"),
+        ("nonsense", r"dir\(m\) lists"),
+    ):
+        with pytest.raises(pt.errors.UnknownAttributeError, match=f"a mechanism has no '{word}'; {hint}"):
+            getattr(m, word)
+        assert not hasattr(m, word)
+    assert not hasattr(m, "_private")
+    texts = " ".join(ELSEWHERE.values())
+    methods = set(re.findall(r"\badd_\w+", texts)) | set(re.findall(r"\bm\.(\w+)", texts))
+    assert methods and all(hasattr(pt.Mechanism, method) for method in methods)
+    assert not any(hasattr(pt.Mechanism, word) for word in ELSEWHERE)
+    run = m.simulate(0.1)
+    with pytest.raises(pt.errors.UnknownAttributeError, match="joint 'A' has no torque; use drive"):
+        run.joint("A").torque  # noqa: B018
+    assert all(not hasattr(type(run.joint("A")), word) for word in OF_JOINTS)

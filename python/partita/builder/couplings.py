@@ -23,6 +23,7 @@ from .bodies import resolve
 from .checks import Element, choice, direction, name_of, number, numbers, switch, takes
 from .drawing import Drawing
 from .measures import Along, BodyLike, Coordinate, Distance, drawn, measure, measured_in
+from .name_first import name_first
 from .points import point_on
 from .records import Coupling, CouplingRecord, Joint
 from .relations import Follows, Law, Profile, RateLaw
@@ -81,6 +82,7 @@ def add_coupler(
     return _store(self, CouplingRecord(element.name, "linear", str(word), tuple(found), data, call))
 
 
+@name_first(2)
 def add_gear(
     self: Drawing,
     joint1: Joint | str,
@@ -117,6 +119,7 @@ def add_gear(
     )
 
 
+@name_first(2)
 def add_belt(
     self: Drawing,
     pulley1: Joint | str,
@@ -148,6 +151,7 @@ def add_belt(
     return _recorded_as(self, made, "add_belt", **ends, crossed=bool(crossed))
 
 
+@name_first(2)
 def add_rack(
     self: Drawing,
     pinion: Joint | str,
@@ -217,6 +221,7 @@ def add_distance(
     return _recorded_as(self, made, "add_distance", **ends, length=None if length is None else held)
 
 
+@name_first(2)
 def add_cam(
     self: Drawing,
     follower: Any,

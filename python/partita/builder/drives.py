@@ -9,6 +9,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from ..units import Quantity
+from ..units.door import QuantityError, in_si
 from .bodies import resolve
 from .checks import Element, name_of, number
 from .drawing import Drawing
@@ -16,6 +17,7 @@ from .forces import free_name
 from .joints import add_free, coordinate_of, joint_record, scalars, speeds
 from .measures import Measure, measure, measured_in
 from .motion import Motion
+from .name_first import name_first
 from .poses import as_given, pose_value
 from .records import Body, Drive, DriveRecord, Joint, Ref
 from .sampled import SampledTable
@@ -24,6 +26,7 @@ from .values import Function, scalar
 Course = Quantity | tuple[ArrayLike, ArrayLike] | Callable[..., Any]
 
 
+@name_first(1)
 def add_drive(
     self: Drawing,
     joint: Joint | str | Body | Measure,
@@ -110,6 +113,7 @@ def add_drive(
         given = (velocity, acceleration) if level == "position" else (None, None)
         return Function(Motion(element, function, *given))
 
+    _not_of_another_level(element, level, course, units)
     motion = scalar(element, level, course, "smooth", wrap, ("s", units[level]))
     self._description.store(drives, DriveRecord(element.name, found, motion, level, start))
     self._description.driven[driven_key(found)] = element.name
@@ -187,6 +191,20 @@ def _coordinate(
         )
     number = coordinate_of(element, found, coordinate, speeds(found))
     return {"of": "joint", "joint": found.name, "coordinate": number}
+
+
+def _not_of_another_level(element: Element, level: str, course: Any, units: dict[str, str]) -> None:
+    """Refuse a text whose unit is that of another level: position="60 rpm"."""
+    if not isinstance(course, str):
+        return
+    for other, unit in units.items():
+        try:
+            in_si(other, course, unit)
+        except QuantityError:
+            continue
+        if other != level:
+            element.fail(f"{level} is given as {course!r}, which has the unit of its {other}; give {other}={course!r}")
+        return
 
 
 def _level(element: Element, position: Any, velocity: Any, acceleration: Any) -> tuple[str, Any]:

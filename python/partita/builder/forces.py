@@ -22,6 +22,7 @@ from .checks import Element, choice, name_of, number, switch
 from .drawing import Drawing
 from .joints import coordinate_of, effort_of, joint_record, scalars, speeds, unit_of
 from .measures import measure, measured_in
+from .name_first import name_first
 from .points import point_on
 from .records import (
     Body,
@@ -95,6 +96,7 @@ def add_spring(
     return store(self, record)
 
 
+@name_first(1)
 def add_torsion_spring(
     self: Drawing,
     joint: Joint | str,
@@ -138,6 +140,7 @@ def add_torsion_spring(
     return store(self, record)
 
 
+@name_first(1)
 def add_torque(
     self: Drawing,
     joint: Joint | str,
@@ -191,6 +194,7 @@ def add_torque(
     return store(self, record)
 
 
+@name_first(1)
 def add_force(
     self: Drawing,
     body: Body | str,

@@ -19,10 +19,12 @@ from .checks import Element, number
 from .drawing import Drawing
 from .forces import named, store
 from .joints import coordinate_of, effort_of, joint_record, scalars, unit_of
+from .name_first import name_first
 from .records import Force, Joint, LoadRecord
 from .values import Constant, Value, scalar
 
 
+@name_first(1)
 def add_friction(
     self: Drawing,
     joint: Joint | str,
@@ -165,6 +167,7 @@ def add_friction(
     return store(self, LoadRecord(element.name, "friction", arguments, {**arguments, "coordinate": where}, units))
 
 
+@name_first(1)
 def add_stop(
     self: Drawing,
     joint: Joint | str,
@@ -225,6 +228,7 @@ def add_stop(
     return store(self, LoadRecord(element.name, "stop", arguments, {**ends, **law}, units))
 
 
+@name_first(1)
 def add_gas_spring(
     self: Drawing,
     joint: Joint | str,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from os import PathLike
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from .. import options
 from ..builder.records import DRAWING_TOLERANCE
@@ -26,6 +26,7 @@ from .poses import assemble_many
 from .preload import preload
 from .report import report
 from .singularities import singularities
+from .unknown import unknown
 from .workspace import workspace
 
 
@@ -105,6 +106,13 @@ class Mechanism(Modelled):
     plot = seen.plot
     to_html = seen.to_html
     _repr_html_ = seen._repr_html_
+
+    if not TYPE_CHECKING:  # a type checker knows what there is
+
+        def __getattr__(self, name: str) -> Any:
+            if name.startswith("_"):
+                raise AttributeError(name)
+            raise unknown(type(self), name)
 
     def save(self, path: str | PathLike[str], *, strict: bool = False) -> Writing:
         """Write a model file; the suffix says which kind: .toml, which holds all of it and which `partita.load` reads

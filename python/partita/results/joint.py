@@ -17,6 +17,16 @@ FloatArray = NDArray[np.float64]
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 OF_REACTIONS = ("force", "moment", "drive", "drive_determined", "determined", "determined_at", "directions", "in_frame")
 """What a joint offers only where forces are computed."""
+ELSEWHERE = {
+    "torque": "drive, the effort of a drive, or moment, the moment of the reaction",
+    "effort": "drive, the effort of a drive",
+    "reaction": "force and moment",
+    "plot": "run.plot(name)",
+    "rate": "velocity",
+    "rotation": "angle",
+    "translation": "displacement",
+}
+"""Words that people look for at a joint, and what they mean."""
 ONE_OF = {"angle": "rad", "displacement": "m"}
 """What a joint offers where exactly one of its coordinates has this unit."""
 
@@ -181,6 +191,10 @@ class JointKinematics:
     def __getattr__(self, name: str) -> Any:
         if name in ONE_OF:  # whose property raised
             raise self._undefined(name)
+        if name in ELSEWHERE:
+            raise UnknownAttributeError(
+                f"joint {self.name!r} has no {name}; use {ELSEWHERE[name]}", name=name, known=[ELSEWHERE[name]]
+            )
         if name in OF_REACTIONS:
             raise UnknownAttributeError(
                 f"joint {self.name!r} has no {name} here: kinematics computes motions, not forces; simulate "
