@@ -47,6 +47,8 @@ def test_elements_show_their_content() -> None:
     assert repr(m.ground) == "Body('ground': the world)" and str(rod) == "rod"
     spring.stiffness = 41.0
     assert "stiffness=41" in repr(spring)
+    box = m.add_body("box", mass=1.0, inertia=(1, 2, 3), orientation=[[0, 0, 1], [1, 0, 0], [0, 1, 0]])
+    assert repr(box) == "Body('box': body, mass=1, inertia=(1, 2, 3), turned)"
     m.forces.remove("S")
     assert repr(spring) == "Force('S': removed)"
     push = m.add_torque("A", lambda t, state: 0.0, name="push")

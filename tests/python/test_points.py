@@ -260,3 +260,18 @@ def test_gravity_by_its_direction_and_set_later() -> None:
     with pytest.raises(pt.errors.DescriptionError, match='mechanism "swing": gravity'):
         m.gravity = (1, 2)
     assert m.gravity == (0.0, 0.0, 0.0)
+
+
+def test_axes_by_their_names() -> None:
+    for word, axis in (("z", (0, 0, 1)), ("-x", (-1, 0, 0)), ("+y", (0, 1, 0))):
+        specs = []
+        for given in (word, axis):
+            m, arm, other = drawn()
+            m.add_revolute("J", arm, other, point=X, axis=given)
+            m.add_universal("U", arm, other, point=X, axis1=given, axis2=np.roll(axis, 1))
+            m.add_contact("C", arm, P, m.ground, (0, 0, 0), radius1=0.1, stiffness=1e3, normal=given)
+            specs.append(m.to_spec())
+        assert specs[0] == specs[1]
+    m, arm, other = drawn()
+    with pytest.raises(pt.errors.DescriptionError, match="axis is 'up'; give three numbers such as"):
+        m.add_revolute("J", arm, other, point=X, axis="up")

@@ -72,6 +72,10 @@ def content(mechanism: Drawing, handle: Handle) -> str:
         value = _shown(mechanism, given.get(word, known[word]))
         if word == "name" or value is None or np.array_equal(_comparable(value), _comparable(known[word])):
             continue
+        if word == "orientation":
+            if not np.array_equal(value, np.eye(3)):
+                parts.append("turned")
+            continue
         parts.append(f"{word}={_brief(value)}")
     return f"{kind_of(record)}{', ' if parts else ''}{', '.join(parts)}"
 
