@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from html import escape
 from pathlib import Path
 
 import numpy as np
@@ -179,3 +180,12 @@ def test_the_page_of_a_drawing_has_no_fault(tmp_path: Path) -> None:
         for path in paths:
             assert not faults(browser, path, fixed_bytes(), screens=EACH_ONCE)
         assert not browser.reported
+
+
+def test_answers_in_words_show_their_words(tmp_path: Path) -> None:
+    m = pt.catalogue.load("four-bar")
+    written = m.save(tmp_path / "a.toml")
+    again = pt.load(written.path)
+    for found in (m.assemblies({"A": 0.5}), m.check(), m.report(), written, again.reading):
+        text = found._repr_html_()
+        assert text.startswith("<pre") and escape(str(found).splitlines()[0]) in text

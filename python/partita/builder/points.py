@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from .bodies import to_world
 from .checks import Array, Element, vector
 from .drawing import Drawing
-from .records import GROUND, Description, ForceRecord, LoadRecord, Point, SpringRecord
+from .records import GROUND, BodyRecord, Description, ForceRecord, LoadRecord, Point, SpringRecord
 
 OUTSIDE = 0.25
 """A point farther from its body than this fraction of the body's extent lies outside of it."""
@@ -56,16 +56,17 @@ def misplaced(d: Description) -> list[str]:
     """Remarks on points that lie outside their body and would lie on it if they were points of the world."""
     extents: dict[str, tuple[Array, Array]] = {}
     size = _size(d)
+    joints = _joints_of(d)
     found = []
     for given in _given(d):
         if given.body == GROUND or (given.kind, given.name, given.what) in d.explicit:
             continue
         record = d.bodies[given.body]
         other = record.rotation.T @ (given.point - record.position)
-        if np.allclose(other, given.point, rtol=0.0, atol=WITHIN * size):
+        if max(abs(x) for x in (other - given.point).tolist()) <= WITHIN * size:
             continue
         if given.body not in extents:
-            extents[given.body] = _extent(d, given.body)
+            extents[given.body] = _extent(record, joints.get(given.body, ()))
         low, high = extents[given.body]
         inside = WITHIN * size
         if _away(given.point, low, high) > OUTSIDE * float(np.linalg.norm(high - low)) + inside and (
@@ -87,16 +88,21 @@ def _size(d: Description) -> float:
     return float(np.linalg.norm(np.ptp(np.array(points), axis=0))) if points else 0.0
 
 
-def _extent(d: Description, body: str) -> tuple[Array, Array]:
+def _joints_of(d: Description) -> dict[str, list[Array]]:
+    """Points in the world of the joints on each body."""
+    found: dict[str, list[Array]] = {}
+    for joint in d.joints.values():
+        if joint.point is not None:
+            found.setdefault(joint.parent, []).append(joint.point)
+            found.setdefault(joint.child, []).append(joint.point if joint.child_point is None else joint.child_point)
+    return found
+
+
+def _extent(record: BodyRecord, joints: Sequence[Array]) -> tuple[Array, Array]:
     """The box, in body axes, around the centre of mass, the ends of a rod, and the joints."""
-    record = d.bodies[body]
-    points = [record.com]
+    points = [record.com, *(record.rotation.T @ (point - record.position) for point in joints)]
     if record.rod is not None:
         points += [np.zeros(3), np.array([record.rod[2], 0.0, 0.0])]
-    for joint in d.joints.values():
-        if body in (joint.parent, joint.child) and joint.point is not None:
-            place = joint.child_point if joint.child_point is not None and joint.child == body else joint.point
-            points.append(record.rotation.T @ (place - record.position))
     return np.min(points, axis=0), np.max(points, axis=0)
 
 

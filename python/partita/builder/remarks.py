@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from .calls import referring
+from itertools import chain
+
+from .calls import references
 from .points import misplaced
 from .records import Description
 
@@ -18,7 +20,11 @@ def unconnected(d: Description) -> list[str]:
         return []
     joined = {body for joint in d.joints.values() for body in (joint.parent, joint.child)}
     alone = [name for name in d.bodies if name not in joined]
-    return [name for name in alone if all(table == "sensors" for table, _ in referring(d, "bodies", name))]
+    if not alone:
+        return []
+    acting = chain(d.couplings.values(), d.drives.values(), d.forces.values())
+    touched = {name for record in acting for table, name in references(record) if table == "bodies"}
+    return [name for name in alone if name not in touched]
 
 
 def _sentence(name: str) -> str:

@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from .. import notebook
+
 KINDS = {
     "motion": "dropped, and the motion differs",
     "bounds": "dropped, which acts at limits, in contacts or when driven",
@@ -119,6 +121,10 @@ class Reading:
             for (kind, text), group in groups.items()
         ]
         return tuple(sorted(found, key=lambda group: list(KINDS).index(group.kind)))
+
+    def _repr_html_(self) -> str:
+        """The text, in a notebook."""
+        return notebook.lines(str(self))
 
     def __str__(self) -> str:
         parts, title = [f"{self.kind} {self.path}"], ""

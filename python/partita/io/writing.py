@@ -6,6 +6,7 @@ import warnings
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from .. import notebook
 from ..errors import FileFormatError, LossyFileWarning
 
 _SHOWN = 3
@@ -29,6 +30,10 @@ class Writing:
     files: list[Path] = field(default_factory=list)
     changed: list[str] = field(default_factory=list)
     dropped: list[str] = field(default_factory=list)
+
+    def _repr_html_(self) -> str:
+        """The text, in a notebook."""
+        return notebook.lines(str(self))
 
     def __str__(self) -> str:
         parts = [f"{self.kind} {', '.join(map(str, self.files))}"]

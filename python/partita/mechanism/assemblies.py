@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from .. import notebook
 from .. import options as run_options
 from ..errors import ArgumentError
 from ..state import State
@@ -59,6 +60,10 @@ class Assemblies:
 
     def __getitem__(self, index: int) -> Assembled:
         return self.found[index]
+
+    def _repr_html_(self) -> str:
+        """The text, in a notebook."""
+        return notebook.lines(str(self))
 
     def __str__(self) -> str:
         lines = [f"{len(self.found)} assemblies; loops in order of solution:", *(f"  {words}" for words in self.blocks)]
