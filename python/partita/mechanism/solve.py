@@ -449,7 +449,7 @@ def simulate(
     >>> run.success, run.t.shape
     (True, (201,))
     >>> moon = m.simulate(1.0, rtol=1e-10, parameters={"gravity": (0, -1.62, 0)})
-    >>> bool(abs(moon.joint("A").position[-1, 0] / run.joint("A").position[-1, 0]) < 0.7)
+    >>> bool(abs(moon.joint("A").angle[-1] / run.joint("A").angle[-1]) < 0.7)
     True
     """
     wanted = run_options.one_of("coordinates", coordinates, run_options.COORDINATES)

@@ -75,7 +75,7 @@ def sweep(
     ...     m = pt.Mechanism("pendulum")
     ...     rod = m.add_rod("rod", start=(0, 0, 0), end=(length, 0, 0), mass=1.0)
     ...     m.add_revolute("A", m.ground, rod, point=(0, 0, 0))
-    ...     return {"angle": m.simulate(0.5).joint("A").position[-1, 0]}
+    ...     return {"angle": m.simulate(0.5).joint("A").angle[-1]}
     >>> found = pt.sweep(period, {"length": [0.5, 1.0, 2.0]})
     >>> found.angle.sel(length=1.0).item() < found.angle.sel(length=2.0).item()
     True
