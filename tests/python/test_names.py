@@ -271,3 +271,20 @@ def test_what_a_mechanism_does_not_have_is_named() -> None:
     with pytest.raises(pt.errors.UnknownAttributeError, match="joint 'A' has no torque; use drive"):
         run.joint("A").torque  # noqa: B018
     assert all(not hasattr(type(run.joint("A")), word) for word in OF_JOINTS)
+
+
+def test_an_unknown_argument_is_answered_by_the_one_that_was_meant() -> None:
+    m = named()
+    for method, arguments, words in (
+        ("add_pin_slot", {"axis": (1, 0, 0)}, r"add_pin_slot\(\) has no argument 'axis'; did you mean 'axis1'\?"),
+        ("add_spring", {"parent": "a"}, "'parent'; did you mean 'body1'"),
+        ("add_revolute", {"body1": "a"}, "'body1'; did you mean 'parent'"),
+        ("add_body", {"colour": "red"}, "'colour'; it takes name, mass, inertia"),
+        ("add_torque", {"axis": 0}, "'axis'; it takes joint, value"),
+        ("add_rod", {"mas": 1.0}, "'mas'; did you mean 'mass'"),
+    ):
+        with pytest.raises(TypeError, match=words):
+            getattr(m, method)("S", **arguments)
+    assert m.to_spec() == named().to_spec()
+    with pytest.raises(TypeError, match="missing 1 required positional argument: 'mass'"):
+        m.add_rod("r", (0, 0, 0), (1, 0, 0))  # type: ignore[call-arg]

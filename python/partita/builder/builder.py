@@ -19,6 +19,7 @@ from . import primitives as primitive_room
 from . import rotors as rotor_room
 from . import sensors as sensor_room
 from .elements import Elements
+from .explained import explain
 from .joint_loads import JointLoads
 from .joints import NamedJoints
 from .records import Body, Coupling, Drive, Force, Handle, Joint, Rotor
@@ -118,3 +119,6 @@ class Builder(NamedJoints, JointLoads):
         Tables appear as piecewise cubics; a Python function appears as {"function": i}, its number in order.
         """
         return Writer(self._description, Layout()).spec()
+
+
+explain(Builder)
