@@ -273,7 +273,7 @@ def test_what_a_mechanism_does_not_have_is_named() -> None:
     assert all(not hasattr(type(run.joint("A")), word) for word in OF_JOINTS)
 
 
-def test_an_unknown_argument_is_answered_by_the_one_that_was_meant() -> None:
+def test_an_unknown_argument_is_answered_by_the_likely_one() -> None:
     m = named()
     for method, arguments, words in (
         ("add_pin_slot", {"axis": (1, 0, 0)}, r"add_pin_slot\(\) has no argument 'axis'; did you mean 'axis1'\?"),

@@ -8,7 +8,7 @@ import inspect
 from collections.abc import Callable
 from typing import Any
 
-MEANT = {
+INSTEAD = {
     "parent": "body1",
     "child": "body2",
     "body1": "parent",
@@ -34,7 +34,7 @@ def _explained(method: Callable[..., Any]) -> Callable[..., Any]:
         unknown = next((word for word in kwargs if word not in known), None)
         if unknown is None:
             return method(*args, **kwargs)
-        likely = [MEANT.get(unknown), *(word for word in known if word.startswith(unknown))]
+        likely = [INSTEAD.get(unknown), *(word for word in known if word.startswith(unknown))]
         near = [word for word in likely if word in known] or difflib.get_close_matches(unknown, known, n=1)
         hint = f"did you mean {near[0]!r}? " if near else ""
         raise TypeError(f"{method.__name__}() has no argument {unknown!r}; {hint}it takes {', '.join(known)}")
