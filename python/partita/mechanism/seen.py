@@ -155,7 +155,7 @@ def _repr_html_(self: Modelled) -> str:
             if found.message:
                 rows.append(("does not close", found.message))
             elif freedom is not None:
-                rows.append(("degrees of freedom", f"{freedom}"))
+                rows.append(("degrees of freedom", f"{freedom} besides the drives" if d.drives else f"{freedom}"))
             if len(d.bodies) <= MOST_PAINTED:
                 image = _image(found)
         except PartitaError as error:  # a picture needs Pillow
