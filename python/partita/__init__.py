@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from . import errors, partition, units
 from ._core import version as _version
-from .builder import Along, Coordinate, Cosine, Distance
+from .builder import Along, Coordinate, Cosine, Distance, table
 from .comparison import compare
 from .mechanism import Mechanism, load
 from .state import State
@@ -53,6 +53,7 @@ __all__ = [
     "samples",
     "simulate",
     "sweep",
+    "table",
     "units",
 ]
 
@@ -70,4 +71,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_LATER, *_NAMED_LATER})
+    return sorted({*__all__, *_LATER, *(name for name in globals() if name.startswith("__"))})

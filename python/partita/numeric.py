@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+
+MaybeNone: TypeAlias = Any
+"""In a type beside another one: None where the docstring says so, and nobody has to check for it who knows better."""
 
 _SHOWN = 80
 _NUMBERS = frozenset({float, int, np.float64})

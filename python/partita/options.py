@@ -17,6 +17,7 @@ from .errors import ArgumentError, UnknownNameError
 from .numeric import floats, real, shown
 from .progress import reporting
 from .tangent import TangentVelocities
+from .units import Quantity
 from .units.door import SI, QuantityError, in_si
 
 Array = NDArray[np.float64]
@@ -77,7 +78,7 @@ class Options(dict[str, Any]):
 
 def options(
     t0: float,
-    duration: float,
+    duration: Quantity,
     velocity_names: list[str],
     *,
     rtol: float = 1e-8,
@@ -87,13 +88,13 @@ def options(
     events: Iterable[Any] = (),
     correction: str = "partition",
     switch_threshold: float = 1.25,
-    step: float | None = None,
-    max_step: float | None = None,
+    step: Quantity | None = None,
+    max_step: Quantity | None = None,
     max_steps: int = 10_000_000,
     independent: Iterable[Any] | None = None,
     selection: str = "collective",
     weights: Mapping[Any, float] | None = None,
-    window: float | None = None,
+    window: Quantity | None = None,
     baumgarte: tuple[float, float] | None = None,
     renew: float | str = 0.5,
 ) -> Options:
@@ -126,18 +127,18 @@ def _checked_once(*asked: Any) -> Options:
 
 def _checked(
     t0: float,
-    duration: float,
+    duration: Quantity,
     rtol: float,
     atol: float,
     method: str,
     formulation: str,
     correction: str,
     switch_threshold: float,
-    step: float | None,
-    max_step: float | None,
+    step: Quantity | None,
+    max_step: Quantity | None,
     max_steps: int,
     selection: str,
-    window: float | None,
+    window: Quantity | None,
     renew: float | str,
     independent: list[str] | None = None,
     weights: list[list[Any]] | None = None,

@@ -16,6 +16,7 @@ from .errors import ArgumentError, DescriptionError, EvaluationError
 from .numeric import floats, shown
 from .state import Layout, State
 from .tangent import TangentVelocities
+from .units import Quantity
 
 if TYPE_CHECKING:
     from .results import Result
@@ -181,7 +182,7 @@ class System(Equations):
 
 def simulate(
     system: System,
-    duration: float,
+    duration: Quantity,
     q0: ArrayLike | None = None,
     v0: ArrayLike | None = None,
     *,
@@ -196,13 +197,13 @@ def simulate(
     progress: Any = False,
     correction: str = "partition",
     switch_threshold: float = 1.25,
-    step: float | None = None,
-    max_step: float | None = None,
+    step: Quantity | None = None,
+    max_step: Quantity | None = None,
     max_steps: int = 10_000_000,
     independent: Iterable[str] | None = None,
     selection: str = "collective",
     weights: Mapping[str, float] | None = None,
-    window: float | None = None,
+    window: Quantity | None = None,
     baumgarte: tuple[float, float] | None = None,
     renew: float | str = 0.5,
     tangent: TangentVelocities | None = None,

@@ -146,7 +146,7 @@ def directive(name: str) -> str:
     """The directive for one class or function, with inherited members."""
     kind = found(name)
     if isinstance(kind, type):
-        reported = f".. autoclass:: partita.{name}\n   :members:\n   :inherited-members: tuple, str, Mapping"
+        reported = f".. autoclass:: partita.{name}\n   :members:\n   :inherited-members: tuple, str, Mapping, ndarray"
         return "\n\n".join([*overview(name, kind), reported])
     return f".. autofunction:: partita.{name}"
 

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from ..errors import ArgumentError
 from ..naming import Names, index_of
+from ..notebook import table
+from ..numeric import MaybeNone
 from ..results import BodyResult, CouplingResult, EnergyResult, JointResult
-from ..results.notebook import table
 from ..results.run import Run
 from ..results.sensor import SensorResult
 from ..results.source import Arrays
@@ -114,7 +115,7 @@ class InverseDynamics:
         return np.asarray(self.efforts[:, i] * self.rates[:, i])
 
     @property
-    def use(self) -> FloatArray | None:
+    def use(self) -> FloatArray | MaybeNone:
         """(nt,): the largest fraction of a limit that is used; above 1 no distribution of the efforts stays within.
         None without limits."""
         return None if self.limits is None else use_of(self.efforts, self.limits)

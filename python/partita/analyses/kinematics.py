@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import ArgumentError
-from ..naming import index_of
+from ..naming import index_of, joint_units
+from ..notebook import names, table
 from ..numeric import shown
 from ..results.joint import JointKinematics
 from ..results.motion import Motion
-from ..results.notebook import names, table
 from ..results.sensor import LiveSensors
 from ..results.source import ModelSource
 from ..state import Layout, State
@@ -189,7 +189,7 @@ class Kinematics(Motion):
     def joint(self, name: str) -> JointKinematics:
         """Motion of the joint `name`, in the tree or closing a loop; `UnknownNameError` with the nearest names."""
         about, data = self._joint(name)
-        return JointKinematics(name, about["kind"], about["parent"], about["child"], data)
+        return JointKinematics(name, about["kind"], about["parent"], about["child"], data, joint_units(about)[0])
 
     def point(self, body: Any, point: ArrayLike = (0.0, 0.0, 0.0)) -> PointMotion:
         """Path, velocity and acceleration of a point of a body, `point` in body axes [m]: a coupler curve.

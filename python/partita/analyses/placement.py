@@ -7,12 +7,12 @@ import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import comb
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..results.notebook import table
+from ..notebook import table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -84,7 +84,11 @@ class Placement:
     def __len__(self) -> int:
         return len(self.sets)
 
-    def __getitem__(self, i: int) -> PlacedSet:
+    @overload
+    def __getitem__(self, i: int) -> PlacedSet: ...
+    @overload
+    def __getitem__(self, i: slice) -> tuple[PlacedSet, ...]: ...
+    def __getitem__(self, i: int | slice) -> PlacedSet | tuple[PlacedSet, ...]:
         return self.sets[i]
 
     def plot(self, *, path: str | os.PathLike[str] | None = None) -> Figure:

@@ -3,6 +3,7 @@
 from .builder import Builder
 from .measures import Along, Coordinate, Cosine, Distance
 from .records import Body, Coupling, Drive, Force, Joint
+from .sampled import SampledTable, table
 from .sensors import Expression, Sensor
 
 __all__ = [
@@ -17,5 +18,7 @@ __all__ = [
     "Expression",
     "Force",
     "Joint",
+    "SampledTable",
     "Sensor",
+    "table",
 ]

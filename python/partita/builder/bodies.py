@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..units import Quantity
 from . import frames
 from .checks import Array, Element, find, name_of, number, switch, vector
 from .drawing import Drawing
@@ -16,7 +17,7 @@ from .records import GROUND, Body, BodyRecord, Description, Handle
 def add_body(
     self: Drawing,
     name: str,
-    mass: float,
+    mass: Quantity,
     inertia: ArrayLike,
     com: ArrayLike = (0.0, 0.0, 0.0),
     position: ArrayLike = (0.0, 0.0, 0.0),
@@ -64,7 +65,7 @@ def add_body(
     return Body(name, self)
 
 
-def add_rod(self: Drawing, name: str, start: ArrayLike, end: ArrayLike, mass: float, gravity: bool = True) -> Body:
+def add_rod(self: Drawing, name: str, start: ArrayLike, end: ArrayLike, mass: Quantity, gravity: bool = True) -> Body:
     """Add a uniform slender rod between two points of the world as drawn.
 
     Its frame has the origin at `start` and x towards `end`. z stays as near to the world's z as possible, so

@@ -19,6 +19,7 @@ from . import primitives as primitive_room
 from . import rotors as rotor_room
 from . import sensors as sensor_room
 from .elements import Elements
+from .explained import explain
 from .joint_loads import JointLoads
 from .joints import NamedJoints
 from .records import Body, Coupling, Drive, Force, Handle, Joint, Rotor
@@ -106,6 +107,9 @@ class Builder(NamedJoints, JointLoads):
     def _change(self, handle: Handle, arguments: Mapping[str, Any]) -> None:
         changes.change(self, handle, arguments)
 
+    def _content(self, handle: Handle) -> str:
+        return changes.content(self, handle)
+
     def _words(self, handle: Handle) -> list[str]:
         return changes.words(self, handle)
 
@@ -115,3 +119,6 @@ class Builder(NamedJoints, JointLoads):
         Tables appear as piecewise cubics; a Python function appears as {"function": i}, its number in order.
         """
         return Writer(self._description, Layout()).spec()
+
+
+explain(Builder)

@@ -34,6 +34,7 @@ from .records import (
     TorqueRecord,
     TorsionSpringRecord,
 )
+from .sampled import SampledTable
 from .sensors import Expression, Sensor
 from .values import Constant, Function, Table
 
@@ -226,7 +227,7 @@ def _drive(record: DriveRecord) -> dict[str, Any]:
     if measure["of"] == "joint":
         arguments = {"joint": measure["joint"], "coordinate": measure["coordinate"]}
     motion = record.motion
-    arguments[record.level] = _given(motion)
+    arguments[record.level] = (motion.times, motion.values) if isinstance(motion, Table) else _given(motion)
     if isinstance(motion, Function) and isinstance(motion.call, Motion) and record.level == "position":
         arguments |= {"velocity": motion.call.velocity, "acceleration": motion.call.acceleration}
     return {**arguments, "rate": record.rate}
@@ -237,8 +238,8 @@ def _given(value: Any) -> Any:
     match value:
         case Constant(number):
             return number
-        case Table(times, values):
-            return times, values
+        case Table(times, values, curve):
+            return SampledTable(times, values) if curve == "smooth" else (times, values)
         case Function(call) if isinstance(call, (Callback, LawCall)):
             return call.function
         case Function(call) if isinstance(call, Motion):

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import copy
 import difflib
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any, NoReturn
@@ -21,7 +21,8 @@ from ..sensing import uses
 from .calls import call_of, kind_of, readers, referring, words_of
 from .checks import Element, find, vector
 from .drawing import Drawing
-from .records import GROUND, BodyRecord, Handle, JointRecord, Ref
+from .records import GROUND, BodyRecord, Handle, JointRecord, Point, Ref
+from .sampled import SampledTable
 
 _WORDS = {
     "bodies": "body",
@@ -60,6 +61,56 @@ def read(mechanism: Drawing, handle: Handle, word: str) -> Any:
     return _shown(mechanism, value)
 
 
+def content(mechanism: Drawing, handle: Handle) -> str:
+    """Kind and arguments of an element in one line; those that have their default are left out."""
+    if handle.name == GROUND and handle.table == "bodies":
+        return "the world"
+    record = _record(mechanism, handle)
+    known, given = words_of(type(mechanism), record), call_of(record)[1]
+    parts = []
+    for word in known:
+        value = _shown(mechanism, given.get(word, known[word]))
+        if word == "name" or value is None or np.array_equal(_comparable(value), _comparable(known[word])):
+            continue
+        if word == "orientation":
+            if not np.array_equal(value, np.eye(3)):
+                parts.append("turned")
+            continue
+        parts.append(f"{word}={_brief(value)}")
+    return f"{kind_of(record)}{', ' if parts else ''}{', '.join(parts)}"
+
+
+_BRIEF = 48
+"""Letters of an argument in the line of an element."""
+
+
+def _comparable(value: Any) -> Any:
+    return np.asarray(value) if isinstance(value, (np.ndarray, tuple, float, int)) else np.array(value, dtype=object)
+
+
+def _brief(value: Any) -> str:
+    if isinstance(value, Handle):
+        return repr(value.name)
+    if isinstance(value, Mapping) and value.get("of") == "joint":
+        return repr(value["joint"])
+    if isinstance(value, tuple) and len(value) == 2 and isinstance(value[0], np.ndarray):
+        return f"a table of {len(value[0])}"
+    if isinstance(value, np.ndarray) and value.ndim == 2:
+        diagonal = np.diagonal(value)
+        if value.shape[0] != value.shape[1] or not np.array_equal(value, np.diag(diagonal)):
+            return f"{value.shape[0]}x{value.shape[1]}"
+        value = diagonal
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if isinstance(value, (list, tuple)) and all(isinstance(item, float) for item in value):
+        text = f"({', '.join(f'{item:.6g}' for item in value)})"
+    elif callable(value):
+        text = getattr(value, "__name__", type(value).__name__)
+    else:
+        text = f"{value:.6g}" if isinstance(value, float) else repr(value)
+    return text if len(text) <= _BRIEF else f"{text[: _BRIEF - 4]} ..."
+
+
 def change(mechanism: Drawing, handle: Handle, arguments: Mapping[str, Any]) -> None:
     """Give other values to some arguments."""
     if handle.name == GROUND and handle.table == "bodies":
@@ -81,7 +132,7 @@ def change(mechanism: Drawing, handle: Handle, arguments: Mapping[str, Any]) -> 
         if not new:
             return
         method, given = call_of(record)
-        _again(mechanism, handle.table, handle.name, method, {**given, **new})
+        _again(mechanism, handle.table, handle.name, method, {**given, **new}, set(new))
         if handle.table == "sensors":
             _check_order(mechanism, element)
         for table, name in referring(mechanism._description, handle.table, handle.name):
@@ -143,7 +194,9 @@ def _shown(mechanism: Drawing, value: Any) -> Any:
         return mechanism.ground
     if isinstance(value, Ref):
         return getattr(mechanism, value.table)[value.name]
-    if isinstance(value, (list, tuple)):
+    if isinstance(value, SampledTable):
+        return SampledTable(_shown(mechanism, value.times), _shown(mechanism, value.values), value.error)
+    if isinstance(value, (list, tuple)) and not isinstance(value, Point):
         return type(value)(_shown(mechanism, item) for item in value)
     return copy.deepcopy(value) if isinstance(value, Mapping) else value
 
@@ -177,14 +230,18 @@ def _take_out(mechanism: Drawing, table: str, name: str) -> None:
         del d.joints[carrier]
 
 
-def _again(mechanism: Drawing, table: str, name: str, method: str, given: Mapping[str, Any]) -> None:
-    """Make an element again in its place."""
+def _again(
+    mechanism: Drawing, table: str, name: str, method: str, given: Mapping[str, Any], new: Collection[str] = ()
+) -> None:
+    """Make an element again in its place, with the arguments `new`."""
     d = mechanism._description
+    explicit = {key: True for key in d.explicit if key[:2] == (_WORDS[table], name) and key[2] not in new}
     orders = {each: list(getattr(d, each)) for each in (table, "joints")}
     old = getattr(d, table)[name]
     driven = list(d.driven)
     _take_out(mechanism, table, name)
     getattr(mechanism, method)(name=name, **{word: _shown(mechanism, value) for word, value in given.items()})
+    d.explicit |= explicit
     if isinstance(old, JointRecord) and old.compliance is not None:
         d.joints[name] = replace(d.joints[name], compliance=old.compliance)
     carriers = _carrier(old), _carrier(getattr(d, table)[name])

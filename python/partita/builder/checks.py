@@ -137,8 +137,22 @@ def _in_range(element: Element, what: str, size: float) -> None:
         element.fail(f"{what} contains {size:g}; magnitudes above {LARGEST:g} are not supported: use other units")
 
 
+def along_an_axis(word: str) -> Array | None:
+    """The unit vector along "x", "y" or "z", or against it: "-z"; None for another text."""
+    axis = word.lstrip("+-")
+    if len(word) - len(axis) > 1 or axis not in ("x", "y", "z"):
+        return None
+    size = -1.0 if word.startswith("-") else 1.0
+    return np.array([size if axis == own else 0.0 for own in "xyz"])
+
+
 def direction(element: Element, what: str, value: Any) -> Array:
-    """A vector that is not zero; its length does not matter and is kept."""
+    """A vector that is not zero, or "x", "-z" and the like; its length does not matter and is kept."""
+    if isinstance(value, str):
+        found = along_an_axis(value)
+        if found is None:
+            element.fail(f"{what} is {value!r}; give three numbers such as (0, 0, 1), or a direction such as '-z'")
+        return found
     array = _finite(element, what, _vector(element, what, value, 3))
     size = max(map(abs, array.tolist()))
     if size == 0.0:

@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from numpy.typing import ArrayLike
 
+from ..units import Quantity
 from .bodies import resolve
-from .checks import direction, name_of, number, vector
+from .checks import direction, name_of, number
 from .drawing import Drawing
 from .forces import store
 from .joint_loads import per_power
+from .points import point_on
 from .records import GROUND, Body, Force, LoadRecord
 
 
@@ -24,15 +26,15 @@ def add_contact(
     body2: Body | str,
     point2: ArrayLike,
     *,
-    radius1: float,
-    stiffness: float,
+    radius1: Quantity,
+    stiffness: Quantity,
     normal: ArrayLike | None = None,
-    radius2: float | None = None,
+    radius2: Quantity | None = None,
     exponent: float = 1.5,
-    damping: float = 0.0,
+    damping: Quantity = 0.0,
     friction: float = 0.0,
     static_friction: float | None = None,
-    stick_velocity: float | None = None,
+    stick_velocity: Quantity | None = None,
 ) -> Force:
     """Add the contact of a sphere (or a point) on one body with a plane or a sphere on another.
 
@@ -60,8 +62,9 @@ def add_contact(
     >>> import partita as pt
     >>> m = pt.Mechanism("ball")
     >>> ball = m.add_body("ball", mass=0.1, inertia=(4e-5, 4e-5, 4e-5), position=(0, 0.5, 0))
-    >>> floor = dict(normal=(0, 1, 0), stiffness=1e6)
-    >>> contact = m.add_contact("floor", ball, (0, 0, 0), m.ground, (0, 0, 0), radius1=0.03, **floor)
+    >>> contact = m.add_contact(
+    ...     "floor", ball, (0, 0, 0), m.ground, (0, 0, 0), radius1=0.03, normal=(0, 1, 0), stiffness=1e6
+    ... )
     >>> run = m.simulate(0.35)
     >>> bool(run.body("ball").velocity[-1, 1] > 2.5)   # it came down and goes up again
     True
@@ -81,9 +84,9 @@ def add_contact(
     units |= {"radius1": "m", "radius2": "m"}
     means = {
         "body1": first,
-        "point1": vector(element, "point1", point1, "m"),
+        "point1": point_on(self, element, "point1", point1, first),
         "body2": second,
-        "point2": vector(element, "point2", point2, "m"),
+        "point2": point_on(self, element, "point2", point2, second),
         "radius1": number(element, "radius1", radius1, "m", least=0.0),
         "normal": None if normal is None else direction(element, "normal", normal),
         "radius2": None if radius2 is None else number(element, "radius2", radius2, "m", above=0.0),
@@ -113,16 +116,16 @@ def add_tyre(
     *,
     center: ArrayLike,
     axis: ArrayLike,
-    radius: float,
+    radius: Quantity,
     normal: ArrayLike,
-    stiffness: float,
+    stiffness: Quantity,
     ground: Body | str = GROUND,
     point: ArrayLike = (0.0, 0.0, 0.0),
-    damping: float = 0.0,
+    damping: Quantity = 0.0,
     friction: float = 0.0,
-    longitudinal: float = 0.0,
-    lateral: float = 0.0,
-    slow_speed: float | None = None,
+    longitudinal: Quantity = 0.0,
+    lateral: Quantity = 0.0,
+    slow_speed: Quantity | None = None,
 ) -> Force:
     """Add a tyre: the disc of a wheel that presses on a road, optionally with slip forces.
 
@@ -151,8 +154,7 @@ def add_tyre(
     >>> import partita as pt
     >>> m = pt.Mechanism("wheel")
     >>> wheel = m.add_body("wheel", mass=20.0, inertia=(0.5, 0.5, 0.9), position=(0, 0.3, 0))
-    >>> tyre = dict(center=(0, 0, 0), axis=(0, 0, 1), radius=0.3, normal=(0, 1, 0), stiffness=2e5)
-    >>> m.add_tyre("T", wheel, **tyre).name
+    >>> m.add_tyre("T", wheel, center=(0, 0, 0), axis=(0, 0, 1), radius=0.3, normal=(0, 1, 0), stiffness=2e5).name
     'T'
     """
     element = name_of("force", name, self._description.forces)
@@ -173,11 +175,11 @@ def add_tyre(
         element.fail("slip needs a slow_speed: the speed [m/s] below which the slip is computed as at this speed")
     where = {
         "body": wheel,
-        "center": vector(element, "center", center, "m"),
+        "center": point_on(self, element, "center", center, wheel),
         "axis": direction(element, "axis", axis),
         "radius": number(element, "radius", radius, "m", above=0.0),
         "ground": road,
-        "point": vector(element, "point", point, "m"),
+        "point": point_on(self, element, "point", point, road),
         "normal": direction(element, "normal", normal),
         "stiffness": number(element, "stiffness", stiffness, "N/m", least=0.0),
         "damping": number(element, "damping", damping, "s/m", least=0.0),

@@ -18,10 +18,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..units import Quantity
 from .bodies import resolve
-from .checks import Element, choice, direction, name_of, number, numbers, switch, takes, vector
+from .checks import Element, choice, direction, name_of, number, numbers, switch, takes
 from .drawing import Drawing
 from .measures import Along, BodyLike, Coordinate, Distance, drawn, measure, measured_in
+from .name_first import name_first
+from .points import point_on
 from .records import Coupling, CouplingRecord, Joint
 from .relations import Follows, Law, Profile, RateLaw
 from .values import Function, is_table, table
@@ -36,7 +39,7 @@ def add_coupler(
     name: str,
     terms: Sequence[Any],
     factors: ArrayLike,
-    offset: float = 0.0,
+    offset: Quantity = 0.0,
     *,
     word: str = "coupler",
 ) -> Coupling:
@@ -79,6 +82,7 @@ def add_coupler(
     return _store(self, CouplingRecord(element.name, "linear", str(word), tuple(found), data, call))
 
 
+@name_first(2)
 def add_gear(
     self: Drawing,
     joint1: Joint | str,
@@ -115,12 +119,13 @@ def add_gear(
     )
 
 
+@name_first(2)
 def add_belt(
     self: Drawing,
     pulley1: Joint | str,
     pulley2: Joint | str,
-    radius1: float,
-    radius2: float,
+    radius1: Quantity,
+    radius2: Quantity,
     *,
     crossed: bool = False,
     name: str | None = None,
@@ -146,11 +151,12 @@ def add_belt(
     return _recorded_as(self, made, "add_belt", **ends, crossed=bool(crossed))
 
 
+@name_first(2)
 def add_rack(
     self: Drawing,
     pinion: Joint | str,
     slide: Joint | str,
-    radius: float,
+    radius: Quantity,
     *,
     coordinate1: int = 0,
     coordinate2: int = 0,
@@ -186,7 +192,7 @@ def add_distance(
     point1: ArrayLike,
     body2: BodyLike,
     point2: ArrayLike,
-    length: float | None = None,
+    length: Quantity | None = None,
 ) -> Coupling:
     """Keep two points at a constant distance: a massless rod between two balls, without an idle rotation.
 
@@ -215,6 +221,7 @@ def add_distance(
     return _recorded_as(self, made, "add_distance", **ends, length=None if length is None else held)
 
 
+@name_first(2)
 def add_cam(
     self: Drawing,
     follower: Any,
@@ -333,7 +340,7 @@ def add_rolling(
     self: Drawing,
     name: str,
     body: BodyLike,
-    radius: float,
+    radius: Quantity,
     *,
     center: ArrayLike = (0.0, 0.0, 0.0),
     axis: ArrayLike = (0.0, 0.0, 1.0),
@@ -369,11 +376,11 @@ def add_rolling(
         element.fail(f'"{roller}" cannot roll on itself; name two different bodies')
     data = {
         "body": roller,
-        "center": vector(element, "center", center, "m").tolist(),
+        "center": point_on(self, element, "center", center, roller).tolist(),
         "axis": None if switch(element, "ball", ball) else direction(element, "axis", axis).tolist(),
         "radius": _positive(element, "radius", radius),
         "on": carrier,
-        "point": vector(element, "point", point, "m").tolist(),
+        "point": point_on(self, element, "point", point, carrier).tolist(),
         "normal": direction(element, "normal", normal).tolist(),
         "slips": switch(element, "slips", slips),
     }

@@ -8,6 +8,8 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
+from ..units import Quantity
+from ..units.door import QuantityError, in_si
 from .bodies import resolve
 from .checks import Element, name_of, number
 from .drawing import Drawing
@@ -15,13 +17,16 @@ from .forces import free_name
 from .joints import add_free, coordinate_of, joint_record, scalars, speeds
 from .measures import Measure, measure, measured_in
 from .motion import Motion
+from .name_first import name_first
 from .poses import as_given, pose_value
 from .records import Body, Drive, DriveRecord, Joint, Ref
+from .sampled import SampledTable
 from .values import Function, scalar
 
-Course = float | tuple[ArrayLike, ArrayLike] | Callable[..., Any]
+Course = Quantity | tuple[ArrayLike, ArrayLike] | Callable[..., Any]
 
 
+@name_first(1)
 def add_drive(
     self: Drawing,
     joint: Joint | str | Body | Measure,
@@ -31,7 +36,7 @@ def add_drive(
     *,
     pose: Any = None,
     coordinate: int = 0,
-    rate: float = 0.0,
+    rate: Quantity = 0.0,
     name: str | None = None,
 ) -> Drive:
     """Prescribe a motion over time: of a joint coordinate, a distance, a displacement, or the whole pose of a body.
@@ -108,6 +113,7 @@ def add_drive(
         given = (velocity, acceleration) if level == "position" else (None, None)
         return Function(Motion(element, function, *given))
 
+    _not_of_another_level(element, level, course, units)
     motion = scalar(element, level, course, "smooth", wrap, ("s", units[level]))
     self._description.store(drives, DriveRecord(element.name, found, motion, level, start))
     self._description.driven[driven_key(found)] = element.name
@@ -120,7 +126,7 @@ def _drive_pose(
     pose: Any,
     others: tuple[Any, ...],
     coordinate: int,
-    rate: float,
+    rate: Quantity,
     name: str | None,
 ) -> Drive:
     """A drive of all translations and of the spatial rotation of a joint, or of a body relative to the ground."""
@@ -187,6 +193,20 @@ def _coordinate(
     return {"of": "joint", "joint": found.name, "coordinate": number}
 
 
+def _not_of_another_level(element: Element, level: str, course: Any, units: dict[str, str]) -> None:
+    """Refuse a text whose unit is that of another level: position="60 rpm"."""
+    if not isinstance(course, str):
+        return
+    for other, unit in units.items():
+        try:
+            in_si(other, course, unit)
+        except QuantityError:
+            continue
+        if other != level:
+            element.fail(f"{level} is given as {course!r}, which has the unit of its {other}; give {other}={course!r}")
+        return
+
+
 def _level(element: Element, position: Any, velocity: Any, acceleration: Any) -> tuple[str, Any]:
     """The prescribed motion over time; derivatives belong to functions only, and are functions."""
     if position is None:
@@ -196,6 +216,11 @@ def _level(element: Element, position: Any, velocity: Any, acceleration: Any) ->
             )
         if velocity is not None:
             return "velocity", velocity
+        if isinstance(acceleration, SampledTable):
+            element.fail(
+                "a table of accelerations is joined by straight lines, which do not keep the error to which this one "
+                "was sampled; sample the velocity or the position instead"
+            )
         if acceleration is not None:
             return "acceleration", acceleration
         element.fail("no motion is prescribed; give position, velocity or acceleration")

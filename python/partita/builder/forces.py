@@ -15,12 +15,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..units import Quantity
 from . import callbacks
 from .bodies import resolve, to_world
-from .checks import Element, choice, name_of, number, switch, vector
+from .checks import Element, choice, name_of, number, switch
 from .drawing import Drawing
 from .joints import coordinate_of, effort_of, joint_record, scalars, speeds, unit_of
 from .measures import measure, measured_in
+from .name_first import name_first
+from .points import point_on
 from .records import (
     Body,
     Force,
@@ -43,9 +46,9 @@ def add_spring(
     body2: Body | str,
     point2: ArrayLike,
     *,
-    stiffness: float,
-    damping: float = 0.0,
-    length: float | None = None,
+    stiffness: Quantity,
+    damping: Quantity = 0.0,
+    length: Quantity | None = None,
 ) -> Force:
     """Add a linear spring and damper between two points.
 
@@ -70,7 +73,10 @@ def add_spring(
     first, second = resolve(self, element, "body1", body1), resolve(self, element, "body2", body2)
     if first == second:
         element.fail(f'both ends are on "{first}", where the spring has no effect; name two different bodies')
-    end1, end2 = vector(element, "point1", point1, "m"), vector(element, "point2", point2, "m")
+    end1, end2 = (
+        point_on(self, element, what, point, body)
+        for what, point, body in (("point1", point1, first), ("point2", point2, second))
+    )
     d = self._description
     drawn = float(np.linalg.norm(to_world(d, second, end2) - to_world(d, first, end1)))
     if drawn == 0.0:
@@ -90,13 +96,14 @@ def add_spring(
     return store(self, record)
 
 
+@name_first(1)
 def add_torsion_spring(
     self: Drawing,
     joint: Joint | str,
     *,
-    stiffness: float,
-    damping: float = 0.0,
-    angle: float = 0.0,
+    stiffness: Quantity,
+    damping: Quantity = 0.0,
+    angle: Quantity = 0.0,
     coordinate: int = 0,
     name: str | None = None,
 ) -> Force:
@@ -133,10 +140,11 @@ def add_torsion_spring(
     return store(self, record)
 
 
+@name_first(1)
 def add_torque(
     self: Drawing,
     joint: Joint | str,
-    value: float | tuple[ArrayLike, ArrayLike] | Callable[..., Any],
+    value: Quantity | tuple[ArrayLike, ArrayLike] | Callable[..., Any],
     *,
     over: Any = None,
     periodic: bool = False,
@@ -186,6 +194,7 @@ def add_torque(
     return store(self, record)
 
 
+@name_first(1)
 def add_force(
     self: Drawing,
     body: Body | str,
@@ -216,7 +225,7 @@ def add_force(
     record = ForceRecord(
         name=element.name,
         body=found.name,
-        point=found.com.copy() if point is None else vector(element, "point", point, "m"),
+        point=found.com.copy() if point is None else point_on(self, element, "point", point, found.name),
         value=components(element, "force", force, "N"),
         axes=choice(element, "axes", axes, ("world", "body")),
         at_center=point is None,

@@ -13,28 +13,31 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
+from ..units import Quantity
 from . import callbacks
 from .checks import Element, number
 from .drawing import Drawing
 from .forces import named, store
 from .joints import coordinate_of, effort_of, joint_record, scalars, unit_of
+from .name_first import name_first
 from .records import Force, Joint, LoadRecord
 from .values import Constant, Value, scalar
 
 
+@name_first(1)
 def add_friction(
     self: Drawing,
     joint: Joint | str,
-    dynamic: float | tuple[ArrayLike, ArrayLike] | Callable[..., Any] | None = None,
+    dynamic: Quantity | tuple[ArrayLike, ArrayLike] | Callable[..., Any] | None = None,
     *,
-    stick_velocity: float,
-    static: float | tuple[ArrayLike, ArrayLike] | Callable[..., Any] | None = None,
+    stick_velocity: Quantity,
+    static: Quantity | tuple[ArrayLike, ArrayLike] | Callable[..., Any] | None = None,
     coefficient: float | None = None,
     static_coefficient: float | None = None,
-    radius: float | None = None,
-    length: float | None = None,
-    collar: float | None = None,
-    preload: float = 0.0,
+    radius: Quantity | None = None,
+    length: Quantity | None = None,
+    collar: Quantity | None = None,
+    preload: Quantity = 0.0,
     coordinate: int = 0,
     name: str | None = None,
 ) -> Force:
@@ -164,14 +167,15 @@ def add_friction(
     return store(self, LoadRecord(element.name, "friction", arguments, {**arguments, "coordinate": where}, units))
 
 
+@name_first(1)
 def add_stop(
     self: Drawing,
     joint: Joint | str,
     *,
-    stiffness: float,
-    lower: float | None = None,
-    upper: float | None = None,
-    damping: float = 0.0,
+    stiffness: Quantity,
+    lower: Quantity | None = None,
+    upper: Quantity | None = None,
+    damping: Quantity = 0.0,
     exponent: float = 1.0,
     coordinate: int = 0,
     name: str | None = None,
@@ -224,12 +228,13 @@ def add_stop(
     return store(self, LoadRecord(element.name, "stop", arguments, {**ends, **law}, units))
 
 
+@name_first(1)
 def add_gas_spring(
     self: Drawing,
     joint: Joint | str,
     *,
-    force: float,
-    length: float,
+    force: Quantity,
+    length: Quantity,
     exponent: float = 1.3,
     coordinate: int = 0,
     name: str | None = None,

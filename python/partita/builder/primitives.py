@@ -10,6 +10,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
+from ..units import Quantity
 from . import frames
 from .checks import Element, choice, direction, number, takes
 from .drawing import Drawing
@@ -30,7 +31,7 @@ def add_screw(
     point: ArrayLike,
     axis: ArrayLike = (0.0, 0.0, 1.0),
     *,
-    pitch: float,
+    pitch: Quantity,
     child_point: ArrayLike | None = None,
     child_axis: ArrayLike | None = None,
     child_frame: Any = None,
@@ -163,7 +164,7 @@ def add_constant_velocity(
     >>> import partita as pt
     >>> m = pt.Mechanism("drive shaft")
     >>> bodies = [m.add_rod(f"shaft {i}", start=(i, 0, 0), end=(i + 1, 0, 0), mass=1.0) for i in range(2)]
-    >>> m.add_constant_velocity("CV", *bodies, point=(1, 0, 0)).name
+    >>> m.add_constant_velocity("CV", bodies[0], bodies[1], point=(1, 0, 0)).name
     'CV'
     """
     element = joint_element(self, name)

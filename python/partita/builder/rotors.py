@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from ..units import Quantity
 from ..units.door import SI
 from .checks import name_of, number
 from .drawing import Drawing
 from .forces import free_name
 from .joints import coordinate_of, joint_record, scalars, unit_of
+from .name_first import name_first
 from .records import Description, Joint, Rotor, RotorRecord
 
 
+@name_first(1)
 def add_rotor(
     self: Drawing,
     joint: Joint | str,
-    inertia: float,
+    inertia: Quantity,
     *,
     ratio: float = 1.0,
     coordinate: int = 0,

@@ -13,6 +13,7 @@ from ..numeric import floats, shown
 from ..state import Layout
 from ..units.door import QuantityError, in_si
 from .checks import Array, Element, number, shape_of
+from .sampled import SampledTable
 
 Curve = Literal["smooth", "periodic", "monotone"]
 Units = tuple[str, str]
@@ -135,7 +136,7 @@ def table(
         element.fail(
             f"{what}: times must increase, but t = {times[row]:g} is followed by t = {times[row + 1]:g}; sort the table"
         )
-    return Table(times, values, curve)
+    return Table(times, values, "smooth" if isinstance(value, SampledTable) and curve == "monotone" else curve)
 
 
 def one_number(value: Any) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..numeric import is_quantity
 from . import callbacks
-from .checks import Array, Element, numbers, shape_of, vector
+from .checks import Array, Element, along_an_axis, numbers, shape_of, vector
 from .values import Constant, Function, Table, Value, is_table, scalar, table
 
 Changing = tuple[Value, Value, Value] | Function | None
@@ -18,12 +18,28 @@ def field(element: Element, gravity: Any) -> tuple[Array, Changing]:
     """The constant part, and the variable part."""
     if gravity is None:
         return np.zeros(3), None
+    if isinstance(gravity, str):
+        return _of_usual_size(element, gravity), None
     if not callable(gravity) and not is_table(gravity) and not _has_parts(gravity):
         return vector(element, "gravity", gravity, "m/s^2"), None
     changing = components(element, "gravity", gravity, "m/s^2")
     if isinstance(changing, tuple) and all(isinstance(item, Constant) for item in changing):
         return vector(element, "gravity", [item.value for item in changing if isinstance(item, Constant)]), None
     return np.zeros(3), changing
+
+
+GRAVITY = 9.81
+"""Size of gravity where only its direction is given [m/s^2]: that of the default."""
+
+
+def _of_usual_size(element: Element, word: str) -> Array:
+    """Gravity along a direction in words."""
+    found = along_an_axis(word)
+    if found is None:
+        element.fail(
+            f"gravity is {word!r}; give three numbers [m/s^2] such as (0, 0, -9.81), a direction such as '-z', or None"
+        )
+    return GRAVITY * found
 
 
 def _has_parts(value: Any) -> bool:

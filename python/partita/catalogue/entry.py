@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ArgumentError
+from ..numeric import MaybeNone
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
@@ -77,7 +78,7 @@ class Entry:
     times: Sequence[float] = ()
     options: Mapping[str, Any] = field(default_factory=dict)
     notes: str = ""
-    truth: Truth | None = None
+    truth: Truth | MaybeNone = None
     samples: int = 201
 
     def mechanism(self) -> Mechanism:

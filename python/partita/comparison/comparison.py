@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from .. import notebook
 from ..errors import Interrupted, PartitaError
 from ..naming import index_of
 from .bench import Bench
@@ -74,6 +75,10 @@ class Comparison:
     def to_text(self) -> str:
         """The caption, the table, and below it why runs are missing or stopped."""
         return "\n".join([self.caption, aligned(self.rows), CONDITION_NOTE, *notes(self.rows)])
+
+    def _repr_html_(self) -> str:
+        """The text, in a notebook."""
+        return notebook.lines(str(self))
 
     def __str__(self) -> str:
         return self.to_text()

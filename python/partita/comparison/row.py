@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import ArgumentError, PartitaError, SingularityError
+from ..numeric import MaybeNone
 from ..options import TANGENTS, WHOLE
 from .bench import Array, Bench
 from .cases import Case
@@ -44,45 +45,45 @@ class Row:
     choice is at the start, "not applicable" to this model or these coordinates, "needs" an option, else "failed"."""
     message: str = ""
     """Why it did not run or did not reach the end; else empty."""
-    evaluations: int | None = None
+    evaluations: int | MaybeNone = None
     """Of accelerations, for the steps; those for dense output are left out."""
-    steps: int | None = None
-    rejected: int | None = None
-    switches: int | None = None
+    steps: int | MaybeNone = None
+    rejected: int | MaybeNone = None
+    switches: int | MaybeNone = None
     """Switches of integrated coordinates; None where no coordinates are chosen to be integrated."""
-    renewals: int | None = None
+    renewals: int | MaybeNone = None
     """Tangent velocities made, the first included; None where there are none."""
-    dense_evaluations: int | None = None
+    dense_evaluations: int | MaybeNone = None
     """Of accelerations, for outputs inside steps."""
-    newton_iterations: int | None = None
+    newton_iterations: int | MaybeNone = None
     """In all evaluations of a form that closes the loops by Newton's method; None elsewhere."""
-    proximal_iterations: int | None = None
+    proximal_iterations: int | MaybeNone = None
     """In all evaluations of "proximal"; None elsewhere."""
-    corrections: int | None = None
+    corrections: int | MaybeNone = None
     """Steps after which positions were corrected."""
-    closure: float | None = None
+    closure: float | MaybeNone = None
     """Largest |Phi| over the outputs."""
-    velocity_closure: float | None = None
+    velocity_closure: float | MaybeNone = None
     """Largest |C v + a| over the outputs."""
-    energy_drift: float | None = None
+    energy_drift: float | MaybeNone = None
     """Largest |total - total[0] - work| over the largest energy exchanged; None for a `System`."""
-    error: float | None = None
+    error: float | MaybeNone = None
     """Largest difference from the reference: see `Comparison.caption`."""
-    acceleration: float | None = None
+    acceleration: float | MaybeNone = None
     """Largest difference of an acceleration at the first output from that of the reference, over the largest one there:
     all formulations have the same."""
-    condition: float | None = None
+    condition: float | MaybeNone = None
     """Largest condition number of C_D, the dependent columns of the constraint Jacobian, over the outputs; in the
     units of the coordinates. None where no coordinates are dependent."""
-    sigma: float | None = None
+    sigma: float | MaybeNone = None
     """Smallest sigma of the choice; None where nothing is chosen."""
-    sqrt_mu: float | None = None
+    sqrt_mu: float | MaybeNone = None
     """Smallest sqrt(mu) of the choice, or of the tangent velocities; None where nothing is chosen."""
-    time_per_evaluation: float | None = None
+    time_per_evaluation: float | MaybeNone = None
     """Of one evaluation alone [s]: timed at states along the motion, all formulations in turn; see `Comparison`."""
-    time_without_outputs: float | None = None
+    time_without_outputs: float | MaybeNone = None
     """Of the whole run with one output, at its end [s]."""
-    time: float | None = None
+    time: float | MaybeNone = None
     """Of the whole run: set-up, steps, outputs [s]; the shortest of several where it is short."""
 
     @property

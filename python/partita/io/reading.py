@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from .. import notebook
+
 KINDS = {
     "motion": "dropped, and the motion differs",
     "bounds": "dropped, which acts at limits, in contacts or when driven",
@@ -101,6 +103,8 @@ class Reading:
     def remarks(self) -> tuple[RemarkGroup, ...]:
         """All remarks, equal ones together, those that change the motion first.
 
+        >>> from pathlib import Path
+        >>> from partita.io.reading import Reading, Remark
         >>> reading = Reading(Path("a.urdf"), "URDF", used=[Remark(None, "1 link")])
         >>> reading.dropped += [Remark(3, "does not act", "friction of A"), Remark(9, "does not act", "friction of B")]
         >>> for remarks in reading.remarks:
@@ -118,6 +122,10 @@ class Reading:
         ]
         return tuple(sorted(found, key=lambda group: list(KINDS).index(group.kind)))
 
+    def _repr_html_(self) -> str:
+        """The text, in a notebook."""
+        return notebook.lines(str(self))
+
     def __str__(self) -> str:
         parts, title = [f"{self.kind} {self.path}"], ""
         for group in self.remarks:
@@ -131,6 +139,7 @@ class Reading:
         """All of it, ready for JSON.
 
         >>> from pathlib import Path
+        >>> from partita.io.reading import Reading, Remark
         >>> Reading(Path("a.urdf"), "URDF", used=[Remark(None, "1 link")]).to_dict()["remarks"]
         [{'kind': 'used', 'text': '1 link', 'count': 1, 'names': [''], 'lines': [None]}]
         """

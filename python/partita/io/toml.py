@@ -33,7 +33,7 @@ from pathlib import Path
 from typing import Any
 
 from .. import _core
-from ..builder import Builder
+from ..builder import Builder, SampledTable
 from ..errors import (
     ArgumentError,
     ChangedFileWarning,
@@ -182,6 +182,7 @@ def _argument(value: Any) -> Any:
     if isinstance(value, dict):
         for first, second in (("times", "values"), ("x", "y")):
             if first in value and second in value:
-                return value[first], value[second]
+                pair = value[first], value[second]
+                return SampledTable(*pair) if value.get("curve") == "smooth" else pair
         return {key: _argument(item) for key, item in value.items()}
     return [_argument(item) for item in value] if isinstance(value, list) else value

@@ -243,11 +243,12 @@ def _value(element: Element, value: Value) -> Any:
         case Cubics():
             element.fail("it was made by an integral, which a file cannot contain")
         case Table():
-            return {"times": value.times, "values": value.values}
+            smooth = {"curve": "smooth"} if value.curve == "smooth" and element.kind == "force" else {}
+            return {"times": value.times, "values": value.values, **smooth}
         case Function():
             element.fail(
-                "it is a Python function, which a file cannot contain; sample it into a table (times, "
-                "values) before saving"
+                "it is a Python function, which a file cannot contain; sample it with partita.table(f, start, end) "
+                "before saving"
             )
 
 

@@ -6,6 +6,7 @@ import warnings
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from .. import notebook
 from ..errors import FileFormatError, LossyFileWarning
 
 _SHOWN = 3
@@ -30,6 +31,10 @@ class Writing:
     changed: list[str] = field(default_factory=list)
     dropped: list[str] = field(default_factory=list)
 
+    def _repr_html_(self) -> str:
+        """The text, in a notebook."""
+        return notebook.lines(str(self))
+
     def __str__(self) -> str:
         parts = [f"{self.kind} {', '.join(map(str, self.files))}"]
         for title, remarks in (("changed", self.changed), ("dropped", self.dropped)):
@@ -41,6 +46,7 @@ class Writing:
         """All of it, ready for JSON.
 
         >>> from pathlib import Path
+        >>> from partita.io.writing import Writing
         >>> Writing(Path("a.urdf"), "URDF", dropped=["spring s"]).to_dict()["dropped"]
         ['spring s']
         """

@@ -8,9 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from .. import notebook
 from .. import options as run_options
 from ..errors import ArgumentError
 from ..state import State
+from ..units import Quantity
 from .branches import name_of
 from .models import Modelled, layout_of
 from .solve import assemble
@@ -59,6 +61,10 @@ class Assemblies:
     def __getitem__(self, index: int) -> Assembled:
         return self.found[index]
 
+    def _repr_html_(self) -> str:
+        """The text, in a notebook."""
+        return notebook.lines(str(self))
+
     def __str__(self) -> str:
         lines = [f"{len(self.found)} assemblies; loops in order of solution:", *(f"  {words}" for words in self.blocks)]
         for number, one in enumerate(self.found):
@@ -73,7 +79,7 @@ def assemblies(
     near: State | None = None,
     *,
     inputs: Iterable[str] | None = None,
-    t: float | None = None,
+    t: Quantity | None = None,
 ) -> Assemblies:
     """Find all positions in which the loops close for given values of the inputs, by inverse kinematics.
 

@@ -18,6 +18,7 @@ from ..errors import ArgumentError, PartitaError
 from ..naming import Names, coordinate_units
 from ..results.run import Run
 from ..state import State
+from ..units import Quantity
 from . import family
 from .models import Modelled, layout_of
 from .solve import start_of
@@ -37,7 +38,7 @@ def equilibrium(
     *,
     along: None = None,
     stable: bool | None = None,
-    t: float | None = None,
+    t: Quantity | None = None,
     coordinates: str = "relative",
     parameters: Mapping[str, ArrayLike] | None = None,
 ) -> Equilibrium: ...
@@ -48,7 +49,7 @@ def equilibrium(
     *,
     along: Mapping[str, ArrayLike],
     stable: bool | None = None,
-    t: float | None = None,
+    t: Quantity | None = None,
     coordinates: str = "relative",
     parameters: Mapping[str, ArrayLike] | None = None,
 ) -> EquilibriumPath: ...
@@ -58,7 +59,7 @@ def equilibrium(
     *,
     along: Mapping[str, ArrayLike] | None = None,
     stable: bool | None = None,
-    t: float | None = None,
+    t: Quantity | None = None,
     coordinates: str = "relative",
     parameters: Mapping[str, ArrayLike] | None = None,
 ) -> Equilibrium | EquilibriumPath:
@@ -116,7 +117,7 @@ def _start(
     model: CompiledModel,
     coordinates: str,
     parameters: Mapping[str, ArrayLike] | None,
-    t: float | None,
+    t: Quantity | None,
 ) -> State:
     start = start_of(self, near, model, coordinates, parameters)
     refuse_friction(model)

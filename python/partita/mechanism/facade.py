@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from os import PathLike
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from .. import options
 from ..builder.records import DRAWING_TOLERANCE
 from ..comparison import compare_mechanism
 from ..io import Reading, RemarkGroup, Writing, save
-from . import models, solve
+from ..numeric import MaybeNone
+from . import models, seen, solve
 from . import stepper as stepping
 from .assemblies import assemblies
+from .check import check
 from .equilibrium import equilibria, equilibrium
 from .exporting import export_c
 from .fmu import to_fmu
@@ -25,6 +27,7 @@ from .poses import assemble_many
 from .preload import preload
 from .report import report
 from .singularities import singularities
+from .unknown import unknown
 from .workspace import workspace
 
 
@@ -36,10 +39,10 @@ class Mechanism(Modelled):
 
     Args:
         name: shown in reports and results.
-        gravity: acceleration of gravity in world axes [m/s^2]: three numbers; None: no gravity; or, if it varies, in
-            the forms of a force in `add_force`: components that are tables (times, values) or functions f(t, state),
-            one table (times (n,), values (n, 3)), or one function that returns three numbers. Varying gravity has no
-            potential; its power counts as work.
+        gravity: acceleration of gravity in world axes [m/s^2]: three numbers; a direction such as "-z": 9.81 m/s^2
+            along it; None: no gravity; or, if it varies, in the forms of a force in `add_force`: components that are
+            tables (times, values) or functions f(t, state), one table (times (n,), values (n, 3)), or one function that
+            returns three numbers. Varying gravity has no potential; its power counts as work.
         drawing_tolerance: allowed geometric error of the drawing, in radians and in fractions of the characteristic
             lengths (0 to 0.01). If moving joint frames by at most twice this amount lets an over-constrained mechanism
             move, it is repaired when it is compiled; `report`, the notes of a result and its certificate name the
@@ -64,7 +67,7 @@ class Mechanism(Modelled):
     1
     """
 
-    reading: Reading | None = None
+    reading: Reading | MaybeNone = None
     """What became of the file that it was read from (`load`): used, changed, dropped; None where it was drawn."""
 
     def __init__(
@@ -97,9 +100,21 @@ class Mechanism(Modelled):
     workspace = workspace
     placement = placement
     report = report
+    check = check
     to_fmu = to_fmu
     export_c = export_c
     to_playground = to_playground
+    show = seen.show
+    plot = seen.plot
+    to_html = seen.to_html
+    _repr_html_ = seen._repr_html_
+
+    if not TYPE_CHECKING:  # a type checker knows what there is
+
+        def __getattr__(self, name: str) -> Any:
+            if name.startswith("_"):
+                raise AttributeError(name)
+            raise unknown(type(self), name)
 
     def save(self, path: str | PathLike[str], *, strict: bool = False) -> Writing:
         """Write a model file; the suffix says which kind: .toml, which holds all of it and which `partita.load` reads

@@ -16,6 +16,7 @@ from ..files import target
 from ..io import fmu
 from ..io.fmu_description import VERSIONS
 from ..state import State
+from ..units import Quantity
 from .models import Modelled, layout_of
 from .solve import assemble, convert
 
@@ -28,8 +29,8 @@ def to_fmu(
     parameters: Iterable[str] = (),
     *,
     initial: State | None = None,
-    duration: float = 10.0,
-    communication_step: float = 0.01,
+    duration: Quantity = 10.0,
+    communication_step: Quantity = 0.01,
     rtol: float = 1e-9,
     atol: float = 1e-11,
     method: str = "dop853",

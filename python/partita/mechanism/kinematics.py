@@ -16,7 +16,8 @@ from ..errors import ArgumentError
 from ..naming import listed
 from ..results.sensor import LiveSensors, account_of
 from ..state import State
-from .goals import Goal, columns, goals_of, is_framed, rates_of_frames, units_of
+from ..units import Quantity
+from .goals import Goal, columns, goals_of, is_framed, is_turn, rates_of_frames, units_of
 from .models import Modelled
 from .poses import Found, found_poses
 
@@ -33,7 +34,7 @@ def kinematics(
     *,
     branch: str | None = None,
     near: State | None = None,
-    t: float | None = None,
+    t: Quantity | None = None,
     coordinates: str = "relative",
     parameters: Mapping[str, ArrayLike] | None = None,
 ) -> Kinematics:
@@ -153,7 +154,9 @@ def _rates(
     """The goals that have rates, their rates and their accelerations, (n, goals) each."""
     model, n = found.model, len(found.values)
     frames = {
-        key: [found.goals[i] for i in found.indices[key]] for key, value in targets.items() if is_framed(key, value)
+        key: [found.goals[i] for i in found.indices[key]]
+        for key, value in targets.items()
+        if is_turn(key) or is_framed(key, value)
     }
 
     def given(what: str, wanted: Any, unit: str) -> tuple[list[Goal], FloatArray]:

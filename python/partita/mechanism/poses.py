@@ -14,6 +14,7 @@ from ..errors import AssemblyError
 from ..naming import index_of
 from ..results.body import BodyResult, resting
 from ..state import Layout, State
+from ..units import Quantity
 from .branches import on_branch
 from .goals import Goal, columns, inputs_of, relative_to
 from .models import Modelled, layout_of
@@ -128,7 +129,7 @@ def assemble_many(
     near: State | None = None,
     *,
     branch: str | None = None,
-    t: float | None = None,
+    t: Quantity | None = None,
 ) -> Poses:
     """Assemble the mechanism for many values of its targets at once, every pose on the branch of one state.
 
@@ -190,7 +191,7 @@ def found_poses(
     targets: Mapping[Any, Any],
     near: State | None,
     branch: str | None,
-    t: float | None,
+    t: Quantity | None,
     coordinates: str = "relative",
     parameters: Mapping[str, ArrayLike] | None = None,
     check: Callable[[CompiledModel, State, list[Goal]], None] | None = None,

@@ -13,6 +13,7 @@ from ..builder.parameter_units import parameter_unit
 from ..errors import ArgumentError
 from ..numeric import shown
 from ..state import State
+from ..units import Quantity
 from .equilibrium import refuse_friction
 from .models import Modelled, layout_of
 from .solve import start_of
@@ -26,10 +27,10 @@ def preload(
     unknown: Iterable[str],
     at: Any = None,
     *,
-    t: float | None = None,
+    t: Quantity | None = None,
     coordinates: str = "relative",
     parameters: Mapping[str, ArrayLike] | None = None,
-) -> dict[str, float | list[float]]:
+) -> dict[str, Any]:
     """Compute numbers of loads with which the mechanism stays at rest in a given position: lengths of springs without
     load, constant torques and forces, stiffnesses.
 

@@ -17,6 +17,7 @@ from ..numeric import floats, real, shown
 from ..results import Result
 from ..sensing import Reader, StateSignals, at_once, plain
 from ..state import Layout, State
+from ..units import Quantity
 from ..viewer.live import LiveView, Poses
 from .inputs import Courses, Input, chosen, inputs_of
 from .models import Modelled, layout_of
@@ -295,7 +296,7 @@ def _part(values: Array) -> Any:
 
 def stepper(
     self: Modelled,
-    dt: float,
+    dt: Quantity,
     *,
     inputs: Iterable[Any] | None = None,
     initial: State | None = None,

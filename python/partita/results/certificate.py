@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from .. import deprecated
 from ..errors import PartitaError
+from ..notebook import lines
+from ..numeric import MaybeNone
 from ..result_view import ResultView
-from .notebook import lines
 from .verdict import Finding, findings_of, of_arrays, of_energy, of_reactions, tolerance, unnoticed, verdict_of
 
 NOTES = 12
@@ -33,9 +34,9 @@ class Certificate:
     """Largest |Phi| [m or rad, mixed]."""
     velocity_closure: float
     """Largest |C v + a| [m/s or rad/s, mixed]."""
-    energy_balance: float | None
+    energy_balance: float | MaybeNone
     """Largest |total - total[0] - work| over the largest energy exchanged."""
-    newton_euler: float | None
+    newton_euler: float | MaybeNone
     """Largest Newton-Euler residual of any body under the returned reactions, over the largest force."""
     sigma: float
     """Smallest sigma, and its time: how near a singular position the choice came. NaN without constraints."""
@@ -52,7 +53,7 @@ class Certificate:
     closure_row: str | None = None
     """The constraint with the largest closure error at any output, and its time."""
     closure_t: float = float("nan")
-    acceleration_closure: float | None = None
+    acceleration_closure: float | MaybeNone = None
     """Largest |C v' + b| at the outputs [m/s^2 or rad/s^2, mixed], its constraint, and its time."""
     acceleration_row: str | None = None
     acceleration_t: float = float("nan")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
@@ -10,12 +10,25 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import ArgumentError, UnknownAttributeError
 from ..numeric import floats
+from ..units import UnitArray
 from .source import Arrays, Source, Span, columns
 
 FloatArray = NDArray[np.float64]
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 OF_REACTIONS = ("force", "moment", "drive", "drive_determined", "determined", "determined_at", "directions", "in_frame")
 """What a joint offers only where forces are computed."""
+ELSEWHERE = {
+    "torque": "drive, the effort of a drive, or moment, the moment of the reaction",
+    "effort": "drive, the effort of a drive",
+    "reaction": "force and moment",
+    "plot": "run.plot(name)",
+    "rate": "velocity",
+    "rotation": "angle",
+    "translation": "displacement",
+}
+"""Words that people look for at a joint, and what they mean."""
+ONE_OF = {"angle": "rad", "displacement": "m"}
+"""What a joint offers where exactly one of its coordinates has this unit."""
 
 
 class JointIndices(NamedTuple):
@@ -121,9 +134,11 @@ class JointKinematics:
         parent, child: names of its bodies.
     """
 
-    def __init__(self, name: str, kind: str, parent: str, child: str, data: JointData) -> None:
+    def __init__(
+        self, name: str, kind: str, parent: str, child: str, data: JointData, units: Sequence[str] = ()
+    ) -> None:
         self.name, self.kind, self.parent, self.child = name, kind, parent, child
-        self._data = data
+        self._data, self._units = data, tuple(units)
 
     @property
     def position(self) -> FloatArray:
@@ -142,11 +157,44 @@ class JointKinematics:
         return self._data.acceleration
 
     @property
+    def angle(self) -> UnitArray:
+        """(nt,): the angle of a joint with one rotation [rad], beyond one turn too; `angle.to("deg")` in degrees."""
+        return self._one("angle")
+
+    @property
+    def displacement(self) -> UnitArray:
+        """(nt,): the displacement of a joint with one translation [m]; `displacement.to("mm")` in millimetres."""
+        return self._one("displacement")
+
+    def _one(self, word: str) -> UnitArray:
+        """The only coordinate with the unit of the word."""
+        unit = ONE_OF[word]
+        found = [i for i, own in enumerate(self._units) if own == unit]
+        if len(found) != 1:
+            raise self._undefined(word)
+        return UnitArray(self.position[:, found[0]], unit)
+
+    def _undefined(self, word: str) -> UnknownAttributeError:
+        unit = ONE_OF[word]
+        return UnknownAttributeError(
+            f"joint {self.name!r} ({self.kind}) has {self._units.count(unit)} coordinates in {unit}, so {word} is not "
+            f"defined; read its position (nt, {len(self._units)}), in {', '.join(self._units) or 'no unit'}",
+            name=word,
+            known=["position", "velocity", "acceleration"],
+        )
+
+    @property
     def point(self) -> FloatArray:
         """(nt, 3): the joint's point on the child, always in world axes [m]."""
         return self._data.motion["joint_point"]
 
     def __getattr__(self, name: str) -> Any:
+        if name in ONE_OF:  # whose property raised
+            raise self._undefined(name)
+        if name in ELSEWHERE:
+            raise UnknownAttributeError(
+                f"joint {self.name!r} has no {name}; use {ELSEWHERE[name]}", name=name, known=[ELSEWHERE[name]]
+            )
         if name in OF_REACTIONS:
             raise UnknownAttributeError(
                 f"joint {self.name!r} has no {name} here: kinematics computes motions, not forces; simulate "
@@ -192,8 +240,9 @@ class JointResult(JointKinematics):
         data: JointData,
         axes: str = "world",
         turn: FloatArray | None = None,
+        units: Sequence[str] = (),
     ) -> None:
-        super().__init__(name, kind, parent, child, data)
+        super().__init__(name, kind, parent, child, data, units)
         self.axes = axes
         self._turn = turn
 
@@ -305,7 +354,7 @@ class JointResult(JointKinematics):
         return self._data.reaction["joint_rotation"]
 
     def _seen_along(self, axes: str, turn: FloatArray | None) -> JointResult:
-        return JointResult(self.name, self.kind, self.parent, self.child, self._data, axes, turn)
+        return JointResult(self.name, self.kind, self.parent, self.child, self._data, axes, turn, self._units)
 
     def _expressed(self, vectors: FloatArray) -> FloatArray:
         if self._turn is None:

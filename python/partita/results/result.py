@@ -11,8 +11,9 @@ import numpy as np
 
 from .. import options as run_options
 from ..errors import ArgumentError
+from ..notebook import names, table
 from ..state import Layout, State, finite_time
-from .notebook import names, table
+from ..webpage import Page, opened
 from .run import FloatArray, Run
 from .source import ModelSource
 
@@ -102,15 +103,22 @@ class Result(Run):
 
         return to_xarray(self)
 
-    def to_pandas(self) -> pandas.DataFrame:
+    def to_pandas(self, units: Mapping[str, str] | None = None) -> pandas.DataFrame:
         """One row per output, one column per number, indexed by time; `df.attrs["units"]` has the units.
 
-        Columns are those of `save("x.csv")`: the most used first, then rotation matrices, flags and the rest.
-        `MissingDependencyError` without pandas.
+        Columns are those of `save("x.csv")`: the most used first, then rotation matrices, flags and the rest. `units`
+        replaces units: `{"rad": "deg", "m": "mm"}`. `MissingDependencyError` without pandas, `ArgumentError` for a
+        unit that no column has, and for one of another kind.
+
+        >>> import partita as pt
+        >>> run = pt.catalogue.load("four-bar").simulate(0.5)
+        >>> frame = run.to_pandas(units={"rad": "deg"})
+        >>> frame.attrs["units"]["joint.A.position"], frame.attrs["units"]["joint.A.velocity"]
+        ('deg', 'rad/s')
         """
         from .table import to_pandas
 
-        return to_pandas(self)
+        return to_pandas(self, units)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write to `path` in the format of its ending, and return the path; `partita.load_result` reads all formats.
@@ -196,6 +204,25 @@ class Result(Run):
 
         write_html(self, path, title=title, shapes=shapes, points=points)
         return Path(path)
+
+    def show(
+        self,
+        title: str | None = None,
+        *,
+        shapes: Mapping[str, Any] | None = None,
+        points: Mapping[str, Any] | None = None,
+    ) -> Page:
+        """Show the animated mechanism: in the browser, or in a notebook below the cell.
+
+        The page is that of `to_html`, in a temporary file, the `path` of what is returned.
+
+        >>> import partita as pt
+        >>> run = pt.catalogue.load("four-bar").simulate(0.5)
+        >>> page = run.show()                                       # doctest: +SKIP
+        """
+        from ..viewer import html
+
+        return opened(html(self, title, shapes=shapes, points=points))
 
     def save_animation(
         self,

@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 
 from .. import deprecated
 from ..errors import ArgumentError, Interrupted, SuspectResultWarning
-from ..naming import driven, listed
-from ..numeric import shown
+from ..naming import driven, joint_units, listed
+from ..numeric import MaybeNone, shown
 from ..partition import Geometry, geometry
 from ..sensing import SensorRecord
 from .certificate import Certificate, certify
 from .coupling import CouplingResult, DriveResult
 from .energy import EnergyResult
+from .force import ForceResult
 from .joint import JointResult
 from .motion import Motion
 from .names import index_of
@@ -186,7 +187,7 @@ class Run(Motion):
         return self._record.arrays["independent"]
 
     @property
-    def selector(self) -> FloatArray | None:
+    def selector(self) -> FloatArray | MaybeNone:
         """(nt, k, nv): S of the tangent velocities u = S v that were integrated, in use at each output: that of
         "zero-eigenvalue", "svd", "qr", "liang-lance", "gram-schmidt" and "tangent-space". With `renew="each step"` that
         which the rule makes at the output itself, for "liang-lance" from the one in use.
@@ -256,7 +257,7 @@ class Run(Motion):
         alone.
         """
         about, data = self._joint(name)
-        return JointResult(name, about["kind"], about["parent"], about["child"], data)
+        return JointResult(name, about["kind"], about["parent"], about["child"], data, units=joint_units(about)[0])
 
     def coupling(self, name: str) -> CouplingResult:
         """Effort of the coupling `name`: a gear, a distance, a rolling contact, ... `UnknownNameError` with the nearest
@@ -266,6 +267,26 @@ class Run(Motion):
         about = known[index_of(name, [item["name"] for item in known], "coupling")]
         first = int(self.summary.get("closing_rows", 0))
         return CouplingResult(name, about["word"], source, [row - first for row in about["rows"]])
+
+    def force(self, name: str) -> ForceResult:
+        """What the applied force `name` does: force, effort, length, power, energy, as its kind has them.
+        `UnknownNameError` with the nearest names; `ArgumentError` for a stored or pickled result, which keeps only its
+        sensors.
+
+        >>> import partita as pt
+        >>> m = pt.Mechanism("swing", gravity="-y")
+        >>> rod = m.add_rod("rod", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
+        >>> hinge = m.add_revolute("A", m.ground, rod, point=(0, 0, 0))
+        >>> spring = m.add_spring("S", m.ground, (1, 1, 0), rod, rod.at((1, 0, 0)), stiffness=100.0, length=0.9)
+        >>> found = m.simulate(0.1).force("S")
+        >>> round(float(found.force[0]), 9), round(float(found.length[0]), 9)       # positive in tension
+        (10.0, 1.0)
+        """
+        name = str(name) if hasattr(name, "table") else name  # a handle
+        self._source_for("force", name)
+        if self._sensors is None:
+            raise ArgumentError("a run of a System given by matrices has no named forces", argument="name")
+        return self._sensors.force(name)
 
     def drive(self, name: str) -> DriveResult:
         """Effort of the drive `name`, of a joint's coordinate, a measure or a pose; `UnknownNameError` with the nearest

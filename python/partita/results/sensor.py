@@ -12,9 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import ArgumentError
 from ..naming import driven, index_of
+from ..numeric import shown
 from ..sensing import Moving, Reader, SensorRecord, text_of, unit_of
+from ..sensing.quantities import FORMS
+from ..sensing.records import READS
 from .body import BodyResult, resting
+from .force import ForceResult
 from .source import BODIES, ModelSource, Span
 
 Array = NDArray[Any]
@@ -103,6 +108,14 @@ class RunSignals:
                 found[name] = load["point"][:, -1], load["force"][:, -1]
         return found
 
+    def applied_force(self, name: str) -> ForceResult:
+        """A force by its name, read on request."""
+        about = self._forces[list(self._forces)[index_of(name, list(self._forces), "force")]][1]
+        kind = str(about["kind"])
+        form = "spring" if kind == "spring" else "effort" if "joint" in about else "load"
+        data = {"of": "force", "force": name, "form": form}
+        return ForceResult(name, kind, tuple(READS[form]), lambda reads: FORMS["force"](self, {**data, "reads": reads}))
+
     def ends(self, name: str) -> Sequence[tuple[str, Array]]:
         spring = self._forces[name][1]
         return [(spring[f"body{i}"], np.array(spring[f"point{i}"])) for i in (1, 2)]
@@ -154,6 +167,10 @@ class LiveSensors:
     def read(self, name: str) -> Array:
         return self._reader.read(name)
 
+    def force(self, name: str) -> ForceResult:
+        """An applied force by its name."""
+        return self._signals.applied_force(name)
+
     def applied(self) -> dict[str, tuple[Array, Array]]:
         """Points and forces in the world of the loads that act at a point."""
         return self._signals.applied()
@@ -170,6 +187,14 @@ class StoredSensors:
     def __init__(self, account: Sequence[Mapping[str, str]], arrays: Mapping[str, Array], outputs: int) -> None:
         self._variables = {item["name"]: item["variable"] for item in account}
         self._arrays, self._outputs = arrays, outputs
+
+    def force(self, name: str) -> ForceResult:
+        """Refused: a stored run contains the readings of its sensors, and no other loads."""
+        raise ArgumentError(
+            f"force {shown(name)} needs the model and a motion, which a stored or pickled result does not have; ask "
+            "the result of simulate, or add a sensor of the force before storing it",
+            argument="name",
+        )
 
     def applied(self) -> dict[str, tuple[Array, Array]]:
         """None: a stored run contains the readings of its sensors, and no other loads."""

@@ -10,8 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import ArgumentError
 from ..extras import extra
+from ..numeric import shown
 from ..result_view import ResultView
+from ..units import convert
 from .content import TYPES, Content, content_of
 
 if TYPE_CHECKING:
@@ -166,10 +169,24 @@ def _distinct(plan: list[ArrayPart]) -> list[ArrayPart]:
     return apart
 
 
-def to_pandas(result: ResultView) -> pandas.DataFrame:
+def to_pandas(result: ResultView, units: Mapping[str, str] | None = None) -> pandas.DataFrame:
     """See `Result.to_pandas`."""
     pandas = extra("pandas", "pandas", "to_pandas")
+    wanted = units if units is not None else {}
+    if not isinstance(wanted, Mapping):
+        raise ArgumentError(f"units must be a mapping such as {{'rad': 'deg'}}, not {shown(units)}", argument="units")
+    for unit, other in wanted.items():
+        convert(1.0, unit, other)
     found = columns(content_of(result))
+    known = {c.unit for c in found}
+    if missing := [unit for unit in wanted if unit not in known]:
+        raise ArgumentError(
+            f"units: no column is in {missing[0]!r}; there are {', '.join(sorted(known - {''}))}", argument="units"
+        )
+    found = [
+        Column(c.name, wanted[c.unit], np.asarray(convert(c.values, c.unit, wanted[c.unit]))) if c.unit in wanted else c
+        for c in found
+    ]
     frame = pandas.DataFrame({c.name: c.values for c in found[1:]}, index=pandas.Index(found[0].values, name="t"))
     frame.attrs["units"] = {c.name: c.unit for c in found}
     frame.attrs["title"] = result.title
