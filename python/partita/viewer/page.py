@@ -17,8 +17,8 @@ from .scene import describe
 from .slim import slim
 
 SCRIPTS = (
-    "data.js", "theme.js", "camera.js", "shapes.js", "extent.js", "paths.js", "labels.js", "legends.js", "solids.js",
-    "scene.js", "panel.js", "plots.js", "player.js",
+    "data.js", "between.js", "theme.js", "camera.js", "shapes.js", "extent.js", "paths.js", "labels.js", "legends.js",
+    "solids.js", "scene.js", "panel.js", "plots.js", "pace.js", "player.js",
 )  # fmt: skip
 
 

@@ -96,7 +96,7 @@ class Scene {
     }
   }
 
-  draw(frame) {
+  draw(frame, moving = false) {
     const c = this.context, { camera } = this;
     this.unlike.cut = false;
     camera.origin = this.options.follow ? middleOf(this.run, frame) : [0, 0, 0];
@@ -105,8 +105,8 @@ class Scene {
     c.clearRect(0, 0, camera.width, camera.height);
     const painter = new Painter(c, camera, 0.5 * this.radius);
     this.hits = [];
-    if (!this.run.scene.flat) this.floor(painter);
-    if (this.options.traces) this.traces(painter, frame);
+    c.drawImage(this.backdrop(), 0, 0, camera.width, camera.height);
+    if (this.options.traces) this.traces(painter, frame, true);
     this.bodies(painter, frame);
     for (const { body, parts } of this.run.scene.solids) drawSolids(this, painter, frame, body, parts);
     drawCouplings(this, painter, frame);
@@ -124,8 +124,24 @@ class Scene {
     }
     legends.axes();
     legends.scales();
-    if (this.options.names) legends.names();
+    if (this.options.names) legends.names(moving);
     this.labels = legends.labels;
+  }
+
+  /** What stays while only time goes on, behind all else: the floor, and paths that are shown whole. */
+  backdrop() {
+    const { camera, ratio, canvas, options } = this, { target, origin, azimuth, elevation, scale, drop, parallel } = camera;
+    const key = [target, origin, azimuth, elevation, scale, drop, parallel, canvas.width, canvas.height, options.traces, COLOURS.paper].join();
+    if (!this.behind) this.behind = document.createElement("canvas");
+    if (this.behindKey === key) return this.behind;
+    this.behindKey = key;
+    this.behind.width = canvas.width;
+    this.behind.height = canvas.height;
+    const c = this.behind.getContext("2d"), painter = new Painter(c, camera, 1);
+    c.setTransform(ratio, 0, 0, ratio, 0, 0);
+    if (!this.run.scene.flat) this.floor(painter);
+    if (options.traces) this.traces(painter, 0, false);
+    return this.behind;
   }
 
   /** Faint grid under a spatial mechanism, so that heights can be judged. */
@@ -149,10 +165,11 @@ class Scene {
     for (let z = Math.ceil(ends[1][0]); z <= ends[1][1]; z++) draw(at(ends[0][0], z), at(ends[0][1], z));
   }
 
-  /** Paths; of one that goes everywhere the last stretch. */
-  traces(painter, frame) {
-    const now = this.run.t[frame], recent = TAIL * (this.run.t[this.run.frames - 1] - this.run.t[0]);
+  /** Paths that are shown whole or, `tangled`, those that go everywhere, of which the last stretch is shown. */
+  traces(painter, frame, those) {
+    const now = this.run.timeOf(frame), recent = TAIL * (this.run.t[this.run.frames - 1] - this.run.t[0]);
     for (const { strokes, tangled } of this.paths) {
+      if (tangled !== those) continue;
       for (const stroke of strokes) {
         let line = [];
         const flush = () => {

@@ -34,6 +34,8 @@ class Motion:
     position: FloatArray  # (nt, nb, 3) origins of the bodies
     rotation: FloatArray  # (nt, nb, 3, 3)
     point: FloatArray  # (nt, nj, 3) points of the joints
+    rate: FloatArray  # (nt, nb, 3) velocities of the origins
+    spin: FloatArray  # (nt, nb, 3) angular velocities
     size: float  # diagonal of the box around all of it, over all time; 1 when there is no extent
 
     def on_body(self, body: int, points: FloatArray) -> FloatArray:
@@ -130,14 +132,17 @@ def _apart(result: ResultView) -> dict[str, Any] | None:
 def _motion(result: ResultView) -> Motion:
     nt = len(result.t)
     bodies = [result.body(name) for name in result.names.bodies]
-    position = np.array([b.position for b in bodies], dtype=float).reshape(-1, nt, 3).transpose(1, 0, 2)
+    position, rate, spin = (
+        np.array([getattr(b, word) for b in bodies], dtype=float).reshape(-1, nt, 3).transpose(1, 0, 2)
+        for word in ("position", "velocity", "angular_velocity")
+    )
     rotation = np.array([b.rotation for b in bodies], dtype=float).reshape(-1, nt, 3, 3).transpose(1, 0, 2, 3)
     joints = [result.joint(name).point for name in result.names.joints]
     point = np.array(joints, dtype=float).reshape(-1, nt, 3).transpose(1, 0, 2)
     seen = np.concatenate([position.reshape(-1, 3), point.reshape(-1, 3)])
     seen = seen[np.isfinite(seen).all(axis=1)]
     size = float(np.linalg.norm(np.ptp(seen, axis=0))) if len(seen) else 0.0
-    return Motion(position, rotation, point, size or 1.0)
+    return Motion(position, rotation, point, rate, spin, size or 1.0)
 
 
 def _tables(result: ResultView, motion: Motion) -> dict[str, FloatArray]:
@@ -148,6 +153,8 @@ def _tables(result: ResultView, motion: Motion) -> dict[str, FloatArray]:
         "t": np.asarray(result.t, dtype=float).reshape(nt, 1),
         "position": motion.position.reshape(nt, -1),
         "turn": _quaternions(motion.rotation).reshape(nt, -1),
+        "rate": motion.rate,
+        "spin": motion.spin,
         "force": np.array([j.force for j in joints], dtype=float).reshape(-1, nt, 3).transpose(1, 0, 2),
         "moment": np.array([j.moment for j in joints], dtype=float).reshape(-1, nt, 3).transpose(1, 0, 2),
         "measure": np.asarray(result.measure, dtype=float).reshape(nt, -1),

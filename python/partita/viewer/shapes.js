@@ -19,6 +19,7 @@ class Painter {
     this.camera = camera;
     this.grain = grain; // depths nearer than this count as equal, so that a flat mechanism does not flicker
     this.list = [];
+    this.drawnRods = []; // ends in the picture, and half the width
   }
 
   push(z, draw) {
@@ -83,6 +84,8 @@ class Painter {
 
   /** Round rod between two points, cut into pieces so that rods can pass before and behind each other. */
   rod(a, b, radius, colour, pieces) {
+    const ends = [this.camera.project(a), this.camera.project(b)];
+    if (ends[0] && ends[1]) this.drawnRods.push([...ends, Math.max(3, radius * ends[0].s)]);
     for (let i = 0; i < pieces; i++) {
       const p = this.camera.project(along(a, b, i / pieces)), q = this.camera.project(along(a, b, (i + 1) / pieces));
       if (p && q) this.push((p.z + q.z) / 2, () => this.rodPiece(p, q, radius, colour, i === 0, i === pieces - 1));
