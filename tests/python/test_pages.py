@@ -182,7 +182,7 @@ def test_paths_run_smoothly_through_outputs(browser: Chromium, tmp_path: Path) -
 
 
 INTERPOLATED = 1.5e-3
-"""Of the whole picture: a pixel of 700. The error of a cubic is theta^4 / 384, so 2e-3 of a crank at 54 degrees a step."""
+"""Of the whole picture: a pixel of 700. The cubic errs by theta^4 / 384: 2e-3 of a crank at 54 degrees an output."""
 
 
 @pytest.mark.parametrize("name", ["four-bar", "engine-v-twin", "stewart-ups", "heavy-top"])
