@@ -97,7 +97,8 @@ class Fake:
         position, rotation = self.poses[self.joints[i][3]]
         point = position + rotation @ np.array(self.joints[i][4])
         force = self._loads / self._phase[i]
-        found = SimpleNamespace(point=point, force=force, moment=0.1 * force[:, ::-1], determined=self.determined)
+        moment, place = 0.1 * force[:, ::-1], np.zeros((len(self.t), 1))
+        found = SimpleNamespace(point=point, position=place, force=force, moment=moment, determined=self.determined)
         found.in_frame = lambda axes: found
         return found
 

@@ -18,7 +18,7 @@ from .slim import slim
 
 SCRIPTS = (
     "data.js", "between.js", "theme.js", "camera.js", "shapes.js", "extent.js", "paths.js", "labels.js", "legends.js",
-    "solids.js", "scene.js", "panel.js", "plots.js", "pace.js", "player.js",
+    "solids.js", "around.js", "scene.js", "panel.js", "plots.js", "pace.js", "player.js",
 )  # fmt: skip
 
 

@@ -225,7 +225,7 @@ class Plots {
 /** Forces, moments and loads have the colours of their arrows, energies and coordinates each their own. */
 function colourOfLine(curve, n) {
   if (curve.size) return COLOURS[curve.table];
-  const group = { coordinates: 1, velocities: 0, sensors: 2, energy: 4 }[curve.group] || 0;
+  const group = { coordinates: 1, velocities: 0, drives: 2, sensors: 3, energy: 4 }[curve.group] || 0;
   return COLOURS.lines[(group + n) % COLOURS.lines.length];
 }
 

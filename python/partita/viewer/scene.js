@@ -110,6 +110,7 @@ class Scene {
     this.bodies(painter, frame);
     for (const { body, parts } of this.run.scene.solids) drawSolids(this, painter, frame, body, parts);
     drawCouplings(this, painter, frame);
+    drawAround(this, painter, frame);
     this.springs(painter, frame);
     this.joints(painter, frame);
     painter.paint();
@@ -196,6 +197,7 @@ class Scene {
     const { run, radius } = this, s = run.scene;
     const rod = (a, b, r, colour) => painter.rod(a, b, r, colour, this.piecesOf(a, b));
     const given = new Set(s.solids.map(({ body }) => body));
+    for (const { body } of s.parts) if (body >= 0 && s.bodies[body].kind === "ball") given.add(body);
     for (const { body, look } of s.lines) if (look === "cam" && s.bodies[body] && s.bodies[body].kind === "ball") given.add(body);
     for (const { body, ring } of s.wheels) if (!ring && body >= 0 && s.bodies[body].kind === "ball") given.add(body);
     const coloured = s.bodies.map((body, b) => [body, this.colourOf(b), body.points.map((p) => run.placed(frame, b, p)), b])
@@ -254,6 +256,7 @@ class Scene {
       if (joint.rail) this.rail(painter, joint, frame, grounded);
       else if (grounded && joint.kind !== "free" && joint.atParent) painter.support(point, 3.4 * radius);
       this.glyph(painter, joint, point, frame);
+      drawMarks(this, painter, j, point, joint.axis ? unit(run.turned(frame, joint.parent, joint.axis)) : null);
       if (free.has(j)) this.ring(painter, point);
       this.hits.push({ point, joint: j, label: joint.name, kind: joint.kind });
     });
@@ -296,7 +299,7 @@ class Scene {
       painter.box(point, [axis, across, cross(axis, across)], [3 * r, 1.8 * r, 1.8 * r], this.colourOf(joint.child), lift);
     } else if (joint.kind === "planar" && axis) {
       const across = this.across(axis);
-      painter.box(point, [axis, across, cross(axis, across)], [0.4 * r, 2.6 * r, 2.6 * r], colour, lift);
+      painter.box(point, [axis, across, cross(axis, across)], [0.4 * r, 2.6 * r, 2.6 * r], colour, -lift); // behind its body
     } else if (joint.kind === "generic") {
       painter.octahedron(point, 2 * r, colour, lift);
     } else {
