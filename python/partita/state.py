@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from . import notebook
 from .errors import ArgumentError, UnknownNameError
+from .naming import Names, coordinate_units
 from .numeric import floats, quaternion, real, shown
 from .sensing import Senses
 
@@ -29,6 +31,7 @@ class Layout:
         self.names: list[str] = []
         self.velocity_names: list[str] = []
         self.by_names_alone = True
+        self.units: tuple[list[str], list[str]] = [], []
         self._spans: dict[str, tuple[Span | None, Span | None]] = {}
         self._beyond: dict[str, Span] = {}
         self._drawn: dict[str, Array] = {}
@@ -39,6 +42,7 @@ class Layout:
     def fill(self, summary: dict[str, Any]) -> None:
         """Take names and spans from a model's summary."""
         self.names, self.velocity_names = list(summary["coordinates"]), list(summary["velocities"])
+        self.units = coordinate_units(summary, Names(tuple(self.names), tuple(self.velocity_names)))
         self.by_names_alone = False
         first = sum(n for _, n in self._beyond.values())
         for joint in summary["joints"]:
@@ -226,6 +230,23 @@ class State(StateView):
     def copy(self) -> State:
         """An independent copy."""
         return State(self.t, self.q.copy(), self.v.copy(), layout=self._layout, assembly=self.assembly)
+
+    def _repr_html_(self) -> str:
+        """A table of coordinates and velocities, in a notebook."""
+        rows = [("t", f"{self.t:g} s")]
+        for values, names, units in (
+            (self.q, self.names, self._layout.units[0]),
+            (self.v, [f"velocity of {name}" for name in self.velocity_names], self._layout.units[1]),
+        ):
+            labels = names or [str(i) for i in range(len(values))]
+            of = [*units, *[""] * (len(values) - len(units))]
+            shown = [
+                (label, f"{value:.6g} {'' if unit == '1' else unit}".rstrip())
+                for label, value, unit in zip(labels, values, of, strict=True)
+            ]
+            more = len(shown) - notebook.MOST_ROWS
+            rows += shown[: notebook.MOST_ROWS] + ([("...", f"{more} more")] if more > 0 else [])
+        return notebook.table("State", rows)
 
     def __repr__(self) -> str:
         def listed(values: Array, names: list[str]) -> str:

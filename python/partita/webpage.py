@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 import json
+import sys
+import tempfile
+import webbrowser
 from collections.abc import Mapping, Sequence
 from html import escape
 from importlib import resources
+from pathlib import Path
 from typing import Any
+
+from .files import put
 
 HEAD = """<!DOCTYPE html>
 <html lang="en">
@@ -54,3 +60,35 @@ def part_of(package: str, name: str) -> str:
 
 def _element(kind: str, name: str, text: str) -> str:
     return f'<script type="{kind}" id="{name}">' + text.replace("<", "\\u003c") + "</script>"
+
+
+class Page:
+    """A page that was opened: `path` is its file; in a notebook it displays itself."""
+
+    def __init__(self, path: Path, html: str) -> None:
+        self.path = path
+        self._html = html
+
+    def _repr_html_(self) -> str:
+        """The page in a frame of its own."""
+        return (
+            f'<iframe srcdoc="{escape(self._html, quote=True)}" title="mechanism" '
+            f'style="width:100%;height:520px;border:1px solid #8888"></iframe>'
+        )
+
+    def __repr__(self) -> str:
+        return f"<page {self.path}>"
+
+
+def opened(html: str) -> Page:
+    """The page in a temporary file, opened in the browser; in a notebook the cell displays it."""
+    page = Page(put(Path(tempfile.mkdtemp(prefix="partita-")) / "mechanism.html", html.encode("utf-8")), html)
+    if not in_notebook():
+        webbrowser.open(page.path.as_uri())
+    return page
+
+
+def in_notebook() -> bool:
+    """Whether a kernel of Jupyter displays what a cell returns."""
+    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
+    return shell is not None and hasattr(shell, "kernel")

@@ -89,6 +89,7 @@ REFERENCE: dict[str, tuple[str, str, tuple[str, ...]]] = {
             "analyses.Placement",
             "analyses.PlacedSet",
             "mechanism.report.Report",
+            "webpage.Page",
             "mechanism.stepper.Stepper",
             "mechanism.stepper.JointMotion",
             "sweep",

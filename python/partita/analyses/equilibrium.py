@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..extras import extra
+from ..notebook import NAMES, table
 from ..results.body import BodyResult
 from ..results.coupling import CouplingResult, DriveResult
 from ..results.joint import JointResult
-from ..results.notebook import NAMES, table
 from ..results.run import Run
 from ..results.sensor import SensorResult
 from ..state import State

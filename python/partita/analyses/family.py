@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from ..errors import ArgumentError
 from ..extras import extra
 from ..naming import index_of
+from ..notebook import table
 from ..numeric import shown
-from ..results.notebook import table
 from ..state import State
 from .equilibrium import Equilibrium
 from .still import place

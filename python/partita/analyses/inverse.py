@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from ..errors import ArgumentError
 from ..naming import Names, index_of
+from ..notebook import table
 from ..results import BodyResult, CouplingResult, EnergyResult, JointResult
-from ..results.notebook import table
 from ..results.run import Run
 from ..results.sensor import SensorResult
 from ..results.source import Arrays

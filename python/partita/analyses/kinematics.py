@@ -13,10 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import ArgumentError
 from ..naming import index_of
+from ..notebook import names, table
 from ..numeric import shown
 from ..results.joint import JointKinematics
 from ..results.motion import Motion
-from ..results.notebook import names, table
 from ..results.sensor import LiveSensors
 from ..results.source import ModelSource
 from ..state import Layout, State

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from ..errors import ArgumentError
 from ..extras import extra
+from ..notebook import names, table
 from ..numeric import shown
-from ..results.notebook import names, table
 from ..state import State
 from .modes import Modes, Shapes
 

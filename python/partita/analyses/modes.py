@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from ..errors import ArgumentError
 from ..extras import extra
+from ..notebook import table
 from ..numeric import shown
 from ..options import one_of
-from ..results.notebook import table
 
 if TYPE_CHECKING:
     import xarray

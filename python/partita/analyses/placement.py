@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..results.notebook import table
+from ..notebook import table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

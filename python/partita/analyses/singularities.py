@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from ..builder.compiled import CompiledModel
 from ..errors import ArgumentError
 from ..naming import goal_name, index_of
+from ..notebook import names, table
 from ..results import BodyResult
-from ..results.notebook import names, table
 from ..state import Layout, State
 
 if TYPE_CHECKING:

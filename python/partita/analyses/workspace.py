@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..builder.compiled import CompiledModel
 from ..errors import ArgumentError, AssemblyError
 from ..naming import goal_name, index_of
-from ..results.notebook import names, table
+from ..notebook import names, table
 from ..state import Layout, State
 from .singularities import body_at, joint_at
 

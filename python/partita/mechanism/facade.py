@@ -9,7 +9,7 @@ from .. import options
 from ..builder.records import DRAWING_TOLERANCE
 from ..comparison import compare_mechanism
 from ..io import Reading, RemarkGroup, Writing, save
-from . import models, solve
+from . import models, seen, solve
 from . import stepper as stepping
 from .assemblies import assemblies
 from .equilibrium import equilibria, equilibrium
@@ -98,6 +98,10 @@ class Mechanism(Modelled):
     report = report
     to_fmu = to_fmu
     to_playground = to_playground
+    show = seen.show
+    plot = seen.plot
+    to_html = seen.to_html
+    _repr_html_ = seen._repr_html_
 
     def save(self, path: str | PathLike[str], *, strict: bool = False) -> Writing:
         """Write a model file; the suffix says which kind: .toml, which holds all of it and which `partita.load` reads

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from .. import deprecated
+from .. import deprecated, notebook
 from .. import options as run_options
 from ..builder.compiled import CompiledModel
 from ..builder.records import LoadRecord
@@ -61,6 +61,10 @@ class Report(str):
     def markdown(self) -> str:
         """The same as Markdown."""
         return "\n\n".join(_markdown(section, i == 0) for i, section in enumerate(self._sections)) + "\n"
+
+    def _repr_html_(self) -> str:
+        """The text, in a notebook."""
+        return notebook.lines(self)
 
     def to_dict(self) -> dict[str, Any]:
         """The findings as plain data: numbers, names and sentences, complete where the text gives a count."""

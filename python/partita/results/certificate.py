@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from .. import deprecated
 from ..errors import PartitaError
+from ..notebook import lines
 from ..result_view import ResultView
-from .notebook import lines
 from .verdict import Finding, findings_of, of_arrays, of_energy, of_reactions, tolerance, unnoticed, verdict_of
 
 NOTES = 12

@@ -11,8 +11,9 @@ import numpy as np
 
 from .. import options as run_options
 from ..errors import ArgumentError
+from ..notebook import names, table
 from ..state import Layout, State, finite_time
-from .notebook import names, table
+from ..webpage import Page, opened
 from .run import FloatArray, Run
 from .source import ModelSource
 
@@ -196,6 +197,25 @@ class Result(Run):
 
         write_html(self, path, title=title, shapes=shapes, points=points)
         return Path(path)
+
+    def show(
+        self,
+        title: str | None = None,
+        *,
+        shapes: Mapping[str, Any] | None = None,
+        points: Mapping[str, Any] | None = None,
+    ) -> Page:
+        """Show the animated mechanism: in the browser, or in a notebook below the cell.
+
+        The page is that of `to_html`, in a temporary file, the `path` of what is returned.
+
+        >>> import partita as pt
+        >>> run = pt.catalogue.load("four-bar").simulate(0.5)
+        >>> page = run.show()                                       # doctest: +SKIP
+        """
+        from ..viewer import html
+
+        return opened(html(self, title, shapes=shapes, points=points))
 
     def save_animation(
         self,

@@ -1,4 +1,4 @@
-"""Display of a result in a notebook: a small table, every user text escaped."""
+"""Display in a notebook: small tables, every user text escaped."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ LONGEST = 500
 """Letters of an entry."""
 NAMES = 8
 """Names that are shown before the rest is counted."""
+MOST_ROWS = 24
+"""Coordinates of a state that are listed before the rest is counted."""
 
 
 def table(title: str, rows: Iterable[tuple[str, str]]) -> str:
