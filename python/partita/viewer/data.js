@@ -161,3 +161,11 @@ function roundBelow(x) {
   const power = 10 ** Math.floor(Math.log10(x));
   return (x >= 5 * power ? 5 : x >= 2 * power ? 2 : 1) * power;
 }
+
+/** A new element with a class and text; names only ever become text, never markup. */
+function element(tag, className, text) {
+  const e = document.createElement(tag);
+  if (className) e.className = className;
+  if (text !== undefined) e.textContent = text;
+  return e;
+}

@@ -13,14 +13,6 @@ const READOUTS = [
   ["sqrt_mu", "√μ", "smallest cosine between the choice and the motions that the loops allow; small where it fails"],
 ];
 
-/** A new element with a class and text; names only ever become text, never markup. */
-function element(tag, className, text) {
-  const e = document.createElement(tag);
-  if (className) e.className = className;
-  if (text !== undefined) e.textContent = text;
-  return e;
-}
-
 /** A bar of the list: its name, a reading {part, text} of a frame, and the velocity it stands for, if any. */
 const entry = (name, read, velocity) => ({ name, read, velocity });
 
