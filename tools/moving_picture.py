@@ -69,8 +69,8 @@ class Machine:
         self.pose = Pose(self.scene)
         view = self.scene["view"]
         self.right, self.up = (np.array(view[word], dtype=float) for word in ("right", "up"))
-        flat = self.pose.extent() @ np.array([self.right, self.up]).T
-        low, high = flat.min(axis=0), flat.max(axis=0)
+        planar = self.pose.extent() @ np.array([self.right, self.up]).T
+        low, high = planar.min(axis=0), planar.max(axis=0)
         room = np.array([width - 2 * MARGIN, HEIGHT - 2 * MARGIN - 14.0])
         self.scale = float((room / (high - low)).min())
         self.middle, self.centre = (low + high) / 2, np.array([left + width / 2, HEIGHT / 2 - 6.0])
@@ -78,8 +78,8 @@ class Machine:
 
     def pixels(self, points: Any) -> Floats:
         """Places in the picture (..., 2) of points of the world (..., 3)."""
-        flat = np.asarray(points, dtype=float) @ np.array([self.right, self.up]).T
-        moved: Floats = self.centre + self.scale * (flat - self.middle) * [1.0, -1.0]
+        planar = np.asarray(points, dtype=float) @ np.array([self.right, self.up]).T
+        moved: Floats = self.centre + self.scale * (planar - self.middle) * [1.0, -1.0]
         return moved
 
     def drawn(self) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""The moving picture of the README: small, without scripts, its loops closed in every pose, legible on light and dark."""
+"""The moving picture of the README: small, without scripts, closed in every pose, legible on light and dark."""
 
 from __future__ import annotations
 

@@ -194,8 +194,8 @@ def test_poses_between_outputs_are_those_of_the_motion(browser: Chromium, tmp_pa
     between = [float(a + part * (b - a)) for a, b in pairs for part in (0.25, 0.5)]
     fine = entry.simulate(t_eval=sorted({*coarse.t.tolist(), *between}))
     browser.open(viewer.write_html(coarse, tmp_path / "page.html"))
-    places = np.concatenate([coarse.body(body).position for body in coarse.names.bodies])
-    size = max(float(np.linalg.norm(np.ptp(places, axis=0))), 0.1)
+    positions = np.concatenate([coarse.body(body).position for body in coarse.names.bodies])
+    size = max(float(np.linalg.norm(np.ptp(positions, axis=0))), 0.1)
     for b, body in enumerate(coarse.names.bodies):
         arm = 0.3 * max(float(np.ptp(coarse.body(body).position, axis=0).max()), 0.1)
         for point in ([0.0, 0.0, 0.0], [arm, 0.0, 0.0], [0.0, arm, 0.0]):

@@ -39,12 +39,12 @@ def shown(browser: Chromium, path: Path, at: str = "", screen: tuple[int, int, b
 
 def put(browser: Chromium, words: str, value: str) -> str:
     """Type a number into the field of that name; what the page says is wrong with it."""
-    said: str = browser.value(
+    fault: str = browser.value(
         f"(() => {{ const box = [...document.querySelectorAll('.field')].find((f) => f.dataset.words === {words!r});"
         f" const input = box.querySelector('input'); input.value = {value!r}; input.dispatchEvent(new Event('change'));"
         " const fault = document.getElementById('fault'); return fault.hidden ? '' : fault.textContent; })()"
     )
-    return said
+    return fault
 
 
 def number(browser: Chromium, name: str) -> list[float]:
@@ -229,7 +229,7 @@ def test_links_are_pulled_and_leave_paths(browser: Chromium, tmp_path: Path) -> 
     found = browser.value(
         "(() => { const { drawing, motion } = playground, { scene } = drawing, p = scene.camera.project("
         "scene.run.placed(0, 1, scene.run.scene.bodies[1].points[0])); return [drawing.pick(p.x, p.y) !== null,"
-        " scene.trails.map((t) => t.points.length), playground.plots.run.t.length, motion.t]; })()"
+        " scene.traced.map((t) => t.points.length), playground.plots.run.t.length, motion.t]; })()"
     )
     assert found[0] and min(found[1]) > 5 and found[2] > 5
     browser.value("(() => { const p = playground; for (let i = 0; i < 40; i++) { p.motion.advance(p.motion.t + 0.05);"

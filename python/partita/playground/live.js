@@ -113,8 +113,8 @@ class LiveScene extends Scene {
     const mass = this.run.about.bodies.reduce((sum, body) => sum + (this.number(`${body}.mass`) || 0), 0);
     const gravity = Object.hasOwn(run.parameters, "gravity") ? length(run.motion.get("gravity")) : 0;
     this.forceUnit = mass * (gravity || 9.81); // a weight: forces of springs are drawn to its scale
-    this.trails = this.sources().map((at) => ({ at, points: [] }));
-    this.options.traces = this.trails.length <= TRACED;
+    this.traced = this.sources().map((at) => ({ at, points: [] }));
+    this.options.traces = this.traced.length <= TRACED;
     this.options.forces = run.scene.springs.length > 0;
     this.lengths = new Map();
     this.touched = false; // whether the view was set by hand
@@ -145,7 +145,7 @@ class LiveScene extends Scene {
 
   /** Paths grow while the motion goes on. */
   record() {
-    for (const { at, points } of this.trails) {
+    for (const { at, points } of this.traced) {
       const p = at();
       if (isFinite3(p)) points.push(p);
       if (points.length > TRACE_LENGTH) points.shift();
@@ -153,13 +153,13 @@ class LiveScene extends Scene {
   }
 
   forget() {
-    for (const trail of this.trails) trail.points = [];
+    for (const path of this.traced) path.points = [];
     this.lengths.clear();
   }
 
   traces(painter, frame, those) {
     if (!those) return; // none of them stays
-    for (const { points } of this.trails) {
+    for (const { points } of this.traced) {
       const line = points.map((p) => this.camera.project(p)).filter(Boolean);
       if (line.length > 1) painter.line(line, COLOURS.trace, 1.3);
     }

@@ -92,19 +92,19 @@ function isTangled(strokes, size) {
 /** Strokes up to the last point that adds to the picture: a path that goes round a hundred times is painted once. */
 function drawnOnce(strokes, size) {
   const cell = size / RETRACED, reached = new Map(); // cell -> length of the path where it was first entered
-  let way = 0, last = null, end = [0, 0];
+  let travelled = 0, last = null, end = [0, 0];
   strokes.forEach((stroke, n) => stroke.forEach(({ p }, i) => {
-    if (last) way += length(sub(p, last));
+    if (last) travelled += length(sub(p, last));
     last = p;
     const [x, y, z] = p.map((c) => Math.floor(c / cell));
     let seen = false;
     for (let k = 0; k < 27 && !seen; k++) {
       const first = reached.get(`${x + (k % 3) - 1},${y + (Math.floor(k / 3) % 3) - 1},${z + Math.floor(k / 9) - 1}`);
-      seen = first !== undefined && way - first > 12 * cell;
+      seen = first !== undefined && travelled - first > 12 * cell;
     }
     if (!seen) end = [n, i];
     const key = `${x},${y},${z}`;
-    if (!reached.has(key)) reached.set(key, way);
+    if (!reached.has(key)) reached.set(key, travelled);
   }));
   const [n, i] = end, kept = strokes.slice(0, n + 1);
   kept[n] = strokes[n].slice(0, i + 1 + Math.ceil(CLOSING * strokes[n].length));

@@ -50,12 +50,12 @@ def surroundings(
     spec: Mapping[str, Any],
     names: Sequence[str],
     joints: Sequence[Mapping[str, Any]],
-    places: Mapping[str, FloatArray],
+    coordinates: Mapping[str, FloatArray],
     motion: Motion,
 ) -> Surroundings:
     """Pictures of the contacts, tyres, stops, torsion springs and drives of a description.
 
-    `places` are the coordinates (nt,) of joints with one, by name.
+    `coordinates` are the coordinates (nt,) of joints with one, by name.
     """
     found = Surroundings()
     body = {name: i for i, name in enumerate(names)} | {"ground": -1}
@@ -68,8 +68,10 @@ def surroundings(
             planes += _contact(force, body, motion, found)
         elif kind == "tyre":
             planes.append(_tyre(force, body, motion, found))
-        elif kind == "stop" and force["joint"] in places:
-            found.stops += _stops(force, joints[number[force["joint"]]], float(places[force["joint"]][0]), motion, coms)
+        elif kind == "stop" and force["joint"] in coordinates:
+            found.stops += _stops(
+                force, joints[number[force["joint"]]], float(coordinates[force["joint"]][0]), motion, coms
+            )
         elif kind == "torsion_spring" and force["joint"] in number:
             found.coils.append(number[force["joint"]])
         elif kind == "torque" and force["joint"] in number:
