@@ -326,23 +326,6 @@ class Painter {
     this.line(line, colour, 1.5);
   }
 
-  /** A rope between two points: a line where it is taut, hanging through where it is longer than that. */
-  rope(a, b, down, colour) {
-    const p = this.camera.project(a), q = this.camera.project(b), middle = this.camera.project(add(scaled(add(a, b), 0.5), down));
-    if (!p || !q || !middle) return;
-    this.push((p.z + q.z) / 2, () => {
-      const c = this.c, x = 2 * middle.x - (p.x + q.x) / 2, y = 2 * middle.y - (p.y + q.y) / 2;
-      for (const [style, width] of [[COLOURS.halo, 4], [colour, 1.8]]) {
-        c.beginPath();
-        c.moveTo(p.x, p.y);
-        c.quadraticCurveTo(x, y, q.x, q.y);
-        c.strokeStyle = style;
-        c.lineWidth = width;
-        c.stroke();
-      }
-    });
-  }
-
   /** Support under a point at rest: a foot on hatched ground, always upright in the picture. */
   support(point, size) {
     const p = this.camera.project(point);
