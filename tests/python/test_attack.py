@@ -13,6 +13,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -71,6 +72,12 @@ def mechanism() -> pt.Mechanism:
 
 def loop() -> pt.Mechanism:
     return pt.catalogue.load("four-bar")
+
+
+def shown_nowhere(**arguments: Any) -> Any:
+    """The page of a mechanism, without a browser."""
+    with mock.patch("webbrowser.open"):
+        return loop().show(**arguments)
 
 
 def driven(measure: Any) -> Any:
@@ -719,6 +726,21 @@ def asked() -> dict[str, Callable[[], Call]]:
                 "version": "3.0",
             },
         ),
+        "Mechanism.to_html": (
+            loop().to_html,
+            {"path": "none/x.html", "title": "t", "state": None, "shapes": None, "points": None},
+        ),
+        "Mechanism.show": (
+            shown_nowhere,
+            {"title": "t", "state": None, "shapes": {"crank": {"kind": "ball", "radius": 0.1}}, "points": None},
+        ),
+        "Mechanism.plot": (
+            loop().plot,
+            {"path": None, "state": None, "ax": None, "shapes": None, "points": {"P": ("crank", ORIGIN)}},
+        ),
+        "Mechanism.check": (loop().check, {"state": None}),
+        "Body.at": (loop().bodies["crank"].at, {"point": X}),
+        "Body.world": (loop().bodies["crank"].world, {"point": X}),
         "Mechanism.save": (loop().save, {"path": "none/x.urdf", "strict": True}),
         "load": (pt.load, {"path": "none.toml", "base": "fixed"}),
         "sweep": (

@@ -89,6 +89,7 @@ REFERENCE: dict[str, tuple[str, str, tuple[str, ...]]] = {
             "analyses.Placement",
             "analyses.PlacedSet",
             "mechanism.report.Report",
+            "mechanism.check.Check",
             "webpage.Page",
             "mechanism.stepper.Stepper",
             "mechanism.stepper.JointMotion",
@@ -102,6 +103,7 @@ REFERENCE: dict[str, tuple[str, str, tuple[str, ...]]] = {
         "What `add_...` returns, the mappings that hold it, and readings of coordinates.",
         (
             "builder.Body",
+            "builder.records.Point",
             "builder.Joint",
             "builder.Coupling",
             "builder.Drive",

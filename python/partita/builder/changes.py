@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import copy
 import difflib
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any, NoReturn
@@ -21,7 +21,7 @@ from ..sensing import uses
 from .calls import call_of, kind_of, readers, referring, words_of
 from .checks import Element, find, vector
 from .drawing import Drawing
-from .records import GROUND, BodyRecord, Handle, JointRecord, Ref
+from .records import GROUND, BodyRecord, Handle, JointRecord, Point, Ref
 
 _WORDS = {
     "bodies": "body",
@@ -81,7 +81,7 @@ def change(mechanism: Drawing, handle: Handle, arguments: Mapping[str, Any]) -> 
         if not new:
             return
         method, given = call_of(record)
-        _again(mechanism, handle.table, handle.name, method, {**given, **new})
+        _again(mechanism, handle.table, handle.name, method, {**given, **new}, set(new))
         if handle.table == "sensors":
             _check_order(mechanism, element)
         for table, name in referring(mechanism._description, handle.table, handle.name):
@@ -143,7 +143,7 @@ def _shown(mechanism: Drawing, value: Any) -> Any:
         return mechanism.ground
     if isinstance(value, Ref):
         return getattr(mechanism, value.table)[value.name]
-    if isinstance(value, (list, tuple)):
+    if isinstance(value, (list, tuple)) and not isinstance(value, Point):
         return type(value)(_shown(mechanism, item) for item in value)
     return copy.deepcopy(value) if isinstance(value, Mapping) else value
 
@@ -177,14 +177,18 @@ def _take_out(mechanism: Drawing, table: str, name: str) -> None:
         del d.joints[carrier]
 
 
-def _again(mechanism: Drawing, table: str, name: str, method: str, given: Mapping[str, Any]) -> None:
-    """Make an element again in its place."""
+def _again(
+    mechanism: Drawing, table: str, name: str, method: str, given: Mapping[str, Any], new: Collection[str] = ()
+) -> None:
+    """Make an element again in its place, with the arguments `new`."""
     d = mechanism._description
+    explicit = {key: True for key in d.explicit if key[:2] == (_WORDS[table], name) and key[2] not in new}
     orders = {each: list(getattr(d, each)) for each in (table, "joints")}
     old = getattr(d, table)[name]
     driven = list(d.driven)
     _take_out(mechanism, table, name)
     getattr(mechanism, method)(name=name, **{word: _shown(mechanism, value) for word, value in given.items()})
+    d.explicit |= explicit
     if isinstance(old, JointRecord) and old.compliance is not None:
         d.joints[name] = replace(d.joints[name], compliance=old.compliance)
     carriers = _carrier(old), _carrier(getattr(d, table)[name])

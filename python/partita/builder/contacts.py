@@ -9,10 +9,11 @@ from __future__ import annotations
 from numpy.typing import ArrayLike
 
 from .bodies import resolve
-from .checks import direction, name_of, number, vector
+from .checks import direction, name_of, number
 from .drawing import Drawing
 from .forces import store
 from .joint_loads import per_power
+from .points import point_on
 from .records import GROUND, Body, Force, LoadRecord
 
 
@@ -81,9 +82,9 @@ def add_contact(
     units |= {"radius1": "m", "radius2": "m"}
     means = {
         "body1": first,
-        "point1": vector(element, "point1", point1, "m"),
+        "point1": point_on(self, element, "point1", point1, first),
         "body2": second,
-        "point2": vector(element, "point2", point2, "m"),
+        "point2": point_on(self, element, "point2", point2, second),
         "radius1": number(element, "radius1", radius1, "m", least=0.0),
         "normal": None if normal is None else direction(element, "normal", normal),
         "radius2": None if radius2 is None else number(element, "radius2", radius2, "m", above=0.0),
@@ -173,11 +174,11 @@ def add_tyre(
         element.fail("slip needs a slow_speed: the speed [m/s] below which the slip is computed as at this speed")
     where = {
         "body": wheel,
-        "center": vector(element, "center", center, "m"),
+        "center": point_on(self, element, "center", center, wheel),
         "axis": direction(element, "axis", axis),
         "radius": number(element, "radius", radius, "m", above=0.0),
         "ground": road,
-        "point": vector(element, "point", point, "m"),
+        "point": point_on(self, element, "point", point, road),
         "normal": direction(element, "normal", normal),
         "stiffness": number(element, "stiffness", stiffness, "N/m", least=0.0),
         "damping": number(element, "damping", damping, "s/m", least=0.0),

@@ -19,9 +19,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .bodies import resolve
-from .checks import Element, choice, direction, name_of, number, numbers, switch, takes, vector
+from .checks import Element, choice, direction, name_of, number, numbers, switch, takes
 from .drawing import Drawing
 from .measures import Along, BodyLike, Coordinate, Distance, drawn, measure, measured_in
+from .points import point_on
 from .records import Coupling, CouplingRecord, Joint
 from .relations import Follows, Law, Profile, RateLaw
 from .values import Function, is_table, table
@@ -369,11 +370,11 @@ def add_rolling(
         element.fail(f'"{roller}" cannot roll on itself; name two different bodies')
     data = {
         "body": roller,
-        "center": vector(element, "center", center, "m").tolist(),
+        "center": point_on(self, element, "center", center, roller).tolist(),
         "axis": None if switch(element, "ball", ball) else direction(element, "axis", axis).tolist(),
         "radius": _positive(element, "radius", radius),
         "on": carrier,
-        "point": vector(element, "point", point, "m").tolist(),
+        "point": point_on(self, element, "point", point, carrier).tolist(),
         "normal": direction(element, "normal", normal).tolist(),
         "slips": switch(element, "slips", slips),
     }

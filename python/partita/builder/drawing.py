@@ -31,9 +31,16 @@ class Drawing:
 
     @property
     def gravity(self) -> tuple[float, float, float]:
-        """Acceleration of gravity in world axes [m/s^2]; (0, 0, 0) where it was given over time."""
+        """Acceleration of gravity in world axes [m/s^2]; (0, 0, 0) where it was given over time. Set it as in
+        `Mechanism(name, gravity)`."""
         x, y, z = self._description.gravity.tolist()
         return x, y, z
+
+    @gravity.setter
+    def gravity(self, value: Any) -> None:
+        constant, changing = field(name_of("mechanism", self.name), value)
+        d = self._description
+        d.gravity, d.changing_gravity, d.version = constant, changing, d.version + 1
 
     @property
     def drawing_tolerance(self) -> float:

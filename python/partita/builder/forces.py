@@ -17,10 +17,11 @@ from numpy.typing import ArrayLike
 
 from . import callbacks
 from .bodies import resolve, to_world
-from .checks import Element, choice, name_of, number, switch, vector
+from .checks import Element, choice, name_of, number, switch
 from .drawing import Drawing
 from .joints import coordinate_of, effort_of, joint_record, scalars, speeds, unit_of
 from .measures import measure, measured_in
+from .points import point_on
 from .records import (
     Body,
     Force,
@@ -70,7 +71,10 @@ def add_spring(
     first, second = resolve(self, element, "body1", body1), resolve(self, element, "body2", body2)
     if first == second:
         element.fail(f'both ends are on "{first}", where the spring has no effect; name two different bodies')
-    end1, end2 = vector(element, "point1", point1, "m"), vector(element, "point2", point2, "m")
+    end1, end2 = (
+        point_on(self, element, what, point, body)
+        for what, point, body in (("point1", point1, first), ("point2", point2, second))
+    )
     d = self._description
     drawn = float(np.linalg.norm(to_world(d, second, end2) - to_world(d, first, end1)))
     if drawn == 0.0:
@@ -216,7 +220,7 @@ def add_force(
     record = ForceRecord(
         name=element.name,
         body=found.name,
-        point=found.com.copy() if point is None else vector(element, "point", point, "m"),
+        point=found.com.copy() if point is None else point_on(self, element, "point", point, found.name),
         value=components(element, "force", force, "N"),
         axes=choice(element, "axes", axes, ("world", "body")),
         at_center=point is None,

@@ -22,8 +22,9 @@ from numpy.typing import ArrayLike
 
 from . import frames
 from .bodies import own_name, resolve
-from .checks import Array, Element, choice, direction, find, index, name_of, vector
+from .checks import Array, Element, choice, direction, find, index, name_of
 from .drawing import Drawing
+from .points import point_in_world
 from .records import Body, Joint, JointRecord
 from .values import Function
 
@@ -402,10 +403,10 @@ def store_joint(
         kind=kind,
         parent=first,
         child=second,
-        point=None if point is None else vector(element, "point", point, "m"),
+        point=None if point is None else point_in_world(mechanism, element, "point", point),
         geometry=geometry,
         free=free,
-        child_point=None if child_point is None else vector(element, "child_point", child_point, "m"),
+        child_point=None if child_point is None else point_in_world(mechanism, element, "child_point", child_point),
         child_axis=None if child_axis is None else direction(element, "child_axis", child_axis),
         child_frame=None if child_frame is None else frames.rotation(element, "child_frame", child_frame),
         pitch=pitch,

@@ -12,11 +12,12 @@ from ..errors import EvaluationError
 from ..numeric import shown
 from ..state import Layout
 from .bodies import resolve
-from .checks import Array, Element, find, name_of, takes, vector
+from .checks import Array, Element, find, name_of, takes
 from .drawing import Drawing
 from .forces import store
 from .joints import joint_record, scalars
-from .records import GROUND, Body, Force, Joint, LoadRecord, Ref
+from .points import point_on
+from .records import GROUND, Body, Force, Joint, LoadRecord, Point, Ref
 from .travelling import check_picklable
 from .values import Function, finite, one_number
 
@@ -132,20 +133,28 @@ def _is_pair(item: Any) -> bool:
     return isinstance(item, tuple | list) and len(item) == 2 and isinstance(item[0], str | Body)
 
 
+def _pair(item: Any) -> tuple[Any, Any]:
+    """The body, and the point on it."""
+    return item[0], item if isinstance(item, Point) else item[1]
+
+
 def _spot(mechanism: Drawing, element: Element, what: str, item: Any) -> dict[str, Any]:
     """A point of a body at which a force can act."""
-    body, point = item if _is_pair(item) else (item, None)
+    body, point = _pair(item) if _is_pair(item) else (item, None)
     name = resolve(mechanism, element, what, body, ground=False)
     record = mechanism._description.bodies[name]
-    return {"body": name, "point": record.com.copy() if point is None else vector(element, f"{what} point", point, "m")}
+    return {
+        "body": name,
+        "point": record.com.copy() if point is None else point_on(mechanism, element, f"{what} point", point, name),
+    }
 
 
 def _sight(mechanism: Drawing, element: Element, what: str, item: Any) -> tuple[str, list[dict[str, Any]]]:
     """The arguments of the function, and their form for the core."""
     if _is_pair(item):
-        body, point = item
+        body, point = _pair(item)
         name = resolve(mechanism, element, what, body)
-        return "point", [{"point": {"body": name, "point": vector(element, f"{what} point", point, "m")}}]
+        return "point", [{"point": {"body": name, "point": point_on(mechanism, element, f"{what} point", point, name)}}]
     d = mechanism._description
     if isinstance(item, Joint) or (isinstance(item, str) and item in d.joints):
         if isinstance(item, str) and item in d.bodies:

@@ -12,6 +12,7 @@ from .bodies import resolve, to_world
 from .checks import Array, Element, matrix, name_of, shape_of, vector
 from .drawing import Drawing
 from .forces import store
+from .points import point_in_world
 from .records import GROUND, Body, Description, Force, LoadRecord
 
 
@@ -50,7 +51,7 @@ def add_bushing(
     """
     element = name_of("force", name, self._description.forces)
     first, second = _two(self, element, body1, body2)
-    where = vector(element, "point", point, "m")
+    where = point_in_world(self, element, "point", point)
     axes = frames.rotation(element, "frame", frame)
     law = {
         "stiffness": _six(element, "stiffness", stiffness, STIFFNESS),

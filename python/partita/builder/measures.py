@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .bodies import resolve, to_world
-from .checks import Array, Element, direction, vector
+from .checks import Array, Element, direction
 from .drawing import Drawing
 from .joints import coordinate_of, joint_record, scalars, unit_of
+from .points import point_on
 from .records import Body, Description, Joint
 
 BodyLike = Body | str
@@ -156,7 +157,7 @@ def _ends(mechanism: Drawing, element: Element, values: dict[str, Any]) -> Spec:
         if key.startswith("body"):
             found[key] = resolve(mechanism, element, key, value)
         elif key.startswith("point"):
-            found[key] = vector(element, key, value, "m").tolist()
+            found[key] = point_on(mechanism, element, key, value, found[f"body{key[5:]}"]).tolist()
         else:
             axis = direction(element, key, value)
             found[key] = unit_vector(axis).tolist()

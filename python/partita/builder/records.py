@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
+
+from numpy.typing import ArrayLike
 
 from ..sensing import SensorRecord
 from ..units.door import SI
-from .checks import Array
+from .checks import Array, Element, find, vector
 from .poses import PoseValue
 from .values import Function, Value
 
@@ -66,10 +68,46 @@ class Handle:
         return self.name
 
 
+class Point(NamedTuple):
+    """A point of a body: its name, and where the point is in its axes [m]. `Body.at` and `Body.world` make one."""
+
+    body: str
+    coordinates: tuple[float, float, float]
+
+    def __repr__(self) -> str:
+        return f"{self.body}.at(({', '.join(f'{x:g}' for x in self.coordinates)}))"
+
+
 class Body(Handle):
     """A rigid body, or the ground."""
 
     table = "bodies"
+
+    def at(self, point: ArrayLike) -> Point:
+        """The point of this body at (x, y, z) in its axes [m], from its origin; of the ground in the world.
+
+        Accepted wherever a point is: of springs, distances, contacts, forces and sensors, where a plain (x, y, z) is in
+        body axes as well, and of joints, where a plain (x, y, z) is in the world of the drawing.
+
+        >>> import partita as pt
+        >>> m = pt.Mechanism("swing")
+        >>> rod = m.add_rod("rod", start=(2, 0, 0), end=(3, 0, 0), mass=1.0)
+        >>> rod.at((1, 0, 0)) == rod.world((3, 0, 0))
+        True
+        >>> m.add_spring("S", m.ground, (3, 1, 0), rod, rod.world((3, 0, 0)), stiffness=100.0).point2.tolist()
+        [1.0, 0.0, 0.0]
+        """
+        x, y, z = vector(Element("body", self.name), "the point", point, "m").tolist()
+        return Point(self.name, (x, y, z))
+
+    def world(self, point: ArrayLike) -> Point:
+        """The point of this body that is drawn at (x, y, z) in the world [m]; see `at`."""
+        place = vector(Element("body", self.name), "the point", point, "m")
+        if self.name != GROUND:
+            record = self.mechanism._description.bodies[find("body", self.name, self.mechanism._description.bodies)]
+            place = record.rotation.T @ (place - record.position)
+        x, y, z = place.tolist()
+        return Point(self.name, (x, y, z))
 
 
 class Joint(Handle):
@@ -279,13 +317,25 @@ class Description:
     forces: dict[str, ForceLike] = field(default_factory=dict)
     sensors: dict[str, SensorRecord] = field(default_factory=dict)
     numbers: dict[str, int] = field(default_factory=dict)  # made-up name -> number at which the next one is looked for
+    explicit: dict[tuple[str, str, str], bool] = field(default_factory=dict)  # kind, name, argument: given as a `Point`
     version: int = 0
 
     def copy(self) -> Description:
         """A copy of the present state, independent of later additions; records never change and are shared."""
         tables = {
             name: dict(getattr(self, name))
-            for name in ("bodies", "joints", "drives", "driven", "couplings", "rotors", "forces", "sensors", "numbers")
+            for name in (
+                "bodies",
+                "joints",
+                "drives",
+                "driven",
+                "couplings",
+                "rotors",
+                "forces",
+                "sensors",
+                "numbers",
+                "explicit",
+            )
         }
         return Description(
             self.name, self.gravity, self.changing_gravity, self.drawing_tolerance, version=self.version, **tables

@@ -9,10 +9,11 @@ from typing import Any
 from ..numeric import shown
 from ..sensing import OPERATIONS, READS, SensorRecord, known
 from .bodies import own_name, resolve
-from .checks import Element, choice, find, index, name_of, number, takes, vector
+from .checks import Element, choice, find, index, name_of, number, takes
 from .drawing import Drawing
 from .joints import joint_record, speeds
 from .measures import Along, Coordinate, Cosine, Distance, measure
+from .points import point_on
 from .records import (
     GROUND,
     Body,
@@ -22,6 +23,7 @@ from .records import (
     Handle,
     Joint,
     LoadRecord,
+    Point,
     SpringRecord,
     TorqueRecord,
     TorsionSpringRecord,
@@ -222,7 +224,7 @@ def _data(m: Drawing, element: Element, of: Any, function: bool) -> dict[str, An
     if isinstance(of, tuple | list):
         if len(of) != 2 or not isinstance(of[0], str | Body):
             element.fail(f"a point is given as (body, (x, y, z)), not as {shown(of)}")
-        return _point(m, element, of[0], of[1])
+        return _point(m, element, of[0], of if isinstance(of, Point) else of[1])
     if isinstance(of, str):
         return _named(m, element, of)
     for kind, what in ((Body, "body"), (Joint, "joint"), (Force, "force"), (Drive, "drive"), (Coupling, "coupling")):
@@ -235,8 +237,8 @@ def _data(m: Drawing, element: Element, of: Any, function: bool) -> dict[str, An
 
 
 def _point(m: Drawing, element: Element, body: Any, point: Any) -> dict[str, Any]:
-    at = vector(element, "the point", point, "m").tolist()
-    return {"of": "point", "body": resolve(m, element, "the body of the point", body), "point": at}
+    name = resolve(m, element, "the body of the point", body)
+    return {"of": "point", "body": name, "point": point_on(m, element, "the point", point, name).tolist()}
 
 
 def _tables(m: Drawing) -> dict[str, Any]:

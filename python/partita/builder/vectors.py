@@ -18,12 +18,29 @@ def field(element: Element, gravity: Any) -> tuple[Array, Changing]:
     """The constant part, and the variable part."""
     if gravity is None:
         return np.zeros(3), None
+    if isinstance(gravity, str):
+        return _along_an_axis(element, gravity), None
     if not callable(gravity) and not is_table(gravity) and not _has_parts(gravity):
         return vector(element, "gravity", gravity, "m/s^2"), None
     changing = components(element, "gravity", gravity, "m/s^2")
     if isinstance(changing, tuple) and all(isinstance(item, Constant) for item in changing):
         return vector(element, "gravity", [item.value for item in changing if isinstance(item, Constant)]), None
     return np.zeros(3), changing
+
+
+GRAVITY = 9.81
+"""Size of gravity where only its direction is given [m/s^2]: that of the default."""
+
+
+def _along_an_axis(element: Element, word: str) -> Array:
+    """Gravity of the usual size along "x", "y" or "z", or against it: "-z"."""
+    axis = word.lstrip("+-")
+    if len(word) - len(axis) > 1 or axis not in ("x", "y", "z"):
+        element.fail(
+            f"gravity is {word!r}; give three numbers [m/s^2] such as (0, 0, -9.81), a direction such as '-z', or None"
+        )
+    size = -GRAVITY if word.startswith("-") else GRAVITY
+    return np.array([size if axis == own else 0.0 for own in "xyz"])
 
 
 def _has_parts(value: Any) -> bool:

@@ -12,6 +12,7 @@ from ..io import Reading, RemarkGroup, Writing, save
 from . import models, seen, solve
 from . import stepper as stepping
 from .assemblies import assemblies
+from .check import check
 from .equilibrium import equilibria, equilibrium
 from .fmu import to_fmu
 from .inverse import inverse_dynamics
@@ -35,10 +36,10 @@ class Mechanism(Modelled):
 
     Args:
         name: shown in reports and results.
-        gravity: acceleration of gravity in world axes [m/s^2]: three numbers; None: no gravity; or, if it varies, in
-            the forms of a force in `add_force`: components that are tables (times, values) or functions f(t, state),
-            one table (times (n,), values (n, 3)), or one function that returns three numbers. Varying gravity has no
-            potential; its power counts as work.
+        gravity: acceleration of gravity in world axes [m/s^2]: three numbers; a direction such as "-z": 9.81 m/s^2
+            along it; None: no gravity; or, if it varies, in the forms of a force in `add_force`: components that are
+            tables (times, values) or functions f(t, state), one table (times (n,), values (n, 3)), or one function that
+            returns three numbers. Varying gravity has no potential; its power counts as work.
         drawing_tolerance: allowed geometric error of the drawing, in radians and in fractions of the characteristic
             lengths (0 to 0.01). If moving joint frames by at most twice this amount lets an over-constrained mechanism
             move, it is repaired when it is compiled; `report`, the notes of a result and its certificate name the
@@ -96,6 +97,7 @@ class Mechanism(Modelled):
     workspace = workspace
     placement = placement
     report = report
+    check = check
     to_fmu = to_fmu
     to_playground = to_playground
     show = seen.show

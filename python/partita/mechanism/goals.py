@@ -105,6 +105,12 @@ def _point(what: str, key: tuple[Any, ...], model: CompiledModel) -> list[Goal]:
             f"{shown(key)}",
             argument=what,
         )
+    if is_turn(key):
+        raise ArgumentError(
+            f"{what}: the rotation of a body is a target of assemble, assemble_many and kinematics, whose value is an "
+            f"orientation; here give joints, or points as (body, (x, y, z)), not {shown(key)}",
+            argument=what,
+        )
     bodies = [body["name"] for body in model.summary["bodies"]]
     name = str(key[0])
     if name not in bodies:
@@ -137,6 +143,11 @@ def is_framed(key: Any, value: Any) -> bool:
         return False
     shape = np.shape(value[0]) if not is_rotation(value[0]) else (3, 3)
     return shape in ((3, 3), (4,)) or (len(shape) == 3 and shape[1:] == (3, 3)) or (len(shape) == 2 and shape[1] == 4)
+
+
+def is_turn(key: Any) -> bool:
+    """Whether a target is the orientation of a body alone: ("tool", "rotation")."""
+    return isinstance(key, tuple) and len(key) == 2 and isinstance(key[1], str) and key[1] == "rotation"
 
 
 def orientation_goals(what: str, key: Any, model: CompiledModel, reference: Array) -> list[Goal]:
@@ -196,6 +207,8 @@ def rates_of_frames(framed_keys: Mapping[Any, list[Goal]], unit: str) -> Framed:
     """For rates of such targets: (angular velocity, velocity) along the axes of the world."""
 
     def framed(what: str, key: Any, value: Any) -> tuple[list[Goal], Any]:
+        if is_turn(key):
+            return framed_keys[key], _numbers_of(what, key, value, f"rad{unit}", 3)
         turned = np.atleast_2d(_numbers_of(what, key, value[0], f"rad{unit}", 3))
         return framed_keys[key], _rows(what, key, value[1], turned, f"m{unit}")
 
@@ -245,7 +258,10 @@ def asked(
     found, seen = [], set[tuple[Any, ...]]()
     for key, value in wanted.items():
         with_orientation = is_framed(key, value) if frames is None else key in frames
-        if with_orientation:
+        if frames is None and is_turn(key):
+            goals, six = framed(what, (key[0], _NOWHERE), (value, _NOWHERE))
+            goals, value = goals[3:], np.asarray(six)[..., 3:]  # at any position
+        elif with_orientation:
             goals, value = framed(what, key, value)
         elif frames is None and is_framed(key, value[::-1] if isinstance(value, tuple | list) else value):
             raise ArgumentError(

@@ -16,7 +16,7 @@ from ..errors import ArgumentError
 from ..naming import listed
 from ..results.sensor import LiveSensors, account_of
 from ..state import State
-from .goals import Goal, columns, goals_of, is_framed, rates_of_frames, units_of
+from .goals import Goal, columns, goals_of, is_framed, is_turn, rates_of_frames, units_of
 from .models import Modelled
 from .poses import Found, found_poses
 
@@ -153,7 +153,9 @@ def _rates(
     """The goals that have rates, their rates and their accelerations, (n, goals) each."""
     model, n = found.model, len(found.values)
     frames = {
-        key: [found.goals[i] for i in found.indices[key]] for key, value in targets.items() if is_framed(key, value)
+        key: [found.goals[i] for i in found.indices[key]]
+        for key, value in targets.items()
+        if is_turn(key) or is_framed(key, value)
     }
 
     def given(what: str, wanted: Any, unit: str) -> tuple[list[Goal], FloatArray]:

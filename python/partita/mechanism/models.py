@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike
 from .. import options as run_options
 from ..builder import Builder
 from ..builder.compiled import CompiledModel, compile_description
+from ..builder.remarks import remarks
+from ..logger import logger
 from ..state import Layout
 
 
@@ -19,10 +21,20 @@ class Modelled(Builder):
     def __init__(self, name: str, gravity: Any, drawing_tolerance: float) -> None:
         super().__init__(name, gravity, drawing_tolerance)
         self._compiled: dict[str, tuple[int, CompiledModel, Layout]] = {}
+        self._remarked: tuple[int, tuple[str, ...]] = -1, ()
 
     def __getstate__(self) -> dict[str, object]:
         """The description alone: models are compiled again on request."""
-        return {**self.__dict__, "_compiled": {}}
+        return {**self.__dict__, "_compiled": {}, "_remarked": (-1, ())}
+
+    def _remarks(self) -> tuple[str, ...]:
+        """What is nearly surely a mistake in the present description, logged once."""
+        version = self._description.version
+        if self._remarked[0] != version:
+            self._remarked = version, tuple(remarks(self._description))
+            for remark in self._remarked[1]:
+                logger.warning("%s", remark)
+        return self._remarked[1]
 
 
 def compile(self: Modelled, coordinates: str = "relative") -> CompiledModel:

@@ -13,6 +13,7 @@ from .. import deprecated
 from .. import options as run_options
 from ..builder.compiled import CompiledModel
 from ..errors import ArgumentError, AssemblyError, UnknownNameError
+from ..logger import logger
 from ..numeric import floats, shown
 from ..results import Result
 from ..state import Layout, State
@@ -44,7 +45,8 @@ def assemble(
             close loops are treated like all others. A point of a body, ("coupler", (0.6, 0, 0)) in body axes, -> its
             position in the world [m]; ("coupler", (0.6, 0, 0), "xy") -> two of its world coordinates; a point with the
             orientation of its body -> (orientation, position): a rotation matrix with the axes of the body in its
-            columns, a quaternion (w, x, y, z) or a SciPy `Rotation`, and three numbers. A list of such dicts sets
+            columns, a quaternion (w, x, y, z) or a SciPy `Rotation`, and three numbers; ("coupler", "rotation") -> the
+            orientation alone. A list of such dicts sets
             strict priorities: the targets of the first dict are met; those of each later one are met as nearly as the
             earlier ones allow, in the sense of least squares (angles in radians, lengths as fractions of the size of
             the mechanism).
@@ -67,7 +69,8 @@ def assemble(
         parameters: name -> value, numbers that replace those of the drawing, as in `CompiledModel.with_parameters`.
 
     Returns:
-        The state; `state.assembly` has the residual and, for each target, the requested and the reached value.
+        The state; `state.assembly` has the residual and, for each target, the requested and the reached value; under
+        "remarks", targets that look like degrees.
 
     Raises:
         AssemblyError: the loops cannot close, or not with these targets; the message says which targets contradict each
@@ -85,12 +88,15 @@ def assemble(
     model, layout = layout_of(self, run_options.one_of("coordinates", coordinates, run_options.COORDINATES), parameters)
     start = near if near is not None else State(0.0, *model.core.initial(), layout=layout)
     _fitting("near", start, model)
-    levels = [_valued("targets", level, model) for level in _levels(targets)]
+    doubts: list[str] = []
+    levels = [_valued("targets", level, model, doubts) for level in _levels(targets)]
     own, turns = _rates({} if rates is None else rates, model, layout)
     if isinstance(fixed, (str, bytes)) or not isinstance(fixed, Iterable):
         raise ArgumentError(f"fixed must be a list of joints such as ['A'], not {shown(fixed)}", argument="fixed")
     held = [goal for key in fixed for goal in goals_of("fixed", key, model)]
-    guessed = _valued("guess", {} if guess is None else guess, model)
+    guessed = _valued("guess", {} if guess is None else guess, model, doubts)
+    for doubt in doubts:
+        logger.warning("%s", doubt)
     limit = run_options.positive("tolerance", tolerance)
     time = start.t if t is None else State(run_options.si("t", t, "s"), [], []).t
     try:
@@ -102,7 +108,7 @@ def assemble(
             q = on_branch(model, time, q, branch, inputs)
             q, v, _ = model.core.assemble(time, q, start.v, [], own, turns, [], [], limit)
     except AssemblyError as error:
-        doubts = model.core.suspicious()
+        doubts += model.core.suspicious()
         if not doubts:
             raise
         raise AssemblyError(f"{error.message}; suspicious: {'; '.join(doubts)}", **error.fields) from None
@@ -114,7 +120,7 @@ def assemble(
         found = assemble(self, targets, rates, **also, parameters=parameters)
         there = _converted(self, found, coordinates, parameters)
         return State(there.t, there.q, there.v, layout=layout, assembly=found.assembly)
-    return State(time, q, v, layout=layout, assembly=json.loads(report))
+    return State(time, q, v, layout=layout, assembly={**json.loads(report), "remarks": doubts})
 
 
 def _levels(targets: Any) -> list[Any]:
@@ -130,15 +136,34 @@ def _levels(targets: Any) -> list[Any]:
     return list(targets) or [{}]
 
 
-def _valued(what: str, wanted: Any, model: CompiledModel) -> list[tuple[Goal, float]]:
-    """Goals and their values."""
+def _valued(what: str, wanted: Any, model: CompiledModel, doubts: list[str] | None = None) -> list[tuple[Goal, float]]:
+    """Goals and their values; `doubts` gets what looks like degrees."""
     found: list[tuple[Goal, float]] = []
     for key, goals, value in asked(what, wanted, model):
         units = units_of(goals, model)
         if what == "rates":
             units = [f"{unit}/s" if unit else "1/s" for unit in units]
-        found += zip(goals, _numbers(what, key, value, units), strict=True)
+        numbers = _numbers(what, key, value, units)
+        if doubts is not None:
+            doubts += _like_degrees(what, key, value, units, numbers)
+        found += zip(goals, numbers, strict=True)
     return found
+
+
+FEW_TURNS = 2.0
+"""A coordinate beyond this many turns, given without a unit, may have been meant in degrees."""
+
+
+def _like_degrees(what: str, key: Any, value: Any, units: list[str], numbers: list[float]) -> list[str]:
+    """A remark on plain numbers that are many turns as radians."""
+    if run_options.si(what, value, units if len(units) > 1 else units[0]) is not value:
+        return []
+    return [
+        f"{what}[{shown(key)}] is {number:g} rad, {number / (2.0 * np.pi):.1f} turns; if degrees are meant, write "
+        f"'{number:g} deg'"
+        for number, unit in zip(numbers, units, strict=True)
+        if unit == "rad" and abs(number) > FEW_TURNS * 2.0 * np.pi
+    ]
 
 
 def _rates(
@@ -452,7 +477,7 @@ def simulate(
     )
     times = run_options.output_times(t_eval, start.t, chosen["t_end"])
     raw = run_options.run(model.core, chosen, times, start.q, start.v, progress, tangent)
-    if notes := model._sentences:
+    if notes := (*self._remarks(), *model._sentences):
         raw["notes"] = [*(note for note in notes if note not in raw["notes"]), *raw["notes"]]
     return Result.from_run(
         raw,

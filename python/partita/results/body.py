@@ -52,15 +52,19 @@ class BodyResult:
 
         Raises `ArgumentError` unless `point` is three finite numbers.
         """
-        return self.position + self.rotation @ _three(point)
+        return self.position + self.rotation @ _three(point, self.name)
 
     def point_velocity(self, point: ArrayLike) -> FloatArray:
         """Velocity (nt, 3) [m/s] in world axes of a point fixed to the body, `point` in body axes."""
-        return self.velocity + np.cross(self.angular_velocity, self.rotation @ _three(point))
+        return self.velocity + np.cross(self.angular_velocity, self.rotation @ _three(point, self.name))
 
     def point_acceleration(self, point: ArrayLike) -> FloatArray:
         """Acceleration (nt, 3) [m/s^2] in world axes of a point fixed to the body, `point` in body axes."""
-        (acceleration, spin), arm, omega = self._accelerated(), self.rotation @ _three(point), self.angular_velocity
+        (acceleration, spin), arm, omega = (
+            self._accelerated(),
+            self.rotation @ _three(point, self.name),
+            self.angular_velocity,
+        )
         return acceleration + np.cross(spin, arm) + np.cross(omega, np.cross(omega, arm))
 
     def _accelerated(self) -> tuple[FloatArray, FloatArray]:
@@ -80,7 +84,12 @@ class BodyResult:
         return f"<body {self.name!r}: {len(self.position)} outputs>"
 
 
-def _three(point: ArrayLike) -> FloatArray:
+def _three(point: ArrayLike, body: str) -> FloatArray:
+    """Three numbers, or those of a `Point` of this body."""
+    if isinstance(point, tuple) and len(point) == 2 and isinstance(point[0], str):
+        if point[0] != body:
+            raise ArgumentError(f'the point is one of "{point[0]}", but the body is "{body}"', argument="point")
+        point = point[1]
     try:
         p = floats(point)
     except TypeError:

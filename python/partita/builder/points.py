@@ -1,0 +1,137 @@
+"""Points given by the user: plain numbers, or a `Point` that says on which body it is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .bodies import to_world
+from .checks import Array, Element, vector
+from .drawing import Drawing
+from .records import GROUND, Description, ForceRecord, LoadRecord, Point, SpringRecord
+
+OUTSIDE = 0.25
+"""A point farther from its body than this fraction of the body's extent lies outside of it."""
+WITHIN = 1e-6
+"""A point nearer to a body than this fraction of the mechanism lies on it: drawings have four to six digits."""
+
+
+def point_on(mechanism: Drawing, element: Element, what: str, value: Any, body: str) -> Array:
+    """A point in the axes of `body` [m] (of the world for the ground)."""
+    explicit, key = mechanism._description.explicit, (element.kind, element.name, what)
+    if not isinstance(value, Point):
+        explicit.pop(key, None)
+        return vector(element, what, value, "m")
+    if value.body != body:
+        element.fail(
+            f'{what} is a point of "{value.body}", but the body beside it is "{body}"; give a point of "{body}"'
+        )
+    explicit[key] = True
+    return np.array(value.coordinates)
+
+
+def point_in_world(mechanism: Drawing, element: Element, what: str, value: Any) -> Array:
+    """A point in the world of the drawing [m]."""
+    if not isinstance(value, Point):
+        return vector(element, what, value, "m")
+    known = mechanism._description.bodies
+    if value.body != GROUND and value.body not in known:
+        element.fail(f'{what} is a point of "{value.body}", which is no body of this mechanism')
+    return to_world(mechanism._description, value.body, np.array(value.coordinates))
+
+
+class _Given(NamedTuple):
+    """A point in body axes, as it was given."""
+
+    kind: str
+    name: str
+    what: str
+    body: str
+    point: Array
+
+
+def misplaced(d: Description) -> list[str]:
+    """Remarks on points that lie outside their body and would lie on it if they were points of the world."""
+    extents: dict[str, tuple[Array, Array]] = {}
+    size = _size(d)
+    found = []
+    for given in _given(d):
+        if given.body == GROUND or (given.kind, given.name, given.what) in d.explicit:
+            continue
+        record = d.bodies[given.body]
+        other = record.rotation.T @ (given.point - record.position)
+        if np.allclose(other, given.point, rtol=0.0, atol=WITHIN * size):
+            continue
+        if given.body not in extents:
+            extents[given.body] = _extent(d, given.body)
+        low, high = extents[given.body]
+        inside = WITHIN * size
+        if _away(given.point, low, high) > OUTSIDE * float(np.linalg.norm(high - low)) + inside and (
+            _away(other, low, high) <= inside
+        ):
+            x = f"({', '.join(f'{c:g}' for c in given.point)})"
+            found.append(
+                f'{given.kind} "{given.name}": {given.what} {x} is in the axes of "{given.body}", where it lies '
+                f"outside of the body; as a point of the world it would lie on it: if that is meant, give "
+                f'm.bodies["{given.body}"].world({x}), else .at({x})'
+            )
+    return found
+
+
+def _size(d: Description) -> float:
+    points = [body.position for body in d.bodies.values()]
+    points += [body.to_world(body.com) for body in d.bodies.values()]
+    points += [joint.point for joint in d.joints.values() if joint.point is not None]
+    return float(np.linalg.norm(np.ptp(np.array(points), axis=0))) if points else 0.0
+
+
+def _extent(d: Description, body: str) -> tuple[Array, Array]:
+    """The box, in body axes, around the centre of mass, the ends of a rod, and the joints."""
+    record = d.bodies[body]
+    points = [record.com]
+    if record.rod is not None:
+        points += [np.zeros(3), np.array([record.rod[2], 0.0, 0.0])]
+    for joint in d.joints.values():
+        if body in (joint.parent, joint.child) and joint.point is not None:
+            place = joint.child_point if joint.child_point is not None and joint.child == body else joint.point
+            points.append(record.rotation.T @ (place - record.position))
+    return np.min(points, axis=0), np.max(points, axis=0)
+
+
+def _away(point: Array, low: Array, high: Array) -> float:
+    """Distance from a box."""
+    return float(np.linalg.norm(np.maximum(0.0, np.maximum(low - point, point - high))))
+
+
+def _given(d: Description) -> Iterator[_Given]:
+    """All points in body axes."""
+    for force in d.forces.values():
+        if isinstance(force, SpringRecord):
+            yield _Given("force", force.name, "point1", force.body1, force.point1)
+            yield _Given("force", force.name, "point2", force.body2, force.point2)
+        elif isinstance(force, ForceRecord) and not force.at_center:
+            yield _Given("force", force.name, "point", force.body, force.point)
+        elif isinstance(force, LoadRecord) and force.kind != "bushing":  # drawn in the world
+            yield from _pairs("force", force.name, force.means)
+    for coupling in d.couplings.values():
+        for term in coupling.terms:
+            yield from _pairs("coupling", coupling.name, term)
+        yield from _pairs("coupling", coupling.name, coupling.data)
+    for sensor in d.sensors.values():
+        data = sensor.data
+        if data["of"] == "point":
+            yield _Given("sensor", sensor.name, "the point", data["body"], np.array(data["point"]))
+        elif data["of"] == "measure":
+            yield from _pairs("sensor", sensor.name, data["measure"])
+
+
+_PAIRS = (("body1", "point1"), ("body2", "point2"), ("body", "center"), ("on", "point"), ("ground", "point"))
+
+
+def _pairs(kind: str, name: str, data: Any) -> Iterator[_Given]:
+    """Points beside their bodies in the data of an element."""
+    for body, what in _PAIRS:
+        if isinstance(data.get(body), str) and what in data and data[what] is not None:
+            yield _Given(kind, name, what, data[body], np.array(data[what], dtype=float))
