@@ -25,7 +25,7 @@ DOCS = HERE.parents[1] / "docs"
 
 NOTEBOOK = re.compile(r"(\]\((?:\.\./)?notebooks/[\w-]+)\.ipynb\)")
 PAGE = re.compile(r"(?<!`)\bdocs/([\w/-]+\.md)")  # as the changelog names pages
-STYLE, SIGN = "partita.css", "favicon.svg"
+STATIC = ("partita.css", "favicon.svg", "from_disk.js")
 # The reference of the core is made by cargo and put beside the site.
 RUST = """# The core, in Rust
 
@@ -53,8 +53,8 @@ def stage(folder: Path, draw: Callable[[Path], None], only: tuple[str, ...] | No
     changes = (DOCS.parent / "CHANGELOG.md").read_text(encoding="utf-8")
     changes = PAGE.sub(r"[\1](\1)", changes.replace("](docs/", "]("))
     (folder / "changelog.md").write_text(changes, encoding="utf-8")
-    for name in ("conf.py", "scorer.js", STYLE, SIGN):
-        target = folder / ("_static" if name in (STYLE, SIGN) else ".") / name
+    for name in ("conf.py", "scorer.js", *STATIC):
+        target = folder / ("_static" if name in STATIC else ".") / name
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(HERE / name, target)
     for notebook in sorted((DOCS / "notebooks").glob("*.ipynb")):
