@@ -223,6 +223,20 @@ def test_sixty_frames_a_second_and_numbers_of_outputs(browser: Chromium, tmp_pat
     assert float(kinetic.split()[0]) == pytest.approx(run.energy.kinetic[5], rel=1e-3)
 
 
+def test_a_page_inside_another_is_the_drawing_alone(browser: Chromium, tmp_path: Path) -> None:
+    path = viewer.write_html(run_of("four-bar"), tmp_path / "page.html")
+    for screen in (DESKTOP, PHONE):
+        browser.open(path, screen, "light", "?bare#play")
+        assert browser.value("partita.playing()")
+        shown = "[...document.querySelectorAll('header, aside, #plots, #tools, #slider, #play')].filter((e) =>"
+        assert browser.value(f"{shown} e.checkVisibility()).map((e) => e.id)") == ["play"]
+        width, height = browser.value("partita.size()")
+        assert width > 0.95 * screen[0] and height > 0.9 * screen[1]
+        xs = browser.value("partita.joints().map((p) => p.x)")
+        assert max(xs) - min(xs) > 0.4 * width
+        assert browser.reported == []
+
+
 def test_bodies_that_turn_far_are_shown_in_outputs_only(browser: Chromium, tmp_path: Path) -> None:
     """Two outputs per turn of a crank say nothing of what lies between: the page jumps, and invents no motion."""
     run = run_of("engine-v-twin", t_eval=tuple(np.linspace(0.0, 1.0, 22)))

@@ -90,7 +90,7 @@ def animate(folder: Path) -> None:
         def shown(mark: re.Match[str], text: str = text, name: str = name, up: str = up) -> str:
             run = ran(text[: mark.start()])["run"] if mark[1] == "run" else catalogue.entry(mark[1]).simulate()
             run.to_html(pages / f"{name}.html")
-            kind, part = ("live bare", "#play&bare") if mark[2] else ("live", "#play")
+            kind, part = ("live bare", "?bare#play") if mark[2] else ("live", "#play")
             return (
                 f'<iframe class="{kind}" src="{up}live/{name}.html{part}" title="the mechanism of this page in motion" '
                 f'loading="lazy"></iframe>\n<p><a href="{up}live/{name}.html">The animated page alone</a></p>'

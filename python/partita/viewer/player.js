@@ -279,7 +279,7 @@ function start() {
   byId("note").textContent = notes.join(" ");
   byId("slider").max = Math.max(0, run.frames - 1);
   byId("slider").disabled = byId("play").disabled = run.frames < 2;
-  const bare = /[#&]bare\b/.test(location.hash);
+  const bare = /[?&]bare\b/.test(location.search);
   document.documentElement.classList.toggle("bare", bare);
   if (bare) scene.options.names = false;
   fillSpeeds();
@@ -295,7 +295,7 @@ function start() {
   const resized = () => { scene.resize(); findCovered(); scene.draw(frame); panel.bars(frame); plots.draw(frame); };
   new ResizeObserver(resized).observe(canvas);
   findCovered();
-  // A page opened as run.html#t=1.5 begins there; with #play it begins to move; with #bare it is the drawing alone.
+  // A page opened as run.html#t=1.5 begins there; with #play it begins to move; as run.html?bare it is the drawing alone.
   const at = /[#&]t=([0-9.eE+-]+)/.exec(location.hash);
   show(at ? run.frameAt(Number(at[1])) : 0);
   if (/[#&]play\b/.test(location.hash) && !window.matchMedia("(prefers-reduced-motion: reduce)").matches) play(true);
