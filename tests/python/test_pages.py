@@ -223,6 +223,26 @@ def test_sixty_frames_a_second_and_numbers_of_outputs(browser: Chromium, tmp_pat
     assert float(kinetic.split()[0]) == pytest.approx(run.energy.kinetic[5], rel=1e-3)
 
 
+@pytest.mark.parametrize(("name", "loops"), [("engine-v-twin", None), ("stewart-ups", None), ("n-four-bar", 24)])
+def test_frames_are_painted_in_time(browser: Chromium, tmp_path: Path, name: str, loops: int | None) -> None:
+    """Thirty frames a second on a renderer without a graphics processor, up to fifty bodies: pixels are waited for.
+
+    A quiet machine takes a tenth to a third of that; paths and plots painted anew in each frame took more than all of
+    it for an engine of a hundred turns.
+    """
+    run = run_of(name, loops) if loops is None else run_of(name, loops, t_eval=tuple(np.linspace(0.0, 2.0, 41)))
+    for screen in (DESKTOP, PHONE):
+        browser.open(viewer.write_html(run, tmp_path / "page.html"), screen)
+        took = browser.value(
+            "(() => { const found = [], all = [...document.querySelectorAll('canvas')];"
+            " for (let i = 0; i < 30; i++) { const from = performance.now();"
+            f" partita.paint({run.t[0]} + {float(run.t[-1] - run.t[0])} * (0.1 + 0.021 * i));"
+            " all.forEach((c) => c.getContext('2d').getImageData(0, 0, 1, 1)); found.push(performance.now() - from); }"
+            " return found.sort((a, b) => a - b); })()"
+        )
+        assert took[15] < 1000 / 30, (screen, took)
+
+
 def test_a_page_inside_another_is_the_drawing_alone(browser: Chromium, tmp_path: Path) -> None:
     path = viewer.write_html(run_of("four-bar"), tmp_path / "page.html")
     for screen in (DESKTOP, PHONE):
@@ -244,6 +264,8 @@ def test_bodies_that_turn_far_are_shown_in_outputs_only(browser: Chromium, tmp_p
     for part in (0.2, 0.4, 0.6):
         browser.value(f"partita.between({run.t[6] + part * (run.t[7] - run.t[6])})")
         assert browser.value("partita.time()") == pytest.approx(run.t[6 if part < 0.5 else 7], abs=1e-6)
+    assert browser.value("partita.speed()") == pytest.approx(0.1)  # as long as a run of a second is shown, no slower
+    assert not browser.value("document.getElementById('spans').checkVisibility()")  # all dots, on all of the run
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,8 @@ const byId = (id) => document.getElementById(id);
 const run = new Run(JSON.parse(byId("data").textContent));
 const canvas = byId("view");
 const scene = new Scene(run, canvas);
-const rate = motionRate(run, spanOf(scene.near || scene.extent));
+// of a motion between outputs that is not known, nothing is gained by showing it slowly
+const rate = run.scene.apart ? 0 : motionRate(run, spanOf(scene.near || scene.extent));
 const plots = new Plots(run, rate, (t) => { play(false); show(run.frameAt(t)); });
 const panel = new Panel(run, (t) => show(run.frameAt(t)));
 
@@ -279,6 +280,7 @@ function start() {
   byId("note").textContent = notes.join(" ");
   byId("slider").max = Math.max(0, run.frames - 1);
   byId("slider").disabled = byId("play").disabled = run.frames < 2;
+  document.querySelector("footer").hidden = run.frames < 2 && !notes.length; // one position has no time
   const bare = /[?&]bare\b/.test(location.search);
   document.documentElement.classList.toggle("bare", bare);
   if (bare) scene.options.names = false;
@@ -311,6 +313,7 @@ window.partita = {
   joints: () => scene.hits.map((hit) => ({ ...scene.camera.project(hit.point), name: hit.label })),
   corners: () => findExtent(run, [frame, frame + 0.5]).map((p) => scene.camera.project(p)),
   size: () => [scene.camera.width, scene.camera.height],
+  paint: (t) => { scene.draw(run.between.drawn(run.instantAt(t)), true); plots.draw(run.frameAt(t)); },
   place: (t, body, point) => run.placed(run.between.drawn(run.instantAt(t)), body, point),
   strokes: strokesOf, tangled: isTangled,
 };
