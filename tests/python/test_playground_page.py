@@ -119,6 +119,20 @@ def test_a_link_carries_the_numbers(browser: Chromium, page: Path) -> None:
     assert browser.value("document.getElementById('fault').hidden") and browser.reported == []
 
 
+def test_a_link_carries_drives_and_is_refused_whole(browser: Chromium, tmp_path: Path) -> None:
+    path = pt.catalogue.load("gear-pair").to_playground(tmp_path / "gears.html")
+    drive = "drive of pinion shaft"
+    shown(browser, path)
+    assert put(browser, f"{drive}: velocity", "7") == ""
+    address = browser.value("playground.address()")
+    shown(browser, path, address)
+    assert browser.value("playground.motion.rates[0].value") == 7.0
+    assert browser.value("playground.motion.v[0]") == pytest.approx(7.0)
+    shown(browser, path, written({"v": 1, "numbers": {"pinion.mass": [2.0]}, "drives": {drive: "fast"}}))
+    assert "not a number" in browser.value("document.getElementById('fault').innerText")
+    assert browser.value("playground.address()") == "" and browser.value("playground.motion.rates[0].value") == 12.0
+
+
 def written(data: Any) -> str:
     text = data if isinstance(data, str) else json.dumps(data)
     return "#p=" + base64.urlsafe_b64encode(text.encode()).decode().rstrip("=")

@@ -64,13 +64,20 @@ class Numbers {
       const now = this.motion.get(name);
       if (now.some((x, i) => x !== values[name][i])) different[name] = values[name];
     }
-    const words = Object.keys(different).length ? this.motion.change(different) : "";
+    const before = this.now(), words = Object.keys(different).length ? this.motion.change(different) : "";
     if (words) return words;
-    rates.forEach(({ value, factor }, i) => {
+    for (const [i, { value, factor }] of rates.entries()) {
       const drive = this.motion.rates[i];
       if (drive.factor !== factor) this.motion.pace(i, factor);
-      if (drive.value !== value) this.motion.prescribe(i, value);
-    });
+      const fault = drive.value === value ? "" : this.motion.prescribe(i, value);
+      if (!fault) continue;
+      this.motion.change(Object.fromEntries(Object.keys(different).map((name) => [name, before.values[name]])));
+      before.rates.forEach((old, j) => {
+        if (this.motion.rates[j].factor !== old.factor) this.motion.pace(j, old.factor);
+        if (this.motion.rates[j].value !== old.value) this.motion.prescribe(j, old.value);
+      });
+      return fault;
+    }
     return "";
   }
 
