@@ -31,9 +31,6 @@ class Drawn(Protocol):
     def at(self, points: Any) -> FloatArray:
         """Pixels of points."""
 
-    def ground(self, sheet: Sheet, p: FloatArray, q: FloatArray, r: float) -> None:
-        """A ground line with strokes on its right."""
-
     def solid(self, sheet: Sheet, frame: int, body: int, part: Any) -> None:
         """A part of a body."""
 
@@ -53,7 +50,7 @@ def scenery(stage: Drawn, sheet: Sheet, frame: int, width: float) -> None:
         p, q = max(combinations(pixels, 2), key=lambda ends: float(np.hypot(*(ends[1] - ends[0]))))
         down = np.array([-normal @ stage.right, normal @ stage.up])
         forward = (q - p)[0] * down[1] - (q - p)[1] * down[0] > 0
-        stage.ground(sheet, p if forward else q, q if forward else p, 3.4 * stage.radius * stage.scale)
+        sheet.ground(p if forward else q, q if forward else p, 3.4 * stage.radius * stage.scale, width)
     for extra in scene["parts"]:
         stage.solid(sheet, frame, extra["body"], extra["part"])
     for stop in scene["stops"]:

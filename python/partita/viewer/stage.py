@@ -372,21 +372,7 @@ class Stage:
             sheet.add(self.depth([point]) - 2 * size / self.radius, draw)
 
     def hatch(self, sheet: Sheet, p: FloatArray, q: FloatArray, r: float) -> None:
-        self.ground(sheet, *((p, q) if q[0] >= p[0] else (q, p)), r)
-
-    def ground(self, sheet: Sheet, p: np.ndarray, q: np.ndarray, r: float) -> None:
-        """A ground line from p to q with strokes on its right."""
-        sheet.line([p, q], GROUND, 1.5 * FINER)
-        offset = q - p
-        whole = float(np.hypot(*offset))
-        if whole < FINER:
-            return
-        along = offset / whole
-        count = max(2, min(60, round(whole / (0.4 * r))))
-        turn = np.array([-(along[0] + along[1]), along[0] - along[1]]) * 0.38 * r
-        for i in range(count):
-            at = p + offset * (i + 0.8) / count
-            sheet.line([at, at + turn], GROUND, 1.0 * FINER)
+        sheet.ground(*((p, q) if q[0] >= p[0] else (q, p)), r, FINER)
 
     def joints(self, sheet: Sheet, frame: int) -> None:
         pose, r = self.pose, self.radius
