@@ -491,8 +491,8 @@ IN_PACKAGE = (
         "point-of-a-body",
         "velocity of a point of a result's body",
         f"{PACKAGE}/results/body.py",
-        "self.velocity + np.cross(self.angular_velocity, self.rotation @ _three(point))",
-        "self.velocity - np.cross(self.angular_velocity, self.rotation @ _three(point))",
+        "self.velocity + np.cross(self.angular_velocity, self.rotation @ _three(point, self.name))",
+        "self.velocity - np.cross(self.angular_velocity, self.rotation @ _three(point, self.name))",
         ("python test_results.py",),
     ),
     Error(
