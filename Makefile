@@ -101,6 +101,11 @@ trust: $(BUILT)
 pages: $(BUILT)
 	$(BIN)/python tests/python/test_pages.py
 
+## picture: the moving picture at the top of the README, docs/pictures/moving.svg
+.PHONY: picture
+picture: $(BUILT)
+	$(BIN)/python tools/moving_picture.py
+
 ## errors: deliberate errors, one at a time; each must be caught by the tests. ONLY="name name" makes some of them
 ONLY ?=
 errors: $(BUILT)

@@ -30,17 +30,25 @@ HEAD = """<!DOCTYPE html>
 
 
 def whole_page(
-    package: str, title: str, data: Mapping[str, Any], scripts: Sequence[str], module: str | None = None
+    package: str,
+    title: str,
+    data: Mapping[str, Any],
+    scripts: Sequence[str],
+    module: str | None = None,
+    below: tuple[str, Sequence[str]] | None = None,
 ) -> str:
     """The page of a package: its `page.html` (what is seen) and `style.css`, the data as JSON in an element "data",
     these scripts of it in one function, and a WebAssembly module in base 64 in an element "module". `{{TITLE}}` in
     what is seen stands for the title, which is escaped; data are escaped so that they cannot end their element.
+    `below`: another package, whose style and these scripts come first.
     """
     allowed = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
     if module is not None:
         allowed += " 'wasm-unsafe-eval'"
+    other, shared = below or (package, ())
+    style = "\n".join(part_of(name, "style.css") for name in dict.fromkeys((other, package)))
     parts = [
-        HEAD.format(allowed=allowed, title=escape(title), style=part_of(package, "style.css")),
+        HEAD.format(allowed=allowed, title=escape(title), style=style),
         part_of(package, "page.html").replace("{{TITLE}}", escape(title)),
         # Inside a script element only "<" could end the data early; JSON allows it escaped.
         _element("application/json", "data", json.dumps(data, allow_nan=False, separators=(",", ":"))),
@@ -49,7 +57,8 @@ def whole_page(
         parts.append(_element("application/wasm", "module", module))
     # a module is compiled while the page loads, and awaited
     start = "(function () {" if module is None else "(async function () {"
-    parts += ["<script>", start, '"use strict";', *(part_of(package, name) for name in scripts), "}());", "</script>"]
+    lines = [*(part_of(other, name) for name in shared), *(part_of(package, name) for name in scripts)]
+    parts += ["<script>", start, '"use strict";', *lines, "}());", "</script>"]
     return "\n".join([*parts, "</body>", "</html>", ""])
 
 

@@ -83,7 +83,11 @@ class Fake:
 
     def body(self, name: str) -> Any:
         position, rotation = self.poses[name]
-        return SimpleNamespace(position=position, rotation=rotation)
+        rates = np.gradient(rotation, self.t, axis=0) if len(self.t) > 1 else np.zeros_like(rotation)
+        spin = rates @ rotation.transpose(0, 2, 1)  # skew: the angular velocity, up to the error of differences
+        velocity = np.gradient(position, self.t, axis=0) if len(self.t) > 1 else np.zeros_like(position)
+        omega = np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=1)
+        return SimpleNamespace(position=position, rotation=rotation, velocity=velocity, angular_velocity=omega)
 
     def applied_forces(self) -> dict[str, Any]:
         return {}
@@ -93,7 +97,8 @@ class Fake:
         position, rotation = self.poses[self.joints[i][3]]
         point = position + rotation @ np.array(self.joints[i][4])
         force = self._loads / self._phase[i]
-        found = SimpleNamespace(point=point, force=force, moment=0.1 * force[:, ::-1], determined=self.determined)
+        moment, place = 0.1 * force[:, ::-1], np.zeros((len(self.t), 1))
+        found = SimpleNamespace(point=point, position=place, force=force, moment=moment, determined=self.determined)
         found.in_frame = lambda axes: found
         return found
 

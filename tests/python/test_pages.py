@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from catalogue_runs import run_of
+from catalogue_runs import entry_of, run_of
 from chromium import DESKTOP, PHONE, PROGRAM, Chromium
 from pages import CONTRAST, EACH_ONCE, LAYOUT, SCREENS, faults, unreached
 from thorough import either
@@ -179,6 +179,105 @@ def test_paths_run_smoothly_through_outputs(browser: Chromium, tmp_path: Path) -
     assert is_tangled(strokes_of(wild, s, 1e-3), 4.0)
     asked = f"partita.strokes({wild[:4000].round(4).tolist()}, {s[:4000].tolist()}, 1e-3)"
     assert browser.value(f"partita.tangled({asked}, 4)") is True
+
+
+INTERPOLATED = 1.5e-3
+"""Of the whole picture: a pixel of 700. The cubic errs by theta^4 / 384: 2e-3 of a crank at 54 degrees an output."""
+
+
+@pytest.mark.parametrize("name", ["four-bar", "engine-v-twin", "stewart-ups", "heavy-top"])
+def test_poses_between_outputs_are_those_of_the_motion(browser: Chromium, tmp_path: Path, name: str) -> None:
+    """At instants between the outputs of a page, bodies stand where a run with outputs at these instants has them."""
+    entry = entry_of(name)
+    coarse = run_of(name)
+    pairs = list(zip(coarse.t[:-1], coarse.t[1:], strict=True))[3 :: max(1, len(coarse.t) // 12)]
+    between = [float(a + part * (b - a)) for a, b in pairs for part in (0.25, 0.5)]
+    fine = entry.simulate(t_eval=sorted({*coarse.t.tolist(), *between}))
+    browser.open(viewer.write_html(coarse, tmp_path / "page.html"))
+    positions = np.concatenate([coarse.body(body).position for body in coarse.names.bodies])
+    size = max(float(np.linalg.norm(np.ptp(positions, axis=0))), 0.1)
+    for b, body in enumerate(coarse.names.bodies):
+        arm = 0.3 * max(float(np.ptp(coarse.body(body).position, axis=0).max()), 0.1)
+        for point in ([0.0, 0.0, 0.0], [arm, 0.0, 0.0], [0.0, arm, 0.0]):
+            wanted = fine.body(body).point(point)[np.searchsorted(fine.t, between)]
+            shown = browser.value(f"{between}.map((t) => partita.place(t, {b}, {point}))")
+            assert np.abs(np.array(shown) - wanted).max() < INTERPOLATED * size, (body, point)
+
+
+def test_sixty_frames_a_second_and_numbers_of_outputs(browser: Chromium, tmp_path: Path) -> None:
+    """A page that plays draws between outputs, more poses than there are outputs; at rest it stands in an output."""
+    run = run_of("four-bar")
+    browser.open(viewer.write_html(run, tmp_path / "page.html"))
+    seen = browser.value(
+        "new Promise((done) => { const seen = []; partita.play(true); const each = () => { seen.push(partita.time());"
+        " if (seen.length < 60) requestAnimationFrame(each); else { partita.play(false); done([...new Set(seen)]); } };"
+        " requestAnimationFrame(each); })"
+    )
+    shown = (seen[-1] - seen[0]) / np.diff(run.t)[0]
+    assert len(seen) > 2 * shown and len(seen) >= 50
+    assert np.abs(run.t - browser.value("partita.time()")).min() < 1e-6
+    instant = float(0.3 * run.t[4] + 0.7 * run.t[5])
+    browser.value(f"partita.between({instant})")
+    assert browser.value("partita.time()") == pytest.approx(instant, abs=1e-6)
+    kinetic = browser.value("document.querySelector('#readouts div:nth-child(3) dd').textContent")
+    assert float(kinetic.split()[0]) == pytest.approx(run.energy.kinetic[5], rel=1e-3)
+
+
+@pytest.mark.parametrize(("name", "loops"), [("engine-v-twin", None), ("stewart-ups", None), ("n-four-bar", 24)])
+def test_frames_are_painted_in_time(browser: Chromium, tmp_path: Path, name: str, loops: int | None) -> None:
+    """Thirty frames a second on a renderer without a graphics processor, up to fifty bodies: pixels are waited for.
+
+    A quiet machine takes a tenth to a third of that; paths and plots painted anew in each frame took more than all of
+    it for an engine of a hundred turns.
+    """
+    run = run_of(name, loops) if loops is None else run_of(name, loops, t_eval=tuple(np.linspace(0.0, 2.0, 41)))
+    for screen in (DESKTOP, PHONE):
+        browser.open(viewer.write_html(run, tmp_path / "page.html"), screen)
+        took = browser.value(
+            "(() => { const found = [], all = [...document.querySelectorAll('canvas')];"
+            " for (let i = 0; i < 30; i++) { const from = performance.now();"
+            f" partita.paint({run.t[0]} + {float(run.t[-1] - run.t[0])} * (0.1 + 0.021 * i));"
+            " all.forEach((c) => c.getContext('2d').getImageData(0, 0, 1, 1)); found.push(performance.now() - from); }"
+            " return found.sort((a, b) => a - b); })()"
+        )
+        assert took[15] < 1000 / 30, (screen, took)
+
+
+def test_a_page_inside_another_is_the_drawing_alone(browser: Chromium, tmp_path: Path) -> None:
+    path = viewer.write_html(run_of("four-bar"), tmp_path / "page.html")
+    for screen in (DESKTOP, PHONE):
+        browser.open(path, screen, "light", "?bare#play")
+        assert browser.value("partita.playing()")
+        shown = "[...document.querySelectorAll('header, aside, #plots, #tools, #slider, #play')].filter((e) =>"
+        assert browser.value(f"{shown} e.checkVisibility()).map((e) => e.id)") == ["play"]
+        width, height = browser.value("partita.size()")
+        assert width > 0.95 * screen[0] and height > 0.9 * screen[1]
+        xs = browser.value("partita.joints().map((p) => p.x)")
+        assert max(xs) - min(xs) > 0.4 * width
+        assert browser.reported == []
+
+
+def test_bodies_that_turn_far_are_shown_in_outputs_only(browser: Chromium, tmp_path: Path) -> None:
+    """Two outputs per turn of a crank say nothing of what lies between: the page jumps, and invents no motion."""
+    run = run_of("engine-v-twin", t_eval=tuple(np.linspace(0.0, 1.0, 22)))
+    browser.open(viewer.write_html(run, tmp_path / "page.html"))
+    for part in (0.2, 0.4, 0.6):
+        browser.value(f"partita.between({run.t[6] + part * (run.t[7] - run.t[6])})")
+        assert browser.value("partita.time()") == pytest.approx(run.t[6 if part < 0.5 else 7], abs=1e-6)
+    assert browser.value("partita.speed()") == pytest.approx(0.1)  # as long as a run of a second is shown, no slower
+    assert not browser.value("document.getElementById('spans').checkVisibility()")  # all dots, on all of the run
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [("engine-v-twin", "1/20 of real time"), ("heavy-top", "of real time"), ("reference-four-bar", "real time")],
+)
+def test_speeds_let_a_turn_be_followed(browser: Chromium, tmp_path: Path, name: str, words: str) -> None:
+    run = run_of(name)
+    browser.open(viewer.write_html(run, tmp_path / "page.html"))
+    assert browser.value("document.getElementById('speed').selectedOptions[0].text").endswith(words)
+    rate = max(float(np.median(np.linalg.norm(run.body(b).angular_velocity, axis=1))) for b in run.names.bodies)
+    assert 2 * np.pi / rate / browser.value("partita.speed()") > 1.9  # seconds on the screen that a usual turn takes
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1e4])

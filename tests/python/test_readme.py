@@ -252,7 +252,7 @@ def test_site_is_put_together(
     for page in tmp_path.rglob("*.md"):
         for link in LINK.findall(text_of(page)):
             assert (page.parent / link).exists(), (page.name, link)
-        for link in re.findall(r'(?:src|href)="\.\./(live|files)/([^"]+)"', text_of(page)):
+        for link in re.findall(r'(?:src|href)="\.\./(live|files)/([^"#?]+)["#?]', text_of(page)):
             assert tmp_path.joinpath("_extra", *link).exists(), link
     animated = {path.stem for path in (tmp_path / "_extra" / "live").iterdir()}
     guide = {page.replace("/", "-") for page in in_sidebar if page.startswith("guide/")}

@@ -9,7 +9,7 @@ import chromium
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
-from website import seen
+from website import seen, texts
 
 pytestmark = pytest.mark.skipif(chromium.PROGRAM is None, reason="no Chromium is installed to open pages in")
 
@@ -65,3 +65,26 @@ def test_a_site_is_searched_where_it_stands(browser: Any, tmp_path: Path) -> Non
         reported = seen._search(browser, address, "x", "reference/d.html")
         assert reported and "before reference/d.html" in reported[0]
         assert seen._search(browser, address, "x", "reference/c.html#partita.c") == []
+
+
+def test_a_search_from_disk_has_the_texts_of_pages(browser: Any, tmp_path: Path) -> None:
+    """Pages in pieces, and what a page of results then reads in place of another page; markup stays text."""
+    page = (
+        '<html><body><nav id="n">elsewhere</nav><article role="main"><h1>Title<a class="headerlink" href="#x">#</a>'
+        "</h1>"
+        '<section id="x"><p>closed <b>loops</b> &lt;i&gt;</p><img src="a.png"><script>bad()</script></section>'
+        '<dl><dt id="partita.f">f</dt><dd>an answer</dd></dl></article><footer id="f">below</footer></body></html>'
+    )
+    found = texts.pieces(page)
+    assert found == [["", "Title"], ["x", "closed loops <i>"], ["partita.f", "f an answer"]]
+    static = tmp_path / "_static"
+    static.mkdir()
+    (tmp_path / "page.html").write_text(page, "utf-8")
+    texts.write(tmp_path)
+    script = (Path(texts.__file__).with_name("from_disk.js")).read_text("utf-8")
+    (tmp_path / "search.html").write_text(f"<script>{script}</script>", "utf-8")
+    browser.open(tmp_path / "search.html")
+    read = browser.value("fetch('page.html?highlight=loops#x').then((r) => r.text())")
+    parsed = f"new DOMParser().parseFromString({read!r}, 'text/html')"
+    assert browser.value(f"{parsed}.querySelector('[role=\"main\"] #x').textContent").strip() == "closed loops <i>"
+    assert browser.value(f"{parsed}.querySelectorAll('i, script, img').length") == 0

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import partita
+from website import texts
 
 project = "Partita"
 author = "the authors of Partita"
@@ -30,6 +31,7 @@ html_title = f"Partita {release}"
 html_static_path = ["_static"]
 html_favicon = "_static/favicon.svg"
 html_css_files = ["partita.css"]
+html_js_files = ["from_disk.js"]
 html_extra_path = ["_extra"]
 html_show_sphinx = False
 html_show_sourcelink = False
@@ -117,8 +119,15 @@ def skipped(app: Any, what: str, name: str, obj: object, skip: bool, options: An
     return True if name in INSIDE else None
 
 
+def finished(app: Any, exception: Exception | None) -> None:
+    """The texts of all pages, for a search from disk."""
+    if exception is None and app.builder.name == "html":
+        texts.write(Path(app.outdir))
+
+
 def setup(app: Any) -> None:
-    """Docstrings before and after napoleon reads them, and signatures."""
+    """Docstrings before and after napoleon reads them, signatures, and what is made of the rendered pages."""
+    app.connect("build-finished", finished)
     app.connect("autodoc-skip-member", skipped)
     app.connect("autodoc-process-docstring", plain, priority=400)
     app.connect("autodoc-process-docstring", hide, priority=410)

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from html import escape
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.ticker import MaxNLocator
@@ -17,11 +15,17 @@ from partita.plots.measure import draw_measure
 from partita.plots.style import COLOURS, dressed, new_figure
 from partita.results import Result
 from partita.viewer import scene
+from partita.viewer.pose import Pose
+from partita.viewer.stage import Stage
 
 Points = NDArray[np.float64]
 ANSWERED = "With published or closed-form answers"
-WIDTH, HEIGHT, MARGIN = 220.0, 150.0, 16.0
-GROUND = -1
+SIZE = (440, 300)
+"""Pixels of a picture of the gallery, twice those on a screen."""
+WORDS = 96
+"""Rows of a film's picture that hold its title and its scales: cut off."""
+BAR, SHOWN, MOST_TIMES = 0.05, 0.3, 20.0
+"""A mechanism flatter than the first number is shown in part: as flat as the second, at most so many times as large."""
 QUALITY, OUTPUTS = "quality", 121
 
 
@@ -60,6 +64,7 @@ def _mechanism(name: str, folder: Path, live: Path) -> str:
     entry = catalogue.entry(name)
     run = entry.simulate()
     run.to_html(live / f"{name}.html")
+    picture(run, live / f"{name}.png")
     judged = []
     if run.independent.shape[1]:  # else every position is prescribed
         over = quality(entry, run, folder / QUALITY / f"{name}.png")
@@ -82,7 +87,8 @@ def _mechanism(name: str, folder: Path, live: Path) -> str:
     text = [
         f"# {name}",
         f"{title}.",
-        f'<iframe class="live" src="../live/{name}.html" title="{escape(name)} in motion" loading="lazy"></iframe>',
+        f'<iframe class="live" src="../live/{name}.html#play" title="{escape(name)} in motion" '
+        'loading="lazy"></iframe>',
         f'<p><a href="../live/{name}.html">The animated page alone</a></p>',
         "| | |\n|---|---|\n" + "\n".join(f"| {what} | {value} |" for what, value in facts),
         *why,
@@ -94,7 +100,7 @@ def _mechanism(name: str, folder: Path, live: Path) -> str:
     ]
     (folder / f"{name}.md").write_text("\n\n".join([*text, ""]), encoding="utf-8")
     return (
-        f'<a class="card" href="{name}.html">{picture(scene.describe(run, None), run)}'
+        f'<a class="card" href="{name}.html"><img src="../live/{name}.png" alt="" width="{SIZE[0]}" height="{SIZE[1]}">'
         f"<b>{escape(name)}</b><span>{escape(entry.title)}</span></a>\n"
     )
 
@@ -144,83 +150,20 @@ def volumes(run: Result) -> Points:
     return np.array([volume(output) for output in range(len(run.t))])
 
 
-def picture(drawn: dict[str, Any], run: Any) -> str:
-    """The mechanism at its start as a small drawing in the colours of the page, seen from where its page shows it."""
-    view = drawn["view"]
-    sight = np.array([view["right"], view["up"]], dtype=float)
-    pieces: list[tuple[str, Points]] = []
-    for body in drawn["bodies"]:
-        at = run.body(body["name"])
-        world = np.array(body["points"], dtype=float) @ at.rotation[0].T + at.position[0]
-        pieces.append((body["kind"], world @ sight.T))
-    pins = {joint["name"]: run.joint(joint["name"]).point[0] @ sight.T for joint in drawn["joints"]}
-    outlines = [(look, points @ sight.T) for look, points in _outlines(drawn, run, sight)]
-    shown = [points for _, points in [*pieces, *outlines]]
-    fit = _fit(np.concatenate([*shown, *(p.reshape(1, 2) for p in pins.values())]))
-    lines = [f'<svg viewBox="0 0 {WIDTH:g} {HEIGHT:g}" role="img" aria-label="{escape(drawn["title"])}">']
-    for look, points in outlines:
-        path = "L".join(f"{x:.1f},{y:.1f}" for x, y in fit(points))
-        lines.append(f'<path class="{look}" d="M{path}"/>')
-    for number, (kind, points) in enumerate(pieces):
-        lines.append(_shape(kind, fit(points), f"hue{number % 6}"))
-    for joint in drawn["joints"]:
-        point = fit(pins[joint["name"]].reshape(1, 2))[0]
-        held = " ground" if joint["parent"] == GROUND else ""
-        lines.append(f'<circle class="pin{held}" cx="{point[0]:.1f}" cy="{point[1]:.1f}" r="3.2"/>')
-    return "".join([*lines, "</svg>"])
+def picture(run: Result, path: Path) -> None:
+    """The mechanism as its page shows it, a third of the way through its run, into a small image.
 
-
-def _outlines(drawn: dict[str, Any], run: Any, sight: Points) -> Iterator[tuple[str, Points]]:
-    """Wheels, balls that roll, belts, cams, rods without mass and springs: their look and their points in the world."""
-    names = [body["name"] for body in drawn["bodies"]]
-
-    def world(body: int, points: Any) -> Points:
-        local = np.atleast_2d(np.array(points, dtype=float))
-        at = run.body(names[body]) if body != GROUND else None
-        return local if at is None else local @ at.rotation[0].T + at.position[0]
-
-    def hue(body: int) -> str:
-        return f"thin hue{body % 6}" if body != GROUND else "thin"
-
-    angle = np.linspace(0.0, 2.0 * np.pi, 49)[:, None]
-    rounds = [(wheel["body"], wheel) for wheel in drawn["wheels"]]
-    rounds += [(solid["body"], part) for solid in drawn["solids"] for part in solid["parts"] if "radius" in part]
-    for body, part in rounds:
-        middle, across = world(body, part["center"])[0], sight
-        if part.get("kind") != "ball":  # a circle about its axis; a ball is round from everywhere
-            axis = world(body, part["axis"])[0] - world(body, (0, 0, 0))[0]
-            across = np.linalg.svd(axis[None, :])[2][1:]
-        yield hue(body), middle + part["radius"] * (np.cos(angle) * across[0] + np.sin(angle) * across[1])
-    for line in drawn["lines"]:
-        points = world(line["body"], line["points"])
-        yield hue(line["body"]), np.concatenate((points, points[:1])) if line["closed"] else points
-    for look, two in [*(("thin", rod) for rod in drawn["rods"]), *(("spring", spring) for spring in drawn["springs"])]:
-        yield look, np.concatenate([world(two[f"body{end}"], two[f"point{end}"]) for end in (1, 2)])
-
-
-def _shape(kind: str, points: Points, hue: str) -> str:
-    """One body."""
-    if kind == "plate":
-        corners = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
-        return f'<polygon class="{hue}" points="{corners}"/>'
-    if kind == "frame":
-        ring = "L".join(f"{x:.1f},{y:.1f}" for x, y in points)
-        return f'<path class="{hue}" fill="none" d="M{ring}Z"/>'
-    if len(points) == 1:
-        return f'<circle class="body {hue}" cx="{points[0, 0]:.1f}" cy="{points[0, 1]:.1f}" r="6"/>'
-    middle, ends = points[0], points[1:]
-    rays = "".join(f"M{middle[0]:.1f},{middle[1]:.1f}L{x:.1f},{y:.1f}" for x, y in ends)
-    return f'<path class="{hue}" d="{rays}"/>'
-
-
-def _fit(points: Points) -> Any:
-    """What moves points into the drawing."""
-    low, high = points.min(axis=0), points.max(axis=0)
-    span = np.maximum(high - low, 1e-9 * max(float(np.abs(points).max()), 1e-9))
-    scale = min((WIDTH - 2 * MARGIN) / span[0], (HEIGHT - 2 * MARGIN) / span[1])
-    middle = (low + high) / 2
-
-    def fit(found: Points) -> Points:
-        return (found - middle) * [scale, -scale] + [WIDTH / 2, HEIGHT / 2]
-
-    return fit
+    Of one that is so long that it would be a bar, the middle is shown, larger.
+    """
+    drawn = scene.describe(run, None, packed=False)
+    pose, frame = Pose(drawn), len(run.t) // 3
+    wide, high = SIZE
+    stage = Stage(pose, (wide, high + WORDS), forces=False, factor=1.0)
+    cloud = pose.extent(stage.follows) @ np.array([stage.right, stage.up]).T
+    across, tall = np.ptp(cloud, axis=0)
+    if 0.0 < tall < BAR * across:
+        times = min(SHOWN * across / tall, MOST_TIMES)
+        stage = Stage(pose, (round(times * wide), high + WORDS), forces=False, factor=1.0)
+    image = stage.picture(frame)
+    left, top = (image.width - wide) // 2, WORDS // 2
+    image.crop((left, top, left + wide, top + high)).quantize(64).save(path, optimize=True)

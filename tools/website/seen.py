@@ -148,7 +148,24 @@ def _offline(browser: Any, site: Path, chromium: Any) -> list[str]:
     found = [f"formulations.html, offline: console: {word}" for word in browser.reported]
     if not drawn or min(drawn) < 2:
         found.append("formulations.html, offline: a formula is not drawn")
+    for words in ("simulate", "redundant"):
+        browser.open(site / "search.html", chromium.DESKTOP, "light", f"?q={words}")
+        if not any(words in text.lower() for text in excerpts(browser)):
+            found.append(f'search.html from disk: no excerpt for "{words}"')
     return found
+
+
+def excerpts(browser: Any) -> list[str]:
+    """The excerpts on a page of results, as soon as there is one for each of the first results."""
+    until = monotonic() + PATIENCE
+    while monotonic() < until:
+        found: list[str] = browser.value(
+            "[...document.querySelectorAll('#search-results p.context')].map((p) => p.innerText)"
+        )
+        if len(found) >= FIRST:
+            return found
+        sleep(0.2)
+    return []
 
 
 def pictures(browser: Any, address: str, site: Path, shots: Path, chromium: Any) -> None:

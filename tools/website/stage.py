@@ -25,7 +25,7 @@ DOCS = HERE.parents[1] / "docs"
 
 NOTEBOOK = re.compile(r"(\]\((?:\.\./)?notebooks/[\w-]+)\.ipynb\)")
 PAGE = re.compile(r"(?<!`)\bdocs/([\w/-]+\.md)")  # as the changelog names pages
-STYLE, SIGN = "partita.css", "favicon.svg"
+STATIC = ("partita.css", "favicon.svg", "from_disk.js")
 # The reference of the core is made by cargo and put beside the site.
 RUST = """# The core, in Rust
 
@@ -53,8 +53,8 @@ def stage(folder: Path, draw: Callable[[Path], None], only: tuple[str, ...] | No
     changes = (DOCS.parent / "CHANGELOG.md").read_text(encoding="utf-8")
     changes = PAGE.sub(r"[\1](\1)", changes.replace("](docs/", "]("))
     (folder / "changelog.md").write_text(changes, encoding="utf-8")
-    for name in ("conf.py", "scorer.js", STYLE, SIGN):
-        target = folder / ("_static" if name in (STYLE, SIGN) else ".") / name
+    for name in ("conf.py", "scorer.js", *STATIC):
+        target = folder / ("_static" if name in STATIC else ".") / name
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(HERE / name, target)
     for notebook in sorted((DOCS / "notebooks").glob("*.ipynb")):
@@ -71,7 +71,8 @@ def stage(folder: Path, draw: Callable[[Path], None], only: tuple[str, ...] | No
 
 
 # Where a page of docs/ shows a mechanism in motion: what its own code left in `run`, or a mechanism of the catalogue.
-LIVE = re.compile(r"^<!-- live: ([\w-]+) -->$", flags=re.MULTILINE)
+# With "bare" the drawing alone, as wide as the page.
+LIVE = re.compile(r"^<!-- live: ([\w-]+)( bare)? -->$", flags=re.MULTILINE)
 CODE = re.compile(r"^```python\n(.*?)^```$", flags=re.MULTILINE | re.DOTALL)
 
 
@@ -89,8 +90,9 @@ def animate(folder: Path) -> None:
         def shown(mark: re.Match[str], text: str = text, name: str = name, up: str = up) -> str:
             run = ran(text[: mark.start()])["run"] if mark[1] == "run" else catalogue.entry(mark[1]).simulate()
             run.to_html(pages / f"{name}.html")
+            kind, part = ("live bare", "?bare#play") if mark[2] else ("live", "#play")
             return (
-                f'<iframe class="live" src="{up}live/{name}.html" title="the mechanism of this page in motion" '
+                f'<iframe class="{kind}" src="{up}live/{name}.html{part}" title="the mechanism of this page in motion" '
                 f'loading="lazy"></iframe>\n<p><a href="{up}live/{name}.html">The animated page alone</a></p>'
             )
 

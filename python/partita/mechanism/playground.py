@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 from .. import options as run_options
 from ..errors import ArgumentError
 from ..files import put, target
+from ..io.toml_writer import document
+from ..naming import Names, coordinate_units
 from ..numeric import shown
-from ..playground import Program, changeable, functions_of, held, html, program
+from ..playground import PULL, Program, changeable, functions_of, held, html, program
 from ..state import State
-from ..viewer.geometry import view
+from ..viewer.page import DRAWS
+from ..viewer.still import scene_of
 from .models import Modelled, layout_of
+from .seen import still
 from .solve import assemble, convert
 
 
@@ -31,7 +33,8 @@ def to_playground(
     pull a link, and the page computes the motion with the equations of the core.
 
     Prefer it for experiments, in teaching or when discussing a design; `Result.to_html` shows one computed run with its
-    reactions. The page loads nothing and needs neither Python nor a network.
+    reactions. The page loads nothing and needs neither Python nor a network. Changes can be taken back, shared by the
+    address of the page, and saved as a model file or a Python script.
 
     Args:
         path: the file, such as "four-bar.html"; an existing one is replaced.
@@ -67,15 +70,34 @@ def to_playground(
     if initial is not None and not isinstance(initial, State):
         raise ArgumentError(f"initial must be a State, not {type(initial).__name__}", argument="initial")
     pace = run_options.positive("speed", speed)
-    made = recorded(self, initial)
-    seen = {"planar": bool(layout_of(self, "relative")[0].summary.get("planar")), **_view(self)}
-    page = html(made, self.name if title is None else title, seen, pace)
+    name = self.name if title is None else title
+    start = _start(self, initial)
+    made = recorded(self, start)
+    seen = {"scene": scene_of(still(self, start), name), "toml": _file(self)}
+    page = html(made, name, seen, pace, ("partita.viewer", DRAWS))
     return put(where, page.encode("utf-8"))
+
+
+def _start(self: Modelled, initial: State | None) -> State:
+    return assemble(self) if initial is None else convert(self, initial, "relative")
+
+
+def _file(self: Modelled) -> str:
+    """The model file in which the page puts the numbers that were changed: bodies with inertias of their own, joints
+    with their points on both bodies."""
+    wide = changed(self)
+    description = wide._description
+    for name, body in description.bodies.items():
+        description.bodies[name] = replace(body, rod=None)
+    for name in [force for force in description.forces if force.startswith(PULL)]:
+        del description.forces[name]
+    description.sensors.clear()
+    return document(wide)
 
 
 def recorded(self: Modelled, initial: State | None) -> Program:
     """The program of the page."""
-    start = assemble(self) if initial is None else convert(self, initial, "relative")
+    start = _start(self, initial)
     own = layout_of(self, "relative")[0]
     functions = functions_of(own)
     wide = changed(self)
@@ -86,7 +108,16 @@ def recorded(self: Modelled, initial: State | None) -> Program:
     q, v = start.q, start.v
     if start.names != model.names:
         q, v = model.core.transferred(own.core, start.q, start.v)
-    return program(model, State(start.t, q, v, layout=layout), drives, functions)
+    made = program(model, State(start.t, q, v, layout=layout), drives, functions)
+    names = Names.from_summary(model.summary, model.core.nq, model.core.nv, model.core.rows)
+    q_units, v_units = coordinate_units(model.summary, names)
+    made.about["units"] = dict(zip(names.velocities, v_units, strict=True))
+    made.about["plain"] = [
+        [name, i, unit]
+        for i, (name, unit) in enumerate(zip(names.coordinates, q_units, strict=True))
+        if unit in ("rad", "m")
+    ]
+    return made
 
 
 def changed(self: Modelled) -> Modelled:
@@ -94,19 +125,3 @@ def changed(self: Modelled) -> Modelled:
     wide = Modelled(self.name, (0.0, 0.0, 0.0), self.drawing_tolerance)
     wide._description = changeable(self._description)
     return wide
-
-
-def _view(self: Modelled) -> dict[str, Any]:
-    """View direction: along the common normal of a planar mechanism, else oblique."""
-    model = layout_of(self, "relative")[0]
-    description = self._description
-    points = [joint.point for joint in description.joints.values() if joint.point is not None]
-    cloud = np.array(points, dtype=float).reshape(-1, 3) if points else np.zeros((1, 3))
-    gravity = np.array(description.gravity, dtype=float)
-    normal = None
-    if model.summary.get("planar"):
-        axes = [
-            j.geometry["axis"] for j in description.joints.values() if j.kind == "revolute" and "axis" in j.geometry
-        ]
-        normal = np.array(axes[0], dtype=float) if axes else np.array([0.0, 0.0, 1.0])
-    return view(cloud, gravity if np.any(gravity) else None, normal)

@@ -1,6 +1,6 @@
 """A page on which a mechanism runs and can be changed; `Mechanism.to_playground` writes it."""
 
 from .page import html
-from .program import Program, changeable, functions_of, held, program
+from .program import PULL, Program, changeable, functions_of, held, program
 
-__all__ = ["Program", "changeable", "functions_of", "held", "html", "program"]
+__all__ = ["PULL", "Program", "changeable", "functions_of", "held", "html", "program"]

@@ -1,8 +1,11 @@
-// The page: fields for all that can be changed, the pointer, the clock.
+// The page: drawing and plots of what moves now, the pointer, the clock, links and files.
 
 const $ = (id) => document.getElementById(id);
 const about = JSON.parse($("data").textContent);
 const fault = (words) => { $("fault").hidden = !words; $("fault").textContent = words; };
+const EXPLORED = 3, EXPLORING = 150; // seconds of motion looked at before the first picture; milliseconds spent on them
+const PLOTTED = 6; // seconds on the screen that plots reach back
+const SPEEDS = [0.001, 0.01, 0.03, 0.1, 0.3, 1, 3];
 let motion;
 try {
   motion = makeMotion(await loadProgram($("module").textContent), about);
@@ -11,161 +14,69 @@ try {
   fault(error.message);
   throw error;
 }
-const drawing = makeDrawing($("view"), about, motion);
-let running = true, pull = null, stopped = "";
+let running = true, stopped = "";
+const numbers = new Numbers(about, motion);
+const live = new LiveRun(about, motion);
+const scene = new LiveScene(live, $("view"));
 
-// five digits, by powers of ten where a field would cut them off
-const nice = (x) => {
-  const five = Number(x.toPrecision(5)), plain = five.toString();
-  return plain.length > 9 ? five.toExponential() : plain;
-};
-const UNITS = { mass: "kg", stiffness: "N/m", damping: "N s/m", length: "m", radius: "m", radius1: "m", radius2: "m", pitch: "m" };
-const refresh = [];
-function attempt(doIt) {
+/** The first view holds where the mechanism goes in the next seconds. */
+function explore() {
+  const deadline = performance.now() + EXPLORING, speed = about.speed;
+  try {
+    for (let i = 1; i <= 30 && performance.now() < deadline; i++) {
+      motion.advance(motion.t + (EXPLORED * speed) / 30, deadline);
+      live.look();
+      scene.extent.push(...findExtent(live));
+    }
+  } catch (error) {
+    if (!(error instanceof motion.Fault)) throw error; // it will be reported when it happens
+  }
+  motion.reset(about.start);
+  live.look();
+}
+explore();
+const plots = new LivePlots(about, motion, PLOTTED * about.speed);
+
+/** Carry out a change: report why it cannot be, and show all numbers anew. */
+function attempt(change) {
   let words = "";
   try {
-    words = doIt() || "";
+    words = change() || "";
   } catch (error) {
     if (!(error instanceof motion.Fault)) throw error;
     words = error.message;
   }
   if (!words) stopped = "";
   fault(words || stopped);
-  refresh.forEach((f) => f());
+  fields.show();
+  $("undo").disabled = !numbers.past.length;
+  $("redo").disabled = !numbers.future.length;
   return !words;
 }
-// a number with a slider about the value as drawn
-function field(parent, words, unit, read, write, slider) {
-  const id = `f${document.querySelectorAll(".field").length}`;
-  const box = document.createElement("div");
-  box.className = "field";
-  const label = document.createElement("label");
-  label.htmlFor = id;
-  label.textContent = words;
-  const input = document.createElement("input");
-  Object.assign(input, { type: "number", id, step: "any" });
-  const of = document.createElement("span");
-  of.className = "unit";
-  of.textContent = unit;
-  box.append(label, input, of);
-  let range = null;
-  if (slider) {
-    const x = read();
-    range = document.createElement("input");
-    Object.assign(range, { type: "range", min: slider[0], max: slider[1], step: (slider[1] - slider[0]) / 400, value: x });
-    range.setAttribute("aria-label", words);
-    box.append(range);
-  }
-  const take = (x) => {
-    const fits = Number.isFinite(x) && attempt(() => write(x));
-    input.classList.toggle("bad", !fits);
-    if (!Number.isFinite(x)) fault(`${words} needs a number.`);
-  };
-  input.addEventListener("change", () => take(input.valueAsNumber));
-  if (range) range.addEventListener("input", () => take(range.valueAsNumber));
-  const show = () => {
-    if (document.activeElement !== input || !input.classList.contains("bad")) input.value = nice(read());
-    if (range && document.activeElement !== range) range.value = read();
-  };
-  refresh.push(show);
-  show();
-  parent.append(box);
-}
-const has = (name) => name in about.parameters;
-
-// the first dozen visible, the rest folded
-const more = (parent, number, count) => {
-  if (number < 12 || count <= 15) return parent;
-  if (!parent.querySelector("details")) {
-    const fold = document.createElement("details"), words = document.createElement("summary");
-    words.textContent = `${count - 12} more`;
-    fold.append(words);
-    parent.append(fold);
-  }
-  return parent.querySelector("details");
-};
-about.lengths.slice(0, 60).forEach((one, i) => {
-  const words = `${one.body}: ${one.what}`;
-  const set = (x) => (x > 0 ? motion.change(motion.lengthened(one, x)) : `${words} must be above 0.`);
-  const parent = more($("lengths"), i, Math.min(60, about.lengths.length));
-  field(parent, words, "m", () => motion.lengthOf(one), set, [0.3 * one.drawn, 2 * one.drawn]);
-});
-if (about.lengths.length === 0) $("lengths").textContent = "No body has two rotational joints.";
-// what the drawing refuses as well
-const outside = (name, words, x) => {
-  if (about.bounds[name] === "above" && !(x > 0)) return `${words} must be above 0.`;
-  return about.bounds[name] === "not" && x === 0 ? `${words} must not be 0.` : "";
-};
-const scalar = (parent, name, words, unit, positive) => {
-  const x = about.values[name][0];
-  const set = (value) =>
-    positive && !(value > 0) ? `${words} must be above 0.` : outside(name, words, value) || motion.change({ [name]: [value] });
-  field(parent, words, unit, () => motion.get(name)[0], set, x > 0 ? [0.1 * x, 4 * x] : null);
-};
-if (has("gravity")) {
-  const drawn = about.values.gravity, g = Math.hypot(...drawn), direction = g > 0 ? drawn.map((x) => x / g) : [0, -1, 0];
-  const size = () => motion.get("gravity").reduce((s, x, i) => s + x * direction[i], 0);
-  field($("masses"), "gravity", "m/s²", size, (x) => motion.change({ gravity: direction.map((w) => w * x) }), [0, g > 0 ? 2 * g : 20]);
-}
-const heavy = about.bodies.slice(0, 40).filter((body) => has(`${body}.mass`));
-heavy.forEach((body, i) => scalar(more($("masses"), i, heavy.length), `${body}.mass`, `${body}: mass`, "kg", true));
-for (const name of Object.keys(about.parameters)) {
-  const [, what] = [name.slice(0, name.lastIndexOf(".")), name.slice(name.lastIndexOf(".") + 1)];
-  if (name.startsWith("pull ") || name === "gravity" || what === "mass") continue;
-  const owner = name.slice(0, name.lastIndexOf("."));
-  if (about.values[name].length === 1) scalar($("masses"), name, `${owner}: ${what}`, UNITS[what] || "", false);
-}
-// everything else by components, made when it is asked for
-$("rest").parentElement.addEventListener("toggle", () => {
-  if ($("rest").childElementCount) return;
-  for (const [name, [, count]] of Object.entries(about.parameters)) {
-    if (name.startsWith("pull ") || count === 1) continue;
-    for (let i = 0; i < count; i++) {
-      const part = count === 3 ? "xyz"[i] : count === 9 ? "xyz"[Math.floor(i / 3)] + "xyz"[i % 3] : i + 1;
-      const set = (x) => {
-        const all = motion.get(name);
-        all[i] = x;
-        // a tensor stays symmetric
-        if (count === 9) all[3 * (i % 3) + Math.floor(i / 3)] = x;
-        return outside(name, `${name} ${part}`, x) || motion.change({ [name]: all });
-      };
-      field($("rest"), `${name} ${part}`, "", () => motion.get(name)[i], set, null);
-    }
-  }
-});
-$("driven").hidden = motion.rates.length === 0;
-motion.rates.forEach((drive, i) => {
-  if (drive.breaks.length) {
-    field($("drives"), `${drive.name}: times as fast`, "", () => motion.rates[i].factor, (x) => motion.pace(i, x), [0, 3]);
-  } else {
-    const x = drive.value, wide = Math.max(Math.abs(x), 1);
-    const unit = drive.level === "position" ? "" : "/s";
-    const set = (value) => motion.prescribe(i, value);
-    field($("drives"), `${drive.name}: ${drive.level}`, unit, () => motion.rates[i].value, set, [x - 2 * wide, x + 2 * wide]);
-  }
-});
+const fields = new Fields(about, motion, numbers, attempt, fault);
 
 // bars of rho: the first forty
 const bars = about.names.slice(0, 40).map((name) => {
-  const row = document.createElement("div");
-  row.className = "row";
-  row.innerHTML = '<span class="mark" aria-hidden="true">◆</span><span class="name"></span><span class="track"><span class="fill" style="display:block"></span></span><span class="value"></span>';
-  row.querySelector(".name").textContent = name;
-  row.querySelector(".name").title = name;
+  const row = element("div", "row"), mark = element("span", "mark", "◆"), track = element("span", "track");
+  const fill = element("span", "fill"), value = element("span", "value"), label = element("span", "name", name);
+  mark.setAttribute("aria-hidden", "true");
+  fill.style.display = "block";
+  label.title = name;
+  track.append(fill);
+  row.append(mark, label, track, value);
   $("bars").append(row);
-  return { row, fill: row.querySelector(".fill"), value: row.querySelector(".value") };
+  return { row, fill, value };
 });
 const readouts = ["energy", "switches", "frames a second"].map((name) => {
-  const box = document.createElement("div"), dt = document.createElement("dt"), dd = document.createElement("dd");
-  dt.textContent = name;
-  box.append(dt, dd);
+  const box = element("div"), dd = element("dd");
+  box.append(element("dt", "", name), dd);
   $("readouts").append(box);
   return dd;
 });
-
-for (const x of [0.001, 0.01, 0.03, 0.1, 0.3, 1, 3]) $("speed").add(new Option(`× ${x}`, x));
-if (![...$("speed").options].some((o) => Number(o.value) === about.speed)) $("speed").add(new Option(`× ${about.speed}`, about.speed));
+const speedWords = (x) => (x === 1 ? "real time" : x < 1 ? `1/${Number((1 / x).toPrecision(2))} of real time` : `${x} × real time`);
+for (const x of [...new Set([...SPEEDS, about.speed])].sort((a, b) => a - b)) $("speed").add(new Option(speedWords(x), x));
 $("speed").value = about.speed;
+$("speed").addEventListener("change", () => { plots.seconds = PLOTTED * Number($("speed").value); });
 
 // ---- the pointer
 let dragging = null;
@@ -175,17 +86,17 @@ const local = (event) => {
 };
 const springOf = (body) => `pull ${about.bodies[body]}`;
 function release() {
-  if (!pull) return;
-  const name = springOf(pull.body);
+  if (!scene.pull) return;
+  const name = springOf(live.place[scene.pull.body]);
   motion.load({ [`${name}.stiffness`]: [0], [`${name}.damping`]: [0] });
-  pull = null;
+  scene.pull = null;
 }
 function grasp(found) {
-  pull = found;
-  const name = springOf(found.body);
+  scene.pull = found;
+  const name = springOf(live.place[found.body]);
   // in proportion to the mass and size of what moves: half its weight for a displacement by a tenth of its size
   let mass = 0;
-  for (const body of about.bodies) if (has(`${body}.mass`)) mass += motion.get(`${body}.mass`)[0];
+  for (const body of about.bodies) mass += scene.number(`${body}.mass`);
   const stiffness = (mass || 1) * 60, damping = 2 * (mass || 1) * 2;
   motion.load({
     [`${name}.point1`]: found.to, [`${name}.point2`]: found.point, [`${name}.stiffness`]: [stiffness], [`${name}.damping`]: [damping],
@@ -193,56 +104,183 @@ function grasp(found) {
 }
 $("view").addEventListener("pointerdown", (event) => {
   $("view").setPointerCapture(event.pointerId);
-  const [x, y] = local(event), found = event.button === 0 && !event.shiftKey ? drawing.pick(x, y) : null;
+  const [x, y] = local(event), found = event.button === 0 && !event.shiftKey ? scene.grasped(x, y) : null;
   dragging = { x, y, moves: event.button !== 0 || event.shiftKey };
   if (found) grasp(found);
   $("hint").hidden = true;
 });
 $("view").addEventListener("pointermove", (event) => {
   if (!dragging) return;
-  const [x, y] = local(event);
-  if (pull) {
-    pull.to = drawing.world(x, y, pull.to);
-    motion.load({ [`${springOf(pull.body)}.point1`]: pull.to });
-  } else if (about.view.planar || dragging.moves) {
-    drawing.eye.right += x - dragging.x;
-    drawing.eye.up += y - dragging.y;
+  const [x, y] = local(event), { camera } = scene;
+  if (scene.pull) {
+    scene.pull.to = camera.unproject(x, y, scene.pull.to);
+    motion.load({ [`${springOf(live.place[scene.pull.body])}.point1`]: scene.pull.to });
   } else {
-    drawing.eye.azimuth -= (x - dragging.x) * 0.008;
-    drawing.eye.elevation = Math.max(-1.57, Math.min(1.57, drawing.eye.elevation + (y - dragging.y) * 0.008));
+    scene.touched = true;
+    if (live.scene.flat || dragging.moves) camera.move(x - dragging.x, y - dragging.y);
+    else camera.turnTo(camera.azimuth - (x - dragging.x) * 0.008, camera.elevation + (y - dragging.y) * 0.008);
   }
   dragging = { ...dragging, x, y };
 });
 for (const end of ["pointerup", "pointercancel"]) $("view").addEventListener(end, () => { dragging = null; release(); });
 $("view").addEventListener("contextmenu", (event) => event.preventDefault());
-const zoom = (factor) => { drawing.eye.zoom = Math.max(0.05, Math.min(40, drawing.eye.zoom * factor)); };
-$("view").addEventListener("wheel", (event) => { event.preventDefault(); zoom(Math.exp(-event.deltaY * 0.0012)); }, { passive: false });
+function zoom(factor, x = scene.camera.width / 2, y = scene.camera.height / 2 + scene.camera.drop) {
+  scene.touched = true;
+  scene.camera.zoom(factor, x, y);
+}
+$("view").addEventListener("wheel", (event) => {
+  event.preventDefault();
+  zoom(Math.exp(-Math.max(-200, Math.min(200, event.deltaY)) * 0.0015), ...local(event));
+}, { passive: false });
+
+// ---- view
+function setLens(parallel) {
+  scene.camera.parallel = parallel;
+  $("lens").textContent = parallel ? "Parallel" : "Perspective";
+  $("lens").setAttribute("aria-pressed", String(!parallel));
+}
+const toTheme = () => setTheme(document.documentElement.dataset.theme === "dark" ? "light" : "dark");
+function resetView() {
+  scene.touched = false;
+  scene.resetView();
+}
+for (const name of ["names", "traces", "forces"]) {
+  $(name).checked = scene.options[name];
+  $(name).addEventListener("change", (event) => { scene.options[name] = event.target.checked; });
+}
+$("forces").parentElement.hidden = !live.scene.springs.length;
+$("reset").addEventListener("click", resetView);
+$("lens").addEventListener("click", () => setLens(!scene.camera.parallel));
+$("theme").addEventListener("click", toTheme);
+prefersDark.addEventListener("change", (event) => setTheme(event.matches ? "dark" : "light"));
+function resized() {
+  const stage = $("view").getBoundingClientRect(), box = $("tools").getBoundingClientRect();
+  scene.covered = [{ left: box.left - stage.left, right: box.right - stage.left, top: box.top - stage.top, bottom: box.bottom - stage.top }];
+  scene.camera.head = Math.max(52, Math.min(0.4 * stage.height, box.bottom - stage.top + 20));
+  scene.resize();
+  if (!scene.touched) scene.resetView();
+}
+new ResizeObserver(resized).observe($("view"));
 
 // ---- clock and buttons
 const play = (on) => { running = on; $("play").textContent = on ? "Pause" : "Run"; };
-const restart = () => attempt(() => { release(); motion.reset(about.start); play(true); });
+function restart() {
+  return attempt(() => {
+    release();
+    motion.reset(about.start);
+    scene.forget();
+    plots.forget();
+    play(true);
+  });
+}
 $("play").addEventListener("click", () => { stopped = ""; fault(""); play(!running); });
 $("restart").addEventListener("click", restart);
 $("drawn").addEventListener("click", () => {
+  numbers.remember("");
   motion.load(about.values);
   motion.rates.forEach((d, i) => { d.factor = 1; d.value = about.drives[i].value; });
   restart();
 });
 $("halt").addEventListener("click", () => attempt(() => motion.halt()));
+$("undo").addEventListener("click", () => attempt(() => numbers.undo()));
+$("redo").addEventListener("click", () => attempt(() => numbers.redo()));
 document.addEventListener("keydown", (event) => {
-  if (["INPUT", "SELECT", "BUTTON", "SUMMARY"].includes(event.target.tagName)) return;
-  const turn = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
+  const key = event.key.toLowerCase(), typing = event.target.type === "number" || event.target.type === "search";
+  if ((event.ctrlKey || event.metaKey) && !typing && (key === "z" || key === "y")) {
+    (key === "y" || event.shiftKey ? $("redo") : $("undo")).click();
+    event.preventDefault();
+    return;
+  }
+  if (event.ctrlKey || event.metaKey || event.altKey || ["INPUT", "SELECT", "BUTTON", "SUMMARY"].includes(event.target.tagName)) return;
+  const turn = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key], { camera } = scene;
   if (event.key === " ") $("play").click();
-  else if (event.key === "r" || event.key === "R") restart();
-  else if (event.key === "+") zoom(1.2);
-  else if (event.key === "-") zoom(1 / 1.2);
-  else if (turn && about.view.planar) { drawing.eye.right += 20 * turn[0]; drawing.eye.up += 20 * turn[1]; }
-  else if (turn) { drawing.eye.azimuth -= 0.1 * turn[0]; drawing.eye.elevation += 0.1 * turn[1]; }
-  else return;
+  else if (key === "r") restart();
+  else if (key === "d") toTheme();
+  else if (key === "0") resetView();
+  else if (key === "+" || key === "=") zoom(1.2);
+  else if (key === "-") zoom(1 / 1.2);
+  else if (turn) {
+    scene.touched = true;
+    if (live.scene.flat) camera.move(20 * turn[0], 20 * turn[1]);
+    else camera.turnTo(camera.azimuth - 0.1 * turn[0], camera.elevation + 0.1 * turn[1]);
+  } else return;
   event.preventDefault();
 });
 
-let last = 0, rate = 60, asked = 0;
+// ---- links and files
+const driven = motion.rates.map(({ name }) => name);
+/** Take numbers from the address; returns what is wrong with them. */
+function takeAddress() {
+  const found = /^#p=(.*)$/.exec(location.hash);
+  if (!found) return "";
+  const known = Object.fromEntries(numbers.names.map((name) => [name, about.values[name].length]));
+  const read = fromAddress(found[1], known, driven);
+  if (read.fault) return read.fault;
+  for (const [name, values] of Object.entries(read.numbers)) {
+    for (const x of values) {
+      const words = fields.outside(name, name, x);
+      if (words) return words;
+    }
+  }
+  const rates = motion.rates.map(({ name, value, factor, breaks }) => {
+    const given = Object.hasOwn(read.drives, name) ? read.drives[name] : null;
+    return { value: given !== null && !breaks.length ? given : value, factor: given !== null && breaks.length ? given : factor };
+  });
+  return numbers.restore({ values: { ...numbers.now().values, ...read.numbers }, rates });
+}
+/** The address with the numbers that differ from the drawing. */
+function address() {
+  const changed = numbers.changed(), drives = numbers.changedDrives();
+  return Object.keys(changed).length + Object.keys(drives).length ? `#p=${toAddress(changed, drives)}` : "";
+}
+function say(words) {
+  $("hint").hidden = false;
+  $("hint").textContent = words;
+}
+$("share").addEventListener("click", () => {
+  const part = address();
+  if (part.length > MOST_LETTERS) { fault("More numbers were changed than an address can hold; save a TOML file."); return; }
+  history.replaceState(null, "", part || location.pathname + location.search);
+  say(part ? "The address of this page now holds the changed numbers." : "Nothing is changed: the address is that of the drawing.");
+  if (part && navigator.clipboard) navigator.clipboard.writeText(location.href).then(() => say("The link is in the clipboard."), () => {});
+});
+/** The model file as changed, and a sentence on what it cannot hold. */
+function model() {
+  const drives = {};
+  const without = [];
+  for (const [name, value] of Object.entries(numbers.changedDrives())) {
+    const drive = motion.rates.find((one) => one.name === name);
+    if (drive.breaks.length) without.push(name); else drives[name] = { level: drive.level, value };
+  }
+  const made = toToml(about.toml, numbers.changed(), drives);
+  made.missing.push(...without);
+  return made;
+}
+function script() {
+  const targets = {}, rates = {}, joints = new Set(about.joints.map(({ name }) => name));
+  for (const i of motion.independent) {
+    const name = about.names[i], entry = about.plain.find(([word]) => word === name);
+    if (!joints.has(name) || !entry) continue;
+    targets[name] = motion.q[entry[1]];
+    rates[name] = motion.v[i];
+  }
+  return { ...model(), text: toPython(`${file()}.toml`, model().text, targets, rates, 10) };
+}
+const file = () => about.title.replace(/[^A-Za-z0-9._-]+/g, "-").slice(0, 80) || "mechanism";
+function save({ text, missing }, ending) {
+  const link = element("a"), url = URL.createObjectURL(new Blob([text], { type: "text/plain" }));
+  link.href = url;
+  link.download = `${file()}.${ending}`;
+  link.click();
+  URL.revokeObjectURL(url);
+  say(missing.length ? `Saved without ${missing.join(", ")}, for which the file has no place.` : "Saved.");
+}
+$("toml").addEventListener("click", () => save(model(), "toml"));
+$("python").addEventListener("click", () => save(script(), "py"));
+window.addEventListener("hashchange", () => attempt(() => takeAddress()));
+
+// ---- frames
+let last = 0, rate = 60, asked = 0, frames = 0;
 function frame(now) {
   const passed = Math.min(0.05, last ? (now - last) / 1000 : 1 / 60);
   if (last && now > last) rate += 0.05 * (1000 / (now - last) - rate);
@@ -262,13 +300,17 @@ function frame(now) {
       play(false);
     }
   }
-  drawing.draw(pull);
-  show(drawing.state.energy);
+  scene.draw(0, running);
+  if (running) {
+    scene.record();
+    plots.record(motion.t, live.state.energy);
+  }
+  show(live.state.energy);
   requestAnimationFrame(frame);
 }
-let frames = 0;
 function show(energy) {
   frames += 1;
+  if (frames % 2 === 0 || !running) plots.draw();
   // many bars are read no faster
   if (about.names.length > 24 && frames % 6) return;
   try { motion.choose(); } catch (error) { if (!(error instanceof motion.Fault)) throw error; }
@@ -283,6 +325,17 @@ function show(energy) {
   readouts[2].textContent = rate.toFixed(0);
   $("clock").textContent = `${motion.t.toFixed(3)} s`;
 }
+
+setTheme(prefersDark.matches ? "dark" : "light");
+setLens(live.scene.flat);
+resized();
+attempt(() => takeAddress());
 // for tests and for the curious
-window.playground = { motion, about, drawing, grasp, release };
+const drawing = {
+  get written() { return (scene.labels ? scene.labels.written : []).map((one) => ({ ...one, word: one.text })); },
+  pick: (x, y) => scene.grasped(x, y), scene,
+};
+window.playground = {
+  motion, about, drawing, grasp, release, numbers, address, takeAddress, toml: model, python: script, plots,
+};
 requestAnimationFrame(frame);

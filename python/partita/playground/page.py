@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+from collections.abc import Sequence
 from typing import Any
 
 from ..webpage import part_of, whole_page
@@ -10,13 +11,17 @@ from .program import Program
 
 COMPUTES = ("module.js", "linear.js", "equations.js", "closing.js", "choice.js", "methods.js", "motion.js")
 """Scripts without reference to the page: together they define `makeMotion`."""
-SCRIPTS = (*COMPUTES, "drawing.js", "controls.js")
+SCRIPTS = (*COMPUTES, "address.js", "export.js", "live.js", "fields.js", "controls.js")
 
 
-def html(made: Program, title: str, view: dict[str, Any], speed: float) -> str:
-    """The page as text. It contains all it needs and loads nothing; names and titles are escaped."""
-    about = {**made.about, "title": title, "view": view, "speed": speed}
-    return whole_page(__package__, title, about, SCRIPTS, base64.b64encode(made.module).decode("ascii"))
+def html(made: Program, title: str, seen: dict[str, Any], speed: float, drawn_by: tuple[str, Sequence[str]]) -> str:
+    """The page as text. It contains all it needs and loads nothing; names and titles are escaped.
+
+    `seen` is what is drawn: the scene, the model file. `drawn_by`: the package whose style and scripts draw it.
+    """
+    about = {**made.about, **seen, "title": title, "speed": speed}
+    module = base64.b64encode(made.module).decode("ascii")
+    return whole_page(__package__, title, about, SCRIPTS, module, drawn_by)
 
 
 def text(name: str) -> str:

@@ -85,6 +85,13 @@ class Camera {
     return { x: this.width / 2 + s * dot(v, this.right), y: this.height / 2 + this.drop - s * dot(v, this.up), z, s };
   }
 
+  /** The point of the world at a pixel, as deep as another one. */
+  unproject(x, y, like) {
+    const p = this.project(like);
+    if (!p) return like;
+    return add(like, add(scaled(this.right, (x - p.x) / p.s), scaled(this.up, (p.y - y) / p.s)));
+  }
+
   /** Direction from a point to the eye. */
   toEye(p) {
     return this.parallel ? this.back : unit(sub(add(add(this.origin, this.target), scaled(this.back, this.distance)), p));

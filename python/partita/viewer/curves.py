@@ -20,6 +20,11 @@ MOST_LINES = 5
 def curves(result: ResultView) -> tuple[list[dict[str, Any]], list[int], dict[str, FloatArray]]:
     """Curves of the page, those shown first, and the tables (nt, columns) they are read from."""
     found, tables = _coordinates(result)
+    pushed, tables["effort"] = efforts(result)
+    found += [
+        _curve("drives", f"effort of {drive['name']}", "effort", [i], drive["unit"], [""]) | {"open": drive["open"]}
+        for i, drive in enumerate(pushed)
+    ]
     found += [_load(result, name, what, unit) for name in result.names.joints for what, unit in LOADS]
     for number, about in enumerate(result.summary.get("sensors", ())):
         values = np.asarray(result.sensor(about["name"]).values, dtype=float).reshape(len(result.t), -1)
@@ -30,6 +35,28 @@ def curves(result: ResultView) -> tuple[list[dict[str, Any]], list[int], dict[st
     if result.has_energy:
         found += [_curve("energy", f"{name} energy", table, [0], "J", [""]) for name, table in ENERGIES]
     return found, _first(result, found), tables
+
+
+def efforts(result: ResultView) -> tuple[list[dict[str, Any]], FloatArray]:
+    """The drives of joints, with the unit of their effort, and these efforts over time (nt, drives)."""
+    found, columns = [], []
+    names = result.names
+    v_units = coordinate_units(result.summary, names)[1]
+    spans = {joint["name"]: joint.get("state_v") for joint in (result.summary or {}).get("joints", ())}
+    for drive in (result.spec or {}).get("drives", ()):
+        measure = drive.get("measure", {})
+        joint, i = measure.get("joint"), measure.get("coordinate", 0)
+        values = np.asarray(getattr(result.joint(joint), "drive", ()), dtype=float) if joint in names.joints else None
+        if measure.get("of") != "joint" or values is None or values.ndim != 2 or i >= values.shape[1]:
+            continue
+        span = spans.get(joint)
+        velocity = span[0] + i if span and i < span[1] else None
+        unit = "N" if velocity is not None and v_units[velocity] == "m/s" else "N m"
+        unique = bool(result.joint(joint).drive_determined[i])
+        label = joint if values.shape[1] == 1 else f"{joint}, coordinate {i}"
+        found.append({"name": label, "velocity": velocity, "unit": unit, "open": not unique})
+        columns.append(values[:, i])
+    return found, np.array(columns, dtype=float).reshape(-1, len(result.t)).T
 
 
 LOADS = (("force", "N"), ("moment", "N m"))
@@ -67,9 +94,9 @@ def _load(result: ResultView, name: str, what: str, unit: str) -> dict[str, Any]
 
 
 def _first(result: ResultView, found: list[dict[str, Any]]) -> list[int]:
-    """A coordinate that leads, the joint with the largest force, and the first sensors: three plots."""
-    chosen: list[int] = []
+    """An effort, a coordinate that leads, the joint with the largest force, and the first sensors: three plots."""
     groups = [curve["group"] for curve in found]
+    chosen = [i for i, group in enumerate(groups) if group == "drives"][:1]
     if result.independent.size and "velocities" in groups:
         often = int(np.bincount(result.independent[result.independent >= 0]).argmax())
         wanted = f"velocity of {result.names.velocities[often]}"

@@ -15,13 +15,17 @@ function unpack(table, frames) {
       values[f * columns + moving[m]] = !low ? x : x === 65535 ? NaN : low[m] + step[m] * x;
     }
   }
+  // Between two outputs on the straight line; next to a value that is not finite, the nearer output.
+  const between = (frame, column) => {
+    const first = Math.floor(frame), s = frame - first, a = values[first * columns + column];
+    if (s === 0) return a;
+    const b = values[(first + 1) * columns + column], x = a + s * (b - a);
+    return Number.isFinite(x) ? x : s < 0.5 ? a : b;
+  };
   return {
     columns, values,
-    get: (frame, column = 0) => values[frame * columns + column],
-    vector: (frame, i) => {
-      const at = frame * columns + 3 * i;
-      return [values[at], values[at + 1], values[at + 2]];
-    },
+    get: (frame, column = 0) => between(frame, column),
+    vector: (frame, i) => [between(frame, 3 * i), between(frame, 3 * i + 1), between(frame, 3 * i + 2)],
   };
 }
 
@@ -55,7 +59,10 @@ function filled(scene) {
   return { ...scene, joints, curves };
 }
 
-/** The run as the rest of the page sees it: where bodies and joints are in a frame. */
+/**
+ * The run as the rest of the page sees it: where bodies and joints are in a frame. A frame is the number of an output; with
+ * a fraction, an instant between two: poses by `Between`, loads on straight lines.
+ */
 class Run {
   constructor(scene) {
     this.scene = filled(scene);
@@ -63,20 +70,26 @@ class Run {
     this.tables = {};
     for (const name of Object.keys(scene.tables)) this.tables[name] = unpack(scene.tables[name], scene.frames);
     this.t = this.tables.t.values;
+    this.between = new Between(this);
   }
 
   /** Vector in body axes, turned into the world; body -1 is the ground. */
   turned(frame, body, v) {
     if (body < 0) return v;
-    const q = this.tables.turn, c = 4 * body;
-    const u = [q.get(frame, c), q.get(frame, c + 1), q.get(frame, c + 2)], w = q.get(frame, c + 3);
+    const whole = Number.isInteger(frame), { values, columns } = this.tables.turn, c = whole ? frame * columns + 4 * body : 0;
+    if (!whole) this.between.at(frame);
+    const q = whole ? values : this.between.turns[body];
+    const u = [q[c], q[c + 1], q[c + 2]], w = q[c + 3];
     const twice = scaled(cross(u, v), 2);
     return add(add(v, scaled(twice, w)), cross(u, twice));
   }
 
   /** Point in body axes, placed in the world. */
   placed(frame, body, p) {
-    return body < 0 ? p : add(this.tables.position.vector(frame, body), this.turned(frame, body, p));
+    if (body < 0) return p;
+    if (!Number.isInteger(frame)) this.between.at(frame);
+    const origin = Number.isInteger(frame) ? this.tables.position.vector(frame, body) : this.between.positions[body];
+    return add(origin, this.turned(frame, body, p));
   }
 
   jointPoint(frame, joint) {
@@ -98,6 +111,18 @@ class Run {
       now = indices;
     }
     return now;
+  }
+
+  /** The frame at a time, with a fraction where it lies between outputs. */
+  instantAt(time) {
+    const near = this.frameAt(time), first = Math.max(0, Math.min(this.frames - 2, this.t[near] > time ? near - 1 : near));
+    const step = this.t[first + 1] - this.t[first];
+    return step > 0 ? first + Math.max(0, Math.min(1, (time - this.t[first]) / step)) : near;
+  }
+
+  /** The time of a frame. */
+  timeOf(frame) {
+    return this.tables.t.get(frame);
   }
 
   /** The frame nearest to a time. */
@@ -135,4 +160,12 @@ function short(x, digits = 4) {
 function roundBelow(x) {
   const power = 10 ** Math.floor(Math.log10(x));
   return (x >= 5 * power ? 5 : x >= 2 * power ? 2 : 1) * power;
+}
+
+/** A new element with a class and text; names only ever become text, never markup. */
+function element(tag, className, text) {
+  const e = document.createElement(tag);
+  if (className) e.className = className;
+  if (text !== undefined) e.textContent = text;
+  return e;
 }

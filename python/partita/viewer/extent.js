@@ -20,6 +20,8 @@ function findExtent(run, frames) {
         for (let i = 0; i < corners.length; i += stride) points.push(run.placed(f, body, corners[i]));
       }
     }
+    for (const { body, part } of s.parts) for (const p of cornersOf(part)) points.push(run.placed(f, body, p));
+    for (const { body, points: ends } of s.floors.concat(s.stops)) for (const p of ends) points.push(run.placed(f, body, p));
     for (const wheel of s.wheels) {
       for (const p of cornersOf({ ...wheel, length: wheel.width, radius: 1.1 * wheel.radius })) points.push(run.placed(f, wheel.body, p));
     }

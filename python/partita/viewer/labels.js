@@ -1,6 +1,7 @@
 // Words beside points, placed so that none covers another, a joint or a legend, and none leaves the picture.
 
 const DIRECTIONS = [[1, -1], [1, 0], [-1, -1], [-1, 0], [1, 1], [-1, 1], [0, -1], [0, 1]];
+const PLACES = [0, 14, 30].flatMap((more) => DIRECTIONS.map(([x, y]) => [x, y, more])); // near ones first
 
 const overlaps = (a, b) => a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
 const boxAround = (x, y, half) => ({ left: x - half, right: x + half, top: y - half, bottom: y + half });
@@ -12,6 +13,7 @@ class Labels {
     this.height = height;
     this.taken = []; // boxes where no word may stand
     this.soft = []; // boxes where a word should not stand: arrows
+    this.softer = []; // where it should not stand unless all else is taken: rods
     this.written = []; // what was written where, for this frame
     this.hidden = 0;
   }
@@ -29,26 +31,35 @@ class Labels {
     return cut();
   }
 
-  /** Best position of a text at a distance from a point; `last` is the one it had before and keeps if it can. */
-  place(text, x, y, away, last) {
-    return this.search(text, x, y, away, last, this.taken.concat(this.soft)) || this.search(text, x, y, away, last, this.taken);
-  }
-
-  search(text, x, y, away, last, taken) {
-    const width = this.c.measureText(text).width, height = 15;
-    const order = DIRECTIONS.map((_, i) => i);
-    if (last !== undefined) order.unshift(last % 8);
-    for (const [ring, more] of [0, 14, 30].entries()) {
-      for (const i of order) {
-        const [dx, dy] = DIRECTIONS[i], d = away + more;
-        const cx = x + (dx ? dx * (d * (dy ? 0.8 : 1) + width / 2) : 0), cy = y + dy * (d * (dx ? 0.8 : 1) + height / 2);
-        const box = { left: cx - width / 2 - 2, right: cx + width / 2 + 2, top: cy - height / 2, bottom: cy + height / 2 };
-        if (box.left < 3 || box.right > this.width - 3 || box.top < 3 || box.bottom > this.height - 3) continue;
-        if (taken.some((other) => overlaps(box, other))) continue;
-        return { box, x: box.left + 2, y: cy + 4, position: i, far: ring > 0 };
+  /**
+   * Best position of a text at a distance from a point. `last` is the one it had before: while the mechanism moves it keeps
+   * it as long as no other word is there, so that words do not jump; at rest it keeps it only where it is clear.
+   */
+  place(text, x, y, away, last, moving) {
+    const width = this.c.measureText(text).width;
+    if (moving && last !== undefined) {
+      const kept = this.at(last, width, x, y, away, this.taken);
+      if (kept) return kept;
+    }
+    for (const taken of [this.taken.concat(this.soft, this.softer), this.taken.concat(this.soft), this.taken]) {
+      const order = PLACES.map((_, i) => i);
+      if (last !== undefined) order.unshift(last);
+      for (const place of order) {
+        const found = this.at(place, width, x, y, away, taken);
+        if (found) return found;
       }
     }
     return null;
+  }
+
+  /** A text in one of the places around a point; null where that is taken or outside the picture. */
+  at(place, width, x, y, away, taken) {
+    const [dx, dy, more] = PLACES[place], d = away + more, height = 15;
+    const cx = x + (dx ? dx * (d * (dy ? 0.8 : 1) + width / 2) : 0), cy = y + dy * (d * (dx ? 0.8 : 1) + height / 2);
+    const box = { left: cx - width / 2 - 2, right: cx + width / 2 + 2, top: cy - height / 2, bottom: cy + height / 2 };
+    if (box.left < 3 || box.right > this.width - 3 || box.top < 3 || box.bottom > this.height - 3) return null;
+    if (taken.some((other) => overlaps(box, other))) return null;
+    return { box, x: box.left + 2, y: cy + 4, position: place, far: more > 0 };
   }
 
   /** Write at a position already chosen, and keep others off it. */

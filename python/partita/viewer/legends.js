@@ -8,29 +8,36 @@ class Legends {
     this.c.font = "12px system-ui, sans-serif";
     this.labels = new Labels(this.c, scene.camera.width, scene.camera.height);
     for (const box of scene.covered) this.labels.take(box);
-    for (const [p, q] of scene.shafts) {
-      const count = Math.ceil(Math.hypot(q.x - p.x, q.y - p.y) / 8);
-      for (let i = 0; i <= count; i++) {
-        this.labels.soft.push(boxAround(p.x + ((q.x - p.x) * i) / count, p.y + ((q.y - p.y) * i) / count, 4));
-      }
+    for (const [p, q] of scene.shafts) this.keepClear(this.labels.soft, p, q, 4);
+    for (const [p, q, half] of painter.drawnRods) this.keepClear(this.labels.softer, p, q, half);
+  }
+
+  /** Boxes along a line in the picture, where words should not stand. */
+  keepClear(boxes, p, q, half) {
+    const count = Math.max(1, Math.min(60, Math.ceil(Math.hypot(q.x - p.x, q.y - p.y) / (2 * half))));
+    for (let i = 0; i <= count; i++) {
+      boxes.push(boxAround(p.x + ((q.x - p.x) * i) / count, p.y + ((q.y - p.y) * i) / count, half));
     }
   }
 
   /** Names of joints, those at one point together; a name for which there is no room is left out and counted. */
-  names() {
+  names(moving) {
     const { camera, radius, hits, positions } = this.scene, groups = [];
     for (const hit of hits) {
       const p = hit.kind === "spring" ? null : camera.project(hit.point);
       if (!p || p.x < 0 || p.y < 0 || p.x > camera.width || p.y > camera.height) continue;
       const same = groups.find((g) => Math.abs(g.x - p.x) < 10 && Math.abs(g.y - p.y) < 10);
-      if (same) same.names.push(hit.label);
-      else groups.push({ x: p.x, y: p.y, away: Math.max(8, Math.min(24, 2.2 * radius * p.s)), names: [hit.label], hit });
+      const away = Math.max(8, Math.min(24, (hit.kind === "prismatic" ? 3 : 2.2) * radius * p.s));
+      if (same) {
+        same.names.push(hit.label);
+        same.away = Math.max(same.away, away);
+      } else groups.push({ x: p.x, y: p.y, away, names: [hit.label], hit });
     }
     for (const g of groups) this.labels.take(boxAround(g.x, g.y, Math.min(7, 0.7 * g.away)));
     for (const g of groups) {
       const rest = g.names.length > 3 ? ` and ${g.names.length - 3} more` : "";
       const text = this.labels.fitted(g.names.slice(0, 3).join(", ") + rest, Math.min(230, 0.6 * camera.width));
-      const found = this.labels.place(text, g.x, g.y, g.away, positions.get(g.names[0]));
+      const found = this.labels.place(text, g.x, g.y, g.away, positions.get(g.names[0]), moving);
       if (!found) { this.labels.hidden += g.names.length; continue; }
       positions.set(g.names[0], found.position);
       if (found.far) {

@@ -16,10 +16,12 @@ from .hints import solids, traced
 from .scene import describe
 from .slim import slim
 
-SCRIPTS = (
-    "data.js", "theme.js", "camera.js", "shapes.js", "extent.js", "paths.js", "labels.js", "legends.js", "solids.js",
-    "scene.js", "panel.js", "plots.js", "player.js",
+DRAWS = (
+    "data.js", "between.js", "theme.js", "camera.js", "shapes.js", "extent.js", "paths.js", "labels.js", "legends.js",
+    "solids.js", "around.js", "scene.js", "plots.js",
 )  # fmt: skip
+"""Scripts without reference to the page of a run: drawing and plots, of playgrounds too."""
+SCRIPTS = (*DRAWS, "panel.js", "pace.js", "player.js")
 
 
 def html(

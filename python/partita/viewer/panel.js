@@ -13,32 +13,104 @@ const READOUTS = [
   ["sqrt_mu", "√μ", "smallest cosine between the choice and the motions that the loops allow; small where it fails"],
 ];
 
-/** A new element with a class and text; names only ever become text, never markup. */
-function element(tag, className, text) {
-  const e = document.createElement(tag);
-  if (className) e.className = className;
-  if (text !== undefined) e.textContent = text;
-  return e;
-}
+/** A bar of the list: its name, a reading {part, text} of a frame, and the velocity it stands for, if any. */
+const entry = (name, read, velocity) => ({ name, read, velocity });
 
 class Panel {
   constructor(run, jumpTo) {
     this.run = run;
     this.list = document.getElementById("bars");
-    const names = run.scene.velocities;
+    this.curveOf = new Map(run.scene.curves.map((curve) => [curve.name, curve]));
+    const { scene } = run, table = run.tables.measure, { values } = table;
+    const driven = scene.drives.length > 0 && scene.independent.every(([, indices]) => !indices.length);
+    const open = !driven && scene.velocities.length > 0 && values.every((rho) => rho > 1 - 1e-6);
+    const entries = driven ? this.transmission() : open ? this.coordinates() : this.measures();
+    document.getElementById("about").replaceChildren(...this.heading(driven, open));
+    document.querySelector(".legend").hidden = driven || open;
+    this.list.classList.toggle("wide", driven || open);
+    this.makeEfforts();
     this.query = "";
-    this.all = names.length <= FEW;
-    this.order = this.byImportance();
-    this.rows = names.map((name) => this.row(name));
-    if (!names.length) this.list.append(element("p", "", "This run has no coordinates."));
+    this.all = entries.length <= FEW;
+    this.order = driven || open ? entries.map((_, i) => i) : this.byImportance();
+    this.rows = entries.map((each) => this.row(each, this.list));
+    if (!entries.length) this.list.append(element("p", "", "This run has no coordinates."));
     this.marked = [];
     this.empty = element("p", "", "No coordinate has this in its name.");
     this.list.append(this.empty);
     this.list.addEventListener("scroll", () => this.bars(this.frame));
-    this.bindFind(names.length);
+    this.bindFind(entries.length);
     this.choose();
     this.readouts = this.makeReadouts();
     this.makeLog(jumpTo);
+  }
+
+  /** What the bars show, in words. */
+  heading(driven, open) {
+    if (open) return ["Coordinates: position in the range of the run"];
+    if (!driven) return ["How free each coordinate is: measure ", element("i", "", "ρ")];
+    const { drives, velocities } = this.run.scene;
+    const leader = drives.length === 1 && drives[0].velocity !== null ? velocities[drives[0].velocity] : null;
+    return [leader ? `Transmission: velocities relative to ${leader}` : "Velocities that the drives cause"];
+  }
+
+  /** How mobile each coordinate is with the loops closed. */
+  measures() {
+    const table = this.run.tables.measure;
+    return this.run.scene.velocities.map((name, i) => entry(name, (frame) => {
+      const rho = table.get(frame, i);
+      return { part: rho, text: Number.isFinite(rho) ? rho.toFixed(3) : "–" };
+    }, i));
+  }
+
+  /** Of a prescribed motion, velocities: relative to the drive where there is one, else as they are. */
+  transmission() {
+    const { drives, velocities } = this.run.scene, line = (i) => this.lineOf(`velocity of ${velocities[i]}`);
+    const single = drives.length === 1 && drives[0].velocity !== null ? line(drives[0].velocity) : null;
+    const ranked = velocities.map((_, i) => line(i)), still = single ? 1e-9 * largest(single) : 0;
+    return velocities.map((name, i) => {
+      if (!ranked[i] || (single && i === drives[0].velocity)) return null;
+      const { unit } = this.curveOf.get(`velocity of ${name}`);
+      const value = (f) => (single ? (Math.abs(single[f]) > still ? ranked[i][f] / single[f] : NaN) : ranked[i][f]);
+      const most = largest(ranked[i].map((_, f) => value(f)));
+      return entry(name, (frame) => {
+        const x = value(frame);
+        return { part: Math.abs(x) / (most || 1), text: short(x, 3), unit: single ? "" : unit };
+      });
+    }).filter(Boolean);
+  }
+
+  /** Of a mechanism without loops all coordinates are free: where each is between its extremes. */
+  coordinates() {
+    return this.run.scene.curves.filter((curve) => curve.group === "coordinates").map(({ name, unit }) => {
+      const line = this.lineOf(name), finite = line.filter(Number.isFinite);
+      const low = Math.min(...finite), high = Math.max(...finite);
+      return entry(name, (frame) => (
+        { part: high > low ? (line[frame] - low) / (high - low) : 0, text: short(line[frame], 3), unit }));
+    });
+  }
+
+  /** Values of a curve over all frames; null where the page does not hold it. */
+  lineOf(name) {
+    const curve = this.curveOf.get(name);
+    if (!curve) return null;
+    const table = this.run.tables[curve.table];
+    return Array.from({ length: this.run.frames }, (_, f) => table.get(f, curve.columns[0]));
+  }
+
+  /** Efforts of the drives and the power they supply. */
+  makeEfforts() {
+    const { drives, velocities } = this.run.scene, home = document.getElementById("efforts");
+    home.hidden = !drives.length;
+    this.efforts = drives.flatMap((drive, i) => {
+      const effort = this.lineOf(`effort of ${drive.name}`), most = largest(effort), open = drive.open ? " (not unique)" : "";
+      const rows = [entry(drive.name, (f) => ({ part: Math.abs(effort[f]) / (most || 1), text: short(effort[f], 3), unit: drive.unit + open }))];
+      const rate = drive.velocity === null ? null : this.lineOf(`velocity of ${velocities[drive.velocity]}`);
+      if (rate) {
+        const power = effort.map((x, f) => x * rate[f]), top = largest(power);
+        rows.push(entry("power", (f) => ({ part: Math.abs(power[f]) / (top || 1), text: short(power[f], 3), unit: "W" })));
+      }
+      return rows;
+    }).map((each) => this.row(each, home));
   }
 
   /** Coordinates in order of interest: those most often independent, then those whose measure varies most. */
@@ -93,23 +165,23 @@ class Panel {
     if (this.frame !== undefined) this.bars(this.frame);
   }
 
-  row(name) {
+  row(each, home) {
     const row = element("div", "row"), mark = element("span", "mark", "◆"), track = element("span", "track");
     const fill = element("span", "fill"), value = element("span", "value");
     fill.style.display = "block";
     mark.setAttribute("aria-hidden", "true");
     track.append(fill);
-    row.append(mark, element("span", "name", name), track, value);
-    row.title = name;
-    this.list.append(row);
-    return { row, fill, value, name, free: false };
+    row.append(mark, element("span", "name", each.name), track, value);
+    row.title = each.name;
+    home.append(row);
+    return { ...each, row, fill, value, free: false };
   }
 
   makeReadouts() {
     const home = document.getElementById("readouts"), made = [];
     for (const [key, label, title, unitName] of READOUTS) {
       const table = this.run.tables[key];
-      if (!table) continue;
+      if (!table || !table.values.some(Number.isFinite)) continue;
       const box = element("div"), value = element("dd");
       box.append(element("dt", "", label), value);
       box.title = title;
@@ -151,31 +223,46 @@ class Panel {
   mark(now) {
     this.wasMarked = true;
     const free = new Set(now);
-    this.rows.forEach((r, i) => {
-      if (r.free !== free.has(i)) r.row.classList.toggle("free", (r.free = free.has(i)));
-    });
+    for (const r of this.rows) {
+      if (r.free !== free.has(r.velocity)) r.row.classList.toggle("free", (r.free = free.has(r.velocity)));
+    }
     this.marked = now;
     if (!this.all && !this.query) this.choose();
-    const names = now.map((i) => this.rows[i].name), most = 12;
+    const { velocities } = this.run.scene, names = now.map((i) => velocities[i]), most = 12;
     const rest = names.length > most ? ` and ${names.length - most} more` : "";
-    document.getElementById("chosen").textContent = names.length
-      ? `Independent: ${names.slice(0, most).join(", ")}${rest} (${names.length} of ${this.rows.length})`
-      : "No independent coordinate: the motion is prescribed.";
+    document.getElementById("chosen").textContent = names.length > FEW / 2 && names.length === velocities.length
+      ? `All ${names.length} velocities are independent.`
+      : names.length ? `Independent: ${names.slice(0, most).join(", ")}${rest} (${names.length} of ${velocities.length})`
+        : "No independent coordinate: the motion is prescribed.";
   }
 
   /** Set the bars that can be seen; a chain of a thousand loops has thousands. */
   bars(frame) {
+    for (const r of this.efforts) this.fillBar(r, frame);
     if (!this.shown.length) return;
-    const measure = this.run.tables.measure, height = this.shown[0][0].row.offsetHeight || 22;
+    const height = this.shown[0][0].row.offsetHeight || 22;
     // On a phone the list does not scroll by itself: then all of it counts as seen.
     const whole = this.list.scrollHeight <= this.list.clientHeight + 1;
     const first = whole ? 0 : Math.max(0, Math.floor(this.list.scrollTop / height) - 1);
     const last = whole ? this.shown.length : first + Math.ceil(this.list.clientHeight / height) + 3;
-    for (const [r, i] of this.shown.slice(first, last)) {
-      const rho = measure.get(frame, i);
-      r.fill.style.transform = `scaleX(${Number.isFinite(rho) ? Math.max(0, Math.min(1, rho)) : 0})`;
-      r.value.textContent = Number.isFinite(rho) ? rho.toFixed(3) : "–";
-      r.row.title = `${r.name}: rho = ${short(rho)}${r.free ? ", independent" : ""}`;
-    }
+    for (const [r] of this.shown.slice(first, last)) this.fillBar(r, frame);
   }
+
+  fillBar(r, frame) {
+    const { part, text, unit } = r.read(frame);
+    r.fill.style.transform = `scaleX(${Number.isFinite(part) ? Math.max(0, Math.min(1, part)) : 0})`;
+    const written = unit ? `${text} ${unit}` : text;
+    if (r.written === written && r.wasFree === r.free) return;
+    r.written = written;
+    r.wasFree = r.free;
+    r.value.textContent = written;
+    r.row.title = `${r.name}: ${written}${r.free ? ", independent" : ""}`;
+  }
+}
+
+/** The largest magnitude among finite numbers. */
+function largest(line) {
+  let most = 0;
+  for (const x of line) if (Number.isFinite(x)) most = Math.max(most, Math.abs(x));
+  return most;
 }

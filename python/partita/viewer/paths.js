@@ -3,6 +3,8 @@
 const FARTHEST = Math.cos(Math.PI / 4); // where a path turns farther than this at both ends of a step, no line is drawn
 const FINEST = 0.12; // a stroke turns by less than this angle [rad] from point to point
 const CELLS = 50; // resolution of a path: this many cells over the whole extent
+const RETRACED = 250; // a path is retraced where it stays within this fraction of the size of what it drew before
+const CLOSING = 0.02; // of a stroke, kept beyond its last new point: so a closed curve is closed
 const TANGLE = 9; // a path that goes through so many more cells than its extent counts is a tangle
 
 /** Paths of moving joints and of free ends of bodies, thinned for drawing. */
@@ -18,19 +20,31 @@ function findPaths(run) {
   });
   for (const { body, at } of s.points) sources.push((f) => run.placed(f, body, at));
   const most = Math.max(200, Math.min(1500, 60000 / Math.max(1, sources.length))); // per path: smooth, yet quick to draw
-  const step = Math.max(1, Math.ceil(run.frames / most)), paths = [], seen = new Set();
+  const instants = instantsOf(run, Math.max(1, Math.ceil(run.frames / most)), 8 * most), paths = [], seen = new Set();
+  const times = instants.map((f) => run.timeOf(f));
   for (const source of sources) {
-    const path = [];
-    for (let f = 0; f < run.frames; f += step) path.push(source(f));
+    const path = instants.map(source);
     const moves = path.some((p) => length(sub(p, path[0])) > 2e-3 * s.size);
     const key = path.filter((_, i) => i % 7 === 0).flat().map((x) => Math.round((1e4 * x) / s.size)).join();
     if (moves && !seen.has(key)) {
       seen.add(key);
-      const strokes = strokesOf(path, path.map((_, i) => run.t[i * step]), 2e-3 * s.size);
-      paths.push({ strokes, tangled: isTangled(strokes, s.size) });
+      const strokes = strokesOf(path, times, 2e-3 * s.size), tangled = isTangled(strokes, s.size);
+      paths.push({ strokes: tangled ? strokes : drawnOnce(strokes, s.size), tangled });
     }
   }
   return paths;
+}
+
+/** Frames at which paths are read: outputs, and so many between two that no body turns by more than `FINEST` to the next. */
+function instantsOf(run, step, most) {
+  const found = [];
+  for (let f = 0; f < run.frames; f += step) {
+    found.push(f);
+    const vectors = step === 1 && found.length < most && f + 1 < run.frames && !run.scene.apart && run.between.vectors(f);
+    const pieces = vectors ? Math.min(12, Math.ceil(Math.max(0, ...vectors.map(length)) / FINEST)) : 1;
+    for (let k = 1; k < pieces; k++) found.push(f + k / pieces);
+  }
+  return found;
 }
 
 /** Strokes of a path through `points` at `times`: points {p, t} in order, a single point where no line continues. */
@@ -73,4 +87,26 @@ function isTangled(strokes, size) {
   }
   const own = (CELLS * length(sub(high, low))) / size;
   return own > 5 && cells.size > TANGLE * own;
+}
+
+/** Strokes up to the last point that adds to the picture: a path that goes round a hundred times is painted once. */
+function drawnOnce(strokes, size) {
+  const cell = size / RETRACED, reached = new Map(); // cell -> length of the path where it was first entered
+  let travelled = 0, last = null, end = [0, 0];
+  strokes.forEach((stroke, n) => stroke.forEach(({ p }, i) => {
+    if (last) travelled += length(sub(p, last));
+    last = p;
+    const [x, y, z] = p.map((c) => Math.floor(c / cell));
+    let seen = false;
+    for (let k = 0; k < 27 && !seen; k++) {
+      const first = reached.get(`${x + (k % 3) - 1},${y + (Math.floor(k / 3) % 3) - 1},${z + Math.floor(k / 9) - 1}`);
+      seen = first !== undefined && travelled - first > 12 * cell;
+    }
+    if (!seen) end = [n, i];
+    const key = `${x},${y},${z}`;
+    if (!reached.has(key)) reached.set(key, travelled);
+  }));
+  const [n, i] = end, kept = strokes.slice(0, n + 1);
+  kept[n] = strokes[n].slice(0, i + 1 + Math.ceil(CLOSING * strokes[n].length));
+  return kept;
 }

@@ -4,7 +4,9 @@ const byId = (id) => document.getElementById(id);
 const run = new Run(JSON.parse(byId("data").textContent));
 const canvas = byId("view");
 const scene = new Scene(run, canvas);
-const plots = new Plots(run, (t) => { play(false); show(run.frameAt(t)); });
+// of a motion between outputs that is not known, nothing is gained by showing it slowly
+const rate = run.scene.apart ? 0 : motionRate(run, spanOf(scene.near || scene.extent));
+const plots = new Plots(run, rate, (t) => { play(false); show(run.frameAt(t)); });
 const panel = new Panel(run, (t) => show(run.frameAt(t)));
 
 const duration = run.t[run.frames - 1] - run.t[0];
@@ -16,18 +18,20 @@ function redraw() {
   waiting = true;
   requestAnimationFrame(() => {
     waiting = false;
-    scene.draw(frame);
+    scene.draw(frame, playing);
     plots.draw(frame);
   });
 }
 
-function show(wanted, keepInstant) {
-  frame = Math.max(0, Math.min(run.frames - 1, wanted));
-  if (!keepInstant) instant = run.t[frame];
-  byId("slider").value = frame;
-  byId("slider").setAttribute("aria-valuetext", `t = ${short(run.t[frame])} s`);
-  byId("clock").textContent = `t = ${run.t[frame].toFixed(decimals)} s`;
-  panel.show(frame);
+/** Show a frame; `time` where it is played through, else that of the frame. Numbers are those of the nearest output. */
+function show(wanted, time) {
+  frame = run.between.drawn(Math.max(0, Math.min(run.frames - 1, wanted)));
+  instant = time === undefined ? run.timeOf(frame) : time;
+  const output = Math.round(frame);
+  byId("slider").value = output;
+  byId("slider").setAttribute("aria-valuetext", `t = ${short(run.t[output])} s`);
+  byId("clock").textContent = `t = ${run.timeOf(frame).toFixed(decimals)} s`;
+  panel.show(output);
   redraw();
 }
 
@@ -39,7 +43,10 @@ const decimals = duration > 0 ? Math.max(2, Math.min(9, Math.ceil(-Math.log10(du
 function play(on) {
   playing = on && run.frames > 1;
   byId("play").textContent = playing ? "❚❚ Pause" : "▶ Play";
-  if (!playing) return;
+  if (!playing) {
+    if (!Number.isInteger(frame)) show(Math.round(frame)); // at rest a computed output is shown
+    return;
+  }
   if (frame === run.frames - 1) show(0);
   before = performance.now();
   requestAnimationFrame(tick);
@@ -59,17 +66,17 @@ function tick(now) {
       return;
     }
   }
-  show(run.frameAt(instant), true);
+  show(run.instantAt(instant), instant);
   requestAnimationFrame(tick);
 }
 
-/** Real time where that takes 2 to 40 s; else a round speed at which the run lasts about 10 s. */
 function fillSpeeds() {
-  const usual = duration <= 0 || (duration >= 2 && duration <= 40) ? 1 : roundBelow(duration / 8);
-  for (const factor of [0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10]) {
-    const option = element("option", "", `${Number((usual * factor).toPrecision(2))}×`);
-    option.value = usual * factor;
-    option.selected = factor === 1;
+  const usual = usualSpeed(duration, rate);
+  const offered = [...new Set([...PACES.map((factor) => Number((usual * factor).toPrecision(2))), 1])].sort((a, b) => a - b);
+  for (const value of offered) {
+    const option = element("option", "", paceText(value));
+    option.value = value;
+    option.selected = value === usual;
     byId("speed").append(option);
   }
   speed = usual;
@@ -77,7 +84,7 @@ function fillSpeeds() {
 }
 
 function nextSwitch(direction) {
-  const times = run.scene.switches.map((s) => s.t), now = run.t[frame], near = 0.5 * duration / run.frames;
+  const times = run.scene.switches.map((s) => s.t), now = run.timeOf(frame), near = 0.5 * duration / run.frames;
   const found = direction > 0
     ? times.find((t) => run.frameAt(t) > frame)
     : times.filter((t) => t < now - near && run.frameAt(t) < frame).pop();
@@ -273,6 +280,10 @@ function start() {
   byId("note").textContent = notes.join(" ");
   byId("slider").max = Math.max(0, run.frames - 1);
   byId("slider").disabled = byId("play").disabled = run.frames < 2;
+  document.querySelector("footer").hidden = run.frames < 2 && !notes.length; // one position has no time
+  const bare = /[?&]bare\b/.test(location.search);
+  document.documentElement.classList.toggle("bare", bare);
+  if (bare) scene.options.names = false;
   fillSpeeds();
   fillTicks();
   bindTools();
@@ -286,22 +297,24 @@ function start() {
   const resized = () => { scene.resize(); findCovered(); scene.draw(frame); panel.bars(frame); plots.draw(frame); };
   new ResizeObserver(resized).observe(canvas);
   findCovered();
-  // A page opened as run.html#t=1.5 begins there; with #play it begins to move.
+  // A page opened as run.html#t=1.5 begins there; with #play it begins to move; as run.html?bare it is the drawing alone.
   const at = /[#&]t=([0-9.eE+-]+)/.exec(location.hash);
   show(at ? run.frameAt(Number(at[1])) : 0);
-  if (/[#&]play\b/.test(location.hash)) play(true);
+  if (/[#&]play\b/.test(location.hash) && !window.matchMedia("(prefers-reduced-motion: reduce)").matches) play(true);
 }
 
 /** For programs that hold this page: go to a time, play, ask what is written where. */
 window.partita = {
   show: (t) => show(run.frameAt(t)), play, theme: toTheme, frames: run.frames,
-  time: () => run.t[frame],
+  time: () => run.timeOf(frame), between: (t) => show(run.instantAt(t)), speed: () => speed, playing: () => playing,
   written: () => (scene.labels ? scene.labels.written : []),
   covered: () => scene.covered,
   arrows: () => scene.shafts,
   joints: () => scene.hits.map((hit) => ({ ...scene.camera.project(hit.point), name: hit.label })),
-  corners: () => findExtent(run, [frame, frame + 1]).map((p) => scene.camera.project(p)),
+  corners: () => findExtent(run, [frame, frame + 0.5]).map((p) => scene.camera.project(p)),
   size: () => [scene.camera.width, scene.camera.height],
+  paint: (t) => { scene.draw(run.between.drawn(run.instantAt(t)), true); plots.draw(run.frameAt(t)); },
+  place: (t, body, point) => run.placed(run.between.drawn(run.instantAt(t)), body, point),
   strokes: strokesOf, tangled: isTangled,
 };
 

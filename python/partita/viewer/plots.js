@@ -1,15 +1,20 @@
 // Small plots over time under the scene, with a cursor at the instant shown.
 
 const MOST_PLOTS = 8;
+const MOST_TURNS = 8; // turns of the motion on a plot at first; of a run with many more a part is shown at a time
 
 class Plots {
-  constructor(run, jumpTo) {
+  constructor(run, rate, jumpTo) {
     this.run = run;
     this.jumpTo = jumpTo;
     this.curves = run.scene.curves;
     this.list = []; // shown: {curve, canvas, still}
     this.home = document.getElementById("multiples");
+    this.start = run.t[0];
+    this.whole = run.t[run.frames - 1] - run.t[0];
+    this.span = this.whole; // of time on a plot
     this.fill();
+    this.fillSpans(rate);
     for (const i of run.scene.firstCurves) this.add(i);
     document.getElementById("plots").hidden = !this.curves.length || run.frames < 2;
   }
@@ -31,6 +36,29 @@ class Plots {
     });
   }
 
+  /** How much of the run a plot shows: of a fast motion a few turns, else a plot would be a solid bar. */
+  fillSpans(rate) {
+    const select = document.getElementById("span"), turns = (rate * this.whole) / (2 * Math.PI);
+    select.append(new Option("whole run", this.whole));
+    document.getElementById("spans").hidden = !(turns > 2 * MOST_TURNS);
+    if (!(turns > 2 * MOST_TURNS)) return;
+    const usual = roundBelow((MOST_TURNS * 2 * Math.PI) / rate);
+    for (const span of [10 * usual, usual, 0.2 * usual].filter((x) => x < this.whole)) {
+      select.append(new Option(`${Number(span.toPrecision(1))} s`, span));
+    }
+    select.value = String(this.span = usual);
+    select.addEventListener("change", () => {
+      this.span = Number(select.value);
+      if (this.frame !== undefined) this.draw(this.frame);
+    });
+  }
+
+  /** First and last time on the plots: the part of the run that holds a time. */
+  part(time) {
+    const first = this.start + Math.floor(Math.min(time - this.start, this.whole * (1 - 1e-9)) / this.span) * this.span;
+    return [first, Math.min(first + this.span, this.start + this.whole)];
+  }
+
   add(i) {
     if (this.list.some((plot) => plot.curve === this.curves[i])) return;
     if (this.list.length === MOST_PLOTS) this.remove(this.list[0]);
@@ -46,8 +74,8 @@ class Plots {
       if (!step) return;
       e.preventDefault();
       e.stopPropagation();
-      const stride = Math.max(1, Math.round(this.run.frames / 100)) * step;
-      this.jumpTo(this.run.t[Math.max(0, Math.min(this.run.frames - 1, this.frame + stride))]);
+      const stride = Math.max(1, Math.round((this.run.frames * this.span) / this.whole / 100)) * step;
+      this.jumpTo(this.run.t[Math.max(0, Math.min(this.run.frames - 1, Math.round(this.frame) + stride))]);
     });
     const set = (e) => this.jumpTo(this.timeAt(plot, e.offsetX));
     canvas.addEventListener("pointerdown", (e) => { canvas.setPointerCapture(e.pointerId); set(e); });
@@ -78,8 +106,8 @@ class Plots {
   }
 
   timeAt(plot, x) {
-    const { left, right } = this.frameOf(plot), { t } = this.run, last = t[this.run.frames - 1];
-    return t[0] + Math.max(0, Math.min(1, (x - left) / (right - left))) * (last - t[0]);
+    const { left, right } = this.frameOf(plot), [first, last] = this.part(this.run.timeOf(this.frame));
+    return first + Math.max(0, Math.min(1, (x - left) / (right - left))) * (last - first);
   }
 
   draw(frame) {
@@ -90,9 +118,33 @@ class Plots {
   drawOne(plot, frame) {
     const { curve, canvas, values } = plot, box = this.frameOf(plot), ratio = window.devicePixelRatio || 1;
     if (box.width < 60) return;
-    canvas.width = Math.round(box.width * ratio);
-    canvas.height = Math.round(box.height * ratio);
-    const c = canvas.getContext("2d"), { t } = this.run, end = t[this.run.frames - 1];
+    const width = Math.round(box.width * ratio), height = Math.round(box.height * ratio), now = this.run.timeOf(frame);
+    const [first, last] = this.part(now), key = [width, height, ratio, first, last, COLOURS.paper].join();
+    if (plot.key !== key) {
+      plot.key = key;
+      if (!plot.still) plot.still = document.createElement("canvas");
+      for (const each of [canvas, plot.still]) { each.width = width; each.height = height; }
+      this.drawStill(plot, box, ratio, first, last);
+    }
+    const c = canvas.getContext("2d"), { X, Y } = plot, output = Math.round(frame);
+    c.setTransform(1, 0, 0, 1, 0, 0);
+    c.clearRect(0, 0, width, height);
+    c.drawImage(plot.still, 0, 0);
+    c.scale(ratio, ratio);
+    c.strokeStyle = COLOURS.ink;
+    c.lineWidth = 1;
+    c.beginPath(); c.moveTo(X(now), box.top - 3); c.lineTo(X(now), box.bottom); c.stroke();
+    values.forEach((line, n) => {
+      if (!Number.isFinite(line[output])) return;
+      c.fillStyle = colourOfLine(curve, n);
+      c.beginPath(); c.arc(X(this.run.t[output]), Y(line[output]), 3, 0, 2 * Math.PI); c.fill();
+    });
+    this.describe(plot, output);
+  }
+
+  /** Axes and curves, from one time to another. */
+  drawStill(plot, box, ratio, start, end) {
+    const { curve, values, still } = plot, c = still.getContext("2d"), { t } = this.run;
     c.scale(ratio, ratio);
     c.font = "11px system-ui, sans-serif";
     let low = Infinity, high = -Infinity;
@@ -103,8 +155,8 @@ class Plots {
     if (high - low < 0.1 * spare) { low -= spare; high += spare; } else { low -= 0.06 * spare; high += 0.06 * spare; }
     const marks = ticksOf(low, high, 3).map((y) => [y, tickText(y, high - low)]);
     box.left = plot.left = Math.min(0.4 * box.width, 8 + Math.max(24, ...marks.map(([, text]) => c.measureText(text).width)));
-    const X = (time) => box.left + ((time - t[0]) / (end - t[0] || 1)) * (box.right - box.left);
-    const Y = (y) => box.bottom - ((y - low) / (high - low)) * (box.bottom - box.top);
+    const X = plot.X = (time) => box.left + ((time - start) / (end - start || 1)) * (box.right - box.left);
+    const Y = plot.Y = (y) => box.bottom - ((y - low) / (high - low)) * (box.bottom - box.top);
     c.fillStyle = COLOURS.quiet;
     c.strokeStyle = COLOURS.grid;
     c.lineWidth = 1;
@@ -113,21 +165,23 @@ class Plots {
       c.textAlign = "right";
       c.fillText(text, box.left - 4, Y(y) + 4);
     }
-    for (const x of ticksOf(t[0], end, 4)) {
+    for (const x of ticksOf(start, end, 4)) {
       c.beginPath(); c.moveTo(X(x), box.top); c.lineTo(X(x), box.bottom); c.stroke();
-      const text = `${tickText(x, end - t[0])} s`, half = c.measureText(text).width / 2;
+      const text = `${tickText(x, end - start)} s`, half = c.measureText(text).width / 2;
       c.textAlign = "center";
       c.fillText(text, Math.max(half, Math.min(box.width - half, X(x))), box.height - 4);
     }
+    c.beginPath(); c.rect(box.left, 0, box.right - box.left + 1, box.bottom + 1); c.clip();
+    const from = Math.max(0, this.run.frameAt(start) - 1), to = Math.min(this.run.frames, this.run.frameAt(end) + 2);
     values.forEach((line, n) => {
-      c.strokeStyle = COLOURS.lines[n % COLOURS.lines.length];
+      c.strokeStyle = colourOfLine(curve, n);
       c.lineWidth = 1.5;
       c.lineJoin = "round";
       c.setLineDash(curve.open ? [4, 3] : []);
       c.beginPath();
       if (this.run.scene.apart) { // a line between outputs so far apart would show a motion that was not
         c.fillStyle = c.strokeStyle;
-        for (let f = 0; f < line.length; f++) if (Number.isFinite(line[f])) {
+        for (let f = from; f < to; f++) if (Number.isFinite(line[f])) {
           c.moveTo(X(t[f]), Y(line[f]));
           c.arc(X(t[f]), Y(line[f]), 1.2, 0, 2 * Math.PI);
         }
@@ -137,7 +191,7 @@ class Plots {
         return;
       }
       let down = false;
-      for (let f = 0; f < line.length; f++) {
+      for (let f = from; f < to; f++) {
         if (!Number.isFinite(line[f])) { down = false; continue; }
         if (down) c.lineTo(X(t[f]), Y(line[f])); else c.moveTo(X(t[f]), Y(line[f]));
         down = true;
@@ -145,15 +199,6 @@ class Plots {
       c.stroke();
       c.setLineDash([]);
     });
-    c.strokeStyle = COLOURS.ink;
-    c.lineWidth = 1;
-    c.beginPath(); c.moveTo(X(t[frame]), box.top - 3); c.lineTo(X(t[frame]), box.bottom); c.stroke();
-    values.forEach((line, n) => {
-      if (!Number.isFinite(line[frame])) return;
-      c.fillStyle = COLOURS.lines[n % COLOURS.lines.length];
-      c.beginPath(); c.arc(X(t[frame]), Y(line[frame]), 3, 0, 2 * Math.PI); c.fill();
-    });
-    this.describe(plot, frame);
   }
 
   /** Name and values now, above the plot and for those who do not see it. */
@@ -161,20 +206,27 @@ class Plots {
     const { curve, values, caption } = plot;
     const shown = values.map((line, n) => (curve.labels[n] ? `${curve.labels[n]} ` : "") + short(line[frame], 3)).join(", ");
     const text = `${curve.name}: ${shown}${curve.unit ? ` ${curve.unit}` : ""}${curve.open ? " (not unique)" : ""}`;
-    if (plot.text === text) return;
-    plot.text = text;
+    if (plot.text === text + COLOURS.paper) return;
+    plot.text = text + COLOURS.paper;
     caption.replaceChildren();
     const read = element("span", "read"); // kept whole where the name must be cut
     caption.append(element("span", "what", `${curve.name}: `), read);
     values.forEach((line, n) => {
       const part = element("span", "", (n ? ", " : "") + (curve.labels[n] ? `${curve.labels[n]} ` : "") + short(line[frame], 3));
-      if (values.length > 1) part.style.color = COLOURS.lines[n % COLOURS.lines.length];
+      part.style.color = colourOfLine(curve, n);
       read.append(part);
     });
     read.append(`${curve.unit ? ` ${curve.unit}` : ""}${curve.open ? " (not unique)" : ""}`);
     caption.title = text;
     plot.canvas.setAttribute("aria-label", `${text} at ${short(this.run.t[frame])} s; arrow keys change the time`);
   }
+}
+
+/** Forces, moments and loads have the colours of their arrows, energies and coordinates each their own. */
+function colourOfLine(curve, n) {
+  if (curve.size) return COLOURS[curve.table];
+  const group = { coordinates: 1, velocities: 0, drives: 2, sensors: 3, energy: 4 }[curve.group] || 0;
+  return COLOURS.lines[(group + n) % COLOURS.lines.length];
 }
 
 /** Round numbers between two others, about `count`. */

@@ -36,6 +36,7 @@ class Pose:
         kinds = [body["kind"] for body in scene["bodies"]]
         reported = {wheel["body"] for wheel in scene["wheels"] if not wheel["ring"]}
         reported |= {line["body"] for line in scene["lines"] if line["look"] == "cam"}
+        reported |= {extra["body"] for extra in scene["parts"]}
         self.hidden = {b for b in reported if b >= 0 and kinds[b] == "ball"}
 
     def turned(self, frame: int, body: int, directions: FloatArray) -> FloatArray:
@@ -76,6 +77,10 @@ class Pose:
         cloud += [self.path(point["body"], point["at"])[::step] for point in scene["points"]]
         for line in scene["lines"]:
             cloud += [self.path(line["body"], point)[::step] for point in line["points"][::6]]
+        for mark in (*scene["floors"], *scene["stops"]):
+            cloud += [self.path(mark["body"], point)[::step] for point in mark["points"]]
+        for extra in scene["parts"]:
+            cloud += [self.path(extra["body"], p)[::step] for p in corners(extra["part"])]
         for wheel in scene["wheels"]:
             cloud += [self.path(wheel["body"], p)[::step] for p in corners({**wheel, "length": wheel["width"]}, 1.15)]
         for solid in scene["solids"]:

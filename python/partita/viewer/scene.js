@@ -96,7 +96,7 @@ class Scene {
     }
   }
 
-  draw(frame) {
+  draw(frame, moving = false) {
     const c = this.context, { camera } = this;
     this.unlike.cut = false;
     camera.origin = this.options.follow ? middleOf(this.run, frame) : [0, 0, 0];
@@ -105,11 +105,12 @@ class Scene {
     c.clearRect(0, 0, camera.width, camera.height);
     const painter = new Painter(c, camera, 0.5 * this.radius);
     this.hits = [];
-    if (!this.run.scene.flat) this.floor(painter);
-    if (this.options.traces) this.traces(painter, frame);
+    c.drawImage(this.backdrop(), 0, 0, camera.width, camera.height);
+    if (this.options.traces) this.traces(painter, frame, true);
     this.bodies(painter, frame);
     for (const { body, parts } of this.run.scene.solids) drawSolids(this, painter, frame, body, parts);
     drawCouplings(this, painter, frame);
+    drawAround(this, painter, frame);
     this.springs(painter, frame);
     this.joints(painter, frame);
     painter.paint();
@@ -124,8 +125,24 @@ class Scene {
     }
     legends.axes();
     legends.scales();
-    if (this.options.names) legends.names();
+    if (this.options.names) legends.names(moving);
     this.labels = legends.labels;
+  }
+
+  /** What stays while only time goes on, behind all else: the floor, and paths that are shown whole. */
+  backdrop() {
+    const { camera, ratio, canvas, options } = this, { target, origin, azimuth, elevation, scale, drop, parallel } = camera;
+    const key = [target, origin, azimuth, elevation, scale, drop, parallel, canvas.width, canvas.height, options.traces, COLOURS.paper].join();
+    if (!this.behind) this.behind = document.createElement("canvas");
+    if (this.behindKey === key) return this.behind;
+    this.behindKey = key;
+    this.behind.width = canvas.width;
+    this.behind.height = canvas.height;
+    const c = this.behind.getContext("2d"), painter = new Painter(c, camera, 1);
+    c.setTransform(ratio, 0, 0, ratio, 0, 0);
+    if (!this.run.scene.flat) this.floor(painter);
+    if (options.traces) this.traces(painter, 0, false);
+    return this.behind;
   }
 
   /** Faint grid under a spatial mechanism, so that heights can be judged. */
@@ -149,10 +166,11 @@ class Scene {
     for (let z = Math.ceil(ends[1][0]); z <= ends[1][1]; z++) draw(at(ends[0][0], z), at(ends[0][1], z));
   }
 
-  /** Paths; of one that goes everywhere the last stretch. */
-  traces(painter, frame) {
-    const now = this.run.t[frame], recent = TAIL * (this.run.t[this.run.frames - 1] - this.run.t[0]);
+  /** Paths that are shown whole or, `tangled`, those that go everywhere, of which the last stretch is shown. */
+  traces(painter, frame, those) {
+    const now = this.run.timeOf(frame), recent = TAIL * (this.run.t[this.run.frames - 1] - this.run.t[0]);
     for (const { strokes, tangled } of this.paths) {
+      if (tangled !== those) continue;
       for (const stroke of strokes) {
         let line = [];
         const flush = () => {
@@ -179,6 +197,7 @@ class Scene {
     const { run, radius } = this, s = run.scene;
     const rod = (a, b, r, colour) => painter.rod(a, b, r, colour, this.piecesOf(a, b));
     const given = new Set(s.solids.map(({ body }) => body));
+    for (const { body } of s.parts) if (body >= 0 && s.bodies[body].kind === "ball") given.add(body);
     for (const { body, look } of s.lines) if (look === "cam" && s.bodies[body] && s.bodies[body].kind === "ball") given.add(body);
     for (const { body, ring } of s.wheels) if (!ring && body >= 0 && s.bodies[body].kind === "ball") given.add(body);
     const coloured = s.bodies.map((body, b) => [body, this.colourOf(b), body.points.map((p) => run.placed(frame, b, p)), b])
@@ -237,6 +256,7 @@ class Scene {
       if (joint.rail) this.rail(painter, joint, frame, grounded);
       else if (grounded && joint.kind !== "free" && joint.atParent) painter.support(point, 3.4 * radius);
       this.glyph(painter, joint, point, frame);
+      drawMarks(this, painter, j, point, joint.axis ? unit(run.turned(frame, joint.parent, joint.axis)) : null);
       if (free.has(j)) this.ring(painter, point);
       this.hits.push({ point, joint: j, label: joint.name, kind: joint.kind });
     });
@@ -279,7 +299,7 @@ class Scene {
       painter.box(point, [axis, across, cross(axis, across)], [3 * r, 1.8 * r, 1.8 * r], this.colourOf(joint.child), lift);
     } else if (joint.kind === "planar" && axis) {
       const across = this.across(axis);
-      painter.box(point, [axis, across, cross(axis, across)], [0.4 * r, 2.6 * r, 2.6 * r], colour, lift);
+      painter.box(point, [axis, across, cross(axis, across)], [0.4 * r, 2.6 * r, 2.6 * r], colour, -lift); // behind its body
     } else if (joint.kind === "generic") {
       painter.octahedron(point, 2 * r, colour, lift);
     } else {

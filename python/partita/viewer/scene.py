@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,10 +11,12 @@ from numpy.typing import NDArray
 
 from ..result_view import FEW, ResultView, turn_between_outputs
 from .couplings import Pictures, pictures
-from .curves import curves, loads_open
+from .curves import curves, efforts, loads_open
 from .geometry import outline, plane_normal, solid_of, view
+from .motion import Motion, motion_of
 from .packing import pack_tables
 from .slim import slim
+from .surroundings import surroundings
 
 FloatArray = NDArray[np.float64]
 
@@ -25,22 +26,6 @@ ENOUGH = np.radians(10.0)
 MOST_SWITCHES = 2000
 MOST_FULL = 400
 """Number of switches described in words; beyond it only their times are marked."""
-
-
-@dataclass(frozen=True)
-class Motion:
-    """Positions of nb bodies and nj joints over nt outputs; the ground is body -1."""
-
-    position: FloatArray  # (nt, nb, 3) origins of the bodies
-    rotation: FloatArray  # (nt, nb, 3, 3)
-    point: FloatArray  # (nt, nj, 3) points of the joints
-    size: float  # diagonal of the box around all of it, over all time; 1 when there is no extent
-
-    def on_body(self, body: int, points: FloatArray) -> FloatArray:
-        """World points (nt, 3) in the axes of a body, (nt, 3)."""
-        if body < 0:
-            return points
-        return np.einsum("tji,tj->ti", self.rotation[:, body], points - self.position[:, body])
 
 
 def describe(
@@ -56,17 +41,21 @@ def describe(
     """
     summary = result.summary or {}
     spec = result.spec or {}
-    motion = _motion(result)
+    motion = motion_of(result)
     joints = _joints(summary, spec, motion, list(result.names.bodies))
     coordinates = {
         name: np.asarray(result.joint(name).position)[:, 0]
         for name in result.names.joints
-        if spec.get("couplings") and np.asarray(result.joint(name).position).shape[1:] == (1,)
+        if (spec.get("couplings") or spec.get("forces") or spec.get("drives"))
+        and np.asarray(result.joint(name).position).shape[1:] == (1,)
     }
+    around = surroundings(spec, list(result.names.bodies), joints, coordinates, motion)
     drawn_couplings = pictures(spec, list(result.names.bodies), list(result.names.joints), coordinates, motion.size)
     _seats(spec, motion, joints)
     bodies = _bodies(result, spec, motion, joints, drawn_couplings)
     guessed = _solids(spec, motion, bodies, joints, drawn_couplings)
+    for extra in around.parts:  # a ball that touches is drawn in place of a guessed one
+        guessed.pop(extra["body"], None)
     for name, joint in zip(result.names.joints, joints, strict=True):
         joint["open"] = loads_open(result, name)
     drawn, first, plotted = curves(result)
@@ -92,10 +81,16 @@ def describe(
         "lines": drawn_couplings.lines,
         "rods": drawn_couplings.rods,
         "links": drawn_couplings.links,
+        "floors": around.floors,
+        "parts": around.parts,
+        "stops": around.stops,
+        "coils": around.coils,
+        "motors": around.motors,
         "points": list(traced),
         "loads": loads,
         "springs": _springs(spec, list(result.names.bodies)),
         "velocities": list(result.names.velocities),
+        "drives": efforts(result)[0],
         "apart": _apart(result),
         "switches": switches,
         "switchCount": len(switches),
@@ -127,19 +122,6 @@ def _apart(result: ResultView) -> dict[str, Any] | None:
     return {"name": name, "degrees": float(np.degrees(step)), "step": usual * ENOUGH / step}
 
 
-def _motion(result: ResultView) -> Motion:
-    nt = len(result.t)
-    bodies = [result.body(name) for name in result.names.bodies]
-    position = np.array([b.position for b in bodies], dtype=float).reshape(-1, nt, 3).transpose(1, 0, 2)
-    rotation = np.array([b.rotation for b in bodies], dtype=float).reshape(-1, nt, 3, 3).transpose(1, 0, 2, 3)
-    joints = [result.joint(name).point for name in result.names.joints]
-    point = np.array(joints, dtype=float).reshape(-1, nt, 3).transpose(1, 0, 2)
-    seen = np.concatenate([position.reshape(-1, 3), point.reshape(-1, 3)])
-    seen = seen[np.isfinite(seen).all(axis=1)]
-    size = float(np.linalg.norm(np.ptp(seen, axis=0))) if len(seen) else 0.0
-    return Motion(position, rotation, point, size or 1.0)
-
-
 def _tables(result: ResultView, motion: Motion) -> dict[str, FloatArray]:
     """Everything that changes with time, each (nt, columns)."""
     nt = len(result.t)
@@ -148,6 +130,8 @@ def _tables(result: ResultView, motion: Motion) -> dict[str, FloatArray]:
         "t": np.asarray(result.t, dtype=float).reshape(nt, 1),
         "position": motion.position.reshape(nt, -1),
         "turn": _quaternions(motion.rotation).reshape(nt, -1),
+        "rate": motion.rate,
+        "spin": motion.spin,
         "force": np.array([j.force for j in joints], dtype=float).reshape(-1, nt, 3).transpose(1, 0, 2),
         "moment": np.array([j.moment for j in joints], dtype=float).reshape(-1, nt, 3).transpose(1, 0, 2),
         "measure": np.asarray(result.measure, dtype=float).reshape(nt, -1),

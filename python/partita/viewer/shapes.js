@@ -19,6 +19,7 @@ class Painter {
     this.camera = camera;
     this.grain = grain; // depths nearer than this count as equal, so that a flat mechanism does not flicker
     this.list = [];
+    this.drawnRods = []; // ends in the picture, and half the width
   }
 
   push(z, draw) {
@@ -83,6 +84,8 @@ class Painter {
 
   /** Round rod between two points, cut into pieces so that rods can pass before and behind each other. */
   rod(a, b, radius, colour, pieces) {
+    const ends = [this.camera.project(a), this.camera.project(b)];
+    if (ends[0] && ends[1]) this.drawnRods.push([...ends, Math.max(3, radius * ends[0].s)]);
     for (let i = 0; i < pieces; i++) {
       const p = this.camera.project(along(a, b, i / pieces)), q = this.camera.project(along(a, b, (i + 1) / pieces));
       if (p && q) this.push((p.z + q.z) / 2, () => this.rodPiece(p, q, radius, colour, i === 0, i === pieces - 1));
@@ -284,6 +287,45 @@ class Painter {
     });
   }
 
+  /** An arrow three quarters around a point: a drive turns it. */
+  turnArrow(p, radius, colour) {
+    const c = this.c, r = Math.max(9, radius), start = -0.75 * Math.PI, end = 0.6 * Math.PI;
+    for (const [style, width] of [[COLOURS.halo, 4], [colour, 2]]) {
+      c.beginPath();
+      c.arc(p.x, p.y, r, start, end);
+      c.strokeStyle = style;
+      c.lineWidth = width;
+      c.stroke();
+    }
+    const x = p.x + r * Math.cos(end), y = p.y + r * Math.sin(end), ux = -Math.sin(end), uy = Math.cos(end), h = Math.min(8, 0.7 * r);
+    this.polygon([{ x: x + ux * h, y: y + uy * h }, { x: x - uy * 0.55 * h, y: y + ux * 0.55 * h },
+      { x: x + uy * 0.55 * h, y: y - ux * 0.55 * h }], colour, null);
+  }
+
+  /** An arrow with two heads: a drive moves a slide. */
+  doubleArrow(p, q, colour) {
+    if (!p || !q) return;
+    const dx = q.x - p.x, dy = q.y - p.y, l = Math.hypot(dx, dy);
+    if (l < 12) return;
+    const ux = dx / l, uy = dy / l, h = Math.min(8, 0.25 * l);
+    for (const [style, width] of [[COLOURS.halo, 4], [colour, 2]]) this.line([p, q], style, width);
+    for (const [end, s] of [[p, -1], [q, 1]]) {
+      this.polygon([{ x: end.x + s * ux * h, y: end.y + s * uy * h }, { x: end.x - uy * 0.55 * h, y: end.y + ux * 0.55 * h },
+        { x: end.x + uy * 0.55 * h, y: end.y - ux * 0.55 * h }], colour, null);
+    }
+  }
+
+  /** Two and a half turns about a point: a torsion spring. */
+  spiral(p, radius, colour) {
+    const line = Array.from({ length: 61 }, (_, i) => {
+      const angle = (i * Math.PI) / 12, r = radius * (0.35 + (0.65 * i) / 60);
+      return { x: p.x + r * Math.cos(angle), y: p.y - r * Math.sin(angle) };
+    });
+    if (radius < 7) return;
+    this.line(line, COLOURS.halo, 3.2);
+    this.line(line, colour, 1.5);
+  }
+
   /** Support under a point at rest: a foot on hatched ground, always upright in the picture. */
   support(point, size) {
     const p = this.camera.project(point);
@@ -297,17 +339,22 @@ class Painter {
     });
   }
 
-  /** Ground line from p to q in the picture with strokes below it. */
+  /** Ground line between p and q in the picture with strokes below it. */
   hatch(p, q, r) {
+    if (q.x >= p.x) this.ground(p, q, r); else this.ground(q, p, r);
+  }
+
+  /** Ground line from p to q with strokes on its right. */
+  ground(p, q, r) {
     this.line([p, q], COLOURS.ground, 1.6);
     let dx = q.x - p.x, dy = q.y - p.y;
     const l = Math.hypot(dx, dy), count = Math.max(2, Math.min(80, Math.round(l / (0.4 * r))));
     if (!(l > 1)) return;
     dx /= l; dy /= l;
-    const side = dx >= 0 ? 1 : -1, h = 0.38 * r;
+    const h = 0.38 * r;
     for (let i = 0; i < count; i++) {
       const s = ((i + 0.8) * l) / count, x = p.x + s * dx, y = p.y + s * dy;
-      this.line([{ x, y }, { x: x - side * h * (dx + dy), y: y + side * h * (dx - dy) }], COLOURS.ground, 1.1);
+      this.line([{ x, y }, { x: x - h * (dx + dy), y: y + h * (dx - dy) }], COLOURS.ground, 1.1);
     }
   }
 

@@ -57,6 +57,20 @@ class Sheet:
         if edge is not None:
             self.draw.line([*pairs, pairs[0]], fill=edge, width=max(1, round(width)), joint="curve")
 
+    def ground(self, p: Any, q: Any, r: float, fine: float) -> None:
+        """A ground line from p to q with strokes on its right; `fine` is the width of a fine line in pixels."""
+        self.line([p, q], GROUND, 1.5 * fine)
+        offset = q - p
+        whole = float(np.hypot(*offset))
+        if whole < fine:
+            return
+        along = offset / whole
+        count = max(2, min(60, round(whole / (0.4 * r))))
+        turn = np.array([-(along[0] + along[1]), along[0] - along[1]]) * 0.38 * r
+        for i in range(count):
+            at = p + offset * (i + 0.8) / count
+            self.line([at, at + turn], GROUND, fine)
+
     def circle(
         self, at: Any, radius: float, fill: Colour | None, edge: Colour | None = None, width: float = 1.0
     ) -> None:

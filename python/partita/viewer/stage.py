@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from .geometry import hull
 from .pose import Pose
+from .scenery import scenery
 from .sheet import (
     BODIES,
     EDGE,
@@ -103,6 +104,7 @@ class Stage:
                 sheet.line(self.at(stroke), TRACE, 1.2 * FINER)
             else:
                 sheet.circle(self.at(stroke[0]), 1.2 * FINER, TRACE)
+        scenery(self, sheet, frame, FINER)
         self.couplings(sheet, frame)
         self.bodies(sheet, frame)
         self.springs(sheet, frame)
@@ -370,18 +372,7 @@ class Stage:
             sheet.add(self.depth([point]) - 2 * size / self.radius, draw)
 
     def hatch(self, sheet: Sheet, p: FloatArray, q: FloatArray, r: float) -> None:
-        sheet.line([p, q], GROUND, 1.5 * FINER)
-        offset = q - p
-        whole = float(np.hypot(*offset))
-        if whole < FINER:
-            return
-        along = offset / whole
-        side = 1.0 if along[0] >= 0 else -1.0
-        count = max(2, min(60, round(whole / (0.4 * r))))
-        turn = np.array([-side * (along[0] + along[1]), side * (along[0] - along[1])]) * 0.38 * r
-        for i in range(count):
-            at = p + offset * (i + 0.8) / count
-            sheet.line([at, at + turn], GROUND, 1.0 * FINER)
+        sheet.ground(*((p, q) if q[0] >= p[0] else (q, p)), r, FINER)
 
     def joints(self, sheet: Sheet, frame: int) -> None:
         pose, r = self.pose, self.radius
@@ -417,7 +408,7 @@ class Stage:
             across = wanted - (wanted @ axis) * axis
             across /= np.linalg.norm(across)
             half = (3.0 * r, 1.8 * r, 1.8 * r) if kind == "prismatic" else (0.4 * r, 2.6 * r, 2.6 * r)
-            colour = self.colour(joint["child"]) if kind == "prismatic" else JOINT
+            colour, lift = (self.colour(joint["child"]), lift) if kind == "prismatic" else (JOINT, -lift)
             self.box(sheet, point, np.array([axis, across, np.cross(axis, across)]), half, colour, lift)
         elif kind == "fixed":
             self.box(sheet, point, np.eye(3), (r, r, r), GROUND, lift)

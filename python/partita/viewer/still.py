@@ -118,6 +118,12 @@ def still_page(
     return whole_page(__package__, scene["title"], slim(scene), SCRIPTS)
 
 
+def scene_of(still: Still, title: str | None = None) -> dict[str, Any]:
+    """What is drawn of a position, without the arrays of a run: for pages that move it themselves."""
+    scene = _scene(still, title, None, None, packed=False)
+    return {key: value for key, value in slim(scene).items() if key != "tables"}
+
+
 @dataclass(frozen=True)
 class Picture:
     """A picture in front of a fixed camera: an image of Pillow, and where its pixels are."""
