@@ -441,7 +441,14 @@ impl March {
                 Err(failure) => return Err(failure),
             }
             if verdict == Verdict::Repeat {
-                stepper.reject(0.5);
+                // however short, a step over a jump of what is prescribed is repeated: the jump is named
+                if !stepper.current().may_shrink {
+                    match self.shortened(formulation) {
+                        Ok(_) | Err(StepFailure::Interpolation { .. }) => {}
+                        Err(failure) => return Err(failure),
+                    }
+                }
+                self.active().reject(0.5);
                 self.commit(formulation, verdict)?;
                 continue;
             }
