@@ -33,7 +33,7 @@ class Panel {
     this.all = entries.length <= FEW;
     this.order = driven || open ? entries.map((_, i) => i) : this.byImportance();
     this.rows = entries.map((each) => this.row(each, this.list));
-    if (!entries.length) this.list.append(element("p", "", "This run has no coordinates."));
+    if (!entries.length) this.list.append(element("p", "", "There are no coordinates to show."));
     this.marked = [];
     this.empty = element("p", "", "No coordinate has this in its name.");
     this.list.append(this.empty);
@@ -228,12 +228,14 @@ class Panel {
     }
     this.marked = now;
     if (!this.all && !this.query) this.choose();
-    const { velocities } = this.run.scene, names = now.map((i) => velocities[i]), most = 12;
+    const { velocities, drives, warning } = this.run.scene, names = now.map((i) => velocities[i]), most = 12;
     const rest = names.length > most ? ` and ${names.length - most} more` : "";
     document.getElementById("chosen").textContent = names.length > FEW / 2 && names.length === velocities.length
       ? `All ${names.length} velocities are independent.`
       : names.length ? `Independent: ${names.slice(0, most).join(", ")}${rest} (${names.length} of ${velocities.length})`
-        : "No independent coordinate: the motion is prescribed.";
+        : drives.length ? "No independent coordinate: the motion is prescribed."
+          : warning ? "The drawing does not assemble: no coordinates are chosen."
+            : "No independent coordinate: nothing can move.";
   }
 
   /** Set the bars that can be seen; a chain of a thousand loops has thousands. */
