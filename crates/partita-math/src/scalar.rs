@@ -18,6 +18,7 @@ mod recorder;
 
 pub use dual::Dual;
 pub use lanes::Lanes;
+pub(crate) use recorder::Operation;
 pub use recorder::{Module, OperationCounts, Recorder, Recording};
 
 use std::fmt::Debug;
