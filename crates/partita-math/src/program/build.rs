@@ -216,7 +216,9 @@ impl<'a> Builder<'a> {
             Some(i) => self.take(i as usize),
             None => self.spare(),
         });
-        pair.into_iter().flatten().for_each(|_| drop(self.read(x)));
+        for _ in pair.into_iter().flatten() {
+            self.read(x);
+        }
         // what nobody reads is free again
         for (i, register) in pair.into_iter().zip([to, also]) {
             if i.is_none() {

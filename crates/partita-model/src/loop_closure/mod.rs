@@ -35,11 +35,13 @@ mod over;
 mod plan;
 mod planar;
 mod polygon;
+mod program;
 mod spatial;
 
 pub use adjacent::{Adjacent, AdjacentClosing, AdjacentRoom};
 pub use assemblies::{Assembled, Assemblies};
 pub use over::ClosingRoom;
+pub use program::ClosingProgram;
 
 use crate::model::{Model, ModelScratch};
 use arm::{Chain, PlanarArm, Pose};
