@@ -123,6 +123,12 @@ impl<S: Scalar, const G: usize> Work<S, G> {
         &mut self.registers[k]
     }
 
+    /// All inputs, to be written.
+    #[inline(always)]
+    pub fn inputs(&mut self, program: &Program) -> &mut [[S; G]] {
+        &mut self.registers[..program.inputs]
+    }
+
     /// Output o of the last evaluation.
     #[inline(always)]
     pub fn output(&self, program: &Program, o: usize) -> &[S; G] {

@@ -34,7 +34,7 @@ pub struct Reduced<S> {
     pub vdot: Vec<S>,
     /// Multipliers of all rows.
     pub multipliers: Vec<S>,
-    factors: Vec<S>,
+    pub(crate) factors: Vec<S>,
     rhs: Vec<S>,
     a_matrix: Vec<S>,
     factor: Vec<S>,

@@ -12,6 +12,7 @@ from ..io import Reading, RemarkGroup, Writing, save
 from . import models, solve
 from . import stepper as stepping
 from .assemblies import assemblies
+from .ensemble import ensemble
 from .equilibrium import equilibria, equilibrium
 from .fmu import to_fmu
 from .inverse import inverse_dynamics
@@ -84,6 +85,7 @@ class Mechanism(Modelled):
     kinematics = kinematics
     convert = solve.convert
     simulate = solve.simulate
+    ensemble = ensemble
     inverse_dynamics = inverse_dynamics
     inputs = property(stepping.inputs)
     stepper = stepping.stepper

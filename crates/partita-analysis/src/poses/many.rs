@@ -40,7 +40,7 @@ const RESULT: usize = 5;
 
 /// All of a row but its coordinates.
 pub(super) fn put(found: &Found, reached: &[f64], rows: &mut Rows, i: usize) {
-    let number = Outcome::ALL.iter().position(|x| *x == found.outcome).unwrap_or(0);
+    let number = found.outcome as usize;
     rows.row(1, i).copy_from_slice(reached);
     let reported =
         [number as f64, found.shortfall, found.angle, found.culprit as f64, f64::from(u8::from(found.detour))];

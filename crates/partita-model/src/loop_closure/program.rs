@@ -2,7 +2,7 @@
 
 use super::LoopClosing;
 use partita_math::program::Program;
-use partita_math::scalar::{Cases, Recorder, Recording, Scalar};
+use partita_math::scalar::{Recorder, Recording, Scalar};
 use partita_system::prelude::*;
 use partita_system::SystemError;
 
@@ -57,13 +57,9 @@ impl LoopClosing<'_> {
             let zeros = |n: usize| vec![Recorder::zero(); n];
             let (mut phi, mut c, mut a) = (zeros(size.holonomic), zeros(model.pattern().nnz()), zeros(size.rows));
             e.position(t, &q, &mut e.scratch(), &mut phi, &mut c, &mut a)?;
-            let mut open = Recorder::zero();
-            for (i, x) in phi.iter().enumerate() {
-                open += x.abs().scale(1.0 / model.row_displacement(i).unwrap_or(1.0));
-            }
             let of_blocks: Vec<Recorder> = self.pivots_over(&room).collect();
             pivots = of_blocks.len();
-            Ok::<_, SystemError>([q, of_blocks, vec![excess, open]].concat())
+            Ok::<_, SystemError>([q, of_blocks, vec![excess, model.open(&phi)]].concat())
         });
         Some(ClosingProgram { program: Program::new(&made.ok()?, 0..0), coordinates: size.nq, pivots })
     }
