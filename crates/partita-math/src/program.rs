@@ -119,8 +119,7 @@ impl<S: Scalar, const G: usize> Work<S, G> {
     /// Input k, to be written.
     #[inline(always)]
     pub fn input(&mut self, program: &Program, k: usize) -> &mut [S; G] {
-        debug_assert!(k < program.inputs);
-        &mut self.registers[k]
+        &mut self.inputs(program)[k]
     }
 
     /// All inputs, to be written.

@@ -39,6 +39,7 @@ class Ensemble:
         success: (members,) bool: reached its end with all loops closed.
         messages: number of a member that did not succeed -> why.
         in_lanes: (members,) bool: computed side by side with others; the rest by ordinary runs.
+        steps: number of steps that those took together, each of twelve evaluations.
         parameters: name -> values (members, ...) that varied; empty if none did.
         notes: what ran how, in sentences."""
 
@@ -62,6 +63,7 @@ class Ensemble:
         self.success: NDArray[np.bool_] = self.status == "finished"
         self.messages: dict[int, str] = dict(raw["messages"])
         self.in_lanes: NDArray[np.bool_] = raw["in_lanes"]
+        self.steps: int = raw["steps"]
         self.notes = _notes(raw, self.in_lanes)
 
     @property

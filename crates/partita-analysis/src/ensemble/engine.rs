@@ -1,7 +1,7 @@
 //! The programs of all choices that members need, and which member takes which.
 
 use super::lanes::{Lanes32, Left, Member};
-use super::{admissible, scouted, worded, Members, MOST_FREEDOMS};
+use super::{admissible, scouted, worded, Members, Scouted, MOST_DOF};
 use crate::outputs::Rows;
 use partita_integrate::options::Options;
 use partita_math::program::Work;
@@ -14,14 +14,17 @@ use std::sync::Arc;
 
 /// Choices with their orders of elimination at most.
 const MOST_CHOICES: usize = 12;
-/// Longest program. Unit: instructions. Reason: beyond it the recursions of an ordinary run, which share work among loops,
+/// Longest program, in instructions: beyond it the recursions of an ordinary run, which share work among loops,
 /// are as fast.
 const LONGEST: usize = 20_000;
-/// A pivot that is smaller wants another order, or another choice. Scale: the pivot where the order was chosen.
+/// A pivot that is smaller wants another order, or another choice. Scale: the pivot where the order was chosen. Reason:
+/// less than a digit is lost then.
 const FADING: f64 = 0.2;
-/// A pivot that is smaller spoils the step. Scale: as `FADING`.
+/// A pivot that is smaller spoils the step. Scale: the pivot where the order was chosen. Reason: a stage may lie beyond the
+/// end of the step before, at which it was larger than [`FADING`].
 pub(super) const SPOILT: f64 = 0.05;
-/// An order serves a position of the scouted motions if its pivots are larger. Scale: as `FADING`.
+/// An order serves a position of the scouted motions if its pivots are larger. Scale: the pivot where the order was chosen.
+/// Reason: other members have others there; twice [`FADING`].
 const SERVES: f64 = 0.4;
 /// Gain of another choice that is tolerated where none serves better. Scale: factor on the volume of the choice. Reason: a
 /// digit of accuracy.
@@ -80,7 +83,7 @@ impl Engines {
     pub fn new(model: &Model, what: &Members) -> Result<Self, String> {
         let (rank, positions) = scouted(model, what)?;
         let k = model.size().nv - rank;
-        if k == 0 || k > MOST_FREEDOMS {
+        if k == 0 || k > MOST_DOF {
             return Err(format!("{k} degrees of freedom"));
         }
         let options = Options { rtol: what.request.rtol, atol: what.request.atol.into(), ..Options::default() };
@@ -88,7 +91,7 @@ impl Engines {
         let mut works: Vec<Work<f64, 1>> = Vec::new();
         let values = what.numbers(0).to_vec();
         let at_rest = vec![0.0; model.size().nv];
-        for (t, q, independent) in positions {
+        for Scouted { t, q, independent } in positions {
             let serves = |(choice, one): (&Arc<Choice>, &mut Work<f64, 1>)| {
                 choice.independent == independent && {
                     set(choice, one, (t, &q, &at_rest), &values);

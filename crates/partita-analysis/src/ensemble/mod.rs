@@ -37,7 +37,7 @@ const SMALL_BATCH: usize = 8;
 const WORTH_PROGRAMS: usize = 64;
 /// Most degrees of freedom in lanes. Reason: with more the accelerations come from a recursion over clusters, whose
 /// cost does not grow with their square.
-const MOST_FREEDOMS: usize = 8;
+const MOST_DOF: usize = 8;
 
 /// What is computed.
 pub struct Members<'a> {
@@ -262,8 +262,15 @@ fn alone(model: &Model, what: &Members, i: usize, rows: &mut Rows, messages: &Mu
     }
 }
 
-/// Positions and choices that ordinary runs of a few members meet: rank, then t, q and independent velocities.
-fn scouted(model: &Model, what: &Members) -> Result<(usize, Vec<(f64, Vec<f64>, Vec<usize>)>), String> {
+/// A position of an ordinary run, and the choice in use.
+struct Scouted {
+    t: f64,
+    q: Vec<f64>,
+    independent: Vec<usize>,
+}
+
+/// Rank, and the positions that ordinary runs of a few members meet.
+fn scouted(model: &Model, what: &Members) -> Result<(usize, Vec<Scouted>), String> {
     let mut members = vec![0, what.count / 2, what.count - 1];
     members.dedup();
     let (from, to) = (what.request.t0, what.request.t_end);
@@ -275,7 +282,7 @@ fn scouted(model: &Model, what: &Members) -> Result<(usize, Vec<(f64, Vec<f64>, 
                 rank = rank.or(Some(run.log.recipe.rank));
                 for x in run.log.outputs.iter().filter(|x| !x.singular) {
                     if let Some(event) = run.log.events.get(x.choice) {
-                        found.push((x.t, x.q.clone(), event.independent.clone()));
+                        found.push(Scouted { t: x.t, q: x.q.clone(), independent: event.independent.clone() });
                     }
                 }
             }

@@ -36,6 +36,9 @@ struct Lane {
 pub(super) struct PoseLanes {
     program: Arc<ClosingProgram>,
     work: Work<Lanes, GROUPS>,
+    check: Work<Lanes, GROUPS>,
+    /// Poses in the lanes of `check`.
+    unchecked: Vec<usize>,
     lanes: [Option<Lane>; LANES],
     /// Pivots of each lane at the end of its last step, block by block.
     pivots: Vec<[f64; LANES]>,
@@ -44,7 +47,9 @@ pub(super) struct PoseLanes {
 impl PoseLanes {
     pub fn new(program: &Arc<ClosingProgram>) -> Self {
         Self {
-            work: program.program.work(),
+            work: program.solve.work(),
+            check: program.check.work(),
+            unchecked: Vec::with_capacity(LANES),
             lanes: [None; LANES],
             pivots: vec![[0.0; LANES]; program.pivots],
             program: program.clone(),
@@ -77,11 +82,11 @@ impl PoseLanes {
             if !busy {
                 break;
             }
-            self.work.evaluate(&self.program.program);
+            self.work.evaluate(&self.program.solve);
             let taken = self.taken();
             for k in 0..self.program.coordinates {
-                let found = *self.work.output(&self.program.program, k);
-                *self.work.input(&self.program.program, k) = found;
+                let found = *self.work.output(&self.program.solve, k);
+                *self.work.input(&self.program.solve, k) = found;
             }
             for l in 0..LANES {
                 let Some(lane) = &mut self.lanes[l] else { continue };
@@ -91,9 +96,14 @@ impl PoseLanes {
                 } else if lane.next == 1.0 {
                     let (pose, values) = (lane.pose, of(lane.pose));
                     put(&Found::closed(false), values, rows, pose);
-                    let q = rows.row(0, pose);
-                    for (k, q) in q.iter_mut().enumerate() {
-                        *q = self.work.get(&self.program.program, k, l);
+                    let to = self.unchecked.len();
+                    for (k, q) in rows.row(0, pose).iter_mut().enumerate() {
+                        *q = self.work.get(&self.program.solve, k, l);
+                        self.check.set(k, to, *q);
+                    }
+                    self.unchecked.push(pose);
+                    if self.unchecked.len() == LANES {
+                        self.check_all(&mut left);
                     }
                     self.lanes[l] = None;
                 } else {
@@ -101,12 +111,25 @@ impl PoseLanes {
                 }
             }
         }
+        self.check_all(&mut left);
         for pose in left {
             let (found, reached) = one.pose(of(pose))?;
             put(&found, &reached, rows, pose);
             one.write(&found, rows.row(0, pose));
         }
         Ok(())
+    }
+
+    /// Leave poses that the closed forms do not close.
+    fn check_all(&mut self, left: &mut Vec<usize>) {
+        self.check.evaluate(&self.program.check);
+        for (l, pose) in self.unchecked.drain(..).enumerate() {
+            // NaN is left
+            let closed = self.check.get(&self.program.check, 0, l) <= tolerance::CLOSED_FORM;
+            if !closed {
+                left.push(pose);
+            }
+        }
     }
 
     /// Where lane l begins.
@@ -120,12 +143,11 @@ impl PoseLanes {
     /// Lanes whose step closes with healthy pivots, which become those of the next step.
     fn taken(&mut self) -> [bool; LANES] {
         let (p, work) = (&*self.program, &self.work);
-        let lanes = |o: usize| work.output(&p.program, o).as_slice();
+        let lanes = |o: usize| work.output(&p.solve, o).as_slice();
         let at = |x: &[Lanes], l: usize| x[l / Lanes::COUNT].0[l % Lanes::COUNT];
-        let (excess, open) = (lanes(p.excess()), lanes(p.closure_error()));
+        let excess = lanes(p.excess());
         // NaN is refused
-        let mut taken: [bool; LANES] =
-            std::array::from_fn(|l| at(excess, l) <= 0.0 && at(open, l) <= tolerance::CLOSED_FORM);
+        let mut taken: [bool; LANES] = std::array::from_fn(|l| at(excess, l) <= 0.0);
         for (k, before) in self.pivots.iter_mut().enumerate() {
             let now = lanes(p.pivot(k));
             for l in 0..LANES {

@@ -9,14 +9,16 @@ use partita_system::SystemError;
 /// The dependent coordinates of a closing as functions of its inputs, on its present branches at one time.
 ///
 /// ```text
-/// inputs    q of a position within half a turn, with the inputs as wanted
-/// outputs   q | pivot of each block with a sign | excess: above 0 where it does not close | closure error
+/// solve   q within half a turn, with the inputs as wanted ──► q | pivot of each block with a sign | excess
+/// check   q ──► closure error: the sum of all rows of Φ, each in its characteristic displacement
 /// ```
-/// The closure error is the sum of all rows of Φ, each in its characteristic displacement.
+/// The excess is above 0 where the loops do not close.
 #[derive(Clone, Debug)]
 pub struct ClosingProgram {
-    /// The program.
-    pub program: Program,
+    /// The closed forms.
+    pub solve: Program,
+    /// Whether they close all loops.
+    pub check: Program,
     /// Coordinates.
     pub coordinates: usize,
     /// Blocks with a sign.
@@ -24,19 +26,14 @@ pub struct ClosingProgram {
 }
 
 impl ClosingProgram {
-    /// Output of a pivot.
+    /// Output of `solve` that is a pivot.
     pub fn pivot(&self, k: usize) -> usize {
         self.coordinates + k
     }
 
-    /// Output of the excess.
+    /// Output of `solve` that is the excess.
     pub fn excess(&self) -> usize {
         self.coordinates + self.pivots
-    }
-
-    /// Output of the closure error.
-    pub fn closure_error(&self) -> usize {
-        self.excess() + 1
     }
 }
 
@@ -50,17 +47,21 @@ impl LoopClosing<'_> {
         }
         let e = model.over::<Recorder>().ok()?;
         let size = model.size();
-        let mut pivots = 0;
-        let made = Recording::new(size.nq, |x| {
-            let (t, mut q, mut room) = (Recorder::from_f64(t), x.to_vec(), self.room_over(&e));
-            let excess = self.close_over(&e, t, &mut q, &mut room)?;
-            let zeros = |n: usize| vec![Recorder::zero(); n];
-            let (mut phi, mut c, mut a) = (zeros(size.holonomic), zeros(model.pattern().nnz()), zeros(size.rows));
-            e.position(t, &q, &mut e.scratch(), &mut phi, &mut c, &mut a)?;
+        let (time, mut pivots) = (Recorder::from_f64(t), 0);
+        let solve = Recording::new(size.nq, |x| {
+            let (mut q, mut room) = (x.to_vec(), self.room_over(&e));
+            let excess = self.close_over(&e, time, &mut q, &mut room)?;
             let of_blocks: Vec<Recorder> = self.pivots_over(&room).collect();
             pivots = of_blocks.len();
-            Ok::<_, SystemError>([q, of_blocks, vec![excess, model.open(&phi)]].concat())
+            Ok::<_, SystemError>([q, of_blocks, vec![excess]].concat())
         });
-        Some(ClosingProgram { program: Program::new(&made.ok()?, 0..0), coordinates: size.nq, pivots })
+        let check = Recording::new(size.nq, |q| {
+            let zeros = |n: usize| vec![Recorder::zero(); n];
+            let (mut phi, mut c, mut a) = (zeros(size.holonomic), zeros(model.pattern().nnz()), zeros(size.rows));
+            e.position(time, q, &mut e.scratch(), &mut phi, &mut c, &mut a)?;
+            Ok::<_, SystemError>(vec![model.open(&phi)])
+        });
+        let of = |made: Recording| Program::new(&made, 0..0);
+        Some(ClosingProgram { solve: of(solve.ok()?), check: of(check.ok()?), coordinates: size.nq, pivots })
     }
 }

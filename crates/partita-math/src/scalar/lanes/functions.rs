@@ -5,66 +5,76 @@
 //! are computed one by one.
 
 use crate::scalar::Scalar;
-use std::f64::consts::PI;
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
 type Eight = [f64; 8];
 
-/// Largest argument that is reduced here. Unit: rad. Reason: below 2²⁰ π/2 the scalar function reduces with the same constants.
+/// Largest argument that is reduced here. Scale: rad. Reason: below 2²⁰ π/2 the scalar function reduces with the same
+/// constants.
 const LARGEST: f64 = 1e6;
-/// Largest remainder of an argument. Unit: rad. Reason: above it, next to π/4, the scalar function may count another octant.
-const LARGEST_REMAINDER: f64 = 0.78539;
-/// Smallest remainder of an argument, in the argument. Reason: below it the scalar function takes a second step of reduction.
+/// Largest remainder of an argument. Scale: rad. Reason: above it, next to π/4, the scalar function may count another
+/// octant.
+const LARGEST_REMAINDER: f64 = 0.785;
+/// Smallest remainder of an argument. Scale: fraction of the argument. Reason: below it the scalar function takes a second
+/// step of reduction.
 const SMALLEST_REMAINDER: f64 = 1.0 / (1 << 15) as f64;
-/// Below it the sine is its argument, sign of zero included. Unit: rad.
+/// Below it the sine is its argument, sign of zero included. Scale: rad. Reason: the next term of the series is below
+/// rounding.
 const SINE_IS_ARGUMENT: f64 = 1e-8;
-/// Rounds to whole numbers when added and subtracted; the last bits are then those of the number.
+/// Rounds to whole numbers when added and subtracted. Unit: 1. Reason: the last bits of the sum are those of the number.
 const WHOLE: f64 = 1.5 / f64::EPSILON;
+/// Quarter turns in a radian. Unit: 1/rad. Reason: the bits of the scalar function.
 const TWO_OVER_PI: f64 = f64::from_bits(0x3FE4_5F30_6DC9_C883);
-/// The first 33 bits of π/2, and the rest.
+/// The first 33 bits of π/2, and the rest. Unit: rad. Reason: their products with whole numbers are exact.
 const HALF_PI: [f64; 2] = [f64::from_bits(0x3FF9_21FB_5440_0000), f64::from_bits(0x3DD0_B461_1A62_6331)];
-/// Coefficients of the sine and the cosine between −π/4 and π/4 (FreeBSD's `k_sin.c` and `k_cos.c`).
+/// Coefficients of the sine between −π/4 and π/4. Unit: 1. Reason: those of the scalar function (FreeBSD's `k_sin.c`).
 const SINE: [f64; 6] = [
-    -1.666_666_666_666_663_243_48e-01,
-    8.333_333_333_322_489_461_24e-03,
-    -1.984_126_982_985_794_931_34e-04,
-    2.755_731_370_707_006_767_89e-06,
-    -2.505_076_025_340_686_341_95e-08,
-    1.589_690_995_211_550_102_21e-10,
+    -0.16666666666666632,
+    0.00833333333332249,
+    -0.0001984126982985795,
+    2.7557313707070068e-06,
+    -2.5050760253406863e-08,
+    1.58969099521155e-10,
 ];
+/// Coefficients of the cosine between −π/4 and π/4. Unit: 1. Reason: those of the scalar function (FreeBSD's `k_cos.c`).
 const COSINE: [f64; 6] = [
-    4.166_666_666_666_660_190_37e-02,
-    -1.388_888_888_887_410_957_49e-03,
-    2.480_158_728_947_672_941_78e-05,
-    -2.755_731_435_139_066_330_35e-07,
-    2.087_572_321_298_174_827_90e-09,
-    -1.135_964_755_778_819_482_65e-11,
+    0.0416666666666666,
+    -0.001388888888887411,
+    2.480158728947673e-05,
+    -2.7557314351390663e-07,
+    2.087572321298175e-09,
+    -1.1359647557788195e-11,
 ];
-/// Angles whose tangents are 0.5, 1, 1.5 and infinite: leading part and rest (FreeBSD's `s_atan.c`).
-const ANGLES: [[f64; 2]; 4] = [
-    [4.636_476_090_008_060_935_15e-01, 2.269_877_745_296_168_709_24e-17],
-    [7.853_981_633_974_482_789_99e-01, 3.061_616_997_868_383_017_93e-17],
-    [9.827_937_232_473_290_540_82e-01, 1.390_331_103_123_099_845_16e-17],
-    [1.570_796_326_794_896_558_00e+00, 6.123_233_995_736_766_035_87e-17],
-];
+/// Angles whose tangents are 0.5, 1, 1.5 and infinite, to a number each. Unit: rad. Reason: those of the scalar function
+/// (FreeBSD's `s_atan.c`).
+const ANGLES: [f64; 4] = [0.4636476090008061, FRAC_PI_4, 0.982793723247329, FRAC_PI_2];
+/// The rest of these angles. Unit: rad. Reason: those of the scalar function (FreeBSD's `s_atan.c`).
+const ANGLE_RESTS: [f64; 4] =
+    [2.2698777452961687e-17, 3.061616997868383e-17, 1.3903311031230998e-17, 6.123233995736766e-17];
+/// Coefficients of the angle of a small tangent. Unit: 1. Reason: those of the scalar function (FreeBSD's `s_atan.c`).
 const ANGLE: [f64; 11] = [
-    3.333_333_333_333_293_180_27e-01,
-    -1.999_999_999_987_648_324_76e-01,
-    1.428_571_427_250_346_637_11e-01,
-    -1.111_111_040_546_235_578_80e-01,
-    9.090_887_133_436_506_561_96e-02,
-    -7.691_876_205_044_829_994_95e-02,
-    6.661_073_137_387_531_206_69e-02,
-    -5.833_570_133_790_573_486_45e-02,
-    4.976_877_994_615_932_360_17e-02,
-    -3.653_157_274_421_691_552_70e-02,
-    1.628_582_011_536_578_236_23e-02,
+    0.3333333333333293,
+    -0.19999999999876483,
+    0.14285714272503466,
+    -0.11111110405462356,
+    0.09090887133436507,
+    -0.0769187620504483,
+    0.06661073137387531,
+    -0.058335701337905735,
+    0.049768779946159324,
+    -0.036531572744216916,
+    0.016285820115365782,
 ];
-/// π minus the nearest number.
+/// Tangents at which the next of these angles is taken off. Scale: tangent. Reason: those of the scalar function.
+const ENDS: [f64; 4] = [0.4375, 0.6875, 1.1875, 2.4375];
+/// π less the nearest number. Unit: rad. Reason: the bits of the scalar function.
 const PI_REST: f64 = f64::from_bits(0x3CA1_A626_3314_5C07);
-/// Bounds of a quotient that is neither tiny nor huge for the scalar function.
+/// Bounds of quotients that are computed here. Scale: tangent. Reason: beyond them the scalar function returns limits.
 const QUOTIENTS: [f64; 2] = [1e-15, 1e15];
-/// Bounds of its parts: no quotient of theirs underflows.
+/// Bounds of the parts of quotients. Scale: 1. Reason: no quotient of theirs overflows or underflows.
 const PARTS: [f64; 2] = [1e-100, 1e100];
+/// From here on all numbers are whole. Scale: 1. Reason: the last bit of such a number is 1.
+const ALL_WHOLE: f64 = 1.0 / f64::EPSILON;
 
 /// Whether this argument is reduced as below, and its sine and cosine.
 #[inline(always)]
@@ -129,7 +139,7 @@ fn angle(y: f64, x: f64) -> (bool, f64) {
         & (y.abs() < PARTS[1])
         & (t > QUOTIENTS[0])
         & (t < QUOTIENTS[1]);
-    let (second, third, fourth, fifth) = (t >= 0.4375, t >= 0.6875, t >= 1.1875, t >= 2.4375);
+    let [second, third, fourth, fifth] = ENDS.map(|end| t >= end);
     let choice = |a: f64, b: f64, c: f64, d: f64, e: f64| {
         let x = if second { b } else { a };
         let x = if third { c } else { x };
@@ -142,8 +152,8 @@ fn angle(y: f64, x: f64) -> (bool, f64) {
     };
     let above = choice(t, 2.0 * t - 1.0, t - 1.0, t - 1.5, -1.0);
     let below = choice(1.0, 2.0 + t, t + 1.0, 1.0 + 1.5 * t, t);
-    let high = choice(0.0, ANGLES[0][0], ANGLES[1][0], ANGLES[2][0], ANGLES[3][0]);
-    let low = choice(0.0, ANGLES[0][1], ANGLES[1][1], ANGLES[2][1], ANGLES[3][1]);
+    let high = choice(0.0, ANGLES[0], ANGLES[1], ANGLES[2], ANGLES[3]);
+    let low = choice(0.0, ANGLE_RESTS[0], ANGLE_RESTS[1], ANGLE_RESTS[2], ANGLE_RESTS[3]);
     let u = above / below;
     let z = u * u;
     let w = z * z;
@@ -181,11 +191,10 @@ fn angles_one_by_one(y: &Eight, x: &Eight) -> Eight {
 /// The nearest whole number, halves away from zero.
 #[inline(always)]
 pub(super) fn round(x: f64) -> f64 {
-    /// From here on all numbers are whole.
-    const ALL_WHOLE: f64 = 1.0 / f64::EPSILON;
     let size = x.abs();
     let even = (size + ALL_WHOLE) - ALL_WHOLE;
-    let whole = if size - even >= 0.5 { even + 1.0 } else { even };
+    let half = 0.5;
+    let whole = if size - even >= half { even + 1.0 } else { even };
     let whole = if size < ALL_WHOLE { whole } else { size };
     whole.copysign(x)
 }
