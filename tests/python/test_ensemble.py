@@ -156,6 +156,28 @@ def test_progress_is_reported_and_an_error_in_it_is_raised():
         m.ensemble(states=states, t_eval=[0.2], progress=stop)
 
 
+def test_members_go_to_a_new_folder_some_at_a_time(tmp_path, monkeypatch):
+    m = pt.catalogue.load("slider-crank")
+    states = started(m, 3.0, 150)
+    monkeypatch.setattr("partita.mechanism.ensemble.AT_ONCE", 70)
+    parts: list[float] = []
+    found = m.ensemble(states=states, t_eval=TIMES, store=tmp_path / "runs", progress=parts.append)
+    assert isinstance(found.q, np.memmap)
+    assert parts == sorted(parts)
+    whole = m.ensemble(states=states, t_eval=TIMES)
+    for name, values in (("q", whole.q), ("v", whole.v)):
+        # the programs are chosen for each part
+        assert np.abs(np.load(tmp_path / "runs" / f"{name}.npy") - values).max() < 1e-9
+    assert found.success.all()
+    assert len(found.in_lanes) == 150
+    with pytest.raises(pt.errors.FileFormatError, match="it exists"):
+        m.ensemble(states=states, t_eval=TIMES, store=tmp_path / "runs")
+    with pytest.raises(pt.errors.FileFormatError, match="No such file"):
+        m.ensemble(states=states, t_eval=TIMES, store=tmp_path / "nowhere" / "runs")
+    with pytest.raises(pt.errors.ArgumentError, match="store must be the name"):
+        m.ensemble(states=states, t_eval=TIMES, store=3)
+
+
 def test_datasets_have_members_times_and_names():
     pytest.importorskip("xarray")
     m = pt.catalogue.load("reference-four-bar")

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterable, Mapping
+import os
+from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,8 +14,9 @@ from .. import options as run_options
 from ..analyses.still import place
 from ..builder.compiled import CompiledModel
 from ..builder.parameter_units import parameter_unit
-from ..errors import ArgumentError, UnknownNameError
+from ..errors import ArgumentError, FileFormatError, UnknownNameError
 from ..extras import extra
+from ..files import place as path_of
 from ..numeric import floats, shown
 from ..progress import reporting
 from ..results import Result
@@ -26,6 +28,8 @@ if TYPE_CHECKING:
     import xarray
 
 FloatArray = NDArray[np.float64]
+AT_ONCE = 8192
+"""Members that are in memory at once where results go to a store."""
 
 
 class Ensemble:
@@ -140,6 +144,7 @@ def ensemble(
     rtol: float = 1e-8,
     atol: float = 1e-10,
     workers: int | None = None,
+    store: Any = None,
     progress: Any = False,
 ) -> Ensemble:
     """Compute many motions at once: for other initial states, other parameters, or both, member by member.
@@ -159,6 +164,9 @@ def ensemble(
         t_eval: increasing times of the outputs (nt,) [s]; the last one is the end.
         rtol, atol: as in `simulate`.
         workers: number of threads at most; None: the number of cores.
+        store: name of a new folder in which `q` and `v` are kept as NumPy's q.npy and v.npy while they come, some
+            thousand members at a time: then memory does not grow with the members, and both are memory-mapped arrays.
+            None: in memory.
         progress: True: a progress bar on the terminal (needs tqdm); or a function of the completed fraction, 0 to 1.
 
     Returns:
@@ -167,7 +175,8 @@ def ensemble(
 
     Raises:
         ArgumentError: lengths differ, numbers are not finite, or states have different times. UnknownNameError: there
-        is no such parameter. AssemblyError: the drawing cannot be assembled.
+        is no such parameter. AssemblyError: the drawing cannot be assembled. FileFormatError: the store exists or
+        cannot be written.
 
     >>> import numpy as np
     >>> import partita as pt
@@ -189,15 +198,71 @@ def ensemble(
     chosen = run_options.options(t0, float(times[-1]) - t0, model.velocity_names, rtol=rtol, atol=atol)
     if workers is not None and (isinstance(workers, bool) or not isinstance(workers, int) or workers < 1):
         raise ArgumentError(f"workers must be a positive integer, not {shown(workers)}", argument="workers")
+    threads = None if workers is None else min(workers, os.cpu_count() or 1)
     table = np.hstack([x.reshape(count, -1) for x in values.values()]) if values else np.zeros((count, 0))
     q, v = np.stack([x.q for x in starts]), np.stack([x.v for x in starts])
+    shapes = [(count, len(times), width) for width in (model.core.nq, model.core.nv)]
+    kept = None if store is None else _stored(store, shapes)
     with reporting(progress, count, "members") as report:
-        raw = model.core.ensemble(
-            chosen.core, times, q, v, numbers, np.ascontiguousarray(table), states is None, workers, report
-        )
-        if report is not None:
-            report(1.0)
+
+        def part(first: int, last: int) -> dict[str, Any]:
+            def forward(done: float) -> None:
+                if report is not None:
+                    report((first + done * (last - first)) / count)
+
+            rows = slice(None) if states is None else slice(first, last)
+            found = model.core.ensemble(
+                chosen.core,
+                times,
+                q[rows],
+                v[rows],
+                numbers,
+                np.ascontiguousarray(table[first:last]),
+                states is None,
+                threads,
+                None if report is None else forward,
+            )
+            forward(1.0)
+            return found
+
+        raw = part(0, count) if kept is None else _in_parts(part, count, kept)
     return Ensemble(copy.deepcopy(self), model, times, starts, values, tolerances, raw, states is None)
+
+
+def _stored(store: Any, shapes: list[tuple[int, int, int]]) -> list[FloatArray]:
+    """q and v on disk, in a new folder."""
+    folder = path_of(store, "store")
+    try:
+        folder.mkdir()
+        return [
+            np.lib.format.open_memmap(folder / name, mode="w+", dtype=np.float64, shape=shape)
+            for name, shape in zip(("q.npy", "v.npy"), shapes, strict=True)
+        ]
+    except FileExistsError as error:
+        message = f"cannot write to {str(folder)!r}: it exists; give the name of a new folder"
+        raise FileFormatError(message, path=str(folder), line=None) from error
+    except OSError as error:
+        message = f"cannot write to {str(folder)!r}: {error.strerror or error}"
+        raise FileFormatError(message, path=str(folder), line=None) from error
+
+
+def _in_parts(part: Callable[[int, int], dict[str, Any]], count: int, kept: list[FloatArray]) -> dict[str, Any]:
+    """All members, some thousands at a time, whose q and v go to disk."""
+    found: dict[str, Any] = {"status": [], "messages": [], "steps": 0}
+    in_lanes = []
+    for first in range(0, count, AT_ONCE):
+        last = min(first + AT_ONCE, count)
+        raw = part(first, last)
+        for to, name in zip(kept, ("q", "v"), strict=True):
+            to[first:last] = raw[name]
+            if isinstance(to, np.memmap):
+                to.flush()
+        found["status"] += raw["status"]
+        found["messages"] += [(first + i, message) for i, message in raw["messages"]]
+        found["steps"] += raw["steps"]
+        found["refusal"] = raw["refusal"]
+        in_lanes.append(raw["in_lanes"])
+    return {**found, "q": kept[0], "v": kept[1], "in_lanes": np.concatenate(in_lanes)}
 
 
 def _values(
