@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import _thread
+import threading
+import time
+
 import numpy as np
 import pytest
 
@@ -154,6 +158,26 @@ def test_progress_is_reported_and_an_error_in_it_is_raised():
 
     with pytest.raises(RuntimeError, match="enough"):
         m.ensemble(states=states, t_eval=[0.2], progress=stop)
+
+
+@pytest.mark.parametrize("count", [96, 2])
+def test_ctrl_c_stops_within_a_second(count):
+    """In lanes, and member by member; a whole call would take minutes."""
+    m = pt.catalogue.load("grashof-four-bar")
+    states = started(m, 9.0, count)
+    pressed: list[float] = []
+
+    def press() -> None:
+        pressed.append(time.perf_counter())
+        _thread.interrupt_main()
+
+    timer = threading.Timer(1.0, press)
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        m.ensemble(states=states, t_eval=[3000.0 if count > 10 else 100_000.0])
+    assert pressed
+    # other programs run beside this one
+    assert time.perf_counter() - pressed[0] < 3.0
 
 
 def test_members_go_to_a_new_folder_some_at_a_time(tmp_path, monkeypatch):

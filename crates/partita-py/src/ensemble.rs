@@ -10,6 +10,8 @@ use partita_model::Model;
 use partita_system::prelude::*;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::Mutex;
 
 /// Initial states and parameters of members.
 pub struct Given<'x, 'py> {
@@ -44,6 +46,18 @@ pub fn ensemble<'py>(
         let message = format!("states of {rows} and {more} rows do not fit {count} members of this model");
         return Err(raise(py, "ArgumentError", &message, &[("argument", "states".into())]));
     }
+    let (stopped, error) = (AtomicBool::new(false), Mutex::new(None));
+    let interrupted = || {
+        if stopped.load(Ordering::Relaxed) {
+            return true;
+        }
+        let Err(e) = Python::attach(|py| py.check_signals()) else { return false };
+        if let Ok(mut error) = error.lock() {
+            *error = Some(e);
+        }
+        stopped.store(true, Ordering::Relaxed);
+        true
+    };
     let what = Members {
         request: options.request(),
         t_eval: &t_eval,
@@ -54,8 +68,12 @@ pub fn ensemble<'py>(
         count,
         assembles: given.assembles,
         workers,
+        interrupted: &interrupted,
     };
     let watch = |part: f64| {
+        if let Some(e) = error.lock().ok().and_then(|mut error| error.take()) {
+            return Err(Stop::Python(e));
+        }
         let asked = Python::attach(|py| {
             py.check_signals()?;
             progress.as_ref().map_or(Ok(()), |p| p.call1(py, (part,)).map(drop))

@@ -19,6 +19,8 @@ use std::sync::Arc;
 /// the first cache.
 const GROUPS: usize = 4;
 const LANES: usize = GROUPS * Lanes::COUNT;
+/// Steps of all lanes between two looks for an interrupt. Reason: some milliseconds.
+const LOOK: u32 = 256;
 /// Attempts of a step that stages spoil. Reason: another choice, or a shorter step, serves at once or not at all.
 const ATTEMPTS: u32 = 3;
 /// Largest correction at the end of a step. Scale: natural size of the coordinate. Reason: no remainder of S3 is as large;
@@ -99,6 +101,8 @@ pub(super) struct Lanes32 {
     t_new: [f64; LANES],
     /// Smallest pivots of the stages.
     least: [f64; LANES],
+    /// Steps of all lanes so far.
+    rounds: u32,
 }
 
 fn put(work: &mut Work<Lanes, GROUPS>, p: &Program, input: usize, l: usize, x: f64) {
@@ -127,6 +131,7 @@ impl Lanes32 {
             sound: Vec::new(),
             t_new: [0.0; LANES],
             least: [f64::INFINITY; LANES],
+            rounds: 0,
             choice,
         })
     }
@@ -142,6 +147,13 @@ impl Lanes32 {
         leave: &mut dyn FnMut(Left),
     ) {
         loop {
+            self.rounds = self.rounds.wrapping_add(1);
+            if self.rounds % LOOK == 0 && (what.interrupted)() {
+                self.slots.fill_with(|| None);
+                self.ready.clear();
+                waiting.clear();
+                break;
+            }
             self.refill(what, waiting, rows, leave);
             if self.slots.iter().all(Option::is_none) {
                 break;

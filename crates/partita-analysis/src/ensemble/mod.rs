@@ -27,7 +27,10 @@ use partita_system::prelude::*;
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::Mutex;
+use std::time::{Duration, Instant};
 
+/// Time between two looks for an interrupt, within an ordinary run.
+const PATIENCE: Duration = Duration::from_millis(50);
 /// Members that one thread takes at a time. Reason: enough to fill lanes that become free, few enough to share a thousand
 /// evenly among cores.
 const BATCH: usize = 256;
@@ -59,6 +62,8 @@ pub struct Members<'a> {
     pub assembles: bool,
     /// Threads at most.
     pub workers: Option<usize>,
+    /// Whether to stop; asked from any thread, many times a second.
+    pub interrupted: &'a (dyn Fn() -> bool + Sync),
 }
 
 /// The motions of all members.
@@ -137,7 +142,18 @@ impl Members<'_> {
         if self.assembles && own.is_some() {
             poses::closed(m, self.request.t0, &mut q, tolerance::CLOSED, &[])?;
         }
-        run::run(m, self.request, None, t_eval, (&q, v), &mut |_| ControlFlow::Continue(()))
+        let mut last = Instant::now();
+        let mut watch = |_: f64| {
+            if last.elapsed() < PATIENCE {
+                return ControlFlow::Continue(());
+            }
+            last = Instant::now();
+            match (self.interrupted)() {
+                true => ControlFlow::Break(()),
+                false => ControlFlow::Continue(()),
+            }
+        };
+        run::run(m, self.request, None, t_eval, (&q, v), &mut watch)
     }
 }
 
@@ -206,6 +222,9 @@ pub fn ensemble<E: Send + From<AnalysisError>>(
             None => left.extend(members.clone()),
         }
         for i in left {
+            if (what.interrupted)() {
+                break;
+            }
             alone(model, what, i, rows, &messages);
             if engines.is_none() {
                 finished.fetch_add(1, Ordering::Relaxed);
