@@ -10,6 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from building import AIM, PARTS, building_cost
+from ensembles import AIM as ENSEMBLE_AIM
+from ensembles import FASTER, ensemble_cost
+from ensembles import MEMBERS as ENSEMBLE_MEMBERS
 from evaluations import AGREES, PROBLEMS, costs
 from instant import answers
 from limit import Figure, measured
@@ -19,7 +22,6 @@ from many_dof import QUESTIONS, Cost, Question, apart
 from outputs import FORCE_AIMS, OUTPUTS_AIM, first_forces, outputs_cost
 from playground import AIM as FRAME_AIM
 from playground import frame_costs
-from poses import AIM as POSES_AIM
 from poses import poses_cost
 from public_face import AGAIN_AIM, RUNS, face_cost, second_run
 from sweeps import AIM as SWEEPS_AIM
@@ -165,16 +167,30 @@ def face(folder: Path) -> dict[str, Any]:
 
 
 def poses(_: Path) -> dict[str, Any]:
-    """Thousands of poses in one call."""
-    print("\nPoses: m.assemble_many of two motors at positions by chance, one call")
+    """Poses by the hundred thousand in one call."""
+    print("\nPoses: m.assemble_many of motors at positions by chance, one call, CPU time")
     found = poses_cost()
     for cost in found:
-        mark = "" if cost.seconds <= POSES_AIM else " !"
+        each = cost.seconds / cost.poses
         print(
-            f"  {cost.title:<10}{cost.poses} poses, {cost.assembled} assembled: {text(cost.seconds)}, "
-            f"{text(cost.seconds / cost.poses)} each (aim: at most {text(POSES_AIM)}){mark}; |Phi| {cost.closure:.0e}"
+            f"  {cost.title:<10}{cost.assembled} of {cost.poses} assembled: {text(cost.seconds)}, {text(each)} each "
+            f"(aim: at most {text(cost.aim)}){'' if each <= cost.aim else ' !'}; |Phi| {cost.closure:.0e}"
         )
     return {"sweeps": [asdict(cost) for cost in found]}
+
+
+def ensembles(folder: Path) -> dict[str, Any]:
+    """Thousands of four-bars side by side."""
+    print(f"\nEnsembles: {ENSEMBLE_MEMBERS} four-bars of 1 s at rtol 1e-8, one output")
+    cost = ensemble_cost(folder)
+    mark, slow = "" if cost.cpu <= ENSEMBLE_AIM else " !", "" if cost.one / cost.two >= FASTER else " !"
+    print(
+        f"  {cost.in_lanes} in lanes, {cost.steps} steps: {text(cost.cpu)} of CPU on one core (aim: at most "
+        f"{text(ENSEMBLE_AIM)}){mark}; two cores {cost.one / cost.two:.2g} times as fast (aim: {FASTER:g}){slow}"
+    )
+    limit = "no C compiler" if cost.limit is None else f"{text(cost.limit)}, {cost.cpu / cost.limit:.2g} of it"
+    print(f"  a loop over ordinary runs {text(cost.loop)}; the limit {limit}; members differ by {cost.apart:.0e} rad")
+    return asdict(cost)
 
 
 def instant(_: Path) -> dict[str, Any]:
@@ -241,6 +257,7 @@ SECTIONS = {
     "evaluations": evaluations,
     "face": face,
     "poses": poses,
+    "ensembles": ensembles,
     "instant": instant,
     "loads": loads,
     "playground": playground,

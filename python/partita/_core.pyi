@@ -187,11 +187,28 @@ class Model:
 
     def poses(self, t: float, q: Array, goals: list[Goal], values: Array) -> dict[str, Any]:
         """Positions in which the goals have the values of each row (n, goals), on the branch of the closed position q:
-        q (n, nq), reached (n, goals), shortfall, angle, detour (n,), status (n words), reasons (number and sentence of
-        each pose that was not assembled), branch (words and sign of each block, or None). A goal is its name, "own" (a
-        coordinate of q), "joint", "point" or "turn", the number of the coordinate, joint or body, that of the
-        coordinate or axis in it, and numbers: the point in body axes, or the reference orientation row by row. The
-        three turns of a body follow each other."""
+        q (n, nq), reached (n, goals), shortfall, angle, detour (n,), status (n numbers of `words`), reasons
+        (number and sentence of each pose that was not assembled), branch (words and sign of each block, or None). A
+        goal is its name, "own" (a coordinate of q), "joint", "point" or "turn", the number of the coordinate, joint or
+        body, that of the coordinate or axis in it, and numbers: the point in body axes, or the reference orientation
+        row by row. The three turns of a body follow each other."""
+
+    def ensemble(
+        self,
+        options: Options,
+        t_eval: Array,
+        q: Array,
+        v: Array,
+        parameters: list[tuple[str, int]],
+        values: Array,
+        assembles: bool,
+        workers: int | None,
+        progress: Callable[[float], None] | None,
+    ) -> dict[str, Any]:
+        """Motions of the members: other states in the rows of q and v (one row: for all), other parameters (names and
+        how many numbers each has) in the rows of values (members, numbers). `assembles`: members whose parameters open
+        the loops are assembled anew. q (members, nt, nq), v, status (words), in_lanes (members,), steps, messages
+        (number and sentence of each member that did not finish), refusal (why none ran in lanes, or None)."""
 
     def rates(
         self, t: float, near: Array, q: Array, goals: list[Goal], rates: Array, accelerations: Array

@@ -348,6 +348,12 @@ def assembled(poses: Any) -> Any:
     return poses.q[poses.ok]
 
 
+def members(found: Any) -> Any:
+    """Coordinates of the members that succeeded; the others have a message."""
+    assert sorted(found.messages) == np.flatnonzero(~found.success).tolist()
+    return found.q[found.success]
+
+
 def needed(d: Any) -> Any:
     """Efforts at the instants that have them; the others are NaN, and say why."""
     assert np.isnan(d.efforts).any(axis=1).nonzero()[0].tolist() == sorted(d.gaps)
@@ -493,6 +499,25 @@ def asked() -> dict[str, Callable[[], Call]]:
         "Mechanism.assemble_many.value": (
             lambda joint, point: assembled(m.assemble_many({"A": joint, ("crank", X, "x"): point})),
             {"joint": [0.1], "point": 0.1},
+        ),
+        "Mechanism.ensemble": (
+            lambda **given: members(m.ensemble(**given)),
+            {
+                "states": [m.assemble(), m.assemble(rates={"A": 1.0})],
+                "parameters": {"crank.mass": [1.0, 2.0]},
+                "t_eval": [0.0, 0.01],
+                "rtol": 1e-6,
+                "atol": 1e-8,
+                "workers": 1,
+                "store": None,
+                "progress": False,
+            },
+        ),
+        "Mechanism.ensemble.value": (
+            lambda mass, gravity: members(
+                m.ensemble(parameters={"crank.mass": mass, "gravity": gravity}, t_eval=[0.01])
+            ),
+            {"mass": [1.0, 2.0], "gravity": [[0.0, -9.81, 0.0], [0.0, -1.0, 0.0]]},
         ),
         "Mechanism.inverse_dynamics": (
             lambda **given: needed(m.inverse_dynamics(**given)),

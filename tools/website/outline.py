@@ -72,6 +72,7 @@ REFERENCE: dict[str, tuple[str, str, tuple[str, ...]]] = {
             "mechanism.assemblies.Assemblies",
             "mechanism.assemblies.Assembled",
             "mechanism.poses.Poses",
+            "mechanism.ensemble.Ensemble",
             "analyses.Kinematics",
             "analyses.Limit",
             "analyses.DeadPoint",

@@ -3,6 +3,7 @@
 
 pub mod actuated;
 pub mod determined;
+pub mod ensemble;
 pub mod equilibrium;
 pub mod error;
 #[cfg(test)]

@@ -13,6 +13,7 @@ mod dense_output;
 mod discontinuity;
 pub mod explicit_rk;
 pub mod failure;
+pub mod lane_steps;
 pub mod march;
 pub mod method;
 pub mod ode;

@@ -157,6 +157,11 @@ impl ErrorNorm {
         tolerance
     }
 
+    /// Absolute tolerances of the components, and the relative one.
+    pub(crate) fn tolerances(&self) -> (&[f64], f64) {
+        (&self.atol, self.rtol)
+    }
+
     /// Natural size of component i.
     pub(crate) fn size(&self, i: usize) -> f64 {
         self.sizes[i]
@@ -210,6 +215,6 @@ impl ErrorNorm {
 }
 
 /// The controller of a tableau.
-pub(crate) fn controller(tableau: &Tableau) -> StepController {
+pub fn controller(tableau: &Tableau) -> StepController {
     StepController::new(tableau.error_order, tableau.pi_beta)
 }

@@ -7,12 +7,13 @@ pub mod elimination;
 pub mod factor;
 mod formatted;
 pub mod least_norm;
+pub mod program;
 pub mod quadratic;
 pub mod rank;
 pub mod scalar;
 pub mod spatial;
 pub mod tolerance;
-mod wide;
+pub mod wide;
 pub mod zero;
 
 pub use formatted::formatted;

@@ -18,6 +18,7 @@ mod recorder;
 
 pub use dual::Dual;
 pub use lanes::Lanes;
+pub(crate) use recorder::Operation;
 pub use recorder::{head as c_head, Module, Numbers, OperationCounts, Recorder, Recording};
 
 use std::fmt::Debug;

@@ -1,9 +1,38 @@
-//! Restores the state of the vector registers after wide instructions.
+//! Wide instructions of the processor: kernels that use them where it has them, and the state of the vector registers
+//! afterwards.
+//!
+//! The core is built for every x86-64 processor. A [`Kernel`] is compiled twice, for those with AVX2 too, and the one that
+//! fits is called. No product is fused with a sum in either: both have the same bits.
 //!
 //! Large kernels use whole vector registers where the processor has them. What they leave in the upper halves slows
 //! down every narrow instruction that follows on the same thread, by 1.7 for a whole evaluation, until an instruction
 //! clears it: a decomposition at the start of a run would slow down all its steps.
-#![allow(unsafe_code, reason = "the instruction that clears the registers is an intrinsic")]
+#![allow(unsafe_code, reason = "functions for some processors only, and the instruction that clears the registers")]
+
+/// A computation over arrays that gains from wide instructions. What it calls must be compiled into it: `#[inline(always)]`.
+pub trait Kernel {
+    /// Result.
+    type Output;
+    /// The computation, itself `#[inline(always)]`.
+    fn run(self) -> Self::Output;
+}
+
+/// The result of a kernel, computed with the widest instructions of this processor.
+#[inline]
+pub fn widely<K: Kernel>(kernel: K) -> K::Output {
+    #[cfg(target_arch = "x86_64")]
+    if std::is_x86_feature_detected!("avx2") {
+        // SAFETY: the processor has the instructions, as was just tested
+        return unsafe { with_avx2(kernel) };
+    }
+    kernel.run()
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+unsafe fn with_avx2<K: Kernel>(kernel: K) -> K::Output {
+    kernel.run()
+}
 
 /// Clears the upper halves of the vector registers when dropped.
 pub(crate) struct Cleared;
@@ -41,6 +70,27 @@ pub(crate) fn in_use() -> Option<u64> {
 #[cfg(all(test, target_arch = "x86_64"))]
 mod tests {
     use super::*;
+
+    /// x y + z of many numbers.
+    struct Sums<'a>(&'a [[f64; 3]], &'a mut [f64]);
+
+    impl Kernel for Sums<'_> {
+        type Output = f64;
+        #[inline(always)]
+        fn run(self) -> f64 {
+            self.1.iter_mut().zip(self.0).for_each(|(out, [x, y, z])| *out = x * y + z);
+            self.1.iter().sum()
+        }
+    }
+
+    #[test]
+    fn a_kernel_has_the_same_bits_with_wide_instructions() {
+        let mut random = fastrand::Rng::with_seed(1);
+        let numbers: Vec<[f64; 3]> = (0..1003).map(|_| std::array::from_fn(|_| random.f64() - 0.5)).collect();
+        let (mut wide, mut narrow) = (vec![0.0; 1003], vec![0.0; 1003]);
+        assert_eq!(widely(Sums(&numbers, &mut wide)).to_bits(), Sums(&numbers, &mut narrow).run().to_bits());
+        assert_eq!(wide, narrow);
+    }
 
     /// Where the processor reports what is in use.
     #[test]

@@ -22,6 +22,7 @@ pub mod measurement;
 pub mod mechanics;
 pub mod memory;
 pub mod model;
+pub mod motion_programs;
 mod names;
 pub mod numbers;
 pub mod observe;

@@ -9,7 +9,7 @@ use crate::reduced::Reduced;
 use partita_math::scalar::{OperationCounts, Recorder, Recording, Scalar};
 use partita_system::closing::Closing;
 use partita_system::prelude::*;
-use partita_system::reduction::Reduction;
+use partita_system::reduction::{Choice, Reduction};
 use partita_system::SystemError;
 
 /// What is recorded of t, q and v_I.
@@ -85,7 +85,20 @@ impl Model {
         t: Recorder,
         q: &mut [Recorder],
     ) -> Result<Vec<Recorder>, SystemError> {
-        let (size, choice, mut s) = (self.size(), r.choice(), e.scratch());
+        let choice = r.choice();
+        self.correct_over(e, &choice, t, q)?;
+        Ok(choice.dependent.iter().flat_map(|&i| self.coordinates_of(i)).map(|c| q[c]).collect())
+    }
+
+    /// `q_D ← q_D − C_D⁻¹ Φ` for a choice.                                                                     (34)
+    pub(crate) fn correct_over(
+        &self,
+        e: &Evaluator<Recorder>,
+        choice: &Choice,
+        t: Recorder,
+        q: &mut [Recorder],
+    ) -> Result<(), SystemError> {
+        let (size, mut s) = (self.size(), e.scratch());
         let room = |n: usize| vec![Recorder::zero(); n];
         let (mut phi, mut c, mut a) = (room(size.holonomic), room(self.pattern().nnz()), room(size.rows));
         e.position(t, q, &mut s, &mut phi, &mut c, &mut a)?;
@@ -98,6 +111,6 @@ impl Model {
             choice.dependent.iter().zip(x).for_each(|(&i, x)| dv[i] = x);
         }
         e.step(q, &dv);
-        Ok(choice.dependent.iter().flat_map(|&i| self.coordinates_of(i)).map(|c| q[c]).collect())
+        Ok(())
     }
 }

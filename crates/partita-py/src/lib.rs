@@ -4,6 +4,7 @@ mod analyses;
 mod arrays;
 mod balance;
 mod calls;
+mod ensemble;
 mod failure;
 mod functions;
 mod inverse;

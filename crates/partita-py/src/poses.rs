@@ -6,7 +6,7 @@ use crate::outputs::{watched, Stop};
 use crate::state::Array;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use partita_analysis::kinematic;
-use partita_analysis::poses::{self, Ask, Goal, Target};
+use partita_analysis::poses::{self, Ask, Goal, Outcome, Target};
 use partita_model::Model;
 use partita_system::prelude::*;
 use partita_system::SystemError;
@@ -214,7 +214,8 @@ pub fn many<'py>(
     d.set_item("shortfall", array(py, &[count], found.shortfall))?;
     d.set_item("angle", array(py, &[count], found.angle))?;
     d.set_item("detour", shaped(py, &[count], found.detour))?;
-    d.set_item("status", found.outcomes.iter().map(|x| x.word()).collect::<Vec<_>>())?;
+    d.set_item("status", shaped(py, &[count], found.outcomes.iter().map(|x| *x as u8).collect()))?;
+    d.set_item("words", Outcome::ALL.map(Outcome::word))?;
     d.set_item("reasons", found.reasons)?;
     d.set_item("branch", found.branch)?;
     Ok(d)

@@ -14,6 +14,7 @@ from . import models, seen, solve
 from . import stepper as stepping
 from .assemblies import assemblies
 from .check import check
+from .ensemble import ensemble
 from .equilibrium import equilibria, equilibrium
 from .exporting import export_c
 from .fmu import to_fmu
@@ -88,6 +89,7 @@ class Mechanism(Modelled):
     kinematics = kinematics
     convert = solve.convert
     simulate = solve.simulate
+    ensemble = ensemble
     inverse_dynamics = inverse_dynamics
     inputs = property(stepping.inputs)
     stepper = stepping.stepper

@@ -82,7 +82,7 @@ def kinematics(
     rows, speeds, changes = _rates(found, targets, rates, accelerations)
     raw = model.core.rates(found.start.t, found.start.q, found.raw["q"], rows, speeds, changes)
     _refuse_contradictions(found, rows, speeds, changes, raw)
-    status = np.array(found.raw["status"], dtype="U13")
+    status = found.raw["status"].copy()
     reached = status == "closed"
     determined = np.array(raw["determined"]) == "determined"
     status[reached] = np.where(determined[reached], "reached", "undetermined")

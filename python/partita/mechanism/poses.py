@@ -53,8 +53,8 @@ class Poses:
         self._model, self._layout = model, layout
         self.near = near
         self.q: FloatArray = found["q"]
-        self.status = np.array(found["status"], dtype="U13")
-        self.ok: NDArray[np.bool_] = self.status == "closed"
+        self.status: NDArray[np.str_] = found["status"]
+        self.ok: NDArray[np.bool_] = found["ok"]
         self.reasons: dict[int, str] = dict(found["reasons"])
         self.shortfall: FloatArray = found["shortfall"]
         self.shortfall_angle: FloatArray = found["angle"]
@@ -206,7 +206,10 @@ def found_poses(
     if branch is not None:
         inputs = inputs_of(goals, model)
         start = State(start.t, on_branch(model, start.t, start.q, branch, inputs), start.v, layout=layout)
-    return Found(model, layout, start, goals, values, indices, model.core.poses(start.t, start.q, goals, values))
+    raw = model.core.poses(start.t, start.q, goals, values)
+    numbers = raw["status"]
+    raw["ok"], raw["status"] = numbers == 0, np.array(raw["words"], dtype="U13")[numbers]
+    return Found(model, layout, start, goals, values, indices, raw)
 
 
 def orientations_at(model: CompiledModel, state: State) -> Callable[[int], FloatArray]:

@@ -155,7 +155,7 @@ def _seeds(room: Room, others: bool) -> tuple[FloatArray, list[str]]:
         np.linspace(axis.values.min(), axis.values.max(), each) if axis.is_free else axis.values for axis in room.axes
     ]
     found = room.poses(room.product(values))
-    reached = np.array(found["status"]) == "closed"
+    reached = found["status"] == 0
     if not reached.any():
         raise room.unreachable(found)
     # the start first: it is known to be regular

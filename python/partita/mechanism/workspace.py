@@ -83,7 +83,7 @@ def workspace(
     actuated = with_actuators(self, room, actuators)
     values = room.product([axis.values for axis in room.axes])
     found = room.poses(values)
-    reached = np.array(found["status"]) == "closed"
+    reached = found["status"] == 0
     if not reached.any():
         raise room.unreachable(found)
     shape = tuple(len(axis.values) for axis in room.free)
@@ -172,6 +172,6 @@ def _sheets(room: Room, values: FloatArray, seeds: FloatArray) -> tuple[dict[str
     sheets = {}
     for name, q in sorted(first.items()):
         found = core.poses(start.t, q, room.goals, values)
-        reached = np.array(found["status"]) == "closed"
+        reached = found["status"] == 0
         sheets[name] = np.where(reached[:, None], np.asarray(found["q"]), np.nan)
     return sheets, notes

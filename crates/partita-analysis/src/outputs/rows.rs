@@ -72,8 +72,30 @@ pub fn tables<S: Send, E: Send>(
     f: impl Fn(usize, &mut S, &mut Rows) -> Result<(), E> + Sync,
     watch: Watch<E>,
 ) -> Result<Vec<Vec<f64>>, E> {
+    tables_on(None, count, widths, chunk, scratch, f, watch)
+}
+
+/// As `tables`, on this many cores at most; `None`: on all.
+///
+/// # Errors
+/// As `tables`.
+pub fn tables_on<S: Send, E: Send>(
+    workers: Option<usize>,
+    count: usize,
+    widths: &[usize],
+    chunk: usize,
+    scratch: impl Fn() -> S,
+    f: impl Fn(usize, &mut S, &mut Rows) -> Result<(), E> + Sync,
+    watch: Watch<E>,
+) -> Result<Vec<Vec<f64>>, E> {
     let mut data: Vec<Vec<f64>> = widths.iter().map(|w| vec![0.0; w * count]).collect();
-    let (cores, chunk) = if chunk < count { (available_parallelism().map_or(1, Into::into), chunk) } else { (1, 1) };
+    let available = || available_parallelism().map_or(1, Into::into);
+    let (cores, chunk) = match chunk {
+        usize::MAX => (1, 1),
+        _ if chunk < count => (workers.unwrap_or_else(available), chunk),
+        // one chunk is one core's
+        _ => (1, count.max(1)),
+    };
     let mut scratches = vec![scratch()];
     let mut rest: Vec<&mut [f64]> = data.iter_mut().map(Vec::as_mut_slice).collect();
     let (mut done, mut block) = (0, chunk.max(8).next_multiple_of(chunk).min(count));

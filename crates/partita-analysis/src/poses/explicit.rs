@@ -8,7 +8,7 @@ use super::goal::Target;
 use super::outcome::{Found, Outcome};
 use crate::instant::Levels;
 use partita_math::tolerance;
-use partita_model::loop_closure::LoopClosing;
+use partita_model::loop_closure::{ClosingProgram, LoopClosing};
 use partita_model::Model;
 use partita_system::closing::Closing;
 use partita_system::manifold::ClosureError;
@@ -26,6 +26,37 @@ pub(super) const STORED: usize = 1 << 20;
 #[derive(Default)]
 struct Stations {
     paths: [Vec<(Vec<f64>, Vec<f64>)>; 2],
+}
+
+/// The part of the direct path that is done, and the length of its next step.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Path {
+    done: f64,
+    stride: f64,
+    longest: f64,
+}
+
+impl Path {
+    /// From this part on, in steps of this length at most.
+    fn new(done: f64, longest: f64) -> Self {
+        // full steps while nothing limits them, so that the last one is not needlessly short
+        let even = done == 0.0 && longest < 1.0;
+        Self { done, longest, stride: if even { 1.0 / (1.0 / longest).ceil() } else { longest } }
+    }
+
+    /// End of the next step.
+    pub fn next(&self) -> f64 {
+        if self.done + self.stride > 1.0 - tolerance::EQUAL {
+            1.0
+        } else {
+            self.done + self.stride
+        }
+    }
+
+    /// It was taken.
+    pub fn taken(&mut self, next: f64) {
+        (self.done, self.stride) = (next, (2.0 * self.stride).min(self.longest));
+    }
 }
 
 /// What became of a step.
@@ -150,19 +181,43 @@ impl<'m> Explicit<'m> {
         self.pivots.clone_from(&self.first);
     }
 
-    /// From the last station before the values, `step` of the path apart: the part of the path that is done.
-    fn begin_near(&mut self, values: &[f64], step: f64) -> f64 {
-        self.begin();
+    /// The path to these values, and the last station before them where it begins: position and pivots.
+    fn station(&self, values: &[f64]) -> (Path, &[f64], &[f64]) {
+        let mut far = 0.0f64;
+        for (x, &value) in self.targets.iter().zip(values) {
+            far = x.own().map_or(far, |(at, _)| far.max((value - self.q[at]).abs() / x.displacement));
+        }
+        let step = tolerance::STRIDE / far;
         let up = self.targets[0].own().is_some_and(|(at, _)| values[0] >= self.q[at]);
-        let stations = self.stations.clone();
         // one step at least is left, which ends at the value itself
         let before = ((1.0 / step).ceil() - 1.0).max(0.0) as usize;
-        let path = &stations.paths[usize::from(!up)];
+        let path = &self.stations.paths[usize::from(!up)];
         let last = before.min(path.len().saturating_sub(1));
-        let Some((there, pivots)) = path.get(last).filter(|_| last > 0) else { return 0.0 };
-        self.there.clone_from(there);
-        self.pivots.clone_from(pivots);
-        last as f64 * step
+        match path.get(last).filter(|_| last > 0) {
+            Some((there, pivots)) => (Path::new(last as f64 * step, step), there, pivots),
+            None => (Path::new(0.0, step), &self.q, &self.first),
+        }
+    }
+
+    /// As `station`, with the pivots of blocks with a sign alone.
+    pub fn path(&self, values: &[f64]) -> (Path, &[f64], impl Iterator<Item = f64> + '_) {
+        let (path, q, pivots) = self.station(values);
+        (path, q, self.signs.iter().zip(pivots).filter(|(sign, _)| **sign != 0).map(|(_, x)| *x))
+    }
+
+    /// The program of the closing on this branch, if it has one.
+    pub fn program(&self) -> Option<ClosingProgram> {
+        let mut closing = self.model.loop_closing(self.t, &self.q, Some(&self.inputs)).ok()?;
+        closing.set_branches(&self.signs);
+        closing.program(self.t)
+    }
+
+    /// Coordinates of the goals at this part of the path.
+    pub fn goals<'v>(&'v self, values: &'v [f64], part: f64) -> impl Iterator<Item = (usize, f64)> + 'v {
+        self.targets.iter().zip(values).filter_map(move |(x, &value)| {
+            let (at, _) = x.own()?;
+            Some((at, if part == 1.0 { value } else { self.q[at] + (value - self.q[at]) * part }))
+        })
     }
 
     /// A step to this part of the path, unless a loop does not close there or a pivot changes too much.
@@ -185,19 +240,13 @@ impl<'m> Explicit<'m> {
         Ok(Step::Taken)
     }
 
-    fn set(&mut self, values: &[f64], part: f64) {
-        for (x, &value) in self.targets.iter().zip(values) {
-            if let Some((at, _)) = x.own() {
-                self.trial[at] = if part == 1.0 { value } else { self.q[at] + (value - self.q[at]) * part };
-            }
-        }
-    }
-
     /// Close the loops with the goals at this fraction of the path; otherwise the block that fails and its closure
     /// error.
     fn close(&mut self, values: &[f64], part: f64) -> Result<Option<(f64, usize)>, SystemError> {
-        self.trial.clone_from(&self.there);
-        self.set(values, part);
+        let mut trial = std::mem::take(&mut self.trial);
+        trial.clone_from(&self.there);
+        self.goals(values, part).for_each(|(at, x)| trial[at] = x);
+        self.trial = trial;
         match self.closing.close(self.t, &mut self.trial) {
             Ok(()) => {}
             Err(SystemError::Limit { block, shortfall, .. }) => {
@@ -221,37 +270,39 @@ impl<'m> Explicit<'m> {
     }
 
     pub fn pose(&mut self, values: &[f64]) -> Result<(Found, Vec<f64>), SystemError> {
-        let mut far = 0.0f64;
-        for (x, &value) in self.targets.iter().zip(values) {
-            far = x.own().map_or(far, |(at, _)| far.max((value - self.q[at]).abs() / x.displacement));
-        }
-        let longest = tolerance::STRIDE / far;
-        let (mut done, mut stride) = (self.begin_near(values, longest), longest);
-        // full steps while nothing limits them, so that the last one is not needlessly short
-        if done == 0.0 && longest < 1.0 {
-            stride = 1.0 / (1.0 / longest).ceil();
-        }
+        self.begin();
+        let (mut path, there, pivots) = self.station(values);
+        let (there, pivots) = (there.to_vec(), pivots.to_vec());
+        (self.there, self.pivots) = (there, pivots);
+        let far = tolerance::STRIDE / path.longest;
         // the nearest part of the path at which a loop does not close
         let mut blocked = f64::INFINITY;
-        while done < 1.0 {
-            let next = if done + stride > 1.0 - tolerance::EQUAL { 1.0 } else { done + stride };
+        while path.done < 1.0 {
+            let next = path.next();
             match self.advance(values, next)? {
                 Step::Taken => {
-                    done = next;
-                    stride = (2.0 * stride).min(longest);
+                    path.taken(next);
                     continue;
                 }
                 Step::Limit => blocked = blocked.min(next),
                 Step::Unclear => {}
             }
-            stride *= 0.5;
-            if stride * far < tolerance::SHORTEST_STEP {
+            path.stride *= 0.5;
+            if path.stride * far < tolerance::SHORTEST_STEP {
                 // next to a limit a pivot vanishes too; which of both the last step meets is chance
-                let limit = (blocked - done) * far < tolerance::CLEARLY * tolerance::SHORTEST_STEP;
-                return self.beyond(values, done, limit);
+                let limit = (blocked - path.done) * far < tolerance::CLEARLY * tolerance::SHORTEST_STEP;
+                return self.beyond(values, path.done, limit);
             }
         }
         Ok((Found::closed(false), values.to_vec()))
+    }
+
+    /// The position found, NaN where the pose was not assembled.
+    pub fn write(&self, found: &Found, q: &mut [f64]) {
+        match found.outcome {
+            Outcome::Closed => q.copy_from_slice(&self.there),
+            _ => q.fill(f64::NAN),
+        }
     }
 
     /// The direct path ends here, after this fraction: at a limit, or where branches meet.

@@ -3,6 +3,7 @@
 use super::continuation::{Continuation, Start};
 use super::explicit::Explicit;
 use super::goal::Target;
+use super::lanes::{self, PoseLanes};
 use super::lattice::{LastSteps, Lattice};
 use super::numeric::Numeric;
 use super::outcome::{Found, Outcome};
@@ -11,6 +12,7 @@ use partita_math::tolerance;
 use partita_model::Model;
 use partita_system::prelude::*;
 use partita_system::SystemError;
+use std::sync::Arc;
 
 /// Poses, row by row.
 #[derive(Clone, Debug, Default)]
@@ -36,12 +38,9 @@ pub struct Poses {
 /// The rows of the tables in which poses are found.
 const RESULT: usize = 5;
 
-fn put(found: &Found, reached: &[f64], q: &[f64], i: usize, rows: &mut Rows) {
-    let number = Outcome::ALL.iter().position(|x| *x == found.outcome).unwrap_or(0);
-    match found.outcome {
-        Outcome::Closed => rows.row(0, i).copy_from_slice(q),
-        _ => rows.row(0, i).fill(f64::NAN),
-    }
+/// All of a row but its coordinates.
+pub(super) fn put(found: &Found, reached: &[f64], rows: &mut Rows, i: usize) {
+    let number = found.outcome as usize;
     rows.row(1, i).copy_from_slice(reached);
     let reported =
         [number as f64, found.shortfall, found.angle, found.culprit as f64, f64::from(u8::from(found.detour))];
@@ -91,17 +90,29 @@ pub fn many<E: Send + From<SystemError>>(
     let of = |i: usize| &values[i * width..][..width];
     let tables = match &explicit {
         Some(explicit) => {
-            let row = |i: usize, room: &mut Option<Explicit>, rows: &mut Rows| {
-                let Some(room) = room else {
+            let program = (count >= lanes::WORTH_A_RECORDING && chunk == 1).then(|| explicit.program()).flatten();
+            let program = program.map(Arc::new);
+            let chunk = if program.is_some() { lanes::BATCH } else { chunk };
+            let row = |i: usize, (one, side): &mut (Option<Explicit>, Option<PoseLanes>), rows: &mut Rows| {
+                let Some(one) = one else {
                     let message = "the loops cannot be solved in a second order; give a state farther from a \
                         limit position";
                     return Err(SystemError::argument("near", message.into()).into());
                 };
-                let (found, reached) = room.pose(of(i))?;
-                put(&found, &reached, &room.there, i, rows);
+                match side {
+                    // the first of a batch finds them all
+                    Some(lanes) if i % chunk == 0 => lanes.fill(i..count.min(i + chunk), of, one, rows)?,
+                    Some(_) => {}
+                    None => {
+                        let (found, reached) = one.pose(of(i))?;
+                        put(&found, &reached, rows, i);
+                        one.write(&found, rows.row(0, i));
+                    }
+                }
                 Ok(())
             };
-            tables(count, &widths, chunk, || explicit.again(), row, watch)?
+            let scratch = || (explicit.again(), program.as_ref().map(PoseLanes::new));
+            tables(count, &widths, chunk, scratch, row, watch)?
         }
         None => by_following(model, t, targets, &start, values, watch)?,
     };
@@ -147,7 +158,11 @@ fn by_following<E: Send + From<SystemError>>(
             room.batch((i..count.min(i + LastSteps::BATCH)).map(of))?;
         }
         let found = room.pose(place, of(i))?;
-        put(&found, &room.reached, &room.there, i, rows);
+        put(&found, &room.reached, rows, i);
+        match found.outcome {
+            Outcome::Closed => rows.row(0, i).copy_from_slice(&room.there),
+            _ => rows.row(0, i).fill(f64::NAN),
+        }
         Ok(())
     };
     tables(count, &widths, chunk, || Numeric::new(model, t, targets, start, lattice.as_ref()), row, watch)

@@ -7,6 +7,7 @@ mod explain;
 mod explicit;
 pub(crate) mod field;
 mod goal;
+mod lanes;
 mod lattice;
 mod many;
 mod messages;

@@ -16,8 +16,8 @@ pub enum Outcome {
 }
 
 impl Outcome {
-    pub(super) const ALL: [Self; 5] =
-        [Self::Closed, Self::Open, Self::OtherBranch, Self::Singular, Self::Contradiction];
+    /// All of them, in the order of their numbers.
+    pub const ALL: [Self; 5] = [Self::Closed, Self::Open, Self::OtherBranch, Self::Singular, Self::Contradiction];
 
     /// In one word, for messages.
     pub fn word(self) -> &'static str {

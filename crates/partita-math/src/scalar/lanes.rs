@@ -1,5 +1,7 @@
 //! Eight numbers side by side.
 
+mod functions;
+
 use super::{interval_of, Arguments, Cases, Functions, Scalar};
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
@@ -121,15 +123,12 @@ impl Scalar for Lanes {
     }
     #[inline(always)]
     fn sin_cos(self) -> (Self, Self) {
-        let (mut s, mut c) = (self, self);
-        for i in 0..Self::COUNT {
-            (s.0[i], c.0[i]) = Scalar::sin_cos(self.0[i]);
-        }
-        (s, c)
+        let (s, c) = functions::sin_cos(&self.0);
+        (Self(s), Self(c))
     }
     #[inline(always)]
     fn atan2(self, x: Self) -> Self {
-        self.with(x, Scalar::atan2)
+        Self(functions::atan2(&self.0, &x.0))
     }
     #[inline(always)]
     fn hypot(self, other: Self) -> Self {
@@ -148,7 +147,7 @@ impl Cases for Lanes {
     }
     #[inline(always)]
     fn round(self) -> Self {
-        self.map(f64::round)
+        self.map(functions::round)
     }
     #[inline(always)]
     fn max(self, other: Self) -> Self {

@@ -21,7 +21,7 @@ use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
 /// One entry of a tape; operands are indices of earlier entries.
 #[derive(Clone, Copy, Debug)]
-enum Operation {
+pub(crate) enum Operation {
     Input(u32),
     Constant(f64),
     Add(u32, u32),
@@ -269,8 +269,9 @@ impl Functions for Recorder {
 #[derive(Clone, Debug)]
 pub struct Recording {
     inputs: usize,
-    operations: Vec<Operation>,
-    outputs: Vec<u32>,
+    pub(crate) operations: Vec<Operation>,
+    /// The operation of each output.
+    pub(crate) outputs: Vec<u32>,
 }
 
 impl Recording {

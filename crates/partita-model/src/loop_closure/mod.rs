@@ -35,12 +35,14 @@ mod over;
 mod plan;
 mod planar;
 mod polygon;
+mod program;
 mod spatial;
 
 pub use adjacent::{Adjacent, AdjacentClosing, AdjacentRoom};
 pub use assemblies::{Assembled, Assemblies};
 pub(crate) use implicit::STRAIGHT;
 pub use over::ClosingRoom;
+pub use program::ClosingProgram;
 
 use crate::model::{Model, ModelScratch};
 use arm::{Chain, PlanarArm, Pose};

@@ -16,6 +16,8 @@ use std::sync::Arc;
 pub struct ClosingRoom<S: Scalar> {
     pose: Pose<S>,
     straight: StraightRoom<S>,
+    /// Of each step.
+    pivots: Vec<[S; 2]>,
 }
 
 impl LoopClosing<'_> {
@@ -24,7 +26,13 @@ impl LoopClosing<'_> {
         let block = |s: &super::Step| if let Work::Implicit(b) = &s.work { b.rows.len() } else { 0 };
         let n = self.steps.iter().map(block).max().unwrap_or(0);
         let straight = StraightRoom::new(&self.model, e, n);
-        ClosingRoom { pose: Pose::new(&self.graph, &e.numbers), straight }
+        let pivots = vec![[S::one(); 2]; self.steps.len()];
+        ClosingRoom { pose: Pose::new(&self.graph, &e.numbers), straight, pivots }
+    }
+
+    /// The pivot of each block with a sign, in the order of `state`, after [`close_over`](Self::close_over).
+    pub fn pivots_over<'a, S: Scalar>(&'a self, room: &'a ClosingRoom<S>) -> impl Iterator<Item = S> + 'a {
+        self.entries.iter().filter(|(step, k)| self.steps[*step].signs[*k] != 0).map(|&(step, k)| room.pivots[step][k])
     }
 
     /// Replaces the dependent coordinates in q by those that close the loops for its inputs, on the present branches,
@@ -58,7 +66,7 @@ impl LoopClosing<'_> {
             let message = "the evaluator and the closing belong to different models; create both from one model";
             return Err(SystemError::argument("evaluator", message.into()));
         }
-        let ClosingRoom { pose, straight } = room;
+        let ClosingRoom { pose, straight, pivots } = room;
         for (i, edge) in self.graph.edges.iter().enumerate() {
             // quantities that are not coordinates of q keep their values in this closing
             (pose.x[i], pose.balls[i]) = (S::from_f64(self.pose.x[i]), Mat3::from_f64(self.pose.balls[i].0));
@@ -67,7 +75,7 @@ impl LoopClosing<'_> {
             }
         }
         let mut fit = Fit::good();
-        for step in &self.steps {
+        for (step, pivots) in self.steps.iter().zip(pivots) {
             match &step.work {
                 Work::Drive(d, edge) => {
                     let drive = &e.drives[*d];
@@ -85,13 +93,15 @@ impl LoopClosing<'_> {
                     for (k, side) in sides.iter_mut().enumerate().take(count).skip(1) {
                         *side = planar_side(p, k, &self.graph, pose);
                     }
-                    let (x, _, own) = plane.solve(&sides[..count], step.signs[0], self.tolerance);
+                    let (x, pivot, own) = plane.solve(&sides[..count], step.signs[0], self.tolerance);
                     plane.joints.iter().zip(x).for_each(|(j, x)| pose.x[j.edge] = x);
+                    pivots[0] = pivot;
                     fit = fit.or(own);
                 }
                 Work::Space(p) => {
                     let found = spatial::solve(&self.graph, p, step.signs, pose);
                     found.write(pose);
+                    *pivots = found.pivots;
                     fit = fit.or(found.fit);
                 }
                 Work::Law(law) => {

@@ -3,8 +3,10 @@
 use super::{Assembled, Model, Table, Vector};
 use crate::analyses;
 use crate::arrays::{array, matrix, vector};
+use crate::ensemble::{self, Given};
 use crate::failure::{self, guarded};
 use crate::poses;
+use crate::run::Options;
 use crate::state::Array;
 use crate::waiting::heard;
 use pyo3::prelude::*;
@@ -90,6 +92,26 @@ impl Model {
         values: Table<'py>,
     ) -> PyResult<Bound<'py, PyDict>> {
         guarded(py, || poses::many(py, &self.inner, t, &q, &goals, &values))
+    }
+
+    /// Motions of many members: other states in the rows of q and v, other `parameters` (names and how many numbers each
+    /// has) in the rows of `values`.
+    #[pyo3(signature = (options, t_eval, q, v, parameters, values, assembles, workers, progress))]
+    fn ensemble<'py>(
+        &self,
+        py: Python<'py>,
+        options: &Options,
+        t_eval: Vector<'py>,
+        q: Table<'py>,
+        v: Table<'py>,
+        parameters: Vec<(String, usize)>,
+        values: Table<'py>,
+        assembles: bool,
+        workers: Option<usize>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let given = Given { q: &q, v: &v, parameters, values: &values, assembles };
+        guarded(py, || ensemble::ensemble(py, &self.inner, options, &t_eval, given, workers, progress))
     }
 
     /// Velocities and accelerations for which the goals move at the rates and accelerations of each row, at the closed

@@ -1,9 +1,11 @@
 //! Everything an evaluation gives, over every scalar: dual numbers against differences, eight lanes against eight calls,
 //! a recording against what was recorded, on mechanisms drawn by chance with every joint and every force.
 
+use crate::counting::allocations;
 use crate::mechanisms::{
     apart, between, couple, derivative, drawing, law, loads, relation, Moment, Wishes, COUPLINGS, ROLLS, STEP,
 };
+use partita_math::program::Program;
 use partita_math::scalar::{Dual, Lanes, Recorder, Recording, Scalar};
 use partita_model::clusters::{Plan, Preference};
 use partita_model::coupling::{Contact, Law, Says};
@@ -358,7 +360,10 @@ fn a_recording_is_the_evaluation() {
         let (mut work, mut out) = (vec![0.0; made.len()], vec![0.0; made.outputs()]);
         let (lean, mut less) = (made.lean(), vec![0.0; made.outputs()]);
         assert!(lean.len() < made.len());
-        for _ in 0..3 {
+        // the last numbers settled
+        let program = Program::new(&made, x.len() / 2..x.len());
+        let (mut lanes, mut one) = (program.work::<Lanes, 2>(), program.work::<f64, 1>());
+        for round in 0..3 {
             // both intervals of the tables
             let mut x: Vec<f64> = x.iter().map(|x| x + between(rng, -0.2, 0.2)).collect();
             x[0] = between(rng, 0.0, 0.6);
@@ -368,6 +373,23 @@ fn a_recording_is_the_evaluation() {
             // the same but for the sign of a zero
             lean.evaluate(&x, &mut work, &mut less);
             assert!(less.iter().zip(&out).all(|(x, y)| x == y));
+            // one member among others, in another lane each time, and alone
+            let member = 7 * round + 1;
+            for (k, x) in x.iter().enumerate() {
+                (0..16).for_each(|l| lanes.set(k, l, x + 1e-3 * (l as f64 - member as f64)));
+                one.input(&program, k)[0] = *x;
+            }
+            let mut evaluate = || {
+                lanes.prepare(&program);
+                lanes.evaluate(&program);
+                one.prepare(&program);
+                one.evaluate(&program);
+            };
+            assert_eq!(allocations(&mut evaluate).1, 0);
+            for (o, expected) in less.iter().enumerate() {
+                assert_eq!(lanes.get(&program, o, member), *expected);
+                assert_eq!(one.output(&program, o)[0], *expected);
+            }
         }
     });
 }

@@ -63,7 +63,7 @@ impl Operation {
     }
 
     /// Its operands, one after the other.
-    pub(super) fn operands(self, mut each: impl FnMut(u32)) {
+    pub(crate) fn operands(self, mut each: impl FnMut(u32)) {
         self.with(|x| {
             each(x);
             x

@@ -1,0 +1,239 @@
+//! A recording made ready for many evaluations: registers reused, constants and settled inputs apart.
+//!
+//! ```text
+//! Recording ──► Program ──► Work<f64, 1>      one evaluation
+//!                      └──► Work<Lanes, G>    8 G members side by side, G groups of eight to each instruction
+//! ```
+//!
+//! Values lie in *registers*. Inputs and constants keep theirs; a settled value, which depends on settled inputs and
+//! constants alone, is computed by [`Work::prepare`] and keeps its own; every other value gives its register to another
+//! after its last reader, so that the work of a block of members stays in the first cache. A sine and a cosine of one
+//! angle are one instruction, and so are a product and the sum that alone reads it, each of which still rounds. Every
+//! member therefore has the bits of [`Recording::evaluate`].
+
+mod build;
+
+use crate::scalar::{Lanes, Recording, Scalar};
+use crate::wide::{widely, Kernel};
+use std::ops::Range;
+
+/// What an instruction does with the registers that it reads.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Code {
+    Add,
+    Sub,
+    Mul,
+    Div,
+    OverOrZero,
+    Neg,
+    Sqrt,
+    Power,
+    SinCos,
+    Atan2,
+    Hypot,
+    Abs,
+    Round,
+    Max,
+    Min,
+    WherePositive,
+    Reached,
+    /// x y + z, z + x y.
+    ProductPlus,
+    /// x y − z.
+    ProductMinus,
+    /// z − x y.
+    MinusProduct,
+}
+
+/// One instruction: registers that it writes and reads.
+#[derive(Clone, Copy, Debug)]
+struct Instruction {
+    code: Code,
+    to: u32,
+    /// Of a sine and a cosine: the register of the cosine. Of a power: the exponent's place.
+    also: u32,
+    x: u32,
+    y: u32,
+    z: u32,
+}
+
+/// A recording made ready for many evaluations; immutable, shared by threads.
+#[derive(Clone, Debug)]
+pub struct Program {
+    inputs: usize,
+    /// Of the settled part.
+    prepare: Vec<Instruction>,
+    code: Vec<Instruction>,
+    constants: Vec<f64>,
+    exponents: Vec<f64>,
+    registers: usize,
+    /// Register of each output.
+    outputs: Vec<u32>,
+}
+
+impl Program {
+    /// The program of a recording, reduced first (see [`Recording::lean`]). `settled` inputs change seldom.
+    pub fn new(recording: &Recording, settled: Range<usize>) -> Self {
+        build::program(&recording.lean(), settled)
+    }
+
+    /// Number of inputs.
+    pub fn inputs(&self) -> usize {
+        self.inputs
+    }
+
+    /// Number of outputs.
+    pub fn outputs(&self) -> usize {
+        self.outputs.len()
+    }
+
+    /// Number of instructions of an evaluation, those of the settled part not counted.
+    pub fn len(&self) -> usize {
+        self.code.len()
+    }
+
+    /// Whether an evaluation computes nothing.
+    pub fn is_empty(&self) -> bool {
+        self.code.is_empty()
+    }
+
+    /// Memory for evaluations.
+    pub fn work<S: Scalar, const G: usize>(&self) -> Work<S, G> {
+        let mut registers = vec![[S::zero(); G]; self.registers];
+        for (register, c) in registers[self.inputs..].iter_mut().zip(&self.constants) {
+            *register = [S::from_f64(*c); G];
+        }
+        let mut work = Work { registers };
+        work.prepare(self);
+        work
+    }
+}
+
+/// The registers of `G` numbers each; with [`Lanes`], of 8 G members.
+#[derive(Clone, Debug)]
+pub struct Work<S, const G: usize> {
+    registers: Vec<[S; G]>,
+}
+
+impl<S: Scalar, const G: usize> Work<S, G> {
+    /// Input k, to be written.
+    #[inline(always)]
+    pub fn input(&mut self, program: &Program, k: usize) -> &mut [S; G] {
+        &mut self.inputs(program)[k]
+    }
+
+    /// All inputs, to be written.
+    #[inline(always)]
+    pub fn inputs(&mut self, program: &Program) -> &mut [[S; G]] {
+        &mut self.registers[..program.inputs]
+    }
+
+    /// Output o of the last evaluation.
+    #[inline(always)]
+    pub fn output(&self, program: &Program, o: usize) -> &[S; G] {
+        &self.registers[program.outputs[o] as usize]
+    }
+
+    /// What depends on settled inputs alone: after each change of theirs.
+    pub fn prepare(&mut self, program: &Program) {
+        widely(Execution { instructions: &program.prepare, exponents: &program.exponents, work: &mut self.registers });
+    }
+
+    /// One evaluation of every member, with the widest instructions of this processor.
+    pub fn evaluate(&mut self, program: &Program) {
+        widely(Execution { instructions: &program.code, exponents: &program.exponents, work: &mut self.registers });
+    }
+
+    /// As [`evaluate`](Self::evaluate), to be compiled into a [`Kernel`].
+    #[inline(always)]
+    pub fn evaluate_inside(&mut self, program: &Program) {
+        execute(&program.code, &program.exponents, &mut self.registers);
+    }
+}
+
+impl<const G: usize> Work<Lanes, G> {
+    /// Input k of a member.
+    #[inline(always)]
+    pub fn set(&mut self, k: usize, member: usize, x: f64) {
+        self.registers[k][member / Lanes::COUNT].0[member % Lanes::COUNT] = x;
+    }
+
+    /// Output o of a member.
+    #[inline(always)]
+    pub fn get(&self, program: &Program, o: usize, member: usize) -> f64 {
+        self.output(program, o)[member / Lanes::COUNT].0[member % Lanes::COUNT]
+    }
+}
+
+struct Execution<'a, S, const G: usize> {
+    instructions: &'a [Instruction],
+    exponents: &'a [f64],
+    work: &'a mut [[S; G]],
+}
+
+impl<S: Scalar, const G: usize> Kernel for Execution<'_, S, G> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        execute(self.instructions, self.exponents, self.work);
+    }
+}
+
+#[inline(always)]
+fn one<S: Scalar, const G: usize>(work: &mut [[S; G]], i: &Instruction, f: impl Fn(S) -> S) {
+    let x = &work[i.x as usize];
+    work[i.to as usize] = std::array::from_fn(|g| f(x[g]));
+}
+
+#[inline(always)]
+fn two<S: Scalar, const G: usize>(work: &mut [[S; G]], i: &Instruction, f: impl Fn(S, S) -> S) {
+    let (x, y) = (&work[i.x as usize], &work[i.y as usize]);
+    work[i.to as usize] = std::array::from_fn(|g| f(x[g], y[g]));
+}
+
+#[inline(always)]
+fn three<S: Scalar, const G: usize>(work: &mut [[S; G]], i: &Instruction, f: impl Fn(S, S, S) -> S) {
+    let (x, y, z) = (&work[i.x as usize], &work[i.y as usize], &work[i.z as usize]);
+    work[i.to as usize] = std::array::from_fn(|g| f(x[g], y[g], z[g]));
+}
+
+#[inline(always)]
+fn execute<S: Scalar, const G: usize>(instructions: &[Instruction], exponents: &[f64], work: &mut [[S; G]]) {
+    for i in instructions {
+        match i.code {
+            Code::Add => two(work, i, |x, y| x + y),
+            Code::Sub => two(work, i, |x, y| x - y),
+            Code::Mul => two(work, i, |x, y| x * y),
+            Code::ProductPlus => three(work, i, |x, y, z| x * y + z),
+            Code::ProductMinus => three(work, i, |x, y, z| x * y - z),
+            Code::MinusProduct => three(work, i, |x, y, z| z - x * y),
+            Code::Neg => one(work, i, |x| -x),
+            Code::Div => two(work, i, |x, y| x / y),
+            Code::OverOrZero => two(work, i, |x, y| x.over_or_zero(y)),
+            Code::Sqrt => one(work, i, |x| x.sqrt()),
+            Code::Power => {
+                let exponent = exponents[i.also as usize];
+                one(work, i, |x| x.power(exponent));
+            }
+            Code::SinCos => {
+                for g in 0..G {
+                    let (s, c) = work[i.x as usize][g].sin_cos();
+                    work[i.to as usize][g] = s;
+                    work[i.also as usize][g] = c;
+                }
+            }
+            Code::Atan2 => two(work, i, |x, y| x.atan2(y)),
+            Code::Hypot => two(work, i, |x, y| x.hypot(y)),
+            Code::Abs => one(work, i, |x| x.abs()),
+            Code::Round => one(work, i, |x| x.round()),
+            Code::Max => two(work, i, |x, y| x.max(y)),
+            Code::Min => two(work, i, |x, y| x.min(y)),
+            Code::WherePositive => three(work, i, |x, y, z| x.where_positive(y, z)),
+            // y − x above 0: x lies below y
+            Code::Reached => two(work, i, |x, y| (y - x).where_positive(S::from_f64(-1.0), S::one())),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

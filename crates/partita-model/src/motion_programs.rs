@@ -1,0 +1,144 @@
+//! The equations of motion of one choice of coordinates as programs, for the members of an ensemble.
+//!
+//! ```text
+//! inputs   t | q | v_I | parameters (settled)
+//! rates    q' | v_I' | pivots of C_D                                              (S2, P3)
+//! end      q with the remainder of S3 removed | q', v_I' there | v | A | pivots | closure error    (34, P1, P2)
+//! output   q with the remainder of S3 removed twice | v | closure error
+//! ```
+//! The closure error is the sum of all rows of Φ, each in its characteristic displacement.
+
+use crate::error::DescriptionError;
+use crate::evaluator::Evaluator;
+use crate::model::Model;
+use crate::reduced::Reduced;
+use partita_math::program::Program;
+use partita_math::scalar::{Recorder, Recording, Scalar};
+use partita_system::prelude::*;
+use partita_system::reduction::{Choice, Reduction};
+use partita_system::SystemError;
+
+/// A parameter and how many numbers it has.
+pub type Varied = (String, usize);
+
+/// The programs of one choice.
+#[derive(Clone, Debug)]
+pub struct MotionPrograms {
+    /// At a state inside a step.
+    pub rates: Program,
+    /// At the end of a step.
+    pub end: Program,
+    /// At an output.
+    pub output: Program,
+    /// Coordinates, velocities, independent velocities, pivots.
+    pub sizes: [usize; 4],
+}
+
+impl MotionPrograms {
+    /// The first output of A of `end`; those of the pivots and the closure error follow.
+    pub fn end_a(&self) -> usize {
+        let [nq, nv, k, _] = self.sizes;
+        2 * nq + k + nv
+    }
+
+    /// The first pivot of `end`.
+    pub fn end_pivots(&self) -> usize {
+        let [_, nv, k, _] = self.sizes;
+        self.end_a() + (nv - k) * k
+    }
+
+    /// The closure error of `end`.
+    pub fn end_closure(&self) -> usize {
+        self.end_pivots() + self.sizes[3]
+    }
+}
+
+/// A failure to record.
+fn refused(model: &Model, e: &SystemError) -> DescriptionError {
+    DescriptionError::new("mechanism", &model.spec.name, format!("its equations cannot be recorded: {e}"))
+}
+
+impl Model {
+    /// The programs for the choice of a reduction with D in full, whose rows are all holonomic, with these parameters as
+    /// inputs.
+    ///
+    /// # Errors
+    /// As [`over_with`](Self::over_with), and for functions that are known in `f64` alone.
+    pub fn motion_programs(
+        &self,
+        r: &Reduction<Self>,
+        parameters: &[Varied],
+    ) -> Result<MotionPrograms, DescriptionError> {
+        let (size, choice) = (self.size(), r.choice());
+        let (nq, k) = (size.nq, choice.k());
+        let first = 1 + nq + k;
+        let inputs = first + parameters.iter().map(|p| p.1).sum::<usize>();
+        type Recorded<'a> = dyn Fn(&Evaluator<Recorder>, Recorder, &mut [Recorder], &[Recorder]) -> Result<Vec<Recorder>, SystemError>
+            + 'a;
+        let record = |f: &Recorded| {
+            let made = Recording::new(inputs, |x| {
+                let mut next = first;
+                let changes: Vec<(&str, &[Recorder])> = parameters
+                    .iter()
+                    .map(|(name, count)| {
+                        next += count;
+                        (name.as_str(), &x[next - count..next])
+                    })
+                    .collect();
+                let e = self.over_with::<Recorder>(&changes)?;
+                f(&e, x[0], &mut x[1..1 + nq].to_vec(), &x[1 + nq..first]).map_err(|e| refused(self, &e))
+            })?;
+            Ok::<_, DescriptionError>(Program::new(&made, first..inputs))
+        };
+        let reduced = |e: &Evaluator<Recorder>, t: Recorder, q: &[Recorder], u: &[Recorder]| {
+            let mut x = Reduced::default();
+            e.reduced(&choice, None, t, q, u, &mut e.scratch(), &mut x)?;
+            Ok::<_, SystemError>(x)
+        };
+        let rates = |e: &Evaluator<Recorder>, q: &[Recorder], x: &Reduced<Recorder>| {
+            let mut all = vec![Recorder::zero(); nq];
+            e.rate(q, &x.v, &mut all);
+            all.extend(choice.independent.iter().map(|&i| x.vdot[i]));
+            all
+        };
+        Ok(MotionPrograms {
+            rates: record(&|e, t, q, u| {
+                let x = reduced(e, t, q, u)?;
+                Ok([rates(e, q, &x), pivots(&choice, &x)].concat())
+            })?,
+            end: record(&|e, t, q, u| {
+                e.normalise(q);
+                self.correct_over(e, &choice, t, q)?;
+                let x = reduced(e, t, q, u)?;
+                let columns = choice.columns;
+                let a = choice.dependent.iter().flat_map(|&i| x.dt[i * columns..][..columns].to_vec());
+                let a: Vec<Recorder> = a.collect();
+                let slope = rates(e, q, &x);
+                Ok([q.to_vec(), slope, x.v.clone(), a, pivots(&choice, &x), vec![self.open(&x.phi)]].concat())
+            })?,
+            output: record(&|e, t, q, u| {
+                e.normalise(q);
+                self.correct_over(e, &choice, t, q)?;
+                self.correct_over(e, &choice, t, q)?;
+                e.normalise(q);
+                let x = reduced(e, t, q, u)?;
+                Ok([q.to_vec(), x.v.clone(), vec![self.open(&x.phi)]].concat())
+            })?,
+            sizes: [nq, size.nv, k, choice.rows.len()],
+        })
+    }
+
+    /// Sum of the rows of Φ, each in its characteristic displacement.
+    pub(crate) fn open<S: Scalar>(&self, phi: &[S]) -> S {
+        let mut sum = S::zero();
+        for (i, x) in phi.iter().enumerate() {
+            sum += x.abs().scale(1.0 / self.row_displacement(i).unwrap_or(1.0));
+        }
+        sum
+    }
+}
+
+fn pivots(choice: &Choice, x: &Reduced<Recorder>) -> Vec<Recorder> {
+    let pivot = |k: usize| choice.plan.map_or(Recorder::one(), |plan| plan.signed_pivot(&x.factors, k));
+    (0..choice.rows.len()).map(pivot).collect()
+}
