@@ -192,6 +192,11 @@ CALLS: list[tuple[Call, dict[str, Any]]] = [
         {"radius1": 0.2, "stiffness": 9, "normal": (0, 0, 1), "exponent": 1, "damping": 1, "stick_velocity": 2},
     ),
     (
+        ("add_rope", "rope", {"body1": "b", "point1": (0, 0, 0), "body2": "ground", "point2": (0, 0, -9)}
+         | {"stiffness": 1e3, "length": 8.0}),
+        {"stiffness": 9, "length": 7.0, "exponent": 2, "damping": 1, "body1": "c", "point2": (0, 1, 0)},
+    ),
+    (
         ("add_tyre", "tyre", {"body": "d", "center": (0, 0, 0), "axis": (0, 0, 1), "radius": 0.3}
          | {"normal": TILTED, "stiffness": 2e5}),
         {"radius": 0.4, "center": (0, 0, 1), "axis": (0, 1, 1), "point": (0, -3, 0), "ground": "a", "damping": 1},

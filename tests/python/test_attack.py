@@ -282,6 +282,17 @@ def built() -> dict[str, Callable[[], Call]]:
             "static_friction": 0.3,
             "stick_velocity": 0.1,
         },
+        "add_rope": {
+            "name": "ro",
+            "body1": "box",
+            "point1": ORIGIN,
+            "body2": "ground",
+            "point2": Y,
+            "stiffness": 10.0,
+            "length": 0.5,
+            "exponent": 1.5,
+            "damping": 0.1,
+        },
         "add_tyre": {
             "name": "ty",
             "body": "box",

@@ -116,7 +116,7 @@ def test_as_many_joints_as_there_are(tmp_path: Path) -> None:
 
 
 MOVING = (
-    "four-bar", "andrews-squeezer", "bricard", "n-four-bar", "four-bar-spring", "spatial-four-bar", 
+    "four-bar", "andrews-squeezer", "bricard", "n-four-bar", "four-bar-spring", "spatial-four-bar",
     "parallel-ankle", "delta", "heavy-top", "rolling-ball", "whipple-bicycle", "stewart-ups",
     "double-wishbone", "screw-press"
 )  # fmt: skip

@@ -45,6 +45,7 @@ ELEMENTS: dict[str, Callable[[pt.Mechanism, Any, Any, Any], Any]] = {
     "tyre": lambda m, arm, other, p: m.add_tyre(
         "T", arm, center=p, axis=(0, 0, 1), radius=0.1, normal=(0, 1, 0), stiffness=1e3
     ),
+    "rope": lambda m, arm, other, p: m.add_rope("W", arm, p, other, (0, 0, 0), stiffness=5.0, length=0.1),
     "force": lambda m, arm, other, p: m.add_force(arm, (1, 2, 3), p),
     "rolling": lambda m, arm, other, p: m.add_rolling("R", arm, 0.5, center=p, slips=True),
     "curve": lambda m, arm, other, p: m.add_point_on_curve("G", m.ground, arm, p, lambda x: x**2),

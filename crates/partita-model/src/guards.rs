@@ -1,4 +1,4 @@
-//! Guards of a mechanism: gaps of contacts and tyres, ends of stops, limits of the rotation of bushings.
+//! Guards of a mechanism: gaps of contacts and tyres, slack of ropes, ends of stops, limits of the rotation of bushings.
 
 use crate::evaluator::{with_engine, Evaluator, Scratch};
 use crate::force::{At, Element, Surface};
@@ -25,6 +25,7 @@ impl<G: Space<S = f64>> Element<G> {
                 };
                 vec![guard(format!("contact \"{name}\""), size, e.passed_through())]
             }
+            Self::Rope(e) => vec![guard(format!("rope \"{name}\""), e.length, None)],
             Self::Tyre(e) => vec![guard(format!("tyre \"{name}\""), e.radius, None)],
             Self::Bushing(e) if e.turns => vec![guard(format!("bushing \"{name}\""), 1.0, None)],
             Self::Load(e) => {
@@ -41,6 +42,11 @@ impl<G: Space<S = f64>> Element<G> {
             Self::Contact(e) => {
                 let [x, rate, gap, speed] = e.gap(at);
                 out[0] = GuardReading { x, rate, apart: gap.abs(), speed };
+                1
+            }
+            Self::Rope(e) => {
+                let [x, rate, slack, speed] = e.gap(at);
+                out[0] = GuardReading { x, rate, apart: slack.abs(), speed };
                 1
             }
             Self::Tyre(e) => {
@@ -99,5 +105,5 @@ impl Evaluator<f64> {
 }
 
 fn is_guarded<G: Space>(e: &Element<G>) -> bool {
-    matches!(e, Element::Contact(_) | Element::Tyre(_) | Element::Bushing(_) | Element::Load(_))
+    matches!(e, Element::Contact(_) | Element::Rope(_) | Element::Tyre(_) | Element::Bushing(_) | Element::Load(_))
 }

@@ -60,6 +60,7 @@ fn lies_in_plane(spec: &Spec, normal: Vec3<f64>, level: f64) -> bool {
             Force::Spring { body1, point1, body2, point2, .. } => {
                 heights.extend([at(body1, *point1), at(body2, *point2)]);
             }
+            Force::Rope(x) => heights.extend([at(&x.body1, x.point1), at(&x.body2, x.point2)]),
             _ => {}
         }
     }
@@ -97,6 +98,11 @@ fn loaded_across(spec: &Spec, normal: Vec3<f64>) -> bool {
         let at = body(name).map_or(Vec3(point), |b| Vec3(b.position) + Mat3(b.orientation).apply(Vec3(point)));
         (normal.dot(at), at.norm())
     };
+    // ends at different heights pull a body out of the plane
+    let apart = |one: (&String, [f64; 3]), two: (&String, [f64; 3])| {
+        let ((a, x), (b, y)) = (height(one.0, one.1), height(two.0, two.1));
+        (a - b).abs() > tolerance::EQUAL * x.max(y)
+    };
     across(Vec3(spec.gravity))
         || spec.forces.iter().any(|f| match f {
             along if along.along().is_some() => false,
@@ -104,10 +110,8 @@ fn loaded_across(spec: &Spec, normal: Vec3<f64>) -> bool {
             Force::Force { value, axes: Axes::Body, body, .. } => vector(value, to_body(body)),
             Force::Force { value, .. } => vector(value, normal),
             Force::Gravity(x) => vector(&x.value, normal),
-            Force::Spring { body1, point1, body2, point2, .. } => {
-                let ((a, x), (b, y)) = (height(body1, *point1), height(body2, *point2));
-                (a - b).abs() > tolerance::EQUAL * x.max(y)
-            }
+            Force::Spring { body1, point1, body2, point2, .. } => apart((body1, *point1), (body2, *point2)),
+            Force::Rope(x) => apart((&x.body1, x.point1), (&x.body2, x.point2)),
             _ => true,
         })
 }

@@ -7,7 +7,7 @@ mod rotor;
 
 pub use couplings::{Coupling, GivenAs};
 pub use forces::*;
-pub use loads::{Bushing, Contact, Gravity, Law, Sight, Spot, Tyre, Weightless};
+pub use loads::{Bushing, Contact, Gravity, Law, Rope, Sight, Spot, Tyre, Weightless};
 pub use rotor::Rotor;
 
 use serde::{Deserialize, Serialize};

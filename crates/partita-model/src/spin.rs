@@ -180,6 +180,7 @@ pub(crate) fn is_seen(spec: &Spec, placed: &Placed, x: &Turning) -> bool {
         Force::Spring { body1, point1, body2, point2, .. } => {
             !within(body1, body2) && (off(body1, point1) || off(body2, point2))
         }
+        Force::Rope(x) => !within(&x.body1, &x.body2) && (off(&x.body1, &x.point1) || off(&x.body2, &x.point2)),
         Force::Force { body, point, .. } => off(body, point),
         Force::Torque { joint: j, coordinate, over, .. } => {
             joint(j, *coordinate) || over.as_ref().is_some_and(measured)

@@ -16,6 +16,7 @@ from . import forces as force_room
 from . import laws as law_room
 from . import loads as load_room
 from . import primitives as primitive_room
+from . import ropes as rope_room
 from . import rotors as rotor_room
 from . import sensors as sensor_room
 from .elements import Elements
@@ -62,6 +63,7 @@ class Builder(NamedJoints, JointLoads):
     add_bushing = load_room.add_bushing
     add_contact = contact_room.add_contact
     add_tyre = contact_room.add_tyre
+    add_rope = rope_room.add_rope
     add_force_law = law_room.add_force_law
 
     add_sensor = sensor_room.add_sensor

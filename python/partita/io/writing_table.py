@@ -118,6 +118,7 @@ _ROWS = (
     _row("friction", Fate(DROPPED, "nothing resists the motion"), toml=_GIVEN),
     _row("stop", Fate(DROPPED, "the motion has no end there")),
     _row("contact", Fate(DROPPED, "its bodies pass through each other")),
+    _row("rope", Fate(DROPPED, "nothing holds its ends together")),
     _row("tyre", Fate(DROPPED, "the wheel does not touch the road")),
     _row("sensor", Fate(OMITTED, "it measures, and moves nothing"), toml=_GIVEN),
 )

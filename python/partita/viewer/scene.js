@@ -64,7 +64,7 @@ class Scene {
     run.scene.joints.forEach((joint, j) => {
       if ((joint.parent < 0 || joint.child < 0) && joint.kind !== "free" && joint.atParent && !joint.rail) foot(run.seatOf(0, j), 3.4);
     });
-    for (const { body1, point1, body2, point2 } of run.scene.springs) {
+    for (const { body1, point1, body2, point2 } of [...run.scene.springs, ...run.scene.ropes]) {
       for (const [body, point] of [[body1, point1], [body2, point2]]) if (body < 0) foot(point, 2.6);
     }
     return found.filter(isFinite3);
@@ -244,6 +244,13 @@ class Scene {
       if (spring.body2 < 0) painter.support(b, 2.6 * this.radius);
       painter.spring(a, b, 1.5 * this.radius);
       this.hits.push({ point: a, label: spring.name, kind: "spring" }, { point: b, label: spring.name, kind: "spring" });
+    }
+    for (const rope of run.scene.ropes) {
+      const a = run.placed(frame, rope.body1, rope.point1), b = run.placed(frame, rope.body2, rope.point2);
+      if (rope.body1 < 0) painter.support(a, 2.6 * this.radius);
+      if (rope.body2 < 0) painter.support(b, 2.6 * this.radius);
+      painter.rope(a, b, rope.length, scaled(run.scene.view.up, -1));
+      this.hits.push({ point: a, label: rope.name, kind: "spring" }, { point: b, label: rope.name, kind: "spring" });
     }
   }
 

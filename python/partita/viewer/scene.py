@@ -88,7 +88,8 @@ def describe(
         "motors": around.motors,
         "points": list(traced),
         "loads": loads,
-        "springs": _springs(spec, list(result.names.bodies)),
+        "springs": _between(spec, list(result.names.bodies), "spring"),
+        "ropes": _between(spec, list(result.names.bodies), "rope"),
         "velocities": list(result.names.velocities),
         "drives": efforts(result)[0],
         "apart": _apart(result),
@@ -280,7 +281,8 @@ def _bodies(
 ) -> list[dict[str, Any]]:
     """Shape of every body from the joints and springs on it, its hint, and its centre of mass; points in body axes."""
     drawn = {body["name"]: body for body in spec.get("bodies", ())}
-    held = [*_springs(spec, list(result.names.bodies)), *coupled.rods]
+    names = list(result.names.bodies)
+    held = [*_between(spec, names, "spring"), *_between(spec, names, "rope"), *coupled.rods]
     found = []
     for i, name in enumerate(result.names.bodies):
         given = drawn.get(name, {})
@@ -350,7 +352,8 @@ def _solids(
     return found
 
 
-def _springs(spec: Mapping[str, Any], names: list[str]) -> list[dict[str, Any]]:
+def _between(spec: Mapping[str, Any], names: list[str], kind: str) -> list[dict[str, Any]]:
+    """Springs or ropes: their ends, and the length without force."""
     index = {name: i for i, name in enumerate(names)} | {"ground": -1}
     return [
         {
@@ -359,9 +362,10 @@ def _springs(spec: Mapping[str, Any], names: list[str]) -> list[dict[str, Any]]:
             "point1": list(force["point1"]),
             "body2": index[force["body2"]],
             "point2": list(force["point2"]),
+            **({"length": force["length"]} if kind == "rope" else {}),
         }
         for force in spec.get("forces", ())
-        if force.get("kind") == "spring"
+        if force.get("kind") == kind
     ]
 
 

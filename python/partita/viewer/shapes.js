@@ -287,6 +287,22 @@ class Painter {
     });
   }
 
+  /** A rope of this length between two points: straight where it is taut, else hanging by what it has to spare. */
+  rope(a, b, whole, down) {
+    const distance = length(sub(b, a)), spare = Math.max(0, whole - distance);
+    const sag = Math.min(0.5 * whole, Math.sqrt(0.375 * Math.max(distance, 0.25 * whole) * spare)), count = spare ? 16 : 1;
+    const points = [];
+    for (let i = 0; i <= count; i++) {
+      const s = i / count;
+      points.push(this.camera.project(add(add(a, scaled(sub(b, a), s)), scaled(down, 4 * sag * s * (1 - s)))));
+    }
+    if (points.some((p) => !p)) return;
+    this.push((points[0].z + points[count].z) / 2, () => {
+      this.line(points, COLOURS.paper, 4);
+      this.line(points, COLOURS.spring, spare ? 1.2 : 2);
+    });
+  }
+
   /** An arrow three quarters around a point: a drive turns it. */
   turnArrow(p, radius, colour) {
     const c = this.c, r = Math.max(9, radius), start = -0.75 * Math.PI, end = 0.6 * Math.PI;

@@ -40,6 +40,15 @@ MOST_ARROW = 1.5
 HOLLOW, LONGER = "hollow: not unique, shared by least squares", "double stroke: arrow longer than drawn"
 
 
+def hanging(a: FloatArray, b: FloatArray, length: float, down: FloatArray) -> FloatArray:
+    """A rope of this length between two points (n, 3): straight where taut, else hanging by what it has to spare."""
+    distance = float(np.linalg.norm(b - a))
+    spare = max(0.0, length - distance)
+    sag = min(0.5 * length, np.sqrt(0.375 * max(distance, 0.25 * length) * spare))
+    s = np.linspace(0.0, 1.0, 17 if spare else 2)[:, None]
+    return np.asarray(a + s * (b - a) + 4.0 * sag * s * (1.0 - s) * down)
+
+
 class Stage:
     """The mechanism in front of a fixed camera."""
 
@@ -359,6 +368,13 @@ class Stage:
                 sheet.line([*steps, p + 0.88 * offset, q], SPRING, 1.7 * FINER)
 
             sheet.add(self.depth(ends), draw)
+        for rope in self.scene["ropes"]:
+            ends = [self.pose.placed(frame, rope[f"body{i}"], np.array(rope[f"point{i}"])) for i in (1, 2)]
+            for i in (1, 2):
+                if rope[f"body{i}"] < 0:
+                    self.support(sheet, ends[i - 1], 2.6 * self.radius)
+            line = self.at(hanging(ends[0], ends[1], rope["length"], -np.array(self.scene["view"]["up"])))
+            sheet.add(self.depth(ends), partial(sheet.line, list(line), SPRING, 1.7 * FINER))
 
     def support(self, sheet: Sheet, point: FloatArray, size: float) -> None:
         r = size * self.scale

@@ -3,7 +3,7 @@
 use super::build::Maker;
 use super::law::Seen;
 use super::spot::Spot;
-use super::{Buffer, Bushing, Contact, Element, Gravity, Law, Surface, Tyre, Weightless};
+use super::{Buffer, Bushing, Contact, Element, Gravity, Law, Rope, Surface, Tyre, Weightless};
 use crate::error::DescriptionError;
 use crate::numbers::DescribedForce;
 use crate::spec::{self, Force, Sight};
@@ -65,6 +65,15 @@ impl<G: Space> Maker<'_, G> {
                     buffer: Buffer::new(n, x.exponent, x.damping),
                     friction: ["friction", "static_friction", "stick_velocity"].map(|field| n.number(field)),
                     rough: x.friction != 0.0 || x.static_friction != 0.0,
+                }))
+            }
+            Force::Rope(x) => {
+                two_bodies(&x.name, &x.body1, &x.body2)?;
+                Element::Rope(Box::new(Rope {
+                    a: self.spot(&x.body1, n.vector("point1")),
+                    b: self.spot(&x.body2, n.vector("point2")),
+                    length: n.number("length"),
+                    buffer: Buffer::new(n, x.exponent, x.damping),
                 }))
             }
             Force::Tyre(x) => {

@@ -14,6 +14,7 @@ mod load;
 mod loads;
 mod point_force;
 mod resistance;
+mod rope;
 mod sight;
 mod spot;
 mod spring;
@@ -28,6 +29,7 @@ pub use law::{Law, Seen};
 pub use load::{Bearing, Curve, Effort, Friction, Load, LoadLaw, SpringDamper, Stop};
 pub use point_force::PointForce;
 pub use resistance::Buffer;
+pub use rope::Rope;
 pub use sight::CutSight;
 pub use spot::Spot;
 pub use spring::Spring;
@@ -54,6 +56,8 @@ pub enum Element<G: Space> {
     Bushing(Box<Bushing<G>>),
     /// A sphere against a plane or a sphere.
     Contact(Box<Contact<G>>),
+    /// A rope between two points.
+    Rope(Box<Rope<G>>),
     /// A wheel on a road.
     Tyre(Box<Tyre<G>>),
     /// A function of its readings.
@@ -202,6 +206,7 @@ impl<G: Space> Element<G> {
         match self {
             Self::Bushing(e) => e.wrench(at),
             Self::Contact(e) => Ok(e.wrench(at)),
+            Self::Rope(e) => Ok(e.wrench(at)),
             Self::Tyre(e) => Ok(e.wrench(at)),
             Self::Law(e) => e.wrench(at, room),
             Self::Gravity(e) => e.wrench(at, room),
@@ -218,6 +223,7 @@ impl<G: Space> Element<G> {
             Self::Force(e) => !e.is_conservative(),
             Self::Bushing(e) => e.damped,
             Self::Contact(e) => e.buffer.damped || e.rough,
+            Self::Rope(e) => e.buffer.damped,
             Self::Tyre(e) => e.buffer.damped || e.has_slip_forces,
             Self::Weightless(_) => false,
         }
@@ -283,6 +289,7 @@ impl<G: Space> Element<G> {
             Self::Force(e) => vec![e.on.node],
             Self::Bushing(e) => of(&e.ends),
             Self::Contact(e) => of(&[e.centre, e.other]),
+            Self::Rope(e) => of(&[e.a, e.b]),
             Self::Tyre(e) => of(&[e.centre, e.road]),
             Self::Law(e) => of(&e.on),
             Self::Weightless(e) => vec![e.on.node],
@@ -299,6 +306,7 @@ impl<G: Space> Element<G> {
             Self::Force(e) => (None, vec![e.on.link]),
             Self::Bushing(e) => of(&e.ends),
             Self::Contact(e) => of(&[e.centre, e.other]),
+            Self::Rope(e) => of(&[e.a, e.b]),
             Self::Tyre(e) => of(&[e.centre, e.road]),
             Self::Law(e) => of(&e.on),
             Self::Weightless(e) => (None, vec![e.on.link]),

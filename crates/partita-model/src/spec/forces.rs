@@ -1,6 +1,6 @@
 //! Forces, and those along a joint coordinate that are described by records of their own: friction, stops, gas springs.
 
-use super::loads::{Bushing, Contact, Gravity, Law, Tyre, Weightless};
+use super::loads::{Bushing, Contact, Gravity, Law, Rope, Tyre, Weightless};
 use super::{Axes, Measure, Value, VectorValue};
 use serde::{Deserialize, Serialize};
 use std::slice::from_mut as one;
@@ -86,6 +86,8 @@ pub enum Force {
     GasSpring(GasSpring),
     /// A sphere against a plane or a sphere.
     Contact(Contact),
+    /// A rope between two points.
+    Rope(Rope),
     /// A wheel on a road.
     Tyre(Tyre),
     /// A function of its readings.
@@ -117,6 +119,7 @@ impl Force {
             Self::Stop(x) => Some(x),
             Self::GasSpring(x) => Some(x),
             Self::Contact(x) => Some(x),
+            Self::Rope(x) => Some(x),
             Self::Tyre(x) => Some(x),
             Self::Law(x) => Some(x),
             Self::Weightless(x) => Some(x),
@@ -133,6 +136,7 @@ impl Force {
             Self::Stop(x) => Some(x),
             Self::GasSpring(x) => Some(x),
             Self::Contact(x) => Some(x),
+            Self::Rope(x) => Some(x),
             Self::Tyre(x) => Some(x),
             Self::Law(x) => Some(x),
             Self::Weightless(x) => Some(x),

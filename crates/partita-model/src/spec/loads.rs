@@ -144,6 +144,59 @@ impl ForceRecord for Contact {
     }
 }
 
+/// A rope between two points of two bodies.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Rope {
+    /// Name.
+    pub name: String,
+    /// First body or `ground`.
+    pub body1: String,
+    /// Point on it, body axes.
+    pub point1: [f64; 3],
+    /// Second body or `ground`.
+    pub body2: String,
+    /// Point on it, body axes.
+    pub point2: [f64; 3],
+    /// Length without tension (m).
+    pub length: f64,
+    /// Tension at a unit of stretch.
+    pub stiffness: f64,
+    /// Power of the stretch.
+    #[serde(default = "straight")]
+    pub exponent: f64,
+    /// Growth of the tension with the speed of stretching [s/m].
+    #[serde(default)]
+    pub damping: f64,
+}
+
+fn straight() -> f64 {
+    1.0
+}
+
+impl ForceRecord for Rope {
+    fn name(&self) -> &str {
+        &self.name
+    }
+    fn bodies(&self) -> Vec<&str> {
+        vec![&self.body1, &self.body2]
+    }
+    fn numbers(&mut self) -> Vec<(&'static str, &mut [f64])> {
+        vec![
+            ("point1", &mut self.point1),
+            ("point2", &mut self.point2),
+            ("length", one(&mut self.length)),
+            ("stiffness", one(&mut self.stiffness)),
+            ("damping", one(&mut self.damping)),
+        ]
+    }
+    fn fault(&self) -> Option<String> {
+        without_size(&[("length", self.length)])
+            .or_else(|| negative(&[("stiffness", self.stiffness), ("damping", self.damping)]))
+            .or_else(|| no_exponent(self.exponent))
+    }
+}
+
 /// A disc on a body that rolls on a plane.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
