@@ -745,6 +745,10 @@ def asked() -> dict[str, Callable[[], Call]]:
             loop().to_playground,
             {"path": "none/x.html", "initial": None, "title": "t", "speed": 1.0},
         ),
+        "Mechanism.export_c": (
+            loop().export_c,
+            {"path": "none/x.c", "actuators": ["A"], "joints": ["B"], "initial": None, "name": "x"},
+        ),
         "Mechanism.to_fmu": (
             loop().to_fmu,
             {
