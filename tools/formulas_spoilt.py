@@ -654,6 +654,22 @@ FORMULAS = (
         ("marching order_conditions",),
     ),
     Error(
+        "rope-pushes",
+        "a rope pushes where it is slack",
+        f"{MODEL}/force/rope.rs",
+        "self.buffer.pressed(distance - self.length, speed)",
+        "self.buffer.pressed((distance - self.length).abs(), speed)",
+        ("python test_ropes.py",),
+    ),
+    Error(
+        "rope-guard",
+        "where a rope becomes taut is looked for elsewhere",
+        f"{MODEL}/force/rope.rs",
+        "(self.length * self.length - apart.dot(apart))",
+        "(1.44 * self.length * self.length - apart.dot(apart))",
+        ("python test_ropes.py",),
+    ),
+    Error(
         "corner-estimate",
         "the error beside the end of a contact is estimated as where forces are smooth",
         f"{INTEGRATE}/explicit_rk/method.rs",
