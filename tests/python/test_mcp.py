@@ -252,6 +252,8 @@ WRONG: list[tuple[str, dict[str, Any], str, str]] = [
     ("run", FOUR_BAR | {"file": "pendulum.toml"}, "ArgumentError", "file and catalogue"),
     ("run", {"model": PENDULUM}, "ArgumentError", "duration"),
     ("run", {"model": PENDULUM, "duration": -1}, "ArgumentError", "duration"),
+    ("run", {"model": PENDULUM, "duration": None}, "ArgumentError", "length of the run"),
+    ("run", {"model": PENDULUM, "duration": 1, "targets": {"A": [[1]]}}, "ArgumentError", "not of type 'number'"),
     ("run", {"model": PENDULUM, "duration": "3 kg"}, "ArgumentError", "duration"),
     ("run", {"model": PENDULUM, "duration": 1, "outputs": 10**9}, "ArgumentError", "outputs"),
     ("run", {"model": PENDULUM, "duration": 1, "method": "magic"}, "ArgumentError", "method"),
@@ -277,7 +279,7 @@ WRONG: list[tuple[str, dict[str, Any], str, str]] = [
 
 def test_errors_are_results_that_say_what_to_do(ask: Ask, root: Path) -> None:
     asked = [local(root, tool, **arguments) for tool, arguments, _, _ in WRONG]
-    some = [4, 10, 12, 13, 15]  # refused by the server, the reader, the solver, and with a file
+    some = [6, 12, 14, 15, 17]  # refused by the server, the reader, the solver, and with a file
     assert [refused(ask(WRONG[i][0], **WRONG[i][1])) for i in some] == [asked[i] for i in some]
     for (tool, _, kind, words), error in zip(WRONG, asked, strict=True):
         assert error["kind"] == kind and words in error["message"], (tool, error)

@@ -170,7 +170,10 @@ def _describe(opened: Opened, arguments: Arguments, folder: Folder) -> dict[str,
 
 
 def _check(opened: Opened, arguments: Arguments, folder: Folder) -> dict[str, Any]:
-    return opened.mechanism.check(opened.initial()).to_dict()
+    found = opened.mechanism.check(opened.initial()).to_dict()
+    if found["reading"] is not None:
+        found["reading"]["path"] = arguments["file"]
+    return found
 
 
 def _report(opened: Opened, arguments: Arguments, folder: Folder) -> dict[str, Any]:
@@ -298,7 +301,8 @@ def _export(opened: Opened, arguments: Arguments, folder: Folder) -> dict[str, A
     with tempfile.TemporaryDirectory() as own:
         path = Path(own) / Path(name).name
         if kind in ("toml", "urdf"):
-            found |= m.save(path).to_dict()
+            written = m.save(path)
+            found |= {"changed": written.changed, "dropped": written.dropped}
         elif kind == "c":
             m.export_c(path, initial=_start(opened, arguments))
         elif "duration" in arguments or opened.entry is not None:
@@ -308,7 +312,6 @@ def _export(opened: Opened, arguments: Arguments, folder: Folder) -> dict[str, A
         else:
             m.to_html(path, state=_start(opened, arguments))
         contents = {file.name: file.read_bytes() for file in sorted(Path(own).iterdir(), key=lambda f: f != path)}
-    found.pop("path", None)
     if "to" in arguments:
         return found | {"written": folder.new(name, contents)}
     return found | {"files": {file: content.decode("utf-8") for file, content in contents.items()}}

@@ -13,7 +13,7 @@ import anyio
 import mcp_types as types
 from anyio.abc import Process
 from jsonschema import Draft202012Validator
-from jsonschema.exceptions import best_match
+from jsonschema.exceptions import ValidationError, best_match
 from mcp.server.lowlevel import Server
 from mcp.server.stdio import stdio_server
 
@@ -25,7 +25,7 @@ from .tools import MODELS, TOOLS
 INSTRUCTIONS = (
     "Partita computes motion and forces of mechanisms with closed loops. Begin with describe without arguments; give a "
     "mechanism as TOML text (model), as a file of the folder (file) or by name (catalogue). Use check before run, and "
-    "draw to look at it. SI units and radians; a run counts only if its verdict is valid."
+    "draw to look at it. SI units and radians; a run counts only if it has success and its verdict is valid."
 )
 _READS = types.ToolAnnotations(read_only_hint=True, open_world_hint=False)
 _WRITES = types.ToolAnnotations(read_only_hint=False, destructive_hint=False, open_world_hint=False)
@@ -95,10 +95,18 @@ def refusal(tool: str, arguments: dict[str, Any]) -> dict[str, Any] | None:
     if wrong is None:
         return None
     where = ".".join(str(part) for part in wrong.absolute_path)[:200]
-    message = wrong.message if len(wrong.message) <= 300 else f"{wrong.message[:140]} ... {wrong.message[-140:]}"
-    return _error(
-        "ArgumentError", f"{where or tool}: {message}; see the schema of {tool}", argument=where.partition(".")[0]
-    )
+    return _error("ArgumentError", f"{where or tool}: {_why(wrong)}", argument=where.partition(".")[0])
+
+
+def _why(wrong: ValidationError) -> str:
+    """What is wrong with an argument, and what it should be."""
+    if wrong.validator == "anyOf":  # whose own message names the alternatives by nothing
+        given = json.dumps(wrong.instance)
+        message = f"{given if len(given) <= 100 else f'{given[:100]} ...'} does not fit"
+    else:
+        message = wrong.message if len(wrong.message) <= 300 else f"{wrong.message[:140]} ... {wrong.message[-140:]}"
+    about = wrong.schema.get("description") if isinstance(wrong.schema, dict) else None
+    return f"{message}; give {about}" if about else f"{message}; see the schema of the tool"
 
 
 def _error(kind: str, message: str, **fields: Any) -> dict[str, Any]:

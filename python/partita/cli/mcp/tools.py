@@ -27,7 +27,8 @@ _SETTINGS: dict[str, Any] = {
             {"type": "number"},
             {"type": "string", "maxLength": 100},
             {"type": "array", "items": {"type": "number"}, "maxItems": 7},
-        ]
+        ],
+        "description": "a number [SI], text with its unit, or a list of numbers",
     },
 }
 _START: dict[str, Any] = {
@@ -44,7 +45,7 @@ _RUN: dict[str, Any] = {
         "type": "integer",
         "minimum": 2,
         "maximum": OUTPUTS,
-        "description": "number of evenly spaced outputs (default 101)",
+        "description": f"number of evenly spaced outputs (default 101, at most {OUTPUTS})",
     },
     "rtol": {"type": "number", "exclusiveMinimum": 0, "description": "relative tolerance (default 1e-8)"},
     "atol": {"type": "number", "exclusiveMinimum": 0, "description": "absolute tolerance (default 1e-10)"},

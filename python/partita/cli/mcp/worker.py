@@ -31,14 +31,14 @@ def answer(request: dict[str, Any], folder: Folder, limits: Limits) -> dict[str,
     except BaseException as error:  # a panic of the core too: the client gets a sentence, never a traceback
         kind, fields = type(error).__name__, {}
         message = f"{request['tool']} failed on this model ({str(error)[:300]}); please report it, and change the model"
-    found = {"kind": kind, "message": message} | fields
-    return {"error": {key: _shown(value, f"{folder.path}{os.sep}") for key, value in found.items()}}
+    found = fields | {"kind": kind, "message": message}
+    return {"error": {key: _shown(value, folder) for key, value in found.items()}}
 
 
-def _shown(value: Any, here: str) -> Any:
+def _shown(value: Any, folder: Folder) -> Any:
     """A field of an error: text where JSON has no such kind, files by their names in the folder."""
     if isinstance(value, str):
-        return value.replace(here, "")
+        return value.replace(f"{folder.path}{os.sep}", "").replace(str(folder.path), ".")
     return plain(value) if isinstance(value, (int, float, list, tuple, dict, type(None))) else str(value)
 
 
