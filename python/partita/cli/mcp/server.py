@@ -177,10 +177,10 @@ class Children:
         with suppress(anyio.BrokenResourceError, anyio.ClosedResourceError):
             await child.stdin.send(json.dumps(request).encode() + b"\n")
         text = b"".join([part async for part in child.stdout])
-        code = await child.wait()
-        if code == 0 and text:
+        if text.endswith(b"\n"):  # complete; how long the child takes to end does not matter
             found: dict[str, Any] = json.loads(text)
             return found
+        code = await child.wait()
         return _error(
             "MemoryError",
             f"{request['tool']} was ended by the system (code {code}), most likely because it needs more than "

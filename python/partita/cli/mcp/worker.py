@@ -1,4 +1,4 @@
-"""The child process of one call: reads it from stdin, bounds itself, writes the answer to stdout."""
+"""The child process of one call: reads it from stdin, bounds itself, writes the answer to stdout, a line each."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def main() -> None:
     bound(limits)
     found = json.dumps(answer(json.loads(line), folder, limits), ensure_ascii=False, allow_nan=False)
     with os.fdopen(out, "wb") as stream:
-        stream.write(bounded(found.encode("utf-8", "replace")))
+        stream.write(bounded(found.encode("utf-8", "replace")) + b"\n")
 
 
 if __name__ == "__main__":
