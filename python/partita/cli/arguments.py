@@ -257,7 +257,7 @@ def _mcp(command: argparse.ArgumentParser) -> None:
     add("--root", metavar="FOLDER", required=True, help="the one folder in which models are read and files written")
     about = f"wall time that a call may take [s, or such as '2 min']; default {SECONDS:g}"
     add("--seconds", metavar="S", type=seconds, default=SECONDS, help=about)
-    about = f"memory that a call may use [MB]; default {MEGABYTES}; not enforced on Windows"
+    about = f"memory that a call may use [MB]; default {MEGABYTES}; enforced on Linux"
     add("--memory", metavar="MB", type=repeats, default=MEGABYTES, help=about)
 
 
