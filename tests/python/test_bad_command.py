@@ -35,6 +35,7 @@ COMMANDS = [
     (["plot", "no-such.nc"], "no-such.nc"),
     (["view", "no-such.nc"], "no-such.nc"),
     (["simulate"], "simulate"),
+    (["mcp"], "--root"),
     (["dance"], "dance"),
 ]
 

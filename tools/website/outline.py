@@ -41,6 +41,7 @@ PARTS: dict[str, tuple[str, ...]] = {
         "c",
         "pictures",
         "playground",
+        "mcp",
         "messages",
         "trust",
     ),

@@ -33,6 +33,7 @@ EXAMPLES = {
     "plot": ("run.nc", "run.nc --what energy --what A -o energy.pdf"),
     "view": ("run.nc -o run.html",),
     "convert": ("robot.urdf robot.toml", "four-bar four-bar.mjcf --json"),
+    "mcp": ("--root models", "--root models --seconds 60 --memory 4000"),
     "completion": ("bash >> ~/.bash_completion",),
 }
 """Examples of each command."""
@@ -47,6 +48,7 @@ def parser() -> argparse.ArgumentParser:
     from .compare import compare
     from .completion import completion
     from .inverse import inverse
+    from .mcp import mcp
     from .simulate import simulate
     from .statics import equilibrium, modes
 
@@ -104,6 +106,8 @@ def parser() -> argparse.ArgumentParser:
     convert.add_argument("--strict", action="store_true", help="fail if the format cannot represent the model")
     _json(convert, "print changes and omissions as JSON")
     _reading(convert)
+
+    _mcp(_command(words, "mcp", mcp, "serve ten tools to an assistant over the Model Context Protocol (stdio)"))
 
     shell = _command(words, "completion", completion, "print the completion script of a shell")
     shell.add_argument("shell", choices=("bash", "zsh", "tcsh"), help="shell for which the script is written")
@@ -244,6 +248,17 @@ def _bench(command: argparse.ArgumentParser) -> None:
     add("--coordinates", choices=COORDINATES, default="relative", help="coordinates of the model (default relative)")
     _start(command)
     _json(command)
+
+
+def _mcp(command: argparse.ArgumentParser) -> None:
+    from .mcp.limits import MEGABYTES, SECONDS
+
+    add = command.add_argument
+    add("--root", metavar="FOLDER", required=True, help="the one folder in which models are read and files written")
+    about = f"wall time that a call may take [s, or such as '2 min']; default {SECONDS:g}"
+    add("--seconds", metavar="S", type=seconds, default=SECONDS, help=about)
+    about = f"memory that a call may use [MB]; default {MEGABYTES}; enforced on Linux"
+    add("--memory", metavar="MB", type=repeats, default=MEGABYTES, help=about)
 
 
 def _start(command: argparse.ArgumentParser) -> None:
