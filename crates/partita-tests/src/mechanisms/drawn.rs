@@ -3,7 +3,8 @@
 use partita_math::spatial::{Mat3, Quaternion, Vec3};
 use partita_model::spec::{
     Axes, Body, Bushing, Contact, Coupling, Cut, Drive, Force, Friction, GasSpring, Gravity, Joint, JointKind, Law,
-    Level, Measure, Sight, Spec, Spot, Stop, Table, Tyre, Value, VectorValue, Weightless, DRAWING_TOLERANCE, VERSION,
+    Level, Measure, Rope, Sight, Spec, Spot, Stop, Table, Tyre, Value, VectorValue, Weightless, DRAWING_TOLERANCE,
+    VERSION,
 };
 
 pub fn between(rng: &mut fastrand::Rng, low: f64, high: f64) -> f64 {
@@ -321,6 +322,18 @@ pub fn loads(rng: &mut fastrand::Rng, spec: &mut Spec) {
         longitudinal: 3.0,
         lateral: 2.0,
         slow_speed: 0.5,
+    }));
+    // taut everywhere
+    all.push(Force::Rope(Rope {
+        name: "rope".into(),
+        body1: node_name(1),
+        point1: [0.3, -0.2, 0.1],
+        body2: node_name(0),
+        point2: [7.0, 5.0, -6.0],
+        length: 0.5,
+        stiffness: 0.4,
+        exponent: 1.5,
+        damping: 0.05,
     }));
     let spots = [point(rng, 0.5), point(rng, 0.5)].map(|point| Spot { body: node_name(rng.usize(1..=count)), point });
     let mut sees = vec![Sight::Point(spots[0].clone()), Sight::Body(node_name(rng.usize(0..=count)))];

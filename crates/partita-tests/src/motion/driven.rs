@@ -53,10 +53,10 @@ fn balance(model: &Model, samples: &[Sample]) -> (f64, f64) {
     })
 }
 
-/// The same with stops, contacts and tyres that do not push: at the corner of a first touch a step is off by more than its
+/// The same with stops, contacts, ropes and tyres that do not act: at the corner of a first touch a step is off by more than its
 /// error estimate, whatever the tolerance.
 fn without_discontinuities(model: &Model) -> Model {
-    let corner = |f: &&Force| matches!(f, Force::Stop(_) | Force::Contact(_) | Force::Tyre(_));
+    let corner = |f: &&Force| matches!(f, Force::Stop(_) | Force::Contact(_) | Force::Rope(_) | Force::Tyre(_));
     let names: Vec<String> =
         model.spec.forces.iter().filter(corner).map(|f| format!("{}.stiffness", f.name())).collect();
     let changes: Vec<(&str, &[f64])> = names.iter().map(|name| (name.as_str(), &[0.0][..])).collect();

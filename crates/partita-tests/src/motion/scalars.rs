@@ -139,6 +139,7 @@ fn everywhere(seed: u64, plain: bool, mut check: impl FnMut(&mut fastrand::Rng, 
                 Element::Force(_) => "force",
                 Element::Bushing(_) => "bushing",
                 Element::Contact(_) => "contact",
+                Element::Rope(_) => "rope",
                 Element::Tyre(_) => "tyre",
                 Element::Law(_) => "law",
                 Element::Weightless(_) => "weightless",
@@ -182,7 +183,7 @@ fn everywhere(seed: u64, plain: bool, mut check: impl FnMut(&mut fastrand::Rng, 
     for kind in [Revolute, Prismatic, Cylindrical, Universal, Spherical, Planar, Fixed, Free, Generic] {
         assert!(kinds.contains(&format!("{kind:?}")), "no {kind:?} joint was drawn");
     }
-    assert_eq!(elements.len(), if plain { 15 } else { 16 }, "{elements:?}");
+    assert_eq!(elements.len(), if plain { 16 } else { 17 }, "{elements:?}");
 }
 
 /// A choice of coordinates and the way to their accelerations: through one M_d, or over clusters.
