@@ -46,27 +46,6 @@ axis = [0, 0, 1]
 """
 """Shown by `describe` without a model."""
 
-
-EXAMPLE = """[mechanism]
-partita = 1
-name = "pendulum"
-
-[[rod]]
-name = "rod"
-start = [0, 0, 0]
-end = [1, 0, 0]
-mass = 1.0
-
-[[joint]]
-name = "A"
-type = "revolute"
-parent = "ground"
-child = "rod"
-point = [0, 0, 0]
-axis = [0, 0, 1]
-"""
-"""Shown by `describe` without a model."""
-
 _OPTIONS = ("rtol", "atol", "method")
 
 
