@@ -18,7 +18,7 @@ ELSEWHERE = {
     "add_motor": "add_torque applies an effort, add_drive prescribes a motion",
     "add_pin": "use add_revolute",
     "add_pulley": "use add_belt",
-    "add_rope": "a rope that stays tight is add_distance or add_spring; one with slack is a force law, add_force_law",
+    "add_cable": "use add_rope, which pulls and goes slack; one that stays tight is add_distance",
     "add_rotational_spring": "use add_torsion_spring",
     "add_slider": "use add_prismatic",
     "add_weld": "use add_fixed",
