@@ -9,7 +9,7 @@ from ..errors import UnknownAttributeError
 ELSEWHERE = {
     "add_actuator": "add_torque applies an effort, add_drive prescribes a motion",
     "add_ball": "add_spherical is the ball joint, add_body a body",
-    "add_cable": "a cable that stays tight is add_distance or add_spring; one with slack is a force law, add_force_law",
+    "add_cable": "use add_rope, which pulls and goes slack; one that stays tight is add_distance",
     "add_cylinder": "add_body takes mass and inertia, add_cylindrical is the joint",
     "add_damper": "springs have a damper: damping= of add_spring and add_torsion_spring",
     "add_hinge": "use add_revolute",
@@ -18,7 +18,6 @@ ELSEWHERE = {
     "add_motor": "add_torque applies an effort, add_drive prescribes a motion",
     "add_pin": "use add_revolute",
     "add_pulley": "use add_belt",
-    "add_cable": "use add_rope, which pulls and goes slack; one that stays tight is add_distance",
     "add_rotational_spring": "use add_torsion_spring",
     "add_slider": "use add_prismatic",
     "add_weld": "use add_fixed",
