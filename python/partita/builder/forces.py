@@ -38,6 +38,21 @@ from .values import Table, scalar
 from .vectors import components
 
 
+def both_ends(
+    self: Drawing, element: Element, kind: str, one: tuple[Any, ArrayLike], two: tuple[Any, ArrayLike]
+) -> tuple[tuple[str, Any], tuple[str, Any], float]:
+    """Body and point of both ends, and their distance as drawn."""
+    first, second = resolve(self, element, "body1", one[0]), resolve(self, element, "body2", two[0])
+    if first == second:
+        element.fail(f'both ends are on "{first}", where the {kind} has no effect; name two different bodies')
+    end1, end2 = (
+        point_on(self, element, what, point, body)
+        for what, point, body in (("point1", one[1], first), ("point2", two[1], second))
+    )
+    d = self._description
+    return (first, end1), (second, end2), float(np.linalg.norm(to_world(d, second, end2) - to_world(d, first, end1)))
+
+
 def add_spring(
     self: Drawing,
     name: str,
@@ -70,15 +85,7 @@ def add_spring(
     'S'
     """
     element = name_of("force", name, self._description.forces)
-    first, second = resolve(self, element, "body1", body1), resolve(self, element, "body2", body2)
-    if first == second:
-        element.fail(f'both ends are on "{first}", where the spring has no effect; name two different bodies')
-    end1, end2 = (
-        point_on(self, element, what, point, body)
-        for what, point, body in (("point1", point1, first), ("point2", point2, second))
-    )
-    d = self._description
-    drawn = float(np.linalg.norm(to_world(d, second, end2) - to_world(d, first, end1)))
+    (first, end1), (second, end2), drawn = both_ends(self, element, "spring", (body1, point1), (body2, point2))
     if drawn == 0.0:
         element.fail(
             "both ends are at the same point as drawn, where the direction of the force is undefined; move one end"

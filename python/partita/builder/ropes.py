@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from ..units import Quantity
-from .bodies import resolve, to_world
 from .checks import name_of, number
 from .drawing import Drawing
-from .forces import store
+from .forces import both_ends, store
 from .joint_loads import per_power
-from .points import point_on
 from .records import Body, Force, LoadRecord
 
 
@@ -56,15 +53,7 @@ def add_rope(
     (True, True)
     """
     element = name_of("force", name, self._description.forces)
-    first, second = resolve(self, element, "body1", body1), resolve(self, element, "body2", body2)
-    if first == second:
-        element.fail(f'both ends are on "{first}", where the rope has no effect; name two different bodies')
-    end1, end2 = (
-        point_on(self, element, what, point, body)
-        for what, point, body in (("point1", point1, first), ("point2", point2, second))
-    )
-    d = self._description
-    drawn = float(np.linalg.norm(to_world(d, second, end2) - to_world(d, first, end1)))
+    (first, end1), (second, end2), drawn = both_ends(self, element, "rope", (body1, point1), (body2, point2))
     if length is None and drawn == 0.0:
         element.fail("both ends are at the same point as drawn, which is no length; give length")
     power = number(element, "exponent", exponent, least=1.0)
