@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -319,9 +319,14 @@ def test_a_call_beyond_its_memory_is_stopped(tmp_path: Path) -> None:
 def test_what_a_client_cancels_is_stopped(ask: Ask) -> None:
     psutil = pytest.importorskip("psutil")
 
+    def command(process: Any) -> list[str]:
+        try:
+            return cast(list[str], process.cmdline())
+        except psutil.NoSuchProcess:  # ended since it was listed, perhaps not yet waited for
+            return []
+
     def workers() -> int:
-        children = psutil.Process().children(recursive=True)
-        return sum("partita.cli.mcp.worker" in child.cmdline() for child in children if child.is_running())
+        return sum("partita.cli.mcp.worker" in command(child) for child in psutil.Process().children(recursive=True))
 
     found(ask("describe"))
     with pytest.raises(Exception, match=r"(?i)timed out"):
