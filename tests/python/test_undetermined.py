@@ -346,3 +346,25 @@ def test_every_order_of_three_hinges() -> None:
         shares.append(wrenches(m.simulate(0.2, t_eval=(0.0, 0.2)))[-1])
     for share in shares[1:]:
         np.testing.assert_allclose(share, shares[0], atol=1e-9)
+
+
+@pytest.mark.parametrize("tilt", [0.0, 1e-7, 1e-6, 1e-5, 3e-5, 1e-4, 1e-2])
+def test_a_hinge_line_that_leans_a_little_leaves_what_it_held_determined(tilt: float) -> None:
+    """Two sleeves and a ball on one line: only the ball holds along it, however little the line leans from an axis.
+
+    The ball's rows across the line are then small multiples of its row along it.
+    """
+    line = np.array([0.0, np.sin(tilt), np.cos(tilt)])
+    m = pt.Mechanism("door", gravity=(0.0, 0.0, -10.0))
+    m.add_body("door", mass=2.0, inertia=(0.1, 0.2, 0.3), com=(0.5, 0.1, 0.2))
+    for name, height in (("low", -0.5), ("high", 0.5)):
+        m.add_cylindrical(name, m.ground, "door", point=height * line, axis=line)
+    m.add_spherical("ball", m.ground, "door", point=0.2 * line)
+    run = m.simulate(0.3, initial=m.assemble(rates={"low": (0.0, 2.0)}), rtol=1e-10)
+    assert run.success and run.self_stresses(0).wrenches.shape[0] == 6
+    for name in ("low", "high"):
+        along = run.joint(name).force @ line
+        assert np.abs(along).max() < 1e-13 and run.joint(name).in_frame("joint").determined[2], name
+    ball = run.joint("ball").force @ line
+    assert np.allclose(ball, 20.0 * np.cos(tilt), rtol=0.0, atol=1e-12)
+    assert max(np.abs(run.self_stresses(i).joint("ball")[:, :3] @ line).max() for i in range(len(run.t))) < 1e-13

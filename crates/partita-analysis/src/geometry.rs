@@ -135,12 +135,25 @@ impl<'m> Geometry<'m> {
         Ok(kept.fold(start.smallest, |m, i| m.min(self.weight(i, &c))))
     }
 
-    /// Values of C.
+    /// Values of C; rows that are round-off are zero.
     pub(crate) fn jacobian(&self, t: f64, q: &[f64]) -> Result<Vec<f64>, SystemError> {
+        self.jacobian_with(&[], t, q)
+    }
+
+    /// Values of C, those of the `dropped` rows as they are: a row may be a small multiple of one that is kept.
+    pub(crate) fn jacobian_with(&self, dropped: &[usize], t: f64, q: &[f64]) -> Result<Vec<f64>, SystemError> {
         let rows = self.pattern.rows;
         let (mut phi, mut c, mut a) = (vec![0.0; rows], vec![0.0; self.pattern.nnz()], vec![0.0; rows]);
-        self.position(t, q, &mut self.scratch(), &mut phi, &mut c, &mut a)?;
+        let mut s = self.scratch();
+        self.position(t, q, &mut s, &mut phi, &mut c, &mut a)?;
+        self.restore(dropped, &s, &mut c);
         Ok(c)
+    }
+
+    /// Write the `dropped` rows into C as they are at the position just evaluated.
+    pub(crate) fn restore(&self, dropped: &[usize], s: &GeometryScratch, c: &mut [f64]) {
+        let all = self.model.pattern();
+        dropped.iter().for_each(|&i| c[self.pattern.row(i)].copy_from_slice(&s.c[all.row(self.rows[i])]));
     }
 
     /// Row `i` as a row of the mechanism.

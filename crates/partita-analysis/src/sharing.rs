@@ -116,6 +116,7 @@ impl<'g, 'm> Sharing<'g, 'm> {
         room.pose.move_to(t, q);
         if let (Some((balance, limit)), Some(own)) = (&self.balance, &mut room.balance) {
             self.system.position(t, q, &mut room.geometry, &mut room.phi, &mut room.c, &mut room.a)?;
+            self.system.restore(balance.dropped(), &room.geometry, &mut room.c);
             if balance.stresses_into(&room.pose, &room.c, own, &mut room.stresses)
                 && room.stresses.iter().all(|s| s.unbalanced <= tolerance::CLEARLY * limit)
             {

@@ -262,7 +262,7 @@ pub(crate) struct Balance<'g, 'm> {
 }
 
 impl<'g, 'm> Balance<'g, 'm> {
-    /// At a position whose rank is known; and the values of C there.
+    /// At a position whose rank is known; and the values of C there, those of the dropped rows as they are.
     pub(crate) fn new(
         system: &'g Geometry<'m>,
         start: &Start,
@@ -271,7 +271,7 @@ impl<'g, 'm> Balance<'g, 'm> {
     ) -> Result<(Self, Vec<f64>), AnalysisError> {
         let (size, pattern, displacement) = (system.size(), system.pattern(), system.scales());
         let length = system.model.placed.size;
-        let c = system.jacobian(t, q)?;
+        let c = system.jacobian_with(&start.dropped, t, q)?;
         let row_norm =
             |i: usize| pattern.row(i).map(|e| (c[e] * displacement[pattern.col_idx[e]]).powi(2)).sum::<f64>().sqrt();
         let row_scale: Vec<f64> =
@@ -314,6 +314,11 @@ impl<'g, 'm> Balance<'g, 'm> {
             },
             c,
         ))
+    }
+
+    /// The rows that are balanced.
+    pub(crate) fn dropped(&self) -> &[usize] {
+        &self.dropped
     }
 
     /// Scratch memory reused from position to position.
