@@ -6,6 +6,7 @@ shall say success, and its certificate "valid". Where they do not it shall not.
 
 from __future__ import annotations
 
+import logging
 import os
 import sys
 import warnings
@@ -108,4 +109,5 @@ def main(count: int) -> int:
 
 
 if __name__ == "__main__":
+    logging.getLogger("partita").setLevel(logging.ERROR)  # remarks on what is drawn by chance
     sys.exit(main(int(sys.argv[1]) if len(sys.argv) > 1 else 1000))

@@ -1,5 +1,6 @@
 """`python -m branches 2000`: that many runs through singular positions against the branches followed by themselves."""
 
+import logging
 import os
 import sys
 from collections import Counter
@@ -77,4 +78,5 @@ def reported(where: str, found: list[Seen]) -> int:
 
 
 if __name__ == "__main__":
+    logging.getLogger("partita").setLevel(logging.ERROR)  # remarks on what is drawn by chance
     sys.exit(main(int(sys.argv[1]) if len(sys.argv) > 1 else 2000))

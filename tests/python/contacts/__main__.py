@@ -1,5 +1,6 @@
 """`python -m contacts 1000`: that many drawn cases, at three tolerances with 2, 21 and 201 outputs each."""
 
+import logging
 import os
 import sys
 from collections import Counter
@@ -38,4 +39,5 @@ def main(count: int) -> int:
 
 
 if __name__ == "__main__":
+    logging.getLogger("partita").setLevel(logging.ERROR)  # remarks on what is drawn by chance
     sys.exit(main(int(sys.argv[1]) if len(sys.argv) > 1 else 1000))

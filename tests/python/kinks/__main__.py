@@ -1,5 +1,6 @@
 """`python -m kinks 200`: that many motions by chance that are not smooth at one place."""
 
+import logging
 import os
 import sys
 from collections import Counter
@@ -20,4 +21,5 @@ def main(count: int) -> int:
 
 
 if __name__ == "__main__":
+    logging.getLogger("partita").setLevel(logging.ERROR)  # remarks on what is drawn by chance
     sys.exit(main(int(sys.argv[1]) if len(sys.argv) > 1 else 200))

@@ -6,6 +6,7 @@ and FMUs beside.
 
 from __future__ import annotations
 
+import logging
 import os
 import sys
 import tempfile
@@ -113,4 +114,5 @@ def verdict_text(name: str, seed: int, verdict: Any) -> str:
 
 
 if __name__ == "__main__":
+    logging.getLogger("partita").setLevel(logging.ERROR)  # remarks on what is drawn by chance
     sys.exit(main(int(sys.argv[1]) if len(sys.argv) > 1 else 5000, *sys.argv[2:]))
