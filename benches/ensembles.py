@@ -77,7 +77,7 @@ def ensemble_cost(folder: Path) -> Cost:
         one=_fastest(lambda: on(1), time.perf_counter),
         two=_fastest(lambda: on(2), time.perf_counter),
         loop=loop,
-        limit=None if limit is None else limit.per_evaluation * evaluations,
+        limit=None if limit is None else limit.seconds / limit.evaluations * evaluations,
         steps=found.steps,
         in_lanes=int(found.in_lanes.sum()),
         apart=apart,
