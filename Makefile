@@ -121,9 +121,22 @@ package-errors: $(BUILT)
 install-check: $(BUILT)
 	$(BIN)/python tools/install_check.py
 
+## peers: other programs for `make bench`, each in an environment of its own in out/peers
+.PHONY: peers
+peers:
+	for peer in casadi exudyn mujoco pinocchio drake; do \
+	  $(PYTHON) -m venv out/peers/$$peer && \
+	  out/peers/$$peer/bin/python -m pip install --quiet --only-binary=:all: --requirement benches/peers/$$peer.txt || exit 1; \
+	done
+
 ## bench: measured costs against their limits
 bench: $(BUILT)
 	$(BIN)/python benches/run.py
+
+## speed: docs/speed.md and its figure, from the numbers of the last `make bench`
+.PHONY: speed
+speed: $(BUILT)
+	$(BIN)/python benches/page.py out/bench.json docs
 
 # The generator of the site, beside what is there already.
 $(SITE): $(TOOLS) constraints-docs.txt

@@ -24,6 +24,9 @@ from playground import AIM as FRAME_AIM
 from playground import frame_costs
 from poses import poses_cost
 from public_face import AGAIN_AIM, RUNS, face_cost, second_run
+from rivals import AIM as PEER_AIM
+from rivals import LINKAGES, compared
+from rivals import OUTPUTS as PEER_OUTPUTS
 from sweeps import AIM as SWEEPS_AIM
 from sweeps import MEMBERS, sweep_costs
 from timing import against, text
@@ -246,12 +249,37 @@ def sweeps(_: Path) -> dict[str, Any]:
     return {cost.title: {**asdict(cost), "ratio": cost.ratio} for cost in found}
 
 
+def peers(folder: Path) -> dict[str, Any]:
+    """The same linkages in other programs."""
+    print(
+        f"\nPeers: the same linkages in other programs, {PEER_OUTPUTS} outputs, at an error of {PEER_AIM:g} rad in the"
+    )
+    print("first angle at the end; where a program does not reach it, at the smallest error it reached")
+    found: dict[str, Any] = {}
+    row = "  {:<58}{:<34}{:>9}{:>9}   {:>9}{:>9}{:>8}"
+    for linkage in LINKAGES:
+        print(row.format(linkage.title, "setting", "time", "error", "Partita", "error", "slower"), flush=True)
+        comparison = compared(linkage, folder / "peers")
+        for x in comparison.rows:
+            if isinstance(x, str):
+                print(f"    {x}", flush=True)
+                continue
+            ends = (text(x.seconds), f"{x.error:.0e}", text(x.own), f"{x.own_error:.0e}", f"{x.ratio:.2g}")
+            print(row.format(f"  {x.peer}", x.setting, *ends), flush=True)
+        found[linkage.title] = {
+            "rows": [x if isinstance(x, str) else {**asdict(x), "ratio": x.ratio} for x in comparison.rows],
+            "curves": {title: [asdict(x) for x in tried] for title, tried in comparison.curves.items()},
+        }
+    return found
+
+
 SECTIONS = {
     "outputs": outputs,
     "building": building,
     "dof": dof,
     "evaluations": evaluations,
     "face": face,
+    "peers": peers,
     "poses": poses,
     "ensembles": ensembles,
     "instant": instant,

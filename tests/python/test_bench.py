@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 
+import numpy as np
 import pytest
 
 BENCHES = Path(__file__).parents[2] / "benches"
@@ -49,3 +50,31 @@ def test_programs_of_the_limit_meet_the_known_answers(bench: ModuleType, tmp_pat
         # errors grow about 1e4 in 10 s of turns through the top, from rtol 1e-10
         assert figure.error < 1e-5, title
         assert figure.evaluations > 1000 and 0.0 < figure.alone < figure.seconds, title
+
+
+@pytest.mark.parametrize("number", [0, 1])
+def test_linkages_for_other_programs_are_the_mechanisms(bench: ModuleType, tmp_path: Path, number: int) -> None:
+    """Read back from the file that the other programs read: bodies, pins, rates, and the known answer."""
+    rivals, planar = importlib.import_module("rivals"), importlib.import_module("planar")
+    of = rivals.LINKAGES[number]
+    made, m, start = rivals.linkage(of)
+    made.write(tmp_path / "linkage.json")
+    problem = planar.Problem.read(str(tmp_path / "linkage.json"))
+    assert problem.bodies[0] == of.first and len(problem.bodies) == len(problem.tree) == len(m.bodies)
+    assert len(problem.loops) == len(m.joints) - len(m.bodies)
+    velocity = np.zeros((len(problem.bodies), 2))
+    for pin in problem.tree:  # outward from the ground
+        for body, sign in ((pin.parent, 1.0), (pin.child, -1.0)):
+            if body >= 0:
+                x, y = pin.point - problem.centres[body]
+                at = velocity[body] if sign > 0 else np.zeros(2)
+                velocity[pin.child] += sign * at + problem.rates[body] * sign * np.array([-y, x])
+    here = m.simulate(1e-6, t_eval=[0.0], initial=start)
+    for i, name in enumerate(problem.bodies):
+        body = here.body(name)
+        arm = np.append(problem.centres[i] - body.position[0, :2], 0.0)
+        known = body.velocity[0] + np.cross(body.angular_velocity[0], arm)
+        np.testing.assert_allclose(velocity[i], known[:2], atol=1e-13)
+    run = m.simulate(of.duration, t_eval=[of.duration], initial=start, rtol=1e-10, atol=1e-12)
+    turned = run.body(of.first).rotation[-1]
+    assert problem.error(np.arctan2(turned[1, 0], turned[0, 0])) < rivals.AIM

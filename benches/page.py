@@ -1,0 +1,120 @@
+"""The page on speed and its figure, from the numbers of one run of the bench; `make speed` writes both."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+from timing import text
+
+FIGURE = "pictures/speed.svg"
+HEAD = """# Speed
+
+Measured by `make bench` on one machine ({machine}) in one sitting; this page and its figure are written from its
+numbers by `make speed`. Ratios hold from machine to machine, times do not. Speed is error *and* cost through
+`m.simulate`, outputs included.
+
+## Against programs by hand
+
+Programs in C that know one mechanism and nothing else (`benches/limit`): minimal coordinates, loops in closed form,
+DOP853 at a relative tolerance of 1e-10, no outputs, no checks. They run in turns with Partita, at equal error: the
+loosest tolerance whose error is not above the program's.
+
+| | run | program | ratio | evaluation alone | program | ratio |
+|---|---|---|---|---|---|---|
+"""
+PEERS = """
+## Against other programs
+
+The same linkages, 201 outputs, each program with the settings that are best for it here. What is compared is the time
+at an error of 1e-6 rad of the first angle at the end; where a program does not reach it, at the smallest error that it
+reached. Scripts and pinned versions are in `benches/peers`; `make peers` installs them.
+
+![Time against error, each program on each linkage](pictures/speed.svg)
+
+| linkage | program | setting | time | error | Partita | slower by |
+|---|---|---|---|---|---|---|
+"""
+NOTES = """
+Where the last column is below 1, that program is faster: code that is generated for one mechanism, compiled by a C
+compiler and integrated by a loop in C is what the programs by hand are, and it writes no outputs. What it takes to
+generate and compile is not counted, nor are outputs; Partita's runs are judged, closed to rounding and ready for any
+question about forces.
+Pinocchio is called from Python here and only its evaluations are timed. Drake and MuJoCo are made for contact at
+interactive rates, not for small errors.
+"""
+
+
+def write(record: dict[str, Any], docs: Path) -> None:
+    """`speed.md` and its figure into `docs`."""
+    lines = [HEAD.format(machine=record["machine"])]
+    for run in record["face"]["runs"]:
+        program, ratios = run["program"], run["ratios"]
+        if program is None:
+            continue
+        lines.append(
+            f"| {run['title']} | {text(run['seconds'])} | {text(program['seconds'])} | {ratios['run']:.1f} | "
+            f"{text(run['alone'])} | {text(program['alone'])} | {ratios['evaluation']:.1f} |\n"
+        )
+    again = ", ".join(f"{x['title']} {text(x['face'])}" for x in record["face"]["again"])
+    lines.append(f"\nA second run of the same model costs, beside its steps: {again}.\n")
+    lines.append(PEERS)
+    for title, found in record["peers"].items():
+        for x in found["rows"]:
+            if isinstance(x, str):
+                lines.append(f"| {title} | {x} | | | | | |\n")
+                continue
+            lines.append(
+                f"| {title} | {x['peer']} | {x['setting']} | {text(x['seconds'])} | {x['error']:.0e} | "
+                f"{text(x['own'])} | {x['ratio']:.2g} |\n"
+            )
+    lines.append(NOTES)
+    ensembles, poses = record["ensembles"], record["poses"]["sweeps"]
+    lines.append(
+        f"\n## Many at once\n\n4096 four-bars of 1 s at a relative tolerance of 1e-8 (`m.ensemble`): "
+        f"{text(ensembles['cpu'])} of CPU on one core, {ensembles['one'] / ensembles['two']:.2g} times as fast on two; "
+        f"a loop over `m.simulate` {text(ensembles['loop'])}. Poses (`m.assemble_many`), a second and core: "
+        + ", ".join(f"{x['title']} {x['poses'] / x['seconds'] / 1e6:.1f} million" for x in poses)
+        + ".\n"
+    )
+    growth = record["growth"]["ns_per_evaluation"]
+    lines.append(
+        "\n## Long chains\n\nCost of an evaluation per loop, chains of N four-bars: "
+        + ", ".join(f"{value / int(n):.0f} ns (N = {n})" for n, value in growth.items() if value)
+        + ".\n"
+    )
+    (docs / "speed.md").write_text("".join(lines), encoding="utf-8")
+    drawn(record["peers"], docs / FIGURE)
+
+
+def drawn(peers: dict[str, Any], path: Path) -> None:
+    """Time against error, one panel for each linkage."""
+    titles = list(dict.fromkeys(name for found in peers.values() for name in found["curves"]))
+    figure, panels = plt.subplots(1, len(peers), figsize=(4.2 * len(peers), 4.4), sharey=True, layout="constrained")
+    for panel, (title, found) in zip(panels, peers.items(), strict=True):
+        for k, name in enumerate(titles):
+            points = sorted((max(x["error"], 1e-13), x["seconds"]) for x in found["curves"].get(name, []))
+            if points:
+                own = name == "Partita"
+                panel.loglog(
+                    *zip(*points, strict=True),
+                    marker="o",
+                    markersize=4,
+                    linewidth=2.4 if own else 1.2,
+                    color="black" if own else f"C{k}",
+                    label=name,
+                )
+        panel.set(title=title, xlabel="error of the first angle at the end [rad]")
+        panel.grid(alpha=0.3)
+    panels[0].set_ylabel("time of a run with 201 outputs [s]")
+    handles = dict(pair for panel in panels for pair in zip(*panel.get_legend_handles_labels()[::-1], strict=True))
+    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=2, frameon=False, fontsize=9)
+    figure.savefig(path, metadata={"Date": None})
+    plt.close(figure)
+
+
+if __name__ == "__main__":
+    write(json.loads(Path(sys.argv[1]).read_text(encoding="utf-8")), Path(sys.argv[2]))
