@@ -26,6 +26,8 @@ from partita.catalogue import andrews, four_bar, n_four_bar
 ENVIRONMENTS = Path(os.environ.get("PARTITA_PEERS", Path(__file__).parents[1] / "out" / "peers"))
 PEERS = ("casadi", "exudyn", "mujoco", "pinocchio", "drake")
 OUTPUTS = 201
+PATIENCE = 300.0
+"""Seconds for one program on one linkage, generating and compiling included."""
 AIM = 1e-6
 """Error that is compared at [rad]; for a program that does not reach it, its smallest one."""
 TOLERANCES = tuple(10.0**-i for i in range(2, 13))
@@ -163,7 +165,10 @@ def tried(peer: str, problem: Path) -> dict[str, Any] | str:
     script = Path(__file__).parent / "peers" / f"{peer}_peer.py"
     command = [str(python), "-W", "ignore", str(script), str(problem)]
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parent)}
-    done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment, timeout=PATIENCE)
+    except subprocess.TimeoutExpired:
+        return f"{peer} was stopped after {PATIENCE:g} s"
     if done.returncode:
         return f"{peer} stopped: {(done.stderr.strip().splitlines() or ['no message'])[-1]}"
     found: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])

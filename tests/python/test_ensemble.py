@@ -171,7 +171,7 @@ def test_ctrl_c_stops_within_a_second(count):
     assert time.monotonic() - when[0] < 3.0
 
 
-def test_members_go_to_a_new_folder_some_at_a_time(tmp_path, monkeypatch):
+def test_members_go_to_a_folder_some_at_a_time_and_are_continued(tmp_path, monkeypatch):
     m = pt.catalogue.load("slider-crank")
     states = started(m, 3.0, 150)
     monkeypatch.setattr("partita.mechanism.ensemble.AT_ONCE", 70)
@@ -185,12 +185,68 @@ def test_members_go_to_a_new_folder_some_at_a_time(tmp_path, monkeypatch):
         assert np.abs(np.load(tmp_path / "runs" / f"{name}.npy") - values).max() < 1e-9
     assert found.success.all()
     assert len(found.in_lanes) == 150
-    with pytest.raises(pt.errors.FileFormatError, match="it exists"):
-        m.ensemble(states=states, t_eval=TIMES, store=tmp_path / "runs")
-    with pytest.raises(pt.errors.FileFormatError, match="No such file"):
-        m.ensemble(states=states, t_eval=TIMES, store=tmp_path / "nowhere" / "runs")
+
+    class Stopped(Exception):
+        pass
+
+    def stop(part: float) -> None:
+        if part > 0.6:
+            raise Stopped
+
+    with pytest.raises(Stopped):
+        m.ensemble(states=states, t_eval=TIMES, store=tmp_path / "stopped", progress=stop)
+    assert sorted(x.name for x in (tmp_path / "stopped").glob("part*")) == ["part 0.json"]
+    first = (tmp_path / "stopped" / "part 0.json").stat().st_mtime_ns
+    again = m.ensemble(states=states, t_eval=TIMES, store=tmp_path / "stopped")
+    assert (tmp_path / "stopped" / "part 0.json").stat().st_mtime_ns == first
+    for name in ("q", "v", "status", "in_lanes"):
+        assert np.array_equal(getattr(again, name), getattr(found, name)), name
+    assert again.steps == found.steps
+    assert again.notes == found.notes
+    loaded = m.ensemble(states=states, t_eval=TIMES, store=tmp_path / "runs")
+    assert np.array_equal(loaded.q, found.q)
+    assert loaded.messages == found.messages
+
+
+def test_a_store_belongs_to_its_ensemble(tmp_path):
+    m = pt.catalogue.load("slider-crank")
+    states = started(m, 3.0, 5)
+    given = {"states": states, "t_eval": TIMES, "store": tmp_path / "runs"}
+    m.ensemble(**given)
+    heavier = pt.catalogue.load("slider-crank")
+    heavier.bodies["crank"].change(mass=9.0)
+    for other, changes in (
+        (m, {"states": [*states[:4], states[0]]}),
+        (m, {"t_eval": [*TIMES[:-1], TIMES[-1] + 0.1]}),
+        (m, {"rtol": 1e-6}),
+        (m, {"parameters": {"crank.mass": np.ones(5)}}),
+        (heavier, {}),
+    ):
+        with pytest.raises(pt.errors.ArgumentError, match="belongs to another ensemble"):
+            other.ensemble(**given | changes)
+    part = tmp_path / "runs" / "part 0.json"
+    part.write_bytes(part.read_bytes().replace(b"finished", b"finishes", 1))
+    with pytest.raises(pt.errors.FileFormatError, match=r"damaged: part 0\.json"):
+        m.ensemble(**given)
+    np.save(tmp_path / "runs" / "q.npy", np.zeros(3))
+    with pytest.raises(pt.errors.FileFormatError, match=r"damaged: q\.npy"):
+        m.ensemble(**given)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(pt.errors.FileFormatError, match="is a file"):
+        m.ensemble(**given | {"store": tmp_path / "file"})
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "notes.txt").write_text("")
+    with pytest.raises(pt.errors.FileFormatError, match=r"contains notes\.txt"):
+        m.ensemble(**given | {"store": tmp_path / "mine"})
+    with pytest.raises(pt.errors.MissingFileError, match="does not exist"):
+        m.ensemble(**given | {"store": tmp_path / "nowhere" / "runs"})
     with pytest.raises(pt.errors.ArgumentError, match="store must be the name"):
-        m.ensemble(states=states, t_eval=TIMES, store=3)
+        m.ensemble(**given | {"store": 3})
+    m.add_force(next(iter(m.bodies)), lambda t, s: (0.0, 0.0, 0.0), point=(0, 0, 0))
+    calling = given | {"store": tmp_path / "calling"}
+    assert m.ensemble(**calling).success.all()
+    with pytest.raises(pt.errors.ArgumentError, match="calls Python functions"):
+        m.ensemble(**calling)
 
 
 def test_datasets_have_members_times_and_names():

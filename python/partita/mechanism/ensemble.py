@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import os
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import nullcontext
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,13 +15,13 @@ from .. import options as run_options
 from ..analyses.still import place
 from ..builder.compiled import CompiledModel
 from ..builder.parameter_units import parameter_unit
-from ..errors import ArgumentError, FileFormatError, UnknownNameError
+from ..errors import ArgumentError, UnknownNameError
 from ..extras import extra
-from ..files import place as path_of
 from ..numeric import floats, shown
 from ..progress import reporting
 from ..results import Result
 from ..state import State
+from .ensemble_store import Kept, identity, opened
 from .models import Modelled, layout_of
 from .solve import simulate, start_of
 
@@ -164,9 +165,10 @@ def ensemble(
         t_eval: increasing times of the outputs (nt,) [s]; the last one is the end.
         rtol, atol: as in `simulate`.
         workers: number of threads at most; None: the number of cores.
-        store: name of a new folder in which `q` and `v` are kept as NumPy's q.npy and v.npy while they come, some
-            thousand members at a time: then memory does not grow with the members, and both are memory-mapped arrays.
-            None: in memory.
+        store: name of a folder in which `q` and `v` are kept as NumPy's q.npy and v.npy while they come, some thousand
+            members at a time: then memory does not grow with the members, and both are memory-mapped arrays. If it
+            exists, the same ensemble continues: what it has is not computed again (one whose mechanism calls Python
+            functions, which cannot be recognised, does not). None: in memory.
         progress: True: a progress bar on the terminal (needs tqdm); or a function of the completed fraction, 0 to 1.
 
     Returns:
@@ -174,9 +176,9 @@ def ensemble(
         error.
 
     Raises:
-        ArgumentError: lengths differ, numbers are not finite, or states have different times. UnknownNameError: there
-        is no such parameter. AssemblyError: the drawing cannot be assembled. FileFormatError: the store exists or
-        cannot be written.
+        ArgumentError: lengths differ, numbers are not finite, states have different times, or the store belongs to
+        another ensemble. UnknownNameError: there is no such parameter. AssemblyError: the drawing cannot be assembled.
+        FileFormatError: the store cannot be written, is damaged, or another process writes to it.
 
     >>> import numpy as np
     >>> import partita as pt
@@ -202,8 +204,15 @@ def ensemble(
     table = np.hstack([x.reshape(count, -1) for x in values.values()]) if values else np.zeros((count, 0))
     q, v = np.stack([x.q for x in starts]), np.stack([x.v for x in starts])
     shapes = [(count, len(times), width) for width in (model.core.nq, model.core.nv)]
-    kept = None if store is None else _stored(store, shapes)
-    with reporting(progress, count, "members") as report:
+
+    def whose() -> str | None:
+        more = [rtol, atol, t0, [list(x) for x in numbers], states is None, AT_ONCE]
+        return identity(self.to_spec(), [times, q, v, table], more)
+
+    with (
+        reporting(progress, count, "members") as report,
+        nullcontext() if store is None else opened(store, shapes, whose) as kept,
+    ):
 
         def part(first: int, last: int) -> dict[str, Any]:
             def forward(done: float) -> None:
@@ -229,40 +238,22 @@ def ensemble(
     return Ensemble(copy.deepcopy(self), model, times, starts, values, tolerances, raw, states is None)
 
 
-def _stored(store: Any, shapes: list[tuple[int, int, int]]) -> list[FloatArray]:
-    """q and v on disk, in a new folder."""
-    folder = path_of(store, "store")
-    try:
-        folder.mkdir()
-        return [
-            np.lib.format.open_memmap(folder / name, mode="w+", dtype=np.float64, shape=shape)
-            for name, shape in zip(("q.npy", "v.npy"), shapes, strict=True)
-        ]
-    except FileExistsError as error:
-        message = f"cannot write to {str(folder)!r}: it exists; give the name of a new folder"
-        raise FileFormatError(message, path=str(folder), line=None) from error
-    except OSError as error:
-        message = f"cannot write to {str(folder)!r}: {error.strerror or error}"
-        raise FileFormatError(message, path=str(folder), line=None) from error
-
-
-def _in_parts(part: Callable[[int, int], dict[str, Any]], count: int, kept: list[FloatArray]) -> dict[str, Any]:
-    """All members, some thousands at a time, whose q and v go to disk."""
+def _in_parts(part: Callable[[int, int], dict[str, Any]], count: int, kept: Kept) -> dict[str, Any]:
+    """All members, some thousands at a time, whose q and v go to disk; parts that are there are not computed again."""
     found: dict[str, Any] = {"status": [], "messages": [], "steps": 0}
     in_lanes = []
-    for first in range(0, count, AT_ONCE):
+    for number, first in enumerate(range(0, count, AT_ONCE)):
         last = min(first + AT_ONCE, count)
-        raw = part(first, last)
-        for to, name in zip(kept, ("q", "v"), strict=True):
-            to[first:last] = raw[name]
-            if isinstance(to, np.memmap):
-                to.flush()
+        raw = kept.known(number)
+        if raw is None:
+            raw = kept.keep(number, slice(first, last), part(first, last))
         found["status"] += raw["status"]
         found["messages"] += [(first + i, message) for i, message in raw["messages"]]
         found["steps"] += raw["steps"]
         found["refusal"] = raw["refusal"]
         in_lanes.append(raw["in_lanes"])
-    return {**found, "q": kept[0], "v": kept[1], "in_lanes": np.concatenate(in_lanes)}
+    q, v = kept.arrays
+    return {**found, "q": q, "v": v, "in_lanes": np.concatenate(in_lanes)}
 
 
 def _values(

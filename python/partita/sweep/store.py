@@ -14,7 +14,6 @@ import platform
 import shutil
 import struct
 import tempfile
-import threading
 import time
 import zlib
 from collections.abc import Callable, Iterator, Mapping
@@ -29,6 +28,7 @@ from ..errors import ArgumentError, FileFormatError, MissingFileError
 from ..extras import extra
 from ..files import BLANK, get, intact, place, put, sealed, target
 from ..numeric import shown
+from ..store_lock import LOCK, locked, unusable
 from .collected import KINDS, Answer, Storable
 from .identity import digest_of, name_of
 from .members import Members, is_plain
@@ -36,7 +36,7 @@ from .members import Members, is_plain
 if TYPE_CHECKING:
     import xarray
 
-HEADER, LOG, LOCK = "sweep.json", "members.log", "lock"
+HEADER, LOG = "sweep.json", "members.log"
 FORMAT = 1
 ZARR = ".zarr"
 _OTHERS = frozenset({".nc", ".h5", ".hdf5", ".json", ".csv", ".parquet", ".mat", ".toml", ".pkl", ".npz"})
@@ -198,8 +198,8 @@ def opened(path: Any, model: Callable[..., Any], members: Members) -> Iterator[S
     try:
         folder.mkdir(exist_ok=True)
     except OSError as error:
-        raise _unusable(folder, error) from error
-    with _locked(folder):
+        raise unusable(folder, error) from error
+    with locked(folder):
         log = Log()
         if (folder / HEADER).exists():
             _compare(folder, _header(folder), header)
@@ -211,7 +211,7 @@ def opened(path: Any, model: Callable[..., Any], members: Members) -> Iterator[S
         try:
             stream = os.open(folder / LOG, os.O_WRONLY | getattr(os, "O_BINARY", 0))
         except OSError as error:
-            raise _unusable(folder, error) from error
+            raise unusable(folder, error) from error
         try:
             os.ftruncate(stream, log.end)  # what a crash left incomplete
             os.lseek(stream, log.end, os.SEEK_SET)
@@ -240,16 +240,11 @@ def _folder(path: Any) -> Path:
     return folder
 
 
-def _unusable(folder: Path, error: OSError) -> FileFormatError:
-    why = error.strerror or str(error)
-    return FileFormatError(f"cannot use the store {str(folder)!r}: {why}", path=str(folder), line=None)
-
-
 def _touch(path: Path) -> None:
     try:
         path.touch()
     except OSError as error:
-        raise _unusable(path.parent, error) from error
+        raise unusable(path.parent, error) from error
 
 
 def _check_empty(folder: Path) -> None:
@@ -359,56 +354,3 @@ def _difference(there: dict[str, Any], here: dict[str, Any]) -> str | None:
             if a != b or type(a) is not type(b):
                 return f"value {i} of {name!r} is {a!r} there, {b!r} here"
     return None
-
-
-_OPEN: set[str] = set()
-_GUARD = threading.Lock()
-
-
-@contextmanager
-def _locked(folder: Path) -> Iterator[None]:
-    """The lock of the system is held by processes; within this one a list of the open stores does its part."""
-    key = os.path.realpath(folder)
-    with _GUARD:
-        if key in _OPEN:
-            raise _taken(folder, "this process")
-        _OPEN.add(key)
-    try:
-        try:
-            stream = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT, 0o644)
-        except OSError as error:
-            raise _unusable(folder, error) from error
-        try:
-            _hold(stream, folder)
-            yield
-        finally:
-            os.close(stream)
-    finally:
-        with _GUARD:
-            _OPEN.discard(key)
-
-
-def _hold(stream: int, folder: Path) -> None:
-    try:
-        if os.name == "nt":
-            import msvcrt
-
-            msvcrt.locking(stream, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]
-        else:
-            import fcntl
-
-            # held by the process, not by its children: workers that outlive it hold nothing
-            fcntl.lockf(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError as error:
-        owner = os.pread(stream, 200, 0).decode("utf-8", "replace").strip() if hasattr(os, "pread") else ""
-        raise _taken(folder, owner or "another process") from error
-    os.ftruncate(stream, 0)
-    os.write(stream, f"process {os.getpid()} on {platform.node()}".encode())
-
-
-def _taken(folder: Path, owner: str) -> FileFormatError:
-    return FileFormatError(
-        f"{owner} is writing to the store {str(folder)!r}; wait for it, end it, or give another store",
-        path=str(folder),
-        line=None,
-    )
