@@ -21,21 +21,26 @@ const scene = new LiveScene(live, $("view"));
 
 /** The first view holds where the mechanism goes in the next seconds. */
 function explore() {
-  const deadline = performance.now() + EXPLORING, speed = about.speed;
+  const deadline = performance.now() + EXPLORING, speed = about.speed, loads = { force: [], moment: [] };
   try {
     for (let i = 1; i <= 30 && performance.now() < deadline; i++) {
       motion.advance(motion.t + (EXPLORED * speed) / 30, deadline);
       live.look();
       scene.extent.push(...findExtent(live));
+      live.scene.joints.forEach((_, j) => {
+        loads.force.push(length(live.load(j, 0)));
+        loads.moment.push(length(live.load(j, 3)));
+      });
     }
   } catch (error) {
     if (!(error instanceof motion.Fault)) throw error; // it will be reported when it happens
   }
+  scene.scaleTo(loads);
   motion.reset(about.start);
   live.look();
 }
 explore();
-const plots = new LivePlots(about, motion, PLOTTED * about.speed);
+const plots = new LivePlots(about, motion, live, PLOTTED * about.speed);
 
 /** Carry out a change: report why it cannot be, and show all numbers anew. */
 function attempt(change) {
@@ -79,7 +84,7 @@ $("speed").value = about.speed;
 $("speed").addEventListener("change", () => { plots.seconds = PLOTTED * Number($("speed").value); });
 
 // ---- the pointer
-let dragging = null;
+let dragging = null, hovered = null; // the pointer pulls or moves the view; it rests at a pixel
 const local = (event) => {
   const box = $("view").getBoundingClientRect();
   return [event.clientX - box.left, event.clientY - box.top];
@@ -106,12 +111,14 @@ $("view").addEventListener("pointerdown", (event) => {
   $("view").setPointerCapture(event.pointerId);
   const [x, y] = local(event), found = event.button === 0 && !event.shiftKey ? scene.grasped(x, y) : null;
   dragging = { x, y, moves: event.button !== 0 || event.shiftKey };
+  hovered = event.pointerType === "touch" ? { x, y } : null; // a finger reads a joint by touching it
   if (found) grasp(found);
   $("hint").hidden = true;
 });
 $("view").addEventListener("pointermove", (event) => {
-  if (!dragging) return;
   const [x, y] = local(event), { camera } = scene;
+  if (!dragging && event.pointerType !== "touch") hovered = { x, y };
+  if (!dragging) return;
   if (scene.pull) {
     scene.pull.to = camera.unproject(x, y, scene.pull.to);
     motion.load({ [`${springOf(live.place[scene.pull.body])}.point1`]: scene.pull.to });
@@ -123,6 +130,7 @@ $("view").addEventListener("pointermove", (event) => {
   dragging = { ...dragging, x, y };
 });
 for (const end of ["pointerup", "pointercancel"]) $("view").addEventListener(end, () => { dragging = null; release(); });
+$("view").addEventListener("pointerleave", (event) => { if (event.pointerType !== "touch") hovered = null; });
 $("view").addEventListener("contextmenu", (event) => event.preventDefault());
 function zoom(factor, x = scene.camera.width / 2, y = scene.camera.height / 2 + scene.camera.drop) {
   scene.touched = true;
@@ -144,11 +152,11 @@ function resetView() {
   scene.touched = false;
   scene.resetView();
 }
-for (const name of ["names", "traces", "forces"]) {
+for (const name of ["names", "traces", "forces", "moments", "loads"]) {
   $(name).checked = scene.options[name];
   $(name).addEventListener("change", (event) => { scene.options[name] = event.target.checked; });
 }
-$("forces").parentElement.hidden = !live.scene.springs.length;
+$("loads").parentElement.hidden = !live.scene.springs.length;
 $("reset").addEventListener("click", resetView);
 $("lens").addEventListener("click", () => setLens(!scene.camera.parallel));
 $("theme").addEventListener("click", toTheme);
@@ -291,7 +299,13 @@ function frame(now) {
       // time that a step covered beyond the last frame is not computed again; what could not be computed in time is left out
       asked = Math.max(asked, motion.t - 0.1 * speed) + passed * speed;
       if (Math.abs(asked - motion.t) > 0.2 * speed) asked = motion.t + passed * speed;
-      motion.advance(asked, performance.now() + 200);
+      const from = motion.t, deadline = performance.now() + 200, parts = scene.partsOf(asked - from);
+      for (let i = 1; i <= parts; i++) {
+        motion.advance(from + ((asked - from) * i) / parts, deadline);
+        if (i === parts) break; // this one is drawn below
+        live.look();
+        scene.record();
+      }
       asked = Math.min(asked, motion.t);
     } catch (error) {
       if (!(error instanceof motion.Fault)) throw error;
@@ -301,6 +315,7 @@ function frame(now) {
     }
   }
   scene.draw(0, running);
+  showTip($("tip"), scene, 0, hovered && scene.pick(hovered.x, hovered.y), hovered ? hovered.x : 0, hovered ? hovered.y : 0);
   if (running) {
     scene.record();
     plots.record(motion.t, live.state.energy);

@@ -9,7 +9,9 @@ from typing import Any
 from ..webpage import part_of, whole_page
 from .program import Program
 
-COMPUTES = ("module.js", "linear.js", "equations.js", "closing.js", "choice.js", "methods.js", "motion.js")
+COMPUTES = (
+    "module.js", "linear.js", "equations.js", "reactions.js", "closing.js", "choice.js", "methods.js", "motion.js",
+)  # fmt: skip
 """Scripts without reference to the page: together they define `makeMotion`."""
 SCRIPTS = (*COMPUTES, "address.js", "export.js", "live.js", "fields.js", "controls.js")
 
