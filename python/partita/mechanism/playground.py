@@ -69,13 +69,17 @@ def to_playground(
         raise ArgumentError(f"title must be text, not {shown(title)}", argument="title")
     if initial is not None and not isinstance(initial, State):
         raise ArgumentError(f"initial must be a State, not {type(initial).__name__}", argument="initial")
-    pace = run_options.positive("speed", speed)
+    page = playground_page(self, initial, title, run_options.positive("speed", speed))
+    return put(where, page.encode("utf-8"))
+
+
+def playground_page(self: Modelled, initial: State | None = None, title: str | None = None, speed: float = 1.0) -> str:
+    """The page as text. Arguments and errors are those of `to_playground`."""
     name = self.name if title is None else title
     start = _start(self, initial)
     made = recorded(self, start)
     seen = {"scene": scene_of(still(self, start), name), "toml": _file(self)}
-    page = html(made, name, seen, pace, ("partita.viewer", DRAWS))
-    return put(where, page.encode("utf-8"))
+    return html(made, name, seen, speed, ("partita.viewer", DRAWS))
 
 
 def _start(self: Modelled, initial: State | None) -> State:

@@ -1,0 +1,43 @@
+// What the page asks of the program that serves it: what the core says about the drawing, and a page on which it runs.
+
+const WAIT = 120; // milliseconds after a change until the core is asked
+
+class Link {
+  /** `heard(answer)` is called with what is said about the drawing as it is now; `lost(words)` where nobody answers. */
+  constructor(sketch, heard, lost) {
+    Object.assign(this, { sketch, heard, lost, timer: 0, asked: 0 });
+  }
+
+  async post(what) {
+    const response = await fetch(what, {
+      method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(this.sketch.data),
+    });
+    if (!response.ok) throw new Error(`${response.status} ${response.statusText}`);
+    return response.json();
+  }
+
+  /** The drawing has changed. */
+  changed() {
+    clearTimeout(this.timer);
+    this.timer = setTimeout(() => this.ask(), WAIT);
+  }
+
+  async ask() {
+    clearTimeout(this.timer);
+    const number = ++this.asked;
+    try {
+      const answer = await this.post("drawing");
+      if (number === this.asked) this.heard(answer); // an older answer is about another drawing
+    } catch {
+      if (number === this.asked) this.lost("The program that serves this page does not answer. Is it still running?");
+    }
+  }
+
+  async run() {
+    try {
+      return await this.post("run");
+    } catch {
+      return { message: "The program that serves this page does not answer. Is it still running?" };
+    }
+  }
+}
