@@ -196,7 +196,7 @@ class Picture {
     labels.take({ left: 0, right: camera.width, top: 0, bottom: camera.head - 14 }); // under the tools
     for (const bar of sketch.data.bars) this.clear(labels, this.pixelOf(bar.a), this.pixelOf(bar.b));
     for (const { points: [a, b] } of this.gaps) this.clear(labels, this.pixel(a), this.pixel(b));
-    for (const node of sketch.data.nodes) { const p = this.pixelOf(node.id); labels.take(boxAround(p.x, p.y, 8)); }
+    for (const node of sketch.data.nodes) { const p = this.pixelOf(node.id); labels.take(boxAround(p.x, p.y, sketch.slideAt(node.id) ? 17 : 8)); }
     const put = (text, p, away, colour) => {
       const found = labels.place(text, p.x, p.y, away);
       if (found) labels.write(text, found.x, found.y, colour);
@@ -206,7 +206,7 @@ class Picture {
       const { from, to } = this.preview, size = Math.hypot(to[0] - from[0], to[1] - from[1]);
       put(`${short(size)} m`, this.pixel(to), 14, COLOURS.free);
     }
-    for (const node of sketch.data.nodes) put(node.name, this.pixelOf(node.id), 13);
+    for (const node of sketch.data.nodes) put(node.name, this.pixelOf(node.id), sketch.slideAt(node.id) ? 22 : 13);
     const step = this.cell, px = step * camera.scale, right = camera.width - 16, y = camera.height - 18;
     painter.line([{ x: right - px, y }, { x: right, y }], COLOURS.ink, 2, "butt");
     for (const x of [right - px, right]) painter.line([{ x, y: y - 4 }, { x, y: y + 4 }], COLOURS.ink, 1.4, "butt");
