@@ -3,6 +3,7 @@
 const $ = (id) => document.getElementById(id);
 const about = JSON.parse($("data").textContent);
 const fault = (words) => { $("fault").hidden = !words; $("fault").textContent = words; };
+const MOST_TRIED = 4; // speeds
 const EXPLORED = 3, EXPLORING = 150; // seconds of motion looked at before the first picture; milliseconds spent on them
 const PLOTTED = 6; // seconds on the screen that plots reach back
 const SPEEDS = [0.001, 0.01, 0.03, 0.1, 0.3, 1, 3];
@@ -19,9 +20,9 @@ const numbers = new Numbers(about, motion);
 const live = new LiveRun(about, motion);
 const scene = new LiveScene(live, $("view"));
 
-/** The first view holds where the mechanism goes in the next seconds. */
-function explore() {
-  const deadline = performance.now() + EXPLORING, speed = about.speed, loads = { force: [], moment: [] };
+/** The first view holds where the mechanism goes in the next seconds at this speed; returns how fast it usually turns. */
+function explore(speed) {
+  const deadline = performance.now() + EXPLORING, loads = { force: [], moment: [] }, rates = [];
   try {
     for (let i = 1; i <= 30 && performance.now() < deadline; i++) {
       motion.advance(motion.t + (EXPLORED * speed) / 30, deadline);
@@ -31,6 +32,7 @@ function explore() {
         loads.force.push(length(live.load(j, 0)));
         loads.moment.push(length(live.load(j, 3)));
       });
+      rates.push(live.turning);
     }
   } catch (error) {
     if (!(error instanceof motion.Fault)) throw error; // it will be reported when it happens
@@ -38,9 +40,17 @@ function explore() {
   scene.scaleTo(loads);
   motion.reset(about.start);
   live.look();
+  rates.sort((a, b) => a - b);
+  return rates.length ? rates[rates.length >> 1] : 0;
 }
-explore();
-const plots = new LivePlots(about, motion, live, PLOTTED * about.speed);
+// where none is asked for, a speed at which turns can be followed; slower ones are tried while the motion found is faster
+let firstSpeed = about.speed || 1;
+for (let i = 0; i < MOST_TRIED; i++) {
+  const followed = usualSpeed(LONGEST, explore(firstSpeed));
+  if (about.speed || followed > 0.6 * firstSpeed) break;
+  firstSpeed = followed;
+}
+const plots = new LivePlots(about, motion, live, PLOTTED * firstSpeed);
 
 /** Carry out a change: report why it cannot be, and show all numbers anew. */
 function attempt(change) {
@@ -78,9 +88,8 @@ const readouts = ["energy", "switches", "frames a second"].map((name) => {
   $("readouts").append(box);
   return dd;
 });
-const speedWords = (x) => (x === 1 ? "real time" : x < 1 ? `1/${Number((1 / x).toPrecision(2))} of real time` : `${x} × real time`);
-for (const x of [...new Set([...SPEEDS, about.speed])].sort((a, b) => a - b)) $("speed").add(new Option(speedWords(x), x));
-$("speed").value = about.speed;
+for (const x of [...new Set([...SPEEDS, firstSpeed])].sort((a, b) => a - b)) $("speed").add(new Option(paceText(x), x));
+$("speed").value = firstSpeed;
 $("speed").addEventListener("change", () => { plots.seconds = PLOTTED * Number($("speed").value); });
 
 // ---- the pointer

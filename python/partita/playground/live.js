@@ -3,7 +3,7 @@
 const TRACED = 8; // paths drawn without being asked for, at most
 const TRACE_LENGTH = 240; // frames that a path reaches back
 const MOST_POINTS = 600; // of a path
-const TURN = 0.2; // rad: an angle that a path shows in one piece
+const BEND = 0.2; // rad: an angle that a path shows in one piece
 const MOST_PARTS = 12; // points of a path in one frame
 const ROUNDING = 1e-9; // of forces, and of moments over the size: less is not drawn
 const STRIKE = 18; // pixels: a link farther from the pointer is not taken
@@ -118,6 +118,12 @@ class LiveRun {
     return seat ? this.placed(frame, child, seat) : this.jointPoint(frame, j);
   }
 
+  /** The fastest rate of a rotation now [rad/s]. */
+  get turning() {
+    const { motion, about } = this;
+    return about.names.reduce((most, name, i) => (about.units[name] === "rad/s" ? Math.max(most, Math.abs(motion.v[i])) : most), 0);
+  }
+
   independent() {
     return this.motion.independent.map((i) => this.columnOf[i]);
   }
@@ -181,10 +187,8 @@ class LiveScene extends Scene {
 
   /** In how many parts a path goes through the next seconds: so many that no coordinate turns far in one of them. */
   partsOf(seconds) {
-    const { motion, about } = this.run;
-    let fastest = 0;
-    about.names.forEach((name, i) => { if (about.units[name] === "rad/s") fastest = Math.max(fastest, Math.abs(motion.v[i])); });
-    this.parts = this.options.traces && this.traced.length ? Math.max(1, Math.min(MOST_PARTS, Math.ceil((fastest * seconds) / TURN))) : 1;
+    const parts = Math.ceil((this.run.turning * seconds) / BEND);
+    this.parts = this.options.traces && this.traced.length ? Math.max(1, Math.min(MOST_PARTS, parts)) : 1;
     return this.parts;
   }
 

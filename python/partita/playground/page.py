@@ -16,7 +16,9 @@ COMPUTES = (
 SCRIPTS = (*COMPUTES, "address.js", "export.js", "live.js", "fields.js", "controls.js")
 
 
-def html(made: Program, title: str, seen: dict[str, Any], speed: float, drawn_by: tuple[str, Sequence[str]]) -> str:
+def html(
+    made: Program, title: str, seen: dict[str, Any], speed: float | None, drawn_by: tuple[str, Sequence[str]]
+) -> str:
     """The page as text. It contains all it needs and loads nothing; names and titles are escaped.
 
     `seen` is what is drawn: the scene, the model file. `drawn_by`: the package whose style and scripts draw it.

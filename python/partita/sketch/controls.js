@@ -5,7 +5,7 @@ const { drawing, empty } = JSON.parse($("data").textContent);
 const sketch = new Sketch(drawing);
 const picture = new Picture(sketch, $("view"));
 const CLICK = 7; // pixels: a shorter drag is a click
-const TURN = Math.PI / 12; // slides lie at multiples of this
+const DIRECTIONS_APART = Math.PI / 12; // slides lie at multiples of this
 
 const HINTS = {
   select: "Drag a point or a bar to move it; drag beside it to move the view. A point dropped on another becomes one with it.",
@@ -113,7 +113,7 @@ function endSlide(from, x, y, near) {
   const along = target && (moved || !from.bars) ? target.bar : null;
   change(() => {
     const node = nodeFor(from);
-    const angle = moved ? Math.round(Math.atan2(dy, dx) / TURN) * TURN : 0;
+    const angle = moved ? Math.round(Math.atan2(dy, dx) / DIRECTIONS_APART) * DIRECTIONS_APART : 0;
     picture.selected = sketch.addSlide(node.id, along ? 0 : angle, along && !sketch.nodesOf(along).includes(node.id) ? along.id : null).id;
   });
 }
