@@ -360,6 +360,14 @@ class User:
         found: dict[str, Any] = self.browser.value("drawing.sketch.data")
         return found
 
+    def settled(self) -> None:
+        """Until the core has been heard about the drawing as it is."""
+        for _ in range(600):
+            if not self.browser.value("drawing.link.waiting"):
+                return
+            self.browser.value("new Promise((r) => setTimeout(r, 50))")
+        raise AssertionError("the core was not heard")
+
     def answer(self) -> dict[str, Any]:
         """What the core says once it has been asked about the drawing as it is."""
         self.browser.value("drawing.link.ask()")
@@ -467,10 +475,13 @@ def test_moving_merging_undo_and_redo(browser: Chromium) -> None:
             user.press("redo")
             assert user.data() == after
         assert browser.value("document.getElementById('redo').disabled")
-        # a click that changes nothing leaves nothing to be undone
-        count = browser.value("drawing.sketch.past.length")
-        user.drag("delete", (-0.4, -0.4))
-        assert browser.value("drawing.sketch.past.length") == count
+        # a change that changes nothing leaves nothing to be undone, and what could be redone
+        user.press("undo")
+        count = browser.value("[drawing.sketch.past.length, drawing.sketch.future.length]")
+        user.drag("bar", (0, 0), (0, 0.01))
+        user.drag("select", (0, 0))
+        user.put("x", 0.0)
+        assert browser.value("[drawing.sketch.past.length, drawing.sketch.future.length]") == count
         assert browser.reported == []
 
 
@@ -480,12 +491,12 @@ def test_lengths_are_typed_and_gaps_drawn(browser: Chromium) -> None:
         user.four_bar()
         user.drag("select", (0.75, 0.75))
         user.put("length", 1.75)
-        browser.value("new Promise((r) => setTimeout(r, 900))")
+        user.settled()
         b, c = (browser.value(f"drawing.sketch.node({i})") for i in (2, 4))
         assert np.hypot(c["x"] - b["x"], c["y"] - b["y"]) == pytest.approx(1.75, abs=1e-9)
         assert user.data()["bars"][1]["length"] is None
         user.put("length", 9.0)
-        browser.value("new Promise((r) => setTimeout(r, 900))")
+        user.settled()
         message = browser.value(
             "(({ textContent, dataset }) => [textContent, dataset.kind])(document.getElementById('said'))"
         )

@@ -51,9 +51,10 @@ function refresh() {
 
 /** Carry out a change that can be undone; one that changes nothing leaves no trace. */
 function change(make, word = "") {
+  const { future } = sketch;
   sketch.remember(word);
   make();
-  if (!word) sketch.unchanged();
+  if (!word) sketch.unchanged(future);
   picture.gaps = [];
   refresh();
   link.changed();

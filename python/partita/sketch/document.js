@@ -22,9 +22,12 @@ class Sketch {
     this.future = [];
   }
 
-  /** Forget the last `remember`, after which nothing was changed. */
-  unchanged() {
-    if (this.past.length && this.past[this.past.length - 1] === JSON.stringify(this.data)) this.past.pop();
+  /** Forget the last `remember` where nothing was changed since; `future` is what could be redone before it. */
+  unchanged(future) {
+    if (this.past.length && this.past[this.past.length - 1] === JSON.stringify(this.data)) {
+      this.past.pop();
+      this.future = future;
+    }
     this.last = "";
   }
 
