@@ -22,12 +22,13 @@ const scene = new LiveScene(live, $("view"));
 
 /** The first view holds where the mechanism goes in the next seconds at this speed; returns how fast it usually turns. */
 function explore(speed) {
-  const deadline = performance.now() + EXPLORING, loads = { force: [], moment: [] }, rates = [];
+  const deadline = performance.now() + EXPLORING, loads = { force: [], moment: [] }, rates = [], shapes = [];
   try {
     for (let i = 1; i <= 30 && performance.now() < deadline; i++) {
       motion.advance(motion.t + (EXPLORED * speed) / 30, deadline);
       live.look();
       scene.extent.push(...findExtent(live));
+      shapes.push(aboutMiddle(live, 0));
       live.scene.joints.forEach((_, j) => {
         loads.force.push(length(live.load(j, 0)));
         loads.moment.push(length(live.load(j, 3)));
@@ -38,6 +39,8 @@ function explore(speed) {
     if (!(error instanceof motion.Fault)) throw error; // it will be reported when it happens
   }
   scene.scaleTo(loads);
+  scene.near = travelling(live, scene.extent, shapes);
+  scene.options.follow = scene.near !== null;
   motion.reset(about.start);
   live.look();
   rates.sort((a, b) => a - b);

@@ -241,7 +241,7 @@ class LiveScene extends Scene {
 
   /** What moves out of the picture makes it smaller, unless the view was set by hand. */
   keepInView() {
-    if (this.touched || !this.extent.length) return;
+    if (this.touched || this.options.follow || !this.extent.length) return;
     const { camera } = this, margin = 8;
     const out = findExtent(this.run).filter((p) => {
       const seen = camera.project(p);
