@@ -61,8 +61,9 @@ def draw(*, port: int = 0, browser: bool = True) -> DrawingPage:
     <bodies: none>
     >>> page.close()
     """
+    opens = yes_or_no("browser", browser) and not in_notebook()
     page = DrawingPage(port)
-    if yes_or_no("browser", browser) and not in_notebook():
+    if opens:
         webbrowser.open(page.url)
     return page
 
