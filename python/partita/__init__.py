@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from . import catalogue
     from .analyses import InverseDynamics
     from .results import Result, load_result
+    from .sketch import draw
 
 __version__ = _version()
 
@@ -45,6 +46,7 @@ __all__ = [
     "__version__",
     "catalogue",
     "compare",
+    "draw",
     "errors",
     "load",
     "load_result",
@@ -59,7 +61,7 @@ __all__ = [
 
 # Imported on first use: they bring plotting and data libraries along.
 _LATER = ("catalogue", "plots", "results", "viewer")
-_NAMED_LATER = {"InverseDynamics": "analyses", "Result": "results", "load_result": "results"}
+_NAMED_LATER = {"InverseDynamics": "analyses", "Result": "results", "draw": "sketch", "load_result": "results"}
 
 
 def __getattr__(name: str) -> Any:

@@ -36,15 +36,19 @@ def whole_page(
     scripts: Sequence[str],
     module: str | None = None,
     below: tuple[str, Sequence[str]] | None = None,
+    connects: str = "",
 ) -> str:
     """The page of a package: its `page.html` (what is seen) and `style.css`, the data as JSON in an element "data",
     these scripts of it in one function, and a WebAssembly module in base 64 in an element "module". `{{TITLE}}` in
     what is seen stands for the title, which is escaped; data are escaped so that they cannot end their element.
-    `below`: another package, whose style and these scripts come first.
+    `below`: another package, whose style and these scripts come first. `connects`: what the page may load besides, in
+    the words of a content security policy; of pages that are files nothing.
     """
     allowed = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
     if module is not None:
         allowed += " 'wasm-unsafe-eval'"
+    if connects:
+        allowed += f"; {connects}"
     other, shared = below or (package, ())
     style = "\n".join(part_of(name, "style.css") for name in dict.fromkeys((other, package)))
     parts = [

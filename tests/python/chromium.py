@@ -132,6 +132,29 @@ class Chromium:
         self.ask("Input.dispatchKeyEvent", type="keyDown", **about)
         self.ask("Input.dispatchKeyEvent", type="keyUp", **about)
 
+    def drag(self, *points: tuple[float, float]) -> None:
+        """Press the mouse at the first pixel, move it through the others, release it at the last; one is a click."""
+
+        def mouse(kind: str, at: tuple[float, float], held: int) -> None:
+            self.ask(
+                "Input.dispatchMouseEvent",
+                type=kind, x=at[0], y=at[1], button="left" if held or kind == "mouseReleased" else "none", buttons=held,
+                clickCount=1,
+            )  # fmt: skip
+
+        mouse("mouseMoved", points[0], 0)
+        mouse("mousePressed", points[0], 1)
+        for at in points[1:]:
+            mouse("mouseMoved", at, 1)
+        mouse("mouseReleased", points[-1], 0)
+
+    def touch(self, *steps: list[tuple[float, float]]) -> None:
+        """Put fingers on the screen, move them through the steps (pixels of each finger), and lift them."""
+        for number, fingers in enumerate(steps):
+            points = [{"x": x, "y": y, "id": i} for i, (x, y) in enumerate(fingers)]
+            self.ask("Input.dispatchTouchEvent", type="touchMove" if number else "touchStart", touchPoints=points)
+        self.ask("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
+
     def picture(self, path: Path, whole: bool = False) -> None:
         """Save what is seen as a PNG; `whole` the page below too."""
         data = self.ask("Page.captureScreenshot", format="png", captureBeyondViewport=whole)["data"]

@@ -57,6 +57,8 @@ def faults(
         name = f"{'phone' if screen is PHONE else 'desktop'}, {scheme}"
         browser.open(path, screen, scheme)
         found += [f"{name}: {word}" for word in browser.value(CONTRAST)]
+        if "from output to output" in (note := browser.value("document.getElementById('note').textContent")):
+            found.append(f"{name}: outputs are too far apart for a motion that can be followed: {note}")
         first, last = browser.value("(() => { const d = []; for (const t of [0, 1e9]) { partita.show(t); "
                                     "d.push(partita.time()); } return d; })()")  # fmt: skip
         for part in (0.0, 0.37, 1.0):

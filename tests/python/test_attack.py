@@ -74,6 +74,12 @@ def loop() -> pt.Mechanism:
     return pt.catalogue.load("four-bar")
 
 
+def drawn_nowhere(**given: Any) -> None:
+    """`draw` without a browser, closed at once."""
+    with mock.patch("webbrowser.open"):
+        pt.draw(**given).close()
+
+
 def shown_nowhere(**arguments: Any) -> Any:
     """The page of a mechanism, without a browser."""
     with mock.patch("webbrowser.open"):
@@ -779,6 +785,7 @@ def asked() -> dict[str, Callable[[], Call]]:
             {"path": None, "state": None, "ax": None, "shapes": None, "points": {"P": ("crank", ORIGIN)}},
         ),
         "table": (pt.table, {"function": lambda t: t, "start": 0.0, "end": 1.0, "tolerance": 1e-6}),
+        "draw": (drawn_nowhere, {"port": 0, "browser": False}),
         "Mechanism.check": (loop().check, {"state": None}),
         "Body.at": (loop().bodies["crank"].at, {"point": X}),
         "Body.world": (loop().bodies["crank"].world, {"point": X}),

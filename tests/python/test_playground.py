@@ -232,6 +232,102 @@ def test_the_module_computes_what_the_core_computes(tmp_path: Path) -> None:
             )
 
 
+# seconds until the reactions are compared
+REACTING = {
+    "four-bar": 1.3,
+    "engine-v-twin": 0.02,
+    "andrews-squeezer": 0.02,
+    "double-wishbone": 0.3,
+    "five-bar": 0.7,
+    "four-bar-spring": 0.9,
+    "gear-pair": 0.4,
+    "planetary-gear": 0.6,
+    "rssr": 0.8,
+    "scissor-lift": 0.3,
+    # rigid bodies leave some of these open
+    "bricard": 0.6,
+    "bennett": 0.9,
+    "screw-press": 0.2,  # but nothing loads them
+    "sarrus": 0.3,
+}
+
+
+def reactions_agree(mechanism: pt.Mechanism, initial: State | None, until: float, folder: Path) -> Any:
+    """Forces and moments of all joints, and which of them rigid bodies leave open, at the same state."""
+    script = f"""
+        const go = (until) => {{ m.reset(about.start); m.advance(until); }};
+        go({until});
+        const at = state(), {{ wrenches, open }} = m.reactions(), loads = [...wrenches];
+        m.advance(m.t + 1e-3);
+        const after = state();
+        go({until});
+        m.advance(m.t + 1e-3);
+        return {{ at, loads, open, after, without: state(), wide: m.wide }};
+    """
+    found = page_runs(mechanism, initial, script, folder)
+    assert all(found["after"][key] == found["without"][key] for key in "tqv")  # asking changes nothing
+    wide = changed(mechanism)
+    at = State(found["at"]["t"], found["at"]["q"], found["at"]["v"], layout=layout_of(wide, "relative")[1])
+    run = solve.simulate(wide, 1e-6, initial=at, t_eval=[at.t], **TIGHT)
+    about = recorded(mechanism, initial).about
+    normal = about["normal"] if any(row["owner"].startswith("joint ") for row in about["conditions"]) else None
+    wrenches = np.reshape(found["loads"], (-1, 2, 3))
+    assert np.isfinite(wrenches).all()
+    known = np.array([[run.joint(j["name"]).force[0], run.joint(j["name"]).moment[0]] for j in about["joints"]])
+    if normal is not None:
+        known[:, 0] -= np.outer(known[:, 0] @ normal, normal)
+        known[:, 1] = np.outer(known[:, 1] @ normal, normal)
+    sizes = [np.linalg.norm(known[:, 0], axis=-1).max(), np.linalg.norm(known[:, 1], axis=-1).max()]
+    sizes = [max(size, sizes[0] * about["length"] ** i) for i, size in enumerate(sizes)]
+    assert sizes[0] > 1e-3
+    for i in (0, 1):
+        assert np.abs(wrenches[:, i] - known[:, i]).max() < 1e-9 * sizes[i]
+    # marked are the reactions of which a component that is not zero is open in the core, too
+    for joint, marks, own in zip(about["joints"], found["open"], known, strict=True):
+        axes = run.joint(joint["name"]).in_frame("joint")
+        for i, part in enumerate((axes.determined[:3], axes.determined[3:])):
+            values = (axes.force, axes.moment)[i][0]
+            if normal is None and np.linalg.norm(own[i]) > 1e-6 * sizes[i]:
+                assert marks[i] == bool(np.abs(values[~part]).max(initial=0.0) > 1e-9 * sizes[i])
+    return found
+
+
+@needs_node
+@pytest.mark.parametrize("name", REACTING)
+def test_reactions_are_those_of_the_core(name: str, tmp_path: Path) -> None:
+    entry = catalogue.entry(name)
+    mechanism = entry.mechanism()
+    found = reactions_agree(mechanism, entry.initial(mechanism), REACTING[name], tmp_path)
+    assert any(any(marks) for marks in found["open"]) == (name in ("bricard", "bennett", "sarrus"))
+
+
+@needs_node
+def test_reactions_of_many_degrees_of_freedom(tmp_path: Path) -> None:
+    """Accelerations and multipliers come from one sparse system there."""
+    m = pt.Mechanism("twenty five-bars")
+    for i in range(20):
+        points = [(3 * i, 0, 0), (3 * i - 0.2, 0.8, 0), (3 * i + 0.5, 1.6, 0), (3 * i + 1.3, 0.9, 0), (3 * i + 1, 0, 0)]
+        for k in range(4):
+            m.add_rod(f"{i} rod {k}", start=points[k], end=points[k + 1], mass=1.0 + 0.1 * i)
+        ends = ["ground", *(f"{i} rod {k}" for k in range(4)), "ground"]
+        for k in range(5):
+            m.add_revolute(f"{i} pin {k}", ends[k], ends[k + 1], point=points[k])
+    assert reactions_agree(m, None, 0.2, tmp_path)["wide"]
+
+
+@needs_node
+def test_loads_shared_in_a_plane(tmp_path: Path) -> None:
+    """A third rocker of a parallelogram is redundant, and takes a share of its load that rigid bodies leave open."""
+    m = pt.Mechanism("three rockers")
+    m.add_rod("beam", start=(0, 1, 0), end=(3, 1, 0), mass=4.0)
+    for i, x in enumerate((0.0, 1.0, 3.0)):
+        m.add_rod(f"rocker {i}", start=(x - 0.5, 0, 0), end=(x, 1, 0), mass=1.0)
+        m.add_revolute(f"foot {i}", "ground", f"rocker {i}", point=(x - 0.5, 0, 0))
+        m.add_revolute(f"head {i}", f"rocker {i}", "beam", point=(x, 1, 0))
+    found = reactions_agree(m, None, 0.3, tmp_path)
+    assert all(force for force, _ in found["open"])
+
+
 @needs_node
 def test_redundant_conditions_take_turns(tmp_path: Path) -> None:
     """Five of Bennett's eight conditions say all as drawn; after 0.6 s those five no longer do, and others must."""

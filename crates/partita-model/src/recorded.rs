@@ -1,11 +1,12 @@
 //! The equations of a mechanism as a program for another environment, with its parameters as inputs.
 //!
 //! ```text
-//! inputs    t | q | v | parameters
+//! inputs    t | q | v | parameters | v' | λ
 //! position  Φ, values of C in pattern order, a                                                (S3, S4)
 //! velocity  b, lower triangle of M without its zeros, h                                        (S5, S1)
 //! metric    lower triangle of the metric, where it differs from M: for massless bodies
 //! look      of each body position and axes (row by row), of each joint its point; kinetic, potential energy
+//! reactions of each joint force and moment on its child about its point, world axes, for v' and λ                 (R3)
 //! ```
 
 use crate::error::DescriptionError;
@@ -24,6 +25,8 @@ pub struct Recorded {
     pub module: Module,
     /// Each parameter with the offset of its first number and their count.
     pub parameters: Vec<(String, usize, usize)>,
+    /// The other inputs that a caller sets, v' and λ of all rows, likewise.
+    pub inputs: Vec<(&'static str, usize, usize)>,
     /// Each output with the offset of its first number and their count.
     pub outputs: Vec<(&'static str, usize, usize)>,
     /// For `mass` and `metric` the indices in the lower triangle, counted row by row, of entries that are not always 0.
@@ -31,11 +34,12 @@ pub struct Recorded {
 }
 
 /// Stages, and their outputs.
-const STAGES: [(&str, &[&str]); 4] = [
+const STAGES: [(&str, &[&str]); 5] = [
     ("position", &["phi", "c", "a"]),
     ("velocity", &["b", "mass", "h"]),
     ("metric", &["metric"]),
     ("look", &["bodies", "joints", "energy"]),
+    ("reactions", &["reactions"]),
 ];
 
 /// Triangles whose zeros are omitted.
@@ -85,12 +89,15 @@ impl Model {
             parameters.push((name.clone(), next, count));
             next += count;
         }
+        let settled = 1 + nq + nv..next;
+        let inputs = vec![("vdot", next, nv), ("lambda", next + nv, self.size().rows)];
+        next += nv + self.size().rows;
         let mut sizes: Vec<usize> = Vec::new();
         let made = Recording::new(next, |x| {
             let changes: Vec<(&str, &[Recorder])> =
                 parameters.iter().map(|(name, from, n)| (name.as_str(), &x[*from..from + n])).collect();
             let evaluator = self.over_with::<Recorder>(&changes)?;
-            let groups = self.everything(&evaluator, x).map_err(|e| {
+            let groups = self.everything(&evaluator, x, settled.end).map_err(|e| {
                 DescriptionError::new("mechanism", &self.spec.name, format!("its equations cannot be recorded: {e}"))
             })?;
             sizes = groups.iter().map(Vec::len).collect();
@@ -114,11 +121,16 @@ impl Model {
             stages.push((stage, Range { start, end: kept.len() }));
         }
         let made = made.with_outputs(&kept);
-        Ok(Recorded { module: made.module(1 + nq + nv..next, &stages), parameters, outputs, patterns })
+        Ok(Recorded { module: made.module(settled, &stages), parameters, inputs, outputs, patterns })
     }
 
-    /// All outputs, in the order of [`STAGES`].
-    fn everything(&self, e: &Evaluator<Recorder>, x: &[Recorder]) -> Result<Vec<Vec<Recorder>>, SystemError> {
+    /// All outputs, in the order of [`STAGES`]; v' and λ are the inputs from `acting` on.
+    fn everything(
+        &self,
+        e: &Evaluator<Recorder>,
+        x: &[Recorder],
+        acting: usize,
+    ) -> Result<Vec<Vec<Recorder>>, SystemError> {
         let (nq, nv) = (self.placed.nq, self.placed.nv);
         let zeros = |n: usize| vec![Recorder::zero(); n];
         let (t, q, v) = (x[0], &x[1..1 + nq], &x[1 + nq..1 + nq + nv]);
@@ -139,6 +151,9 @@ impl Model {
         e.look(q, v, &mut s);
         let (bodies, joints) = e.poses_and_points(&s);
         let [kinetic, potential, _] = e.energies(t, q, v, &s)?;
-        Ok(vec![phi, c, a, b, lower(&mass), h, metric, bodies, joints, vec![kinetic, potential]])
+        let (vdot, lambda) = x[acting..].split_at(nv);
+        let found = e.reactions(t, q, v, vdot, lambda, &mut s)?;
+        let reactions = found.joints.iter().flat_map(|w| w.force.0.into_iter().chain(w.moment.0)).collect();
+        Ok(vec![phi, c, a, b, lower(&mass), h, metric, bodies, joints, vec![kinetic, potential], reactions])
     }
 }

@@ -49,7 +49,7 @@ pub(crate) fn recorded(model: &Model, names: &[String], t: f64, q: &[f64]) -> Re
         "coordinates": size.nq, "velocities": size.nv, "rows": size.rows, "holonomic": size.holonomic,
         "work": made.module.work, "operations": made.module.operations,
         "patterns": made.patterns.iter().map(|(name, at)| (name.to_string(), json!(at))).collect::<Map<_, _>>(),
-        "parameters": ranges(parameters), "outputs": ranges(made.outputs.clone()),
+        "parameters": ranges(parameters), "inputs": ranges(made.inputs.clone()), "outputs": ranges(made.outputs.clone()),
         "row_start": pattern.row_ptr, "columns": pattern.col_idx, "conditions": rows, "dropped": dropped,
         "coordinates_of": coordinates,
         "displacement": (0..size.nv).map(|i| model.characteristic_displacement(i)).collect::<Vec<_>>(),

@@ -6,7 +6,7 @@ import argparse
 from typing import NoReturn
 
 from ..options import BASES, COORDINATES, CORRECTIONS, FORMULATIONS, INERTIAS, METHODS, SELECTIONS
-from .values import count, ladder, listed, pair, positive, repeats, seconds, setting
+from .values import count, ladder, listed, pair, port, positive, repeats, seconds, setting
 
 MODEL = "a model file (it exists or has an ending such as .toml), or a name from `partita list`"
 BAUMGARTE = "the two numbers [1/s] that the formulation baumgarte needs"
@@ -29,6 +29,7 @@ EXAMPLES = {
     "modes": ("four-bar-spring", "four-bar-spring --html mode.html"),
     "inverse": ("four-bar --rate A=60rpm --time 1", "four-bar --rate A=60rpm --actuator D -o torque.png"),
     "list": ("",),
+    "draw": ("", "--port 8000 --no-browser"),
     "bench": ("four-bar --time 1", "andrews-squeezer --tolerances 1e-5,1e-7,1e-9"),
     "plot": ("run.nc", "run.nc --what energy --what A -o energy.pdf"),
     "view": ("run.nc -o run.html",),
@@ -79,6 +80,8 @@ def parser() -> argparse.ArgumentParser:
     _inverse(_command(words, "inverse", inverse, "efforts that a motion needs, for the choice of motors"))
 
     _json(_command(words, "list", commands.list_names, "list the mechanisms of the catalogue"))
+
+    _draw(_command(words, "draw", commands.draw, "open a page on which a planar mechanism is drawn with the mouse"))
 
     _bench(_command(words, "bench", bench, "run at several tolerances and report costs and errors"))
 
@@ -248,6 +251,11 @@ def _bench(command: argparse.ArgumentParser) -> None:
     add("--coordinates", choices=COORDINATES, default="relative", help="coordinates of the model (default relative)")
     _start(command)
     _json(command)
+
+
+def _draw(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--port", metavar="N", type=port, default=0, help="port on this machine; default: a free one")
+    command.add_argument("--no-browser", action="store_true", help="print the address of the page, but open no browser")
 
 
 def _mcp(command: argparse.ArgumentParser) -> None:

@@ -1,9 +1,10 @@
-"""`partita report | list | plot | view | convert`."""
+"""`partita report | list | plot | view | convert | draw`."""
 
 from __future__ import annotations
 
 import argparse
 import warnings
+from contextlib import suppress
 from pathlib import Path
 
 from ..errors import ArgumentError, LossyFileWarning
@@ -72,6 +73,16 @@ def convert(arguments: argparse.Namespace) -> int:
         print_json(written.to_dict())
     else:
         print(f"wrote {written}")
+    return 0
+
+
+def draw(arguments: argparse.Namespace) -> int:
+    """Serve the page on which a mechanism is drawn until Ctrl+C."""
+    from ..sketch import draw as opened
+
+    with suppress(KeyboardInterrupt), opened(port=arguments.port, browser=not arguments.no_browser) as page:
+        print(f"draw at {page.url}\nCtrl+C ends", flush=True)
+        page.wait()
     return 0
 
 

@@ -56,6 +56,17 @@ def count(text: str) -> int:
     return value
 
 
+def port(text: str) -> int:
+    """A port of TCP; 0 is a free one."""
+    try:
+        value = int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number") from None
+    if not 0 <= value <= 65535:
+        raise argparse.ArgumentTypeError(f"{text!r} is no port: they go from 0 to 65535")
+    return value
+
+
 def repeats(text: str) -> int:
     """One or more."""
     try:

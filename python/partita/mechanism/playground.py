@@ -27,7 +27,7 @@ def to_playground(
     *,
     initial: State | None = None,
     title: str | None = None,
-    speed: float = 1.0,
+    speed: float | None = None,
 ) -> Path:
     """Write a page (one HTML file) on which the mechanism runs: change lengths, masses, springs, gravity and drives,
     pull a link, and the page computes the motion with the equations of the core.
@@ -40,7 +40,8 @@ def to_playground(
         path: the file, such as "four-bar.html"; an existing one is replaced.
         initial: state to start from; None: the drawing, assembled, at rest.
         title: title of the page; None: the name of the mechanism.
-        speed: simulated seconds per second of real time; it can be changed on the page.
+        speed: simulated seconds per second of real time; None: 1, or so slow that a turn can be followed. It can be
+            changed on the page.
 
     Returns:
         The path.
@@ -69,13 +70,20 @@ def to_playground(
         raise ArgumentError(f"title must be text, not {shown(title)}", argument="title")
     if initial is not None and not isinstance(initial, State):
         raise ArgumentError(f"initial must be a State, not {type(initial).__name__}", argument="initial")
-    pace = run_options.positive("speed", speed)
+    pace = None if speed is None else run_options.positive("speed", speed)
+    page = playground_page(self, initial, title, pace)
+    return put(where, page.encode("utf-8"))
+
+
+def playground_page(
+    self: Modelled, initial: State | None = None, title: str | None = None, speed: float | None = None
+) -> str:
+    """The page as text. Arguments and errors are those of `to_playground`."""
     name = self.name if title is None else title
     start = _start(self, initial)
     made = recorded(self, start)
     seen = {"scene": scene_of(still(self, start), name), "toml": _file(self)}
-    page = html(made, name, seen, pace, ("partita.viewer", DRAWS))
-    return put(where, page.encode("utf-8"))
+    return html(made, name, seen, speed, ("partita.viewer", DRAWS))
 
 
 def _start(self: Modelled, initial: State | None) -> State:

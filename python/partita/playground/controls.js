@@ -3,6 +3,7 @@
 const $ = (id) => document.getElementById(id);
 const about = JSON.parse($("data").textContent);
 const fault = (words) => { $("fault").hidden = !words; $("fault").textContent = words; };
+const MOST_TRIED = 4; // speeds
 const EXPLORED = 3, EXPLORING = 150; // seconds of motion looked at before the first picture; milliseconds spent on them
 const PLOTTED = 6; // seconds on the screen that plots reach back
 const SPEEDS = [0.001, 0.01, 0.03, 0.1, 0.3, 1, 3];
@@ -19,23 +20,40 @@ const numbers = new Numbers(about, motion);
 const live = new LiveRun(about, motion);
 const scene = new LiveScene(live, $("view"));
 
-/** The first view holds where the mechanism goes in the next seconds. */
-function explore() {
-  const deadline = performance.now() + EXPLORING, speed = about.speed;
+/** The first view holds where the mechanism goes in the next seconds at this speed; returns how fast it usually turns. */
+function explore(speed) {
+  const deadline = performance.now() + EXPLORING, loads = { force: [], moment: [] }, rates = [], shapes = [];
   try {
     for (let i = 1; i <= 30 && performance.now() < deadline; i++) {
       motion.advance(motion.t + (EXPLORED * speed) / 30, deadline);
       live.look();
       scene.extent.push(...findExtent(live));
+      shapes.push(aboutMiddle(live, 0));
+      live.scene.joints.forEach((_, j) => {
+        loads.force.push(length(live.load(j, 0)));
+        loads.moment.push(length(live.load(j, 3)));
+      });
+      rates.push(live.turning);
     }
   } catch (error) {
     if (!(error instanceof motion.Fault)) throw error; // it will be reported when it happens
   }
+  scene.scaleTo(loads);
+  scene.near = travelling(live, scene.extent, shapes);
+  scene.options.follow = scene.near !== null;
   motion.reset(about.start);
   live.look();
+  rates.sort((a, b) => a - b);
+  return rates.length ? rates[rates.length >> 1] : 0;
 }
-explore();
-const plots = new LivePlots(about, motion, PLOTTED * about.speed);
+// where none is asked for, a speed at which turns can be followed; slower ones are tried while the motion found is faster
+let firstSpeed = about.speed || 1;
+for (let i = 0; i < MOST_TRIED; i++) {
+  const followed = usualSpeed(LONGEST, explore(firstSpeed));
+  if (about.speed || followed > 0.6 * firstSpeed) break;
+  firstSpeed = followed;
+}
+const plots = new LivePlots(about, motion, live, PLOTTED * firstSpeed);
 
 /** Carry out a change: report why it cannot be, and show all numbers anew. */
 function attempt(change) {
@@ -73,13 +91,12 @@ const readouts = ["energy", "switches", "frames a second"].map((name) => {
   $("readouts").append(box);
   return dd;
 });
-const speedWords = (x) => (x === 1 ? "real time" : x < 1 ? `1/${Number((1 / x).toPrecision(2))} of real time` : `${x} × real time`);
-for (const x of [...new Set([...SPEEDS, about.speed])].sort((a, b) => a - b)) $("speed").add(new Option(speedWords(x), x));
-$("speed").value = about.speed;
+for (const x of [...new Set([...SPEEDS, firstSpeed])].sort((a, b) => a - b)) $("speed").add(new Option(paceText(x), x));
+$("speed").value = firstSpeed;
 $("speed").addEventListener("change", () => { plots.seconds = PLOTTED * Number($("speed").value); });
 
 // ---- the pointer
-let dragging = null;
+let dragging = null, hovered = null; // the pointer pulls or moves the view; it rests at a pixel
 const local = (event) => {
   const box = $("view").getBoundingClientRect();
   return [event.clientX - box.left, event.clientY - box.top];
@@ -106,12 +123,14 @@ $("view").addEventListener("pointerdown", (event) => {
   $("view").setPointerCapture(event.pointerId);
   const [x, y] = local(event), found = event.button === 0 && !event.shiftKey ? scene.grasped(x, y) : null;
   dragging = { x, y, moves: event.button !== 0 || event.shiftKey };
+  hovered = event.pointerType === "touch" ? { x, y } : null; // a finger reads a joint by touching it
   if (found) grasp(found);
   $("hint").hidden = true;
 });
 $("view").addEventListener("pointermove", (event) => {
-  if (!dragging) return;
   const [x, y] = local(event), { camera } = scene;
+  if (!dragging && event.pointerType !== "touch") hovered = { x, y };
+  if (!dragging) return;
   if (scene.pull) {
     scene.pull.to = camera.unproject(x, y, scene.pull.to);
     motion.load({ [`${springOf(live.place[scene.pull.body])}.point1`]: scene.pull.to });
@@ -123,6 +142,7 @@ $("view").addEventListener("pointermove", (event) => {
   dragging = { ...dragging, x, y };
 });
 for (const end of ["pointerup", "pointercancel"]) $("view").addEventListener(end, () => { dragging = null; release(); });
+$("view").addEventListener("pointerleave", (event) => { if (event.pointerType !== "touch") hovered = null; });
 $("view").addEventListener("contextmenu", (event) => event.preventDefault());
 function zoom(factor, x = scene.camera.width / 2, y = scene.camera.height / 2 + scene.camera.drop) {
   scene.touched = true;
@@ -144,11 +164,11 @@ function resetView() {
   scene.touched = false;
   scene.resetView();
 }
-for (const name of ["names", "traces", "forces"]) {
+for (const name of ["names", "traces", "forces", "moments", "loads"]) {
   $(name).checked = scene.options[name];
   $(name).addEventListener("change", (event) => { scene.options[name] = event.target.checked; });
 }
-$("forces").parentElement.hidden = !live.scene.springs.length;
+$("loads").parentElement.hidden = !live.scene.springs.length;
 $("reset").addEventListener("click", resetView);
 $("lens").addEventListener("click", () => setLens(!scene.camera.parallel));
 $("theme").addEventListener("click", toTheme);
@@ -291,7 +311,13 @@ function frame(now) {
       // time that a step covered beyond the last frame is not computed again; what could not be computed in time is left out
       asked = Math.max(asked, motion.t - 0.1 * speed) + passed * speed;
       if (Math.abs(asked - motion.t) > 0.2 * speed) asked = motion.t + passed * speed;
-      motion.advance(asked, performance.now() + 200);
+      const from = motion.t, deadline = performance.now() + 200, parts = scene.partsOf(asked - from);
+      for (let i = 1; i <= parts; i++) {
+        motion.advance(from + ((asked - from) * i) / parts, deadline);
+        if (i === parts) break; // this one is drawn below
+        live.look();
+        scene.record();
+      }
       asked = Math.min(asked, motion.t);
     } catch (error) {
       if (!(error instanceof motion.Fault)) throw error;
@@ -301,6 +327,7 @@ function frame(now) {
     }
   }
   scene.draw(0, running);
+  showTip($("tip"), scene, 0, hovered && scene.pick(hovered.x, hovered.y), hovered ? hovered.x : 0, hovered ? hovered.y : 0);
   if (running) {
     scene.record();
     plots.record(motion.t, live.state.energy);

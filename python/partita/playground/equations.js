@@ -321,11 +321,40 @@ function makeEquations(run, about) {
       for (let s = dtStart[i]; s < dtStart[i + 1]; s++) slope[i] += dt[s] * hd[dtColumn[s]];
     }
   }
+  // R1 for the accelerations computed last, by rows; those of redundant rows are 0
+  function multipliers(out) {
+    out.fill(0);
+    if (wide) {
+      for (let r = 0; r < m; r++) out[kept[r]] = -both[whole.rowOf[n + r]];
+      return;
+    }
+    for (let i = 0; i < n; i++) force[i] = -w[H + i];
+    for (let e = 0; e < mass.row.length; e++) {
+      const i = mass.row[e], j = mass.column[e], z = w[MASS + e];
+      force[i] += z * slope[j];
+      if (i !== j) force[j] += z * slope[i];
+    }
+    balanced(force, out);
+  }
+  // C_D^T x = force_D over the rows in use
+  function balanced(load, out) {
+    for (let r = 0; r < m; r++) right[elimination.rowOf[r]] = load[dependent[r]];
+    elimination.solveTransposed(right);
+    for (let r = 0; r < m; r++) out[kept[r]] = right[r];
+  }
+  // a self-stress: 1 on a redundant row, balanced by the rows in use
+  function balance(row, out) {
+    force.fill(0);
+    for (let e = rowStart[row]; e < rowStart[row + 1]; e++) force[columns[e]] = -w[C + e];
+    out.fill(0);
+    balanced(force, out);
+    out[row] = 1;
+  }
 
   return {
     run, about, w, nq, n, m, k, rows, holonomic, kept, closing, dropped, balls, plain, displacement, closureScale, all, rates,
     rowStart, columns, phi, mass, metric, massless, slope, C, METRIC,
-    position, velocity, entriesOf, factor, tangent, evaluated, adopt, expand, derivative, accelerate, projected, move, normalise,
+    position, velocity, multipliers, balance, entriesOf, factor, tangent, evaluated, adopt, expand, derivative, accelerate, projected, move, normalise,
     // row i of D^T: columns and values from start[i] to start[i + 1]
     get tangents() { return { start: dtStart, column: dtColumn, value: dt }; },
     forget() {

@@ -145,6 +145,19 @@ function makeElimination(m, entries, w) {
       x[pivotRow[p]] = z / values[pivotAt[p]];
     }
   }
+  // x, by unknowns at the rows of their pivots, becomes the solution of the transposed equations, by rows
+  function solveTransposed(x) {
+    for (let p = 0; p < m; p++) {
+      const z = x[pivotRow[p]] / values[pivotAt[p]];
+      x[pivotRow[p]] = z;
+      for (let u = uStart[p]; u < uStart[p + 1]; u++) x[uRow[u]] -= values[uAt[u]] * z;
+    }
+    for (let p = m - 1; p >= 0; p--) {
+      let z = x[pivotRow[p]];
+      for (let l = lStart[p]; l < lStart[p + 1]; l++) z -= values[lAt[l]] * x[lRow[l]];
+      x[pivotRow[p]] = z;
+    }
+  }
   // the same for the right-hand sides, with their sign turned, k numbers a row
   function solveSides(x, k) {
     x.fill(0);
@@ -169,7 +182,7 @@ function makeElimination(m, entries, w) {
   // of each unknown the right-hand sides that reach it
   const reaching = Array.from({ length: m }, (_, j) => [...reached[rowOf[j]]].sort((x, y) => x - y));
   const operations = Target.length + lAt.length + uAt.length + m + upOf.length + downOf.length;
-  return { factor, solve, solveSides, rowOf, reaching, operations, get sign() { return sign; }, get steep() { return steep; } };
+  return { factor, solve, solveSides, solveTransposed, rowOf, reaching, operations, get sign() { return sign; }, get steep() { return steep; } };
 }
 
 // A symmetric positive matrix by the entries of its lower triangle that are not always 0, factored from the last row to the

@@ -2,6 +2,10 @@
 
 const TRACED = 8; // paths drawn without being asked for, at most
 const TRACE_LENGTH = 240; // frames that a path reaches back
+const MOST_POINTS = 600; // of a path
+const BEND = 0.2; // rad: an angle that a path shows in one piece
+const MOST_PARTS = 12; // points of a path in one frame
+const ROUNDING = 1e-9; // of forces, and of moments over the size: less is not drawn
 const STRIKE = 18; // pixels: a link farther from the pointer is not taken
 const RATIOS = ["ratio", "radius", "radius1", "radius2", "factors"]; // numbers of couplings that change the size of wheels
 
@@ -14,7 +18,8 @@ class LiveRun {
     this.frames = 1;
     this.t = [0];
     const none = { columns: 0, values: [], get: () => 0, vector: () => [0, 0, 0] };
-    this.tables = { force: none, moment: none, measure: none };
+    const loads = (from) => ({ ...none, vector: (frame, j) => this.load(j, from) });
+    this.tables = { force: loads(0), moment: loads(3), measure: none };
     const names = about.bodies.map((name, i) => [name, i]);
     this.place = this.scene.bodies.map(({ name }) => new Map(names).get(name));
     this.order = this.scene.joints.map(({ name }) => about.joints.findIndex((joint) => joint.name === name));
@@ -42,9 +47,29 @@ class LiveRun {
     return this.about.parameters;
   }
 
+  /** Reactions at this instant, computed when they are asked for; NaN where the loops lose rank. */
+  get reactions() {
+    if (this.found) return this.found;
+    try {
+      this.found = this.motion.reactions();
+    } catch (error) {
+      if (!(error instanceof this.motion.Fault)) throw error;
+      this.found = { wrenches: new Float64Array(6 * this.order.length).fill(NaN), open: this.order.map(() => [false, false]) };
+    }
+    this.scene.joints.forEach((joint, j) => { joint.open = this.found.open[this.order[j]]; });
+    return this.found;
+  }
+
+  /** Force (`from` 0) or moment (3) of a joint of the drawing on its child. */
+  load(j, from) {
+    const at = 6 * this.order[j] + from;
+    return Array.from(this.reactions.wrenches.subarray(at, at + 3));
+  }
+
   /** Take up the state, and what follows from numbers that were changed. */
   look() {
     const { motion, scene } = this, state = this.state = motion.look();
+    this.found = null;
     scene.joints.forEach((joint, j) => {
       const world = Array.from(state.joints.subarray(3 * this.order[j], 3 * this.order[j] + 3)), before = joint.at;
       joint.at = this.within(joint.child, world);
@@ -93,6 +118,12 @@ class LiveRun {
     return seat ? this.placed(frame, child, seat) : this.jointPoint(frame, j);
   }
 
+  /** The fastest rate of a rotation now [rad/s]. */
+  get turning() {
+    const { motion, about } = this;
+    return about.names.reduce((most, name, i) => (about.units[name] === "rad/s" ? Math.max(most, Math.abs(motion.v[i])) : most), 0);
+  }
+
   independent() {
     return this.motion.independent.map((i) => this.columnOf[i]);
   }
@@ -106,16 +137,18 @@ class LiveRun {
   }
 }
 
-/** The drawing of a page of a run, with paths of the last seconds, forces of springs, and the pull of the pointer. */
+/** The drawing of a page of a run, with paths of the last seconds, reactions, forces of springs, and the pull of the pointer. */
 class LiveScene extends Scene {
   constructor(run, canvas) {
     super(run, canvas);
     const mass = this.run.about.bodies.reduce((sum, body) => sum + (this.number(`${body}.mass`) || 0), 0);
     const gravity = Object.hasOwn(run.parameters, "gravity") ? length(run.motion.get("gravity")) : 0;
-    this.forceUnit = mass * (gravity || 9.81); // a weight: forces of springs are drawn to its scale
+    this.forceUnit = mass * (gravity || 9.81); // a weight, until loads of the motion are known
+    this.momentUnit = 0;
+    this.parts = 1; // points of a path in one frame
     this.traced = this.sources().map((at) => ({ at, points: [] }));
     this.options.traces = this.traced.length <= TRACED;
-    this.options.forces = run.scene.springs.length > 0;
+    this.options.loads = run.scene.springs.length > 0;
     this.lengths = new Map();
     this.touched = false; // whether the view was set by hand
     this.pull = null;
@@ -148,8 +181,15 @@ class LiveScene extends Scene {
     for (const { at, points } of this.traced) {
       const p = at();
       if (isFinite3(p)) points.push(p);
-      if (points.length > TRACE_LENGTH) points.shift();
+      if (points.length > Math.min(MOST_POINTS, TRACE_LENGTH * this.parts)) points.splice(0, points.length > MOST_POINTS ? 1 : 2);
     }
+  }
+
+  /** In how many parts a path goes through the next seconds: so many that no coordinate turns far in one of them. */
+  partsOf(seconds) {
+    const parts = Math.ceil((this.run.turning * seconds) / BEND);
+    this.parts = this.options.traces && this.traced.length ? Math.max(1, Math.min(MOST_PARTS, parts)) : 1;
+    return this.parts;
   }
 
   forget() {
@@ -165,12 +205,19 @@ class LiveScene extends Scene {
     }
   }
 
-  reactions() {} // not computed here: they are on pages of runs
+  /** Sizes of reactions that motions have had: one arrow scale for all that follows. */
+  scaleTo(loads) {
+    for (const [unit, list] of [["forceUnit", loads.force], ["momentUnit", loads.moment]]) {
+      const sizes = list.filter((x) => Number.isFinite(x) && x > 0).sort((a, b) => a - b);
+      if (sizes.length) this[unit] = sizes[Math.floor(0.95 * (sizes.length - 1))];
+    }
+    if (this.momentUnit < ROUNDING * this.forceUnit * this.size) this.momentUnit = 0;
+  }
 
   /** Forces of springs on their second body, and the pull of the pointer. */
   loads(painter) {
     const { run, options } = this, span = this.arrowSpan * options.arrows, now = run.motion.t;
-    for (const spring of options.forces ? run.scene.springs : []) {
+    for (const spring of options.loads ? run.scene.springs : []) {
       const ends = [1, 2].map((i) => run.placed(0, spring[`body${i}`], spring[`point${i}`])), line = sub(ends[0], ends[1]), l = length(line);
       const last = this.lengths.get(spring.name), rate = last && now > last.t ? (l - last.l) / (now - last.t) : last ? last.rate : 0;
       this.lengths.set(spring.name, { t: now, l, rate });
@@ -178,7 +225,7 @@ class LiveScene extends Scene {
       if (!(l > 0) || !Number.isFinite(force)) continue;
       for (const [end, sign] of [[1, 1], [0, -1]]) {
         if (spring[`body${end + 1}`] < 0) continue;
-        this.arrowDrawn(painter.arrow(ends[end], scaled(line, (sign * force * span) / (l * this.forceUnit)), COLOURS.force, 1, false, MOST_ARROW * span));
+        this.arrowDrawn(painter.arrow(ends[end], scaled(line, (sign * force * span) / (l * this.forceUnit)), COLOURS.load, 1, false, MOST_ARROW * span));
       }
     }
     if (!this.pull) return;
@@ -194,7 +241,7 @@ class LiveScene extends Scene {
 
   /** What moves out of the picture makes it smaller, unless the view was set by hand. */
   keepInView() {
-    if (this.touched || !this.extent.length) return;
+    if (this.touched || this.options.follow || !this.extent.length) return;
     const { camera } = this, margin = 8;
     const out = findExtent(this.run).filter((p) => {
       const seen = camera.project(p);
@@ -235,9 +282,9 @@ class LiveScene extends Scene {
 const HISTORY = 900; // samples of a plot
 const MOST_CURVES = 60;
 
-/** Curves of the last seconds: energies, coordinates and velocities. */
+/** Curves of the last seconds: energies, coordinates, velocities and reactions. */
 class LivePlots extends Plots {
-  constructor(about, motion, seconds) {
+  constructor(about, motion, live, seconds) {
     const { names } = about, shown = names.slice(0, MOST_CURVES), t = [];
     const curve = (group, name, unit, read) => ({
       group, name, unit, labels: [""], columns: [0], size: false, open: false, table: "", read, values: [],
@@ -246,6 +293,8 @@ class LivePlots extends Plots {
     const curves = [
       ...shown.map((name, i) => curve("velocities", `velocity of ${name}`, unitOf(name), () => motion.v[i])),
       ...about.plain.slice(0, MOST_CURVES).map(([name, i, unit]) => curve("coordinates", name, unit, () => motion.q[i])),
+      ...live.scene.joints.slice(0, MOST_CURVES / 2).flatMap(({ name }, j) => [["force", "N"], ["moment", "N m"]].map(
+        ([what, unit], i) => curve(`${what}s of joints`, `${what} in ${name}`, unit, () => length(live.load(j, 3 * i))))),
       curve("energy", "kinetic energy", "J", (energy) => energy[0]), curve("energy", "potential energy", "J", (energy) => energy[1]),
       curve("energy", "total energy", "J", (energy) => energy[0] + energy[1]),
     ];

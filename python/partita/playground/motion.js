@@ -5,7 +5,7 @@
 
 function makeMotion(run, about) {
   const eq = makeEquations(run, about), { closureError, closeDependent, closeAll, gaps, named, digits } = makeClosing(eq);
-  const choice = makeChoice(eq), { rho, choose } = choice;
+  const choice = makeChoice(eq), { rho, choose } = choice, reactionsOf = makeReactions(eq);
   const { w, nq, n, k, plain, displacement, rates, closing, position, velocity, expand, derivative, accelerate, evaluated, normalise } = eq;
   const ny = nq + k;
 
@@ -293,6 +293,7 @@ function makeMotion(run, about) {
     get steps() { return steps; },
     get switches() { return choice.switches; },
     get independent() { return eq.independent; },
+    get wide() { return eq.wide; },
     // loads that do not change the geometry
     load(values) {
       for (const [name, x] of Object.entries(values)) put(name, x);
@@ -323,6 +324,14 @@ function makeMotion(run, about) {
     get operations() { return eq.elimination ? eq.elimination.operations : 0; },
     // rho at this state
     choose() { if (costly || !ready) settle(); },
+    // {wrenches, open}: force and moment of each joint on its child, and which are not determined
+    reactions() {
+      position(t, q);
+      velocity(t, v);
+      if (!evaluated()) throw new Fault("The reactions are not determined in this position: the loops lose rank.");
+      accelerate(y, v, stage[0]);
+      return reactionsOf();
+    },
     // poses of bodies (12 each), points of joints (3 each), kinetic and potential energy
     look() {
       w[0] = t;

@@ -9,12 +9,16 @@ from typing import Any
 from ..webpage import part_of, whole_page
 from .program import Program
 
-COMPUTES = ("module.js", "linear.js", "equations.js", "closing.js", "choice.js", "methods.js", "motion.js")
+COMPUTES = (
+    "module.js", "linear.js", "equations.js", "reactions.js", "closing.js", "choice.js", "methods.js", "motion.js",
+)  # fmt: skip
 """Scripts without reference to the page: together they define `makeMotion`."""
 SCRIPTS = (*COMPUTES, "address.js", "export.js", "live.js", "fields.js", "controls.js")
 
 
-def html(made: Program, title: str, seen: dict[str, Any], speed: float, drawn_by: tuple[str, Sequence[str]]) -> str:
+def html(
+    made: Program, title: str, seen: dict[str, Any], speed: float | None, drawn_by: tuple[str, Sequence[str]]
+) -> str:
     """The page as text. It contains all it needs and loads nothing; names and titles are escaped.
 
     `seen` is what is drawn: the scene, the model file. `drawn_by`: the package whose style and scripts draw it.

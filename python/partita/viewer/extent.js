@@ -55,18 +55,23 @@ function spanOf(points) {
   return points.length ? length(spread) : 0;
 }
 
-/** The extent about the middle that moves, where a mechanism travels far; null where it stays. */
-function travelling(run, extent) {
+/** The extent in a frame about the middle that moves. */
+function aboutMiddle(run, frame) {
+  const middle = middleOf(run, frame);
+  return findExtent(run, [frame, frame + 1]).map((p) => sub(p, middle));
+}
+
+/** The extent about the middle that moves, from that in some frames, where a mechanism travels far; null where it stays. */
+function travelling(run, extent, shapes) {
   if (run.scene.joints.some((j) => j.kind !== "free" && (j.parent < 0 || j.child < 0))) return null;
-  const whole = spanOf(extent), count = Math.min(run.frames, 24), near = [], spans = [];
-  for (let i = 0; i < count; i++) {
-    const f = Math.round((i * (run.frames - 1)) / Math.max(1, count - 1)), middle = middleOf(run, f);
-    const points = findExtent(run, [f, f + 1]).map((p) => sub(p, middle));
-    spans.push(spanOf(points));
-    near.push(...points);
-  }
-  spans.sort((a, b) => a - b);
-  return count > 1 && spans[count >> 1] > 0 && whole > FAR * spans[count >> 1] ? near : null;
+  const spans = shapes.map(spanOf).sort((a, b) => a - b), usual = spans[spans.length >> 1];
+  return spans.length > 1 && usual > 0 && spanOf(extent) > FAR * usual ? shapes.flat() : null;
+}
+
+/** Frames spread over a run, at most so many. */
+function spreadFrames(run, most) {
+  const count = Math.min(run.frames, most);
+  return Array.from({ length: count }, (_, i) => Math.round((i * (run.frames - 1)) / Math.max(1, count - 1)));
 }
 
 /** Points of a solid in body axes that hold it in the picture. */

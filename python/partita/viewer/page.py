@@ -18,10 +18,11 @@ from .slim import slim
 
 DRAWS = (
     "data.js", "between.js", "theme.js", "camera.js", "shapes.js", "extent.js", "paths.js", "labels.js", "legends.js",
-    "solids.js", "around.js", "scene.js", "plots.js",
+    "solids.js", "around.js", "scene.js", "tip.js", "pace.js",
+    "plots.js",
 )  # fmt: skip
 """Scripts without reference to the page of a run: drawing and plots, of playgrounds too."""
-SCRIPTS = (*DRAWS, "panel.js", "pace.js", "player.js")
+SCRIPTS = (*DRAWS, "panel.js", "player.js")
 
 
 def html(

@@ -20,7 +20,7 @@ class Scene {
     this.jointOf = new Map(); // velocity -> joint
     s.joints.forEach((joint, j) => joint.velocities.forEach((v) => this.jointOf.set(v, j)));
     this.extent = findExtent(run);
-    this.near = travelling(run, this.extent);
+    this.near = travelling(run, this.extent, spreadFrames(run, 24).map((f) => aboutMiddle(run, f)));
     const sizes = findSizes(run, this.near || this.extent);
     this.size = sizes.size;
     this.radius = sizes.radius;

@@ -303,17 +303,18 @@ class Painter {
     });
   }
 
-  /** An arrow three quarters around a point: a drive turns it. */
-  turnArrow(p, radius, colour) {
-    const c = this.c, r = Math.max(9, radius), start = -0.75 * Math.PI, end = 0.6 * Math.PI;
+  /** An arrow three quarters around a point, clockwise or not: a drive turns it. */
+  turnArrow(p, radius, colour, clockwise = true) {
+    const c = this.c, r = Math.max(9, radius), [start, end] = clockwise ? [-0.75 * Math.PI, 0.6 * Math.PI] : [-0.25 * Math.PI, -1.6 * Math.PI];
     for (const [style, width] of [[COLOURS.halo, 4], [colour, 2]]) {
       c.beginPath();
-      c.arc(p.x, p.y, r, start, end);
+      c.arc(p.x, p.y, r, start, end, !clockwise);
       c.strokeStyle = style;
       c.lineWidth = width;
       c.stroke();
     }
-    const x = p.x + r * Math.cos(end), y = p.y + r * Math.sin(end), ux = -Math.sin(end), uy = Math.cos(end), h = Math.min(8, 0.7 * r);
+    const x = p.x + r * Math.cos(end), y = p.y + r * Math.sin(end), sense = clockwise ? 1 : -1;
+    const ux = -sense * Math.sin(end), uy = sense * Math.cos(end), h = Math.min(8, 0.7 * r);
     this.polygon([{ x: x + ux * h, y: y + uy * h }, { x: x - uy * 0.55 * h, y: y + ux * 0.55 * h },
       { x: x + uy * 0.55 * h, y: y - ux * 0.55 * h }], colour, null);
   }

@@ -1,0 +1,427 @@
+// The page: tools, pointer, keyboard, properties, messages, files, running.
+
+const $ = (id) => document.getElementById(id);
+const { drawing, empty } = JSON.parse($("data").textContent);
+const sketch = new Sketch(drawing);
+const picture = new Picture(sketch, $("view"));
+const CLICK = 7; // pixels: a shorter drag is a click
+const DIRECTIONS_APART = Math.PI / 12; // slides lie at multiples of this
+
+const HINTS = {
+  select: "Drag a point or a bar to move it; drag beside it to move the view. A point dropped on another becomes one with it.",
+  bar: "Press where the bar begins, drag to where it ends. Bars that share a point are pinned there.",
+  pin: "Click a bar, or where bars cross: they are pinned there.",
+  ground: "Click a point, a bar or an empty place: it is held by the ground. Again: it is free.",
+  slide: "Press at a point and drag along the direction in which it slides, or to the bar along which it slides.",
+  motor: "Click a pin, near the bar that it turns, or a slide.",
+  spring: "Press where the spring begins, drag to where it ends. An end beside the bars is held by the ground.",
+  delete: "Click what is to go.",
+};
+let tool = "bar", saying = null, pending = null, answer = null;
+
+function say(words, kind) {
+  $("said").textContent = words;
+  $("said").dataset.kind = kind;
+}
+
+function heard(found) {
+  answer = found;
+  if (found.closed) { // the lengths that were asked for, reached by moving nodes
+    sketch.close(found.closed);
+    answer.gaps = [];
+  }
+  picture.gaps = found.gaps || [];
+  if (picture.gaps.length && !picture.touched) picture.resetView();
+  say(found.message, found.kind);
+  $("remarks").replaceChildren(...(found.remarks || []).map((words) => element("li", "", words)));
+  $("run").disabled = !["moves", "rigid"].includes(found.kind);
+  for (const id of ["toml", "python"]) $(id).disabled = !found[id];
+  if (found.closed) { refresh(); link.changed(); } else picture.draw();
+}
+const link = new Link(sketch, heard, (words) => say(words, "open"));
+
+/** Show the drawing anew; what the core says follows. */
+function refresh() {
+  if (picture.selected !== null && !sketch.find(picture.selected)) picture.selected = null;
+  $("undo").disabled = !sketch.past.length;
+  $("redo").disabled = !sketch.future.length;
+  showProperties();
+  picture.draw();
+}
+
+/** Carry out a change that can be undone; one that changes nothing leaves no trace. */
+function change(make, word = "") {
+  const { future } = sketch;
+  sketch.remember(word);
+  make();
+  if (!word) sketch.unchanged(future);
+  picture.gaps = [];
+  refresh();
+  link.changed();
+}
+
+// ---- tools
+
+function choose(name) {
+  tool = name;
+  pending = picture.preview = null;
+  for (const button of document.querySelectorAll("#tools [data-tool]")) {
+    button.setAttribute("aria-pressed", String(button.dataset.tool === name));
+  }
+  $("hint").textContent = HINTS[name];
+  $("view").style.cursor = name === "select" ? "" : "crosshair";
+  picture.draw();
+}
+for (const button of document.querySelectorAll("#tools [data-tool]")) button.addEventListener("click", () => choose(button.dataset.tool));
+
+/** Where the pointer means: a node, a point of bars, or a point of the grid. */
+function aimed(x, y, near, except = null) {
+  const node = picture.nodeAt(x, y, near, except);
+  if (node) return { node, at: [node.x, node.y] };
+  const bars = picture.barsAt(x, y, 0.7 * near).filter(({ bar }) => !sketch.nodesOf(bar).includes(except));
+  if (bars.length) return { bars: bars.map(({ bar }) => bar), at: crossing(bars) };
+  return { at: picture.snapped(picture.at(x, y)) };
+}
+
+/** Where two bars cross, if they do near here; else the foot on the nearest. */
+function crossing(found) {
+  if (found.length < 2) return found[0].at;
+  const [a, b] = found.map(({ bar }) => bar), p = sketch.node(a.a), q = sketch.node(a.b), r = sketch.node(b.a), s = sketch.node(b.b);
+  const ux = q.x - p.x, uy = q.y - p.y, vx = s.x - r.x, vy = s.y - r.y, det = ux * vy - uy * vx;
+  if (Math.abs(det) < 1e-9 * Math.hypot(ux, uy) * Math.hypot(vx, vy)) return found[0].at;
+  const part = ((r.x - p.x) * vy - (r.y - p.y) * vx) / det;
+  return [p.x + part * ux, p.y + part * uy];
+}
+
+/** The node that is meant, made where there is none. */
+function nodeFor({ node, bars, at }) {
+  if (node) return node;
+  return bars ? sketch.addOn(bars, at) : sketch.addNode(at);
+}
+
+function endLine(from, to) {
+  if (Math.hypot(to.at[0] - from.at[0], to.at[1] - from.at[1]) * picture.camera.scale < CLICK) return;
+  change(() => {
+    const a = nodeFor(from), b = nodeFor(to);
+    if (a.id === b.id) return;
+    picture.selected = (tool === "spring" ? sketch.addSpring(a.id, b.id) : sketch.addBar(a.id, b.id)).id;
+  });
+}
+
+function endSlide(from, x, y, near) {
+  const target = picture.barsAt(x, y, near).find(({ bar }) => !from.node || !sketch.nodesOf(bar).includes(from.node.id));
+  const p = picture.pixel(from.at), dx = x - p.x, dy = p.y - y, moved = Math.hypot(dx, dy) > 2 * CLICK;
+  const along = target && (moved || !from.bars) ? target.bar : null;
+  change(() => {
+    const node = nodeFor(from);
+    const angle = moved ? Math.round(Math.atan2(dy, dx) / DIRECTIONS_APART) * DIRECTIONS_APART : 0;
+    picture.selected = sketch.addSlide(node.id, along ? 0 : angle, along && !sketch.nodesOf(along).includes(node.id) ? along.id : null).id;
+  });
+}
+
+function click(x, y, near) {
+  const target = aimed(x, y, near);
+  if (tool === "pin") {
+    if (target.node || !target.bars) return;
+    change(() => { picture.selected = sketch.addOn(target.bars, target.at).id; });
+  } else if (tool === "ground") {
+    change(() => {
+      const node = nodeFor(target);
+      const old = sketch.slideAt(node.id);
+      node.ground = !(target.node && node.ground);
+      if (old && node.ground) sketch.remove(old.id);
+      picture.selected = node.id;
+      sketch.sweep();
+    });
+  } else if (tool === "motor") {
+    if (!target.node) { $("hint").textContent = "There is no pin or slide here. " + HINTS.motor; return; }
+    const bars = sketch.barsAt(target.node.id), slide = sketch.slideAt(target.node.id);
+    const nearest = picture.barsAt(x, y, 400).find(({ bar }) => bars.includes(bar));
+    if (!slide && !nearest) { $("hint").textContent = "Nothing is pinned here. " + HINTS.motor; return; }
+    change(() => {
+      const made = sketch.addMotor(target.node.id, slide ? null : nearest.bar.id);
+      picture.selected = made ? made.id : target.node.id;
+    });
+  } else if (tool === "delete") {
+    const found = picture.pick(x, y, near);
+    if (found) change(() => sketch.remove(found.id));
+  }
+}
+
+// ---- pointer: one finger draws, two move and zoom
+
+const pointers = new Map();
+let grabbed = null;
+
+const local = (event) => {
+  const box = $("view").getBoundingClientRect();
+  return [event.clientX - box.left, event.clientY - box.top];
+};
+const nearOf = (event) => (event.pointerType === "touch" ? NEAR_TOUCH : NEAR);
+
+function grab(x, y, near) {
+  const found = picture.pick(x, y, near), at = picture.at(x, y);
+  picture.selected = found ? found.id : null;
+  const table = found && sketch.tableOf(found.id);
+  if (table === "nodes") return { nodes: [found.id], from: [[found.x, found.y]], at, moved: false };
+  if (table === "bars") {
+    const nodes = [found.a, found.b];
+    return { nodes, from: nodes.map((id) => [sketch.node(id).x, sketch.node(id).y]), at, moved: false };
+  }
+  return found ? { nodes: [], from: [], at, moved: false } : null;
+}
+
+function drag(x, y) {
+  const [wx, wy] = picture.at(x, y), dx = wx - grabbed.at[0], dy = wy - grabbed.at[1];
+  if (!grabbed.nodes.length || (!grabbed.moved && Math.hypot(dx, dy) * picture.camera.scale < CLICK)) return;
+  if (!grabbed.moved) { sketch.remember(); grabbed.moved = true; }
+  const first = picture.snapped([grabbed.from[0][0] + dx, grabbed.from[0][1] + dy]);
+  const by = [first[0] - grabbed.from[0][0], first[1] - grabbed.from[0][1]];
+  grabbed.nodes.forEach((id, i) => sketch.move(id, [grabbed.from[i][0] + by[0], grabbed.from[i][1] + by[1]]));
+  picture.gaps = [];
+  refresh();
+  link.changed();
+}
+
+function drop(x, y, near) {
+  if (!grabbed.moved) { refresh(); return; }
+  const [id] = grabbed.nodes, other = grabbed.nodes.length === 1 ? picture.nodeAt(x, y, near, id) : null;
+  if (other && sketch.merge(id, other.id)) picture.selected = other.id;
+  refresh();
+  link.changed();
+}
+
+$("view").addEventListener("pointerdown", (event) => {
+  $("view").setPointerCapture(event.pointerId);
+  const [x, y] = local(event), near = nearOf(event);
+  pointers.set(event.pointerId, { x, y, x0: x, y0: y });
+  if (pointers.size > 1 || event.button !== 0) { grabbed = null; picture.preview = null; pending = null; picture.draw(); return; }
+  if (tool === "select") grabbed = grab(x, y, near);
+  else if (["bar", "spring", "slide"].includes(tool) && !pending) pending = { from: aimed(x, y, near), clicked: false };
+  refresh();
+});
+
+$("view").addEventListener("pointermove", (event) => {
+  const [x, y] = local(event), last = pointers.get(event.pointerId), { camera } = picture, near = nearOf(event);
+  if (last && pointers.size === 2) {
+    const other = [...pointers].find(([id]) => id !== event.pointerId)[1];
+    const from = Math.hypot(last.x - other.x, last.y - other.y), to = Math.hypot(x - other.x, y - other.y);
+    camera.move((x - last.x) / 2, (y - last.y) / 2);
+    if (from > 0 && to > 0) camera.zoom(to / from, (x + other.x) / 2, (y + other.y) / 2);
+    picture.touched = true;
+  } else if (last && grabbed) {
+    drag(x, y);
+  } else if (last && !pending && (tool === "select" || event.buttons > 1)) {
+    camera.move(x - last.x, y - last.y);
+    picture.touched = true;
+  }
+  if (last) pointers.set(event.pointerId, { ...last, x, y });
+  if (pending && pointers.size < 2) {
+    const to = tool === "slide" ? { at: picture.at(x, y) } : aimed(x, y, near, pending.from.node ? pending.from.node.id : null);
+    picture.preview = { from: pending.from.at, to: to.at };
+  }
+  picture.draw();
+});
+
+$("view").addEventListener("pointerup", (event) => {
+  const [x, y] = local(event), last = pointers.get(event.pointerId), near = nearOf(event), many = pointers.size > 1;
+  pointers.delete(event.pointerId);
+  if (!last || many) return;
+  const moved = Math.hypot(x - last.x0, y - last.y0) > CLICK;
+  if (grabbed) { drop(x, y, near); grabbed = null; return; }
+  if (pending && tool === "slide") {
+    const { from } = pending;
+    pending = picture.preview = null;
+    endSlide(from, x, y, near);
+  } else if (pending) {
+    if (!moved && !pending.clicked) { pending.clicked = true; return; } // the next click is the end
+    const { from } = pending;
+    pending = picture.preview = null;
+    endLine(from, aimed(x, y, near, from.node ? from.node.id : null));
+    picture.draw();
+  } else if (!moved) click(x, y, near);
+});
+$("view").addEventListener("pointercancel", (event) => {
+  pointers.delete(event.pointerId);
+  grabbed = pending = picture.preview = null;
+  picture.draw();
+});
+$("view").addEventListener("contextmenu", (event) => event.preventDefault());
+$("view").addEventListener("wheel", (event) => {
+  event.preventDefault();
+  picture.touched = true;
+  picture.camera.zoom(Math.exp(-Math.max(-200, Math.min(200, event.deltaY)) * 0.0015), ...local(event));
+  picture.draw();
+}, { passive: false });
+
+// ---- properties of what is selected
+
+/** A number of an element, with its unit; `write` returns what is wrong with a value, else nothing. */
+function field(words, unit, value, write) {
+  const box = element("div", "field"), label = element("label", "", words), input = element("input");
+  input.id = label.htmlFor = `field-${words.replaceAll(" ", "-")}`;
+  Object.assign(input, { type: "number", step: "any", value: Number(value.toPrecision(6)) });
+  input.addEventListener("change", () => {
+    const x = input.valueAsNumber, wrong = Number.isFinite(x) && Math.abs(x) <= 1e6 ? write(x) : `${words} needs a number of at most 1e6.`;
+    input.classList.toggle("bad", Boolean(wrong));
+    if (wrong) say(wrong, "refused");
+  });
+  box.append(label, input, element("span", "unit", unit));
+  return box;
+}
+const above = (words, x, make) => (x > 0 ? change(make) : `${words} must be above 0.`);
+const least = (words, x, make) => (x >= 0 ? change(make) : `${words} must be at least 0.`);
+
+function fieldsOf(one, table) {
+  const degrees = (x) => (x * 180) / Math.PI;
+  if (table === "nodes") {
+    return [field("x", "m", one.x, (x) => change(() => sketch.move(one.id, [x, one.y]))),
+      field("y", "m", one.y, (y) => change(() => sketch.move(one.id, [one.x, y])))];
+  }
+  if (table === "bars") {
+    return [field("length", "m", sketch.lengthOf(one), (x) => above("length", x, () => { one.length = x; })),
+      field("mass", "kg", one.mass, (x) => above("mass", x, () => { one.mass = x; }))];
+  }
+  if (table === "slides") {
+    const mass = field("mass", "kg", one.mass, (x) => above("mass", x, () => { one.mass = x; }));
+    if (one.along !== null) return [element("p", "quiet", `It slides along ${sketch.bar(one.along).name}.`), mass];
+    return [field("angle", "°", degrees(one.angle), (x) => change(() => { one.angle = (x * Math.PI) / 180; })), mass];
+  }
+  if (table === "motors") {
+    const unit = one.bar === null ? "m/s" : "rad/s";
+    const words = one.bar === null ? "It moves the slide." : `It turns ${sketch.bar(one.bar).name}.`;
+    return [element("p", "quiet", words), field("rate", unit, one.rate, (x) => change(() => { one.rate = x; }))];
+  }
+  const p = sketch.node(one.a), q = sketch.node(one.b), drawn = Math.hypot(q.x - p.x, q.y - p.y);
+  return [field("stiffness", "N/m", one.stiffness, (x) => least("stiffness", x, () => { one.stiffness = x; })),
+    field("damping", "N s/m", one.damping, (x) => least("damping", x, () => { one.damping = x; })),
+    field("free length", "m", one.length === null ? drawn : one.length, (x) => least("free length", x, () => { one.length = x; }))];
+}
+
+function showProperties() {
+  const one = picture.selected === null ? null : sketch.find(picture.selected), home = $("properties");
+  $("remove").disabled = !one;
+  if (!one) { home.replaceChildren(element("p", "quiet", "Select an element to see its numbers.")); return; }
+  home.replaceChildren(element("h2", "", one.name), ...fieldsOf(one, sketch.tableOf(one.id)));
+}
+
+$("gravity").addEventListener("change", (event) => {
+  const x = event.target.valueAsNumber;
+  event.target.classList.toggle("bad", !(Math.abs(x) <= 1e6));
+  if (Math.abs(x) <= 1e6) change(() => { sketch.data.gravity = x; });
+});
+const showGravity = () => { $("gravity").value = sketch.data.gravity; };
+
+// ---- undo, files, running
+
+function step(done) {
+  if (!done) return;
+  picture.gaps = [];
+  showGravity();
+  refresh();
+  link.changed();
+}
+$("undo").addEventListener("click", () => step(sketch.undo()));
+$("redo").addEventListener("click", () => step(sketch.redo()));
+$("remove").addEventListener("click", () => { if (picture.selected !== null) change(() => sketch.remove(picture.selected)); });
+$("clear").addEventListener("click", () => { change(() => { sketch.data = structuredClone(empty); }); showGravity(); });
+$("reset").addEventListener("click", () => { picture.resetView(); picture.draw(); });
+
+function showText(kind) {
+  if (!answer || !answer[kind]) return;
+  saying = { kind, text: answer[kind], file: kind === "toml" ? "drawing.toml" : "drawing.py" };
+  $("text-title").textContent = kind === "toml" ? "Model file (TOML)" : "Python script";
+  $("text").value = saying.text;
+  $("copied").textContent = kind === "toml" ? `m = pt.load("${saying.file}") reads it.` : `python ${saying.file} runs it.`;
+  $("texts").showModal();
+}
+$("toml").addEventListener("click", () => showText("toml"));
+$("python").addEventListener("click", () => showText("python"));
+$("copy").addEventListener("click", () => {
+  $("text").select();
+  const done = () => { $("copied").textContent = "It is in the clipboard."; };
+  if (navigator.clipboard) navigator.clipboard.writeText(saying.text).then(done, () => document.execCommand("copy") && done());
+  else if (document.execCommand("copy")) done();
+});
+$("save").addEventListener("click", () => {
+  const anchor = element("a"), url = URL.createObjectURL(new Blob([saying.text], { type: "text/plain" }));
+  Object.assign(anchor, { href: url, download: saying.file });
+  anchor.click();
+  URL.revokeObjectURL(url);
+});
+$("close").addEventListener("click", () => $("texts").close());
+
+async function run() {
+  $("run").disabled = true;
+  const found = await link.run();
+  $("run").disabled = false;
+  if (!found.run) { say(found.message, "refused"); return; }
+  $("running").src = found.run;
+  document.body.dataset.mode = "run";
+}
+function back() {
+  document.body.dataset.mode = "draw";
+  $("running").src = "about:blank";
+  resized();
+}
+$("run").addEventListener("click", run);
+$("back").addEventListener("click", back);
+
+// ---- keyboard
+
+const KEYS = { v: "select", b: "bar", i: "pin", g: "ground", s: "slide", m: "motor", f: "spring", x: "delete" };
+const toTheme = () => { setTheme(document.documentElement.dataset.theme === "dark" ? "light" : "dark"); picture.draw(); };
+document.addEventListener("keydown", (event) => {
+  const key = event.key.toLowerCase(), typing = ["INPUT", "TEXTAREA"].includes(event.target.tagName);
+  if ((event.ctrlKey || event.metaKey) && !typing && (key === "z" || key === "y")) {
+    (key === "y" || event.shiftKey ? $("redo") : $("undo")).click();
+    event.preventDefault();
+    return;
+  }
+  if (event.ctrlKey || event.metaKey || event.altKey || typing || $("texts").open || document.body.dataset.mode === "run") return;
+  const arrow = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[event.key];
+  if (KEYS[key]) choose(KEYS[key]);
+  else if (event.key === "Escape") { pending = picture.preview = null; picture.selected = null; refresh(); }
+  else if (event.key === "Delete" || event.key === "Backspace") $("remove").click();
+  else if (key === "d") toTheme();
+  else if (key === "0") $("reset").click();
+  else if (key === "+" || key === "=" || key === "-") {
+    picture.touched = true;
+    picture.camera.zoom(key === "-" ? 1 / 1.2 : 1.2, picture.camera.width / 2, picture.camera.height / 2 + picture.camera.drop);
+    picture.draw();
+  } else if (arrow) nudge(arrow);
+  else return;
+  event.preventDefault();
+});
+/** The node or bar that is selected moves by half a cell of the grid; else the view moves. */
+function nudge([dx, dy]) {
+  const one = picture.selected === null ? null : sketch.find(picture.selected), table = one && sketch.tableOf(one.id), by = picture.cell / 2;
+  if (table !== "nodes" && table !== "bars") { picture.camera.move(-24 * dx, 24 * dy); picture.touched = true; picture.draw(); return; }
+  change(() => {
+    for (const id of table === "nodes" ? [one.id] : [one.a, one.b]) {
+      const { x, y } = sketch.node(id);
+      sketch.move(id, [x + by * dx, y + by * dy]);
+    }
+  }, `nudge ${one.id}`);
+}
+
+// ---- start
+
+$("theme").addEventListener("click", toTheme);
+prefersDark.addEventListener("change", (event) => { setTheme(event.matches ? "dark" : "light"); picture.draw(); });
+function resized() {
+  const stage = $("view").getBoundingClientRect(), box = $("tools").getBoundingClientRect();
+  picture.camera.head = Math.max(52, Math.min(0.4 * stage.height, box.bottom - stage.top + 20));
+  picture.resize();
+  picture.draw();
+}
+new ResizeObserver(() => { if (document.body.dataset.mode !== "run") resized(); }).observe($("view"));
+document.body.dataset.mode = "draw";
+setTheme(prefersDark.matches ? "dark" : "light");
+showGravity();
+resized();
+choose("bar");
+refresh();
+link.ask();
+// for tests and for the curious
+window.drawing = { sketch, picture, link, choose, run, back, answer: () => answer, pixelOf: (id) => picture.pixelOf(id) };
