@@ -112,4 +112,5 @@ pub static DOP853: Tableau = Tableau {
             ],
         ],
     },
+    prepared: std::sync::OnceLock::new(),
 };

@@ -46,4 +46,5 @@ pub static TSIT5: Tableau = Tableau {
             2.5,
         ]],
     },
+    prepared: std::sync::OnceLock::new(),
 };

@@ -77,6 +77,10 @@ pub trait TangentLevels<'s, S: ConstrainedSystem + 's> {
     fn full_acceleration(&self, out: &mut [f64]) {
         self.seen().full_acceleration(out);
     }
+    /// The choice to which sides at the point last evaluated belong, as in [`Sides::choice`].
+    fn choice_of_sides(&self) -> (u64, u64) {
+        (self.seen().choices(), 0)
+    }
     /// Power of the drives at the last evaluation, −λᵀa.
     fn driving(&mut self, t: f64, q: &[f64]) -> Result<f64> {
         self.base_mut().driving(t, q)
