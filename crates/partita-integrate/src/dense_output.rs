@@ -50,9 +50,9 @@ pub(crate) struct DenseOutput {
 }
 
 impl DenseOutput {
-    pub(crate) fn new(table: &'static DenseRows, stride: usize) -> Self {
+    pub(crate) fn new(table: Cow<'static, DenseRows>, stride: usize) -> Self {
         let coefficients = vec![0.0; (3 + table.rows.len()) * stride];
-        Self { table: Cow::Borrowed(table), ready: false, stride, coefficients }
+        Self { table, ready: false, stride, coefficients }
     }
 
     /// This many rows over all slots, whose weights change from step to step.

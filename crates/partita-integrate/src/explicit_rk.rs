@@ -10,8 +10,7 @@ mod obstacles;
 
 use self::fixed_grid::FixedGrid;
 use self::memory::Memory;
-pub(crate) use self::method::Prepared;
-use self::method::Method;
+use self::method::{prepared, Method};
 use crate::combination::{first_not_finite, padded};
 use crate::counters::Counters;
 use crate::dense_output::DenseOutput;
@@ -102,12 +101,12 @@ impl ExplicitRungeKutta {
             return Err(OptionsError::NeedsFixedStep { method: tableau.name });
         }
         let stride = padded(dim);
-        let table = || tableau.prepared.get_or_init(|| Prepared::new(tableau));
+        let (rows, dense) = prepared(tableau);
         let vector = || vec![0.0; stride];
         Ok(Self {
             method: match remembers {
                 true => Cow::Owned(Method::remade(memory::SLOTS)),
-                false => Cow::Borrowed(&table().method),
+                false => rows,
             },
             memory: remembers.then(Memory::new),
             t_old: 0.0,
@@ -132,7 +131,7 @@ impl ExplicitRungeKutta {
             controller: controller(tableau),
             dense: match remembers {
                 true => DenseOutput::remade(memory::MOST - 2, memory::SLOTS, stride),
-                false => DenseOutput::new(&table().dense, stride),
+                false => DenseOutput::new(dense, stride),
             },
             counters: Counters::default(),
             tableau,

@@ -14,9 +14,6 @@ mod dopri5;
 mod rk4;
 mod tsit5;
 
-use crate::explicit_rk::Prepared;
-use std::sync::OnceLock;
-
 pub use adams::HEUN_EULER;
 pub use bs23::BS23;
 pub use dop853::DOP853;
@@ -68,8 +65,6 @@ pub struct Tableau {
     pub pi_beta: f64,
     /// Dense output.
     pub dense: Dense,
-    /// Its rows, made at first use.
-    pub(crate) prepared: OnceLock<Prepared>,
 }
 
 /// Weights of the error estimate, one for each stage.

@@ -3,7 +3,9 @@
 use crate::combination::Row;
 use crate::dense_output::DenseRows;
 use crate::step_size::{ErrorNorm, ERROR_MARGIN};
-use crate::tableau::{ErrorWeights, Tableau};
+use crate::tableau::{ErrorWeights, Tableau, METHODS};
+use std::borrow::Cow;
+use std::sync::LazyLock;
 
 #[derive(Clone, Debug)]
 enum Estimate {
@@ -22,16 +24,15 @@ pub(super) struct Method {
     estimate: Estimate,
 }
 
-/// The rows of a table, for equations of every size.
-#[derive(Debug)]
-pub(crate) struct Prepared {
-    pub(super) method: Method,
-    pub(super) dense: DenseRows,
-}
+/// The rows of the tables in [`METHODS`], for equations of every size.
+static PREPARED: LazyLock<Vec<(Method, DenseRows)>> =
+    LazyLock::new(|| METHODS.iter().map(|tableau| (Method::new(tableau), DenseRows::new(tableau))).collect());
 
-impl Prepared {
-    pub(super) fn new(tableau: &Tableau) -> Self {
-        Self { method: Method::new(tableau), dense: DenseRows::new(tableau) }
+/// The rows of a table, of the step and of dense output.
+pub(super) fn prepared(tableau: &'static Tableau) -> (Cow<'static, Method>, Cow<'static, DenseRows>) {
+    match METHODS.iter().position(|known| std::ptr::eq(*known, tableau)) {
+        Some(i) => (Cow::Borrowed(&PREPARED[i].0), Cow::Borrowed(&PREPARED[i].1)),
+        None => (Cow::Owned(Method::new(tableau)), Cow::Owned(DenseRows::new(tableau))),
     }
 }
 
@@ -40,9 +41,7 @@ impl Method {
         let estimate = match &tableau.error {
             ErrorWeights::None => Estimate::None,
             ErrorWeights::One(weights) => Estimate::One([Row::new(weights)]),
-            ErrorWeights::FifthAndThird { fifth, third } => {
-                Estimate::FifthAndThird([Row::new(fifth), Row::new(third)])
-            }
+            ErrorWeights::FifthAndThird { fifth, third } => Estimate::FifthAndThird([Row::new(fifth), Row::new(third)]),
         };
         let stages = tableau.a.iter().map(|weights| Row::new(weights)).collect();
         Self { stages, end: Row::new(tableau.b), estimate }

@@ -14,5 +14,4 @@ pub static HEUN_EULER: Tableau = Tableau {
     fsal: false,
     pi_beta: 0.0,
     dense: Dense { order: 3, nodes: &[], a: &[], weights: &[] },
-    prepared: std::sync::OnceLock::new(),
 };

@@ -18,5 +18,4 @@ pub static BS23: Tableau = Tableau {
     fsal: true,
     pi_beta: 0.04,
     dense: Dense { order: 3, nodes: &[], a: &[], weights: &[] },
-    prepared: std::sync::OnceLock::new(),
 };

@@ -112,5 +112,4 @@ pub static DOP853: Tableau = Tableau {
             ],
         ],
     },
-    prepared: std::sync::OnceLock::new(),
 };

@@ -46,5 +46,4 @@ pub static DOPRI5: Tableau = Tableau {
             69_997_945.0 / 29_380_423.0,
         ]],
     },
-    prepared: std::sync::OnceLock::new(),
 };

@@ -16,5 +16,4 @@ pub static RK4: Tableau = Tableau {
     fsal: false,
     pi_beta: 0.0,
     dense: Dense { order: 3, nodes: &[], a: &[], weights: &[] },
-    prepared: std::sync::OnceLock::new(),
 };

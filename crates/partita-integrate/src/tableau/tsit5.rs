@@ -46,5 +46,4 @@ pub static TSIT5: Tableau = Tableau {
             2.5,
         ]],
     },
-    prepared: std::sync::OnceLock::new(),
 };

@@ -251,9 +251,6 @@ impl<'s, S: ConstrainedSystem> TangentLevels<'s, S> for Frozen<'s, S> {
     fn base_mut(&mut self) -> &mut Base<'s, S> {
         &mut self.base
     }
-    fn choice_of_sides(&self) -> (u64, u64) {
-        (self.base.r.choices(), self.frozen)
-    }
     fn select(&mut self, v: &[f64], u: &mut [f64]) {
         u.iter_mut().enumerate().for_each(|(j, u)| *u = dense::dot(self.selector.row(j), v));
     }
@@ -444,6 +441,9 @@ impl<'s, S: ConstrainedSystem> TangentClosing<'s, S> for Frozen<'s, S> {
         self.base.r.sides(sides);
         let determinant = dense::lu_determinant(&self.lu, self.pivots.len(), &self.pivots);
         sides.extend(determinant < 0.0, self.frozen);
+    }
+    fn choice_of_sides(&self) -> (u64, u64) {
+        (self.base.r.choices(), self.frozen)
     }
     fn margin(&mut self) -> Option<(f64, u64)> {
         let r = &mut self.base.r;

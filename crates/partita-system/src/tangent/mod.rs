@@ -77,10 +77,6 @@ pub trait TangentLevels<'s, S: ConstrainedSystem + 's> {
     fn full_acceleration(&self, out: &mut [f64]) {
         self.seen().full_acceleration(out);
     }
-    /// The choice to which sides at the point last evaluated belong, as in [`Sides::choice`].
-    fn choice_of_sides(&self) -> (u64, u64) {
-        (self.seen().choices(), 0)
-    }
     /// Power of the drives at the last evaluation, −λᵀa.
     fn driving(&mut self, t: f64, q: &[f64]) -> Result<f64> {
         self.base_mut().driving(t, q)
@@ -163,6 +159,8 @@ pub trait TangentClosing<'s, S: ConstrainedSystem + 's> {
     }
     /// Side of the singular positions of C_D, and of the dead points of the basis, at the last evaluation.
     fn sides(&self, sides: &mut Sides);
+    /// The choice to which they belong, as in [`Sides::choice`].
+    fn choice_of_sides(&self) -> (u64, u64);
     /// Whether all velocities are states, from which the residual of S4 is removed after a step.
     fn integrates_velocities(&self) -> bool {
         false
