@@ -209,7 +209,6 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         let mut q = q.to_vec();
         self.tangent.start(t, &mut q, v)?;
         self.guards.forget();
-        self.monitor.forget_inside();
         y.fill(0.0);
         self.positions.start(&mut self.tangent, t, &q, y);
         self.tangent.select(v, &mut y[p..w]);

@@ -33,10 +33,6 @@ const CROSSING_MOVE: f64 = 0.8;
 /// away a jump is that of a drive, which is reported as such.
 const JUDGED_NEAR: f64 = 0.05;
 
-/// Outputs are looked at for singular positions unless the distances at both ends of their step exceed what moves in it by
-/// this. Scale: ratio. Reason: the speed at the end of a step is hardly doubled inside it.
-const SURELY_CLEAR: f64 = 2.0;
-
 /// Maximum number of consecutive steps that are shortened because the choice came to a dead point of its own; where the
 /// choice is not integrated that is harmless.
 const MOST_SPOILT: u32 = 6;
@@ -80,8 +76,6 @@ pub(super) struct CrossingMonitor {
     pub(super) spoilt_in_a_row: u32,
     /// Whether it came near to a singular position inside: no choice is to blame.
     pub(super) near_inside: bool,
-    /// Whether no output in it is next to a singular position, once an output asked.
-    clear: Option<bool>,
     /// Largest rate and acceleration at the end of the step that was judged, in characteristic displacements.
     fastest: (f64, f64),
     /// Whether the end of the current step was reached and judged.
@@ -110,7 +104,6 @@ impl CrossingMonitor {
             serving: None,
             spoilt_in_a_row: 0,
             near_inside: false,
-            clear: None,
             fastest: (0.0, 0.0),
             judged: false,
         }
@@ -126,11 +119,6 @@ impl CrossingMonitor {
     /// Did C_D change sides over the step that was judged?
     pub(super) fn flipped(&self) -> bool {
         self.flipped
-    }
-
-    /// Forget what was found between the ends of a step.
-    pub(super) fn forget_inside(&mut self) {
-        self.clear = None;
     }
 
     /// A singular position was found in it. Where positions are not `closed` in every evaluation it is repeated.
@@ -272,7 +260,6 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         self.monitor.step_end.start(t, self.positions.q(), &r.v, &self.vdot);
         (self.monitor.flipped, self.monitor.lost, self.monitor.spoilt) = (false, false, false);
         (self.monitor.jumped, self.monitor.passed, self.monitor.near_inside) = (false, false, false);
-        self.monitor.forget_inside();
         if self.margin.is_none() {
             return;
         }
@@ -340,31 +327,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     /// off by round-off over the distance, v' by that over its square.
     pub(super) fn is_at_a_singular_position(&mut self) -> bool {
         let at_ends = self.margins().into_iter().flatten().fold(0.0, f64::max);
-        // where all velocities are states the margin has the factors made by which they are settled
-        if at_ends <= 0.0 || (!self.tangent.integrates_velocities() && self.is_clear()) {
-            return false;
-        }
-        self.tangent.margin().is_none_or(|(here, _)| here < tolerance::AT_SINGULARITY * at_ends)
-    }
-
-    /// Is no position inside the step that was judged next to a singular one? The distance falls by no more than the motion
-    /// moves.
-    fn is_clear(&mut self) -> bool {
-        if let Some(known) = self.monitor.clear {
-            return known;
-        }
-        let (margins, monitor) = (self.margins(), &self.monitor);
-        let clear = match (margins, monitor.length()) {
-            ([Some(one), Some(two)], Some(h)) if !monitor.passes_a_singular_position() => {
-                let moves = SURELY_CLEAR * h * monitor.rate();
-                let comparable = one.min(two) > tolerance::MUCH_SMALLER * one.max(two);
-                let regular = || one + two >= moves || monitor.sides.stay_regular(&monitor.sides_ahead, moves);
-                comparable && regular()
-            }
-            _ => false,
-        };
-        self.monitor.clear = Some(clear);
-        clear
+        at_ends > 0.0 && self.tangent.margin().is_none_or(|(here, _)| here < tolerance::AT_SINGULARITY * at_ends)
     }
 
     /// Half-way through the step that was judged.
