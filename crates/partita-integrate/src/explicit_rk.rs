@@ -101,13 +101,19 @@ impl ExplicitRungeKutta {
             return Err(OptionsError::NeedsFixedStep { method: tableau.name });
         }
         let stride = padded(dim);
-        let (rows, dense) = prepared(tableau);
         let vector = || vec![0.0; stride];
+        let (method, dense) = match remembers {
+            true => {
+                let dense = DenseOutput::remade(memory::MOST - 2, memory::SLOTS, stride);
+                (Cow::Owned(Method::remade(memory::SLOTS)), dense)
+            }
+            false => {
+                let (method, dense) = prepared(tableau);
+                (method, DenseOutput::new(dense, stride))
+            }
+        };
         Ok(Self {
-            method: match remembers {
-                true => Cow::Owned(Method::remade(memory::SLOTS)),
-                false => rows,
-            },
+            method,
             memory: remembers.then(Memory::new),
             t_old: 0.0,
             t_new: 0.0,
@@ -129,10 +135,7 @@ impl ExplicitRungeKutta {
             error: 0.0,
             norm: ErrorNorm::new(&options, dim, stride),
             controller: controller(tableau),
-            dense: match remembers {
-                true => DenseOutput::remade(memory::MOST - 2, memory::SLOTS, stride),
-                false => DenseOutput::new(dense, stride),
-            },
+            dense,
             counters: Counters::default(),
             tableau,
             dim,
