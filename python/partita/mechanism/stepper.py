@@ -268,8 +268,9 @@ class Stepper:
                 f"u has the shape {wanted.shape}; it must be {len(self._inputs)} numbers: {', '.join(self._inputs)}",
                 argument="u",
             )
-        for name, value in zip(self._inputs, wanted, strict=True):
-            _number(name, value)
+        if not np.isfinite(wanted).all():
+            for name, value in zip(self._inputs, wanted, strict=True):
+                _number(name, value)
         return np.ascontiguousarray(wanted)
 
     def __reduce__(self) -> Any:
