@@ -29,6 +29,9 @@ from rivals import LINKAGES, compared
 from rivals import OUTPUTS as PEER_OUTPUTS
 from sweeps import AIM as SWEEPS_AIM
 from sweeps import MEMBERS, sweep_costs
+from ticks import AIM as TICK_AIM
+from ticks import PARTS as TICK_PARTS
+from ticks import tick_costs
 from timing import against, text
 
 ENOUGH = 180.0
@@ -163,9 +166,9 @@ def face(folder: Path) -> dict[str, Any]:
     )
     again = [second_run(name) for name in ("four-bar", "andrews-squeezer")]
     for x in again:
-        mark = "" if x.core <= AGAIN_AIM else " !"
-        core = f"core {text(x.core)} (aim: at most {text(AGAIN_AIM)}){mark}"
-        print(f"    {x.title:<20}{core}, m.simulate {text(x.face)}; a step {text(x.step)}")
+        mark = "" if x.face <= AGAIN_AIM else " !"
+        face = f"m.simulate {text(x.face)} (aim: at most {text(AGAIN_AIM)}){mark}"
+        print(f"    {x.title:<20}{face}, of which core {text(x.core)}; a step {text(x.step)}")
     return {"runs": found, "again": [asdict(x) for x in again]}
 
 
@@ -233,6 +236,19 @@ def playground(_: Path) -> dict[str, Any]:
     return {title: asdict(cost) for title, cost in found.items()}
 
 
+def ticks(_: Path) -> dict[str, Any]:
+    """Steps of a stepper."""
+    cost = tick_costs()
+    print(f"\nA million steps of a stepper, as in a control loop: {cost.title}, two steps of order four in each")
+    print(
+        f"  fastest {text(cost.fastest)}; beside its evaluations ({text(cost.evaluation)} each) {text(cost.beside)} "
+        f"(aim: at most {text(TICK_AIM)}){'' if cost.beside <= TICK_AIM else ' !'}"
+    )
+    for part, seconds in zip(TICK_PARTS, cost.within, strict=True):
+        print(f"  {100 * part:g} % of all steps take at most {text(seconds)}")
+    return {**asdict(cost), "beside": cost.beside, "parts": TICK_PARTS}
+
+
 def sweeps(_: Path) -> dict[str, Any]:
     """Short members over a cluster."""
     print(f"\nSweeps: {MEMBERS} members of 0.5 ms over a Dask cluster of two processes, CPU time of all processes")
@@ -285,5 +301,6 @@ SECTIONS = {
     "instant": instant,
     "loads": loads,
     "playground": playground,
+    "ticks": ticks,
     "sweeps": sweeps,
 }

@@ -38,8 +38,8 @@ class Stepper:
         """For ticks of `dt`, each of so many `steps`; inputs are forces of the description and components, or
         drives; `held` has a number for each, five of the course of a drive: since when, and a cubic."""
 
-    def step(self, inputs: Array) -> None:
-        """One tick with these numbers held."""
+    def step(self, inputs: Array) -> tuple[float, Array, Array]:
+        """One tick with these numbers held; t, q, v after it."""
 
     def begin(self, inputs: Array, t: float, q: Array, v: Array) -> None:
         """Stand at a closed state, with these numbers held."""
@@ -377,6 +377,18 @@ class SolutionLog:
 
     def partitions(self) -> list[dict[str, Any]]:
         """Choices of coordinates, one dictionary each."""
+
+    def work(self) -> Array:
+        """Work at every output."""
+
+    def steps_open(self) -> tuple[float, float]:
+        """Largest |Phi| and |C v + a| at the ends of accepted steps."""
+
+    def gaps(self) -> tuple[float, float]:
+        """The same, relative to sizes."""
+
+    def exchanged(self) -> float:
+        """Lower bound of the energy exchanged."""
 
     def counters(self) -> dict[str, int]:
         """Counts of work."""

@@ -198,6 +198,14 @@ class State(StateView):
         super().__init__(finite_time(t), _flat("q", q, layout.names), _flat("v", v, layout.velocity_names), layout)
         self.assembly: dict[str, Any] | MaybeNone = assembly
 
+    @classmethod
+    def computed(cls, t: float, q: Array, v: Array, layout: Layout) -> State:
+        """The state that the core returned for this layout: arrays of its own, finite and of its sizes."""
+        state = cls.__new__(cls)
+        StateView.__init__(state, t, q, v, layout)
+        state.assembly = None
+        return state
+
     @property
     def names(self) -> list[str]:
         """Names of the coordinates q."""

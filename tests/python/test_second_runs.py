@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -12,7 +13,7 @@ import pytest
 
 import partita as pt
 from partita import options as run_options
-from partita.errors import PartitaError
+from partita.errors import Interrupted, PartitaError
 
 Run = Callable[[pt.Mechanism], pt.Result]
 ARRAYS = ("t", "q", "v", "vdot", "multipliers", "closure", "sigma", "sqrt_mu", "measure")
@@ -138,5 +139,86 @@ def test_threads_that_share_a_model_get_what_one_gets(name: str) -> None:
         return raw["arrays"]["q"].tobytes(), raw["arrays"]["v"].tobytes()
 
     wanted = [run(i) for i in range(6)]
-    with ThreadPoolExecutor(4) as pool:
+    with ThreadPoolExecutor(8) as pool:
         assert list(pool.map(run, [*range(6)] * 8)) == wanted * 8
+
+
+class Stopped(Exception):
+    """Raised by a function of the user."""
+
+
+@pytest.mark.parametrize("error", [Stopped, KeyboardInterrupt])
+def test_a_run_that_was_stopped_leaves_nothing_behind(error: type[BaseException]) -> None:
+    """A function that raises in the middle of a run, in one thread and in several: later runs are as on a new model."""
+    now = threading.local()
+
+    def torque(t: float, state: pt.state.StateView) -> float:
+        if getattr(now, "fails", False) and t > 0.15:
+            raise error("enough")
+        return 0.3 * math.cos(5.0 * t) - 0.1 * state.velocity("D")
+
+    def built() -> pt.Mechanism:
+        m = pt.catalogue.load("four-bar")
+        m.add_torque("D", torque)
+        return m
+
+    fresh = reported(built().simulate(0.3))
+    m = built()
+
+    def stopped(_: int) -> bool:
+        now.fails = True
+        try:
+            run = m.simulate(0.3)
+        except Interrupted as stop:
+            run = stop.result
+        finally:
+            now.fails = False
+        return not run.success and 0.0 < run.t[-1] < 0.3 and reported(m.simulate(0.3)) == fresh
+
+    assert stopped(0)
+    with ThreadPoolExecutor(8) as pool:
+        assert all(pool.map(stopped, range(16)))
+
+
+def test_a_run_interrupted_between_steps_leaves_nothing_behind() -> None:
+    """Ctrl-C while no function of the user is at work arrives in `progress`."""
+    m, fresh = made("four-bar"), made("four-bar")
+    asked: dict[str, Any] = {"initial": start(m, "four-bar"), "rtol": 1e-10}
+    first = reported(fresh.simulate(0.3, **asked))
+
+    def interrupt(done: float) -> None:
+        raise KeyboardInterrupt
+
+    for _ in range(2):
+        with pytest.raises(Interrupted):
+            m.simulate(3000.0, t_eval=[3000.0], progress=interrupt, **asked)
+        assert reported(m.simulate(0.3, **asked)) == first
+
+
+def test_what_is_changed_between_runs_is_seen() -> None:
+    """Options, states, parameters and the description itself, back and forth on one mechanism."""
+    m = made("four-bar")
+
+    def changes(of: pt.Mechanism) -> list[Callable[[], pt.Result]]:
+        state, end = start(of, "four-bar"), {"t_eval": [0.2]}
+        assert state is not None
+        other = state.copy()
+        other.v *= 1.5
+        return [
+            lambda: of.simulate(0.2, initial=state, **end),
+            lambda: of.simulate(0.2, initial=other, **end),
+            lambda: of.simulate(0.2, initial=state, rtol=1e-6, **end),
+            lambda: of.simulate(0.2, initial=state, method="tsit5", **end),
+            lambda: of.simulate(0.2, initial=state, parameters={"coupler.mass": 3.0}, **end),
+            lambda: of.simulate(0.2, initial=state, selection="greedy", **end),
+        ]
+
+    alone = [reported(changes(made("four-bar"))[i]()) for i in range(6)]
+    assert len({repr(x) for x in alone}) == 6, "each of them changes something"
+    for order in (range(6), reversed(range(6))):
+        for i in order:
+            assert reported(changes(m)[i]()) == alone[i], i
+    m.gravity = (0.0, -1.62, 0.0)
+    moon = made("four-bar")
+    moon.gravity = (0.0, -1.62, 0.0)
+    assert reported(changes(m)[0]()) == reported(changes(moon)[0]()) != alone[0]

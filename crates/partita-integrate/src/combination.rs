@@ -11,10 +11,10 @@ pub(crate) fn padded(dim: usize) -> usize {
     dim.div_ceil(TILE) * TILE
 }
 
-/// One non-zero weight and where its stage begins.
+/// One non-zero weight and the slot of its stage.
 #[derive(Debug, Clone, Copy)]
 struct Term {
-    offset: usize,
+    slot: usize,
     weight: f64,
 }
 
@@ -25,18 +25,15 @@ pub(crate) struct Row {
 }
 
 impl Row {
-    /// Row for stages laid one after another, `stride` numbers each.
-    pub(crate) fn new(weights: &[f64], stride: usize) -> Self {
-        let term = |(slot, &weight): (usize, &f64)| Term { offset: slot * stride, weight };
-        let present = || weights.iter().enumerate().filter(|(_, w)| **w != 0.0);
-        let mut terms = Vec::with_capacity(present().count());
-        terms.extend(present().map(term));
-        Self { terms: terms.into_boxed_slice() }
+    /// Row of these weights, one for each slot.
+    pub(crate) fn new(weights: &[f64]) -> Self {
+        let present = weights.iter().enumerate().filter(|(_, w)| **w != 0.0);
+        Self { terms: present.map(|(slot, &weight)| Term { slot, weight }).collect() }
     }
 
     /// A row over this many slots whose weights change; all zero.
-    pub(crate) fn full(slots: usize, stride: usize) -> Self {
-        Self { terms: (0..slots).map(|slot| Term { offset: slot * stride, weight: 0.0 }).collect() }
+    pub(crate) fn full(slots: usize) -> Self {
+        Self { terms: (0..slots).map(|slot| Term { slot, weight: 0.0 }).collect() }
     }
 
     /// Other weights, for a row over all slots.
@@ -49,12 +46,12 @@ impl Row {
         self.terms.copy_from_slice(&other.terms);
     }
 
-    /// `Σ w_j k_j` on the tile that begins at component `at`.
+    /// `Σ w_j k_j` on the tile that begins at component `at`, for stages laid one after another, `stride` numbers each.
     #[inline(always)]
-    pub(crate) fn tile(&self, stages: &[f64], at: usize) -> [f64; TILE] {
+    pub(crate) fn tile(&self, stages: &[f64], stride: usize, at: usize) -> [f64; TILE] {
         let mut sum = [0.0; TILE];
         for term in &self.terms {
-            let begin = term.offset + at;
+            let begin = term.slot * stride + at;
             let k = &stages[begin..begin + TILE];
             for lane in 0..TILE {
                 sum[lane] += term.weight * k[lane];
@@ -65,9 +62,10 @@ impl Row {
 
     /// `out = base + h Σ w_j k_j`, all padded. The sum comes first: it rounds at the size of the increment.
     pub(crate) fn advance(&self, stages: &[f64], h: f64, base: &[f64], out: &mut [f64]) {
+        let stride = base.len();
         let tiles = base.chunks_exact(TILE).zip(out.chunks_exact_mut(TILE));
         for (i, (base, out)) in tiles.enumerate() {
-            let sum = self.tile(stages, i * TILE);
+            let sum = self.tile(stages, stride, i * TILE);
             for lane in 0..TILE {
                 out[lane] = base[lane] + h * sum[lane];
             }
@@ -76,8 +74,9 @@ impl Row {
 
     /// `out = h Σ w_j k_j`, all padded.
     pub(crate) fn scaled(&self, stages: &[f64], h: f64, out: &mut [f64]) {
+        let stride = out.len();
         for (i, out) in out.chunks_exact_mut(TILE).enumerate() {
-            let sum = self.tile(stages, i * TILE);
+            let sum = self.tile(stages, stride, i * TILE);
             for lane in 0..TILE {
                 out[lane] = h * sum[lane];
             }

@@ -13,46 +13,63 @@
 
 use crate::combination::{Row, TILE};
 use crate::tableau::Tableau;
+use std::borrow::Cow;
 
 /// A stage that only dense output needs.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct ExtraStage {
     pub(crate) row: Row,
     pub(crate) node: f64,
     pub(crate) slot: usize,
 }
 
+/// The stages and rows of a table.
+#[derive(Clone, Debug)]
+pub(crate) struct DenseRows {
+    extra: Vec<ExtraStage>,
+    rows: Vec<Row>,
+}
+
+impl DenseRows {
+    pub(crate) fn new(tableau: &Tableau) -> Self {
+        let dense = &tableau.dense;
+        let extra = (dense.nodes.iter().zip(dense.a).enumerate())
+            .map(|(i, (&node, row))| ExtraStage { row: Row::new(row), node, slot: tableau.end_slot() + 1 + i })
+            .collect();
+        Self { extra, rows: dense.weights.iter().map(|row| Row::new(row)).collect() }
+    }
+}
+
 /// Coefficients `F` of one step, and whether they have been computed.
 #[derive(Debug)]
 pub(crate) struct DenseOutput {
-    pub(crate) extra: Vec<ExtraStage>,
+    table: Cow<'static, DenseRows>,
     pub(crate) ready: bool,
-    rows: Vec<Row>,
     stride: usize,
     coefficients: Vec<f64>,
 }
 
 impl DenseOutput {
-    pub(crate) fn new(tableau: &Tableau, stride: usize) -> Self {
-        let dense = &tableau.dense;
-        let extra = (dense.nodes.iter().zip(dense.a).enumerate())
-            .map(|(i, (&node, row))| ExtraStage { row: Row::new(row, stride), node, slot: tableau.end_slot() + 1 + i })
-            .collect();
-        let rows: Vec<Row> = dense.weights.iter().map(|row| Row::new(row, stride)).collect();
-        let coefficients = vec![0.0; (3 + rows.len()) * stride];
-        Self { extra, ready: false, rows, stride, coefficients }
+    pub(crate) fn new(table: Cow<'static, DenseRows>, stride: usize) -> Self {
+        let coefficients = vec![0.0; (3 + table.rows.len()) * stride];
+        Self { table, ready: false, stride, coefficients }
     }
 
     /// This many rows over all slots, whose weights change from step to step.
     pub(crate) fn remade(rows: usize, slots: usize, stride: usize) -> Self {
         let coefficients = vec![0.0; (3 + rows) * stride];
-        let rows = (0..rows).map(|_| Row::full(slots, stride)).collect();
-        Self { extra: Vec::new(), ready: false, rows, stride, coefficients }
+        let table = DenseRows { extra: Vec::new(), rows: (0..rows).map(|_| Row::full(slots)).collect() };
+        Self { table: Cow::Owned(table), ready: false, stride, coefficients }
     }
 
     /// The weights of such rows.
     pub(crate) fn set_rows<const N: usize>(&mut self, weights: &[[f64; N]]) {
-        self.rows.iter_mut().zip(weights).for_each(|(row, weights)| row.set(weights));
+        self.table.to_mut().rows.iter_mut().zip(weights).for_each(|(row, weights)| row.set(weights));
+    }
+
+    /// The stages that it needs besides those of the step.
+    pub(crate) fn extra(&self) -> &[ExtraStage] {
+        &self.table.extra
     }
 
     /// Compute `F` from the stages, the extra ones included; `f_new` is in `end_slot`.
@@ -69,7 +86,7 @@ impl DenseOutput {
             f2[i] = 2.0 * delta - h * (f_old[i] + f_new[i]);
         }
         // a mechanism without a degree of freedom has a state without components
-        for (row, f) in self.rows.iter().zip(rest.chunks_exact_mut(n.max(1))) {
+        for (row, f) in self.table.rows.iter().zip(rest.chunks_exact_mut(n.max(1))) {
             row.scaled(stages, h, f);
         }
         self.ready = true;
@@ -77,7 +94,7 @@ impl DenseOutput {
 
     /// The state at `theta`, into `out` (without padding).
     pub(crate) fn evaluate(&self, theta: f64, y_old: &[f64], out: &mut [f64]) {
-        let last = 2 + self.rows.len();
+        let last = 2 + self.table.rows.len();
         for (i, out) in out.chunks_mut(TILE).enumerate() {
             let at = i * TILE;
             let tile = |j: usize| &self.coefficients[j * self.stride + at..j * self.stride + at + TILE];

@@ -10,7 +10,7 @@ mod obstacles;
 
 use self::fixed_grid::FixedGrid;
 use self::memory::Memory;
-use self::method::Method;
+use self::method::{prepared, Method};
 use crate::combination::{first_not_finite, padded};
 use crate::counters::Counters;
 use crate::dense_output::DenseOutput;
@@ -21,6 +21,7 @@ use crate::step_size::{controller, ErrorNorm, StepController};
 use crate::stepper::{Conclusion, StepEnd, Stepper};
 use crate::tableau::{ErrorWeights, Tableau};
 use partita_math::tolerance;
+use std::borrow::Cow;
 use std::fmt::Display;
 
 /// Lower bound of |t| for the round-off of the time. Unit: fraction of the run. Reason: near t = 0 the time itself has
@@ -44,7 +45,7 @@ pub struct ExplicitRungeKutta {
     dim: usize,
     stride: usize,
     options: Options,
-    method: Method,
+    method: Cow<'static, Method>,
     /// Slopes of earlier steps, where the method uses them.
     memory: Option<Memory>,
     // the state: all vectors padded with zeros to `stride`
@@ -101,12 +102,19 @@ impl ExplicitRungeKutta {
         }
         let stride = padded(dim);
         let vector = || vec![0.0; stride];
+        let (method, dense) = match remembers {
+            true => {
+                let dense = DenseOutput::remade(memory::MOST - 2, memory::SLOTS, stride);
+                (Cow::Owned(Method::remade(memory::SLOTS)), dense)
+            }
+            false => {
+                let (method, dense) = prepared(tableau);
+                (method, DenseOutput::new(dense, stride))
+            }
+        };
         Ok(Self {
-            method: match remembers {
-                true => Method::remade(memory::SLOTS, stride),
-                false => Method::new(tableau, stride),
-            },
-            memory: remembers.then(|| Memory::new(stride)),
+            method,
+            memory: remembers.then(Memory::new),
             t_old: 0.0,
             t_new: 0.0,
             t_end: 0.0,
@@ -127,10 +135,7 @@ impl ExplicitRungeKutta {
             error: 0.0,
             norm: ErrorNorm::new(&options, dim, stride),
             controller: controller(tableau),
-            dense: match remembers {
-                true => DenseOutput::remade(memory::MOST - 2, memory::SLOTS, stride),
-                false => DenseOutput::new(tableau, stride),
-            },
+            dense,
             counters: Counters::default(),
             tableau,
             dim,
@@ -207,7 +212,7 @@ impl ExplicitRungeKutta {
     ) -> Result<(), (f64, RhsError<E>)> {
         let (n, dim, c) = (self.stride, self.dim, self.tableau.c);
         if let Some(memory) = &mut self.memory {
-            memory.prepare(self.t_old, h, &mut self.method);
+            memory.prepare(self.t_old, h, self.method.to_mut());
         }
         let inner = if self.tableau.fsal { self.tableau.stages - 1 } else { self.tableau.stages };
         for i in 1..inner {
@@ -226,7 +231,7 @@ impl ExplicitRungeKutta {
 
     fn prepare_dense_output<E: Display>(&mut self, ode: &mut dyn Ode<Error = E>) -> Result<(), StepFailure<E>> {
         let (h, dim) = (self.attempted_h, self.dim);
-        for stage in &self.dense.extra {
+        for stage in self.dense.extra() {
             stage.row.advance(&self.stages, h, &self.y_old, &mut self.y_stage);
             let (t, begin) = (self.t_old + stage.node * h, stage.slot * self.stride);
             self.counters.dense_evaluations += 1;

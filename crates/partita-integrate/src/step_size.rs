@@ -133,7 +133,7 @@ impl ErrorNorm {
             let tolerance = self.tolerance_tile(at, y_old, y_new);
             let lanes = (self.controlled - at).min(TILE);
             for (row, squares) in rows.iter().zip(&mut squares) {
-                let mut error = row.tile(stages, at);
+                let mut error = row.tile(stages, y_old.len(), at);
                 error[lanes..].fill(0.0);
                 for lane in 0..TILE {
                     let e = error[lane] / tolerance[lane];

@@ -3,6 +3,7 @@
 use crate::arrays::{array, entries_of, rows_of};
 use crate::failure::{self, guarded, raise};
 use crate::outputs::{assessed, described, watched, Stop};
+use crate::state::Array;
 use crate::tangent::{TangentFunctions, UserTangent};
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use partita_analysis::run::cost::{evaluation_costs, ClosedState, Contender};
@@ -56,6 +57,7 @@ trait Reported: Send + Sync {
     fn describe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>>;
     fn assess<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>>;
     fn partitions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>>;
+    fn work(&self) -> Vec<f64>;
 }
 
 /// Findings as plain data: broken, t, sentence.
@@ -103,6 +105,9 @@ impl<S: Motions + Send + Sync> Reported for Kept<S> {
         }
         Ok(partitions)
     }
+    fn work(&self) -> Vec<f64> {
+        self.log.outputs.iter().map(|x| x.work).collect()
+    }
 }
 
 /// The part of a run that is kept to compute outputs later, and what is seldom read.
@@ -111,6 +116,9 @@ pub struct Account {
     run: Box<dyn Reported>,
     steps: Counters,
     work: FormulationCounters,
+    steps_open: (f64, f64),
+    gaps: (f64, f64),
+    exchanged: f64,
 }
 
 #[pymethods]
@@ -126,6 +134,23 @@ impl Account {
     /// Choices of coordinates, one dictionary each.
     fn partitions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
         guarded(py, || self.run.partitions(py))
+    }
+    /// Work at every output.
+    fn work<'py>(&self, py: Python<'py>) -> Array<'py> {
+        let work = self.run.work();
+        array(py, &[work.len()], work)
+    }
+    /// Largest |Φ| and |C v + a| at the ends of accepted steps.
+    fn steps_open(&self) -> (f64, f64) {
+        self.steps_open
+    }
+    /// The same, relative to sizes.
+    fn gaps(&self) -> (f64, f64) {
+        self.gaps
+    }
+    /// Lower bound of the energy exchanged.
+    fn exchanged(&self) -> f64 {
+        self.exchanged
     }
     /// Counts of work.
     fn counters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
@@ -305,7 +330,7 @@ fn ended(py: Python<'_>, message: &str, t: f64, name: &str, cause: PyErr) -> PyE
     error
 }
 
-/// What a run reports at once: the arrays it stores, how it ended, and its log, from which all else is computed.
+/// What a run reports at once: its times and states, how it ended, and its log, which has all else.
 fn reported_run<'py, S: Motions + Send + Sync + 'static>(
     py: Python<'py>,
     system: Arc<S>,
@@ -321,20 +346,22 @@ fn reported_run<'py, S: Motions + Send + Sync + 'static>(
     arrays.set_item(intern!(py, "t"), array(py, &[nt], outputs.iter().map(|x| x.t).collect()))?;
     arrays.set_item(intern!(py, "q"), array(py, &[nt, size.nq], q))?;
     arrays.set_item(intern!(py, "v"), array(py, &[nt, size.nv], v))?;
-    arrays.set_item(intern!(py, "work"), array(py, &[nt], outputs.iter().map(|x| x.work).collect()))?;
     let d = PyDict::new(py);
     d.set_item(intern!(py, "arrays"), arrays)?;
     d.set_item(intern!(py, "notes"), &run.notes)?;
-    d.set_item(intern!(py, "steps_open"), run.closure_error)?;
-    d.set_item(intern!(py, "gaps"), (run.gaps.position.part, run.gaps.velocity.part))?;
-    d.set_item(intern!(py, "exchanged"), run.exchanged)?;
     d.set_item(intern!(py, "findings"), reported(&run.findings))?;
     d.set_item(intern!(py, "status"), run.outcome.status.word())?;
     d.set_item(intern!(py, "success"), run.outcome.status == Status::Finished)?;
     d.set_item(intern!(py, "message"), &run.outcome.message)?;
     d.set_item(intern!(py, "error"), cause.map(|e| e.into_value(py)))?;
-    let (steps, work) = (run.outcome.counters, run.counters);
-    let log = Account { run: Box::new(Kept { system, log: run.log, shared }), steps, work };
+    let log = Account {
+        run: Box::new(Kept { system, log: run.log, shared }),
+        steps: run.outcome.counters,
+        work: run.counters,
+        steps_open: run.closure_error,
+        gaps: (run.gaps.position.part, run.gaps.velocity.part),
+        exchanged: run.exchanged,
+    };
     d.set_item(intern!(py, "log"), log.into_pyobject(py)?)?;
     Ok(d)
 }

@@ -187,15 +187,20 @@ impl Stepper {
         })
     }
 
-    /// One tick with these values.
-    fn step(&self, py: Python<'_>, inputs: PyReadonlyArray1<'_, f64>) -> PyResult<()> {
+    /// One tick with these values, and the state after it: t, q, v.
+    fn step<'py>(
+        &self,
+        py: Python<'py>,
+        inputs: PyReadonlyArray1<'py, f64>,
+    ) -> PyResult<(f64, Array<'py>, Array<'py>)> {
         guarded(py, || {
             let u = vector(&inputs, self.held.count(), "inputs")?;
             self.with(py, |motion| {
                 let before = self.held.values();
                 self.held.set(&u);
                 motion.step().inspect_err(|_| self.held.set(&before))
-            })
+            })?;
+            Ok(self.state(py))
         })
     }
 

@@ -57,7 +57,8 @@ pub fn analyse<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<St
     analyse_with(&mut Reduction::new(system, 0), t, q)
 }
 
-/// As `analyse`, with the levels of any reduction of rank 0.
+/// As `analyse`, with the levels of any reduction of rank 0; where there is no error they are those at (t, q) afterwards,
+/// with scales by the weights set in it.
 ///
 /// # Errors
 /// See [`analyse`].
@@ -148,13 +149,14 @@ fn counted<S: ConstrainedSystem>(
         start.gap = start.smallest / strongest;
     }
     if (0..is_kept.len()).any(drive) {
-        let pattern = system.pattern();
+        let (pattern, c) = (system.pattern(), probe.c.clone());
         (0..is_kept.len()).filter(|&i| !is_kept[i] && !drive(i)).for_each(|i| probe.c[pattern.row(i)].fill(0.0));
         let with_drives = by_sizes(probe, tolerance::REDUNDANT, (0.0, &drive));
         with_drives.kept.iter().zip(&with_drives.pivots).filter(|x| drive(*x.0)).for_each(|(&i, &pivot)| {
             is_kept[i] = true;
             start.smallest = start.smallest.min(pivot);
         });
+        probe.c = c;
     }
     start.rank = is_kept.iter().filter(|x| **x).count();
     start.dropped = (0..is_kept.len()).filter(|&i| !is_kept[i]).collect();

@@ -93,6 +93,7 @@ class Courses:
         self.indices: list[tuple[int, int | None]] = [
             (numbers["drives" if one.component is None else "forces"][one.name], one.component) for one in self._inputs
         ]
+        self._drives = any(one.component is None for one in self._inputs)
         self._drawn = [0.0 if k is None else _constant(described["forces"][at]["value"], k) for at, k in self.indices]
 
     def first(self, signals: Signals) -> tuple[Array, Array]:
@@ -116,6 +117,8 @@ class Courses:
 
     def over(self, held: Array, u: Array, t: float, h: float) -> Array:
         """Coefficients for the step that starts at t, given those of the previous step."""
+        if not self._drives:
+            return u.copy()
         new, start = held.copy(), 0
         for one, value in zip(self._inputs, u, strict=True):
             if one.component is not None:

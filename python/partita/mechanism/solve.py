@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
+from logging import INFO
 from typing import Any
 
 import numpy as np
@@ -488,7 +489,7 @@ def simulate(
         options=chosen.of(wanted),
         sensors=model.sensors,
     )
-    logger.info(
-        "%s: %s after %d outputs and %d steps", self.name, found.status, len(found.t), found.counters.get("steps", 0)
-    )
+    if logger.isEnabledFor(INFO):  # what it says is computed when it is read
+        outputs, steps = len(found.t), found.counters.get("steps", 0)
+        logger.info("%s: %s after %d outputs and %d steps", self.name, found.status, outputs, steps)
     return found

@@ -99,8 +99,7 @@ class Stepper:
     def state(self) -> State:
         """Its current state: closed to round-off, usable as `initial` of a run."""
         if self._now is None:
-            t, q, v = self._core.state()
-            self._now = State(t, q, v, layout=self._layout)
+            self._now = State.computed(*self._core.state(), self._layout)
         return self._now
 
     @property
@@ -164,14 +163,14 @@ class Stepper:
         """
         wanted = self._wanted(u)
         numbers = self._courses.over(self._numbers, wanted, self.state.t, self._dt)
-        self._core.step(numbers)
-        self._held, self._numbers, self._now, self._here = wanted, numbers, None, None
+        now = State.computed(*self._core.step(numbers), self._layout)
+        self._held, self._numbers, self._now, self._here = wanted, numbers, now, None
         if self._record:
             self._given.append(numbers.tolist())
-            self._times.append(self.state.t)
+            self._times.append(now.t)
         if self._view is not None:
             self._view.moved()
-        return self.state
+        return now
 
     def reset(self, initial: State | None = None) -> State:
         """Start again from a state, or from the initial one; the record for `result` is dropped and the inputs are
@@ -269,8 +268,9 @@ class Stepper:
                 f"u has the shape {wanted.shape}; it must be {len(self._inputs)} numbers: {', '.join(self._inputs)}",
                 argument="u",
             )
-        for name, value in zip(self._inputs, wanted, strict=True):
-            _number(name, value)
+        if not np.isfinite(wanted).all():
+            for name, value in zip(self._inputs, wanted, strict=True):
+                _number(name, value)
         return np.ascontiguousarray(wanted)
 
     def __reduce__(self) -> Any:

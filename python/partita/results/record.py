@@ -34,11 +34,11 @@ class Record:
     status: str = "finished"
     success: bool = True
     message: str = ""
-    steps_open: tuple[float, float] = (0.0, 0.0)
+    steps_open: tuple[float, float] = field(default_factory=lambda: (0.0, 0.0))
     """Largest |Phi| and |C v + a| at the ends of accepted steps."""
-    gaps: tuple[float, float] = (0.0, 0.0)
+    gaps: tuple[float, float] = field(default_factory=lambda: (0.0, 0.0))
     """The same relative to the effect of a large displacement on each constraint, and to the fastest rate."""
-    exchanged: float = 0.0
+    exchanged: float = field(default_factory=float)
     """Lower bound of the energy exchanged [J], from the speeds at the ends of accepted steps."""
     geometric_error: float = 0.0
     """Largest change of a joint frame by which the drawing was repaired (rad, fractions of lengths); 0 where none
@@ -121,7 +121,7 @@ class Record:
         return cls(arrays=Tables(arrays), **reported, description=None if spec is None else json.dumps(spec))
 
 
-_FROM_THE_LOG = ("partitions", "counters")
+_FROM_THE_LOG = ("partitions", "counters", "steps_open", "gaps", "exchanged")
 _VERSION = core_version()
 
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ..errors import ArgumentError
 
 Arrays = Mapping[str, NDArray[Any]]
+T = TypeVar("T")
 Span = tuple[int, int]
 
 BODIES = ("body_position", "body_rotation", "body_velocity", "body_angular_velocity")
@@ -106,12 +107,7 @@ class ModelSource:
 
     def __init__(self, model: Any, run: Arrays, summary: Mapping[str, Any]) -> None:
         self._model, self._run, self._summary = model, run, summary
-        self._accelerations: dict[int, NDArray[np.float64]] = {}
-        self._bodies: dict[int, Arrays] = {}
-        self._accelerated: dict[int, tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
-        self._joints: dict[int, Arrays] = {}
-        self._reactions: dict[int, Arrays] = {}
-        self._stresses: dict[int, NDArray[np.float64]] = {}
+        self._found: dict[tuple[str, int], Any] = {}  # what was computed, of which number
 
     @property
     def model(self) -> Any:
@@ -128,26 +124,31 @@ class ModelSource:
         """The model's description of itself."""
         return self._summary
 
+    def _once(self, what: str, i: int, compute: Callable[[], T]) -> T:
+        """What `compute` returns for number i, computed at its first use."""
+        if (what, i) not in self._found:
+            self._found[what, i] = compute()
+        found: T = self._found[what, i]
+        return found
+
     def body(self, i: int) -> Arrays:
-        if i not in self._bodies:
-            self._bodies[i] = alone(self._model.bodies(*self._motion, [i]), BODIES)
-        return self._bodies[i]
+        return self._once("body", i, lambda: alone(self._model.bodies(*self._motion, [i]), BODIES))
 
     def body_acceleration(self, i: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        if i not in self._accelerated:
+        def computed() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
             found = self._model.body_accelerations(*self._motion, self._run["vdot"], [i])
-            self._accelerated[i] = found["body_acceleration"][:, 0], found["body_angular_acceleration"][:, 0]
-        return self._accelerated[i]
+            return found["body_acceleration"][:, 0], found["body_angular_acceleration"][:, 0]
+
+        return self._once("body acceleration", i, computed)
 
     def joint(self, j: int, q: Span, v: Span) -> Arrays:
-        if j not in self._joints:
-            self._joints[j] = alone(self._model.joints(*self._motion, [j]), ("joint_point",))
-        return self._joints[j]
+        return self._once("joint", j, lambda: alone(self._model.joints(*self._motion, [j]), ("joint_point",)))
 
     def joint_acceleration(self, j: int, v: Span) -> NDArray[np.float64]:
-        if j not in self._accelerations:
-            self._accelerations[j] = self._model.joint_accelerations(*self._motion, self._run["vdot"], [j])
-        return self._accelerations[j]
+        def computed() -> NDArray[np.float64]:
+            return np.asarray(self._model.joint_accelerations(*self._motion, self._run["vdot"], [j]))
+
+        return self._once("joint acceleration", j, computed)
 
     @cached_property
     def joint_accelerations(self) -> NDArray[np.float64]:
@@ -165,12 +166,13 @@ class ModelSource:
         return self._flags[3]
 
     def reaction(self, j: int, v: Span) -> Arrays:
-        if j not in self._reactions:
+        def computed() -> Arrays:
             if self._shares_loads:  # one costs as much as all
-                self._reactions[j] = one_of(self.reactions, j, v)
-            else:
-                self._reactions[j] = self._model.reaction(*self._motion, *self._acting, j)
-        return self._reactions[j]
+                return one_of(self.reactions, j, v)
+            found: Arrays = self._model.reaction(*self._motion, *self._acting, j)
+            return found
+
+        return self._once("reaction", j, computed)
 
     def _number(self, of: str) -> int:
         return len(self._summary.get(of, ()))
@@ -225,9 +227,7 @@ class ModelSource:
         return found
 
     def self_stresses(self, j: int) -> NDArray[np.float64] | None:
-        if j not in self._stresses:
-            self._stresses[j] = self._model.self_stresses(*self._motion, j)
-        return self._stresses[j]
+        return self._once("self-stresses", j, lambda: self._model.self_stresses(*self._motion, j))
 
     @cached_property
     def energies(self) -> Arrays:

@@ -27,6 +27,9 @@ class SolutionLog(Protocol):
     def assess(self) -> dict[str, Any]:
         """Measures, qualities and frozen tangent velocities at every output."""
 
+    def work(self) -> NDArray[np.float64]:
+        """Work at every output."""
+
     def partitions(self) -> list[dict[str, Any]]:
         """Choices of coordinates, in order of time."""
 
@@ -35,7 +38,7 @@ class SolutionLog(Protocol):
 
 
 class Tables(Mapping[str, NDArray[Any]]):
-    """The arrays `NAMES` of a run. `t`, `q`, `v` and `work` exist from the start. Accelerations, multipliers and
+    """The arrays `NAMES` of a run. `t`, `q` and `v` exist from the start. Accelerations, multipliers and
     closures are computed together, for all outputs, when one of them is first accessed; so are measures, qualities and
     tangent velocities."""
 
@@ -81,7 +84,9 @@ class Tables(Mapping[str, NDArray[Any]]):
     def __getitem__(self, name: str) -> NDArray[Any]:
         if name in self._arrays or self._log is None:
             return self._arrays[name]
-        if name in ASSESSED:
+        if name in KEPT_1D:
+            self._arrays[name] = self._log.work()
+        elif name in ASSESSED:
             self._assess(self._log.assess())
         elif name in NAMES:
             found = self._log.describe()

@@ -16,18 +16,24 @@ pub struct Seen {
 }
 
 /// Examine an initial state, and refuse one that is not close to one that satisfies the constraints; `r` lends its
-/// levels.
+/// levels, which are those of that state already if it is `there`.
 ///
 /// # Errors
 /// `Argument`, and where the system cannot be evaluated there.
 pub(super) fn see<S: ConstrainedSystem>(
     r: &mut Reduction<S>,
     (t, q, v): (f64, &[f64], &[f64]),
+    there: bool,
 ) -> Result<Seen, AnalysisError> {
     let system = r.system.clone();
-    r.weigh_displacements(!system.lacks_mass()); // where all moving bodies have mass, masses do not matter
-    r.position(t, q)?;
-    r.refresh_scales(t, q)?;
+    let weighs = !system.lacks_mass(); // where all moving bodies have mass, masses do not matter
+    if !there {
+        r.position(t, q)?;
+    }
+    if !there || r.weighs_displacements() != weighs {
+        r.weigh_displacements(weighs);
+        r.refresh_scales(t, q)?;
+    }
     let (closure_error, row) = r.closure_error();
     if tolerance::ROUNDING * closure_error >= tolerance::FAR_OPEN {
         return Err(AnalysisError::Argument {

@@ -162,7 +162,7 @@ impl<'s, S: Motions> Looked<'s, S> {
         let given = (t, q, v);
         let (t, q, v) = singular_start.as_ref().map_or(given, |x| (x.step.t, &x.step.q[..], &x.step.v[..]));
         consistency::check(&*system, &start, (t, q, v), longest)?;
-        let seen = inconsistent::see(&mut probe, given)?;
+        let seen = inconsistent::see(&mut probe, given, singular_start.is_none())?;
         weight::refuse(&*system, t, q, start.rank)?;
         Ok(Self { start, singular_start, seen })
     }

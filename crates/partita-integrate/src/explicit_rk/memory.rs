@@ -66,8 +66,8 @@ pub(super) struct Memory {
 }
 
 impl Memory {
-    pub(super) fn new(stride: usize) -> Self {
-        let estimates = std::array::from_fn(|_| Row::full(SLOTS, stride));
+    pub(super) fn new() -> Self {
+        let estimates = std::array::from_fn(|_| Row::full(SLOTS));
         Self {
             past: [0.0; MOST],
             known: 0,
@@ -127,8 +127,7 @@ impl Memory {
         let mut corrector = predictor;
         let added = g[m] / scale(x, m);
         added_slope(x, m).iter().zip(&mut corrector).for_each(|(e, weight)| *weight += added * e);
-        method.stages[1].set(&predictor);
-        method.end.set(&corrector);
+        method.set_step(&predictor, &corrector);
         for (row, m) in self.estimates.iter_mut().zip([1, m.saturating_sub(1), m, m + 1]) {
             match m >= 1 && m <= self.known + 1 && m <= MOST {
                 true => {

@@ -1,10 +1,13 @@
 //! A table prepared for evaluation: zeros omitted, slots converted to offsets in memory.
 
 use crate::combination::Row;
+use crate::dense_output::DenseRows;
 use crate::step_size::{ErrorNorm, ERROR_MARGIN};
-use crate::tableau::{ErrorWeights, Tableau};
+use crate::tableau::{ErrorWeights, Tableau, METHODS};
+use std::borrow::Cow;
+use std::sync::LazyLock;
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 enum Estimate {
     None,
     One([Row; 1]),
@@ -12,7 +15,7 @@ enum Estimate {
 }
 
 /// The rows of a method.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Method {
     /// Row `i` leads to stage `i`.
     pub(super) stages: Vec<Row>,
@@ -21,22 +24,39 @@ pub(super) struct Method {
     estimate: Estimate,
 }
 
+/// The rows of the tables in [`METHODS`], for equations of every size.
+static PREPARED: LazyLock<Vec<(Method, DenseRows)>> =
+    LazyLock::new(|| METHODS.iter().map(|tableau| (Method::new(tableau), DenseRows::new(tableau))).collect());
+
+/// The rows of a table, of the step and of dense output.
+pub(super) fn prepared(tableau: &'static Tableau) -> (Cow<'static, Method>, Cow<'static, DenseRows>) {
+    match METHODS.iter().position(|known| std::ptr::eq(*known, tableau)) {
+        Some(i) => (Cow::Borrowed(&PREPARED[i].0), Cow::Borrowed(&PREPARED[i].1)),
+        None => (Cow::Owned(Method::new(tableau)), Cow::Owned(DenseRows::new(tableau))),
+    }
+}
+
 impl Method {
-    pub(super) fn new(tableau: &Tableau, stride: usize) -> Self {
-        let row = |weights: &[f64]| Row::new(weights, stride);
+    fn new(tableau: &Tableau) -> Self {
         let estimate = match &tableau.error {
             ErrorWeights::None => Estimate::None,
-            ErrorWeights::One(weights) => Estimate::One([row(weights)]),
-            ErrorWeights::FifthAndThird { fifth, third } => Estimate::FifthAndThird([row(fifth), row(third)]),
+            ErrorWeights::One(weights) => Estimate::One([Row::new(weights)]),
+            ErrorWeights::FifthAndThird { fifth, third } => Estimate::FifthAndThird([Row::new(fifth), Row::new(third)]),
         };
-        let stages = tableau.a.iter().map(|weights| row(weights)).collect();
-        Self { stages, end: row(tableau.b), estimate }
+        let stages = tableau.a.iter().map(|weights| Row::new(weights)).collect();
+        Self { stages, end: Row::new(tableau.b), estimate }
     }
 
     /// Rows over all slots whose weights change from step to step.
-    pub(super) fn remade(slots: usize, stride: usize) -> Self {
-        let row = || Row::full(slots, stride);
+    pub(super) fn remade(slots: usize) -> Self {
+        let row = || Row::full(slots);
         Self { stages: vec![row(), row()], end: row(), estimate: Estimate::One([row()]) }
+    }
+
+    /// The weights of the second stage and of the step.
+    pub(super) fn set_step(&mut self, stage: &[f64], end: &[f64]) {
+        self.stages[1].set(stage);
+        self.end.set(end);
     }
 
     /// The weights of the one estimate.

@@ -21,8 +21,8 @@ pub(super) struct Spare(Mutex<Vec<Memory>>);
 type Memory = (Box<Scratch<f64>>, Dense);
 
 impl Spare {
-    /// Maximum number kept: as many as one run uses at a time.
-    const MOST: usize = 4;
+    /// Maximum number kept: as many as runs in eight threads use at a time.
+    const MOST: usize = 24;
 
     pub(super) fn all(&self) -> MutexGuard<'_, Vec<Memory>> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)

@@ -43,6 +43,8 @@ pub struct Motion<'s, S: ConstrainedSystem + 's, T, P> {
     margin: Option<(f64, u64)>,
     /// Whether anything was evaluated since.
     moved: bool,
+    /// Whether the point last evaluated is the state from which the next step is planned.
+    planned_from: bool,
     /// Singular positions behind and ahead.
     monitor: CrossingMonitor,
     /// Breakpoints of curves along the motion.
@@ -76,6 +78,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             observes_work: system.has_power() || system.rheonomic(),
             margin: None,
             moved: true,
+            planned_from: false,
             monitor: CrossingMonitor::new(system.size()),
             breakpoints: Watched::new(system.breakpoints()),
             prescribed: Prescribed::new(&*system),
@@ -169,7 +172,10 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         self.margin = self.tangent.margin();
         self.look_back(step.t);
         self.begin();
-        self.plan_ahead(step).map(drop)
+        self.planned_from = true;
+        let planned = self.plan_ahead(step).map(drop);
+        self.planned_from = false;
+        planned
     }
     fn side(&mut self, t: f64, y: &[f64]) -> Option<Side> {
         self.moved = true;

@@ -36,6 +36,18 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         worst(positions.map(|&i| (i, self.phi[i] / self.row_size[i]))).0
     }
 
+    /// Largest |C v + a|, and [`velocity_gap`](Self::velocity_gap), in one pass.
+    pub fn velocity_violations(&self) -> (f64, (f64, usize)) {
+        let mut largest: f64 = 0.0;
+        let violation = velocity_residuals(self.system.pattern(), &self.c, &self.v, &self.a);
+        let seen = violation.zip(&self.row_size).enumerate().map(|(i, (x, size))| {
+            largest = if x.is_nan() { f64::INFINITY } else { largest.max(x.abs()) };
+            (i, x / size)
+        });
+        let gap = worst(seen);
+        (largest, gap)
+    }
+
     /// Largest |C v + a|_i over its row's size [1/s], and its row.
     pub fn velocity_gap(&self) -> (f64, usize) {
         let violation = velocity_residuals(self.system.pattern(), &self.c, &self.v, &self.a);

@@ -4,12 +4,27 @@ use super::Reduction;
 use crate::system::ConstrainedSystem;
 use partita_math::tolerance;
 
-/// Memory for the distances of all clusters.
+/// Memory for the distances of all clusters, and what they need of the choice.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Distance {
     clusters: Vec<Sums>,
     u: Left,
     w: Left,
+    of_choice: OfChoice,
+}
+
+/// What the choice determines, by steps of the elimination and by independent velocities.
+#[derive(Clone, Debug, Default)]
+struct OfChoice {
+    /// The right-hand side of the first solve.
+    first: Vec<f64>,
+    /// Displacements of rows, of dependent and of independent velocities.
+    rows: Vec<f64>,
+    dependent: Vec<f64>,
+    independent: Vec<f64>,
+    /// Clusters of steps and of independent velocities.
+    of_step: Vec<u32>,
+    of_column: Vec<u32>,
 }
 
 /// A left vector u and uᵀC.
@@ -30,11 +45,12 @@ impl Left {
 }
 
 impl Distance {
-    /// For this number of kept rows, of degrees of freedom, and of clusters.
+    /// For this number of kept rows, of degrees of freedom, and of clusters, in a new choice.
     pub fn lay_out(&mut self, rank: usize, k: usize, clusters: usize) {
         self.clusters.resize(clusters.max(1), Sums::default());
         self.u.lay_out(rank, k);
         self.w.lay_out(rank, k);
+        self.of_choice.first.clear();
     }
 }
 
@@ -79,6 +95,12 @@ impl Sums {
     }
 }
 
+/// Other contents for a vector.
+fn refill<T>(to: &mut Vec<T>, from: impl Iterator<Item = T>) {
+    to.clear();
+    to.extend(from);
+}
+
 impl<S: ConstrainedSystem> Reduction<'_, S> {
     /// How far the mechanism is from a singular position at the last tangent: falls linearly to zero towards one. With
     /// the number of the plan it belongs to: values of different choices of rows are not comparable.
@@ -92,23 +114,37 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     /// One per cluster; the smallest is reported.
     pub fn distance(&mut self) -> (f64, u64) {
         let mut d = std::mem::take(&mut self.distance);
+        if d.of_choice.first.len() != self.rank {
+            self.look_at_choice(&mut d.of_choice);
+        }
         let least = if self.plan.is_some() { self.least_singular_value(&mut d) } else { f64::INFINITY };
         self.distance = d;
         (least, self.plans)
     }
 
-    fn least_singular_value(&self, Distance { clusters, u, w }: &mut Distance) -> f64 {
+    /// Sizes and clusters of the choice in use.
+    fn look_at_choice(&self, of: &mut OfChoice) {
         let partition = &self.partition;
-        let of = |i: &usize| self.clusters.of_velocity[*i] as usize;
+        let cluster = |i: &usize| self.clusters.of_velocity[*i];
+        let displacement = |i: &usize| self.displacement[*i];
+        // irregular, so that no self-stress of a mechanism is orthogonal to it
+        let first = partition.rows.iter().map(|&row| 1.0 + 0.5 * (row as f64 * 1.7).sin());
+        refill(&mut of.first, first);
+        refill(&mut of.rows, (0..self.rank).map(|step| self.size_of_row(step)));
+        refill(&mut of.dependent, partition.dependent.iter().map(displacement));
+        refill(&mut of.independent, partition.independent.iter().map(displacement));
         // steps pair rows with dependent velocities of the same cluster
-        let of_step: &dyn Fn(usize) -> usize = &|step| of(&partition.dependent[step]);
-        let of_column: &dyn Fn(usize) -> usize = &|j| of(&partition.independent[j]);
-        for (x, &row) in u.dependent.iter_mut().zip(&partition.rows) {
-            // irregular, so that no self-stress of a mechanism is orthogonal to it
-            *x = 1.0 + 0.5 * (row as f64 * 1.7).sin();
-        }
+        refill(&mut of.of_step, partition.dependent.iter().map(cluster));
+        refill(&mut of.of_column, partition.independent.iter().map(cluster));
+    }
+
+    fn least_singular_value(&self, Distance { clusters, u, w, of_choice }: &mut Distance) -> f64 {
+        let (of_step, of_column) = (&of_choice.of_step[..], &of_choice.of_column[..]);
+        let of_step = |step: usize| of_step[step] as usize;
+        let of_column = |j: usize| of_column[j] as usize;
+        u.dependent.copy_from_slice(&of_choice.first);
         clusters.fill(Sums::default());
-        self.improve(u);
+        self.improve(u, of_choice);
         for (step, (x, y)) in u.by_rows.iter().zip(&u.dependent).enumerate() {
             let sums = &mut clusters[of_step(step)];
             sums.u += x * x;
@@ -122,11 +158,11 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
             *x = -sums.uc / sums.u * u;
         }
         for &(step, e, j) in &self.spread_entries {
-            let displacement = self.displacement[partition.independent[j as usize]];
-            w.dependent[step as usize] +=
-                self.c[e as usize] * displacement / self.size_of_row(step as usize) * u.independent[j as usize];
+            let (step, j) = (step as usize, j as usize);
+            w.dependent[step] +=
+                self.c[e as usize] * of_choice.independent[j] / of_choice.rows[step] * u.independent[j];
         }
-        self.improve(w);
+        self.improve(w, of_choice);
         for (step, (x, y)) in u.by_rows.iter().zip(&w.by_rows).enumerate() {
             clusters[of_step(step)].uw += x * y;
         }
@@ -163,21 +199,20 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     }
 
     /// From the right-hand side x in `dependent`: y = C_D⁻¹ x, the vector C_D⁻ᵀ y, and its products with C.
-    fn improve(&self, left: &mut Left) {
+    fn improve(&self, left: &mut Left, of: &OfChoice) {
         let Some(plan) = &self.plan else { return };
         let Left { by_rows, dependent, independent } = left;
-        let sizes = || self.partition.dependent.iter().map(|&i| self.displacement[i]);
-        dependent.iter_mut().enumerate().for_each(|(step, x)| *x *= self.size_of_row(step));
+        dependent.iter_mut().zip(&of.rows).for_each(|(x, size)| *x *= size);
         plan.solve(&self.factors, dependent, 1);
-        dependent.iter_mut().zip(sizes()).for_each(|(x, size)| *x /= size);
-        by_rows.iter_mut().zip(&*dependent).zip(sizes()).for_each(|((to, x), size)| *to = x / size);
+        dependent.iter_mut().zip(&of.dependent).for_each(|(x, size)| *x /= size);
+        by_rows.iter_mut().zip(&*dependent).zip(&of.dependent).for_each(|((to, x), size)| *to = x / size);
         plan.solve_transposed(&self.factors, by_rows, 1);
         independent.fill(0.0);
         for &(step, e, j) in &self.spread_entries {
             independent[j as usize] += self.c[e as usize] * by_rows[step as usize];
         }
-        independent.iter_mut().zip(&self.partition.independent).for_each(|(x, &i)| *x *= self.displacement[i]);
-        by_rows.iter_mut().enumerate().for_each(|(step, x)| *x *= self.size_of_row(step));
+        independent.iter_mut().zip(&of.independent).for_each(|(x, size)| *x *= size);
+        by_rows.iter_mut().zip(&of.rows).for_each(|(x, size)| *x *= size);
     }
 
     /// Displacement of the row of a step.

@@ -168,6 +168,11 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         self
     }
 
+    /// Whether velocities are weighted by their characteristic displacements, not by masses.
+    pub fn weighs_displacements(&self) -> bool {
+        self.weighs_displacements
+    }
+
     /// Weight velocities by their characteristic displacements, or by masses, from the next scales on.
     pub fn weigh_displacements(&mut self, displacements: bool) {
         self.weighs_displacements = displacements;

@@ -108,10 +108,12 @@ impl Watch {
 
     /// Examine the end of a step, the point last evaluated.
     pub fn look<S: ConstrainedSystem>(&mut self, t: f64, r: &Reduction<S>) {
-        self.trial = (r.closure(), r.velocity_closure());
+        let (rate, of_rates) = r.velocity_violations();
+        self.trial = (r.closure(), rate);
         let fastest = self.fastest.max(r.fastest());
         self.trial_fastest = fastest;
-        self.trial_gaps = gaps(t, r);
+        let gap = |(part, row): (f64, usize)| Gap { part, t, row };
+        self.trial_gaps = Gaps { position: gap(r.gap()), velocity: gap(of_rates) };
         self.trial_gaps.in_parts_of(fastest);
     }
 

@@ -267,6 +267,9 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> TangentClosing<'s, S> for Ev
     fn sides(&self, sides: &mut Sides) {
         self.base.r.sides(sides);
     }
+    fn choice_of_sides(&self) -> (u64, u64) {
+        (self.base.r.choices(), 0)
+    }
     fn margin(&mut self) -> Option<(f64, u64)> {
         let r = &mut self.base.r;
         let free = self.correction == Correction::None || r.rank() == 0 || r.tangent(f64::NAN).is_err();

@@ -442,6 +442,9 @@ impl<'s, S: ConstrainedSystem> TangentClosing<'s, S> for Frozen<'s, S> {
         let determinant = dense::lu_determinant(&self.lu, self.pivots.len(), &self.pivots);
         sides.extend(determinant < 0.0, self.frozen);
     }
+    fn choice_of_sides(&self) -> (u64, u64) {
+        (self.base.r.choices(), self.frozen)
+    }
     fn margin(&mut self) -> Option<(f64, u64)> {
         let r = &mut self.base.r;
         (r.rank() > 0).then(|| r.distance())

@@ -159,6 +159,8 @@ pub trait TangentClosing<'s, S: ConstrainedSystem + 's> {
     }
     /// Side of the singular positions of C_D, and of the dead points of the basis, at the last evaluation.
     fn sides(&self, sides: &mut Sides);
+    /// The choice to which they belong, as in [`Sides::choice`].
+    fn choice_of_sides(&self) -> (u64, u64);
     /// Whether all velocities are states, from which the residual of S4 is removed after a step.
     fn integrates_velocities(&self) -> bool {
         false

@@ -232,6 +232,9 @@ impl<'s, S: ConstrainedSystem> TangentClosing<'s, S> for Chosen<'s, S> {
     fn sides(&self, sides: &mut Sides) {
         self.base.r.sides(sides);
     }
+    fn choice_of_sides(&self) -> (u64, u64) {
+        (self.base.r.choices(), 0)
+    }
     fn margin(&mut self) -> Option<(f64, u64)> {
         (self.base.r.rank() > 0).then(|| self.base.r.distance())
     }

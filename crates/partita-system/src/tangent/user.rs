@@ -333,6 +333,9 @@ impl<'s, S: ConstrainedSystem> TangentClosing<'s, S> for Given<'s, S> {
     fn sides(&self, sides: &mut Sides) {
         self.base.r.sides(sides);
     }
+    fn choice_of_sides(&self) -> (u64, u64) {
+        (self.base.r.choices(), 0)
+    }
 }
 
 /// The velocity with the largest share in the tangent velocity that has no inertia.

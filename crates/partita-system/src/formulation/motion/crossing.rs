@@ -151,7 +151,10 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     /// Distance from a singular position at this time after the state (t, y), by the present plan.
     pub(super) fn probe(&mut self, t: f64, y: &[f64], ahead: f64) -> Probe {
         // where a drive leads to the limit of a loop nothing lies beyond
-        if (P::CLOSED && self.k == 0) || self.evaluate(t, y).is_err() {
+        if P::CLOSED && self.k == 0 {
+            return Probe::Unknown;
+        }
+        if !std::mem::take(&mut self.planned_from) && self.evaluate(t, y).is_err() {
             return Probe::Unknown;
         }
         let Some((_, plan)) = self.tangent.margin() else { return Probe::Unknown };
@@ -442,7 +445,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         std::mem::swap(&mut self.monitor.step_start, &mut self.monitor.step_end);
         std::mem::swap(&mut self.monitor.sides, &mut self.monitor.sides_ahead);
         (self.monitor.flipped, self.monitor.lost, self.monitor.judged) = (false, false, false);
-        if self.changed().is_none() {
+        if self.tangent.choice_of_sides() != self.monitor.sides.choice() {
             self.tangent.sides(&mut self.monitor.sides); // of a choice made at the end
             self.margin = self.tangent.margin();
         }
@@ -491,6 +494,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         }
         if let Some(longest) = self.guards.entered() {
             pace.next = self.first_inside(step, pace.next.min(longest))?;
+            self.planned_from = false;
         }
         // v h + v' h^2 / 2 = CROSSING_MOVE
         let whole = 2.0 * CROSSING_MOVE / (rate + (rate * rate + 2.0 * CROSSING_MOVE * acceleration).sqrt());
