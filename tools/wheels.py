@@ -142,6 +142,8 @@ def repack(wheel: Path, address: str) -> None:
                 assert version is not None
                 head += "".join(f"\nProject-URL: {name}, {url}" for name, url in urls(address, version[1]).items())
                 data = f"{head}\n\n{package_page(page, address, version[1])}".encode()
+            elif "/sboms/" in item.filename:  # the list of crates names ours by their folders
+                data = data.replace(ROOT.as_posix().encode(), b"partita")
             elif item.filename.endswith(".dist-info/RECORD"):
                 record = item.filename
                 continue

@@ -156,6 +156,9 @@ def test_what_is_in_a_wheel_is_looked_at(tmp_path: Path, capsys: pytest.CaptureF
     path = packed(tmp_path)
     assert wheels.main(["--check", str(path)]) == 1
     assert "its page links to docs/a.svg" in capsys.readouterr().out
+    crates = {"partita-0.1.0.dist-info/sboms/partita.json": f'"path+file://{ROOT.as_posix()}/crates/partita"'.encode()}
+    path = packed(tmp_path, lambda files: files.update(crates))
+    assert any("holds the folder" in word for word in wheels.folders(path))
     wheels.repack(path, "https://example.org/partita")
     assert wheels.main(["--check", str(tmp_path)]) == 0
     with zipfile.ZipFile(path) as archive:
