@@ -6,6 +6,7 @@ TOOLS := .venv/.tools
 BUILT := .venv/.built
 FMU := .venv/.fmu
 SITE := .venv/.site
+ZIG := .venv/.zig
 
 # Everything that the native module is made of.
 RUST := Cargo.toml Cargo.lock $(shell find crates -name '*.rs' -o -name 'Cargo.toml')
@@ -128,6 +129,19 @@ peers:
 	  $(PYTHON) -m venv out/peers/$$peer && \
 	  out/peers/$$peer/bin/python -m pip install --quiet --only-binary=:all: --requirement benches/peers/$$peer.txt || exit 1; \
 	done
+
+# On Linux the wheel is linked for an older system than this one, by zig.
+ZIG_HERE := $(if $(filter Linux,$(shell uname -s)),$(ZIG))
+
+$(ZIG): $(TOOLS) constraints-wheels.txt
+	$(BIN)/python -m pip install --quiet --no-compile --only-binary=:all: --requirement constraints-wheels.txt
+	@touch $@
+
+## wheels: the wheel of this machine in dist/: its contents looked at, then installed and used in an empty environment of every Python that is here
+.PHONY: wheels
+wheels: $(TOOLS) $(ZIG_HERE)
+	$(BIN)/python tools/wheels.py $(if $(ZIG_HERE),--zig)
+	$(BIN)/python tools/install_check.py dist
 
 ## bench: measured costs against their limits
 bench: $(BUILT)

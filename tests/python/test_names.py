@@ -288,3 +288,53 @@ def test_an_unknown_argument_is_answered_by_the_likely_one() -> None:
     assert m.to_spec() == named().to_spec()
     with pytest.raises(TypeError, match="missing 1 required positional argument: 'mass'"):
         m.add_rod("r", (0, 0, 0), (1, 0, 0))  # type: ignore[call-arg]
+
+
+ADDING = sorted(name for name in dir(pt.Mechanism) if name.startswith("add_"))
+JOINED: dict[tuple[str, ...], str] = {
+    ("parent", "child"): "ordered",
+    ("body1", "body2"): "two ends",
+    ("joint1", "joint2"): "two ends",
+    ("pulley1", "pulley2"): "two ends",
+    ("pinion", "slide"): "each its own",
+    ("follower", "cam"): "each its own",
+    ("body", "on"): "each its own",
+    ("body", "ground"): "each its own",
+    ("joint",): "one",
+    ("body",): "one",
+}
+"""What an element can join, and what the order means: docs/elements.md, decision 0067."""
+OTHERS = {"add_body", "add_rod", "add_coupler", "add_constraint", "add_force_law", "add_sensor"}
+"""Bodies, which join nothing, and elements that take a list of what they depend on."""
+
+
+@pytest.mark.parametrize("method", ADDING)
+def test_elements_name_themselves_first_and_what_they_join_by_one_pair_of_words(method: str) -> None:
+    """A new method that joins two things takes one of these pairs, or adds its own with a reason."""
+    call = getattr(pt.Mechanism, method)
+    parameters = list(inspect.signature(call).parameters.values())[1:]
+    words = [p.name for p in parameters]
+    if method != "add_compliance":  # a property of its joint, without a name
+        optional = parameters[words.index("name")]
+        assert words[0] == "name" or (method in FIRST and optional.kind is optional.KEYWORD_ONLY), words
+    things = {word for pair in JOINED for word in pair}
+    there = tuple(word for word in words if word in things)
+    if method in OTHERS:
+        assert there == (("on",) if method == "add_force_law" else ())  # the joint or bodies on which it acts
+        return
+    assert there in JOINED, there
+    assert words[1 if words[0] == "name" else 0] == there[0]
+    makes_a_joint = inspect.signature(call).return_annotation == "Joint" and method != "add_compliance"
+    assert makes_a_joint == (JOINED[there] == "ordered")
+    assert makes_a_joint or not any(word.startswith(("parent", "child")) for word in words)
+    ends = {word[:-1] for word in words if word[-1] in "12"}
+    for end in ends:
+        pair = {f"{end}1", f"{end}2"}
+        assert pair <= set(words) or (method, end) in ONE_END, (method, end)
+    if ends - {"axis"}:
+        assert JOINED[there] == "two ends" or (method, ends) == ("add_rack", {"coordinate"}), ends
+    assert ("coordinate" in words) <= (there == ("joint",)) and not ("coordinate" in words and "coordinate1" in words)
+
+
+ONE_END = {("add_point_on_curve", "point")}
+"""The curve is on the first body, the point on the second."""

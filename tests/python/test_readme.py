@@ -66,6 +66,22 @@ def test_front_page_shows_what_the_demo_says_of_reactions() -> None:
     assert shown.startswith("  reactions") and shown in text_of(ROOT / "README.md").splitlines()
 
 
+def test_front_page_shows_what_was_measured_beside_other_programs() -> None:
+    """Each row is a row of the page that says how; none of its programs is left out."""
+
+    def rows(text: str) -> list[list[str]]:
+        table = re.search(r"^\|.*closure error \[m\] \|.*\n\|[-|]*\n((?:\|.*\n)*)", text, flags=re.MULTILINE)
+        assert table is not None
+        return [[cell.strip() for cell in line.strip().strip("|").split("|")] for line in table[1].splitlines()]
+
+    there = rows(text_of(ROOT / "docs" / "others.md"))
+    (bennett,) = (i for i, row in enumerate(there) if row[0] == "Bennett")
+    measured = [row[1:5] + row[-1:] for row in there[:bennett]]
+    shown = rows(text_of(ROOT / "README.md"))
+    assert all(row in measured for row in shown), [row for row in shown if row not in measured]
+    assert {row[0] for row in shown} == {row[0] for row in measured}
+
+
 @pytest.mark.parametrize("page", [page for page in PAGES if TOML.search(text_of(page))], ids=lambda p: p.name)
 def test_model_files_run(page: Path, tmp_path: Path) -> None:
     for number, content in enumerate(TOML.findall(text_of(page))):

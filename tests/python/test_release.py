@@ -2,18 +2,29 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
+import lzma
 import re
 import subprocess
 import sys
+import zipfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+import partita as pt
 from partita.cli import main
+from partita.io import fmu
 
 ROOT = Path(__file__).parents[2]
-SYSTEMS = {"linux-x86_64", "linux-aarch64", "macos-x86_64", "macos-aarch64", "windows-x86_64"}
+sys.path.insert(0, str(ROOT / "tools"))
+import install_check  # noqa: E402
+import wheels  # noqa: E402
+
+SYSTEMS = {f"{system}-{kind}" for system in ("linux", "musl", "macos", "windows") for kind in ("x86_64", "aarch64")}
 
 
 def project() -> dict[str, Any]:
@@ -55,17 +66,149 @@ def test_every_extra_stands_among_the_dependencies() -> None:
             assert any(package in row.lower() and name in row for row in rows), (name, package)
 
 
-def test_a_release_builds_every_system_and_tries_what_it_can_run() -> None:
+def test_a_release_builds_every_system_and_uses_what_it_built() -> None:
     yaml = pytest.importorskip("yaml")
     release = yaml.safe_load((ROOT / ".github" / "workflows" / "release.yml").read_text("utf-8"))
     jobs = release["jobs"]
-    rows = jobs["wheels"]["strategy"]["matrix"]["include"]
-    assert {row["name"] for row in rows} == SYSTEMS
-    assert {row["name"] for row in rows if row["native"]} == SYSTEMS - {"macos-x86_64"}
-    for name in ("wheels", "sdist"):
-        assert any("tools/install_check.py dist" in step.get("run", "") for step in jobs[name]["steps"])
+    matrix = jobs["wheels"]["strategy"]["matrix"]
+    assert {row["name"] for row in matrix["system"]} == SYSTEMS and matrix["python"] == ["abi3", "3.14t"]
+    for row in matrix["system"]:
+        assert ("--zig" in row["build"]) == row["name"].startswith(("linux", "musl"))
+        assert row["musl"] == (f"{row['name'][5:]}-unknown-linux-musl" if row["name"].startswith("musl") else "")
+        assert row["musl"] in row["build"]
+    commands = [step.get("run", "") for step in jobs["wheels"]["steps"]]
+    (build,) = (i for i, command in enumerate(commands) if "tools/wheels.py" in command)
+    uses = [i for i, command in enumerate(commands) if "tools/install_check.py dist" in command]
+    (threads,) = (i for i, command in enumerate(commands) if "tests/python/test_threads.py" in command)
+    assert len(uses) == 2 and build < min(uses) and build < threads
+    assert any("tools/install_check.py dist" in step.get("run", "") for step in jobs["sdist"]["steps"])
     assert set(jobs["publish"]["needs"]) == {"wheels", "sdist"}
     assert jobs["publish"]["permissions"] == {"id-token": "write"} and release["permissions"] == {"contents": "read"}
+
+
+def test_the_recipe_for_conda_says_what_the_project_says() -> None:
+    yaml = pytest.importorskip("yaml")
+    text = (ROOT / "recipe" / "meta.yaml").read_text("utf-8")
+    version = re.search(r'set version = "(.*)"', text)
+    assert version is not None and version[1] == project()["version"] == pt.__version__
+    recipe = yaml.safe_load(re.sub(r"\{\{.*?\}\}", "X", re.sub(r"\{%.*%\}", "", text)))
+    needed = {item.replace(" ", "") for item in recipe["requirements"]["run"]} - {"python"}
+    assert needed == set(project()["dependencies"])
+    assert recipe["about"]["license"] == project()["license"]
+    assert set(recipe["about"]["license_file"]) == set(project()["license-files"]) == set(wheels.LICENCES)
+    assert recipe["about"]["summary"] == project()["description"]
+
+
+def test_the_page_of_the_package_has_no_link_to_a_file_beside_it() -> None:
+    text = (ROOT / "README.md").read_text("utf-8")
+    there = wheels.LINK.findall(text)
+    assert any(picture for picture, _, _ in there) and len(there) > 20
+    for address in ("https://example.org/partita", "https://example.org/partita/", ""):
+        page = wheels.package_page(text, address, "1.2.3")
+        assert wheels.LINK.findall(page) == []
+    page = wheels.package_page(text, "https://example.org/partita", "1.2.3")
+    for picture, words, path in there:
+        kind = "raw" if picture else "blob"
+        assert f"{picture}[{words}](https://example.org/partita/{kind}/v1.2.3/{path})" in page
+    assert "docs/" not in wheels.package_page("see [five minutes](docs/five-minutes.md#x)", "", "1.2.3")
+
+
+METADATA = "Metadata-Version: 2.4\nName: partita\nVersion: 0.1.0\n\n# Partita\n\n![a](docs/a.svg) [b](docs/b.md)\n"
+
+
+def packed(folder: Path, change: Callable[[dict[str, bytes]], None] = lambda files: None, tag: str = "2_28") -> Path:
+    """A wheel whose files are all there and empty but for the module, changed."""
+    about = "partita-0.1.0.dist-info"
+    files = dict.fromkeys(wheels.sources(), b"")
+    files |= {f"{wheels.FMU}/{name}": b"" for name in ("libpartita_fmu.so.xz", *wheels.LICENCES)}
+    files |= {
+        "partita/_core.abi3.so": b"x\0GLIBC_2.28\0y",
+        f"{wheels.FMU}/libpartita_fmu.so.xz": lzma.compress(b"x\0GLIBC_2.17\0"),
+    }
+    files |= {f"{about}/METADATA": METADATA.encode(), f"{about}/WHEEL": b"", f"{about}/RECORD": b""}
+    change(files)
+    path = folder / f"partita-0.1.0-cp310-abi3-manylinux_{tag}_x86_64.whl"
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, data in files.items():
+            archive.writestr(name, data)
+    return path
+
+
+def test_what_is_in_a_wheel_is_looked_at(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    module, library = "partita/_core.abi3.so", f"{wheels.FMU}/libpartita_fmu.so.xz"
+    cases: list[tuple[Callable[[dict[str, bytes]], Any], str]] = [
+        (lambda files: files.pop("partita/py.typed"), "it lacks partita/py.typed"),
+        (lambda files: files.pop(library), "it has 0 of the binary inside FMUs"),
+        (lambda files: files.pop(module), "it has 0 of the module"),
+        (lambda files: files.update({"partita/_core.cp314t.so": b"\0GLIBC_2.5\0"}), "it has 2 of the module"),
+        (lambda files: files.update({"tests/test_x.py": b""}), "it holds tests/test_x.py"),
+        (lambda files: files.update({module: f"\0GLIBC_2.5\0{ROOT}/crates".encode()}), f"holds the folder {ROOT}"),
+        (
+            lambda files: files.update({library: lzma.compress(b"\0GLIBC_2.34\0")}),
+            "needs glibc 2.34, the wheel says 2.28",
+        ),
+        (lambda files: files.update({module: b"\0GLIBC_2.5\0" + bytes(12_000_000)}), "it has 12."),
+    ]
+    for change, wanted in cases:
+        path = packed(tmp_path, change)
+        found = [word for look in wheels.LOOKS if look is not wheels.links for word in look(path)]
+        assert any(wanted in word for word in found), (found, wanted)
+    path = packed(tmp_path)
+    assert wheels.main(["--check", str(path)]) == 1
+    assert "its page links to docs/a.svg" in capsys.readouterr().out
+    crates = {"partita-0.1.0.dist-info/sboms/partita.json": f'"path+file://{ROOT.as_posix()}/crates/partita"'.encode()}
+    path = packed(tmp_path, lambda files: files.update(crates))
+    assert any("holds the folder" in word for word in wheels.folders(path))
+    wheels.repack(path, "https://example.org/partita")
+    assert wheels.main(["--check", str(tmp_path)]) == 0
+    with zipfile.ZipFile(path) as archive:
+        page = archive.read("partita-0.1.0.dist-info/METADATA").decode()
+        assert "Project-URL: Source, https://example.org/partita\n" in page
+        assert "![a](https://example.org/partita/raw/v0.1.0/docs/a.svg)" in page
+        rows = [line.split(",") for line in archive.read("partita-0.1.0.dist-info/RECORD").decode().splitlines()]
+        assert [row[0] for row in rows] == archive.namelist()
+        for name, digest, length in rows[:-1]:
+            data = archive.read(name)
+            wanted = base64.urlsafe_b64encode(hashlib.sha256(data).digest()).decode().rstrip("=")
+            assert digest == f"sha256={wanted}" and int(length) == len(data)
+    with pytest.raises(SystemExit, match="there is no wheel"):
+        wheels.main(["--check", str(tmp_path / "none")])
+
+
+def test_the_binary_of_a_wheel_is_unpacked_for_an_fmu(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fmu, "BINARIES", tmp_path)
+    monkeypatch.setattr("platform.machine", lambda: "x86_64")
+    with pytest.raises(pt.errors.MissingDependencyError, match="`make fmu` in its sources builds it"):
+        fmu.binary("3.0")
+    for name in wheels.LIBRARIES:
+        (tmp_path / f"{name}.xz").write_bytes(lzma.compress(b"packed"))
+    assert fmu.binary("3.0")[1] == b"packed"
+    monkeypatch.setitem(sys.modules, "lzma", None)
+    with pytest.raises(pt.errors.MissingDependencyError, match="this Python has no lzma"):
+        fmu.binary("3.0")
+    for name in wheels.LIBRARIES:
+        (tmp_path / name).write_bytes(b"as built")
+    assert fmu.binary("3.0")[1] == b"as built"
+
+
+def test_a_wheel_is_for_the_pythons_that_can_load_it() -> None:
+    shared, own = Path("partita-0.1.0-cp310-abi3-x.whl"), Path("partita-0.1.0-cp314-cp314t-x.whl")
+    assert [install_check.fits(shared, version) for version in ("3.10", "3.14", "3.14t")] == [True, True, False]
+    assert [install_check.fits(own, version) for version in ("3.14", "3.14t", "3.15t")] == [False, True, False]
+    here = f"{sys.version_info[0]}.{sys.version_info[1]}"
+    assert any(version.rstrip("t") == here for version in install_check.pythons())
+
+
+def test_the_first_five_minutes_are_commands_and_blocks() -> None:
+    """What `make wheels` follows by the letter."""
+    assert install_check.commands("five-minutes.md") == ["python -m venv .venv", INSTALL]
+    assert install_check.commands("index.md")[0].startswith("partita simulate")
+    assert len(install_check.blocks("five-minutes.md")) >= 4
+    front = (ROOT / "README.md").read_text("utf-8")
+    assert install_check.COMMAND.findall(front)[0] == "pip install partita"
+
+
+INSTALL = ".venv/bin/python -m pip install partita"
 
 
 def test_the_check_of_an_installation_refuses_what_it_cannot_find(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import pickle
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -104,10 +105,42 @@ def test_a_drive_and_a_cam() -> None:
     drive = next(iter(m.drives.values()))
     drive.change(position=None, velocity=pt.table(lambda t: 0.01 * np.cos(t), 0.0, 3.0))
     assert np.abs(m.simulate(3.0).joint("guide").displacement - 0.01 * np.sin(run.t)).max() < 1e-9
-    with pytest.raises(pt.errors.DescriptionError, match="sample the velocity or the position instead"):
-        drive.change(velocity=None, acceleration=lift)
-    drive.change(velocity=None, acceleration=(lift.times, lift.values))
-    m.bodies["plate"].mass = 2.0  # tables of accelerations are made again as they are
+    assert not isinstance(drive.velocity, SampledTable)  # smooth in any case
+
+
+def accelerated(law: Any, rate: float = 0.1) -> pt.Mechanism:
+    m = pt.Mechanism("shaker", gravity=None)
+    m.add_body("plate", mass=2.0, inertia=(1, 1, 1))
+    m.add_prismatic("guide", m.ground, "plate", axis=(0, 1, 0))
+    m.add_drive("motor", "guide", acceleration=law, rate=rate)
+    return m
+
+
+def test_a_drive_of_accelerations_keeps_the_error_of_its_table(tmp_path: Path) -> None:
+    """Its rate is made of cubics, the integral of a spline of quartics: the steps between are as short as that asks."""
+    law = pt.table(lambda t: 3.0 * np.cos(4.0 * t), -0.5, 2.0)
+    m = accelerated(law)
+    run = m.simulate(2.0, rtol=1e-11, atol=1e-13)
+    guide, t = run.joint("guide"), run.t
+    assert np.abs(guide.acceleration[:, 0] - 3.0 * np.cos(4.0 * t)).max() < 2e-9 * 3.0
+    assert np.abs(guide.velocity[:, 0] - 0.1 - 0.75 * np.sin(4.0 * t)).max() < 1e-9
+    assert np.abs(guide.displacement - 0.1 * t - 3.0 / 16.0 * (1.0 - np.cos(4.0 * t))).max() < 1e-9
+    straight = accelerated((law.times, law.values))
+    coarse = straight.simulate(2.0).joint("guide").acceleration[:, 0]
+    assert np.abs(coarse - 3.0 * np.cos(4.0 * t)).max() > 1e-6  # plain tables are joined by straight lines
+    for each in (m, straight):
+        path = each.save(tmp_path / "shaker.toml").path
+        assert pt.load(path).to_spec() == each.to_spec()
+        assert ('curve = "smooth"' in path.read_text("utf-8")) == (each is m)
+        assert isinstance(each.drives["motor"].acceleration, SampledTable) == (each is m)
+        wanted = each.to_spec()
+        each.bodies["plate"].mass = 3.0
+        each.bodies["plate"].mass = 2.0  # tables of accelerations are made again as they are
+        assert each.to_spec() == wanted
+    assert m.to_playground(tmp_path / "x.html").stat().st_size > 10_000
+    few = accelerated(SampledTable([0.0, 1.0, 2.0, 3.0], [0.0, 0.0, 1.0, 1.0])).to_spec()
+    assert 300 < len(few["drives"][0]["motion"]["table"]["breaks"]) < 3000  # of a spline that is far from a parabola
+    assert accelerated(SampledTable([0.0, 1.0], [0.0, 0.0]), 0.0).simulate(0.5).joint("guide").displacement.max() == 0.0
 
 
 def test_pages_and_copies_take_tables(tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ use partita_math::dense::Matrix;
 use partita_math::factor::symmetric_eigen;
 use partita_math::formatted;
 use partita_math::tolerance;
-use partita_model::spec::{Body, Force, Measure, Value};
+use partita_model::spec::{Body, Force, Level, Measure, Value};
 use partita_model::spin;
 use partita_model::Model;
 use serde::Serialize;
@@ -123,6 +123,7 @@ pub fn suspicious(model: &Model) -> Vec<String> {
         .spec
         .drives
         .iter()
+        .filter(|d| d.level == Level::Position)
         .filter(|d| matches!(&d.measure, Measure::Joint { joint, coordinate } if turns(joint, *coordinate)))
     {
         if let Value::Constant(x) = d.motion {
@@ -184,11 +185,13 @@ mod tests {
         turned.drives.push(Drive {
             name: "motor".into(),
             measure: Measure::joint("A", 0),
-            level: partita_model::spec::Level::Position,
+            level: Level::Position,
             motion: Value::Constant(90.0),
             turning: None,
         });
-        assert!(suspicious(&model(turned))[0].contains("90 rad, 14.3 full turns; 90 degrees would be 1.57"));
+        assert!(suspicious(&model(turned.clone()))[0].contains("90 rad, 14.3 full turns; 90 degrees would be 1.57"));
+        turned.drives[0].level = Level::Velocity;
+        assert!(suspicious(&model(turned)).is_empty());
         spec.bodies.push(body("mast", [0.0; 3], [0.0, 300.0, 0.0]));
         spec.joints.push(joint("foot", Revolute, "ground", "mast", [0.0, -300.0, 0.0], Z));
         spec.joints.push(joint("top", Revolute, "mast", "ground", [0.0, 300.0, 0.0], Z));

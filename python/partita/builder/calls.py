@@ -227,7 +227,10 @@ def _drive(record: DriveRecord) -> dict[str, Any]:
     if measure["of"] == "joint":
         arguments = {"joint": measure["joint"], "coordinate": measure["coordinate"]}
     motion = record.motion
-    arguments[record.level] = (motion.times, motion.values) if isinstance(motion, Table) else _given(motion)
+    if isinstance(motion, Table) and record.level != "acceleration":  # smooth in any case
+        arguments[record.level] = motion.times, motion.values
+    else:
+        arguments[record.level] = _given(motion)
     if isinstance(motion, Function) and isinstance(motion.call, Motion) and record.level == "position":
         arguments |= {"velocity": motion.call.velocity, "acceleration": motion.call.acceleration}
     return {**arguments, "rate": record.rate}

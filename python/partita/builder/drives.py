@@ -20,8 +20,7 @@ from .motion import Motion
 from .name_first import name_first
 from .poses import as_given, pose_value
 from .records import Body, Drive, DriveRecord, Joint, Ref
-from .sampled import SampledTable
-from .values import Function, scalar
+from .values import Curve, Function, scalar
 
 Course = Quantity | tuple[ArrayLike, ArrayLike] | Callable[..., Any]
 
@@ -55,7 +54,8 @@ def add_drive(
             number (constant), a table (times, values) joined by a twice differentiable cubic spline (two points make a
             straight line, three a parabola), or f(t).
         velocity, acceleration: with a position that is a function, its derivatives as functions of t; alone, the
-            prescribed quantity, as number, table or f(t). A table of accelerations is interpolated linearly.
+            prescribed quantity, as number, table or f(t). A table of accelerations is interpolated linearly, one of
+            `pt.table` smoothly.
         pose: (position, orientation), constant; a table (times, positions, orientations), positions joined by a twice
             differentiable cubic spline, orientations by a curve of rotations with continuous angular acceleration; or
             f(t) that returns (position, orientation). For a joint these are its coordinates, zero as drawn: as many
@@ -114,7 +114,8 @@ def add_drive(
         return Function(Motion(element, function, *given))
 
     _not_of_another_level(element, level, course, units)
-    motion = scalar(element, level, course, "smooth", wrap, ("s", units[level]))
+    curve: Curve = "linear" if level == "acceleration" else "smooth"
+    motion = scalar(element, level, course, curve, wrap, ("s", units[level]))
     self._description.store(drives, DriveRecord(element.name, found, motion, level, start))
     self._description.driven[driven_key(found)] = element.name
     return Drive(element.name, self)
@@ -216,11 +217,6 @@ def _level(element: Element, position: Any, velocity: Any, acceleration: Any) ->
             )
         if velocity is not None:
             return "velocity", velocity
-        if isinstance(acceleration, SampledTable):
-            element.fail(
-                "a table of accelerations is joined by straight lines, which do not keep the error to which this one "
-                "was sampled; sample the velocity or the position instead"
-            )
         if acceleration is not None:
             return "acceleration", acceleration
         element.fail("no motion is prescribed; give position, velocity or acceleration")

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ..state import Layout
+from .checks import Array
 from .motion import Motion, RoughError
 from .values import Constant, Cubics, Function, Table, Value
 
@@ -18,6 +19,8 @@ _SHORTEST = 2.0**-44
 """Length of the cell around a jump, as a fraction of its panel: its contribution is round-off."""
 _CELLS = 4000
 """Cells of a panel: enough for forty jumps. A function that needs more is rough everywhere."""
+_TABLE = 1e-9
+"""Error of the acceleration of a smooth table, relative to its largest value: that to which `partita.table` samples."""
 _RULES = tuple((0.5 * (1.0 + x), 0.5 * w) for x, w in map(np.polynomial.legendre.leggauss, (12, 8)))
 """Nodes and weights on (0, 1) of Gauss's rules of twelve and of eight nodes."""
 
@@ -101,11 +104,13 @@ class _Panel:
 
 
 def rate_of(acceleration: Value, rate: float) -> Value:
-    """The rate computed from an acceleration and the rate at t = 0. A table is linearly interpolated, whose integral is
-    exact."""
+    """The rate computed from an acceleration and the rate at t = 0: the exact integral of a linear table, cubics along
+    the integral of a smooth one."""
     match acceleration:
         case Constant(value):
             return Function(Integral(_Steady(value), rate))
+        case Table(times, values, "smooth"):
+            return _rate_of_smooth(times, values, rate)
         case Table(times, values):
             width = np.diff(times)
             slope = np.diff(values) / width
@@ -119,6 +124,24 @@ def rate_of(acceleration: Value, rate: float) -> Value:
             return Function(Integral(call, rate))
         case _:
             return acceleration
+
+
+def _rate_of_smooth(times: Array, values: Array, rate: float) -> Cubics:
+    """Cubics that have the values and slopes of the integral of a spline, quartic between its samples. Their own slope,
+    the acceleration, differs from the spline by at most |c| h^3 / (12 sqrt 3), c its cubic coefficient; the steps h are
+    as short as `_TABLE` asks."""
+    from scipy import interpolate  # takes longer to import than all of Partita
+
+    spline = interpolate.CubicSpline(times, values)
+    width = np.diff(times)
+    allowed = _TABLE * max(float(np.abs(values).max()), np.finfo(float).tiny)
+    off = np.abs(spline.c[0]) * width**3 / (12.0 * np.sqrt(3.0))
+    parts = np.maximum(1, np.ceil(np.cbrt(off / allowed))).astype(int)
+    within = np.concatenate([np.arange(n) / n for n in parts])
+    breaks = np.append(np.repeat(times[:-1], parts) + np.repeat(width, parts) * within, times[-1])
+    reached = spline.antiderivative()
+    rates = rate + reached(breaks) - reached(0.0)
+    return Cubics(breaks, interpolate.CubicHermiteSpline(breaks, rates, spline(breaks)).c.T)
 
 
 class _Steady:

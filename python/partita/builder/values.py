@@ -15,7 +15,7 @@ from ..units.door import QuantityError, in_si
 from .checks import Array, Element, number, shape_of
 from .sampled import SampledTable
 
-Curve = Literal["smooth", "periodic", "monotone"]
+Curve = Literal["smooth", "periodic", "monotone", "linear"]
 Units = tuple[str, str]
 """SI units of the abscissa of a table, and of its values."""
 
@@ -32,7 +32,8 @@ class Table:
     """Samples interpolated by piecewise cubics.
 
     "smooth" is the not-a-knot spline, twice differentiable as a prescribed motion must be; "periodic" is the spline
-    that is so where it begins anew, too; "monotone" is PCHIP, which never overshoots the samples and so suits forces.
+    that is so where it begins anew, too; "monotone" is PCHIP, which never overshoots the samples and so suits forces;
+    "linear" joins them by straight lines, as accelerations are whose integral the core takes.
     """
 
     times: Array
@@ -136,7 +137,8 @@ def table(
         element.fail(
             f"{what}: times must increase, but t = {times[row]:g} is followed by t = {times[row + 1]:g}; sort the table"
         )
-    return Table(times, values, "smooth" if isinstance(value, SampledTable) and curve == "monotone" else curve)
+    sampled = isinstance(value, SampledTable) and curve in ("monotone", "linear")
+    return Table(times, values, "smooth" if sampled else curve)
 
 
 def one_number(value: Any) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..builder import Along, Cosine
 from ..mechanism import Mechanism
 from ..results import Result
 from ..state import State
@@ -17,16 +18,12 @@ POSITIONS = (0.04934557842752409213, 0.49698946023000810676, 1.04174252488542611
 VELOCITIES = (-0.077058368403592084284, 0.0074468665920684164914, 0.017556815753541736630, 0.77034104377960106312)
 
 
-def tilt(t: float) -> float:
-    """Angle of the axle [rad]: its far wheel point is at height r sin(omega t)."""
-    return np.arcsin(R * np.sin(OMEGA * t) / L)
-
-
 def build() -> Mechanism:
     """The drawing: axle along x, the left mass above its pivot, the right one above its far end.
 
     `left` slides perpendicular to the axle, `right` is at the end of a massless rod hinged at `left`: the two
-    constraints of the published equations. The mass of the axle does not matter, since its motion is prescribed.
+    constraints of the published equations. The far wheel point is at height r sin(omega t): r times the height of a
+    point on a wheel that turns at omega. The masses of axle and wheel do not matter, since their motion is prescribed.
     """
     m = Mechanism("car-axis", gravity=(0, -1, 0))
     axle = m.add_rod("axle", start=(0, 0, 0), end=(L, 0, 0), mass=MASS)
@@ -35,7 +32,11 @@ def build() -> Mechanism:
     m.add_revolute("axle", m.ground, axle, point=(0, 0, 0), axis=(0, 0, 1))
     m.add_prismatic("slide", axle, left, point=(0, L0, 0), axis=(0, 1, 0))
     m.add_revolute("rod", left, right, point=(0, L0, 0), axis=(0, 0, 1))
-    m.add_drive("axle", position=tilt)
+    wheel = m.add_body("wheel", mass=MASS, inertia=(MASS, MASS, MASS), position=(L, 0, 0))
+    m.add_revolute("wheel", m.ground, wheel, point=(L, 0, 0), axis=(0, 0, 1))
+    m.add_drive("wheel", velocity=OMEGA)
+    height = Along(m.ground, (0, 0, 0), (0, 1, 0), axle, (L, 0, 0))
+    m.add_coupler("rocking", [height, Cosine(m.ground, (0, 1, 0), wheel, (1, 0, 0))], factors=(1.0, -R))
     m.add_spring("left spring", m.ground, (0, 0, 0), left, (0, 0, 0), stiffness=1.0, length=L0)
     m.add_spring("right spring", axle, (L, 0, 0), right, (0, 0, 0), stiffness=1.0, length=L0)
     return m

@@ -32,7 +32,7 @@ from .fmu_description import Described, Variable, arrays, page, xml
 from .skeleton import axes_of
 
 BINARIES = Path(__file__).parents[1] / "_fmu"
-"""Where the binary is put when Partita is built."""
+"""Where the binary is put when Partita is built, in wheels compressed by xz."""
 _SYSTEMS = {
     "linux": ("linux64", "linux", "libpartita_fmu.so", ".so"),
     "darwin": ("darwin64", "darwin", "libpartita_fmu.dylib", ".dylib"),
@@ -275,18 +275,32 @@ def _functions(d: Description) -> list[str]:
     return [name for name, value in values if isinstance(value, Function)]
 
 
-def binary(version: str) -> tuple[str, Path, str]:
-    """Folder in the archive, file and suffix of the binary for this system."""
+def binary(version: str) -> tuple[str, bytes, str]:
+    """Folder in the archive, content and suffix of the binary for this system, which a wheel holds compressed."""
     folder, system, name, suffix = _SYSTEMS.get(sys.platform, _WINDOWS)
     path = BINARIES / name
     processor = _PROCESSORS.get(platform.machine().lower())
     known = processor == "x86_64" or sys.platform == "darwin" if version == "2.0" else processor is not None
-    if not path.is_file() or not known:
+    packed = path.with_name(f"{name}.xz")
+    if not (path.is_file() or packed.is_file()) or not known:
         raise MissingDependencyError(
             f"this installation of Partita has no binary for FMUs ({path}); `make fmu` in its sources builds it",
             package="partita",
         )
-    return folder if version == "2.0" else f"{processor}-{system}", path, suffix
+    content = path.read_bytes() if path.is_file() else _unpacked(packed)
+    return folder if version == "2.0" else f"{processor}-{system}", content, suffix
+
+
+def _unpacked(path: Path) -> bytes:
+    """The content of a compressed file."""
+    try:
+        import lzma  # a Python may have been compiled without it
+    except ImportError as error:
+        raise MissingDependencyError(
+            f"this Python has no lzma, which unpacks the binary for FMUs ({path}); use one that was compiled with it",
+            package="lzma",
+        ) from error
+    return lzma.decompress(path.read_bytes())
 
 
 def variables_of(
@@ -328,8 +342,7 @@ def archive(
     experiment: dict[str, float],
 ) -> None:
     """Write the FMU. The same mechanism gives the same bytes."""
-    folder, file, suffix = binary(version)
-    content = file.read_bytes()
+    folder, content, suffix = binary(version)
     resource = {**resource, "arrays": [[x.number, x.size] for x in variables if x.size > 1]}
     fingerprint = version.encode() + json.dumps(resource).encode() + hashlib.sha256(content).digest()
     digest = hashlib.sha256(fingerprint).hexdigest()

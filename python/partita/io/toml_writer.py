@@ -141,7 +141,7 @@ def _drive(record: DriveRecord) -> Entries:
     rate = record.rate or None
     if isinstance(record.motion, Held | PoseTable | PoseFunction):
         return {"name": record.name, "joint": what["joint"], "pose": _pose(element, record)}
-    return {"name": record.name, **entries, record.level: _value(element, record.motion), "rate": rate}
+    return {"name": record.name, **entries, record.level: _value(element, record.motion, record.level), "rate": rate}
 
 
 def _pose(element: Element, record: DriveRecord) -> Entries:
@@ -235,7 +235,7 @@ def _vector(element: Element, value: Any) -> Any:
     return _value(element, value) if isinstance(value, Function) else [_value(element, item) for item in value]
 
 
-def _value(element: Element, value: Value) -> Any:
+def _value(element: Element, value: Value, level: str = "") -> Any:
     """A number or a table; a Python function cannot be written."""
     match value:
         case Constant():
@@ -243,7 +243,8 @@ def _value(element: Element, value: Value) -> Any:
         case Cubics():
             element.fail("it was made by an integral, which a file cannot contain")
         case Table():
-            smooth = {"curve": "smooth"} if value.curve == "smooth" and element.kind == "force" else {}
+            other = element.kind == "force" or level == "acceleration"  # where a table is smooth only if it says so
+            smooth = {"curve": "smooth"} if value.curve == "smooth" and other else {}
             return {"times": value.times, "values": value.values, **smooth}
         case Function():
             element.fail(

@@ -175,6 +175,15 @@ impl<G: Space> Measurement<G> {
     /// Its value at q and the last poses.
     #[inline(always)]
     pub fn value(&self, tree: &Tree<G>, s: &TreeScratch<G>, q: &[G::S]) -> G::S {
+        match &self.quantity {
+            Quantity::Coordinate { q: i, .. } => q[*i],
+            _ => self.value_between(tree, s, q),
+        }
+    }
+
+    /// For a measurement between two bodies.
+    #[inline(never)]
+    fn value_between(&self, tree: &Tree<G>, s: &TreeScratch<G>, q: &[G::S]) -> G::S {
         let (a, b) = (&s.links[self.links[0]].rot, &s.links[self.links[1]].rot);
         match &self.quantity {
             Quantity::Coordinate { q: i, .. } => q[*i],
@@ -201,6 +210,15 @@ impl<G: Space> Measurement<G> {
     /// tree.
     #[inline(always)]
     pub fn unit(&self, tree: &Tree<G>, s: &TreeScratch<G>) -> Option<Unit<G>> {
+        match &self.quantity {
+            Quantity::Coordinate { .. } | Quantity::Velocity(_) => None,
+            _ => self.unit_between(tree, s),
+        }
+    }
+
+    /// For a measurement between two bodies.
+    #[inline(never)]
+    fn unit_between(&self, tree: &Tree<G>, s: &TreeScratch<G>) -> Option<Unit<G>> {
         let (a, b) = (&s.links[self.links[0]].rot, &s.links[self.links[1]].rot);
         let push = |ends: &Ends<G>, direction: G::Vec| {
             let (_, pb, _) = ends.now(tree, s);
@@ -303,6 +321,15 @@ impl<G: Space> Measurement<G> {
     /// Its second derivative for v' = 0 at the last twists.
     #[inline(always)]
     pub fn bias(&self, tree: &Tree<G>, s: &TreeScratch<G>) -> G::S {
+        match &self.quantity {
+            Quantity::Coordinate { .. } | Quantity::Velocity(_) => G::S::default(),
+            _ => self.bias_between(tree, s),
+        }
+    }
+
+    /// For a measurement between two bodies.
+    #[inline(never)]
+    fn bias_between(&self, tree: &Tree<G>, s: &TreeScratch<G>) -> G::S {
         let (xa, xb) = (&s.links[self.links[0]], &s.links[self.links[1]]);
         let (w, alpha) = (xb.w - xa.w, xb.alpha - xa.alpha);
         match &self.quantity {
