@@ -4,8 +4,10 @@
 pub mod actuation;
 pub mod branching;
 pub mod breakpoints;
+pub mod choice;
 pub mod closing;
 pub mod clusters;
+pub mod compiled;
 pub mod equations;
 pub mod error;
 pub mod formulation;

@@ -2,10 +2,14 @@
 
 use super::{BlockSink, ClusterTangent, Finite, Recursion, Size, SystemError, SystemRef, Tangent};
 use crate::breakpoints::{Breakpoints, Reading};
+use crate::choice::Choice;
 use crate::closing::Closing;
 use crate::clusters::Clusters;
+use crate::compiled::CompiledRates;
 use crate::guards::{Guard, GuardReading};
 use partita_math::elimination::Pattern;
+use partita_math::program::Program;
+use std::sync::Arc;
 
 /// S1-S5 by level.
 ///
@@ -70,6 +74,14 @@ pub trait Levels: Send + Sync {
         s: &mut Self::Scratch,
         out: &mut [f64],
     ) -> Result<(), SystemError>;
+    /// The rates of a choice as a program (see [`compiled`](crate::compiled)), where they can be recorded.
+    fn rates_program(&self, _choice: &Choice) -> Option<Program> {
+        None
+    }
+    /// The place of their code; none where they cannot be recorded.
+    fn compiled_rates(&self, _choice: &Choice) -> Option<Arc<CompiledRates>> {
+        None
+    }
     /// Power of the non-conservative applied forces, after `velocity` (see [`has_power`](Self::has_power)).
     fn power(&self, _t: f64, _q: &[f64], _v: &[f64], _s: &mut Self::Scratch) -> Result<f64, SystemError> {
         Ok(0.0)

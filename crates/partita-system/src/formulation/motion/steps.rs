@@ -41,7 +41,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
                 Some(rows) => drop(self.tangent.reduction().keep_rows(t, &rows)),
                 None => drop(self.choose_anew(t, step.y, step.dy, Occasion::Spoilt)?),
             }
-            self.derivative(t, step.y, step.dy)?;
+            self.derivative_by_levels(t, step.y, step.dy)?;
             self.tangent.sides(&mut self.monitor.sides);
             if let (Some(zero), Some(pace)) = (self.monitor.crossing.zero(), step.pace.as_deref_mut()) {
                 self.monitor.crossing.cross(zero, pace);
@@ -107,7 +107,9 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         }
         evaluates |= self.tangent.settle(t, of_q, &mut rest[..w - p])?;
         if evaluates {
-            self.derivative(t, y, dy)?;
+            self.derivative_by_levels(t, y, dy)?;
+        } else if self.behind {
+            self.evaluate(t, y)?;
         }
         self.moved = false;
         self.prescribed.look_at_end(self.tangent.seen(), self.positions.q());
@@ -192,6 +194,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         self.tangent.base().report(&mut history);
         self.tangent.report(&mut history);
         self.positions.report(&mut history);
+        history.counters.compiled_evaluations = self.compiled_count();
         history.notes.extend(self.guards.notes());
         history
     }

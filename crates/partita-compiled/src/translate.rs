@@ -1,0 +1,304 @@
+//! From the instructions of a program to those of Cranelift: one block without branches.
+//!
+//! A call leaves nothing in the vector registers. Angles are therefore collected: operations are ordered by the number of
+//! sines that they come after, and the sines between two of these stages are computed by one call.
+
+use crate::functions;
+use cranelift_codegen::cursor::{Cursor, FuncCursor};
+use cranelift_codegen::ir::condcodes::FloatCC;
+use cranelift_codegen::ir::types::F64;
+use cranelift_codegen::ir::{
+    AbiParam, Function, InstBuilder, MemFlags, SigRef, Signature, StackSlot, StackSlotData, StackSlotKind, Type, Value,
+};
+use cranelift_codegen::isa::TargetIsa;
+use partita_math::program::{Code, Program};
+
+/// Bytes of a number.
+const SIZE: i32 = 8;
+
+/// Where a value comes from.
+#[derive(Clone, Copy)]
+enum Source {
+    Input(usize),
+    Constant(f64),
+    /// Computed by an operation of the list.
+    Operation,
+    /// Place of a sine, or cosine, among the results of all calls.
+    Sine(usize),
+}
+
+/// An operation on values instead of registers.
+struct Operation {
+    code: Code,
+    operands: [usize; 3],
+    exponent: f64,
+    to: usize,
+}
+
+/// Values in the order in which they are known, each with its stage: the number of calls before it.
+struct Values {
+    sources: Vec<Source>,
+    stages: Vec<usize>,
+    /// Operations of each stage, then the angles of its call.
+    operations: Vec<Vec<Operation>>,
+    angles: Vec<Vec<usize>>,
+    /// Value of each output.
+    outputs: Vec<usize>,
+}
+
+impl Values {
+    fn new(program: &Program) -> Self {
+        let mut all = Self {
+            sources: (0..program.inputs()).map(Source::Input).collect(),
+            stages: Vec::new(),
+            operations: Vec::new(),
+            angles: Vec::new(),
+            outputs: Vec::new(),
+        };
+        all.sources.extend(program.constants().iter().map(|c| Source::Constant(*c)));
+        all.stages.resize(all.sources.len(), 0);
+        // the value in each register
+        let mut held: Vec<usize> = (0..program.registers()).collect();
+        // stage of the call, and the sine, which its cosine follows
+        let mut sines: Vec<(usize, usize)> = Vec::new();
+        for i in program.instructions() {
+            let operands = [i.x, i.y, i.z].map(|r| held.get(r as usize).copied().unwrap_or(0));
+            if i.code == Code::SinCos {
+                let stage = all.stages[operands[0]];
+                let pair = [all.value(Source::Sine(0), stage + 1), all.value(Source::Sine(0), stage + 1)];
+                sines.push((stage, pair[0]));
+                all.at_stage(stage);
+                all.angles[stage].push(operands[0]);
+                (held[i.to as usize], held[i.also as usize]) = (pair[0], pair[1]);
+                continue;
+            }
+            let used = &operands[..arity(i.code)];
+            let stage = used.iter().map(|&x| all.stages[x]).max().unwrap_or(0);
+            let to = all.value(Source::Operation, stage);
+            let exponent = match i.code {
+                Code::Power => program.exponents()[i.also as usize],
+                _ => 0.0,
+            };
+            all.at_stage(stage);
+            all.operations[stage].push(Operation { code: i.code, operands, exponent, to });
+            held[i.to as usize] = to;
+        }
+        // results lie stage by stage
+        let mut next = vec![0; all.angles.len()];
+        for stage in 1..next.len() {
+            next[stage] = next[stage - 1] + all.angles[stage - 1].len();
+        }
+        for (stage, sine) in sines {
+            all.sources[sine] = Source::Sine(2 * next[stage]);
+            all.sources[sine + 1] = Source::Sine(2 * next[stage] + 1);
+            next[stage] += 1;
+        }
+        all.outputs = program.output_registers().iter().map(|&r| held[r as usize]).collect();
+        all
+    }
+
+    fn value(&mut self, source: Source, stage: usize) -> usize {
+        self.sources.push(source);
+        self.stages.push(stage);
+        self.sources.len() - 1
+    }
+
+    fn at_stage(&mut self, stage: usize) {
+        while self.operations.len() <= stage {
+            self.operations.push(Vec::new());
+            self.angles.push(Vec::new());
+        }
+    }
+}
+
+/// Operands of an operation.
+fn arity(code: Code) -> usize {
+    match code {
+        Code::Neg | Code::Sqrt | Code::Power | Code::SinCos | Code::Abs | Code::Round => 1,
+        Code::Add | Code::Sub | Code::Mul | Code::Div | Code::OverOrZero => 2,
+        Code::Atan2 | Code::Hypot | Code::Max | Code::Min | Code::Reached => 2,
+        Code::WherePositive | Code::ProductPlus | Code::ProductMinus | Code::MinusProduct => 3,
+    }
+}
+
+/// Writes instructions at the end of the one block.
+struct Writer<'f> {
+    at: FuncCursor<'f>,
+    values: &'f Values,
+    /// What is known in the code.
+    known: Vec<Option<Value>>,
+    inputs: Value,
+    outputs: Value,
+    /// Angles of a call, and the results of all.
+    angles: StackSlot,
+    sines: StackSlot,
+    /// Signatures of one number, of two, and of the list of sines.
+    signatures: [SigRef; 3],
+    call: Type,
+}
+
+/// The function of a program: `(inputs, outputs)`, both pointers to numbers.
+pub(crate) fn translate(program: &Program, isa: &dyn TargetIsa, function: &mut Function) {
+    let (pointer, convention) = (isa.pointer_type(), isa.default_call_conv());
+    let signature = |parameters: &[Type], result: Option<Type>| {
+        let mut signature = Signature::new(convention);
+        signature.params.extend(parameters.iter().map(|x| AbiParam::new(*x)));
+        signature.returns.extend(result.map(AbiParam::new));
+        signature
+    };
+    function.signature = signature(&[pointer, pointer], None);
+    let signatures = [
+        function.import_signature(signature(&[F64], Some(F64))),
+        function.import_signature(signature(&[F64, F64], Some(F64))),
+        function.import_signature(signature(&[pointer; 3], None)),
+    ];
+    let values = Values::new(program);
+    let mut slot = |numbers: usize| {
+        let bytes = (numbers.max(1) * SIZE as usize) as u32;
+        function.create_sized_stack_slot(StackSlotData::new(StackSlotKind::ExplicitSlot, bytes, 4))
+    };
+    let most = values.angles.iter().map(Vec::len).max().unwrap_or(0);
+    let (angles, sines) = (slot(most), slot(2 * values.angles.iter().map(Vec::len).sum::<usize>()));
+    let block = function.dfg.make_block();
+    function.layout.append_block(block);
+    let [inputs, outputs] = [0, 1].map(|_| function.dfg.append_block_param(block, pointer));
+    let at = FuncCursor::new(function).at_bottom(block);
+    let known = vec![None; values.sources.len()];
+    Writer { at, values: &values, known, inputs, outputs, angles, sines, signatures, call: pointer }.write();
+}
+
+impl Writer<'_> {
+    fn write(mut self) {
+        let values = self.values;
+        let mut places: Vec<Vec<i32>> = vec![Vec::new(); values.sources.len()];
+        for (o, &x) in values.outputs.iter().enumerate() {
+            places[x].push(o as i32 * SIZE);
+        }
+        let mut done = 0;
+        for (operations, angles) in values.operations.iter().zip(&values.angles) {
+            for operation in operations {
+                let x = self.result(operation);
+                self.known[operation.to] = Some(x);
+                // an output is written as soon as it is known
+                for &place in &places[operation.to] {
+                    self.at.ins().store(MemFlags::trusted(), x, self.outputs, place);
+                }
+            }
+            if !angles.is_empty() {
+                self.call_sines(angles, done);
+                done += angles.len();
+            }
+        }
+        for (x, places) in places.iter().enumerate() {
+            if matches!(values.sources[x], Source::Operation) {
+                continue;
+            }
+            for &place in places {
+                let value = self.value(x);
+                self.at.ins().store(MemFlags::trusted(), value, self.outputs, place);
+            }
+        }
+        self.at.ins().return_(&[]);
+    }
+
+    /// The sines of a stage; `done` were computed before.
+    fn call_sines(&mut self, angles: &[usize], done: usize) {
+        for (i, &x) in angles.iter().enumerate() {
+            let angle = self.value(x);
+            self.at.ins().stack_store(angle, self.angles, i as i32 * SIZE);
+        }
+        let count = self.at.ins().iconst(self.call, angles.len() as i64);
+        let from = self.at.ins().stack_addr(self.call, self.angles, 0);
+        let to = self.at.ins().stack_addr(self.call, self.sines, 2 * done as i32 * SIZE);
+        self.call(functions::sines as *const (), 2, &[count, from, to]);
+    }
+
+    fn call(&mut self, function: *const (), signature: usize, arguments: &[Value]) -> Option<Value> {
+        let address = self.at.ins().iconst(self.call, function as usize as i64);
+        let call = self.at.ins().call_indirect(self.signatures[signature], address, arguments);
+        self.at.func.dfg.inst_results(call).first().copied()
+    }
+
+    /// A value where it is needed: inputs, constants and sines are read then.
+    fn value(&mut self, x: usize) -> Value {
+        if let Some(known) = self.known[x] {
+            return known;
+        }
+        let found = match self.values.sources[x] {
+            Source::Input(k) => self.at.ins().load(F64, MemFlags::trusted().with_readonly(), self.inputs, k as i32 * SIZE),
+            Source::Sine(place) => self.at.ins().stack_load(F64, self.sines, place as i32 * SIZE),
+            // operations stand in an order in which their operands are known
+            Source::Operation => unreachable!("an operand of a later operation"),
+            Source::Constant(c) => return self.at.ins().f64const(c),
+        };
+        self.known[x] = Some(found);
+        found
+    }
+
+    fn result(&mut self, operation: &Operation) -> Value {
+        let operands = &operation.operands[..arity(operation.code)];
+        let read: Vec<Value> = operands.iter().map(|&x| self.value(x)).collect();
+        let [x, y, z] = [0, 1, 2].map(|i| read.get(i).copied().unwrap_or(read[0]));
+        match operation.code {
+            Code::Add => self.at.ins().fadd(x, y),
+            Code::Sub => self.at.ins().fsub(x, y),
+            Code::Mul => self.at.ins().fmul(x, y),
+            Code::Div => self.at.ins().fdiv(x, y),
+            Code::Neg => self.at.ins().fneg(x),
+            Code::Sqrt => self.at.ins().sqrt(x),
+            Code::Abs => self.at.ins().fabs(x),
+            Code::ProductPlus => {
+                let product = self.at.ins().fmul(x, y);
+                self.at.ins().fadd(product, z)
+            }
+            Code::ProductMinus => {
+                let product = self.at.ins().fmul(x, y);
+                self.at.ins().fsub(product, z)
+            }
+            Code::MinusProduct => {
+                let product = self.at.ins().fmul(x, y);
+                self.at.ins().fsub(z, product)
+            }
+            Code::OverOrZero => {
+                let zero = self.at.ins().f64const(0.0);
+                let quotient = self.at.ins().fdiv(x, y);
+                self.where_(FloatCC::Equal, [y, zero], [zero, quotient])
+            }
+            Code::Max => self.most(FloatCC::GreaterThan, x, y),
+            Code::Min => self.most(FloatCC::LessThan, x, y),
+            Code::WherePositive => {
+                let zero = self.at.ins().f64const(0.0);
+                self.where_(FloatCC::GreaterThan, [x, zero], [y, z])
+            }
+            Code::Reached => {
+                let (reached, below) = (self.at.ins().f64const(1.0), self.at.ins().f64const(-1.0));
+                self.where_(FloatCC::GreaterThan, [y, x], [below, reached])
+            }
+            Code::Power => {
+                let exponent = self.at.ins().f64const(operation.exponent);
+                self.function(functions::power as *const (), &[x, exponent])
+            }
+            Code::Atan2 => self.function(functions::atan2 as *const (), &[x, y]),
+            Code::Hypot => self.function(functions::hypot as *const (), &[x, y]),
+            Code::Round => self.function(functions::round as *const (), &[x]),
+            Code::SinCos => unreachable!("sines are computed by the call of their stage"),
+        }
+    }
+
+    /// A function of one number or two.
+    fn function(&mut self, function: *const (), arguments: &[Value]) -> Value {
+        let found = self.call(function, arguments.len() - 1, arguments);
+        found.unwrap_or(arguments[0])
+    }
+
+    fn where_(&mut self, condition: FloatCC, [x, y]: [Value; 2], [yes, no]: [Value; 2]) -> Value {
+        let holds = self.at.ins().fcmp(condition, x, y);
+        self.at.ins().select(holds, yes, no)
+    }
+
+    /// The larger or smaller one; the other one where one is NaN.
+    fn most(&mut self, condition: FloatCC, x: Value, y: Value) -> Value {
+        let other = self.where_(FloatCC::Unordered, [y, y], [x, y]);
+        self.where_(condition, [x, y], [x, other])
+    }
+}
