@@ -36,6 +36,9 @@ fn refused(e: impl std::fmt::Display) -> NotCompiled {
 fn processor() -> Result<OwnedTargetIsa, NotCompiled> {
     static FOUND: OnceLock<Result<OwnedTargetIsa, NotCompiled>> = OnceLock::new();
     let find = || {
+        if cfg!(not(any(target_arch = "x86_64", target_arch = "aarch64"))) {
+            return Err(refused("its processor is neither of x86-64 nor 64-bit ARM"));
+        }
         let mut flags = settings::builder();
         for (name, value) in [("opt_level", "none"), ("enable_verifier", "false"), ("unwind_info", "false")] {
             flags.set(name, value).map_err(refused)?;

@@ -43,7 +43,8 @@ fn sines_of_many_stages_have_the_same_bits() {
             }
             Ok::<_, ()>(angles)
         });
-        let members: Vec<Vec<f64>> = (0..5).map(|m| (0..count).map(|i| (m * count + i) as f64 * 0.7).collect()).collect();
+        let members: Vec<Vec<f64>> =
+            (0..5).map(|m| (0..count).map(|i| (m * count + i) as f64 * 0.7).collect()).collect();
         suite::agree(&ALL, &r.unwrap(), 0..0, &members);
     }
 }
@@ -90,7 +91,11 @@ fn executable() -> usize {
     let anonymous = maps.lines().map(|line| line.split_whitespace().collect::<Vec<_>>()).filter(|x| x.len() == 5);
     let size = |x: Vec<&str>| {
         let ends: Vec<usize> = x[0].split('-').map(|end| usize::from_str_radix(end, 16).unwrap()).collect();
-        if x[1].contains('x') { ends[1] - ends[0] } else { 0 }
+        if x[1].contains('x') {
+            ends[1] - ends[0]
+        } else {
+            0
+        }
     };
     anonymous.map(size).sum()
 }

@@ -121,20 +121,38 @@ fn arity(code: Code) -> usize {
     }
 }
 
-/// Writes instructions at the end of the one block.
+/// Values that the code holds in registers at a time. Scale: registers. Reason: of the sixteen of x86-64 some are left for
+/// the operands and the result of one operation.
+const HELD: usize = 12;
+
+/// A value in a register.
+struct Held {
+    value: usize,
+    register: Value,
+}
+
+/// Writes instructions at the end of the one block, and decides which values stay in registers: where there is none left, the
+/// one that is needed last goes to the stack. Cranelift's allocator then finds registers for all at once; by itself it would
+/// take a time that grows with the square of their number.
 struct Writer<'f> {
     at: FuncCursor<'f>,
     values: &'f Values,
-    /// What is known in the code.
-    known: Vec<Option<Value>>,
+    /// Steps at which each value is needed, the last one first; those passed are removed.
+    needed: Vec<Vec<usize>>,
+    held: Vec<Held>,
+    /// Place of each value on the stack, and those that are free again.
+    places: Vec<Option<i32>>,
+    free: Vec<i32>,
+    next_place: i32,
     inputs: Value,
     outputs: Value,
-    /// Angles of a call, and the results of all.
+    /// Values that have left the registers, angles of a call, and the results of all calls.
+    spilled: StackSlot,
     angles: StackSlot,
     sines: StackSlot,
     /// Signatures of one number, of two, and of the list of sines.
     signatures: [SigRef; 3],
-    call: Type,
+    pointer: Type,
 }
 
 /// The function of a program: `(inputs, outputs)`, both pointers to numbers.
@@ -159,85 +177,178 @@ pub(crate) fn translate(program: &Program, isa: &dyn TargetIsa, function: &mut F
     };
     let most = values.angles.iter().map(Vec::len).max().unwrap_or(0);
     let (angles, sines) = (slot(most), slot(2 * values.angles.iter().map(Vec::len).sum::<usize>()));
+    let spilled = slot(0);
     let block = function.dfg.make_block();
     function.layout.append_block(block);
     let [inputs, outputs] = [0, 1].map(|_| function.dfg.append_block_param(block, pointer));
-    let at = FuncCursor::new(function).at_bottom(block);
-    let known = vec![None; values.sources.len()];
-    Writer { at, values: &values, known, inputs, outputs, angles, sines, signatures, call: pointer }.write();
+    let writer = Writer {
+        at: FuncCursor::new(function).at_bottom(block),
+        values: &values,
+        needed: values.needed(),
+        held: Vec::with_capacity(HELD + 4),
+        places: vec![None; values.sources.len()],
+        free: Vec::new(),
+        next_place: 0,
+        inputs,
+        outputs,
+        spilled,
+        angles,
+        sines,
+        signatures,
+        pointer,
+    };
+    let bytes = writer.write();
+    function.sized_stack_slots[spilled].size = bytes.max(SIZE) as u32;
+}
+
+impl Values {
+    /// Steps at which each value is needed, the last one first: an operation is a step, and so is a call.
+    fn needed(&self) -> Vec<Vec<usize>> {
+        let mut needed = vec![Vec::new(); self.sources.len()];
+        let mut step = 0;
+        for (operations, angles) in self.operations.iter().zip(&self.angles) {
+            for operation in operations {
+                operation.operands[..arity(operation.code)].iter().for_each(|&x| needed[x].push(step));
+                step += 1;
+            }
+            angles.iter().for_each(|&x| needed[x].push(step));
+            step += 1;
+        }
+        needed.iter_mut().for_each(|steps| steps.reverse());
+        needed
+    }
 }
 
 impl Writer<'_> {
-    fn write(mut self) {
+    /// Write all of it; the bytes of values that left the registers.
+    fn write(mut self) -> i32 {
         let values = self.values;
         let mut places: Vec<Vec<i32>> = vec![Vec::new(); values.sources.len()];
         for (o, &x) in values.outputs.iter().enumerate() {
             places[x].push(o as i32 * SIZE);
         }
-        let mut done = 0;
+        let (mut done, mut step) = (0, 0);
         for (operations, angles) in values.operations.iter().zip(&values.angles) {
             for operation in operations {
-                let x = self.result(operation);
-                self.known[operation.to] = Some(x);
+                let found = self.result(operation);
                 // an output is written as soon as it is known
                 for &place in &places[operation.to] {
-                    self.at.ins().store(MemFlags::trusted(), x, self.outputs, place);
+                    self.at.ins().store(MemFlags::trusted(), found, self.outputs, place);
                 }
+                self.pass(step);
+                self.hold(operation.to, found, &[]);
+                step += 1;
             }
             if !angles.is_empty() {
                 self.call_sines(angles, done);
                 done += angles.len();
             }
+            self.pass(step);
+            step += 1;
         }
         for (x, places) in places.iter().enumerate() {
             if matches!(values.sources[x], Source::Operation) {
                 continue;
             }
             for &place in places {
-                let value = self.value(x);
+                let value = self.value(x, &[]);
                 self.at.ins().store(MemFlags::trusted(), value, self.outputs, place);
             }
         }
         self.at.ins().return_(&[]);
+        self.next_place
     }
 
     /// The sines of a stage; `done` were computed before.
     fn call_sines(&mut self, angles: &[usize], done: usize) {
         for (i, &x) in angles.iter().enumerate() {
-            let angle = self.value(x);
+            let angle = self.value(x, &[]);
             self.at.ins().stack_store(angle, self.angles, i as i32 * SIZE);
         }
-        let count = self.at.ins().iconst(self.call, angles.len() as i64);
-        let from = self.at.ins().stack_addr(self.call, self.angles, 0);
-        let to = self.at.ins().stack_addr(self.call, self.sines, 2 * done as i32 * SIZE);
+        let count = self.at.ins().iconst(self.pointer, angles.len() as i64);
+        let from = self.at.ins().stack_addr(self.pointer, self.angles, 0);
+        let to = self.at.ins().stack_addr(self.pointer, self.sines, 2 * done as i32 * SIZE);
         self.call(functions::sines as *const (), 2, &[count, from, to]);
     }
 
+    /// Nothing stays in a register over a call.
     fn call(&mut self, function: *const (), signature: usize, arguments: &[Value]) -> Option<Value> {
-        let address = self.at.ins().iconst(self.call, function as usize as i64);
+        while !self.held.is_empty() {
+            self.release(self.held.len() - 1);
+        }
+        let address = self.at.ins().iconst(self.pointer, function as usize as i64);
         let call = self.at.ins().call_indirect(self.signatures[signature], address, arguments);
         self.at.func.dfg.inst_results(call).first().copied()
     }
 
-    /// A value where it is needed: inputs, constants and sines are read then.
-    fn value(&mut self, x: usize) -> Value {
-        if let Some(known) = self.known[x] {
-            return known;
+    /// A step is done: what is needed no more frees its register and its place.
+    fn pass(&mut self, step: usize) {
+        for x in 0..self.held.len() {
+            let value = self.held[x].value;
+            while self.needed[value].last().is_some_and(|&at| at <= step) {
+                self.needed[value].pop();
+            }
+        }
+        let (needed, places, free) = (&self.needed, &mut self.places, &mut self.free);
+        self.held.retain(|x| {
+            let over = needed[x.value].is_empty();
+            if over {
+                free.extend(places[x.value].take());
+            }
+            !over
+        });
+    }
+
+    /// Keep a value in a register, others than `besides` making room.
+    fn hold(&mut self, value: usize, register: Value, besides: &[usize]) {
+        if self.needed[value].is_empty() {
+            return;
+        }
+        if self.held.len() >= HELD {
+            let next = |x: &Held| self.needed[x.value].last().copied().unwrap_or(usize::MAX);
+            let others = self.held.iter().enumerate().filter(|(_, x)| !besides.contains(&x.value));
+            if let Some(last) = others.max_by_key(|(_, x)| next(x)).map(|(i, _)| i) {
+                self.release(last);
+            }
+        }
+        self.held.push(Held { value, register });
+    }
+
+    /// A value leaves its register, to the stack if it is needed again and nowhere else.
+    fn release(&mut self, i: usize) {
+        let Held { value, register } = self.held.swap_remove(i);
+        let computed = matches!(self.values.sources[value], Source::Operation);
+        if computed && self.places[value].is_none() && !self.needed[value].is_empty() {
+            let place = self.free.pop().unwrap_or_else(|| {
+                self.next_place += SIZE;
+                self.next_place - SIZE
+            });
+            self.at.ins().stack_store(register, self.spilled, place);
+            self.places[value] = Some(place);
+        }
+    }
+
+    /// A value where it is needed, beside others.
+    fn value(&mut self, x: usize, besides: &[usize]) -> Value {
+        if let Some(held) = self.held.iter().find(|held| held.value == x) {
+            return held.register;
         }
         let found = match self.values.sources[x] {
-            Source::Input(k) => self.at.ins().load(F64, MemFlags::trusted().with_readonly(), self.inputs, k as i32 * SIZE),
-            Source::Sine(place) => self.at.ins().stack_load(F64, self.sines, place as i32 * SIZE),
-            // operations stand in an order in which their operands are known
-            Source::Operation => unreachable!("an operand of a later operation"),
             Source::Constant(c) => return self.at.ins().f64const(c),
+            Source::Input(k) => self.at.ins().load(F64, MemFlags::trusted(), self.inputs, k as i32 * SIZE),
+            Source::Sine(place) => self.at.ins().stack_load(F64, self.sines, place as i32 * SIZE),
+            // what was computed and is not held lies on the stack: operations stand in an order in which it is known
+            Source::Operation => {
+                self.at.ins().stack_load(F64, self.spilled, self.places[x].expect("a place for a value that is needed"))
+            }
         };
-        self.known[x] = Some(found);
+        self.hold(x, found, besides);
         found
     }
 
     fn result(&mut self, operation: &Operation) -> Value {
         let operands = &operation.operands[..arity(operation.code)];
-        let read: Vec<Value> = operands.iter().map(|&x| self.value(x)).collect();
+        let read: Vec<Value> = operands.iter().map(|&x| self.value(x, operands)).collect();
         let [x, y, z] = [0, 1, 2].map(|i| read.get(i).copied().unwrap_or(read[0]));
         match operation.code {
             Code::Add => self.at.ins().fadd(x, y),

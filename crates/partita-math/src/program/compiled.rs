@@ -15,7 +15,7 @@ pub trait Compiled: Debug + Send + Sync {
 
 /// Why a program was not compiled.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("the program cannot be compiled here: {0}")]
+#[error("this computer makes no code of a program: {0}")]
 pub struct NotCompiled(pub String);
 
 /// Something that compiles programs.

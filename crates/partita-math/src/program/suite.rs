@@ -95,4 +95,3 @@ pub fn keep_what_is_not_finite_apart(all: &[(&str, Executes)]) {
     let members: Vec<Vec<f64>> = [1.0, 0.0, -1.0, f64::NAN, f64::INFINITY, 2.0].iter().map(|x| vec![*x]).collect();
     agree(all, &r, 0..0, &members);
 }
-

@@ -6,6 +6,7 @@
 use super::Motion;
 use crate::compiled::{Compilation, CompiledRates};
 use crate::positions::Positions;
+use crate::record::History;
 use crate::reduction::Reduction;
 use crate::system::ConstrainedSystem;
 use crate::tangent::Tangent;
@@ -20,8 +21,9 @@ pub(super) struct CompiledMotion {
     /// Number of the plan that they belong to.
     plan: u64,
     rates: Option<Arc<CompiledRates>>,
-    /// Whether there is a power among them.
-    power: bool,
+    /// Number of the rates of (q, u, work), and of those of v.
+    rates_count: usize,
+    vdot_count: usize,
     inputs: Vec<f64>,
     outputs: Vec<f64>,
     /// Evaluations.
@@ -31,73 +33,80 @@ pub(super) struct CompiledMotion {
 impl CompiledMotion {
     /// For motions of a system in all coordinates and independent velocities; none where nothing is ever compiled.
     pub(super) fn new<S: ConstrainedSystem>(r: &Reduction<S>, when: Compilation) -> Option<Self> {
-        let compiler = <dyn Compiler>::installed().filter(|_| when != Compilation::Never)?;
-        if r.system.rheonomic() {
-            return None;
-        }
-        let (nq, power) = (r.size().nq, r.system.has_power());
+        let (size, moves) = (r.size(), r.system.rheonomic());
+        let compiler = <dyn Compiler>::installed().filter(|_| when.serves(size.nv))?;
+        let states = size.nq + r.k();
+        let rates_count = states + usize::from(r.system.has_power() || moves);
+        let vdot_count = if moves { size.nv } else { 0 };
         Some(Self {
             compiler,
             when,
             plan: 0,
             rates: None,
-            power,
-            inputs: vec![0.0; nq + r.k() + 1],
-            outputs: vec![0.0; nq + r.k() + usize::from(power) + r.rank() + 1],
+            rates_count,
+            vdot_count,
+            inputs: vec![0.0; states + 1],
+            outputs: vec![0.0; rates_count + vdot_count + r.rank() + 1],
             count: 0,
         })
     }
 
-    /// The rates at (t, y) by the code for the choice in use; false where there is none, or where it does not apply.
-    fn evaluate<S: ConstrainedSystem>(&mut self, r: &Reduction<S>, t: f64, y: &[f64], dy: &mut [f64]) -> bool {
+    /// The rates of (q, u, work), and of v, at (t, y) by the code for the choice in use; none where there is no code, or where
+    /// it does not apply.
+    fn evaluate<S: ConstrainedSystem>(&mut self, r: &Reduction<S>, t: f64, y: &[f64]) -> Option<[&[f64]; 2]> {
         if self.plan != r.plans {
             self.plan = r.plans;
             self.rates = r.system.compiled_rates(&r.choice());
         }
-        let Some(rates) = &self.rates else { return false };
         let program = || r.system.rates_program(&r.choice());
-        let Some(code) = rates.code(self.compiler, self.when, program) else { return false };
-        let state = self.inputs.len() - 1;
-        self.inputs[..state].copy_from_slice(&y[..state]);
-        self.inputs[state] = t;
+        let code = self.rates.as_ref()?.code(self.compiler, self.when, program)?;
+        let states = self.inputs.len() - 1;
+        self.inputs[..states].copy_from_slice(&y[..states]);
+        self.inputs[states] = t;
         code.evaluate(&self.inputs, &mut self.outputs);
-        let (rates, watched) = self.outputs.split_at(state + usize::from(self.power));
-        let (excess, pivots) = watched.split_last().unwrap_or((&f64::NAN, &[]));
-        let within = *excess <= 0.0 && r.clearly_regular(pivots);
-        if !within || !rates.iter().all(|x| x.is_finite()) {
-            return false;
+        let (rates, rest) = self.outputs.split_at(self.rates_count);
+        let (vdot, watched) = rest.split_at(self.vdot_count);
+        let (excess, pivots) = watched.split_last()?;
+        let applies = *excess <= 0.0 && r.clearly_regular(pivots);
+        let finite = rates.iter().chain(vdot).all(|x| x.is_finite());
+        self.count += u64::from(applies && finite);
+        (applies && finite).then_some([rates, vdot])
+    }
+
+    /// Contribution to the history of a run.
+    pub(super) fn report(&self, history: &mut History) {
+        history.counters.compiled_evaluations = self.count;
+        if let Some(why) = self.rates.as_ref().and_then(|rates| rates.refusal()) {
+            history.notes.push(format!("evaluations were not compiled, which changes their time alone: {why}"));
         }
-        dy[..rates.len()].copy_from_slice(rates);
-        self.count += 1;
-        true
     }
 }
 
 impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> Motion<'s, S, T, P> {
     /// Evaluate rates by compiled code; for motions in all coordinates and the independent velocities of a partition.
-    pub(super) fn compiling(mut self, when: Compilation) -> Self {
-        self.compiled = CompiledMotion::new(self.tangent.seen(), when).filter(|_| self.prescribed.is_empty());
-        self
+    pub(super) fn compiling(self, when: Compilation) -> Self {
+        // rows that may jump are watched by accelerations
+        let watched = |x: &CompiledMotion| x.vdot_count > 0 || self.prescribed.is_empty();
+        let compiled = CompiledMotion::new(self.tangent.seen(), when).filter(watched);
+        Self { compiled, ..self }
     }
 
     /// The rates at (t, y) by compiled code; false where the levels must evaluate them.
     #[inline]
     pub(super) fn compiled_rates(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> bool {
+        let beside = self.place_of_prescribed();
         let Some(compiled) = &mut self.compiled else { return false };
         if self.monitor.crosses_next || self.looking || self.guards.waits() {
             return false;
         }
         let r = self.tangent.reduction();
-        let done = compiled.evaluate(r, t, y, dy);
-        if done {
-            r.factorisations += u64::from(r.rank() > 0);
-            self.behind = true;
+        let Some([rates, vdot]) = compiled.evaluate(r, t, y) else { return false };
+        dy[..rates.len()].copy_from_slice(rates);
+        if !self.prescribed.is_empty() {
+            self.prescribed.start(rates, vdot, &mut dy[beside..]);
         }
-        done
-    }
-
-    /// Evaluations by compiled code.
-    pub(super) fn compiled_count(&self) -> u64 {
-        self.compiled.as_ref().map_or(0, |x| x.count)
+        r.factorisations += u64::from(r.rank() > 0);
+        self.behind = true;
+        true
     }
 }

@@ -3,7 +3,7 @@
 use super::Motion;
 use crate::error::CrossingOutcome;
 use crate::error::Result;
-use crate::formulation::{Formulation, Side, Step};
+use crate::formulation::{Side, Step};
 use crate::positions::Positions;
 use crate::reduction::{Reduction, Sides};
 use crate::singular::change_point::{Advice, Crossing, Probe};

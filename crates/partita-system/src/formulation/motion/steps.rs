@@ -2,7 +2,7 @@
 
 use super::Motion;
 use crate::error::Result;
-use crate::formulation::{Formulation, FormulationSteps, SingularSteps, Step, Verdict};
+use crate::formulation::{FormulationSteps, SingularSteps, Step, Verdict};
 use crate::guards::Look;
 use crate::positions::Positions;
 use crate::record::{Gaps, History, StepChecks};
@@ -109,6 +109,9 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         if evaluates {
             self.derivative_by_levels(t, y, dy)?;
         } else if self.behind {
+            // counted where it was evaluated by code
+            let r = self.tangent.reduction();
+            r.factorisations -= u64::from(r.rank() > 0);
             self.evaluate(t, y)?;
         }
         self.moved = false;
@@ -194,7 +197,9 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         self.tangent.base().report(&mut history);
         self.tangent.report(&mut history);
         self.positions.report(&mut history);
-        history.counters.compiled_evaluations = self.compiled_count();
+        if let Some(compiled) = &self.compiled {
+            compiled.report(&mut history);
+        }
         history.notes.extend(self.guards.notes());
         history
     }
