@@ -145,7 +145,7 @@ def test_a_stepper_compiles_nothing() -> None:
 
 @pytest.mark.parametrize("value", ["yes", 1, None, 0.5])
 def test_other_words_are_refused(value: Any) -> None:
-    with pytest.raises(ArgumentError, match="compiled is .*'auto', True or False"):
+    with pytest.raises(ArgumentError, match=r"compiled is .*'auto', True or False"):
         pt.catalogue.load("four-bar").simulate(0.1, compiled=value)
 
 

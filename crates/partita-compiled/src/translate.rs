@@ -141,9 +141,9 @@ struct Writer<'f> {
     needed: Vec<Vec<usize>>,
     held: Vec<Held>,
     /// Place of each value on the stack, and those that are free again.
-    places: Vec<Option<i32>>,
+    offsets: Vec<Option<i32>>,
     free: Vec<i32>,
-    next_place: i32,
+    next_offset: i32,
     inputs: Value,
     outputs: Value,
     /// Values that have left the registers, angles of a call, and the results of all calls.
@@ -186,9 +186,9 @@ pub(crate) fn translate(program: &Program, isa: &dyn TargetIsa, function: &mut F
         values: &values,
         needed: values.needed(),
         held: Vec::with_capacity(HELD + 4),
-        places: vec![None; values.sources.len()],
+        offsets: vec![None; values.sources.len()],
         free: Vec::new(),
-        next_place: 0,
+        next_offset: 0,
         inputs,
         outputs,
         spilled,
@@ -223,16 +223,16 @@ impl Writer<'_> {
     /// Write all of it; the bytes of values that left the registers.
     fn write(mut self) -> i32 {
         let values = self.values;
-        let mut places: Vec<Vec<i32>> = vec![Vec::new(); values.sources.len()];
+        let mut offsets: Vec<Vec<i32>> = vec![Vec::new(); values.sources.len()];
         for (o, &x) in values.outputs.iter().enumerate() {
-            places[x].push(o as i32 * SIZE);
+            offsets[x].push(o as i32 * SIZE);
         }
         let (mut done, mut step) = (0, 0);
         for (operations, angles) in values.operations.iter().zip(&values.angles) {
             for operation in operations {
                 let found = self.result(operation);
                 // an output is written as soon as it is known
-                for &place in &places[operation.to] {
+                for &place in &offsets[operation.to] {
                     self.at.ins().store(MemFlags::trusted(), found, self.outputs, place);
                 }
                 self.pass(step);
@@ -246,17 +246,17 @@ impl Writer<'_> {
             self.pass(step);
             step += 1;
         }
-        for (x, places) in places.iter().enumerate() {
+        for (x, offsets) in offsets.iter().enumerate() {
             if matches!(values.sources[x], Source::Operation) {
                 continue;
             }
-            for &place in places {
+            for &place in offsets {
                 let value = self.value(x, &[]);
                 self.at.ins().store(MemFlags::trusted(), value, self.outputs, place);
             }
         }
         self.at.ins().return_(&[]);
-        self.next_place
+        self.next_offset
     }
 
     /// The sines of a stage; `done` were computed before.
@@ -289,11 +289,11 @@ impl Writer<'_> {
                 self.needed[value].pop();
             }
         }
-        let (needed, places, free) = (&self.needed, &mut self.places, &mut self.free);
+        let (needed, offsets, free) = (&self.needed, &mut self.offsets, &mut self.free);
         self.held.retain(|x| {
             let over = needed[x.value].is_empty();
             if over {
-                free.extend(places[x.value].take());
+                free.extend(offsets[x.value].take());
             }
             !over
         });
@@ -318,13 +318,13 @@ impl Writer<'_> {
     fn release(&mut self, i: usize) {
         let Held { value, register } = self.held.swap_remove(i);
         let computed = matches!(self.values.sources[value], Source::Operation);
-        if computed && self.places[value].is_none() && !self.needed[value].is_empty() {
+        if computed && self.offsets[value].is_none() && !self.needed[value].is_empty() {
             let place = self.free.pop().unwrap_or_else(|| {
-                self.next_place += SIZE;
-                self.next_place - SIZE
+                self.next_offset += SIZE;
+                self.next_offset - SIZE
             });
             self.at.ins().stack_store(register, self.spilled, place);
-            self.places[value] = Some(place);
+            self.offsets[value] = Some(place);
         }
     }
 
@@ -338,9 +338,11 @@ impl Writer<'_> {
             Source::Input(k) => self.at.ins().load(F64, MemFlags::trusted(), self.inputs, k as i32 * SIZE),
             Source::Sine(place) => self.at.ins().stack_load(F64, self.sines, place as i32 * SIZE),
             // what was computed and is not held lies on the stack: operations stand in an order in which it is known
-            Source::Operation => {
-                self.at.ins().stack_load(F64, self.spilled, self.places[x].expect("a place for a value that is needed"))
-            }
+            Source::Operation => self.at.ins().stack_load(
+                F64,
+                self.spilled,
+                self.offsets[x].expect("a place for a value that is needed"),
+            ),
         };
         self.hold(x, found, besides);
         found
@@ -403,8 +405,8 @@ impl Writer<'_> {
     }
 
     fn where_(&mut self, condition: FloatCC, [x, y]: [Value; 2], [yes, no]: [Value; 2]) -> Value {
-        let holds = self.at.ins().fcmp(condition, x, y);
-        self.at.ins().select(holds, yes, no)
+        let condition_met = self.at.ins().fcmp(condition, x, y);
+        self.at.ins().select(condition_met, yes, no)
     }
 
     /// The larger or smaller one; the other one where one is NaN.

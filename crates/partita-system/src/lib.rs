@@ -34,7 +34,7 @@ pub use partition::Partition;
 pub mod prelude {
     pub use crate::system::{
         Clustered as _, Conditions as _, ConstrainedSystem as _, Guards as _, InverseKinematics as _, Levels as _,
-        Manifold as _, Metric as _, Names as _, Scales as _,
+        Manifold as _, Metric as _, Names as _, Programs as _, Scales as _,
     };
 }
 

@@ -430,10 +430,10 @@ def simulate(
         renew: frozen tangent velocities are renewed when sqrt_mu has fallen to this fraction of its value when they
             were frozen, 0 to 1; 0: never; "each step": after every step, whatever their quality. `counters["renewals"]`
             counts the renewals.
-        compiled: whether evaluations of "projective" and "fixed" inside steps run as machine code, made in memory for each
-            choice of coordinates. The results are the same to the bit. "auto": once a choice has served for some
-            thousand evaluations, where its equations are not too large; True: at once; False: never. Drives, functions
-            of yours, reaction-dependent friction and massless bodies are evaluated as without.
+        compiled: whether evaluations of "projective" and "fixed" inside steps run as machine code, made in memory for
+            each choice of coordinates. The results are the same to the bit. "auto": once a choice has served for some
+            thousand evaluations, unless its equations are very large; True: at once; False: never. Mechanisms with
+            Python functions, reaction-dependent friction or massless bodies are evaluated as without.
             `counters["compiled_evaluations"]` counts them.
         tangent: `TangentVelocities` for "user-tangent".
         parameters: name -> value, numbers that replace those of the drawing, as in `CompiledModel.with_parameters`: for

@@ -22,7 +22,7 @@ use partita_system::clusters::Clusters;
 use partita_system::compiled::CompiledRates;
 use partita_system::guards::{Guard, GuardReading};
 use partita_system::system::{project_dense, BlockSink, ClusterTangent, Recursion, Tangent};
-use partita_system::system::{Clustered, Conditions, Guards, Levels, Manifold, Metric, Names, Scales};
+use partita_system::system::{Clustered, Conditions, Guards, Levels, Manifold, Metric, Names, Programs, Scales};
 use partita_system::{Finite, Size, SystemError};
 use std::sync::Arc;
 
@@ -140,17 +140,20 @@ impl Levels for Model {
     ) -> Result<(), SystemError> {
         self.own.inverse_dynamics(t, q, v, vdot, s, out)
     }
-    fn rates_program(&self, choice: &Choice) -> Option<Program> {
-        self.rates_of(choice)
-    }
-    fn compiled_rates(&self, choice: &Choice) -> Option<Arc<CompiledRates>> {
-        self.compiled.of(choice)
-    }
     fn power(&self, t: f64, q: &[f64], v: &[f64], s: &mut ModelScratch) -> Result<f64, SystemError> {
         if !self.has_power {
             return Ok(0.0);
         }
         self.own.power(t, q, v, s)
+    }
+}
+
+impl Programs for Model {
+    fn rates_program(&self, choice: &Choice) -> Option<Program> {
+        self.rates_of(choice)
+    }
+    fn compiled_rates(&self, choice: &Choice) -> Option<Arc<CompiledRates>> {
+        self.compiled.of(choice)
     }
 }
 

@@ -74,14 +74,6 @@ pub trait Levels: Send + Sync {
         s: &mut Self::Scratch,
         out: &mut [f64],
     ) -> Result<(), SystemError>;
-    /// The rates of a choice as a program (see [`compiled`](crate::compiled)), where they can be recorded.
-    fn rates_program(&self, _choice: &Choice) -> Option<Program> {
-        None
-    }
-    /// The place of their code; none where they cannot be recorded.
-    fn compiled_rates(&self, _choice: &Choice) -> Option<Arc<CompiledRates>> {
-        None
-    }
     /// Power of the non-conservative applied forces, after `velocity` (see [`has_power`](Self::has_power)).
     fn power(&self, _t: f64, _q: &[f64], _v: &[f64], _s: &mut Self::Scratch) -> Result<f64, SystemError> {
         Ok(0.0)
@@ -324,6 +316,18 @@ pub trait Guards: Levels {
     }
     /// Their readings at the point (t, q, v) last evaluated.
     fn guard_readings(&self, _t: f64, _q: &[f64], _v: &[f64], _s: &mut Self::Scratch, _out: &mut [GuardReading]) {}
+}
+
+/// Evaluations by code of the processor, where the system can be recorded.
+pub trait Programs {
+    /// The rates of a choice as a program (see [`compiled`](crate::compiled)), where they can be recorded.
+    fn rates_program(&self, _choice: &Choice) -> Option<Program> {
+        None
+    }
+    /// The place of their code; none where they cannot be recorded.
+    fn compiled_rates(&self, _choice: &Choice) -> Option<Arc<CompiledRates>> {
+        None
+    }
 }
 
 /// Loops closed by inverse kinematics, where the system can.
