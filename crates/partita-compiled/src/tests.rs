@@ -1,5 +1,8 @@
 //! Compiled programs are held to what every execution is, and to allocate nothing.
 
+#[path = "../../partita-tests/src/counting/mod.rs"]
+#[allow(dead_code, reason = "bytes are counted for others")]
+mod counting;
 #[path = "../../partita-math/src/program/suite.rs"]
 mod suite;
 
@@ -65,6 +68,19 @@ fn other_numbers_of_outputs_are_refused() {
 #[should_panic(expected = "numbers of inputs and outputs")]
 fn other_numbers_of_inputs_are_refused() {
     root().evaluate(&[], &mut [0.0; 2]);
+}
+
+#[test]
+fn a_call_allocates_nothing() {
+    let r = Recording::new(9, |x| {
+        let sum = x.iter().fold(Recorder::zero(), |sum, x| sum + x.sin_cos().0 * x.atan2(x.sqrt()).power(1.5));
+        Ok::<_, ()>(vec![sum, sum.sin_cos().1])
+    });
+    let code = CRANELIFT.compile(&Program::new(&r.unwrap(), 0..0)).unwrap();
+    let mut out = [0.0; 2];
+    code.evaluate(&[0.5; 9], &mut out);
+    let ((), count) = counting::allocations(|| code.evaluate(&[0.7; 9], &mut out));
+    assert_eq!(count, 0);
 }
 
 #[test]
