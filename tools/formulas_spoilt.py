@@ -335,7 +335,7 @@ FORMULAS = (
     Error(
         "xi-sign",
         "sign of xi, what the loops add to the dependent accelerations (P1)",
-        f"{SYSTEM}/reduction/arithmetic.rs",
+        f"{SYSTEM}/choice.rs",
         "*x = -b[row];",
         "*x = b[row];",
         ("reducing identities",),
@@ -343,7 +343,7 @@ FORMULAS = (
     Error(
         "eta-left-out",
         "eta, what drives give to the dependent velocities (P2)",
-        f"{SYSTEM}/reduction/arithmetic.rs",
+        f"{SYSTEM}/choice.rs",
         "gamma[i] = row[k];",
         "gamma[i] = T::zero();",
         ("reducing identities", "whole motion::driven"),

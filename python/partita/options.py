@@ -30,6 +30,8 @@ WHOLE = ("multipliers", "sparse-multipliers", "range-space", "proximal", "baumga
 CORRECTIONS = ("partition", "kantorovich", "mass-orthogonal", "none")
 # When frozen tangent velocities are renewed, if not by their quality.
 EACH_STEP = "each step"
+# Evaluations are compiled where that is worth while.
+AUTO = "auto"
 COORDINATES = ("relative", "absolute")
 BASES = ("fixed", "free")
 """What becomes of the root of a robot's file."""
@@ -97,6 +99,7 @@ def options(
     window: Quantity | None = None,
     baumgarte: tuple[float, float] | None = None,
     renew: float | str = 0.5,
+    compiled: bool | str = AUTO,
 ) -> Options:
     """Checked options of a run from t0. Those without lists of names are checked once for all runs that ask the same.
     Raises `ArgumentError`."""
@@ -107,7 +110,7 @@ def options(
         )
     asked = (
         t0, duration, rtol, atol, method, formulation, correction, switch_threshold, step, max_step, max_steps,
-        selection, window, renew,
+        selection, window, renew, compiled,
     )  # fmt: skip
     if independent is None and weights is None and baumgarte is None:
         try:
@@ -140,6 +143,7 @@ def _checked(
     selection: str,
     window: Quantity | None,
     renew: float | str,
+    compiled: bool | str,
     independent: list[str] | None = None,
     weights: list[list[Any]] | None = None,
     baumgarte: list[float] | None = None,
@@ -168,6 +172,7 @@ def _checked(
         window=None if window is None else positive("window", window, "s"),
         baumgarte=baumgarte,
         renew=_renew(renew),
+        compiled=_compiled(compiled),
     )
 
 
@@ -288,6 +293,15 @@ def _renew(value: Any) -> float | str:
             f"renew is {shown(value)}; it must be a number from 0 to 1, or {EACH_STEP!r}", argument="renew"
         )
     return number
+
+
+def _compiled(value: Any) -> bool | None:
+    """Always, never, or None where the run decides."""
+    if isinstance(value, str) and value == AUTO:
+        return None
+    if isinstance(value, bool | np.bool_):
+        return bool(value)
+    raise ArgumentError(f"compiled is {shown(value)}; it must be {AUTO!r}, True or False", argument="compiled")
 
 
 def _weights(weights: Mapping[Any, float], velocity_names: list[str]) -> list[list[Any]]:

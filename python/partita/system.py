@@ -206,6 +206,7 @@ def simulate(
     window: Quantity | None = None,
     baumgarte: tuple[float, float] | None = None,
     renew: float | str = 0.5,
+    compiled: bool | str = "auto",
     tangent: TangentVelocities | None = None,
     exchange: float | None = None,
 ) -> Result:
@@ -253,6 +254,7 @@ def simulate(
         window=window,
         baumgarte=baumgarte,
         renew=renew,
+        compiled=compiled,
     )
     times = run_options.output_times(t_eval, start.t, chosen["t_end"])
     summary = system.summary(start.t, start.q)

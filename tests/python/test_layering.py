@@ -4,7 +4,7 @@
     partita-py | partita-fmu | partita (the face of the crates)
     partita-analysis
     partita-integrate | partita-model
-    partita-system
+    partita-system | partita-compiled
     partita-math
 
 The Rust half reads the manifests and the sources of the crates, the Python half the imports of the package. Inside a
@@ -26,6 +26,7 @@ PACKAGE = ROOT / "python" / "partita"
 FLOOR = {
     "math": 0,
     "system": 1,
+    "compiled": 1,
     "integrate": 2,
     "model": 2,
     "analysis": 3,
@@ -40,7 +41,7 @@ FLOOR = {
 ONLY_IN = {"pyo3": {"py"}, "numpy": {"py"}, "faer": {"math", "system", "analysis"}}
 """Crates from outside that belong to certain floors: Python stays at the door, linear algebra below."""
 
-WITHOUT_CIRCLES = ("analysis", "fmu", "integrate", "math", "model", "py", "system")
+WITHOUT_CIRCLES = ("analysis", "compiled", "fmu", "integrate", "math", "model", "py", "system")
 """Crates whose rooms are held to it that none uses itself by way of others."""
 
 CORE_USERS = {"__init__", "builder", "io", "options", "partition", "results", "sweep", "system"}

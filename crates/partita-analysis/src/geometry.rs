@@ -18,7 +18,7 @@ use partita_model::Model;
 use partita_system::start::Start;
 use partita_system::system::Tangent;
 use partita_system::system::{
-    Clustered, Conditions, Guards, InverseKinematics, Levels, Manifold, Metric, Names, Scales,
+    Clustered, Conditions, Guards, InverseKinematics, Levels, Manifold, Metric, Names, Programs, Scales,
 };
 use partita_system::{Finite, Size, SystemError};
 
@@ -374,5 +374,7 @@ impl Conditions for Geometry<'_> {
 }
 
 impl Guards for Geometry<'_> {}
+
+impl Programs for Geometry<'_> {}
 
 impl InverseKinematics for Geometry<'_> {}

@@ -2,6 +2,10 @@
 //!
 //! Nothing here knows mechanisms. All other crates depend on it.
 
+// the suite that other crates share names this one
+#[cfg(test)]
+extern crate self as partita_math;
+
 pub mod dense;
 pub mod elimination;
 pub mod factor;

@@ -2,7 +2,8 @@
 //!
 //! ```text
 //! Recording ──► Program ──► Work<f64, 1>      one evaluation
-//!                      └──► Work<Lanes, G>    8 G members side by side, G groups of eight to each instruction
+//!                      ├──► Work<Lanes, G>    8 G members side by side, G groups of eight to each instruction
+//!                      └──► Compiled          one evaluation, by code of this processor
 //! ```
 //!
 //! Values lie in *registers*. Inputs and constants keep theirs; a settled value, which depends on settled inputs and
@@ -12,6 +13,9 @@
 //! member therefore has the bits of [`Recording::evaluate`].
 
 mod build;
+mod compiled;
+
+pub use compiled::{Compiled, Compiler, NotCompiled};
 
 use crate::scalar::{Lanes, Recording, Scalar};
 use crate::wide::{widely, Kernel};
@@ -19,23 +23,40 @@ use std::ops::Range;
 
 /// What an instruction does with the registers that it reads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Code {
+pub enum Code {
+    /// x + y.
     Add,
+    /// x − y.
     Sub,
+    /// x y.
     Mul,
+    /// x / y.
     Div,
+    /// x / y, 0 where y is 0.
     OverOrZero,
+    /// −x.
     Neg,
+    /// √x.
     Sqrt,
+    /// x to a constant exponent.
     Power,
+    /// Sine and cosine of x.
     SinCos,
+    /// Angle of the point (y, x).
     Atan2,
+    /// √(x² + y²) without overflow.
     Hypot,
+    /// |x|.
     Abs,
+    /// The nearest whole number, halves away from 0.
     Round,
+    /// The larger one; the other one where one is NaN.
     Max,
+    /// The smaller one; the other one where one is NaN.
     Min,
+    /// y where x is above 0, else z.
     WherePositive,
+    /// 1, or −1 where x lies below y.
     Reached,
     /// x y + z, z + x y.
     ProductPlus,
@@ -47,14 +68,19 @@ enum Code {
 
 /// One instruction: registers that it writes and reads.
 #[derive(Clone, Copy, Debug)]
-struct Instruction {
-    code: Code,
-    to: u32,
+pub struct Instruction {
+    /// What it does.
+    pub code: Code,
+    /// The register that it writes.
+    pub to: u32,
     /// Of a sine and a cosine: the register of the cosine. Of a power: the exponent's place.
-    also: u32,
-    x: u32,
-    y: u32,
-    z: u32,
+    pub also: u32,
+    /// The registers that it reads, as many as its code has operands.
+    pub x: u32,
+    /// See `x`.
+    pub y: u32,
+    /// See `x`.
+    pub z: u32,
 }
 
 /// A recording made ready for many evaluations; immutable, shared by threads.
@@ -90,6 +116,32 @@ impl Program {
     /// Number of instructions of an evaluation, those of the settled part not counted.
     pub fn len(&self) -> usize {
         self.code.len()
+    }
+
+    /// All instructions in order, those of the settled part first. Inputs are in the first registers, the constants
+    /// follow them.
+    pub fn instructions(&self) -> impl Iterator<Item = &Instruction> {
+        self.prepare.iter().chain(&self.code)
+    }
+
+    /// Number of registers.
+    pub fn registers(&self) -> usize {
+        self.registers
+    }
+
+    /// Constants, in the registers after those of the inputs.
+    pub fn constants(&self) -> &[f64] {
+        &self.constants
+    }
+
+    /// Exponents of powers.
+    pub fn exponents(&self) -> &[f64] {
+        &self.exponents
+    }
+
+    /// Register of each output.
+    pub fn output_registers(&self) -> &[u32] {
+        &self.outputs
     }
 
     /// Whether an evaluation computes nothing.
@@ -235,5 +287,7 @@ fn execute<S: Scalar, const G: usize>(instructions: &[Instruction], exponents: &
     }
 }
 
+#[cfg(test)]
+mod suite;
 #[cfg(test)]
 mod tests;

@@ -6,6 +6,7 @@ pub mod closing;
 pub mod clusters;
 mod coincident;
 pub mod compile;
+mod compiled_rates;
 pub mod coupling;
 pub mod dynamics;
 pub mod error;

@@ -29,6 +29,7 @@ use partita_math::scalar::Scalar;
 use partita_math::spatial::{Space, Spatial};
 use partita_math::tolerance;
 use partita_system::clusters::Clusters;
+use partita_system::compiled::CompiledChoices;
 use partita_system::SystemError;
 use std::collections::HashSet;
 use std::f64::consts::PI;
@@ -59,6 +60,8 @@ pub struct Model {
     preference: Preference,
     has_power: bool,
     dense_projection: bool,
+    /// Code of the rates of its choices.
+    compiled: CompiledChoices,
     coordinates: Coordinates,
     /// Velocity whose integral each coordinate is, if there is one.
     velocity_of: Vec<Option<usize>>,
@@ -335,6 +338,7 @@ impl Model {
             row_is_angle,
             coordinates,
             dense_projection: false,
+            compiled: CompiledChoices::default(),
             spec: Arc::new(spec),
             row_names,
             holonomic,
@@ -418,6 +422,11 @@ impl Model {
             return Err(DescriptionError::new("mechanism", &self.spec.name, message));
         }
         Ok(())
+    }
+
+    /// Whether M_d is formed from a dense M.
+    pub(crate) fn uses_dense_mass(&self) -> bool {
+        self.dense_projection
     }
 
     /// For k near n the mass matrix is cheaper than k partial velocities: compare the two counts.

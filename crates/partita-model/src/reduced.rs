@@ -37,7 +37,8 @@ pub struct Reduced<S> {
     pub(crate) factors: Vec<S>,
     rhs: Vec<S>,
     a_matrix: Vec<S>,
-    factor: Vec<S>,
+    /// Cholesky factor of M_d.
+    pub(crate) factor: Vec<S>,
     work: Vec<S>,
 }
 

@@ -170,6 +170,7 @@ impl Account {
             (intern!(py, "renewals"), f.renewals),
             (intern!(py, "newton_iterations"), f.newton_iterations),
             (intern!(py, "proximal_iterations"), f.proximal_iterations),
+            (intern!(py, "compiled_evaluations"), f.compiled_evaluations),
         ] {
             counters.set_item(name, value)?;
         }

@@ -6,7 +6,9 @@ pub mod full;
 
 use crate::closing::Closing;
 use crate::system::{project_dense, Size, SystemError, SystemRef, Tangent, Varied};
-use crate::system::{Clustered, Conditions, Guards, InverseKinematics, Levels, Manifold, Metric, Names, Scales};
+use crate::system::{
+    Clustered, Conditions, Guards, InverseKinematics, Levels, Manifold, Metric, Names, Programs, Scales,
+};
 use closing::UserClosing;
 use partita_math::dense;
 use partita_math::elimination::Pattern;
@@ -304,6 +306,8 @@ impl<E: Equations> Names for UserSystem<E> {
 impl<E: Equations> Conditions for UserSystem<E> {}
 
 impl<E: Equations> Guards for UserSystem<E> {}
+
+impl<E: Equations> Programs for UserSystem<E> {}
 
 impl<E: Equations> InverseKinematics for UserSystem<E> {
     fn closing<'s>(

@@ -4,8 +4,10 @@
 pub mod actuation;
 pub mod branching;
 pub mod breakpoints;
+pub mod choice;
 pub mod closing;
 pub mod clusters;
+pub mod compiled;
 pub mod equations;
 pub mod error;
 pub mod formulation;
@@ -32,7 +34,7 @@ pub use partition::Partition;
 pub mod prelude {
     pub use crate::system::{
         Clustered as _, Conditions as _, ConstrainedSystem as _, Guards as _, InverseKinematics as _, Levels as _,
-        Manifold as _, Metric as _, Names as _, Scales as _,
+        Manifold as _, Metric as _, Names as _, Programs as _, Scales as _,
     };
 }
 

@@ -1,5 +1,6 @@
 //! Options of formulations. Each reads its own; a missing required one is an error.
 
+use crate::compiled::Compilation;
 use crate::error::{Result, SystemError};
 use crate::partition::Selection;
 use crate::record::Correction;
@@ -66,6 +67,8 @@ pub struct FormulationOptions {
     pub renew: Renew,
     /// The user-defined tangent velocities.
     pub tangent: Option<Arc<dyn TangentMap>>,
+    /// When rates are compiled.
+    pub compilation: Compilation,
 }
 
 impl FormulationOptions {
@@ -125,6 +128,7 @@ impl Default for FormulationOptions {
             baumgarte: None,
             renew: Renew::Below(0.5),
             tangent: None,
+            compilation: Compilation::default(),
         }
     }
 }

@@ -153,6 +153,8 @@ pub struct FormulationCounters {
     pub newton_iterations: u64,
     /// Proximal iterations for multipliers inside evaluations.
     pub proximal_iterations: u64,
+    /// Evaluations by compiled code.
+    pub compiled_evaluations: u64,
 }
 
 /// The record of a run so far.

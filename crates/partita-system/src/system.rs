@@ -4,7 +4,7 @@ mod duties;
 mod varied;
 
 pub use crate::error::SystemError;
-pub use duties::{Clustered, Conditions, Guards, InverseKinematics, Levels, Manifold, Metric, Names, Scales};
+pub use duties::{Clustered, Conditions, Guards, InverseKinematics, Levels, Manifold, Metric, Names, Programs, Scales};
 use partita_math::dense;
 use std::ops::Deref;
 use std::sync::Arc;
@@ -115,12 +115,12 @@ impl<S> From<Arc<S>> for SystemRef<'_, S> {
 
 /// S1-S5 of a mechanism or of a user-defined system: all traits together.
 pub trait ConstrainedSystem:
-    Levels + Metric + Clustered + Manifold + Scales + Names + Conditions + Guards + InverseKinematics
+    Levels + Metric + Clustered + Manifold + Scales + Names + Conditions + Guards + Programs + InverseKinematics
 {
 }
 
 impl<S> ConstrainedSystem for S where
-    S: Levels + Metric + Clustered + Manifold + Scales + Names + Conditions + Guards + InverseKinematics
+    S: Levels + Metric + Clustered + Manifold + Scales + Names + Conditions + Guards + Programs + InverseKinematics
 {
 }
 

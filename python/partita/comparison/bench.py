@@ -71,6 +71,8 @@ class Bench:
             "max_steps": self._most_steps(),
             "formulation": case.formulation,
             "progress": progress,
+            # formulations are compared by the same kind of evaluations
+            "compiled": False,
             **case.options,
         }
         times: list[float] = []

@@ -375,6 +375,7 @@ def simulate(
     window: Quantity | None = None,
     baumgarte: tuple[float, float] | None = None,
     renew: float | str = 0.5,
+    compiled: bool | str = "auto",
     tangent: TangentVelocities | None = None,
     parameters: Mapping[str, ArrayLike] | None = None,
     exchange: float | None = None,
@@ -430,6 +431,11 @@ def simulate(
         renew: frozen tangent velocities are renewed when sqrt_mu has fallen to this fraction of its value when they
             were frozen, 0 to 1; 0: never; "each step": after every step, whatever their quality. `counters["renewals"]`
             counts the renewals.
+        compiled: whether evaluations of "projective" and "fixed" inside steps run as machine code, made in memory for
+            each choice of coordinates. The results are the same to the bit. "auto": once a choice has served for some
+            thousand evaluations, unless its equations are very large; True: at once; False: never. Mechanisms with
+            Python functions, reaction-dependent friction or massless bodies are evaluated as without.
+            `counters["compiled_evaluations"]` counts them.
         tangent: `TangentVelocities` for "user-tangent".
         parameters: name -> value, numbers that replace those of the drawing, as in `CompiledModel.with_parameters`: for
             sweeps and gradients, where compiling again would cost more than the run. The loops must close in `initial`
@@ -476,6 +482,7 @@ def simulate(
         window=window,
         baumgarte=baumgarte,
         renew=renew,
+        compiled=compiled,
     )
     times = run_options.output_times(t_eval, start.t, chosen["t_end"])
     raw = run_options.run(model.core, chosen, times, start.q, start.v, progress, tangent)

@@ -122,7 +122,9 @@ impl<'s> Trial<'s> {
         // the same integration twice: once to the end of a step, to record its stages, and once to its beginning
         let mut marched = |steps: u64| {
             let t_end = state.t + steps as f64 * contender.step;
-            let request = Request { t0: state.t, t_end, ..contender.request.clone() };
+            // by levels, as all formulations evaluate, unless asked otherwise
+            let compiled = Some(contender.request.compiled == Some(true));
+            let request = Request { t0: state.t, t_end, compiled, ..contender.request.clone() };
             let prepared = match Prepared::new(system, &request, contender.tangent.clone(), (&state.q, &state.v)) {
                 Ok(prepared) if prepared.singular_start.is_none() => prepared,
                 // a contender that fails there has no cost

@@ -5,6 +5,7 @@ use partita_integrate::method;
 use partita_integrate::options::Options;
 use partita_integrate::simulate::Settings;
 use partita_math::tolerance;
+use partita_system::compiled::Compilation;
 use partita_system::options::{FormulationOptions, Renew, TangentMap};
 use partita_system::partition::Selection;
 use partita_system::record::Correction;
@@ -58,6 +59,9 @@ pub struct Request {
     pub baumgarte: Option<(f64, f64)>,
     /// When frozen tangent velocities are renewed.
     pub renew: Renewal,
+    /// Whether evaluations are compiled: always, never, or where it is worth while.
+    #[serde(default)]
+    pub compiled: Option<bool>,
 }
 
 /// A part of the quality when frozen, or the words "each step".
@@ -112,6 +116,7 @@ impl Request {
             window: None,
             baumgarte: None,
             renew: Renewal::Part(0.5),
+            compiled: None,
         }
     }
 
@@ -189,6 +194,11 @@ impl Request {
             baumgarte: self.baumgarte,
             renew,
             tangent,
+            compilation: match self.compiled {
+                None => Compilation::Auto,
+                Some(true) => Compilation::Always,
+                Some(false) => Compilation::Never,
+            },
         })
     }
 }

@@ -56,7 +56,8 @@ impl<'s, S: Balance<Scratch: Send>> Stepping<'s, S> {
         (t, q, v): (f64, &[f64], &[f64]),
         keeps: bool,
     ) -> Result<Self, AnalysisError> {
-        let request = Request { t0: t, t_end: t + length, ..request.clone() };
+        // its steps have bounded work, and inputs are functions to the model
+        let request = Request { t0: t, t_end: t + length, compiled: Some(false), ..request.clone() };
         let system = system.into();
         let prepared = Prepared::new(system.clone(), &request, None, (q, v))?;
         if prepared.rests() {

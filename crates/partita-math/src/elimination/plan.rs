@@ -26,6 +26,10 @@ const PIVOT_THRESHOLD: f64 = 0.1;
 /// lost then.
 const PIVOT_GUARD: f64 = 1e-2;
 
+/// A guard over its pivot, below which the comparison of both does not depend on rounding. Scale: ratio. Reason: a
+/// reciprocal and a product round by less than 1e-15.
+const CLEARLY_ABOVE: f64 = 1.0 - 1e-9;
+
 impl Default for PlanOptions {
     fn default() -> Self {
         Self { threshold: PIVOT_THRESHOLD, guard: PIVOT_GUARD }
@@ -225,6 +229,18 @@ impl Plan {
         let pivot = |k: usize| 1.0 / work[self.layout.program.pivot_place(k)].value();
         let failed = (0..self.rank()).find_map(|k| above(self.guards[k], k, pivot(k)).err());
         failed.map_or(Ok(()), |(step, pivot)| Err(self.shrunk(step, pivot)))
+    }
+
+    /// `1 / pivot` of step `k` in the factors of the last [`eliminate`](Self::eliminate).
+    pub fn reciprocal<T: Scalar>(&self, work: &[T], k: usize) -> T {
+        work[self.layout.program.pivot_place(k)]
+    }
+
+    /// Whether pivots with these [`reciprocals`](Self::reciprocal), one for each step, exceed their guards beyond
+    /// rounding.
+    pub fn clearly_holds(&self, reciprocals: &[f64]) -> bool {
+        let clear = |(x, guard): (&f64, &f64)| x.abs() * guard < CLEARLY_ABOVE;
+        reciprocals.len() == self.rank() && reciprocals.iter().zip(&self.guards).all(clear)
     }
 
     /// The same as a number: above 0 where a pivot of the last [`eliminate`](Self::eliminate) is below its guard.

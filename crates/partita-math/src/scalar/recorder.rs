@@ -50,10 +50,12 @@ pub(crate) enum Operation {
 struct Tape {
     number: u32,
     operations: Option<Vec<Operation>>,
+    /// Numbers that were compared with bounds, which `f64` alone can do.
+    bounded: Vec<(Recorder, f64, f64)>,
 }
 
 thread_local! {
-    static TAPE: RefCell<Tape> = const { RefCell::new(Tape { number: 0, operations: None }) };
+    static TAPE: RefCell<Tape> = const { RefCell::new(Tape { number: 0, operations: None, bounded: Vec::new() }) };
 }
 
 /// A number of a recording: a constant, or the result of an entry of the tape.
@@ -110,6 +112,15 @@ fn append<const N: usize>(operands: [Recorder; N], make: impl Fn([u32; N]) -> Op
 }
 
 impl Recorder {
+    /// Above 0 where a number of this recording lies beyond bounds with which it was compared so far, and where `f64`
+    /// therefore fails (see [`Functions::outside`]).
+    pub fn beyond() -> Self {
+        let bounded = TAPE.with_borrow(|tape| tape.bounded.clone());
+        bounded.into_iter().fold(Self::from_f64(-1.0), |most, (x, low, high)| {
+            most.max(Self::from_f64(low) - x).max(x - Self::from_f64(high))
+        })
+    }
+
     #[inline]
     fn one_of(self, plain: impl Fn(f64) -> f64, make: impl Fn(u32) -> Operation) -> Self {
         match self.0 {
@@ -251,7 +262,10 @@ impl Functions for Recorder {
     fn outside(self, low: f64, high: f64) -> Option<f64> {
         match self.0 {
             Kind::Constant(x) => x.outside(low, high),
-            Kind::Entry(..) => None,
+            Kind::Entry(..) => {
+                TAPE.with_borrow_mut(|tape| tape.bounded.push((self, low, high)));
+                None
+            }
         }
     }
     fn call_into<E>(
@@ -282,6 +296,7 @@ impl Recording {
         let given = TAPE.with_borrow_mut(|tape| {
             tape.number = tape.number.wrapping_add(1);
             tape.operations = Some(Vec::new());
+            tape.bounded.clear();
             let slot = |i: usize| tape.push(Operation::Input(i as u32)).unwrap_or(0);
             let slots: Vec<u32> = (0..inputs).map(slot).collect();
             slots.into_iter().map(|p| Recorder(Kind::Entry(tape.number, p))).collect::<Vec<_>>()

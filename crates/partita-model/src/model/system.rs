@@ -13,14 +13,18 @@ use crate::tree::LinkMotion;
 use partita_math::dense;
 use partita_math::elimination::Pattern;
 use partita_math::formatted;
+use partita_math::program::Program;
 use partita_math::spatial::{Mat3, Quaternion};
 use partita_math::tolerance;
 use partita_system::breakpoints::{Breakpoints, Reading};
+use partita_system::choice::Choice;
 use partita_system::clusters::Clusters;
+use partita_system::compiled::CompiledRates;
 use partita_system::guards::{Guard, GuardReading};
 use partita_system::system::{project_dense, BlockSink, ClusterTangent, Recursion, Tangent};
-use partita_system::system::{Clustered, Conditions, Guards, Levels, Manifold, Metric, Names, Scales};
+use partita_system::system::{Clustered, Conditions, Guards, Levels, Manifold, Metric, Names, Programs, Scales};
 use partita_system::{Finite, Size, SystemError};
+use std::sync::Arc;
 
 /// Up to this many degrees of freedom one small M_d costs less than any recursion, and existing bases use the same
 /// method.
@@ -141,6 +145,15 @@ impl Levels for Model {
             return Ok(0.0);
         }
         self.own.power(t, q, v, s)
+    }
+}
+
+impl Programs for Model {
+    fn rates_program(&self, choice: &Choice) -> Option<Program> {
+        self.rates_of(choice)
+    }
+    fn compiled_rates(&self, choice: &Choice) -> Option<Arc<CompiledRates>> {
+        self.compiled.of(choice)
     }
 }
 

@@ -9,6 +9,7 @@
 
 mod checks;
 mod combinations;
+mod compiled;
 mod crossing;
 mod prescribed;
 mod steps;
@@ -27,6 +28,7 @@ use crate::system::{ConstrainedSystem, SystemError, SystemRef};
 use crate::tangent::instant::{self, Describer};
 use crate::tangent::Tangent;
 use checks::Checks;
+use compiled::CompiledMotion;
 use crossing::CrossingMonitor;
 use prescribed::Prescribed;
 
@@ -45,6 +47,10 @@ pub struct Motion<'s, S: ConstrainedSystem + 's, T, P> {
     moved: bool,
     /// Whether the point last evaluated is the state from which the next step is planned.
     planned_from: bool,
+    /// Whether the last evaluation was one by compiled code, which leaves the levels where they were.
+    behind: bool,
+    /// Evaluations by compiled code, where there may be any.
+    compiled: Option<CompiledMotion>,
     /// Singular positions behind and ahead.
     monitor: CrossingMonitor,
     /// Breakpoints of curves along the motion.
@@ -79,6 +85,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             margin: None,
             moved: true,
             planned_from: false,
+            behind: false,
+            compiled: None,
             monitor: CrossingMonitor::new(system.size()),
             breakpoints: Watched::new(system.breakpoints()),
             prescribed: Prescribed::new(&*system),
@@ -123,6 +131,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
 
     /// All levels at (t, y).
     fn evaluate(&mut self, t: f64, y: &[f64]) -> Result<()> {
+        self.behind = false;
         let (p, w) = self.offsets();
         let factored = self.positions.locate(&mut self.tangent, t, y, self.monitor.crosses_next)?;
         let (tangent, q, u) = (&mut self.tangent, self.positions.q(), &y[p..w]);
@@ -132,6 +141,21 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             tangent.accelerate(t, q, u)
         };
         levels(tangent).map_err(|e| tangent.blame(t, q, e))
+    }
+
+    /// Rates of all states at (t, y), the levels evaluated there.
+    fn derivative_by_levels(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<()> {
+        self.moved = true;
+        self.evaluate(t, y)?;
+        if self.guards.waits() {
+            let r = self.tangent.reduction();
+            let out = self.guards.start(t, r.fastest());
+            r.system.guard_readings(t, self.positions.q(), &r.v, &mut r.scratch, out);
+        } else if self.looking {
+            let (r, q) = (self.tangent.reduction(), self.positions.q());
+            self.guards.beside(t, |out| r.system.guard_readings(t, q, &r.v, &mut r.scratch, out));
+        }
+        self.rates(t, y, dy)
     }
 
     /// Rates of all states at the point last evaluated.
@@ -217,17 +241,13 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         self.prescribed.open_at_start(&self.system, t, &y[beside..], (&q, v))
     }
     fn derivative(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<()> {
-        self.moved = true;
-        self.evaluate(t, y)?;
-        if self.guards.waits() {
-            let r = self.tangent.reduction();
-            let out = self.guards.start(t, r.fastest());
-            r.system.guard_readings(t, self.positions.q(), &r.v, &mut r.scratch, out);
-        } else if self.looking {
-            let (r, q) = (self.tangent.reduction(), self.positions.q());
-            self.guards.beside(t, |out| r.system.guard_readings(t, q, &r.v, &mut r.scratch, out));
+        match self.compiled_rates(t, y, dy) {
+            true => {
+                self.moved = true;
+                Ok(())
+            }
+            false => self.derivative_by_levels(t, y, dy),
         }
-        self.rates(t, y, dy)
     }
     fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<()> {
         let (p, w) = self.offsets();

@@ -1,7 +1,6 @@
 //! The reduction itself: P1-P3 at one point, with everything prepared so that an evaluation allocates nothing.
 //! Occasional decisions are in `choosing`, checks in `watch`.
 
-mod arithmetic;
 mod choosing;
 pub mod closure_error;
 mod correction;
@@ -10,7 +9,7 @@ mod row_exchange;
 mod rows;
 mod watch;
 
-pub use arithmetic::Choice;
+pub use crate::choice::Choice;
 pub use correction::DependentStep;
 pub use watch::{is_round_off, largest, quality_of, strength, velocity_residuals, Sides};
 
@@ -319,6 +318,11 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
             Some(Ok(())) => Ok(()),
             _ => Err(SystemError::Singular { t, pivot: 0.0, limit: tolerance::SINGULAR_PIVOT }),
         }
+    }
+
+    /// Whether pivots of C_D with these reciprocals lie clearly within the range of the plan in use.
+    pub(crate) fn clearly_regular(&self, reciprocals: &[f64]) -> bool {
+        self.rank == 0 || self.plan.as_ref().is_some_and(|plan| plan.clearly_holds(reciprocals))
     }
 
     /// `x ← C_D⁻¹ x` for r numbers in the order of the kept rows; on return in the order of D.

@@ -2,10 +2,14 @@
 
 use super::{BlockSink, ClusterTangent, Finite, Recursion, Size, SystemError, SystemRef, Tangent};
 use crate::breakpoints::{Breakpoints, Reading};
+use crate::choice::Choice;
 use crate::closing::Closing;
 use crate::clusters::Clusters;
+use crate::compiled::CompiledRates;
 use crate::guards::{Guard, GuardReading};
 use partita_math::elimination::Pattern;
+use partita_math::program::Program;
+use std::sync::Arc;
 
 /// S1-S5 by level.
 ///
@@ -312,6 +316,18 @@ pub trait Guards: Levels {
     }
     /// Their readings at the point (t, q, v) last evaluated.
     fn guard_readings(&self, _t: f64, _q: &[f64], _v: &[f64], _s: &mut Self::Scratch, _out: &mut [GuardReading]) {}
+}
+
+/// Evaluations by code of the processor, where the system can be recorded.
+pub trait Programs {
+    /// The rates of a choice as a program (see [`compiled`](crate::compiled)), where they can be recorded.
+    fn rates_program(&self, _choice: &Choice) -> Option<Program> {
+        None
+    }
+    /// The place of their code; none where they cannot be recorded.
+    fn compiled_rates(&self, _choice: &Choice) -> Option<Arc<CompiledRates>> {
+        None
+    }
 }
 
 /// Loops closed by inverse kinematics, where the system can.

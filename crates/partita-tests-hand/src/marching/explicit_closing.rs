@@ -13,7 +13,7 @@ use partita_system::kinematics::{assembly, velocity};
 use partita_system::options::FormulationOptions;
 use partita_system::record::Sample;
 use partita_system::system::{
-    Clustered, Conditions, Guards, InverseKinematics, Levels, Manifold, Metric, Names, Scales,
+    Clustered, Conditions, Guards, InverseKinematics, Levels, Manifold, Metric, Names, Programs, Scales,
 };
 use partita_system::system::{Size, Tangent};
 use partita_system::{start, SystemError, SystemRef};
@@ -286,6 +286,8 @@ impl Names for Recognised {
 impl Conditions for Recognised {}
 
 impl Guards for Recognised {}
+
+impl Programs for Recognised {}
 
 impl InverseKinematics for Recognised {
     /// The inputs asked for, or those with the largest product of pivots.

@@ -338,6 +338,7 @@ fn unread_options_are_named() {
         baumgarte: Some((1.0, 1.0)),
         renew: Renew::EachStep,
         tangent: options(Needs::Tangent, true, &tangent).unwrap().tangent,
+        ..plain.clone()
     };
     for &name in NAMES {
         assert!(unread(name, &plain).is_empty(), "{name}");

@@ -10,6 +10,7 @@ use crate::positions::independent::Independent;
 use crate::positions::inverse_kinematics::InverseKinematics;
 use crate::positions::needs_positions;
 use crate::positions::newton::Newton;
+use crate::record::Correction;
 use crate::system::{ConstrainedSystem, SystemError, SystemRef};
 use crate::tangent::all::Everything;
 use crate::tangent::basis::{Basis, Rule};
@@ -40,7 +41,12 @@ impl<'s, S: ConstrainedSystem> Projective<'s, S> {
         let system = system.into();
         let name = if options.switch_threshold.is_finite() { "projective" } else { "fixed" };
         let positions = All::new(system.size(), options.correction);
-        Self::with(name, Chosen::new(system, rank, options), positions)
+        let motion = Self::with(name, Chosen::new(system, rank, options), positions);
+        match options.correction {
+            // it corrects with the factors of the last evaluation
+            Correction::Kantorovich => motion,
+            _ => motion.compiling(options.compilation),
+        }
     }
 }
 

@@ -3,7 +3,7 @@
 use super::Motion;
 use crate::error::CrossingOutcome;
 use crate::error::Result;
-use crate::formulation::{Formulation, Side, Step};
+use crate::formulation::{Side, Step};
 use crate::positions::Positions;
 use crate::reduction::{Reduction, Sides};
 use crate::singular::change_point::{Advice, Crossing, Probe};
@@ -392,7 +392,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             };
             if !matches!(advice, Advice::GiveUp { .. }) {
                 self.monitor.crosses_next = advice == Advice::Crossing;
-                self.derivative(step.t, step.y, step.dy)?;
+                self.derivative_by_levels(step.t, step.y, step.dy)?;
                 return Ok(true);
             }
         }
@@ -404,7 +404,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         if let Some(pace) = step.pace.as_deref_mut() {
             if self.monitor.crossing.nearer(zero, step.t, pace) {
                 self.monitor.crosses_next = false;
-                self.derivative(step.t, step.y, step.dy)?;
+                self.derivative_by_levels(step.t, step.y, step.dy)?;
                 return Ok(true);
             }
         }
@@ -431,7 +431,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         step.t = t;
         self.monitor.crossing.put_back(zero, pace);
         self.monitor.crosses_next = true;
-        self.derivative(t, step.y, step.dy)?;
+        self.derivative_by_levels(t, step.y, step.dy)?;
         self.margin = self.tangent.margin();
         self.look_back(t);
         self.begin();
@@ -467,7 +467,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         let mut found = Ok(());
         for _ in 0..MOST_TRIED {
             y.iter_mut().zip(step.y.iter().zip(&*step.dy)).for_each(|(y, (from, rate))| *y = from + h * rate);
-            let change = match self.derivative(step.t + h, &y, &mut dy) {
+            let change = match self.derivative_by_levels(step.t + h, &y, &mut dy) {
                 Ok(()) => h * norm(self, &|j| dy[p + j] - step.dy[p + j]),
                 Err(e) if e.is_local() => f64::INFINITY,
                 Err(e) => {

@@ -2,7 +2,7 @@
 
 use super::Motion;
 use crate::error::Result;
-use crate::formulation::{Formulation, FormulationSteps, SingularSteps, Step, Verdict};
+use crate::formulation::{FormulationSteps, SingularSteps, Step, Verdict};
 use crate::guards::Look;
 use crate::positions::Positions;
 use crate::record::{Gaps, History, StepChecks};
@@ -41,7 +41,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
                 Some(rows) => drop(self.tangent.reduction().keep_rows(t, &rows)),
                 None => drop(self.choose_anew(t, step.y, step.dy, Occasion::Spoilt)?),
             }
-            self.derivative(t, step.y, step.dy)?;
+            self.derivative_by_levels(t, step.y, step.dy)?;
             self.tangent.sides(&mut self.monitor.sides);
             if let (Some(zero), Some(pace)) = (self.monitor.crossing.zero(), step.pace.as_deref_mut()) {
                 self.monitor.crossing.cross(zero, pace);
@@ -107,7 +107,12 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         }
         evaluates |= self.tangent.settle(t, of_q, &mut rest[..w - p])?;
         if evaluates {
-            self.derivative(t, y, dy)?;
+            self.derivative_by_levels(t, y, dy)?;
+        } else if self.behind {
+            // counted where it was evaluated by code
+            let r = self.tangent.reduction();
+            r.factorisations -= u64::from(r.rank() > 0);
+            self.evaluate(t, y)?;
         }
         self.moved = false;
         self.prescribed.look_at_end(self.tangent.seen(), self.positions.q());
@@ -192,6 +197,9 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         self.tangent.base().report(&mut history);
         self.tangent.report(&mut history);
         self.positions.report(&mut history);
+        if let Some(compiled) = &self.compiled {
+            compiled.report(&mut history);
+        }
         history.notes.extend(self.guards.notes());
         history
     }

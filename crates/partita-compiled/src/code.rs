@@ -1,0 +1,52 @@
+//! The one wall around machine code: memory that holds it, and calls with arguments of checked lengths.
+#![allow(unsafe_code, reason = "memory becomes a function, and is called")]
+
+use memmap2::{Mmap, MmapMut};
+use partita_math::program::Compiled;
+use std::io;
+
+/// The signature of all compiled programs: inputs, outputs.
+type Call = unsafe extern "C" fn(*const f64, *mut f64);
+
+/// A compiled program; its memory is given back when dropped.
+///
+/// The code writes to its outputs and to its stack alone, so threads may share it.
+#[derive(Debug)]
+pub(crate) struct Code {
+    memory: Mmap,
+    inputs: usize,
+    outputs: usize,
+}
+
+impl Code {
+    /// For the machine code of a function with this signature, which reads and writes these numbers of numbers.
+    ///
+    /// # Errors
+    /// Where the system refuses memory, or memory that can be executed.
+    pub(crate) fn new(machine_code: &[u8], [inputs, outputs]: [usize; 2]) -> io::Result<Self> {
+        let mut memory = MmapMut::map_anon(machine_code.len())?;
+        memory[..machine_code.len()].copy_from_slice(machine_code);
+        let memory = memory.make_exec()?;
+        #[cfg(target_arch = "aarch64")]
+        {
+            use wasmtime_jit_icache_coherence as icache;
+            // SAFETY: the range is that of the memory above
+            unsafe { icache::clear_cache(memory.as_ptr().cast(), memory.len()) }.map_err(io::Error::other)?;
+            icache::pipeline_flush_mt().map_err(io::Error::other)?;
+        }
+        Ok(Self { memory, inputs, outputs })
+    }
+}
+
+impl Compiled for Code {
+    #[inline]
+    fn evaluate(&self, inputs: &[f64], outputs: &mut [f64]) {
+        assert_eq!((inputs.len(), outputs.len()), (self.inputs, self.outputs), "numbers of inputs and outputs");
+        // SAFETY: the memory begins with a function of this signature, as `translate` made it and Cranelift compiled it;
+        // it reads `inputs` numbers and writes `outputs` numbers, whose presence was just tested; both are disjoint
+        unsafe {
+            let call = std::mem::transmute::<*const u8, Call>(self.memory.as_ptr());
+            call(inputs.as_ptr(), outputs.as_mut_ptr());
+        }
+    }
+}

@@ -1,0 +1,146 @@
+//! Rates of a choice of coordinates as compiled code: kept with the system, made once a choice has proved to be used long
+//! enough.
+//!
+//! ```text
+//! inputs   q | v_I | t
+//! rates    q' | v_I' | power | v' | 1 / pivots of C_D | excess                               (S2, P1-P3)
+//! ```
+//! The power, of applied forces and drives, is there where it is observed, v' where rows depend on time. The excess is
+//! above 0 where an evaluation by levels fails.
+
+use crate::choice::Choice;
+use partita_math::program::{Compiled, Compiler, NotCompiled, Program};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+
+/// Evaluations by a choice before it is compiled. Scale: evaluations. Reason: making the code takes as long as it saves over
+/// six to ten thousand, so that no run takes much more than twice the time of the better decision.
+const WORTH_COMPILING: u64 = 8000;
+
+/// Largest program that is compiled. Scale: instructions. Reason: longer code does not fit into the processor's cache of
+/// instructions, and reading it takes longer than computing.
+const LONGEST: usize = 3000;
+
+/// Velocities of the largest system that is recorded. Scale: velocities. Reason: each takes thirty instructions or more, and
+/// what is too long need not be recorded to be refused.
+const MOST_VELOCITIES: usize = 100;
+
+/// Choices of a system whose code is kept. Scale: choices. Reason: more than a mechanism visits in one cycle of its motion.
+const MOST_CHOICES: usize = 32;
+
+/// When the rates of a choice are compiled.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Compilation {
+    /// Where a compiler is installed, once a choice has proved to be used long enough, and is not too large.
+    #[default]
+    Auto,
+    /// At the first evaluation by a choice, whatever its size.
+    Always,
+    /// Never.
+    Never,
+}
+
+impl Compilation {
+    /// Whether a system with this number of velocities may be compiled.
+    pub(crate) fn serves(self, velocities: usize) -> bool {
+        match self {
+            Self::Auto => velocities <= MOST_VELOCITIES,
+            Self::Always => true,
+            Self::Never => false,
+        }
+    }
+}
+
+/// The rates of a choice: evaluations before they are compiled, and the code.
+#[derive(Debug)]
+pub struct CompiledRates {
+    rows: Vec<usize>,
+    dependent: Vec<usize>,
+    /// Whether the accelerations come from a recursion over clusters.
+    packed: bool,
+    evaluations: AtomicU64,
+    code: OnceLock<Code>,
+}
+
+/// What became of a choice.
+#[derive(Debug)]
+enum Code {
+    Compiled(Box<dyn Compiled>),
+    /// It cannot be recorded, or is too large.
+    Without,
+    /// This computer does not compile it.
+    Refused(NotCompiled),
+}
+
+impl CompiledRates {
+    /// The code, compiled now if this evaluation is the one that makes it worth while; none where the levels are evaluated.
+    pub(crate) fn code(
+        &self,
+        compiler: &dyn Compiler,
+        when: Compilation,
+        program: impl FnOnce() -> Option<Program>,
+    ) -> Option<&dyn Compiled> {
+        let code = match self.code.get() {
+            Some(known) => known,
+            None if self.is_worth_while(when) => self.code.get_or_init(|| compile(compiler, when, program())),
+            None => return None,
+        };
+        match code {
+            Code::Compiled(code) => Some(&**code),
+            Code::Without | Code::Refused(_) => None,
+        }
+    }
+
+    /// Whether one more evaluation makes the code worth while.
+    fn is_worth_while(&self, when: Compilation) -> bool {
+        match when {
+            Compilation::Auto => self.evaluations.fetch_add(1, Ordering::Relaxed) >= WORTH_COMPILING,
+            Compilation::Always => true,
+            Compilation::Never => false,
+        }
+    }
+
+    /// Why this computer does not compile them.
+    pub(crate) fn refusal(&self) -> Option<&NotCompiled> {
+        match self.code.get()? {
+            Code::Refused(why) => Some(why),
+            Code::Compiled(_) | Code::Without => None,
+        }
+    }
+}
+
+fn compile(compiler: &dyn Compiler, when: Compilation, program: Option<Program>) -> Code {
+    match program.filter(|x| when == Compilation::Always || x.len() <= LONGEST) {
+        Some(program) => compiler.compile(&program).map_or_else(Code::Refused, Code::Compiled),
+        None => Code::Without,
+    }
+}
+
+/// The rates of the choices of a system, by the order in which C_D is eliminated.
+#[derive(Clone, Debug, Default)]
+pub struct CompiledChoices(Arc<Mutex<Vec<Arc<CompiledRates>>>>);
+
+impl CompiledChoices {
+    /// Those of a choice; none where there are too many.
+    pub fn of(&self, choice: &Choice) -> Option<Arc<CompiledRates>> {
+        let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let is_that = |x: &&Arc<CompiledRates>| {
+            x.rows == choice.rows && x.dependent == choice.dependent && x.packed == choice.packed
+        };
+        if let Some(known) = all.iter().find(is_that) {
+            return Some(known.clone());
+        }
+        if all.len() >= MOST_CHOICES {
+            return None;
+        }
+        let new = Arc::new(CompiledRates {
+            rows: choice.rows.to_vec(),
+            dependent: choice.dependent.to_vec(),
+            packed: choice.packed,
+            evaluations: AtomicU64::new(0),
+            code: OnceLock::new(),
+        });
+        all.push(new.clone());
+        Some(new)
+    }
+}

@@ -1,0 +1,112 @@
+//! Evaluations inside a step by compiled code, with the bits of those by levels.
+//!
+//! Only rates are computed: the end of a step, outputs and everything that looks at the levels evaluates these. Where a
+//! pivot comes near its guard, a number is not finite or an evaluation would fail, the levels decide.
+
+use super::Motion;
+use crate::compiled::{Compilation, CompiledRates};
+use crate::positions::Positions;
+use crate::record::History;
+use crate::reduction::Reduction;
+use crate::system::ConstrainedSystem;
+use crate::tangent::Tangent;
+use partita_math::program::Compiler;
+use std::sync::Arc;
+
+/// The compiled rates of the choice in use.
+#[derive(Debug)]
+pub(super) struct CompiledMotion {
+    compiler: &'static dyn Compiler,
+    when: Compilation,
+    /// Number of the plan that they belong to.
+    plan: u64,
+    rates: Option<Arc<CompiledRates>>,
+    /// Number of the rates of (q, u, work), and of those of v.
+    rates_count: usize,
+    vdot_count: usize,
+    inputs: Vec<f64>,
+    outputs: Vec<f64>,
+    /// Evaluations.
+    count: u64,
+}
+
+impl CompiledMotion {
+    /// For motions of a system in all coordinates and independent velocities; none where nothing is ever compiled.
+    pub(super) fn new<S: ConstrainedSystem>(r: &Reduction<S>, when: Compilation) -> Option<Self> {
+        let (size, moves) = (r.size(), r.system.rheonomic());
+        let compiler = <dyn Compiler>::installed().filter(|_| when.serves(size.nv))?;
+        let states = size.nq + r.k();
+        let rates_count = states + usize::from(r.system.has_power() || moves);
+        let vdot_count = if moves { size.nv } else { 0 };
+        Some(Self {
+            compiler,
+            when,
+            plan: 0,
+            rates: None,
+            rates_count,
+            vdot_count,
+            inputs: vec![0.0; states + 1],
+            outputs: vec![0.0; rates_count + vdot_count + r.rank() + 1],
+            count: 0,
+        })
+    }
+
+    /// The rates of (q, u, work), and of v, at (t, y) by the code for the choice in use; none where there is no code, or where
+    /// it does not apply.
+    fn evaluate<S: ConstrainedSystem>(&mut self, r: &Reduction<S>, t: f64, y: &[f64]) -> Option<[&[f64]; 2]> {
+        if self.plan != r.plans {
+            self.plan = r.plans;
+            self.rates = r.system.compiled_rates(&r.choice());
+        }
+        let program = || r.system.rates_program(&r.choice());
+        let code = self.rates.as_ref()?.code(self.compiler, self.when, program)?;
+        let states = self.inputs.len() - 1;
+        self.inputs[..states].copy_from_slice(&y[..states]);
+        self.inputs[states] = t;
+        code.evaluate(&self.inputs, &mut self.outputs);
+        let (rates, rest) = self.outputs.split_at(self.rates_count);
+        let (vdot, watched) = rest.split_at(self.vdot_count);
+        let (excess, pivots) = watched.split_last()?;
+        let applies = *excess <= 0.0 && r.clearly_regular(pivots);
+        let finite = rates.iter().chain(vdot).all(|x| x.is_finite());
+        self.count += u64::from(applies && finite);
+        (applies && finite).then_some([rates, vdot])
+    }
+
+    /// Contribution to the history of a run.
+    pub(super) fn report(&self, history: &mut History) {
+        history.counters.compiled_evaluations = self.count;
+        if let Some(why) = self.rates.as_ref().and_then(|rates| rates.refusal()) {
+            history.notes.push(format!("evaluations were not compiled, which changes their time alone: {why}"));
+        }
+    }
+}
+
+impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> Motion<'s, S, T, P> {
+    /// Evaluate rates by compiled code; for motions in all coordinates and the independent velocities of a partition.
+    pub(super) fn compiling(self, when: Compilation) -> Self {
+        // rows that may jump are watched by accelerations
+        let watched = |x: &CompiledMotion| x.vdot_count > 0 || self.prescribed.is_empty();
+        let compiled = CompiledMotion::new(self.tangent.seen(), when).filter(watched);
+        Self { compiled, ..self }
+    }
+
+    /// The rates at (t, y) by compiled code; false where the levels must evaluate them.
+    #[inline]
+    pub(super) fn compiled_rates(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> bool {
+        let beside = self.place_of_prescribed();
+        let Some(compiled) = &mut self.compiled else { return false };
+        if self.monitor.crosses_next || self.looking || self.guards.waits() {
+            return false;
+        }
+        let r = self.tangent.reduction();
+        let Some([rates, vdot]) = compiled.evaluate(r, t, y) else { return false };
+        dy[..rates.len()].copy_from_slice(rates);
+        if !self.prescribed.is_empty() {
+            self.prescribed.start(rates, vdot, &mut dy[beside..]);
+        }
+        r.factorisations += u64::from(r.rank() > 0);
+        self.behind = true;
+        true
+    }
+}

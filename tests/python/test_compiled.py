@@ -1,0 +1,170 @@
+"""Runs whose evaluations are compiled: the same to the bit as those without, and named in the counters."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from typing import Any
+
+import numpy as np
+import pytest
+from oracle import chance, elements
+from oracle.comparison import moving
+
+import partita as pt
+from partita.errors import ArgumentError, PartitaError
+
+PART = 0.03
+"""Part of an entry's motion that is run twice."""
+
+BY_LEVELS = {
+    "car-axis": "its road is a function in Python",
+}
+"""Entries of the catalogue that evaluate nothing by compiled code, and why."""
+
+SEEDS = range(20)
+"""Mechanisms by chance, half of them with every element."""
+
+
+def compiled(run: Any) -> int:
+    return run.counters["compiled_evaluations"]
+
+
+def same(m: pt.Mechanism, duration: float, **options: Any) -> Any:
+    """The run with compiled evaluations, after it was found to be the one without."""
+    plain = m.simulate(duration, compiled=False, **options)
+    run = m.simulate(duration, compiled=True, **options)
+    assert compiled(plain) == 0
+    assert (run.status, run.message) == (plain.status, plain.message)
+    for name in ("t", "q", "v", "vdot", "multipliers"):
+        x, y = getattr(run, name), getattr(plain, name)
+        assert np.array_equal(x, y, equal_nan=True), (name, np.nanmax(np.abs(x - y)))
+    assert np.array_equal(run.energy.work, plain.energy.work)
+    counts = {name: count for name, count in run.counters.items() if name != "compiled_evaluations"}
+    assert counts == {name: plain.counters[name] for name in counts}
+    assert list(run.notes) == list(plain.notes)
+    assert [p.independent for p in run.partitions] == [p.independent for p in plain.partitions]
+    return run
+
+
+@pytest.mark.parametrize("name", pt.catalogue.names())
+def test_the_catalogue_moves_as_without_to_the_bit(name: str) -> None:
+    entry = pt.catalogue.entry(name)
+    m = entry.mechanism()
+    end = PART * entry.duration
+    run = same(m, end, initial=entry.initial(m), t_eval=np.linspace(0.0, end, 5))
+    assert (compiled(run) == 0) == (name in BY_LEVELS)
+
+
+def test_mechanisms_by_chance_move_as_without_to_the_bit() -> None:
+    served = 0
+    for seed in SEEDS:
+        drawing = chance.mechanism(seed) if seed % 2 else elements.mechanism(seed)
+        try:
+            m = drawing.build()
+            start = moving(m, drawing, np.random.default_rng(seed))
+        except PartitaError:
+            continue
+        end = 0.05 * drawing.time
+        for coordinates in ("relative", "absolute"):
+            there = start if coordinates == "relative" else m.convert(start, coordinates)
+            options = {"t_eval": [0.0, 0.5 * end, end], "initial": there, "coordinates": coordinates, "max_steps": 200}
+            try:
+                m.simulate(end, compiled=False, **options)
+            except PartitaError as error:
+                with pytest.raises(type(error)):
+                    m.simulate(end, compiled=True, **options)
+                continue
+            served += compiled(same(m, end, rtol=1e-6, **options)) > 0
+    assert served > len(SEEDS) // 2
+
+
+@pytest.mark.parametrize("options", [{"method": "dopri5"}, {"method": "adams"}, {"step": 1e-3, "method": "rk4"}])
+def test_every_method_steps_by_compiled_evaluations(options: dict[str, Any]) -> None:
+    m = pt.catalogue.load("grashof-four-bar")
+    crank = m.compile().velocity_names[0]
+    run = same(m, 1.0, initial=m.assemble(rates={crank: 9.0}), t_eval=[0.0, 0.4, 1.0], **options)
+    assert compiled(run) > 0.5 * run.counters["evaluations"]
+
+
+def test_switches_of_coordinates_and_crossings_are_those_without() -> None:
+    """A crank that turns over switches coordinates; a parallelogram crosses its change points."""
+    for name in ("grashof-four-bar", "parallelogram"):
+        m = pt.catalogue.load(name)
+        run = same(m, 3.0, initial=m.assemble(rates={m.compile().velocity_names[0]: 9.0}), t_eval=[0.0, 1.5, 3.0])
+        assert run.counters["switches"] > 2 or any("singular positions" in note for note in run.notes)
+        assert compiled(run) > 0.5 * run.counters["evaluations"]
+
+
+def test_a_long_run_is_compiled_by_itself_and_the_next_one_from_its_start() -> None:
+    m = pt.catalogue.load("double-rocker")
+    start = m.assemble(rates={m.compile().velocity_names[0]: 3.0})
+    short = m.simulate(0.01, initial=start, t_eval=[0.01])
+    assert compiled(short) == 0
+    long = m.simulate(60.0, initial=start, t_eval=[60.0])
+    assert 0 < compiled(long) < long.counters["evaluations"]
+    again = m.simulate(60.0, initial=start, t_eval=[60.0])
+    assert compiled(again) > compiled(long)
+    assert np.array_equal(long.q, again.q) and np.array_equal(long.v, again.v)
+
+
+def test_what_cannot_be_compiled_is_evaluated_as_without() -> None:
+    """Functions of the user; formulations that are not the projective one; systems."""
+    m = pt.Mechanism("pendulum")
+    rod = m.add_rod("rod", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
+    hinge = m.add_revolute("A", m.ground, rod, point=(0, 0, 0))
+    assert compiled(same(m, 0.5)) > 0
+    assert compiled(same(m, 0.5, formulation="multipliers")) == 0
+    assert compiled(same(m, 0.5, correction="kantorovich")) == 0
+    m.add_torque(hinge, lambda t, state: 0.1 * t)
+    assert compiled(same(m, 0.5)) == 0
+    spring = pt.System(1, mass=[[1.0]], forces=lambda t, q, v: -4.0 * q)
+    assert compiled(pt.simulate(spring, 1.0, [1.0], [0.0], compiled=True)) == 0
+
+
+def test_a_table_that_ends_stops_the_run_as_without() -> None:
+    """A load over the angle is defined on a part of it: beyond, the evaluation fails with its own error."""
+    m = pt.Mechanism("pendulum")
+    rod = m.add_rod("rod", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
+    hinge = m.add_revolute("A", m.ground, rod, point=(0, 0, 0))
+    angles = np.linspace(-0.6, 0.6, 9)
+    m.add_torque(hinge, (angles, 0.1 * angles), over=hinge)
+    run = same(m, 2.0, t_eval=[0.0, 0.2, 0.3])
+    assert not run.success and compiled(run) > 0
+
+
+def test_a_stepper_compiles_nothing() -> None:
+    """Its steps have bounded work."""
+    m = pt.catalogue.load("grashof-four-bar")
+    sim = m.stepper(1e-3, initial=m.assemble(rates={m.compile().velocity_names[0]: 9.0}), substeps=10)
+    for _ in range(300):
+        sim.step()
+    counters = sim.result().counters
+    assert counters["factorisations"] > 10000 and counters["compiled_evaluations"] == 0
+
+
+@pytest.mark.parametrize("value", ["yes", 1, None, 0.5])
+def test_other_words_are_refused(value: Any) -> None:
+    with pytest.raises(ArgumentError, match=r"compiled is .*'auto', True or False"):
+        pt.catalogue.load("four-bar").simulate(0.1, compiled=value)
+
+
+FORBIDDEN = """
+import ctypes, sys
+import partita as pt
+m = pt.catalogue.load("four-bar")
+if ctypes.CDLL(None).prctl(65, 1, 0, 0, 0):  # memory that was written does not become executable
+    sys.exit(3)
+run = m.simulate(0.1, compiled=True)
+assert run.success and run.counters["compiled_evaluations"] == 0
+print(*run.notes)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="a call of Linux forbids executable memory")
+def test_where_executable_memory_is_forbidden_the_run_says_so() -> None:
+    found = subprocess.run([sys.executable, "-c", FORBIDDEN], capture_output=True, text=True)
+    if found.returncode == 3:
+        pytest.skip("this kernel cannot forbid executable memory")
+    assert found.returncode == 0, found.stderr
+    assert "evaluations were not compiled" in found.stdout
