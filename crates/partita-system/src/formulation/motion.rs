@@ -32,6 +32,11 @@ use compiled::CompiledMotion;
 use crossing::CrossingMonitor;
 use prescribed::Prescribed;
 
+/// Degrees of freedom up to which outputs are described by one M_d for all clusters. Scale: number. Reason: the recursion
+/// over clusters, which is made for many, loses digits where loops hold some motions weakly; up to here one M_d costs
+/// hardly more.
+const DESCRIBED_AS_ONE: usize = 24;
+
 /// A motion in the tangent T with the position coordinates P.
 pub struct Motion<'s, S: ConstrainedSystem + 's, T, P> {
     name: &'static str,
@@ -78,7 +83,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         Self {
             name,
             k: tangent.count(),
-            describer: Describer::new(system.clone(), r.rank(), r.is_dense()),
+            describer: Describer::new(system.clone(), r.rank(), r.is_dense() || r.k() <= DESCRIBED_AS_ONE),
             tangent,
             positions,
             observes_work: system.has_power() || system.rheonomic(),
@@ -186,7 +191,11 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     /// Whether the levels in use belong to the choice of `within`, with rows that no position would change.
     fn has_levels_of(&self, within: Option<&PartitionEvent>) -> bool {
         let r = self.tangent.seen();
-        r.plans > 0 && r.rank() == r.size().rows && self.tangent.independent(within) == Some(&r.partition.independent)
+        let serves = r.is_dense() || r.k() > DESCRIBED_AS_ONE;
+        serves
+            && r.plans > 0
+            && r.rank() == r.size().rows
+            && self.tangent.independent(within) == Some(&r.partition.independent)
     }
 }
 

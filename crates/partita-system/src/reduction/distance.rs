@@ -50,7 +50,22 @@ impl Distance {
         self.clusters.resize(clusters.max(1), Sums::default());
         self.u.lay_out(rank, k);
         self.w.lay_out(rank, k);
-        self.of_choice.first.clear();
+        self.of_choice.lay_out(rank, k);
+    }
+}
+
+impl OfChoice {
+    /// Memory for another choice, which is looked at when a distance is asked for.
+    fn lay_out(&mut self, rank: usize, k: usize) {
+        let Self { first, rows, dependent, independent, of_step, of_column } = self;
+        for (x, count) in [(first, rank), (rows, rank), (dependent, rank), (independent, k)] {
+            x.clear();
+            x.reserve(count);
+        }
+        for (x, count) in [(of_step, rank), (of_column, k)] {
+            x.clear();
+            x.reserve(count);
+        }
     }
 }
 
