@@ -135,9 +135,11 @@ def face(folder: Path) -> dict[str, Any]:
     if not programs:
         print("  there is no C compiler here: nothing to compare with")
     found = []
-    row = "  {:<20}{:>10}{:>10}{:>10}{:>9}   {:>10}{:>10}{:>9}   {:>7}{:>8}{:>9}"
+    row = "  {:<20}{:>10}{:>10}{:>8}{:>10}{:>10}   {:>10}{:>10}{:>8}   {:>6}{:>8}{:>8}"
     print(
-        row.format("", "run", "program", "ratio", "aim", "evaluation", "program", "ratio", "rtol", "error", "program")
+        row.format(
+            "", "run", "program", "ratio", "aim", "first", "evaluation", "program", "ratio", "rtol", "error", "its"
+        )
     )
     for run in RUNS:
         cost = face_cost(run, programs.get(run.title))
@@ -149,6 +151,7 @@ def face(folder: Path) -> dict[str, Any]:
                 text(program.seconds) if program else "none",
                 f"{ratios['run']:.2f}" if ratios else "",
                 f"<= {run.aim:g}{' !' if ratios and ratios['run'] > run.aim else ''}",
+                text(cost.first),
                 text(cost.alone),
                 text(program.alone) if program else "none",
                 f"{ratios['evaluation']:.2f}{' !' if ratios['evaluation'] > run.evaluation_aim else ''}"
@@ -161,6 +164,10 @@ def face(folder: Path) -> dict[str, Any]:
             flush=True,
         )
         found.append({**asdict(cost), "ratios": ratios})
+    print(
+        "  run: repeated, so that its evaluations are compiled where that pays (chains are not); first: of a mechanism"
+    )
+    print("  just drawn, checked and assembled too; evaluation: not compiled")
     print(
         "  a second run of a model, beside its steps (one output; the core alone, its options and results handed over)"
     )
