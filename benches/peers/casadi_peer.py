@@ -94,7 +94,7 @@ def classical(x: Any, rate: Any, h: float, steps: int, outputs: int) -> Any:
     return several.mapaccum("whole", outputs)
 
 
-BY_HAND = "DOP853 in C by hand, no outputs"
+IN_C = "DOP853 in C by hand, no outputs"
 DRIVER = """#include "dop853.h"
 #include <stdlib.h>
 #include "f.c"
@@ -124,7 +124,7 @@ int main(int count, char **words) {
 """The march of the limit around CasADi's C."""
 
 
-def by_hand(p: Problem, folder: Path, start: np.ndarray) -> list[Tried]:
+def in_c(p: Problem, folder: Path, start: np.ndarray) -> list[Tried]:
     """DOP853 in C around the code of CasADi: the least it can cost, and no outputs are written."""
     (folder / "driver.c").write_text(DRIVER, encoding="utf-8")
     here = Path(__file__).parent.with_name("limit")
@@ -135,8 +135,8 @@ def by_hand(p: Problem, folder: Path, start: np.ndarray) -> list[Tried]:
     found = []
     for rtol in (1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12):
         words = [str(folder / "driver"), repr(float(p.times[-1])), repr(rtol), *map(repr, start.tolist())]
-        said = json.loads(subprocess.run(words, capture_output=True, check=True, text=True).stdout)
-        found.append(Tried(f"rtol {rtol:.0e}", said["seconds"], p.error(said["angle"]), BY_HAND))
+        reported = json.loads(subprocess.run(words, capture_output=True, check=True, text=True).stdout)
+        found.append(Tried(f"rtol {rtol:.0e}", reported["seconds"], p.error(reported["angle"]), IN_C))
     return found
 
 
@@ -163,7 +163,7 @@ def tried(p: Problem) -> list[Tried]:
             whole = compiled(classical(x, rate, between / steps, steps, len(p.times) - 1), folder, f"whole{steps}")
             seconds, end = timed(partial(whole, start))
             found.append(Tried(f"RK4, {steps} steps to an output", seconds, p.error(float(end[0, -1]))))
-        found += by_hand(p, folder, start)
+        found += in_c(p, folder, start)
     return found
 
 

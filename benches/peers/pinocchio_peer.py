@@ -36,9 +36,9 @@ def tried(p: Problem) -> list[Tried]:
     damped = pin.BaumgarteCorrectorParameters(DAMPING**2, 2 * DAMPING)
     loops = []
     for x in p.loops:
-        places = [pin.SE3(np.eye(3), np.array([*(x.point - points[i]), 0.0])) for i in (x.child, x.parent)]
+        ends = [pin.SE3(np.eye(3), np.array([*(x.point - points[i]), 0.0])) for i in (x.child, x.parent)]
         loop = pin.RigidConstraintModel(
-            pin.ContactType.CONTACT_3D, model, number[x.child], places[0], number[x.parent], places[1], pin.LOCAL
+            pin.ContactType.CONTACT_3D, model, number[x.child], ends[0], number[x.parent], ends[1], pin.LOCAL
         )
         loop.setBaumgarteCorrectorParameters(damped)
         loops.append(loop)
@@ -61,9 +61,9 @@ def tried(p: Problem) -> list[Tried]:
                 j = number[s.body2]
                 arm = np.array([*(s.point2 - points[s.body2]), 0.0])
                 at = data.oMi[j].act(arm)
-                reach = at - np.array([*s.point1, 0.0])
-                length = float(np.linalg.norm(reach))
-                pull = -s.stiffness * (length - s.length) * reach / length
+                apart = at - np.array([*s.point1, 0.0])
+                length = float(np.linalg.norm(apart))
+                pull = -s.stiffness * (length - s.length) * apart / length
                 frame = pin.getJointJacobian(model, data, j, pin.LOCAL_WORLD_ALIGNED)
                 force += frame[:3].T @ pull + frame[3:].T @ np.cross(at - data.oMi[j].translation, pull)
         return pin.constraintDynamics(model, data, q, v, force, loops, of_loops, settings)

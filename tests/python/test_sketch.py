@@ -3,6 +3,7 @@
 import contextlib
 import http.client
 import json
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -291,17 +292,26 @@ def test_only_the_page_is_answered() -> None:
 
 def test_from_the_command_line() -> None:
     command = [sys.executable, "-m", "partita", "draw", "--no-browser"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as running:
-        assert running.stdout is not None
-        line = running.stdout.readline()
-        assert line.startswith("draw at http://127.0.0.1:")
-        port = int(line.split(":")[2].split("/")[0])
-        connection = http.client.HTTPConnection("127.0.0.1", port, timeout=30)
-        connection.request("GET", "/" + line.strip().split("/", 3)[3])
-        assert connection.getresponse().status == 200
-        connection.close()
-        running.send_signal(2)
-        assert running.wait(30) == 0
+    # what ignores Ctrl-C, as jobs in the background do, hands that on to its children
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        running = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    with running:
+        try:
+            assert running.stdout is not None
+            line = running.stdout.readline()
+            assert line.startswith("draw at http://127.0.0.1:")
+            port = int(line.split(":")[2].split("/")[0])
+            connection = http.client.HTTPConnection("127.0.0.1", port, timeout=30)
+            connection.request("GET", "/" + line.strip().split("/", 3)[3])
+            assert connection.getresponse().status == 200
+            connection.close()
+            running.send_signal(signal.SIGINT)
+            assert running.wait(30) == 0
+        finally:
+            running.kill()
     bad = subprocess.run([*command, "--port", "x"], capture_output=True, text=True, timeout=60, check=False)
     assert bad.returncode == 2 and "not a whole number" in bad.stderr
 

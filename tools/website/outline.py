@@ -45,6 +45,7 @@ PARTS: dict[str, tuple[str, ...]] = {
         "mcp",
         "messages",
         "trust",
+        "speed",
     ),
     "Theory": ("measure", "geometry", "formulations", "tolerances", "compare", "paper"),
     "Reference": (

@@ -50,6 +50,10 @@ def stage(folder: Path, draw: Callable[[Path], None], only: tuple[str, ...] | No
         # notebooks and the changelog are pages of the site, beside the others
         text = NOTEBOOK.sub(r"\1.md)", page.read_text(encoding="utf-8"))
         target.write_text(text.replace("](../CHANGELOG.md)", "](changelog.md)"), encoding="utf-8")
+        for picture in SHOWN.findall(text):
+            if (file := page.parent / picture).is_file():  # the others are drawn for the site
+                (folder / picture).parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy(file, folder / picture)
     changes = (DOCS.parent / "CHANGELOG.md").read_text(encoding="utf-8")
     changes = PAGE.sub(r"[\1](\1)", changes.replace("](docs/", "]("))
     (folder / "changelog.md").write_text(changes, encoding="utf-8")
@@ -70,6 +74,8 @@ def stage(folder: Path, draw: Callable[[Path], None], only: tuple[str, ...] | No
     contents(folder)
 
 
+# Pictures on pages of docs/, beside which they stand.
+SHOWN = re.compile(r"!\[[^\]]*\]\(([\w/.-]+)\)")
 # Where a page of docs/ shows a mechanism in motion: what its own code left in `run`, or a mechanism of the catalogue.
 # With "bare" the drawing alone, as wide as the page.
 LIVE = re.compile(r"^<!-- live: ([\w-]+)( bare)? -->$", flags=re.MULTILINE)

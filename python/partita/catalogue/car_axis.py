@@ -14,6 +14,7 @@ EPS, M, L, L0, R, OMEGA = 1e-2, 10.0, 1.0, 0.5, 0.1, 10.0
 MASS = EPS**2 * M / 2
 
 END = 3.0
+LAST = 1000.0  # of the turning wheel [s]
 POSITIONS = (0.04934557842752409213, 0.49698946023000810676, 1.0417425248854261152, 0.37391102726536581936)
 VELOCITIES = (-0.077058368403592084284, 0.0074468665920684164914, 0.017556815753541736630, 0.77034104377960106312)
 
@@ -34,7 +35,7 @@ def build() -> Mechanism:
     m.add_revolute("rod", left, right, point=(0, L0, 0), axis=(0, 0, 1))
     wheel = m.add_body("wheel", mass=MASS, inertia=(MASS, MASS, MASS), position=(L, 0, 0))
     m.add_revolute("wheel", m.ground, wheel, point=(L, 0, 0), axis=(0, 0, 1))
-    m.add_drive("wheel", velocity=OMEGA)
+    m.add_drive("wheel", ((0.0, LAST), (0.0, OMEGA * LAST)))
     height = Along(m.ground, (0, 0, 0), (0, 1, 0), axle, (L, 0, 0))
     m.add_coupler("rocking", [height, Cosine(m.ground, (0, 1, 0), wheel, (1, 0, 0))], factors=(1.0, -R))
     m.add_spring("left spring", m.ground, (0, 0, 0), left, (0, 0, 0), stiffness=1.0, length=L0)

@@ -21,7 +21,7 @@ from ..numeric import floats, shown
 from ..progress import reporting
 from ..results import Result
 from ..state import State
-from .ensemble_store import Kept, identity, opened
+from ..sweep.ensemble_store import Kept, identity, opened
 from .models import Modelled, layout_of
 from .solve import simulate, start_of
 
