@@ -178,34 +178,44 @@ impl Gram {
     fn new(pattern: &Pattern, values: &[f64], col_scale: &[f64], row_size: Option<&[f64]>) -> Self {
         let m = pattern.rows;
         let mut lengths = vec![1.0; m];
-        let unit: Vec<Vec<(usize, f64)>> = (0..m)
-            .map(|i| {
-                let (mut row, length) = unit_row(pattern, values, col_scale, i);
-                if let Some(size) = row_size {
-                    lengths[i] = length / size[i];
-                    row.iter_mut().for_each(|x| x.1 *= lengths[i]);
-                }
-                row
-            })
-            .collect();
-        let mut columns = vec![Vec::new(); pattern.cols];
-        for (i, row) in unit.iter().enumerate() {
-            for &(j, x) in row {
-                columns[j].push((i, x));
+        // the rows scaled to length 1, or weighed, one after the other
+        let (mut unit, mut starts) = (Vec::with_capacity(pattern.nnz()), Vec::with_capacity(m + 1));
+        starts.push(0);
+        for i in 0..m {
+            let first = unit.len();
+            let length = unit_row(pattern, values, col_scale, i, &mut unit);
+            if let Some(size) = row_size {
+                lengths[i] = length / size[i];
+                unit[first..].iter_mut().for_each(|x| x.1 *= lengths[i]);
+            }
+            starts.push(unit.len());
+        }
+        let row_of = |i: usize| &unit[starts[i]..starts[i + 1]];
+        // by columns
+        let mut ends = vec![0; pattern.cols + 1];
+        unit.iter().for_each(|&(j, _)| ends[j + 1] += 1);
+        (0..pattern.cols).for_each(|j| ends[j + 1] += ends[j]);
+        let mut columns = vec![(0, 0.0); unit.len()];
+        for i in 0..m {
+            for &(j, x) in row_of(i) {
+                columns[ends[j]] = (i, x);
+                ends[j] += 1;
             }
         }
+        let column_of = |j: usize| &columns[if j == 0 { 0 } else { ends[j - 1] }..ends[j]];
+        let neighbours = |i: usize| row_of(i).iter().map(|&(j, _)| column_of(j).len() - 1).sum::<usize>();
         let mut gram = Self {
             diagonal: lengths.iter().map(|x| x * x).collect(),
-            rows: vec![Vec::new(); m],
-            waiting: unit.iter().map(|row| !row.is_empty()).collect(),
+            rows: (0..m).map(|i| Vec::with_capacity(neighbours(i).min(m))).collect(),
+            waiting: (0..m).map(|i| !row_of(i).is_empty()).collect(),
             index: vec![0; m],
             largest_dropped: 0.0,
             last: Vec::new(),
             clear: f64::INFINITY,
         };
-        for (i, row) in unit.iter().enumerate() {
-            for &(j, x) in row {
-                gram.add(i, columns[j].iter().filter(|e| e.0 != i), x);
+        for i in 0..m {
+            for &(j, x) in row_of(i) {
+                gram.add(i, column_of(j).iter().filter(|e| e.0 != i), x);
             }
             gram.clear_places(i);
         }
@@ -293,22 +303,26 @@ fn remove(row: &mut Vec<(usize, f64)>, j: usize) {
     }
 }
 
-/// Row `i` scaled to length 1, and its length; empty if it is zero or not finite.
-fn unit_row(pattern: &Pattern, values: &[f64], col_scale: &[f64], i: usize) -> (Vec<(usize, f64)>, f64) {
-    let mut row: Vec<(usize, f64)> = pattern
-        .row(i)
-        .map(|p| (pattern.col_idx[p], values[p] * col_scale[pattern.col_idx[p]]))
-        .filter(|e| e.1 != 0.0)
-        .collect();
+/// Row `i` scaled to length 1, behind `rows`; its length. Nothing of it if it is zero or not finite.
+fn unit_row(pattern: &Pattern, values: &[f64], col_scale: &[f64], i: usize, rows: &mut Vec<(usize, f64)>) -> f64 {
+    let first = rows.len();
+    rows.extend(
+        pattern
+            .row(i)
+            .map(|p| (pattern.col_idx[p], values[p] * col_scale[pattern.col_idx[p]]))
+            .filter(|e| e.1 != 0.0),
+    );
+    let row = &mut rows[first..];
     if row.iter().any(|e| !e.1.is_finite()) {
-        return (Vec::new(), 0.0);
+        rows.truncate(first);
+        return 0.0;
     }
     // By the largest entry first, so that squares neither overflow nor vanish.
     let largest = row.iter().fold(0.0, |m: f64, e| m.max(e.1.abs()));
     row.iter_mut().for_each(|e| e.1 /= largest);
     let length = row.iter().map(|e| e.1 * e.1).sum::<f64>().sqrt();
     row.iter_mut().for_each(|e| e.1 /= length);
-    (row, length * largest)
+    length * largest
 }
 
 #[cfg(test)]

@@ -10,17 +10,20 @@ fn tables(value: &VectorValue) -> Vec<&Value> {
     }
 }
 
-/// All tables over time, with the name of their element and how they enter.
-fn all(spec: &Spec) -> impl Iterator<Item = (&Table, String, Enters)> {
+/// The name of an element and what it is.
+type Named<'s> = (&'s str, &'static str);
+
+/// All tables over time, with their element and how they enter.
+fn all(spec: &Spec) -> impl Iterator<Item = (&Table, Named, Enters)> {
     let drives = spec.drives.iter().map(|d| {
         let enters = match d.level {
             Level::Position => Enters::Position,
             Level::Velocity => Enters::Rate,
         };
-        (&d.motion, words(&d.name, "drive"), enters)
+        (&d.motion, (&d.name[..], "drive"), enters)
     });
     let forces = spec.forces.iter().flat_map(|f| {
-        let values = match f {
+        let values: Vec<&Value> = match f {
             // a table over a coordinate has no end in time
             Force::Torque { over: Some(_), .. } => Vec::new(),
             Force::Torque { value, .. } => vec![value],
@@ -28,10 +31,10 @@ fn all(spec: &Spec) -> impl Iterator<Item = (&Table, String, Enters)> {
             Force::Spring { .. } | Force::TorsionSpring { .. } => Vec::new(),
             other => other.record().map_or_else(Vec::new, ForceRecord::values),
         };
-        values.into_iter().map(|value| (value, words(f.name(), "force"), Enters::Effort))
+        values.into_iter().map(|value| (value, (f.name(), "force"), Enters::Effort))
     });
-    drives.chain(forces).filter_map(|(value, what, enters)| match value {
-        Value::Table(table) => Some((table, what, enters)),
+    drives.chain(forces).filter_map(|(value, named, enters)| match value {
+        Value::Table(table) => Some((table, named, enters)),
         Value::Constant(_) | Value::Function(_) => None,
     })
 }
@@ -40,11 +43,12 @@ fn all(spec: &Spec) -> impl Iterator<Item = (&Table, String, Enters)> {
 pub fn time_domain(spec: &Spec) -> Option<(f64, String)> {
     // an orientation starts again in each interval: it has an end, but its breakpoints are not those of one curve
     let turns = spec.drives.iter().filter_map(|d| match &d.turning {
-        Some(Turning::Table { vectors, .. }) => Some((&vectors[0], words(&d.name, "drive"), Enters::Position)),
+        Some(Turning::Table { vectors, .. }) => Some((&vectors[0], (&d.name[..], "drive"), Enters::Position)),
         _ => None,
     });
-    let ends = all(spec).chain(turns).filter_map(|(table, what, _)| Some((*table.breaks.last()?, what)));
-    ends.reduce(|first, other| if other.0 < first.0 { other } else { first })
+    let ends = all(spec).chain(turns).filter_map(|(table, named, _)| Some((*table.breaks.last()?, named)));
+    let first = ends.reduce(|first, other| if other.0 < first.0 { other } else { first });
+    first.map(|(end, (name, kind))| (end, words(name, kind)))
 }
 
 /// A point of a table is a discontinuity of slope if its distance from the line between its neighbours is larger.

@@ -43,49 +43,82 @@ impl<S: Scalar> Wrench<S> {
     }
 }
 
-/// Along `axes` (at most three): replace the components of x by `wanted`. Axes in line (gimbal lock) leave x unchanged:
-/// nothing distinguishes them.
-fn replace<S: Scalar>(x: Vec3<S>, axes: &[Vec3<S>], wanted: &[S]) -> Vec3<S> {
-    let n = axes.len();
-    if n == 0 {
-        return x;
-    }
-    let mut gram = [S::zero(); 9];
-    let mut off = [S::zero(); 3];
-    for i in 0..n {
-        for j in 0..n {
-            gram[i * n + j] = axes[i].dot(axes[j]);
-        }
-        off[i] = wanted[i] - axes[i].dot(x);
-    }
-    let mut apart = S::one();
-    let diagonal: [S; 3] = std::array::from_fn(|i| if i < n { gram[i * n + i] } else { S::one() });
-    dense::cholesky_straight(&mut gram[..n * n], n);
-    for i in 0..n {
-        let (root, least) = (gram[i * n + i], diagonal[i].scale(tolerance::LOST_PIVOT));
-        // NaN is not above 0
-        apart = apart.where_positive(root * root - least, apart);
-    }
-    dense::cholesky_solve(&gram[..n * n], n, &mut off);
-    let replaced = axes.iter().zip(off).fold(x, |x, (a, k)| x + a.times(k));
-    Vec3::where_positive(apart, replaced, x)
+/// Free axes of a joint of one kind, at most three, and the Cholesky factor of their Gram matrix.
+struct Lines<S> {
+    count: usize,
+    axes: [Vec3<S>; 3],
+    /// Of each, its number among all free axes.
+    numbers: [usize; 3],
+    gram: [S; 9],
+    /// Positive unless the axes are in line (gimbal lock).
+    apart: S,
 }
 
-/// `w` with its components along the free axes of a joint replaced by those wanted of each.
-pub(crate) fn with_along<S: Scalar>(axes: &[(bool, Vec3<S>)], w: &Wrench<S>, wanted: impl Fn(usize) -> S) -> Wrench<S> {
-    let along = |x: Vec3<S>, turns: bool| {
-        let (mut lines, mut efforts, mut n) = ([Vec3::zero(); 3], [S::zero(); 3], 0);
-        for (i, a) in axes.iter().enumerate().filter(|(_, a)| a.0 == turns) {
-            (lines[n], efforts[n]) = (a.1, wanted(i));
-            n += 1;
+impl<S: Scalar> Lines<S> {
+    fn new(axes: impl Iterator<Item = (usize, Vec3<S>)>) -> Self {
+        let (o, mut count) = (S::zero(), 0);
+        let (mut lines, mut numbers) = ([Vec3::zero(); 3], [0; 3]);
+        for (i, a) in axes {
+            (lines[count], numbers[count]) = (a, i);
+            count += 1;
         }
-        replace(x, &lines[..n], &efforts[..n])
-    };
-    Wrench { moment: along(w.moment, true), force: along(w.force, false) }
+        let (n, mut gram, mut apart) = (count, [o; 9], S::one());
+        for i in 0..n {
+            for j in 0..n {
+                gram[i * n + j] = lines[i].dot(lines[j]);
+            }
+        }
+        let diagonal: [S; 3] = std::array::from_fn(|i| if i < n { gram[i * n + i] } else { S::one() });
+        if n > 0 {
+            dense::cholesky_straight(&mut gram[..n * n], n);
+        }
+        for i in 0..n {
+            let (root, least) = (gram[i * n + i], diagonal[i].scale(tolerance::LOST_PIVOT));
+            // NaN is not above 0
+            apart = apart.where_positive(root * root - least, apart);
+        }
+        Self { count, axes: lines, numbers, gram, apart }
+    }
+
+    /// x with its components along the axes replaced by those wanted. Axes in line leave x unchanged: nothing
+    /// distinguishes them.
+    fn replace(&self, x: Vec3<S>, wanted: &impl Fn(usize) -> S) -> Vec3<S> {
+        let n = self.count;
+        if n == 0 {
+            return x;
+        }
+        let axes = &self.axes[..n];
+        let mut off = [S::zero(); 3];
+        for (i, a) in axes.iter().enumerate() {
+            off[i] = wanted(self.numbers[i]) - a.dot(x);
+        }
+        dense::cholesky_solve(&self.gram[..n * n], n, &mut off);
+        let replaced = axes.iter().zip(off).fold(x, |x, (a, k)| x + a.times(k));
+        Vec3::where_positive(self.apart, replaced, x)
+    }
+}
+
+/// The free axes of a joint.
+pub(crate) struct Free<S> {
+    turns: Lines<S>,
+    slides: Lines<S>,
+}
+
+impl<S: Scalar> Free<S> {
+    /// Of axes that turn (true) or slide.
+    pub(crate) fn new(axes: &[(bool, Vec3<S>)]) -> Self {
+        let of = |turns: bool| Lines::new(axes.iter().enumerate().filter(|x| x.1 .0 == turns).map(|(i, a)| (i, a.1)));
+        Self { turns: of(true), slides: of(false) }
+    }
+
+    /// `w` with its components along the axes replaced by those wanted of each.
+    pub(crate) fn with_along(&self, w: &Wrench<S>, wanted: impl Fn(usize) -> S) -> Wrench<S> {
+        Wrench { moment: self.turns.replace(w.moment, &wanted), force: self.slides.replace(w.force, &wanted) }
+    }
 }
 
 /// The shortest wrench with these efforts along the free axes (turns, slides) of a joint. Where two turns are not
 /// perpendicular it is not along the axis of an effort: that would do work on the other turn.
 pub fn wrench_of_efforts(axes: &[(bool, Vec3<f64>)], efforts: &[f64]) -> Wrench {
-    with_along(axes, &Wrench::default(), |i| efforts[i])
+    Free::new(axes).with_along(&Wrench::default(), |i| efforts[i])
 }

@@ -60,8 +60,7 @@ pub trait Balance: Motions {
 
 impl Balance for Model {
     fn residual(&self, at: &Sample, scratch: &mut Self::Scratch) -> Result<Option<f64>, SystemError> {
-        let found = self.reactions_of(self.whole(), at.t, &at.q, &at.v, &at.vdot, &at.multipliers, scratch)?;
-        Ok(Some(found.residual))
+        self.residual_of(self.whole(), at.t, &at.q, &at.v, &at.vdot, &at.multipliers, scratch).map(Some)
     }
 
     fn energies(&self, at: &[&Output], scratch: &mut Self::Scratch) -> Result<Option<Vec<(f64, f64)>>, SystemError> {

@@ -276,7 +276,7 @@ impl Remainder {
         for &(j, _) in &pivot_row {
             self.queue_col(j);
         }
-        Step { row, col, rows_below, cols_right: pivot_row.iter().map(|e| e.0).collect(), size: pivot.abs() }
+        Step { row, col, rows_below, cols_right: pivot_row.into_iter().map(|e| e.0).collect(), size: pivot.abs() }
     }
 
     fn update_row(&mut self, i: usize, col: usize, pivot: f64, pivot_row: &[(usize, f64)]) {

@@ -8,7 +8,7 @@
 
 use super::Known;
 use crate::model::{Model, ModelScratch};
-use crate::wrench::{with_along, Wrench};
+use crate::wrench::{Free, Wrench};
 use partita_math::spatial::Vec3;
 use partita_math::tolerance;
 use partita_system::SystemError;
@@ -33,11 +33,12 @@ impl Model {
         s: &mut ModelScratch,
     ) -> Result<Vec<Wrench<f64>>, SystemError> {
         let Known { mut joints, needed, own, .. } = self.known(self.whole(), t, q, v, vdot, lambda, s)?;
+        let (mut free, mut velocities) = (Vec::new(), Vec::new());
         for (index, e) in self.placed.carrying.iter().enumerate() {
             let Some(j) = e.joint else { continue };
             let outboard = self.outboard(index);
             let point = self.joint_point_now(s, j);
-            let free = self.free_axes(j, s);
+            self.free_axes(j, s, &mut free);
             let mut w = Wrench::default();
             for z in prohibited(&free) {
                 let sigma = self.virtual_power(z, point, &outboard, &needed, s); // (45)
@@ -51,8 +52,8 @@ impl Model {
                 joints[j].add(&w.across());
                 continue;
             }
-            let velocities = self.velocities_of(j);
-            joints[j] = with_along(&free, &w, |i| own[velocities[i]]);
+            self.velocities_of(j, &mut velocities);
+            joints[j] = Free::new(&free).with_along(&w, |i| own[velocities[i]]);
         }
         joints.iter_mut().for_each(|w| *w = w.out_of(&self.placed.basis));
         Ok(joints)

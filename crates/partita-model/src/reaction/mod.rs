@@ -14,7 +14,7 @@ use crate::part::Part;
 use crate::rows::Owner;
 use crate::topology::TreeEdge;
 use crate::tree::TreeScratch;
-use crate::wrench::with_along;
+use crate::wrench::Free;
 use applied::Applied;
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Embedding, Mat3, Planar, Spatial, Vec3};
@@ -61,10 +61,11 @@ struct Known<S> {
 }
 
 impl<S: Scalar> Evaluator<S> {
-    /// Present free axes of a joint (rotations, translations), mechanism axes, in the order of its velocities.
-    fn free_axes(&self, j: usize, s: &Scratch<S>) -> Vec<(bool, Vec3<S>)> {
+    /// Present free axes of a joint (rotations, translations), mechanism axes, in the order of its velocities; into
+    /// `axes`.
+    fn free_axes(&self, j: usize, s: &Scratch<S>, axes: &mut Vec<(bool, Vec3<S>)>) {
         let p = &self.placed.joints[j];
-        let mut axes = Vec::with_capacity(p.shape.dof());
+        axes.clear();
         match &p.links {
             Some(links) => {
                 for (m, &link) in p.shape.motions.iter().zip(links) {
@@ -98,17 +99,17 @@ impl<S: Scalar> Evaluator<S> {
                 }
             }
         }
-        axes
     }
 
-    /// Velocities of a joint of the tree, in the order of its motions.
-    fn velocities_of(&self, j: usize) -> Vec<usize> {
+    /// Velocities of a joint of the tree, in the order of its motions; into `velocities`.
+    fn velocities_of(&self, j: usize, velocities: &mut Vec<usize>) {
         let p = &self.placed.joints[j];
         let of = |(&l, m): (&usize, &Motion)| {
             let v = self.placed.links[l].v;
             v..v + m.velocities()
         };
-        p.links.iter().flatten().zip(&p.shape.motions).flat_map(of).collect()
+        velocities.clear();
+        velocities.extend(p.links.iter().flatten().zip(&p.shape.motions).flat_map(of));
     }
 
     /// Wrench of loop closure `k` for the multipliers λ on its child about the joint's point there, and its joint.
@@ -334,8 +335,10 @@ impl<S: Scalar> Evaluator<S> {
             Some(e) => {
                 let w = self.passed_on(e, j, &self.inward(part, s, needed), s);
                 if self.placed.joints[j].links.is_some() {
-                    let velocities = self.velocities_of(j);
-                    with_along(&self.free_axes(j, s), &w, |i| own[velocities[i]])
+                    let (mut axes, mut velocities) = (Vec::new(), Vec::new());
+                    self.free_axes(j, s, &mut axes);
+                    self.velocities_of(j, &mut velocities);
+                    Free::new(&axes).with_along(&w, |i| own[velocities[i]])
                 } else {
                     let mut whole = joints[j];
                     whole.add(&w.across());
@@ -371,18 +374,48 @@ impl<S: Scalar> Evaluator<S> {
         lambda: &[S],
         s: &mut Scratch<S>,
     ) -> Result<Reactions<S>, SystemError> {
-        let Known { joints, needed, efforts, own, largest } = self.known(whole, t, q, v, vdot, lambda, s)?;
-        let mut drives: Vec<Vec<S>> = self.placed.joints.iter().map(|p| vec![S::zero(); p.shape.dof()]).collect();
+        let mut result = self.balanced(whole, t, q, v, vdot, lambda, s)?;
+        result.drives = self.placed.joints.iter().map(|p| vec![S::zero(); p.shape.dof()]).collect();
         for d in &self.drives {
             if let Some((joint, coordinate)) = d.joint {
-                drives[joint][coordinate] = lambda[d.row];
+                result.drives[joint][coordinate] = lambda[d.row];
             }
         }
-        let mut result = Reactions { joints, drives, ..Reactions::default() };
+        Ok(result)
+    }
+
+    /// [`Reactions::residual`] of a motion, with a given [`whole`](Self::whole).
+    pub fn residual_of(
+        &self,
+        whole: &Part,
+        t: S,
+        q: &[S],
+        v: &[S],
+        vdot: &[S],
+        lambda: &[S],
+        s: &mut Scratch<S>,
+    ) -> Result<S, SystemError> {
+        Ok(self.balanced(whole, t, q, v, vdot, lambda, s)?.residual)
+    }
+
+    /// Wrenches of all joints and what they leave of each body's balance; no efforts of drives.
+    fn balanced(
+        &self,
+        whole: &Part,
+        t: S,
+        q: &[S],
+        v: &[S],
+        vdot: &[S],
+        lambda: &[S],
+        s: &mut Scratch<S>,
+    ) -> Result<Reactions<S>, SystemError> {
+        let Known { joints, needed, efforts, own, largest } = self.known(whole, t, q, v, vdot, lambda, s)?;
+        let mut result = Reactions { joints, ..Reactions::default() };
         let transmitted = self.inward(whole, s, needed.clone());
         let mut left = needed;
         let heaviest = self.numbers.bodies.iter().fold(S::zero(), |m, b| m.max(b.mass));
         let mut largest = largest.max(self.full.gravity.norm() * heaviest);
+        let (mut axes, mut velocities) = (Vec::with_capacity(6), Vec::with_capacity(6));
         for e in &self.placed.carrying {
             let Some(j) = e.joint else { continue };
             let point = self.joint_point_now(s, j);
@@ -396,12 +429,13 @@ impl<S: Scalar> Evaluator<S> {
                 self.put(s, &mut left, parent, &across, point);
                 continue;
             }
-            let axes = self.free_axes(j, s);
-            let velocities = self.velocities_of(j);
+            self.free_axes(j, s, &mut axes);
+            self.velocities_of(j, &mut velocities);
             // along a free direction only a drive or a condition of the joint can be a reaction; an applied effort is
             // not one
-            let reaction = with_along(&axes, &w, |i| own[velocities[i]]);
-            let acting = with_along(&axes, &w, |i| own[velocities[i]] + efforts[velocities[i]]);
+            let free = Free::new(&axes);
+            let reaction = free.with_along(&w, |i| own[velocities[i]]);
+            let acting = free.with_along(&w, |i| own[velocities[i]] + efforts[velocities[i]]);
             result.joints[j] = reaction;
             self.put(s, &mut left, child, &acting.opposite(), point);
             self.put(s, &mut left, parent, &acting, point);
@@ -461,6 +495,7 @@ impl<S: Scalar> Evaluator<S> {
                 |v, x| efforts[v] += x,
             )?;
         }
+        let (mut axes, mut velocities) = (Vec::new(), Vec::new());
         for (j, w) in joints.iter().enumerate() {
             let mut more = r.joints[j].opposite();
             more.add(w);
@@ -470,9 +505,10 @@ impl<S: Scalar> Evaluator<S> {
                 // along its degrees of freedom also the efforts of couplings and drives of measures, which are not
                 // reactions
                 Some(_) => {
-                    let (axes, velocities) = (self.free_axes(j, s), self.velocities_of(j));
+                    self.free_axes(j, s, &mut axes);
+                    self.velocities_of(j, &mut velocities);
                     let own = |i: usize| axes[i].1.dot(if axes[i].0 { more.moment } else { more.force });
-                    with_along(&axes, &more, |i| own(i) + efforts[velocities[i]])
+                    Free::new(&axes).with_along(&more, |i| own(i) + efforts[velocities[i]])
                 }
                 None => more,
             };

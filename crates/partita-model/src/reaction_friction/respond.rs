@@ -7,7 +7,7 @@ use crate::friction_magnitudes::{Hold, Jam, OfConditions, Term};
 use crate::mechanics::Mechanics;
 use crate::tree::TreeScratch;
 use crate::value::Instant;
-use crate::wrench::{with_along, Wrench};
+use crate::wrench::{Free, Wrench};
 use partita_math::dense;
 use partita_math::spatial::{Space, Vec3};
 use partita_math::tolerance;
@@ -372,7 +372,7 @@ impl Following {
                     let passed = Wrench { moment: G::ang_to(about), force: G::vec_to(force) };
                     // of the efforts there those of the joint's own conditions and drives are reactions
                     let own = |i: usize| conditions.own[tree.links[entry.free[i].1].v];
-                    (axis(entry.turn, moved), with_along(&free[..entry.free.len()], &passed, own))
+                    (axis(entry.turn, moved), Free::new(&free[..entry.free.len()]).with_along(&passed, own))
                 }
                 Read::Cut { closing, link, axis } => {
                     let (moment, force) = tree.closing_wrench(&tree.closings[closing], s, lambda);
