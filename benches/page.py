@@ -63,7 +63,7 @@ def write(record: dict[str, Any], docs: Path) -> None:
             f"{text(run['first'])} | {text(run['alone'])} | {text(program['alone'])} | {ratios['evaluation']:.1f} |\n"
         )
     again = ", ".join(f"{x['title']} {text(x['face'])}" for x in record["face"]["again"])
-    lines.append(f"\nA second run of the same model costs, beside its steps: {again}.\n")
+    lines.append(f"\nA second run of the same model costs, beside its evaluations and outputs: {again}.\n")
     lines.append(PEERS)
     for title, found in record["peers"].items():
         for x in found["rows"]:

@@ -111,34 +111,50 @@ def evaluation(m: pt.Mechanism, start: pt.State, stretch: float) -> float:
 
 STEP = 1e-3
 AGAIN_AIM = 15e-6
-"""Largest wanted time of a run beside its steps."""
+"""Largest wanted time of a run beside its evaluations and outputs."""
 
 
 @dataclass(frozen=True)
 class Again:
-    """A run of a model that has run before: seconds beside those of its steps, in the core and of `m.simulate`."""
+    """A run of a model that has run before: seconds beside its evaluations and outputs, in the core and of
+    `m.simulate`; seconds of one evaluation, with its part of a step, and of one output."""
 
     title: str
     core: float
     face: float
-    step: float
+    evaluation: float
+    output: float
 
 
 def second_run(name: str, few: int = 1, many: int = 41) -> Again:
-    """Runs of few and of many fixed steps of order 5, one output each: what does not grow with the steps."""
+    """Runs of few and of many fixed steps of order 5, with one output and with one at the end of each step: what grows
+    neither with the evaluations nor with the outputs."""
     m, entry = pt.catalogue.load(name), pt.catalogue.entry(name)
     model, start = m.compile(), entry.initial(m)
     q, v = np.ascontiguousarray(start.q), np.ascontiguousarray(start.v)
     settings: dict[str, Any] = {"method": "dopri5", "rtol": RTOL, "atol": ATOL, "step": STEP}
 
-    def core(steps: int) -> Callable[[], object]:
+    def times(steps: int, outputs: int) -> Any:
+        return start.t + STEP * np.arange(steps - outputs + 1, steps + 1)
+
+    def core(steps: int, outputs: int = 1) -> Callable[[], object]:
         chosen = run_options.options(start.t, STEP * steps, model.velocity_names, **settings)
-        end = np.array([chosen["t_end"]])
-        return lambda: model.core.simulate(chosen.core, end, q, v, None)
+        ends = run_options.output_times(times(steps, outputs), start.t, chosen["t_end"])
+        return lambda: model.core.simulate(chosen.core, ends, q, v, None)
 
     def face(steps: int) -> Callable[[], object]:
-        return lambda: m.simulate(STEP * steps, t_eval=[start.t + STEP * steps], initial=start, **settings)
+        ends = list(times(steps, 1))
+        return lambda: m.simulate(STEP * steps, t_eval=ends, initial=start, **settings)
 
-    took = {make: [fastest(make(steps), least=300) for steps in (few, many)] for make in (core, face)}
-    step = (took[core][1] - took[core][0]) / (many - few)
-    return Again(name, took[core][0] - few * step, took[face][0] - few * step, step)
+    def evaluations(steps: int) -> int:
+        return m.simulate(STEP * steps, initial=start, **settings).counters["evaluations"]
+
+    took = {
+        key: fastest(make, least=300)
+        for key, make in {"core": core(few), "long": core(many), "all": core(many, many), "face": face(few)}.items()
+    }
+    counted = evaluations(few), evaluations(many)
+    output = (took["all"] - took["long"]) / (many - 1)
+    evaluation = (took["long"] - took["core"]) / (counted[1] - counted[0])
+    beside = counted[0] * evaluation + output
+    return Again(name, took["core"] - beside, took["face"] - beside, evaluation, output)

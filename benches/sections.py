@@ -169,13 +169,17 @@ def face(folder: Path) -> dict[str, Any]:
     )
     print("  just drawn, checked and assembled too; evaluation: not compiled")
     print(
-        "  a second run of a model, beside its steps (one output; the core alone, its options and results handed over)"
+        "  a second run of a model, beside its evaluations and outputs (the core alone, its options and results handed"
+        " over)"
     )
-    again = [second_run(name) for name in ("four-bar", "andrews-squeezer")]
+    again = [second_run(name) for name in ("four-bar", "andrews-squeezer", "bricard")]
     for x in again:
         mark = "" if x.face <= AGAIN_AIM else " !"
         face = f"m.simulate {text(x.face)} (aim: at most {text(AGAIN_AIM)}){mark}"
-        print(f"    {x.title:<20}{face}, of which core {text(x.core)}; a step {text(x.step)}")
+        print(
+            f"    {x.title:<20}{face}, of which core {text(x.core)}; "
+            f"an evaluation {text(x.evaluation)}, an output {text(x.output)}"
+        )
     return {"runs": found, "again": [asdict(x) for x in again]}
 
 
