@@ -96,19 +96,18 @@ fn chosen_rows(
     let mut gram = Gram::new(pattern, values, col_scale, row_size);
     gram.clear = clear;
     gram.last = (0..pattern.rows).map(last).collect();
-    let mut heap: BinaryHeap<Claim> = (0..pattern.rows).filter(|&i| gram.waiting[i]).map(|i| gram.claim(i)).collect();
+    let large = pattern.rows > FULL_SEARCH;
+    let first = (0..pattern.rows).filter(|&i| large && gram.waiting[i]).map(|i| gram.claim(i));
+    let mut heap: BinaryHeap<Claim> = first.collect();
     let mut found = RowRank::default();
-    while let Some(claim) = heap.pop() {
-        let Reverse(row) = claim.row;
-        if !gram.waiting[row] || claim != gram.claim(row) {
-            continue;
-        }
+    while let Some(row) = if large { gram.first_of(&mut heap) } else { gram.first() } {
         let sine2 = gram.diagonal[row];
         if sine2 > tol {
             found.kept.push(row);
             found.pivots.push(sine2);
-            for neighbour in gram.accept(row, tol) {
-                heap.push(gram.claim(neighbour));
+            let changed = gram.accept(row, tol);
+            if large {
+                heap.extend(changed.into_iter().map(|neighbour| gram.claim(neighbour)));
             }
         } else {
             gram.drop_row(row);
@@ -230,6 +229,23 @@ impl Gram {
         }
         let level = SINE_LEVELS.into_iter().find(|&level| sine2 >= level).unwrap_or(0.0);
         Claim { first, sine2: level, neighbours: Reverse(self.rows[row].len()), row: Reverse(row) }
+    }
+
+    /// The waiting row with the highest claim: compared with all others where they are few.
+    fn first(&self) -> Option<usize> {
+        let waiting = (0..self.waiting.len()).filter(|&i| self.waiting[i]);
+        waiting.map(|i| self.claim(i)).max().map(|claim| claim.row.0)
+    }
+
+    /// The same out of a heap that may hold stale claims.
+    fn first_of(&self, heap: &mut BinaryHeap<Claim>) -> Option<usize> {
+        while let Some(claim) = heap.pop() {
+            let Reverse(row) = claim.row;
+            if self.waiting[row] && claim == self.claim(row) {
+                return Some(row);
+            }
+        }
+        None
     }
 
     /// Adds `factor` times some entries to row `i`, leaving the columns of the row marked.
