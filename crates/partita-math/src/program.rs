@@ -231,22 +231,33 @@ impl<S: Scalar, const G: usize> Kernel for Execution<'_, S, G> {
     }
 }
 
+// Loops, since a function that the compiler does not put into the kernel would have no wide instructions.
+
 #[inline(always)]
 fn one<S: Scalar, const G: usize>(work: &mut [[S; G]], i: &Instruction, f: impl Fn(S) -> S) {
-    let x = &work[i.x as usize];
-    work[i.to as usize] = std::array::from_fn(|g| f(x[g]));
+    let mut found = work[i.x as usize];
+    for x in &mut found {
+        *x = f(*x);
+    }
+    work[i.to as usize] = found;
 }
 
 #[inline(always)]
 fn two<S: Scalar, const G: usize>(work: &mut [[S; G]], i: &Instruction, f: impl Fn(S, S) -> S) {
-    let (x, y) = (&work[i.x as usize], &work[i.y as usize]);
-    work[i.to as usize] = std::array::from_fn(|g| f(x[g], y[g]));
+    let (mut found, y) = (work[i.x as usize], &work[i.y as usize]);
+    for (x, y) in found.iter_mut().zip(y) {
+        *x = f(*x, *y);
+    }
+    work[i.to as usize] = found;
 }
 
 #[inline(always)]
 fn three<S: Scalar, const G: usize>(work: &mut [[S; G]], i: &Instruction, f: impl Fn(S, S, S) -> S) {
-    let (x, y, z) = (&work[i.x as usize], &work[i.y as usize], &work[i.z as usize]);
-    work[i.to as usize] = std::array::from_fn(|g| f(x[g], y[g], z[g]));
+    let (mut found, y, z) = (work[i.x as usize], &work[i.y as usize], &work[i.z as usize]);
+    for (x, (y, z)) in found.iter_mut().zip(y.iter().zip(z)) {
+        *x = f(*x, *y, *z);
+    }
+    work[i.to as usize] = found;
 }
 
 #[inline(always)]

@@ -323,10 +323,7 @@ fn remove(row: &mut Vec<(usize, f64)>, j: usize) {
 fn unit_row(pattern: &Pattern, values: &[f64], col_scale: &[f64], i: usize, rows: &mut Vec<(usize, f64)>) -> f64 {
     let first = rows.len();
     rows.extend(
-        pattern
-            .row(i)
-            .map(|p| (pattern.col_idx[p], values[p] * col_scale[pattern.col_idx[p]]))
-            .filter(|e| e.1 != 0.0),
+        pattern.row(i).map(|p| (pattern.col_idx[p], values[p] * col_scale[pattern.col_idx[p]])).filter(|e| e.1 != 0.0),
     );
     let row = &mut rows[first..];
     if row.iter().any(|e| !e.1.is_finite()) {

@@ -1,8 +1,8 @@
 //! Wide instructions of the processor: kernels that use them where it has them, and the state of the vector registers
 //! afterwards.
 //!
-//! The core is built for every x86-64 processor. A [`Kernel`] is compiled twice, for those with AVX2 too, and the one that
-//! fits is called. No product is fused with a sum in either: both have the same bits.
+//! The core is built for every x86-64 processor. A [`Kernel`] is compiled again for those with AVX2 and for those with
+//! AVX-512, and the one that fits is called. No product is fused with a sum in any: all have the same bits.
 //!
 //! Large kernels use whole vector registers where the processor has them. What they leave in the upper halves slows
 //! down every narrow instruction that follows on the same thread, by 1.7 for a whole evaluation, until an instruction
@@ -20,6 +20,11 @@ pub trait Kernel {
 /// The result of a kernel, computed with the widest instructions of this processor.
 #[inline]
 pub fn widely<K: Kernel>(kernel: K) -> K::Output {
+    #[cfg(all(target_arch = "x86_64", rustc_1_89))]
+    if std::is_x86_feature_detected!("avx512f") && std::is_x86_feature_detected!("avx512dq") {
+        // SAFETY: the processor has the instructions, as was just tested
+        return unsafe { with_avx512(kernel) };
+    }
     #[cfg(target_arch = "x86_64")]
     if std::is_x86_feature_detected!("avx2") {
         // SAFETY: the processor has the instructions, as was just tested
@@ -31,6 +36,13 @@ pub fn widely<K: Kernel>(kernel: K) -> K::Output {
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
 unsafe fn with_avx2<K: Kernel>(kernel: K) -> K::Output {
+    kernel.run()
+}
+
+// Older compilers do not offer these instructions: see `build.rs`.
+#[cfg(all(target_arch = "x86_64", rustc_1_89))]
+#[target_feature(enable = "avx512f,avx512dq")]
+unsafe fn with_avx512<K: Kernel>(kernel: K) -> K::Output {
     kernel.run()
 }
 
@@ -88,8 +100,22 @@ mod tests {
         let mut random = fastrand::Rng::with_seed(1);
         let numbers: Vec<[f64; 3]> = (0..1003).map(|_| std::array::from_fn(|_| random.f64() - 0.5)).collect();
         let (mut wide, mut narrow) = (vec![0.0; 1003], vec![0.0; 1003]);
-        assert_eq!(widely(Sums(&numbers, &mut wide)).to_bits(), Sums(&numbers, &mut narrow).run().to_bits());
-        assert_eq!(wide, narrow);
+        let expected = Sums(&numbers, &mut narrow).run().to_bits();
+        let mut same = |run: fn(Sums) -> f64| {
+            wide.fill(0.0);
+            assert_eq!(run(Sums(&numbers, &mut wide)).to_bits(), expected);
+            assert_eq!(wide, narrow);
+        };
+        same(|sums| widely(sums));
+        if std::is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor has the instructions
+            same(|sums| unsafe { with_avx2(sums) });
+        }
+        #[cfg(rustc_1_89)]
+        if std::is_x86_feature_detected!("avx512f") && std::is_x86_feature_detected!("avx512dq") {
+            // SAFETY: the processor has the instructions
+            same(|sums| unsafe { with_avx512(sums) });
+        }
     }
 
     /// Where the processor reports what is in use.

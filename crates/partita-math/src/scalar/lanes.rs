@@ -18,8 +18,12 @@ impl Lanes {
 
     /// Lane i from `f(i)`.
     #[inline(always)]
-    pub fn from_fn(f: impl FnMut(usize) -> f64) -> Self {
-        Self(std::array::from_fn(f))
+    pub fn from_fn(mut f: impl FnMut(usize) -> f64) -> Self {
+        let mut found = Self::default();
+        for (i, x) in found.0.iter_mut().enumerate() {
+            *x = f(i);
+        }
+        found
     }
 
     #[inline(always)]
