@@ -260,6 +260,20 @@ fn three<S: Scalar, const G: usize>(work: &mut [[S; G]], i: &Instruction, f: imp
     work[i.to as usize] = found;
 }
 
+/// A function of one register or two, by its name: a closure as long as some of them would be a function of its own.
+macro_rules! by_name {
+    ($work:ident, $i:ident, $f:ident($($also:expr)?)) => {
+        for g in 0..G {
+            $work[$i.to as usize][g] = $work[$i.x as usize][g].$f($($also)?);
+        }
+    };
+    ($work:ident, $i:ident, $f:ident of two) => {
+        for g in 0..G {
+            $work[$i.to as usize][g] = $work[$i.x as usize][g].$f($work[$i.y as usize][g]);
+        }
+    };
+}
+
 #[inline(always)]
 fn execute<S: Scalar, const G: usize>(instructions: &[Instruction], exponents: &[f64], work: &mut [[S; G]]) {
     for i in instructions {
@@ -276,7 +290,7 @@ fn execute<S: Scalar, const G: usize>(instructions: &[Instruction], exponents: &
             Code::Sqrt => one(work, i, |x| x.sqrt()),
             Code::Power => {
                 let exponent = exponents[i.also as usize];
-                one(work, i, |x| x.power(exponent));
+                by_name!(work, i, power(exponent));
             }
             Code::SinCos => {
                 for g in 0..G {
@@ -285,10 +299,10 @@ fn execute<S: Scalar, const G: usize>(instructions: &[Instruction], exponents: &
                     work[i.also as usize][g] = c;
                 }
             }
-            Code::Atan2 => two(work, i, |x, y| x.atan2(y)),
-            Code::Hypot => two(work, i, |x, y| x.hypot(y)),
+            Code::Atan2 => by_name!(work, i, atan2 of two),
+            Code::Hypot => by_name!(work, i, hypot of two),
             Code::Abs => one(work, i, |x| x.abs()),
-            Code::Round => one(work, i, |x| x.round()),
+            Code::Round => by_name!(work, i, round()),
             Code::Max => two(work, i, |x, y| x.max(y)),
             Code::Min => two(work, i, |x, y| x.min(y)),
             Code::WherePositive => three(work, i, |x, y, z| x.where_positive(y, z)),
