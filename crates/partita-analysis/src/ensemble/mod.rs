@@ -36,6 +36,8 @@ const PATIENCE: Duration = Duration::from_millis(50);
 const BATCH: usize = 256;
 /// The same where every member runs alone. Reason: between batches an interrupt is heard.
 const SMALL_BATCH: usize = 8;
+/// A member takes at least this. Reason: ten evaluations of the smallest mechanism in lanes.
+const LEAST: Duration = Duration::from_micros(1);
 /// From this many members on lanes are worth their programs. Reason: recording takes as long as some tens of runs.
 const WORTH_PROGRAMS: usize = 64;
 /// Most degrees of freedom in lanes. Reason: with more the accelerations come from a recursion over clusters, whose
@@ -238,7 +240,7 @@ pub fn ensemble<E: Send + From<AnalysisError>>(
     let scratch = || engines.as_ref().map_or_else(Vec::new, Engines::room);
     let mut done = || watch(finished.load(Ordering::Relaxed) as f64 / what.count.max(1) as f64);
     let watching: Watch<E> = &mut done;
-    let mut found = tables_on(cores, what.count, &widths, chunk, scratch, row, watching)?.into_iter();
+    let mut found = tables_on((cores, LEAST), what.count, &widths, chunk, scratch, row, watching)?.into_iter();
     let mut next = || found.next().unwrap_or_default();
     let (q, v, reported) = (next(), next(), next());
     let mut ensemble = Ensemble { q, v, refusal: refused, ..Ensemble::default() };

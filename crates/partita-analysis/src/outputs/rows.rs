@@ -72,15 +72,15 @@ pub fn tables<S: Send, E: Send>(
     f: impl Fn(usize, &mut S, &mut Rows) -> Result<(), E> + Sync,
     watch: Watch<E>,
 ) -> Result<Vec<Vec<f64>>, E> {
-    tables_on(None, count, widths, chunk, scratch, f, watch)
+    tables_on((None, Duration::ZERO), count, widths, chunk, scratch, f, watch)
 }
 
-/// As `tables`, on this many cores at most; `None`: on all.
+/// As `tables`, on this many cores at most, `None`: on all; a row is known to take at least this long.
 ///
 /// # Errors
 /// As `tables`.
 pub fn tables_on<S: Send, E: Send>(
-    workers: Option<usize>,
+    (workers, least): (Option<usize>, Duration),
     count: usize,
     widths: &[usize],
     chunk: usize,
@@ -96,9 +96,14 @@ pub fn tables_on<S: Send, E: Send>(
         // one chunk is one core's
         _ => (1, count.max(1)),
     };
-    let mut scratches = vec![scratch()];
+    // threads that these rows are worth
+    let worth = |a_row: Duration, rows: usize| {
+        let wanted = a_row.as_secs_f64() * rows as f64 / WORTH_A_THREAD.as_secs_f64();
+        cores.min(wanted as usize)
+    };
+    let mut scratches: Vec<S> = (0..worth(least, count).max(1)).map(|_| scratch()).collect();
     let mut rest: Vec<&mut [f64]> = data.iter_mut().map(Vec::as_mut_slice).collect();
-    let (mut done, mut block) = (0, chunk.max(8).next_multiple_of(chunk).min(count));
+    let (mut done, mut block) = (0, (chunk.max(8).next_multiple_of(chunk) * scratches.len()).min(count));
     while done < count {
         let began = Instant::now();
         let chunks = block.div_ceil(chunk);
@@ -121,9 +126,7 @@ pub fn tables_on<S: Send, E: Send>(
         done += block;
         watch()?;
         let a_row = began.elapsed().mul_f64(threads as f64) / block as u32;
-        let left = a_row * (count - done) as u32;
-        let wanted = (left.as_secs_f64() / WORTH_A_THREAD.as_secs_f64()) as usize;
-        while scratches.len() < cores.min(wanted) {
+        while scratches.len() < worth(a_row, count - done) {
             scratches.push(scratch());
         }
         let patient = PATIENCE.as_secs_f64() * scratches.len() as f64 / a_row.as_secs_f64().max(CLOCK_TICK);
