@@ -12,8 +12,10 @@ from oracle.comparison import Verdict
 # Every number is a mechanism; `make trust` looks at thousands more. Some call functions in Python many thousand times.
 # In 135 and 515 a friction follows the reaction of a joint beside a ring of parallel hinges: some of its rows are zero.
 # In 3792 a line of hinges leans by 3e-5 from an axis for an instant; in 4890 a screw holds three hinges weakly.
+# In 6430 loops that hold a motion weakly were left open; in 6478 and 7045 a curve is nearly in line with a motion.
 LONG = (1, 7, 8, 11, 13, 14, 15, 16, 18, 29, 30, 34, 39, 40)
-SEEDS = (*(seed for seed in range(48) if seed not in LONG), 50, 51, 52, 54, 56, 57, 58, 59, 81, 135, 515, 3792, 4890)
+BESIDE = (50, 51, 52, 54, 56, 57, 58, 59, 81, 135, 515, 3792, 4890, 6430, 6478, 7045)
+SEEDS = (*(seed for seed in range(48) if seed not in LONG), *BESIDE)
 
 
 @cache

@@ -14,7 +14,7 @@ fn tables(value: &VectorValue) -> Vec<&Value> {
 type Named<'s> = (&'s str, &'static str);
 
 /// All tables over time, with their element and how they enter.
-fn all(spec: &Spec) -> impl Iterator<Item = (&Table, Named, Enters)> {
+fn all(spec: &Spec) -> impl Iterator<Item = (&Table, Named<'_>, Enters)> {
     let drives = spec.drives.iter().map(|d| {
         let enters = match d.level {
             Level::Position => Enters::Position,

@@ -9,10 +9,6 @@ use crate::reduction::Reduction;
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::tolerance;
 
-/// A larger residual is not rounding even next to a singular position: the loop is open. Scale: multiples of the
-/// rounding of the row. Reason: two digits are lost where rank is doubtful.
-const UNDECIDED_ROUNDINGS: f64 = 1e2;
-
 /// Residuals are measured in units of their own round-off. Near the solution two or three steps reach it; far from it
 /// digits double late, and next to a singular position, where two solutions meet, each step only halves the distance:
 /// 26 for eight digits. Angles of many turns have a larger round-off: rows that decrease no further are closed at ten
@@ -78,7 +74,7 @@ impl<S: ConstrainedSystem> Linearization for KeptRows<'_, '_, S> {
         }
         let step = self.r.dependent_step();
         self.length = step.length;
-        Ok(!(step.is_round_off() && self.closure_error.worst <= UNDECIDED_ROUNDINGS))
+        Ok(!step.is_round_off)
     }
     fn length(&self, _part: usize) -> f64 {
         self.length

@@ -1,7 +1,7 @@
 //! Finite motion of a mechanism from a drawing, at a level of singular values: its kernel and its degrees of freedom.
 
 use super::{Cut, Kernel, Motions};
-use crate::manifold::follow::{self, follow, Pace};
+use crate::manifold::follow::{self, follow, End, Pace};
 use crate::manifold::truncated::Along;
 use crate::reduction::largest;
 use crate::system::{ConstrainedSystem, SystemError};
@@ -60,6 +60,8 @@ pub struct Branch {
     pub dof: usize,
     /// Positions on the paths.
     pub points: Vec<BranchPoint>,
+    /// Whether a path ends before its length, because closing removes the motion or it leaves the null directions.
+    pub ends: bool,
 }
 
 /// Receives steps from the start, the position, its closure error, and the motions from there; false ends the path.
@@ -95,7 +97,8 @@ impl<S: ConstrainedSystem> Kernel<'_, S> {
         (length.is_finite() && length > 0.0).then(|| y.iter().map(|y| y / length).collect())
     }
 
-    /// Follow the motion from `home` along a null direction; `visit` receives each position and may end the path.
+    /// Follow the motion from `home` along a null direction; `visit` receives each position and may end the path. True
+    /// where the motion itself ends: closing removes it, or its direction leaves the null directions.
     ///
     /// # Errors
     /// Where nothing can be evaluated.
@@ -106,19 +109,20 @@ impl<S: ConstrainedSystem> Kernel<'_, S> {
         cut: Cut,
         steps: usize,
         visit: Visit,
-    ) -> Result<(), SystemError> {
-        let Some(direction) = self.unit(direction) else { return Ok(()) };
+    ) -> Result<bool, SystemError> {
+        let Some(direction) = self.unit(direction) else { return Ok(false) };
         let (mut q, mut taken) = (home.to_vec(), 0);
         let pace = Pace { longest: tolerance::RANK_MOVE, shortest: WHOLE_STEP * tolerance::RANK_MOVE, steps };
         self.closings.cut = cut;
         let mut curve = Along::new(&mut self.closings, f64::INFINITY);
-        follow(&mut curve, &mut q, &direction, steps as f64 * tolerance::RANK_MOVE, &pace, &mut |curve, at| {
+        let length = steps as f64 * tolerance::RANK_MOVE;
+        let followed = follow(&mut curve, &mut q, &direction, length, &pace, &mut |curve, at| {
             taken += 1;
             let closure_error = largest(curve.rows.scaled.phi.iter().copied());
             let goes_on = curve.free.as_ref().is_some_and(|free| visit(taken, at.q, closure_error, free));
             Ok(if goes_on { follow::Visit::On } else { follow::Visit::Stop })
         })?;
-        Ok(())
+        Ok(matches!(followed.end, End::ThrownBack | End::Limit))
     }
 
     /// The motion of the drawing closed at `home`, by the accepted singular values. `None` where no path leads away.
@@ -143,10 +147,10 @@ impl<S: ConstrainedSystem> Kernel<'_, S> {
         };
         let n = self.velocities();
         let mut points: Vec<BranchPoint> = Vec::new();
-        let mut ends: Vec<usize> = Vec::new();
+        let (mut ends, mut is_end): (Vec<usize>, bool) = (Vec::new(), false);
         for (path, direction) in directions.iter().enumerate() {
             let before = points.len();
-            self.path(home, direction, cut, FAR, &mut |steps, q, closure_error, nulls| {
+            is_end |= self.path(home, direction, cut, FAR, &mut |steps, q, closure_error, nulls| {
                 // rank does not fall from a position to generic ones
                 let null = (n - cut.count(&nulls.pivots)).min(motions.len());
                 let kernel = (null, n - tube.count(&nulls.pivots));
@@ -168,7 +172,7 @@ impl<S: ConstrainedSystem> Kernel<'_, S> {
             }
         }
         let dof = dof.most;
-        Ok((dof > 0).then_some(Branch { kernel, dof, points }))
+        Ok((dof > 0).then_some(Branch { kernel, dof, points, ends: is_end }))
     }
 
     /// Number of null directions at q that are tangents of motions, and whether probes show it conclusively.

@@ -4,22 +4,19 @@ use super::Reduction;
 use crate::system::ConstrainedSystem;
 use partita_math::tolerance;
 
+/// A larger residual is not rounding even next to a singular position: the loop is open. Scale: multiples of the
+/// rounding of the row. Reason: two digits are lost where rank is doubtful.
+const UNDECIDED_ROUNDINGS: f64 = 1e2;
+
 /// A step of the dependent coordinates, stored in the reduction.
 #[derive(Clone, Copy, Debug)]
 pub struct DependentStep {
     /// Its largest displacement: in characteristic displacements, or in natural scales where the system has no sizes of
     /// rows.
     pub length: f64,
-    /// Whether it is a large multiple of the residual, as next to a singular position, where round-off is amplified
-    /// without bounds.
-    pub amplifies: bool,
-}
-
-impl DependentStep {
-    /// Whether it would change only round-off. Larger displacements reduce a real residual.
-    pub fn is_round_off(&self) -> bool {
-        self.amplifies && self.length < tolerance::OPEN
-    }
+    /// Whether it would change only round-off: a short one, but a large multiple of a residual of some roundings, as
+    /// next to a singular position, where round-off is amplified without bounds.
+    pub is_round_off: bool,
 }
 
 impl<S: ConstrainedSystem> Reduction<'_, S> {
@@ -46,12 +43,14 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         let residual = rows.fold(0.0, |m: f64, (i, x)| m.max(x.abs() * part(i)));
         let scale = if known { &self.displacement } else { &self.s };
         let length = x.iter().zip(&self.partition.dependent).fold(0.0, |m: f64, (x, &i)| m.max(x.abs() / scale[i]));
-        DependentStep { length, amplifies: length > super::LARGEST_AMPLIFICATION * residual }
+        let amplifies = length < tolerance::OPEN && length > super::LARGEST_AMPLIFICATION * residual;
+        let undecided = || self.closure_error_of_rows().all(|x| x.abs() <= UNDECIDED_ROUNDINGS);
+        DependentStep { length, is_round_off: amplifies && undecided() }
     }
 
     /// As `dependent_step`, written into `dv` (nv); false where it would change only round-off.
     pub fn dependent_correction(&mut self, dv: &mut [f64]) -> bool {
-        let closes = !self.dependent_step().is_round_off();
+        let closes = !self.dependent_step().is_round_off;
         dv.fill(0.0);
         self.work.iter().zip(&self.partition.dependent).for_each(|(x, &i)| dv[i] = *x);
         closes

@@ -184,7 +184,8 @@ impl Drawing {
             // drawn
             let within = closure_error > tolerance::CLOSED_IN_RUN && closure_error <= LARGEST_CHANGE * tolerance;
             // independent conditions that leave a motion are accepted, however weak
-            let undecided = within && seen.regular.is_none_or(|k| k <= seen.afloat);
+            // and a motion that ends on the way is no finite one: the conditions oppose it as drawn
+            let undecided = within && !branch.ends && seen.regular.is_none_or(|k| k <= seen.afloat);
             let far = branch
                 .points
                 .iter()
