@@ -66,9 +66,11 @@ def named(what: str, key: Any, model: CompiledModel) -> str:
     if not isinstance(key, Coordinate):
         return str(key)
     name = str(key.joint)
-    labels = (lambda joint: list(joint["axes"])) if what == "rates" else _axes
-    axes = next((labels(joint) for joint in model.summary["joints"] if joint["name"] == name), None)
-    if axes is None or (len(axes) == 1 and key.coordinate == 0):
+    own = next((joint for joint in model.summary["joints"] if joint["name"] == name), None)
+    if own is None:
+        return name
+    axes: list[str] = list(own["axes"]) if what == "rates" else _axes(own)
+    if len(axes) == 1 and key.coordinate == 0:
         return name
     if key.coordinate not in range(len(axes)):
         raise ArgumentError(
