@@ -36,11 +36,11 @@ def warn(old: str, new: str, stacklevel: int = 3) -> None:
     warnings.warn(f"{old} is deprecated; use {new}", DeprecationWarning, stacklevel=stacklevel)
 
 
-def option(name: str, given: Any, value: Any) -> Any:
+def option(name: str, given: Any, value: Any, stacklevel: int = 4) -> Any:
     """The value of an option that may have been `given` by its old name."""
     if given is None:
         return value
-    warn(f"{name}=", f"{OPTIONS[name]}=", stacklevel=4)
+    warn(f"{name}=", f"{OPTIONS[name]}=", stacklevel)
     return given
 
 

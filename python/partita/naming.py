@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from .errors import UnknownNameError
+from .errors import UnknownAttributeError, UnknownNameError
 from .numeric import shown
 
 ANGULAR = ("turn", "turn1", "turn2", "rx", "ry", "rz", "wx", "wy", "wz")
@@ -62,19 +62,41 @@ def driven(summary: Mapping[str, Any]) -> dict[str, list[int]]:
     return found
 
 
+def name_of(item: Any) -> Any:
+    """Name of an element that a method `add_...` returned; anything else as it is."""
+    return str(item) if hasattr(item, "table") else item
+
+
 def index_of(name: str, known: Sequence[str], kind: str) -> int:
     """Index of `name` among `known`; `UnknownNameError` with the nearest spellings otherwise."""
     if isinstance(name, str) and name in known:
         return list(known).index(name)
     folded = {other.lower(): other for other in reversed(known)}
     near = [folded[n] for n in difflib.get_close_matches(str(name).lower(), folded, n=3, cutoff=0.5)]
-    if near:
+    if kind == "joint" and (joint := str(name).rpartition(".")[0]) in known:
+        hint = f"it is one coordinate of the joint {joint!r}: ask for the joint and take that column"
+    elif near:
         hint = f"did you mean {' or '.join(repr(n) for n in near)}?"
     elif known:
         hint = f"known: {listed(known)}"
     else:
         hint = f"this run has no {kind} at all"
     raise UnknownNameError(f"no {kind} named {shown(name)}; {hint}", name=str(name), known=list(known))
+
+
+def missing_attribute(
+    what: str, owner: type, word: str, elsewhere: Mapping[str, str], otherwise: str
+) -> UnknownAttributeError:
+    """The error for an attribute that `what`, of the class `owner`, does not have; `elsewhere` says what to use."""
+    known = [name for name in dir(owner) if not name.startswith("_")]
+    near = difflib.get_close_matches(word, [*known, *elsewhere], n=1, cutoff=0.75)
+    if word in elsewhere:
+        hint = elsewhere[word]
+    elif near:
+        hint = elsewhere[near[0]] if near[0] in elsewhere else f"did you mean {near[0]!r}?"
+    else:
+        hint = otherwise
+    return UnknownAttributeError(f"{what} has no {word!r}; {hint}", name=word, known=known)
 
 
 def listed(words: Sequence[str], limit: int = 12) -> str:

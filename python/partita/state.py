@@ -93,7 +93,10 @@ class Layout:
         if name not in self._spans:
             known = list(self._spans)
             close = difflib.get_close_matches(name, known, n=1)
-            hint = f'did you mean "{close[0]}"?' if close else f"known joints: {', '.join(known) or 'none'}"
+            if (owner := name.rpartition(".")[0]) in known:
+                hint = f'it is one coordinate of the joint "{owner}": ask for the joint and take that number'
+            else:
+                hint = f'did you mean "{close[0]}"?' if close else f"known joints: {', '.join(known) or 'none'}"
             raise UnknownNameError(f'there is no joint "{name}"; {hint}', name=name, known=known)
         q, v = self._spans[name]
         if q is None or v is None:

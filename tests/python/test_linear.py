@@ -360,3 +360,57 @@ def test_an_animated_mode_is_closed_and_claims_no_forces():
     model = m.compile()
     assert max(np.abs(model.constraints(q)).max() for q in moved.q) < 1e-12
     assert np.isnan(moved.joint("C").force).all()
+
+
+def rotor(across: tuple[float, float]) -> pt.Mechanism:
+    """A disc of unequal moments across its axis, in a massless gimbal on springs."""
+    m = pt.Mechanism("rotor", gravity=None)
+    for name in ("ring", "yoke"):
+        m.add_body(name, mass=0.0, inertia=(0, 0, 0))
+    m.add_body("disc", mass=1.0, inertia=(*across, 1.5e-3))
+    m.add_revolute("a", m.ground, "ring", point=(0, 0, 0), axis=(1, 0, 0))
+    m.add_revolute("b", "ring", "yoke", point=(0, 0, 0), axis=(0, 1, 0))
+    m.add_revolute("spin", "yoke", "disc", point=(0, 0, 0), axis=(0, 0, 1))
+    for joint in "ab":
+        m.add_torsion_spring(joint, stiffness=2.0)
+    return m
+
+
+def test_a_rotor_whose_inertia_turns_has_no_modes():
+    """Unstable between its critical speeds, 28.3 and 36.5 rad/s, where A at one angle has imaginary eigenvalues."""
+    m = rotor((4e-3, 3e-3))
+    run = m.simulate(2.0, initial=m.assemble({"a": 1e-5}, rates={"spin": 32.0}))
+    assert np.abs(run.joint("a").angle).max() > 50e-5
+    driven = rotor((4e-3, 3e-3))
+    driven.add_drive("spin", velocity=32.0)
+    for moving in (m.linearize(m.assemble(rates={"spin": 32.0})), driven.linearize()):
+        assert not moving.steady
+        with pytest.raises(ArgumentError, match="not steady: it moves"):
+            moving.modes()
+    assert m.linearize().steady
+
+
+@pytest.mark.parametrize("driven", [False, True])
+def test_a_symmetric_rotor_has_the_modes_of_a_gyroscope(driven):
+    """I p^2 - G p - k = 0 for motions exp(i p t), with G = I3 spin."""
+    m = rotor((2e-3, 2e-3))
+    if driven:
+        m.add_drive("spin", velocity=32.0)
+    lin = m.linearize(m.assemble() if driven else m.assemble(rates={"spin": 32.0}))
+    assert lin.steady
+    values = lin.modes().eigenvalues.imag
+    wanted = np.roots([2e-3, -1.5e-3 * 32.0, -2.0])
+    assert sorted(values[np.abs(values) > 1e-6]) == pytest.approx(sorted([*wanted, *-wanted]), rel=1e-12)
+
+
+def test_a_bicycle_described_by_its_wheel_is_refused_with_the_remedy():
+    """The axes of the wheel turn, and A with them: its eigenvalues are not those of weave and capsize."""
+    m = pt.catalogue.load("whipple-bicycle")
+    m.joints.remove("frame")
+    m.add_free("wheel", m.ground, "rear wheel")
+    turn = -5.0 / 0.3
+    start = m.assemble(rates={"wheel": (5.0, 0.0, 0.0, 0.0, turn, 0.0), "rear axle": turn, "front axle": -5.0 / 0.35})
+    lin = m.linearize(start)
+    assert not lin.steady
+    with pytest.raises(ArgumentError, match=r'"wheel\.w[xyz]" is measured in axes that turn .* m\.add_free\("pose"'):
+        lin.modes()

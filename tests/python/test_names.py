@@ -15,6 +15,7 @@ import pytest
 import partita as pt
 from partita.mechanism.unknown import ELSEWHERE
 from partita.results.joint import ELSEWHERE as OF_JOINTS
+from partita.results.result import ELSEWHERE as OF_RESULTS
 from partita.units import UnitArray
 
 
@@ -271,6 +272,87 @@ def test_what_a_mechanism_does_not_have_is_named() -> None:
     with pytest.raises(pt.errors.UnknownAttributeError, match="joint 'A' has no torque; use drive"):
         run.joint("A").torque  # noqa: B018
     assert all(not hasattr(type(run.joint("A")), word) for word in OF_JOINTS)
+
+
+def test_what_a_result_does_not_have_is_answered_by_what_to_use() -> None:
+    run = swing().simulate(0.1)
+    for word, hint in (("time", "use run.t"), ("velocities", "use run.joint"), ("xyzzy", r"dir\(run\) lists")):
+        with pytest.raises(pt.errors.UnknownAttributeError, match=f"a result has no '{word}'; {hint}"):
+            getattr(run, word)
+    assert not hasattr(run, "_private")
+    assert not any(hasattr(run, word) for word in OF_RESULTS)
+    named = set(re.findall(r"\brun\.(\w+)", " ".join(OF_RESULTS.values()).replace("run.csv", "")))
+    assert named and all(hasattr(run, name) for name in named)
+    assert np.array_equal(pickle.loads(pickle.dumps(run)).q, run.q)
+
+
+def test_results_take_handles_like_names() -> None:
+    m = swing()
+    run = m.simulate(0.1)
+    assert np.array_equal(run.joint(m.joints["A"]).force, run.joint("A").force)
+    assert np.array_equal(run.body(m.bodies["rod"]).position, run.body("rod").position)
+    drive = m.add_drive("A", velocity=1.0)
+    other = m.add_body("other", mass=1.0, inertia=(1, 1, 1), position=(3, 0, 0))
+    m.add_revolute("B", m.ground, other, point=(3, 0, 0))
+    gear = m.add_gear("A", "B", ratio=2.0)
+    driven = m.simulate(0.1)
+    assert np.array_equal(driven.coupling(gear).effort, driven.coupling(gear.name).effort)
+    assert np.array_equal(driven.drive(drive).effort, driven.drive("drive of A").effort)
+    k = swing().kinematics({"A": [0.0, 0.1]})
+    assert np.array_equal(k.joint(m.joints["A"]).position, k.joint("A").position)
+
+
+def test_a_coordinate_of_a_joint_is_named_in_targets_and_explained_in_results() -> None:
+    m = pt.Mechanism("sheet", gravity=None)
+    body = m.add_body("sheet", mass=1.0, inertia=(1, 1, 1))
+    plane = m.add_planar("plane", m.ground, body)
+    turn = pt.Coordinate(plane, 2)
+    state = m.assemble({turn: "10 deg"}, rates={pt.Coordinate("plane", 1): 2.0}, fixed=[pt.Coordinate("plane")])
+    assert state.q == pytest.approx([0.0, 0.0, np.radians(10.0)], abs=1e-15) and state.v.tolist() == [0.0, 2.0, 0.0]
+    k = m.kinematics({"plane.x": 0.0, "plane.y": 0.0, turn: [0.0, 0.5]}, rates={turn: 3.0})
+    assert k.joint("plane").position[-1] == pytest.approx([0.0, 0.0, 0.5], abs=1e-14)
+    with pytest.raises(pt.errors.ArgumentError, match=r"has 3 coordinates, counted from 0: plane\.x, plane\.y"):
+        m.assemble({pt.Coordinate("plane", 3): 1.0})
+    for read in (state.position, m.simulate(0.1).joint):
+        with pytest.raises(pt.errors.UnknownNameError, match=r"one coordinate of the joint .plane.: ask for the joint"):
+            read("plane.turn")
+
+
+def test_forces_of_an_equilibrium_and_of_inverse_dynamics_are_those_of_a_run() -> None:
+    m = swing()
+    e = m.equilibrium(stable=True)
+    still = m.simulate(0.1, initial=e.state)
+    for name in ("S", "T"):
+        word = "force" if name == "S" else "effort"
+        assert getattr(e.force(name), word) == pytest.approx(getattr(still.force(name), word)[:1], rel=1e-9)
+        held = m.inverse_dynamics(e.state, actuators=["A"]).force(m.forces[name])
+        assert getattr(held, word) == pytest.approx(getattr(e.force(name), word), rel=1e-12)
+
+
+def test_an_unknown_argument_of_an_analysis_is_answered_by_the_likely_one() -> None:
+    m = swing()
+    for call, words in (
+        (lambda: m.simulate(1.0, dt=0.1), r"simulate\(\) has no argument 'dt'; did you mean 't_eval'\?"),
+        (lambda: m.simulate(t_end=1.0), "'t_end'; did you mean 'duration'"),
+        (lambda: m.assemble(velocities={"A": 1.0}), "'velocities'; did you mean 'rates'"),
+        (lambda: m.linearize(state=None), "'state'; did you mean 'at'"),
+        (lambda: m.equilibrium(start=None), "'start'; did you mean 'near'"),
+    ):
+        with pytest.raises(TypeError, match=words):
+            call()
+
+
+def test_what_is_not_linear_or_not_periodic_is_refused_with_a_remedy() -> None:
+    m = swing()
+    for stiffness in (([0.0, 1.0], [0.0, 5.0]), lambda x: 3.0 * x):
+        with pytest.raises(pt.errors.DescriptionError, match=r"so that the force is linear; .* add_force_law"):
+            m.add_spring("N", m.ground, (0, 1, 0), "rod", (1, 0, 0), stiffness=stiffness)
+        with pytest.raises(pt.errors.DescriptionError, match="damping is one number"):
+            m.add_torsion_spring("A", stiffness=1.0, damping=stiffness, name="N")
+    other = m.add_body("other", mass=1.0, inertia=(1, 1, 1))
+    m.add_revolute("B", m.ground, other, point=(0, 0, 0))
+    with pytest.raises(pt.errors.DescriptionError, match="goes on at each turn give a table over all turns"):
+        m.add_cam("B", "A", ([0.0, 3.0, 6.0], [0.0, 0.5, 1.0]), periodic=True)
 
 
 def test_an_unknown_argument_is_answered_by_the_likely_one() -> None:

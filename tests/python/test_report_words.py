@@ -117,6 +117,18 @@ def test_suspicious_data() -> None:
     assert "stone is connected by no joint: it floats freely" in report
 
 
+def test_what_couplings_hold_does_not_float() -> None:
+    m = pt.Mechanism("platform")
+    m.add_body("platform", mass=1.0, inertia=(1, 1, 1), position=(0, 0, 1))
+    m.add_body("stone", mass=1.0, inertia=(1, 1, 1), position=(5, 5, 5))
+    for i, x in enumerate((-1.0, 0.0, 1.0)):
+        m.add_distance(f"rod {i}", m.ground, (x, 0, 0), "platform", (0.5 * x, 0, 0))
+    m.add_revolute("A", m.ground, m.add_rod("rod", start=(0, 0, 0), end=(1, 0, 0), mass=1.0), point=(0, 0, 0))
+    notes = m.report().to_dict()["notes"]
+    assert [note for note in notes if "float" in note] == ["stone is connected by no joint: it floats freely"]
+    assert "platform" not in " ".join(m.check().remarks)
+
+
 def test_dead_position_and_locked_coordinate() -> None:
     m = pt.Mechanism("slider-crank")
     b, c = (1, 0, 0), (3, 0, 0)

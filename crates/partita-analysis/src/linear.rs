@@ -9,7 +9,8 @@ use partita_math::dense::{self, Matrix};
 use partita_math::factor::{self, Eigen, FactorError};
 use partita_math::tolerance;
 pub use partita_system::variation::Driven;
-use partita_system::variation::{FirstOrder, Solved, StateError, Varied};
+
+use partita_system::variation::{Derivatives, FirstOrder, Solved, StateError, Varied};
 use partita_system::{ConstrainedSystem, SystemRef};
 
 /// The linearised equations.
@@ -121,7 +122,9 @@ pub fn linearize<'s, S: ConstrainedSystem + Varied + 's>(
     let still = system.travel(v) == 0.0;
     // at rest, loads given over time are those of this time
     let lasting = if still || !system.rheonomic() { stays(&*system, &found) } else { persists(&solved, (t, q, v))? };
-    let steady = lasting && !accelerates(&*system, &solved, &found);
+    let steady = lasting
+        && !accelerates(&*system, &solved, &found)
+        && (still || unchanging(&solved, (t, q, v), &found, driven)?);
     let conservative = steady && still && driven.is_empty() && !system.rheonomic() && is_conservative(&found);
     let mut made = Linearized {
         first_order: found,
@@ -204,14 +207,7 @@ fn persists<S: ConstrainedSystem + Varied>(
     let system = &solved.reduction.system;
     let fastest = system.travel(v);
     let h = f64::EPSILON.cbrt() / fastest;
-    let beside = |h: f64| -> Result<Solved<S>, AnalysisError> {
-        let (mut q, along) = (q.to_vec(), v.iter().map(|v| h * v).collect::<Vec<_>>());
-        system.step(&mut q, &along);
-        let v: Vec<f64> = v.iter().zip(&solved.vdot).map(|(v, a)| v + h * a).collect();
-        let independent = Some(&*solved.reduction.partition.independent);
-        Solved::new(system.clone(), (t + h, &q, &v), independent).map_err(|e| state_error(&**system, e))
-    };
-    let (ahead, behind) = (beside(h)?, beside(-h)?);
+    let (ahead, behind) = (beside(solved, (t, q, v), h)?, beside(solved, (t, q, v), -h)?);
     // the fastest motion, and what forces and the drives accelerate by themselves
     let size = |i: usize| system.characteristic_displacement(i);
     let strongest = (0..v.len()).fold(fastest * fastest, |m: f64, i| m.max(solved.vdot[i].abs() / size(i)));
@@ -219,6 +215,50 @@ fn persists<S: ConstrainedSystem + Varied>(
         let grown = (ahead.vdot[i] - behind.vdot[i]).abs() / (2.0 * h);
         grown <= tolerance::OPEN * size(i) * strongest * fastest
     }))
+}
+
+/// Whether A does not change along the motion: axes that turn with a body, and unequal inertias that turn, change it and
+/// accelerate nothing. By A a moment ahead and behind; rates are measured in the time of the fastest motion.
+fn unchanging<S: ConstrainedSystem + Varied>(
+    solved: &Solved<S>,
+    at: (f64, &[f64], &[f64]),
+    found: &FirstOrder,
+    driven: &[Driven],
+) -> Result<bool, AnalysisError> {
+    let system = &solved.reduction.system;
+    let fastest = system.travel(at.2);
+    let h = f64::EPSILON.cbrt() / fastest;
+    let (ahead, behind) =
+        (beside(solved, at, h)?.first_order(&[], driven)?, beside(solved, at, -h)?.first_order(&[], driven)?);
+    if ahead.positions != behind.positions {
+        return Ok(false);
+    }
+    let (kz, n) = (found.displacements.cols(), found.f0.len());
+    let sizes: Vec<f64> =
+        sizes(&**system, &ahead).iter().enumerate().map(|(i, s)| if i < kz { *s } else { s * fastest }).collect();
+    let row = |i: usize| (0..n).fold(0.0, |m: f64, j| m.max((ahead.a[(i, j)] * sizes[j] / sizes[i]).abs()));
+    let largest = (0..n).fold(0.0, |m: f64, i| m.max(row(i)));
+    let exact = found.derivatives == Derivatives::Exact;
+    Ok((0..n).all(|i| {
+        let noise = tolerance::OPEN_RATE * largest;
+        let bound = if exact { tolerance::OPEN * row(i).max(noise) } else { noise };
+        let grown = |j: usize| (ahead.a[(i, j)] - behind.a[(i, j)]) / (2.0 * h) * sizes[j] / sizes[i];
+        (0..n).all(|j| grown(j).abs() <= bound * fastest)
+    }))
+}
+
+/// The motion a time h later, with the same independent velocities.
+fn beside<'s, S: ConstrainedSystem + Varied>(
+    solved: &Solved<'s, S>,
+    (t, q, v): (f64, &[f64], &[f64]),
+    h: f64,
+) -> Result<Solved<'s, S>, AnalysisError> {
+    let system = &solved.reduction.system;
+    let (mut q, along) = (q.to_vec(), v.iter().map(|v| h * v).collect::<Vec<_>>());
+    system.step(&mut q, &along);
+    let v: Vec<f64> = v.iter().zip(&solved.vdot).map(|(v, a)| v + h * a).collect();
+    let independent = Some(&*solved.reduction.partition.independent);
+    Solved::new(system.clone(), (t + h, &q, &v), independent).map_err(|e| state_error(&**system, e))
 }
 
 /// Stiffness symmetric, and no force depends on velocities.

@@ -78,7 +78,7 @@ pub trait StepControl: Debug + Send + Sync {
     fn set_sizes(&mut self, sizes: &[f64]);
     /// Replace the state at `t_old` and its slope: before a step is attempted, or after `commit`, `reject` or `end_at`.
     /// The time `t` may be an earlier one, to integrate from there again. The method's memory of earlier steps is
-    /// cleared.
+    /// cleared, unless time and slope are those that it has: the motion goes on.
     fn replace_start(&mut self, t: f64, y: &[f64], dy: &[f64]);
     /// Make the end of the concluded step the start of the next one, and choose its length.
     fn commit(&mut self);

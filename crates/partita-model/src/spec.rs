@@ -64,6 +64,26 @@ pub struct Spec {
 
 // Compiled here once: the generic reader and writer would be compiled anew in every crate that uses them.
 impl Spec {
+    /// Bodies and the ground that a coupling connects.
+    pub fn joined_by<'x>(&'x self, coupling: &'x Coupling) -> Vec<&'x str> {
+        if let Coupling::Roll { body, on, .. } = coupling {
+            return vec![body, on];
+        }
+        let mut found: Vec<&str> = Vec::new();
+        for m in coupling.terms() {
+            match m {
+                Measure::Joint { joint, .. } => {
+                    let of = self.joints.iter().filter(|j| j.name == *joint);
+                    found.extend(of.flat_map(|j| [j.parent.as_str(), j.child.as_str()]));
+                }
+                Measure::Distance { body1, body2, .. }
+                | Measure::Along { body1, body2, .. }
+                | Measure::Cosine { body1, body2, .. } => found.extend([body1.as_str(), body2.as_str()]),
+            }
+        }
+        found
+    }
+
     /// The description that is written in JSON.
     ///
     /// # Errors

@@ -13,6 +13,7 @@ from ..extras import extra
 from ..notebook import NAMES, table
 from ..results.body import BodyResult
 from ..results.coupling import CouplingResult, DriveResult
+from ..results.force import ForceResult
 from ..results.joint import JointResult
 from ..results.run import Run
 from ..results.sensor import SensorResult
@@ -52,11 +53,11 @@ class Equilibrium:
     iterations: int
     _run: Run = field(repr=False)
 
-    def joint(self, name: str) -> JointResult:
+    def joint(self, name: Any) -> JointResult:
         """Position and reaction of a joint: arrays as of a run with one output, `joint("C").force` (1, 3)."""
         return self._run.joint(name)
 
-    def body(self, name: str) -> BodyResult:
+    def body(self, name: Any) -> BodyResult:
         """Pose of a body, as of a run with one output."""
         return self._run.body(name)
 
@@ -64,11 +65,24 @@ class Equilibrium:
         """Reading of a sensor, as of a run with one output."""
         return self._run.sensor(name)
 
-    def coupling(self, name: str) -> CouplingResult:
+    def coupling(self, name: Any) -> CouplingResult:
         """Effort of a coupling, as of a run with one output."""
         return self._run.coupling(name)
 
-    def drive(self, name: str) -> DriveResult:
+    def force(self, name: Any) -> ForceResult:
+        """What an applied force does, as of a run with one output.
+
+        >>> import partita as pt
+        >>> m = pt.Mechanism("balance")
+        >>> load = m.add_body("load", mass=2.0, inertia=(1, 1, 1), position=(0, -1, 0))
+        >>> guide = m.add_prismatic("guide", m.ground, load, axis=(0, 1, 0))
+        >>> spring = m.add_spring("S", m.ground, (0, 0, 0), load, (0, 0, 0), stiffness=100.0)
+        >>> m.equilibrium().force("S").force.round(9)     # the weight
+        array([19.62])
+        """
+        return self._run.force(name)
+
+    def drive(self, name: Any) -> DriveResult:
         """Effort of a drive, as of a run with one output."""
         return self._run.drive(name)
 

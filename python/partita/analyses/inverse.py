@@ -15,6 +15,7 @@ from ..naming import Names, index_of
 from ..notebook import table
 from ..numeric import MaybeNone
 from ..results import BodyResult, CouplingResult, EnergyResult, JointResult
+from ..results.force import ForceResult
 from ..results.run import Run
 from ..results.sensor import SensorResult
 from ..results.source import Arrays
@@ -158,6 +159,10 @@ class InverseDynamics:
     def coupling(self, name: Any) -> CouplingResult:
         """Efforts of a coupling, as `Result.coupling`."""
         return self.run.coupling(str(name))
+
+    def force(self, name: Any) -> ForceResult:
+        """What an applied force does along the motion, as `Result.force`; an actuator's own effort is `effort`."""
+        return self.run.force(str(name))
 
     def sensor(self, name: Any) -> SensorResult:
         """Readings of a sensor, as `Result.sensor`."""

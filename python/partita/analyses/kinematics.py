@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import ArgumentError
-from ..naming import index_of, joint_units
+from ..naming import index_of, joint_units, name_of
 from ..notebook import names, table
 from ..numeric import shown
 from ..results.joint import JointKinematics
@@ -186,8 +186,10 @@ class Kinematics(Motion):
     def __len__(self) -> int:
         return len(self.reached)
 
-    def joint(self, name: str) -> JointKinematics:
-        """Motion of the joint `name`, in the tree or closing a loop; `UnknownNameError` with the nearest names."""
+    def joint(self, name: Any) -> JointKinematics:
+        """Motion of a joint by name or handle, in the tree or closing a loop; `UnknownNameError` with the nearest
+        names."""
+        name = name_of(name)
         about, data = self._joint(name)
         return JointKinematics(name, about["kind"], about["parent"], about["child"], data, joint_units(about)[0])
 

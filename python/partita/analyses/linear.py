@@ -41,10 +41,12 @@ class Linearization:
         state: where it was linearised.
         mass, stiffness, damping: M_d, and the changes of the forces in independent coordinates by positions and
             velocities, each with its sign on the left-hand side; at rest M_d u' + damping u + stiffness z = 0.
-        steady: whether f0 remains what it is: rest, or a motion along coordinates on which nothing depends (a bicycle
-            running straight, a spinning shaft). Only then do the eigenvalues of A not depend on the coordinates, but
-            for the axes of a motion that turns: states such as "top.x" are measured in space, turns such as "top.wx"
-            in axes of the body, which turn with it, and there an oscillation has another frequency by that of the spin.
+        steady: whether f0 and A remain what they are: rest, or a motion along coordinates on which nothing depends (a
+            bicycle running straight, a spinning shaft). Only then do the eigenvalues of A not depend on the
+            coordinates, but for the axes of a motion that turns: states such as "top.x" are measured in space, turns
+            such as "top.wx" in axes of the body, which turn with it, and there an oscillation has another frequency by
+            that of the spin. Where the body is not the same in all its positions (an unequal inertia in fixed bearings,
+            a wheel on the ground in its own axes), A changes with the turn: not steady.
         conservative: at rest, without dissipation.
         method: "exact", or "differences" where functions given in Python or reaction-dependent frictions are
             differentiated numerically (errors of about 1e-9 of the largest entries).
@@ -94,10 +96,24 @@ class Linearization:
             rest = "it accelerates" if speed == 0.0 else f"it moves (fastest {speed:.3g} rad/s or m/s)"
             raise ArgumentError(
                 f"the state at t = {self.state.t:g} s is not steady: {rest}, so that eigenvalues of A would depend "
-                "on the choice of coordinates; linearise about an equilibrium (m.equilibrium()) or a steady motion",
+                "on the choice of coordinates; linearise about an equilibrium (m.equilibrium()) or a steady motion"
+                f"{self._turning()}",
                 argument="at",
             )
         return Modes.of(self._found, self._shapes)
+
+    def _turning(self) -> str:
+        """A remedy where a rate among the states is measured in axes of a body that turns."""
+        rates = dict(zip(self.state.velocity_names, self.state.v.tolist(), strict=True))
+        turns = [name.removesuffix("'") for name in self.states if name.endswith(("wx'", "wy'", "wz'"))]
+        for name in turns:
+            joint = name.rpartition(".")[0]
+            if any(rates.get(f"{joint}.{axis}") for axis in ("wx", "wy", "wz")):
+                return (
+                    f'; "{name}" is measured in axes that turn with the body: describe the motion by a body that does '
+                    'not turn, m.add_free("pose", m.ground, BODY), or choose other rates by independent='
+                )
+        return ""
 
     def to_scipy(self) -> Any:
         """A `scipy.signal.StateSpace` (A, B, C, D); f0 and y0 are not part of it."""

@@ -268,7 +268,8 @@ def add_cam(
         gap = abs(float(curve.values[-1] - curve.values[0]))
         if gap > _PERIOD_CLOSES * max(1e-300, float(np.abs(curve.values).max())):
             element.fail(
-                f"a periodic law must end where it begins: y is {curve.values[0]:g} first, {curve.values[-1]:g} last"
+                f"a periodic law must end where it begins: y is {curve.values[0]:g} first, {curve.values[-1]:g} last; "
+                "for a follower that goes on at each turn give a table over all turns, without periodic"
             )
     data = {"curve": curve, "periodic": repeats}
     made = _store(self, CouplingRecord(element.name, "curve", str(word), tuple(terms), data))

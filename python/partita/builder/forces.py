@@ -38,6 +38,16 @@ from .values import Table, scalar
 from .vectors import components
 
 
+def coefficient(element: Element, what: str, value: Any, unit: str) -> float:
+    """A stiffness or damping, which is one number."""
+    if callable(value) or isinstance(value, tuple | list):
+        element.fail(
+            f"{what} is one number, so that the force is linear; a force that follows another law of the length or of "
+            "the rate is add_force_law(name, f, sees, on), along a joint add_torque(joint, (x, effort), over=joint)"
+        )
+    return number(element, what, value, unit)
+
+
 def both_ends(
     self: Drawing, element: Element, kind: str, one: tuple[Any, ArrayLike], two: tuple[Any, ArrayLike]
 ) -> tuple[tuple[str, Any], tuple[str, Any], float]:
@@ -65,7 +75,7 @@ def add_spring(
     damping: Quantity = 0.0,
     length: Quantity | None = None,
 ) -> Force:
-    """Add a linear spring and damper between two points.
+    """Add a linear spring and damper between two points. For other laws of the length see `add_force_law`.
 
     The force along the line is stiffness (distance - length) + damping d(distance)/dt, positive in tension. Negative
     stiffness or damping is allowed, as for some controllers and magnets.
@@ -96,8 +106,8 @@ def add_spring(
         point1=end1,
         body2=second,
         point2=end2,
-        stiffness=number(element, "stiffness", stiffness, "N/m"),
-        damping=number(element, "damping", damping, "N s/m"),
+        stiffness=coefficient(element, "stiffness", stiffness, "N/m"),
+        damping=coefficient(element, "damping", damping, "N s/m"),
         length=None if length is None else number(element, "length", length, "m", least=0.0),
     )
     return store(self, record)
@@ -140,8 +150,8 @@ def add_torsion_spring(
         name=element.name,
         joint=found.name,
         coordinate=which,
-        stiffness=number(element, "stiffness", stiffness, f"{effort}/{unit}"),
-        damping=number(element, "damping", damping, f"{effort} s/{unit}"),
+        stiffness=coefficient(element, "stiffness", stiffness, f"{effort}/{unit}"),
+        damping=coefficient(element, "damping", damping, f"{effort} s/{unit}"),
         angle=number(element, "angle", angle, unit),
     )
     return store(self, record)

@@ -6,6 +6,7 @@ from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 from .. import options
+from ..builder.explained import explain
 from ..builder.records import DRAWING_TOLERANCE
 from ..comparison import compare_mechanism
 from ..io import Reading, RemarkGroup, Writing, save
@@ -149,3 +150,6 @@ class Mechanism(Modelled):
         'body "rod" has mass 1 kg, moments 2'
         """
         return save(self, path, options.yes_or_no("strict", strict))
+
+
+explain(Mechanism, "assemble", "assemble_many", "kinematics", "simulate", "stepper", "equilibrium", "linearize")

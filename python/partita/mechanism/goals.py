@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..builder.checks import Element
 from ..builder.compiled import CompiledModel
 from ..builder.frames import is_rotation, rotation, transform
+from ..builder.measures import Coordinate
 from ..errors import ArgumentError, DescriptionError, UnknownNameError
 from ..naming import Names, coordinate_units, joint_units
 from ..numeric import floats, shown
@@ -34,7 +35,7 @@ def goals_of(what: str, key: Any, model: CompiledModel) -> list[Goal]:
     """The numbers to which `key` refers: coordinates of a joint, one of them, one of the state, or those of a point."""
     if isinstance(key, tuple):
         return _point(what, key, model)
-    name = str(key)
+    name = named(what, key, model)
     joints = model.summary["joints"]
     for j, joint in enumerate(joints):
         if joint["name"] == name:
@@ -58,6 +59,26 @@ def goals_of(what: str, key: Any, model: CompiledModel) -> list[Goal]:
         name=name,
         known=known,
     )
+
+
+def named(what: str, key: Any, model: CompiledModel) -> str:
+    """Name of a joint or of a coordinate: of a handle, its own; of `pt.Coordinate(joint, 1)`, as in "plane.y"."""
+    if not isinstance(key, Coordinate):
+        return str(key)
+    name = str(key.joint)
+    own = next((joint for joint in model.summary["joints"] if joint["name"] == name), None)
+    if own is None:
+        return name
+    axes: list[str] = list(own["axes"]) if what == "rates" else _axes(own)
+    if len(axes) == 1 and key.coordinate == 0:
+        return name
+    if key.coordinate not in range(len(axes)):
+        raise ArgumentError(
+            f"{what}: {shown(key)} does not exist: joint {name!r} has {len(axes)} coordinates, counted from 0: "
+            f"{', '.join(f'{name}.{axis}' for axis in axes)}",
+            argument=what,
+        )
+    return f"{name}.{axes[key.coordinate]}"
 
 
 def units_of(goals: list[Goal], model: CompiledModel) -> list[str]:

@@ -21,7 +21,7 @@ from ..state import Layout, State
 from ..tangent import TangentVelocities
 from ..units import Quantity
 from .branches import on_branch
-from .goals import Goal, asked, goals_of, inputs_of, state_units, units_of
+from .goals import Goal, asked, goals_of, inputs_of, named, state_units, units_of
 from .models import Modelled, compile, layout_of
 
 
@@ -174,6 +174,7 @@ def _rates(
     """Rates of velocities of the state, by their number, and of coordinates outside of it."""
     if not isinstance(wanted, Mapping):
         return _indexed("rates", wanted, layout.velocity_names, layout.v, layout, model), []
+    wanted = {named("rates", key, model): value for key, value in wanted.items()}
     outside = {key: value for key, value in wanted.items() if _is_outside(str(key), model, layout)}
     for key in outside:
         _not_of_a_turn_in_space(str(key), model)
@@ -472,7 +473,7 @@ def simulate(
         formulation=formulation,
         events=events,
         correction=correction,
-        switch_threshold=deprecated.option("exchange", exchange, switch_threshold),
+        switch_threshold=deprecated.option("exchange", exchange, switch_threshold, 5),
         step=step,
         max_step=max_step,
         max_steps=max_steps,

@@ -355,7 +355,7 @@ def stepper(
         length,
         model.velocity_names,
         method=method,
-        switch_threshold=deprecated.option("exchange", exchange, switch_threshold),
+        switch_threshold=deprecated.option("exchange", exchange, switch_threshold, 5),
         step=step,
         rtol=1e-8,
         atol=1e-10,

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import difflib
-
 from ..errors import UnknownAttributeError
+from ..naming import missing_attribute
 
 ELSEWHERE = {
     "add_actuator": "add_torque applies an effort, add_drive prescribes a motion",
@@ -16,7 +15,12 @@ ELSEWHERE = {
     "add_joint_torque": "use add_torque",
     "add_link": "use add_rod",
     "add_motor": "add_torque applies an effort, add_drive prescribes a motion",
+    "add_mass": "use add_body, with inertia=(0, 0, 0) for a point mass",
+    "add_moment": "use add_torque along a joint; on a body, add_force_law returns (force, moment)",
+    "add_particle": "use add_body, with inertia=(0, 0, 0) for a point mass",
     "add_pin": "use add_revolute",
+    "add_planetary_gear": "use add_coupler, whose terms are the joints of sun, carrier and planet",
+    "add_point_mass": "use add_body, with inertia=(0, 0, 0) for a point mass",
     "add_pulley": "use add_belt",
     "add_rotational_spring": "use add_torsion_spring",
     "add_slider": "use add_prismatic",
@@ -24,12 +28,20 @@ ELSEWHERE = {
     "animate": "run.show() and run.to_html(path) animate a run",
     "degrees_of_freedom": "use print(m.report()), or m.compile().mobility",
     "dof": "use print(m.report()), or m.compile().mobility",
+    "eigenfrequencies": "use m.linearize(m.equilibrium()).modes()",
     "eigenvalues": "use m.linearize(m.equilibrium()).modes()",
+    "export": "use m.save, m.to_fmu, m.export_c or m.to_playground",
+    "frequencies": "use m.linearize(m.equilibrium()).modes()",
     "integrate": "use m.simulate",
+    "mobility": "use print(m.report()), or m.compile().mobility",
     "modes": "use m.linearize(m.equilibrium()).modes()",
     "natural_frequencies": "use m.linearize(m.equilibrium()).modes()",
     "run": "use m.simulate",
     "solve": "use m.simulate, m.assemble, m.equilibrium or m.inverse_dynamics",
+    "static": "use m.equilibrium",
+    "statics": "use m.equilibrium",
+    "sweep": "use pt.sweep, or parameters= of m.simulate",
+    "to_toml": 'use m.save("name.toml")',
     "view": "use m.show()",
 }
 """Word -> what to use."""
@@ -37,12 +49,4 @@ ELSEWHERE = {
 
 def unknown(owner: type, word: str) -> UnknownAttributeError:
     """The error for an attribute that a mechanism does not have, with what was probably meant."""
-    known = [name for name in dir(owner) if not name.startswith("_")]
-    near = difflib.get_close_matches(word, [*known, *ELSEWHERE], n=1, cutoff=0.75)
-    if word in ELSEWHERE:
-        hint = ELSEWHERE[word]
-    elif near:
-        hint = ELSEWHERE[near[0]] if near[0] in ELSEWHERE else f"did you mean {near[0]!r}?"
-    else:
-        hint = "dir(m) lists what it has"
-    return UnknownAttributeError(f"a mechanism has no {word!r}; {hint}", name=word, known=known)
+    return missing_attribute("a mechanism", owner, word, ELSEWHERE, "dir(m) lists what it has")

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..errors import ArgumentError
 from .body import BodyResult, resting
 from .joint import AskedJoint, JointIndices
-from .names import Names, index_of
+from .names import Names, index_of, name_of
 from .sensor import LiveSensors, SensorResult, StoredSensors, result_of
 from .source import BODIES, Arrays, Source
 
@@ -44,8 +44,9 @@ class Motion:
         """Name of the mechanism, or "system"."""
         return str(self.summary.get("name") or "system")
 
-    def body(self, name: str) -> BodyResult:
-        """Motion of the body `name`; `"ground"` rests. `UnknownNameError` with the nearest names."""
+    def body(self, name: Any) -> BodyResult:
+        """Motion of a body by name or handle; `"ground"` rests. `UnknownNameError` with the nearest names."""
+        name = name_of(name)
         source = self._source_for("body", name)
         if isinstance(name, str) and name == "ground":
             return resting(name, len(self.t))

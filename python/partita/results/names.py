@@ -2,6 +2,14 @@
 
 from __future__ import annotations
 
-from ..naming import Names, coordinate_units, index_of, joint_units, listed
+from ..naming import Names, coordinate_units, index_of, joint_units, listed, missing_attribute, name_of
 
-__all__ = ["Names", "coordinate_units", "index_of", "joint_units", "listed"]
+__all__ = [
+    "Names",
+    "coordinate_units",
+    "index_of",
+    "joint_units",
+    "listed",
+    "missing_attribute",
+    "name_of",
+]

@@ -14,6 +14,7 @@ from ..errors import ArgumentError
 from ..notebook import names, table
 from ..state import Layout, State, finite_time
 from ..webpage import Page, opened
+from .names import missing_attribute
 from .run import FloatArray, Run
 from .source import ModelSource
 
@@ -22,6 +23,28 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+
+ELSEWHERE = {
+    "acceleration": "use run.joint(name).acceleration or run.body(name).acceleration",
+    "angle": "use run.joint(name).angle",
+    "animate": "use run.show(), run.to_html(path) or run.save_animation(path)",
+    "bodies": "use run.body(name), or run.names.bodies",
+    "effort": "use run.drive(name).effort, run.coupling(name).effort or run.force(name).effort",
+    "export": "use run.save(path): .csv, .nc, .mat, .json, .parquet or .zarr",
+    "final_state": "use run.state()",
+    "forces": "use run.force(name), or run.joint(name).force for reactions",
+    "joints": "use run.joint(name), or run.names.joints",
+    "position": "use run.joint(name).position or run.body(name).position",
+    "reaction": "use run.joint(name).force and .moment",
+    "tension": "use run.force(name).force, or run.coupling(name).tension of a distance",
+    "time": "use run.t",
+    "times": "use run.t",
+    "to_csv": 'use run.save("run.csv")',
+    "torque": "use run.drive(name).effort, or run.force(name).effort",
+    "velocity": "use run.joint(name).velocity or run.body(name).velocity",
+}
+"""What a result does not have, by the names under which people look for it -> what to use."""
 
 
 class Result(Run):
@@ -35,6 +58,13 @@ class Result(Run):
 
     >>> result.joint("A").force[-1], result.energy.total[0]        # doctest: +SKIP
     """
+
+    if not TYPE_CHECKING:  # a type checker knows what there is
+
+        def __getattr__(self, name: str) -> Any:
+            if name.startswith("_"):
+                raise AttributeError(name)
+            raise missing_attribute("a result", type(self), name, ELSEWHERE, "dir(run) lists what it has")
 
     def state(self, t: float | None = None) -> State:
         """The state at time `t` [s] of the run, from which another one can start (`initial=`); None: at its end.

@@ -22,7 +22,7 @@ from .energy import EnergyResult
 from .force import ForceResult
 from .joint import JointResult
 from .motion import Motion
-from .names import index_of
+from .names import index_of, name_of
 from .partition_log import PartitionChange, partition_changes
 from .record import Record
 from .self_stress import SelfStresses, self_stresses_of
@@ -250,26 +250,28 @@ class Run(Motion):
         found = self._source.energies
         return EnergyResult(found["kinetic"], found["potential"], self._record.arrays["work"])
 
-    def joint(self, name: str) -> JointResult:
-        """Motion and reaction of the joint `name`, in the tree or cut.
+    def joint(self, name: Any) -> JointResult:
+        """Motion and reaction of a joint by name or handle, in the tree or cut.
 
         Raises `UnknownNameError` with the nearest names. Its quantities are computed on access, for this joint
         alone.
         """
+        name = name_of(name)
         about, data = self._joint(name)
         return JointResult(name, about["kind"], about["parent"], about["child"], data, units=joint_units(about)[0])
 
-    def coupling(self, name: str) -> CouplingResult:
-        """Effort of the coupling `name`: a gear, a distance, a rolling contact, ... `UnknownNameError` with the nearest
-        names."""
+    def coupling(self, name: Any) -> CouplingResult:
+        """Effort of a coupling by name or handle: a gear, a distance, a rolling contact, ... `UnknownNameError` with
+        the nearest names."""
+        name = name_of(name)
         source = self._source_for("coupling", name)
         known = self.summary.get("couplings", [])
         about = known[index_of(name, [item["name"] for item in known], "coupling")]
         first = int(self.summary.get("closing_rows", 0))
         return CouplingResult(name, about["word"], source, [row - first for row in about["rows"]])
 
-    def force(self, name: str) -> ForceResult:
-        """What the applied force `name` does: force, effort, length, power, energy, as its kind has them.
+    def force(self, name: Any) -> ForceResult:
+        """What an applied force does, by name or handle: force, effort, length, power, energy, as its kind has them.
         `UnknownNameError` with the nearest names; `ArgumentError` for a stored or pickled result, which keeps only its
         sensors.
 
@@ -282,15 +284,16 @@ class Run(Motion):
         >>> round(float(found.force[0]), 9), round(float(found.length[0]), 9)       # positive in tension
         (10.0, 1.0)
         """
-        name = str(name) if hasattr(name, "table") else name  # a handle
+        name = name_of(name)
         self._source_for("force", name)
         if self._sensors is None:
             raise ArgumentError("a run of a System given by matrices has no named forces", argument="name")
         return self._sensors.force(name)
 
-    def drive(self, name: str) -> DriveResult:
-        """Effort of the drive `name`, of a joint's coordinate, a measure or a pose; `UnknownNameError` with the nearest
-        names."""
+    def drive(self, name: Any) -> DriveResult:
+        """Effort of a drive by name or handle: of a joint's coordinate, a measure or a pose; `UnknownNameError` with
+        the nearest names."""
+        name = name_of(name)
         source = self._source_for("drive", name)
         rows = driven(self.summary)
         found = list(rows.values())[index_of(name, list(rows), "drive")]

@@ -80,13 +80,21 @@ pub(super) fn redundancy(found: &Mobility, replacements: &[Remedy]) -> String {
     reported.join(" ")
 }
 
-/// Bodies that no chain of joints links to the ground, one note per group.
+/// Bodies that no chain of joints and couplings links to the ground, one note per group.
 pub(super) fn floating(model: &Model) -> Vec<String> {
     let nodes = model.spec.bodies.len() + 1;
     let mut neighbours = vec![Vec::new(); nodes];
     for p in &model.placed.joints {
         neighbours[p.parent].push(p.child);
         neighbours[p.child].push(p.parent);
+    }
+    let node = |name: &str| model.spec.bodies.iter().position(|b| b.name == name).map_or(0, |i| i + 1);
+    for coupling in &model.spec.couplings {
+        let ends: Vec<usize> = model.spec.joined_by(coupling).into_iter().map(node).collect();
+        for pair in ends.windows(2) {
+            neighbours[pair[0]].push(pair[1]);
+            neighbours[pair[1]].push(pair[0]);
+        }
     }
     let mut seen = HashSet::new();
     let mut group = |first: usize| {

@@ -38,10 +38,14 @@ impl StepControl for ExplicitRungeKutta {
     fn replace_start(&mut self, t: f64, y: &[f64], dy: &[f64]) {
         assert_eq!(self.phase, Phase::Ready, "commit or reject the previous step");
         self.corner_behind &= t == self.t_old;
+        // whole turns and times of drives are rewritten at each step; slopes of the same motion remain
+        let continues = t == self.t_old && self.stages[..self.dim] == *dy;
         (self.t_old, self.t_new) = (t, t);
         self.y_old[..self.dim].copy_from_slice(y);
         self.stages[..self.dim].copy_from_slice(dy);
-        self.forget();
+        if !continues {
+            self.forget();
+        }
         self.step = self.memory.as_ref().map_or(self.step, |memory| memory.limited(self.step));
     }
 

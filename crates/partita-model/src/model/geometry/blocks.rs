@@ -7,7 +7,7 @@
 
 use crate::lengths::diameter;
 use crate::model::Model;
-use crate::spec::{Coupling, Measure, Spec};
+use crate::spec::{Coupling, Spec};
 use crate::tree::LinkMotion;
 use crate::validate::GROUND;
 use partita_math::spatial::{Mat3, Vec3};
@@ -83,7 +83,7 @@ pub(super) fn blocks(spec: &Spec) -> Blocks {
     // couplings by a body they connect: the bodies of one coupling form one block
     let mut of_body: Vec<Vec<usize>> = vec![Vec::new(); if spec.couplings.is_empty() { 0 } else { index.len() + 1 }];
     for (i, c) in spec.couplings.iter().enumerate() {
-        for body in bodies_of(spec, c).into_iter().map(node).collect::<BTreeSet<_>>() {
+        for body in spec.joined_by(c).into_iter().map(node).collect::<BTreeSet<_>>() {
             of_body[body].push(i);
         }
     }
@@ -95,7 +95,7 @@ pub(super) fn blocks(spec: &Spec) -> Blocks {
         }
         let own: BTreeSet<usize> = part.lines.iter().flat_map(|&i| lines[i]).collect();
         let near: BTreeSet<usize> = own.iter().flat_map(|&i| of_body.get(i).into_iter().flatten().copied()).collect();
-        let held = |i: &usize| bodies_of(spec, &spec.couplings[*i]).iter().all(|x| own.contains(&node(x)));
+        let held = |i: &usize| spec.joined_by(&spec.couplings[*i]).iter().all(|x| own.contains(&node(x)));
         let couplings: Vec<Coupling> = near.into_iter().filter(held).map(|i| spec.couplings[i].clone()).collect();
         // points of conditions are fixed to bodies: the ground represents none of them
         let base = part.from.filter(|x| *x == 0 || couplings.is_empty());
@@ -195,7 +195,7 @@ fn lines(spec: &Spec, index: &HashMap<&str, usize>) -> Vec<[usize; 2]> {
     let mut lines: Vec<[usize; 2]> = spec.joints.iter().map(|j| [node(&j.parent), node(&j.child)]).collect();
     for c in &spec.couplings {
         // the bodies of a condition form one block: a ring of edges through them
-        let held: Vec<usize> = bodies_of(spec, c).into_iter().map(node).collect::<BTreeSet<_>>().into_iter().collect();
+        let held: Vec<usize> = spec.joined_by(c).into_iter().map(node).collect::<BTreeSet<_>>().into_iter().collect();
         lines.extend((0..held.len()).map(|i| [held[i], held[(i + 1) % held.len()]]).filter(|x| x[0] != x[1]));
     }
     lines
@@ -232,26 +232,6 @@ fn length(spec: &Spec, is_rigid: impl Fn(usize) -> bool, moved: impl Fn(&str) ->
         left -= x;
         left <= 0.0
     })
-}
-
-/// Bodies and the ground that a condition connects.
-fn bodies_of<'x>(spec: &'x Spec, c: &'x Coupling) -> Vec<&'x str> {
-    if let Coupling::Roll { body, on, .. } = c {
-        return vec![body, on];
-    }
-    let mut found: Vec<&str> = Vec::new();
-    for m in c.terms() {
-        match m {
-            Measure::Joint { joint, .. } => {
-                let of = spec.joints.iter().filter(|j| j.name == *joint);
-                found.extend(of.flat_map(|j| [j.parent.as_str(), j.child.as_str()]));
-            }
-            Measure::Distance { body1, body2, .. }
-            | Measure::Along { body1, body2, .. }
-            | Measure::Cosine { body1, body2, .. } => found.extend([body1.as_str(), body2.as_str()]),
-        }
-    }
-    found
 }
 
 /// Edges that lie on common rings.
