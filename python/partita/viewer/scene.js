@@ -71,11 +71,8 @@ class Scene {
   }
 
   resize() {
-    const box = this.canvas.getBoundingClientRect(), first = this.camera.width === 1;
-    this.ratio = window.devicePixelRatio || 1;
-    this.canvas.width = Math.max(1, Math.round(box.width * this.ratio));
-    this.canvas.height = Math.max(1, Math.round(box.height * this.ratio));
-    this.camera.resize(Math.max(1, box.width), Math.max(1, box.height));
+    const first = this.camera.width === 1;
+    this.ratio = this.camera.fillBox(this.canvas);
     if (first) this.resetView();
   }
 
