@@ -58,6 +58,7 @@ def faults(site: Path, chromium: Any, shots: Path | None = None) -> list[str]:
             found += _page(browser, address, page, chromium)
         for page in [*pages(site, "gallery"), *pages(site, "guide"), "index.html"]:
             found += _live(browser, address, page, chromium)
+        found += _playground(browser, address, "playground.html", chromium)
         for words, wanted in SEARCHES.items():
             found += _search(browser, address, words, wanted)
         if shots is not None:
@@ -112,10 +113,22 @@ def _live(browser: Any, address: str, page: str, chromium: Any) -> list[str]:
     return found + [f"{page}: console: {word}" for word in browser.reported]
 
 
+def _playground(browser: Any, address: str, page: str, chromium: Any) -> list[str]:
+    """The playground inside a page: does it run?"""
+    browser.open(address + quote(page), chromium.DESKTOP)
+    browser.value("document.querySelector('iframe.live')?.scrollIntoView()")
+    frame = "document.querySelector('iframe.live')?.contentWindow.playground"
+    if not _started(browser, frame):
+        return [f"{page}: its playground does not start"]
+    sleep(0.5)
+    found = [] if browser.value(f"{frame}.motion.t > 0") else [f"{page}: its playground does not move"]
+    return found + [f"{page}: console: {word}" for word in browser.reported]
+
+
 def _started(browser: Any, frame: str) -> bool:
     """Wait for a page inside another one; whether it came."""
     until = monotonic() + PATIENCE
-    while not browser.value(f"!!{frame} && {frame.removesuffix('.partita')}.document.readyState === 'complete'"):
+    while not browser.value(f"!!{frame} && {frame.rpartition('.')[0]}.document.readyState === 'complete'"):
         if monotonic() > until:
             return False
         sleep(0.05)
