@@ -15,6 +15,8 @@ from typing import Any
 PROGRAM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 DESKTOP = (1280, 800, False)
 PHONE = (390, 844, True)
+TALLEST = 16000
+"""Pixels of a picture: Chromium refuses larger ones."""
 
 
 class Chromium:
@@ -160,6 +162,11 @@ class Chromium:
         self.ask("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
 
     def picture(self, path: Path, whole: bool = False) -> None:
-        """Save what is seen as a PNG; `whole` the page below too."""
-        data = self.ask("Page.captureScreenshot", format="png", captureBeyondViewport=whole)["data"]
+        """Save what is seen as a PNG; `whole` the page below too, as far as a picture can hold it."""
+        box: dict[str, Any] = {}
+        if whole:
+            size = self.ask("Page.getLayoutMetrics")["cssContentSize"]
+            tall = min(size["height"], TALLEST / self.value("window.devicePixelRatio"))
+            box = {"clip": {"x": 0, "y": 0, "width": size["width"], "height": tall, "scale": 1}}
+        data = self.ask("Page.captureScreenshot", format="png", captureBeyondViewport=whole, **box)["data"]
         path.write_bytes(base64.b64decode(data))
