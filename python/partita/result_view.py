@@ -21,6 +21,12 @@ def checked_run(result: Any) -> None:
         raise ArgumentError(f"result must be what simulate() returns, not {shown(result)}", argument="result")
 
 
+def given(result: ResultView) -> bool:
+    """Whether the motion was given, as that of a mode is: no law holds it, so velocities, forces and energies mean
+    nothing."""
+    return len(result.t) > 1 and result.v.size > 0 and bool(np.isnan(np.asarray(result.vdot, dtype=float)).all())
+
+
 FEW = np.pi / 3.0
 """With six or fewer outputs per turn the motion between them is unknown: no line joins them."""
 
@@ -33,7 +39,7 @@ def turn_between_outputs(result: ResultView) -> tuple[str, float]:
     """
     units = coordinate_units(result.summary, result.names)[0]
     turning = [i for i, unit in enumerate(units) if unit == "rad"]
-    if len(result.t) < 3 or not turning:
+    if len(result.t) < 2 or not turning:
         return "", 0.0
     steps = np.nan_to_num(np.median(np.abs(np.diff(np.asarray(result.q)[:, turning], axis=0)), axis=0))
     most = int(np.argmax(steps >= 0.8 * steps.max()))  # of equal rotations the first: a crank before its rods

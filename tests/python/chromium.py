@@ -15,6 +15,8 @@ from typing import Any
 PROGRAM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 DESKTOP = (1280, 800, False)
 PHONE = (390, 844, True)
+TALLEST = 16000
+"""Pixels of a picture: Chromium refuses larger ones."""
 
 
 class Chromium:
@@ -132,30 +134,39 @@ class Chromium:
         self.ask("Input.dispatchKeyEvent", type="keyDown", **about)
         self.ask("Input.dispatchKeyEvent", type="keyUp", **about)
 
-    def drag(self, *points: tuple[float, float]) -> None:
+    def mouse(self, kind: str, at: tuple[float, float], held: bool, button: str = "left") -> None:
+        """One event of the mouse: "mouseMoved", "mousePressed" or "mouseReleased", with a button held or not."""
+        self.ask(
+            "Input.dispatchMouseEvent",
+            type=kind, x=at[0], y=at[1], button=button if held or kind == "mouseReleased" else "none",
+            buttons=held * {"left": 1, "right": 2}[button], clickCount=1,
+        )  # fmt: skip
+
+    def drag(self, *points: tuple[float, float], button: str = "left") -> None:
         """Press the mouse at the first pixel, move it through the others, release it at the last; one is a click."""
-
-        def mouse(kind: str, at: tuple[float, float], held: int) -> None:
-            self.ask(
-                "Input.dispatchMouseEvent",
-                type=kind, x=at[0], y=at[1], button="left" if held or kind == "mouseReleased" else "none", buttons=held,
-                clickCount=1,
-            )  # fmt: skip
-
-        mouse("mouseMoved", points[0], 0)
-        mouse("mousePressed", points[0], 1)
+        self.mouse("mouseMoved", points[0], False)
+        self.mouse("mousePressed", points[0], True, button)
         for at in points[1:]:
-            mouse("mouseMoved", at, 1)
-        mouse("mouseReleased", points[-1], 0)
+            self.mouse("mouseMoved", at, True, button)
+        self.mouse("mouseReleased", points[-1], False, button)
 
     def touch(self, *steps: list[tuple[float, float]]) -> None:
-        """Put fingers on the screen, move them through the steps (pixels of each finger), and lift them."""
-        for number, fingers in enumerate(steps):
+        """Put fingers on the screen, move them through the steps (pixels of each finger), and lift them; those that a
+        step has not are lifted there, the last first."""
+        down = 0
+        for fingers in steps:
             points = [{"x": x, "y": y, "id": i} for i, (x, y) in enumerate(fingers)]
-            self.ask("Input.dispatchTouchEvent", type="touchMove" if number else "touchStart", touchPoints=points)
+            kind = "touchStart" if len(fingers) > down else "touchEnd" if len(fingers) < down else "touchMove"
+            self.ask("Input.dispatchTouchEvent", type=kind, touchPoints=points)
+            down = len(fingers)
         self.ask("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
 
     def picture(self, path: Path, whole: bool = False) -> None:
-        """Save what is seen as a PNG; `whole` the page below too."""
-        data = self.ask("Page.captureScreenshot", format="png", captureBeyondViewport=whole)["data"]
+        """Save what is seen as a PNG; `whole` the page below too, as far as a picture can hold it."""
+        box: dict[str, Any] = {}
+        if whole:
+            size = self.ask("Page.getLayoutMetrics")["cssContentSize"]
+            tall = min(size["height"], TALLEST / self.value("window.devicePixelRatio"))
+            box = {"clip": {"x": 0, "y": 0, "width": size["width"], "height": tall, "scale": 1}}
+        data = self.ask("Page.captureScreenshot", format="png", captureBeyondViewport=whole, **box)["data"]
         path.write_bytes(base64.b64decode(data))

@@ -43,9 +43,9 @@ class Fake:
         self.names = SimpleNamespace(
             bodies=list(self.poses), joints=[j[0] for j in self.joints], velocities=names, coordinates=names
         )
-        wave = np.sin(3.0 * self.t[:, None] + np.arange(len(names)))
-        self.measure = 0.55 + 0.45 * wave
-        self.q, self.v = -wave / 3.0, wave
+        phase = 3.0 * self.t[:, None] + np.arange(len(names))
+        self.measure = 0.55 + 0.45 * np.sin(phase)
+        self.q, self.v, self.vdot = -np.cos(phase) / 3.0, np.sin(phase), 3.0 * np.cos(phase)
         if self.independent is None:
             self.independent = np.zeros((nt, 1), dtype=int)
         self.closure = np.full(nt, 1e-15)

@@ -83,7 +83,7 @@ def test_keyboard_reaches_everything(browser: Chromium, tmp_path: Path) -> None:
     browser.press(".")
     assert browser.value("partita.time()") > before
     browser.press(" ")
-    assert "Pause" in browser.value("document.getElementById('play').textContent")
+    assert "Pause" in browser.value("document.getElementById('start').textContent")
     browser.press(" ")
     browser.press("j")
     assert "force" in browser.value("document.getElementById('tip').textContent")
@@ -248,8 +248,8 @@ def test_a_page_inside_another_is_the_drawing_alone(browser: Chromium, tmp_path:
     for screen in (DESKTOP, PHONE):
         browser.open(path, screen, "light", "?bare#play")
         assert browser.value("partita.playing()")
-        shown = "[...document.querySelectorAll('header, aside, #plots, #tools, #slider, #play')].filter((e) =>"
-        assert browser.value(f"{shown} e.checkVisibility()).map((e) => e.id)") == ["play"]
+        shown = "[...document.querySelectorAll('header, aside, #plots, #tools, #slider, #start')].filter((e) =>"
+        assert browser.value(f"{shown} e.checkVisibility()).map((e) => e.id)") == ["start"]
         width, height = browser.value("partita.size()")
         assert width > 0.95 * screen[0] and height > 0.9 * screen[1]
         xs = browser.value("partita.joints().map((p) => p.x)")
@@ -266,6 +266,54 @@ def test_bodies_that_turn_far_are_shown_in_outputs_only(browser: Chromium, tmp_p
         assert browser.value("partita.time()") == pytest.approx(run.t[6 if part < 0.5 else 7], abs=1e-6)
     assert browser.value("partita.speed()") == pytest.approx(0.1)  # as long as a run of a second is shown, no slower
     assert not browser.value("document.getElementById('spans').checkVisibility()")  # all dots, on all of the run
+
+
+def test_two_outputs_say_nothing_of_what_lies_between(browser: Chromium, tmp_path: Path) -> None:
+    """Neither a line of a plot nor a path joins them."""
+    m = pt.catalogue.load("four-bar")
+    run = m.simulate(10.0, initial=m.assemble(rates={"A": 6.0}), t_eval=(0.0, 10.0))
+    browser.open(viewer.write_html(run, tmp_path / "page.html"))
+    assert "from output to output" in browser.value("document.getElementById('note').textContent")
+    two = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+    assert [len(s) for s in strokes_of(two, np.array([0.0, 1.0]), 1e-3)] == [1, 1]
+    assert browser.value(f"partita.strokes({two.tolist()}, [0, 1], 1e-3).map((s) => s.length)") == [1, 1]
+
+
+def test_pages_of_modes_claim_no_more_than_the_motion(browser: Chromium, tmp_path: Path) -> None:
+    m = pt.catalogue.load("four-bar-spring")
+    page = m.linearize(m.equilibrium()).modes().to_html(tmp_path / "mode.html", period=3.0)
+    assert faults(browser, page, fixed_bytes(), screens=LOOKED_AT) == []
+    assert "shown with a period of 3 s" in browser.value("document.querySelector('h1').textContent")
+    assert "the motion is given" in browser.value("document.getElementById('chosen').textContent").lower()
+    plotted = browser.value("[...document.querySelectorAll('#add option')].map((e) => e.textContent)")
+    assert not any(word in text for text in plotted for word in ("energy", "velocity", "force", "moment"))
+    shown = "[...document.querySelectorAll('#tools input')].filter((e) => e.checkVisibility()).map((e) => e.id)"
+    assert browser.value(shown) == ["names", "traces"]
+    browser.open(Path(m.to_html(tmp_path / "still.html")))
+    assert browser.value(shown) == ["names"]  # one position has no paths, no loads
+
+
+def test_words_keep_off_gaps(browser: Chromium, tmp_path: Path) -> None:
+    """A drawing that does not assemble: what is written about a gap does not lie on its line."""
+    m = pt.Mechanism("too short")
+    crank = m.add_rod("crank", start=(0, 0, 0), end=(0.1, 0.1, 0), mass=0.2)
+    coupler = m.add_rod("coupler", start=(0.1, 0.1, 0), end=(0.2, 0.15, 0), mass=0.5)
+    rocker = m.add_rod("rocker", start=(0.9, 0, 0), end=(0.8, 0.3, 0), mass=0.4)
+    m.add_revolute("A", m.ground, crank, point=(0, 0, 0))
+    m.add_revolute("B", crank, coupler, point=(0.1, 0.1, 0))
+    m.add_revolute("C", coupler, rocker, point=(0.2, 0.15, 0), child_point=(0.8, 0.3, 0))
+    m.add_revolute("D", m.ground, rocker, point=(0.9, 0, 0))
+    page = Path(m.to_html(tmp_path / "gap.html"))
+    for screen in (DESKTOP, PHONE):
+        browser.open(page, screen)
+        ends = {p["name"]: (p["x"], p["y"]) for p in browser.value("partita.joints()")}
+        (p, q) = (np.array(ends[f"C on {body}"]) for body in ("coupler", "rocker"))
+        on_line = [p + s * (q - p) for s in np.linspace(0.0, 1.0, 400)]
+        for word in browser.value("partita.written()"):
+            covered = [
+                x for x in on_line if word["left"] < x[0] < word["right"] and word["top"] < x[1] < word["bottom"]
+            ]
+            assert not covered, (screen, word["text"])
 
 
 @pytest.mark.parametrize(

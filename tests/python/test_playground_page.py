@@ -254,3 +254,18 @@ def test_links_are_pulled_and_leave_paths(browser: Chromium, tmp_path: Path) -> 
         ".every((p) => p.x >= 0 && p.y >= 0 && p.x <= c.width && p.y <= c.height); })()"
     )
     assert inside and browser.reported == []
+
+
+@pytest.mark.parametrize("screen", [DESKTOP, PHONE], ids=["desktop", "phone"])
+def test_the_first_view_holds_the_arrows(browser: Chromium, tmp_path: Path, screen: tuple[int, int, bool]) -> None:
+    """Reactions of the first seconds neither leave the drawing nor lie under the tools."""
+    path = pt.catalogue.load("slider-crank").to_playground(tmp_path / "slider-crank.html")
+    shown(browser, path, screen=screen)
+    browser.rest_a_frame()
+    ends = browser.value("playground.drawing.scene.shafts.flat().map(({ x, y }) => [x, y])")
+    width, height = browser.value("[playground.drawing.scene.camera.width, playground.drawing.scene.camera.height]")
+    assert len(ends) > 6
+    covered = browser.value("playground.drawing.scene.covered")
+    for x, y in ends:
+        assert 0 <= x <= width and 0 <= y <= height
+        assert not any(box["left"] < x < box["right"] and box["top"] < y < box["bottom"] for box in covered)

@@ -41,6 +41,15 @@ def test_numpy_and_scipy_are_all_that_is_needed() -> None:
     assert packages(project()["dependencies"]) == {"numpy", "scipy"}
 
 
+def test_the_citation_that_is_offered_is_that_of_the_sources() -> None:
+    offered = (ROOT / "docs" / "questions.md").read_text("utf-8").partition("```bibtex")[2].partition("```")[0]
+    cited = (ROOT / "CITATION.cff").read_text("utf-8")
+    for key, bibtex in (("version", "version"), ("title", "title"), ("doi", "doi")):
+        for value in re.findall(rf'^ *(?:- )?{key}: "?([^"\n]+)"?$', cited, flags=re.MULTILINE):
+            assert f"{bibtex} = {{{value}}}" in offered, value
+    assert f"version = {{{project()['version']}}}" in offered
+
+
 def test_every_extra_that_an_error_names_exists_and_is_pinned() -> None:
     extras = project()["optional-dependencies"]
     named: set[str] = set()

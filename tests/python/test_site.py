@@ -7,9 +7,12 @@ from typing import Any
 
 import chromium
 import pytest
+from catalogue_runs import run_of
+
+from partita import viewer
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
-from website import seen, texts
+from website import seen, stage, texts
 
 pytestmark = pytest.mark.skipif(chromium.PROGRAM is None, reason="no Chromium is installed to open pages in")
 
@@ -52,6 +55,35 @@ def test_each_fault_is_found_and_none_where_none_is(browser: Any, tmp_path: Path
     for body, wanted in FAULTS.items():
         found = console(browser, tmp_path, body)
         assert any(wanted in word for word in found), (body, found)
+
+
+def test_a_page_with_an_animation_in_it_opens_at_its_title(browser: Any, tmp_path: Path) -> None:
+    """A browser scrolls to the element that an address names, and the pages around its page with it."""
+    head = '<!doctype html><link rel="icon" href="data:,"><h1 style="height: 500px">Title</h1>'
+    inside = '<iframe class="live" src="run.html#play" height="900"></iframe>'
+    (tmp_path / "index.html").write_text(head + inside, "utf-8")
+    page = viewer.write_html(run_of("four-bar"), tmp_path / "run.html")
+    with seen.served(tmp_path) as address:
+        assert seen._live(browser, address, "index.html", chromium) == []
+        bar = '<div id="timeline">'
+        page.write_text(page.read_text("utf-8").replace(bar, bar + '<i id="play">i</i>'), "utf-8")
+        assert any("below its title" in word for word in seen._live(browser, address, "index.html", chromium))
+
+
+def test_a_playground_and_a_moving_mechanism_are_put_where_a_page_asks(browser: Any, tmp_path: Path) -> None:
+    marks = {"index": "jansen-pair bare", "try": "four-bar playground"}
+    for name, mark in marks.items():
+        (tmp_path / f"{name}.md").write_text(f"Before.\n\n<!-- live: {mark} -->\n\nAfter.\n", "utf-8")
+    stage.animate(tmp_path)
+    for name in marks:
+        text = (tmp_path / f"{name}.md").read_text("utf-8")
+        assert "<!-- live" not in text and text.startswith("Before.") and text.endswith("After.\n")
+        assert ("gallery/index.html" in text) == (name == "index")
+        page = '<!doctype html><link rel="icon" href="data:,">' + text
+        (tmp_path / "_extra" / f"{name}.html").write_text(page, "utf-8")
+    with seen.served(tmp_path / "_extra") as address:
+        assert seen._live(browser, address, "index.html", chromium) == []
+        assert seen._playground(browser, address, "try.html", chromium) == []
 
 
 def test_a_site_is_searched_where_it_stands(browser: Any, tmp_path: Path) -> None:

@@ -58,6 +58,7 @@ def faults(site: Path, chromium: Any, shots: Path | None = None) -> list[str]:
             found += _page(browser, address, page, chromium)
         for page in [*pages(site, "gallery"), *pages(site, "guide"), "index.html"]:
             found += _live(browser, address, page, chromium)
+        found += _playground(browser, address, "playground.html", chromium)
         for words, wanted in SEARCHES.items():
             found += _search(browser, address, words, wanted)
         if shots is not None:
@@ -90,16 +91,19 @@ def _page(browser: Any, address: str, page: str, chromium: Any) -> list[str]:
 def _live(browser: Any, address: str, page: str, chromium: Any) -> list[str]:
     """The animated page inside a page of the gallery or the guide: is it there, and does it move?"""
     browser.open(address + quote(page), chromium.DESKTOP)
-    browser.value("document.querySelector('iframe.live')?.scrollIntoView()")
-    frame = "document.querySelector('iframe.live').contentWindow.partita"
-    if not browser.value("!!document.querySelector('iframe.live')"):
+    live = "document.querySelector('iframe.live')"
+    frame = f"{live}.contentWindow.partita"
+    if not browser.value(f"!!{live}"):
         return [f"{page}: no animated page in it"]
-    until = monotonic() + PATIENCE
-    while not browser.value(f"!!{frame}"):
-        if monotonic() > until:
-            return [f"{page}: its animated page does not start"]
-        sleep(0.05)
     found = []
+    if browser.value(f"{live}.getBoundingClientRect().top < window.innerHeight"):
+        if not _started(browser, frame):
+            return [f"{page}: its animated page does not start"]
+        if (down := browser.value("window.scrollY")) > 0:
+            found.append(f"{page}: it opens {down:.0f} px below its title")
+    browser.value(f"{live}.scrollIntoView()")
+    if not _started(browser, frame):
+        return [f"{page}: its animated page does not start"]
     moved = browser.value(f"(() => {{ {frame}.show(0); const a = {frame}.time(); {frame}.show(1e9); "
                           f"return {frame}.time() - a; }})()")  # fmt: skip
     if not moved > 0.0:
@@ -107,6 +111,29 @@ def _live(browser: Any, address: str, page: str, chromium: Any) -> list[str]:
     if not browser.value(f"{frame}.size()[0] > 100 && {frame}.size()[1] > 100"):
         found.append(f"{page}: its drawing is too small to see")
     return found + [f"{page}: console: {word}" for word in browser.reported]
+
+
+def _playground(browser: Any, address: str, page: str, chromium: Any) -> list[str]:
+    """The playground inside a page: does it run?"""
+    browser.open(address + quote(page), chromium.DESKTOP)
+    browser.value("document.querySelector('iframe.live')?.scrollIntoView()")
+    frame = "document.querySelector('iframe.live')?.contentWindow.playground"
+    if not _started(browser, frame):
+        return [f"{page}: its playground does not start"]
+    sleep(0.5)
+    found = [] if browser.value(f"{frame}.motion.t > 0") else [f"{page}: its playground does not move"]
+    return found + [f"{page}: console: {word}" for word in browser.reported]
+
+
+def _started(browser: Any, frame: str) -> bool:
+    """Wait for a page inside another one; whether it came."""
+    until = monotonic() + PATIENCE
+    while not browser.value(f"!!{frame} && {frame.rpartition('.')[0]}.document.readyState === 'complete'"):
+        if monotonic() > until:
+            return False
+        sleep(0.05)
+    browser.rest_a_frame()
+    return True
 
 
 def results(browser: Any, address: str, words: str) -> list[str]:

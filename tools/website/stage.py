@@ -77,8 +77,8 @@ def stage(folder: Path, draw: Callable[[Path], None], only: tuple[str, ...] | No
 # Pictures on pages of docs/, beside which they stand.
 SHOWN = re.compile(r"!\[[^\]]*\]\(([\w/.-]+)\)")
 # Where a page of docs/ shows a mechanism in motion: what its own code left in `run`, or a mechanism of the catalogue.
-# With "bare" the drawing alone, as wide as the page.
-LIVE = re.compile(r"^<!-- live: ([\w-]+)( bare)? -->$", flags=re.MULTILINE)
+# With "bare" the drawing alone, as wide as the page; with "playground" one that the reader changes.
+LIVE = re.compile(r"^<!-- live: ([\w-]+)(?: (bare|playground))? -->$", flags=re.MULTILINE)
 CODE = re.compile(r"^```python\n(.*?)^```$", flags=re.MULTILINE | re.DOTALL)
 
 
@@ -94,12 +94,17 @@ def animate(folder: Path) -> None:
         up = "../" * (len(page.relative_to(folder).parts) - 1)
 
         def shown(mark: re.Match[str], text: str = text, name: str = name, up: str = up) -> str:
-            run = ran(text[: mark.start()])["run"] if mark[1] == "run" else catalogue.entry(mark[1]).simulate()
-            run.to_html(pages / f"{name}.html")
-            kind, part = ("live bare", "?bare#play") if mark[2] else ("live", "#play")
+            if mark[2] == "playground":
+                catalogue.load(mark[1]).to_playground(pages / f"{name}.html")
+            else:
+                run = ran(text[: mark.start()])["run"] if mark[1] == "run" else catalogue.entry(mark[1]).simulate()
+                run.to_html(pages / f"{name}.html")
+            kind, part = {"bare": (" bare", "?bare#play"), "playground": ("", "")}.get(mark[2], ("", "#play"))
+            more = f' · <a href="{up}gallery/index.html">All mechanisms of the gallery</a>' if mark[2] == "bare" else ""
             return (
-                f'<iframe class="{kind}" src="{up}live/{name}.html{part}" title="the mechanism of this page in motion" '
-                f'loading="lazy"></iframe>\n<p><a href="{up}live/{name}.html">The animated page alone</a></p>'
+                f'<iframe class="live{kind}" src="{up}live/{name}.html{part}" loading="lazy" '
+                f'title="the mechanism of this page in motion"></iframe>\n'
+                f'<p><a href="{up}live/{name}.html">The animated page alone</a>{more}</p>'
             )
 
         page.write_text(LIVE.sub(shown, text), encoding="utf-8")

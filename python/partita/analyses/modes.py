@@ -235,7 +235,8 @@ class Modes:
         'mode.html'
         """
         mode = self[number]
-        shown_as = f"mode {mode.number}: {mode.frequency:.4g} Hz" if mode.frequency else f"mode {mode.number}"
+        rate = f": {mode.frequency:.4g} Hz, shown with a period of {period:g} s" if mode.frequency else ""
+        shown_as = f"mode {mode.number}{rate}"
         moved = self._shapes.animated(mode.displacements, amplitude, period)
         return moved.to_html(path, title=drawn.pop("title", shown_as), **drawn)
 

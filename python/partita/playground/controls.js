@@ -22,7 +22,7 @@ const scene = new LiveScene(live, $("view"));
 
 /** The first view holds where the mechanism goes in the next seconds at this speed; returns how fast it usually turns. */
 function explore(speed) {
-  const deadline = performance.now() + EXPLORING, loads = { force: [], moment: [] }, rates = [], shapes = [];
+  const deadline = performance.now() + EXPLORING, loads = { force: [], moment: [] }, arrows = [], rates = [], shapes = [];
   try {
     for (let i = 1; i <= 30 && performance.now() < deadline; i++) {
       motion.advance(motion.t + (EXPLORED * speed) / 30, deadline);
@@ -31,6 +31,7 @@ function explore(speed) {
       shapes.push(aboutMiddle(live, 0));
       live.scene.joints.forEach((_, j) => {
         loads.force.push(length(live.load(j, 0)));
+        arrows.push([live.jointPoint(0, j), live.load(j, 0)]);
         loads.moment.push(length(live.load(j, 3)));
       });
       rates.push(live.turning);
@@ -39,6 +40,7 @@ function explore(speed) {
     if (!(error instanceof motion.Fault)) throw error; // it will be reported when it happens
   }
   scene.scaleTo(loads);
+  scene.reach = arrows.map((arrow) => scene.tipOf(...arrow)).filter(Boolean);
   scene.near = travelling(live, scene.extent, shapes);
   scene.options.follow = scene.near !== null;
   motion.reset(about.start);

@@ -5,6 +5,7 @@ const { drawing, empty } = JSON.parse($("data").textContent);
 const sketch = new Sketch(drawing);
 const picture = new Picture(sketch, $("view"));
 const CLICK = 7; // pixels: a shorter drag is a click
+const ON_BAR = 1e-6; // of a bar's length: a point no farther from its line is on it
 const DIRECTIONS_APART = Math.PI / 12; // slides lie at multiples of this
 
 const HINTS = {
@@ -17,7 +18,8 @@ const HINTS = {
   spring: "Press where the spring begins, drag to where it ends. An end beside the bars is held by the ground.",
   delete: "Click what is to go.",
 };
-let tool = "bar", saying = null, pending = null, answer = null;
+let tool = "bar", saying = null, answer = null;
+let pending = null, grabbed = null; // a line that was begun; what the pointer drags
 
 function say(words, kind) {
   $("said").textContent = words;
@@ -34,10 +36,11 @@ function heard(found) {
   if (picture.gaps.length && !picture.touched) picture.resetView();
   say(found.message, found.kind);
   $("remarks").replaceChildren(...(found.remarks || []).map((words) => element("li", "", words)));
-  $("run").disabled = !["moves", "rigid"].includes(found.kind);
+  $("run").disabled = !runs();
   for (const id of ["toml", "python"]) $(id).disabled = !found[id];
-  if (found.closed) { refresh(); link.changed(); } else picture.draw();
+  if (found.closed) { letGo(); refresh(); link.changed(); } else picture.draw();
 }
+const runs = () => answer !== null && ["moves", "rigid"].includes(answer.kind);
 const link = new Link(sketch, heard, (words) => say(words, "open"));
 
 /** Show the drawing anew; what the core says follows. */
@@ -49,12 +52,19 @@ function refresh() {
   picture.draw();
 }
 
+/** Forget a line that was begun and what is dragged: the drawing changes under them. */
+function letGo() {
+  if (grabbed && grabbed.moved) sketch.unchanged(grabbed.future);
+  grabbed = pending = picture.preview = null;
+}
+
 /** Carry out a change that can be undone; one that changes nothing leaves no trace. */
 function change(make, word = "") {
+  letGo();
   const { future } = sketch;
   sketch.remember(word);
   make();
-  if (!word) sketch.unchanged(future);
+  sketch.unchanged(future);
   picture.gaps = [];
   refresh();
   link.changed();
@@ -64,7 +74,7 @@ function change(make, word = "") {
 
 function choose(name) {
   tool = name;
-  pending = picture.preview = null;
+  letGo();
   for (const button of document.querySelectorAll("#tools [data-tool]")) {
     button.setAttribute("aria-pressed", String(button.dataset.tool === name));
   }
@@ -79,18 +89,16 @@ function aimed(x, y, near, except = null) {
   const node = picture.nodeAt(x, y, near, except);
   if (node) return { node, at: [node.x, node.y] };
   const bars = picture.barsAt(x, y, 0.7 * near).filter(({ bar }) => !sketch.nodesOf(bar).includes(except));
-  if (bars.length) return { bars: bars.map(({ bar }) => bar), at: crossing(bars) };
-  return { at: picture.snapped(picture.at(x, y)) };
+  return bars.length ? onBars(bars, near) : { at: picture.snapped(picture.at(x, y)) };
 }
 
-/** Where two bars cross, if they do near here; else the foot on the nearest. */
-function crossing(found) {
-  if (found.length < 2) return found[0].at;
-  const [a, b] = found.map(({ bar }) => bar), p = sketch.node(a.a), q = sketch.node(a.b), r = sketch.node(b.a), s = sketch.node(b.b);
-  const ux = q.x - p.x, uy = q.y - p.y, vx = s.x - r.x, vy = s.y - r.y, det = ux * vy - uy * vx;
-  if (Math.abs(det) < 1e-9 * Math.hypot(ux, uy) * Math.hypot(vx, vy)) return found[0].at;
-  const part = ((r.x - p.x) * vy - (r.y - p.y) * vx) / det;
-  return [p.x + part * ux, p.y + part * uy];
+/** The crossing of the nearest bars, if it is near, else the foot on the nearest; with all bars that pass there. */
+function onBars(found, near) {
+  const [first, second] = found, apart = (p, q) => Math.hypot(p[0] - q[0], p[1] - q[1]);
+  const cross = second ? sketch.crossing(first.bar, second.bar) : null;
+  const at = cross && apart(cross, first.at) * picture.camera.scale < 2 * near ? cross : first.at;
+  const passes = ({ bar }) => apart(sketch.nearestOn(bar, ...at), at) <= ON_BAR * sketch.drawnLength(bar);
+  return { bars: found.filter(passes).map(({ bar }) => bar), at };
 }
 
 /** The node that is meant, made where there is none. */
@@ -109,20 +117,21 @@ function endLine(from, to) {
 }
 
 function endSlide(from, x, y, near) {
-  const target = picture.barsAt(x, y, near).find(({ bar }) => !from.node || !sketch.nodesOf(bar).includes(from.node.id));
+  const own = ({ bar }) => (from.bars || []).includes(bar) || (from.node && sketch.nodesOf(bar).includes(from.node.id));
+  const target = picture.barsAt(x, y, near).find((found) => !own(found));
   const p = picture.pixel(from.at), dx = x - p.x, dy = p.y - y, moved = Math.hypot(dx, dy) > 2 * CLICK;
-  const along = target && (moved || !from.bars) ? target.bar : null;
-  change(() => {
-    const node = nodeFor(from);
-    const angle = moved ? Math.round(Math.atan2(dy, dx) / DIRECTIONS_APART) * DIRECTIONS_APART : 0;
-    picture.selected = sketch.addSlide(node.id, along ? 0 : angle, along && !sketch.nodesOf(along).includes(node.id) ? along.id : null).id;
-  });
+  const angle = moved && !target ? Math.round(Math.atan2(dy, dx) / DIRECTIONS_APART) * DIRECTIONS_APART : 0;
+  change(() => { picture.selected = sketch.addSlide(nodeFor(from).id, angle, target ? target.bar.id : null).id; });
 }
 
 function click(x, y, near) {
   const target = aimed(x, y, near);
   if (tool === "pin") {
-    if (target.node || !target.bars) return;
+    if (target.node || !target.bars) {
+      const why = target.node ? "Bars that share a point are pinned there already." : "There is no bar here.";
+      $("hint").textContent = `${why} ${HINTS.pin}`;
+      return;
+    }
     change(() => { picture.selected = sketch.addOn(target.bars, target.at).id; });
   } else if (tool === "ground") {
     change(() => {
@@ -151,7 +160,7 @@ function click(x, y, near) {
 // ---- pointer: one finger draws, two move and zoom
 
 const pointers = new Map();
-let grabbed = null;
+let several = false; // more than one finger, or another button, since the first was pressed
 
 const local = (event) => {
   const box = $("view").getBoundingClientRect();
@@ -162,19 +171,19 @@ const nearOf = (event) => (event.pointerType === "touch" ? NEAR_TOUCH : NEAR);
 function grab(x, y, near) {
   const found = picture.pick(x, y, near), at = picture.at(x, y);
   picture.selected = found ? found.id : null;
-  const table = found && sketch.tableOf(found.id);
-  if (table === "nodes") return { nodes: [found.id], from: [[found.x, found.y]], at, moved: false };
-  if (table === "bars") {
-    const nodes = [found.a, found.b];
-    return { nodes, from: nodes.map((id) => [sketch.node(id).x, sketch.node(id).y]), at, moved: false };
-  }
-  return found ? { nodes: [], from: [], at, moved: false } : null;
+  if (!found) return null;
+  const nodes = { nodes: [found.id], bars: [found.a, found.b], slides: [found.node] }[sketch.tableOf(found.id)] || [];
+  return { nodes, from: nodes.map((id) => [sketch.node(id).x, sketch.node(id).y]), at, moved: false, future: [] };
 }
 
 function drag(x, y) {
   const [wx, wy] = picture.at(x, y), dx = wx - grabbed.at[0], dy = wy - grabbed.at[1];
   if (!grabbed.nodes.length || (!grabbed.moved && Math.hypot(dx, dy) * picture.camera.scale < CLICK)) return;
-  if (!grabbed.moved) { sketch.remember(); grabbed.moved = true; }
+  if (!grabbed.moved) {
+    grabbed.future = sketch.future;
+    sketch.remember();
+    grabbed.moved = true;
+  }
   const first = picture.snapped([grabbed.from[0][0] + dx, grabbed.from[0][1] + dy]);
   const by = [first[0] - grabbed.from[0][0], first[1] - grabbed.from[0][1]];
   grabbed.nodes.forEach((id, i) => sketch.move(id, [grabbed.from[i][0] + by[0], grabbed.from[i][1] + by[1]]));
@@ -184,9 +193,17 @@ function drag(x, y) {
 }
 
 function drop(x, y, near) {
-  if (!grabbed.moved) { refresh(); return; }
+  if (!grabbed.moved) { grabbed = null; refresh(); return; }
   const [id] = grabbed.nodes, other = grabbed.nodes.length === 1 ? picture.nodeAt(x, y, near, id) : null;
-  if (other && sketch.merge(id, other.id)) picture.selected = other.id;
+  if (other) {
+    const why = sketch.merge(id, other.id), p = picture.pixelOf(other.id), q = why && picture.pixelOf(id);
+    if (!why) picture.selected = sketch.find(picture.selected) ? picture.selected : other.id;
+    else if (Math.hypot(p.x - q.x, p.y - q.y) < CLICK) { // two points that look like one
+      sketch.move(id, grabbed.from[0]);
+      $("hint").textContent = `${sketch.node(id).name} stays apart from ${other.name}: ${why}.`;
+    }
+  }
+  letGo();
   refresh();
   link.changed();
 }
@@ -195,7 +212,8 @@ $("view").addEventListener("pointerdown", (event) => {
   $("view").setPointerCapture(event.pointerId);
   const [x, y] = local(event), near = nearOf(event);
   pointers.set(event.pointerId, { x, y, x0: x, y0: y });
-  if (pointers.size > 1 || event.button !== 0) { grabbed = null; picture.preview = null; pending = null; picture.draw(); return; }
+  several = pointers.size > 1 || event.button !== 0;
+  if (several) { letGo(); refresh(); return; }
   if (tool === "select") grabbed = grab(x, y, near);
   else if (["bar", "spring", "slide"].includes(tool) && !pending) pending = { from: aimed(x, y, near), clicked: false };
   refresh();
@@ -207,8 +225,7 @@ $("view").addEventListener("pointermove", (event) => {
     const other = [...pointers].find(([id]) => id !== event.pointerId)[1];
     const from = Math.hypot(last.x - other.x, last.y - other.y), to = Math.hypot(x - other.x, y - other.y);
     camera.move((x - last.x) / 2, (y - last.y) / 2);
-    if (from > 0 && to > 0) camera.zoom(to / from, (x + other.x) / 2, (y + other.y) / 2);
-    picture.touched = true;
+    if (from > 0 && to > 0) picture.zoom(to / from, (x + other.x) / 2, (y + other.y) / 2);
   } else if (last && grabbed) {
     drag(x, y);
   } else if (last && !pending && (tool === "select" || event.buttons > 1)) {
@@ -224,11 +241,11 @@ $("view").addEventListener("pointermove", (event) => {
 });
 
 $("view").addEventListener("pointerup", (event) => {
-  const [x, y] = local(event), last = pointers.get(event.pointerId), near = nearOf(event), many = pointers.size > 1;
+  const [x, y] = local(event), last = pointers.get(event.pointerId), near = nearOf(event);
   pointers.delete(event.pointerId);
-  if (!last || many) return;
+  if (!last || several) return; // a finger of several, or another button, draws nothing when it is lifted
   const moved = Math.hypot(x - last.x0, y - last.y0) > CLICK;
-  if (grabbed) { drop(x, y, near); grabbed = null; return; }
+  if (grabbed) { drop(x, y, near); return; }
   if (pending && tool === "slide") {
     const { from } = pending;
     pending = picture.preview = null;
@@ -243,91 +260,111 @@ $("view").addEventListener("pointerup", (event) => {
 });
 $("view").addEventListener("pointercancel", (event) => {
   pointers.delete(event.pointerId);
-  grabbed = pending = picture.preview = null;
-  picture.draw();
+  letGo();
+  refresh();
 });
 $("view").addEventListener("contextmenu", (event) => event.preventDefault());
 $("view").addEventListener("wheel", (event) => {
   event.preventDefault();
-  picture.touched = true;
-  picture.camera.zoom(Math.exp(-Math.max(-200, Math.min(200, event.deltaY)) * 0.0015), ...local(event));
+  picture.zoom(Math.exp(-Math.max(-200, Math.min(200, event.deltaY)) * 0.0015), ...local(event));
   picture.draw();
 }, { passive: false });
 
 // ---- properties of what is selected
 
-/** A number of an element, with its unit; `write` returns what is wrong with a value, else nothing. */
-function field(words, unit, value, write) {
+/** A number of an element, with its unit; `read` finds it, `write` returns what is wrong with a value, else nothing. */
+function field(words, unit, read, write) {
   const box = element("div", "field"), label = element("label", "", words), input = element("input");
   input.id = label.htmlFor = `field-${words.replaceAll(" ", "-")}`;
-  Object.assign(input, { type: "number", step: "any", value: Number(value.toPrecision(6)) });
+  Object.assign(input, { type: "number", step: "any" });
+  let typing = false; // what is being typed is not written over
   input.addEventListener("change", () => {
+    typing = false;
     const x = input.valueAsNumber, wrong = Number.isFinite(x) && Math.abs(x) <= 1e6 ? write(x) : `${words} needs a number of at most 1e6.`;
     input.classList.toggle("bad", Boolean(wrong));
     if (wrong) say(wrong, "refused");
   });
+  input.addEventListener("input", () => { typing = true; });
   box.append(label, input, element("span", "unit", unit));
+  box.show = () => {
+    if (typing) return;
+    input.value = Number(read().toPrecision(6));
+    input.classList.remove("bad");
+  };
   return box;
 }
 const above = (words, x, make) => (x > 0 ? change(make) : `${words} must be above 0.`);
 const least = (words, x, make) => (x >= 0 ? change(make) : `${words} must be at least 0.`);
 
-function fieldsOf(one, table) {
-  const degrees = (x) => (x * 180) / Math.PI;
+/** Fields of the element of an id, which undo and redo replace by another object. */
+function fieldsOf(id, table) {
+  const now = () => sketch.find(id), name = (other) => sketch.find(other).name;
+  const put = (key, rule, words = key) => (x) => rule(words, x, () => { now()[key] = x; });
+  const mass = () => field("mass", "kg", () => now().mass, put("mass", above));
   if (table === "nodes") {
-    return [field("x", "m", one.x, (x) => change(() => sketch.move(one.id, [x, one.y]))),
-      field("y", "m", one.y, (y) => change(() => sketch.move(one.id, [one.x, y])))];
+    return [field("x", "m", () => now().x, (x) => change(() => sketch.move(id, [x, now().y]))),
+      field("y", "m", () => now().y, (y) => change(() => sketch.move(id, [now().x, y])))];
   }
   if (table === "bars") {
-    return [field("length", "m", sketch.lengthOf(one), (x) => above("length", x, () => { one.length = x; })),
-      field("mass", "kg", one.mass, (x) => above("mass", x, () => { one.mass = x; }))];
+    return [field("length", "m", () => sketch.lengthOf(now()), put("length", above)), mass()];
   }
   if (table === "slides") {
-    const mass = field("mass", "kg", one.mass, (x) => above("mass", x, () => { one.mass = x; }));
-    if (one.along !== null) return [element("p", "quiet", `It slides along ${sketch.bar(one.along).name}.`), mass];
-    return [field("angle", "°", degrees(one.angle), (x) => change(() => { one.angle = (x * Math.PI) / 180; })), mass];
+    if (now().along !== null) return [element("p", "quiet", `It slides along ${name(now().along)}.`), mass()];
+    const turn = (x) => change(() => { now().angle = (x * Math.PI) / 180; });
+    return [field("angle", "°", () => (now().angle * 180) / Math.PI, turn), mass()];
   }
   if (table === "motors") {
-    const unit = one.bar === null ? "m/s" : "rad/s";
-    const words = one.bar === null ? "It moves the slide." : `It turns ${sketch.bar(one.bar).name}.`;
-    return [element("p", "quiet", words), field("rate", unit, one.rate, (x) => change(() => { one.rate = x; }))];
+    const slides = now().bar === null, words = slides ? "It moves the slide." : `It turns ${name(now().bar)}.`;
+    const rate = field("rate", slides ? "m/s" : "rad/s", () => now().rate, (x) => change(() => { now().rate = x; }));
+    return [element("p", "quiet", words), rate];
   }
-  const p = sketch.node(one.a), q = sketch.node(one.b), drawn = Math.hypot(q.x - p.x, q.y - p.y);
-  return [field("stiffness", "N/m", one.stiffness, (x) => least("stiffness", x, () => { one.stiffness = x; })),
-    field("damping", "N s/m", one.damping, (x) => least("damping", x, () => { one.damping = x; })),
-    field("free length", "m", one.length === null ? drawn : one.length, (x) => least("free length", x, () => { one.length = x; }))];
+  return [field("stiffness", "N/m", () => now().stiffness, put("stiffness", least)),
+    field("damping", "N s/m", () => now().damping, put("damping", least)),
+    field("free length", "m", () => sketch.lengthOf(now()), put("length", least, "free length"))];
 }
 
+/** What is written about the element selected; fields that are there already stay, and so does the focus in them. */
 function showProperties() {
   const one = picture.selected === null ? null : sketch.find(picture.selected), home = $("properties");
   $("remove").disabled = !one;
-  if (!one) { home.replaceChildren(element("p", "quiet", "Select an element to see its numbers.")); return; }
-  home.replaceChildren(element("h2", "", one.name), ...fieldsOf(one, sketch.tableOf(one.id)));
+  const key = JSON.stringify(one && [one.id, one.name, sketch.tableOf(one.id), one.along, one.bar]);
+  if (home.dataset.shows !== key) {
+    home.dataset.shows = key;
+    home.replaceChildren(...(one ? [element("h2", "", one.name), ...fieldsOf(one.id, sketch.tableOf(one.id))]
+      : [element("p", "quiet", "Select an element to see its numbers.")]));
+  }
+  for (const box of home.querySelectorAll(".field")) box.show();
 }
 
 $("gravity").addEventListener("change", (event) => {
-  const x = event.target.valueAsNumber;
-  event.target.classList.toggle("bad", !(Math.abs(x) <= 1e6));
-  if (Math.abs(x) <= 1e6) change(() => { sketch.data.gravity = x; });
+  const x = event.target.valueAsNumber, right = Math.abs(x) <= 1e6;
+  event.target.classList.toggle("bad", !right);
+  if (right) change(() => { sketch.data.gravity = x; });
+  else say("gravity needs a number of at most 1e6.", "refused");
 });
-const showGravity = () => { $("gravity").value = sketch.data.gravity; };
+function showGravity() {
+  $("gravity").value = sketch.data.gravity;
+  $("gravity").classList.remove("bad");
+}
 
 // ---- undo, files, running
 
-function step(done) {
-  if (!done) return;
+function step(to) {
+  letGo();
+  if (!to()) return;
   picture.gaps = [];
   showGravity();
   refresh();
   link.changed();
 }
-$("undo").addEventListener("click", () => step(sketch.undo()));
-$("redo").addEventListener("click", () => step(sketch.redo()));
+$("undo").addEventListener("click", () => step(() => sketch.undo()));
+$("redo").addEventListener("click", () => step(() => sketch.redo()));
 $("remove").addEventListener("click", () => { if (picture.selected !== null) change(() => sketch.remove(picture.selected)); });
 $("clear").addEventListener("click", () => { change(() => { sketch.data = structuredClone(empty); }); showGravity(); });
 $("reset").addEventListener("click", () => { picture.resetView(); picture.draw(); });
 
-function showText(kind) {
+async function showText(kind) {
+  if (link.waiting) await link.ask(); // the drawing has changed since
   if (!answer || !answer[kind]) return;
   saying = { kind, text: answer[kind], file: kind === "toml" ? "drawing.toml" : "drawing.py" };
   $("text-title").textContent = kind === "toml" ? "Model file (TOML)" : "Python script";
@@ -354,15 +391,21 @@ $("close").addEventListener("click", () => $("texts").close());
 async function run() {
   $("run").disabled = true;
   const found = await link.run();
-  $("run").disabled = false;
+  $("run").disabled = !runs();
   if (!found.run) { say(found.message, "refused"); return; }
-  $("running").src = found.run;
+  frame(found.run);
   document.body.dataset.mode = "run";
 }
 function back() {
   document.body.dataset.mode = "draw";
-  $("running").src = "about:blank";
+  frame("about:blank");
   resized();
+}
+/** Another page in the frame, by another frame: the browser's Back button leaves this page, as it did before. */
+function frame(address) {
+  const old = $("running"), made = old.cloneNode();
+  made.src = address;
+  old.replaceWith(made);
 }
 $("run").addEventListener("click", run);
 $("back").addEventListener("click", back);
@@ -373,21 +416,21 @@ const KEYS = { v: "select", b: "bar", i: "pin", g: "ground", s: "slide", m: "mot
 const toTheme = () => { setTheme(document.documentElement.dataset.theme === "dark" ? "light" : "dark"); picture.draw(); };
 document.addEventListener("keydown", (event) => {
   const key = event.key.toLowerCase(), typing = ["INPUT", "TEXTAREA"].includes(event.target.tagName);
+  if ($("texts").open || document.body.dataset.mode === "run") return;
   if ((event.ctrlKey || event.metaKey) && !typing && (key === "z" || key === "y")) {
     (key === "y" || event.shiftKey ? $("redo") : $("undo")).click();
     event.preventDefault();
     return;
   }
-  if (event.ctrlKey || event.metaKey || event.altKey || typing || $("texts").open || document.body.dataset.mode === "run") return;
+  if (event.ctrlKey || event.metaKey || event.altKey || typing) return;
   const arrow = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[event.key];
   if (KEYS[key]) choose(KEYS[key]);
-  else if (event.key === "Escape") { pending = picture.preview = null; picture.selected = null; refresh(); }
+  else if (event.key === "Escape") { letGo(); picture.selected = null; refresh(); }
   else if (event.key === "Delete" || event.key === "Backspace") $("remove").click();
   else if (key === "d") toTheme();
   else if (key === "0") $("reset").click();
   else if (key === "+" || key === "=" || key === "-") {
-    picture.touched = true;
-    picture.camera.zoom(key === "-" ? 1 / 1.2 : 1.2, picture.camera.width / 2, picture.camera.height / 2 + picture.camera.drop);
+    picture.zoom(key === "-" ? 1 / 1.2 : 1.2);
     picture.draw();
   } else if (arrow) nudge(arrow);
   else return;

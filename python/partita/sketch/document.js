@@ -3,6 +3,7 @@
 const MOST_UNDO = 200;
 const TABLES = ["nodes", "bars", "slides", "motors", "springs"];
 const DENSITY = 1; // kg a metre of a new bar
+const PARALLEL = 1e-9; // sine of the angle between bars that do not cross; of a bar's length, what is beyond its end
 const RATE = 3; // rad/s of a new motor, m/s/10 of one on a slide
 
 class Sketch {
@@ -24,10 +25,9 @@ class Sketch {
 
   /** Forget the last `remember` where nothing was changed since; `future` is what could be redone before it. */
   unchanged(future) {
-    if (this.past.length && this.past[this.past.length - 1] === JSON.stringify(this.data)) {
-      this.past.pop();
-      this.future = future;
-    }
+    if (!this.past.length || this.past[this.past.length - 1] !== JSON.stringify(this.data)) return;
+    this.past.pop();
+    this.future = future;
     this.last = "";
   }
 
@@ -115,7 +115,7 @@ class Sketch {
     for (const name of TABLES) data[name] = data[name].filter((one) => !gone.has(one.id));
     data.motors = data.motors.filter(({ node, bar }) => node !== id && !gone.has(bar) && (bar === null ? this.slideAt(node)
       : this.barsAt(node).some((one) => one.id === bar)));
-    if (table !== "nodes") this.sweep();
+    this.sweep();
   }
 
   /** Places that nothing uses, except those on the ground, which were drawn as such. */
@@ -125,16 +125,39 @@ class Sketch {
     data.nodes = data.nodes.filter((node) => used.has(node.id) || node.ground);
   }
 
-  /** Move a node; nodes on bars between their ends go along. */
-  move(id, [x, y]) {
-    const node = this.node(id), on = this.data.bars.filter((bar) => bar.a === id || bar.b === id);
-    const parts = on.flatMap((bar) => bar.more.map((more) => [bar, this.node(more), this.partOf(bar, more)]));
-    Object.assign(node, { x, y });
-    for (const bar of on) bar.length = null;
-    for (const [bar, more, part] of parts) Object.assign(more, this.alongBar(bar, part));
-    const carrying = this.data.bars.filter((bar) => bar.more.includes(id));
-    // what is on one bar stays on its line
-    if (carrying.length === 1) Object.assign(node, this.alongBar(carrying[0], Math.max(0, Math.min(1, this.partOf(carrying[0], id)))));
+  /** Move a node; what is on bars between their ends goes along and stays on them. */
+  move(id, at) {
+    const parts = new Map(this.data.bars.map((bar) => [bar, bar.more.map((more) => [more, this.partOf(bar, more)])]));
+    const waiting = [[id, at]], done = new Set();
+    while (waiting.length) {
+      const [moving, to] = waiting.shift(), node = this.node(moving);
+      if (done.has(moving)) continue;
+      done.add(moving);
+      [node.x, node.y] = this.onBars(moving, to);
+      for (const bar of this.data.bars.filter(({ a, b }) => a === moving || b === moving)) {
+        bar.length = null;
+        for (const [more, part] of parts.get(bar)) waiting.push([more, this.alongBar(bar, part)]);
+      }
+    }
+  }
+
+  /** Where a node may be, nearest to a point: anywhere, on the bar that carries it, where two that do cross. */
+  onBars(id, [x, y]) {
+    const [first, second] = this.carrying(id);
+    if (!first) return [x, y];
+    return (second && this.crossing(first, second)) || this.nearestOn(first, x, y);
+  }
+
+  /** Bars that have a node between their ends. */
+  carrying(id) { return this.data.bars.filter((bar) => bar.more.includes(id)); }
+
+  /** Where two bars cross; null where they do not. */
+  crossing(one, other) {
+    const p = this.node(one.a), q = this.node(one.b), r = this.node(other.a), s = this.node(other.b);
+    const ux = q.x - p.x, uy = q.y - p.y, vx = s.x - r.x, vy = s.y - r.y, det = ux * vy - uy * vx;
+    if (Math.abs(det) < PARALLEL * Math.hypot(ux, uy) * Math.hypot(vx, vy)) return null;
+    const part = ((r.x - p.x) * vy - (r.y - p.y) * vx) / det, of = ((r.x - p.x) * uy - (r.y - p.y) * ux) / det;
+    return [part, of].every((x) => x >= -PARALLEL && x <= 1 + PARALLEL) ? this.alongBar(one, part) : null;
   }
 
   /** Where the foot of a node is on a bar: 0 at its beginning, 1 at its end. */
@@ -147,24 +170,39 @@ class Sketch {
     return ((x - p.x) * dx + (y - p.y) * dy) / (dx * dx + dy * dy || 1);
   }
 
+  /** The point of a bar that is nearest to another. */
+  nearestOn(bar, x, y) { return this.alongBar(bar, Math.max(0, Math.min(1, this.footOf(bar, x, y)))); }
+
   alongBar(bar, part) {
     const p = this.node(bar.a), q = this.node(bar.b);
-    return { x: p.x + part * (q.x - p.x), y: p.y + part * (q.y - p.y) };
+    return [p.x + part * (q.x - p.x), p.y + part * (q.y - p.y)];
   }
 
-  /** Two nodes become one; false where a bar would lose its length. */
+  /** Two nodes become one, where that which stays on a bar is; returns why they cannot, else nothing. */
   merge(from, to) {
-    if (from === to || this.data.bars.some((bar) => this.nodesOf(bar).includes(from) && this.nodesOf(bar).includes(to))) return false;
-    const { data } = this, swap = (id) => (id === from ? to : id);
-    if (data.springs.some(({ a, b }) => swap(a) === swap(b))) return false;
-    if (this.slideAt(from) && (this.slideAt(to) || this.node(to).ground)) return false;
+    const { data } = this, swap = (id) => (id === from ? to : id), own = [from, to].map((id) => this.slideAt(id));
+    const one = data.bars.find((bar) => this.nodesOf(bar).includes(from) && this.nodesOf(bar).includes(to));
+    if (one) return `both are points of ${one.name}`;
+    const spring = data.springs.find(({ a, b }) => swap(a) === swap(b));
+    if (spring) return `${spring.name} would have no length`;
+    if (own[0] && own[1]) return "both are on slides";
+    if (own[0] && this.node(to).ground) return "one slides, the other is held by the ground";
+    const along = [own[0] && [own[0], to], own[1] && [own[1], from]].find((both) => {
+      const guide = both && both[0].along !== null && this.bar(both[0].along);
+      return guide && this.nodesOf(guide).includes(both[1]);
+    });
+    if (along) return `${along[0].name} slides along a bar of the other`;
+    const onBar = this.carrying(from).length > 0;
+    if (onBar && this.carrying(to).length) return "both are on bars between their ends";
+    const { x, y } = this.node(onBar ? from : to);
+    this.move(onBar ? to : from, [x, y]);
     this.node(to).ground = this.node(to).ground || this.node(from).ground;
-    if (this.slideAt(to)) this.node(to).ground = false;
+    if (own[1]) this.node(to).ground = false;
     for (const bar of data.bars) Object.assign(bar, { a: swap(bar.a), b: swap(bar.b), more: bar.more.map(swap) });
     for (const spring of data.springs) Object.assign(spring, { a: swap(spring.a), b: swap(spring.b) });
     for (const one of [...data.slides, ...data.motors]) one.node = swap(one.node);
     data.nodes = data.nodes.filter((node) => node.id !== from);
-    return true;
+    return "";
   }
 
   /** Take up where the nodes are once the loops are closed: bars then have the lengths that were asked for. */
@@ -175,8 +213,11 @@ class Sketch {
     for (const bar of this.data.bars) bar.length = null;
   }
 
-  lengthOf(bar) {
-    const p = this.node(bar.a), q = this.node(bar.b);
-    return bar.length === null ? Math.hypot(q.x - p.x, q.y - p.y) : bar.length;
+  /** Between the ends of a bar or spring, as drawn. */
+  drawnLength({ a, b }) {
+    const p = this.node(a), q = this.node(b);
+    return Math.hypot(q.x - p.x, q.y - p.y);
   }
+
+  lengthOf(one) { return one.length === null ? this.drawnLength(one) : one.length; }
 }

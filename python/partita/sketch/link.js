@@ -6,7 +6,7 @@ const SILENCE = "The program that serves this page does not answer. Is it still 
 class Link {
   /** `heard(answer)` is called with what is said about the drawing as it is now; `lost(words)` where nobody answers. */
   constructor(sketch, heard, lost) {
-    Object.assign(this, { sketch, heard, lost, timer: 0, asked: 0, waiting: false });
+    Object.assign(this, { sketch, heard, lost, timer: 0, asked: 0, waiting: false, open: null });
   }
 
   async post(what) {
@@ -27,13 +27,12 @@ class Link {
 
   async ask() {
     clearTimeout(this.timer);
-    const number = ++this.asked;
-    let answer = null;
-    try {
-      answer = await this.post("drawing");
-    } catch {
-      // said below
-    }
+    const number = ++this.asked, before = this.open;
+    let answer = null, done;
+    this.open = new Promise((end) => { done = end; });
+    await before; // one question at a time: while the core answers, drawings that are older than the last are not sent
+    if (number === this.asked) answer = await this.post("drawing").catch(() => null); // what is lost is said below
+    done();
     if (number !== this.asked) return; // it is about an older drawing
     this.waiting = false;
     if (answer) this.heard(answer); else this.lost(SILENCE);

@@ -3,6 +3,9 @@
 const ROD = 5.5; // pixels: half the width of a bar
 const NEAR = 14, NEAR_TOUCH = 24; // pixels: what is nearer to the pointer than this is meant
 const CELL = 38; // pixels of a cell of the grid, at least
+const PIN = 8; // pixels: half the width of a pin, within which a slide is covered by it
+const RAIL = 62, MOTION = 34; // pixels: half of a rail, half of the arrow of a motor that moves a slide
+const SCALES = [1e-3, 1e6]; // pixels per metre: all of the largest drawing is seen, and a thousandth of a millimetre
 
 class Picture {
   constructor(sketch, canvas) {
@@ -18,28 +21,34 @@ class Picture {
   }
 
   resize() {
-    const box = this.canvas.getBoundingClientRect(), first = this.camera.width === 1;
-    this.ratio = window.devicePixelRatio || 1;
-    this.canvas.width = Math.max(1, Math.round(box.width * this.ratio));
-    this.canvas.height = Math.max(1, Math.round(box.height * this.ratio));
-    this.camera.resize(Math.max(1, box.width), Math.max(1, box.height));
+    const first = this.camera.width === 1;
+    this.ratio = this.camera.fillBox(this.canvas);
     if (first || !this.touched) this.resetView();
   }
 
   /** All of the drawing with its gaps; of an empty one two metres. */
   resetView() {
-    const { nodes } = this.sketch.data, points = nodes.map(({ x, y }) => [x, y, 0]);
+    const { nodes } = this.sketch.data, points = nodes.map(({ x, y }) => [x, y, 0]), { camera } = this;
     for (const gap of this.gaps) for (const [x, y] of gap.points) points.push([x, y, 0]);
     this.touched = false;
-    if (points.length < 2) points.push([-0.5, -0.5, 0], [2, 1.5, 0]);
-    this.camera.fit(points, 0.05);
-    this.camera.scale = Math.min(this.camera.scale * 0.85, 1e6);
+    const spread = (k) => Math.max(...points.map((p) => p[k])) - Math.min(...points.map((p) => p[k]));
+    if (points.length < 2 || !(Math.max(spread(0), spread(1)) > 0)) points.push([-0.5, -0.5, 0], [2, 1.5, 0]);
+    camera.fit(points, 0.025 * Math.max(spread(0), spread(1)));
+    this.zoom(0.85);
+    this.touched = false;
   }
 
-  /** Length of a cell of the grid [m]: the least 1, 2 or 5 that is wide enough to be seen. */
+  /** Zoom by a factor about a pixel, that in the middle where none is given. */
+  zoom(factor, x = this.camera.width / 2, y = this.camera.height / 2 + this.camera.drop) {
+    const { camera } = this, [least, most] = SCALES;
+    camera.zoom(Math.max(least, Math.min(most, camera.scale * factor)) / camera.scale, x, y);
+    this.touched = true;
+  }
+
+  /** Length of a cell of the grid [m]: the least 1, 2 or 5 times a power of ten that is wide enough to be seen. */
   get cell() {
-    const least = CELL / this.camera.scale, below = roundBelow(least);
-    return [1, 2, 2.5, 5, 10].map((x) => Number((x * below).toPrecision(3))).find((x) => x >= least) || 10 * below;
+    const least = CELL / this.camera.scale, below = roundBelow(least), power = 10 ** Math.floor(Math.log10(least));
+    return Number(([below, 2 * power, 5 * power].find((x) => x >= least) || 10 * power).toPrecision(3));
   }
 
   at(x, y) {
@@ -69,22 +78,29 @@ class Picture {
   barsAt(x, y, near = NEAR) {
     const [wx, wy] = this.at(x, y);
     return this.sketch.data.bars.map((bar) => {
-      const foot = this.sketch.alongBar(bar, Math.max(0, Math.min(1, this.sketch.footOf(bar, wx, wy))));
-      const p = this.pixel([foot.x, foot.y]);
-      return { bar, at: [foot.x, foot.y], d: Math.hypot(p.x - x, p.y - y) };
+      const at = this.sketch.nearestOn(bar, wx, wy), p = this.pixel(at);
+      return { bar, at, d: Math.hypot(p.x - x, p.y - y) };
     }).filter(({ d }) => d < near).sort((a, b) => a.d - b.d);
   }
 
-  /** What is under a pixel: a motor, a node, a slide's rail, a spring, a bar. */
+  /** What is under a pixel: a motor, the block of a slide, a node, a slide's rail, a spring, a bar. */
   pick(x, y, near = NEAR) {
     const { data } = this.sketch, to = (p) => Math.hypot(p.x - x, p.y - y);
-    for (const motor of data.motors) if (Math.abs(to(this.pixelOf(motor.node)) - this.motorRadius(motor)) < 7) return motor;
-    const node = this.nodeAt(x, y, near);
-    if (node) return node;
     const line = (p, q) => {
       const dx = q.x - p.x, dy = q.y - p.y, s = Math.max(0, Math.min(1, ((x - p.x) * dx + (y - p.y) * dy) / (dx * dx + dy * dy || 1)));
       return Math.hypot(x - p.x - s * dx, y - p.y - s * dy);
     };
+    for (const motor of data.motors) {
+      const moves = this.motionOf(motor);
+      if ((moves ? line(...moves) : Math.abs(to(this.pixelOf(motor.node)) - this.motorRadius(motor))) < 7) return motor;
+    }
+    for (const slide of data.slides) {
+      const p = this.pixelOf(slide.node), angle = this.directionOf(slide), c = Math.cos(angle), s = Math.sin(angle);
+      const u = c * (x - p.x) - s * (y - p.y), v = s * (x - p.x) + c * (y - p.y);
+      if (Math.abs(u) < 3 * ROD && Math.abs(v) < 2 * ROD && to(p) > PIN) return slide;
+    }
+    const node = this.nodeAt(x, y, near);
+    if (node) return node;
     for (const spring of data.springs) if (line(this.pixelOf(spring.a), this.pixelOf(spring.b)) < near) return spring;
     for (const slide of data.slides) {
       const rail = this.railOf(slide);
@@ -97,7 +113,7 @@ class Picture {
   /** Ends of the line on the ground along which a slide moves, in pixels. */
   railOf(slide) {
     if (slide.along !== null) return null;
-    const p = this.pixelOf(slide.node), l = 62, dx = l * Math.cos(slide.angle), dy = -l * Math.sin(slide.angle);
+    const p = this.pixelOf(slide.node), dx = RAIL * Math.cos(slide.angle), dy = -RAIL * Math.sin(slide.angle);
     return [{ x: p.x - dx, y: p.y - dy }, { x: p.x + dx, y: p.y + dy }];
   }
 
@@ -111,6 +127,16 @@ class Picture {
     return 17 + 7 * this.sketch.data.motors.filter(({ node }) => node === motor.node).indexOf(motor);
   }
 
+  /** Ends of the arrow of a motor that moves a slide, in pixels; null for one that turns a bar. */
+  motionOf(motor) {
+    const slide = motor.bar === null ? this.sketch.slideAt(motor.node) : null;
+    if (!slide) return null;
+    const p = this.pixelOf(motor.node), angle = this.directionOf(slide);
+    const dx = MOTION * Math.cos(angle), dy = -MOTION * Math.sin(angle);
+    const at = (sign) => ({ x: p.x + sign * dx - 0.6 * dy, y: p.y + sign * dy + 0.6 * dx });
+    return [at(-1), at(1)];
+  }
+
   draw() {
     const c = this.context, { camera, sketch } = this, { data } = sketch;
     c.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
@@ -120,7 +146,14 @@ class Picture {
     const anchors = new Set(data.springs.flatMap(({ a, b }) => [a, b]).filter((id) => !sketch.barsAt(id).length && !sketch.slideAt(id)));
     for (const node of data.nodes) if (node.ground || anchors.has(node.id)) painter.support(world(node.id), 3.4 * r);
     for (const slide of data.slides) this.rail(painter, slide, r);
-    data.bars.forEach((bar, i) => painter.rod(world(bar.a), world(bar.b), r, COLOURS.bodies[i % COLOURS.bodies.length], 1));
+    data.bars.forEach((bar, i) => {
+      const colour = COLOURS.bodies[i % COLOURS.bodies.length];
+      painter.rod(world(bar.a), world(bar.b), r, colour, 1);
+      for (const id of bar.more) { // a point beside its bar's line is held by an arm
+        const foot = [...sketch.alongBar(bar, sketch.partOf(bar, id)), 0];
+        if (length(sub(foot, world(id))) * camera.scale > 1) painter.rod(foot, world(id), r, colour, 1);
+      }
+    });
     for (const slide of data.slides) {
       const angle = this.directionOf(slide), axis = [Math.cos(angle), Math.sin(angle), 0];
       painter.box(world(slide.node), [axis, [-axis[1], axis[0], 0], [0, 0, 1]], [3 * r, 2 * r, r], COLOURS.foot, r);
@@ -156,18 +189,18 @@ class Picture {
   }
 
   motor(painter, motor) {
-    const p = this.pixelOf(motor.node), slide = motor.bar === null ? this.sketch.slideAt(motor.node) : null;
-    if (slide) {
-      const angle = this.directionOf(slide), d = { x: 34 * Math.cos(angle), y: -34 * Math.sin(angle) }, up = { x: -d.y * 0.6, y: d.x * 0.6 };
-      painter.doubleArrow({ x: p.x - d.x + up.x, y: p.y - d.y + up.y }, { x: p.x + d.x + up.x, y: p.y + d.y + up.y }, COLOURS.load);
-    } else painter.turnArrow(p, this.motorRadius(motor), COLOURS.load, motor.rate < 0);
+    const moves = this.motionOf(motor);
+    if (moves) painter.doubleArrow(...moves, COLOURS.load);
+    else painter.turnArrow(this.pixelOf(motor.node), this.motorRadius(motor), COLOURS.load, motor.rate < 0);
   }
 
   /** The selection, what is being drawn, and gaps. */
   marks(painter) {
     const { sketch, context: c } = this, one = this.selected === null ? null : sketch.find(this.selected);
     const table = one && sketch.tableOf(one.id);
-    if (table === "nodes" || table === "slides" || table === "motors") {
+    const moves = table === "motors" && this.motionOf(one);
+    if (moves) painter.line(moves, COLOURS.free, 2.4);
+    else if (table === "nodes" || table === "slides" || table === "motors") {
       const p = this.pixelOf(table === "nodes" ? one.id : one.node);
       painter.circle(p.x, p.y, table === "motors" ? this.motorRadius(one) + 5 : 13, null, COLOURS.free, 2.4);
     } else if (one) {

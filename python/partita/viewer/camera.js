@@ -31,6 +31,15 @@ class Camera {
     this.height = height;
   }
 
+  /** Give a canvas the pixels of its box, and this camera its size; returns pixels of the screen per pixel of the page. */
+  fillBox(canvas) {
+    const box = canvas.getBoundingClientRect(), ratio = window.devicePixelRatio || 1;
+    canvas.width = Math.max(1, Math.round(box.width * ratio));
+    canvas.height = Math.max(1, Math.round(box.height * ratio));
+    this.resize(Math.max(1, box.width), Math.max(1, box.height));
+    return ratio;
+  }
+
   /** How far the middle of what is shown lies below the middle of the picture, in pixels. */
   get drop() {
     return (this.head - 52) / 2;

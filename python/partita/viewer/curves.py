@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..naming import coordinate_units
-from ..result_view import ResultView
+from ..result_view import ResultView, given
 
 FloatArray = NDArray[np.float64]
 
@@ -25,14 +25,15 @@ def curves(result: ResultView) -> tuple[list[dict[str, Any]], list[int], dict[st
         _curve("drives", f"effort of {drive['name']}", "effort", [i], drive["unit"], [""]) | {"open": drive["open"]}
         for i, drive in enumerate(pushed)
     ]
-    found += [_load(result, name, what, unit) for name in result.names.joints for what, unit in LOADS]
+    known = not given(result)
+    found += [_load(result, name, what, unit) for name in result.names.joints for what, unit in LOADS if known]
     for number, about in enumerate(result.summary.get("sensors", ())):
         values = np.asarray(result.sensor(about["name"]).values, dtype=float).reshape(len(result.t), -1)
         tables[f"sensor{number}"] = values[:, :MOST_LINES]
         count = tables[f"sensor{number}"].shape[1]
         labels = list("xyz") if count == 3 else [""] if count == 1 else [str(i) for i in range(count)]
         found.append(_curve("sensors", about["name"], f"sensor{number}", range(count), _unit(about["unit"]), labels))
-    if result.has_energy:
+    if result.has_energy and known:
         found += [_curve("energy", f"{name} energy", table, [0], "J", [""]) for name, table in ENERGIES]
     return found, _first(result, found), tables
 
@@ -78,6 +79,8 @@ def _coordinates(result: ResultView) -> tuple[list[dict[str, Any]], dict[str, Fl
     for group, table, values, labels, units in (
         ("coordinates", "q", q, names.coordinates, q_units), ("velocities", "v", v, names.velocities, v_units),
     ):  # fmt: skip
+        if table == "v" and given(result):
+            continue
         order = np.argsort(-np.ptp(values, axis=0), kind="stable")[: MOST_COLUMNS // 2]
         kept = sorted(int(i) for i in order)
         tables[table] = values[:, kept]
@@ -94,7 +97,8 @@ def _load(result: ResultView, name: str, what: str, unit: str) -> dict[str, Any]
 
 
 def _first(result: ResultView, found: list[dict[str, Any]]) -> list[int]:
-    """An effort, a coordinate that leads, the joint with the largest force, and the first sensors: three plots."""
+    """An effort, a coordinate that leads, the joint with the largest force, and the first sensors: three plots; of a
+    given motion coordinates."""
     groups = [curve["group"] for curve in found]
     chosen = [i for i, group in enumerate(groups) if group == "drives"][:1]
     if result.independent.size and "velocities" in groups:
@@ -107,7 +111,7 @@ def _first(result: ResultView, found: list[dict[str, Any]]) -> list[int]:
         chosen += [i for i, curve in enumerate(found) if curve["name"] == wanted][:1]
     chosen += [i for i, group in enumerate(groups) if group == "sensors"][: 3 - len(chosen)]
     chosen += [i for i, group in enumerate(groups) if group == "energy"][: 3 - len(chosen)]
-    return chosen
+    return chosen or ([i for i, group in enumerate(groups) if group == "coordinates"][:3] if given(result) else [])
 
 
 def loads_open(result: ResultView, name: str) -> list[bool]:

@@ -235,7 +235,8 @@ class Panel {
       : names.length ? `Independent: ${names.slice(0, most).join(", ")}${rest} (${names.length} of ${velocities.length})`
         : drives.length ? "No independent coordinate: the motion is prescribed."
           : warning ? "The drawing does not assemble: no coordinates are chosen."
-            : "No independent coordinate: nothing can move.";
+            : this.run.scene.given ? "The motion is given: no coordinate is independent."
+              : "No independent coordinate: nothing can move.";
   }
 
   /** Set the bars that can be seen; a chain of a thousand loops has thousands. */

@@ -64,6 +64,7 @@ function strokesOf(points, times, least) {
     stroke.push({ p: points[i], t: times[i] });
     if (i + 1 === n || !whole[i + 1]) continue;
     const first = i > 0 && whole[i - 1], last = i + 2 < n && whole[i + 2], turn = Math.max(turns[i], turns[i + 1]);
+    if (!first && !last) { flush(); continue; } // of two outputs alone nothing between is known
     if (Math.cos(first && last ? Math.min(turns[i], turns[i + 1]) : turn) < FARTHEST) { flush(); continue; }
     if (!first || !last) continue;
     const h = times[i + 1] - times[i], pieces = Math.min(12, Math.ceil(turn / FINEST));

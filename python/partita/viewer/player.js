@@ -10,7 +10,7 @@ const plots = new Plots(run, rate, (t) => { play(false); show(run.frameAt(t)); }
 const panel = new Panel(run, (t) => show(run.frameAt(t)));
 
 const duration = run.t[run.frames - 1] - run.t[0];
-let frame = 0, playing = false, instant = run.t[0], before = 0, speed = 1, waiting = false;
+let frame = 0, playing = false, instant = run.t[0], before = 0, speed = 1, waiting = false, ticking = 0;
 
 /** Draw soon, once, however often asked. */
 function redraw() {
@@ -32,6 +32,7 @@ function show(wanted, time) {
   byId("slider").setAttribute("aria-valuetext", `t = ${short(run.t[output])} s`);
   byId("clock").textContent = `t = ${run.timeOf(frame).toFixed(decimals)} s`;
   panel.show(output);
+  plots.frame = frame; // keys count from here, drawn yet or not
   redraw();
 }
 
@@ -42,14 +43,15 @@ const decimals = duration > 0 ? Math.max(2, Math.min(9, Math.ceil(-Math.log10(du
 
 function play(on) {
   playing = on && run.frames > 1;
-  byId("play").textContent = playing ? "❚❚ Pause" : "▶ Play";
+  cancelAnimationFrame(ticking); // one that was asked for before would go on beside the next
+  byId("start").textContent = playing ? "❚❚ Pause" : "▶ Play";
   if (!playing) {
     if (!Number.isInteger(frame)) show(Math.round(frame)); // at rest a computed output is shown
     return;
   }
   if (frame === run.frames - 1) show(0);
   before = performance.now();
-  requestAnimationFrame(tick);
+  ticking = requestAnimationFrame(tick);
 }
 
 function tick(now) {
@@ -67,7 +69,7 @@ function tick(now) {
     }
   }
   show(run.instantAt(instant), instant);
-  requestAnimationFrame(tick);
+  ticking = requestAnimationFrame(tick);
 }
 
 function fillSpeeds() {
@@ -134,14 +136,19 @@ function bindTools() {
   byId("follow").checked = scene.options.follow;
   byId("follow").parentElement.hidden = !scene.near;
   byId("follow").addEventListener("change", (e) => { scene.options.follow = e.target.checked; scene.resetView(); redraw(); });
-  byId("loads").parentElement.hidden = !run.scene.loads.length;
+  // What there is nothing of is not offered.
+  const some = {
+    traces: run.frames > 1, forces: scene.forceUnit > 0, moments: scene.momentUnit > 0, loads: run.scene.loads.length > 0,
+  };
+  for (const name of Object.keys(some)) byId(name).parentElement.hidden = !some[name];
+  byId("arrows").parentElement.hidden = !(some.forces || some.moments || some.loads);
   byId("arrows").addEventListener("input", (e) => {
     scene.options.arrows = 10 ** (Number(e.target.value) / 1.5);
     redraw();
   });
   byId("reset").addEventListener("click", () => { scene.resetView(); redraw(); });
   byId("lens").addEventListener("click", () => setLens(!scene.camera.parallel));
-  byId("play").addEventListener("click", () => play(!playing));
+  byId("start").addEventListener("click", () => play(!playing));
   byId("slider").addEventListener("input", (e) => show(Number(e.target.value)));
   byId("slider").addEventListener("pointerdown", () => play(false));
 }
@@ -265,7 +272,7 @@ function start() {
   }
   byId("note").textContent = notes.join(" ");
   byId("slider").max = Math.max(0, run.frames - 1);
-  byId("slider").disabled = byId("play").disabled = run.frames < 2;
+  byId("slider").disabled = byId("start").disabled = run.frames < 2;
   document.querySelector("footer").hidden = run.frames < 2 && !notes.length; // one position has no time
   const bare = /[?&]bare\b/.test(location.search);
   document.documentElement.classList.toggle("bare", bare);
@@ -284,6 +291,7 @@ function start() {
   new ResizeObserver(resized).observe(canvas);
   findCovered();
   // A page opened as run.html#t=1.5 begins there; with #play it begins to move; as run.html?bare it is the drawing alone.
+  // No element has the id "play": a browser would scroll to it, and pages around this one with it.
   const at = /[#&]t=([0-9.eE+-]+)/.exec(location.hash);
   show(at ? run.frameAt(Number(at[1])) : 0);
   if (/[#&]play\b/.test(location.hash) && !window.matchMedia("(prefers-reduced-motion: reduce)").matches) play(true);

@@ -240,9 +240,11 @@ def strokes_of(points: FloatArray, t: FloatArray, least: float) -> list[FloatArr
         stroke.append(points[i])
         if i + 1 == n or not whole[i + 1]:
             continue
-        inner = 0 < i < n - 2 and bool(whole[i - 1] and whole[i + 2])
+        first, last = i > 0 and bool(whole[i - 1]), i < n - 2 and bool(whole[i + 2])
+        inner = first and last
         most = max(turns[i], turns[i + 1])
-        if (min(turns[i], turns[i + 1]) if inner else most) > FARTHEST:
+        alone = not (first or last)  # of two outputs alone nothing between is known
+        if alone or (min(turns[i], turns[i + 1]) if inner else most) > FARTHEST:
             flush()
         elif inner:
             h, pieces = t[i + 1] - t[i], min(12, int(np.ceil(most / FINEST)))

@@ -48,13 +48,17 @@ class Scene {
     const { run } = this, tips = [], step = Math.max(1, Math.ceil((run.frames * run.scene.joints.length) / 5000));
     for (let f = 0; f < run.frames && this.forceUnit > 0; f += step) {
       run.scene.joints.forEach((joint, j) => {
-        const point = run.jointPoint(f, j), force = run.tables.force.vector(f, j), size = length(force);
-        if (!isFinite3(point) || !isFinite3(force) || !(size > 0)) return;
-        const l = Math.min(MOST_ARROW, size / this.forceUnit) * this.arrowSpan;
-        tips.push(add(point, scaled(force, l / size)));
+        tips.push(this.tipOf(run.jointPoint(f, j), run.tables.force.vector(f, j)));
       });
     }
-    return tips;
+    return tips.filter(Boolean);
+  }
+
+  /** End of the arrow of a force; null where there is none. */
+  tipOf(point, force) {
+    const size = length(force);
+    if (!isFinite3(point) || !isFinite3(force) || !(size > 0) || !(this.forceUnit > 0)) return null;
+    return add(point, scaled(force, (Math.min(MOST_ARROW, size / this.forceUnit) * this.arrowSpan) / size));
   }
 
   /** Lowest points of supports, which are upright in the picture. */
@@ -71,11 +75,8 @@ class Scene {
   }
 
   resize() {
-    const box = this.canvas.getBoundingClientRect(), first = this.camera.width === 1;
-    this.ratio = window.devicePixelRatio || 1;
-    this.canvas.width = Math.max(1, Math.round(box.width * this.ratio));
-    this.canvas.height = Math.max(1, Math.round(box.height * this.ratio));
-    this.camera.resize(Math.max(1, box.width), Math.max(1, box.height));
+    const first = this.camera.width === 1;
+    this.ratio = this.camera.fillBox(this.canvas);
     if (first) this.resetView();
   }
 

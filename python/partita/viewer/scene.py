@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..result_view import FEW, ResultView, turn_between_outputs
+from ..result_view import FEW, ResultView, given, turn_between_outputs
 from .couplings import Pictures, pictures
 from .curves import curves, efforts, loads_open
 from .geometry import outline, plane_normal, solid_of, view
@@ -93,6 +93,7 @@ def describe(
         "velocities": list(result.names.velocities),
         "drives": efforts(result)[0],
         "apart": _apart(result),
+        "given": given(result),
         "switches": switches,
         "switchCount": len(switches),
         "curves": drawn,
@@ -138,7 +139,7 @@ def _tables(result: ResultView, motion: Motion) -> dict[str, FloatArray]:
         "measure": np.asarray(result.measure, dtype=float).reshape(nt, -1),
     }
     tables |= {"closure": result.closure, "sigma": result.sigma, "sqrt_mu": result.sqrt_mu}
-    if result.has_energy:
+    if result.has_energy and not given(result):
         energy = result.energy
         tables |= {"kinetic": energy.kinetic, "potential": energy.potential, "energy": energy.total}
     return {name: table.reshape(nt, -1) for name, table in tables.items()}

@@ -83,6 +83,7 @@ function drawCouplings(scene, painter, frame) {
     if (line.includes(null)) continue;
     const z = line.reduce((sum, p) => sum + p.z, 0) / line.length;
     if (closed) line.push(line[0]);
+    if (look === "belt") line.slice(1).forEach((p, i) => painter.drawnRods.push([line[i], p, 4])); // no words on it
     painter.push(z + back, () => {
       if (look === "cam") painter.polygon(line, closed ? scene.colourOf(body) : null, COLOURS.edge, 1.2);
       else painter.line(line, look === "belt" ? COLOURS.spring : shade(scene.colourOf(body), -0.3), look === "belt" ? 3.2 : 2);
