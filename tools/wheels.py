@@ -29,6 +29,8 @@ import zipfile
 from pathlib import Path
 from typing import Any
 
+import zipping
+
 ROOT = Path(__file__).resolve().parents[1]
 LARGEST = 8e6
 """Bytes of a wheel: five sixths are the module."""
@@ -151,8 +153,9 @@ def repack(wheel: Path, address: str, library: Path, whole: bool = False) -> Non
             added[f"{FMU}/{library.name}"] = binary
         else:
             added[f"{FMU}/{library.name}.delta"] = difference(old.read(module), binary)
-    with zipfile.ZipFile(wheel) as old, zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as new:
-        record, rows = "", ""
+    with zipfile.ZipFile(wheel) as old:
+        record: zipfile.ZipInfo | None = None
+        rows, files = "", list[tuple[zipfile.ZipInfo, bytes]]()
         kept = [item for item in old.infolist() if not item.filename.startswith(f"{FMU}/")]
         about = next(i for i, item in enumerate(kept) if ".dist-info/" in item.filename)
         for name in reversed(added):
@@ -169,13 +172,14 @@ def repack(wheel: Path, address: str, library: Path, whole: bool = False) -> Non
             elif "/sboms/" in item.filename:  # the list of crates names ours by their folders
                 data = data.replace(ROOT.as_posix().encode(), b"partita")
             elif item.filename.endswith(".dist-info/RECORD"):
-                record = item.filename
+                record = item
                 continue
             digest = base64.urlsafe_b64encode(hashlib.sha256(data).digest()).rstrip(b"=").decode()
-            item.compress_type = zipfile.ZIP_DEFLATED
-            new.writestr(item, data, compresslevel=9)
+            files.append((item, data))
             rows += f"{item.filename},sha256={digest},{len(data)}\n"
-        new.writestr(record, f"{rows}{record},,\n")
+        assert record is not None
+    files.append((record, f"{rows}{record.filename},,\n".encode()))
+    zipping.write(packed, files, zipping.by_zlib if whole else zipping.by_libdeflate)
     packed.replace(wheel)
 
 

@@ -24,6 +24,7 @@ ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "tools"))
 import install_check  # noqa: E402
 import wheels  # noqa: E402
+import zipping  # noqa: E402
 
 SYSTEMS = {f"{system}-{kind}" for system in ("linux", "musl", "macos", "windows") for kind in ("x86_64", "aarch64")}
 
@@ -179,6 +180,7 @@ def test_what_is_in_a_wheel_is_looked_at(
     binary = tmp_path / "libpartita_fmu.so"
     binary.write_bytes(b"x\0GLIBC_2.17\0 and more")
     monkeypatch.setattr(wheels, "difference", lambda module, library: difference(library, module))
+    monkeypatch.setattr(zipping, "by_libdeflate", zipping.by_zlib)
     wheels.repack(path, "https://example.org/partita", binary)
     assert wheels.opened(path)[f"{wheels.FMU}/{binary.name}"] == binary.read_bytes()
     assert wheels.main(["--check", str(tmp_path)]) == 0
@@ -199,6 +201,24 @@ def test_what_is_in_a_wheel_is_looked_at(
     assert path.stat().st_size > wheels.LARGEST and wheels.size(path) == wheels.contents(path) == []
     with pytest.raises(SystemExit, match="there is no wheel"):
         wheels.main(["--check", str(tmp_path / "none")])
+
+
+def test_an_archive_that_is_packed_closely_is_read_by_any_reader(tmp_path: Path) -> None:
+    path, when = tmp_path / "a.zip", (2026, 11, 27, 23, 59, 58)
+    files = {
+        "a/empty": b"",
+        "a/short": b"x",
+        "a/long \u00e4": b"abc" * 5000,
+        "a/noise": random.Random(1).randbytes(9000),
+    }
+    items = [(zipfile.ZipInfo(name, when), data) for name, data in files.items()]
+    for item, _ in items:
+        item.external_attr = 0o100755 << 16
+    zipping.write(path, items, zipping.by_zlib)
+    with zipfile.ZipFile(path) as archive:
+        assert archive.testzip() is None and {name: archive.read(name) for name in archive.namelist()} == files
+        assert {(x.date_time, x.external_attr) for x in archive.infolist()} == {(when, 0o100755 << 16)}
+        assert archive.getinfo("a/long \u00e4").compress_size < 100 and archive.getinfo("a/noise").compress_size == 9000
 
 
 def test_a_difference_gives_the_file_it_was_taken_from() -> None:
