@@ -8,7 +8,7 @@ python tools/wheels.py --whole              the binary inside FMUs as it is, for
 python tools/wheels.py --check FILE|FOLDER  build nothing, look at what is there
 
 The wheel holds the module, the binary inside FMUs, the package's files and nothing else; no folder of this machine
-stands in it; its binaries need no newer system than its name says; it is smaller than 8 MB. The binary inside FMUs is
+stands in it; its binaries need no newer system than its name says; it is smaller than 9.5 MB. The binary inside FMUs is
 stored as its difference to the module, whose code it shares. `tools/install_check.py` then installs and uses it.
 """
 
@@ -32,7 +32,7 @@ from typing import Any
 import zipping
 
 ROOT = Path(__file__).resolve().parents[1]
-LARGEST = 8e6
+LARGEST = 9.5e6
 """Bytes of a wheel: five sixths are the module."""
 FMU = "partita/_fmu"
 GLIBC = "2_28"

@@ -149,7 +149,7 @@ def test_what_is_in_a_wheel_is_looked_at(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     module, library = "partita/_core.abi3.so", f"{wheels.FMU}/libpartita_fmu.so.delta"
-    big = bytes(8_500_000)
+    big = bytes(9_600_000)
     cases: list[tuple[Callable[[dict[str, bytes]], Any], str]] = [
         (lambda files: files.pop("partita/py.typed"), "it lacks partita/py.typed"),
         (lambda files: files.pop(library), "it has 0 of the binary inside FMUs"),
@@ -165,7 +165,7 @@ def test_what_is_in_a_wheel_is_looked_at(
             "needs glibc 2.34, the wheel says 2.28",
         ),
         (lambda files: files.update({module: b"signed"}), "delta is not a difference to its module"),
-        (lambda files: files.update({module: big, library: difference(b"", big)}), "it has 8."),
+        (lambda files: files.update({module: big, library: difference(b"", big)}), "it has 9."),
     ]
     for change, wanted in cases:
         path = packed(tmp_path, change)
