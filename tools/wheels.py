@@ -107,7 +107,7 @@ def linker(folder: Path, programs: Path, triple: str) -> Path:
     path = folder / "linkers" / f"{system}.sh"
     path.parent.mkdir(parents=True, exist_ok=True)
     command = f'"{programs / "cargo-zigbuild"}" zig cc -- -fno-sanitize=all -target {system} "$@"'
-    path.write_text(f"#!/bin/sh\nexec {command}\n", "utf-8")
+    path.write_text(f'#!/bin/sh\nPATH="{programs}:$PATH" exec {command}\n', "utf-8")
     path.chmod(0o755)
     return path
 
