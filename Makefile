@@ -6,7 +6,7 @@ TOOLS := .venv/.tools
 BUILT := .venv/.built
 FMU := .venv/.fmu
 SITE := .venv/.site
-ZIG := .venv/.zig
+PACKING := .venv/.packing
 
 # Everything that the native module is made of.
 RUST := Cargo.toml Cargo.lock $(shell find crates -name '*.rs' -o -name 'Cargo.toml')
@@ -119,7 +119,7 @@ package-errors: $(BUILT)
 	$(BIN)/python tools/deliberate_errors.py --package $(ONLY)
 
 ## install-check: wheel, source archive and folder, each installed into an empty environment and used there; minutes
-install-check: $(BUILT)
+install-check: $(PACKING)
 	$(BIN)/python tools/install_check.py
 
 ## peers: other programs for `make bench`, each in an environment of its own in out/peers
@@ -130,17 +130,15 @@ peers:
 	  out/peers/$$peer/bin/python -m pip install --quiet --only-binary=:all: --requirement benches/peers/$$peer.txt || exit 1; \
 	done
 
-# On Linux the wheel is linked for an older system than this one, by zig.
-ZIG_HERE := $(if $(filter Linux,$(shell uname -s)),$(ZIG))
-
-$(ZIG): $(TOOLS) constraints-wheels.txt
+# What wheels are made with. On Linux they are linked for an older system than this one, by zig.
+$(PACKING): $(TOOLS) constraints-wheels.txt
 	$(BIN)/python -m pip install --quiet --no-compile --only-binary=:all: --requirement constraints-wheels.txt
 	@touch $@
 
-## wheels: the wheel of this machine in dist/: its contents looked at, then installed and used in an empty environment of every Python that is here
+## wheels: the wheel of this machine in dist/: its contents and size looked at, then installed and used in an empty environment of every Python that is here
 .PHONY: wheels
-wheels: $(TOOLS) $(ZIG_HERE)
-	$(BIN)/python tools/wheels.py $(if $(ZIG_HERE),--zig)
+wheels: $(PACKING)
+	$(BIN)/python tools/wheels.py $(if $(filter Linux,$(shell uname -s)),--zig)
 	$(BIN)/python tools/install_check.py dist
 
 ## bench: measured costs against their limits

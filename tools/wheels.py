@@ -4,37 +4,43 @@ python tools/wheels.py                      the wheel for this system, from its 
 python tools/wheels.py --zig                for Linux with glibc 2.28 or newer, whatever this machine has
 python tools/wheels.py --target TRIPLE      for another system; its Rust target must be installed
 python tools/wheels.py --address URL        links of the front page lead into this repository, at the tag of the version
+python tools/wheels.py --whole              the binary inside FMUs as it is, for tools that rewrite the module
 python tools/wheels.py --check FILE|FOLDER  build nothing, look at what is there
 
 The wheel holds the module, the binary inside FMUs, the package's files and nothing else; no folder of this machine
-stands in it; its binaries need no newer system than its name says; it is smaller than 11 MB. `tools/install_check.py`
-then installs and uses it.
+stands in it; its binaries need no newer system than its name says; it is smaller than 9.5 MB. The binary inside FMUs is
+stored as its difference to the module, whose code it shares. `tools/install_check.py` then installs and uses it.
 """
 
 from __future__ import annotations
 
 import argparse
 import base64
+import contextlib
 import hashlib
+import importlib.util
 import lzma
 import os
 import platform
 import re
-import shutil
 import subprocess
 import sys
 import zipfile
 from pathlib import Path
+from typing import Any
+
+import zipping
 
 ROOT = Path(__file__).resolve().parents[1]
-LARGEST = 11e6
-"""Bytes of a wheel: two thirds are the module, a quarter is the binary inside FMUs."""
+LARGEST = 9.5e6
+"""Bytes of a wheel: five sixths are the module."""
 FMU = "partita/_fmu"
 GLIBC = "2_28"
 """Oldest glibc of the wheels for Linux, of 2018: that of NumPy's and SciPy's."""
 MUSL = "1_2"
 LICENCES = ("LICENSE-APACHE", "LICENSE-MIT")
 LIBRARIES = {"libpartita_fmu.so", "libpartita_fmu.dylib", "partita_fmu.dll"}
+DELTAS = {f"{name}.delta" for name in LIBRARIES}
 MODULES = re.compile(r"partita/_core(\.abi3)?(\.[\w-]+)?\.(so|pyd)")
 LINK = re.compile(r"(!?)\[((?:[^\[\]]|\[[^\]]*\])*)\]\((?!https?:|#)([^)\s]+)\)")
 """Links of Markdown to files beside it."""
@@ -47,13 +53,14 @@ def main(given: list[str]) -> int:
     parser.add_argument("--zig", action="store_true", help="link with zig, for an older glibc, or for musl")
     parser.add_argument("--interpreter", help="build for this Python alone, as one without a lock needs")
     parser.add_argument("--address", default="", help="address of the repository")
+    parser.add_argument("--whole", action="store_true", help="store the binary inside FMUs as it is")
     parser.add_argument("--out", type=Path, default=ROOT / "dist")
     parser.add_argument("--check", type=Path, help="a wheel, or a folder of wheels")
     asked = parser.parse_args(given)
     if asked.check is None:
-        wheels = [build(asked.target, asked.zig, asked.interpreter, asked.out)]
-        for wheel in wheels:
-            repack(wheel, asked.address)
+        wheel, library = build(asked.target, asked.zig, asked.interpreter, asked.out)
+        repack(wheel, asked.address, library, asked.whole)
+        wheels = [wheel]
     else:
         wheels = [asked.check] if asked.check.is_file() else sorted(asked.check.glob("*.whl"))
         if not wheels:
@@ -66,8 +73,8 @@ def main(given: list[str]) -> int:
     return 0
 
 
-def build(target: str | None, zig: bool, interpreter: str | None, out: Path) -> Path:
-    """The binary inside FMUs, put where the wheel takes it from, and then the wheel."""
+def build(target: str | None, zig: bool, interpreter: str | None, out: Path) -> tuple[Path, Path]:
+    """The wheel as maturin makes it, and the binary inside FMUs, for which most of the core is not compiled again."""
     programs = Path(sys.executable).parent
     folder = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
     environment = {**os.environ, "RUSTFLAGS": flags(target), "PATH": f"{programs}{os.pathsep}{os.environ['PATH']}"}
@@ -76,28 +83,33 @@ def build(target: str | None, zig: bool, interpreter: str | None, out: Path) -> 
         target = target or f"{platform.machine()}-unknown-linux-gnu"
         if not target.endswith("musl"):
             triple, tag = f"{target}.{GLIBC.replace('_', '.')}", f"manylinux_{GLIBC}"
-    command = ["cargo", "zigbuild" if zig else "build", "--profile", "wheel", "--locked", "-p", "partita-fmu"]
-    run([*command, *(["--target", str(triple)] if triple else [])], environment)
-    made = folder / (target or "") / "wheel"
-    put = ROOT / "python" / FMU
-    shutil.rmtree(put, ignore_errors=True)
-    put.mkdir()
-    for path in (made / name for name in LIBRARIES):
-        if path.is_file():
-            packed = lzma.compress(path.read_bytes(), preset=9 | lzma.PRESET_EXTREME)
-            (put / f"{path.name}.xz").write_bytes(packed)
-    for name in LICENCES:
-        shutil.copy(ROOT / name, put)
-    before = set(out.glob("*.whl"))
-    for path in before:
+        variable = f"CARGO_TARGET_{target.upper().replace('-', '_')}_LINKER"
+        environment[variable] = str(linker(folder, programs, str(triple or target)))
+    for path in out.glob("*.whl"):
         path.unlink()
     command = [str(programs / "maturin"), "build", "--profile", "wheel", "--locked", "--out", str(out)]
     command += ["--target", target] if target else []
     command += ["--zig", "--compatibility", tag] if zig else []
     command += ["--interpreter", interpreter] if interpreter is not None else []
     run(command, environment)
+    # asked for by way of its test, cargo takes the core of the module; asked for alone, one with fewer features
+    command = ["cargo", "zigbuild" if zig else "build", "--profile", "wheel", "--locked", "--workspace"]
+    run([*command, "--test", "fmu_wall", *(["--target", str(triple)] if triple else [])], environment)
+    made = folder / (target or "") / "wheel" / "deps"
+    (library,) = (made / name for name in LIBRARIES if (made / name).is_file())
     (wheel,) = out.glob("*.whl")
-    return wheel
+    return wheel, library
+
+
+def linker(folder: Path, programs: Path, triple: str) -> Path:
+    """One linker for both builds: cargo compiles everything again where the path of the linker is another one."""
+    system = triple.replace("-unknown-", "-")
+    path = folder / "linkers" / f"{system}.sh"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    command = f'"{programs / "cargo-zigbuild"}" zig cc -- -fno-sanitize=all -target {system} "$@"'
+    path.write_text(f'#!/bin/sh\nPATH="{programs}:$PATH" exec {command}\n', "utf-8")
+    path.chmod(0o755)
+    return path
 
 
 def flags(target: str | None) -> str:
@@ -129,13 +141,28 @@ def package_page(text: str, address: str, version: str) -> str:
     return LINK.sub(absolute, text)
 
 
-def repack(wheel: Path, address: str) -> None:
-    """The same wheel with the front page of a package, the addresses of the project, and its files packed closely."""
+def repack(wheel: Path, address: str, library: Path, whole: bool = False) -> None:
+    """The same wheel with the front page of a package, the addresses of the project, the binary inside FMUs as it is
+    or as its difference to the module, and its files packed closely."""
     packed = wheel.with_suffix(".new")
-    with zipfile.ZipFile(wheel) as old, zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as new:
-        record, rows = "", ""
-        for item in old.infolist():
-            data = old.read(item)
+    added = {f"{FMU}/{name}": (ROOT / name).read_bytes() for name in LICENCES}
+    with zipfile.ZipFile(wheel) as old:
+        (module,) = (name for name in old.namelist() if MODULES.fullmatch(name))
+        binary = library.read_bytes()
+        if whole:
+            added[f"{FMU}/{library.name}"] = binary
+        else:
+            added[f"{FMU}/{library.name}.delta"] = difference(old.read(module), binary)
+    with zipfile.ZipFile(wheel) as old:
+        record: zipfile.ZipInfo | None = None
+        rows, files = "", list[tuple[zipfile.ZipInfo, bytes]]()
+        kept = [item for item in old.infolist() if not item.filename.startswith(f"{FMU}/")]
+        about = next(i for i, item in enumerate(kept) if ".dist-info/" in item.filename)
+        for name in reversed(added):
+            kept.insert(about, zipfile.ZipInfo(name, kept[0].date_time))
+            kept[about].external_attr = kept[0].external_attr
+        for item in kept:
+            data = added[item.filename] if item.filename in added else old.read(item)
             if item.filename.endswith(".dist-info/METADATA"):
                 head, _, page = data.decode("utf-8").partition("\n\n")
                 version = re.search(r"^Version: (.*)$", head, flags=re.MULTILINE)
@@ -145,14 +172,32 @@ def repack(wheel: Path, address: str) -> None:
             elif "/sboms/" in item.filename:  # the list of crates names ours by their folders
                 data = data.replace(ROOT.as_posix().encode(), b"partita")
             elif item.filename.endswith(".dist-info/RECORD"):
-                record = item.filename
+                record = item
                 continue
             digest = base64.urlsafe_b64encode(hashlib.sha256(data).digest()).rstrip(b"=").decode()
-            item.compress_type = zipfile.ZIP_DEFLATED
-            new.writestr(item, data, compresslevel=9)
+            files.append((item, data))
             rows += f"{item.filename},sha256={digest},{len(data)}\n"
-        new.writestr(record, f"{rows}{record},,\n")
+        assert record is not None
+    files.append((record, f"{rows}{record.filename},,\n".encode()))
+    zipping.write(packed, files, zipping.by_zlib if whole else zipping.by_libdeflate)
     packed.replace(wheel)
+
+
+def difference(module: bytes, library: bytes) -> bytes:
+    """What is stored of the binary inside FMUs: its difference to the module, compressed."""
+    from bsdiff4 import core  # of constraints-wheels.txt
+
+    stored = delta().stored(module, library, *core.diff(module, library))
+    return lzma.compress(stored, preset=9 | lzma.PRESET_EXTREME)
+
+
+def delta() -> Any:
+    """The module of the package that applies differences, without the package, which is not installed here."""
+    known = importlib.util.spec_from_file_location("delta", ROOT / "python" / "partita" / "io" / "delta.py")
+    assert known is not None and known.loader is not None
+    module = importlib.util.module_from_spec(known)
+    known.loader.exec_module(module)
+    return module
 
 
 def urls(address: str, version: str) -> dict[str, str]:
@@ -169,8 +214,10 @@ def urls(address: str, version: str) -> dict[str, str]:
 
 
 def size(wheel: Path) -> list[str]:
-    """What is wrong with its size."""
-    found = wheel.stat().st_size
+    """What is wrong with its size; the binary inside FMUs does not count where it is stored as it is."""
+    with zipfile.ZipFile(wheel) as archive:
+        whole = [x.compress_size for x in archive.infolist() if x.filename.removeprefix(f"{FMU}/") in LIBRARIES]
+    found = wheel.stat().st_size - sum(whole)
     return [f"it has {found / 1e6:.2f} MB; {LARGEST / 1e6:g} MB are the most"] if found >= LARGEST else []
 
 
@@ -193,7 +240,7 @@ def contents(wheel: Path) -> list[str]:
         there = {name for name in archive.namelist() if ".dist-info/" not in name}
         about = {name.partition(".dist-info/")[2] for name in archive.namelist()} - {""}
     module = {name for name in there if MODULES.fullmatch(name)}
-    library = {name for name in there if name in {f"{FMU}/{file}.xz" for file in LIBRARIES}}
+    library = {name for name in there if name in {f"{FMU}/{file}" for file in LIBRARIES | DELTAS}}
     found = [f"it lacks {name}" for name in sorted(wanted - there)]
     found += [f"it holds {name}" for name in sorted(there - wanted - module - library)]
     for what, group in (("the module", module), ("the binary inside FMUs", library)):
@@ -203,10 +250,21 @@ def contents(wheel: Path) -> list[str]:
 
 
 def opened(wheel: Path) -> dict[str, bytes]:
-    """All its files by name, what is compressed among them unpacked."""
+    """All its files by name, the binary inside FMUs as it will be in them if it can be restored."""
     with zipfile.ZipFile(wheel) as archive:
         files = {name: archive.read(name) for name in archive.namelist()}
-    return {name.removesuffix(".xz"): lzma.decompress(x) if name.endswith(".xz") else x for name, x in files.items()}
+    module = next((data for name, data in files.items() if MODULES.fullmatch(name)), b"")
+    for name in [name for name in files if name.removeprefix(f"{FMU}/") in DELTAS]:
+        with contextlib.suppress(ValueError):
+            files[name.removesuffix(".delta")] = delta().applied(module, lzma.decompress(files[name]))
+            del files[name]
+    return files
+
+
+def restored(wheel: Path) -> list[str]:
+    """Differences that are not to the module beside them."""
+    left = DELTAS & {name.removeprefix(f"{FMU}/") for name in opened(wheel)}
+    return [f"its {name} is not a difference to its module" for name in sorted(left)]
 
 
 def folders(wheel: Path) -> list[str]:
@@ -244,7 +302,7 @@ def links(wheel: Path) -> list[str]:
     return [f"its page links to {path}, which is not beside it" for _, _, path in LINK.findall(page)]
 
 
-LOOKS = (size, contents, folders, newest_glibc, links)
+LOOKS = (size, contents, restored, folders, newest_glibc, links)
 """What is looked at: each says what is wrong."""
 
 if __name__ == "__main__":

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import lzma
+import random
 import re
 import subprocess
 import sys
@@ -17,12 +18,13 @@ import pytest
 
 import partita as pt
 from partita.cli import main
-from partita.io import fmu
+from partita.io import delta, fmu
 
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "tools"))
 import install_check  # noqa: E402
 import wheels  # noqa: E402
+import zipping  # noqa: E402
 
 SYSTEMS = {f"{system}-{kind}" for system in ("linux", "musl", "macos", "windows") for kind in ("x86_64", "aarch64")}
 
@@ -125,14 +127,23 @@ def test_the_page_of_the_package_has_no_link_to_a_file_beside_it() -> None:
 METADATA = "Metadata-Version: 2.4\nName: partita\nVersion: 0.1.0\n\n# Partita\n\n![a](docs/a.svg) [b](docs/b.md)\n"
 
 
+MODULE = b"x\0GLIBC_2.28\0y"
+
+
+def difference(library: bytes, module: bytes = MODULE) -> bytes:
+    """As a wheel stores it, with everything new."""
+    control = delta.ROW.pack(0, len(library), 0)
+    return lzma.compress(delta.stored(module, library, control, b"", library))
+
+
 def packed(folder: Path, change: Callable[[dict[str, bytes]], None] = lambda files: None, tag: str = "2_28") -> Path:
     """A wheel whose files are all there and empty but for the module, changed."""
     about = "partita-0.1.0.dist-info"
     files = dict.fromkeys(wheels.sources(), b"")
-    files |= {f"{wheels.FMU}/{name}": b"" for name in ("libpartita_fmu.so.xz", *wheels.LICENCES)}
+    files |= {f"{wheels.FMU}/{name}": b"" for name in ("libpartita_fmu.so.delta", *wheels.LICENCES)}
     files |= {
-        "partita/_core.abi3.so": b"x\0GLIBC_2.28\0y",
-        f"{wheels.FMU}/libpartita_fmu.so.xz": lzma.compress(b"x\0GLIBC_2.17\0"),
+        "partita/_core.abi3.so": MODULE,
+        f"{wheels.FMU}/libpartita_fmu.so.delta": difference(b"x\0GLIBC_2.17\0"),
     }
     files |= {f"{about}/METADATA": METADATA.encode(), f"{about}/WHEEL": b"", f"{about}/RECORD": b""}
     change(files)
@@ -143,20 +154,27 @@ def packed(folder: Path, change: Callable[[dict[str, bytes]], None] = lambda fil
     return path
 
 
-def test_what_is_in_a_wheel_is_looked_at(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    module, library = "partita/_core.abi3.so", f"{wheels.FMU}/libpartita_fmu.so.xz"
+def test_what_is_in_a_wheel_is_looked_at(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module, library = "partita/_core.abi3.so", f"{wheels.FMU}/libpartita_fmu.so.delta"
+    big = bytes(9_600_000)
     cases: list[tuple[Callable[[dict[str, bytes]], Any], str]] = [
         (lambda files: files.pop("partita/py.typed"), "it lacks partita/py.typed"),
         (lambda files: files.pop(library), "it has 0 of the binary inside FMUs"),
         (lambda files: files.pop(module), "it has 0 of the module"),
         (lambda files: files.update({"partita/_core.cp314t.so": b"\0GLIBC_2.5\0"}), "it has 2 of the module"),
         (lambda files: files.update({"tests/test_x.py": b""}), "it holds tests/test_x.py"),
-        (lambda files: files.update({module: f"\0GLIBC_2.5\0{ROOT}/crates".encode()}), f"holds the folder {ROOT}"),
         (
-            lambda files: files.update({library: lzma.compress(b"\0GLIBC_2.34\0")}),
+            lambda files: files.update({library: difference(f"\0GLIBC_2.5\0{ROOT}/crates".encode())}),
+            f"libpartita_fmu.so holds the folder {ROOT}",
+        ),
+        (
+            lambda files: files.update({library: difference(b"\0GLIBC_2.34\0")}),
             "needs glibc 2.34, the wheel says 2.28",
         ),
-        (lambda files: files.update({module: b"\0GLIBC_2.5\0" + bytes(12_000_000)}), "it has 12."),
+        (lambda files: files.update({module: b"signed"}), "delta is not a difference to its module"),
+        (lambda files: files.update({module: big, library: difference(b"", big)}), "it has 9."),
     ]
     for change, wanted in cases:
         path = packed(tmp_path, change)
@@ -168,7 +186,12 @@ def test_what_is_in_a_wheel_is_looked_at(tmp_path: Path, capsys: pytest.CaptureF
     crates = {"partita-0.1.0.dist-info/sboms/partita.json": f'"path+file://{ROOT.as_posix()}/crates/partita"'.encode()}
     path = packed(tmp_path, lambda files: files.update(crates))
     assert any("holds the folder" in word for word in wheels.folders(path))
-    wheels.repack(path, "https://example.org/partita")
+    binary = tmp_path / "libpartita_fmu.so"
+    binary.write_bytes(b"x\0GLIBC_2.17\0 and more")
+    monkeypatch.setattr(wheels, "difference", lambda module, library: difference(library, module))
+    monkeypatch.setattr(zipping, "by_libdeflate", zipping.by_zlib)
+    wheels.repack(path, "https://example.org/partita", binary)
+    assert wheels.opened(path)[f"{wheels.FMU}/{binary.name}"] == binary.read_bytes()
     assert wheels.main(["--check", str(tmp_path)]) == 0
     with zipfile.ZipFile(path) as archive:
         page = archive.read("partita-0.1.0.dist-info/METADATA").decode()
@@ -180,18 +203,68 @@ def test_what_is_in_a_wheel_is_looked_at(tmp_path: Path, capsys: pytest.CaptureF
             data = archive.read(name)
             wanted = base64.urlsafe_b64encode(hashlib.sha256(data).digest()).decode().rstrip("=")
             assert digest == f"sha256={wanted}" and int(length) == len(data)
+    binary.write_bytes(b"\0GLIBC_2.17\0" + random.Random(0).randbytes(20_000))
+    monkeypatch.setattr(wheels, "LARGEST", path.stat().st_size + 10_000)
+    wheels.repack(path, "", binary, whole=True)
+    assert wheels.opened(path)[f"{wheels.FMU}/{binary.name}"] == binary.read_bytes()
+    assert path.stat().st_size > wheels.LARGEST and wheels.size(path) == wheels.contents(path) == []
     with pytest.raises(SystemExit, match="there is no wheel"):
         wheels.main(["--check", str(tmp_path / "none")])
 
 
-def test_the_binary_of_a_wheel_is_unpacked_for_an_fmu(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_archive_that_is_packed_closely_is_read_by_any_reader(tmp_path: Path) -> None:
+    path, when = tmp_path / "a.zip", (2026, 11, 27, 23, 59, 58)
+    files = {
+        "a/empty": b"",
+        "a/short": b"x",
+        "a/long \u00e4": b"abc" * 5000,
+        "a/noise": random.Random(1).randbytes(9000),
+    }
+    items = [(zipfile.ZipInfo(name, when), data) for name, data in files.items()]
+    for item, _ in items:
+        item.external_attr = 0o100755 << 16
+    zipping.write(path, items, zipping.by_zlib)
+    with zipfile.ZipFile(path) as archive:
+        assert archive.testzip() is None and {name: archive.read(name) for name in archive.namelist()} == files
+        assert {(x.date_time, x.external_attr) for x in archive.infolist()} == {(when, 0o100755 << 16)}
+        assert archive.getinfo("a/long \u00e4").compress_size < 100 and archive.getinfo("a/noise").compress_size == 9000
+
+
+def test_a_difference_gives_the_file_it_was_taken_from() -> None:
+    """Copied with changed bytes, new bytes, and a step back; then by hand what bsdiff finds in two files."""
+    old, new = bytes(range(250, 256)) + bytes(range(200)), bytes([251, 4, 253]) + b"new" + bytes(range(250, 256))
+    rows = [(3, 3, 3 + (1 << 63)), (6, 0, 0)]
+    control = b"".join(delta.ROW.pack(*row) for row in rows)
+    stored = delta.stored(old, new, control, bytes([1, 9, 1, 0, 0, 0, 0, 0, 0]), b"new")
+    assert delta.applied(old, stored) == new
+    with pytest.raises(delta.OtherFileError, match="the file has been changed"):
+        delta.applied(old + b"x", stored)
+    with pytest.raises(delta.OtherFileError, match="the difference is damaged"):
+        delta.applied(old, stored[:-1] + b"W")
+
+
+def test_a_difference_of_real_files_is_small_and_right() -> None:
+    core = pytest.importorskip("bsdiff4.core")
+    old = (ROOT / "tools" / "wheels.py").read_bytes()
+    new = old.replace(b"wheel", b"Wheel")[500:] + old[:900]
+    stored = delta.stored(old, new, *core.diff(old, new))
+    assert delta.applied(old, stored) == new and len(lzma.compress(stored)) < 0.2 * len(lzma.compress(new))
+
+
+def test_the_binary_of_a_wheel_is_restored_for_an_fmu(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fmu, "BINARIES", tmp_path)
     monkeypatch.setattr("platform.machine", lambda: "x86_64")
     with pytest.raises(pt.errors.MissingDependencyError, match="`make fmu` in its sources builds it"):
         fmu.binary("3.0")
+    module = Path(str(fmu._core.__file__)).read_bytes()
     for name in wheels.LIBRARIES:
-        (tmp_path / f"{name}.xz").write_bytes(lzma.compress(b"packed"))
-    assert fmu.binary("3.0")[1] == b"packed"
+        (tmp_path / f"{name}.delta").write_bytes(difference(b"stored", module))
+    assert fmu.binary("3.0")[1] == b"stored"
+    for damaged in (difference(b"stored", module + b"signed"), b"no archive"):
+        for name in wheels.LIBRARIES:
+            (tmp_path / f"{name}.delta").write_bytes(damaged)
+        with pytest.raises(pt.errors.MissingDependencyError, match="install Partita again from its wheel"):
+            fmu.binary("3.0")
     monkeypatch.setitem(sys.modules, "lzma", None)
     with pytest.raises(pt.errors.MissingDependencyError, match="this Python has no lzma"):
         fmu.binary("3.0")
@@ -211,7 +284,8 @@ def test_a_wheel_is_for_the_pythons_that_can_load_it() -> None:
 def test_the_first_five_minutes_are_commands_and_blocks() -> None:
     """What `make wheels` follows by the letter."""
     assert install_check.commands("five-minutes.md") == ["python -m venv .venv", INSTALL]
-    assert install_check.commands("index.md")[0].startswith("partita simulate")
+    install, first = install_check.commands("index.md")[:2]
+    assert install == "pip install partita" and first.startswith("partita simulate")
     assert len(install_check.blocks("five-minutes.md")) >= 4
     front = (ROOT / "README.md").read_text("utf-8")
     assert install_check.COMMAND.findall(front)[0] == "pip install partita"

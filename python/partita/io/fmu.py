@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from .. import _core
 from ..builder.joints import scalars, speeds
 from ..builder.parameter_units import parameter_unit
 from ..builder.records import Description, JointRecord, TorqueRecord
@@ -28,11 +29,12 @@ from ..builder.values import Constant, Function
 from ..errors import ArgumentError, DescriptionError, MissingDependencyError
 from ..files import put
 from ..state import Layout
+from .delta import OtherFileError, applied
 from .fmu_description import Described, Variable, arrays, page, xml
 from .skeleton import axes_of
 
 BINARIES = Path(__file__).parents[1] / "_fmu"
-"""Where the binary is put when Partita is built, in wheels compressed by xz."""
+"""Where the binary is put when Partita is built; in wheels, its difference to the module (see `delta`)."""
 _SYSTEMS = {
     "linux": ("linux64", "linux", "libpartita_fmu.so", ".so"),
     "darwin": ("darwin64", "darwin", "libpartita_fmu.dylib", ".dylib"),
@@ -276,23 +278,23 @@ def _functions(d: Description) -> list[str]:
 
 
 def binary(version: str) -> tuple[str, bytes, str]:
-    """Folder in the archive, content and suffix of the binary for this system, which a wheel holds compressed."""
+    """Folder in the archive, content and suffix of the binary for this system."""
     folder, system, name, suffix = _SYSTEMS.get(sys.platform, _WINDOWS)
     path = BINARIES / name
     processor = _PROCESSORS.get(platform.machine().lower())
     known = processor == "x86_64" or sys.platform == "darwin" if version == "2.0" else processor is not None
-    packed = path.with_name(f"{name}.xz")
-    if not (path.is_file() or packed.is_file()) or not known:
+    stored = path.with_name(f"{name}.delta")
+    if not (path.is_file() or stored.is_file()) or not known:
         raise MissingDependencyError(
             f"this installation of Partita has no binary for FMUs ({path}); `make fmu` in its sources builds it",
             package="partita",
         )
-    content = path.read_bytes() if path.is_file() else _unpacked(packed)
+    content = path.read_bytes() if path.is_file() else _restored(stored)
     return folder if version == "2.0" else f"{processor}-{system}", content, suffix
 
 
-def _unpacked(path: Path) -> bytes:
-    """The content of a compressed file."""
+def _restored(path: Path) -> bytes:
+    """The binary of a wheel, from its difference to the module."""
     try:
         import lzma  # a Python may have been compiled without it
     except ImportError as error:
@@ -300,7 +302,16 @@ def _unpacked(path: Path) -> bytes:
             f"this Python has no lzma, which unpacks the binary for FMUs ({path}); use one that was compiled with it",
             package="lzma",
         ) from error
-    return lzma.decompress(path.read_bytes())
+    module = Path(str(_core.__file__))
+    try:
+        return applied(module.read_bytes(), lzma.decompress(path.read_bytes()))
+    except (OtherFileError, lzma.LZMAError) as error:
+        raise MissingDependencyError(
+            f"the binary for FMUs is stored as its difference ({path}) to the module {module}, and {error}: install "
+            "Partita again from its wheel; whoever packs it anew, with tools that strip, sign or relocate the module, "
+            "builds it with `tools/wheels.py --whole`",
+            package="partita",
+        ) from error
 
 
 def variables_of(
