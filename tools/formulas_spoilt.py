@@ -1016,6 +1016,22 @@ FORMULAS = (
         "false => there",
         ("python test_oracle.py",),
     ),
+    Error(
+        "doubtful-motion",
+        "a condition that opposes a motion further on is ambiguous",
+        f"{MODEL}/model/geometry/levels.rs",
+        "let undecided = within && !branch.ends &&",
+        "let undecided = within &&",
+        ("python test_oracle_elements.py",),
+    ),
+    Error(
+        "real-residual",
+        "a closure error that is amplified counts as rounding, however large",
+        f"{SYSTEM}/reduction/correction.rs",
+        "is_round_off: amplifies && undecided()",
+        "is_round_off: amplifies && (undecided() || length >= 0.0)",
+        ("python test_oracle_elements.py",),
+    ),
     # changes of first order
     Error(
         "rates-beside-a-state",
@@ -1032,6 +1048,22 @@ FORMULAS = (
         "dvdot[j * n..(j + 1) * n].iter_mut().zip(&lifted).for_each(|(x, g)| *x -= g);",
         "dvdot[j * n..(j + 1) * n].iter_mut().zip(&lifted).for_each(|(x, g)| *x += g);",
         ("python test_linear.py",),
+    ),
+    Error(
+        "turning-equations",
+        "a motion along which A changes counts as steady",
+        f"{ANALYSIS}/linear.rs",
+        "(still || unchanging(&solved, (t, q, v), &found, driven)?)",
+        "(still || unchanging(&solved, (t, q, v), &found, driven).is_ok())",
+        ("python test_linear.py",),
+    ),
+    Error(
+        "adams-begins-anew",
+        "a multistep method forgets its slopes where whole turns are taken off",
+        f"{INTEGRATE}/explicit_rk/access.rs",
+        "if !continues {",
+        "if !continues || continues {",
+        ("python test_multistep.py",),
     ),
     Error(
         "turning-axes",
