@@ -318,14 +318,17 @@ def test_broken_links_are_found(tmp_path: Path) -> None:
     links = tool().scripts(ROOT / "tools", "website.links")
     (tmp_path / "a.html").write_text(
         '<h1 id="top"></h1><a href="b.html#there"></a><a href="#top"></a><a href="c.html"></a>'
-        '<a href="b.html#gone"></a>'
+        '<a href="b.html#gone"></a><iframe src="live/c.html#play"></iframe><a href="b.html#play"></a>'
         '<a href="https://example.org"></a><script src="https://example.org/x.js"></script>',
         encoding="utf-8",
     )
     (tmp_path / "b.html").write_text('<p id="there"></p>', encoding="utf-8")
+    (tmp_path / "live").mkdir()
+    (tmp_path / "live" / "c.html").write_text("<p></p>", encoding="utf-8")
     assert links.broken_links(tmp_path) == [
         "a.html: c.html leads nowhere",
         "a.html: b.html#gone names a place that is not there",
+        "a.html: b.html#play names a place that is not there",
         "a.html: fetches https://example.org/x.js",
     ]
     assert links.broken_links(tmp_path / "none")

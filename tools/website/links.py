@@ -11,6 +11,8 @@ from urllib.parse import unquote, urlsplit
 FETCHED = {("script", "src"), ("img", "src"), ("iframe", "src"), ("source", "src")}
 # The reference of the core: its pages are checked by rustdoc.
 OTHERS = "rust"
+# Animated pages, and what may stand behind # that is no place in them: they begin to move.
+LIVE, SAID = "live", {"play"}
 
 
 class Page(HTMLParser):
@@ -55,5 +57,7 @@ def _wrong(path: Path, page: Page, pages: dict[Path, Page]) -> Iterator[str]:
         target = (path.parent / unquote(parts.path)).resolve() if parts.path else path
         if not target.is_file():
             yield f"{link} leads nowhere"
+        elif target.parent.name == LIVE and parts.fragment in SAID:
+            continue
         elif parts.fragment and target in pages and unquote(parts.fragment) not in pages[target].ids:
             yield f"{link} names a place that is not there"

@@ -45,9 +45,12 @@ def _explained(method: Callable[..., Any]) -> Callable[..., Any]:
 
     @functools.wraps(method)
     def call(*args: Any, **kwargs: Any) -> Any:
-        unknown = next((word for word in kwargs if word not in known), None)
-        if unknown is None:
+        try:
             return method(*args, **kwargs)
+        except TypeError:
+            unknown = next((word for word in kwargs if word not in known), None)
+            if unknown is None:
+                raise
         likely = [*INSTEAD.get(unknown, ()), *(word for word in known if word.startswith(unknown))]
         near = [word for word in likely if word in known] or difflib.get_close_matches(unknown, known, n=1)
         hint = f"did you mean {near[0]!r}? " if near else ""
