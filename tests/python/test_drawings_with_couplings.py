@@ -138,3 +138,87 @@ def test_couplings_that_do_not_fit_hold_a_structure(
     m = make(off, tolerance)
     assert m.compile(coordinates=coordinates).mobility == 0
     assert m.report(coordinates=coordinates).to_dict()["mobility"] == 0
+
+
+def four_bar(tilt: float, kind: str) -> pt.Mechanism:
+    """A four-bar whose axes are out of parallel by `tilt`, on a lift, with a ball on its coupler that touches the floor
+    or hangs on a rod."""
+    m = pt.Mechanism("four-bar", gravity=(0, 0, -9.81))
+    off = tilt * np.array([[0.3, 0, -1.0], [-0.8, 0, 0.5], [1.0, 0, 0.2], [-0.2, 0, 0.9]])
+    axis = {name: np.array([0.0, 1.0, 0.0]) + x for name, x in zip("ABCD", off, strict=True)}
+    positions = {"frame": (0, 0, 0.5), "a": (0, 0, 0.6), "b": (0.3, 0, 0.4), "c": (0.5, 0, 0.6), "ball": (0.3, 0, 0.2)}
+    for name, at in positions.items():
+        m.add_body(name, mass=1.0 + (name == "frame"), inertia=(0.05, 0.05, 0.05), position=at)
+    m.add_prismatic("lift", m.ground, "frame", point=(0, 0, 0.5), axis=(0, 0, 1))
+    m.add_revolute("A", "frame", "a", point=(0, 0, 0.7), axis=axis["A"])
+    m.add_revolute("B", "a", "b", point=(0.1, 0, 0.45), axis=axis["B"])
+    m.add_revolute("C", "b", "c", point=(0.55, 0, 0.4), axis=axis["C"])
+    m.add_revolute("D", "frame", "c", point=(0.5, 0, 0.7), axis=axis["D"])
+    m.add_spherical("E", "b", "ball", point=(0.3, 0, 0.2))
+    if kind == "rod":
+        m.add_distance("rod", m.ground, (0.7, 0.3, 0.1), "ball", (0.05, 0, 0))
+    else:
+        m.add_rolling("floor", "ball", 0.2, ball=True, normal=(0, 0, 1), slips=kind == "slides")
+    return m
+
+
+@BOTH
+@pytest.mark.parametrize(("kind", "mobility"), [("rolls", 2), ("slides", 4), ("rod", 4)])
+@pytest.mark.parametrize("tilt", [1e-9, 1e-7, 1e-6, 1e-5, 5e-5])
+def test_a_misdrawn_loop_moves_beside_a_coupling(tilt: float, kind: str, mobility: int, coordinates: str) -> None:
+    """The axes were intended to be parallel, whatever else holds its bars."""
+    exact, m = (four_bar(x, kind) for x in (0.0, tilt))
+    assert m.compile(coordinates=coordinates).mobility == exact.compile(coordinates=coordinates).mobility == mobility
+    runs = [x.simulate(0.2, coordinates=coordinates) for x in (exact, m)]
+    assert all(run.success and run.certificate.verdict == "valid" for run in runs)
+    angles = [run.joint("A").position[-1, 0] for run in runs]
+    assert abs(angles[0]) > 0.005 and abs(angles[1] - angles[0]) < 1e-8 + tilt
+
+
+@BOTH
+def test_a_loop_with_axes_beyond_the_tolerance_is_locked_beside_a_coupling(coordinates: str) -> None:
+    """The axes lock the bars, and the ball alone moves."""
+    assert four_bar(1e-2, "slides").compile(coordinates=coordinates).mobility == 3
+
+
+@BOTH
+@pytest.mark.parametrize("tilt", [1e-8, 1e-6, 3e-5])
+@pytest.mark.parametrize("off", [0.0, 1e-5])
+def test_bars_on_axes_out_of_parallel(off: float, tilt: float, coordinates: str) -> None:
+    """Joints are repaired, a bar that does not fit is not."""
+    m = bars(off)
+    for k, joint in enumerate(m.joints.values()):
+        joint.axis = np.array([tilt * (-1) ** k, tilt * (k - 1.5), 1.0])
+    if off:
+        with pytest.raises(pt.errors.PartitaError, match="bar"):
+            m.simulate(0.1, coordinates=coordinates)
+        return
+    start = m.assemble(coordinates=coordinates, rates={"A0": SPEED})
+    run = m.simulate(0.2, initial=start, coordinates=coordinates)
+    assert run.success and run.certificate.verdict == "valid" and abs(run.joint("A0").position[-1, 0]) > 0.5
+
+
+def steered(angles: tuple[float, float, float]) -> pt.Mechanism:
+    """A frame on three wheels that are steered freely: their axes meet in a point, or the frame rests."""
+    m = pt.Mechanism("steered", gravity=(0, 0, -9.81))
+    m.add_body("frame", mass=10.0, inertia=(1, 1, 1), position=(0, 0, 0.5))
+    m.add_planar("floor", m.ground, "frame", point=(0, 0, 0.5), normal=(0, 0, 1))
+    for i, (at, angle) in enumerate(zip([(1, 0.3), (0, -0.5), (-1, 0.4)], angles, strict=True)):
+        axle, middle = (-np.sin(angle), np.cos(angle), 0.0), (*at, 0.2)
+        m.add_body(f"fork {i}", mass=1.0, inertia=(0.01, 0.01, 0.01), position=(*at, 0.4))
+        m.add_body(f"wheel {i}", mass=1.0, inertia=(0.01, 0.02, 0.01), position=middle)
+        m.add_revolute(f"steer {i}", "frame", f"fork {i}", point=middle, axis=(0, 0, 1))
+        m.add_revolute(f"axle {i}", f"fork {i}", f"wheel {i}", point=middle, axis=axle)
+        m.add_rolling(f"road {i}", f"wheel {i}", 0.2, axis=axle, normal=(0, 0, 1))
+    return m
+
+
+@BOTH
+def test_wheels_that_follow_from_each_other_in_one_position_alone_are_no_redundancy(coordinates: str) -> None:
+    """Straight ahead one wheel follows from the others, steered it does not."""
+    with pytest.raises(pt.errors.SingularityError, match="singular position"):
+        steered((0.0, 0.0, 0.0)).simulate(0.1, coordinates=coordinates)
+    m = steered((0.4, -0.2, 0.3))
+    assert m.compile(coordinates=coordinates).mobility == 3
+    run = m.simulate(0.1, initial=m.assemble(coordinates=coordinates), coordinates=coordinates)
+    assert run.success and run.certificate.verdict == "valid"

@@ -7,6 +7,7 @@
 mod alike;
 mod blocks;
 mod change;
+mod couplings;
 mod levels;
 mod rates;
 
@@ -14,8 +15,9 @@ use super::Model;
 use crate::spec::{Joint, Spec};
 use crate::value::Functions;
 use crate::zero_position::Coordinates;
-use blocks::Pose;
-use change::{is_sought, largest, OWN};
+use blocks::{Block, Blocks, Pose};
+use change::{largest, OWN};
+use couplings::judged;
 use levels::Fit;
 use partita_math::tolerance;
 use partita_system::kinematics::assembly;
@@ -23,7 +25,6 @@ use partita_system::manifold::truncated::FIRST_GRADE;
 use partita_system::prelude::*;
 use partita_system::rank::{exact, weakest, Cut, Exact, Kernel};
 use partita_system::start;
-use rates::Rates;
 use std::cell::OnceCell;
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -202,31 +203,12 @@ fn decided(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joint>>) {
         let weak = least < WEAK_CONDITION * WEAK_CONDITION;
         return (Geometry { dof: Some(dof), weak, ..Geometry::default() }, None);
     }
-    let parts = blocks::blocks(spec);
     let floating = if model.is_planar() { 3 } else { 6 };
-    let of_free = parts.free.iter().map(|&j| model.placed.joints[j].shape.mobility()).sum::<usize>();
-    let mut found = Geometry { dof: Some(of_free + floating * parts.afloat), ..Geometry::default() };
+    let (blocks, whole) = by_blocks(model, tolerance);
+    let of_free = whole.free.iter().map(|&j| model.placed.joints[j].shape.mobility()).sum::<usize>();
+    let mut found = Geometry { dof: Some(of_free + floating * whole.afloat), ..Geometry::default() };
     let mut joints: Option<Vec<Joint>> = None;
-    let mut known: HashMap<Vec<i64>, Decided> = HashMap::new();
-    let closed: OnceCell<Option<Pose>> = OnceCell::new();
-    for block in parts.blocks {
-        let key = shape(&block.spec);
-        let decided = match key.as_ref().and_then(|k| known.get(k)) {
-            Some(decided) => decided.clone(),
-            None => {
-                let asked = OnceCell::new();
-                let pose = || {
-                    let all = closed.get_or_init(|| assembled(model, tolerance)).as_ref();
-                    asked.get_or_init(|| all.map(|x| x.seen_from(block.base.as_deref()))).as_ref()
-                };
-                let decided = judged(&block.spec, model.functions(), block.floats, (tolerance, &pose));
-                // elsewhere an equal block may close in another way
-                if asked.get().is_none() {
-                    key.map(|k| known.insert(k, decided.clone()));
-                }
-                decided
-            }
-        };
+    for (block, decided) in blocks {
         let verdict = &decided.verdict;
         found.dof = found.dof.zip(decided.dof).map(|(a, b)| a + b);
         if *verdict == Verdict::Shaky {
@@ -258,6 +240,34 @@ fn decided(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joint>>) {
         found.hidden = weakest <= tolerance::LOST_PIVOT;
     }
     (found, joints)
+}
+
+/// The decision about each block, and the parts of the mechanism that are in none.
+fn by_blocks(model: &Model, tolerance: f64) -> (Vec<(Block, Decided)>, Blocks) {
+    let mut parts = blocks::blocks(&model.spec);
+    let mut known: HashMap<Vec<i64>, Decided> = HashMap::new();
+    let closed: OnceCell<Option<Pose>> = OnceCell::new();
+    let blocks = std::mem::take(&mut parts.blocks).into_iter().map(|block| {
+        let key = shape(&block.spec);
+        let decided = match key.as_ref().and_then(|k| known.get(k)) {
+            Some(decided) => decided.clone(),
+            None => {
+                let asked = OnceCell::new();
+                let pose = || {
+                    let all = closed.get_or_init(|| assembled(model, tolerance)).as_ref();
+                    asked.get_or_init(|| all.map(|x| x.seen_from(block.base.as_deref()))).as_ref()
+                };
+                let decided = judged(&block.spec, model.functions(), block.floats, (tolerance, &pose));
+                // elsewhere an equal block may close in another way
+                if asked.get().is_none() {
+                    key.map(|k| known.insert(k, decided.clone()));
+                }
+                decided
+            }
+        };
+        (block, decided)
+    });
+    (blocks.collect(), parts)
 }
 
 /// The drawing closed, if it is or nearly so; parts that move by their dimensions move where they are closed alone.
@@ -323,6 +333,12 @@ impl Decided {
     fn plain(verdict: Verdict, dof: Option<usize>) -> Self {
         let (numbers, joints) = (Vec::new(), Vec::new());
         Self { verdict, dof, kernel: None, numbers, length: 1.0, joints, ambiguous: None, weak: false }
+    }
+
+    /// Decided by these rows and their pivots.
+    fn with(verdict: Verdict, dof: usize, kept: &[(usize, f64)]) -> Self {
+        let least = kept.iter().fold(1.0, |m: f64, x| m.min(x.1));
+        Self { weak: least <= WEAK_CONDITION * WEAK_CONDITION, ..Self::plain(verdict, Some(dof)) }
     }
 
     /// A block of which this row remains open.
@@ -415,35 +431,6 @@ fn shape(spec: &Spec) -> Option<Vec<i64>> {
 /// The drawing tolerance, and where a block closes if it does not close as drawn.
 type Wanted<'p> = (f64, &'p dyn Fn() -> Option<&'p Pose>);
 
-/// One block.
-fn judged(spec: &Spec, functions: Arc<dyn Functions>, floats: bool, (tolerance, pose): Wanted) -> Decided {
-    let undecided = || Decided::plain(Verdict::Undecided, None);
-    let Some(drawing) = Drawing::new(spec.clone(), functions, None, true) else { return undecided() };
-    let own = drawing.afloat(floats);
-    if !drawing.is_holonomic() {
-        return match is_sought(spec.joints.len()).then(|| drawing.rates(tolerance)) {
-            Some(Ok(Rates::Independent(k))) => Decided::plain(Verdict::Regular, Some(k.saturating_sub(own))),
-            Some(Ok(Rates::Ambiguous(row))) => Decided::ambiguous(&drawing.model, row),
-            _ => undecided(),
-        };
-    }
-    if let Some(decided) = drawing.settled(own, tolerance) {
-        return decided;
-    }
-    if !is_sought(spec.joints.len()) {
-        return undecided();
-    }
-    // a drawing intended to be plane is made so first: there a body has only three numbers
-    if let Some((plane, numbers)) = drawing.flattened(tolerance) {
-        let own = plane.afloat(floats);
-        let decided = plane.settled(own, tolerance).or_else(|| plane.decided(own, (tolerance, pose)));
-        if let Some(decided) = decided.filter(|x| x.dof.is_some_and(|k| k > 0)) {
-            return decided.after(numbers, plane.length, spec, &plane.model.spec.joints);
-        }
-    }
-    drawing.decided(own, (tolerance, pose)).unwrap_or_else(undecided)
-}
-
 impl Drawing {
     /// Degrees of freedom as a whole, if it is not attached.
     fn afloat(&self, floats: bool) -> usize {
@@ -464,6 +451,23 @@ impl Drawing {
             }
             _ => None,
         }
+    }
+
+    /// Decision where neither pivots nor what is without couplings decide.
+    fn whole(&self, own: usize, (tolerance, pose): Wanted) -> Decided {
+        let undecided = || Decided::plain(Verdict::Undecided, None);
+        if !self.is_holonomic() {
+            return self.rates(own, tolerance).unwrap_or_else(|_| undecided());
+        }
+        // a drawing intended to be plane is made so first: there a body has only three numbers
+        if let Some((plane, numbers)) = self.flattened(tolerance) {
+            let own = if own > 0 { plane.afloat(true) } else { 0 };
+            let decided = plane.settled(own, tolerance).or_else(|| plane.decided(own, (tolerance, pose)));
+            if let Some(decided) = decided.filter(|x| x.dof.is_some_and(|k| k > 0)) {
+                return decided.after(numbers, plane.length, &self.model.spec, &plane.model.spec.joints);
+            }
+        }
+        self.decided(own, (tolerance, pose)).unwrap_or_else(undecided)
     }
 
     /// Decision by finite motions; None where they do not decide.
