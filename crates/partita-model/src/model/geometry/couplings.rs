@@ -28,10 +28,11 @@ fn in_stages(spec: &Spec, of: (Arc<dyn Functions>, bool), wanted: Wanted, repair
     if let Some(decided) = drawing.settled(own, wanted.0) {
         return decided;
     }
-    if !is_sought(spec.joints.len()) {
-        return undecided();
-    }
-    let Some(inner) = drawing.inner(of.0.clone(), wanted.0) else { return drawing.whole(own, wanted) };
+    let whole = |drawing: &Drawing| match is_sought(spec.joints.len()) {
+        true => drawing.whole(own, wanted),
+        false => undecided(),
+    };
+    let Some(inner) = drawing.inner(of.0.clone(), wanted.0) else { return whole(&drawing) };
     if let Some(ambiguous) = inner.ambiguous {
         return ambiguous;
     }
@@ -41,7 +42,7 @@ fn in_stages(spec: &Spec, of: (Arc<dyn Functions>, bool), wanted: Wanted, repair
     }
     match drawing.on_top(own, inner.rank, wanted.0) {
         Ok(Some(decided)) => decided,
-        _ => drawing.whole(own, wanted),
+        _ => whole(&drawing),
     }
 }
 
