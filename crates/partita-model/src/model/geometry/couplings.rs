@@ -28,11 +28,11 @@ fn in_stages(spec: &Spec, of: (Arc<dyn Functions>, bool), wanted: Wanted, repair
     if let Some(decided) = drawing.settled(own, wanted.0) {
         return decided;
     }
-    let whole = |drawing: &Drawing| match is_sought(spec.joints.len()) {
+    let whole = |wanted: Wanted| match is_sought(spec.joints.len()) {
         true => drawing.whole(own, wanted),
         false => undecided(),
     };
-    let Some(inner) = drawing.inner(of.0.clone(), wanted.0) else { return whole(&drawing) };
+    let Some(inner) = drawing.inner(of.0.clone(), wanted.0) else { return whole(wanted) };
     if let Some(ambiguous) = inner.ambiguous {
         return ambiguous;
     }
@@ -40,9 +40,11 @@ fn in_stages(spec: &Spec, of: (Arc<dyn Functions>, bool), wanted: Wanted, repair
         let decided = in_stages(&Spec { joints: joints.clone(), ..spec.clone() }, of, wanted, false);
         return decided.after(numbers, drawing.length, &drawing.model.spec, &joints);
     }
-    match drawing.on_top(own, inner.rank, wanted.0) {
+    // a larger tolerance than the drawing's would change its joints, and no coupling
+    let as_drawn = wanted.0.min(spec.drawing_tolerance);
+    match drawing.on_top(own, inner.rank, as_drawn) {
         Ok(Some(decided)) => decided,
-        _ => whole(&drawing),
+        _ => whole((as_drawn, wanted.1)),
     }
 }
 
