@@ -77,8 +77,7 @@ class Legends {
     let y = camera.height - 18;
     for (const [perPixel, colour, name] of rows) {
       const value = roundBelow(Math.min(110, 0.25 * camera.width) * perPixel), px = value / perPixel;
-      const small = name === "m" && value < 1e-3; // micrometres; a picture of less says so in parts of them
-      const text = small ? `${Number((1e6 * value).toPrecision(1))} µm` : `${Number(value.toPrecision(1))} ${name}`;
+      const text = withUnit(value, name);
       painter.line([{ x: right - px, y }, { x: right, y }], colour, 2, "butt");
       for (const x of [right - px, right]) painter.line([{ x, y: y - 4 }, { x, y: y + 4 }], colour, 1.4, "butt");
       this.labels.write(text, right - px - 8 - this.c.measureText(text).width, y + 4);

@@ -73,14 +73,12 @@ def describe(
         "view": seen,
         "bodies": bodies,
         "joints": joints,
-        "solids": [
-            {"body": body, "parts": parts, "rolls": body in drawn_couplings.rolling}
-            for body, parts in (guessed | dict(solids or {})).items()
-        ],
+        "solids": [{"body": body, "parts": parts} for body, parts in (guessed | dict(solids or {})).items()],
         "wheels": drawn_couplings.wheels,
         "lines": drawn_couplings.lines,
         "rods": drawn_couplings.rods,
         "links": drawn_couplings.links,
+        "ground": drawn_couplings.ground,
         "floors": around.floors,
         "parts": around.parts,
         "stops": around.stops,
