@@ -56,7 +56,7 @@ def turn_between_outputs(result: ResultView) -> tuple[str, float]:
 def _spins(result: ResultView) -> Iterator[tuple[str, FloatArray]]:
     """Joints with a quaternion, and how fast they turn (nt,) [rad/s]."""
     for joint in result.summary.get("joints", ()):
-        if joint.get("state_v") and joint["q"][1] != joint["v"][1]:
+        if joint.get("state_q") and joint.get("state_v") and joint["state_q"][1] != joint["state_v"][1]:
             start = joint["state_v"][0]
             turning = [start + i for i, unit in enumerate(joint_units(joint)[1]) if unit == "rad"]
             yield str(joint["name"]), np.linalg.norm(np.asarray(result.v)[:, turning], axis=1)

@@ -166,6 +166,13 @@ function withUnit(value, unit) {
   return prefix === undefined ? `${value.toExponential(0).replace("e+", "e")} ${unit}` : `${Math.round(value / 10 ** (3 * power))} ${prefix}${unit}`;
 }
 
+/** The largest magnitude among finite numbers. */
+function largest(line) {
+  let most = 0;
+  for (const x of line) if (Number.isFinite(x)) most = Math.max(most, Math.abs(x));
+  return most;
+}
+
 /** The largest of 1, 2, 5 times a power of ten not above x. */
 function roundBelow(x) {
   const power = 10 ** Math.floor(Math.log10(x));

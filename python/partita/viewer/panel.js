@@ -270,10 +270,3 @@ function nameOf(text) {
   box.append(element("span", "", text.slice(0, end)), element("span", "end", text.slice(end)));
   return box;
 }
-
-/** The largest magnitude among finite numbers. */
-function largest(line) {
-  let most = 0;
-  for (const x of line) if (Number.isFinite(x)) most = Math.max(most, Math.abs(x));
-  return most;
-}

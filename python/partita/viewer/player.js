@@ -258,7 +258,7 @@ function start() {
   const notes = [];
   if (s.frames < s.outputs) {
     notes.push(`${s.frames} of ${s.outputs} computed outputs are kept in this page, to keep the file small; between them no joint`
-      + ` strays farther than ${short(100 * s.strays, 2)} % of the picture from the straight way.`);
+      + ` and no centre of mass strays farther than ${short(100 * s.strays, 2)} % of the picture from the straight way.`);
   }
   if (s.apart) {
     notes.push(`${s.apart.name} turns ${Math.round(s.apart.degrees)}° from output to output: what happens between is not seen, and`

@@ -102,7 +102,8 @@ def describe(
         return scene | {"tables": tables}
     choices = _choices(np.asarray(result.independent))
     others = len(json.dumps([slim(scene), choices], separators=(",", ":")))
-    positions = np.concatenate([motion.position, motion.point], axis=1).reshape(len(result.t), -1)
+    centres = [motion.placed(i, np.array(body["com"])) for i, body in enumerate(bodies)]
+    positions = np.concatenate([*centres, motion.point.reshape(len(result.t), -1)], axis=1)
     kept = pack_tables(tables | plotted, others, positions)
     return scene | {
         "frames": len(kept.frames),
