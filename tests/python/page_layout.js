@@ -9,6 +9,7 @@
       if (meet(a, b)) bad.push(`"${a.text}" on "${b.text}"`);
       else if (Math.abs(a.bottom - b.bottom) < 5 && Math.max(a.left - b.right, b.left - a.right) < 4) bad.push(`"${a.text}" runs into "${b.text}"`);
     }
+    if (/^(hollow|double stroke):.*…/.test(a.text)) bad.push(`"${a.text}" is cut`);
     for (const box of partita.covered()) if (meet(a, box)) bad.push(`"${a.text}" under the tools`);
   });
   const inside = (p) => p.x >= 0 && p.y >= 0 && p.x <= width && p.y <= height;

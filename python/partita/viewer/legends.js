@@ -86,10 +86,10 @@ class Legends {
     }
     const open = run.scene.joints.some((j) => (options.forces && j.open[0]) || (options.moments && j.open[1]));
     const notes = [];
-    if (open) notes.push("hollow: not unique, shared by least squares");
-    if (unlike.cut) notes.push("double stroke: arrow longer than drawn");
-    for (const note of notes) {
-      const text = this.labels.fitted(note, camera.width - 120);
+    if (open) notes.push(["hollow: not unique, shared by least squares", "hollow: not unique"]);
+    if (unlike.cut) notes.push(["double stroke: arrow longer than drawn", "double stroke: longer"]);
+    for (const [note, less] of notes) {
+      const text = this.c.measureText(note).width <= camera.width - 120 ? note : less;
       this.labels.write(text, right - this.c.measureText(text).width, y + 4, COLOURS.force);
       y -= 18;
     }

@@ -309,7 +309,7 @@ window.partita = {
   size: () => [scene.camera.width, scene.camera.height],
   paint: (t) => { scene.draw(run.between.drawn(run.instantAt(t)), true); plots.draw(run.frameAt(t)); },
   place: (t, body, point) => run.placed(run.between.drawn(run.instantAt(t)), body, point),
-  strokes: strokesOf, tangled: isTangled,
+  strokes: strokesOf, tangled: isTangled, short, withUnit,
 };
 
 start();
