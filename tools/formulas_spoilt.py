@@ -1036,8 +1036,8 @@ FORMULAS = (
         "rates-that-oppose",
         "a condition on rates that is not kept may oppose the motion",
         f"{SYSTEM}/rank/exact.rs",
-        "slips(self.r, fastest) <= tolerance::NULL_VALUE)",
-        "slips(self.r, fastest) >= 0.0)",
+        "dropped_rate(self.r, fastest) <= tolerance::NULL_VALUE)",
+        "dropped_rate(self.r, fastest) >= 0.0)",
         ("python test_drawings_with_couplings.py",),
     ),
     Error(

@@ -131,7 +131,7 @@ fn opened<S: ConstrainedSystem>(r: &Reduction<S>) -> f64 {
 }
 
 /// Largest rate of the conditions on rates that were not kept, where the fastest coordinate has the speed 1.
-fn slips<S: ConstrainedSystem>(r: &Reduction<S>, fastest: f64) -> f64 {
+fn dropped_rate<S: ConstrainedSystem>(r: &Reduction<S>, fastest: f64) -> f64 {
     let pattern = r.system.pattern();
     let rate = |i: usize| pattern.row(i).map(|e| r.c[e] * r.v[pattern.col_idx[e]]).sum::<f64>();
     let closings = r.dropped().iter().filter(|&&i| i >= r.size().holonomic && !r.system.row_is_drive(i));
@@ -168,7 +168,7 @@ impl<S: ConstrainedSystem> Curve for Own<'_, '_, S> {
         let fastest = self.r.system.travel(&self.r.v);
         let scale = |(i, v): (usize, &f64)| v / (fastest * self.r.system.characteristic_displacement(i));
         tangent.iter_mut().zip(self.r.v.iter().enumerate().map(scale)).for_each(|(to, x)| *to = x);
-        Ok(fastest.is_finite() && fastest > 0.0 && slips(self.r, fastest) <= tolerance::NULL_VALUE)
+        Ok(fastest.is_finite() && fastest > 0.0 && dropped_rate(self.r, fastest) <= tolerance::NULL_VALUE)
     }
     fn predict(&mut self, q: &mut [f64], tangent: &[f64], ds: f64) {
         let system = &self.r.system;

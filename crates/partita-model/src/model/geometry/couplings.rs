@@ -66,11 +66,7 @@ impl Drawing {
         if model.is_planar() != self.model.is_planar() {
             return None;
         }
-        let (blocks, whole) = by_blocks(&model, tolerance);
-        let of_free: usize = whole.free.iter().map(|&j| model.placed.joints[j].shape.mobility()).sum();
-        let floating = if model.is_planar() { 3 } else { 6 };
-        let own = Some(of_free + floating * whole.afloat);
-        let dof = blocks.iter().fold(own, |sum, x| sum.zip(x.1.dof).map(|(a, b)| a + b));
+        let (blocks, dof) = by_blocks(&model, tolerance);
         let mut inner = Inner {
             rank: dof.map(|k| model.size().nv.saturating_sub(k)),
             ambiguous: blocks.iter().find(|x| x.1.ambiguous.is_some()).map(|x| x.1.clone()),

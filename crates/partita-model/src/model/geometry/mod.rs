@@ -15,7 +15,7 @@ use super::Model;
 use crate::spec::{Joint, Spec};
 use crate::value::Functions;
 use crate::zero_position::Coordinates;
-use blocks::{Block, Blocks, Pose};
+use blocks::{Block, Pose};
 use change::{largest, OWN};
 use couplings::judged;
 use levels::Fit;
@@ -203,14 +203,11 @@ fn decided(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joint>>) {
         let weak = least < WEAK_CONDITION * WEAK_CONDITION;
         return (Geometry { dof: Some(dof), weak, ..Geometry::default() }, None);
     }
-    let floating = if model.is_planar() { 3 } else { 6 };
-    let (blocks, whole) = by_blocks(model, tolerance);
-    let of_free = whole.free.iter().map(|&j| model.placed.joints[j].shape.mobility()).sum::<usize>();
-    let mut found = Geometry { dof: Some(of_free + floating * whole.afloat), ..Geometry::default() };
+    let (blocks, dof) = by_blocks(model, tolerance);
+    let mut found = Geometry { dof, ..Geometry::default() };
     let mut joints: Option<Vec<Joint>> = None;
     for (block, decided) in blocks {
         let verdict = &decided.verdict;
-        found.dof = found.dof.zip(decided.dof).map(|(a, b)| a + b);
         if *verdict == Verdict::Shaky {
             found.instantaneous += decided.kernel.unwrap_or(0).saturating_sub(decided.dof.unwrap_or(0));
         }
@@ -242,12 +239,15 @@ fn decided(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joint>>) {
     (found, joints)
 }
 
-/// The decision about each block, and the parts of the mechanism that are in none.
-fn by_blocks(model: &Model, tolerance: f64) -> (Vec<(Block, Decided)>, Blocks) {
-    let mut parts = blocks::blocks(&model.spec);
+/// The decision about each block, and degrees of freedom of all of them and of what is in none; `None` where a block is
+/// undecided.
+fn by_blocks(model: &Model, tolerance: f64) -> (Vec<(Block, Decided)>, Option<usize>) {
+    let parts = blocks::blocks(&model.spec);
+    let floating = if model.is_planar() { 3 } else { 6 };
+    let of_free = parts.free.iter().map(|&j| model.placed.joints[j].shape.mobility()).sum::<usize>();
     let mut known: HashMap<Vec<i64>, Decided> = HashMap::new();
     let closed: OnceCell<Option<Pose>> = OnceCell::new();
-    let blocks = std::mem::take(&mut parts.blocks).into_iter().map(|block| {
+    let blocks = parts.blocks.into_iter().map(|block| {
         let key = shape(&block.spec);
         let decided = match key.as_ref().and_then(|k| known.get(k)) {
             Some(decided) => decided.clone(),
@@ -267,7 +267,10 @@ fn by_blocks(model: &Model, tolerance: f64) -> (Vec<(Block, Decided)>, Blocks) {
         };
         (block, decided)
     });
-    (blocks.collect(), parts)
+    let blocks: Vec<(Block, Decided)> = blocks.collect();
+    let own = Some(of_free + floating * parts.afloat);
+    let dof = blocks.iter().fold(own, |sum, x| sum.zip(x.1.dof).map(|(a, b)| a + b));
+    (blocks, dof)
 }
 
 /// The drawing closed, if it is or nearly so; parts that move by their dimensions move where they are closed alone.
