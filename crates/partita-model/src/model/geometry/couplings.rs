@@ -4,7 +4,7 @@
 //! The frames of joints are repaired, couplings are not. A loop of joints therefore has its own decision first: what a
 //! wheel, a contact or a rod adds to it must not make its geometric error a condition.                        (11.9, 9)
 
-use super::change::{is_sought, largest, OWN};
+use super::change::{largest, OWN};
 use super::{by_blocks, closed, coarsest, Decided, Drawing, Verdict, Wanted};
 use crate::model::Model;
 use crate::spec::{Coupling, Joint, Spec};
@@ -28,11 +28,7 @@ fn in_stages(spec: &Spec, of: (Arc<dyn Functions>, bool), wanted: Wanted, repair
     if let Some(decided) = drawing.settled(own, wanted.0) {
         return decided;
     }
-    let whole = |wanted: Wanted| match is_sought(spec.joints.len()) {
-        true => drawing.whole(own, wanted),
-        false => undecided(),
-    };
-    let Some(inner) = drawing.inner(of.0.clone(), wanted.0) else { return whole(wanted) };
+    let Some(inner) = drawing.inner(of.0.clone(), wanted.0) else { return drawing.whole(own, wanted) };
     if let Some(ambiguous) = inner.ambiguous {
         return ambiguous;
     }
@@ -44,7 +40,7 @@ fn in_stages(spec: &Spec, of: (Arc<dyn Functions>, bool), wanted: Wanted, repair
     let as_drawn = wanted.0.min(spec.drawing_tolerance);
     match drawing.on_top(own, inner.rank, as_drawn) {
         Ok(Some(decided)) => decided,
-        _ => whole((as_drawn, wanted.1)),
+        _ => drawing.whole(own, (as_drawn, wanted.1)),
     }
 }
 

@@ -16,7 +16,7 @@ use crate::spec::{Joint, Spec};
 use crate::value::Functions;
 use crate::zero_position::Coordinates;
 use blocks::{Block, Pose};
-use change::{largest, OWN};
+use change::{is_sought, largest, OWN};
 use couplings::judged;
 use levels::Fit;
 use partita_math::tolerance;
@@ -456,21 +456,29 @@ impl Drawing {
         }
     }
 
-    /// Decision where neither pivots nor what is without couplings decide.
+    /// Decision where neither pivots nor what is without couplings decide. Motions are tried of blocks that are not too
+    /// large; those that are intended to be plane are made so whatever their size.
     fn whole(&self, own: usize, (tolerance, pose): Wanted) -> Decided {
         let undecided = || Decided::plain(Verdict::Undecided, None);
+        let is_sought = is_sought(self.model.spec.joints.len());
         if !self.is_holonomic() {
-            return self.rates(own, tolerance).unwrap_or_else(|_| undecided());
+            let decided = is_sought.then(|| self.rates(own, tolerance).ok()).flatten();
+            return decided.unwrap_or_else(undecided);
         }
+        let moved = |drawing: &Self, own: usize| is_sought.then(|| drawing.decided(own, (tolerance, pose))).flatten();
         // a drawing intended to be plane is made so first: there a body has only three numbers
         if let Some((plane, numbers)) = self.flattened(tolerance) {
             let own = if own > 0 { plane.afloat(true) } else { 0 };
-            let decided = plane.settled(own, tolerance).or_else(|| plane.decided(own, (tolerance, pose)));
+            let by_pivots = || {
+                let dof = counted(&plane.model, tolerance).filter(|_| !is_sought)?;
+                Some(Decided::plain(Verdict::Redundant, Some(dof.saturating_sub(own))))
+            };
+            let decided = plane.settled(own, tolerance).or_else(|| moved(&plane, own)).or_else(by_pivots);
             if let Some(decided) = decided.filter(|x| x.dof.is_some_and(|k| k > 0)) {
                 return decided.after(numbers, plane.length, &self.model.spec, &plane.model.spec.joints);
             }
         }
-        self.decided(own, (tolerance, pose)).unwrap_or_else(undecided)
+        moved(self, own).unwrap_or_else(undecided)
     }
 
     /// Decision by finite motions; None where they do not decide.
