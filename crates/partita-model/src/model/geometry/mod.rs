@@ -23,7 +23,7 @@ use partita_math::tolerance;
 use partita_system::kinematics::assembly;
 use partita_system::manifold::truncated::FIRST_GRADE;
 use partita_system::prelude::*;
-use partita_system::rank::{exact, weakest, Cut, Exact, Kernel};
+use partita_system::rank::{exact, pivots, weakest, Cut, Exact, Kernel};
 use partita_system::start;
 use std::cell::OnceCell;
 use std::collections::HashMap;
@@ -170,7 +170,11 @@ pub(super) fn decide(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joi
     let (mut found, joints) = decided(by_joints.as_ref().unwrap_or(model), tolerance);
     let undecided = found.dof.is_none() && found.ambiguous.is_none() && joints.is_none();
     if undecided {
-        found.dof = counted(model, tolerance);
+        let (dof, weak) = counted(model, tolerance);
+        // of large blocks no motion was tried
+        let large = found.blocks.iter().any(|x| x.verdict == Verdict::Undecided && !is_sought(x.joints.len()));
+        found.ambiguous = weak.filter(|_| large);
+        found.dof = dof.filter(|_| found.ambiguous.is_none());
     }
     if (by_joints.is_some() && !found.is_singular() && joints.is_none()) || (undecided && found.dof.is_some()) {
         let drawn = closed(model, coarsest(tolerance));
@@ -180,14 +184,25 @@ pub(super) fn decide(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joi
 }
 
 /// Degrees of freedom by the pivots of the drawing, where nothing else decides: if it closes, in joint coordinates, drives
-/// released, and what is redundant there is so next to it.
-fn counted(model: &Model, tolerance: f64) -> Option<usize> {
+/// released, and what is redundant there is so next to it. With them the weakest condition, if it is weaker than the
+/// tolerance: it is possibly a geometric error.
+fn counted(model: &Model, tolerance: f64) -> (Option<usize>, Option<String>) {
     let spec = Spec { drives: Vec::new(), ..(*model.spec).clone() };
-    let model = Model::compiled(spec, model.functions(), (Coordinates::Relative, true), true).ok()?;
+    let form = (Coordinates::Relative, true);
+    let Ok(model) = Model::compiled(spec, model.functions(), form, true) else { return (None, None) };
     let holonomic = model.size().rows == model.size().holonomic;
-    let drawn = closed(&model, coarsest(tolerance)).filter(|_| holonomic)?;
-    let found = start::analyse(&model, 0.0, &drawn).ok()?;
-    Some(model.size().nv - found.rank)
+    let Some(drawn) = closed(&model, coarsest(tolerance)).filter(|_| holonomic) else { return (None, None) };
+    let kept = pivots(&model, 0.0, &drawn, &|_| false).unwrap_or_default();
+    let dof = |rank: usize| Some(model.size().nv - rank);
+    match kept.iter().min_by(|a, b| a.1.total_cmp(&b.1)) {
+        // weak by intention, and weaker than a start without a decision would count
+        Some(x) if x.1 > tolerance * tolerance && x.1 < tolerance::REDUNDANT => (dof(kept.len()), None),
+        weakest => {
+            let found = start::analyse(&model, 0.0, &drawn).ok();
+            let weak = weakest.filter(|x| x.1 <= tolerance * tolerance).map(|x| model.row_owner(x.0));
+            (found.and_then(|x| dof(x.rank)), weak)
+        }
+    }
 }
 
 /// The decision in the coordinates of the model.
@@ -470,8 +485,9 @@ impl Drawing {
         if let Some((plane, numbers)) = self.flattened(tolerance) {
             let own = if own > 0 { plane.afloat(true) } else { 0 };
             let by_pivots = || {
-                let dof = counted(&plane.model, tolerance).filter(|_| !is_sought)?;
-                Some(Decided::plain(Verdict::Redundant, Some(dof.saturating_sub(own))))
+                let (dof, weak) = if is_sought { (None, None) } else { counted(&plane.model, tolerance) };
+                let dof = dof.filter(|_| weak.is_none())?.saturating_sub(own);
+                Some(Decided::plain(Verdict::Redundant, Some(dof)))
             };
             let decided = plane.settled(own, tolerance).or_else(|| moved(&plane, own)).or_else(by_pivots);
             if let Some(decided) = decided.filter(|x| x.dof.is_some_and(|k| k > 0)) {
