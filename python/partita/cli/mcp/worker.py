@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import errno
 import json
 import os
 import signal
@@ -23,11 +24,11 @@ def answer(request: dict[str, Any], folder: Folder, limits: Limits) -> dict[str,
         return plain(_encoded(call(request["tool"], request["arguments"], folder, limits)))  # type: ignore[no-any-return]
     except PartitaError as error:
         kind, message, fields = type(error).__name__, str(error), error.fields
-    except MemoryError:
-        kind, fields = "MemoryError", {}
-        message = f"the call needs more than {limits.megabytes} MB; ask for a smaller model, or for fewer outputs"
-    except OSError as error:
-        kind, message, fields = "OSError", f"cannot use a file: {error.strerror}; give another name", {}
+    except (MemoryError, OSError) as error:
+        kind, message, fields = "OSError", f"cannot use a file: {getattr(error, 'strerror', '')}; give another name", {}
+        if not isinstance(error, OSError) or error.errno == errno.ENOMEM:  # a system call asks for memory too
+            kind = "MemoryError"
+            message = f"the call needs more than {limits.megabytes} MB; ask for a smaller model, or for fewer outputs"
     except BaseException as error:  # a panic of the core too: the client gets a sentence, never a traceback
         kind, fields = type(error).__name__, {}
         message = f"{request['tool']} failed on this model ({str(error)[:300]}); please report it, and change the model"
