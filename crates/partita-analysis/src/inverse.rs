@@ -385,13 +385,13 @@ impl Inverse {
     ///
     /// # Errors
     /// `Argument` for a motion that violates the constraints; errors of user functions, and those of `watch`.
-    pub fn efforts<E: Send + From<SystemError> + From<AnalysisError>>(
+    pub fn efforts(
         &self,
         states: &States,
         vdot: &[f64],
         by: &Distribution,
-        watch: Watch<E>,
-    ) -> Result<Found, E> {
+        watch: Watch,
+    ) -> Result<Found, AnalysisError> {
         let rank = self.rank(states)?;
         let (n, s, rows) = (self.released.size().nv, self.levers.len(), self.actuated.size().rows);
         let k = n - rank;
@@ -466,7 +466,7 @@ impl Inverse {
                 out.row(4, i).copy_from_slice(set.null_space(&by.weights).map_err(overflow)?.data());
             }
             self.multipliers(&tau, room, out.row(1, i));
-            Ok::<(), E>(())
+            Ok::<(), AnalysisError>(())
         };
         let found = tables(states.len(), &widths, chunk_of(&self.released), || self.room(rank), row, watch)?;
         let mut found = found.into_iter();
