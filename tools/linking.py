@@ -4,8 +4,8 @@ python tools/linking.py KEPT SYSTEM ARGUMENT ...
 
 Called by cargo for everything it links, with its arguments. Functions may stand in any order, and a wheel is
 compressed: `arranged` puts similar ones beside each other, where deflate, which looks back 32 kB, finds them. The order
-is that of the linker's own search (balanced partitioning), the same every time. Functions that the binary inside FMUs
-has too come first in both, so that calls between them are the same bytes and its difference to the module is small.
+is that of the linker's own search (balanced partitioning), the same every time. The binary inside FMUs has the order of
+the module, else its difference to it would not be small.
 """
 
 from __future__ import annotations
@@ -69,9 +69,8 @@ def keep(folder: Path, call: list[str], linked: str) -> None:
 def arranged(kept: Path) -> tuple[Path, Path]:
     """The module and the binary inside FMUs, linked again with their functions in one order."""
     similar = placed(linked(kept, MODULE, "--bp-compression-sort=both"))
-    shared = set(placed(linked(kept, FMU)))
     order = kept / "order.txt"
-    order.write_text("".join(f"{name}\n" for name in sorted(similar, key=lambda name: name not in shared)), "utf-8")
+    order.write_text("".join(f"{name}\n" for name in similar), "utf-8")
     for name in (MODULE, FMU):
         linked(kept, name, f"--symbol-ordering-file={order}", "--no-warn-symbol-ordering")
     return kept / MODULE / MODULE, kept / FMU / FMU

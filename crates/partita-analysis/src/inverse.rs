@@ -397,7 +397,7 @@ impl Inverse {
         let k = n - rank;
         if k == 0 {
             let message = "the mechanism has no degree of freedom without its drives: no actuator can move it".into();
-            return Err(AnalysisError::Argument { argument: "actuators", message }.into());
+            return Err(AnalysisError::Argument { argument: "actuators", message });
         }
         let spare = s.saturating_sub(k);
         // rotations that move nothing else, and have no actuator
@@ -422,7 +422,7 @@ impl Inverse {
                     gap(Gap::Constraints);
                     return Ok(());
                 }
-                Err(e) => return Err(e.into()),
+                Err(e) => return Err(e),
             };
             for (rate, column) in out.row(8, i).iter_mut().zip(&room.columns) {
                 *rate = column.iter().map(|&(j, e)| e * v[j]).sum();
