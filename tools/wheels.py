@@ -9,7 +9,8 @@ python tools/wheels.py --check FILE|FOLDER  build nothing, look at what is there
 
 The wheel holds the module, the binary inside FMUs, the package's files and nothing else; no folder of this machine
 stands in it; its binaries need no newer system than its name says; for Linux it is smaller than 8.3 MB. The binary
-inside FMUs is stored as its difference to the module, whose code it shares. `tools/install_check.py` then installs and uses it.
+inside FMUs is stored as its difference to the module, whose code it shares. `tools/install_check.py` then installs
+and uses it.
 """
 
 from __future__ import annotations
