@@ -83,7 +83,7 @@ test-rust: $(TOOLS)
 test-python: $(BUILT) $(FMU)
 	$(BIN)/python -m pytest
 
-## trust: N=5000 mechanisms of every element, couplings, sensors, files and FMUs drawn by chance against independent programs; RUNS=2000 keep their branch; verdicts; kinks; contacts; chains; platforms; the zoo and its linearised equations; in full what `make test` looks at in part
+## trust: N=5000 mechanisms of every element, couplings, sensors, files and FMUs drawn by chance against independent programs; RUNS=2000 keep their branch; verdicts; kinks; contacts; chains; platforms; misdrawn loops beside couplings; the zoo and its linearised equations; in full what `make test` looks at in part
 N ?= 5000
 RUNS ?= 2000
 trust: $(BUILT)
@@ -94,6 +94,7 @@ trust: $(BUILT)
 	PYTHONPATH=tests/python $(BIN)/python -m contacts 1000
 	PYTHONPATH=tests/python $(BIN)/python -m chains
 	PYTHONPATH=tests/python $(BIN)/python -m geometry_study platforms
+	PYTHONPATH=tests/python $(BIN)/python -m geometry_study touching
 	PYTHONPATH=tests/python $(BIN)/python -m zoo
 	PYTHONPATH=tests/python $(BIN)/python -m derivatives
 	PARTITA_THOROUGH=1 $(BIN)/python -m pytest tests/python

@@ -72,7 +72,7 @@ def write(record: dict[str, Any], docs: Path) -> None:
                 continue
             lines.append(
                 f"| {title} | {x['peer']} | {x['setting']} | {text(x['seconds'])} | {x['error']:.0e} | "
-                f"{text(x['own'])} | {x['ratio']:.2g} |\n"
+                f"{text(x['own'])} | {float(format(x['ratio'], '.2g')):g} |\n"
             )
     lines.append(NOTES)
     ensembles, poses = record["ensembles"], record["poses"]["sweeps"]

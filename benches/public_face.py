@@ -16,7 +16,7 @@ import partita as pt
 from partita import options as run_options
 
 RTOL, ATOL = 1e-10, 1e-12
-LOOSER = (1e-7, 1e-8, 1e-9)
+LOOSER = (1e-7, 5e-8, 2e-8, 1e-8, 5e-9, 2e-9, 1e-9, 5e-10, 2e-10)
 """Relative tolerances that are tried before RTOL: the first whose error is not above the program's counts; absolute
 ones are a hundredth."""
 

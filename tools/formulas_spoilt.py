@@ -1025,6 +1025,22 @@ FORMULAS = (
         ("python test_oracle_elements.py",),
     ),
     Error(
+        "joints-beside-couplings",
+        "loops that couplings touch are not repaired",
+        f"{MODEL}/model/geometry/couplings.rs",
+        "if let Some((numbers, joints)) = inner.repaired.filter(|_| repair) {",
+        "if let Some((numbers, joints)) = inner.repaired.filter(|_| !repair) {",
+        ("python test_drawings_with_couplings.py",),
+    ),
+    Error(
+        "rates-that-oppose",
+        "a condition on rates that is not kept may oppose the motion",
+        f"{SYSTEM}/rank/exact.rs",
+        "dropped_rate(self.r, fastest) <= tolerance::NULL_VALUE)",
+        "dropped_rate(self.r, fastest) >= 0.0)",
+        ("python test_drawings_with_couplings.py",),
+    ),
+    Error(
         "real-residual",
         "a closure error that is amplified counts as rounding, however large",
         f"{SYSTEM}/reduction/correction.rs",

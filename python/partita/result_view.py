@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .errors import ArgumentError
-from .naming import Names, coordinate_units
+from .naming import Names, coordinate_units, joint_units
 from .numeric import shown
 
 FloatArray = NDArray[np.float64]
@@ -37,13 +37,29 @@ def turn_between_outputs(result: ResultView) -> tuple[str, float]:
     The usual step is the median over the run. Beyond `FEW` a line from output to output would show a slower motion than
     there was, as a film shows the wheels of a coach.
     """
+    if len(result.t) < 2:
+        return "", 0.0
     units = coordinate_units(result.summary, result.names)[0]
     turning = [i for i, unit in enumerate(units) if unit == "rad"]
-    if len(result.t) < 2 or not turning:
+    names = [str(result.names.coordinates[i]) for i in turning]
+    steps = np.median(np.abs(np.diff(np.asarray(result.q)[:, turning], axis=0)), axis=0)
+    for name, rate in _spins(result):  # joints that turn any way: no coordinate says how far
+        names.append(name)
+        steps = np.append(steps, np.median(rate[:-1] * np.diff(result.t)))
+    if not names:
         return "", 0.0
-    steps = np.nan_to_num(np.median(np.abs(np.diff(np.asarray(result.q)[:, turning], axis=0)), axis=0))
+    steps = np.nan_to_num(steps)
     most = int(np.argmax(steps >= 0.8 * steps.max()))  # of equal rotations the first: a crank before its rods
-    return str(result.names.coordinates[turning[most]]), float(steps[most])
+    return names[most], float(steps[most])
+
+
+def _spins(result: ResultView) -> Iterator[tuple[str, FloatArray]]:
+    """Joints with a quaternion, and how fast they turn (nt,) [rad/s]."""
+    for joint in result.summary.get("joints", ()):
+        if joint.get("state_q") and joint.get("state_v") and joint["state_q"][1] != joint["state_v"][1]:
+            start = joint["state_v"][0]
+            turning = [start + i for i, unit in enumerate(joint_units(joint)[1]) if unit == "rad"]
+            yield str(joint["name"]), np.linalg.norm(np.asarray(result.v)[:, turning], axis=1)
 
 
 class MotionView(Protocol):

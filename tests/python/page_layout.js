@@ -5,7 +5,11 @@
   const meet = (a, b) => a.left < b.right - 0.5 && b.left < a.right - 0.5 && a.top < b.bottom - 0.5 && b.top < a.bottom - 0.5;
   words.forEach((a, i) => {
     if (a.left < 0 || a.top < 0 || a.right > width || a.bottom > height) bad.push(`"${a.text}" leaves the drawing`);
-    for (const b of words.slice(i + 1)) if (meet(a, b)) bad.push(`"${a.text}" on "${b.text}"`);
+    for (const b of words.slice(i + 1)) {
+      if (meet(a, b)) bad.push(`"${a.text}" on "${b.text}"`);
+      else if (Math.abs(a.bottom - b.bottom) < 5 && Math.max(a.left - b.right, b.left - a.right) < 4) bad.push(`"${a.text}" runs into "${b.text}"`);
+    }
+    if (/^(hollow|double stroke):.*…/.test(a.text)) bad.push(`"${a.text}" is cut`);
     for (const box of partita.covered()) if (meet(a, box)) bad.push(`"${a.text}" under the tools`);
   });
   const inside = (p) => p.x >= 0 && p.y >= 0 && p.x <= width && p.y <= height;
@@ -26,6 +30,10 @@
   boxes.forEach((a, i) => boxes.slice(i + 1).forEach((b) => {
     if (fixed(a) === fixed(b) && meet(a.getBoundingClientRect(), b.getBoundingClientRect())) bad.push(`${a.id} over ${b.id}`);
   }));
+  for (const e of document.querySelectorAll(".row .name")) {
+    const [box, end] = [e, e.lastElementChild].map((one) => one.getBoundingClientRect());
+    if (e.checkVisibility() && end.right > box.right + 0.5) bad.push(`the end of the name ${e.textContent} is cut`);
+  }
   for (const e of document.querySelectorAll(".row")) {
     const track = e.querySelector(".track").getBoundingClientRect();
     if (e.checkVisibility() && track.width < 60) bad.push(`a bar of ${track.width} px`);

@@ -10,6 +10,9 @@ from chromium import DESKTOP, PHONE, Chromium
 MOST_BYTES = 1_000_000
 """What a run of ten seconds may add to the viewer's own text."""
 
+INSIDE = (326, 660, True)
+"""A page inside a page of the site, on a phone."""
+
 SCREENS = tuple((screen, scheme) for screen in (DESKTOP, PHONE) for scheme in ("light", "dark"))
 EACH_ONCE = ((DESKTOP, "light"), (PHONE, "dark"))
 """Layouts follow from the screen, colours from the scheme."""

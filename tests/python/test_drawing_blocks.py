@@ -11,6 +11,7 @@ import pytest
 from test_drawing_tolerance import BOTH, Z, bar
 
 import partita as pt
+from partita.errors import ArgumentError, AssemblyError
 
 
 def block(m: pt.Mechanism, name: str, at: tuple[float, float, float], size: float) -> None:
@@ -199,3 +200,68 @@ def test_the_width_of_a_gantry_has_no_say(ends: str) -> None:
                 assert found["mobility"] == dof, (wide, off, coordinates)
                 run = m.simulate(0.05, coordinates=coordinates)
                 assert run.success and run.certificate.verdict == "valid", (wide, off, run.certificate.findings)
+
+
+def lift(stages: int, tilt: float) -> pt.Mechanism:
+    """A scissor lift between a hinge and a shoe on a rail, in one block of loops; its axes are out of parallel."""
+    rng = np.random.default_rng(stages)
+    m = pt.Mechanism("lift", gravity=(0, -9.81, 0))
+    width, height = 0.8, 0.3
+
+    def axis() -> Any:
+        return np.array(Z) + tilt * rng.standard_normal(3)
+
+    for i in range(stages):
+        middle = (width / 2, height * (i + 0.5), 0)
+        for name in (f"a{i}", f"b{i}"):
+            m.add_body(name, mass=1, inertia=(0.05, 0.05, 0.05), position=middle)
+        m.add_revolute(f"M{i}", f"a{i}", f"b{i}", point=middle, axis=axis())
+        if i:
+            m.add_revolute(f"L{i}", f"b{i - 1}", f"a{i}", point=(0, height * i, 0), axis=axis())
+            m.add_revolute(f"R{i}", f"a{i - 1}", f"b{i}", point=(width, height * i, 0), axis=axis())
+    m.add_revolute("foot", m.ground, "a0", point=(0, 0, 0), axis=axis())
+    m.add_body("shoe", mass=0.5, inertia=(0.01, 0.01, 0.01), position=(width, 0, 0))
+    m.add_prismatic("rail", m.ground, "shoe", point=(width, 0, 0), axis=(1, 0, 0))
+    m.add_revolute("pin", "shoe", "b0", point=(width, 0, 0), axis=axis())
+    return m
+
+
+@pytest.mark.parametrize("coordinates", BOTH)
+@pytest.mark.parametrize("stages", [5, 16, 40])
+def test_a_plane_drawing_is_made_plane_whatever_its_size(stages: int, coordinates: Any) -> None:
+    exact = lift(stages, 0.0).simulate(0.1, t_eval=[0.1], coordinates=coordinates)
+    for tilt in (1e-8, 1e-6, 3e-5):
+        found = lift(stages, tilt)
+        assert found.compile(coordinates=coordinates).mobility == 1
+        run = found.simulate(0.1, t_eval=[0.1], coordinates=coordinates)
+        assert run.certificate.verdict == "valid"
+        np.testing.assert_allclose(run.joint("rail").position, exact.joint("rail").position, rtol=1e-6, atol=tilt**2)
+        assert 0.1 * tilt < run.certificate.geometric_error < 10 * tilt
+
+
+def wheels(count: int, off: float, tolerance: float = 1e-4) -> pt.Mechanism:
+    """Wheels side by side, coupled by one rod, with pins out of place: a change of frames would make them move."""
+    rng = np.random.default_rng(count)
+    m = pt.Mechanism("wheels", gravity=(0, -9.81, 0), drawing_tolerance=tolerance)
+    m.add_body("rod", mass=3, inertia=(0.1, 0.1, 0.1), position=(count / 2, 0.3, 0))
+    for i in range(count):
+        m.add_body(f"wheel{i}", mass=1, inertia=(0.05, 0.05, 0.05), position=(i + 0.05, 0.02, 0))
+        m.add_revolute(f"A{i}", m.ground, f"wheel{i}", point=(i, 0, 0), axis=Z)
+        at = np.array((i + 0.1, 0.3, 0)) + off * rng.standard_normal(3)
+        m.add_revolute(f"P{i}", f"wheel{i}", "rod", point=at, axis=Z)
+    return m
+
+
+@pytest.mark.parametrize("coordinates", BOTH)
+def test_a_large_block_with_an_error_that_is_not_repaired_is_refused_by_name(coordinates: Any) -> None:
+    for off in (0.0, 3e-5):
+        assert wheels(5, off).compile(coordinates=coordinates).mobility == 1
+    assert wheels(25, 0.0).compile(coordinates=coordinates).mobility == 1
+    for off in (1e-6, 3e-5):
+        with pytest.raises((ArgumentError, AssemblyError), match=r'joint "P\d+" nearly follows .* drawing_tolerance'):
+            wheels(25, off).simulate(0.1, coordinates=coordinates)
+
+
+def test_a_smaller_tolerance_makes_a_large_block_a_structure() -> None:
+    for off in (1e-6, 3e-5):
+        assert wheels(25, off, 1e-7).compile().mobility == 0

@@ -9,12 +9,14 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 import partita as pt
 
 BOTH = pytest.mark.parametrize("coordinates", ["relative", "absolute"])
 RADIUS, HALF, LENGTH = 0.3, 0.4, 1.0
 SPEED = 4.0
+Array = NDArray[np.float64]
 
 
 def cart(axles: int, off: float, kind: str = "axis", tolerance: float = 1e-4) -> pt.Mechanism:
@@ -138,3 +140,113 @@ def test_couplings_that_do_not_fit_hold_a_structure(
     m = make(off, tolerance)
     assert m.compile(coordinates=coordinates).mobility == 0
     assert m.report(coordinates=coordinates).to_dict()["mobility"] == 0
+
+
+def four_bar(tilt: float, kind: str, count: int = 1) -> pt.Mechanism:
+    """A four-bar whose axes are out of parallel by `tilt`, on a lift, with a ball on its coupler that touches the floor
+    or hangs on a rod; side by side with others, balls joined by rods."""
+    m = pt.Mechanism("four-bar", gravity=(0, 0, -9.81))
+    for k in range(count):
+        add_four_bar(m, tilt, kind, f" {k}" if k else "", np.array([0.0, float(k), 0.0]))
+        if k:
+            m.add_distance(
+                f"to {k}", f"ball {k - 1}" if k > 1 else "ball", (0.05, 0, 0.02), f"ball {k}", (0, 0.03, -0.04)
+            )
+    return m
+
+
+def add_four_bar(m: pt.Mechanism, tilt: float, kind: str, more: str, at: Array) -> None:
+    off = tilt * np.array([[0.3, 0, -1.0], [-0.8, 0, 0.5], [1.0, 0, 0.2], [-0.2, 0, 0.9]])
+    tilts = dict(zip("ABCD", off, strict=True))
+
+    def point(*x: float) -> Array:
+        return at + np.array(x)
+
+    frame, a, b, c, ball = bodies = [name + more for name in ("frame", "a", "b", "c", "ball")]
+    for name, x in zip(bodies, ((0, 0, 0.5), (0, 0, 0.6), (0.3, 0, 0.4), (0.5, 0, 0.6), (0.3, 0, 0.2)), strict=True):
+        m.add_body(name, mass=1.0 + (name == frame), inertia=(0.05, 0.05, 0.05), position=at + np.array(x))
+    m.add_prismatic("lift" + more, m.ground, frame, point=point(0, 0, 0.5), axis=(0, 0, 1))
+    for name, one, other, x in (
+        ("A", frame, a, (0, 0, 0.7)),
+        ("B", a, b, (0.1, 0, 0.45)),
+        ("C", b, c, (0.55, 0, 0.4)),
+        ("D", frame, c, (0.5, 0, 0.7)),
+    ):
+        m.add_revolute(name + more, one, other, point=point(*x), axis=np.array([0.0, 1.0, 0.0]) + tilts[name])
+    m.add_spherical("E" + more, b, ball, point=point(0.3, 0, 0.2))
+    if kind == "rod":
+        m.add_distance("rod" + more, m.ground, point(0.7, 0.3, 0.1), ball, (0.05, 0, 0))
+    else:
+        m.add_rolling("floor" + more, ball, 0.2, ball=True, normal=(0, 0, 1), slips=kind == "slides")
+
+
+@BOTH
+@pytest.mark.parametrize(("kind", "mobility"), [("rolls", 2), ("slides", 4), ("rod", 4)])
+@pytest.mark.parametrize("tilt", [1e-9, 1e-7, 1e-6, 1e-5, 5e-5])
+def test_a_misdrawn_loop_moves_beside_a_coupling(tilt: float, kind: str, mobility: int, coordinates: str) -> None:
+    """The axes were intended to be parallel, whatever else holds its bars."""
+    exact, m = (four_bar(x, kind) for x in (0.0, tilt))
+    assert m.compile(coordinates=coordinates).mobility == exact.compile(coordinates=coordinates).mobility == mobility
+    runs = [x.simulate(0.2, coordinates=coordinates) for x in (exact, m)]
+    assert all(run.success and run.certificate.verdict == "valid" for run in runs)
+    angles = [run.joint("A").position[-1, 0] for run in runs]
+    assert abs(angles[0]) > 0.005 and abs(angles[1] - angles[0]) < 1e-8 + tilt
+
+
+@BOTH
+def test_many_misdrawn_loops_that_couplings_join(coordinates: str) -> None:
+    """More joints in one block than changes are sought for: its loops of joints are small."""
+    exact, m = (four_bar(x, "slides", 9) for x in (0.0, 1e-6))
+    assert m.compile(coordinates=coordinates).mobility == 9 * 4 - 8
+    runs = [x.simulate(0.05, coordinates=coordinates) for x in (exact, m)]
+    assert all(run.success and run.certificate.verdict == "valid" for run in runs)
+    assert abs(runs[0].joint("A 4").position[-1, 0] - runs[1].joint("A 4").position[-1, 0]) < 1e-6
+
+
+@BOTH
+def test_a_loop_with_axes_beyond_the_tolerance_is_locked_beside_a_coupling(coordinates: str) -> None:
+    """The axes lock the bars, and the ball alone moves."""
+    assert four_bar(1e-2, "slides").compile(coordinates=coordinates).mobility == 3
+
+
+@BOTH
+@pytest.mark.parametrize("tilt", [1e-8, 1e-6, 3e-5])
+@pytest.mark.parametrize("off", [0.0, 1e-5])
+def test_bars_on_axes_out_of_parallel(off: float, tilt: float, coordinates: str) -> None:
+    """Joints are repaired, a bar that does not fit is not."""
+    m = bars(off)
+    for k, joint in enumerate(m.joints.values()):
+        joint.axis = np.array([tilt * (-1) ** k, tilt * (k - 1.5), 1.0])
+    if off:
+        with pytest.raises(pt.errors.PartitaError, match="bar"):
+            m.simulate(0.1, coordinates=coordinates)
+        return
+    start = m.assemble(coordinates=coordinates, rates={"A0": SPEED})
+    run = m.simulate(0.2, initial=start, coordinates=coordinates)
+    assert run.success and run.certificate.verdict == "valid" and abs(run.joint("A0").position[-1, 0]) > 0.5
+
+
+def steered(angles: tuple[float, float, float]) -> pt.Mechanism:
+    """A frame on three wheels that are steered freely: their axes meet in a point, or the frame rests."""
+    m = pt.Mechanism("steered", gravity=(0, 0, -9.81))
+    m.add_body("frame", mass=10.0, inertia=(1, 1, 1), position=(0, 0, 0.5))
+    m.add_planar("floor", m.ground, "frame", point=(0, 0, 0.5), normal=(0, 0, 1))
+    for i, (at, angle) in enumerate(zip([(1, 0.3), (0, -0.5), (-1, 0.4)], angles, strict=True)):
+        axle, middle = (-np.sin(angle), np.cos(angle), 0.0), (*at, 0.2)
+        m.add_body(f"fork {i}", mass=1.0, inertia=(0.01, 0.01, 0.01), position=(*at, 0.4))
+        m.add_body(f"wheel {i}", mass=1.0, inertia=(0.01, 0.02, 0.01), position=middle)
+        m.add_revolute(f"steer {i}", "frame", f"fork {i}", point=middle, axis=(0, 0, 1))
+        m.add_revolute(f"axle {i}", f"fork {i}", f"wheel {i}", point=middle, axis=axle)
+        m.add_rolling(f"road {i}", f"wheel {i}", 0.2, axis=axle, normal=(0, 0, 1))
+    return m
+
+
+@BOTH
+def test_wheels_that_follow_from_each_other_in_one_position_alone_are_no_redundancy(coordinates: str) -> None:
+    """Straight ahead one wheel follows from the others, steered it does not."""
+    with pytest.raises(pt.errors.SingularityError, match="singular position"):
+        steered((0.0, 0.0, 0.0)).simulate(0.1, coordinates=coordinates)
+    m = steered((0.4, -0.2, 0.3))
+    assert m.compile(coordinates=coordinates).mobility == 3
+    run = m.simulate(0.1, initial=m.assemble(coordinates=coordinates), coordinates=coordinates)
+    assert run.success and run.certificate.verdict == "valid"

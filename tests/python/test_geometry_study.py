@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from geometry_study import carts, linkages, loops, misdrawn, platforms, redundant, seeming
+from geometry_study import carts, linkages, loops, misdrawn, platforms, redundant, seeming, touching
 from geometry_study.drawing import Drawing
 from geometry_study.judge import BOTH, Case, judge
 from geometry_study.program import Program
@@ -25,6 +25,8 @@ FAMILIES = {
     "loops": (loops, (*either((1, 5, 7, 1923), (0, 1, 2, 3, 4, 5, 7, 8, 32, 1923)), 4057, 4079, 4530)),
     "seeming": (seeming, range(0, 7)),
     "redundant": (redundant, (0, 1, 2, 3, 4, 8, 9, 10)),
+    # each linkage at an error, and each error; 16: after the repair the bars leave the order of a lock in doubt
+    "touching": (touching, either((8, 16, 18, 27, 34, 44, 53), range(8, 56))),
 }
 
 

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from catalogue_runs import entry_of, run_of
 from chromium import DESKTOP, PHONE, PROGRAM, Chromium
-from pages import CONTRAST, EACH_ONCE, LAYOUT, SCREENS, faults, unreached
+from pages import CONTRAST, EACH_ONCE, INSIDE, LAYOUT, SCREENS, faults, unreached
 from thorough import either
 
 import partita as pt
@@ -54,6 +54,13 @@ LOOKED_AT = either(EACH_ONCE, SCREENS)
 def test_pages_are_legible(browser: Chromium, tmp_path: Path, name: str) -> None:
     path = viewer.write_html(run_of(name), tmp_path / f"{name}.html")
     assert faults(browser, path, fixed_bytes(), screens=LOOKED_AT) == []
+
+
+@pytest.mark.parametrize("name", [*REPRESENTATIVE, "heavy-top", "watt-axle"])
+def test_pages_are_legible_inside_a_page_on_a_phone(browser: Chromium, tmp_path: Path, name: str) -> None:
+    path = viewer.write_html(run_of(name), tmp_path / f"{name}.html")
+    browser.open(path, INSIDE)
+    assert browser.value(LAYOUT) == []
 
 
 def test_the_questions_find_faults(browser: Chromium, tmp_path: Path) -> None:

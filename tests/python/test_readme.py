@@ -19,7 +19,7 @@ from thorough import either
 import partita as pt
 from partita.comparison import bench
 from partita.comparison.table import COLUMNS
-from partita.options import FORMULATIONS
+from partita.options import FORMULATIONS, METHODS
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -80,6 +80,25 @@ def test_front_page_shows_what_was_measured_beside_other_programs() -> None:
     shown = rows(text_of(ROOT / "README.md"))
     assert all(row in measured for row in shown), [row for row in shown if row not in measured]
     assert {row[0] for row in shown} == {row[0] for row in measured}
+
+
+NUMBERS = {8: "eight", 9: "nine", 10: "ten", 11: "eleven", 12: "twelve", 13: "thirteen"}
+
+
+def test_numbers_in_words_are_those_of_the_pages_they_lead_to() -> None:
+    """How many mechanisms are compared, how many computations illustrate the claims, which methods there are."""
+    docs = ROOT / "docs"
+    front, limits, index = (text_of(page) for page in (ROOT / "README.md", docs / "limits.md", docs / "index.md"))
+    for text in (front, limits):
+        (named,) = re.findall(r"Methods are explicit \(([^)]*)\)", text)
+        assert sorted(named.lower().split(", ")) == sorted(METHODS)
+    compared = NUMBERS[text_of(docs / "compare.md").count("<!-- measured ")]
+    for page in (ROOT / "README.md", *(docs / f"{name}.md" for name in ("formulations", "index", "questions"))):
+        assert re.search(rf"{compared}\s+mechanisms", text_of(page)), page.name
+    computed = NUMBERS[len(set(re.findall(r"\]\(paper/[a-z_]+\.png\)", text_of(docs / "paper.md"))))]
+    assert (
+        f"{computed} computations" in index and f"{computed} small computations" in text_of(docs / "paper.md").lower()
+    )
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if TOML.search(text_of(page))], ids=lambda p: p.name)

@@ -18,11 +18,13 @@ pytestmark = pytest.mark.skipif(chromium.PROGRAM is None, reason="no Chromium is
 
 LONG = "word " * 60
 TOWER = f'<td style="max-width: 20px; overflow-wrap: anywhere">{LONG}</td>'
+NARROW = "<td>a sentence of more than forty letters in one cell</td>"
 FAULTS = {
     '<div style="width: 900px">wide</div>': "px wide on a screen of 390",
     f'<table><tr><td style="white-space: nowrap">{LONG}</td></tr></table>': "is cut at the right",
     f'<div style="overflow: hidden"><p style="white-space: nowrap">{LONG}</p></div>': "hides",
     f'<div style="overflow: auto"><table><tr>{TOWER}</tr></table></div>': "px high",
+    f'<table style="width: 70px; table-layout: fixed"><tr>{NARROW}</tr></table>': "a column of words",
     '<span class="math">\\frac12</span>': "is no drawn formula",
     '<span class="math"><math><merror><mtext>?</mtext></merror></math></span>': "has an error in it",
     "<p>the angle $$\\mathbf x$$</p>": "raw LaTeX",

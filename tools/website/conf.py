@@ -37,6 +37,7 @@ html_show_sphinx = False
 html_show_sourcelink = False
 html_copy_source = False
 html_show_copyright = False
+html_domain_indices = False  # two modules alone are documented as such
 html_theme_options = {
     "light_css_variables": {"color-brand-primary": "#0b5c8c", "color-brand-content": "#0b5c8c"},
     "dark_css_variables": {"color-brand-primary": "#7cc4f2", "color-brand-content": "#7cc4f2"},

@@ -21,6 +21,7 @@
   // A column of a table must hold a word or two, else a cell is a tower of letters.
   for (const cell of article.querySelectorAll("td, th")) {
     const box = cell.getBoundingClientRect();
+    if (seen(cell) && box.width < 90 && cell.textContent.trim().length > 40) bad.push(`${name(cell)}: a column of words ${Math.round(box.width)} px wide`);
     if (seen(cell) && cell.textContent.trim().length > 40 && box.height > 9 * box.width) bad.push(`${name(cell)} is ${Math.round(box.width)} px wide and ${Math.round(box.height)} px high`);
   }
   for (const e of article.querySelectorAll(".math")) {

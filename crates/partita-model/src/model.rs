@@ -507,9 +507,17 @@ impl Model {
         }
     }
 
+    /// Coupling of a row, if it belongs to one.
+    pub(crate) fn coupling_of_row(&self, row: usize) -> Option<usize> {
+        match self.row_names[row].owner {
+            Owner::Coupling(i) => Some(i),
+            Owner::Joint(_) | Owner::Rotor(_) | Owner::Drive(_) => None,
+        }
+    }
+
     /// Rows of couplings.
     pub fn coupling_rows(&self) -> usize {
-        self.row_names.iter().filter(|r| matches!(r.owner, Owner::Coupling(_))).count()
+        (0..self.row_names.len()).filter(|&i| self.coupling_of_row(i).is_some()).count()
     }
 
     /// Rows that prescribe no motion: all except those of drives.

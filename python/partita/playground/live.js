@@ -314,7 +314,11 @@ class LivePlots extends Plots {
     const times = this.run.t;
     if (times.length && t <= times[times.length - 1]) return;
     times.push(t);
-    for (const curve of this.curves) curve.values.push(curve.read(energy));
+    for (const curve of this.curves) {
+      const x = curve.read(energy);
+      curve.values.push(x);
+      if (!(Math.abs(x) <= this.largest.get(curve.unit))) this.largest.set(curve.unit, Math.abs(x) || 0);
+    }
     if (times.length > HISTORY) {
       times.shift();
       for (const curve of this.curves) curve.values.shift();
@@ -324,6 +328,7 @@ class LivePlots extends Plots {
   forget() {
     this.run.t.length = 0;
     for (const curve of this.curves) curve.values.length = 0;
+    this.largest.clear();
     for (const plot of this.list) plot.key = "";
   }
 

@@ -46,6 +46,9 @@ class Pictures:
     rods: list[dict[str, Any]] = field(default_factory=list)
     links: list[list[int]] = field(default_factory=list)
     rolling: dict[int, list[dict[str, Any]]] = field(default_factory=dict)
+    """Wheels and balls that roll, by body."""
+    ground: dict[str, list[float]] | None = None
+    """The plane of the ground on which the first of them rolls: a point and its normal, in the world."""
 
 
 def pictures(
@@ -141,6 +144,8 @@ class _Artist:
             axis /= np.linalg.norm(axis)
             part = {"kind": "wheel", "radius": radius, "length": 0.08 * radius, "center": centre, "axis": axis.tolist()}
         self.found.rolling.setdefault(self.body[coupling["body"]], []).append(part)
+        if self.body[coupling["on"]] < 0 and self.found.ground is None:
+            self.found.ground = {word: [float(x) for x in coupling[word]] for word in ("point", "normal")}
 
     def link(self, coupling: Mapping[str, Any]) -> None:
         """No picture: a thin line from joint to joint indicates the coupling."""

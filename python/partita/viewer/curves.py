@@ -102,8 +102,9 @@ def _first(result: ResultView, found: list[dict[str, Any]]) -> list[int]:
     groups = [curve["group"] for curve in found]
     chosen = [i for i, group in enumerate(groups) if group == "drives"][:1]
     if result.independent.size and "velocities" in groups:
-        often = int(np.bincount(result.independent[result.independent >= 0]).argmax())
-        wanted = f"velocity of {result.names.velocities[often]}"
+        counts = np.bincount(result.independent[result.independent >= 0])
+        often = np.flatnonzero(counts == counts.max())
+        wanted = f"velocity of {result.names.velocities[often[_moving(np.asarray(result.v)[:, often])[0]]]}"
         chosen += [i for i, curve in enumerate(found) if curve["name"] == wanted][:1]
     sizes = [float(np.nanmax(np.abs(result.joint(name).force), initial=0.0)) for name in result.names.joints]
     if any(sizes):
@@ -111,7 +112,17 @@ def _first(result: ResultView, found: list[dict[str, Any]]) -> list[int]:
         chosen += [i for i, curve in enumerate(found) if curve["name"] == wanted][:1]
     chosen += [i for i, group in enumerate(groups) if group == "sensors"][: 3 - len(chosen)]
     chosen += [i for i, group in enumerate(groups) if group == "energy"][: 3 - len(chosen)]
-    return chosen or ([i for i, group in enumerate(groups) if group == "coordinates"][:3] if given(result) else [])
+    if chosen or not given(result):
+        return chosen
+    at = [i for i, group in enumerate(groups) if group == "coordinates"]
+    by_name = dict(zip(result.names.coordinates, np.asarray(result.q).T, strict=True))
+    return [at[i] for i in _moving(np.array([by_name[found[i]["name"]] for i in at]).T)[:3]] if at else []
+
+
+def _moving(values: FloatArray) -> list[int]:
+    """Columns (nt, n) that change over time, in their order; those that hardly do come after them."""
+    spread = np.nan_to_num(np.ptp(values, axis=0))
+    return [int(i) for i in np.argsort(spread < 1e-3 * spread.max(initial=0.0), kind="stable")]
 
 
 def loads_open(result: ResultView, name: str) -> list[bool]:

@@ -153,7 +153,24 @@ function short(x, digits = 4) {
   if (!Number.isFinite(x)) return "–";
   if (x === 0) return "0";
   const size = Math.abs(x);
-  return size >= 1e5 || size < 1e-3 ? x.toExponential(digits - 2) : x.toPrecision(digits);
+  if (size >= 1e5 || size < 1e-3) return x.toExponential(digits - 2).replace("e+", "e");
+  return size >= 10 ** (digits - 1) ? String(Math.round(x)) : x.toPrecision(digits);
+}
+
+const PREFIXES = ["p", "n", "µ", "m", "", "k", "M", "G"];
+
+/** A round value with its unit, with a prefix where it would have many zeros. */
+function withUnit(value, unit) {
+  if (value >= 1e-3 && value < 1e5) return `${Number(value.toPrecision(1))} ${unit}`;
+  const power = Math.floor(Math.log10(value) / 3 + 1e-9), prefix = PREFIXES[power + 4];
+  return prefix === undefined ? `${value.toExponential(0).replace("e+", "e")} ${unit}` : `${Math.round(value / 10 ** (3 * power))} ${prefix}${unit}`;
+}
+
+/** The largest magnitude among finite numbers. */
+function largest(line) {
+  let most = 0;
+  for (const x of line) if (Number.isFinite(x)) most = Math.max(most, Math.abs(x));
+  return most;
 }
 
 /** The largest of 1, 2, 5 times a power of ten not above x. */

@@ -3,6 +3,8 @@
 const DIRECTIONS = [[1, -1], [1, 0], [-1, -1], [-1, 0], [1, 1], [-1, 1], [0, -1], [0, 1]];
 const PLACES = [0, 14, 30].flatMap((more) => DIRECTIONS.map(([x, y]) => [x, y, more])); // near ones first
 
+const GAP = 6; // pixels beside a word: more than a space, so that two words of two points are not read as one
+
 const overlaps = (a, b) => a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
 const boxAround = (x, y, half) => ({ left: x - half, right: x + half, top: y - half, bottom: y + half });
 
@@ -56,10 +58,10 @@ class Labels {
   at(place, width, x, y, away, taken) {
     const [dx, dy, more] = PLACES[place], d = away + more, height = 15;
     const cx = x + (dx ? dx * (d * (dy ? 0.8 : 1) + width / 2) : 0), cy = y + dy * (d * (dx ? 0.8 : 1) + height / 2);
-    const box = { left: cx - width / 2 - 2, right: cx + width / 2 + 2, top: cy - height / 2, bottom: cy + height / 2 };
-    if (box.left < 3 || box.right > this.width - 3 || box.top < 3 || box.bottom > this.height - 3) return null;
+    const left = cx - width / 2, right = cx + width / 2, box = { left: left - GAP, right: right + GAP, top: cy - height / 2, bottom: cy + height / 2 };
+    if (left < 5 || right > this.width - 5 || box.top < 3 || box.bottom > this.height - 3) return null;
     if (taken.some((other) => overlaps(box, other))) return null;
-    return { box, x: box.left + 2, y: cy + 4, position: place, far: more > 0 };
+    return { box, x: left, y: cy + 4, position: place, far: more > 0 };
   }
 
   /** Write at a position already chosen, and keep others off it. */

@@ -77,8 +77,7 @@ class Legends {
     let y = camera.height - 18;
     for (const [perPixel, colour, name] of rows) {
       const value = roundBelow(Math.min(110, 0.25 * camera.width) * perPixel), px = value / perPixel;
-      const small = name === "m" && value < 1e-3; // micrometres; a picture of less says so in parts of them
-      const text = small ? `${Number((1e6 * value).toPrecision(1))} µm` : `${Number(value.toPrecision(1))} ${name}`;
+      const text = withUnit(value, name);
       painter.line([{ x: right - px, y }, { x: right, y }], colour, 2, "butt");
       for (const x of [right - px, right]) painter.line([{ x, y: y - 4 }, { x, y: y + 4 }], colour, 1.4, "butt");
       this.labels.write(text, right - px - 8 - this.c.measureText(text).width, y + 4);
@@ -87,10 +86,10 @@ class Legends {
     }
     const open = run.scene.joints.some((j) => (options.forces && j.open[0]) || (options.moments && j.open[1]));
     const notes = [];
-    if (open) notes.push("hollow: not unique, shared by least squares");
-    if (unlike.cut) notes.push("double stroke: arrow longer than drawn");
-    for (const note of notes) {
-      const text = this.labels.fitted(note, camera.width - 120);
+    if (open) notes.push(["hollow: not unique, shared by least squares", "hollow: not unique"]);
+    if (unlike.cut) notes.push(["double stroke: arrow longer than drawn", "double stroke: longer"]);
+    for (const [note, less] of notes) {
+      const text = this.c.measureText(note).width <= camera.width - 120 ? note : less;
       this.labels.write(text, right - this.c.measureText(text).width, y + 4, COLOURS.force);
       y -= 18;
     }

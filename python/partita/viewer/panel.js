@@ -25,8 +25,8 @@ class Panel {
     const driven = scene.drives.length > 0 && scene.independent.every(([, indices]) => !indices.length);
     const open = !driven && scene.velocities.length > 0 && values.every((rho) => rho > 1 - 1e-6);
     const entries = driven ? this.transmission() : open ? this.coordinates() : this.measures();
-    document.getElementById("about").replaceChildren(...this.heading(driven, open));
-    document.querySelector(".legend").hidden = driven || open;
+    document.getElementById("about").replaceChildren(...(entries.length ? this.heading(driven, open) : ["Coordinates"]));
+    document.querySelector(".legend").hidden = driven || open || !entries.length;
     this.list.classList.toggle("wide", driven || open);
     this.makeEfforts();
     this.query = "";
@@ -171,7 +171,7 @@ class Panel {
     fill.style.display = "block";
     mark.setAttribute("aria-hidden", "true");
     track.append(fill);
-    row.append(mark, element("span", "name", each.name), track, value);
+    row.append(mark, nameOf(each.name), track, value);
     row.title = each.name;
     home.append(row);
     return { ...each, row, fill, value, free: false };
@@ -263,9 +263,10 @@ class Panel {
   }
 }
 
-/** The largest magnitude among finite numbers. */
-function largest(line) {
-  let most = 0;
-  for (const x of line) if (Number.isFinite(x)) most = Math.max(most, Math.abs(x));
-  return most;
+/** A name that is cut before its end where it is too long: names of a list differ at the end. */
+function nameOf(text) {
+  const box = element("span", "name"), last = Math.max(text.lastIndexOf("."), text.lastIndexOf(" "));
+  const end = last > 0 && text.length - last < 9 ? last : Math.max(0, text.length - 5);
+  box.append(element("span", "", text.slice(0, end)), element("span", "end", text.slice(end)));
+  return box;
 }

@@ -258,7 +258,7 @@ function start() {
   const notes = [];
   if (s.frames < s.outputs) {
     notes.push(`${s.frames} of ${s.outputs} computed outputs are kept in this page, to keep the file small; between them no joint`
-      + ` strays farther than ${short(100 * s.strays, 2)} % of the picture from the straight way.`);
+      + ` and no centre of mass strays farther than ${short(100 * s.strays, 2)} % of the picture from the straight way.`);
   }
   if (s.apart) {
     notes.push(`${s.apart.name} turns ${Math.round(s.apart.degrees)}° from output to output: what happens between is not seen, and`
@@ -309,7 +309,7 @@ window.partita = {
   size: () => [scene.camera.width, scene.camera.height],
   paint: (t) => { scene.draw(run.between.drawn(run.instantAt(t)), true); plots.draw(run.frameAt(t)); },
   place: (t, body, point) => run.placed(run.between.drawn(run.instantAt(t)), body, point),
-  strokes: strokesOf, tangled: isTangled,
+  strokes: strokesOf, tangled: isTangled, short, withUnit,
 };
 
 start();

@@ -9,6 +9,7 @@ class Plots {
     this.jumpTo = jumpTo;
     this.curves = run.scene.curves;
     this.list = []; // shown: {curve, canvas, still}
+    this.largest = new Map(); // of each unit, once it is asked for
     this.home = document.getElementById("multiples");
     this.start = run.t[0];
     this.whole = run.t[run.frames - 1] - run.t[0];
@@ -100,6 +101,16 @@ class Plots {
     return [x.map((_, f) => Math.hypot(x[f], y[f], z[f]))];
   }
 
+  /** The largest magnitude among all curves of a unit: what is far smaller is round-off. */
+  largestIn(unit) {
+    if (!this.largest.has(unit)) {
+      let most = 0;
+      for (const curve of this.curves) if (curve.unit === unit) for (const line of this.valuesOf(curve)) most = Math.max(most, largest(line));
+      this.largest.set(unit, most);
+    }
+    return this.largest.get(unit);
+  }
+
   frameOf(plot) {
     const width = plot.canvas.clientWidth, height = plot.canvas.clientHeight;
     return { left: plot.left || 46, right: width - 6, top: 6, bottom: height - 17, width, height };
@@ -151,7 +162,7 @@ class Plots {
     for (const line of values) for (const y of line) if (Number.isFinite(y)) { low = Math.min(low, y); high = Math.max(high, y); }
     if (!(low <= high)) { low = 0; high = 1; }
     // Round-off is not blown up to a curve.
-    const spare = Math.max(high - low, 1e-4 * Math.max(Math.abs(low), Math.abs(high)), 1e-12);
+    const spare = Math.max(high - low, 1e-4 * Math.max(Math.abs(low), Math.abs(high)), 1e-9 * this.largestIn(curve.unit)) || 1;
     if (high - low < 0.1 * spare) { low -= spare; high += spare; } else { low -= 0.06 * spare; high += 0.06 * spare; }
     const marks = ticksOf(low, high, 3).map((y) => [y, tickText(y, high - low)]);
     box.left = plot.left = Math.min(0.4 * box.width, 8 + Math.max(24, ...marks.map(([, text]) => c.measureText(text).width)));

@@ -146,9 +146,11 @@ class Scene {
     return this.behind;
   }
 
-  /** Faint grid under a spatial mechanism, so that heights can be judged. */
+  /** Faint grid under a spatial mechanism, so that heights can be judged; the plane on which it rolls, if it does. */
   floor(painter) {
-    const { right, up, back } = this.camera.base, grid = [[Infinity, -Infinity], [Infinity, -Infinity]], { origin } = this.camera;
+    const { base, origin } = this.camera, { ground } = this.run.scene, up = ground ? ground.normal : base.up;
+    const right = unit(cross(up, Math.abs(dot(up, base.back)) < 0.99 ? base.back : base.up)), back = cross(right, up);
+    const grid = [[Infinity, -Infinity], [Infinity, -Infinity]];
     let level = Infinity;
     for (const p of this.extent) level = Math.min(level, dot(p, up));
     for (const p of this.options.follow ? this.near.map((q) => add(q, origin)) : this.extent) {
@@ -158,7 +160,7 @@ class Scene {
       });
     }
     if (!Number.isFinite(level)) return;
-    if (!this.run.scene.solids.some(({ rolls }) => rolls)) level -= 3 * this.radius; // what rolls stands on it
+    level = ground ? dot(ground.point, up) : level - 3 * this.radius;
     const cell = roundBelow(this.size / 5);
     const ends = grid.map(([low, high]) => [Math.floor(low / cell) - 0.001, Math.ceil(high / cell) + 0.001]);
     const at = (x, z) => this.camera.project(add(scaled(up, level), add(scaled(right, x * cell), scaled(back, z * cell))));
@@ -256,7 +258,8 @@ class Scene {
   }
 
   joints(painter, frame) {
-    const { run, radius } = this, free = new Set(run.independent(frame).map((v) => this.jointOf.get(v)));
+    const { run, radius } = this, now = run.independent(frame), all = now.length === run.scene.velocities.length;
+    const free = new Set(all ? [] : now.map((v) => this.jointOf.get(v))); // what holds for all marks none
     run.scene.joints.forEach((joint, j) => {
       const point = run.seatOf(frame, j);
       if (!isFinite3(point)) return;

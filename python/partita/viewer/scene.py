@@ -73,14 +73,12 @@ def describe(
         "view": seen,
         "bodies": bodies,
         "joints": joints,
-        "solids": [
-            {"body": body, "parts": parts, "rolls": body in drawn_couplings.rolling}
-            for body, parts in (guessed | dict(solids or {})).items()
-        ],
+        "solids": [{"body": body, "parts": parts} for body, parts in (guessed | dict(solids or {})).items()],
         "wheels": drawn_couplings.wheels,
         "lines": drawn_couplings.lines,
         "rods": drawn_couplings.rods,
         "links": drawn_couplings.links,
+        "ground": drawn_couplings.ground,
         "floors": around.floors,
         "parts": around.parts,
         "stops": around.stops,
@@ -104,7 +102,8 @@ def describe(
         return scene | {"tables": tables}
     choices = _choices(np.asarray(result.independent))
     others = len(json.dumps([slim(scene), choices], separators=(",", ":")))
-    positions = np.concatenate([motion.position, motion.point], axis=1).reshape(len(result.t), -1)
+    centres = [motion.placed(i, np.array(body["com"])) for i, body in enumerate(bodies)]
+    positions = np.concatenate([*centres, motion.point.reshape(len(result.t), -1)], axis=1)
     kept = pack_tables(tables | plotted, others, positions)
     return scene | {
         "frames": len(kept.frames),

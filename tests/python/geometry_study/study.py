@@ -7,7 +7,7 @@ import time
 from collections import Counter
 from types import ModuleType
 
-from . import carts, loops, misdrawn, platforms, redundant, robots, seeming
+from . import carts, loops, misdrawn, platforms, redundant, robots, seeming, touching
 from .judge import Case, Outcome, judge
 
 FAMILIES: dict[str, ModuleType] = {
@@ -17,6 +17,7 @@ FAMILIES: dict[str, ModuleType] = {
     "loops": loops,
     "seeming": seeming,
     "redundant": redundant,
+    "touching": touching,
 }
 WORST = ("wrong", "must run", "unnamed", "refused", "right")
 

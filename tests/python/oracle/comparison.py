@@ -19,7 +19,18 @@ ACCELERATION, REACTION = 1e-8, 1e-7
 POWER = 1e-9
 # A direction of a self-stress exists above the first and does not below the second; in between it is undecided.
 LOADED, UNLOADED = 1e-6, 1e-10
+# Rounding of the poses that the independent program is given, of their sizes; how often it is asked with them rounded
+# in another way; and how many times the change of its answers is allowed.
+ROUNDED, ASKED, DOUBTED = 1e-15, 4, 10.0
 OUTPUTS = 3
+
+
+@dataclass(frozen=True)
+class Allowed:
+    """How far the programs may be apart."""
+
+    acceleration: float = ACCELERATION
+    reaction: float = REACTION
 
 
 @dataclass
@@ -35,6 +46,12 @@ class Verdict:
         self.worst[what] = max(self.worst.get(what, 0.0), error)
         if not error <= limit:
             self.wrong.append(f"{words}: {what} off by {error:.2e} (allowed {limit:.0e})")
+
+    def add(self, other: Verdict) -> None:
+        self.wrong += other.wrong
+        self.counts += other.counts
+        for what, error in other.worst.items():
+            self.worst[what] = max(self.worst.get(what, 0.0), error)
 
 
 def compare(drawing: Drawing) -> Verdict:
@@ -169,18 +186,66 @@ def look(drawing: Drawing, mechanism: pt.Mechanism, run: Any, coordinates: str, 
             continue
         verdict.counts["instants"] += 1
         verdict.counts["redundant"] += found.redundant > 0
-        accelerations(drawing, mechanism, run, coordinates, i, poses, found, verdict, words)
-        reactions(drawing, joints, i, found, verdict, words)
-        efforts(drawing, run, i, found, verdict, words)
+        seen = of_motion(drawing, mechanism, run, coordinates, i, poses, found, words, Allowed())
+        if seen.wrong:
+            # next to a singular position rounding alone moves the answers of the independent program
+            allowed = certain(program, float(t), poses, found, drawing.size)
+            seen = of_motion(drawing, mechanism, run, coordinates, i, poses, found, words, allowed)
+            seen.counts["own rounding of the independent program"] += not seen.wrong
+        verdict.add(seen)
         powers(drawing, mechanism, run, i, poses, found, verdict, words)
         for k, j in enumerate(drawing.joints):
             for axes, turn in (("world", np.eye(3)), ("joint", rotations[i, k]), ("own", own)):
                 unique(found, j.name, flags[axes][j.name][i], turn, verdict, f"{words}, joint {j.name}, {axes} axes")
 
 
+def certain(program: Maximal, t: float, poses: dict[str, Pose], found: Motion, size: float) -> Allowed:
+    """How far the programs may be apart where the independent one is asked at poses that are rounded in other ways."""
+    rng = np.random.default_rng(0)
+    top = max([np.linalg.norm(a) for a, _ in found.acceleration.values()] + [1e-300])
+    top = max([top] + [np.linalg.norm(alpha) * size for _, alpha in found.acceleration.values()])
+    loads = [np.abs(f).max() for f in found.force.values()] + [np.abs(m).max() / size for m in found.moment.values()]
+    load = max([found.largest, *loads])
+    acceleration = reaction = 0.0
+    for _ in range(ASKED):
+        other = program.at(t, {name: rounded(p, size, rng) for name, p in poses.items()})
+        for name, (a, alpha) in found.acceleration.items():
+            b, beta = other.acceleration[name]
+            acceleration = max(acceleration, np.abs(a - b).max() / top, np.abs(alpha - beta).max() * size / top)
+        for name, force in found.force.items():
+            free = untouched(found.stress_force[name]), untouched(found.stress_moment[name])
+            reaction = max(reaction, np.abs(free[0] @ (force - other.force[name])).max() / load)
+            reaction = max(reaction, np.abs(free[1] @ (found.moment[name] - other.moment[name])).max() / size / load)
+        for name, effort in found.effort.items():
+            if not found.shared[name]:
+                # directions in a plane follow the pose continuously
+                reaction = max(reaction, np.abs(effort - other.effort[name]).max() / load)
+    return Allowed(max(ACCELERATION, DOUBTED * acceleration), max(REACTION, DOUBTED * reaction))
+
+
+def rounded(p: Pose, size: float, rng: Any) -> Pose:
+    """The pose with every number rounded in another way."""
+    a, b, c = ROUNDED * rng.normal(size=3)
+    turn = np.array([[1.0, -c, b], [c, 1.0, -a], [-b, a, 1.0]])
+    return Pose(p.x + ROUNDED * size * rng.normal(size=3), turn @ p.rotation, p.u, p.w)
+
+
+def of_motion(
+    drawing: Drawing, mechanism: pt.Mechanism, run: Any, coordinates: str, i: int, poses: dict[str, Pose],
+    found: Motion, words: str, allowed: Allowed,
+) -> Verdict:  # fmt: skip
+    """Accelerations, reactions and efforts at one output."""
+    verdict = Verdict()
+    joints = {j.name: run.joint(j.name) for j in drawing.joints}
+    accelerations(drawing, mechanism, run, coordinates, i, poses, found, verdict, words, allowed)
+    reactions(drawing, joints, i, found, verdict, words, allowed)
+    efforts(drawing, run, i, found, verdict, words, allowed)
+    return verdict
+
+
 def accelerations(
     drawing: Drawing, mechanism: pt.Mechanism, run: Any, coordinates: str, i: int, poses: dict[str, Pose],
-    found: Motion, verdict: Verdict, words: str,
+    found: Motion, verdict: Verdict, words: str, allowed: Allowed,
 ) -> None:  # fmt: skip
     """v' against the accelerations of the bodies, over the largest of them."""
     size = drawing.size
@@ -200,7 +265,7 @@ def accelerations(
             arm = poses[b.name].rotation @ b.com
             centre = moved["body_velocity"][0, k] + np.cross(mine, arm)
             off = max(np.abs(centre - a).max(), np.abs(mine - alpha).max() * size) / top
-            verdict.seen("acceleration", float(off), ACCELERATION, f"{words}, body {b.name}")
+            verdict.seen("acceleration", float(off), allowed.acceleration, f"{words}, body {b.name}")
         return
     spans = {joint["name"]: joint["state_v"] for joint in run.summary["joints"]}
     for j in drawing.joints:
@@ -224,7 +289,7 @@ def accelerations(
                 theirs = np.concatenate([theirs[:-3], backwards])
         top_here = max(top, float(np.abs(theirs * units).max(initial=0.0)))
         off = float(np.abs((mine - theirs) * units).max(initial=0.0)) / top_here
-        verdict.seen("acceleration", off, ACCELERATION, f"{words}, joint {j.name}")
+        verdict.seen("acceleration", off, allowed.acceleration, f"{words}, joint {j.name}")
 
 
 def ball(j: Any) -> bool:
@@ -236,7 +301,9 @@ def coordinate_units(j: Any, size: float) -> Array:
     return np.array([1.0] * len(slides) + [size] * len(turns))
 
 
-def reactions(drawing: Drawing, joints: dict[str, Any], i: int, found: Motion, verdict: Verdict, words: str) -> None:
+def reactions(
+    drawing: Drawing, joints: dict[str, Any], i: int, found: Motion, verdict: Verdict, words: str, allowed: Allowed
+) -> None:
     """Forces and moments along every direction that no self-stress touches."""
     size = drawing.size
     named = [(name, joint.force[i], joint.moment[i]) for name, joint in joints.items()]
@@ -249,10 +316,10 @@ def reactions(drawing: Drawing, joints: dict[str, Any], i: int, found: Motion, v
             np.abs(untouched(found.stress_force[name]) @ (f - found.force[name])).max(initial=0.0),
             np.abs(untouched(found.stress_moment[name]) @ (m - found.moment[name])).max(initial=0.0) / size,
         )
-        verdict.seen("reaction", float(off) / max(top, 1e-300), REACTION, f"{words}, joint {name}")
+        verdict.seen("reaction", float(off) / max(top, 1e-300), allowed.reaction, f"{words}, joint {name}")
 
 
-def efforts(drawing: Drawing, run: Any, i: int, found: Motion, verdict: Verdict, words: str) -> None:
+def efforts(drawing: Drawing, run: Any, i: int, found: Motion, verdict: Verdict, words: str, allowed: Allowed) -> None:
     """Multipliers of couplings that no self-stress touches; those of the two directions in a plane by their length."""
     for c in drawing.couplings:
         mine, theirs = run.coupling(c.name).effort[i], found.effort[c.name]
@@ -260,7 +327,9 @@ def efforts(drawing: Drawing, run: Any, i: int, found: Motion, verdict: Verdict,
             mine, theirs = (np.array([x[0], np.linalg.norm(x[1:])]) for x in (mine, theirs))
         if not found.shared[c.name]:
             top = max(found.largest, np.abs(mine).max(), 1e-300)
-            verdict.seen("effort", float(np.abs(mine - theirs).max()) / top, REACTION, f"{words}, coupling {c.name}")
+            verdict.seen(
+                "effort", float(np.abs(mine - theirs).max()) / top, allowed.reaction, f"{words}, coupling {c.name}"
+            )
 
 
 def powers(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 from oracle.drawing import Array
@@ -14,7 +15,8 @@ from partita.results import Result
 
 from .judging import Judged, judge
 
-OUTPUTS = 21
+LONG, OUTPUTS = 10.0, 21
+"""Seconds of a run, also of those that the catalogue shows for a shorter time, and its outputs."""
 TOLERANCES = (1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11)
 MANY_TOLERANCES = ("stewart-ups", "delta", "double-cardan", "spherical-wrist", "goldberg", "myard")
 """Many degrees of freedom, or conditions that follow from others along the whole motion."""
@@ -29,7 +31,7 @@ FINE = {"rtol": 1e-13, "atol": 1e-15}
 
 def long_run(name: str, rtol: float | None = None) -> Judged:
     """Ten seconds, at the tolerance of the entry or another, with everything that must hold."""
-    entry = pt.catalogue.entry(name)
+    entry = replace(pt.catalogue.entry(name), duration=LONG)
     options = {} if rtol is None else {"rtol": rtol, "atol": 1e-2 * rtol}
     title = name if rtol is None else f"{name}, rtol {rtol:.0e}"
     with warnings.catch_warnings(record=True) as heard:
@@ -50,7 +52,7 @@ def long_run(name: str, rtol: float | None = None) -> Judged:
 
 def both_coordinates(name: str) -> Judged:
     """One motion in relative and absolute coordinates, as long as starts next to each other stay together."""
-    entry, found = pt.catalogue.entry(name), Judged(f"{name}, absolute")
+    entry, found = replace(pt.catalogue.entry(name), duration=LONG), Judged(f"{name}, absolute")
     m = entry.mechanism()
     start = entry.initial(m)
     times = np.linspace(0.0, entry.duration, 101)

@@ -52,8 +52,7 @@ pub fn exact<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], level: f64) ->
     if closings == all {
         return Ok(Exact::Regular(dof, smallest));
     }
-    let clear =
-        size.rows == size.holonomic && smallest >= tolerance::CLEARLY * tolerance::CLEARLY * found.largest_dropped;
+    let clear = smallest >= tolerance::CLEARLY * tolerance::CLEARLY * found.largest_dropped;
     Ok(if clear && fits(system, t, q, closings)? { Exact::Redundant(dof, smallest) } else { Exact::Open })
 }
 
@@ -100,7 +99,7 @@ pub(crate) fn ranked<S: ConstrainedSystem>(
 }
 
 /// Moved along each degree of freedom and along mixtures of them, closed with the kept rows: whether the others stay
-/// closed.
+/// closed, and those on rates do not oppose it.
 fn fits<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], closings: usize) -> Result<bool, SystemError> {
     let mut r = Reduction::geometric(system, closings);
     match r.first_partition(t, q) {
@@ -131,6 +130,14 @@ fn opened<S: ConstrainedSystem>(r: &Reduction<S>) -> f64 {
     largest(closings.map(|&i| r.phi[i] / r.row_size(i)))
 }
 
+/// Largest rate of the conditions on rates that were not kept, where the fastest coordinate has the speed 1.
+fn dropped_rate<S: ConstrainedSystem>(r: &Reduction<S>, fastest: f64) -> f64 {
+    let pattern = r.system.pattern();
+    let rate = |i: usize| pattern.row(i).map(|e| r.c[e] * r.v[pattern.col_idx[e]]).sum::<f64>();
+    let closings = r.dropped().iter().filter(|&&i| i >= r.size().holonomic && !r.system.row_is_drive(i));
+    largest(closings.map(|&i| rate(i) / (r.row_size(i) * fastest)))
+}
+
 /// Independent rates of a direction: mixed ones first, irregular, so that no symmetry hides a condition.
 fn rates<S: ConstrainedSystem>(r: &Reduction<S>, (direction, mixed): (usize, usize)) -> Vec<f64> {
     let displacement = |j: usize| r.system.characteristic_displacement(r.partition.independent[j]);
@@ -151,7 +158,7 @@ struct Own<'r, 's, S: ConstrainedSystem> {
 }
 
 impl<S: ConstrainedSystem> Curve for Own<'_, '_, S> {
-    /// Where last evaluated; its fastest coordinate is 1.
+    /// Where last evaluated; its fastest coordinate is 1. False where a condition on rates that was not kept opposes it.
     fn direct(&mut self, _q: &[f64], _s: f64, tangent: &mut [f64]) -> Result<bool, SystemError> {
         if self.r.tangent(self.t).is_err() {
             return Ok(false);
@@ -161,7 +168,7 @@ impl<S: ConstrainedSystem> Curve for Own<'_, '_, S> {
         let fastest = self.r.system.travel(&self.r.v);
         let scale = |(i, v): (usize, &f64)| v / (fastest * self.r.system.characteristic_displacement(i));
         tangent.iter_mut().zip(self.r.v.iter().enumerate().map(scale)).for_each(|(to, x)| *to = x);
-        Ok(fastest.is_finite() && fastest > 0.0)
+        Ok(fastest.is_finite() && fastest > 0.0 && dropped_rate(self.r, fastest) <= tolerance::NULL_VALUE)
     }
     fn predict(&mut self, q: &mut [f64], tangent: &[f64], ds: f64) {
         let system = &self.r.system;

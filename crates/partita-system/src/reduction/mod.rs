@@ -23,8 +23,8 @@ use partita_math::tolerance;
 /// No column.
 const NONE: u32 = u32::MAX;
 
-/// A correction with a larger displacement is rounding, unless it is longer than [`tolerance::OPEN`]. Scale: multiples
-/// of the relative residual. Reason: three digits lost to a poor choice of coordinates.
+/// A correction with a larger displacement is rounding, unless it is longer than [`tolerance::OPEN`] or its residual is
+/// no rounding. Scale: multiples of the relative residual. Reason: three digits lost to a poor choice of coordinates.
 pub const LARGEST_AMPLIFICATION: f64 = 1e3;
 
 /// The choice of a reduction; a macro, so that its other fields can be borrowed.

@@ -17,7 +17,7 @@ Z = (0.0, 0.0, 1.0)
 
 @member(MEMBERS, "gear-pair", "gear pair: a motor at constant speed turns an unbalanced wheel through a pinion",
         Truth(0, 0, EVERYTHING, why="2 rotations - 1 mesh - 1 drive = 0", source=DUBBEL),
-        rates={"pinion shaft": 12.0})  # fmt: skip
+        rates={"pinion shaft": 12.0}, samples=801)  # fmt: skip
 def gear_pair(m: Mechanism) -> None:
     """Radii 0.08 and 0.2 that mesh outside; the wheel carries an arm."""
     disc(m, "pinion", (0, 0, 0), Z, 0.08, 1.0)
@@ -31,7 +31,7 @@ def gear_pair(m: Mechanism) -> None:
 @member(MEMBERS, "planetary-gear", "planetary gear: three planets between the sun and a ring that stands still",
         Truth(1, 2, EVERYTHING, why="5 rotations; 6 meshes, of which two planets repeat the first: the distribution of "
               "load over the teeth is undetermined, which does not affect the hinges; 5 - (6 - 2) = 1", source=MUELLER),
-        rates={"carrier": 5.0})  # fmt: skip
+        rates={"carrier": 5.0}, samples=801)  # fmt: skip
 def planetary_gear(m: Mechanism) -> None:
     """Sun 0.06, planets 0.04, ring 0.14; the carrier lifts an arm. The rotation of a planet is relative to the
     carrier."""
@@ -89,7 +89,7 @@ def rack_steering(m: Mechanism) -> None:
         Truth(1, 4, {"*": "fz mz"}, why="Kutzbach: 1 + 1 + 1 degrees of freedom of the joints - 6 of the loop = -3; "
               "spindle, thread and guide on one line impose four redundant constraints across it: a self-stress has "
               "any force and any moment perpendicular to that line", source=DUBBEL),
-        rates={"bearing": 20.0}, gravity=FALL)  # fmt: skip
+        rates={"bearing": 20.0}, gravity=FALL, samples=801)  # fmt: skip
 def screw_press(m: Mechanism) -> None:
     """The thread is not self-locking: 60 mm per turn. The ram works against a spring."""
     disc(m, "spindle", (0, 0, 1.0), Z, 0.2, 15.0)
@@ -156,7 +156,8 @@ def cv_shaft(m: Mechanism) -> None:
 @member(MEMBERS, "hexaglide", "Hexaglide: a platform on six rods without mass, their feet slide on three rails",
         Truth(6, 0, EVERYTHING, why="6 of the platform + 6 slides - 6 rods = 6",
               source="J.-P. Merlet, Parallel Robots; M. Honegger, A. Codourey, E. Burdet, Adaptive control of the "
-              "Hexaglide, ICRA 1997"), rates={"pose": (0.2, -0.1, 0.3, 0.5, 0.3, -0.8)}, gravity=FALL)  # fmt: skip
+              "Hexaglide, ICRA 1997"), rates={"pose": (0.2, -0.1, 0.3, 0.5, 0.3, -0.8)}, gravity=FALL,
+        samples=601)  # fmt: skip
 def hexaglide(m: Mechanism) -> None:
     """Rails along x, two feet on each; springs stand in for the drives."""
     heads = [np.array((0.25 * np.cos(a), 0.25 * np.sin(a), 0.6)) for a in np.radians((30, 90, 150, 210, 270, 330))]

@@ -45,35 +45,35 @@ def in_line(m: Mechanism, angles: tuple[float, ...], directions: tuple[complex, 
 
 
 @member(MEMBERS, "engine-inline-two", "two cylinders in line, crank pins opposite",
-        planar(5, 7, HEYWOOD), rates={"main": 60.0}, samples=1201)  # fmt: skip
+        planar(5, 7, HEYWOOD), rates={"main": 60.0}, samples=1201, seconds=3.0)  # fmt: skip
 def inline_two(m: Mechanism) -> None:
     """Rods and pistons 0.1 m apart along the shaft."""
     in_line(m, (35.0, 215.0))
 
 
 @member(MEMBERS, "engine-inline-three", "three cylinders in line, crank pins in thirds",
-        planar(7, 10, HEYWOOD), rates={"main": 60.0}, samples=1201)  # fmt: skip
+        planar(7, 10, HEYWOOD), rates={"main": 60.0}, samples=1201, seconds=3.0)  # fmt: skip
 def inline_three(m: Mechanism) -> None:
     """Pins at 120 degrees."""
     in_line(m, (35.0, 155.0, 275.0))
 
 
 @member(MEMBERS, "engine-inline-four", "four cylinders in line, crank pins in a plane",
-        planar(9, 13, HEYWOOD), rates={"main": 60.0}, samples=1201)  # fmt: skip
+        planar(9, 13, HEYWOOD), rates={"main": 60.0}, samples=1201, seconds=3.0)  # fmt: skip
 def inline_four(m: Mechanism) -> None:
     """The outer pins on one side, the inner on the other."""
     in_line(m, (35.0, 215.0, 215.0, 35.0))
 
 
 @member(MEMBERS, "engine-boxer", "boxer twin: opposite cylinders move against each other",
-        planar(5, 7, HEYWOOD), rates={"main": 60.0}, samples=1201)  # fmt: skip
+        planar(5, 7, HEYWOOD), rates={"main": 60.0}, samples=1201, seconds=3.0)  # fmt: skip
 def boxer(m: Mechanism) -> None:
     """Crank pins opposite, cylinders as well."""
     in_line(m, (35.0, 215.0), (1.0 + 0j, -1.0 + 0j))
 
 
 @member(MEMBERS, "engine-v-twin", "V twin: two rods side by side on one crank pin, cylinders at a right angle",
-        planar(5, 7, HEYWOOD), rates={"main": 60.0}, samples=1201)  # fmt: skip
+        planar(5, 7, HEYWOOD), rates={"main": 60.0}, samples=1201, seconds=3.0)  # fmt: skip
 def v_twin(m: Mechanism) -> None:
     """Cylinders 45 degrees to either side of the upright."""
     pin = in_space(polar(THROW, 20.0))
@@ -83,7 +83,7 @@ def v_twin(m: Mechanism) -> None:
 
 
 @member(MEMBERS, "engine-radial-five", "radial engine: a master rod carries four others, five cylinders in a star",
-        planar(11, 16, HEYWOOD), rates={"main": 60.0}, samples=1201)  # fmt: skip
+        planar(11, 16, HEYWOOD), rates={"main": 60.0}, samples=1201, seconds=3.0)  # fmt: skip
 def radial_five(m: Mechanism) -> None:
     """Knuckle pins 0.03 from the crank pin, in fifths about it; the other rods shorter by as much."""
     pin, up = polar(THROW, 25.0), 1j
@@ -107,7 +107,7 @@ def radial_five(m: Mechanism) -> None:
               why="shaft and plate have two rotations, of which the plane of the peg removes one; a P-U-S chain has "
               "six degrees of freedom and removes none from the plate",
               source="K. Kutzbach, Mechanische Leitungsverzweigung, 1929"),
-        rates={"main": 20.0})  # fmt: skip
+        rates={"main": 20.0}, samples=401, seconds=3.0)  # fmt: skip
 def wobble_plate(m: Mechanism) -> None:
     """Shaft along z, journal inclined by 15 degrees about a point of its axis; a peg of the plate stays in a plane."""
     tilt = around((1, 0, 0), 15.0)

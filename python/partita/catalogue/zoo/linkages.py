@@ -20,14 +20,14 @@ def four_bar(m: Mechanism, crank: complex, ground: complex, coupler: float, rock
 
 
 @member(MEMBERS, "double-rocker", "Grashof double rocker: its shortest link is the coupler, which alone turns fully",
-        planar(3, 4, GRASHOF), rates={"A": 0.5})  # fmt: skip
+        planar(3, 4, GRASHOF), rates={"A": 0.5}, samples=401)  # fmt: skip
 def double_rocker(m: Mechanism) -> None:
     """Coupler 0.3, opposite 1.0, rockers 0.8 and 0.7: 0.3 + 1.0 < 0.8 + 0.7."""
     four_bar(m, polar(0.8, -55.0), 1.0 + 0j, 0.3, 0.7)
 
 
 @member(MEMBERS, "drag-link", "drag link: the ground is shortest, crank and follower both turn fully",
-        planar(3, 4, GRASHOF), rates={"A": 10.0})  # fmt: skip
+        planar(3, 4, GRASHOF), rates={"A": 10.0}, samples=601)  # fmt: skip
 def drag_link(m: Mechanism) -> None:
     """Ground 0.3, longest 0.9: 0.3 + 0.9 < 0.8 + 0.7."""
     four_bar(m, polar(0.8, 50.0), 0.3 + 0j, 0.7, 0.9)
@@ -48,7 +48,7 @@ def antiparallelogram(m: Mechanism) -> None:
 
 
 @member(MEMBERS, "slider-crank-offset", "slider-crank whose guide misses the crank's pivot: a slow and a fast stroke",
-        planar(3, 4, NORTON), rates={"A": 15.0})  # fmt: skip
+        planar(3, 4, NORTON), rates={"A": 15.0}, samples=801)  # fmt: skip
 def slider_crank_offset(m: Mechanism) -> None:
     """Crank 0.2, rod 0.6, guide 0.1 above the pivot."""
     pin, offset = polar(0.2, 40.0), 0.1
@@ -58,7 +58,7 @@ def slider_crank_offset(m: Mechanism) -> None:
 
 
 @member(MEMBERS, "whitworth", "Whitworth's quick return: a crank pin slides in a slotted arm that turns fully, and "
-        "moves a ram", planar(5, 7, REULEAUX), rates={"A": 12.0})  # fmt: skip
+        "moves a ram", planar(5, 7, REULEAUX), rates={"A": 12.0}, samples=801)  # fmt: skip
 def whitworth(m: Mechanism) -> None:
     """The arm's pivot lies inside the circle of the crank pin: 0.1 from its centre, the crank 0.25."""
     pivot, pin = 0.1 + 0j, polar(0.25, 65.0)
@@ -71,7 +71,7 @@ def whitworth(m: Mechanism) -> None:
 
 
 @member(MEMBERS, "shaper", "quick return of a shaper: the arm that its crank pin slides in swings",
-        planar(5, 7, NORTON), rates={"A": 12.0})  # fmt: skip
+        planar(5, 7, NORTON), rates={"A": 12.0}, samples=601)  # fmt: skip
 def shaper(m: Mechanism) -> None:
     """The arm's pivot lies outside the circle of the crank pin: 0.4 below its centre, the crank 0.15."""
     pivot, pin = -0.4j, polar(0.15, 30.0)
@@ -84,7 +84,7 @@ def shaper(m: Mechanism) -> None:
 
 
 @member(MEMBERS, "scotch-yoke", "Scotch yoke: rotation becomes a purely sinusoidal translation",
-        planar(3, 4, REULEAUX), rates={"A": 9.0})  # fmt: skip
+        planar(3, 4, REULEAUX), rates={"A": 9.0}, samples=601)  # fmt: skip
 def scotch_yoke(m: Mechanism) -> None:
     """The block on the crank pin slides across the yoke, the yoke along the ground."""
     pin = polar(0.3, 35.0)
@@ -104,7 +104,7 @@ def elliptic_trammel(m: Mechanism) -> None:
 
 
 @member(MEMBERS, "oscillating-cylinder", "oscillating cylinder: the crank drives a piston whose cylinder swings",
-        planar(3, 4, REULEAUX), rates={"A": 12.0})  # fmt: skip
+        planar(3, 4, REULEAUX), rates={"A": 12.0}, samples=801)  # fmt: skip
 def oscillating_cylinder(m: Mechanism) -> None:
     """Crank 0.15, trunnion 0.5 away; the piston's guide lies at the trunnion."""
     pin, trunnion = polar(0.15, 60.0), 0.5 + 0j
@@ -145,7 +145,7 @@ def roberts(m: Mechanism) -> None:
 
 
 @member(MEMBERS, "hoekens", "Hoekens' linkage: a crank-rocker whose coupler point runs straight, at a nearly even pace",
-        planar(3, 4, NORTON), rates={"A": 8.0})  # fmt: skip
+        planar(3, 4, NORTON), rates={"A": 8.0}, samples=601)  # fmt: skip
 def hoekens(m: Mechanism) -> None:
     """Crank 1, ground 2, rocker and both halves of the coupler 2.5 (times 0.2)."""
     b, d = polar(0.2, 100.0), 0.4 + 0j

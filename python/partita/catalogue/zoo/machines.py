@@ -81,7 +81,7 @@ def scissor_lift(m: Mechanism) -> None:
 
 
 @member(MEMBERS, "toggle-press", "toggle press: a crank straightens a knee above the ram",
-        planar(5, 7, ARTOBOLEVSKY), rates={"A": 8.0})  # fmt: skip
+        planar(5, 7, ARTOBOLEVSKY), rates={"A": 8.0}, samples=401)  # fmt: skip
 def toggle_press(m: Mechanism) -> None:
     """Crank 0.1, rod 0.6 to the knee, two links of 0.4 between the frame and the ram; the knee stays bent."""
     pin, frame = -0.75 + polar(0.1, 60.0), 0.4j
@@ -93,7 +93,7 @@ def toggle_press(m: Mechanism) -> None:
 
 
 @member(MEMBERS, "jaw-crusher", "Blake's jaw crusher: an eccentric lifts a pitman, two toggles push the jaw",
-        planar(5, 7, ARTOBOLEVSKY), rates={"A": 20.0})  # fmt: skip
+        planar(5, 7, ARTOBOLEVSKY), rates={"A": 20.0}, samples=801)  # fmt: skip
 def jaw_crusher(m: Mechanism) -> None:
     """Eccentric 0.03, pitman 0.7, toggles 0.35 and 0.3, jaw 0.9 hung above."""
     b, d = polar(0.03, 30.0), 0.33 - 0.8j
@@ -106,7 +106,7 @@ def jaw_crusher(m: Mechanism) -> None:
 
 
 @member(MEMBERS, "windscreen-wiper", "windscreen wiper: one crank swings two blades side by side",
-        planar(5, 7, NORTON), rates={"A": 10.0})  # fmt: skip
+        planar(5, 7, NORTON), rates={"A": 10.0}, samples=801)  # fmt: skip
 def windscreen_wiper(m: Mechanism) -> None:
     """A crank-rocker moves the first blade, and a parallelogram transmits its motion to the second."""
     pin, first = polar(0.05, 80.0), 0.3 + 0.02j
@@ -120,7 +120,7 @@ def windscreen_wiper(m: Mechanism) -> None:
 
 
 @member(MEMBERS, "needle-bar", "sewing machine: needle bar and thread lever on one crank",
-        planar(5, 7, ARTOBOLEVSKY), rates={"A": 30.0}, samples=601)  # fmt: skip
+        planar(5, 7, ARTOBOLEVSKY), rates={"A": 30.0}, samples=801, seconds=3.0)  # fmt: skip
 def needle_bar(m: Mechanism) -> None:
     """A slider-crank and a four-bar share the crank pin (times 0.1: crank 0.15, rod 0.4, lever 0.3 and 0.25)."""
     pin, pivot = polar(0.015, 20.0), 0.03 + 0.02j

@@ -28,11 +28,13 @@ def member(
     gravity: tuple[float, float, float] = DOWN,
     notes: str = "",
     samples: int = 201,
+    seconds: float = 10.0,
     more: Sequence[Check] = (),
 ) -> Callable[[Draw], Draw]:
-    """Register the mechanism that the decorated function draws: closed as drawn, it starts with `rates` and runs ten
-    seconds. Fast rotation needs more `samples`: less than a sixth of a turn from one to the next. `more` checks are
-    closed forms of its own."""
+    """Register the mechanism that the decorated function draws: closed as drawn, it starts with `rates` and runs
+    for `seconds`. Curves over time keep their shape where nothing turns more than 20 degrees from one output to the
+    next: fast rotation needs more `samples` and, as pages hold 1500, fewer seconds. `more` checks are closed forms of
+    its own."""
 
     def enter(draw: Draw) -> Draw:
         def build() -> Mechanism:
@@ -48,7 +50,7 @@ def member(
                 name=name,
                 title=title,
                 source=truth.source,
-                duration=10.0,
+                duration=seconds,
                 build=build,
                 start=start,
                 checks=(*checks(truth), *more),

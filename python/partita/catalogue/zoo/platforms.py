@@ -218,7 +218,8 @@ def exechon_like(m: Mechanism) -> None:
 @member(MEMBERS, "parallel-ankle", "ankle of a walking machine: a universal joint, moved by two levers and two rods",
         Truth(2, 0, EVERYTHING, why="Kutzbach: 6 x 5 - 4 (ankle) - 2 x (5 + 4 + 3) = 2",
               source="C. Zhou and N. Tsagarakis, On the comprehensive kinematics analysis of a humanoid parallel ankle "
-              "mechanism, J. Mech. Robot. 10 (2018)"), rates={"ankle": (0.5, 0.8)}, gravity=FALL)  # fmt: skip
+              "mechanism, J. Mech. Robot. 10 (2018)"), rates={"ankle": (0.5, 0.8)}, gravity=FALL,
+        samples=401)  # fmt: skip
 def parallel_ankle(m: Mechanism) -> None:
     """The shank is fixed; levers rotate across it at two heights, and rods connect them to the heel, left and right."""
     heel = [np.array([-0.06, y, -0.03]) for y in (0.045, -0.045)]

@@ -26,7 +26,8 @@ LEANING = around((0, 1, 0), 20.0) @ np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], 
 
 @member(MEMBERS, "rolling-coin", "a coin rolls on its edge, leaning by twenty degrees",
         Truth(3, 0, EVERYTHING, why="6 - 1 (contact) - 2 (rolling): three rates", source=NEIMARK),
-        rates={"flight": (0.0, 3.0, 0.0, -6.0 * math.cos(LEAN), 0.0, 6.0 * math.sin(LEAN))}, gravity=FALL)  # fmt: skip
+        rates={"flight": (0.0, 3.0, 0.0, -6.0 * math.cos(LEAN), 0.0, 6.0 * math.sin(LEAN))}, gravity=FALL,
+        samples=401)  # fmt: skip
 def rolling_coin(m: Mechanism) -> None:
     """Radius 0.5. It wobbles, does not fall flat, and goes around."""
     m.add_body("coin", mass=2.0, inertia=(0.125, 0.125, 0.25), position=0.5 * LEANING[:, 1], orientation=LEANING)
@@ -36,7 +37,7 @@ def rolling_coin(m: Mechanism) -> None:
 
 @member(MEMBERS, "rolling-ball", "a ball out of balance rolls down an incline, turning",
         Truth(3, 0, EVERYTHING, why="6 - 1 (contact) - 2 (rolling): three rates", source=NEIMARK),
-        rates={"flight": (0.2, 0.3, 0.0, -3.0, 2.0, 4.0)}, gravity=DESCENT)  # fmt: skip
+        rates={"flight": (0.2, 0.3, 0.0, -3.0, 2.0, 4.0)}, gravity=DESCENT, samples=1501)  # fmt: skip
 def rolling_ball(m: Mechanism) -> None:
     """The incline, 0.1 rad, is the plane z = 0; the centre of mass lies 10 mm beside the centre of the ball."""
     m.add_body("ball", mass=2.0, inertia=(9e-3, 8e-3, 8e-3), com=(0.01, 0, 0), position=(0, 0, 0.1))
@@ -49,7 +50,8 @@ def rolling_ball(m: Mechanism) -> None:
               "roll: 9 - 2 - 4 = 3 rates, forward speed, roll and steer", source=WHIPPLE),
         rates={"frame": (SPEED, 0.0, 0.0, 0.05, 0.0, 0.0), "steer": 0.0, "rear axle": -SPEED / REAR,
                "front axle": -SPEED / FRONT}, gravity=(0.0, 0.0, 9.81),
-        notes="The benchmark of the paper, z down. Started upright with a roll rate of 0.05 rad/s.")  # fmt: skip
+        notes="The benchmark of the paper, z down. Started upright with a roll rate of 0.05 rad/s.",
+        samples=801)  # fmt: skip
 def whipple_bicycle(m: Mechanism) -> None:
     """Wheelbase 1.02, trail 0.08, steer axis tilted by pi/10."""
     tilt, contact = math.pi / 10.0, 1.02

@@ -22,7 +22,8 @@ MAGNUS = "K. Magnus, Kreisel: Theorie und Anwendungen"
               why="the axes at each end meet at the centre of a cross, and both centres are at rest: the constraint on "
               "their distance is redundant, Kutzbach's 0 + 1; the self-stress is a force from centre to centre, along "
               "x, with a moment about z in bearings beside the centres", source="H. C. Seherr-Thoss, F. Schmelz, "
-              "E. Aucktor, Universal Joints and Driveshafts"), rates={"in": 15.0}, gravity=FALL)  # fmt: skip
+              "E. Aucktor, Universal Joints and Driveshafts"), rates={"in": 15.0}, gravity=FALL,
+        samples=801)  # fmt: skip
 def double_cardan(m: Mechanism) -> None:
     """Bearings drawn 0.3 m outside the crosses; both shafts at 25 degrees to the middle one, in the x-y plane."""
     p, q = np.zeros(3), np.array([0.5, 0.0, 0.0])
@@ -71,7 +72,7 @@ def rccc(m: Mechanism) -> None:
 
 @member(MEMBERS, "gyroscope", "gyroscope in two gimbals, out of balance a little",
         Truth(3, 0, EVERYTHING, why="an open chain of three hinges", source=MAGNUS),
-        rates={"outer": 0.3, "inner": 0.2, "spin": 60.0}, gravity=FALL, samples=801)  # fmt: skip
+        rates={"outer": 0.3, "inner": 0.2, "spin": 60.0}, gravity=FALL, samples=1001, seconds=3.0)  # fmt: skip
 def gyroscope(m: Mechanism) -> None:
     """The rotor's centre is 5 mm from the intersection of the axes; the inner frame starts tilted by 30 degrees."""
     axis = around((1, 0, 0), 30.0) @ (0.0, 1.0, 0.0)
@@ -85,7 +86,7 @@ def gyroscope(m: Mechanism) -> None:
 
 @member(MEMBERS, "heavy-top", "Lagrange's heavy top on a ball joint",
         Truth(3, 0, EVERYTHING, why="a ball joint leaves three rotations", source=MAGNUS),
-        rates={"tip": (0.0, 0.5, 150.0)}, gravity=FALL, samples=1500)  # fmt: skip
+        rates={"tip": (0.0, 0.5, 150.0)}, gravity=FALL, samples=1501, seconds=3.0)  # fmt: skip
 def heavy_top(m: Mechanism) -> None:
     """A disc 0.1 m from its tip, leaning by 40 degrees."""
     axis = around((0, 1, 0), 40.0) @ (0.0, 0.0, 1.0)
@@ -96,7 +97,7 @@ def heavy_top(m: Mechanism) -> None:
 @member(MEMBERS, "gyro-pair", "two rotors against each other in a frame that flies freely",
         Truth(8, 0, EVERYTHING, why="six of the frame and one rotation of each rotor", source=MAGNUS),
         rates={"flight": (0.1, 0.0, 0.05, 0.2, 0.3, 0.1), "left": 80.0, "right": -70.0}, gravity=REST,
-        samples=1001)  # fmt: skip
+        samples=1501, seconds=6.0)  # fmt: skip
 def gyro_pair(m: Mechanism) -> None:
     """Axes inclined to each other by 60 degrees."""
     link(m, "frame", REST, (0.2, 0, 0), (-0.2, 0, 0), (0, 0.1, 0), density=3.0)

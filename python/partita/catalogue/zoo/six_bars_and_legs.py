@@ -12,7 +12,7 @@ SIX_BARS = "A. S. Hall, Kinematics and Linkage Design; J. M. McCarthy, Geometric
 
 
 @member(MEMBERS, "watt-one", "Watt I: two ternary links pinned together, the ground one of the binary links",
-        planar(5, 7, SIX_BARS), rates={"A": 8.0})  # fmt: skip
+        planar(5, 7, SIX_BARS), rates={"A": 8.0}, samples=601)  # fmt: skip
 def watt_one(m: Mechanism) -> None:
     """A crank-rocker whose coupler and rocker carry two more links between them."""
     b, d = polar(0.25, 70.0), 0.8 + 0j
@@ -93,7 +93,7 @@ def jansen(points: dict[str, complex], links: dict[str, str], name: str, mirrore
 
 
 @member(MEMBERS, "jansen-leg", "Theo Jansen's leg: the eleven holy numbers of the beach animals",
-        planar(7, 10, "T. Jansen, The Great Pretender, 2007"), rates={"O": 10.0})  # fmt: skip
+        planar(7, 10, "T. Jansen, The Great Pretender, 2007"), rates={"O": 10.0}, samples=601)  # fmt: skip
 def jansen_leg(m: Mechanism) -> None:
     """In parts of 0.01 m, the crank 0.15."""
     points, links = {"O": 0j, "P": polar(0.15, 20.0)}, {"crank": "O P"}
@@ -102,7 +102,7 @@ def jansen_leg(m: Mechanism) -> None:
 
 
 @member(MEMBERS, "jansen-pair", "two of Jansen's legs, mirror images on one crank",
-        planar(13, 19, "T. Jansen, The Great Pretender, 2007"), rates={"O": 10.0})  # fmt: skip
+        planar(13, 19, "T. Jansen, The Great Pretender, 2007"), rates={"O": 10.0}, samples=801)  # fmt: skip
 def jansen_pair(m: Mechanism) -> None:
     """As the beach animals have them: fore and hind leg."""
     points, links = {"O": 0j, "P": polar(0.15, 20.0)}, {"crank": "O P"}

@@ -75,7 +75,7 @@ def wrist(m: Mechanism, axes: list[tuple[FloatArray, FloatArray, FloatArray]], r
                                                   "2 = 3; each of two loops fixes the point redundantly", source="C. "
                                                   "M. Gosselin and J. Angeles, The optimum "
               "kinematic design of a spherical three-degree-of-freedom parallel manipulator, 1989. " + SPHERICAL),
-        rates={"A1": 0.8}, gravity=FALL)  # fmt: skip
+        rates={"A1": 0.8}, gravity=FALL, samples=401)  # fmt: skip
 def spherical_wrist(m: Mechanism) -> None:
     """Base axes 40 degrees from the vertical, elbows outwards, platform axes 60 degrees from the vertical, below."""
     legs = [(pole(140.0, 120.0 * i), pole(95.0, 120.0 * i + 55.0), pole(50.0, 120.0 * i + 20.0)) for i in range(3)]

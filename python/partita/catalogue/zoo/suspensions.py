@@ -81,7 +81,7 @@ def macpherson(m: Mechanism) -> None:
 
 @member(MEMBERS, "trailing-arm", "semi-trailing arm: a skew hinge and a wheel, two degrees of freedom, no loop",
         Truth(2, 0, EVERYTHING, why="an open chain of one hinge each, without redundant constraints",
-              source=MATSCHINSKY), rates={"pivot": 0.5, "axle": 20.0}, gravity=FALL)  # fmt: skip
+              source=MATSCHINSKY), rates={"pivot": 0.5, "axle": 20.0}, gravity=FALL, samples=1001)  # fmt: skip
 def trailing_arm(m: Mechanism) -> None:
     """The hinge runs obliquely below the body, 20 degrees from across."""
     p = points(front=(0.4, 0.2, 0.3), rear=(0.3, 0.5, 0.28), hub=(0.0, 0.6, 0.3), top=(0.05, 0.5, 0.7))

@@ -236,15 +236,17 @@ impl Drawing {
         (off > tolerance::SUM_ROUNDING).then_some((numbers, alike, off))
     }
 
-    /// The change of this drawing that makes axes which are parallel within `near` at q exactly parallel: where the fit
-    /// is a double root, to first order they need no change.
+    /// The change of this drawing that makes axes which are parallel within `near` at q exactly parallel, and guides
+    /// that are perpendicular to hinges within it exactly perpendicular: where the fit is a double root, to first order
+    /// they need no change.
     pub(super) fn parallel(&self, q: &[f64], near: f64) -> Vec<f64> {
         let model = &self.model;
         let mut change = vec![0.0; OWN * model.spec.joints.len()];
         let mut s = model.full.scratch();
         model.full.poses(q, &mut s);
-        // index of the rotation in a change, orientation of its body, and the present axis
+        // index of the rotation in a change, orientation of its body, and the present axis; hinges first
         let mut axes: Vec<(usize, Mat3<f64>, Vec3<f64>)> = Vec::new();
+        let is_hinge = |j: usize| model.spec.joints[j].kind == JointKind::Revolute;
         let out = model.placed.basis;
         for (j, (joint, placed)) in model.spec.joints.iter().zip(&model.placed.joints).enumerate() {
             let (Some(axis), None, Ok(align)) = (joint.axis, joint.axis2, alignment(joint)) else { continue };
@@ -254,16 +256,23 @@ impl Drawing {
                 axes.push((j * OWN + offset, turn, turn.apply(axis)));
             }
         }
-        while let Some((_, _, first)) = axes.first().copied() {
+        axes.sort_by_key(|x| !is_hinge(x.0 / OWN));
+        let mut hinges: Vec<Vec3<f64>> = Vec::new();
+        while let Some((index, _, first)) = axes.first().copied() {
             let (group, others): (Vec<_>, Vec<_>) = axes.into_iter().partition(|x| x.2.cross(first).norm() <= near);
             axes = others;
             let ahead = |x: Vec3<f64>| x.times(if x.dot(first) < 0.0 { -1.0 } else { 1.0 });
             // the axis that the others are nearest to: where most are exactly parallel, those stay unchanged
             let off = |x: Vec3<f64>| group.iter().map(|y| x.cross(y.2).norm()).sum::<f64>();
             let least = group.iter().min_by(|x, y| off(x.2).total_cmp(&off(y.2))).map_or(first, |x| ahead(x.2));
+            let wanted = match is_hinge(index / OWN) {
+                true => least,
+                false => across(least, &hinges, near),
+            };
+            hinges.extend(Some(wanted).filter(|_| is_hinge(index / OWN)));
             for &(offset, turn, axis) in &group {
-                let across = ahead(axis).cross(least);
-                let (sine, cosine) = (across.norm(), ahead(axis).dot(least));
+                let across = ahead(axis).cross(wanted);
+                let (sine, cosine) = (across.norm(), ahead(axis).dot(wanted));
                 if sine > 0.0 {
                     let by = turn.apply_transposed(across.times(sine.atan2(cosine) / sine));
                     change[offset..offset + 3].copy_from_slice(&by.0);
@@ -315,6 +324,17 @@ impl Drawing {
             false => (Vec3([of(v - 3), of(v - 2), of(v - 1)]), Vec3([of(v), of(v + 1), of(v + 2)])),
         }
     }
+}
+
+/// A direction made perpendicular to those of these to which it is so within `near`.
+fn across(direction: Vec3<f64>, to: &[Vec3<f64>], near: f64) -> Vec3<f64> {
+    let nearly: Vec<Vec3<f64>> = to.iter().copied().filter(|x| x.dot(direction).abs() <= near).collect();
+    let wanted = match nearly[..] {
+        [] => Some(direction),
+        [one] => (direction - one.times(one.dot(direction))).unit(),
+        [one, two, ..] => one.cross(two).unit().map(|x| x.times(x.dot(direction).signum())),
+    };
+    wanted.filter(|x| x.cross(direction).norm() <= near).unwrap_or(direction)
 }
 
 /// Positions with the right kernel, spread over the paths.

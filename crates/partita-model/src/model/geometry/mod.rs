@@ -7,6 +7,7 @@
 mod alike;
 mod blocks;
 mod change;
+mod couplings;
 mod levels;
 mod rates;
 
@@ -14,16 +15,16 @@ use super::Model;
 use crate::spec::{Joint, Spec};
 use crate::value::Functions;
 use crate::zero_position::Coordinates;
-use blocks::Pose;
+use blocks::{Block, Pose};
 use change::{is_sought, largest, OWN};
+use couplings::judged;
 use levels::Fit;
 use partita_math::tolerance;
 use partita_system::kinematics::assembly;
 use partita_system::manifold::truncated::FIRST_GRADE;
 use partita_system::prelude::*;
-use partita_system::rank::{exact, weakest, Cut, Exact, Kernel};
+use partita_system::rank::{exact, pivots, weakest, Cut, Exact, Kernel};
 use partita_system::start;
-use rates::Rates;
 use std::cell::OnceCell;
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -169,7 +170,11 @@ pub(super) fn decide(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joi
     let (mut found, joints) = decided(by_joints.as_ref().unwrap_or(model), tolerance);
     let undecided = found.dof.is_none() && found.ambiguous.is_none() && joints.is_none();
     if undecided {
-        found.dof = counted(model, tolerance);
+        let (dof, weak) = counted(model, tolerance);
+        // of large blocks no motion was tried
+        let large = found.blocks.iter().any(|x| x.verdict == Verdict::Undecided && !is_sought(x.joints.len()));
+        found.ambiguous = weak.filter(|_| large);
+        found.dof = dof.filter(|_| found.ambiguous.is_none());
     }
     if (by_joints.is_some() && !found.is_singular() && joints.is_none()) || (undecided && found.dof.is_some()) {
         let drawn = closed(model, coarsest(tolerance));
@@ -179,14 +184,25 @@ pub(super) fn decide(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joi
 }
 
 /// Degrees of freedom by the pivots of the drawing, where nothing else decides: if it closes, in joint coordinates, drives
-/// released, and what is redundant there is so next to it.
-fn counted(model: &Model, tolerance: f64) -> Option<usize> {
+/// released, and what is redundant there is so next to it. With them the weakest condition, if it is weaker than the
+/// tolerance: it is possibly a geometric error.
+fn counted(model: &Model, tolerance: f64) -> (Option<usize>, Option<String>) {
     let spec = Spec { drives: Vec::new(), ..(*model.spec).clone() };
-    let model = Model::compiled(spec, model.functions(), (Coordinates::Relative, true), true).ok()?;
+    let form = (Coordinates::Relative, true);
+    let Ok(model) = Model::compiled(spec, model.functions(), form, true) else { return (None, None) };
     let holonomic = model.size().rows == model.size().holonomic;
-    let drawn = closed(&model, coarsest(tolerance)).filter(|_| holonomic)?;
-    let found = start::analyse(&model, 0.0, &drawn).ok()?;
-    Some(model.size().nv - found.rank)
+    let Some(drawn) = closed(&model, coarsest(tolerance)).filter(|_| holonomic) else { return (None, None) };
+    let kept = pivots(&model, 0.0, &drawn, &|_| false).unwrap_or_default();
+    let dof = |rank: usize| Some(model.size().nv - rank);
+    match kept.iter().min_by(|a, b| a.1.total_cmp(&b.1)) {
+        // weak by intention, and weaker than a start without a decision would count
+        Some(x) if x.1 > tolerance * tolerance && x.1 < tolerance::REDUNDANT => (dof(kept.len()), None),
+        weakest => {
+            let found = start::analyse(&model, 0.0, &drawn).ok();
+            let weak = weakest.filter(|x| x.1 <= tolerance * tolerance).map(|x| model.row_owner(x.0));
+            (found.and_then(|x| dof(x.rank)), weak)
+        }
+    }
 }
 
 /// The decision in the coordinates of the model.
@@ -202,33 +218,11 @@ fn decided(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joint>>) {
         let weak = least < WEAK_CONDITION * WEAK_CONDITION;
         return (Geometry { dof: Some(dof), weak, ..Geometry::default() }, None);
     }
-    let parts = blocks::blocks(spec);
-    let floating = if model.is_planar() { 3 } else { 6 };
-    let of_free = parts.free.iter().map(|&j| model.placed.joints[j].shape.mobility()).sum::<usize>();
-    let mut found = Geometry { dof: Some(of_free + floating * parts.afloat), ..Geometry::default() };
+    let (blocks, dof) = by_blocks(model, tolerance);
+    let mut found = Geometry { dof, ..Geometry::default() };
     let mut joints: Option<Vec<Joint>> = None;
-    let mut known: HashMap<Vec<i64>, Decided> = HashMap::new();
-    let closed: OnceCell<Option<Pose>> = OnceCell::new();
-    for block in parts.blocks {
-        let key = shape(&block.spec);
-        let decided = match key.as_ref().and_then(|k| known.get(k)) {
-            Some(decided) => decided.clone(),
-            None => {
-                let asked = OnceCell::new();
-                let pose = || {
-                    let all = closed.get_or_init(|| assembled(model, tolerance)).as_ref();
-                    asked.get_or_init(|| all.map(|x| x.seen_from(block.base.as_deref()))).as_ref()
-                };
-                let decided = judged(&block.spec, model.functions(), block.floats, (tolerance, &pose));
-                // elsewhere an equal block may close in another way
-                if asked.get().is_none() {
-                    key.map(|k| known.insert(k, decided.clone()));
-                }
-                decided
-            }
-        };
+    for (block, decided) in blocks {
         let verdict = &decided.verdict;
-        found.dof = found.dof.zip(decided.dof).map(|(a, b)| a + b);
         if *verdict == Verdict::Shaky {
             found.instantaneous += decided.kernel.unwrap_or(0).saturating_sub(decided.dof.unwrap_or(0));
         }
@@ -258,6 +252,40 @@ fn decided(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joint>>) {
         found.hidden = weakest <= tolerance::LOST_PIVOT;
     }
     (found, joints)
+}
+
+/// The decision about each block, and degrees of freedom of all of them and of what is in none; `None` where a block is
+/// undecided.
+fn by_blocks(model: &Model, tolerance: f64) -> (Vec<(Block, Decided)>, Option<usize>) {
+    let parts = blocks::blocks(&model.spec);
+    let floating = if model.is_planar() { 3 } else { 6 };
+    let of_free = parts.free.iter().map(|&j| model.placed.joints[j].shape.mobility()).sum::<usize>();
+    let mut known: HashMap<Vec<i64>, Decided> = HashMap::new();
+    let closed: OnceCell<Option<Pose>> = OnceCell::new();
+    let blocks = parts.blocks.into_iter().map(|block| {
+        let key = shape(&block.spec);
+        let decided = match key.as_ref().and_then(|k| known.get(k)) {
+            Some(decided) => decided.clone(),
+            None => {
+                let asked = OnceCell::new();
+                let pose = || {
+                    let all = closed.get_or_init(|| assembled(model, tolerance)).as_ref();
+                    asked.get_or_init(|| all.map(|x| x.seen_from(block.base.as_deref()))).as_ref()
+                };
+                let decided = judged(&block.spec, model.functions(), block.floats, (tolerance, &pose));
+                // elsewhere an equal block may close in another way
+                if asked.get().is_none() {
+                    key.map(|k| known.insert(k, decided.clone()));
+                }
+                decided
+            }
+        };
+        (block, decided)
+    });
+    let blocks: Vec<(Block, Decided)> = blocks.collect();
+    let own = Some(of_free + floating * parts.afloat);
+    let dof = blocks.iter().fold(own, |sum, x| sum.zip(x.1.dof).map(|(a, b)| a + b));
+    (blocks, dof)
 }
 
 /// The drawing closed, if it is or nearly so; parts that move by their dimensions move where they are closed alone.
@@ -323,6 +351,12 @@ impl Decided {
     fn plain(verdict: Verdict, dof: Option<usize>) -> Self {
         let (numbers, joints) = (Vec::new(), Vec::new());
         Self { verdict, dof, kernel: None, numbers, length: 1.0, joints, ambiguous: None, weak: false }
+    }
+
+    /// Decided by these rows and their pivots.
+    fn with(verdict: Verdict, dof: usize, kept: &[(usize, f64)]) -> Self {
+        let least = kept.iter().fold(1.0, |m: f64, x| m.min(x.1));
+        Self { weak: least <= WEAK_CONDITION * WEAK_CONDITION, ..Self::plain(verdict, Some(dof)) }
     }
 
     /// A block of which this row remains open.
@@ -415,35 +449,6 @@ fn shape(spec: &Spec) -> Option<Vec<i64>> {
 /// The drawing tolerance, and where a block closes if it does not close as drawn.
 type Wanted<'p> = (f64, &'p dyn Fn() -> Option<&'p Pose>);
 
-/// One block.
-fn judged(spec: &Spec, functions: Arc<dyn Functions>, floats: bool, (tolerance, pose): Wanted) -> Decided {
-    let undecided = || Decided::plain(Verdict::Undecided, None);
-    let Some(drawing) = Drawing::new(spec.clone(), functions, None, true) else { return undecided() };
-    let own = drawing.afloat(floats);
-    if !drawing.is_holonomic() {
-        return match is_sought(spec.joints.len()).then(|| drawing.rates(tolerance)) {
-            Some(Ok(Rates::Independent(k))) => Decided::plain(Verdict::Regular, Some(k.saturating_sub(own))),
-            Some(Ok(Rates::Ambiguous(row))) => Decided::ambiguous(&drawing.model, row),
-            _ => undecided(),
-        };
-    }
-    if let Some(decided) = drawing.settled(own, tolerance) {
-        return decided;
-    }
-    if !is_sought(spec.joints.len()) {
-        return undecided();
-    }
-    // a drawing intended to be plane is made so first: there a body has only three numbers
-    if let Some((plane, numbers)) = drawing.flattened(tolerance) {
-        let own = plane.afloat(floats);
-        let decided = plane.settled(own, tolerance).or_else(|| plane.decided(own, (tolerance, pose)));
-        if let Some(decided) = decided.filter(|x| x.dof.is_some_and(|k| k > 0)) {
-            return decided.after(numbers, plane.length, spec, &plane.model.spec.joints);
-        }
-    }
-    drawing.decided(own, (tolerance, pose)).unwrap_or_else(undecided)
-}
-
 impl Drawing {
     /// Degrees of freedom as a whole, if it is not attached.
     fn afloat(&self, floats: bool) -> usize {
@@ -464,6 +469,32 @@ impl Drawing {
             }
             _ => None,
         }
+    }
+
+    /// Decision where neither pivots nor what is without couplings decide. Motions are tried of blocks that are not too
+    /// large; those that are intended to be plane are made so whatever their size.
+    fn whole(&self, own: usize, (tolerance, pose): Wanted) -> Decided {
+        let undecided = || Decided::plain(Verdict::Undecided, None);
+        let is_sought = is_sought(self.model.spec.joints.len());
+        if !self.is_holonomic() {
+            let decided = is_sought.then(|| self.rates(own, tolerance).ok()).flatten();
+            return decided.unwrap_or_else(undecided);
+        }
+        let moved = |drawing: &Self, own: usize| is_sought.then(|| drawing.decided(own, (tolerance, pose))).flatten();
+        // a drawing intended to be plane is made so first: there a body has only three numbers
+        if let Some((plane, numbers)) = self.flattened(tolerance) {
+            let own = if own > 0 { plane.afloat(true) } else { 0 };
+            let by_pivots = || {
+                let (dof, weak) = if is_sought { (None, None) } else { counted(&plane.model, tolerance) };
+                let dof = dof.filter(|_| weak.is_none())?.saturating_sub(own);
+                Some(Decided::plain(Verdict::Redundant, Some(dof)))
+            };
+            let decided = plane.settled(own, tolerance).or_else(|| moved(&plane, own)).or_else(by_pivots);
+            if let Some(decided) = decided.filter(|x| x.dof.is_some_and(|k| k > 0)) {
+                return decided.after(numbers, plane.length, &self.model.spec, &plane.model.spec.joints);
+            }
+        }
+        moved(self, own).unwrap_or_else(undecided)
     }
 
     /// Decision by finite motions; None where they do not decide.

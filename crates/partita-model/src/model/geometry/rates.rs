@@ -1,32 +1,23 @@
 //! Conditions on rates (rolling) that nearly follow from the others, and whether they were intended to.
 
-use super::{closed, coarsest, Drawing, Model, LARGEST_CHANGE, WEAK_CONDITION};
+use super::{closed, coarsest, Decided, Drawing, Model, Verdict, LARGEST_CHANGE, WEAK_CONDITION};
 use crate::tree::LinkMotion;
 use partita_math::dense::Matrix;
 use partita_math::factor::qr_null_space_by;
 use partita_math::tolerance;
 use partita_system::prelude::*;
-use partita_system::rank::pivots;
+use partita_system::rank::{exact, pivots, Exact};
 use partita_system::SystemError;
 
-/// The conditions on rates at the drawn position of a block.
-pub(super) enum Rates {
-    /// All loop closures are independent; degrees of freedom.
-    Independent(usize),
-    /// This row follows from the others but for an error within the tolerance.
-    Ambiguous(usize),
-    /// Neither: some are redundant, here at least.
-    Open,
-}
-
 impl Drawing {
-    /// The conditions on rates in this drawing. A row that remains after all the others opposes one more motion V of
-    /// theirs; its slip in V, as a fraction of the speed of contacts, is the error of an axis or a radius.
-    ///                                                                                                      (11.9, 8)
-    pub(super) fn rates(&self, tolerance: f64) -> Result<Rates, SystemError> {
+    /// The decision about conditions on rates in a drawing. A row that remains after all the others opposes one more
+    /// motion V of theirs; its slip in V, as a fraction of the speed of contacts, is the error of an axis or a radius.
+    ///                                                                                                     (11.9, 8)
+    pub(super) fn rates(&self, own: usize, tolerance: f64) -> Result<Decided, SystemError> {
         let model = &self.model;
         let size = model.size();
-        let Some(q) = closed(model, coarsest(tolerance)) else { return Ok(Rates::Open) };
+        let open = || Ok(Decided::plain(Verdict::Undecided, None));
+        let Some(q) = closed(model, coarsest(tolerance)) else { return open() };
         let kept = pivots(model, 0.0, &q, &|i| i >= size.holonomic)?;
         let (mut phi, mut a) = (vec![0.0; size.holonomic], vec![0.0; size.rows]);
         let mut c = vec![0.0; model.pattern().nnz()];
@@ -37,14 +28,20 @@ impl Drawing {
             let before: Vec<usize> = kept[..i].iter().map(|x| x.0).collect();
             let slip = slip(model, &c, &before, x.0);
             if slip > tolerance::TAKES_PART && slip <= limit {
-                return Ok(Rates::Ambiguous(x.0));
+                return Ok(Decided::ambiguous(model, x.0));
             }
             if slip <= limit {
-                return Ok(Rates::Open);
+                return open();
             }
         }
-        let closings = (0..size.rows).filter(|&i| !model.row_is_drive(i)).count();
-        Ok(if kept.len() == closings { Rates::Independent(size.nv - closings) } else { Rates::Open })
+        if kept.len() == size.rows {
+            return Ok(Decided::with(Verdict::Regular, (size.nv - size.rows).saturating_sub(own), &kept));
+        }
+        // the others are conditions, however weak
+        Ok(match exact(model, 0.0, &q, tolerance::DEPENDENT)? {
+            Exact::Redundant(dof, _) => Decided::with(Verdict::Redundant, dof.saturating_sub(own), &kept),
+            Exact::Regular(..) | Exact::Open => Decided::plain(Verdict::Undecided, None),
+        })
     }
 }
 
