@@ -43,9 +43,11 @@ def main(given: list[str]) -> int:
 
 
 def called(shown: str, linked: str) -> list[str]:
-    """The arguments with which zig's compiler called its linker, from what it showed."""
+    """The arguments with which zig's compiler called its linker, from what it showed: where it is called for the first
+    time, it links libraries of the system too."""
     lines = [line.split()[1:] for line in shown.splitlines() if line.startswith(LINKER)]
-    if len(lines) != 1 or linked not in lines[0]:
+    lines = [line for line in lines if linked in line]
+    if len(lines) != 1:
         raise SystemExit(
             f"zig shows no call of its linker for {linked}, so its functions cannot be ordered: look at what "
             "`zig cc -v` shows, and build in a folder without blanks in its name"

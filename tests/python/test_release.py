@@ -321,6 +321,8 @@ def test_the_first_animation_is_one_command_or_ten_lines(
 
 SHOWN = """clang version 22
  ld.lld is not called here
+ld.lld --gc-sections -o /cache/libm.so.6 -soname libm.so.6 /cache/m.o
+ld.lld --gc-sections -o /cache/libc.so.6 -soname libc.so.6 /cache/c.o
 ld.lld --gc-sections -o {0} {1}/list {1}/a.rlib {1}/libc.so.6 -lc
 """
 MAP = """     VMA      LMA     Size Align Out     In      Symbol
