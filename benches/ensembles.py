@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from limit import measured
+from limit import at_once, measured
 
 import partita as pt
 
@@ -30,7 +30,8 @@ ROUNDS = 5
 @dataclass(frozen=True)
 class Cost:
     """CPU time [s] of all members on one core, wall time on one and on two; of a loop over ordinary runs, and of the
-    limit (None without a C compiler). How far members are from their ordinary runs [rad].
+    limit (None without a C compiler). What two copies of the limit do side by side, in the work of one. How far members
+    are from their ordinary runs [rad].
     """
 
     cpu: float
@@ -38,6 +39,7 @@ class Cost:
     two: float
     loop: float
     limit: float | None
+    copies: float | None
     steps: int
     in_lanes: int
     apart: float
@@ -78,6 +80,7 @@ def ensemble_cost(folder: Path) -> Cost:
         two=_fastest(lambda: on(2), time.perf_counter),
         loop=loop,
         limit=None if limit is None else limit.seconds / limit.evaluations * evaluations,
+        copies=at_once(folder, 2),
         steps=found.steps,
         in_lanes=int(found.in_lanes.sum()),
         apart=apart,

@@ -68,6 +68,20 @@ def measured(folder: Path) -> dict[str, Figure]:
     return {title: figure(title, command) for title, command in commands(folder).items()}
 
 
+def at_once(folder: Path, copies: int) -> float | None:
+    """How much work that many copies of the four-bar program do side by side, in that of one alone: their number where
+    the machine has a core for each; None without a C compiler."""
+    command = commands(folder).get("four-bar")
+    if command is None:
+        return None
+
+    def seconds(count: int) -> float:
+        running = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(count)]
+        return max(json.loads(one.communicate()[0])["seconds"] for one in running)
+
+    return copies * min(seconds(1) for _ in range(3)) / min(seconds(copies) for _ in range(3))
+
+
 def figure(title: str, command: list[str]) -> Figure:
     """One run of a program, which repeats its march for 0.3 s and takes the fastest."""
     reported = json.loads(subprocess.run(command, capture_output=True, check=True, text=True).stdout)

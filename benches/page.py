@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 from pathlib import Path
 from typing import Any
@@ -79,7 +80,8 @@ def write(record: dict[str, Any], docs: Path) -> None:
     lines.append(
         f"\n## Many at once\n\n4096 four-bars of 1 s at a relative tolerance of 1e-8 (`m.ensemble`): "
         f"{text(ensembles['cpu'])} of CPU on one core,\n"
-        f"{ensembles['one'] / ensembles['two']:.2g} times as fast on two; "
+        f"{ensembles['one'] / ensembles['two']:.2g} times as fast on two (two copies of the program by hand at once do "
+        f"{ensembles['copies'] or math.nan:.2g} times the work of one); "
         f"a loop over `m.simulate` {text(ensembles['loop'])}.\nPoses (`m.assemble_many`), a second and core: "
         + ", ".join(f"{x['title']} {x['poses'] / x['seconds'] / 1e6:.1f} million" for x in poses)
         + ".\n"

@@ -205,6 +205,8 @@ def ensembles(folder: Path) -> dict[str, Any]:
         f"  {cost.in_lanes} in lanes, {cost.steps} steps: {text(cost.cpu)} of CPU on one core (aim: at most "
         f"{text(ENSEMBLE_AIM)}){mark}; two cores {cost.one / cost.two:.2g} times as fast (aim: {FASTER:g}){slow}"
     )
+    if cost.copies is not None:
+        print(f"  two copies of the limit at once do {cost.copies:.2g} times the work of one")
     limit = "no C compiler" if cost.limit is None else f"{text(cost.limit)}, {cost.cpu / cost.limit:.2g} of it"
     print(f"  a loop over ordinary runs {text(cost.loop)}; the limit {limit}; members differ by {cost.apart:.0e} rad")
     return asdict(cost)

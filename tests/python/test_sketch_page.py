@@ -203,6 +203,20 @@ def test_the_page_has_contrast_and_fits(browser: Chromium, screen: tuple[int, in
 
 
 @needs_browser
+def test_words_keep_clear_of_motors_and_ground(browser: Chromium) -> None:
+    with User(browser) as user:
+        user.four_bar()
+        user.drag("motor", (0, 0))
+        user.settled()
+        browser.rest_a_frame()
+        written = {x["text"]: x for x in browser.value("drawing.picture.labels.written")}
+        for name, at in {"A": (0, 0), "D": (1.5, 0)}.items():
+            x, y = browser.value(f"(() => {{ const p = drawing.picture.pixel({list(at)}); return [p.x, p.y]; }})()")
+            box = written[name]
+            assert box["right"] < x - 17 or box["left"] > x + 17 or box["bottom"] < y - 8 or box["top"] > y + 30
+
+
+@needs_browser
 def test_undo_forgets_a_line_that_was_begun(browser: Chromium) -> None:
     """What a line began at may be gone with the change that is taken back."""
     with User(browser) as user:

@@ -175,6 +175,9 @@ def _offline(browser: Any, site: Path, chromium: Any) -> list[str]:
     found = [f"formulations.html, offline: console: {word}" for word in browser.reported]
     if not drawn or min(drawn) < 2:
         found.append("formulations.html, offline: a formula is not drawn")
+    browser.open(site / "search.html", chromium.DESKTOP)
+    if not browser.value("Boolean(document.getElementById('search-field')?.checkVisibility())"):
+        found.append("search.html without a question: no field for one")
     for words in ("simulate", "redundant"):
         browser.open(site / "search.html", chromium.DESKTOP, "light", f"?q={words}")
         if not any(words in text.lower() for text in excerpts(browser)):

@@ -25,7 +25,7 @@ DOCS = HERE.parents[1] / "docs"
 
 NOTEBOOK = re.compile(r"(\]\((?:\.\./)?notebooks/[\w-]+)\.ipynb\)")
 PAGE = re.compile(r"(?<!`)\bdocs/([\w/-]+\.md)")  # as the changelog names pages
-STATIC = ("partita.css", "favicon.svg", "from_disk.js")
+STATIC = ("partita.css", "favicon.svg", "from_disk.js", "search_field.js")
 # The reference of the core is made by cargo and put beside the site.
 RUST = """# The core, in Rust
 

@@ -227,6 +227,7 @@ class Picture {
     c.font = "12px system-ui, sans-serif";
     const labels = new Labels(c, camera.width, camera.height);
     labels.take({ left: 0, right: camera.width, top: 0, bottom: camera.head - 14 }); // under the tools
+    labels.soft.push(...painter.drawnMarks);
     for (const bar of sketch.data.bars) this.clear(labels, this.pixelOf(bar.a), this.pixelOf(bar.b));
     for (const { points: [a, b] } of this.gaps) this.clear(labels, this.pixel(a), this.pixel(b));
     for (const node of sketch.data.nodes) { const p = this.pixelOf(node.id); labels.take(boxAround(p.x, p.y, sketch.slideAt(node.id) ? 17 : 8)); }

@@ -8,6 +8,7 @@ class Legends {
     this.c.font = "12px system-ui, sans-serif";
     this.labels = new Labels(this.c, scene.camera.width, scene.camera.height);
     for (const box of scene.covered) this.labels.take(box);
+    this.labels.soft.push(...painter.drawnMarks);
     for (const [p, q] of scene.shafts) this.keepClear(this.labels.soft, p, q, 4);
     for (const [p, q, half] of painter.drawnRods) this.keepClear(this.labels.softer, p, q, half);
   }

@@ -20,6 +20,7 @@ class Painter {
     this.grain = grain; // depths nearer than this count as equal, so that a flat mechanism does not flicker
     this.list = [];
     this.drawnRods = []; // ends in the picture, and half the width
+    this.drawnMarks = []; // boxes of supports and of arrows around a point
   }
 
   push(z, draw) {
@@ -305,7 +306,9 @@ class Painter {
 
   /** An arrow three quarters around a point, clockwise or not: a drive turns it. */
   turnArrow(p, radius, colour, clockwise = true) {
-    const c = this.c, r = Math.max(9, radius), [start, end] = clockwise ? [-0.75 * Math.PI, 0.6 * Math.PI] : [-0.25 * Math.PI, -1.6 * Math.PI];
+    const c = this.c, r = Math.max(9, radius);
+    this.drawnMarks.push(boxAround(p.x, p.y, r + 3));
+    const [start, end] = clockwise ? [-0.75 * Math.PI, 0.6 * Math.PI] : [-0.25 * Math.PI, -1.6 * Math.PI];
     for (const [style, width] of [[COLOURS.halo, 4], [colour, 2]]) {
       c.beginPath();
       c.arc(p.x, p.y, r, start, end, !clockwise);
@@ -348,6 +351,7 @@ class Painter {
     const p = this.camera.project(point);
     if (!p) return;
     const r = size * p.s;
+    if (r >= 4) this.drawnMarks.push({ left: p.x - r, right: p.x + r, top: p.y, bottom: p.y + 1.4 * r });
     this.push(p.z - size, () => {
       if (r < 4) return;
       const foot = [p, { x: p.x - 0.62 * r, y: p.y + r }, { x: p.x + 0.62 * r, y: p.y + r }];
