@@ -8,8 +8,8 @@ Each goes into an empty environment of its own: a wheel into one of every Python
 with no program on the PATH but those of the environment, so without a compiler. There must then be NumPy, SciPy and
 Partita, and nothing else. The first example of the front page runs and writes its page far from this folder, the
 command line answers, what needs an extra says which, and every command and block of docs/five-minutes.md does what the
-page says. A wheel is smaller than 9.5 MB and gives the first page in less than a minute; from source, the core is
-compiled: minutes.
+page says. A wheel for Linux is smaller than 8.3 MB and gives the first page in less than a minute; from source, the
+core is compiled: minutes.
 """
 
 from __future__ import annotations

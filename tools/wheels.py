@@ -8,8 +8,9 @@ python tools/wheels.py --whole              the binary inside FMUs as it is, for
 python tools/wheels.py --check FILE|FOLDER  build nothing, look at what is there
 
 The wheel holds the module, the binary inside FMUs, the package's files and nothing else; no folder of this machine
-stands in it; its binaries need no newer system than its name says; it is smaller than 9.5 MB. The binary inside FMUs is
-stored as its difference to the module, whose code it shares. `tools/install_check.py` then installs and uses it.
+stands in it; its binaries need no newer system than its name says; for Linux it is smaller than 8.3 MB. The binary
+inside FMUs is stored as its difference to the module, whose code it shares. `tools/install_check.py` then installs
+and uses it.
 """
 
 from __future__ import annotations
@@ -29,11 +30,14 @@ import zipfile
 from pathlib import Path
 from typing import Any
 
+import linking
 import zipping
 
 ROOT = Path(__file__).resolve().parents[1]
-LARGEST = 9.5e6
-"""Bytes of a wheel: five sixths are the module."""
+LARGEST = 8.3e6
+"""Bytes of a wheel for Linux: five sixths are the module."""
+LARGEST_ELSEWHERE = 9.5e6
+"""Where the linker does not put similar functions beside each other (see `linking.py`)."""
 FMU = "partita/_fmu"
 GLIBC = "2_28"
 """Oldest glibc of the wheels for Linux, of 2018: that of NumPy's and SciPy's."""
@@ -58,8 +62,8 @@ def main(given: list[str]) -> int:
     parser.add_argument("--check", type=Path, help="a wheel, or a folder of wheels")
     asked = parser.parse_args(given)
     if asked.check is None:
-        wheel, library = build(asked.target, asked.zig, asked.interpreter, asked.out)
-        repack(wheel, asked.address, library, asked.whole)
+        wheel, library, module = build(asked.target, asked.zig, asked.interpreter, asked.out)
+        repack(wheel, asked.address, library, asked.whole, module)
         wheels = [wheel]
     else:
         wheels = [asked.check] if asked.check.is_file() else sorted(asked.check.glob("*.whl"))
@@ -73,18 +77,20 @@ def main(given: list[str]) -> int:
     return 0
 
 
-def build(target: str | None, zig: bool, interpreter: str | None, out: Path) -> tuple[Path, Path]:
-    """The wheel as maturin makes it, and the binary inside FMUs, for which most of the core is not compiled again."""
+def build(target: str | None, zig: bool, interpreter: str | None, out: Path) -> tuple[Path, Path, Path | None]:
+    """The wheel as maturin makes it; the binary inside FMUs, for which most of the core is not compiled again; and,
+    where zig links, the module to be put into the wheel."""
     programs = Path(sys.executable).parent
     folder = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
     environment = {**os.environ, "RUSTFLAGS": flags(target), "PATH": f"{programs}{os.pathsep}{os.environ['PATH']}"}
-    triple, tag = target, f"musllinux_{MUSL}"
+    triple, tag, kept = target, f"musllinux_{MUSL}", None
     if zig:
         target = target or f"{platform.machine()}-unknown-linux-gnu"
         if not target.endswith("musl"):
             triple, tag = f"{target}.{GLIBC.replace('_', '.')}", f"manylinux_{GLIBC}"
         variable = f"CARGO_TARGET_{target.upper().replace('-', '_')}_LINKER"
-        environment[variable] = str(linker(folder, programs, str(triple or target)))
+        kept = folder / "linkers" / str(triple or target).replace("-unknown-", "-")
+        environment[variable] = str(linker(kept, programs))
     for path in out.glob("*.whl"):
         path.unlink()
     command = [str(programs / "maturin"), "build", "--profile", "wheel", "--locked", "--out", str(out)]
@@ -95,18 +101,20 @@ def build(target: str | None, zig: bool, interpreter: str | None, out: Path) -> 
     # asked for by way of its test, cargo takes the core of the module; asked for alone, one with fewer features
     command = ["cargo", "zigbuild" if zig else "build", "--profile", "wheel", "--locked", "--workspace"]
     run([*command, "--test", "fmu_wall", *(["--target", str(triple)] if triple else [])], environment)
+    (wheel,) = out.glob("*.whl")
+    if kept is not None:
+        module, library = linking.arranged(kept)
+        return wheel, library, module
     made = folder / (target or "") / "wheel" / "deps"
     (library,) = (made / name for name in LIBRARIES if (made / name).is_file())
-    (wheel,) = out.glob("*.whl")
-    return wheel, library
+    return wheel, library, None
 
 
-def linker(folder: Path, programs: Path, triple: str) -> Path:
-    """One linker for both builds: cargo compiles everything again where the path of the linker is another one."""
-    system = triple.replace("-unknown-", "-")
-    path = folder / "linkers" / f"{system}.sh"
+def linker(kept: Path, programs: Path) -> Path:
+    """One linker for both builds, `linking.py`: cargo compiles everything again where its path is another one."""
+    path = kept.parent / f"{kept.name}.sh"
     path.parent.mkdir(parents=True, exist_ok=True)
-    command = f'"{programs / "cargo-zigbuild"}" zig cc -- -fno-sanitize=all -target {system} "$@"'
+    command = f'"{sys.executable}" "{ROOT / "tools" / "linking.py"}" "{kept}" {kept.name} "$@"'
     path.write_text(f'#!/bin/sh\nPATH="{programs}:$PATH" exec {command}\n', "utf-8")
     path.chmod(0o755)
     return path
@@ -141,18 +149,19 @@ def package_page(text: str, address: str, version: str) -> str:
     return LINK.sub(absolute, text)
 
 
-def repack(wheel: Path, address: str, library: Path, whole: bool = False) -> None:
-    """The same wheel with the front page of a package, the addresses of the project, the binary inside FMUs as it is
-    or as its difference to the module, and its files packed closely."""
+def repack(wheel: Path, address: str, library: Path, whole: bool = False, linked: Path | None = None) -> None:
+    """The same wheel with the front page of a package, the addresses of the project, the module as it was linked last,
+    the binary inside FMUs as it is or as its difference to the module, and its files packed closely."""
     packed = wheel.with_suffix(".new")
     added = {f"{FMU}/{name}": (ROOT / name).read_bytes() for name in LICENCES}
     with zipfile.ZipFile(wheel) as old:
         (module,) = (name for name in old.namelist() if MODULES.fullmatch(name))
-        binary = library.read_bytes()
+        binary, core = library.read_bytes(), old.read(module) if linked is None else linked.read_bytes()
         if whole:
             added[f"{FMU}/{library.name}"] = binary
         else:
-            added[f"{FMU}/{library.name}.delta"] = difference(old.read(module), binary)
+            added[f"{FMU}/{library.name}.delta"] = difference(core, binary)
+        replaced = {**added, module: core}
     with zipfile.ZipFile(wheel) as old:
         record: zipfile.ZipInfo | None = None
         rows, files = "", list[tuple[zipfile.ZipInfo, bytes]]()
@@ -162,7 +171,7 @@ def repack(wheel: Path, address: str, library: Path, whole: bool = False) -> Non
             kept.insert(about, zipfile.ZipInfo(name, kept[0].date_time))
             kept[about].external_attr = kept[0].external_attr
         for item in kept:
-            data = added[item.filename] if item.filename in added else old.read(item)
+            data = replaced[item.filename] if item.filename in replaced else old.read(item)
             if item.filename.endswith(".dist-info/METADATA"):
                 head, _, page = data.decode("utf-8").partition("\n\n")
                 version = re.search(r"^Version: (.*)$", head, flags=re.MULTILINE)
@@ -218,7 +227,8 @@ def size(wheel: Path) -> list[str]:
     with zipfile.ZipFile(wheel) as archive:
         whole = [x.compress_size for x in archive.infolist() if x.filename.removeprefix(f"{FMU}/") in LIBRARIES]
     found = wheel.stat().st_size - sum(whole)
-    return [f"it has {found / 1e6:.2f} MB; {LARGEST / 1e6:g} MB are the most"] if found >= LARGEST else []
+    most = LARGEST if "linux" in wheel.name else LARGEST_ELSEWHERE
+    return [f"it has {found / 1e6:.2f} MB; {most / 1e6:g} MB are the most"] if found >= most else []
 
 
 def sources() -> set[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import json
 import lzma
 import random
 import re
@@ -23,6 +24,7 @@ from partita.io import delta, fmu
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "tools"))
 import install_check  # noqa: E402
+import linking  # noqa: E402
 import wheels  # noqa: E402
 import zipping  # noqa: E402
 
@@ -315,3 +317,66 @@ def test_the_first_animation_is_one_command_or_ten_lines(
     assert capsys.readouterr().err == ""
     for name in ("four-bar.html", "mine.html"):
         assert "<canvas" in (tmp_path / name).read_text("utf-8")
+
+
+SHOWN = """clang version 22
+ ld.lld is not called here
+ld.lld --gc-sections -o /cache/libm.so.6 -soname libm.so.6 /cache/m.o
+ld.lld --gc-sections -o /cache/libc.so.6 -soname libc.so.6 /cache/c.o
+ld.lld --gc-sections -o {0} {1}/list {1}/a.rlib {1}/libc.so.6 -lc
+"""
+MAP = """     VMA      LMA     Size Align Out     In      Symbol
+    2478a0   2478a0      110    16         /r/libstd.rlib(std.o):(.text._ZN3std4park17h0E)
+    2479b0   2479b0      195    16         /r/libstd.rlib(std.o):(.text.unlikely._ZN3std4lock17h1E)
+    2479b0   2479b0      195     1                 _ZN3std4lock17h1E
+    247b50   247b50       e7    16         /r/libcore.rlib(core.o):(.rodata..L1)
+    247b50   247b50       e7    16         /r/libcore.rlib(core.o):(.text._ZN3std4park17h0E)
+    247c40   247c40       e7    16         /r/libcore.rlib(core.o):(.text._ZN4core3fmt17h2E)
+"""
+ZIG = """import pathlib, sys
+options = [x for x in sys.argv[1:] if "=" in x]
+files = [x for x in sys.argv[1:] if x.startswith("/")]
+result = pathlib.Path(files.pop())
+shown = {map!r} if "lib_core" in result.name else ""
+[pathlib.Path(x.removeprefix("--Map=")).write_text(shown) for x in options if x.startswith("--Map=")]
+orders = [pathlib.Path(x.partition("=")[2]).read_text() for x in options if x.startswith("--symbol-ordering")]
+result.write_text(" ".join([pathlib.Path(files[0]).read_text(), *options[1:], *orders]))
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="the programs of the test are scripts")
+def test_what_is_shipped_is_linked_again_with_its_functions_in_one_order(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    def link(linked: str, shown: str = SHOWN, status: int = 0) -> int:
+        (tmp_path / "shown").write_text(shown.format(linked, tmp_path))
+        zig = f'#!/bin/sh\necho zig "$@"\ncat "{tmp_path / "shown"}" >&2\nexit {status}\n'
+        (tmp_path / "cargo-zigbuild").write_text(zig)
+        (tmp_path / "cargo-zigbuild").chmod(0o755)
+        for name in ("list", "a.rlib", "libc.so.6"):
+            (tmp_path / name).write_text(f"{name} of {Path(linked).name}")
+        return linking.main([str(kept), "x86_64-linux-gnu.2.28", "a.o", "-o", linked])
+
+    (tmp_path / "ziglang.py").write_text(ZIG.format(map=MAP))
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=":")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    kept = tmp_path / "target" / "linkers" / "system"
+    assert link("/t/build_script") == 0 and not kept.exists()
+    assert "zig zig cc -- -fno-sanitize=all -target x86_64-linux-gnu.2.28 a.o -o /t/build" in capfd.readouterr().out
+    assert link("/t/deps/lib_core.so") == 0
+    with pytest.raises(SystemExit, match=f"how libpartita_fmu.so was linked: remove {tmp_path / 'target'} and build"):
+        linking.arranged(kept)
+    assert link("/t/deps/libpartita_fmu.so") == 0
+    (tmp_path / "list").unlink()  # as cargo does
+    call = json.loads((kept / "lib_core.so" / "call.json").read_text())
+    copied = str(kept / "lib_core.so" / "1-list")
+    assert call == ["--gc-sections", copied, str(tmp_path / "a.rlib"), str(tmp_path / "libc.so.6"), "-lc"]
+    module, binary = linking.arranged(kept)
+    order = "_ZN3std4park17h0E\n_ZN3std4lock17h1E\n_ZN4core3fmt17h2E\n"
+    for path in (module, binary):
+        assert path.read_text() == f"list of {path.name} --symbol-ordering-file={kept / 'order.txt'} {order}"
+    for shown in ("", SHOWN, SHOWN.replace("/list", "/of mine/list")):
+        with pytest.raises(SystemExit, match=r"no call of its linker for /t/of mine/lib_core\.so, so its functions"):
+            link("/t/of mine/lib_core.so", shown)
+    assert link("/t/deps/lib_core.so", "ld.lld: error: undefined symbol\n", 1) == 1
+    assert "undefined symbol" in capfd.readouterr().err

@@ -155,11 +155,7 @@ fn open_rows(model: &Model, stresses: &[Stress]) -> Vec<bool> {
 ///
 /// # Errors
 /// Where the mechanism cannot be compiled in space, and those of `watch`.
-pub fn flags<E: Send + From<AnalysisError>>(
-    model: &Model,
-    states: &States,
-    watch: Watch<E>,
-) -> Result<Vec<Vec<f64>>, E> {
+pub fn flags(model: &Model, states: &States, watch: Watch) -> Result<Vec<Vec<f64>>, AnalysisError> {
     let twin = model.in_space().map_err(AnalysisError::from)?;
     let (system, still) = (Geometry::of_reactions(model, &twin), vec![0.0; twin.placed.nv]);
     let mut dof = 0;
@@ -204,12 +200,7 @@ pub fn flags<E: Send + From<AnalysisError>>(
 ///
 /// # Errors
 /// The errors of [`flags`].
-pub fn directions<E: Send + From<AnalysisError>>(
-    model: &Model,
-    states: &States,
-    j: usize,
-    watch: Watch<E>,
-) -> Result<Vec<f64>, E> {
+pub fn directions(model: &Model, states: &States, j: usize, watch: Watch) -> Result<Vec<f64>, AnalysisError> {
     let twin = model.in_space().map_err(AnalysisError::from)?;
     let system = Geometry::of_reactions(model, &twin);
     let row = |i: usize, (): &mut (), rows: &mut Rows| {

@@ -34,6 +34,9 @@ pub enum AnalysisError {
         /// The underlying error.
         cause: String,
     },
+    /// The caller no longer wanted the result.
+    #[error("stopped by the caller")]
+    Stopped,
     /// It could not be evaluated at this position.
     #[error(transparent)]
     System(#[from] SystemError),

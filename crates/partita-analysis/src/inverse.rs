@@ -385,19 +385,19 @@ impl Inverse {
     ///
     /// # Errors
     /// `Argument` for a motion that violates the constraints; errors of user functions, and those of `watch`.
-    pub fn efforts<E: Send + From<SystemError> + From<AnalysisError>>(
+    pub fn efforts(
         &self,
         states: &States,
         vdot: &[f64],
         by: &Distribution,
-        watch: Watch<E>,
-    ) -> Result<Found, E> {
+        watch: Watch,
+    ) -> Result<Found, AnalysisError> {
         let rank = self.rank(states)?;
         let (n, s, rows) = (self.released.size().nv, self.levers.len(), self.actuated.size().rows);
         let k = n - rank;
         if k == 0 {
             let message = "the mechanism has no degree of freedom without its drives: no actuator can move it".into();
-            return Err(AnalysisError::Argument { argument: "actuators", message }.into());
+            return Err(AnalysisError::Argument { argument: "actuators", message });
         }
         let spare = s.saturating_sub(k);
         // rotations that move nothing else, and have no actuator
@@ -422,7 +422,7 @@ impl Inverse {
                     gap(Gap::Constraints);
                     return Ok(());
                 }
-                Err(e) => return Err(e.into()),
+                Err(e) => return Err(e),
             };
             for (rate, column) in out.row(8, i).iter_mut().zip(&room.columns) {
                 *rate = column.iter().map(|&(j, e)| e * v[j]).sum();
@@ -466,7 +466,7 @@ impl Inverse {
                 out.row(4, i).copy_from_slice(set.null_space(&by.weights).map_err(overflow)?.data());
             }
             self.multipliers(&tau, room, out.row(1, i));
-            Ok::<(), E>(())
+            Ok::<(), AnalysisError>(())
         };
         let found = tables(states.len(), &widths, chunk_of(&self.released), || self.room(rank), row, watch)?;
         let mut found = found.into_iter();

@@ -8,6 +8,7 @@
 //! The goals determine u where P = G Dᵀ has full rank; it is measured in an orthonormal basis of the motions, in natural
 //! scales: its least singular value is the sine of the angle between the goals and what they cannot move.
 
+use crate::error::AnalysisError;
 use crate::geometry::Geometry;
 use crate::outputs::{tables, Rows, Watch};
 use crate::plausibility::idle;
@@ -295,14 +296,14 @@ impl<'g, 'm> Room<'g, 'm> {
 ///
 /// # Errors
 /// `SingularStart` where branches meet at `near`; errors of functions that the model calls, and of `watch`.
-pub fn rates<E: Send + From<SystemError>>(
+pub fn rates(
     model: &Model,
     (t, near): (f64, &[f64]),
     q: &[f64],
     targets: &[Target],
     (rates, accelerations): (&[f64], &[f64]),
-    watch: Watch<E>,
-) -> Result<Rates, E> {
+    watch: Watch,
+) -> Result<Rates, AnalysisError> {
     let (size, w) = (model.size(), targets.len());
     let count = q.len() / size.nq;
     let geometry = Geometry::new(model, true);

@@ -7,7 +7,10 @@
 use crate::error::AnalysisError;
 use partita_math::dense::{self, Matrix};
 use partita_math::factor::{self, Eigen, FactorError};
+use partita_math::sorting::sort_by;
 use partita_math::tolerance;
+use partita_model::Model;
+use partita_system::prelude::*;
 pub use partita_system::variation::Driven;
 
 use partita_system::variation::{Derivatives, FirstOrder, Solved, StateError, Varied};
@@ -59,7 +62,7 @@ pub struct Probes {
 
 impl Linearized {
     /// States beside (q, v).
-    pub fn probes<S: ConstrainedSystem>(&self, system: &S, q: &[f64], v: &[f64]) -> Probes {
+    pub fn probes(&self, system: &Model, q: &[f64], v: &[f64]) -> Probes {
         let found = &self.first_order;
         let (kz, states, count) = (found.displacements.cols(), found.f0.len(), found.accelerations.cols());
         // where the errors of a central difference meet: h² of the third derivative, ε/h of round-off
@@ -109,14 +112,14 @@ impl Linearized {
 ///
 /// # Errors
 /// Singular positions, velocities that violate constraints, a choice that does not serve.
-pub fn linearize<'s, S: ConstrainedSystem + Varied + 's>(
-    system: impl Into<SystemRef<'s, S>>,
+pub fn linearize(
+    model: &Model,
     (t, q, v): (f64, &[f64], &[f64]),
     independent: Option<&[usize]>,
     efforts: &[f64],
     driven: &[Driven],
 ) -> Result<Linearized, AnalysisError> {
-    let system = system.into();
+    let system = SystemRef::from(model);
     let solved = Solved::new(system.clone(), (t, q, v), independent).map_err(|e| state_error(&*system, e))?;
     let found = solved.first_order(efforts, driven)?;
     let still = system.travel(v) == 0.0;
@@ -332,7 +335,7 @@ fn modes<S: ConstrainedSystem>(system: &S, found: &FirstOrder) -> Result<Modes, 
     let largest = values.iter().fold(0.0, |m: f64, x| m.max(x.0.hypot(x.1)));
     let zero = tolerance::SOLUTION_ROUNDING.sqrt() * largest;
     let mut order: Vec<usize> = (0..count).collect();
-    order.sort_by(|&a, &b| {
+    sort_by(&mut order, |&a, &b| {
         let size = |x: (f64, f64)| x.0.hypot(x.1);
         size(values[a]).total_cmp(&size(values[b])).then(values[b].1.total_cmp(&values[a].1))
     });

@@ -7,6 +7,7 @@ use crate::error::AnalysisError;
 use crate::geometry::{in_space, Geometry};
 use crate::mobility::mobility;
 use crate::stress::{stresses, Pose};
+use partita_math::sorting::sort_by_key;
 use partita_math::tolerance;
 use partita_model::spec::{Coupling, Force, Joint, JointKind, Measure, Spec};
 use partita_model::value::NoFunctions;
@@ -178,7 +179,7 @@ pub fn remedies(model: &Model, t: f64, q: &[f64]) -> Result<Vec<Remedy>, Analysi
             return Ok(Vec::new());
         }
     }
-    chosen.sort_by_key(|w| w.joint);
+    sort_by_key(&mut chosen, |w| w.joint);
     if !restores(model, &chosen, twin.placed.nv - start.rank) {
         return Ok(Vec::new());
     }

@@ -14,10 +14,11 @@ mod translate;
 
 use code::Code;
 use cranelift_codegen::control::ControlPlane;
+use cranelift_codegen::dominator_tree::DominatorTree;
+use cranelift_codegen::flowgraph::ControlFlowGraph;
 use cranelift_codegen::ir::Function;
 use cranelift_codegen::isa::OwnedTargetIsa;
 use cranelift_codegen::settings::{self, Configurable};
-use cranelift_codegen::Context;
 use partita_math::program::{Compiled, Compiler, NotCompiled, Program};
 use std::sync::OnceLock;
 
@@ -53,8 +54,11 @@ impl Compiler for Cranelift {
         let isa = processor()?;
         let mut function = Function::new();
         translate::translate(program, &*isa, &mut function);
-        let mut context = Context::for_function(function);
-        let compiled = context.compile(&*isa, &mut ControlPlane::default()).map_err(|e| refused(e.inner))?;
+        // One block of instructions that the processor has: its passes before this one would change nothing, and their
+        // rules of optimisation, a megabyte with all they need, would be part of the library.
+        let blocks = ControlFlowGraph::with_function(&function);
+        let order = DominatorTree::with_function(&function, &blocks);
+        let compiled = isa.compile_function(&function, &order, false, &mut ControlPlane::default()).map_err(refused)?;
         // functions are called by their addresses: nothing is left to be linked
         if !compiled.buffer.relocs().is_empty() {
             return Err(refused("its code refers to symbols"));

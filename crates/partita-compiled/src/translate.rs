@@ -263,7 +263,7 @@ impl Writer<'_> {
     fn call_sines(&mut self, angles: &[usize], done: usize) {
         for (i, &x) in angles.iter().enumerate() {
             let angle = self.value(x, &[]);
-            self.at.ins().stack_store(angle, self.angles, i as i32 * SIZE);
+            self.put(angle, self.angles, i as i32 * SIZE);
         }
         let count = self.at.ins().iconst(self.pointer, angles.len() as i64);
         let from = self.at.ins().stack_addr(self.pointer, self.angles, 0);
@@ -323,9 +323,21 @@ impl Writer<'_> {
                 self.next_offset += SIZE;
                 self.next_offset - SIZE
             });
-            self.at.ins().stack_store(register, self.spilled, place);
+            self.put(register, self.spilled, place);
             self.offsets[value] = Some(place);
         }
+    }
+
+    /// A value into its place on the stack, by the address of that place: processors know no other.
+    fn put(&mut self, value: Value, slot: StackSlot, place: i32) {
+        let address = self.at.ins().stack_addr(self.pointer, slot, place);
+        self.at.ins().store(MemFlags::trusted(), value, address, 0);
+    }
+
+    /// A value from its place on the stack.
+    fn taken(&mut self, slot: StackSlot, place: i32) -> Value {
+        let address = self.at.ins().stack_addr(self.pointer, slot, place);
+        self.at.ins().load(F64, MemFlags::trusted(), address, 0)
     }
 
     /// A value where it is needed, beside others.
@@ -336,13 +348,9 @@ impl Writer<'_> {
         let found = match self.values.sources[x] {
             Source::Constant(c) => return self.at.ins().f64const(c),
             Source::Input(k) => self.at.ins().load(F64, MemFlags::trusted(), self.inputs, k as i32 * SIZE),
-            Source::Sine(place) => self.at.ins().stack_load(F64, self.sines, place as i32 * SIZE),
+            Source::Sine(place) => self.taken(self.sines, place as i32 * SIZE),
             // what was computed and is not held lies on the stack: operations stand in an order in which it is known
-            Source::Operation => self.at.ins().stack_load(
-                F64,
-                self.spilled,
-                self.offsets[x].expect("a place for a value that is needed"),
-            ),
+            Source::Operation => self.taken(self.spilled, self.offsets[x].expect("a place for a value that is needed")),
         };
         self.hold(x, found, besides);
         found

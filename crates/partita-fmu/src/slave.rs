@@ -423,7 +423,7 @@ impl Slave {
         let states = States { t: &times, q: &q, v: &v };
         let reacts = |x: &Shown| matches!(x, Shown::Force { .. } | Shown::Moment { .. } | Shown::Effort { .. });
         let forces = match self.shown.iter().any(|(x, _)| reacts(x)) {
-            true => Some(found.log.describe::<_, AnalysisError>(self.model(), false, &mut watch).map_err(words)?),
+            true => Some(found.log.describe(self.model(), false, &mut watch).map_err(words)?),
             false => None,
         };
         let mut values = Vec::with_capacity(self.shown.len());

@@ -1,7 +1,8 @@
 //! Factorisations of larger or rank-deficient dense matrices, for set-up and analysis.
 //!
 //! Thin layers over `faer`, in the row-major [`Matrix`] of this crate. They allocate; evaluations use [`dense`] and
-//! [`elimination`](crate::elimination). Input that is not finite is refused.
+//! [`elimination`](crate::elimination). Input that is not finite is refused. Nothing here is generic: what is, would be
+//! compiled again in every crate that calls it, with all of `faer` that it needs.
 
 use faer::linalg::solvers::{PartialPivLu, Solve};
 use faer::{Mat, MatRef, Side};
@@ -126,13 +127,13 @@ fn decompose(a: &Matrix, full: bool) -> Result<Svd, FactorError> {
 ///
 /// The rank is decided at [`tolerance::NULL_VALUE`] of the largest pivot: scale rows of different units beforehand.
 pub fn qr_null_space(c: &Matrix) -> Result<QrNullSpace, FactorError> {
-    qr_null_space_by(c, |pivots| {
+    qr_null_space_by(c, &mut |pivots| {
         pivots.iter().take_while(|x| **x > tolerance::NULL_VALUE * pivots[0] && **x != 0.0).count()
     })
 }
 
 /// As `qr_null_space`, with the rank that `rank` derives from the sizes of the pivots, in descending order.
-pub fn qr_null_space_by(c: &Matrix, rank: impl FnOnce(&[f64]) -> usize) -> Result<QrNullSpace, FactorError> {
+pub fn qr_null_space_by(c: &Matrix, rank: &mut dyn FnMut(&[f64]) -> usize) -> Result<QrNullSpace, FactorError> {
     finite(c.data())?;
     let (m, n) = (c.rows(), c.cols());
     if c.max_abs() == 0.0 {
@@ -306,7 +307,7 @@ pub fn least_squares_min_norm(a: &Matrix, b: &[f64], rtol: f64) -> Result<(Vec<f
 pub fn pivoted_least_norm(
     a: &Matrix,
     b: &[f64],
-    keep: impl FnOnce(&[f64]) -> usize,
+    keep: &dyn Fn(&[f64]) -> usize,
 ) -> Result<(Vec<f64>, usize), FactorError> {
     assert_eq!(b.len(), a.rows(), "one right-hand side per row");
     finite(a.data())?;
@@ -401,7 +402,7 @@ mod tests {
             for rank in 0..=m.min(n).min(4) {
                 let a = random(&mut rng, m, rank).matmul(&random(&mut rng, rank, n));
                 let b = random(&mut rng, m, 1).into_vec();
-                let (x, kept) = pivoted_least_norm(&a, &b, |d| d.iter().filter(|x| **x > 1e-9).count()).unwrap();
+                let (x, kept) = pivoted_least_norm(&a, &b, &|d| d.iter().filter(|x| **x > 1e-9).count()).unwrap();
                 let (y, _) = least_squares_min_norm(&a, &b, 1e-9).unwrap();
                 assert_eq!(kept, rank);
                 assert!(distance(&x, &y) < 1e-10, "{m} {n} {rank}");

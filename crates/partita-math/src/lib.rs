@@ -15,6 +15,7 @@ pub mod program;
 pub mod quadratic;
 pub mod rank;
 pub mod scalar;
+pub mod sorting;
 pub mod spatial;
 pub mod tolerance;
 pub mod wide;

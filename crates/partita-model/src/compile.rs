@@ -7,6 +7,7 @@ use crate::spec::Spec;
 use crate::tree::{Anchor, Closing, Link, LinkMotion, Locked, PathLink, Tree, Weight};
 use crate::zero_position::{Massless, Placed, PlacedJoint};
 use partita_math::scalar::Scalar;
+use partita_math::sorting::sort_by_key;
 use partita_math::spatial::{Mat3, Planar, Space, Vec3, Vectors};
 
 /// Compile for the space G; also the names of the rows.
@@ -142,7 +143,7 @@ fn closing<G: Space>(
         path.push((*end, is_b));
         *end = tree.links[*end].parent;
     }
-    path.sort_unstable_by_key(|x| tree.links[x.0].v);
+    sort_by_key(&mut path, |x| tree.links[x.0].v);
     let (mut slide_columns, mut turn_columns) = (0, 0);
     let path = path
         .into_iter()

@@ -2,10 +2,10 @@
 
 use crate::arrays::{array, entries_of, matrix, shaped};
 use crate::failure::{self, raise};
-use crate::outputs::Stop;
 use crate::run::Options;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use partita_analysis::ensemble::{self, Members};
+use partita_analysis::AnalysisError;
 use partita_model::Model;
 use partita_system::prelude::*;
 use pyo3::prelude::*;
@@ -70,21 +70,20 @@ pub fn ensemble<'py>(
         workers,
         interrupted: &interrupted,
     };
-    let watch = |part: f64| {
-        if let Some(e) = error.lock().ok().and_then(|mut error| error.take()) {
-            return Err(Stop::Python(e));
-        }
-        let asked = Python::attach(|py| {
-            py.check_signals()?;
-            progress.as_ref().map_or(Ok(()), |p| p.call1(py, (part,)).map(drop))
-        });
-        asked.map_err(Stop::Python)
+    let mut asked = Ok(());
+    let mut watch = |part: f64| {
+        asked = match error.lock().ok().and_then(|mut error| error.take()) {
+            Some(e) => Err(e),
+            None => Python::attach(|py| {
+                py.check_signals()?;
+                progress.as_ref().map_or(Ok(()), |p| p.call1(py, (part,)).map(drop))
+            }),
+        };
+        asked.as_ref().map_or(Err(AnalysisError::Stopped), |_| Ok(()))
     };
-    let found = py.detach(|| ensemble::ensemble::<Stop>(m, &what, watch)).map_err(|stop| match stop {
-        Stop::System(e) => failure::system(py, e),
-        Stop::Analysis(e) => failure::analysis(py, e),
-        Stop::Python(e) => e,
-    })?;
+    let found = py.detach(|| ensemble::ensemble(m, &what, &mut watch));
+    asked?;
+    let found = found.map_err(|e| failure::analysis(py, e))?;
     let d = PyDict::new(py);
     d.set_item("q", array(py, &[count, t_eval.len(), nq], found.q))?;
     d.set_item("v", array(py, &[count, t_eval.len(), nv], found.v))?;

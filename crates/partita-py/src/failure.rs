@@ -164,6 +164,7 @@ pub fn analysis(py: Python<'_>, e: partita_analysis::AnalysisError) -> PyErr {
             let message = format!("{error}; {cause}");
             exception(py, error, message)
         }
+        stopped @ partita_analysis::AnalysisError::Stopped => unexpected(stopped.to_string()),
         partita_analysis::AnalysisError::System(e) => system(py, e),
     }
 }

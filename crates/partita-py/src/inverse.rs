@@ -3,7 +3,7 @@
 use crate::arrays::{any_vector, array, entries_of, rows_of, vector};
 use crate::failure::{self, guarded, raise, unexpected};
 use crate::model::Model;
-use crate::outputs::{watched, Stop};
+use crate::outputs::watched;
 use crate::state::Array;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use partita_analysis::inverse::{Actuator, Distribution, Gap};
@@ -183,7 +183,7 @@ impl Inverse {
             };
             let by = Distribution { weights, preload: preload.into_owned(), limits, least_use };
             let states = States { t: &t, q: &q, v: &v };
-            let found = watched(py, |watch| self.inner.efforts::<Stop>(&states, &vdot, &by, watch))?;
+            let found = watched(py, |watch| self.inner.efforts(&states, &vdot, &by, watch))?;
             let spare = s.saturating_sub(found.k);
             let d = PyDict::new(py);
             let shapes: [(&str, Vec<f64>, &[usize]); 7] = [

@@ -4,7 +4,7 @@ use crate::arrays::{array, matrix, rows_of};
 use crate::failure::guarded;
 use crate::inverse::Inverse;
 use crate::model::Model;
-use crate::outputs::{watched, Stop};
+use crate::outputs::watched;
 use crate::poses::{targets, Named};
 use numpy::PyReadonlyArray2;
 use partita_analysis::maps::{self, Range, Set};
@@ -42,7 +42,7 @@ pub fn singularities<'py>(
             None if outputs.is_empty() => Set::Constraints,
             None => Set::Outputs(&outputs),
         };
-        let found = watched(py, |watch| maps::singularities::<Stop>(m, range, set, watch))?;
+        let found = watched(py, |watch| maps::singularities(m, range, set, watch))?;
         let curves = PyList::empty(py);
         for curve in found.curves {
             let (d, n) = (PyDict::new(py), curve.measure.len());
@@ -75,7 +75,7 @@ pub fn measures<'py>(
         let m = model.shared();
         let count = matrix(&q).0;
         let q = rows_of(&q, count, m.size().nq, "q")?;
-        let (k, scaled, weakest) = watched(py, |watch| maps::measures::<Stop>(m, actuators.inner(), t, &q, watch))?;
+        let (k, scaled, weakest) = watched(py, |watch| maps::measures(m, actuators.inner(), t, &q, watch))?;
         let d = PyDict::new(py);
         let s = actuators.inner().count();
         d.set_item("actuators", array(py, &[count, k, s], scaled))?;

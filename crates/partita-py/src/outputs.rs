@@ -10,46 +10,27 @@ use partita_analysis::outputs::{self, Forces, States, Watch};
 use partita_analysis::run::{Assessed, Described};
 use partita_model::Model;
 use partita_system::prelude::*;
-use partita_system::{Size, SystemError};
+use partita_system::Size;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::borrow::Cow;
 
-/// Why outputs could not be computed: an error of the mechanism, or an interrupt by the user.
-pub enum Stop {
-    /// Of the system.
-    System(SystemError),
-    /// Of an analysis of the whole mechanism.
-    Analysis(AnalysisError),
-    /// Ctrl-C.
-    Python(PyErr),
-}
-
-impl From<SystemError> for Stop {
-    fn from(e: SystemError) -> Self {
-        Self::System(e)
-    }
-}
-
-impl From<AnalysisError> for Stop {
-    fn from(e: AnalysisError) -> Self {
-        Self::Analysis(e)
-    }
-}
-
 /// Compute while other Python threads run; Ctrl-C is checked between the rows.
-pub fn watched<T: Send>(py: Python<'_>, f: impl FnOnce(Watch<Stop>) -> Result<T, Stop> + Send) -> PyResult<T> {
-    let found = py.detach(|| f(&mut || Python::attach(|py| py.check_signals()).map_err(Stop::Python)));
-    found.map_err(|stop| match stop {
-        Stop::System(e) => failure::system(py, e),
-        Stop::Analysis(e) => failure::analysis(py, e),
-        Stop::Python(e) => e,
-    })
+pub fn watched<T: Send>(py: Python<'_>, f: impl FnOnce(Watch) -> Result<T, AnalysisError> + Send) -> PyResult<T> {
+    let mut asked = Ok(());
+    let found = py.detach(|| {
+        f(&mut || {
+            asked = Python::attach(|py| py.check_signals());
+            asked.as_ref().map_or(Err(AnalysisError::Stopped), |_| Ok(()))
+        })
+    });
+    asked?;
+    found.map_err(|e| failure::analysis(py, e))
 }
 
 fn tables(
     py: Python<'_>,
-    f: impl FnOnce(Watch<Stop>) -> Result<Vec<Vec<f64>>, Stop> + Send,
+    f: impl FnOnce(Watch) -> Result<Vec<Vec<f64>>, AnalysisError> + Send,
 ) -> PyResult<std::vec::IntoIter<Vec<f64>>> {
     Ok(watched(py, f)?.into_iter())
 }
@@ -284,7 +265,7 @@ pub fn augmented_reactions<'py>(
 
 /// Whether self-stresses make reactions of this motion indeterminate.
 pub fn shares(py: Python<'_>, m: &Model, x: &Motion, acting: &Acting) -> PyResult<bool> {
-    watched(py, |_| Ok(outputs::shares(m, &x.states(), &acting.forces())?))
+    watched(py, |_| outputs::shares(m, &x.states(), &acting.forces()))
 }
 
 /// Acceleration closure with its row, worst row of the closure, rank and margin.

@@ -2,7 +2,7 @@
 
 use crate::arrays::{array, matrix, rows_of, shaped, vector};
 use crate::failure::{self, raise};
-use crate::outputs::{watched, Stop};
+use crate::outputs::watched;
 use crate::state::Array;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use partita_analysis::kinematic;
@@ -135,8 +135,7 @@ pub fn rates<'py>(
         let message = format!("{count} rates do not fit {more} accelerations");
         return Err(raise(py, "ArgumentError", &message, &[("argument", "accelerations".into())]));
     }
-    let found =
-        watched(py, |watch| kinematic::rates::<Stop>(m, (t, &near), &q, &targets, (&rates, &accelerations), watch))?;
+    let found = watched(py, |watch| kinematic::rates(m, (t, &near), &q, &targets, (&rates, &accelerations), watch))?;
     let (n, w) = (size.nv, targets.len());
     let d = PyDict::new(py);
     d.set_item("v", array(py, &[count, n], found.v))?;
@@ -207,7 +206,7 @@ pub fn many<'py>(
     let (nq, width) = (m.size().nq, targets.len());
     let q = vector(q, nq, "q")?;
     let (count, values) = rows_for(values, width)?;
-    let found = watched(py, |watch| poses::many::<Stop>(m, t, &q, &targets, &values, watch))?;
+    let found = watched(py, |watch| poses::many(m, t, &q, &targets, &values, watch))?;
     let d = PyDict::new(py);
     d.set_item("q", array(py, &[count, nq], found.q))?;
     d.set_item("reached", array(py, &[count, width], found.reached))?;

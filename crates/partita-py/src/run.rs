@@ -2,7 +2,7 @@
 
 use crate::arrays::{array, entries_of, rows_of};
 use crate::failure::{self, guarded, raise};
-use crate::outputs::{assessed, described, watched, Stop};
+use crate::outputs::{assessed, described, watched};
 use crate::state::Array;
 use crate::tangent::{TangentFunctions, UserTangent};
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
@@ -75,7 +75,7 @@ struct Kept<S> {
 impl<S: Motions + Send + Sync> Reported for Kept<S> {
     fn describe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let size = self.system.size();
-        let found = watched(py, |watch| self.log.describe::<S, Stop>(&self.system, self.shared, watch))?;
+        let found = watched(py, |watch| self.log.describe::<S>(&self.system, self.shared, watch))?;
         let findings = reported(&self.log.judge(&*self.system, &found));
         let d = described(py, self.log.outputs.len(), size, found)?;
         d.set_item("findings", findings)?;
@@ -83,7 +83,7 @@ impl<S: Motions + Send + Sync> Reported for Kept<S> {
     }
     fn assess<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let size = self.system.size();
-        let found = watched(py, |watch| self.log.assess::<S, Stop>(&self.system, self.shared, watch))?;
+        let found = watched(py, |watch| self.log.assess::<S>(&self.system, self.shared, watch))?;
         assessed(py, self.log.outputs.len(), size, found)
     }
     fn partitions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {

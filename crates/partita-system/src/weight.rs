@@ -3,6 +3,7 @@
 use crate::reduction::Reduction;
 use crate::system::{ConstrainedSystem, SystemError, Tangent};
 use partita_math::dense::{self, Matrix};
+use partita_math::sorting::sort_by;
 use partita_math::tolerance;
 
 /// Number of steps of inverse iteration: each amplifies the least part of the spectrum by the gap to the rest.
@@ -95,7 +96,7 @@ pub fn words<S: ConstrainedSystem>(
     let Some(v) = unfelt(system, t, q, rank)? else { return Ok(None) };
     let mut moving: Vec<usize> =
         (0..v.len()).filter(|&i| v[i].abs() > tolerance::TAKES_PART * system.characteristic_displacement(i)).collect();
-    moving.sort_by(|&i, &j| {
+    sort_by(&mut moving, |&i, &j| {
         (v[j].abs() / system.characteristic_displacement(j))
             .total_cmp(&(v[i].abs() / system.characteristic_displacement(i)))
     });

@@ -355,12 +355,12 @@ impl Run {
         let known = match self.forces.get() {
             Some(known) => known,
             None => {
-                let found = self.found.log.describe::<_, AnalysisError>(&*self.model.inner, false, &mut never)?;
+                let found = self.found.log.describe(&*self.model.inner, false, &mut never)?;
                 self.forces.get_or_init(|| found)
             }
         };
         let forces = Forces { vdot: &known.vdot, multipliers: &known.multipliers };
-        let tables = outputs::reaction::<AnalysisError>(&self.model.inner, &self.states(), &forces, j, &mut never)?;
+        let tables = outputs::reaction(&self.model.inner, &self.states(), &forces, j, &mut never)?;
         let row = |i: usize| Reaction { force: three(&tables[0][3 * i..]), moment: three(&tables[1][3 * i..]) };
         Ok((0..self.times.len()).map(row).collect())
     }
@@ -379,7 +379,7 @@ impl Run {
     /// # Ok::<(), partita::Error>(())
     /// ```
     pub fn energy(&self) -> Result<Vec<Energy>, Error> {
-        let tables = outputs::energies::<AnalysisError>(&self.model.inner, &self.states(), &mut never)?;
+        let tables = outputs::energies(&self.model.inner, &self.states(), &mut never)?;
         let rows = tables[0].iter().zip(&tables[1]);
         Ok(rows.map(|(kinetic, potential)| Energy { kinetic: *kinetic, potential: *potential }).collect())
     }

@@ -18,6 +18,7 @@ use crate::poses;
 use crate::run::{self, Request};
 use engine::{Engine, Engines};
 use partita_integrate::simulate::Status;
+use partita_math::sorting::sort_by_key;
 use partita_math::tolerance;
 use partita_model::motion_programs::Varied;
 use partita_model::zero_position::Coordinates;
@@ -185,11 +186,11 @@ fn refusal(model: &Model, what: &Members) -> Option<String> {
 ///
 /// # Errors
 /// Those of `watch`. A member that fails is not an error: see its status.
-pub fn ensemble<E: Send + From<AnalysisError>>(
+pub fn ensemble(
     model: &Model,
     what: &Members,
-    mut watch: impl FnMut(f64) -> Result<(), E>,
-) -> Result<Ensemble, E> {
+    watch: &mut dyn FnMut(f64) -> Result<(), AnalysisError>,
+) -> Result<Ensemble, AnalysisError> {
     let size = model.size();
     let mut refused = refusal(model, what);
     let engines = match &refused {
@@ -215,7 +216,7 @@ pub fn ensemble<E: Send + From<AnalysisError>>(
     let batch = if chunk == usize::MAX { 1 } else { chunk };
     let row = |i: usize, room: &mut Vec<Engine>, rows: &mut Rows| {
         if i % batch != 0 {
-            return Ok::<(), E>(());
+            return Ok::<(), AnalysisError>(());
         }
         let members = i..what.count.min(i + batch);
         let mut left: Vec<usize> = Vec::new();
@@ -239,7 +240,7 @@ pub fn ensemble<E: Send + From<AnalysisError>>(
     };
     let scratch = || engines.as_ref().map_or_else(Vec::new, Engines::room);
     let mut done = || watch(finished.load(Ordering::Relaxed) as f64 / what.count.max(1) as f64);
-    let watching: Watch<E> = &mut done;
+    let watching: Watch = &mut done;
     let mut found = tables_on((cores, LEAST), what.count, &widths, chunk, scratch, row, watching)?.into_iter();
     let mut next = || found.next().unwrap_or_default();
     let (q, v, reported) = (next(), next(), next());
@@ -250,7 +251,7 @@ pub fn ensemble<E: Send + From<AnalysisError>>(
         ensemble.steps += x[2] as u64;
     }
     ensemble.messages = messages.into_inner().unwrap_or_default();
-    ensemble.messages.sort_by_key(|x| x.0);
+    sort_by_key(&mut ensemble.messages, |x| x.0);
     Ok(ensemble)
 }
 

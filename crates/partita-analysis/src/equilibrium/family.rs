@@ -13,11 +13,14 @@ use super::forces::{travel, ByNumber, Here, Rest};
 use crate::error::AnalysisError;
 use partita_math::dense::{self, Matrix};
 use partita_math::factor;
+use partita_math::sorting::sort_by;
 use partita_math::tolerance;
 use partita_math::zero::false_position;
+use partita_model::Model;
 use partita_system::manifold::kept_rows::close_kept;
 use partita_system::manifold::least_change::FIRST_CORRECTION;
 use partita_system::manifold::{follow, At, Closed, ClosureError, Curve, End, Ending, Pace, Visit};
+use partita_system::prelude::*;
 use partita_system::start;
 use partita_system::system::Varied;
 use partita_system::{ConstrainedSystem, SystemError};
@@ -422,7 +425,7 @@ fn between<S: ConstrainedSystem + Varied + 'static>(
         let mut inside: Vec<usize> = (0..asked.len())
             .filter(|&i| (asked[i] > x1 && asked[i] <= x2) || (asked[i] < x1 && asked[i] >= x2))
             .collect();
-        inside.sort_by(|&i, &j| (asked[i] - x1).abs().total_cmp(&(asked[j] - x1).abs()));
+        sort_by(&mut inside, |&i, &j| (asked[i] - x1).abs().total_cmp(&(asked[j] - x1).abs()));
         for i in inside {
             let wanted = asked[i];
             let found = if x2 == wanted {
@@ -460,13 +463,7 @@ fn free_direction<S: ConstrainedSystem + Varied + 'static>(there: &There<S>) -> 
 ///
 /// # Errors
 /// Where the position has no neighbours, and errors of functions that the model calls.
-pub fn family<S: ConstrainedSystem + Varied + 'static>(
-    equations: Equations<S>,
-    t: f64,
-    q: &[f64],
-    x: f64,
-    asked: &[f64],
-) -> Result<Family, AnalysisError> {
+pub fn family(equations: Equations<Model>, t: f64, q: &[f64], x: f64, asked: &[f64]) -> Result<Family, AnalysisError> {
     let base = equations(x)?;
     let rank = start::analyse(&*base, t, q)?.rank;
     let (low, high) = asked.iter().fold((x, x), |(low, high), a| (low.min(*a), high.max(*a)));

@@ -6,6 +6,7 @@ use crate::error::AnalysisError;
 use partita_math::dense::{self, Matrix};
 use partita_math::factor;
 use partita_math::tolerance;
+use partita_model::Model;
 use partita_system::manifold::kept_rows::close_kept;
 use partita_system::start;
 use partita_system::system::Varied;
@@ -168,12 +169,8 @@ fn finished(q: Vec<f64>, here: Here, found: Curvatures, iterations: usize) -> Eq
 ///
 /// # Errors
 /// Singular positions.
-pub fn describe<'s, S: ConstrainedSystem + Varied + 's>(
-    system: impl Into<SystemRef<'s, S>>,
-    t: f64,
-    q: &[f64],
-) -> Result<Equilibrium, AnalysisError> {
-    let system = system.into();
+pub fn describe(model: &Model, t: f64, q: &[f64]) -> Result<Equilibrium, AnalysisError> {
+    let system = SystemRef::from(model);
     let rank = start::analyse(&*system, t, q)?.rank;
     let mut rest = Rest::new(system, rank, t);
     let here = rest.look(q)?;
@@ -186,14 +183,14 @@ pub fn describe<'s, S: ConstrainedSystem + Varied + 's>(
 ///
 /// # Errors
 /// Singular positions, drives that move, a search that arrives nowhere.
-pub fn equilibrium<'s, S: ConstrainedSystem + Varied + 's>(
-    system: impl Into<SystemRef<'s, S>>,
+pub fn equilibrium(
+    model: &Model,
     t: f64,
     q: &[f64],
     stable: bool,
     known: &[Vec<f64>],
 ) -> Result<Equilibrium, AnalysisError> {
-    let system = system.into();
+    let system = SystemRef::from(model);
     let rank = start::analyse(&*system, t, q)?.rank;
     let mut search = Search { rest: Rest::new(system.clone(), rank, t), stable, known };
     let displacement = search.rest.displacement.clone();

@@ -1,6 +1,7 @@
 //! Positions that cover a range: from each one steps in all directions, until no place is left without a neighbour.
 
 use super::slice::{alike, newton, Evaluation, Slice};
+use crate::error::AnalysisError;
 use crate::outputs::Watch;
 use partita_math::dense;
 use partita_math::tolerance;
@@ -84,7 +85,7 @@ impl Cells {
 }
 
 /// Samples over all that is connected with the seeds.
-pub(super) fn cover<E: From<SystemError>>(slice: &mut Slice, seeds: &[f64], watch: Watch<E>) -> Result<Cover, E> {
+pub(super) fn cover(slice: &mut Slice, seeds: &[f64], watch: Watch) -> Result<Cover, AnalysisError> {
     let nq = slice.field.model.size().nq;
     let (mut samples, mut cells, mut next) = (Vec::new(), Cells::default(), 0);
     for seed in seeds.chunks_exact(nq) {

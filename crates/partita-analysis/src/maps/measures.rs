@@ -16,13 +16,13 @@ use partita_system::{start, SystemError};
 ///
 /// # Errors
 /// Those of functions that the model calls, and of `watch`.
-pub fn measures<E: Send + From<SystemError> + From<AnalysisError>>(
+pub fn measures(
     model: &Model,
     inverse: &Inverse,
     t: f64,
     q: &[f64],
-    watch: Watch<E>,
-) -> Result<(usize, Vec<f64>, Vec<f64>), E> {
+    watch: Watch,
+) -> Result<(usize, Vec<f64>, Vec<f64>), AnalysisError> {
     let (size, s) = (model.size(), inverse.count());
     let count = q.len() / size.nq.max(1);
     let row_of = |i: usize| &q[i * size.nq..][..size.nq];
@@ -39,7 +39,7 @@ pub fn measures<E: Send + From<SystemError> + From<AnalysisError>>(
         match inverse.set(t, row_of(i), room) {
             Ok(found) => rows.row(0, i).copy_from_slice(found.scaled().data()),
             Err(AnalysisError::System(SystemError::Singular { .. } | SystemError::SingularStart { .. })) => {}
-            Err(e) => return Err(E::from(e)),
+            Err(e) => return Err(e),
         }
         Ok(())
     };
@@ -49,12 +49,12 @@ pub fn measures<E: Send + From<SystemError> + From<AnalysisError>>(
 }
 
 /// The least singular value of the constraints in natural scales at each position.
-fn weakest_constraints<E: Send + From<SystemError>>(
+fn weakest_constraints(
     model: &Model,
     t: f64,
     (q, rank): (&[f64], usize),
-    watch: Watch<E>,
-) -> Result<Vec<f64>, E> {
+    watch: Watch,
+) -> Result<Vec<f64>, AnalysisError> {
     let nq = model.size().nq;
     let count = q.len() / nq.max(1);
     let none = Range { t, targets: &[], limits: &[], seeds: &[], one_branch: false };
@@ -66,7 +66,7 @@ fn weakest_constraints<E: Send + From<SystemError>>(
         } else {
             f64::NAN
         };
-        Ok::<(), E>(())
+        Ok::<(), AnalysisError>(())
     };
     let made = || Slice::of_rank(model, none, Set::Constraints, rank);
     Ok(tables(count, &[1], chunk_of(model), made, one, watch)?.into_iter().next().unwrap_or_default())

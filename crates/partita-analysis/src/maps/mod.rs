@@ -23,7 +23,6 @@ use crate::error::AnalysisError;
 use crate::outputs::Watch;
 use crate::poses::Target;
 use partita_model::Model;
-use partita_system::SystemError;
 use slice::Slice;
 
 /// The positions that are asked for.
@@ -99,12 +98,7 @@ pub struct Singularities {
 /// # Errors
 /// `Argument` where goals or measurements are too few or too many; errors of functions that the model calls, and of
 /// `watch`.
-pub fn singularities<E: From<SystemError> + From<AnalysisError>>(
-    model: &Model,
-    range: Range,
-    set: Set,
-    watch: Watch<E>,
-) -> Result<Singularities, E> {
+pub fn singularities(model: &Model, range: Range, set: Set, watch: Watch) -> Result<Singularities, AnalysisError> {
     let mut slice = Slice::new(model, range, set)?;
     let cover = cover::cover(&mut slice, range.seeds, watch)?;
     let mut found =

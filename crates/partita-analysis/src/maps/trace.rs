@@ -3,6 +3,7 @@
 use super::cover::{distance, Sample, SAMPLE_SPACING};
 use super::slice::{alike, Evaluation, Slice};
 use super::{CurveEnd, SingularCurve};
+use crate::error::AnalysisError;
 use crate::outputs::Watch;
 use partita_math::dense;
 use partita_math::tolerance;
@@ -89,11 +90,7 @@ impl Curve for Trace<'_, '_> {
 }
 
 /// All curves, or single positions in one dimension.
-pub(super) fn traced<E: From<SystemError>>(
-    slice: &mut Slice,
-    samples: &[Sample],
-    watch: Watch<E>,
-) -> Result<Vec<SingularCurve>, E> {
+pub(super) fn traced(slice: &mut Slice, samples: &[Sample], watch: Watch) -> Result<Vec<SingularCurve>, AnalysisError> {
     let mut curves: Vec<(Vec<Point>, Option<[CurveEnd; 2]>)> = Vec::new();
     for sample in samples {
         let Some(towards) = &sample.towards else { continue };

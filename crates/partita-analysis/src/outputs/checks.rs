@@ -3,6 +3,7 @@
 use super::chunk_of;
 use super::rows::{tables, Rows, Watch};
 use super::{Forces, States};
+use crate::error::AnalysisError;
 use crate::instant::Levels;
 use partita_model::Model;
 use partita_system::prelude::*;
@@ -14,12 +15,7 @@ use partita_system::SystemError;
 ///
 /// # Errors
 /// Errors of user functions and of `watch`.
-pub fn checks<E: Send + From<SystemError>>(
-    model: &Model,
-    states: &States,
-    forces: &Forces,
-    watch: Watch<E>,
-) -> Result<Vec<Vec<f64>>, E> {
+pub fn checks(model: &Model, states: &States, forces: &Forces, watch: Watch) -> Result<Vec<Vec<f64>>, AnalysisError> {
     let pattern = model.pattern();
     let worst = |values: &mut dyn Iterator<Item = f64>| {
         values.enumerate().fold((f64::NAN, f64::NAN), |m, (i, x)| if x.abs() <= m.0 { m } else { (x.abs(), i as f64) })

@@ -9,7 +9,6 @@ use partita_model::model::ModelScratch;
 use partita_model::observe::{DegreeOfFreedom, JointState, TurnCounter};
 use partita_model::{Model, Part};
 use partita_system::prelude::*;
-use partita_system::SystemError;
 
 /// Widths of the tables of [`bodies`] for one body: position, rotation (row by row), velocity, angular velocity.
 pub const BODY: [usize; 4] = [3, 9, 3, 3];
@@ -28,7 +27,7 @@ fn part_of(model: &Model, which: &[usize], one: impl Fn(usize) -> Part) -> Part 
 ///
 /// # Errors
 /// The errors of `watch`.
-pub fn bodies<E: Send>(model: &Model, states: &States, which: &[usize], watch: Watch<E>) -> Result<Vec<Vec<f64>>, E> {
+pub fn bodies(model: &Model, states: &States, which: &[usize], watch: Watch) -> Result<Vec<Vec<f64>>, AnalysisError> {
     let part = part_of(model, which, |i| model.part_of_body(i));
     let widths = BODY.map(|w| w * which.len());
     let row = |i: usize, s: &mut ModelScratch, rows: &mut super::Rows| {
@@ -54,7 +53,7 @@ pub fn bodies<E: Send>(model: &Model, states: &States, which: &[usize], watch: W
 ///
 /// # Errors
 /// The errors of `watch`.
-pub fn joints<E: Send>(model: &Model, states: &States, which: &[usize], watch: Watch<E>) -> Result<Vec<Vec<f64>>, E> {
+pub fn joints(model: &Model, states: &States, which: &[usize], watch: Watch) -> Result<Vec<Vec<f64>>, AnalysisError> {
     let part = part_of(model, which, |j| model.part_of_joint(j));
     let size = |j: usize| {
         let shape = &model.placed.joints[j].shape;
@@ -97,13 +96,13 @@ pub fn joints<E: Send>(model: &Model, states: &States, which: &[usize], watch: W
 ///
 /// # Errors
 /// The errors of `watch`.
-pub fn joint_accelerations<E: Send + From<AnalysisError>>(
+pub fn joint_accelerations(
     model: &Model,
     states: &States,
     vdot: &[f64],
     which: &[usize],
-    watch: Watch<E>,
-) -> Result<Vec<Vec<f64>>, E> {
+    watch: Watch,
+) -> Result<Vec<Vec<f64>>, AnalysisError> {
     let part = part_of(model, which, |j| model.part_of_joint(j));
     let dof = model.degrees_of_freedom_of(which).map_err(AnalysisError::from)?;
     let nv = model.size().nv;
@@ -123,11 +122,7 @@ pub fn joint_accelerations<E: Send + From<AnalysisError>>(
 ///
 /// # Errors
 /// What such a function raises, and those of `watch`.
-pub fn energies<E: Send + From<SystemError>>(
-    model: &Model,
-    states: &States,
-    watch: Watch<E>,
-) -> Result<Vec<Vec<f64>>, E> {
+pub fn energies(model: &Model, states: &States, watch: Watch) -> Result<Vec<Vec<f64>>, AnalysisError> {
     let row = |i: usize, levels: &mut Levels<Model>, rows: &mut super::Rows| {
         let (t, q, v) = states.at(model, i);
         levels.velocity(t, q, v)?;
@@ -143,13 +138,13 @@ pub fn energies<E: Send + From<SystemError>>(
 ///
 /// # Errors
 /// The errors of `watch`.
-pub fn body_accelerations<E: Send>(
+pub fn body_accelerations(
     model: &Model,
     states: &States,
     vdot: &[f64],
     which: &[usize],
-    watch: Watch<E>,
-) -> Result<Vec<Vec<f64>>, E> {
+    watch: Watch,
+) -> Result<Vec<Vec<f64>>, AnalysisError> {
     let part = part_of(model, which, |i| model.part_of_body(i));
     let nv = model.size().nv;
     let row = |i: usize, s: &mut ModelScratch, rows: &mut super::Rows| {
@@ -171,12 +166,12 @@ pub fn body_accelerations<E: Send>(
 ///
 /// # Errors
 /// If there is no such force; errors of user functions and of `watch`.
-pub fn load<E: Send + From<SystemError> + From<AnalysisError>>(
+pub fn load(
     model: &Model,
     states: &States,
     number: usize,
-    watch: Watch<E>,
-) -> Result<(Vec<Vec<f64>>, usize), E> {
+    watch: Watch,
+) -> Result<(Vec<Vec<f64>>, usize), AnalysisError> {
     let (e, bodies) = model.load_number(number).map_err(AnalysisError::from)?;
     let part = model.part_of_load(e);
     let row = |i: usize, s: &mut ModelScratch, rows: &mut super::Rows| {

@@ -9,7 +9,6 @@ use partita_model::model::ModelScratch;
 use partita_model::reaction::Wrench;
 use partita_model::Model;
 use partita_system::prelude::*;
-use partita_system::SystemError;
 
 /// Width of the axes of a joint (row by row) in the tables of this module.
 pub const JOINT_AXES: usize = 9;
@@ -45,13 +44,13 @@ fn rooms<'a>(model: &'a Model, rule: Option<&'a Rule>) -> impl Fn() -> (ModelScr
 ///
 /// # Errors
 /// Errors of user functions on the bodies that the joint connects, and those of `watch`.
-pub fn reaction<E: Send + From<SystemError> + From<AnalysisError>>(
+pub fn reaction(
     model: &Model,
     states: &States,
     forces: &Forces,
     j: usize,
-    watch: Watch<E>,
-) -> Result<Vec<Vec<f64>>, E> {
+    watch: Watch,
+) -> Result<Vec<Vec<f64>>, AnalysisError> {
     let dof = model.placed.joints[j].shape.dof();
     with_rule_for_loads(model, reference(model, states, forces), |rule| {
         let part = if rule.is_some() { model.whole().clone() } else { model.part_of_reaction(j) };
@@ -84,12 +83,12 @@ pub fn reaction<E: Send + From<SystemError> + From<AnalysisError>>(
 ///
 /// # Errors
 /// Errors of user functions and of `watch`.
-pub fn reactions<E: Send + From<SystemError> + From<AnalysisError>>(
+pub fn reactions(
     model: &Model,
     states: &States,
     forces: &Forces,
-    watch: Watch<E>,
-) -> Result<Vec<Vec<f64>>, E> {
+    watch: Watch,
+) -> Result<Vec<Vec<f64>>, AnalysisError> {
     let (whole, nj) = (model.whole(), model.placed.joints.len());
     let dof: usize = model.placed.joints.iter().map(|p| p.shape.dof()).sum();
     with_rule_for_loads(model, reference(model, states, forces), |rule| {
@@ -130,12 +129,12 @@ pub fn reactions<E: Send + From<SystemError> + From<AnalysisError>>(
 ///
 /// # Errors
 /// Errors of user functions and of `watch`.
-pub fn augmented<E: Send + From<SystemError> + From<AnalysisError>>(
+pub fn augmented(
     model: &Model,
     states: &States,
     forces: &Forces,
-    watch: Watch<E>,
-) -> Result<Vec<Vec<f64>>, E> {
+    watch: Watch,
+) -> Result<Vec<Vec<f64>>, AnalysisError> {
     let nj = model.placed.joints.len();
     with_rule_for_loads(model, reference(model, states, forces), |rule| {
         let row = |i: usize, (s, room): &mut (ModelScratch, Option<Room>), rows: &mut Rows| {

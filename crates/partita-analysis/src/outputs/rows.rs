@@ -1,5 +1,6 @@
 //! Tables with one row per output, filled on all cores where that is faster.
 
+use crate::error::AnalysisError;
 use std::ops::Range;
 use std::panic::resume_unwind;
 use std::thread::{available_parallelism, scope};
@@ -12,8 +13,8 @@ const CLOCK_TICK: f64 = 1e-9;
 /// Time between two checks for an interrupt by the user.
 const PATIENCE: Duration = Duration::from_millis(50);
 
-/// Called at intervals on the calling thread; returns whether to continue.
-pub type Watch<'w, E> = &'w mut dyn FnMut() -> Result<(), E>;
+/// Called at intervals on the calling thread; returns whether to continue: [`AnalysisError::Stopped`] where not.
+pub type Watch<'w, E = AnalysisError> = &'w mut dyn FnMut() -> Result<(), E>;
 
 /// Some rows of several tables, to be filled.
 pub struct Rows<'a> {

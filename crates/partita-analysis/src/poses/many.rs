@@ -7,6 +7,7 @@ use super::lanes::{self, PoseLanes};
 use super::lattice::{LastSteps, Lattice};
 use super::numeric::Numeric;
 use super::outcome::{Found, Outcome};
+use crate::error::AnalysisError;
 use crate::outputs::{tables, Rows, Watch};
 use partita_math::tolerance;
 use partita_model::Model;
@@ -56,14 +57,14 @@ pub(super) fn put(found: &Found, reached: &[f64], rows: &mut Rows, i: usize) {
 ///
 /// # Errors
 /// `Argument` where the values do not fit; those of functions that the model calls, and of `watch`.
-pub fn many<E: Send + From<SystemError>>(
+pub fn many(
     model: &Model,
     t: f64,
     q: &[f64],
     targets: &[Target],
     values: &[f64],
-    watch: Watch<E>,
-) -> Result<Poses, E> {
+    watch: Watch,
+) -> Result<Poses, AnalysisError> {
     let width = targets.len();
     if width == 0 || values.len() % width != 0 {
         let message = format!("{} values do not fit {width} goals", values.len());
@@ -138,14 +139,14 @@ pub fn many<E: Send + From<SystemError>>(
 }
 
 /// The tables of poses found by following the motion.
-fn by_following<E: Send + From<SystemError>>(
+fn by_following(
     model: &Model,
     t: f64,
     targets: &[Target],
     start: &Start,
     values: &[f64],
-    watch: Watch<E>,
-) -> Result<Vec<Vec<f64>>, E> {
+    watch: Watch,
+) -> Result<Vec<Vec<f64>>, AnalysisError> {
     let width = targets.len();
     let count = values.len() / width;
     let widths = [model.size().nq, width, RESULT];

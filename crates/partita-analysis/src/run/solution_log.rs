@@ -2,6 +2,7 @@
 
 use super::verdict::{Finding, Limits};
 use super::{Motions, Recipe};
+use crate::error::AnalysisError;
 use crate::outputs::{tables, Rows, Watch};
 use partita_system::record::{Gap, Gaps, Output, PartitionEvent, Sample};
 use partita_system::reduction::largest;
@@ -66,15 +67,15 @@ fn chunk(nv: usize) -> usize {
 
 impl SolutionLog {
     /// One table for each width, a row for each output described by the formulation.
-    fn tables<S: Motions, E: Send + From<SystemError>>(
+    fn tables<S: Motions>(
         &self,
         system: &S,
         shared: bool,
         brief: bool,
         widths: &[usize],
         fill: impl Fn(&Sample, usize, &mut Rows) + Sync,
-        watch: Watch<E>,
-    ) -> Result<std::vec::IntoIter<Vec<f64>>, E> {
+        watch: Watch,
+    ) -> Result<std::vec::IntoIter<Vec<f64>>, AnalysisError> {
         // of redundant rows those in use depend on the outputs before
         let size = system.size();
         let chunk = if shared && self.recipe.rank == size.rows { chunk(size.nv) } else { usize::MAX };
@@ -85,7 +86,7 @@ impl SolutionLog {
             let Some(f) = f else { return Ok(()) };
             describe(&mut **f, &self.outputs[i], &self.events, sample)?;
             fill(sample, i, rows);
-            Ok::<(), E>(())
+            Ok::<(), AnalysisError>(())
         };
         let scratch = || (None, Sample { brief, ..Sample::default() });
         Ok(tables(self.outputs.len(), widths, chunk, scratch, row, watch)?.into_iter())
@@ -96,12 +97,7 @@ impl SolutionLog {
     ///
     /// # Errors
     /// Where something cannot be evaluated, and those of `watch`.
-    pub fn describe<S: Motions, E: Send + From<SystemError>>(
-        &self,
-        system: &S,
-        shared: bool,
-        watch: Watch<E>,
-    ) -> Result<Described, E> {
+    pub fn describe<S: Motions>(&self, system: &S, shared: bool, watch: Watch) -> Result<Described, AnalysisError> {
         let size = system.size();
         let k = size.nv - self.recipe.rank;
         let fill = |sample: &Sample, i: usize, rows: &mut Rows| {
@@ -149,12 +145,7 @@ impl SolutionLog {
     ///
     /// # Errors
     /// As `describe`.
-    pub fn assess<S: Motions, E: Send + From<SystemError>>(
-        &self,
-        system: &S,
-        shared: bool,
-        watch: Watch<E>,
-    ) -> Result<Assessed, E> {
+    pub fn assess<S: Motions>(&self, system: &S, shared: bool, watch: Watch) -> Result<Assessed, AnalysisError> {
         let fill = |sample: &Sample, i: usize, rows: &mut Rows| {
             rows.row(0, i).copy_from_slice(&sample.measure);
             rows.row(1, i)[0] = sample.sigma;

@@ -69,8 +69,7 @@ impl Blocks {
         for (k, &b) in found.iter().enumerate() {
             first[b] = first[b].min(cols[k]);
         }
-        let mut order: Vec<usize> = (0..count).collect();
-        order.sort_unstable_by_key(|&b| first[b]);
+        let order = ordered(count, |b| first[b]);
         let mut index = vec![0; count];
         order.iter().enumerate().for_each(|(i, &b)| index[b] = i);
         let of_step: Vec<usize> = found.iter().map(|&b| index[b]).collect();
@@ -82,8 +81,9 @@ impl Blocks {
         named.sort_unstable();
         let mut columns = DefaultHasher::new();
         named.iter().for_each(|x| (x.0, x.2).hash(&mut columns));
-        named.sort_unstable_by_key(|x| x.1);
-        named.iter().for_each(|x| (x.1, x.2).hash(&mut columns));
+        named.iter_mut().for_each(|x| *x = (x.1, x.0, x.2));
+        named.sort_unstable();
+        named.iter().for_each(|x| (x.0, x.2).hash(&mut columns));
         let inside = |k: usize, e: usize| {
             let l = step_of[pattern.col_idx[e]];
             (l < n && of_step[l] == of_step[k]).then(|| [e, k, l].map(|x| x as u32))
@@ -94,10 +94,17 @@ impl Blocks {
     }
 }
 
+/// The numbers below `count` in the order of their keys, no two of which are equal.
+fn ordered(count: usize, key: impl Fn(usize) -> usize) -> Vec<usize> {
+    // of the type of the other list that is sorted here: a sort is compiled once for each
+    let mut keyed: Vec<(usize, usize, usize)> = (0..count).map(|i| (key(i), i, 0)).collect();
+    keyed.sort_unstable();
+    keyed.into_iter().map(|x| x.1).collect()
+}
+
 /// Is the order that `own` has by `key` an odd permutation of it?
 fn is_odd(own: &[usize], key: &[usize]) -> bool {
-    let mut sorted: Vec<usize> = (0..own.len()).collect();
-    sorted.sort_unstable_by_key(|&i| key[own[i]]);
+    let sorted = ordered(own.len(), |i| key[own[i]]);
     let (mut seen, mut odd) = (vec![false; own.len()], false);
     for i in 0..own.len() {
         let (mut j, mut length) = (i, 0);

@@ -7,6 +7,7 @@ use crate::rotors;
 use crate::rows::Owner;
 use crate::spec::{Coupling, Level, Measure, Spec};
 use crate::zero_position::Placed;
+use partita_math::sorting::sort_by_key;
 use partita_math::tolerance;
 
 /// A condition in the order of the rows.
@@ -124,6 +125,6 @@ pub fn order(spec: &Spec, placed: &Placed) -> Result<Vec<ConditionRows>, Descrip
         });
     }
     // conditions on rates alone come last, each kind in the order of description
-    groups.sort_by_key(|p| !p.holonomic);
+    sort_by_key(&mut groups, |p| !p.holonomic);
     Ok(groups)
 }

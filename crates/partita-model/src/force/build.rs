@@ -8,6 +8,7 @@ use crate::spec::{Axes, Force, Spec};
 use crate::tree::Tree;
 use crate::value::VectorSource;
 use crate::zero_position::Placed;
+use partita_math::sorting::sort_by_key;
 use partita_math::spatial::{Mat3, Space, Vec3};
 
 /// Data from which the elements are made.
@@ -35,7 +36,7 @@ impl<'a, G: Space> Maker<'a, G> {
             return Ok(Vec::new());
         }
         let mut names: Vec<(&String, usize)> = self.placed.joint_numbers.iter().map(|(name, j)| (name, *j)).collect();
-        names.sort_unstable_by_key(|(_, j)| *j);
+        sort_by_key(&mut names, |(_, j)| *j);
         let mut sights = Vec::new();
         for (name, j) in names {
             sights.extend(CutSight::all(&self.placed.joints[j], name, &self.measurements)?);

@@ -8,6 +8,7 @@ use super::plan::Task;
 use super::LoopClosing;
 use crate::model::Model;
 use crate::spec::Force;
+use partita_math::sorting::sort_by_key;
 use partita_math::tolerance;
 use partita_system::closing::Closing;
 use partita_system::prelude::*;
@@ -48,7 +49,7 @@ fn candidates(model: &Model, graph: &Graph) -> Vec<usize> {
             found.push(Candidate { v, rank: (kind, priority, v) });
         }
     }
-    found.sort_by_key(|c| c.rank);
+    sort_by_key(&mut found, |c| c.rank);
     found.into_iter().map(|c| c.v).collect()
 }
 
@@ -143,7 +144,7 @@ pub(super) fn choose<'m>(at: &Instant<'m>, t: f64, q: &[f64]) -> Result<LoopClos
         }
     }
     // equal counts stay in the order of preference
-    ranked.sort_by_key(|r| r.0);
+    sort_by_key(&mut ranked, |r| r.0);
     let mut best: Option<(usize, f64, LoopClosing<'m>)> = None;
     for (tried, (count, inputs)) in ranked.into_iter().enumerate() {
         if best.as_ref().is_some_and(|b| b.0 < count || tried >= plans) {

@@ -50,7 +50,7 @@ impl Model {
             let q = vector(&q, self.inner.size().nq, "q")?;
             let (rows, _, numbers) = matrix(&known);
             let known: Vec<Vec<f64>> = (0..rows).map(|i| numbers[i * q.len()..][..q.len()].to_vec()).collect();
-            let search = || statics::equilibrium(&*self.inner, t, &q, stable, &known);
+            let search = || statics::equilibrium(&self.inner, t, &q, stable, &known);
             reported(py, py.detach(search).map_err(|e| failure::analysis(py, e))?)
         })
     }
@@ -59,7 +59,7 @@ impl Model {
     fn resting<'py>(&self, py: Python<'py>, t: f64, q: Vector<'py>) -> PyResult<Bound<'py, PyDict>> {
         guarded(py, || {
             let q = vector(&q, self.inner.size().nq, "q")?;
-            let found = py.detach(|| statics::describe(&*self.inner, t, &q)).map_err(|e| failure::analysis(py, e))?;
+            let found = py.detach(|| statics::describe(&self.inner, t, &q)).map_err(|e| failure::analysis(py, e))?;
             reported(py, found)
         })
     }

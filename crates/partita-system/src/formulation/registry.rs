@@ -7,6 +7,7 @@ use crate::equations::full::proximal::Iteration;
 use crate::equations::full::range_space::Range;
 use crate::equations::full::saddle::Saddle;
 use crate::equations::full::sparse::Sparse;
+use crate::equations::full::AccelerationRule;
 use crate::error::Result;
 use crate::options::FormulationOptions;
 use crate::system::{ConstrainedSystem, SystemError, SystemRef};
@@ -46,6 +47,7 @@ pub fn by_name<'s, S: ConstrainedSystem<Scratch: Send> + 's>(
     let (o, size) = (options, system.size());
     o.check(size.nv)?;
     let frozen = |rule| Box::new(TangentVelocities::new(system.clone(), rank, Box::new(rule), o));
+    let full = |rule: Box<dyn AccelerationRule + Send>| Box::new(FullState::new(system.clone(), rank, rule, o));
     Ok(match name {
         "projective" => Box::new(Projective::new(system, rank, o)),
         "fixed" => {
@@ -61,16 +63,11 @@ pub fn by_name<'s, S: ConstrainedSystem<Scratch: Send> + 's>(
         "gram-schmidt" => frozen(Rule::GramSchmidt),
         "tangent-space" => Box::new(TangentSpace::new(system, rank, o)?),
         "user-tangent" => Box::new(UserTangent::new(system, rank, o)?),
-        "multipliers" => Box::new(FullState::new(system, rank, Saddle::new(size.nv, rank), o)),
-        "sparse-multipliers" => {
-            let rule = Sparse::new(system.mass_pattern(), system.pattern());
-            Box::new(FullState::new(system, rank, rule, o))
-        }
-        "range-space" => Box::new(FullState::new(system, rank, Range::new(size.nv, rank), o)),
-        "proximal" => Box::new(FullState::new(system, rank, Iteration::new(size.nv, size.rows, rank), o)),
-        "baumgarte" => {
-            Box::new(FullState::new(system, rank, Stabilised::new(size.nv, size.rows, rank, o.baumgarte)?, o))
-        }
+        "multipliers" => full(Box::new(Saddle::new(size.nv, rank))),
+        "sparse-multipliers" => full(Box::new(Sparse::new(system.mass_pattern(), system.pattern()))),
+        "range-space" => full(Box::new(Range::new(size.nv, rank))),
+        "proximal" => full(Box::new(Iteration::new(size.nv, size.rows, rank))),
+        "baumgarte" => full(Box::new(Stabilised::new(size.nv, size.rows, rank, o.baumgarte)?)),
         other => {
             let message = format!("there is no formulation \"{other}\"; choose among {}", NAMES.join(", "));
             return Err(SystemError::argument("formulation", message));

@@ -140,7 +140,7 @@ impl<'s, S: ConstrainedSystem> Truncated<'s, S> {
         let (_, c) = self.look(q)?;
         let (n, cut) = (c.cols(), self.cut);
         let mut pivots = Vec::new();
-        let found = qr_null_space_by(&c, |all| {
+        let found = qr_null_space_by(&c, &mut |all| {
             pivots = all.to_vec();
             cut.count(all)
         });
@@ -184,7 +184,7 @@ impl<S: ConstrainedSystem> Linearization for Truncated<'_, S> {
         let (mut phi, c) = self.scaled.dense();
         phi.iter_mut().for_each(|x| *x = -*x);
         let cut = self.cut.graded(self.grade);
-        (self.y, _) = pivoted_least_norm(&c, &phi, |pivots| cut.count(pivots)).map_err(|_| self.not_finite())?;
+        (self.y, _) = pivoted_least_norm(&c, &phi, &|pivots| cut.count(pivots)).map_err(|_| self.not_finite())?;
         self.length = self.travel(&self.y);
         Ok(true)
     }

@@ -23,7 +23,8 @@ impl StateCoordinates {
                 longer.push(r.len() - 1);
             }
         }
-        longer.sort_unstable_by(|a, b| b.cmp(a));
+        longer.sort_unstable();
+        longer.reverse();
         let width = (k + longer.iter().take(k).sum::<usize>()).min(size.nq);
         Self { width, list: Vec::with_capacity(width) }
     }

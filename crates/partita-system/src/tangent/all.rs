@@ -37,13 +37,14 @@ macro_rules! instant {
     }};
 }
 
-/// All velocities of a system, v' and λ by the rule R.
+/// All velocities of a system, v' and λ by a rule.
 ///
 /// Of the options it reads `correction`, and `switch_threshold` for the partition that (34) moves; it has no independent
 /// coordinates of its own.
-pub struct Everything<'s, S: ConstrainedSystem, R> {
+pub struct Everything<'s, S: ConstrainedSystem> {
     base: Base<'s, S>,
-    rule: R,
+    /// Called once in an evaluation, by its table: the frame is not compiled anew for each of the rules.
+    rule: Box<dyn AccelerationRule + Send>,
     /// How the errors are corrected.
     pub(crate) correction: Correction,
     switch_threshold: f64,
@@ -62,9 +63,14 @@ pub struct Everything<'s, S: ConstrainedSystem, R> {
     iterations: u64,
 }
 
-impl<'s, S: ConstrainedSystem, R: AccelerationRule> Everything<'s, S, R> {
+impl<'s, S: ConstrainedSystem> Everything<'s, S> {
     /// For a system of the given rank (see [`start::analyse`]).
-    pub fn new(system: impl Into<SystemRef<'s, S>>, rank: usize, rule: R, options: &FormulationOptions) -> Self {
+    pub fn new(
+        system: impl Into<SystemRef<'s, S>>,
+        rank: usize,
+        rule: Box<dyn AccelerationRule + Send>,
+        options: &FormulationOptions,
+    ) -> Self {
         let base = Base::new(Reduction::new(system, rank));
         let size = base.r.size();
         Self {
@@ -167,7 +173,7 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> Everything<'s, S, R> {
     }
 }
 
-impl<'s, S: ConstrainedSystem, R: AccelerationRule> TangentLevels<'s, S> for Everything<'s, S, R> {
+impl<'s, S: ConstrainedSystem> TangentLevels<'s, S> for Everything<'s, S> {
     fn base(&self) -> &Base<'s, S> {
         &self.base
     }
@@ -203,7 +209,7 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> TangentLevels<'s, S> for Eve
     }
 }
 
-impl<'s, S: ConstrainedSystem, R: AccelerationRule> TangentChoice<'s, S> for Everything<'s, S, R> {
+impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Everything<'s, S> {
     fn natural_size(&self, j: usize) -> f64 {
         self.base.r.system.characteristic_displacement(j)
     }
@@ -261,7 +267,7 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> TangentChoice<'s, S> for Eve
     }
 }
 
-impl<'s, S: ConstrainedSystem, R: AccelerationRule> TangentClosing<'s, S> for Everything<'s, S, R> {
+impl<'s, S: ConstrainedSystem> TangentClosing<'s, S> for Everything<'s, S> {
     /// Distance from a singular position of the partition, whose factors no evaluation needs. It is known no better than
     /// the closure error of positions that drift.
     fn sides(&self, sides: &mut Sides) {

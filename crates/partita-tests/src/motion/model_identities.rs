@@ -278,7 +278,7 @@ fn formulations_agree() {
         let mut state = vec![0.0; projective.dim()];
         projective.start(m.t, &m.q, &m.v, &mut state).unwrap();
         let x = sample(&mut projective, m.t, &state);
-        let mut multipliers = FullState::new(model, m.rank, Saddle::new(model.size().nv, m.rank), &options);
+        let mut multipliers = FullState::new(model, m.rank, Box::new(Saddle::new(model.size().nv, m.rank)), &options);
         let mut state = vec![0.0; multipliers.dim()];
         multipliers.start(m.t, &m.q, &m.v, &mut state).unwrap();
         let y = sample(&mut multipliers, m.t, &state);

@@ -12,6 +12,7 @@ use crate::model::Model;
 use crate::spec::JointKind;
 use partita_math::dense::Matrix;
 use partita_math::factor::svd;
+use partita_math::sorting::sort_by;
 use partita_math::spatial::Vec3;
 use partita_math::tolerance;
 
@@ -148,7 +149,7 @@ fn alike(pins: &[Pin], near: f64) -> Vec<Alike> {
             }
         }
     }
-    lengths.sort_by(|x, y| x.0.total_cmp(&y.0));
+    sort_by(&mut lengths, |x, y| x.0.total_cmp(&y.0));
     let mut first: Option<(f64, [usize; 2])> = None;
     for (length, pair) in lengths {
         match first {

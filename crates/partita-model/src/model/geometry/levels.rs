@@ -4,6 +4,7 @@ use super::change::{largest, Change, OWN};
 use super::{coarsest, Drawing, Wanted, LARGEST_CHANGE, WEAK_CONDITION};
 use crate::model::Model;
 use crate::spec::Joint;
+use partita_math::sorting::sort_by;
 use partita_math::tolerance;
 use partita_system::prelude::*;
 use partita_system::rank::{Branch, Cut, Kernel};
@@ -296,11 +297,11 @@ fn chosen(fits: Vec<Fit>) -> Option<Fit> {
     let most = fits.iter().map(|x| x.dof).max()?;
     let better = |a: &Fit, b: &Fit| b.dof.cmp(&a.dof).then(a.most.total_cmp(&b.most));
     let (mut first, mut others): (Vec<Fit>, Vec<Fit>) = fits.into_iter().partition(|x| x.dof == most);
-    first.sort_by(better);
+    sort_by(&mut first, better);
     let kept = first.into_iter().next()?;
     if kept.folds {
         others.retain(|x| !x.folds && tolerance::CLEARLY * x.most <= kept.most);
-        others.sort_by(better);
+        sort_by(&mut others, better);
         if let Some(other) = others.into_iter().next() {
             return Some(other);
         }

@@ -62,7 +62,7 @@ fn slip(model: &Model, c: &[f64], before: &[usize], row: usize) -> f64 {
         others.row_mut(k).iter_mut().zip(&all).for_each(|(x, y)| *x = y / length);
     }
     // rows that were kept are independent, and as many as there are
-    let Ok(free) = qr_null_space_by(&others, |pivots| pivots.len()) else { return f64::INFINITY };
+    let Ok(free) = qr_null_space_by(&others, &mut |pivots| pivots.len()) else { return f64::INFINITY };
     let own = of(row);
     let mut v = vec![0.0; n];
     for k in 0..free.null.cols() {

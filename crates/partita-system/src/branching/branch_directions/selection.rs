@@ -6,6 +6,7 @@ use crate::branching::SAME_RATES;
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::dense::{self, Matrix};
 use partita_math::factor::{least_squares_min_norm, svd_full};
+use partita_math::sorting::sort_by;
 use partita_math::tolerance;
 
 /// Where drives leave no degree of freedom, a given rate selects the branch whose rate is between this fraction of it
@@ -88,7 +89,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
             _ => {}
         }
         let mut order: Vec<usize> = (0..fits.len()).collect();
-        order.sort_by(|&i, &j| fits[i].miss.total_cmp(&fits[j].miss));
+        sort_by(&mut order, |&i, &j| fits[i].miss.total_cmp(&fits[j].miss));
         let Some(&first) = order.first() else { return Err(self.which(asked)) };
         let second = order.get(1).map_or(f64::INFINITY, |&i| fits[i].miss);
         if fits[first].miss <= SAME_RATES * fastest && second > tolerance::CLEARLY * fits[first].miss {

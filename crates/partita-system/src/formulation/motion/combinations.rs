@@ -32,8 +32,8 @@ pub type TangentVelocities<'s, S> = Motion<'s, S, Frozen<'s, S>, All>;
 pub type TangentSpace<'s, S> = Motion<'s, S, Frozen<'s, S>, Chart>;
 /// The user's basis and all coordinates.
 pub type UserTangent<'s, S> = Motion<'s, S, Given<'s, S>, All>;
-/// All coordinates and all velocities, by the rule R.
-pub type FullState<'s, S, R> = Motion<'s, S, Everything<'s, S, R>, All>;
+/// All coordinates and all velocities, by a rule.
+pub type FullState<'s, S> = Motion<'s, S, Everything<'s, S>, All>;
 
 impl<'s, S: ConstrainedSystem> Projective<'s, S> {
     /// For a system of the given rank (see [`crate::start::analyse`]).
@@ -113,9 +113,14 @@ impl<'s, S: ConstrainedSystem> UserTangent<'s, S> {
     }
 }
 
-impl<'s, S: ConstrainedSystem, R: AccelerationRule> FullState<'s, S, R> {
+impl<'s, S: ConstrainedSystem> FullState<'s, S> {
     /// For a system of the given rank, with v' and λ from a rule.
-    pub fn new(system: impl Into<SystemRef<'s, S>>, rank: usize, rule: R, options: &FormulationOptions) -> Self {
+    pub fn new(
+        system: impl Into<SystemRef<'s, S>>,
+        rank: usize,
+        rule: Box<dyn AccelerationRule + Send>,
+        options: &FormulationOptions,
+    ) -> Self {
         let name = rule.name();
         let tangent = Everything::new(system, rank, rule, options);
         let positions = All::new(tangent.seen().size(), tangent.correction);

@@ -6,11 +6,12 @@ use crate::manifold::least_change::LeastChange;
 use crate::messages::{loop_of, some};
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::formatted;
+use partita_math::sorting::sort_by;
 
 fn open_rows<S: ConstrainedSystem>(d: &LeastChange<S>, tolerance: f64) -> String {
     let s = &d.scaled;
     let mut open: Vec<usize> = (0..s.rows()).filter(|&i| s.phi[i].is_nan() || s.phi[i].abs() > tolerance).collect();
-    open.sort_by(|&a, &b| s.phi[b].abs().total_cmp(&s.phi[a].abs()));
+    sort_by(&mut open, |&a, &b| s.phi[b].abs().total_cmp(&s.phi[a].abs()));
     some(
         &open
             .iter()
