@@ -323,6 +323,36 @@ def test_words_keep_off_gaps(browser: Chromium, tmp_path: Path) -> None:
             assert not covered, (screen, word["text"])
 
 
+@pytest.mark.parametrize("name", ["agile-eye", "double-wishbone", "parallel-ankle", "pantograph"])
+def test_words_keep_off_springs(browser: Chromium, tmp_path: Path, name: str) -> None:
+    run = run_of(name)
+    page = viewer.write_html(run, tmp_path / "page.html")
+    found = re.search(r'id="data">(.*?)</script>', page.read_text(encoding="utf-8"), re.DOTALL)
+    assert found is not None
+    springs = {spring["name"] for spring in json.loads(found[1])["springs"]}
+    assert springs
+    for screen in (DESKTOP, PHONE):
+        browser.open(page, screen)
+        for part in (0.0, 0.37, 1.0):
+            browser.value(f"partita.show({run.t[0] + part * (run.t[-1] - run.t[0])})")
+            browser.rest_a_frame()
+            hits, written = browser.value("[partita.joints(), partita.written()]")
+            for spring in springs:
+                p, q = (np.array([hit["x"], hit["y"]]) for hit in hits if hit["name"] == spring)
+                for x, y in (p + s * (q - p) for s in np.linspace(0.12, 0.88, 100)):
+                    for word in written:
+                        on_it = word["left"] < x < word["right"] and word["top"] < y < word["bottom"]
+                        assert not on_it, (screen, part, word["text"])
+
+
+def test_notes_on_arrows_are_short_where_the_page_is_narrow(browser: Chromium, tmp_path: Path) -> None:
+    page = viewer.write_html(run_of("spatial-four-bar"), tmp_path / "page.html")
+    for screen, note in ((DESKTOP, "hollow: not unique, shared by least squares"), (PHONE, "hollow: not unique")):
+        browser.open(page, screen)
+        written = {word["text"]: word for word in browser.value("partita.written()")}
+        assert written[note]["left"] > 0.5 * screen[0]
+
+
 @pytest.mark.parametrize(
     ("name", "words"),
     [("engine-v-twin", "1/20 of real time"), ("heavy-top", "of real time"), ("reference-four-bar", "real time")],

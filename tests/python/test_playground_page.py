@@ -269,3 +269,31 @@ def test_the_first_view_holds_the_arrows(browser: Chromium, tmp_path: Path, scre
     for x, y in ends:
         assert 0 <= x <= width and 0 <= y <= height
         assert not any(box["left"] < x < box["right"] and box["top"] < y < box["bottom"] for box in covered)
+
+
+def test_blocks_stay_on_their_rails(browser: Chromium, tmp_path: Path) -> None:
+    """A rail, and the end of a link that it shapes, reach as far as the block has slid."""
+    entry = pt.catalogue.entry("scotch-yoke")
+    mechanism = entry.mechanism()
+    shown(browser, mechanism.to_playground(tmp_path / "x.html", initial=entry.initial(mechanism)))
+    click(browser, "play")
+    first, found = browser.value(
+        "(() => { const { drawing, motion } = playground, { scene } = drawing, { run } = scene, found = [];"
+        " const yoke = run.scene.joints.find((j) => j.name === 'block slide'), body = run.scene.bodies[yoke.parent];"
+        " for (let i = 0; i < 40; i++) { const z = run.scene.joints.indexOf(yoke), block = run.seatOf(0, z);"
+        " found.push([...yoke.rail, run.within(yoke.parent, block), body.points]);"
+        " motion.advance(motion.t + 0.05); scene.draw(0, true); }"
+        " return [run.about.scene.joints.find((j) => j.name === 'block slide').rail, found]; })()"
+    )
+    lengths = []
+    for *ends, block, shape in found:
+        a, b = (np.array(end) for end in ends)
+        lengths.append(np.linalg.norm(b - a))
+        at = (np.array(block) - a) @ (b - a) / lengths[-1]
+        assert 0.02 < at < lengths[-1] - 0.02
+        assert np.linalg.norm(np.array(shape) - b, axis=1).min() < 1e-9
+    assert max(lengths) > 5 * np.linalg.norm(np.subtract(*first))
+    # Points of a page are rounded; a link follows its length all the same.
+    assert put(browser, "crank: length", "0.2") == ""
+    shape = browser.value("playground.drawing.scene.run.scene.bodies[0].points")
+    assert np.linalg.norm(np.subtract(*shape)) == pytest.approx(0.2, abs=1e-6)

@@ -1,5 +1,6 @@
 """The page on which mechanisms are drawn, in a browser: mouse, fingers, keys, numbers, undo."""
 
+import json
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -7,7 +8,7 @@ import numpy as np
 import pytest
 from chromium import DESKTOP, PHONE, PROGRAM, Chromium
 from pages import CONTRAST
-from sketches import User, poses
+from sketches import FOUR, User, drawing, poses
 
 import partita as pt
 
@@ -200,6 +201,19 @@ def test_the_page_has_contrast_and_fits(browser: Chromium, screen: tuple[int, in
         wide = browser.value("[document.documentElement.scrollWidth, innerWidth]")
         assert wide[0] <= wide[1]
         assert browser.reported == []
+
+
+@needs_browser
+def test_why_a_drawing_does_not_close_is_read_whole_on_a_phone(browser: Chromium) -> None:
+    four = drawing(**FOUR)
+    four["bars"][1]["length"] = 9.0
+    with User(browser, PHONE) as user:
+        browser.value(f"drawing.sketch.data = {json.dumps(four)}")
+        assert 'joint "C"' in user.answer()["message"]
+        user.settled()
+        browser.rest_a_frame()
+        shown, needed = browser.value("(({ clientHeight, scrollHeight }) => [clientHeight, scrollHeight])(said)")
+        assert needed <= shown
 
 
 @needs_browser

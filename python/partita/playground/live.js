@@ -6,6 +6,7 @@ const MOST_POINTS = 600; // of a path
 const BEND = 0.2; // rad: an angle that a path shows in one piece
 const MOST_PARTS = 12; // points of a path in one frame
 const ROUNDING = 1e-9; // of forces, and of moments over the size: less is not drawn
+const SAME = 1e-6; // of the size: points of a page, which has seven digits, that are one point
 const STRIKE = 18; // pixels: a link farther from the pointer is not taken
 const RATIOS = ["ratio", "radius", "radius1", "radius2", "factors"]; // numbers of couplings that change the size of wheels
 
@@ -30,12 +31,14 @@ class LiveRun {
     this.sources = this.scene.bodies.map((body, b) => body.points.map((p) => this.sourceOf(b, p)));
   }
 
-  /** What a point of a body's shape follows: a joint on it, the end of a spring, or nothing that is changed here. */
+  /** What a point of a body's shape follows: a joint or the end of a rail on it, the end of a spring, or nothing. */
   sourceOf(b, p) {
-    const near = (other) => other && length(sub(other, p)) < 1e-9 * this.scene.size;
+    const near = (other) => other && length(sub(other, p)) < SAME * this.scene.size;
     for (const [j, joint] of this.scene.joints.entries()) {
       if (joint.child === b && near(joint.at)) return () => this.scene.joints[j].at;
       if (joint.parent === b && near(joint.atParent)) return () => this.scene.joints[j].atParent;
+      const end = joint.parent === b && joint.rail ? joint.rail.findIndex(near) : -1;
+      if (end >= 0) return () => this.scene.joints[j].rail[end];
     }
     for (const spring of this.scene.springs) {
       for (const end of [1, 2]) if (spring[`body${end}`] === b && near(spring[`point${end}`])) return () => spring[`point${end}`];
@@ -75,6 +78,7 @@ class LiveRun {
       joint.at = this.within(joint.child, world);
       if (joint.atParent) joint.atParent = this.within(joint.parent, world);
       if (joint.seat) joint.seat = add(joint.at, sub(joint.seat, before));
+      if (joint.rail && this.sources) this.lengthen(joint, this.within(joint.parent, this.seatOf(0, j)));
     });
     for (const spring of scene.springs) {
       for (const end of [1, 2]) {
@@ -88,6 +92,15 @@ class LiveRun {
       || motion.get(name).every((x, i) => x === this.about.values[name][i]));
     scene.wheels = same ? this.wheels : []; // wheels of another ratio would not touch
     scene.lines = same ? this.belts : [];
+  }
+
+  /** A rail reaches as far as its block has slid, and as far beyond as at first. */
+  lengthen(joint, at) {
+    const [a, b] = joint.rail, l = length(sub(b, a));
+    if (!(l > 0) || !isFinite3(at)) return;
+    joint.spare ??= l / 2;
+    const axis = scaled(sub(b, a), 1 / l), s = dot(sub(at, a), axis);
+    joint.rail = [Math.min(0, s - joint.spare), Math.max(l, s + joint.spare)].map((x) => add(a, scaled(axis, x)));
   }
 
   turned(frame, body, v) {
@@ -163,7 +176,7 @@ class LiveScene extends Scene {
     const { run } = this, s = run.scene, found = [];
     s.joints.forEach((joint, j) => {
       const rests = (joint.parent < 0 || joint.child < 0) && joint.atParent;
-      const same = s.joints.findIndex((_, i) => length(sub(run.jointPoint(0, i), run.jointPoint(0, j))) < 1e-6 * s.size);
+      const same = s.joints.findIndex((_, i) => length(sub(run.jointPoint(0, i), run.jointPoint(0, j))) < SAME * s.size);
       if (!rests && same === j) found.push(() => run.seatOf(0, j));
     });
     s.bodies.forEach((body, b) => {

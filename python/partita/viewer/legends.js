@@ -10,6 +10,7 @@ class Legends {
     for (const box of scene.covered) this.labels.take(box);
     this.labels.soft.push(...painter.drawnMarks);
     for (const [p, q] of scene.shafts) this.keepClear(this.labels.soft, p, q, 4);
+    for (const [p, q, half] of painter.drawnSprings) this.keepClear(this.labels.soft, p, q, half);
     for (const [p, q, half] of painter.drawnRods) this.keepClear(this.labels.softer, p, q, half);
   }
 
@@ -90,7 +91,7 @@ class Legends {
     if (open) notes.push(["hollow: not unique, shared by least squares", "hollow: not unique"]);
     if (unlike.cut) notes.push(["double stroke: arrow longer than drawn", "double stroke: longer"]);
     for (const [note, less] of notes) {
-      const text = this.c.measureText(note).width <= camera.width - 120 ? note : less;
+      const text = this.c.measureText(note).width <= 0.5 * camera.width ? note : less;
       this.labels.write(text, right - this.c.measureText(text).width, y + 4, COLOURS.force);
       y -= 18;
     }

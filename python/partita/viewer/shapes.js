@@ -21,6 +21,7 @@ class Painter {
     this.list = [];
     this.drawnRods = []; // ends in the picture, and half the width
     this.drawnMarks = []; // boxes of supports and of arrows around a point
+    this.drawnSprings = []; // ends in the picture, and half the width
   }
 
   push(z, draw) {
@@ -277,8 +278,10 @@ class Painter {
   spring(a, b, radius) {
     const p = this.camera.project(a), q = this.camera.project(b);
     if (!p || !q) return;
+    const w = Math.max(2.5, radius * (p.s + q.s) / 2);
+    this.drawnSprings.push([p, q, w]);
     this.push((p.z + q.z) / 2, () => {
-      const dx = q.x - p.x, dy = q.y - p.y, l = Math.hypot(dx, dy) || 1, w = Math.max(2.5, radius * (p.s + q.s) / 2);
+      const dx = q.x - p.x, dy = q.y - p.y, l = Math.hypot(dx, dy) || 1;
       const at = (s, n) => ({ x: p.x + dx * s - (dy / l) * n * w, y: p.y + dy * s + (dx / l) * n * w });
       const line = [at(0, 0), at(0.12, 0)];
       for (let i = 0; i < 16; i++) line.push(at(0.12 + (0.76 * (i + 0.5)) / 16, i % 2 ? -1 : 1));
