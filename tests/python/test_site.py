@@ -110,7 +110,8 @@ def test_a_search_from_disk_has_the_texts_of_pages(browser: Any, tmp_path: Path)
         '<html><body><nav id="n">elsewhere</nav><article role="main"><h1>Title<a class="headerlink" href="#x">#</a>'
         "</h1>"
         '<section id="x"><p>closed <b>loops</b> &lt;i&gt;</p><img src="a.png"><script>bad()</script></section>'
-        '<dl><dt id="partita.f">f</dt><dd>an answer</dd><dd><pre><span>m</span><span>.</span><span>add</span></pre></dd>'
+        '<dl><dt id="partita.f">f</dt><dd>an answer</dd>'
+        "<dd><pre><span>m</span><span>.</span><span>add</span></pre></dd>"
         '</dl></article><footer id="f">below</footer></body></html>'
     )
     found = texts.pieces(page)

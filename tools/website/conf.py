@@ -6,8 +6,9 @@ import re
 from pathlib import Path
 from typing import Any
 
-import partita
 from docutils import nodes
+
+import partita
 from website import texts
 
 project = "Partita"
