@@ -353,6 +353,19 @@ def test_notes_on_arrows_are_short_where_the_page_is_narrow(browser: Chromium, t
         assert written[note]["left"] > 0.5 * screen[0]
 
 
+def test_what_stays_at_the_lower_edge_of_a_phone_is_low(browser: Chromium, tmp_path: Path) -> None:
+    """The controls stay in sight while the page scrolls; a note about the outputs does not stay with them."""
+    browser.open(viewer.write_html(run_of("heavy-top"), tmp_path / "page.html"), PHONE)
+    assert "outputs are kept" in browser.value("document.getElementById('note').textContent")
+    assert browser.value("document.querySelector('footer').offsetHeight") < 0.13 * PHONE[1]
+    browser.value("scrollTo(0, 1e6)")
+    browser.rest_a_frame()
+    bottom, top = browser.value(
+        "[document.querySelector('footer').getBoundingClientRect().bottom, note.getBoundingClientRect().top]"
+    )
+    assert bottom <= top < PHONE[1] - 20
+
+
 @pytest.mark.parametrize(
     ("name", "words"),
     [("engine-v-twin", "1/20 of real time"), ("heavy-top", "of real time"), ("reference-four-bar", "real time")],

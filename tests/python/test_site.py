@@ -25,6 +25,7 @@ FAULTS = {
     f'<div style="overflow: hidden"><p style="white-space: nowrap">{LONG}</p></div>': "hides",
     f'<div style="overflow: auto"><table><tr>{TOWER}</tr></table></div>': "px high",
     f'<table style="width: 70px; table-layout: fixed"><tr>{NARROW}</tr></table>': "a column of words",
+    "<table><tr><td>5.65 ms</td></tr></table>": "may be parted between two lines",
     '<span class="math">\\frac12</span>': "is no drawn formula",
     '<span class="math"><math><merror><mtext>?</mtext></merror></math></span>': "has an error in it",
     "<p>the angle $$\\mathbf x$$</p>": "raw LaTeX",
@@ -109,10 +110,12 @@ def test_a_search_from_disk_has_the_texts_of_pages(browser: Any, tmp_path: Path)
         '<html><body><nav id="n">elsewhere</nav><article role="main"><h1>Title<a class="headerlink" href="#x">#</a>'
         "</h1>"
         '<section id="x"><p>closed <b>loops</b> &lt;i&gt;</p><img src="a.png"><script>bad()</script></section>'
-        '<dl><dt id="partita.f">f</dt><dd>an answer</dd></dl></article><footer id="f">below</footer></body></html>'
+        '<dl><dt id="partita.f">f</dt><dd>an answer</dd>'
+        "<dd><pre><span>m</span><span>.</span><span>add</span></pre></dd>"
+        '</dl></article><footer id="f">below</footer></body></html>'
     )
     found = texts.pieces(page)
-    assert found == [["", "Title"], ["x", "closed loops <i>"], ["partita.f", "f an answer"]]
+    assert found == [["", "Title"], ["x", "closed loops <i>"], ["partita.f", "f an answer m.add"]]
     static = tmp_path / "_static"
     static.mkdir()
     (tmp_path / "page.html").write_text(page, "utf-8")

@@ -6,6 +6,8 @@ import re
 from pathlib import Path
 from typing import Any
 
+from docutils import nodes
+
 import partita
 from website import texts
 
@@ -126,9 +128,24 @@ def finished(app: Any, exception: Exception | None) -> None:
         texts.write(Path(app.outdir))
 
 
+# A number and its unit, "N = 40": one word to the lines of a table's cell.
+_QUANTITY = re.compile(r"(?<=\d) (?=(?:[nµm]?s|min|h|[kMG]?B|[mk]?m|k?g|[kM]?N|N m|k?W|J|rad|deg|Hz|rpm)\b)")
+_EQUAL = re.compile(r"\b(\w) = (?=\d)")
+
+
+def together(app: Any, doctree: nodes.document, *rest: Any) -> None:
+    """Quantities in cells of tables are not broken between two lines."""
+    for cell in doctree.findall(nodes.entry):
+        for text in list(cell.findall(nodes.Text)):
+            if not isinstance(text.parent, nodes.literal):
+                joined = _EQUAL.sub("\\1\u00a0=\u00a0", _QUANTITY.sub("\u00a0", str(text)))
+                text.parent.replace(text, nodes.Text(joined))
+
+
 def setup(app: Any) -> None:
     """Docstrings before and after napoleon reads them, signatures, and what is made of the rendered pages."""
     app.connect("build-finished", finished)
+    app.connect("doctree-resolved", together)
     app.connect("autodoc-skip-member", skipped)
     app.connect("autodoc-process-docstring", plain, priority=400)
     app.connect("autodoc-process-docstring", hide, priority=410)

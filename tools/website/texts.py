@@ -8,6 +8,7 @@ from pathlib import Path
 
 FILE = "texts.js"
 _ALONE = {"area", "base", "br", "col", "embed", "hr", "img", "input", "link", "meta", "source", "track", "wbr"}
+_INLINE = {"a", "abbr", "b", "code", "em", "i", "kbd", "span", "strong", "sub", "sup"}  # words go on through them
 
 
 class _Reader(HTMLParser):
@@ -21,6 +22,7 @@ class _Reader(HTMLParser):
         self.hidden = 0
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self._part(tag)
         if tag in _ALONE:
             return
         about = dict(attrs)
@@ -35,6 +37,7 @@ class _Reader(HTMLParser):
             self.hidden = depth
 
     def handle_endtag(self, tag: str) -> None:
+        self._part(tag)
         if tag in _ALONE or tag not in self.open:
             return
         while self.open.pop() != tag:
@@ -44,15 +47,21 @@ class _Reader(HTMLParser):
         self.main = -1 if self.main > 0 and depth < self.main else self.main
 
     def handle_data(self, data: str) -> None:
-        if self.main > 0 and not self.hidden and data.strip():
-            self.pieces[-1][1].append(" ".join(data.split()))
+        if self.main > 0 and not self.hidden:
+            self.pieces[-1][1].append(data)
+
+    def _part(self, tag: str) -> None:
+        """Words of two blocks are two, however close their tags stand."""
+        if self.main > 0 and tag not in _INLINE:
+            self.pieces[-1][1].append(" ")
 
 
 def pieces(html: str) -> list[list[str]]:
     """[anchor, text] of a page in its order; the first anchor is empty."""
     reader = _Reader()
     reader.feed(html)
-    return [[anchor, " ".join(words)] for anchor, words in reader.pieces if words or not anchor]
+    found = [[anchor, " ".join("".join(words).split())] for anchor, words in reader.pieces]
+    return [[anchor, text] for anchor, text in found if text or not anchor]
 
 
 def write(site: Path) -> None:
