@@ -33,7 +33,7 @@ struct Standing {
 }
 
 impl Standing {
-    fn read(&mut self, motion: &Stepping<Model>) {
+    fn read(&mut self, motion: &Stepping) {
         let now = motion.now();
         self.t = now.t;
         self.q.clear();
@@ -61,7 +61,7 @@ impl Drop for Busy<'_> {
 /// A motion stepped tick by tick under inputs.
 #[pyclass(frozen, module = "partita._core")]
 pub struct Stepper {
-    motion: Mutex<Stepping<'static, Model>>,
+    motion: Mutex<Stepping<'static>>,
     /// The present user: a user function called by the motion may not use it.
     busy: Mutex<Option<ThreadId>>,
     /// Read without waiting for the motion.
@@ -126,7 +126,7 @@ impl Stepper {
             return Err(failure::unexpected("inputs changed the coordinates of the model".into()));
         }
         let model = Arc::new(own);
-        let motion = py.detach(|| Stepping::new(model.clone(), &request, ticks, (t, &q, &v), keeps));
+        let motion = py.detach(|| Stepping::new(model.clone().into(), &request, ticks, (t, &q, &v), keeps));
         let motion = motion.map_err(|e| failure::analysis(py, e))?;
         let mut standing = Standing::default();
         standing.read(&motion);
@@ -138,7 +138,7 @@ impl Stepper {
     fn with<T: Send>(
         &self,
         py: Python<'_>,
-        work: impl FnOnce(&mut Stepping<'static, Model>) -> Result<T, AnalysisError> + Send,
+        work: impl FnOnce(&mut Stepping<'static>) -> Result<T, AnalysisError> + Send,
     ) -> PyResult<T> {
         if *locked(&self.busy) == Some(thread::current().id()) {
             let message = "a function of the model steps the stepper that calls it; pass what it computes as an \
@@ -220,7 +220,7 @@ impl Stepper {
             self.with(py, |motion| {
                 let before = self.held.values();
                 self.held.set(&held);
-                motion.begin(t, &q, &v, || self.held.set(&before))
+                motion.begin(t, &q, &v, &mut || self.held.set(&before))
             })
         })
     }

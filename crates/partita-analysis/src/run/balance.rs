@@ -1,16 +1,22 @@
 //! Balances by which a motion is checked: of energy over its outputs, of forces and moments on every body.
 
+use super::cost::{self, ClosedState, Contender};
 use super::prepared::Motions;
 use super::verdict::Finding;
+use super::{Request, Run};
+use crate::error::AnalysisError;
 use crate::{plausibility, poses};
 use partita_math::tolerance;
 use partita_model::spec::Spec;
 use partita_model::Model;
 use partita_system::equations::{derivatives, Equations, UserSystem};
 use partita_system::error::six_digits;
+use partita_system::options::TangentMap;
 use partita_system::positions::turns;
 use partita_system::record::{Output, Sample};
 use partita_system::SystemError;
+use std::ops::ControlFlow;
+use std::sync::Arc;
 
 /// The Newton-Euler residual that invalidates a run. Scale: fraction of the largest force. Reason: no digit is safe
 /// there.
@@ -56,9 +62,68 @@ pub trait Balance: Motions {
     fn driven_beyond(&self, _from: (f64, &[f64]), _t: f64, _until: f64) -> Option<String> {
         None
     }
+    /// A run. See [`run`](super::run()).
+    ///
+    /// # Errors
+    /// See [`run`](super::run()).
+    fn integrated(
+        &self,
+        request: &Request,
+        tangent: Option<Arc<dyn TangentMap>>,
+        t_eval: &[f64],
+        state: (&[f64], &[f64]),
+        watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
+    ) -> Result<Run, AnalysisError>
+    where
+        Self::Scratch: Send;
+    /// Seconds of one evaluation of each contender. See [`evaluation_costs`](super::cost::evaluation_costs).
+    ///
+    /// # Errors
+    /// See [`evaluation_costs`](super::cost::evaluation_costs).
+    fn timed(
+        &self,
+        contenders: &[Contender],
+        states: &[ClosedState],
+        watch: &mut dyn FnMut() -> ControlFlow<()>,
+    ) -> Result<Option<Vec<f64>>, AnalysisError>
+    where
+        Self::Scratch: Send;
+}
+
+/// Runs of the system of the `impl` in which this stands: compiled once for it, as the methods of [`Motions`] are.
+macro_rules! runs_compiled_here {
+    () => {
+        fn integrated(
+            &self,
+            request: &Request,
+            tangent: Option<Arc<dyn TangentMap>>,
+            t_eval: &[f64],
+            state: (&[f64], &[f64]),
+            watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
+        ) -> Result<Run, AnalysisError>
+        where
+            Self::Scratch: Send,
+        {
+            super::integrated(self, request, tangent, t_eval, state, watch)
+        }
+
+        fn timed(
+            &self,
+            contenders: &[Contender],
+            states: &[ClosedState],
+            watch: &mut dyn FnMut() -> ControlFlow<()>,
+        ) -> Result<Option<Vec<f64>>, AnalysisError>
+        where
+            Self::Scratch: Send,
+        {
+            cost::timed(self, contenders, states, watch)
+        }
+    };
 }
 
 impl Balance for Model {
+    runs_compiled_here!();
+
     fn residual(&self, at: &Sample, scratch: &mut Self::Scratch) -> Result<Option<f64>, SystemError> {
         self.residual_of(self.whole(), at.t, &at.q, &at.v, &at.vdot, &at.multipliers, scratch).map(Some)
     }
@@ -97,6 +162,8 @@ impl Balance for Model {
 }
 
 impl<E: Equations> Balance for UserSystem<E> {
+    runs_compiled_here!();
+
     fn residual(&self, _at: &Sample, _scratch: &mut Self::Scratch) -> Result<Option<f64>, SystemError> {
         Ok(None)
     }

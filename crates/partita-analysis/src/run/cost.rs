@@ -191,6 +191,15 @@ pub fn evaluation_costs<S: Balance<Scratch: Send>>(
     states: &[ClosedState],
     watch: &mut dyn FnMut() -> ControlFlow<()>,
 ) -> Result<Option<Vec<f64>>, AnalysisError> {
+    system.timed(contenders, states, watch)
+}
+
+pub(super) fn timed<S: Balance<Scratch: Send>>(
+    system: &S,
+    contenders: &[Contender],
+    states: &[ClosedState],
+    watch: &mut dyn FnMut() -> ControlFlow<()>,
+) -> Result<Option<Vec<f64>>, AnalysisError> {
     let (mut sums, mut counts) = (vec![0.0; contenders.len()], vec![0_u32; contenders.len()]);
     for state in states {
         let mut trials = Vec::with_capacity(contenders.len());

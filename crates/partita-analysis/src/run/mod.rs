@@ -98,6 +98,17 @@ pub fn run<S: Balance<Scratch: Send>>(
     request: &Request,
     tangent: Option<Arc<dyn TangentMap>>,
     t_eval: &[f64],
+    state: (&[f64], &[f64]),
+    watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
+) -> Result<Run, AnalysisError> {
+    system.integrated(request, tangent, t_eval, state, watch)
+}
+
+fn integrated<S: Balance<Scratch: Send>>(
+    system: &S,
+    request: &Request,
+    tangent: Option<Arc<dyn TangentMap>>,
+    t_eval: &[f64],
     (q, v): (&[f64], &[f64]),
     watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
 ) -> Result<Run, AnalysisError> {

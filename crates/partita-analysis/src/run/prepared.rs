@@ -3,8 +3,9 @@
 use super::balance::Balance;
 use super::inconsistent::{self, Seen};
 use super::singular_start::{self, BranchStart};
-use super::{some, Limits, Request};
+use super::{some, Assessed, Described, Limits, Request, SolutionLog};
 use crate::error::AnalysisError;
+use crate::outputs::Watch;
 use partita_integrate::simulate::Settings;
 use partita_math::tolerance;
 use partita_model::Model;
@@ -43,48 +44,58 @@ pub trait Motions: ConstrainedSystem {
     ) -> Result<Looked<'s, Self>, AnalysisError>
     where
         Self: Sized;
+
+    /// The outputs of a run, described. See [`SolutionLog::describe`].
+    ///
+    /// # Errors
+    /// See [`SolutionLog::describe`].
+    fn described(&self, log: &SolutionLog, shared: bool, watch: Watch) -> Result<Described, AnalysisError>;
+
+    /// The outputs of a run, assessed. See [`SolutionLog::assess`].
+    ///
+    /// # Errors
+    /// See [`SolutionLog::describe`].
+    fn assessed(&self, log: &SolutionLog, shared: bool, watch: Watch) -> Result<Assessed, AnalysisError>;
+}
+
+/// The methods of [`Motions`], for the system of the `impl` in which they stand.
+macro_rules! compiled_here {
+    () => {
+        fn formulation<'s>(
+            system: SystemRef<'s, Self>,
+            recipe: &Recipe,
+        ) -> Result<Box<dyn Formulation + Send + 's>, SystemError>
+        where
+            Self: 's,
+        {
+            recipe.formulation_of(system)
+        }
+
+        fn examined<'s>(
+            system: SystemRef<'s, Self>,
+            state: (f64, &[f64], &[f64]),
+            to: (f64, f64),
+            longest: f64,
+        ) -> Result<Looked<'s, Self>, AnalysisError> {
+            Looked::examined(system, state, to, longest)
+        }
+
+        fn described(&self, log: &SolutionLog, shared: bool, watch: Watch) -> Result<Described, AnalysisError> {
+            log.described(self, shared, watch)
+        }
+
+        fn assessed(&self, log: &SolutionLog, shared: bool, watch: Watch) -> Result<Assessed, AnalysisError> {
+            log.assessed(self, shared, watch)
+        }
+    };
 }
 
 impl Motions for Model {
-    fn formulation<'s>(
-        system: SystemRef<'s, Self>,
-        recipe: &Recipe,
-    ) -> Result<Box<dyn Formulation + Send + 's>, SystemError>
-    where
-        Self: 's,
-    {
-        recipe.formulation_of(system)
-    }
-
-    fn examined<'s>(
-        system: SystemRef<'s, Self>,
-        state: (f64, &[f64], &[f64]),
-        to: (f64, f64),
-        longest: f64,
-    ) -> Result<Looked<'s, Self>, AnalysisError> {
-        Looked::examined(system, state, to, longest)
-    }
+    compiled_here!();
 }
 
 impl<E: Equations> Motions for UserSystem<E> {
-    fn formulation<'s>(
-        system: SystemRef<'s, Self>,
-        recipe: &Recipe,
-    ) -> Result<Box<dyn Formulation + Send + 's>, SystemError>
-    where
-        Self: 's,
-    {
-        recipe.formulation_of(system)
-    }
-
-    fn examined<'s>(
-        system: SystemRef<'s, Self>,
-        state: (f64, &[f64], &[f64]),
-        to: (f64, f64),
-        longest: f64,
-    ) -> Result<Looked<'s, Self>, AnalysisError> {
-        Looked::examined(system, state, to, longest)
-    }
+    compiled_here!();
 }
 
 /// The recipe of a formulation: by name, for a rank, with options. Runs create it to integrate, and again to describe

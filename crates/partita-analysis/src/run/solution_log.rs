@@ -98,6 +98,15 @@ impl SolutionLog {
     /// # Errors
     /// Where something cannot be evaluated, and those of `watch`.
     pub fn describe<S: Motions>(&self, system: &S, shared: bool, watch: Watch) -> Result<Described, AnalysisError> {
+        system.described(self, shared, watch)
+    }
+
+    pub(super) fn described<S: Motions>(
+        &self,
+        system: &S,
+        shared: bool,
+        watch: Watch,
+    ) -> Result<Described, AnalysisError> {
         let size = system.size();
         let k = size.nv - self.recipe.rank;
         let fill = |sample: &Sample, i: usize, rows: &mut Rows| {
@@ -146,6 +155,15 @@ impl SolutionLog {
     /// # Errors
     /// As `describe`.
     pub fn assess<S: Motions>(&self, system: &S, shared: bool, watch: Watch) -> Result<Assessed, AnalysisError> {
+        system.assessed(self, shared, watch)
+    }
+
+    pub(super) fn assessed<S: Motions>(
+        &self,
+        system: &S,
+        shared: bool,
+        watch: Watch,
+    ) -> Result<Assessed, AnalysisError> {
         let fill = |sample: &Sample, i: usize, rows: &mut Rows| {
             rows.row(0, i).copy_from_slice(&sample.measure);
             rows.row(1, i)[0] = sample.sigma;

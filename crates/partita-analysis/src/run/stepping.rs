@@ -2,13 +2,14 @@
 
 use super::prepared::CANNOT_MOVE;
 use super::singular_start::BranchStart;
-use super::{verdict, Balance, Limits, Looked, Prepared, Recipe, Request, Run, SolutionLog};
+use super::{verdict, Limits, Looked, Prepared, Recipe, Request, Run, SolutionLog};
 use crate::error::AnalysisError;
 use partita_integrate::counters::Counters;
 use partita_integrate::failure::StepFailure;
 use partita_integrate::march::{Control, March, Outputs};
 use partita_integrate::options::Options;
 use partita_integrate::simulate::{explain, Outcome, Status};
+use partita_model::Model;
 use partita_system::formulation::Formulation;
 use partita_system::positions::turns;
 use partita_system::record::{Gaps, Output, StepChecks};
@@ -16,8 +17,8 @@ use partita_system::{SystemError, SystemRef};
 use std::ops::ControlFlow;
 
 /// A motion between two ticks.
-pub struct Stepping<'s, S: Balance> {
-    system: SystemRef<'s, S>,
+pub struct Stepping<'s> {
+    system: SystemRef<'s, Model>,
     formulation: Box<dyn Formulation + Send + 's>,
     march: March,
     /// Length of a tick, when the first one began, and ticks since.
@@ -26,7 +27,7 @@ pub struct Stepping<'s, S: Balance> {
     count: u64,
     rtol: f64,
     /// The first step of a start at a singular position, while the stepper is there.
-    singular_start: Option<BranchStart<'s, S>>,
+    singular_start: Option<BranchStart<'s, Model>>,
     /// Its note.
     departed: Option<String>,
     recipe: Recipe,
@@ -44,13 +45,13 @@ pub struct Stepping<'s, S: Balance> {
     checks: StepChecks,
 }
 
-impl<'s, S: Balance<Scratch: Send>> Stepping<'s, S> {
+impl<'s> Stepping<'s> {
     /// From a closed state; `keeps` states whether every tick is recorded for a result.
     ///
     /// # Errors
     /// The request is invalid, or the stepper cannot start there.
     pub fn new(
-        system: impl Into<SystemRef<'s, S>>,
+        system: SystemRef<'s, Model>,
         request: &Request,
         (length, steps): (f64, u32),
         (t, q, v): (f64, &[f64], &[f64]),
@@ -58,7 +59,6 @@ impl<'s, S: Balance<Scratch: Send>> Stepping<'s, S> {
     ) -> Result<Self, AnalysisError> {
         // its steps have bounded work, and inputs are functions to the model
         let request = Request { t0: t, t_end: t + length, compiled: Some(false), ..request.clone() };
-        let system = system.into();
         let prepared = Prepared::new(system.clone(), &request, None, (q, v))?;
         if prepared.rests() {
             return Err(AnalysisError::Argument { argument: "dt", message: CANNOT_MOVE.into() });
@@ -89,7 +89,7 @@ impl<'s, S: Balance<Scratch: Send>> Stepping<'s, S> {
             gaps: Gaps::default(),
             checks: StepChecks::default(),
         };
-        stepping.start_at((t, q, v), singular_start, || ())?;
+        stepping.start_at((t, q, v), singular_start, &mut || ())?;
         Ok(stepping)
     }
 
@@ -97,7 +97,7 @@ impl<'s, S: Balance<Scratch: Send>> Stepping<'s, S> {
     ///
     /// # Errors
     /// Where the motion cannot start; then the state is unchanged, and `undo` has restored the inputs.
-    pub fn begin(&mut self, t: f64, q: &[f64], v: &[f64], undo: impl FnOnce()) -> Result<(), AnalysisError> {
+    pub fn begin(&mut self, t: f64, q: &[f64], v: &[f64], undo: &mut dyn FnMut()) -> Result<(), AnalysisError> {
         let end = t + self.length;
         let seen = Looked::at(self.system.clone(), (t, q, v), (end, self.rtol), self.length).and_then(|looked| {
             if looked.start.rank == self.recipe.rank {
@@ -122,8 +122,8 @@ impl<'s, S: Balance<Scratch: Send>> Stepping<'s, S> {
     fn start_at(
         &mut self,
         (t, q, v): (f64, &[f64], &[f64]),
-        mut singular_start: Option<BranchStart<'s, S>>,
-        undo: impl FnOnce(),
+        mut singular_start: Option<BranchStart<'s, Model>>,
+        undo: &mut dyn FnMut(),
     ) -> Result<(), AnalysisError> {
         let zero = vec![0; q.len()];
         let mut now = Output { turns: zero, ..Output::default() };

@@ -88,7 +88,7 @@ fn started(motors: &Arc<Motors>) -> (Model, Vec<f64>, Vec<f64>) {
 fn a_tick_takes_no_memory_and_always_the_same_work() {
     let motors = motors(f64::INFINITY);
     let (model, q, v) = started(&motors);
-    let mut motion = Stepping::new(&model, &request(), (1e-3, 2), (0.0, &q, &v), false).unwrap();
+    let mut motion = Stepping::new((&model).into(), &request(), (1e-3, 2), (0.0, &q, &v), false).unwrap();
     let mut work = Vec::with_capacity(1000);
     let (mut worst, mut changes) = (0, motion.reported(false).log.events.len());
     for k in 0..1000 {
@@ -118,7 +118,7 @@ fn a_tick_takes_no_memory_and_always_the_same_work() {
 fn a_tick_that_fails_leaves_the_motion_where_it_was() {
     let motors = motors(0.0205);
     let (model, q, v) = started(&motors);
-    let mut motion = Stepping::new(&model, &request(), (1e-3, 2), (0.0, &q, &v), true).unwrap();
+    let mut motion = Stepping::new((&model).into(), &request(), (1e-3, 2), (0.0, &q, &v), true).unwrap();
     for _ in 0..20 {
         motion.step().unwrap();
     }
@@ -128,7 +128,7 @@ fn a_tick_that_fails_leaves_the_motion_where_it_was() {
         assert_eq!(*motion.now(), before);
     }
     assert_eq!(motion.reported(false).log.outputs.len(), 21);
-    motion.begin(0.0, &q, &v, || ()).unwrap();
+    motion.begin(0.0, &q, &v, &mut || ()).unwrap();
     for _ in 0..20 {
         motion.step().unwrap();
     }
