@@ -6,8 +6,6 @@ import re
 from pathlib import Path
 from typing import Any
 
-from docutils import nodes
-
 import partita
 from website import texts
 
@@ -133,8 +131,10 @@ _QUANTITY = re.compile(r"(?<=\d) (?=(?:[nµm]?s|min|h|[kMG]?B|[mk]?m|k?g|[kM]?N|
 _EQUAL = re.compile(r"\b(\w) = (?=\d)")
 
 
-def together(app: Any, doctree: nodes.document, *rest: Any) -> None:
+def together(app: Any, doctree: Any, *rest: Any) -> None:
     """Quantities in cells of tables are not broken between two lines."""
+    from docutils import nodes  # there where Sphinx is
+
     for cell in doctree.findall(nodes.entry):
         for text in list(cell.findall(nodes.Text)):
             if not isinstance(text.parent, nodes.literal):
