@@ -24,8 +24,8 @@
     if (seen(cell) && box.width < 90 && cell.textContent.trim().length > 40) bad.push(`${name(cell)}: a column of words ${Math.round(box.width)} px wide`);
     if (seen(cell) && cell.textContent.trim().length > 40 && box.height > 9 * box.width) bad.push(`${name(cell)} is ${Math.round(box.width)} px wide and ${Math.round(box.height)} px high`);
   }
-  // A number stands on one line with its unit.
-  for (const cell of article.querySelectorAll("td")) {
+  // A number stands on one line with its unit, in tables of the site itself.
+  for (const cell of article.querySelectorAll("table.docutils td")) {
     const texts = [cell, ...cell.querySelectorAll("*")].filter((e) => !e.closest("code, pre, math")).flatMap((e) => [...e.childNodes].filter((n) => n.nodeType === 3));
     const parted = texts.map((n) => n.data.match(/\d (ns|us|µs|ms|s|mm|m|kg|N|MB)\b/)).find(Boolean);
     if (parted) bad.push(`${name(cell)}: "${parted[0]}" may be parted between two lines`);
