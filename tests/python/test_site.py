@@ -25,7 +25,7 @@ FAULTS = {
     f'<div style="overflow: hidden"><p style="white-space: nowrap">{LONG}</p></div>': "hides",
     f'<div style="overflow: auto"><table><tr>{TOWER}</tr></table></div>': "px high",
     f'<table style="width: 70px; table-layout: fixed"><tr>{NARROW}</tr></table>': "a column of words",
-    "<table><tr><td>5.65 ms</td></tr></table>": "may be parted between two lines",
+    "<table class='docutils'><tr><td>5.65 ms</td></tr></table>": "may be parted between two lines",
     '<span class="math">\\frac12</span>': "is no drawn formula",
     '<span class="math"><math><merror><mtext>?</mtext></merror></math></span>': "has an error in it",
     "<p>the angle $$\\mathbf x$$</p>": "raw LaTeX",
