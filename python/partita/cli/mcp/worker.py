@@ -25,9 +25,10 @@ def answer(request: dict[str, Any], folder: Folder, limits: Limits) -> dict[str,
     except PartitaError as error:
         kind, message, fields = type(error).__name__, str(error), error.fields
     except (MemoryError, OSError) as error:
-        kind, message, fields = "OSError", f"cannot use a file: {getattr(error, 'strerror', '')}; give another name", {}
-        if not isinstance(error, OSError) or error.errno == errno.ENOMEM:  # a system call asks for memory too
-            kind = "MemoryError"
+        if isinstance(error, OSError) and error.errno != errno.ENOMEM:  # a system call asks for memory too
+            kind, message, fields = "OSError", f"cannot use a file: {error.strerror}; give another name", {}
+        else:
+            kind, fields = "MemoryError", {}
             message = f"the call needs more than {limits.megabytes} MB; ask for a smaller model, or for fewer outputs"
     except BaseException as error:  # a panic of the core too: the client gets a sentence, never a traceback
         kind, fields = type(error).__name__, {}
