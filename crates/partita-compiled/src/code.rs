@@ -2,11 +2,11 @@
 #![allow(unsafe_code, reason = "memory becomes a function, and is called")]
 
 use memmap2::{Mmap, MmapMut};
-use partita_math::program::Compiled;
+use partita_math::program::{Compiled, Program};
 use std::io;
 
-/// The signature of all compiled programs: inputs, outputs.
-type Call = unsafe extern "C" fn(*const f64, *mut f64);
+/// The signature of all compiled programs: inputs, constants, outputs.
+type Call = unsafe extern "C" fn(*const f64, *const f64, *mut f64);
 
 /// A compiled program; its memory is given back when dropped.
 ///
@@ -14,16 +14,17 @@ type Call = unsafe extern "C" fn(*const f64, *mut f64);
 #[derive(Debug)]
 pub(crate) struct Code {
     memory: Mmap,
+    constants: Box<[f64]>,
     inputs: usize,
     outputs: usize,
 }
 
 impl Code {
-    /// For the machine code of a function with this signature, which reads and writes these numbers of numbers.
+    /// For the machine code of a function with this signature, which reads and writes what `program` does.
     ///
     /// # Errors
     /// Where the system refuses memory, or memory that can be executed.
-    pub(crate) fn new(machine_code: &[u8], [inputs, outputs]: [usize; 2]) -> io::Result<Self> {
+    pub(crate) fn new(machine_code: &[u8], program: &Program) -> io::Result<Self> {
         let mut memory = MmapMut::map_anon(machine_code.len())?;
         memory[..machine_code.len()].copy_from_slice(machine_code);
         let memory = memory.make_exec()?;
@@ -34,7 +35,7 @@ impl Code {
             unsafe { icache::clear_cache(memory.as_ptr().cast(), memory.len()) }.map_err(io::Error::other)?;
             icache::pipeline_flush_mt().map_err(io::Error::other)?;
         }
-        Ok(Self { memory, inputs, outputs })
+        Ok(Self { memory, constants: program.constants().into(), inputs: program.inputs(), outputs: program.outputs() })
     }
 }
 
@@ -43,10 +44,11 @@ impl Compiled for Code {
     fn evaluate(&self, inputs: &[f64], outputs: &mut [f64]) {
         assert_eq!((inputs.len(), outputs.len()), (self.inputs, self.outputs), "numbers of inputs and outputs");
         // SAFETY: the memory begins with a function of this signature, as `translate` made it and Cranelift compiled it;
-        // it reads `inputs` numbers and writes `outputs` numbers, whose presence was just tested; both are disjoint
+        // it reads `inputs` numbers, whose presence was just tested, and the constants of its program, and writes `outputs`
+        // numbers, tested too; all are disjoint
         unsafe {
             let call = std::mem::transmute::<*const u8, Call>(self.memory.as_ptr());
-            call(inputs.as_ptr(), outputs.as_mut_ptr());
+            call(inputs.as_ptr(), self.constants.as_ptr(), outputs.as_mut_ptr());
         }
     }
 }

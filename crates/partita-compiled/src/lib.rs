@@ -63,7 +63,7 @@ impl Compiler for Cranelift {
         if !compiled.buffer.relocs().is_empty() {
             return Err(refused("its code refers to symbols"));
         }
-        let code = Code::new(compiled.code_buffer(), [program.inputs(), program.outputs()]).map_err(refused)?;
+        let code = Code::new(compiled.code_buffer(), program).map_err(refused)?;
         Ok(Box::new(code))
     }
 }

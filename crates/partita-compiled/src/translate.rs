@@ -8,7 +8,7 @@ use cranelift_codegen::cursor::{Cursor, FuncCursor};
 use cranelift_codegen::ir::condcodes::FloatCC;
 use cranelift_codegen::ir::types::F64;
 use cranelift_codegen::ir::{
-    AbiParam, Function, InstBuilder, MemFlags, SigRef, Signature, StackSlot, StackSlotData, StackSlotKind, Type, Value,
+    AbiParam, Function, InstBuilder, MemFlags, SigRef, Signature, StackSlotData, StackSlotKind, Type, Value,
 };
 use cranelift_codegen::isa::TargetIsa;
 use partita_math::program::{Code, Program};
@@ -20,7 +20,7 @@ const SIZE: i32 = 8;
 #[derive(Clone, Copy)]
 enum Source {
     Input(usize),
-    Constant(f64),
+    Constant(usize),
     /// Computed by an operation of the list.
     Operation,
     /// Place of a sine, or cosine, among the results of all calls.
@@ -55,7 +55,7 @@ impl Values {
             angles: Vec::new(),
             outputs: Vec::new(),
         };
-        all.sources.extend(program.constants().iter().map(|c| Source::Constant(*c)));
+        all.sources.extend((0..program.constants().len()).map(Source::Constant));
         all.stages.resize(all.sources.len(), 0);
         // the value in each register
         let mut held: Vec<usize> = (0..program.registers()).collect();
@@ -131,6 +131,13 @@ struct Held {
     register: Value,
 }
 
+/// Addresses that a function is called with.
+struct Lists {
+    inputs: Value,
+    constants: Value,
+    outputs: Value,
+}
+
 /// Writes instructions at the end of the one block, and decides which values stay in registers: where there is none left, the
 /// one that is needed last goes to the stack. Cranelift's allocator then finds registers for all at once; by itself it would
 /// take a time that grows with the square of their number.
@@ -140,22 +147,26 @@ struct Writer<'f> {
     /// Steps at which each value is needed, the last one first; those passed are removed.
     needed: Vec<Vec<usize>>,
     held: Vec<Held>,
+    /// Those loaded for this step.
+    loaded: Vec<Held>,
     /// Place of each value on the stack, and those that are free again.
     offsets: Vec<Option<i32>>,
     free: Vec<i32>,
     next_offset: i32,
-    inputs: Value,
-    outputs: Value,
-    /// Values that have left the registers, angles of a call, and the results of all calls.
-    spilled: StackSlot,
-    angles: StackSlot,
-    sines: StackSlot,
+    /// Addresses of the three lists.
+    lists: Lists,
+    /// Address within the stack: values that have left the registers lie above it, angles of a call and the results of
+    /// all calls below.
+    stack: Value,
+    /// Bytes from that address to the first angle, and to the first sine.
+    angles: i32,
+    sines: i32,
     /// Signatures of one number, of two, and of the list of sines.
     signatures: [SigRef; 3],
     pointer: Type,
 }
 
-/// The function of a program: `(inputs, outputs)`, both pointers to numbers.
+/// The function of a program: `(inputs, constants, outputs)`, pointers to numbers.
 pub(crate) fn translate(program: &Program, isa: &dyn TargetIsa, function: &mut Function) {
     let (pointer, convention) = (isa.pointer_type(), isa.default_call_conv());
     let signature = |parameters: &[Type], result: Option<Type>| {
@@ -164,41 +175,40 @@ pub(crate) fn translate(program: &Program, isa: &dyn TargetIsa, function: &mut F
         signature.returns.extend(result.map(AbiParam::new));
         signature
     };
-    function.signature = signature(&[pointer, pointer], None);
+    function.signature = signature(&[pointer; 3], None);
     let signatures = [
         function.import_signature(signature(&[F64], Some(F64))),
         function.import_signature(signature(&[F64, F64], Some(F64))),
         function.import_signature(signature(&[pointer; 3], None)),
     ];
     let values = Values::new(program);
-    let mut slot = |numbers: usize| {
-        let bytes = (numbers.max(1) * SIZE as usize) as u32;
-        function.create_sized_stack_slot(StackSlotData::new(StackSlotKind::ExplicitSlot, bytes, 4))
-    };
-    let most = values.angles.iter().map(Vec::len).max().unwrap_or(0);
-    let (angles, sines) = (slot(most), slot(2 * values.angles.iter().map(Vec::len).sum::<usize>()));
-    let spilled = slot(0);
+    let most = values.angles.iter().map(Vec::len).max().unwrap_or(0) as i32;
+    let all = values.angles.iter().map(Vec::len).sum::<usize>() as i32;
+    let below = (most + 2 * all) * SIZE;
+    let slot = function.create_sized_stack_slot(StackSlotData::new(StackSlotKind::ExplicitSlot, 0, 4));
     let block = function.dfg.make_block();
     function.layout.append_block(block);
-    let [inputs, outputs] = [0, 1].map(|_| function.dfg.append_block_param(block, pointer));
+    let [inputs, constants, outputs] = [0; 3].map(|_| function.dfg.append_block_param(block, pointer));
+    let mut at = FuncCursor::new(function).at_bottom(block);
+    let stack = at.ins().stack_addr(pointer, slot, below);
     let writer = Writer {
-        at: FuncCursor::new(function).at_bottom(block),
+        at,
         values: &values,
         needed: values.needed(),
         held: Vec::with_capacity(HELD + 4),
+        loaded: Vec::with_capacity(4),
         offsets: vec![None; values.sources.len()],
         free: Vec::new(),
         next_offset: 0,
-        inputs,
-        outputs,
-        spilled,
-        angles,
-        sines,
+        lists: Lists { inputs, constants, outputs },
+        stack,
+        angles: -below,
+        sines: -2 * all * SIZE,
         signatures,
         pointer,
     };
-    let bytes = writer.write();
-    function.sized_stack_slots[spilled].size = bytes.max(SIZE) as u32;
+    let above = writer.write();
+    function.sized_stack_slots[slot].size = (below + above).max(SIZE) as u32;
 }
 
 impl Values {
@@ -233,10 +243,9 @@ impl Writer<'_> {
                 let found = self.result(operation);
                 // an output is written as soon as it is known
                 for &place in &offsets[operation.to] {
-                    self.at.ins().store(MemFlags::trusted(), found, self.outputs, place);
+                    self.at.ins().store(MemFlags::trusted(), found, self.lists.outputs, place);
                 }
-                self.pass(step);
-                self.hold(operation.to, found, &[]);
+                self.keep(Held { value: operation.to, register: found }, step);
                 step += 1;
             }
             if !angles.is_empty() {
@@ -251,8 +260,8 @@ impl Writer<'_> {
                 continue;
             }
             for &place in offsets {
-                let value = self.value(x, &[]);
-                self.at.ins().store(MemFlags::trusted(), value, self.outputs, place);
+                let value = self.value(x);
+                self.at.ins().store(MemFlags::trusted(), value, self.lists.outputs, place);
             }
         }
         self.at.ins().return_(&[]);
@@ -262,17 +271,18 @@ impl Writer<'_> {
     /// The sines of a stage; `done` were computed before.
     fn call_sines(&mut self, angles: &[usize], done: usize) {
         for (i, &x) in angles.iter().enumerate() {
-            let angle = self.value(x, &[]);
-            self.put(angle, self.angles, i as i32 * SIZE);
+            let angle = self.value(x);
+            self.put(angle, self.angles + i as i32 * SIZE);
         }
         let count = self.at.ins().iconst(self.pointer, angles.len() as i64);
-        let from = self.at.ins().stack_addr(self.pointer, self.angles, 0);
-        let to = self.at.ins().stack_addr(self.pointer, self.sines, 2 * done as i32 * SIZE);
+        let from = self.address(self.angles);
+        let to = self.address(self.sines + 2 * done as i32 * SIZE);
         self.call(functions::sines as *const (), 2, &[count, from, to]);
     }
 
     /// Nothing stays in a register over a call.
     fn call(&mut self, function: *const (), signature: usize, arguments: &[Value]) -> Option<Value> {
+        self.loaded.clear();
         while !self.held.is_empty() {
             self.release(self.held.len() - 1);
         }
@@ -299,19 +309,16 @@ impl Writer<'_> {
         });
     }
 
-    /// Keep a value in a register, others than `besides` making room.
-    fn hold(&mut self, value: usize, register: Value, besides: &[usize]) {
-        if self.needed[value].is_empty() {
-            return;
-        }
-        if self.held.len() >= HELD {
+    /// After a step: its result and what was loaded for it stay in registers where they are needed sooner than others.
+    fn keep(&mut self, result: Held, step: usize) {
+        self.held.append(&mut self.loaded);
+        self.held.push(result);
+        self.pass(step);
+        while self.held.len() > HELD {
             let next = |x: &Held| self.needed[x.value].last().copied().unwrap_or(usize::MAX);
-            let others = self.held.iter().enumerate().filter(|(_, x)| !besides.contains(&x.value));
-            if let Some(last) = others.max_by_key(|(_, x)| next(x)).map(|(i, _)| i) {
-                self.release(last);
-            }
+            let Some(last) = (0..self.held.len()).max_by_key(|&i| next(&self.held[i])) else { return };
+            self.release(last);
         }
-        self.held.push(Held { value, register });
     }
 
     /// A value leaves its register, to the stack if it is needed again and nowhere else.
@@ -323,42 +330,42 @@ impl Writer<'_> {
                 self.next_offset += SIZE;
                 self.next_offset - SIZE
             });
-            self.put(register, self.spilled, place);
+            self.put(register, place);
             self.offsets[value] = Some(place);
         }
     }
 
-    /// A value into its place on the stack, by the address of that place: processors know no other.
-    fn put(&mut self, value: Value, slot: StackSlot, place: i32) {
-        let address = self.at.ins().stack_addr(self.pointer, slot, place);
-        self.at.ins().store(MemFlags::trusted(), value, address, 0);
+    /// The address of a place on the stack.
+    fn address(&mut self, place: i32) -> Value {
+        let distance = self.at.ins().iconst(self.pointer, i64::from(place));
+        self.at.ins().iadd(self.stack, distance)
     }
 
-    /// A value from its place on the stack.
-    fn taken(&mut self, slot: StackSlot, place: i32) -> Value {
-        let address = self.at.ins().stack_addr(self.pointer, slot, place);
-        self.at.ins().load(F64, MemFlags::trusted(), address, 0)
+    /// A value into its place on the stack.
+    fn put(&mut self, value: Value, place: i32) {
+        self.at.ins().store(MemFlags::trusted(), value, self.stack, place);
     }
 
-    /// A value where it is needed, beside others.
-    fn value(&mut self, x: usize, besides: &[usize]) -> Value {
-        if let Some(held) = self.held.iter().find(|held| held.value == x) {
+    /// A value where it is needed.
+    fn value(&mut self, x: usize) -> Value {
+        if let Some(held) = self.held.iter().chain(&self.loaded).find(|held| held.value == x) {
             return held.register;
         }
-        let found = match self.values.sources[x] {
-            Source::Constant(c) => return self.at.ins().f64const(c),
-            Source::Input(k) => self.at.ins().load(F64, MemFlags::trusted(), self.inputs, k as i32 * SIZE),
-            Source::Sine(place) => self.taken(self.sines, place as i32 * SIZE),
+        let (from, place) = match self.values.sources[x] {
+            Source::Input(k) => (self.lists.inputs, k as i32 * SIZE),
+            Source::Constant(k) => (self.lists.constants, k as i32 * SIZE),
+            Source::Sine(k) => (self.stack, self.sines + k as i32 * SIZE),
             // what was computed and is not held lies on the stack: operations stand in an order in which it is known
-            Source::Operation => self.taken(self.spilled, self.offsets[x].expect("a place for a value that is needed")),
+            Source::Operation => (self.stack, self.offsets[x].expect("a place for a value that is needed")),
         };
-        self.hold(x, found, besides);
+        let found = self.at.ins().load(F64, MemFlags::trusted(), from, place);
+        self.loaded.push(Held { value: x, register: found });
         found
     }
 
     fn result(&mut self, operation: &Operation) -> Value {
         let operands = &operation.operands[..arity(operation.code)];
-        let read: Vec<Value> = operands.iter().map(|&x| self.value(x, operands)).collect();
+        let read: Vec<Value> = operands.iter().map(|&x| self.value(x)).collect();
         let [x, y, z] = [0, 1, 2].map(|i| read.get(i).copied().unwrap_or(read[0]));
         match operation.code {
             Code::Add => self.at.ins().fadd(x, y),
