@@ -6,6 +6,9 @@ use partita_math::program::{Compiled, Program};
 use std::io;
 
 /// The signature of all compiled programs: inputs, constants, outputs.
+#[cfg(target_arch = "x86_64")]
+type Call = unsafe extern "sysv64" fn(*const f64, *const f64, *mut f64);
+#[cfg(not(target_arch = "x86_64"))]
 type Call = unsafe extern "C" fn(*const f64, *const f64, *mut f64);
 
 /// A compiled program; its memory is given back when dropped.
@@ -20,11 +23,12 @@ pub(crate) struct Code {
 }
 
 impl Code {
-    /// For the machine code of a function with this signature, which reads and writes what `program` does.
+    /// For the machine code of a function with this signature, which reads the inputs of `program` and `constants`, and
+    /// writes its outputs.
     ///
     /// # Errors
     /// Where the system refuses memory, or memory that can be executed.
-    pub(crate) fn new(machine_code: &[u8], program: &Program) -> io::Result<Self> {
+    pub(crate) fn new(machine_code: &[u8], constants: Box<[f64]>, program: &Program) -> io::Result<Self> {
         let mut memory = MmapMut::map_anon(machine_code.len())?;
         memory[..machine_code.len()].copy_from_slice(machine_code);
         let memory = memory.make_exec()?;
@@ -35,7 +39,7 @@ impl Code {
             unsafe { icache::clear_cache(memory.as_ptr().cast(), memory.len()) }.map_err(io::Error::other)?;
             icache::pipeline_flush_mt().map_err(io::Error::other)?;
         }
-        Ok(Self { memory, constants: program.constants().into(), inputs: program.inputs(), outputs: program.outputs() })
+        Ok(Self { memory, constants, inputs: program.inputs(), outputs: program.outputs() })
     }
 }
 
@@ -43,7 +47,7 @@ impl Compiled for Code {
     #[inline]
     fn evaluate(&self, inputs: &[f64], outputs: &mut [f64]) {
         assert_eq!((inputs.len(), outputs.len()), (self.inputs, self.outputs), "numbers of inputs and outputs");
-        // SAFETY: the memory begins with a function of this signature, as `translate` made it and Cranelift compiled it;
+        // SAFETY: the memory begins with a function of this signature, as an assembler wrote it;
         // it reads `inputs` numbers, whose presence was just tested, and the constants of its program, and writes `outputs`
         // numbers, tested too; all are disjoint
         unsafe {

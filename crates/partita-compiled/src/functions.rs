@@ -1,6 +1,7 @@
 //! Functions that compiled programs call: those of the core, for one number or for a list of them.
 #![allow(unsafe_code, reason = "lists are given as pointers")]
 
+use partita_math::program::Code;
 use partita_math::scalar::{Cases, Lanes, Scalar};
 use partita_math::wide::{widely, Kernel};
 
@@ -34,26 +35,51 @@ fn sines_of(angles: &[f64], out: &mut [[f64; 2]]) {
     }
 }
 
-/// As `sines_of`, for `count` angles; both lists lie in the memory of the caller, apart from each other.
-pub(crate) extern "C" fn sines(count: usize, angles: *const f64, out: *mut [f64; 2]) {
-    // SAFETY: `translate` gives lists of this length on the stack of the program
-    let (angles, out) =
-        unsafe { (std::slice::from_raw_parts(angles, count), std::slice::from_raw_parts_mut(out, count)) };
-    sines_of(angles, out);
+/// Functions with the convention by which compiled programs call, the same on every system.
+macro_rules! called {
+    ($($(#[$about:meta])* fn $name:ident($($x:ident: $of:ty),*) $(-> $to:ty)? { $($body:tt)* })*) => {$(
+        $(#[$about])*
+        #[cfg(target_arch = "x86_64")]
+        pub(crate) extern "sysv64" fn $name($($x: $of),*) $(-> $to)? { $($body)* }
+        $(#[$about])*
+        #[cfg(not(target_arch = "x86_64"))]
+        pub(crate) extern "C" fn $name($($x: $of),*) $(-> $to)? { $($body)* }
+    )*};
 }
 
-pub(crate) extern "C" fn power(x: f64, exponent: f64) -> f64 {
-    x.power(exponent)
+called! {
+    /// As `sines_of`, for `count` angles; both lists lie in the memory of the caller, apart from each other.
+    fn sines(count: usize, angles: *const f64, out: *mut [f64; 2]) {
+        // SAFETY: the assemblers give lists of this length on the stack of the program
+        let (angles, out) =
+            unsafe { (std::slice::from_raw_parts(angles, count), std::slice::from_raw_parts_mut(out, count)) };
+        sines_of(angles, out);
+    }
+
+    fn power(x: f64, exponent: f64) -> f64 {
+        x.power(exponent)
+    }
+
+    fn atan2(x: f64, y: f64) -> f64 {
+        Scalar::atan2(x, y)
+    }
+
+    fn hypot(x: f64, y: f64) -> f64 {
+        Scalar::hypot(x, y)
+    }
+
+    fn round(x: f64) -> f64 {
+        Cases::round(x)
+    }
 }
 
-pub(crate) extern "C" fn atan2(x: f64, y: f64) -> f64 {
-    Scalar::atan2(x, y)
-}
-
-pub(crate) extern "C" fn hypot(x: f64, y: f64) -> f64 {
-    Scalar::hypot(x, y)
-}
-
-pub(crate) extern "C" fn round(x: f64) -> f64 {
-    Cases::round(x)
+/// The function of an operation that is a call.
+pub(crate) fn of(code: Code) -> *const () {
+    match code {
+        Code::Power => power as *const (),
+        Code::Atan2 => atan2 as *const (),
+        Code::Hypot => hypot as *const (),
+        Code::Round => round as *const (),
+        _ => unreachable!("an operation without a function"),
+    }
 }

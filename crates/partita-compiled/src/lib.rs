@@ -1,71 +1,76 @@
 //! Programs of the core as code of this processor.
 //!
 //! ```text
-//! Program ──► translate: instructions of Cranelift ──► machine code ──► code: memory that is executed, the one wall
+//! Program ──► values ──► registers: steps ──► x86_64, aarch64: bytes ──► code: memory that is executed, the one wall
 //! ```
 //!
 //! Every operation is that of the core, with its rounding: nothing is reordered or fused, and functions that are not
 //! instructions of the processor are those the core calls. A compiled program therefore has the bits of
 //! [`Recording::evaluate`](partita_math::scalar::Recording::evaluate).
 
+#[cfg(any(target_arch = "aarch64", test))]
+mod aarch64;
 mod code;
 mod functions;
-mod translate;
+mod registers;
+mod values;
+#[cfg(target_arch = "x86_64")]
+mod x86_64;
 
 use code::Code;
-use cranelift_codegen::control::ControlPlane;
-use cranelift_codegen::dominator_tree::DominatorTree;
-use cranelift_codegen::flowgraph::ControlFlowGraph;
-use cranelift_codegen::ir::Function;
-use cranelift_codegen::isa::OwnedTargetIsa;
-use cranelift_codegen::settings::{self, Configurable};
 use partita_math::program::{Compiled, Compiler, NotCompiled, Program};
-use std::sync::OnceLock;
+use registers::Steps;
+use values::Values;
 
-/// The compiler by Cranelift.
+/// The compiler for this processor.
 #[derive(Debug)]
-pub struct Cranelift;
+pub struct Native;
 
 /// To be installed (see [`Compiler`]).
-pub static CRANELIFT: Cranelift = Cranelift;
+pub static NATIVE: Native = Native;
 
-fn refused(e: impl std::fmt::Display) -> NotCompiled {
-    NotCompiled(e.to_string())
-}
+/// Numbers on the stack of a program. Scale: numbers of eight bytes. Reason: half of the smallest stack that a system
+/// gives a thread, half a megabyte.
+const MOST_ON_STACK: usize = 32_768;
 
-/// This processor, as Cranelift describes it; found once.
-fn processor() -> Result<OwnedTargetIsa, NotCompiled> {
-    static FOUND: OnceLock<Result<OwnedTargetIsa, NotCompiled>> = OnceLock::new();
-    let find = || {
-        if cfg!(not(any(target_arch = "x86_64", target_arch = "aarch64"))) {
-            return Err(refused("its processor is neither of x86-64 nor 64-bit ARM"));
-        }
-        let mut flags = settings::builder();
-        for (name, value) in [("opt_level", "none"), ("enable_verifier", "false"), ("unwind_info", "false")] {
-            flags.set(name, value).map_err(refused)?;
-        }
-        cranelift_native::builder().map_err(refused)?.finish(settings::Flags::new(flags)).map_err(refused)
-    };
-    FOUND.get_or_init(find).clone()
-}
-
-impl Compiler for Cranelift {
+impl Compiler for Native {
     fn compile(&self, program: &Program) -> Result<Box<dyn Compiled>, NotCompiled> {
-        let isa = processor()?;
-        let mut function = Function::new();
-        translate::translate(program, &*isa, &mut function);
-        // One block of instructions that the processor has: its passes before this one would change nothing, and their
-        // rules of optimisation, a megabyte with all they need, would be part of the library.
-        let blocks = ControlFlowGraph::with_function(&function);
-        let order = DominatorTree::with_function(&function, &blocks);
-        let compiled = isa.compile_function(&function, &order, false, &mut ControlPlane::default()).map_err(refused)?;
-        // functions are called by their addresses: nothing is left to be linked
-        if !compiled.buffer.relocs().is_empty() {
-            return Err(refused("its code refers to symbols"));
-        }
-        let code = Code::new(compiled.code_buffer(), program).map_err(refused)?;
+        let (bytes, constants) = machine_code(program)?;
+        let code = Code::new(&bytes, constants.into(), program).map_err(|e| NotCompiled(e.to_string()))?;
         Ok(Box::new(code))
     }
+}
+
+/// The code of a program, and the constants that it reads.
+fn machine_code(program: &Program) -> Result<(Vec<u8>, Vec<f64>), NotCompiled> {
+    #[cfg(target_arch = "x86_64")]
+    return for_x86_64(program, std::arch::is_x86_feature_detected!("avx"));
+    #[cfg(target_arch = "aarch64")]
+    return for_aarch64(program);
+    #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
+    return Err(NotCompiled("its processor is neither of x86-64 nor 64-bit ARM".into()));
+}
+
+#[cfg(target_arch = "x86_64")]
+fn for_x86_64(program: &Program, avx: bool) -> Result<(Vec<u8>, Vec<f64>), NotCompiled> {
+    let steps = fits(registers::steps(&Values::new(program), x86_64::registers(avx)))?;
+    let mut constants = [program.constants(), program.exponents()].concat();
+    let bytes = x86_64::assemble(&steps, constants.len(), avx);
+    constants.extend(x86_64::MASKS);
+    Ok((bytes, constants))
+}
+
+#[cfg(any(target_arch = "aarch64", test))]
+fn for_aarch64(program: &Program) -> Result<(Vec<u8>, Vec<f64>), NotCompiled> {
+    let steps = fits(registers::steps(&Values::new(program), aarch64::registers()))?;
+    Ok((aarch64::assemble(&steps), [program.constants(), program.exponents()].concat()))
+}
+
+fn fits(steps: Steps) -> Result<Steps, NotCompiled> {
+    if steps.stack <= MOST_ON_STACK {
+        return Ok(steps);
+    }
+    Err(NotCompiled(format!("it would keep {} numbers on the stack, and {MOST_ON_STACK} may lie there", steps.stack)))
 }
 
 #[cfg(test)]

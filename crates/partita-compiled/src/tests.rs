@@ -6,22 +6,35 @@ mod counting;
 #[path = "../../partita-math/src/program/suite.rs"]
 mod suite;
 
-use super::CRANELIFT;
+use super::{Code, NATIVE};
 use partita_math::program::{Compiled, Compiler, Program};
 use partita_math::scalar::{Recorder, Recording, Scalar};
 use std::ops::Range;
 use suite::Executes;
 
 fn compiled(r: &Recording, settled: Range<usize>, members: &[Vec<f64>]) -> Vec<Vec<f64>> {
-    let code = CRANELIFT.compile(&Program::new(r, settled)).unwrap();
-    let one = |x: &Vec<f64>| {
-        let mut out = vec![f64::NAN; r.outputs()];
-        code.evaluate(x, &mut out);
-        out
-    };
-    members.iter().map(one).collect()
+    let code = NATIVE.compile(&Program::new(r, settled)).unwrap();
+    members.iter().map(|x| outputs(&*code, r, x)).collect()
 }
 
+fn outputs(code: &dyn Compiled, r: &Recording, x: &[f64]) -> Vec<f64> {
+    let mut out = vec![f64::NAN; r.outputs()];
+    code.evaluate(x, &mut out);
+    out
+}
+
+/// As for a processor without AVX.
+#[cfg(target_arch = "x86_64")]
+fn without_avx(r: &Recording, settled: Range<usize>, members: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let program = Program::new(r, settled);
+    let (bytes, constants) = super::for_x86_64(&program, false).unwrap();
+    let code = Code::new(&bytes, constants.into(), &program).unwrap();
+    members.iter().map(|x| outputs(&code, r, x)).collect()
+}
+
+#[cfg(target_arch = "x86_64")]
+const ALL: [(&str, Executes); 2] = [("compiled", compiled), ("compiled without AVX", without_avx)];
+#[cfg(not(target_arch = "x86_64"))]
 const ALL: [(&str, Executes); 1] = [("compiled", compiled)];
 
 #[test]
@@ -52,10 +65,51 @@ fn sines_of_many_stages_have_the_same_bits() {
     }
 }
 
+/// More values than registers at a time, further away than an instruction of one byte reaches, on more than one page.
+#[test]
+fn long_programs_have_the_same_bits() {
+    let mut random = fastrand::Rng::with_seed(2);
+    for operations in [1000, 4000, 16_000] {
+        let r = suite::random_recording(4, operations, &mut random);
+        suite::agree(&ALL, &r, 1..3, &[vec![0.3, -1.2, 2.5, 0.9], vec![-0.7, 0.1, 1.5, 2.2]]);
+        let r = all_at_once(operations);
+        suite::agree(&ALL, &r, 0..0, &[vec![0.3], vec![-1.7]]);
+    }
+}
+
+/// All terms are needed at once, in the opposite order.
+fn all_at_once(terms: usize) -> Recording {
+    let of = |x: &[Recorder]| {
+        let all: Vec<_> = (1..=terms).map(|i| x[0].scale(i as f64).sqrt() - x[0]).collect();
+        Ok::<_, ()>(vec![all.iter().rev().fold(Recorder::zero(), |sum, y| y.scale(0.9) - sum)])
+    };
+    Recording::new(1, of).unwrap()
+}
+
+/// Whatever processor this is.
+#[test]
+fn programs_become_instructions_of_64_bit_arm() {
+    let mut random = fastrand::Rng::with_seed(3);
+    for operations in [1, 10, 100, 1000, 10_000] {
+        let r = suite::random_recording(3, operations, &mut random);
+        let program = Program::new(&r, 0..0);
+        let (bytes, constants) = super::for_aarch64(&program).unwrap();
+        assert_eq!(constants.len(), program.constants().len() + program.exponents().len());
+        assert!(bytes.len() % 4 == 0 && bytes.len() / 4 >= program.len() + program.outputs());
+        assert_eq!(bytes[bytes.len() - 4..], 0xd65f_03c0_u32.to_le_bytes());
+    }
+}
+
+#[test]
+fn what_does_not_fit_on_the_stack_is_refused() {
+    let refused = NATIVE.compile(&Program::new(&all_at_once(33_000), 0..0)).unwrap_err();
+    assert!(refused.0.contains("on the stack, and 32768 may lie there"), "{refused}");
+}
+
 /// The outputs of a square root.
 fn root() -> Box<dyn Compiled> {
     let r = Recording::new(1, |x| Ok::<_, ()>(vec![x[0].sqrt(), Recorder::one()])).unwrap();
-    CRANELIFT.compile(&Program::new(&r, 0..0)).unwrap()
+    NATIVE.compile(&Program::new(&r, 0..0)).unwrap()
 }
 
 #[test]
@@ -76,7 +130,7 @@ fn a_call_allocates_nothing() {
         let sum = x.iter().fold(Recorder::zero(), |sum, x| sum + x.sin_cos().0 * x.atan2(x.sqrt()).power(1.5));
         Ok::<_, ()>(vec![sum, sum.sin_cos().1])
     });
-    let code = CRANELIFT.compile(&Program::new(&r.unwrap(), 0..0)).unwrap();
+    let code = NATIVE.compile(&Program::new(&r.unwrap(), 0..0)).unwrap();
     let mut out = [0.0; 2];
     code.evaluate(&[0.5; 9], &mut out);
     let ((), count) = counting::allocations(|| code.evaluate(&[0.7; 9], &mut out));

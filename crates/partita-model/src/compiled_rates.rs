@@ -23,14 +23,15 @@ type At<'a> = (Recorder, &'a [Recorder], &'a [Recorder]);
 impl Model {
     /// The rates of a choice as a program; none where elements call functions of the user, frictions follow reactions, or
     /// bodies are massless.
-    pub(crate) fn rates_of(&self, choice: &Choice) -> Option<Program> {
+    pub(crate) fn rates_of(&self, choice: &Choice, most: usize) -> Option<Program> {
         if self.lacks_mass() {
             return None;
         }
         let e = self.over::<Recorder>().ok()?;
         let (nq, k) = (self.size().nq, choice.k());
-        let made = Recording::new(nq + k + 1, |x| self.record_rates(&e, choice, (x[nq + k], &x[..nq], &x[nq..nq + k])));
-        Some(Program::new(&made.ok()?, 0..0))
+        let of = |x: &[Recorder]| self.record_rates(&e, choice, (x[nq + k], &x[..nq], &x[nq..nq + k]));
+        let made = Recording::of_at_most(most, nq + k + 1, of).ok()??;
+        Some(Program::new(&made, 0..0))
     }
 
     /// q', v_I', power, v', reciprocal pivots, excess.

@@ -39,7 +39,7 @@ fn version() -> &'static str {
 #[pymodule]
 fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     #[cfg(feature = "compiled")]
-    <dyn partita_math::program::Compiler>::install(&partita_compiled::CRANELIFT);
+    <dyn partita_math::program::Compiler>::install(&partita_compiled::NATIVE);
     m.add_class::<model::Model>()?;
     m.add_class::<inverse::Inverse>()?;
     m.add_class::<inverse::Actuated>()?;

@@ -13,17 +13,16 @@ use partita_math::program::{Compiled, Compiler, NotCompiled, Program};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-/// Evaluations by a choice before it is compiled. Scale: evaluations. Reason: making the code takes as long as it saves over
-/// six to ten thousand, so that no run takes much more than twice the time of the better decision.
-const WORTH_COMPILING: u64 = 8000;
+/// Evaluations by a choice before it is compiled. Scale: evaluations. Reason: recording it and making the code takes as long
+/// as it saves over seven hundred to two thousand, so that no run takes much more than twice the time of the better decision.
+const WORTH_COMPILING: u64 = 1500;
 
-/// Largest program that is compiled. Scale: instructions. Reason: longer code does not fit into the processor's cache of
-/// instructions, and reading it takes longer than computing.
-const LONGEST: usize = 3000;
+/// Largest program that is compiled. Scale: instructions. Reason: longer code does not fit into a second cache of
+/// a megabyte; it still pays, but by little, and takes long to make.
+const LONGEST: usize = 60_000;
 
-/// Velocities of the largest system that is recorded. Scale: velocities. Reason: each takes thirty instructions or more, and
-/// what is too long need not be recorded to be refused.
-const MOST_VELOCITIES: usize = 100;
+/// Operations after which a recording is given up. Scale: operations. Reason: of what is recorded a third to a tenth is left.
+const MOST_RECORDED: usize = 10 * LONGEST;
 
 /// Choices of a system whose code is kept. Scale: choices. Reason: more than a mechanism visits in one cycle of its motion.
 const MOST_CHOICES: usize = 32;
@@ -41,12 +40,12 @@ pub enum Compilation {
 }
 
 impl Compilation {
-    /// Whether a system with this number of velocities may be compiled.
-    pub(crate) fn serves(self, velocities: usize) -> bool {
+    /// Most operations that are recorded, and the longest program that is compiled.
+    fn limits(self) -> [usize; 2] {
         match self {
-            Self::Auto => velocities <= MOST_VELOCITIES,
-            Self::Always => true,
-            Self::Never => false,
+            Self::Auto => [MOST_RECORDED, LONGEST],
+            Self::Always => [usize::MAX; 2],
+            Self::Never => [0; 2],
         }
     }
 }
@@ -78,11 +77,11 @@ impl CompiledRates {
         &self,
         compiler: &dyn Compiler,
         when: Compilation,
-        program: impl FnOnce() -> Option<Program>,
+        program: impl FnOnce(usize) -> Option<Program>,
     ) -> Option<&dyn Compiled> {
         let code = match self.code.get() {
             Some(known) => known,
-            None if self.is_worth_while(when) => self.code.get_or_init(|| compile(compiler, when, program())),
+            None if self.is_worth_while(when) => self.code.get_or_init(|| compile(compiler, when.limits(), program)),
             None => return None,
         };
         match code {
@@ -109,8 +108,9 @@ impl CompiledRates {
     }
 }
 
-fn compile(compiler: &dyn Compiler, when: Compilation, program: Option<Program>) -> Code {
-    match program.filter(|x| when == Compilation::Always || x.len() <= LONGEST) {
+fn compile(compiler: &dyn Compiler, limits: [usize; 2], program: impl FnOnce(usize) -> Option<Program>) -> Code {
+    let [recorded, longest] = limits;
+    match program(recorded).filter(|x| x.len() <= longest) {
         Some(program) => compiler.compile(&program).map_or_else(Code::Refused, Code::Compiled),
         None => Code::Without,
     }

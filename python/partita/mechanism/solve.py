@@ -433,8 +433,8 @@ def simulate(
             were frozen, 0 to 1; 0: never; "each step": after every step, whatever their quality. `counters["renewals"]`
             counts the renewals.
         compiled: whether evaluations of "projective" and "fixed" inside steps run as machine code, made in memory for
-            each choice of coordinates. The results are the same to the bit. "auto": once a choice has served for some
-            thousand evaluations, unless its equations are very large; True: at once; False: never. Mechanisms with
+            each choice of coordinates. The results are the same to the bit. "auto": once a choice has served for
+            1500 evaluations, unless its equations are very large; True: at once; False: never. Mechanisms with
             Python functions, reaction-dependent friction or massless bodies are evaluated as without.
             `counters["compiled_evaluations"]` counts them.
         tangent: `TangentVelocities` for "user-tangent".

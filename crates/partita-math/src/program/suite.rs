@@ -31,7 +31,7 @@ pub fn agree(all: &[(&str, Executes)], r: &Recording, settled: Range<usize>, mem
 }
 
 /// A function of `inputs` numbers, built at random from everything that can be recorded.
-fn random_recording(inputs: usize, operations: usize, random: &mut fastrand::Rng) -> Recording {
+pub fn random_recording(inputs: usize, operations: usize, random: &mut fastrand::Rng) -> Recording {
     Recording::new(inputs, |given| {
         let mut known: Vec<Recorder> = given.to_vec();
         known.push(Recorder::from_f64(random.f64()));

@@ -50,12 +50,15 @@ pub(crate) enum Operation {
 struct Tape {
     number: u32,
     operations: Option<Vec<Operation>>,
+    /// Largest number of operations, and whether there would be more.
+    most: usize,
+    is_full: bool,
     /// Numbers that were compared with bounds, which `f64` alone can do.
     bounded: Vec<(Recorder, f64, f64)>,
 }
 
 thread_local! {
-    static TAPE: RefCell<Tape> = const { RefCell::new(Tape { number: 0, operations: None, bounded: Vec::new() }) };
+    static TAPE: RefCell<Tape> = const { RefCell::new(Tape { number: 0, operations: None, most: 0, is_full: false, bounded: Vec::new() }) };
 }
 
 /// A number of a recording: a constant, or the result of an entry of the tape.
@@ -88,6 +91,10 @@ impl Tape {
 
     fn push(&mut self, operation: Operation) -> Option<u32> {
         let operations = self.operations.as_mut()?;
+        self.is_full |= operations.len() >= self.most;
+        if self.is_full {
+            return None;
+        }
         let slot = u32::try_from(operations.len()).ok()?;
         operations.push(operation);
         Some(slot)
@@ -293,9 +300,29 @@ impl Recording {
     ///
     /// Fails where `f` fails.
     pub fn new<E>(inputs: usize, f: impl FnOnce(&[Recorder]) -> Result<Vec<Recorder>, E>) -> Result<Self, E> {
+        Self::record(usize::MAX, inputs, f).map(|(made, _)| made)
+    }
+
+    /// As [`new`](Self::new); none where `f` has more operations than `most`, inputs and constants counted, of which no more
+    /// are then kept.
+    pub fn of_at_most<E>(
+        most: usize,
+        inputs: usize,
+        f: impl FnOnce(&[Recorder]) -> Result<Vec<Recorder>, E>,
+    ) -> Result<Option<Self>, E> {
+        Self::record(most, inputs, f).map(|(made, is_whole)| is_whole.then_some(made))
+    }
+
+    /// A recording of at most so many operations, and whether it is whole.
+    fn record<E>(
+        most: usize,
+        inputs: usize,
+        f: impl FnOnce(&[Recorder]) -> Result<Vec<Recorder>, E>,
+    ) -> Result<(Self, bool), E> {
         let given = TAPE.with_borrow_mut(|tape| {
             tape.number = tape.number.wrapping_add(1);
             tape.operations = Some(Vec::new());
+            (tape.most, tape.is_full) = (most, false);
             tape.bounded.clear();
             let slot = |i: usize| tape.push(Operation::Input(i as u32)).unwrap_or(0);
             let slots: Vec<u32> = (0..inputs).map(slot).collect();
@@ -308,7 +335,7 @@ impl Recording {
                 found.into_iter().map(|x| slot(tape, x).unwrap_or(0)).collect()
             });
             let operations = tape.operations.take().unwrap_or_default();
-            outputs.map(|outputs| Self { inputs, operations, outputs })
+            outputs.map(|outputs| (Self { inputs, operations, outputs }, !tape.is_full))
         })
     }
 

@@ -149,8 +149,8 @@ impl Levels for Model {
 }
 
 impl Programs for Model {
-    fn rates_program(&self, choice: &Choice) -> Option<Program> {
-        self.rates_of(choice)
+    fn rates_program(&self, choice: &Choice, most: usize) -> Option<Program> {
+        self.rates_of(choice, most)
     }
     fn compiled_rates(&self, choice: &Choice) -> Option<Arc<CompiledRates>> {
         self.compiled.of(choice)

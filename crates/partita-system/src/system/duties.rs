@@ -321,7 +321,7 @@ pub trait Guards: Levels {
 /// Evaluations by code of the processor, where the system can be recorded.
 pub trait Programs {
     /// The rates of a choice as a program (see [`compiled`](crate::compiled)), where they can be recorded.
-    fn rates_program(&self, _choice: &Choice) -> Option<Program> {
+    fn rates_program(&self, _choice: &Choice, _most: usize) -> Option<Program> {
         None
     }
     /// The place of their code; none where they cannot be recorded.

@@ -34,7 +34,7 @@ impl CompiledMotion {
     /// For motions of a system in all coordinates and independent velocities; none where nothing is ever compiled.
     pub(super) fn new<S: ConstrainedSystem>(r: &Reduction<S>, when: Compilation) -> Option<Self> {
         let (size, moves) = (r.size(), r.system.rheonomic());
-        let compiler = <dyn Compiler>::installed().filter(|_| when.serves(size.nv))?;
+        let compiler = <dyn Compiler>::installed().filter(|_| when != Compilation::Never)?;
         let states = size.nq + r.k();
         let rates_count = states + usize::from(r.system.has_power() || moves);
         let vdot_count = if moves { size.nv } else { 0 };
@@ -58,7 +58,7 @@ impl CompiledMotion {
             self.plan = r.plans;
             self.rates = r.system.compiled_rates(&r.choice());
         }
-        let program = || r.system.rates_program(&r.choice());
+        let program = |most| r.system.rates_program(&r.choice(), most);
         let code = self.rates.as_ref()?.code(self.compiler, self.when, program)?;
         let states = self.inputs.len() - 1;
         self.inputs[..states].copy_from_slice(&y[..states]);

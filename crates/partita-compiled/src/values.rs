@@ -1,0 +1,118 @@
+//! A program by values instead of registers.
+//!
+//! A call leaves nothing in the vector registers. Angles are therefore collected: operations are ordered by the number of
+//! sines that they come after, and the sines between two of these stages are computed by one call.
+
+use partita_math::program::{Code, Program};
+
+/// Where a value comes from.
+#[derive(Clone, Copy)]
+pub(crate) enum Source {
+    Input(usize),
+    Constant(usize),
+    /// Computed by an operation of the list.
+    Operation,
+    /// Place of a sine, or cosine, among the results of all calls.
+    Sine(usize),
+}
+
+/// An operation on values instead of registers.
+pub(crate) struct Operation {
+    pub(crate) code: Code,
+    pub(crate) operands: [usize; 3],
+    /// Of a power: its place among the exponents.
+    pub(crate) exponent: usize,
+    pub(crate) to: usize,
+}
+
+impl Operation {
+    /// The values that it reads.
+    pub(crate) fn reads(&self) -> &[usize] {
+        &self.operands[..arity(self.code)]
+    }
+}
+
+/// Values in the order in which they are known, each with its stage: the number of calls before it.
+pub(crate) struct Values {
+    pub(crate) sources: Vec<Source>,
+    /// Number of constants.
+    pub(crate) constants: usize,
+    stages: Vec<usize>,
+    /// Operations of each stage, then the angles of its call.
+    pub(crate) operations: Vec<Vec<Operation>>,
+    pub(crate) angles: Vec<Vec<usize>>,
+    /// Value of each output.
+    pub(crate) outputs: Vec<usize>,
+}
+
+impl Values {
+    pub(crate) fn new(program: &Program) -> Self {
+        let mut all = Self {
+            sources: (0..program.inputs()).map(Source::Input).collect(),
+            constants: program.constants().len(),
+            stages: Vec::new(),
+            operations: Vec::new(),
+            angles: Vec::new(),
+            outputs: Vec::new(),
+        };
+        all.sources.extend((0..program.constants().len()).map(Source::Constant));
+        all.stages.resize(all.sources.len(), 0);
+        // the value in each register
+        let mut held: Vec<usize> = (0..program.registers()).collect();
+        // stage of the call, and the sine, which its cosine follows
+        let mut sines: Vec<(usize, usize)> = Vec::new();
+        for i in program.instructions() {
+            let operands = [i.x, i.y, i.z].map(|r| held.get(r as usize).copied().unwrap_or(0));
+            if i.code == Code::SinCos {
+                let stage = all.stages[operands[0]];
+                let pair = [all.value(Source::Sine(0), stage + 1), all.value(Source::Sine(0), stage + 1)];
+                sines.push((stage, pair[0]));
+                all.at_stage(stage);
+                all.angles[stage].push(operands[0]);
+                (held[i.to as usize], held[i.also as usize]) = (pair[0], pair[1]);
+                continue;
+            }
+            let used = &operands[..arity(i.code)];
+            let stage = used.iter().map(|&x| all.stages[x]).max().unwrap_or(0);
+            let to = all.value(Source::Operation, stage);
+            all.at_stage(stage);
+            all.operations[stage].push(Operation { code: i.code, operands, exponent: i.also as usize, to });
+            held[i.to as usize] = to;
+        }
+        // results lie stage by stage
+        let mut next = vec![0; all.angles.len()];
+        for stage in 1..next.len() {
+            next[stage] = next[stage - 1] + all.angles[stage - 1].len();
+        }
+        for (stage, sine) in sines {
+            all.sources[sine] = Source::Sine(2 * next[stage]);
+            all.sources[sine + 1] = Source::Sine(2 * next[stage] + 1);
+            next[stage] += 1;
+        }
+        all.outputs = program.output_registers().iter().map(|&r| held[r as usize]).collect();
+        all
+    }
+
+    fn value(&mut self, source: Source, stage: usize) -> usize {
+        self.sources.push(source);
+        self.stages.push(stage);
+        self.sources.len() - 1
+    }
+
+    fn at_stage(&mut self, stage: usize) {
+        while self.operations.len() <= stage {
+            self.operations.push(Vec::new());
+            self.angles.push(Vec::new());
+        }
+    }
+}
+
+/// Operands of an operation.
+fn arity(code: Code) -> usize {
+    match code {
+        Code::Neg | Code::Sqrt | Code::Power | Code::SinCos | Code::Abs | Code::Round => 1,
+        Code::Add | Code::Sub | Code::Mul | Code::Div | Code::OverOrZero => 2,
+        Code::Atan2 | Code::Hypot | Code::Max | Code::Min | Code::Reached => 2,
+        Code::WherePositive | Code::ProductPlus | Code::ProductMinus | Code::MinusProduct => 3,
+    }
+}
