@@ -50,6 +50,36 @@ impl<G: Space> Tree<G> {
         md: &mut [G::S],
         hd: &mut [G::S],
     ) {
+        match k {
+            1 => self.project_one(tangent, delta, s, md, hd),
+            k => self.project_columns(k, tangent, delta, s, md, hd),
+        }
+    }
+
+    /// [`project`](Self::project) for one degree of freedom.
+    #[inline(never)]
+    fn project_one(
+        &self,
+        tangent: &[G::S],
+        delta: &[G::S],
+        s: &mut TreeScratch<G>,
+        md: &mut [G::S],
+        hd: &mut [G::S],
+    ) {
+        self.project_columns(1, tangent, delta, s, md, hd);
+    }
+
+    /// As [`project`](Self::project); compiled for one column and for any number of them.
+    #[inline(always)]
+    fn project_columns(
+        &self,
+        k: usize,
+        tangent: &[G::S],
+        delta: &[G::S],
+        s: &mut TreeScratch<G>,
+        md: &mut [G::S],
+        hd: &mut [G::S],
+    ) {
         let columns = k + 1;
         let mut partial = std::mem::take(&mut s.partial);
         let wanted = self.links.len() * columns;
