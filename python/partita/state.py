@@ -63,6 +63,10 @@ class Layout:
             return self.names == list(summary["coordinates"])
         return all(self._spans.get(j["name"]) == (_span(j["state_q"]), _span(j["state_v"])) for j in joints)
 
+    def is_like(self, other: Layout) -> bool:
+        """Whether it is that layout, or nothing but its names."""
+        return self is other or (self.by_names_alone and self.names == other.names)
+
     @property
     def tree_joints(self) -> list[str]:
         """Names of the joints whose coordinates are part of the state."""

@@ -202,8 +202,10 @@ def ensemble(
         raise ArgumentError(f"workers must be a positive integer, not {shown(workers)}", argument="workers")
     threads = None if workers is None else min(workers, os.cpu_count() or 1)
     table = np.hstack([x.reshape(count, -1) for x in values.values()]) if values else np.zeros((count, 0))
-    q, v = np.stack([x.q for x in starts]), np.stack([x.v for x in starts])
-    shapes = [(count, len(times), width) for width in (model.core.nq, model.core.nv)]
+    widths = (model.core.nq, model.core.nv)
+    lists = [x.q for x in starts], [x.v for x in starts]
+    q, v = (np.concatenate(x).reshape(len(starts), width) for x, width in zip(lists, widths, strict=True))
+    shapes = [(count, len(times), width) for width in widths]
 
     def whose() -> str | None:
         more = [rtol, atol, t0, [list(x) for x in numbers], states is None, AT_ONCE]

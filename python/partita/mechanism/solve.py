@@ -340,7 +340,7 @@ def start_of(
 ) -> State:
     """Start of a motion: the given state, in the requested coordinates, or the drawing, assembled, at rest."""
     start = initial if initial is not None else _drawn(self, model, coordinates, parameters)
-    if isinstance(start, State) and start._layout is self._compiled[coordinates][2] and _as_large(start, model):
+    if isinstance(start, State) and start._layout.is_like(self._compiled[coordinates][2]) and _as_large(start, model):
         return start
     if (
         isinstance(start, State)

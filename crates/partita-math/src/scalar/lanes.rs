@@ -10,6 +10,7 @@ use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 ///
 /// Plain loops over an array, which a compiler may turn into vector instructions.
 #[derive(Copy, Clone, Debug, Default, PartialEq)]
+#[repr(C, align(64))]
 pub struct Lanes(pub [f64; Lanes::COUNT]);
 
 impl Lanes {
