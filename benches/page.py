@@ -22,11 +22,12 @@ numbers by `make speed`. Ratios hold from machine to machine, times do not. Spee
 
 Programs in C that know one mechanism and nothing else (`benches/limit`): minimal coordinates, loops in closed form,
 DOP853 at a relative tolerance of 1e-10, no outputs, no checks. They run in turns with Partita, at equal error: the
-loosest tolerance whose error is not above the program's. Runs are repeated, so that evaluations are compiled in memory
-where that pays (not on long chains); the first run is that of a mechanism just drawn, with all checks of the drawing.
-One evaluation alone is one that is not compiled.
+loosest tolerance whose error is not above the program's. Runs are repeated, so that evaluations are machine code, made
+in memory, where that pays (not on chains of a thousand loops); the same run without it stands beside. The first run is
+that of a mechanism just drawn, with all checks of the drawing. An evaluation by machine code is one inside a step, with
+what the method adds up; one without is alone. Ratios to the program are in brackets.
 
-| | run | program | ratio | first run | evaluation alone | program | ratio |
+| | program | run | without code | first run | program's evaluation | by code | without |
 |---|---|---|---|---|---|---|---|
 """
 PEERS = """
@@ -60,8 +61,10 @@ def write(record: dict[str, Any], docs: Path) -> None:
         if program is None:
             continue
         lines.append(
-            f"| {run['title']} | {text(run['seconds'])} | {text(program['seconds'])} | {ratios['run']:.1f} | "
-            f"{text(run['first'])} | {text(run['alone'])} | {text(program['alone'])} | {ratios['evaluation']:.1f} |\n"
+            f"| {run['title']} | {text(program['seconds'])} | {text(run['seconds'])} ({ratios['run']:.1f}) | "
+            f"{text(run['levels'])} ({ratios['levels']:.1f}) | {text(run['first'])} | {text(program['alone'])} | "
+            + ("none" if run["code"] is None else f"{text(run['code'])} ({ratios['code']:.1f})")
+            + f" | {text(run['alone'])} ({ratios['evaluation']:.1f}) |\n"
         )
     again = ", ".join(f"{x['title']} {text(x['face'])}" for x in record["face"]["again"])
     lines.append(f"\nA second run of the same model costs, beside its evaluations and outputs: {again}.\n")
@@ -88,7 +91,7 @@ def write(record: dict[str, Any], docs: Path) -> None:
     )
     growth = record["growth"]["ns_per_evaluation"]
     lines.append(
-        "\n## Long chains\n\nCost of an evaluation per loop, chains of N four-bars:\n"
+        "\n## Long chains\n\nCost of an evaluation without machine code per loop, chains of N four-bars:\n"
         + ", ".join(f"{value / int(n):.0f} ns (N = {n})" for n, value in growth.items() if value)
         + ".\n"
     )

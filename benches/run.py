@@ -119,7 +119,7 @@ def bare_runs() -> tuple[dict[str, Any], bool]:
     for title, what in errors_of(costs).items():
         print(f"  error of {what}: {title}")
     span = f"{STRETCH[0]:g} s to {STRETCH[1]:g} s in steps of {STEP:g} s"
-    print(f"\nGrowth of the cost of an evaluation: chains of N four-bars, {span}")
+    print(f"\nGrowth of the cost of an evaluation without machine code: chains of N four-bars, {span}")
     grown = growth()
     for loops, ns in grown.items():
         print(f"  N = {loops:<5} {ns / 1e3:9.1f} us   {ns / loops:6.1f} ns per loop")
@@ -176,7 +176,7 @@ def growth() -> dict[int, float]:
     fall on one length alone. NaN where a run stopped early.
     """
     runs = {
-        (loops, end): prepared(pt.catalogue.entry("n-four-bar", loops=loops), end, step=STEP)
+        (loops, end): prepared(pt.catalogue.entry("n-four-bar", loops=loops), end, step=STEP, compiled=False)
         for loops in GROWTH
         for end in STRETCH
     }
@@ -194,12 +194,14 @@ def growth() -> dict[int, float]:
     }
 
 
-def prepared(entry: Entry, duration: float, step: float | None = None) -> Callable[[], dict[str, Any]]:
+def prepared(
+    entry: Entry, duration: float, step: float | None = None, compiled: bool | str = "auto"
+) -> Callable[[], dict[str, Any]]:
     """The call of the core that carries out a run, with everything around it done beforehand."""
     mechanism = entry.mechanism()
     start, model = entry.initial(mechanism), mechanism.compile()
     chosen = run_options.options(
-        start.t, duration, model.velocity_names, rtol=RTOL, atol=ATOL, max_steps=200_000, step=step
+        start.t, duration, model.velocity_names, rtol=RTOL, atol=ATOL, max_steps=200_000, step=step, compiled=compiled
     )
     end = np.array([chosen["t_end"]])
     core, q, v = model.core, start.q.copy(), start.v.copy()
