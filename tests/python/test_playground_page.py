@@ -295,5 +295,6 @@ def test_blocks_stay_on_their_rails(browser: Chromium, tmp_path: Path) -> None:
     assert max(lengths) > 5 * np.linalg.norm(np.subtract(*first))
     # Points of a page are rounded; a link follows its length all the same.
     assert put(browser, "crank: length", "0.2") == ""
+    browser.rest_a_frame()
     shape = browser.value("playground.drawing.scene.run.scene.bodies[0].points")
     assert np.linalg.norm(np.subtract(*shape)) == pytest.approx(0.2, abs=1e-6)
