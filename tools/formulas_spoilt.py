@@ -19,8 +19,8 @@ class Error:
     tests, "python test_x.py" a file of tests/python, "docstrings x.py" a file of the package."""
 
 
-MATH, SYSTEM, INTEGRATE, MODEL, ANALYSIS = (
-    f"crates/partita-{crate}/src" for crate in ("math", "system", "integrate", "model", "analysis")
+MATH, SYSTEM, INTEGRATE, MODEL, ANALYSIS, COMPILED = (
+    f"crates/partita-{crate}/src" for crate in ("math", "system", "integrate", "model", "analysis", "compiled")
 )
 PACKAGE = "python/partita"
 
@@ -1248,5 +1248,30 @@ FORMULAS = (
         "let empty = length <= 0.0 || ",
         "let empty = length <= 0.0 && ",
         ("python test_oracle_elements.py",),
+    ),
+    # machine code
+    Error(
+        "place-too-early",
+        "a result that leaves its register takes the place of an operand that is still to be read",
+        f"{COMPILED}/registers.rs",
+        "self.over.push(std::mem::replace(&mut self.stack[x], NONE));",
+        "self.free.push(std::mem::replace(&mut self.stack[x], NONE));",
+        ("lib compiled",),
+    ),
+    Error(
+        "difference-of-a-product",
+        "z - x y is x y - z in the code for x86-64",
+        f"{COMPILED}/x86_64.rs",
+        "self.two(SUBTRACT, to, register(2), Last::Register(SECOND));",
+        "self.two(SUBTRACT, to, SECOND, Last::Register(register(2)));",
+        ("lib compiled",),
+    ),
+    Error(
+        "high-register",
+        "an operand in one of the upper eight registers is read from a lower one",
+        f"{COMPILED}/x86_64.rs",
+        "(1 - high_base) << 5 | 1",
+        "1 << 5 | 1",
+        ("lib compiled",),
     ),
 )
