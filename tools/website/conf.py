@@ -145,7 +145,7 @@ def setup(app: Any) -> None:
     import sphinx.ext.autodoc
     import sphinx.ext.napoleon.docstring
     import sphinx.util.inspect
-    from sphinx.domains.python import PyObject
+    from sphinx.domains.python._object import PyObject
 
     types(sphinx.ext.autodoc, sphinx.ext.napoleon.docstring, sphinx.util.inspect)
     for field in PyObject.doc_field_types:

@@ -27,8 +27,8 @@
   // A name in code stands on one line, in tables too.
   const range = document.createRange();
   for (const code of article.querySelectorAll("table.docutils code")) {
-    const walk = document.createTreeWalker(code, NodeFilter.SHOW_TEXT);
-    for (let text = walk.nextNode(); text; text = walk.nextNode()) for (const word of text.data.matchAll(/[\w.]+/g)) {
+    const texts = document.createTreeWalker(code, NodeFilter.SHOW_TEXT);
+    for (let text = texts.nextNode(); text; text = texts.nextNode()) for (const word of text.data.matchAll(/[\w.]+/g)) {
       range.setStart(text, word.index);
       range.setEnd(text, word.index + word[0].length);
       if (new Set([...range.getClientRects()].map((box) => Math.round(box.top))).size > 1) bad.push(`"${word[0]}" is broken within itself in ${name(code)}`);

@@ -45,8 +45,8 @@ function partShown(camera, points, typical) {
   const seen = points.map((point) => camera.project(point)).filter(Boolean);
   const range = (of) => seen.reduce(([low, high], p) => [Math.min(low, of(p)), Math.max(high, of(p))], [Infinity, -Infinity]);
   const sides = [range((p) => p.x), range((p) => p.y)].map(([low, high]) => high - low);
-  const flat = Math.min(...sides) / Math.max(...sides);
-  return flat < BAR ? Math.min(SHOWN / flat, MOST_TIMES, (SHOWN * Math.max(...sides)) / (typical * camera.scale)) : 1;
+  const slim = Math.min(...sides) / Math.max(...sides);
+  return slim < BAR ? Math.min(SHOWN / slim, MOST_TIMES, (SHOWN * Math.max(...sides)) / (typical * camera.scale)) : 1;
 }
 
 /** The middle of all bodies in a frame. */
