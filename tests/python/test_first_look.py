@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from catalogue_runs import entry_of, run_of
-from chromium import PHONE, PROGRAM, Chromium
+from chromium import DESKTOP, PHONE, PROGRAM, Chromium
 from fake_runs import data
 from pages import LAYOUT
 
@@ -56,6 +56,32 @@ def test_what_rolls_does_so_on_its_plane() -> None:
         ground = data(viewer.html(run_of(name)))["ground"]
         assert ground == {"point": [0, 0, 0], "normal": normal}
     assert data(viewer.html(run_of("gear-pair")))["ground"] is None
+
+
+WHOLE = "document.getElementById('whole')"
+OUTSIDE = "partita.joints().filter((joint) => joint.x < 0 || joint.x > partita.size()[0]).length"
+
+
+def test_a_long_chain_begins_with_a_part_that_can_be_seen(browser: Chromium, tmp_path: Path) -> None:
+    """On a phone a link of forty four-bars is eight pixels long; on a desktop they are seen whole, and so is a bar that
+    is long and thin itself."""
+    chain = viewer.write_html(run_of("n-four-bar"), tmp_path / "chain.html")
+    gaps = "partita.joints().map((joint) => joint.x).sort((a, b) => a - b).map((x, i, all) => x - (all[i - 1] ?? x))"
+    browser.open(chain, PHONE)
+    assert browser.value(f"Math.max(...{gaps})") > 40 and browser.value(OUTSIDE) > 60
+    assert browser.value(f"{WHOLE}.checkVisibility()") and not browser.value(f"{WHOLE}.checked")
+    browser.value(f"{WHOLE}.click()")
+    browser.rest_a_frame()
+    assert browser.value(OUTSIDE) == 0 and browser.value(f"Math.max(...{gaps})") < 16
+    browser.value(f"{WHOLE}.click()")
+    browser.rest_a_frame()
+    assert browser.value(OUTSIDE) > 60
+    m = pt.Mechanism("bar", gravity=None)
+    m.add_revolute("A", m.ground, m.add_rod("bar", (0, 0, 0), (40, 0.1, 0), mass=1.0), point=(0, 0, 0))
+    bar = m.to_html(tmp_path / "bar.html")
+    for page, screen, at in ((chain, DESKTOP, ""), (chain, PHONE, "?bare"), (bar, PHONE, "")):
+        browser.open(page, screen, "light", at)
+        assert browser.value(OUTSIDE) == 0 and not browser.value(f"{WHOLE}.checkVisibility()"), (page, screen, at)
 
 
 def test_outputs_left_out_are_judged_by_what_moves() -> None:

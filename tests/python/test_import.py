@@ -1,8 +1,13 @@
 """`import partita` takes what NumPy takes, and little more: what is slow to import is imported by what needs it."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
+
+import pytest
+
+import partita as pt
 
 HEAVY = (
     "scipy", "matplotlib", "xarray", "pandas", "pyarrow", "h5py", "h5netcdf", "zarr", "tqdm", "yaml", "mujoco",
@@ -43,8 +48,37 @@ for draw in (run.plot, lambda: pt.plots, comparison.plot):
     else:
         raise AssertionError("no error")
 assert main(["simulate", "four-bar", "--plot", "a.png", "--save", "a.json"]) == 2
+assert main(["compare", "planar-pendulum", "--time", "0.1", "--formulations", "projective", "--plot", "a.png"]) == 2
+assert main(["compare", "planar-pendulum", "--time", "0.1", "--formulations", "projective"]) == 0  # nothing is drawn
 run.to_html("page.html")
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "partita[plots]" in done.stderr and [p.name for p in tmp_path.iterdir()] == ["page.html"]
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/index.md"])
+def test_commands_of_the_first_pages_run_with_numpy_and_scipy_alone(page: str, tmp_path: Path) -> None:
+    """Or name an extra, which the paragraph below them names as well."""
+    text = (Path(__file__).parents[2] / page).read_text("utf-8").partition("## Command line")[2]
+    commands = [line.split("  ")[0].split()[1:] for line in re.findall(r"^    (partita .*)$", text, flags=re.MULTILINE)]
+    assert len(commands) >= 11
+    (named,) = re.findall(r"`pip install 'partita\[(.*?)\]'`", text.partition("\n## ")[0])
+    for model in ("my.toml", "a.toml"):
+        pt.catalogue.load("four-bar").save(tmp_path / model)
+    program = f"""
+import sys
+for name in {[name for name in (*HEAVY, "shtab") if name not in ("scipy", "multiprocessing")]}:
+    sys.modules[name] = None
+import partita as pt
+from partita.cli import main
+pt.catalogue.load("four-bar").simulate(0.1).save("out.json")
+for words in {commands}:
+    words = [word.replace("out.nc", "out.json") if "--save" not in words else word for word in words]
+    print(main(words), *words, file=sys.stderr)
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=tmp_path, check=True)
+    wanted = re.findall(r"^partita: error: .* pip install 'partita\[(\w+)\]'\n2 ", done.stderr, flags=re.MULTILINE)
+    assert set(wanted) == set(named.split(","))
+    ended = re.findall(r"^(\d) ", done.stderr, flags=re.MULTILINE)
+    assert len(ended) == len(commands) and ended.count("2") == len(wanted) and set(ended) == {"0", "2"}, done.stderr

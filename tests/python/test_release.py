@@ -79,6 +79,12 @@ def test_every_extra_stands_among_the_dependencies() -> None:
             assert any(package in row.lower() and name in row for row in rows), (name, package)
 
 
+def test_every_extra_stands_on_the_page_about_installation() -> None:
+    page = (ROOT / "docs" / "install.md").read_text("utf-8")
+    first = [row.split("|")[1] for row in page.splitlines() if row.startswith("| ")]
+    assert set(re.findall(r"`(\w+)`", "".join(first))) >= set(project()["optional-dependencies"])
+
+
 def test_a_release_builds_every_system_and_uses_what_it_built() -> None:
     yaml = pytest.importorskip("yaml")
     release = yaml.safe_load((ROOT / ".github" / "workflows" / "release.yml").read_text("utf-8"))

@@ -26,6 +26,9 @@ FAULTS = {
     f'<div style="overflow: auto"><table><tr>{TOWER}</tr></table></div>': "px high",
     f'<table style="width: 70px; table-layout: fixed"><tr>{NARROW}</tr></table>': "a column of words",
     "<table class='docutils'><tr><td>5.65 ms</td></tr></table>": "may be parted between two lines",
+    "<table class='docutils' style='width: 90px; table-layout: fixed'><tr><td style='overflow-wrap: anywhere'>"
+    "<code>a ContradictionError</code></td></tr></table>": '"ContradictionError" is broken within itself',
+    "<dd>Alias for field number 0</dd>": "a field without words",
     '<span class="math">\\frac12</span>': "is no drawn formula",
     '<span class="math"><math><merror><mtext>?</mtext></merror></math></span>': "has an error in it",
     "<p>the angle $$\\mathbf x$$</p>": "raw LaTeX",
@@ -45,11 +48,11 @@ def browser() -> Iterator[Any]:
         yield opened
 
 
-def console(browser: Any, folder: Path, body: str) -> list[str]:
+def console(browser: Any, folder: Path, body: str, screen: tuple[int, int, bool] = chromium.PHONE) -> list[str]:
     page = folder / "page.html"
     head = '<!doctype html><meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>page</title>'
     page.write_text(f'{head}<body style="background: #fff; color: #000"><article>{body}</article>', "utf-8")
-    browser.open(page, chromium.PHONE)
+    browser.open(page, screen)
     return [str(word) for word in browser.value(seen.QUESTIONS)]
 
 
@@ -58,6 +61,32 @@ def test_each_fault_is_found_and_none_where_none_is(browser: Any, tmp_path: Path
     for body, wanted in FAULTS.items():
         found = console(browser, tmp_path, body)
         assert any(wanted in word for word in found), (body, found)
+
+
+def test_an_example_is_seen_whole_on_a_wide_screen_and_scrolls_on_a_phone(browser: Any, tmp_path: Path) -> None:
+    """By the style of the site; tables of plain text keep their columns and scroll everywhere."""
+    style = (Path(seen.__file__).with_name("partita.css")).read_text("utf-8")
+    pre = f'<pre style="overflow: auto">{LONG}</pre>'
+    for kind, whole in (("python", True), ("default", True), ("output", True), ("text", False)):
+        body = f'<div class="highlight-{kind}"><button class="copybtn"></button>{pre}</div>'
+        assert console(browser, tmp_path, f"<style>{style}</style>{body}") == []
+        scrolls = "(() => { const e = document.querySelector('pre'); return e.scrollWidth > e.clientWidth + 1; })()"
+        assert browser.value(scrolls)
+        assert console(browser, tmp_path, f"<style>{style}</style>{body}", chromium.DESKTOP) == []
+        assert browser.value(scrolls) != whole
+        if whole:
+            found = console(browser, tmp_path, body, chromium.DESKTOP)
+            assert any("px out of sight" in word for word in found)
+
+
+def test_a_name_in_a_table_is_not_broken_on_a_phone(browser: Any, tmp_path: Path) -> None:
+    """By the style of the site: in any column, the first as well; beside it a sentence keeps its width."""
+    style = (Path(seen.__file__).with_name("partita.css")).read_text("utf-8")
+    cells = "<td>{0} (<code>ContradictionError</code>)</td><td>{0}</td><td>{0}</td>".format("words " * 40)
+    first = "<td><code>EQUAL_IN_SIX_DIGITS</code></td><td>1e-6</td>"
+    table = f'<table class="docutils"><tr>{cells}</tr><tr>{first}</tr></table>'
+    body = f'<style>{style} code {{ overflow-wrap: anywhere }}</style><div class="table-wrapper">{table}</div>'
+    assert console(browser, tmp_path, body) == []
 
 
 def test_a_page_with_an_animation_in_it_opens_at_its_title(browser: Any, tmp_path: Path) -> None:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import inspect
 import re
 from pathlib import Path
 from typing import Any
 
 import partita
-from website import texts
+from website import docstrings, texts
 
 project = "Partita"
 author = "the authors of Partita"
@@ -54,7 +55,7 @@ autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
 # What people may give or get in a word; spelt out it would be half a page.
-autodoc_type_aliases = {name: name for name in ("ArrayLike", "Array", "FloatArray", "Points")}
+autodoc_type_aliases = {name: name for name in ("ArrayLike", "Array", "FloatArray", "Points", "Course")}
 autodoc_preserve_defaults = True
 python_use_unqualified_type_names = True
 python_maximum_signature_line_length = 100
@@ -66,39 +67,17 @@ copybutton_selector = "div:not(.highlight-output):not(.highlight-none) > div.hig
 copybutton_prompt_text = r">>> |\.\.\. |\$ "
 copybutton_prompt_is_regexp = True
 
-# Signs that docstrings use as they are and that mean something to docutils: bars, stars, underscores at a word's end.
-_CODE = re.compile(r"(``.+?``|`[^`]+`)")
-_SIGNS = re.compile(r"(?<!\\)([*|]|_(?=\W|$))")
 
-
-def literal(line: str) -> str:
-    """A line of prose with those signs said literally; what stands between backticks is left alone."""
-    pieces = _CODE.split(line)
-    return "".join(p if n % 2 else _SIGNS.sub(r"\\\1", p) for n, p in enumerate(pieces))
-
-
-def plain(app: Any, what: str, name: str, obj: object, options: Any, lines: list[str]) -> None:
-    """Prose of a docstring with those signs said literally; examples and code are left alone."""
-    example = False
-    for i, line in enumerate(lines):
-        example = line.lstrip().startswith(">>>") or (example and bool(line.strip()))
-        if not example and not line.lstrip().startswith((":", "..")) and not line.lstrip().startswith("* "):
-            lines[i] = literal(line)
-
-
-# What stands before a colon in the words about an attribute is no type, as napoleon would have it.
-_COLON = "\ue000"
-
-
-def hide(app: Any, what: str, name: str, obj: object, options: Any, lines: list[str]) -> None:
-    """Colons of attributes, before napoleon."""
+def prepare(app: Any, what: str, name: str, obj: object, options: Any, lines: list[str]) -> None:
+    """A docstring before napoleon reads it; in the words about an attribute nothing before a colon is a type."""
+    lines[:] = docstrings.sections(docstrings.plain(lines))
     if what in ("attribute", "property") and lines:
-        lines[0] = lines[0].replace(":", _COLON)
+        lines[0] = lines[0].replace(":", docstrings.COLON)
 
 
-def show(app: Any, what: str, name: str, obj: object, options: Any, lines: list[str]) -> None:
+def restore(app: Any, what: str, name: str, obj: object, options: Any, lines: list[str]) -> None:
     """And behind it."""
-    lines[:] = [line.replace(_COLON, ":") for line in lines]
+    lines[:] = [docstrings.restored(line) for line in lines]
 
 
 # Classes that users make; of the others the arguments are nobody's business.
@@ -111,13 +90,15 @@ def signature(app: Any, what: str, name: str, *rest: Any) -> tuple[str, None] | 
     return ("", None) if hidden else None
 
 
-# Ways in for the package itself; nobody calls them.
-INSIDE = ("from_run", "from_core", "from_account")
+def internal(owner: type, member: object) -> bool:
+    """Whether a member is for the package alone: a constructor of a class that only Partita makes."""
+    return isinstance(member, classmethod) and owner.__name__ not in _MADE
 
 
 def skipped(app: Any, what: str, name: str, obj: object, skip: bool, options: Any) -> bool | None:
     """Whether a member is left out; None: as usual."""
-    return True if name in INSIDE else None
+    owner = getattr(obj, "__self__", None)
+    return True if isinstance(owner, type) and internal(owner, inspect.getattr_static(owner, name)) else None
 
 
 def finished(app: Any, exception: Exception | None) -> None:
@@ -132,22 +113,47 @@ _EQUAL = re.compile(r"\b(\w) = (?=\d)")
 
 
 def together(app: Any, doctree: Any, *rest: Any) -> None:
-    """Quantities in cells of tables are not broken between two lines."""
+    """Quantities in cells of tables are not broken between two lines, paths only behind a folder; names of one entry
+    stand side by side."""
     from docutils import nodes  # there where Sphinx is
 
+    for text in list(doctree.findall(nodes.Text)):
+        if docstrings.SPACE in text or text == " -- ":
+            shown = str(text).replace(docstrings.SPACE, " ").replace(" -- ", " – ")
+            text.parent.replace(text, nodes.Text(shown))
     for cell in doctree.findall(nodes.entry):
         for text in list(cell.findall(nodes.Text)):
             if not isinstance(text.parent, nodes.literal):
                 joined = _EQUAL.sub("\\1\u00a0=\u00a0", _QUANTITY.sub("\u00a0", str(text)))
                 text.parent.replace(text, nodes.Text(joined))
+            elif "/" in text:  # a path may go on below behind each of its folders
+                parts = [part for part in re.split(r"(?<=/)", str(text)) if part]
+                between = [nodes.raw("", "<wbr>", format="html") for _ in parts]
+                pieces = [piece for part, gap in zip(parts, between, strict=True) for piece in (gap, nodes.Text(part))]
+                text.parent.replace(text, pieces[1:])
+
+
+def types(*modules: Any) -> None:
+    """Have these modules of Sphinx write types with short names of arrays."""
+    for module in modules:
+        written = module.stringify_annotation
+        module.stringify_annotation = lambda *args, written=written, **more: docstrings.short(written(*args, **more))
 
 
 def setup(app: Any) -> None:
     """Docstrings before and after napoleon reads them, signatures, and what is made of the rendered pages."""
+    import sphinx.ext.autodoc
+    import sphinx.ext.napoleon.docstring
+    import sphinx.util.inspect
+    from sphinx.domains.python._object import PyObject
+
+    types(sphinx.ext.autodoc, sphinx.ext.napoleon.docstring, sphinx.util.inspect)
+    for field in PyObject.doc_field_types:
+        if field.name == "variable":
+            field.label = "Attributes"  # as the docstrings say
     app.connect("build-finished", finished)
     app.connect("doctree-resolved", together)
     app.connect("autodoc-skip-member", skipped)
-    app.connect("autodoc-process-docstring", plain, priority=400)
-    app.connect("autodoc-process-docstring", hide, priority=410)
-    app.connect("autodoc-process-docstring", show, priority=600)
+    app.connect("autodoc-process-docstring", prepare, priority=400)
+    app.connect("autodoc-process-docstring", restore, priority=600)
     app.connect("autodoc-process-signature", signature)

@@ -24,6 +24,19 @@
     if (seen(cell) && box.width < 90 && cell.textContent.trim().length > 40) bad.push(`${name(cell)}: a column of words ${Math.round(box.width)} px wide`);
     if (seen(cell) && cell.textContent.trim().length > 40 && box.height > 9 * box.width) bad.push(`${name(cell)} is ${Math.round(box.width)} px wide and ${Math.round(box.height)} px high`);
   }
+  // A name in code stands on one line, in tables too.
+  const range = document.createRange();
+  for (const code of article.querySelectorAll("table.docutils code")) {
+    const texts = document.createTreeWalker(code, NodeFilter.SHOW_TEXT);
+    for (let text = texts.nextNode(); text; text = texts.nextNode()) for (const word of text.data.matchAll(/[\w.]+/g)) {
+      range.setStart(text, word.index);
+      range.setEnd(text, word.index + word[0].length);
+      if (new Set([...range.getClientRects()].map((box) => Math.round(box.top))).size > 1) bad.push(`"${word[0]}" is broken within itself in ${name(code)}`);
+    }
+  }
+  // On a wide screen an example and what it prints are seen whole.
+  if (wide > 1072) for (const e of article.querySelectorAll("div:is(.highlight-python, .highlight-default, .highlight-output) pre"))
+    if (e.scrollWidth > e.clientWidth + 1) bad.push(`${name(e)} goes on ${e.scrollWidth - e.clientWidth} px out of sight`);
   // A number stands on one line with its unit, in tables of the site itself.
   for (const cell of article.querySelectorAll("table.docutils td")) {
     const texts = [cell, ...cell.querySelectorAll("*")].filter((e) => !e.closest("code, pre, math")).flatMap((e) => [...e.childNodes].filter((n) => n.nodeType === 3));
@@ -35,6 +48,7 @@
     if (!drawn || box.width < 2 || box.height < 2) bad.push(`${name(e)} is no drawn formula`);
     else if (e.querySelector("merror")) bad.push(`${name(e)} has an error in it`);
   }
+  if (article.innerText.includes("Alias for field number")) bad.push("a field without words of its own");
   if (/\$\$|\\frac|\\mathbf|:math:|\{doc\}|\{ref\}/.test([...article.querySelectorAll("p, li, td, dd")].filter((e) => !e.querySelector("pre, code")).map((e) => e.innerText).join("\n"))) bad.push("raw LaTeX or markup in the text");
   for (const e of article.querySelectorAll("img")) if (e.complete && !e.naturalWidth) bad.push(`picture ${e.getAttribute("src")} is not there`);
   for (const e of article.querySelectorAll("div.highlight-python, div.highlight-bash, div.highlight-toml, div.highlight-console, div.highlight-sh"))

@@ -17,7 +17,7 @@ from typing import Any
 
 from partita import catalogue
 
-from . import conf, gallery, notebooks
+from . import conf, docstrings, gallery, notebooks
 from .outline import PARTS, REFERENCE
 
 HERE = Path(__file__).parent
@@ -177,7 +177,8 @@ def overview(name: str, kind: type) -> list[str]:
         reported = (
             inspect.getdoc(there) if isinstance(there, (FunctionType, property, classmethod, staticmethod)) else None
         )
-        if reported and not member.startswith("_") and member not in conf.INSIDE and not hasattr(Mapping, member):
+        hidden = member.startswith("_") or conf.internal(kind, there) or hasattr(Mapping, member)
+        if reported and not hidden:
             rows.append(f"   * - :py:obj:`{member} <partita.{name}.{member}>`\n     - {first(reported)}")
     table = f".. list-table:: What a {kind.__name__} has\n   :widths: auto\n   :class: members\n\n"
     return [table + "\n".join(rows)] if len(rows) >= MANY else []
@@ -186,7 +187,7 @@ def overview(name: str, kind: type) -> list[str]:
 def first(text: str) -> str:
     """The first sentence of a docstring, without its full stop."""
     paragraph = " ".join(text.split("\n\n")[0].split())
-    return conf.literal(re.split(r"(?<=\.)\s", paragraph)[0].removesuffix("."))
+    return docstrings.literal(re.split(r"(?<=\.)\s", paragraph)[0].removesuffix("."))
 
 
 def found(name: str) -> object:

@@ -228,7 +228,7 @@ class CompiledModel(Equations):
         joints, coordinates and constraint rows stay the same.
 
         Every number changes only itself: a new mass leaves the inertia unchanged; the point of a joint moves on both of
-            its bodies, which stay where they are drawn. Prefer it to a new mechanism in sweeps and gradients.
+        its bodies, which stay where they are drawn. Prefer it to a new mechanism in sweeps and gradients.
 
         Raises `DescriptionError` for unknown names, wrong counts, numbers that no body, coupling or screw can have,
         points that would move a planar mechanism out of its plane, and factors with which a spatial coupling would

@@ -77,7 +77,9 @@ class Point(NamedTuple):
     """A point of a body: its name, and where the point is in its axes [m]. `Body.at` and `Body.world` make one."""
 
     body: str
+    """Name of the body."""
     coordinates: tuple[float, float, float]
+    """In the axes of the body, from its origin [m]."""
 
     def __repr__(self) -> str:
         return f"{self.body}.at(({', '.join(f'{x:g}' for x in self.coordinates)}))"

@@ -81,8 +81,6 @@ def _compare_one(arguments: argparse.Namespace, word: str, opened: Opened, durat
 
 def _check_outputs(arguments: argparse.Namespace) -> None:
     """Check before the runs, not after, that their figures can be written."""
-    from ..plots import figure_path
-
     files = {"--plot": arguments.plot, "--work-precision": arguments.work_precision, "--csv": arguments.csv}
     asked = [option for option, path in files.items() if path]
     if asked and len(arguments.models) > 1:
@@ -90,8 +88,11 @@ def _check_outputs(arguments: argparse.Namespace) -> None:
             f"{asked[0]} writes one file, and {len(arguments.models)} mechanisms are named; compare them one by one",
             argument=asked[0].lstrip("-"),
         )
-    for path in (arguments.plot, arguments.work_precision):
-        if path:
+    figures = [path for path in (arguments.plot, arguments.work_precision) if path]
+    if figures:
+        from ..plots import figure_path  # needs matplotlib, which the tables do without
+
+        for path in figures:
             figure_path(path)
     folder = Path(arguments.csv).parent if arguments.csv else Path()
     if not folder.is_dir():

@@ -27,12 +27,19 @@ class Point:
     """One run: its cost and its error at the end. Numbers are None where it did not finish."""
 
     name: str
+    """Of the formulation, as in `Comparison.row`."""
     rtol: float
+    """Relative tolerance of the run."""
     status: str
+    """How it ended, as in `Row.status`."""
     error: float | None
+    """Largest difference from the reference; see `Comparison.caption`."""
     evaluations: int | None
+    """Of accelerations, for the steps."""
     time: float | None
+    """Of the whole run [s]; the shortest of several where it is short."""
     message: str = ""
+    """Why it did not reach the end; else empty."""
 
 
 class WorkPrecision:

@@ -26,15 +26,16 @@ _NAMED = 4
 
 @dataclass(frozen=True)
 class Remark:
-    """A remark on a position in a file; `line` counts from 1, None for the whole file.
-
-    `name` says which element is meant, where `text` holds for several; `kind` is one of `KINDS`.
-    """
+    """A remark on a position in a file."""
 
     line: int | None
+    """Counts from 1; None for the whole file."""
     text: str
+    """What became of it."""
     name: str = ""
+    """The element that is meant, where `text` holds for several."""
     kind: str = ""
+    """What it means for the motion: a word of `RemarkGroup.kind`."""
 
     def __str__(self) -> str:
         shown = f"{self.name}: {self.text}" if self.name else self.text

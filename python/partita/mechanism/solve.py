@@ -446,7 +446,8 @@ def simulate(
         The result, also of a run that stopped early: check `success` and `message`.
 
     Raises:
-        ArgumentError, AssemblyError, EvaluationError, SingularityError; DescriptionError from `compile`.
+        ArgumentError, AssemblyError, EvaluationError, SingularityError: the run cannot start; the message says why.
+        DescriptionError: as in `compile`.
         Interrupted: Ctrl-C was pressed; `result` of the error is the run up to that time.
 
     >>> import partita as pt

@@ -43,6 +43,7 @@ function explore(speed) {
   scene.reach = arrows.map((arrow) => scene.tipOf(...arrow)).filter(Boolean);
   scene.near = travelling(live, scene.extent, shapes);
   scene.options.follow = scene.near !== null;
+  scene.options.whole = true;
   motion.reset(about.start);
   live.look();
   rates.sort((a, b) => a - b);

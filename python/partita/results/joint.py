@@ -118,9 +118,13 @@ class Directions(NamedTuple):
     """Orthonormal directions, as rows, in which self-stresses load a joint and in which they do not."""
 
     forces_open: FloatArray
+    """(k, 3): directions in which the force is not unique."""
     forces_determined: FloatArray
+    """(3 - k, 3): directions in which it is."""
     moments_open: FloatArray
+    """(k, 3): directions in which the moment is not unique."""
     moments_determined: FloatArray
+    """(3 - k, 3): directions in which it is."""
 
 
 class JointKinematics:
@@ -215,7 +219,7 @@ class JointResult(JointKinematics):
     its accelerations at the first `acceleration`, its reaction at the first `force`, `moment` or `drive`, each for all
     outputs at once.
 
-    The reaction is the wrench of the joint's constraints on its *child* body, including the effort of a drive, about
+    The reaction is the wrench of the joint's constraints on its child body, including the effort of a drive, about
     the joint's point on the child. `force` and `moment` are in world axes unless `in_frame` selected others; `axes`
     says which.
 

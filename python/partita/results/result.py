@@ -158,7 +158,7 @@ class Result(Run):
         MATLAB and Octave. `.csv`, `.parquet` (extra `parquet`): a table, one row per output, for spreadsheets.
 
         Every format holds everything: arrays, names, units, model, settings, certificate, version, and a checksum that
-            reveals later changes or damage. An existing file is replaced only when the new one is complete.
+        reveals later changes or damage. An existing file is replaced only when the new one is complete.
 
         Raises `FileFormatError` for another ending and if the file cannot be written, `MissingFileError` if the folder
         does not exist, `MissingDependencyError` with the name of the extra if a package is not installed. Costs the

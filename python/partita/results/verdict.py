@@ -21,8 +21,11 @@ class Finding(NamedTuple):
     """One finding against a run: whether it makes the run invalid or merely suspect, when [s], and a sentence."""
 
     invalid: bool
+    """Whether the run is invalid by it; otherwise it is suspect."""
     t: float
+    """When [s]."""
     sentence: str
+    """What was found, with its numbers."""
 
     @property
     def broken(self) -> bool:

@@ -1,5 +1,9 @@
 // What a run covers, over all its frames: the space to show, and lengths to draw with.
 
+const BAR = 0.1; // a mechanism flatter than this in the picture
+const SPECK = 16; // and with a typical body of fewer pixels than this is shown in part:
+const SHOWN = 0.3; // as flat as this,
+const MOST_TIMES = 20; // at most so many times as large
 const FAR = 2; // a mechanism that travels over more than this many times its own extent is followed by the camera
 
 /** Points to keep in the picture: all joints and the corners of bodies, over all time or in the frames given. */
@@ -33,6 +37,16 @@ function findExtent(run, frames) {
     }
   }
   return points.filter(isFinite3);
+}
+
+/** How many times larger than whole a mechanism is shown at first: once, unless it is so long that its bodies would be specks. */
+function partShown(camera, points, typical) {
+  if (typical * camera.scale >= SPECK) return 1;
+  const seen = points.map((point) => camera.project(point)).filter(Boolean);
+  const range = (of) => seen.reduce(([low, high], p) => [Math.min(low, of(p)), Math.max(high, of(p))], [Infinity, -Infinity]);
+  const sides = [range((p) => p.x), range((p) => p.y)].map(([low, high]) => high - low);
+  const slim = Math.min(...sides) / Math.max(...sides);
+  return slim < BAR ? Math.min(SHOWN / slim, MOST_TIMES, (SHOWN * Math.max(...sides)) / (typical * camera.scale)) : 1;
 }
 
 /** The middle of all bodies in a frame. */
@@ -94,12 +108,12 @@ function cornersOf(part) {
   return [[r, 0, 0], [-r, 0, 0], [0, r, 0], [0, -r, 0], [0, 0, r], [0, 0, -r]].map((v) => add(part.center, v));
 }
 
-/** Lengths [m] that suit the mechanism: `size` of it all, `radius` of rods, `arrow` for a large reaction. */
+/** Lengths [m] that suit the mechanism: `size` of it all, `typical` of a body, `radius` of rods, `arrow` for a large reaction. */
 function findSizes(run, extent) {
   const s = run.scene, size = spanOf(extent) || s.size;
   const lengths = s.bodies.filter((b) => b.points.length > 1)
     .map((b) => Math.max(...b.points.map((p) => length(sub(p, b.points[0]))))).sort((a, b) => a - b);
   const typical = lengths.length ? lengths[lengths.length >> 1] : size;
   // Slender against the whole and against a typical body: a long chain has thin rods and short arrows.
-  return { size, radius: Math.min(0.013 * size, 0.07 * typical), arrow: Math.min(0.2 * size, 1.5 * typical) };
+  return { size, typical, radius: Math.min(0.013 * size, 0.07 * typical), arrow: Math.min(0.2 * size, 1.5 * typical) };
 }

@@ -135,7 +135,9 @@ function bindTools() {
   }
   byId("follow").checked = scene.options.follow;
   byId("follow").parentElement.hidden = !scene.near;
-  byId("follow").addEventListener("change", (e) => { scene.options.follow = e.target.checked; scene.resetView(); redraw(); });
+  for (const name of ["follow", "whole"]) {
+    byId(name).addEventListener("change", (e) => { scene.options[name] = e.target.checked; scene.resetView(); redraw(); });
+  }
   // What there is nothing of is not offered.
   const some = {
     traces: run.frames > 1, forces: scene.forceUnit > 0, moments: scene.momentUnit > 0, loads: run.scene.loads.length > 0,
@@ -276,7 +278,7 @@ function start() {
   document.querySelector("footer").hidden = run.frames < 2 && !notes.length; // one position has no time
   const bare = /[?&]bare\b/.test(location.search);
   document.documentElement.classList.toggle("bare", bare);
-  if (bare) scene.options.names = false;
+  if (bare) Object.assign(scene.options, { names: false, whole: true }); // nothing to switch them by
   fillSpeeds();
   fillTicks();
   bindTools();
@@ -285,6 +287,8 @@ function start() {
   byId("tools").hidden = !scene.extent.length;
   findCovered();
   scene.resize();
+  byId("whole").parentElement.hidden = !scene.part;
+  findCovered();
   setLens(s.flat);
   setTheme(prefersDark.matches ? "dark" : "light");
   const resized = () => { scene.resize(); findCovered(); scene.draw(frame); panel.bars(frame); plots.draw(frame); };

@@ -23,6 +23,7 @@ class Scene {
     this.near = travelling(run, this.extent, spreadFrames(run, 24).map((f) => aboutMiddle(run, f)));
     const sizes = findSizes(run, this.near || this.extent);
     this.size = sizes.size;
+    this.typical = sizes.typical;
     this.radius = sizes.radius;
     this.arrowSpan = sizes.arrow;
     this.paths = findPaths(run);
@@ -33,7 +34,7 @@ class Scene {
     this.momentUnit = run.typicalLength("moment", 0.95);
     this.options = {
       names: s.joints.length <= 24, traces: this.paths.length <= 6, forces: true, moments: false, loads: true, arrows: 1,
-      follow: this.near !== null,
+      follow: this.near !== null, whole: false,
     };
     this.ratio = 1;
     this.hits = [];
@@ -41,6 +42,7 @@ class Scene {
     this.positions = new Map(); // last position of the name of a joint, so that it does not jump
     this.unlike = { cut: false }; // what of this frame is not to scale
     this.reach = this.findTips();
+    this.part = false; // whether the first view is of a part
   }
 
   /** Ends of arrows over the run, as the first view should hold them. */
@@ -95,6 +97,9 @@ class Scene {
       camera.target = target;
       camera.scale = 0.8 * alone;
     }
+    const times = partShown(camera, held, this.typical);
+    this.part = times > 1;
+    if (!this.options.whole) camera.scale *= times;
   }
 
   draw(frame, moving = false) {
