@@ -44,6 +44,7 @@ class Chromium:
         os.close(write_theirs)
         self.rest, self.count, self.session = b"", 0, ""
         self.reported: list[str] = []
+        self.loads = 0
         target = next(t for t in self.ask("Target.getTargets")["targetInfos"] if t["type"] == "page")
         self.session = self.ask("Target.attachToTarget", targetId=target["targetId"], flatten=True)["sessionId"]
         for domain in ("Page", "Runtime", "Log"):
@@ -68,7 +69,9 @@ class Chromium:
         text, self.rest = self.rest.split(b"\0", 1)
         message: dict[str, Any] = json.loads(text)
         kind, what = message.get("method", ""), message.get("params", {})
-        if kind == "Runtime.exceptionThrown":
+        if kind == "Page.loadEventFired":
+            self.loads += 1
+        elif kind == "Runtime.exceptionThrown":
             self.reported.append(json.dumps(what["exceptionDetails"])[:600])
         elif kind == "Runtime.consoleAPICalled" and what["type"] in ("error", "warning", "assert"):
             self.reported.append(json.dumps(what["args"])[:600])
@@ -106,12 +109,16 @@ class Chromium:
         self.ask("Emulation.setTouchEmulationEnabled", enabled=touch)
         self.ask("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
         self.reported = []
-        self.ask("Page.navigate", url="about:blank")  # else a change behind # alone would not load anew
-        address = path.resolve().as_uri() if isinstance(path, Path) else path
-        self.ask("Page.navigate", url=address + at)
-        while self._next().get("method") != "Page.loadEventFired":
-            pass
+        self.load("about:blank")  # else a change behind # alone would not load anew
+        self.load((path.resolve().as_uri() if isinstance(path, Path) else path) + at)
         self.rest_a_frame()
+
+    def load(self, address: str) -> None:
+        """Go there, and wait until it is loaded: that may be reported before the answer to the command."""
+        self.loads = 0
+        self.ask("Page.navigate", url=address)
+        while self.loads == 0:
+            self._next()
 
     def rest_a_frame(self) -> None:
         self.value("new Promise(r => requestAnimationFrame(() => requestAnimationFrame(() => r(0))))")
