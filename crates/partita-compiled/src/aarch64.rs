@@ -196,7 +196,8 @@ mod tests {
         assert_eq!(compute(Code::Neg), [0x1e61_4041]); // fneg d1, d2
         assert_eq!(compute(Code::Abs), [0x1e60_c041]); // fabs d1, d2
         assert_eq!(compute(Code::Sqrt), [0x1e61_c041]); // fsqrt d1, d2
-                                                        // fmul d30, d2, d17; fadd d1, d30, d29
+
+        // fmul d30, d2, d17; fadd d1, d30, d29
         assert_eq!(compute(Code::ProductPlus), [0x1e71_085e, 0x1e7d_2bc1]);
         // fmul d30, d2, d17; fsub d1, d30, d29
         assert_eq!(compute(Code::ProductMinus), [0x1e71_085e, 0x1e7d_3bc1]);
@@ -210,7 +211,8 @@ mod tests {
         assert_eq!(compute(Code::Reached), [0x1e62_2220, 0x1e7e_101e, 0x1e6e_1001, 0x1e61_cfc1]);
         assert_eq!(words(Step::Load(8, Address::Input(3))), [0xfd40_0e90]); // ldr d16, [x20, #24]
         assert_eq!(words(Step::Store(Address::Output(1), 0)), [0xfd00_06c0]); // str d0, [x22, #8]
-                                                                              // add x16, x19, #16, lsl #12; ldr d0, [x16, #8]
+
+        // add x16, x19, #16, lsl #12; ldr d0, [x16, #8]
         assert_eq!(words(Step::Load(0, Address::Stack(8193))), [0x9140_4270, 0xfd40_0600]);
     }
 
