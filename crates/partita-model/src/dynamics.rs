@@ -58,14 +58,7 @@ impl<G: Space> Tree<G> {
 
     /// [`project`](Self::project) for one degree of freedom.
     #[inline(never)]
-    fn project_one(
-        &self,
-        tangent: &[G::S],
-        delta: &[G::S],
-        s: &mut TreeScratch<G>,
-        md: &mut [G::S],
-        hd: &mut [G::S],
-    ) {
+    fn project_one(&self, tangent: &[G::S], delta: &[G::S], s: &mut TreeScratch<G>, md: &mut [G::S], hd: &mut [G::S]) {
         self.project_columns(1, tangent, delta, s, md, hd);
     }
 
