@@ -28,6 +28,7 @@ FAULTS = {
     "<table class='docutils'><tr><td>5.65 ms</td></tr></table>": "may be parted between two lines",
     "<table class='docutils' style='width: 90px; table-layout: fixed'><tr><td style='overflow-wrap: anywhere'>"
     "<code>a ContradictionError</code></td></tr></table>": '"ContradictionError" is broken within itself',
+    "<table class='docutils'><tr><td>in system/src/saddle.rs</td></tr></table>": '"system/src/saddle.rs" is one word',
     "<dd>Alias for field number 0</dd>": "a field without words",
     '<span class="math">\\frac12</span>': "is no drawn formula",
     '<span class="math"><math><merror><mtext>?</mtext></merror></math></span>': "has an error in it",
@@ -39,6 +40,7 @@ FAULTS = {
 }
 SOUND = """<section><h2>Sound</h2><p>Words.</p>
 <div style="overflow-x: auto"><table><tr><td style="white-space: nowrap">{long}</td></tr></table></div>
+<table class="docutils"><tr><td>system/<wbr>src/<wbr>full/<wbr>saddle.rs, 3 N m/rad/s</td></tr></table>
 <p><span class="math"><math><mi>x</mi></math></span></p></section>"""
 
 

@@ -110,6 +110,8 @@ def finished(app: Any, exception: Exception | None) -> None:
 # A number and its unit, "N = 40": one word to the lines of a table's cell.
 _QUANTITY = re.compile(r"(?<=\d) (?=(?:[nµm]?s|min|h|[kMG]?B|[mk]?m|k?g|[kM]?N|N m|k?W|J|rad|deg|Hz|rpm)\b)")
 _EQUAL = re.compile(r"\b(\w) = (?=\d)")
+# What is surely the path of a file in plain words: "m/s" is none.
+_PATH = re.compile(r"[\w.-]+(?:/[\w.-]+)*/[\w-]+\.[a-z]+\b")
 
 
 def together(app: Any, doctree: Any, *rest: Any) -> None:
@@ -123,14 +125,22 @@ def together(app: Any, doctree: Any, *rest: Any) -> None:
             text.parent.replace(text, nodes.Text(shown))
     for cell in doctree.findall(nodes.entry):
         for text in list(cell.findall(nodes.Text)):
-            if not isinstance(text.parent, nodes.literal):
-                joined = _EQUAL.sub("\\1\u00a0=\u00a0", _QUANTITY.sub("\u00a0", str(text)))
-                text.parent.replace(text, nodes.Text(joined))
-            elif "/" in text:  # a path may go on below behind each of its folders
-                parts = [part for part in re.split(r"(?<=/)", str(text)) if part]
-                between = [nodes.raw("", "<wbr>", format="html") for _ in parts]
-                pieces = [piece for part, gap in zip(parts, between, strict=True) for piece in (gap, nodes.Text(part))]
-                text.parent.replace(text, pieces[1:])
+            shown = str(text)
+            if isinstance(text.parent, nodes.literal):
+                folders = [i + 1 for i, sign in enumerate(shown[:-1]) if sign == "/"]
+            else:
+                shown = _EQUAL.sub("\\1\u00a0=\u00a0", _QUANTITY.sub("\u00a0", shown))
+                folders = [
+                    path.start() + i + 1
+                    for path in _PATH.finditer(shown)
+                    for i, sign in enumerate(path.group())
+                    if sign == "/"
+                ]
+            # a path may go on below behind each of its folders
+            pieces = [nodes.Text(shown[: folders[0] if folders else None])]
+            for begin, end in zip(folders, [*folders[1:], None], strict=True):
+                pieces += [nodes.raw("", "<wbr>", format="html"), nodes.Text(shown[begin:end])]
+            text.parent.replace(text, pieces)
 
 
 def types(*modules: Any) -> None:

@@ -42,6 +42,9 @@
     const texts = [cell, ...cell.querySelectorAll("*")].filter((e) => !e.closest("code, pre, math")).flatMap((e) => [...e.childNodes].filter((n) => n.nodeType === 3));
     const parted = texts.map((n) => n.data.match(/\d (ns|us|µs|ms|s|mm|m|kg|N|MB)\b/)).find(Boolean);
     if (parted) bad.push(`${name(cell)}: "${parted[0]}" may be parted between two lines`);
+    // A path may go on below behind each of its folders: no column is as wide as all of it.
+    const path = texts.map((n) => n.data.match(/[\w.-]+(\/[\w.-]+)*\/[\w-]+\.[a-z]+\b/)).find(Boolean);
+    if (path) bad.push(`${name(cell)}: "${path[0]}" is one word`);
   }
   for (const e of article.querySelectorAll(".math")) {
     const drawn = e.querySelector("math"), box = drawn && drawn.getBoundingClientRect();
