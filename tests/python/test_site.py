@@ -40,7 +40,7 @@ FAULTS = {
 }
 SOUND = """<section><h2>Sound</h2><p>Words.</p>
 <div style="overflow-x: auto"><table><tr><td style="white-space: nowrap">{long}</td></tr></table></div>
-<table class="docutils"><tr><td>system/<wbr>src/<wbr>full/<wbr>saddle.rs, 3 N m/rad/s</td></tr></table>
+<table class="docutils"><tr><td>system/<wbr>src/<wbr>full/<wbr>saddle.rs; m/rad/s</td></tr></table>
 <p><span class="math"><math><mi>x</mi></math></span></p></section>"""
 
 
