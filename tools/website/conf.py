@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import itertools
 import re
 from pathlib import Path
 from typing import Any
@@ -137,10 +138,10 @@ def together(app: Any, doctree: Any, *rest: Any) -> None:
                     if sign == "/"
                 ]
             # a path may go on below behind each of its folders
-            pieces = [nodes.Text(shown[: folders[0] if folders else None])]
-            for begin, end in zip(folders, [*folders[1:], None], strict=True):
+            pieces = []
+            for begin, end in itertools.pairwise([0, *folders, len(shown)]):
                 pieces += [nodes.raw("", "<wbr>", format="html"), nodes.Text(shown[begin:end])]
-            text.parent.replace(text, pieces)
+            text.parent.replace(text, pieces[1:])
 
 
 def types(*modules: Any) -> None:
