@@ -5,7 +5,7 @@
 //! ```
 
 use crate::functions;
-use crate::registers::{Address, Operand, Register, Registers, Step, Steps};
+use crate::registers::{Address, Operand, Register, Registers, Step, Steps, PAGE};
 use partita_math::program::Code;
 
 /// Registers d0 to d7 and d16 to d29, which a function need not keep; the last two are for results that go to memory and for
@@ -13,9 +13,6 @@ use partita_math::program::Code;
 const HELD: usize = 22;
 const BETWEEN: Register = 22;
 const PASSING: Register = 23;
-
-/// Bytes of a page of memory. The system makes a stack longer where the next page is touched, not one further away.
-const PAGE: usize = 4096;
 
 /// Numbers within the reach of an instruction that loads or stores.
 const REACH: usize = 4096;

@@ -7,6 +7,9 @@
 use crate::values::{Operation, Source, Values};
 use partita_math::program::Code;
 
+/// Bytes of a page of memory. The system makes a stack longer where the next page is touched, not one further away.
+pub(crate) const PAGE: usize = 4096;
+
 /// A register of a number.
 pub(crate) type Register = u8;
 

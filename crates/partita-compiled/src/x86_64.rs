@@ -5,7 +5,7 @@
 //! ```
 
 use crate::functions;
-use crate::registers::{Address, Operand, Register, Registers, Step, Steps};
+use crate::registers::{Address, Operand, Register, Registers, Step, Steps, PAGE};
 use partita_math::program::Code;
 
 /// Where the masks lie among the constants, beyond those of the program.
@@ -24,9 +24,6 @@ const FIRST: Register = 15;
 const SECOND: Register = 14;
 /// One more for SSE2, whose instructions overwrite an operand.
 const THIRD: Register = 13;
-
-/// Bytes of a page of memory. The system makes a stack longer where the next page is touched, not one further away.
-const PAGE: usize = 4096;
 
 /// An instruction on two registers, or a register and memory: prefix and opcode.
 #[derive(Clone, Copy)]
