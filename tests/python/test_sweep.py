@@ -2,7 +2,9 @@
 
 import os
 import signal
+import sys
 import time
+import weakref
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -229,6 +231,7 @@ def test_nonsense_is_refused(parameters: object, executor: object, words: str) -
         pt.sweep(lambda x: x, parameters, executor=executor)  # type: ignore[arg-type]
 
 
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_a_sweep_of_many_points_by_threads_keeps_what_came_back() -> None:
     """Points are submitted a few at a time: results come from the first on, and Ctrl-C keeps them."""
 
@@ -243,6 +246,48 @@ def test_a_sweep_of_many_points_by_threads_keeps_what_came_back() -> None:
     known = np.flatnonzero(np.isfinite(found["value"].values))
     assert len(known) > 100 and f"after {len(known)} of 200000 members" in str(stopped.value)
     assert np.array_equal(found["value"].values[known], 2.0 * known)
+
+
+@pytest.mark.parametrize("executor", [None, "threads"])
+def test_an_interrupt_that_python_drops_stops_a_sweep(executor: str | None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A `KeyboardInterrupt` in the callback of a weak reference is dropped, as it would be in a finaliser."""
+    dropped: list[Any] = []
+    monkeypatch.setattr(sys, "unraisablehook", lambda found: dropped.append(found.exc_type))
+
+    class Gone:
+        pass
+
+    def press(part: float) -> None:
+        if part > 0.5 and not dropped:
+            gone = Gone()
+            kept = weakref.ref(gone, lambda _: signal.raise_signal(signal.SIGINT))
+            del gone
+            assert kept() is None
+
+    with heard(), pytest.raises(pt.errors.Interrupted) as stopped:
+        pt.sweep(lambda x: 2.0 * x, {"x": range(100)}, executor=executor, batch=1, progress=press)
+    assert dropped == [KeyboardInterrupt]
+    assert 50 < np.isfinite(stopped.value.result["value"].values).sum() < 100
+
+
+def test_a_sweep_leaves_handlers_of_signals_as_they_were() -> None:
+    caught: list[int] = []
+
+    def own(number: int, _: Any) -> None:
+        caught.append(number)
+
+    def model(x: float) -> float:
+        if x == 3:
+            signal.raise_signal(signal.SIGINT)
+        return x
+
+    with heard():
+        pt.sweep(lambda x: x, {"x": range(5)})
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+        signal.signal(signal.SIGINT, own)
+        found = pt.sweep(model, {"x": range(5)})
+        assert signal.getsignal(signal.SIGINT) is own and caught == [signal.SIGINT]
+        assert np.array_equal(found["value"].values, range(5))
 
 
 def test_results_that_take_names_of_parameters_are_refused() -> None:

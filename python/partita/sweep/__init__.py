@@ -12,6 +12,7 @@ from ..numeric import shown
 from ..progress import reporting
 from .batches import Pool, Spread, pool_of
 from .collected import NOT_COMPUTED, Answer, answer_of, dataset
+from .interrupts import noticed
 from .members import Members, check_signature, members_of
 from .samplers import samples
 from .store import Store, load_sweep, opened, storable
@@ -88,12 +89,13 @@ def sweep(
     work, size = _Work(model, members), _size(batch)
     with (
         reporting(progress, members.count, "members") as report,
+        noticed() as check,
         pool_of(executor, workers, model) as pool,
         nullcontext() if store is None else opened(store, model, members) as kept,
     ):
         work.begin(kept, report)
         try:
-            work.compute(pool, size)
+            work.compute(pool, size, check)
         except KeyboardInterrupt as stopped:
             raise work.interrupted() from stopped
         return work.judged()
@@ -137,14 +139,15 @@ class _Work:
         if self.report is not None:
             self.report(len(self.answers) / self.members.count)
 
-    def compute(self, pool: Pool | None, batch: int | None) -> None:
-        """All that is not known yet."""
+    def compute(self, pool: Pool | None, batch: int | None, check: Callable[[], None]) -> None:
+        """All that is not known yet; `check` raises where Ctrl-C was pressed."""
         left = [member for member in range(self.members.count) if member not in self.answers]
         if pool is None:
             for member in left:
                 self.keep({member: answer_of(self.model, self.members.arguments(member))})
+                check()
         elif left:
-            lost = Spread(self.model, left, self.members.arguments, self.keep, batch).over(pool)
+            lost = Spread(self.model, left, self.members.arguments, self.keep, batch, check).over(pool)
             if lost is not None:
                 self.elsewhere = f"{NOT_COMPUTED}: the executor accepts no more work ({lost})"
 

@@ -162,6 +162,7 @@ class Spread:
         arguments: parameters of a member.
         keep: takes answers as they come.
         batch: members in a batch; None: by their time.
+        check: raises where Ctrl-C was pressed.
     """
 
     def __init__(
@@ -171,8 +172,9 @@ class Spread:
         arguments: Callable[[int], dict[str, Any]],
         keep: Keep,
         batch: int | None,
+        check: Callable[[], None],
     ) -> None:
-        self.model, self.arguments, self.keep, self.batch = model, arguments, keep, batch
+        self.model, self.arguments, self.keep, self.batch, self.check = model, arguments, keep, batch, check
         waiting = list(members)
         self.fresh, self.left = iter(waiting), len(waiting)
         self.pieces: deque[list[int]] = deque()
@@ -217,6 +219,7 @@ class Spread:
                         future.add_done_callback(done.put)
                 if not under_way:
                     return lost
+                self.check()
                 try:
                     future = done.get(timeout=PULSE)
                 except Empty:  # a chance for Ctrl-C
@@ -298,6 +301,7 @@ class Spread:
         """Members whose workers died, each alone, so that one that kills affects no other."""
         executor: Executor | None = None
         for member in self.alone:
+            self.check()
             executor = executor or pool.make()
             try:
                 self._keep([member], self._submit(executor, [member]).result())
