@@ -21,11 +21,12 @@ impl<G: Space> Tree<G> {
                 for i in 0..G::LENGTHS {
                     phi[k.row + i] = G::component(gap, i);
                 }
+                let rows = &mut c[k.entry..k.entry + G::LENGTHS * width];
                 for p in &k.path {
                     let point = if p.on_b { pb } else { pa };
                     self.point_columns(p.link, point, p.on_b, s, |j, column| {
                         for i in 0..G::LENGTHS {
-                            c[k.entry + i * width + p.slide_column + j] = G::component(column, i);
+                            rows[p.slide_column + j + i * width] = G::component(column, i);
                         }
                     });
                 }

@@ -80,8 +80,10 @@ impl<G: Space> Tree<G> {
             partial.resize(wanted, Default::default()); // at set-up; later the room is there
         }
         partial[..columns].fill(Default::default()); // the ground rests
+        let (md, hd) = (&mut md[..k * k], &mut hd[..k]);
         md.fill(G::S::zero());
         hd.fill(G::S::zero());
+        let idle = &self.idle[..self.links.len()];
         for i in 1..self.links.len() {
             let link = &self.links[i];
             let (before, rest) = partial.split_at_mut(i * columns);
@@ -93,7 +95,7 @@ impl<G: Space> Tree<G> {
             }
             let (w, u) = parent[k];
             mine[k] = self.propagate(i, s, w, u, |v| delta[v]);
-            if self.idle[i] {
+            if idle[i] {
                 continue;
             }
             let (x, mass) = (&s.links[i], link.mass);

@@ -319,7 +319,7 @@ impl<G: Space> Tree<G> {
 
     /// Inertias in world axes at the last poses.
     pub fn inertias(&self, s: &mut TreeScratch<G>) {
-        for (link, x) in self.links.iter().zip(s.links.iter_mut()).skip(1) {
+        for (link, x) in self.links[1..].iter().zip(&mut s.links[1..]) {
             x.inertia = G::world_inertia(&x.rot, &link.inertia);
         }
     }

@@ -73,6 +73,13 @@ impl Choice<'_> {
             }
         }
         plan.solve(factors, rhs, columns);
+        if columns == 1 {
+            // where k = 1 a copy of a slice costs more than all else here
+            for ((x, a), &i) in rhs.iter().zip(a_matrix).zip(self.dependent) {
+                (*a, dt[i]) = (*x, *x);
+            }
+            return;
+        }
         for (p, &i) in self.dependent.iter().enumerate() {
             let row = &rhs[p * columns..(p + 1) * columns];
             a_matrix[p * k..(p + 1) * k].copy_from_slice(&row[..k]);

@@ -25,6 +25,24 @@ struct Line {
     end: u32,
 }
 
+/// One row of a substitution: which of its entries multiply unknowns found before.
+#[derive(Clone, Copy, Debug)]
+struct Turn {
+    /// Place of the pivot.
+    diagonal: u32,
+    /// Entries in the list, without that of the unknown found just before.
+    count: u32,
+    /// Whether that one has an entry: it stands beside the pivot.
+    waits: bool,
+}
+
+/// The rows of a substitution in their order, and their entries: place in the factors, unknown.
+#[derive(Clone, Debug, Default)]
+struct Substitution {
+    turns: Vec<Turn>,
+    entries: Vec<[u32; 2]>,
+}
+
 /// `work[target] −= work[l] · work[u]`, for `length` consecutive targets and u.
 #[derive(Clone, Copy, Debug)]
 struct Run {
@@ -55,6 +73,9 @@ pub(super) struct Program {
     /// (target, l, u).
     singles: Vec<[u32; 3]>,
     runs: Vec<Run>,
+    forward: Substitution,
+    /// From the last row to the first.
+    backward: Substitution,
 }
 
 fn short(slot: usize) -> u32 {
@@ -73,10 +94,13 @@ impl Program {
             tallies: vec![Tally::default(); steps.len()],
             singles: Vec::new(),
             runs: Vec::new(),
+            forward: Substitution::default(),
+            backward: Substitution::default(),
         };
         program.lay_out(steps, &row_step, &col_step);
         program.record_scatter(pattern, steps, &col_step);
         program.record_updates();
+        program.record_substitutions();
         program
     }
 
@@ -158,6 +182,23 @@ impl Program {
         }
     }
 
+    fn record_substitutions(&mut self) {
+        let entry = |place: u32, columns: &[u32]| [place, columns[place as usize]];
+        for (i, line) in self.lines.iter().enumerate() {
+            let waits = line.start < line.diagonal && self.columns[line.diagonal as usize - 1] as usize + 1 == i;
+            let places = line.start..line.diagonal - u32::from(waits);
+            self.forward.turns.push(Turn { diagonal: line.diagonal, count: short(places.len()), waits });
+            self.forward.entries.extend(places.map(|p| entry(p, &self.columns)));
+        }
+        for (i, line) in self.lines.iter().enumerate().rev() {
+            let right = line.diagonal + 1;
+            let waits = right < line.end && self.columns[right as usize] as usize == i + 1;
+            let places = right + u32::from(waits)..line.end;
+            self.backward.turns.push(Turn { diagonal: line.diagonal, count: short(places.len()), waits });
+            self.backward.entries.extend(places.map(|p| entry(p, &self.columns)));
+        }
+    }
+
     /// Number of entries in L and U.
     pub(super) fn len(&self) -> usize {
         self.columns.len()
@@ -200,6 +241,9 @@ impl Program {
                 let product = work[l as usize] * work[u as usize];
                 work[target as usize] -= product;
             }
+            if tally.runs == 0 {
+                continue;
+            }
             let (now, later) = runs.split_at(tally.runs as usize);
             runs = later;
             for run in now {
@@ -219,37 +263,38 @@ impl Program {
     /// register.
     #[inline]
     pub(super) fn solve_fixed<T: Scalar, const N: usize>(&self, work: &[T], b: &mut [T]) {
-        let b = &mut b[..self.lines.len() * N];
+        let (b, work) = (&mut b[..self.lines.len() * N], &work[..self.columns.len()]);
         let mut found = [T::zero(); N];
-        for (i, line) in self.lines.iter().enumerate() {
+        let mut entries = &self.forward.entries[..];
+        for (i, turn) in self.forward.turns.iter().enumerate() {
             let mut row = take::<T, N>(b, i);
-            let (start, diagonal) = (line.start as usize, line.diagonal as usize);
-            let (lower, columns) = (&work[start..diagonal], &self.columns[start..diagonal]);
-            let waits = columns.last().is_some_and(|&j| j as usize + 1 == i);
-            for (l, &j) in lower.iter().zip(columns).take(columns.len() - usize::from(waits)) {
-                subtract(&mut row, *l, &take::<T, N>(b, j as usize));
+            let (now, later) = entries.split_at(turn.count as usize);
+            entries = later;
+            for &[place, j] in now {
+                subtract(&mut row, work[place as usize], &take::<T, N>(b, j as usize));
             }
-            if waits {
-                subtract(&mut row, lower[lower.len() - 1], &found);
+            if turn.waits {
+                subtract(&mut row, work[turn.diagonal as usize - 1], &found);
             }
             for x in &mut row {
-                *x *= work[diagonal];
+                *x *= work[turn.diagonal as usize];
             }
-            b[i * N..(i + 1) * N].copy_from_slice(&row);
+            put::<T, N>(b, i, &row);
             found = row;
         }
-        for (i, line) in self.lines.iter().enumerate().rev() {
+        let mut entries = &self.backward.entries[..];
+        for (i, turn) in self.backward.turns.iter().enumerate() {
+            let i = self.lines.len() - 1 - i;
             let mut row = take::<T, N>(b, i);
-            let (right, end) = (line.diagonal as usize + 1, line.end as usize);
-            let (upper, columns) = (&work[right..end], &self.columns[right..end]);
-            let waits = columns.first().is_some_and(|&j| j as usize == i + 1);
-            for (u, &j) in upper.iter().zip(columns).skip(usize::from(waits)) {
-                subtract(&mut row, *u, &take::<T, N>(b, j as usize));
+            let (now, later) = entries.split_at(turn.count as usize);
+            entries = later;
+            for &[place, j] in now {
+                subtract(&mut row, work[place as usize], &take::<T, N>(b, j as usize));
             }
-            if waits {
-                subtract(&mut row, upper[0], &found);
+            if turn.waits {
+                subtract(&mut row, work[turn.diagonal as usize + 1], &found);
             }
-            b[i * N..(i + 1) * N].copy_from_slice(&row);
+            put::<T, N>(b, i, &row);
             found = row;
         }
     }
@@ -343,9 +388,21 @@ fn positions(count: usize, used: impl Iterator<Item = usize>) -> Vec<Option<usiz
 /// Row `i` of N numbers.
 #[inline(always)]
 fn take<T: Scalar, const N: usize>(b: &[T], i: usize) -> [T; N] {
+    if N == 1 {
+        return [b[i]; N];
+    }
     let mut row = [T::zero(); N];
     row.copy_from_slice(&b[i * N..(i + 1) * N]);
     row
+}
+
+#[inline(always)]
+fn put<T: Scalar, const N: usize>(b: &mut [T], i: usize, row: &[T; N]) {
+    if N == 1 {
+        b[i] = row[0];
+    } else {
+        b[i * N..(i + 1) * N].copy_from_slice(row);
+    }
 }
 
 #[inline(always)]
