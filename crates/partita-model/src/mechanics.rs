@@ -71,6 +71,7 @@ impl<G: Space> Mechanics<G> {
     }
 
     /// Φ, C and a of all conditions at the last poses.                                    (S3, S4)
+    #[inline]
     pub(crate) fn hold(
         &self,
         at: &Instant<G::S>,
@@ -80,10 +81,14 @@ impl<G: Space> Mechanics<G> {
         c: &mut [G::S],
         a: &mut [G::S],
     ) -> Result<(), SystemError> {
+        if self.conditions.is_empty() {
+            return Ok(());
+        }
         self.conditions.iter().try_for_each(|x| x.position(&self.tree, s, at, room, phi, c, a))
     }
 
     /// b of all conditions at the last twists.                                            (S5)
+    #[inline]
     pub(crate) fn hold_rates(
         &self,
         at: &Instant<G::S>,
@@ -91,6 +96,9 @@ impl<G: Space> Mechanics<G> {
         room: &mut Vec<f64>,
         b: &mut [G::S],
     ) -> Result<(), SystemError> {
+        if self.conditions.is_empty() {
+            return Ok(());
+        }
         self.conditions.iter().try_for_each(|x| x.velocity(&self.tree, s, at, room, b))
     }
 
@@ -127,7 +135,21 @@ impl<G: Space> Mechanics<G> {
 
     /// Coordinates and velocities as functions read them, in the scratch memory; nothing where the tree's are all there
     /// is.
+    #[inline]
     pub(crate) fn seen(
+        &self,
+        instant: &Instant<G::S>,
+        s: &TreeScratch<G>,
+        room: &mut Room<G>,
+    ) -> (Vec<G::S>, Vec<G::S>) {
+        match self.sees_tree_alone() {
+            true => (Vec::new(), Vec::new()),
+            false => self.seen_beyond(instant, s, room),
+        }
+    }
+
+    #[inline(never)]
+    fn seen_beyond(
         &self,
         instant: &Instant<G::S>,
         s: &TreeScratch<G>,
@@ -136,16 +158,14 @@ impl<G: Space> Mechanics<G> {
         let (mut q, mut v) = (std::mem::take(&mut room.q), std::mem::take(&mut room.v));
         q.clear();
         v.clear();
-        if !self.sees_tree_alone() {
-            q.extend_from_slice(instant.q);
-            v.extend_from_slice(instant.v);
-            let Instant { t, q: tree_q, v: tree_v, callers } = *instant;
-            let at = At { tree: &self.tree, s, instant: Instant { t, q: tree_q, v: tree_v, callers } };
-            for sight in &self.sights {
-                sight.show(&at, &mut q, &mut v);
-            }
-            self.sensed.iter().for_each(|sight| sight.show(&at, &self.out, &mut q));
+        q.extend_from_slice(instant.q);
+        v.extend_from_slice(instant.v);
+        let Instant { t, q: tree_q, v: tree_v, callers } = *instant;
+        let at = At { tree: &self.tree, s, instant: Instant { t, q: tree_q, v: tree_v, callers } };
+        for sight in &self.sights {
+            sight.show(&at, &mut q, &mut v);
         }
+        self.sensed.iter().for_each(|sight| sight.show(&at, &self.out, &mut q));
         (q, v)
     }
 

@@ -11,6 +11,7 @@
 use super::choice::Step;
 use super::Pattern;
 use crate::scalar::Scalar;
+use std::ops::Range;
 
 pub mod sparse;
 
@@ -28,6 +29,7 @@ struct Line {
 /// One row of a substitution: which of its entries multiply unknowns found before.
 #[derive(Clone, Copy, Debug)]
 struct Turn {
+    row: u32,
     /// Place of the pivot.
     diagonal: u32,
     /// Entries in the list, without that of the unknown found just before.
@@ -36,7 +38,8 @@ struct Turn {
     waits: bool,
 }
 
-/// The rows of a substitution in their order, and their entries: place in the factors, unknown.
+/// The rows of a substitution in their order, without those that it leaves as they are, and their entries: place in the
+/// factors, unknown.
 #[derive(Clone, Debug, Default)]
 struct Substitution {
     turns: Vec<Turn>,
@@ -76,6 +79,13 @@ pub(super) struct Program {
     forward: Substitution,
     /// From the last row to the first.
     backward: Substitution,
+}
+
+impl Substitution {
+    fn add(&mut self, row: usize, line: &Line, places: Range<u32>, waits: bool, columns: &[u32]) {
+        self.turns.push(Turn { row: short(row), diagonal: line.diagonal, count: short(places.len()), waits });
+        self.entries.extend(places.map(|p| [p, columns[p as usize]]));
+    }
 }
 
 fn short(slot: usize) -> u32 {
@@ -183,19 +193,19 @@ impl Program {
     }
 
     fn record_substitutions(&mut self) {
-        let entry = |place: u32, columns: &[u32]| [place, columns[place as usize]];
         for (i, line) in self.lines.iter().enumerate() {
             let waits = line.start < line.diagonal && self.columns[line.diagonal as usize - 1] as usize + 1 == i;
             let places = line.start..line.diagonal - u32::from(waits);
-            self.forward.turns.push(Turn { diagonal: line.diagonal, count: short(places.len()), waits });
-            self.forward.entries.extend(places.map(|p| entry(p, &self.columns)));
+            self.forward.add(i, line, places, waits, &self.columns);
         }
         for (i, line) in self.lines.iter().enumerate().rev() {
             let right = line.diagonal + 1;
-            let waits = right < line.end && self.columns[right as usize] as usize == i + 1;
-            let places = right + u32::from(waits)..line.end;
-            self.backward.turns.push(Turn { diagonal: line.diagonal, count: short(places.len()), waits });
-            self.backward.entries.extend(places.map(|p| entry(p, &self.columns)));
+            if right == line.end {
+                continue;
+            }
+            let found = self.backward.turns.last().is_some_and(|turn| turn.row as usize == i + 1);
+            let waits = found && self.columns[right as usize] as usize == i + 1;
+            self.backward.add(i, line, right + u32::from(waits)..line.end, waits, &self.columns);
         }
     }
 
@@ -266,7 +276,8 @@ impl Program {
         let (b, work) = (&mut b[..self.lines.len() * N], &work[..self.columns.len()]);
         let mut found = [T::zero(); N];
         let mut entries = &self.forward.entries[..];
-        for (i, turn) in self.forward.turns.iter().enumerate() {
+        for turn in &self.forward.turns {
+            let i = turn.row as usize;
             let mut row = take::<T, N>(b, i);
             let (now, later) = entries.split_at(turn.count as usize);
             entries = later;
@@ -283,8 +294,8 @@ impl Program {
             found = row;
         }
         let mut entries = &self.backward.entries[..];
-        for (i, turn) in self.backward.turns.iter().enumerate() {
-            let i = self.lines.len() - 1 - i;
+        for turn in &self.backward.turns {
+            let i = turn.row as usize;
             let mut row = take::<T, N>(b, i);
             let (now, later) = entries.split_at(turn.count as usize);
             entries = later;
