@@ -59,7 +59,9 @@ impl<G: Space> Tree<G> {
     /// [`project`](Self::project) for one degree of freedom.
     #[inline(never)]
     fn project_one(&self, tangent: &[G::S], delta: &[G::S], s: &mut TreeScratch<G>, md: &mut [G::S], hd: &mut [G::S]) {
-        self.project_columns(1, tangent, delta, s, md, hd);
+        let (mut mass, mut force) = ([G::S::zero()], [G::S::zero()]); // sums in registers
+        self.project_columns(1, tangent, delta, s, &mut mass, &mut force);
+        (md[0], hd[0]) = (mass[0], force[0]);
     }
 
     /// As [`project`](Self::project); compiled for one column and for any number of them.
@@ -89,12 +91,7 @@ impl<G: Space> Tree<G> {
             let (before, rest) = partial.split_at_mut(i * columns);
             let parent = &before[link.parent * columns..(link.parent + 1) * columns];
             let mine = &mut rest[..columns];
-            for j in 0..k {
-                let (w, u) = parent[j];
-                mine[j] = self.propagate(i, s, w, u, |v| tangent[v * k + j]);
-            }
-            let (w, u) = parent[k];
-            mine[k] = self.propagate(i, s, w, u, |v| delta[v]);
+            self.propagate_columns(i, s, parent, mine, |j, v| if j < k { tangent[v * k + j] } else { delta[v] });
             if idle[i] {
                 continue;
             }

@@ -149,12 +149,7 @@ impl<G: Space> Mechanics<G> {
     }
 
     #[inline(never)]
-    fn seen_beyond(
-        &self,
-        instant: &Instant<G::S>,
-        s: &TreeScratch<G>,
-        room: &mut Room<G>,
-    ) -> (Vec<G::S>, Vec<G::S>) {
+    fn seen_beyond(&self, instant: &Instant<G::S>, s: &TreeScratch<G>, room: &mut Room<G>) -> (Vec<G::S>, Vec<G::S>) {
         let (mut q, mut v) = (std::mem::take(&mut room.q), std::mem::take(&mut room.v));
         q.clear();
         v.clear();

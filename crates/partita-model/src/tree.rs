@@ -395,19 +395,45 @@ impl<G: Space> Tree<G> {
         u: G::Vec,
         rate: impl Fn(usize) -> G::S,
     ) -> (G::Ang, G::Vec) {
+        let mut mine = [Default::default()];
+        self.propagate_columns(i, s, &[(w, u)], &mut mine, |_, v| rate(v));
+        mine[0]
+    }
+
+    /// As [`propagate`](Self::propagate), for several twists of the parent; `rate(column, j)`.
+    #[inline(always)]
+    pub fn propagate_columns(
+        &self,
+        i: usize,
+        s: &TreeScratch<G>,
+        parent: &[(G::Ang, G::Vec)],
+        mine: &mut [(G::Ang, G::Vec)],
+        rate: impl Fn(usize, usize) -> G::S,
+    ) {
         let (link, x) = (&self.links[i], &s.links[i]);
+        let turned = |(w, u): (G::Ang, G::Vec), turn: G::Ang| {
+            let w2 = w + turn;
+            (w2, u + G::cross(w, x.arm_in) + G::cross(w2, x.arm_out))
+        };
+        let columns = parent.iter().zip(mine).enumerate();
         match link.motion {
             LinkMotion::Turn(_) => {
-                let w2 = w + G::scale_ang(x.axis, rate(link.v));
-                (w2, u + G::cross(w, x.arm_in) + G::cross(w2, x.arm_out))
+                for (j, (p, mine)) in columns {
+                    *mine = turned(*p, G::scale_ang(x.axis, rate(j, link.v)));
+                }
             }
-            LinkMotion::Slide(_) => (w, u + G::cross(w, x.arm_in) + G::scale(x.direction, rate(link.v))),
+            LinkMotion::Slide(_) => {
+                for (j, (&(w, u), mine)) in columns {
+                    *mine = (w, u + G::cross(w, x.arm_in) + G::scale(x.direction, rate(j, link.v)));
+                }
+            }
             LinkMotion::Ball => {
-                let turn = G::scale_ang(G::body_axis(&x.rot, 0), rate(link.v))
-                    + G::scale_ang(G::body_axis(&x.rot, 1), rate(link.v + 1))
-                    + G::scale_ang(G::body_axis(&x.rot, 2), rate(link.v + 2));
-                let w2 = w + turn;
-                (w2, u + G::cross(w, x.arm_in) + G::cross(w2, x.arm_out))
+                for (j, (p, mine)) in columns {
+                    let turn = G::scale_ang(G::body_axis(&x.rot, 0), rate(j, link.v))
+                        + G::scale_ang(G::body_axis(&x.rot, 1), rate(j, link.v + 1))
+                        + G::scale_ang(G::body_axis(&x.rot, 2), rate(j, link.v + 2));
+                    *mine = turned(*p, turn);
+                }
             }
         }
     }

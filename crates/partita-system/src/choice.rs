@@ -49,6 +49,7 @@ impl Choice<'_> {
     }
 
     /// A, D and η: `v_D = A v_I + η`, with C_D factored. `rhs` has room for r x (columns + 1).               (P1, P2)
+    #[inline(always)]
     pub fn tangent<T: Scalar>(
         &self,
         factors: &[T],
@@ -91,6 +92,7 @@ impl Choice<'_> {
     }
 
     /// `v = Dᵀ v_I + [0; η]`.                                                             (P2)
+    #[inline(always)]
     pub fn spread<T: Scalar>(
         &self,
         factors: &[T],
@@ -133,6 +135,7 @@ impl Choice<'_> {
     }
 
     /// `ξ = −C_D⁻¹ b`, written to the slots of D.                                                                (P1)
+    #[inline(always)]
     pub fn bias<T: Scalar>(&self, factors: &[T], b: &[T], work: &mut [T], delta: &mut [T]) {
         let x = &mut work[..self.rows.len()];
         for (x, &row) in x.iter_mut().zip(self.rows) {
