@@ -74,8 +74,8 @@ impl Choice<'_> {
             }
         }
         plan.solve(factors, rhs, columns);
-        if columns == 1 {
-            // where k = 1 a copy of a slice costs more than all else here
+        if k == 1 && !self.rheonomic {
+            // a copy of a slice costs more than all else here
             for ((x, a), &i) in rhs.iter().zip(a_matrix).zip(self.dependent) {
                 (*a, dt[i]) = (*x, *x);
             }
