@@ -213,13 +213,28 @@ impl<S: Scalar> Evaluator<S> {
         a: &mut [S],
     ) -> Result<(), SystemError> {
         s.forces_at = false;
-        let mut room = std::mem::take(&mut s.room);
-        let at = self.instant(t, q, &[]);
-        let held = with_engine!(self, s, |tree, x| {
+        let conditional = with_engine!(self, s, |tree, x| {
             tree.poses(q, x);
             tree.close(x, phi, c);
-            tree.hold(&at, x, &mut room, phi, c, a)
+            !tree.conditions.is_empty()
         });
+        match conditional {
+            true => self.hold(&self.instant(t, q, &[]), s, phi, c, a),
+            false => Ok(()),
+        }
+    }
+
+    /// Φ, C and a of the conditions that no loop closure is.
+    fn hold(
+        &self,
+        at: &Instant<S>,
+        s: &mut Scratch<S>,
+        phi: &mut [S],
+        c: &mut [S],
+        a: &mut [S],
+    ) -> Result<(), SystemError> {
+        let mut room = std::mem::take(&mut s.room);
+        let held = with_engine!(self, s, |tree, x| tree.hold(at, x, &mut room, phi, c, a));
         s.room = room;
         held
     }
@@ -227,13 +242,21 @@ impl<S: Scalar> Evaluator<S> {
     /// Velocity level, at the `(t, q)` of the last [`position`](Self::position): b.            (S5)
     pub fn velocity(&self, t: S, q: &[S], v: &[S], s: &mut Scratch<S>, b: &mut [S]) -> Result<(), SystemError> {
         s.forces_at = false;
-        let mut room = std::mem::take(&mut s.room);
-        let at = self.instant(t, q, v);
-        let held = with_engine!(self, s, |tree, x| {
+        let conditional = with_engine!(self, s, |tree, x| {
             tree.twists(v, x);
             tree.bias(x, b);
-            tree.hold_rates(&at, x, &mut room, b)
+            !tree.conditions.is_empty()
         });
+        match conditional {
+            true => self.hold_rates(&self.instant(t, q, v), s, b),
+            false => Ok(()),
+        }
+    }
+
+    /// b of the same conditions.
+    fn hold_rates(&self, at: &Instant<S>, s: &mut Scratch<S>, b: &mut [S]) -> Result<(), SystemError> {
+        let mut room = std::mem::take(&mut s.room);
+        let held = with_engine!(self, s, |tree, x| tree.hold_rates(at, x, &mut room, b));
         s.room = room;
         held
     }

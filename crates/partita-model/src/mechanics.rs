@@ -71,7 +71,6 @@ impl<G: Space> Mechanics<G> {
     }
 
     /// Φ, C and a of all conditions at the last poses.                                    (S3, S4)
-    #[inline]
     pub(crate) fn hold(
         &self,
         at: &Instant<G::S>,
@@ -81,14 +80,10 @@ impl<G: Space> Mechanics<G> {
         c: &mut [G::S],
         a: &mut [G::S],
     ) -> Result<(), SystemError> {
-        if self.conditions.is_empty() {
-            return Ok(());
-        }
         self.conditions.iter().try_for_each(|x| x.position(&self.tree, s, at, room, phi, c, a))
     }
 
     /// b of all conditions at the last twists.                                            (S5)
-    #[inline]
     pub(crate) fn hold_rates(
         &self,
         at: &Instant<G::S>,
@@ -96,9 +91,6 @@ impl<G: Space> Mechanics<G> {
         room: &mut Vec<f64>,
         b: &mut [G::S],
     ) -> Result<(), SystemError> {
-        if self.conditions.is_empty() {
-            return Ok(());
-        }
         self.conditions.iter().try_for_each(|x| x.velocity(&self.tree, s, at, room, b))
     }
 
