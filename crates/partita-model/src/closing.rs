@@ -1,6 +1,6 @@
 //! Closing rows: Φ, C and b of the cut joints.                                            (S3, S4, S5)
 
-use crate::tree::{Closing, LinkMotion, Locked, Tree, TreeScratch};
+use crate::tree::{swung, Closing, LinkMotion, Locked, Tree, TreeScratch};
 use partita_math::spatial::Space;
 
 impl<G: Space> Tree<G> {
@@ -98,8 +98,8 @@ impl<G: Space> Tree<G> {
             let (xa, xb) = (&s.links[k.a.link], &s.links[k.b.link]);
             let (ra, rb) = (self.arm(&k.a, s), self.arm(&k.b, s));
             let (ua, ub) = (G::cross(xa.w, ra), G::cross(xb.w, rb));
-            let acc_a = xa.acc + G::cross(xa.alpha, ra) + G::cross(xa.w, ua);
-            let acc_b = xb.acc + G::cross(xb.alpha, rb) + G::cross(xb.w, ub);
+            let acc_a = swung::<G>(xa.acc, xa.alpha, ra) + G::cross(xa.w, ua);
+            let acc_b = swung::<G>(xb.acc, xb.alpha, rb) + G::cross(xb.w, ub);
             let acc = acc_b - acc_a;
             match &k.slides {
                 Locked::World => {

@@ -243,6 +243,15 @@ impl<G: Space> TreeScratch<G> {
     }
 }
 
+/// `acc + α × r` for the angular acceleration α that `v' = 0` leaves.
+#[inline(always)]
+pub(crate) fn swung<G: Space>(acc: G::Vec, alpha: G::Ang, r: G::Vec) -> G::Vec {
+    match G::GYROSCOPIC {
+        true => acc + G::cross(alpha, r),
+        false => acc,
+    }
+}
+
 impl<G: Space> Tree<G> {
     /// Inertia of the rotors that velocity `v` moves.
     #[inline(always)]
@@ -361,7 +370,7 @@ impl<G: Space> Tree<G> {
                 x.u = u_p + transport + slide;
                 x.alpha = alpha_p;
                 let coriolis = G::cross(w_p, slide);
-                x.acc = acc_p + G::cross(alpha_p, x.arm_in) + G::cross(w_p, transport) + coriolis + coriolis;
+                x.acc = swung::<G>(acc_p, alpha_p, x.arm_in) + G::cross(w_p, transport) + coriolis + coriolis;
             }
             LinkMotion::Turn(_) | LinkMotion::Ball => {
                 let turn = match link.motion {
@@ -376,11 +385,8 @@ impl<G: Space> Tree<G> {
                 x.alpha = alpha_p + G::cross_ang(w_p, turn);
                 let (inner, outer) = (G::cross(w_p, x.arm_in), G::cross(x.w, x.arm_out));
                 x.u = u_p + inner + outer;
-                x.acc = acc_p
-                    + G::cross(alpha_p, x.arm_in)
-                    + G::cross(w_p, inner)
-                    + G::cross(x.alpha, x.arm_out)
-                    + G::cross(x.w, outer);
+                let at_joint = swung::<G>(acc_p, alpha_p, x.arm_in) + G::cross(w_p, inner);
+                x.acc = swung::<G>(at_joint, x.alpha, x.arm_out) + G::cross(x.w, outer);
             }
         }
     }

@@ -25,6 +25,7 @@ impl<S: Scalar> Vectors for Planar<S> {
     type Ang = S;
     const DIM: usize = 3;
     const LENGTHS: usize = 2;
+    const GYROSCOPIC: bool = false;
 
     #[inline(always)]
     fn cross(w: S, x: Vec2<S>) -> Vec2<S> {

@@ -55,6 +55,8 @@ pub trait Vectors {
     const DIM: usize;
     /// Components of a length.
     const LENGTHS: usize;
+    /// Whether turns about different axes combine: `v' = 0` then leaves angular accelerations, which a plane has not.
+    const GYROSCOPIC: bool;
 
     /// `w × x`.
     fn cross(w: Self::Ang, x: Self::Vec) -> Self::Vec;

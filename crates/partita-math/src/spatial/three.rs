@@ -34,6 +34,7 @@ impl<S: Scalar> Vectors for Spatial<S> {
     type Ang = Vec3<S>;
     const DIM: usize = 6;
     const LENGTHS: usize = 3;
+    const GYROSCOPIC: bool = true;
 
     #[inline(always)]
     fn cross(w: Vec3<S>, x: Vec3<S>) -> Vec3<S> {
