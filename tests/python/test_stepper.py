@@ -525,3 +525,20 @@ def test_a_function_may_not_step_the_stepper_that_calls_it() -> None:
     assert np.array_equal(sim.state.q, stood)
     sim.step()
     assert sim.state.t == pytest.approx(2 * DT)
+
+
+@pytest.mark.parametrize("sees", [False, True])
+def test_an_input_beside_a_function_of_a_joint_that_closes_a_loop(sees: bool) -> None:
+    """Inputs need no coordinates but those of the tree; a function beside them reads all, as in a run."""
+    m = pt.catalogue.load("four-bar")
+    (cut,) = (joint["name"] for joint in m.compile().summary["joints"] if not joint["tree"])
+    if sees:
+        m.add_torque("A", lambda t, state: -3.0 * state.position(cut) - 0.2 * state.velocity(cut), name="spring")
+    motor = m.add_torque("A", 0.7, name="motor")
+    start = pt.catalogue.entry("four-bar").initial(m)
+    sim = m.stepper(0.01, inputs=[motor], initial=start, substeps=4)
+    for _ in range(20):
+        now = sim.step([0.7])
+    run = m.simulate(0.2, t_eval=[0.2], initial=start, method="rk4", step=0.0025)
+    assert np.allclose(now.q, run.q[-1], rtol=0, atol=1e-12) and np.allclose(now.v, run.v[-1], rtol=0, atol=1e-11)
+    assert np.allclose(sim.result().energy.kinetic[-1], run.energy.kinetic[-1], rtol=1e-9)

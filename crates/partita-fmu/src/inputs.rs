@@ -79,6 +79,9 @@ impl Functions for Inputs {
     fn count(&self) -> usize {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).len()
     }
+    fn sees_state(&self, _: usize) -> bool {
+        false
+    }
     fn scalar(&self, i: usize, t: f64, _: &[f64], _: &[f64]) -> Result<f64, Failure> {
         self.at(i, t).map(|x| x[0])
     }

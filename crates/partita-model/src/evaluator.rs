@@ -18,7 +18,7 @@ use crate::rows::{Owner, Row};
 use crate::sparse_mass::MassLayout;
 use crate::spec::{Level, Spec, Value};
 use crate::tree::{LinkMotion, LinkState, TreeScratch};
-use crate::value::{Callers, Instant};
+use crate::value::{Callers, Functions, Instant};
 use crate::zero_position::Placed;
 use partita_math::elimination::Pattern;
 use partita_math::scalar::{Dual, Scalar};
@@ -151,7 +151,7 @@ impl<S: Scalar> Evaluator<S> {
         callers: Arc<Callers>,
     ) -> Result<(Self, [Vec<Row>; 2]), DescriptionError> {
         let massive = massive(&placed);
-        let (full, full_rows) = mechanics::<Spatial<S>>(spec, &placed, &numbers, &massive)?;
+        let (full, full_rows) = mechanics::<Spatial<S>>(spec, &placed, &numbers, &massive, &*callers.functions)?;
         if let (false, Some(name)) = (S::CALLS, full.elements.iter().find_map(Element::calls)) {
             return Err(uncallable("force", name));
         }
@@ -165,7 +165,7 @@ impl<S: Scalar> Evaluator<S> {
             return Err(uncallable(element, &c.name));
         }
         let (engine, rows) = if placed.planar {
-            let (planar, rows) = mechanics::<Planar<S>>(spec, &placed, &numbers, &massive)?;
+            let (planar, rows) = mechanics::<Planar<S>>(spec, &placed, &numbers, &massive, &*callers.functions)?;
             (Engine::Planar(Box::new(planar)), rows)
         } else {
             (Engine::Full, full_rows.clone())
@@ -452,9 +452,9 @@ impl<S: Scalar> Evaluator<S> {
             self.forces(t, q, v, s)?;
         }
         let instant = self.instant(t, q, v);
-        let [_, _, power] = match (&self.engine, &s.planar) {
-            (Engine::Planar(tree), Some(x)) => tree.energies(instant, x, &mut s.planar_forces),
-            _ => self.full.energies(instant, &s.full, &mut s.full_forces),
+        let [_, power] = match (&self.engine, &s.planar) {
+            (Engine::Planar(tree), Some(x)) => tree.potential_and_power(instant, x, &mut s.planar_forces),
+            _ => self.full.potential_and_power(instant, &s.full, &mut s.full_forces),
         }?;
         Ok(power)
     }
@@ -539,13 +539,15 @@ fn mechanics<G: Space>(
     placed: &Placed,
     numbers: &Numbers<G::S>,
     massive: &[bool],
+    functions: &dyn Functions,
 ) -> Result<(Mechanics<G>, Vec<Row>), DescriptionError> {
     let (tree, mut rows) = compile::compile::<G>(spec, placed, numbers);
     let conditions = coupling::all(spec, placed, numbers, &tree)?;
     rows.extend(conditions.iter().flat_map(|c| c.named(spec)));
     let maker = Maker::new(spec, placed, numbers, &tree)?;
     let elements = maker.elements()?;
-    let (sights, sensed) = (maker.sights(&elements)?, maker.sensed(&elements)?);
+    let sees_state = elements.iter().any(|e| e.sees_state(functions));
+    let (sights, sensed) = (maker.sights(sees_state)?, maker.sensed(sees_state)?);
     let out = Mat3::from_f64(placed.basis.transpose().0);
     Ok((Mechanics::new(tree, conditions, elements, sights, massive).sensing(sensed, out), rows))
 }

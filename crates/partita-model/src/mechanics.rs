@@ -169,6 +169,18 @@ impl<G: Space> Mechanics<G> {
         room: &mut Room<G>,
     ) -> Result<[G::S; 3], SystemError> {
         let (kinetic, gravity) = self.energy(instant.v, s);
+        let [potential, power] = self.potential_and_power(instant, s, room)?;
+        Ok([kinetic, gravity + potential, power])
+    }
+
+    /// Potential of the applied forces, and the power of those without one, at the last twists.
+    #[inline]
+    pub(crate) fn potential_and_power(
+        &self,
+        instant: Instant<G::S>,
+        s: &TreeScratch<G>,
+        room: &mut Room<G>,
+    ) -> Result<[G::S; 2], SystemError> {
         let (mut potential, mut power) = (G::S::zero(), G::S::zero());
         let (q, v) = self.seen(&instant, s, room);
         let Instant { t, callers, .. } = instant;
@@ -180,6 +192,6 @@ impl<G: Space> Mechanics<G> {
             power += effect.power;
         }
         (room.q, room.v) = (q, v);
-        Ok([kinetic, gravity + potential, power])
+        Ok([potential, power])
     }
 }

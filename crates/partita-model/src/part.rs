@@ -48,7 +48,7 @@ impl Part {
         links.extend(nodes.iter().map(|&n| model.placed.link_of(n)));
         links.extend(elements.iter().flat_map(|&i| full.elements[i].touches().1));
         links.extend(elements.iter().flat_map(|&i| full.elements[i].looks_at()));
-        if elements.iter().any(|&i| full.elements[i].sees_state()) {
+        if elements.iter().any(|&i| full.elements[i].sees_state(&*model.callers.functions)) {
             links.extend(seen(model));
         }
         for &k in &closings {
@@ -129,7 +129,7 @@ impl<S: Scalar> Evaluator<S> {
     pub fn part_of_load(&self, e: usize) -> Part {
         let element = &self.full.elements[e];
         let mut links: BTreeSet<usize> = element.touches().1.into_iter().chain(element.looks_at()).collect();
-        if element.sees_state() {
+        if element.sees_state(&*self.callers.functions) {
             links.extend(seen(self));
         }
         // the link that moves with a velocity along which it acts

@@ -22,6 +22,11 @@ pub const TURNING: usize = 15;
 pub trait Functions: Send + Sync {
     /// Number of functions.
     fn count(&self) -> usize;
+    /// Whether function number `i` reads q and v. Where none does, coordinates of cut joints and readings of sensors,
+    /// which follow those of the tree, are not computed for it.
+    fn sees_state(&self, _i: usize) -> bool {
+        true
+    }
     /// Effort number `i` at (t, q, v).
     fn scalar(&self, i: usize, t: f64, q: &[f64], v: &[f64]) -> Result<f64, Box<dyn std::error::Error + Send + Sync>>;
     /// Force number `i` at (t, q, v).

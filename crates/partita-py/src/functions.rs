@@ -173,6 +173,9 @@ impl Functions for Held {
     fn count(&self) -> usize {
         self.functions.count() + self.offsets.len()
     }
+    fn sees_state(&self, i: usize) -> bool {
+        self.offset(i).is_none() && self.functions.sees_state(i)
+    }
     fn scalar(&self, i: usize, t: f64, q: &[f64], v: &[f64]) -> Result<f64, Fault> {
         match self.offset(i) {
             Some(offset) => Ok(self.number(offset)),

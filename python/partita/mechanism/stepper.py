@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from math import isfinite
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -268,10 +269,10 @@ class Stepper:
                 f"u has the shape {wanted.shape}; it must be {len(self._inputs)} numbers: {', '.join(self._inputs)}",
                 argument="u",
             )
-        if not np.isfinite(wanted).all():
+        if not all(map(isfinite, wanted.tolist())):
             for name, value in zip(self._inputs, wanted, strict=True):
                 _number(name, value)
-        return np.ascontiguousarray(wanted)
+        return wanted
 
     def __reduce__(self) -> Any:
         raise ArgumentError("a stepper cannot be pickled or copied; keep its state", argument="stepper")

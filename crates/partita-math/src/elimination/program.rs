@@ -82,9 +82,9 @@ pub(super) struct Program {
 }
 
 impl Substitution {
-    fn add(&mut self, row: usize, line: &Line, places: Range<u32>, waits: bool, columns: &[u32]) {
-        self.turns.push(Turn { row: short(row), diagonal: line.diagonal, count: short(places.len()), waits });
-        self.entries.extend(places.map(|p| [p, columns[p as usize]]));
+    fn add(&mut self, row: usize, line: &Line, slots: Range<u32>, waits: bool, columns: &[u32]) {
+        self.turns.push(Turn { row: short(row), diagonal: line.diagonal, count: short(slots.len()), waits });
+        self.entries.extend(slots.map(|p| [p, columns[p as usize]]));
     }
 }
 
@@ -195,8 +195,8 @@ impl Program {
     fn record_substitutions(&mut self) {
         for (i, line) in self.lines.iter().enumerate() {
             let waits = line.start < line.diagonal && self.columns[line.diagonal as usize - 1] as usize + 1 == i;
-            let places = line.start..line.diagonal - u32::from(waits);
-            self.forward.add(i, line, places, waits, &self.columns);
+            let slots = line.start..line.diagonal - u32::from(waits);
+            self.forward.add(i, line, slots, waits, &self.columns);
         }
         for (i, line) in self.lines.iter().enumerate().rev() {
             let right = line.diagonal + 1;

@@ -31,8 +31,8 @@ impl<'a, G: Space> Maker<'a, G> {
     }
 
     /// What functions of the state read besides the coordinates of the tree: those of joints that close loops.
-    pub fn sights(&self, elements: &[Element<G>]) -> Result<Vec<CutSight<G>>, DescriptionError> {
-        if !elements.iter().any(Element::sees_state) {
+    pub fn sights(&self, sees_state: bool) -> Result<Vec<CutSight<G>>, DescriptionError> {
+        if !sees_state {
             return Ok(Vec::new());
         }
         let mut names: Vec<(&String, usize)> = self.placed.joint_numbers.iter().map(|(name, j)| (name, *j)).collect();
@@ -45,8 +45,8 @@ impl<'a, G: Space> Maker<'a, G> {
     }
 
     /// What sensors read, if there are functions of the state.
-    pub fn sensed(&self, elements: &[Element<G>]) -> Result<Vec<Seen<G>>, DescriptionError> {
-        if self.spec.sights.is_empty() || !elements.iter().any(Element::sees_state) {
+    pub fn sensed(&self, sees_state: bool) -> Result<Vec<Seen<G>>, DescriptionError> {
+        if self.spec.sights.is_empty() || !sees_state {
             return Ok(Vec::new());
         }
         self.sights_of_sensors()

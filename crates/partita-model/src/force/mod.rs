@@ -38,7 +38,7 @@ pub use weightless::Weightless;
 
 use crate::measurement::Measurement;
 use crate::tree::{Tree, TreeScratch};
-use crate::value::{Instant, Source};
+use crate::value::{Functions, Instant, Source};
 use partita_math::scalar::Scalar;
 use partita_math::spatial::Space;
 use partita_system::SystemError;
@@ -255,8 +255,8 @@ impl<G: Space> Element<G> {
     }
 
     /// Whether it calls a function of the whole state.
-    pub(crate) fn sees_state(&self) -> bool {
-        self.sources().iter().any(|s| matches!(s, Source::Function(_)))
+    pub(crate) fn sees_state(&self, functions: &dyn Functions) -> bool {
+        self.sources().iter().any(|s| matches!(s, Source::Function(i) if functions.sees_state(*i)))
     }
 
     /// The name of the element if it calls a user function.
