@@ -7,6 +7,7 @@ mod correction;
 mod distance;
 mod row_exchange;
 mod rows;
+mod switches;
 mod watch;
 
 pub use crate::choice::Choice;
@@ -78,7 +79,7 @@ pub struct Reduction<'s, S: ConstrainedSystem> {
     spread_entries: Vec<(u32, u32, u32)>,
     vdot: Vec<f64>,
     distance: distance::Distance,
-    room: watch::Room,
+    room: switches::Room,
     row_room: row_exchange::RowRoom,
     /// `s_i² = [M⁻¹]_ii`, frozen between refreshes: they are only scales.
     pub s2: Vec<f64>,
@@ -203,7 +204,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
             spread_entries: Vec::new(),
             vdot: Vec::new(),
             distance: distance::Distance::default(),
-            room: watch::Room::default(),
+            room: switches::Room::default(),
             row_room: row_exchange::RowRoom::default(),
             scratch: system.scratch(),
             size,

@@ -2,7 +2,6 @@
 
 use super::Reduction;
 use crate::partition::criterion::{self, Quality};
-use crate::partition::switch;
 use crate::system::{ClusterTangent, ConstrainedSystem, SystemError};
 use partita_math::dense::{self, Matrix};
 use partita_math::elimination::{Block, Pattern, Plan};
@@ -152,74 +151,6 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         Ok((v, reached))
     }
 
-    /// The best switch of all at the last tangent.                                       (P6)
-    pub fn best_switch(&mut self) -> Option<switch::CoordinateSwitch> {
-        let scales = std::mem::take(&mut self.s);
-        let all = self.best_switches(&scales, 0.0);
-        self.s = scales;
-        all.into_iter().reduce(|a, b| if b.gain > a.gain { b } else { a })
-    }
-
-    /// The best switch of each cluster at the last tangent, for these scales, those that gain more than `threshold`.
-    /// (P6)
-    ///
-    /// Cost: the entries of A; for clusters that form no A its columns are computed here.
-    pub fn best_switches(&mut self, scales: &[f64], threshold: f64) -> Vec<switch::CoordinateSwitch> {
-        let p = &self.partition;
-        if self.recursion.is_none() {
-            let best = switch::best(&self.a_matrix, scales, &p.dependent, &p.independent);
-            return best.into_iter().filter(|x| x.gain > threshold).collect();
-        }
-        let room = &mut self.room;
-        room.best.fill(None);
-        let best = &mut room.best;
-        let mut see = |c: usize, enters: usize, leaves: usize, a: f64| {
-            let gain = a.abs() * scales[p.independent[leaves]] / scales[p.dependent[enters]];
-            if gain > threshold && best[c].is_none_or(|b| gain > b.gain * (1.0 + tolerance::TIE)) {
-                best[c] = Some(switch::CoordinateSwitch { enters, leaves, gain });
-            }
-        };
-        let k = self.columns;
-        let of = |i: usize| self.clusters.of_velocity[i] as usize;
-        for (e, &d) in p.dependent.iter().enumerate() {
-            for c in 0..k {
-                let j = room.index[of(d) * k + c];
-                if j != usize::MAX {
-                    see(of(d), e, j, self.a_matrix[e * k + c]);
-                }
-            }
-        }
-        let Some(plan) = &self.plan else { return Vec::new() };
-        // the other clusters, some columns at a time: the n-th degree of freedom of each shares a column
-        let x = &mut room.columns;
-        for chunk in room.waves.chunks(WIDTH) {
-            x.fill(0.0);
-            room.column.fill(usize::MAX);
-            room.here.fill(usize::MAX);
-            for (w, wave) in chunk.iter().enumerate() {
-                for &j in wave {
-                    room.column[j] = w;
-                    room.here[of(p.independent[j]) * WIDTH + w] = j;
-                }
-            }
-            for &(step, e, j) in &self.spread_entries {
-                if room.column[j as usize] != usize::MAX {
-                    x[step as usize * WIDTH + room.column[j as usize]] = -self.c[e as usize];
-                }
-            }
-            plan.solve(&self.factors, x, WIDTH);
-            for (e, &d) in p.dependent.iter().enumerate() {
-                for w in 0..WIDTH {
-                    let j = room.here[of(d) * WIDTH + w];
-                    if j != usize::MAX {
-                        see(of(d), e, j, x[e * WIDTH + w]);
-                    }
-                }
-            }
-        }
-        room.best.iter().flatten().copied().collect()
-    }
-
     /// σ and √μ at the last evaluation; of many clusters, those of the worst.
     pub fn quality(&mut self, t: f64, q: &[f64]) -> Result<Quality, SystemError> {
         if self.recursion.is_some() {
@@ -354,55 +285,6 @@ impl Sides {
             _ => usize::from(self.negative.last() != other.negative.last()),
         };
         of_blocks.abs_diff(usize::from(self.basis != other.basis))
-    }
-}
-
-/// Columns of A solved for at a time where A is not kept.
-const WIDTH: usize = 8;
-
-/// Memory for examining clusters after a step, and the part of it that belongs to the choice.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Room {
-    /// Independent velocity in each packed column, by cluster.
-    index: Vec<usize>,
-    /// Independent velocities of clusters that form no A: one of each cluster at a time.
-    waves: Vec<Vec<usize>>,
-    best: Vec<Option<switch::CoordinateSwitch>>,
-    columns: Vec<f64>,
-    column: Vec<usize>,
-    here: Vec<usize>,
-}
-
-impl<S: ConstrainedSystem> Reduction<'_, S> {
-    /// Lay out the memory for the choice just adopted.
-    pub(super) fn lay_out(&mut self) {
-        let (k, count) = (self.columns, self.clusters.count);
-        let p = &self.partition;
-        let mut coupled = vec![false; self.k];
-        self.spread_entries.iter().for_each(|&(_, _, j)| coupled[j as usize] = true);
-        let mut room = Room {
-            index: vec![usize::MAX; count * k],
-            waves: Vec::new(),
-            best: vec![None; count],
-            columns: vec![0.0; self.rank * WIDTH],
-            column: vec![usize::MAX; self.k],
-            here: vec![usize::MAX; count * WIDTH],
-        };
-        let mut order = vec![0usize; count];
-        for (j, (&i, &c)) in p.independent.iter().zip(&self.column_of).enumerate() {
-            let cluster = self.clusters.of_velocity[i] as usize;
-            if c != super::NONE {
-                room.index[cluster * k + c as usize] = j;
-            } else if coupled[j] {
-                let wave = &mut order[cluster];
-                if room.waves.len() <= *wave {
-                    room.waves.push(Vec::new());
-                }
-                room.waves[*wave].push(j);
-                *wave += 1;
-            }
-        }
-        self.room = room;
     }
 }
 
