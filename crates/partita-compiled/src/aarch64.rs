@@ -23,7 +23,7 @@ const GREATER: u32 = 12;
 
 /// Registers of this processor.
 pub(crate) fn registers() -> Registers {
-    Registers { held: HELD, passing: PASSING, reads_memory: false }
+    Registers { held: HELD, passing: PASSING, reads_memory: false, loops: false }
 }
 
 /// The code of a function `(inputs, constants, outputs)`.
@@ -80,6 +80,7 @@ impl Assembler {
             Step::Store(to, from) => self.at(0xfd00_0000, from, to),
             Step::Compute { code, to, operands } => self.compute(code, to, operands),
             Step::Call(code) => self.call(functions::of(code)),
+            Step::Loop { .. } => unreachable!("its registers have no loops"),
             Step::Sines { count, to } => {
                 // mov x0, count; mov x1, x19; add x2, x19, sines
                 self.number(0, count as u64);
@@ -114,6 +115,7 @@ impl Assembler {
             Address::Constant(k) => (21, k),
             Address::Output(k) => (22, k),
             Address::Stack(k) => (19, k),
+            Address::Moving(..) => unreachable!("its registers have no loops"),
         };
         let (far, near) = ((k / REACH) as u32, (k % REACH) as u32);
         let mut from = base;

@@ -1,7 +1,8 @@
 //! Programs of the core as code of this processor.
 //!
 //! ```text
-//! Program ──► values ──► registers: steps ──► x86_64, aarch64: bytes ──► code: memory that is executed, the one wall
+//! Program ──► values ──► rolls: loops ──► registers: steps ──► x86_64, aarch64: bytes ──► code: memory that is executed,
+//!                                                                                           the one wall
 //! ```
 //!
 //! Every operation is that of the core, with its rounding: nothing is reordered or fused, and functions that are not
@@ -13,13 +14,13 @@ mod aarch64;
 mod code;
 mod functions;
 mod registers;
+mod rolls;
 mod values;
 #[cfg(target_arch = "x86_64")]
 mod x86_64;
 
 use code::Code;
 use partita_math::program::{Compiled, Compiler, NotCompiled, Program};
-use registers::Steps;
 use values::Values;
 
 /// The compiler for this processor.
@@ -29,22 +30,39 @@ pub struct Native;
 /// To be installed (see [`Compiler`]).
 pub static NATIVE: Native = Native;
 
-/// Numbers on the stack of a program. Scale: numbers of eight bytes. Reason: half of the smallest stack that a system
-/// gives a thread, half a megabyte.
+/// Numbers on the stack of a program; more lie in memory given to it. Scale: numbers of eight bytes. Reason: half of the
+/// smallest stack that a system gives a thread, half a megabyte.
 const MOST_ON_STACK: usize = 32_768;
 
+/// Instructions from which on loops are made. Reason: shorter code fits into a second cache, and without loops more of its
+/// values stay in registers.
+const LOOPS_FROM: usize = 20_000;
+
+/// Code, the constants that it reads, and what it needs.
+struct Assembled {
+    bytes: Vec<u8>,
+    constants: Vec<f64>,
+    /// Numbers of the memory that it is given.
+    memory: usize,
+    /// Steps, those of a loop counted once.
+    length: usize,
+}
+
 impl Compiler for Native {
-    fn compile(&self, program: &Program) -> Result<Box<dyn Compiled>, NotCompiled> {
-        let (bytes, constants) = machine_code(program)?;
-        let code = Code::new(&bytes, constants.into(), program).map_err(|e| NotCompiled(e.to_string()))?;
-        Ok(Box::new(code))
+    fn compile(&self, program: &Program, most: usize) -> Result<Option<Box<dyn Compiled>>, NotCompiled> {
+        let assembled = machine_code(program)?;
+        if assembled.length > most {
+            return Ok(None);
+        }
+        let code = Code::new(assembled, program).map_err(|e| NotCompiled(e.to_string()))?;
+        Ok(Some(Box::new(code)))
     }
 }
 
-/// The code of a program, and the constants that it reads.
-fn machine_code(program: &Program) -> Result<(Vec<u8>, Vec<f64>), NotCompiled> {
+/// The code of a program.
+fn machine_code(program: &Program) -> Result<Assembled, NotCompiled> {
     #[cfg(target_arch = "x86_64")]
-    return for_x86_64(program, std::arch::is_x86_feature_detected!("avx"));
+    return Ok(for_x86_64(program, std::arch::is_x86_feature_detected!("avx"), LOOPS_FROM));
     #[cfg(target_arch = "aarch64")]
     return for_aarch64(program);
     #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
@@ -52,25 +70,35 @@ fn machine_code(program: &Program) -> Result<(Vec<u8>, Vec<f64>), NotCompiled> {
 }
 
 #[cfg(target_arch = "x86_64")]
-fn for_x86_64(program: &Program, avx: bool) -> Result<(Vec<u8>, Vec<f64>), NotCompiled> {
-    let steps = fits(registers::steps(&Values::new(program), x86_64::registers(avx)))?;
+fn for_x86_64(program: &Program, avx: bool, loops_from: usize) -> Assembled {
     let mut constants = [program.constants(), program.exponents()].concat();
-    let bytes = x86_64::assemble(&steps, constants.len(), avx);
+    let mut values = Values::new(program);
+    if program.len() >= loops_from {
+        rolls::roll(&mut values, &mut constants);
+    }
+    let steps = registers::steps(&values, x86_64::registers(avx));
+    let on_stack = steps.stack <= MOST_ON_STACK;
+    let bytes = x86_64::assemble(&steps, constants.len(), avx, on_stack);
     constants.extend(x86_64::MASKS);
-    Ok((bytes, constants))
+    Assembled {
+        bytes,
+        constants,
+        memory: if on_stack { 0 } else { steps.stack.max(steps.fixed + 16) },
+        length: steps.len(),
+    }
 }
 
 #[cfg(any(target_arch = "aarch64", test))]
-fn for_aarch64(program: &Program) -> Result<(Vec<u8>, Vec<f64>), NotCompiled> {
-    let steps = fits(registers::steps(&Values::new(program), aarch64::registers()))?;
-    Ok((aarch64::assemble(&steps), [program.constants(), program.exponents()].concat()))
-}
-
-fn fits(steps: Steps) -> Result<Steps, NotCompiled> {
-    if steps.stack <= MOST_ON_STACK {
-        return Ok(steps);
+fn for_aarch64(program: &Program) -> Result<Assembled, NotCompiled> {
+    let steps = registers::steps(&Values::new(program), aarch64::registers());
+    if steps.stack > MOST_ON_STACK {
+        return Err(NotCompiled(format!(
+            "it would keep {} numbers on the stack, and {MOST_ON_STACK} may lie there",
+            steps.stack
+        )));
     }
-    Err(NotCompiled(format!("it would keep {} numbers on the stack, and {MOST_ON_STACK} may lie there", steps.stack)))
+    let constants = [program.constants(), program.exponents()].concat();
+    Ok(Assembled { bytes: aarch64::assemble(&steps), constants, memory: 0, length: steps.len() })
 }
 
 #[cfg(test)]

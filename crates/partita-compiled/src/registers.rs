@@ -1,10 +1,11 @@
 //! Which values lie in which registers, and when they move: steps that one instruction or a few of any processor carry out.
 //!
-//! All code of a program is one run without branches, so that it is known when each value is needed next. Where a register
+//! All code of a program is one run without branches but loops, which are entered with empty registers, so that it is known when each value is needed next. Where a register
 //! is wanted and none is free, the value that is needed last leaves, to the stack if it lies nowhere else. What is needed
 //! later than all that lies in registers is read where it is, by the instruction that needs it if the processor can.
 
-use crate::values::{Operation, Source, Values};
+use crate::rolls::{Read, Roll, POINTERS};
+use crate::values::{Item, Operation, Source, Values};
 use partita_math::program::Code;
 
 /// Bytes of a page of memory. The system makes a stack longer where the next page is touched, not one further away.
@@ -20,6 +21,16 @@ pub(crate) enum Address {
     Constant(usize),
     Output(usize),
     Stack(usize),
+    /// Beyond the place of a pointer of the loop.
+    Moving(usize, isize),
+}
+
+/// What moves in a loop.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Pointer {
+    /// Where it is in the first turn, and how much further in each turn after.
+    pub(crate) first: Address,
+    pub(crate) step: isize,
 }
 
 /// What an instruction reads.
@@ -30,7 +41,7 @@ pub(crate) enum Operand {
 }
 
 /// What the code does.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(crate) enum Step {
     Load(Register, Address),
     Store(Address, Register),
@@ -47,6 +58,11 @@ pub(crate) enum Step {
         count: usize,
         to: usize,
     },
+    Loop {
+        count: usize,
+        pointers: Vec<Pointer>,
+        turn: Vec<Step>,
+    },
 }
 
 /// Registers of a processor.
@@ -58,6 +74,8 @@ pub(crate) struct Registers {
     pub(crate) passing: Register,
     /// Whether an operand may lie in memory.
     pub(crate) reads_memory: bool,
+    /// Whether its assembler writes loops.
+    pub(crate) loops: bool,
 }
 
 /// The steps of a program, and the stack that they need.
@@ -66,8 +84,19 @@ pub(crate) struct Steps {
     pub(crate) steps: Vec<Step>,
     /// Numbers on the stack.
     pub(crate) stack: usize,
-    /// Of these, those of angles and sines, which come first.
-    pub(crate) sines: usize,
+    /// Of these, those of angles, sines and arrays, which come first.
+    pub(crate) fixed: usize,
+}
+
+impl Steps {
+    /// Number of steps, those of a loop counted once.
+    pub(crate) fn len(&self) -> usize {
+        let all = self.steps.iter().map(|step| match step {
+            Step::Loop { turn, .. } => turn.len(),
+            _ => 1,
+        });
+        all.sum()
+    }
 }
 
 const NONE: usize = usize::MAX;
@@ -120,12 +149,15 @@ impl Needs {
     }
 }
 
-/// Every value with every step that needs it, in order: an operation is a step, and so is a call for sines.
+/// Every value with every step that needs it, in order: an operation is a step, and so are a loop and a call for sines.
 fn each_need(values: &Values, mut need: impl FnMut(usize, usize)) {
     let mut step = 0;
     for (operations, angles) in values.operations.iter().zip(&values.angles) {
-        for operation in operations {
-            operation.reads().iter().for_each(|&x| need(x, step));
+        for item in operations {
+            match item {
+                Item::Operation(operation) => operation.reads().iter().for_each(|&x| need(x, step)),
+                Item::Roll(roll) => roll.needs().for_each(|x| need(x, step)),
+            }
             step += 1;
         }
         angles.iter().for_each(|&x| need(x, step));
@@ -137,6 +169,7 @@ fn each_need(values: &Values, mut need: impl FnMut(usize, usize)) {
 pub(crate) fn steps(values: &Values, processor: Registers) -> Steps {
     let most = values.angles.iter().map(Vec::len).max().unwrap_or(0);
     let sines = most + 2 * values.angles.iter().map(Vec::len).sum::<usize>();
+    let fixed = sines + values.arrays;
     let count = values.sources.len();
     let mut allocation = Allocation {
         values,
@@ -146,13 +179,14 @@ pub(crate) fn steps(values: &Values, processor: Registers) -> Steps {
         register: vec![Register::MAX; count],
         stack: vec![NONE; count],
         free: Vec::new(),
-        next: sines,
+        next: fixed,
         over: Vec::new(),
         first_sine: most,
+        first_array: sines,
         steps: Vec::new(),
     };
     allocation.write();
-    Steps { steps: allocation.steps, stack: allocation.next, sines }
+    Steps { steps: allocation.steps, stack: allocation.next, fixed }
 }
 
 struct Allocation<'v> {
@@ -169,8 +203,12 @@ struct Allocation<'v> {
     /// What is free after this step.
     over: Vec<usize>,
     first_sine: usize,
+    first_array: usize,
     steps: Vec<Step>,
 }
+
+/// Copies from which on a loop is made.
+const FEWEST_COPIES: usize = 8;
 
 impl Allocation<'_> {
     fn write(&mut self) {
@@ -181,8 +219,11 @@ impl Allocation<'_> {
         }
         let (mut done, mut step) = (0, 0);
         for (operations, angles) in values.operations.iter().zip(&values.angles) {
-            for operation in operations {
-                self.operation(operation, step, &outputs[operation.to]);
+            for item in operations {
+                match item {
+                    Item::Operation(operation) => self.operation(operation, step, &outputs[operation.to]),
+                    Item::Roll(roll) => self.roll(roll, step),
+                }
                 step += 1;
             }
             if !angles.is_empty() {
@@ -191,13 +232,10 @@ impl Allocation<'_> {
             }
             step += 1;
         }
-        // results were written as soon as they were known
-        for (x, outputs) in outputs.iter().enumerate().filter(|(_, outputs)| !outputs.is_empty()) {
-            if !matches!(values.sources[x], Source::Operation) {
-                self.steps.push(Step::Load(self.processor.passing, self.place(x)));
-                self.store(self.processor.passing, outputs);
-            }
-        }
+        // results were written as soon as they were known, but those of loops
+        let known = values.outputs.iter().enumerate().filter(|x| !matches!(values.sources[*x.1], Source::Operation));
+        let copies: Vec<_> = known.map(|(o, &x)| (self.place(x), Address::Output(o))).collect();
+        self.copy(&copies);
     }
 
     fn operation(&mut self, operation: &Operation, step: usize, outputs: &[usize]) {
@@ -206,7 +244,7 @@ impl Allocation<'_> {
             return self.free.append(&mut self.over);
         }
         let to = match operation.code {
-            Code::Power | Code::Atan2 | Code::Hypot | Code::Round => {
+            _ if operation.is_call() => {
                 self.clear();
                 for (i, &x) in operation.reads().iter().enumerate() {
                     self.steps.push(Step::Load(i as Register, self.place(x)));
@@ -347,39 +385,155 @@ impl Allocation<'_> {
     }
 
     fn new_place(&mut self, x: usize) -> Address {
-        self.stack[x] = self.free.pop().unwrap_or_else(|| {
+        self.stack[x] = self.new_number();
+        Address::Stack(self.stack[x])
+    }
+
+    fn new_number(&mut self) -> usize {
+        self.free.pop().unwrap_or_else(|| {
             self.next += 1;
             self.next - 1
-        });
-        Address::Stack(self.stack[x])
+        })
     }
 
     /// Where a value lies in memory.
     fn place(&self, x: usize) -> Address {
-        match self.values.sources[x] {
+        self.place_of(self.values.sources[x], x)
+    }
+
+    fn place_of(&self, source: Source, x: usize) -> Address {
+        match source {
             Source::Input(k) => Address::Input(k),
             Source::Constant(k) => Address::Constant(k),
             Source::Sine(k) => Address::Stack(self.first_sine + k),
+            Source::Array(k) => Address::Stack(self.first_array + k),
             Source::Operation => Address::Stack(self.stack[x]),
         }
     }
 
     /// The sines of a stage; `done` were computed before.
     fn sines(&mut self, angles: &[usize], done: usize, step: usize) {
+        let mut copies = Vec::new();
         for (i, &x) in angles.iter().enumerate() {
-            let from = match self.register[x] {
-                Register::MAX => {
-                    self.steps.push(Step::Load(self.processor.passing, self.place(x)));
-                    self.processor.passing
-                }
-                register => register,
-            };
-            self.steps.push(Step::Store(Address::Stack(i), from));
+            match self.register[x] {
+                Register::MAX => copies.push((self.place(x), Address::Stack(i))),
+                register => self.steps.push(Step::Store(Address::Stack(i), register)),
+            }
         }
+        self.copy(&copies);
         self.pass(angles, step);
         self.free.append(&mut self.over);
         self.clear();
         self.steps.push(Step::Sines { count: angles.len(), to: self.first_sine + 2 * done });
+    }
+}
+
+impl Allocation<'_> {
+    /// From place to place; loops where both move by a step.
+    fn copy(&mut self, mut copies: &[(Address, Address)]) {
+        let passing = self.processor.passing;
+        while let Some(&(from, to)) = copies.first() {
+            let step = |i: usize| {
+                let &(a, b) = copies.get(i)?;
+                Some((from.distance(a)?, to.distance(b)?))
+            };
+            let by = step(1);
+            let follows = |i: &usize| by.is_some_and(|(a, b)| step(*i) == Some((a * *i as isize, b * *i as isize)));
+            let count = if self.processor.loops { 1 + (1..copies.len()).take_while(follows).count() } else { 1 };
+            let (now, later) = copies.split_at(if count < FEWEST_COPIES { 1 } else { count });
+            copies = later;
+            match by {
+                Some((a, b)) if now.len() > 1 => {
+                    let pointers = vec![Pointer { first: from, step: a }, Pointer { first: to, step: b }];
+                    let turn =
+                        vec![Step::Load(passing, Address::Moving(0, 0)), Step::Store(Address::Moving(1, 0), passing)];
+                    self.steps.push(Step::Loop { count, pointers, turn });
+                }
+                _ => self.steps.extend([Step::Load(passing, from), Step::Store(to, passing)]),
+            }
+        }
+    }
+
+    /// A loop, for which nothing stays in a register.
+    fn roll(&mut self, roll: &Roll, step: usize) {
+        self.clear();
+        let entry = |&(to, x): &(usize, usize)| (self.place(x), Address::Stack(self.first_array + to));
+        let entries: Vec<_> = roll.entries.iter().map(entry).collect();
+        self.copy(&entries);
+        let inner = steps(&roll.body, self.processor);
+        let spilled: Vec<usize> = (0..inner.stack).map(|_| self.new_number()).collect();
+        let mut pointers: Vec<Pointer> = Vec::with_capacity(POINTERS);
+        let mut moving = |first: Address, step: isize| {
+            let near = |x: &Pointer| if x.step == step { x.first.distance(first) } else { None };
+            if let Some(found) = pointers.iter().enumerate().find_map(|(i, x)| Some((i, near(x)?))) {
+                return Address::Moving(found.0, found.1);
+            }
+            pointers.push(Pointer { first, step });
+            Address::Moving(pointers.len() - 1, 0)
+        };
+        let reads: Vec<Address> = roll
+            .reads
+            .iter()
+            .map(|read| match *read {
+                Read::Same(x) => self.place(x),
+                Read::Moving { first, step } => moving(self.place_of(first, NONE), step),
+            })
+            .collect();
+        let keeps: Vec<Address> =
+            roll.keeps.iter().map(|place| moving(Address::Stack(self.first_array + place), 1)).collect();
+        let to = |place: Address| match place {
+            Address::Input(k) => reads[k],
+            Address::Output(k) => keeps[k],
+            Address::Stack(k) => Address::Stack(spilled[k]),
+            Address::Constant(_) | Address::Moving(..) => place,
+        };
+        let turn = inner.steps.into_iter().map(|step| step.at(to)).collect();
+        self.steps.push(Step::Loop { count: roll.count, pointers, turn });
+        let needed: Vec<usize> = roll.needs().collect();
+        self.pass(&needed, step);
+        self.over.extend(spilled);
+        self.free.append(&mut self.over);
+    }
+}
+
+impl Address {
+    /// How far another one of the same memory is from it.
+    fn distance(self, other: Self) -> Option<isize> {
+        use Address as A;
+        match (self, other) {
+            (A::Input(a), A::Input(b)) | (A::Constant(a), A::Constant(b)) => Some(b as isize - a as isize),
+            (A::Output(a), A::Output(b)) | (A::Stack(a), A::Stack(b)) => Some(b as isize - a as isize),
+            _ => None,
+        }
+    }
+}
+
+impl Step {
+    /// With other addresses; for a turn, which has neither calls nor loops.
+    fn at(self, to: impl Fn(Address) -> Address) -> Self {
+        match self {
+            Self::Load(register, place) => Self::Load(register, to(place)),
+            Self::Store(place, register) => Self::Store(to(place), register),
+            Self::Compute { code, to: result, operands } => {
+                let operands = operands.map(|x| match x {
+                    Operand::Memory(place) => Operand::Memory(to(place)),
+                    Operand::Register(_) => x,
+                });
+                Self::Compute { code, to: result, operands }
+            }
+            Self::Call(_) | Self::Sines { .. } | Self::Loop { .. } => self,
+        }
+    }
+}
+
+impl Roll {
+    /// Values that are the same in every turn, and entries.
+    fn needs(&self) -> impl Iterator<Item = usize> + '_ {
+        let same = self.reads.iter().filter_map(|read| match read {
+            Read::Same(x) => Some(*x),
+            Read::Moving { .. } => None,
+        });
+        same.chain(self.entries.iter().map(|entry| entry.1))
     }
 }
 

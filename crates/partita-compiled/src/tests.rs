@@ -13,27 +13,57 @@ use std::ops::Range;
 use suite::Executes;
 
 fn compiled(r: &Recording, settled: Range<usize>, members: &[Vec<f64>]) -> Vec<Vec<f64>> {
-    let code = NATIVE.compile(&Program::new(r, settled)).unwrap();
+    let code = code_of(&Program::new(r, settled));
     members.iter().map(|x| outputs(&*code, r, x)).collect()
+}
+
+fn code_of(program: &Program) -> Box<dyn Compiled> {
+    NATIVE.compile(program, usize::MAX).unwrap().unwrap()
 }
 
 fn outputs(code: &dyn Compiled, r: &Recording, x: &[f64]) -> Vec<f64> {
     let mut out = vec![f64::NAN; r.outputs()];
-    code.evaluate(x, &mut out);
+    code.evaluate(x, &mut out, &mut vec![f64::NAN; code.memory()]);
     out
 }
 
 /// As for a processor without AVX.
 #[cfg(target_arch = "x86_64")]
 fn without_avx(r: &Recording, settled: Range<usize>, members: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    by_x86_64(r, settled, members, false, usize::MAX)
+}
+
+/// Loops are made, however short the program is.
+#[cfg(target_arch = "x86_64")]
+fn in_loops(r: &Recording, settled: Range<usize>, members: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    by_x86_64(r, settled, members, std::arch::is_x86_feature_detected!("avx"), 0)
+}
+
+#[cfg(target_arch = "x86_64")]
+fn in_loops_without_avx(r: &Recording, settled: Range<usize>, members: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    by_x86_64(r, settled, members, false, 0)
+}
+
+#[cfg(target_arch = "x86_64")]
+fn by_x86_64(
+    r: &Recording,
+    settled: Range<usize>,
+    members: &[Vec<f64>],
+    avx: bool,
+    loops_from: usize,
+) -> Vec<Vec<f64>> {
     let program = Program::new(r, settled);
-    let (bytes, constants) = super::for_x86_64(&program, false).unwrap();
-    let code = Code::new(&bytes, constants.into(), &program).unwrap();
+    let code = Code::new(super::for_x86_64(&program, avx, loops_from), &program).unwrap();
     members.iter().map(|x| outputs(&code, r, x)).collect()
 }
 
 #[cfg(target_arch = "x86_64")]
-const ALL: [(&str, Executes); 2] = [("compiled", compiled), ("compiled without AVX", without_avx)];
+const ALL: [(&str, Executes); 4] = [
+    ("compiled", compiled),
+    ("compiled without AVX", without_avx),
+    ("in loops", in_loops),
+    ("in loops without AVX", in_loops_without_avx),
+];
 #[cfg(not(target_arch = "x86_64"))]
 const ALL: [(&str, Executes); 1] = [("compiled", compiled)];
 
@@ -77,6 +107,61 @@ fn long_programs_have_the_same_bits() {
     }
 }
 
+/// A recursion along a chain and back, with a constant and inputs of each link, boundaries and a link unlike the others.
+fn chain(links: usize, unlike: Option<usize>, random: &mut fastrand::Rng) -> Recording {
+    let masses: Vec<f64> = (0..links).map(|_| 0.5 + random.f64()).collect();
+    let of = |x: &[Recorder]| {
+        let (angles, rest) = x.split_at(links);
+        let (rates, given) = rest.split_at(links);
+        let (mut angle, mut rate, mut place) = (given[0], given[1], [Recorder::zero(); 2]);
+        let mut seen = Vec::new();
+        for i in 0..links {
+            angle += angles[i];
+            rate += rates[i] * given[2];
+            let (s, c) = angle.sin_cos();
+            place = [place[0] + c.scale(masses[i]), place[1] + s * given[1]];
+            if unlike == Some(i) {
+                place[0] = place[0].atan2(place[1]) - rates[0];
+            }
+            seen.push((s, c, rate, place));
+        }
+        let (mut force, mut inertia) = ([Recorder::zero(); 2], given[3]);
+        let mut out = vec![Recorder::zero(); 2 * links];
+        for i in (0..links).rev() {
+            let (s, c, rate, [x, y]) = seen[i];
+            inertia = inertia.scale(masses[i]) + c * c / (Recorder::one() + x * x);
+            force = [force[0] * c - force[1] * s + rate * rate, force[0] * s + force[1] * c - inertia * y];
+            out[i] = (force[0] * x - force[1] * y) / inertia;
+            out[2 * links - 1 - i] = rate;
+        }
+        out.extend([force[1], inertia, place[0]]);
+        Ok::<_, ()>(out)
+    };
+    Recording::new(2 * links + 4, of).unwrap()
+}
+
+/// Loops over links, forward and back, have the bits of straight code; they are short, and need no stack.
+#[cfg(target_arch = "x86_64")]
+#[test]
+fn what_repeats_becomes_loops_with_the_same_bits() {
+    let mut random = fastrand::Rng::with_seed(5);
+    for (links, unlike) in
+        [(3, None), (9, None), (12, Some(5)), (40, None), (41, Some(20)), (3000, None), (3000, Some(1700))]
+    {
+        let r = chain(links, unlike, &mut random);
+        let members: Vec<Vec<f64>> = (0..3).map(|_| (0..2 * links + 4).map(|_| random.f64() - 0.5).collect()).collect();
+        suite::agree(&ALL, &r, 0..0, &members);
+        let program = Program::new(&r, 0..0);
+        let length = |from| super::for_x86_64(&program, true, from).length;
+        let (rolled, straight) = (length(0), length(usize::MAX));
+        eprintln!("{links} {unlike:?} {rolled} {straight} {}", program.len());
+        if links >= 40 {
+            let parts = 1 + usize::from(unlike.is_some());
+            assert!(rolled < 600 * parts, "{links} links, {unlike:?}: {rolled} steps in loops, {straight} without");
+        }
+    }
+}
+
 /// All terms are needed at once, in the opposite order.
 fn all_at_once(terms: usize) -> Recording {
     let of = |x: &[Recorder]| {
@@ -93,7 +178,7 @@ fn programs_become_instructions_of_64_bit_arm() {
     for operations in [1, 10, 100, 1000, 10_000] {
         let r = suite::random_recording(3, operations, &mut random);
         let program = Program::new(&r, 0..0);
-        let (bytes, constants) = super::for_aarch64(&program).unwrap();
+        let super::Assembled { bytes, constants, .. } = super::for_aarch64(&program).unwrap();
         assert_eq!(constants.len(), program.constants().len() + program.exponents().len());
         assert!(bytes.len() % 4 == 0 && bytes.len() / 4 >= program.len() + program.outputs());
         assert_eq!(bytes[bytes.len() - 4..], 0xd65f_03c0_u32.to_le_bytes());
@@ -102,26 +187,27 @@ fn programs_become_instructions_of_64_bit_arm() {
 
 #[test]
 fn what_does_not_fit_on_the_stack_is_refused() {
-    let refused = NATIVE.compile(&Program::new(&all_at_once(33_000), 0..0)).unwrap_err();
+    let program = Program::new(&all_at_once(33_000), 0..0);
+    let refused = super::for_aarch64(&program).err().unwrap();
     assert!(refused.0.contains("on the stack, and 32768 may lie there"), "{refused}");
 }
 
 /// The outputs of a square root.
 fn root() -> Box<dyn Compiled> {
     let r = Recording::new(1, |x| Ok::<_, ()>(vec![x[0].sqrt(), Recorder::one()])).unwrap();
-    NATIVE.compile(&Program::new(&r, 0..0)).unwrap()
+    code_of(&Program::new(&r, 0..0))
 }
 
 #[test]
 #[should_panic(expected = "numbers of inputs and outputs")]
 fn other_numbers_of_outputs_are_refused() {
-    root().evaluate(&[2.0], &mut [0.0]);
+    root().evaluate(&[2.0], &mut [0.0], &mut []);
 }
 
 #[test]
 #[should_panic(expected = "numbers of inputs and outputs")]
 fn other_numbers_of_inputs_are_refused() {
-    root().evaluate(&[], &mut [0.0; 2]);
+    root().evaluate(&[], &mut [0.0; 2], &mut []);
 }
 
 #[test]
@@ -130,10 +216,10 @@ fn a_call_allocates_nothing() {
         let sum = x.iter().fold(Recorder::zero(), |sum, x| sum + x.sin_cos().0 * x.atan2(x.sqrt()).power(1.5));
         Ok::<_, ()>(vec![sum, sum.sin_cos().1])
     });
-    let code = NATIVE.compile(&Program::new(&r.unwrap(), 0..0)).unwrap();
+    let code = code_of(&Program::new(&r.unwrap(), 0..0));
     let mut out = [0.0; 2];
-    code.evaluate(&[0.5; 9], &mut out);
-    let ((), count) = counting::allocations(|| code.evaluate(&[0.7; 9], &mut out));
+    code.evaluate(&[0.5; 9], &mut out, &mut []);
+    let ((), count) = counting::allocations(|| code.evaluate(&[0.7; 9], &mut out, &mut []));
     assert_eq!(count, 0);
 }
 
@@ -146,7 +232,7 @@ fn threads_share_a_compiled_program() {
             threads.spawn(move || {
                 let mut out = [0.0; 2];
                 for _ in 0..1000 {
-                    code.evaluate(&[x], &mut out);
+                    code.evaluate(&[x], &mut out, &mut []);
                     assert_eq!(out, [x.sqrt(), 1.0]);
                 }
             });

@@ -3,6 +3,7 @@
 //! A call leaves nothing in the vector registers. Angles are therefore collected: operations are ordered by the number of
 //! sines that they come after, and the sines between two of these stages are computed by one call.
 
+use crate::rolls::Roll;
 use partita_math::program::{Code, Program};
 
 /// Where a value comes from.
@@ -14,6 +15,14 @@ pub(crate) enum Source {
     Operation,
     /// Place of a sine, or cosine, among the results of all calls.
     Sine(usize),
+    /// Place among the arrays: computed in a loop.
+    Array(usize),
+}
+
+/// A part of the code.
+pub(crate) enum Item {
+    Operation(Operation),
+    Roll(Roll),
 }
 
 /// An operation on values instead of registers.
@@ -30,6 +39,11 @@ impl Operation {
     pub(crate) fn reads(&self) -> &[usize] {
         &self.operands[..arity(self.code)]
     }
+
+    /// Whether it is a function that is called.
+    pub(crate) fn is_call(&self) -> bool {
+        matches!(self.code, Code::Power | Code::Atan2 | Code::Hypot | Code::Round)
+    }
 }
 
 /// Values in the order in which they are known, each with its stage: the number of calls before it.
@@ -38,8 +52,10 @@ pub(crate) struct Values {
     /// Number of constants.
     pub(crate) constants: usize,
     stages: Vec<usize>,
+    /// Numbers in the arrays of loops.
+    pub(crate) arrays: usize,
     /// Operations of each stage, then the angles of its call.
-    pub(crate) operations: Vec<Vec<Operation>>,
+    pub(crate) operations: Vec<Vec<Item>>,
     pub(crate) angles: Vec<Vec<usize>>,
     /// Value of each output.
     pub(crate) outputs: Vec<usize>,
@@ -51,6 +67,7 @@ impl Values {
             sources: (0..program.inputs()).map(Source::Input).collect(),
             constants: program.constants().len(),
             stages: Vec::new(),
+            arrays: 0,
             operations: Vec::new(),
             angles: Vec::new(),
             outputs: Vec::new(),
@@ -76,7 +93,8 @@ impl Values {
             let stage = used.iter().map(|&x| all.stages[x]).max().unwrap_or(0);
             let to = all.value(Source::Operation, stage);
             all.at_stage(stage);
-            all.operations[stage].push(Operation { code: i.code, operands, exponent: i.also as usize, to });
+            let operation = Operation { code: i.code, operands, exponent: i.also as usize, to };
+            all.operations[stage].push(Item::Operation(operation));
             held[i.to as usize] = to;
         }
         // results lie stage by stage
@@ -91,6 +109,21 @@ impl Values {
         }
         all.outputs = program.output_registers().iter().map(|&r| held[r as usize]).collect();
         all
+    }
+
+    /// One turn of a loop: operations without calls.
+    pub(crate) fn of_turn(inputs: usize, operations: Vec<Item>, outputs: Vec<usize>) -> Self {
+        let mut sources: Vec<Source> = (0..inputs).map(Source::Input).collect();
+        sources.resize(inputs + operations.len(), Source::Operation);
+        Self {
+            sources,
+            constants: 0,
+            stages: Vec::new(),
+            arrays: 0,
+            operations: vec![operations],
+            angles: vec![Vec::new()],
+            outputs,
+        }
     }
 
     fn value(&mut self, source: Source, stage: usize) -> usize {

@@ -1,11 +1,13 @@
 //! Steps as instructions of x86-64: those of AVX where the processor has them, else of SSE2.
 //!
 //! ```text
-//! rdi, rsi, rdx ──► r14 inputs, rbp constants, r15 outputs, rbx the stack, all kept over calls (System V)
+//! rdi, rsi, rdx, rcx ──► r14 inputs, rbp constants, r15 outputs, rbx the stack or memory for it, kept over calls (System V)
+//! loops                  rax turns left, rcx, rdx, rsi, rdi, r8 to r11 what moves
 //! ```
 
 use crate::functions;
-use crate::registers::{Address, Operand, Register, Registers, Step, Steps, PAGE};
+use crate::registers::{Address, Operand, Pointer, Register, Registers, Step, Steps, PAGE};
+use crate::rolls::POINTERS;
 use partita_math::program::Code;
 
 /// Where the masks lie among the constants, beyond those of the program.
@@ -55,6 +57,8 @@ const RBX: u8 = 3;
 const RBP: u8 = 5;
 const R14: u8 = 14;
 const R15: u8 = 15;
+/// Those that move in a loop.
+const MOVING: [u8; POINTERS] = [1, 2, 6, 7, 8, 9, 10, 11];
 
 /// The last operand of an instruction.
 #[derive(Clone, Copy, PartialEq)]
@@ -66,19 +70,20 @@ enum Last {
 
 /// Registers of this processor, with AVX or without.
 pub(crate) fn registers(avx: bool) -> Registers {
-    Registers { held: if avx { 14 } else { 13 }, passing: FIRST, reads_memory: true }
+    Registers { held: if avx { 14 } else { 13 }, passing: FIRST, reads_memory: true, loops: true }
 }
 
-/// The code of a function `(inputs, constants, outputs)`; `constants` are those of the program and its exponents.
-pub(crate) fn assemble(steps: &Steps, constants: usize, avx: bool) -> Vec<u8> {
+/// The code of a function `(inputs, constants, outputs, memory)`; `constants` are those before the masks. With
+/// `on_stack` it needs no memory.
+pub(crate) fn assemble(steps: &Steps, constants: usize, avx: bool, on_stack: bool) -> Vec<u8> {
     let [sign, others, one] = [0, 1, 2].map(|i| Address::Constant(constants + i));
     // most of what left the registers lies within the reach of one byte
-    let middle = 8 * steps.sines + 128;
+    let middle = 8 * steps.fixed + 128;
     let mut a =
         Assembler { bytes: Vec::with_capacity(8 * steps.steps.len()), avx, middle, masks: Masks { sign, others, one } };
     // at calls the stack is a multiple of sixteen bytes: a return address and four registers lie on it
-    let frame = (8 * steps.stack).max(middle).next_multiple_of(16) + 8;
-    a.enter(frame);
+    let frame = if on_stack { (8 * steps.stack).max(middle).next_multiple_of(16) } else { 0 } + 8;
+    a.enter(frame, on_stack);
     steps.steps.iter().for_each(|step| a.step(step));
     a.leave(frame);
     a.bytes
@@ -97,7 +102,7 @@ impl Assembler {
         self.bytes.extend_from_slice(bytes);
     }
 
-    fn enter(&mut self, frame: usize) {
+    fn enter(&mut self, frame: usize, on_stack: bool) {
         // push rbx, rbp, r14, r15
         self.put(&[0x53, 0x55, 0x41, 0x56, 0x41, 0x57]);
         for page in 1..=frame / PAGE {
@@ -105,10 +110,10 @@ impl Assembler {
             self.put(&[0x89, 0x84, 0x24]);
             self.put(&(-((page * PAGE) as i32)).to_le_bytes());
         }
-        // sub rsp, frame; lea rbx, [rsp + middle]
+        // sub rsp, frame; lea rbx, [rsp + middle] or [rcx + middle]
         self.put(&[0x48, 0x81, 0xec]);
         self.put(&(frame as i32).to_le_bytes());
-        self.put(&[0x48, 0x8d, 0x9c, 0x24]);
+        self.put(if on_stack { &[0x48, 0x8d, 0x9c, 0x24] } else { &[0x48, 0x8d, 0x99] });
         self.put(&(self.middle as i32).to_le_bytes());
         // mov r14, rdi; mov rbp, rsi; mov r15, rdx
         self.put(&[0x49, 0x89, 0xfe, 0x48, 0x89, 0xf5, 0x49, 0x89, 0xd7]);
@@ -122,15 +127,16 @@ impl Assembler {
     }
 
     fn step(&mut self, step: &Step) {
-        match *step {
-            Step::Load(to, from) => self.load(to, from),
+        match step {
+            Step::Load(to, from) => self.load(*to, *from),
             Step::Store(to, from) => {
-                let to = self.memory(to);
-                self.write(STORE, from, 0, to);
+                let to = self.memory(*to);
+                self.write(STORE, *from, 0, to);
             }
-            Step::Compute { code, to, operands } => self.compute(code, to, operands),
-            Step::Call(code) => self.call(functions::of(code)),
-            Step::Sines { count, to } => {
+            Step::Compute { code, to, operands } => self.compute(*code, *to, *operands),
+            Step::Call(code) => self.call(functions::of(*code)),
+            Step::Loop { count, pointers, turn } => self.turns(*count, pointers, turn),
+            &Step::Sines { count, to } => {
                 // mov edi, count; lea rsi, [rbx + angles]; lea rdx, [rbx + sines]
                 self.put(&[0xbf]);
                 self.put(&(count as u32).to_le_bytes());
@@ -141,6 +147,30 @@ impl Assembler {
                 self.call(functions::sines as *const ());
             }
         }
+    }
+
+    fn turns(&mut self, count: usize, pointers: &[Pointer], turn: &[Step]) {
+        for (&register, pointer) in MOVING.iter().zip(pointers) {
+            // lea register, [base + distance]
+            let Last::Memory(base, distance) = self.memory(pointer.first) else { unreachable!("an address") };
+            let [high, high_base] = [register > 7, base > 7].map(u8::from);
+            self.put(&[0x48 | high << 2 | high_base, 0x8d, 0x80 | (register & 7) << 3 | base & 7]);
+            self.put(&distance.to_le_bytes());
+        }
+        // mov eax, count
+        self.put(&[0xb8]);
+        self.put(&(count as u32).to_le_bytes());
+        let first = self.bytes.len();
+        turn.iter().for_each(|step| self.step(step));
+        for (&register, pointer) in MOVING.iter().zip(pointers) {
+            // add register, bytes
+            self.put(&[0x48 | u8::from(register > 7), 0x81, 0xc0 | register & 7]);
+            self.put(&(8 * pointer.step as i32).to_le_bytes());
+        }
+        // dec eax; jnz first
+        self.put(&[0xff, 0xc8, 0x0f, 0x85]);
+        let back = self.bytes.len() + 4 - first;
+        self.put(&(-(back as i32)).to_le_bytes());
     }
 
     /// mov rax, function; call rax
@@ -160,6 +190,7 @@ impl Assembler {
             Address::Constant(k) => Last::Memory(RBP, 8 * k as i32),
             Address::Output(k) => Last::Memory(R15, 8 * k as i32),
             Address::Stack(k) => Last::Memory(RBX, self.beyond_middle(k)),
+            Address::Moving(pointer, distance) => Last::Memory(MOVING[pointer], 8 * distance as i32),
         }
     }
 

@@ -110,9 +110,10 @@ impl CompiledRates {
 
 fn compile(compiler: &dyn Compiler, limits: [usize; 2], program: impl FnOnce(usize) -> Option<Program>) -> Code {
     let [recorded, longest] = limits;
-    match program(recorded).filter(|x| x.len() <= longest) {
-        Some(program) => compiler.compile(&program).map_or_else(Code::Refused, Code::Compiled),
-        None => Code::Without,
+    let Some(program) = program(recorded) else { return Code::Without };
+    match compiler.compile(&program, longest) {
+        Ok(code) => code.map_or(Code::Without, Code::Compiled),
+        Err(why) => Code::Refused(why),
     }
 }
 

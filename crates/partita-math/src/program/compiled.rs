@@ -6,11 +6,14 @@ use std::sync::OnceLock;
 
 /// A program as code of this processor, with the bits of [`Recording::evaluate`](crate::scalar::Recording::evaluate).
 pub trait Compiled: Debug + Send + Sync {
-    /// The outputs for these inputs; allocates nothing.
+    /// The outputs for these inputs; allocates nothing. `memory` is that of this call alone, whatever it holds.
     ///
     /// # Panics
-    /// If there are other numbers of inputs or outputs than the program has.
-    fn evaluate(&self, inputs: &[f64], outputs: &mut [f64]);
+    /// If there are other numbers of inputs or outputs than the program has, or less memory than [`memory`](Self::memory).
+    fn evaluate(&self, inputs: &[f64], outputs: &mut [f64], memory: &mut [f64]);
+
+    /// Numbers that an evaluation needs memory for, beside a stack.
+    fn memory(&self) -> usize;
 }
 
 /// Why a program was not compiled.
@@ -20,11 +23,12 @@ pub struct NotCompiled(pub String);
 
 /// Something that compiles programs.
 pub trait Compiler: Debug + Send + Sync {
-    /// The program as code of this processor.
+    /// The program as code of this processor; none where it takes more than `most` instructions, of which those that repeat
+    /// count once.
     ///
     /// # Errors
     /// Where the processor is not known, or the system refuses memory for code.
-    fn compile(&self, program: &Program) -> Result<Box<dyn Compiled>, NotCompiled>;
+    fn compile(&self, program: &Program, most: usize) -> Result<Option<Box<dyn Compiled>>, NotCompiled>;
 }
 
 static COMPILER: OnceLock<&'static dyn Compiler> = OnceLock::new();

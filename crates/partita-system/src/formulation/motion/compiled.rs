@@ -26,6 +26,8 @@ pub(super) struct CompiledMotion {
     vdot_count: usize,
     inputs: Vec<f64>,
     outputs: Vec<f64>,
+    /// Memory of the code.
+    memory: Vec<f64>,
     /// Evaluations.
     count: u64,
 }
@@ -47,6 +49,7 @@ impl CompiledMotion {
             vdot_count,
             inputs: vec![0.0; states + 1],
             outputs: vec![0.0; rates_count + vdot_count + r.rank() + 1],
+            memory: Vec::new(),
             count: 0,
         })
     }
@@ -63,7 +66,10 @@ impl CompiledMotion {
         let states = self.inputs.len() - 1;
         self.inputs[..states].copy_from_slice(&y[..states]);
         self.inputs[states] = t;
-        code.evaluate(&self.inputs, &mut self.outputs);
+        if self.memory.len() < code.memory() {
+            self.memory.resize(code.memory(), 0.0);
+        }
+        code.evaluate(&self.inputs, &mut self.outputs, &mut self.memory);
         let (rates, rest) = self.outputs.split_at(self.rates_count);
         let (vdot, watched) = rest.split_at(self.vdot_count);
         let (excess, pivots) = watched.split_last()?;
