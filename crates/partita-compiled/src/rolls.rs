@@ -13,8 +13,8 @@
 
 use crate::values::{Item, Operation, Source, Values};
 use partita_math::program::Code;
-use std::collections::HashMap;
-use std::hash::{DefaultHasher, Hash, Hasher};
+use std::cmp::Reverse;
+use std::collections::{BinaryHeap, HashMap};
 
 /// Operands at most that far belong to the pattern of an operation. Scale: operations.
 const NEAR: usize = 64;
@@ -25,7 +25,7 @@ const LONGEST: usize = 512;
 const TRIED: usize = 16;
 /// Turns from which on a loop is made, and operations in all. Reason: a loop is entered and left in some ten cycles.
 const FEWEST: usize = 8;
-const SHORTEST: usize = 48;
+const SHORTEST: usize = 32;
 /// Places that move by different steps in one loop. Reason: each takes a general register.
 pub(crate) const POINTERS: usize = 8;
 
@@ -88,11 +88,21 @@ struct Found {
     entries: Vec<(usize, usize)>,
 }
 
+/// Loop, turn and operation of the values that loops compute.
+struct Members(Vec<Option<[u32; 3]>>);
+
+impl Members {
+    fn get(&self, x: usize) -> Option<[usize; 3]> {
+        self.0[x].map(|all| all.map(|i| i as usize))
+    }
+}
+
 struct Search<'v> {
     values: &'v Values,
     found: Vec<Found>,
-    /// Loop, turn and operation of a value.
-    member: HashMap<usize, (usize, usize, usize)>,
+    members: Members,
+    /// Place of each value among the operations of the stage that is searched.
+    position: Vec<Option<u32>>,
 }
 
 /// A turn that is looked at: operations `start..start + length` of a stage are turn 0.
@@ -100,7 +110,7 @@ struct Search<'v> {
 struct Turns<'o> {
     operations: &'o [Operation],
     /// Place of the first one among the values: results of a stage follow each other.
-    position: &'o HashMap<usize, usize>,
+    position: &'o [Option<u32>],
     start: usize,
     length: usize,
 }
@@ -108,20 +118,24 @@ struct Turns<'o> {
 /// Make loops of what repeats. Constants that differ between turns are appended to `constants`.
 pub(crate) fn roll(values: &mut Values, constants: &mut Vec<f64>) {
     let stages = std::mem::take(&mut values.operations);
-    let mut search = Search { values, found: Vec::new(), member: HashMap::new() };
+    let count = values.sources.len();
+    let mut search =
+        Search { values, found: Vec::new(), members: Members(vec![None; count]), position: vec![None; count] };
     let parts: Vec<Vec<Part>> = stages.into_iter().map(|stage| search.stage(operations_of(stage))).collect();
-    let Search { found, member, .. } = search;
-    let (places, arrays) = lay_out(values, &parts, &found, &member);
-    for (&x, &(roll, turn, operation)) in &member {
-        if let Some(first) = places[roll][operation] {
-            values.sources[x] = Source::Array(first + turn);
+    let Search { found, members, .. } = search;
+    let (places, arrays) = lay_out(values, &parts, &found, &members);
+    for (x, source) in values.sources.iter_mut().enumerate() {
+        if let Some([roll, turn, operation]) = members.get(x) {
+            if let Some(first) = places[roll][operation] {
+                *source = Source::Array(first + turn);
+            }
         }
     }
     values.arrays = arrays;
     let mut rolls = found.iter().zip(&places).map(|(found, own)| found.made(own, &places, constants));
     let mut item = |part| match part {
         Part::Straight(operation) => Some(Item::Operation(operation)),
-        Part::Loop => rolls.next().map(Item::Roll),
+        Part::Loop => rolls.next().map(|x| Item::Roll(Box::new(x))),
     };
     values.operations = parts.into_iter().map(|stage| stage.into_iter().filter_map(&mut item).collect()).collect();
 }
@@ -142,15 +156,21 @@ fn operations_of(stage: Vec<Item>) -> Vec<Operation> {
 
 impl Search<'_> {
     fn stage(&mut self, operations: Vec<Operation>) -> Vec<Part> {
-        let position: HashMap<usize, usize> = operations.iter().enumerate().map(|(p, x)| (x.to, p)).collect();
+        let mut position = std::mem::take(&mut self.position);
+        operations.iter().zip(0..).for_each(|(x, p)| position[x.to] = Some(p));
         let patterns: Vec<u64> = operations.iter().enumerate().map(|(p, x)| pattern(x, p, &position)).collect();
         let next = repetitions(&patterns);
         let (mut ends, mut p) = (Vec::new(), 0);
+        // no turns of a length begin before this
+        let mut hopeless = vec![0; LONGEST + 1];
         while p < operations.len() {
             let turns = Turns { operations: &operations, position: &position, start: p, length: 0 };
-            match self.best(turns, &patterns, &next) {
+            match self.best(turns, &patterns, &next, &mut hopeless) {
                 Some((turns, count)) => {
                     let end = turns.start + count * turns.length;
+                    if std::env::var("PDBG").is_ok() {
+                        eprintln!("at {} of {}: {} turns of {}", turns.start, operations.len(), count, turns.length);
+                    }
                     self.accept(turns, count);
                     ends.push((turns.start, end));
                     p = end;
@@ -158,6 +178,8 @@ impl Search<'_> {
                 None => p += 1,
             }
         }
+        operations.iter().for_each(|x| position[x.to] = None);
+        self.position = position;
         let mut parts = Vec::new();
         let mut loops = ends.into_iter().peekable();
         for (p, operation) in operations.into_iter().enumerate() {
@@ -172,7 +194,13 @@ impl Search<'_> {
     }
 
     /// The loop from here on that covers most, shorter turns first if they cover half of that.
-    fn best<'o>(&self, from: Turns<'o>, patterns: &[u64], next: &[usize]) -> Option<(Turns<'o>, usize)> {
+    fn best<'o>(
+        &self,
+        from: Turns<'o>,
+        patterns: &[u64],
+        next: &[usize],
+        hopeless: &mut [usize],
+    ) -> Option<(Turns<'o>, usize)> {
         let mut at = from.start;
         let mut all: Vec<(Turns, usize)> = Vec::new();
         for _ in 0..TRIED {
@@ -181,8 +209,14 @@ impl Search<'_> {
             if at == usize::MAX || length > LONGEST {
                 break;
             }
+            if hopeless[length] > from.start {
+                continue;
+            }
             let turns = Turns { length, ..from };
-            let count = self.count(turns, patterns);
+            let (count, later) = self.count(turns, patterns);
+            if count < FEWEST {
+                hopeless[length] = later;
+            }
             if count >= FEWEST && count * length >= SHORTEST {
                 all.push((turns, count));
                 // nothing covers twice as much
@@ -196,29 +230,39 @@ impl Search<'_> {
         // from where on turns share least
         let start = turns.start + turns.fewest_shared();
         let later = Turns { start, ..turns };
-        let again = self.count(later, patterns);
+        let again = self.count(later, patterns).0;
         Some(if again + 1 >= count && again >= FEWEST { (later, again) } else { (turns, count) })
     }
 
-    /// Turns that repeat the first one.
-    fn count(&self, turns: Turns, patterns: &[u64]) -> usize {
+    /// Turns that repeat the first one, and where others of this length may begin: the operation that ends these does not
+    /// end them.
+    fn count(&self, turns: Turns, patterns: &[u64]) -> (usize, usize) {
         let Turns { start, length, .. } = turns;
         let repeats = |turn: usize| {
             let at = start + turn * length;
             at + length <= patterns.len() && patterns[at..at + length] == patterns[start..start + length]
         };
-        if !(repeats(1) && repeats(2)) || self.pointers(turns) > POINTERS || self.entries(turns).is_none() {
-            return 1;
+        if !(repeats(1) && repeats(2)) {
+            return (1, start + 1);
         }
-        (1..).find(|&turn| !(repeats(turn) && self.agrees(turns, turn))).unwrap_or(1)
+        if let Err(operation) = self.entries(turns) {
+            return (1, start + operation + 1);
+        }
+        if self.pointers(turns) > POINTERS {
+            return (1, start + 1);
+        }
+        let mut turn = 3;
+        while repeats(turn) {
+            if let Some(operation) = turns.first_read(|o, a| !self.continues(turns, turn, o, a)) {
+                // next to be among the first three turns
+                return (turn, start + (turn - 3) * length + operation + 1);
+            }
+            turn += 1;
+        }
+        (turn, start + 1)
     }
 
     /// Whether what a turn reads continues what turns 1 and 2 read.
-    fn agrees(&self, turns: Turns, turn: usize) -> bool {
-        turns.each_read(|o, a| self.continues(turns, turn, o, a))
-    }
-
-    /// The same of one operand.
     fn continues(&self, turns: Turns, turn: usize, o: usize, a: usize) -> bool {
         let [(x1, f1, k1), (x2, f2, k2), (x, f, k)] = [1, 2, turn].map(|i| self.origin(turns, i, o, a));
         let own = |of: Origin, k: usize, i: usize| self.is_own(of) && k == i;
@@ -238,24 +282,26 @@ impl Search<'_> {
             }
     }
 
-    /// Results that the next turn reads, with what turn 0 reads in their stead; none where turn 0 is not like the others.
-    fn entries(&self, turns: Turns) -> Option<Vec<(usize, usize)>> {
+    /// Results that the next turn reads, with what turn 0 reads in their stead; or the first operation by which the first
+    /// turns are not alike.
+    fn entries(&self, turns: Turns) -> Result<Vec<(usize, usize)>, usize> {
         let mut entries: Vec<(usize, usize)> = Vec::new();
-        let like = turns.each_read(|o, a| {
+        let unlike = turns.first_read(|o, a| {
             let [(x, ..), (_, f1, k1), (_, f2, k2)] = [0, 1, 2].map(|i| self.origin(turns, i, o, a));
             match f1 {
                 Origin::Loop { operation, .. } if self.is_own(f1) && (k1, k2) == (0, 1) && f1 == f2 => {
                     match entries.iter().find(|entry| entry.0 == operation) {
-                        Some(entry) => return entry.1 == x,
+                        Some(entry) => return entry.1 != x,
                         None => entries.push((operation, x)),
                     }
-                    true
+                    false
                 }
-                _ => self.continues(turns, 0, o, a),
+                _ => !(self.continues(turns, 0, o, a) && self.continues(turns, 2, o, a)),
             }
         });
-        like.then_some(entries)
+        unlike.map_or(Ok(entries), Err)
     }
+
     /// Whether this is the loop that is looked for.
     fn is_own(&self, of: Origin) -> bool {
         matches!(of, Origin::Loop { roll, .. } if roll == self.found.len())
@@ -264,11 +310,11 @@ impl Search<'_> {
     /// A value that a turn reads: where it comes from, and its number there.
     fn origin(&self, turns: Turns, turn: usize, operation: usize, operand: usize) -> (usize, Origin, usize) {
         let x = turns.reads(turn, operation)[operand];
-        if let Some(p) = turns.position.get(&x).and_then(|p| p.checked_sub(turns.start)) {
+        if let Some(p) = turns.position[x].and_then(|p| (p as usize).checked_sub(turns.start)) {
             let of = Origin::Loop { roll: self.found.len(), operation: p % turns.length };
             return (x, of, p / turns.length);
         }
-        if let Some(&(roll, turn, operation)) = self.member.get(&x) {
+        if let Some([roll, turn, operation]) = self.members.get(x) {
             return (x, Origin::Loop { roll, operation }, turn);
         }
         let (of, k) = match self.values.sources[x] {
@@ -283,7 +329,7 @@ impl Search<'_> {
     /// Places that move by different steps, those of what is kept included.
     fn pointers(&self, turns: Turns) -> usize {
         let mut moving = vec![(2, 1)];
-        turns.each_read(|o, a| {
+        turns.first_read(|o, a| {
             let [(x1, f1, k1), (x2, _, k2)] = [1, 2].map(|i| self.origin(turns, i, o, a));
             let step = k2 as isize - k1 as isize;
             let space = match f1 {
@@ -294,7 +340,7 @@ impl Search<'_> {
             if x1 != x2 && !(self.is_own(f1) && k1 == 1) && !moving.contains(&space) {
                 moving.push(space);
             }
-            true
+            false
         });
         moving.len()
     }
@@ -321,7 +367,7 @@ impl Search<'_> {
         let roll = self.found.len();
         self.found.push(found);
         for (p, x) in turns.operations[turns.start..turns.start + count * turns.length].iter().enumerate() {
-            self.member.insert(x.to, (roll, p / turns.length, p % turns.length));
+            self.members.0[x.to] = Some([roll, p / turns.length, p % turns.length].map(|i| i as u32));
         }
     }
 }
@@ -331,9 +377,9 @@ impl Turns<'_> {
         self.operations[self.start + turn * self.length + operation].reads()
     }
 
-    /// Whether a condition holds for every operand of every operation of a turn.
-    fn each_read(&self, mut holds: impl FnMut(usize, usize) -> bool) -> bool {
-        (0..self.length).all(|o| (0..self.reads(0, o).len()).all(|a| holds(o, a)))
+    /// The first operation of a turn with an operand of which a condition holds.
+    fn first_read(&self, mut holds: impl FnMut(usize, usize) -> bool) -> Option<usize> {
+        (0..self.length).find(|&o| (0..self.reads(0, o).len()).any(|a| holds(o, a)))
     }
 
     /// How much later turns begin if the fewest values pass from one to the next.
@@ -341,9 +387,9 @@ impl Turns<'_> {
         // how far each result is read
         let mut reach = vec![0; self.length];
         for o in 0..self.length {
-            for x in self.reads(1, o) {
+            for &x in self.reads(1, o) {
                 let at = self.start + self.length + o;
-                if let Some(distance) = self.position.get(x).and_then(|p| at.checked_sub(*p)) {
+                if let Some(distance) = self.position[x].and_then(|p| at.checked_sub(p as usize)) {
                     if (1..=self.length).contains(&distance) {
                         let by = (o + self.length - distance) % self.length;
                         reach[by] = distance.max(reach[by]);
@@ -359,17 +405,12 @@ impl Turns<'_> {
     }
 }
 
-/// An operation without what it reads from afar; a call is like no other.
-fn pattern(x: &Operation, p: usize, position: &HashMap<usize, usize>) -> u64 {
-    let mut hash = DefaultHasher::new();
-    if x.is_call() {
-        (usize::MAX, p).hash(&mut hash);
-    }
-    (x.code as u8).hash(&mut hash);
-    for read in x.reads() {
-        position.get(read).map(|q| p - q).filter(|distance| *distance <= NEAR).hash(&mut hash);
-    }
-    hash.finish()
+/// An operation without what it reads from afar, as a number; a call is like no other.
+fn pattern(x: &Operation, p: usize, position: &[Option<u32>]) -> u64 {
+    let distance = |read: &usize| position[*read].map_or(0, |q| p - q as usize);
+    let near = x.reads().iter().map(distance).map(|distance| if distance <= NEAR { distance as u64 } else { 0 });
+    let of_call = if x.is_call() { p as u64 + 1 } else { 0 };
+    near.fold(of_call, |all, distance| all * (NEAR as u64 + 1) + distance) << 8 | x.code as u64
 }
 
 /// Where the patterns from each place on occur next.
@@ -384,46 +425,70 @@ fn repetitions(patterns: &[u64]) -> Vec<usize> {
     next
 }
 
-/// Places of the arrays of each loop, for the operations whose results others read, and of how many numbers they are.
+/// Places of the arrays of each loop, for the operations whose results others read, and of how many numbers they are. What
+/// is read no more gives its place to others.
 fn lay_out(
     values: &Values,
     parts: &[Vec<Part>],
     found: &[Found],
-    member: &HashMap<usize, (usize, usize, usize)>,
+    members: &Members,
 ) -> (Vec<Vec<Option<usize>>>, usize) {
-    let mut read: Vec<Vec<bool>> = found.iter().map(|x| vec![false; x.codes.len()]).collect();
-    let mut see = |x: &usize| {
-        if let Some(&(roll, _, operation)) = member.get(x) {
-            read[roll][operation] = true;
+    // number of loops begun when each result is read last
+    let mut last: Vec<Vec<Option<usize>>> = found.iter().map(|x| vec![None; x.codes.len()]).collect();
+    let see = |last: &mut Vec<Vec<Option<usize>>>, roll: usize, operation: usize, when: usize| {
+        last[roll][operation] = last[roll][operation].max(Some(when));
+    };
+    let see_value = |last: &mut Vec<Vec<Option<usize>>>, x: usize, when: usize| {
+        if let Some([roll, _, operation]) = members.get(x) {
+            see(last, roll, operation, when);
         }
     };
-    for part in parts.iter().flatten() {
-        if let Part::Straight(operation) = part {
-            operation.reads().iter().for_each(&mut see);
+    let mut begun = 0;
+    for (parts, angles) in parts.iter().zip(&values.angles) {
+        for part in parts {
+            match part {
+                Part::Straight(operation) => operation.reads().iter().for_each(|&x| see_value(&mut last, x, begun)),
+                Part::Loop => {
+                    begun += 1;
+                    found[begun - 1].entries.iter().for_each(|(_, x)| see_value(&mut last, *x, begun));
+                    for operand in found[begun - 1].operands.iter().flatten() {
+                        match operand {
+                            Operand::Same(x) => see_value(&mut last, *x, begun),
+                            Operand::Moving { of: Origin::Loop { roll, operation }, .. } => {
+                                see(&mut last, *roll, *operation, begun);
+                            }
+                            _ => {}
+                        }
+                    }
+                }
+            }
         }
+        angles.iter().for_each(|&x| see_value(&mut last, x, begun));
     }
-    values.angles.iter().flatten().chain(&values.outputs).for_each(&mut see);
-    found.iter().flat_map(|x| &x.entries).for_each(|(_, x)| see(x));
-    let mut moving = Vec::new();
-    for operand in found.iter().flat_map(|x| x.operands.iter().flatten()) {
-        match operand {
-            Operand::Same(x) => see(x),
-            Operand::Moving { of: Origin::Loop { roll, operation }, .. } => moving.push((*roll, *operation)),
-            _ => {}
-        }
-    }
-    moving.into_iter().for_each(|(roll, operation)| read[roll][operation] = true);
+    values.outputs.iter().for_each(|&x| see_value(&mut last, x, usize::MAX));
     let mut next = 0;
-    let mut place = |count: usize| {
-        // after that of an entry
-        let here = next + 1;
+    // places by size, and those in use: last, size, place
+    let mut free: HashMap<usize, Vec<usize>> = HashMap::new();
+    let mut taken: BinaryHeap<Reverse<(usize, usize, usize)>> = BinaryHeap::new();
+    let mut places = Vec::with_capacity(found.len());
+    for (roll, (last, found)) in last.iter().zip(found).enumerate() {
+        while let Some(&Reverse((_, size, place))) = taken.peek().filter(|x| x.0 .0 <= roll) {
+            free.entry(size).or_default().push(place);
+            taken.pop();
+        }
         // an odd number of lines of a cache: arrays that are read side by side lie in different sets
-        next += 8 * ((count + 1).div_ceil(8) | 1);
-        here
-    };
-    let places =
-        read.iter().zip(found).map(|(read, found)| read.iter().map(|read| read.then(|| place(found.count))).collect());
-    let places = places.collect();
+        let size = 8 * ((found.count + 1).div_ceil(8) | 1);
+        let mut place = |last: usize| {
+            let place = free.get_mut(&size).and_then(Vec::pop).unwrap_or_else(|| {
+                next += size;
+                next - size
+            });
+            taken.push(Reverse((last, size, place)));
+            // after that of an entry
+            place + 1
+        };
+        places.push(last.iter().map(|last| last.map(&mut place)).collect());
+    }
     (places, next)
 }
 

@@ -154,7 +154,6 @@ fn what_repeats_becomes_loops_with_the_same_bits() {
         let program = Program::new(&r, 0..0);
         let length = |from| super::for_x86_64(&program, true, from).length;
         let (rolled, straight) = (length(0), length(usize::MAX));
-        eprintln!("{links} {unlike:?} {rolled} {straight} {}", program.len());
         if links >= 40 {
             let parts = 1 + usize::from(unlike.is_some());
             assert!(rolled < 600 * parts, "{links} links, {unlike:?}: {rolled} steps in loops, {straight} without");

@@ -22,7 +22,7 @@ pub(crate) enum Source {
 /// A part of the code.
 pub(crate) enum Item {
     Operation(Operation),
-    Roll(Roll),
+    Roll(Box<Roll>),
 }
 
 /// An operation on values instead of registers.

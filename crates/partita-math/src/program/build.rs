@@ -2,7 +2,7 @@
 
 use super::{Code, Instruction, Program};
 use crate::scalar::{Operation, Recording};
-use std::collections::HashMap;
+use rustc_hash::FxHashMap;
 use std::ops::Range;
 
 /// What a value is.
@@ -23,7 +23,7 @@ struct Builder<'a> {
     /// Readers still to come; an output has one more, for ever.
     readers: Vec<u32>,
     /// The sine of each angle, and the cosine.
-    sines: HashMap<u32, [Option<u32>; 2]>,
+    sines: FxHashMap<u32, [Option<u32>; 2]>,
     /// Products that the sum which alone reads them computes.
     fused: Vec<bool>,
     register: Vec<u32>,
@@ -42,7 +42,7 @@ pub(super) fn program(lean: &Recording, settled: Range<usize>) -> Program {
     }
     b.registers = lean.inputs() as u32;
     // factors and the bounds of tables are constants of their operations
-    let mut known = HashMap::new();
+    let mut known = FxHashMap::default();
     for (i, operation) in b.operations.iter().enumerate() {
         let (Operation::Constant(c) | Operation::Reached(_, c) | Operation::Scale(_, c)) = operation else { continue };
         let register = *known.entry(c.to_bits()).or_insert(b.registers);
@@ -80,7 +80,7 @@ impl<'a> Builder<'a> {
         let operations = &lean.operations;
         let count = operations.len();
         let (mut kind, mut constant) = (vec![Kind::Given; count], vec![false; count]);
-        let (mut readers, mut sines) = (vec![0; count], HashMap::<u32, [Option<u32>; 2]>::new());
+        let (mut readers, mut sines) = (vec![0; count], FxHashMap::<u32, [Option<u32>; 2]>::default());
         for (i, operation) in operations.iter().enumerate() {
             let mut all = true;
             operation.operands(|x| {
@@ -150,7 +150,7 @@ impl<'a> Builder<'a> {
     }
 
     /// The instruction that computes value i.
-    fn append(&mut self, i: usize, constants: &HashMap<u64, u32>, part: &mut Vec<Instruction>) {
+    fn append(&mut self, i: usize, constants: &FxHashMap<u64, u32>, part: &mut Vec<Instruction>) {
         use Operation as O;
         if self.register[i] != NONE {
             return; // a sine or a cosine that is known with the other

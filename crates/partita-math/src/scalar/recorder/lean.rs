@@ -3,7 +3,7 @@
 use super::{Operation, Recording};
 use crate::scalar::Cases;
 use crate::scalar::Scalar;
-use std::collections::HashMap;
+use rustc_hash::FxHashMap;
 
 /// An operation as a key: its kind, its operands, the bits of its constant.
 type Key = (u8, [u32; 3], u64);
@@ -75,7 +75,7 @@ impl Operation {
 #[derive(Default)]
 struct Numbered {
     operations: Vec<Operation>,
-    known: HashMap<Key, u32>,
+    known: FxHashMap<Key, u32>,
 }
 
 impl Numbered {
@@ -178,6 +178,7 @@ impl Recording {
     /// of a zero.
     pub fn lean(&self) -> Self {
         let mut numbered = Numbered::default();
+        numbered.known.reserve(self.operations.len() / 3);
         let mut slots: Vec<u32> = Vec::with_capacity(self.operations.len());
         for operation in &self.operations {
             let moved = operation.with(|x| slots.get(x as usize).copied().unwrap_or(0));
