@@ -4,7 +4,7 @@
 //! is wanted and none is free, the value that is needed last leaves, to the stack if it lies nowhere else. What is needed
 //! later than all that lies in registers is read where it is, by the instruction that needs it if the processor can.
 
-use crate::rolls::{Read, Roll, POINTERS};
+use crate::rolls::{Keep, Read, Roll, POINTERS};
 use crate::values::{Item, Operation, Source, Values};
 use partita_math::program::Code;
 
@@ -214,9 +214,8 @@ impl Allocation<'_> {
     fn write(&mut self) {
         let values = self.values;
         let mut outputs: Vec<Vec<usize>> = vec![Vec::new(); values.sources.len()];
-        for (o, &x) in values.outputs.iter().enumerate() {
-            outputs[x].push(o);
-        }
+        let asked = || values.outputs.iter().enumerate().filter_map(|(o, &x)| Some((o, x?)));
+        asked().for_each(|(o, x)| outputs[x].push(o));
         let (mut done, mut step) = (0, 0);
         for (operations, angles) in values.operations.iter().zip(&values.angles) {
             for item in operations {
@@ -233,8 +232,8 @@ impl Allocation<'_> {
             step += 1;
         }
         // results were written as soon as they were known, but those of loops
-        let known = values.outputs.iter().enumerate().filter(|x| !matches!(values.sources[*x.1], Source::Operation));
-        let copies: Vec<_> = known.map(|(o, &x)| (self.place(x), Address::Output(o))).collect();
+        let known = asked().filter(|x| !matches!(values.sources[x.1], Source::Operation));
+        let copies: Vec<_> = known.map(|(o, x)| (self.place(x), Address::Output(o))).collect();
         self.copy(&copies);
     }
 
@@ -479,8 +478,11 @@ impl Allocation<'_> {
                 Read::Moving { first, step } => moving(self.place_of(first, NONE), step),
             })
             .collect();
-        let keeps: Vec<Address> =
-            roll.keeps.iter().map(|place| moving(Address::Stack(self.first_array + place), 1)).collect();
+        let keep = |keep: &Keep| match *keep {
+            Keep::Array(place) => moving(Address::Stack(self.first_array + place), 1),
+            Keep::Output { first, step } => moving(Address::Output(first), step),
+        };
+        let keeps: Vec<Address> = roll.keeps.iter().map(keep).collect();
         let to = |place: Address| match place {
             Address::Input(k) => reads[k],
             Address::Output(k) => keeps[k],

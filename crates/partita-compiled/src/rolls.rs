@@ -5,7 +5,7 @@
 //!
 //! ```text
 //! turn i      reads    inputs, sines, constants, arrays at place first + step · i,  or what is the same in every turn
-//!             keeps    its values that others read: each has an array of its own, turn i at place i
+//!             keeps    its values that others read: each has an array of its own, turn i at place i; outputs likewise
 //! recursions  read     place i − 1; before turn 0 what comes in its stead, the entry, is copied there
 //! ```
 //!
@@ -14,7 +14,7 @@
 use crate::values::{Item, Operation, Source, Values};
 use partita_math::program::Code;
 use std::cmp::Reverse;
-use std::collections::{BinaryHeap, HashMap};
+use std::collections::{BTreeMap, BinaryHeap, HashMap};
 
 /// Operands at most that far belong to the pattern of an operation. Scale: operations.
 const NEAR: usize = 64;
@@ -35,10 +35,19 @@ pub(crate) struct Roll {
     /// One turn: its inputs are what it reads, its outputs what it keeps.
     pub(crate) body: Values,
     pub(crate) reads: Vec<Read>,
-    /// Place of each output of turn 0 among the arrays.
-    pub(crate) keeps: Vec<usize>,
+    /// Where each output of a turn goes.
+    pub(crate) keeps: Vec<Keep>,
     /// Places among the arrays and the values that are copied there before.
     pub(crate) entries: Vec<(usize, usize)>,
+}
+
+/// Where an output of a turn goes.
+#[derive(Clone, Copy)]
+pub(crate) enum Keep {
+    /// To the arrays: turn 0 to this place, each one after to the next.
+    Array(usize),
+    /// To an output of the program.
+    Output { first: usize, step: isize },
 }
 
 /// Where an input of a turn lies.
@@ -86,6 +95,10 @@ struct Found {
     operands: Vec<Vec<Operand>>,
     /// Operations whose results the next turn reads, and what turn 0 reads in their stead.
     entries: Vec<(usize, usize)>,
+    /// Operations whose results are outputs: that of turn 0, and the step to that of the next turn.
+    outputs: Vec<(usize, usize, isize)>,
+    /// Places that move by different steps.
+    pointers: usize,
 }
 
 /// Loop, turn and operation of the values that loops compute.
@@ -122,7 +135,10 @@ pub(crate) fn roll(values: &mut Values, constants: &mut Vec<f64>) {
     let mut search =
         Search { values, found: Vec::new(), members: Members(vec![None; count]), position: vec![None; count] };
     let parts: Vec<Vec<Part>> = stages.into_iter().map(|stage| search.stage(operations_of(stage))).collect();
-    let Search { found, members, .. } = search;
+    let Search { mut found, members, .. } = search;
+    for o in written(&mut found, &values.outputs, &members) {
+        values.outputs[o] = None;
+    }
     let (places, arrays) = lay_out(values, &parts, &found, &members);
     for (x, source) in values.sources.iter_mut().enumerate() {
         if let Some([roll, turn, operation]) = members.get(x) {
@@ -363,6 +379,8 @@ impl Search<'_> {
             codes: of_turn().map(|x| (x.code, x.exponent)).collect(),
             operands: operands.collect(),
             entries: self.entries(turns).unwrap_or_default(),
+            outputs: Vec::new(),
+            pointers: self.pointers(turns),
         };
         let roll = self.found.len();
         self.found.push(found);
@@ -425,6 +443,34 @@ fn repetitions(patterns: &[u64]) -> Vec<usize> {
     next
 }
 
+/// The outputs that loops write: one in each turn, a step further each time.
+fn written(found: &mut [Found], outputs: &[Option<usize>], members: &Members) -> Vec<usize> {
+    // by loops and operations: outputs in the order of the turns
+    let mut of: BTreeMap<(usize, usize), Vec<(usize, usize)>> = BTreeMap::new();
+    for (o, x) in outputs.iter().enumerate() {
+        if let Some([roll, turn, operation]) = x.and_then(|x| members.get(x)) {
+            of.entry((roll, operation)).or_default().push((turn, o));
+        }
+    }
+    let mut all = Vec::new();
+    for ((roll, operation), mut own) in of {
+        let found = &mut found[roll];
+        own.sort_unstable();
+        let (first, step) = (own[0].1, own.get(1).map_or(0, |x| x.1 as isize - own[0].1 as isize));
+        let follows = |(i, x): (usize, &(usize, usize))| x.0 == i && x.1 as isize == first as isize + i as isize * step;
+        if own.len() != found.count || !own.iter().enumerate().all(follows) {
+            continue;
+        }
+        let more = usize::from(found.outputs.iter().all(|x| x.2 != step));
+        if found.pointers + more <= POINTERS {
+            found.pointers += more;
+            found.outputs.push((operation, first, step));
+            all.extend(own.iter().map(|x| x.1));
+        }
+    }
+    all
+}
+
 /// Places of the arrays of each loop, for the operations whose results others read, and of how many numbers they are. What
 /// is read no more gives its place to others.
 fn lay_out(
@@ -465,7 +511,7 @@ fn lay_out(
         }
         angles.iter().for_each(|&x| see_value(&mut last, x, begun));
     }
-    values.outputs.iter().for_each(|&x| see_value(&mut last, x, usize::MAX));
+    values.outputs.iter().flatten().for_each(|&x| see_value(&mut last, x, usize::MAX));
     let mut next = 0;
     // places by size, and those in use: last, size, place
     let mut free: HashMap<usize, Vec<usize>> = HashMap::new();
@@ -513,11 +559,13 @@ impl Found {
             all.iter_mut().zip(operands).for_each(|(to, x)| *to = operand(x));
             Item::Operation(Operation { code, operands: all, exponent, to: reads.len() + o })
         });
-        let kept = || own.iter().enumerate().filter_map(|(o, place)| Some((o, (*place)?)));
-        let outputs = kept().map(|(o, _)| reads.len() + o).collect();
+        let arrays = own.iter().enumerate().filter_map(|(o, place)| Some((o, Keep::Array((*place)?))));
+        let outputs = self.outputs.iter().map(|&(o, first, step)| (o, Keep::Output { first, step }));
+        let kept: Vec<(usize, Keep)> = arrays.chain(outputs).collect();
+        let outputs = kept.iter().map(|(o, _)| reads.len() + o).collect();
         let body = Values::of_turn(reads.len(), operations.collect(), outputs);
         let entries = self.entries.iter().filter_map(|&(o, x)| Some((own[o]? - 1, x))).collect();
-        Roll { count: self.count, keeps: kept().map(|x| x.1).collect(), body, reads, entries }
+        Roll { count: self.count, keeps: kept.iter().map(|x| x.1).collect(), body, reads, entries }
     }
 }
 

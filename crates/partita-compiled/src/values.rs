@@ -57,8 +57,8 @@ pub(crate) struct Values {
     /// Operations of each stage, then the angles of its call.
     pub(crate) operations: Vec<Vec<Item>>,
     pub(crate) angles: Vec<Vec<usize>>,
-    /// Value of each output.
-    pub(crate) outputs: Vec<usize>,
+    /// Value of each output; none where a loop writes it.
+    pub(crate) outputs: Vec<Option<usize>>,
 }
 
 impl Values {
@@ -107,7 +107,7 @@ impl Values {
             all.sources[sine + 1] = Source::Sine(2 * next[stage] + 1);
             next[stage] += 1;
         }
-        all.outputs = program.output_registers().iter().map(|&r| held[r as usize]).collect();
+        all.outputs = program.output_registers().iter().map(|&r| Some(held[r as usize])).collect();
         all
     }
 
@@ -122,7 +122,7 @@ impl Values {
             arrays: 0,
             operations: vec![operations],
             angles: vec![Vec::new()],
-            outputs,
+            outputs: outputs.into_iter().map(Some).collect(),
         }
     }
 

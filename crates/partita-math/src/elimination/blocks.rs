@@ -43,8 +43,8 @@ impl Block {
     /// A lower bound of its smallest singular value: the others have the product |det| / smallest, which is largest if
     /// they are equal.
     pub fn least_singular_value(&self) -> f64 {
-        let others = f64::from(self.steps - 1);
-        let by = if self.steps > 1 { (others / self.squares).powf(0.5 * others) } else { 1.0 };
+        let others = self.steps - 1;
+        let by = if others > 0 { (f64::from(others) / self.squares).sqrt().powi(others) } else { 1.0 };
         // of hundreds of steps neither factor need be a number
         match self.determinant.is_normal() && by.is_finite() {
             true => self.determinant.abs() * by,
