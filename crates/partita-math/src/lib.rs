@@ -14,6 +14,7 @@ pub mod least_norm;
 pub mod program;
 pub mod quadratic;
 pub mod rank;
+pub mod ratio;
 pub mod scalar;
 pub mod sorting;
 pub mod spatial;

@@ -232,8 +232,8 @@ impl<G: Space> Tree<G> {
         s.articulated = a;
     }
 
-    /// `M⁻¹ e_c` after [`articulate`](Self::articulate).
-    pub fn inverse_mass_column(&self, c: usize, s: &mut TreeScratch<G>, out: &mut [G::S]) {
+    /// `M⁻¹ f` for efforts f (nv), after [`articulate`](Self::articulate).
+    pub fn inverse_mass_product(&self, effort: &[G::S], s: &mut TreeScratch<G>, out: &mut [G::S]) {
         let (n, d, o) = (self.links.len(), G::DIM, G::S::zero());
         let mut a = std::mem::take(&mut s.articulated);
         a.force.resize(n * d, o);
@@ -248,7 +248,7 @@ impl<G: Space> Tree<G> {
             let (axes, gain) = (&a.axes[i * d * 3..], &a.gain[i * d * 3..]);
             for j in 0..f {
                 let pushed = sum(d, |l| axes[l * 3 + j] * a.force[i * d + l]);
-                a.left[i][j] = (if v + j == c { G::S::one() } else { o }) - pushed;
+                a.left[i][j] = effort[v + j] - pushed;
             }
             let p = self.links[i].parent;
             if p > 0 {

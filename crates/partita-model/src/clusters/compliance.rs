@@ -35,12 +35,14 @@ enum Unit {
 
 impl<G: Space> Tree<G> {
     /// `[Dᵀ M_d⁻¹ D]_ii` of all velocities, and for each cluster its block of `M_d⁻¹` for the velocities `independent`:
-    /// `block(cluster, velocities, values)`. `dt` is the packed Dᵀ. Cost: links; clusters by range space: links times velocities.
+    /// `block(cluster, velocities, values)`; nothing for clusters by range space with more than `most` of these. `dt` is the
+    /// packed Dᵀ. Cost: links; clusters by range space: links times velocities.
     pub fn mobility(
         &self,
         plan: &Plan,
         dt: &[G::S],
         independent: &[usize],
+        most: usize,
         cluster_of: &[u32],
         s: &TreeScratch<G>,
         x: &ClusterScratch<G::S>,
@@ -67,11 +69,15 @@ impl<G: Space> Tree<G> {
         for (n, r) in plan.ranged.iter().enumerate() {
             range_at[r.links[0] as usize] = n;
         }
-        let mut inside = vec![false; self.links.len()];
-        plan.ranged.iter().flat_map(|r| &r.links).for_each(|&i| inside[i as usize] = true);
+        let mut inside = vec![usize::MAX; self.links.len()];
+        for (n, r) in plan.ranged.iter().enumerate() {
+            r.links.iter().for_each(|&i| inside[i as usize] = n);
+        }
+        // links that others than those of their own cluster hang on
         let mut carries = vec![false; self.links.len()];
         for i in 1..self.links.len() {
-            carries[self.links[i].parent] = true;
+            let parent = self.links[i].parent;
+            carries[parent] |= inside[i] == usize::MAX || inside[i] != inside[parent];
         }
         for i in 1..self.links.len() {
             match plan.links[i].duty {
@@ -84,9 +90,9 @@ impl<G: Space> Tree<G> {
                 Duty::Own if range_at[i] != usize::MAX => {
                     let r = &plan.ranged[range_at[i]];
                     let which = &own[r.cluster as usize];
-                    self.range_mobility(plan, r, which, &carries, s, x, &mut room, diagonal, block);
+                    self.range_mobility(plan, r, which, most, &carries, s, x, &mut room, diagonal, block);
                 }
-                Duty::Own if inside[i] => {}
+                Duty::Own if inside[i] != usize::MAX => {}
                 Duty::Own => {
                     let cluster = cluster_of[self.links[i].v] as usize;
                     self.joint_mobility(i, s, x, &mut room, diagonal, cluster, block);
@@ -222,6 +228,7 @@ impl<G: Space> Tree<G> {
         plan: &Plan,
         p: &RangePlan,
         which: &[usize],
+        most: usize,
         carries: &[bool],
         s: &TreeScratch<G>,
         x: &ClusterScratch<G::S>,
@@ -256,10 +263,11 @@ impl<G: Space> Tree<G> {
             })
         };
         let k = which.len();
-        let mut values = vec![o; k * k];
+        let asked = k <= most;
+        let mut values = vec![o; if asked { k * k } else { 0 }];
         let mut index = vec![usize::MAX; self.nv];
         which.iter().enumerate().for_each(|(j, &v)| index[v] = j);
-        for &v in &velocities {
+        for &v in velocities.iter().filter(|_| asked) {
             self.range_response(plan, p, &Unit::Effort(v), s, x, room);
             diagonal[v] = room.rates[v] + shared(v, v);
             if index[v] != usize::MAX {
@@ -282,7 +290,9 @@ impl<G: Space> Tree<G> {
             sandwich(&xi[n], &omega, d, mine);
             mine.iter_mut().zip(&own).for_each(|(m, o)| *m += *o);
         }
-        block(p.cluster as usize, which, &values);
+        if asked {
+            block(p.cluster as usize, which, &values);
+        }
     }
 
     /// Rates and motions of a cluster by range space for one unit load, with the factors already computed. Cost: its

@@ -200,11 +200,13 @@ impl Metric for Model {
         out: &mut [f64],
     ) -> Result<(), SystemError> {
         let n = self.placed.nv;
-        let mut column = vec![0.0; n];
+        let (mut effort, mut column) = (vec![0.0; n], vec![0.0; n]);
         with_engine!(self, s, |tree, x| {
             tree.articulate(x).map_err(|e| self.mass_error(e))?;
             for (j, &c) in which.iter().enumerate() {
-                tree.inverse_mass_column(c, x, &mut column);
+                effort.fill(0.0);
+                effort[c] = 1.0;
+                tree.inverse_mass_product(&effort, x, &mut column);
                 for i in 0..n {
                     out[i * which.len() + j] = column[i];
                 }
@@ -261,10 +263,18 @@ impl Clustered for Model {
         s.recursion = plan;
         self.felt(0.0, s, out)
     }
+    fn respond_freely(&self, effort: &[f64], s: &mut ModelScratch, out: &mut [f64]) -> Result<(), SystemError> {
+        with_engine!(self, s, |tree, x| {
+            tree.articulate(x).map_err(|e| self.mass_error(e))?;
+            tree.inverse_mass_product(effort, x, out);
+        });
+        Ok(())
+    }
     fn mobility(
         &self,
         tangent: &ClusterTangent,
         independent: &[usize],
+        most: usize,
         s: &mut ModelScratch,
         diagonal: &mut [f64],
         block: BlockSink,
@@ -273,11 +283,11 @@ impl Clustered for Model {
         let of = &self.clusters.of_velocity;
         match (&self.engine, &s.planar) {
             (Engine::Planar(tree), Some(x)) => {
-                tree.mobility(plan, tangent.dt, independent, of, x, &x.clusters, diagonal, block);
+                tree.mobility(plan, tangent.dt, independent, most, of, x, &x.clusters, diagonal, block);
             }
             _ => {
                 let x = &s.full;
-                self.full.mobility(plan, tangent.dt, independent, of, x, &x.clusters, diagonal, block);
+                self.full.mobility(plan, tangent.dt, independent, most, of, x, &x.clusters, diagonal, block);
             }
         }
     }

@@ -5,6 +5,7 @@ mod choosing;
 pub mod closure_error;
 mod correction;
 mod distance;
+mod quality;
 mod row_exchange;
 mod rows;
 mod switches;
@@ -12,7 +13,8 @@ mod watch;
 
 pub use crate::choice::Choice;
 pub use correction::DependentStep;
-pub use watch::{is_round_off, largest, quality_of, strength, velocity_residuals, Sides};
+pub use quality::quality_of;
+pub use watch::{is_round_off, largest, strength, velocity_residuals, Sides};
 
 use crate::clusters::Clusters;
 use crate::partition::Partition;

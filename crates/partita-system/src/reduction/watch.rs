@@ -1,7 +1,7 @@
 //! Monitoring of the reduction: distance from singularity, closure errors, quality of the choice.
 
 use super::Reduction;
-use crate::partition::criterion::{self, Quality};
+use crate::partition::criterion;
 use crate::system::{ClusterTangent, ConstrainedSystem, SystemError};
 use partita_math::dense::{self, Matrix};
 use partita_math::elimination::{Block, Pattern, Plan};
@@ -150,76 +150,6 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         let reached = rates.iter().map(|&(i, _)| v[i]).collect();
         Ok((v, reached))
     }
-
-    /// σ and √μ at the last evaluation; of many clusters, those of the worst.
-    pub fn quality(&mut self, t: f64, q: &[f64]) -> Result<Quality, SystemError> {
-        if self.recursion.is_some() {
-            return self.quality_by_clusters(t, q);
-        }
-        quality_of(&*self.system, t, q, &self.partition.independent, &self.md, &mut self.scratch)
-    }
-
-    /// The worst σ and √μ of all clusters: each with the others free to move.
-    fn quality_by_clusters(&mut self, t: f64, q: &[f64]) -> Result<Quality, SystemError> {
-        let mut blocks: Vec<(Vec<usize>, Vec<f64>)> = Vec::new();
-        let mut diagonal = vec![0.0; self.size.nv];
-        let tangent =
-            ClusterTangent { columns: self.columns, dt: &self.dt, delta: &self.delta, c: &self.c, b: &self.b };
-        let independent = &self.partition.independent;
-        self.system.mobility(&tangent, independent, &mut self.scratch, &mut diagonal, &mut |_, which, values| {
-            blocks.push((which.to_vec(), values.to_vec()));
-        });
-        let mut lengths = vec![0.0; self.size.nv];
-        self.system.inverse_mass_diagonal(t, q, &mut self.scratch, &mut lengths)?;
-        let mut worst = Quality { sigma: 1.0, sqrt_mu: 1.0 };
-        for (which, mut values) in blocks {
-            let k = which.len();
-            if k == 0 {
-                continue;
-            }
-            let s2: Vec<f64> = which.iter().map(|&i| lengths[i]).collect();
-            if k == 1 {
-                let x = (values[0] / s2[0]).max(0.0).sqrt().min(1.0);
-                worst = Quality { sigma: worst.sigma.min(x), sqrt_mu: worst.sqrt_mu.min(x) };
-                continue;
-            }
-            let mut block = vec![0.0; self.size.nv * k];
-            self.system.inverse_mass_columns(t, q, &which, &mut self.scratch, &mut block)?;
-            let block: Vec<f64> = which.iter().flat_map(|&i| block[i * k..(i + 1) * k].iter().copied()).collect();
-            if dense::cholesky(&mut values, k).is_err() {
-                return Ok(Quality { sigma: 0.0, sqrt_mu: 0.0 });
-            }
-            let mut md = vec![0.0; k * k];
-            dense::inverse_from_cholesky(&values, k, &mut md);
-            let own = criterion::quality(&md, &s2, &block);
-            worst = Quality { sigma: worst.sigma.min(own.sigma), sqrt_mu: worst.sqrt_mu.min(own.sqrt_mu) };
-        }
-        Ok(worst)
-    }
-
-    /// `[Dᵀ M_d⁻¹ D]_ii` at the last evaluation.
-    fn mobilities(&mut self, out: &mut [f64]) {
-        let tangent =
-            ClusterTangent { columns: self.columns, dt: &self.dt, delta: &self.delta, c: &self.c, b: &self.b };
-        let independent = &self.partition.independent;
-        self.system.mobility(&tangent, independent, &mut self.scratch, out, &mut |_, _, _| {});
-    }
-
-    /// P4 at the last evaluation, with fresh scales.
-    pub fn measure(&mut self, t: f64, q: &[f64], rho: &mut [f64]) -> Result<(), SystemError> {
-        let mut s2 = vec![0.0; self.size.nv];
-        self.system.inverse_mass_diagonal(t, q, &mut self.scratch, &mut s2)?;
-        if self.recursion.is_some() {
-            self.mobilities(rho);
-            for (r, s2) in rho.iter_mut().zip(&s2) {
-                *r = (*r / s2).max(0.0).sqrt().min(1.0);
-            }
-            return Ok(());
-        }
-        let mut work = vec![0.0; self.k];
-        criterion::measure_tangent(&self.dt, self.k, &self.md_factor, &s2, &mut work, rho);
-        Ok(())
-    }
 }
 
 /// Signs of the determinants of C_D, block by block.
@@ -312,21 +242,4 @@ pub fn velocity_residuals<'x>(
     a: &'x [f64],
 ) -> impl Iterator<Item = f64> + 'x {
     a.iter().enumerate().map(|(i, a)| pattern.row(i).map(|e| c[e] * v[pattern.col_idx[e]]).sum::<f64>() + a)
-}
-
-/// σ and √μ of independent velocities with the reduced mass matrix M_d at `(t, q)`, the last position of the scratch.
-pub fn quality_of<S: ConstrainedSystem>(
-    system: &S,
-    t: f64,
-    q: &[f64],
-    independent: &[usize],
-    md: &[f64],
-    scratch: &mut S::Scratch,
-) -> Result<Quality, SystemError> {
-    let (n, k) = (system.size().nv, independent.len());
-    let mut columns = vec![0.0; n * k];
-    system.inverse_mass_columns(t, q, independent, scratch, &mut columns)?;
-    let block: Vec<f64> = independent.iter().flat_map(|&i| columns[i * k..(i + 1) * k].iter().copied()).collect();
-    let s2: Vec<f64> = (0..k).map(|j| block[j * k + j]).collect();
-    Ok(criterion::quality(md, &s2, &block))
 }

@@ -171,12 +171,20 @@ pub trait Clustered: Levels {
     fn cluster_mass<'x>(&self, _n: usize, _s: &'x Self::Scratch) -> &'x [f64] {
         &[]
     }
+    /// Motion that efforts (nv) cause from rest without any closing condition, `M⁻¹ f`, after `position`.
+    fn respond_freely(&self, _effort: &[f64], _s: &mut Self::Scratch, _out: &mut [f64]) -> Result<(), SystemError> {
+        Err(SystemError::argument(
+            "formulation",
+            "this system offers no recursion over clusters; give its equations densely".into(),
+        ))
+    }
     /// `[Dᵀ M_d⁻¹ D]_ii` of all velocities, and `block(cluster, its independent velocities, their block of M_d⁻¹)` for each
-    /// cluster, after `accelerate` or `respond`.                                                (21)
+    /// cluster, after `accelerate` or `respond`; nothing for clusters with more than `most` independent velocities. (21)
     fn mobility(
         &self,
         _tangent: &ClusterTangent,
         _independent: &[usize],
+        _most: usize,
         _s: &mut Self::Scratch,
         _diagonal: &mut [f64],
         _block: BlockSink,

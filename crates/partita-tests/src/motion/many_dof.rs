@@ -292,3 +292,61 @@ fn chains_rings_and_rows_of_loops_move_as_one_dense_mass_matrix_says() {
         }
     }
 }
+
+/// Of large clusters σ and √μ are found by products, without forming M_d: they are those of the dense equations.
+#[test]
+fn the_criterion_of_large_clusters_is_that_of_the_dense_equations() {
+    let pinned = |name: &str| families::Drawing::new(name);
+    let mut rope = pinned("rope");
+    let corner = |i: usize| {
+        let turn = std::f64::consts::PI * i as f64 / 120.0;
+        [-turn.cos(), -turn.sin()]
+    };
+    for i in 0..120 {
+        rope.link(format!("link {i}"), corner(i), corner(i + 1));
+        let before = if i == 0 { "ground".into() } else { format!("link {}", i - 1) };
+        rope.pin(&before, &format!("link {i}"), corner(i));
+    }
+    rope.pin("link 119", "ground", corner(120));
+    let mut net = pinned("net");
+    for i in 0..=110 {
+        let x = i as f64;
+        net.link(format!("upright {i}"), [x, 0.0], [x, 1.0]);
+        net.pin("ground", &format!("upright {i}"), [x, 0.0]);
+    }
+    for i in 0..110 {
+        let (x, knee) = (i as f64, [i as f64 + 0.5, 1.4]);
+        net.link(format!("left {i}"), [x, 1.0], knee);
+        net.link(format!("right {i}"), [x + 1.0, 1.0], knee);
+        net.pin(&format!("upright {i}"), &format!("left {i}"), [x, 1.0]);
+        net.pin(&format!("upright {}", i + 1), &format!("right {i}"), [x + 1.0, 1.0]);
+        net.pin(&format!("left {i}"), &format!("right {i}"), knee);
+    }
+    let all = [
+        ("rope", &rope, Coordinates::Relative),
+        ("rope", &rope, Coordinates::Absolute),
+        ("net", &net, Coordinates::Relative),
+    ];
+    for (name, drawing, coordinates) in all {
+        let model = compile(&drawing.0, coordinates).unwrap();
+        let q = model.initial();
+        let rank = start::analyse(&model, 0.0, &q).unwrap().rank;
+        let mut dense = Reduction::dense(&model, rank);
+        start::choose_partition(&mut dense, 0.0, &q, None, None).unwrap();
+        let independent = dense.partition.independent.clone();
+        assert!(independent.len() > 100);
+        let mut r = Reduction::new(&model, rank);
+        let [expected, found] = [&mut dense, &mut r].map(|r| {
+            r.position(0.0, &q).unwrap();
+            r.refresh_scales(0.0, &q).unwrap();
+            r.set_partition(0.0, &independent).unwrap();
+            r.evaluate(0.0, &q, &vec![0.0; independent.len()]).unwrap();
+            let q = r.quality(0.0, &q).unwrap();
+            [q.sigma, q.sqrt_mu]
+        });
+        assert!(r.by_clusters());
+        for (x, y) in found.iter().zip(&expected) {
+            assert!((x - y).abs() <= 1e-6 * y, "{name}, {coordinates:?}: {found:?} are not {expected:?}");
+        }
+    }
+}
