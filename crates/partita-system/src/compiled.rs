@@ -17,12 +17,13 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 /// as it saves over seven hundred to two thousand, so that no run takes much more than twice the time of the better decision.
 const WORTH_COMPILING: u64 = 1500;
 
-/// Largest program that is compiled. Scale: instructions. Reason: longer code does not fit into a second cache of
-/// a megabyte; it still pays, but by little, and takes long to make.
-const LONGEST: usize = 60_000;
+/// Longest code that is made. Scale: steps, those that repeat counted once. Reason: two megabytes; what lies beyond a second
+/// cache costs as much as it saves, so that half of it may.
+const LONGEST: usize = 250_000;
 
-/// Operations after which a recording is given up. Scale: operations. Reason: of what is recorded a third to a tenth is left.
-const MOST_RECORDED: usize = 10 * LONGEST;
+/// Operations after which a recording is given up. Scale: operations. Reason: a chain of ten thousand loops has five million,
+/// which repeat and take a hundred megabytes while the code is made.
+const MOST_RECORDED: usize = 24 * LONGEST;
 
 /// Choices of a system whose code is kept. Scale: choices. Reason: more than a mechanism visits in one cycle of its motion.
 const MOST_CHOICES: usize = 32;
@@ -40,7 +41,7 @@ pub enum Compilation {
 }
 
 impl Compilation {
-    /// Most operations that are recorded, and the longest program that is compiled.
+    /// Most operations that are recorded, and the longest code.
     fn limits(self) -> [usize; 2] {
         match self {
             Self::Auto => [MOST_RECORDED, LONGEST],
