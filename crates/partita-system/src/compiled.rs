@@ -17,13 +17,13 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 /// as it saves over seven hundred to two thousand, so that no run takes much more than twice the time of the better decision.
 const WORTH_COMPILING: u64 = 1500;
 
-/// Longest code that is made. Scale: steps, those that repeat counted once. Reason: two megabytes; what lies beyond a second
-/// cache costs as much as it saves, so that half of it may.
-const LONGEST: usize = 250_000;
+/// Longest code that is made. Scale: steps, those that repeat counted once. Reason: three megabytes, read from the third cache
+/// at each evaluation, take about as long as an evaluation by levels.
+const LONGEST: usize = 400_000;
 
 /// Operations after which a recording is given up. Scale: operations. Reason: a chain of ten thousand loops has five million,
 /// which repeat and take a hundred megabytes while the code is made.
-const MOST_RECORDED: usize = 24 * LONGEST;
+const MOST_RECORDED: usize = 15 * LONGEST;
 
 /// Choices of a system whose code is kept. Scale: choices. Reason: more than a mechanism visits in one cycle of its motion.
 const MOST_CHOICES: usize = 32;
