@@ -21,9 +21,9 @@ const WORTH_COMPILING: u64 = 1500;
 /// at each evaluation, take about as long as an evaluation by levels.
 const LONGEST: usize = 400_000;
 
-/// Operations after which a recording is given up. Scale: operations. Reason: a chain of ten thousand loops has five million,
-/// which repeat and take a hundred megabytes while the code is made.
-const MOST_RECORDED: usize = 15 * LONGEST;
+/// Operations after which a recording is given up. Scale: operations. Reason: ten thousand four-bars have nine million,
+/// which repeat, and take as much memory while the code is made as the mechanism does.
+const MOST_RECORDED: usize = 25 * LONGEST;
 
 /// Choices of a system whose code is kept. Scale: choices. Reason: more than a mechanism visits in one cycle of its motion.
 const MOST_CHOICES: usize = 32;
