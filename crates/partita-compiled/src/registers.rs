@@ -4,8 +4,7 @@
 //! is wanted and none is free, the value that is needed last leaves, to the stack if it lies nowhere else. What is needed
 //! later than all that lies in registers is read where it is, by the instruction that needs it if the processor can.
 
-use crate::rolls::{Keep, Read, Roll, POINTERS};
-use crate::values::{Item, Operation, Source, Values};
+use crate::values::{Item, Keep, Operation, Read, Roll, Source, Values, POINTERS};
 use partita_math::program::Code;
 
 /// Bytes of a page of memory. The system makes a stack longer where the next page is touched, not one further away.

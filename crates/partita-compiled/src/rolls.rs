@@ -11,7 +11,7 @@
 //!
 //! The order of all operations stays as it is, so that the bits do.
 
-use crate::values::{Item, Operation, Source, Values};
+use crate::values::{Item, Keep, Operation, Read, Roll, Source, Values, POINTERS};
 use partita_math::program::Code;
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap, HashMap};
@@ -26,38 +26,6 @@ const TRIED: usize = 16;
 /// Turns from which on a loop is made, and operations in all. Reason: a loop is entered and left in some ten cycles.
 const FEWEST: usize = 8;
 const SHORTEST: usize = 32;
-/// Places that move by different steps in one loop. Reason: each takes a general register.
-pub(crate) const POINTERS: usize = 8;
-
-/// A loop.
-pub(crate) struct Roll {
-    pub(crate) count: usize,
-    /// One turn: its inputs are what it reads, its outputs what it keeps.
-    pub(crate) body: Values,
-    pub(crate) reads: Vec<Read>,
-    /// Where each output of a turn goes.
-    pub(crate) keeps: Vec<Keep>,
-    /// Places among the arrays and the values that are copied there before.
-    pub(crate) entries: Vec<(usize, usize)>,
-}
-
-/// Where an output of a turn goes.
-#[derive(Clone, Copy)]
-pub(crate) enum Keep {
-    /// To the arrays: turn 0 to this place, each one after to the next.
-    Array(usize),
-    /// To an output of the program.
-    Output { first: usize, step: isize },
-}
-
-/// Where an input of a turn lies.
-#[derive(Clone, Copy)]
-pub(crate) enum Read {
-    /// A value, the same in every turn.
-    Same(usize),
-    /// At this place in turn 0, and a step further in each turn after.
-    Moving { first: Source, step: isize },
-}
 
 /// A value, as far as turns are compared.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
@@ -139,16 +107,16 @@ pub(crate) fn roll(values: &mut Values, constants: &mut Vec<f64>) {
     for o in written(&mut found, &values.outputs, &members) {
         values.outputs[o] = None;
     }
-    let (places, arrays) = lay_out(values, &parts, &found, &members);
+    let (slots, arrays) = lay_out(values, &parts, &found, &members);
     for (x, source) in values.sources.iter_mut().enumerate() {
         if let Some([roll, turn, operation]) = members.get(x) {
-            if let Some(first) = places[roll][operation] {
+            if let Some(first) = slots[roll][operation] {
                 *source = Source::Array(first + turn);
             }
         }
     }
     values.arrays = arrays;
-    let mut rolls = found.iter().zip(&places).map(|(found, own)| found.made(own, &places, constants));
+    let mut rolls = found.iter().zip(&slots).map(|(found, own)| found.made(own, &slots, constants));
     let mut item = |part| match part {
         Part::Straight(operation) => Some(Item::Operation(operation)),
         Part::Loop => rolls.next().map(|x| Item::Roll(Box::new(x))),
@@ -396,28 +364,28 @@ impl Turns<'_> {
     }
 
     /// The first operation of a turn with an operand of which a condition holds.
-    fn first_read(&self, mut holds: impl FnMut(usize, usize) -> bool) -> Option<usize> {
-        (0..self.length).find(|&o| (0..self.reads(0, o).len()).any(|a| holds(o, a)))
+    fn first_read(&self, mut asked: impl FnMut(usize, usize) -> bool) -> Option<usize> {
+        (0..self.length).find(|&o| (0..self.reads(0, o).len()).any(|a| asked(o, a)))
     }
 
     /// How much later turns begin if the fewest values pass from one to the next.
     fn fewest_shared(&self) -> usize {
         // how far each result is read
-        let mut reach = vec![0; self.length];
+        let mut until = vec![0; self.length];
         for o in 0..self.length {
             for &x in self.reads(1, o) {
                 let at = self.start + self.length + o;
                 if let Some(distance) = self.position[x].and_then(|p| at.checked_sub(p as usize)) {
                     if (1..=self.length).contains(&distance) {
                         let by = (o + self.length - distance) % self.length;
-                        reach[by] = distance.max(reach[by]);
+                        until[by] = distance.max(until[by]);
                     }
                 }
             }
         }
         let mut shared = vec![0; self.length];
-        for (o, &reach) in reach.iter().enumerate() {
-            (o + 1..=o + reach).for_each(|at| shared[at % self.length] += 1);
+        for (o, &until) in until.iter().enumerate() {
+            (o + 1..=o + until).for_each(|at| shared[at % self.length] += 1);
         }
         (0..self.length).min_by_key(|&at| shared[at]).unwrap_or(0)
     }
@@ -516,7 +484,7 @@ fn lay_out(
     // places by size, and those in use: last, size, place
     let mut free: HashMap<usize, Vec<usize>> = HashMap::new();
     let mut taken: BinaryHeap<Reverse<(usize, usize, usize)>> = BinaryHeap::new();
-    let mut places = Vec::with_capacity(found.len());
+    let mut slots = Vec::with_capacity(found.len());
     for (roll, (last, found)) in last.iter().zip(found).enumerate() {
         while let Some(&Reverse((_, size, place))) = taken.peek().filter(|x| x.0 .0 <= roll) {
             free.entry(size).or_default().push(place);
@@ -533,20 +501,20 @@ fn lay_out(
             // after that of an entry
             place + 1
         };
-        places.push(last.iter().map(|last| last.map(&mut place)).collect());
+        slots.push(last.iter().map(|last| last.map(&mut place)).collect());
     }
-    (places, next)
+    (slots, next)
 }
 
 impl Found {
-    /// With its arrays at `own`, those of all loops at `places`.
-    fn made(&self, own: &[Option<usize>], places: &[Vec<Option<usize>>], constants: &mut Vec<f64>) -> Roll {
+    /// With its arrays at `own`, those of all loops at `slots`.
+    fn made(&self, own: &[Option<usize>], slots: &[Vec<Option<usize>>], constants: &mut Vec<f64>) -> Roll {
         let (mut inputs, mut reads) = (HashMap::<&Operand, usize>::new(), Vec::new());
         for operand in self.operands.iter().flatten() {
             if matches!(operand, Operand::Own(_)) || inputs.contains_key(operand) {
                 continue;
             }
-            let Some(read) = operand.read(places, constants) else { continue };
+            let Some(read) = operand.read(slots, constants) else { continue };
             inputs.insert(operand, reads.len());
             reads.push(read);
         }
@@ -571,7 +539,7 @@ impl Found {
 
 impl Operand {
     /// Where it lies; the constants of a table are appended.
-    fn read(&self, places: &[Vec<Option<usize>>], constants: &mut Vec<f64>) -> Option<Read> {
+    fn read(&self, slots: &[Vec<Option<usize>>], constants: &mut Vec<f64>) -> Option<Read> {
         Some(match self {
             Self::Own(_) => return None,
             Self::Same(x) => Read::Same(*x),
@@ -585,7 +553,7 @@ impl Operand {
                     Origin::Input => Source::Input(*first as usize),
                     Origin::Sine => Source::Sine(*first as usize),
                     Origin::Loop { roll, operation } => {
-                        Source::Array(places[*roll][*operation]?.checked_add_signed(*first)?)
+                        Source::Array(slots[*roll][*operation]?.checked_add_signed(*first)?)
                     }
                     Origin::Constant | Origin::Straight => return None,
                 };

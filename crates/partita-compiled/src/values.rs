@@ -3,8 +3,10 @@
 //! A call leaves nothing in the vector registers. Angles are therefore collected: operations are ordered by the number of
 //! sines that they come after, and the sines between two of these stages are computed by one call.
 
-use crate::rolls::Roll;
 use partita_math::program::{Code, Program};
+
+/// Places that move by different steps in one loop. Reason: each takes a general register.
+pub(crate) const POINTERS: usize = 8;
 
 /// Where a value comes from.
 #[derive(Clone, Copy)]
@@ -23,6 +25,36 @@ pub(crate) enum Source {
 pub(crate) enum Item {
     Operation(Operation),
     Roll(Box<Roll>),
+}
+
+/// A loop.
+pub(crate) struct Roll {
+    pub(crate) count: usize,
+    /// One turn: its inputs are what it reads, its outputs what it keeps.
+    pub(crate) body: Values,
+    pub(crate) reads: Vec<Read>,
+    /// Where each output of a turn goes.
+    pub(crate) keeps: Vec<Keep>,
+    /// Places among the arrays and the values that are copied there before.
+    pub(crate) entries: Vec<(usize, usize)>,
+}
+
+/// Where an output of a turn goes.
+#[derive(Clone, Copy)]
+pub(crate) enum Keep {
+    /// To the arrays: turn 0 to this place, each one after to the next.
+    Array(usize),
+    /// To an output of the program.
+    Output { first: usize, step: isize },
+}
+
+/// Where an input of a turn lies.
+#[derive(Clone, Copy)]
+pub(crate) enum Read {
+    /// A value, the same in every turn.
+    Same(usize),
+    /// At this place in turn 0, and a step further in each turn after.
+    Moving { first: Source, step: isize },
 }
 
 /// An operation on values instead of registers.

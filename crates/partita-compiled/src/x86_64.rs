@@ -7,7 +7,7 @@
 
 use crate::functions;
 use crate::registers::{Address, Operand, Pointer, Register, Registers, Step, Steps, PAGE};
-use crate::rolls::POINTERS;
+use crate::values::POINTERS;
 use partita_math::program::Code;
 
 /// Where the masks lie among the constants, beyond those of the program.
