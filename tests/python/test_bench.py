@@ -40,6 +40,26 @@ def test_mechanisms_have_as_many_degrees_of_freedom(bench: ModuleType, kind: str
     assert run.success and run.closure.max(initial=0.0) < 1e-12
 
 
+@pytest.mark.parametrize(
+    "kind, size",
+    [
+        ("side by side", 130),
+        ("in series", 100),
+        ("ring", 200),
+        ("open chain", 400),
+        ("five-bar loops", 90),
+        ("four-bar chain", 400),
+    ],
+)
+def test_machine_code_in_loops_moves_many_parts_as_without_to_the_bit(bench: ModuleType, kind: str, size: int) -> None:
+    m = sys.modules["many_dof"].MECHANISMS[kind](size)
+    start = m.assemble(rates={"P0": -1.0} if kind == "four-bar chain" else None)
+    plain, run = (m.simulate(0.01, t_eval=[0.0, 0.01], initial=start, step=2e-3, compiled=c) for c in (False, True))
+    assert plain.counters["compiled_evaluations"] == 0 < run.counters["compiled_evaluations"]
+    for name in ("q", "v", "vdot", "multipliers"):
+        assert np.array_equal(getattr(run, name), getattr(plain, name)), name
+
+
 def test_programs_of_the_limit_meet_the_known_answers(bench: ModuleType, tmp_path: Path) -> None:
     limit = sys.modules["limit"]
     built = limit.compiled(tmp_path)
