@@ -152,9 +152,6 @@ impl Search<'_> {
             match self.best(turns, &patterns, &next, &mut hopeless) {
                 Some((turns, count)) => {
                     let end = turns.start + count * turns.length;
-                    if std::env::var("PDBG").is_ok() {
-                        eprintln!("at {} of {}: {} turns of {}", turns.start, operations.len(), count, turns.length);
-                    }
                     self.accept(turns, count);
                     ends.push((turns.start, end));
                     p = end;
