@@ -73,10 +73,11 @@ fn machine_code(program: &Program) -> Result<Assembled, NotCompiled> {
 fn for_x86_64(program: &Program, avx: bool, loops_from: usize) -> Assembled {
     let mut constants = [program.constants(), program.exponents()].concat();
     let mut values = Values::new(program);
-    if program.len() >= loops_from {
+    let loops = program.len() >= loops_from;
+    if loops {
         rolls::roll(&mut values, &mut constants);
     }
-    let steps = registers::steps(&values, x86_64::registers(avx));
+    let steps = registers::steps(&values, x86_64::registers(avx, loops));
     let on_stack = steps.stack <= MOST_ON_STACK;
     let bytes = x86_64::assemble(&steps, constants.len(), avx, on_stack);
     constants.extend(x86_64::MASKS);

@@ -1,8 +1,9 @@
 //! Which values lie in which registers, and when they move: steps that one instruction or a few of any processor carry out.
 //!
-//! All code of a program is one run without branches but loops, which are entered with empty registers, so that it is known when each value is needed next. Where a register
-//! is wanted and none is free, the value that is needed last leaves, to the stack if it lies nowhere else. What is needed
-//! later than all that lies in registers is read where it is, by the instruction that needs it if the processor can.
+//! All code of a program is one run without branches but loops, which are entered and left with empty registers, so that it
+//! is known when each value is needed next. Where a register is wanted and none is free, the value that is needed last
+//! leaves, to the stack if it lies nowhere else. What is needed later than all that lies in registers is read where it is,
+//! by the instruction that needs it if the processor can.
 
 use crate::values::{Item, Keep, Operation, Read, Roll, Source, Values, POINTERS};
 use partita_math::program::Code;
@@ -73,7 +74,7 @@ pub(crate) struct Registers {
     pub(crate) passing: Register,
     /// Whether an operand may lie in memory.
     pub(crate) reads_memory: bool,
-    /// Whether its assembler writes loops.
+    /// Whether copies in a row become loops.
     pub(crate) loops: bool,
 }
 

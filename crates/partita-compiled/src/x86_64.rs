@@ -68,9 +68,9 @@ enum Last {
     Memory(u8, i32),
 }
 
-/// Registers of this processor, with AVX or without.
-pub(crate) fn registers(avx: bool) -> Registers {
-    Registers { held: if avx { 14 } else { 13 }, passing: FIRST, reads_memory: true, loops: true }
+/// Registers of this processor, with AVX or without, for code with loops or without.
+pub(crate) fn registers(avx: bool, loops: bool) -> Registers {
+    Registers { held: if avx { 14 } else { 13 }, passing: FIRST, reads_memory: true, loops }
 }
 
 /// The code of a function `(inputs, constants, outputs, memory)`; `constants` are those before the masks. With
