@@ -60,8 +60,7 @@ pub trait Forms {
 /// The least `xᵀ A x / xᵀ B x` from this first vector on, by the best combination of the last vector, its preconditioned
 /// gradient and the last step.
 ///
-/// Cost: some tens to hundreds of products. Accuracy: three digits and more, from above; where ratios near the least are
-/// apart, that of the products.
+/// Cost: some tens to hundreds of products. Accuracy: from above; six digits where the preconditioner is near A⁻¹.
 ///
 /// # Errors
 /// Those of the products.

@@ -79,8 +79,6 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         which.iter().enumerate().for_each(|(j, &i)| index[i] = Some(j));
         let own = |x: &&(u32, u32, u32)| index[self.partition.independent[x.2 as usize]].is_some();
         let spread: Vec<_> = self.spread_entries.iter().filter(own).copied().collect();
-        let mut at_rest = vec![0.0; n];
-        self.system.inverse_dynamics(t, q, &self.v, &vec![0.0; n], &mut self.scratch, &mut at_rest)?;
         let Some(plan) = &self.plan else { return Ok(Quality { sigma: 1.0, sqrt_mu: 1.0 }) };
         let mut cluster = Cluster {
             system: &*self.system,
@@ -97,7 +95,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
             size: &size,
             none: vec![0.0; n],
             no_rows: vec![0.0; self.size.rows],
-            at_rest,
+            at_rest: vec![0.0; n],
             effort: vec![0.0; n],
             answer: vec![0.0; n],
             dependent: vec![0.0; self.rank],
