@@ -5,7 +5,7 @@
 //! ```
 
 use crate::functions;
-use crate::registers::{Address, Operand, Register, Registers, Step, Steps, PAGE};
+use crate::steps::{Address, Operand, Register, Registers, Step, Steps, PAGE};
 use partita_math::program::Code;
 
 /// Registers d0 to d7 and d16 to d29, which a function need not keep; the last two are for results that go to memory and for

@@ -1,26 +1,30 @@
 //! Programs of the core as code of this processor.
 //!
 //! ```text
-//! Program ──► values ──► rolls: loops ──► registers: steps ──► x86_64, aarch64: bytes ──► code: memory that is executed,
-//!                                                                                           the one wall
+//! Program ──► values ──► turns, rolls: loops ──► registers, copies: steps ──► x86_64, aarch64: bytes ──► code: memory that
+//!                                                                                         is executed, the one wall
 //! ```
 //!
 //! Every operation is that of the core, with its rounding: nothing is reordered or fused, and functions that are not
 //! instructions of the processor are those the core calls. A compiled program therefore has the bits of
-//! [`Recording::evaluate`](partita_math::scalar::Recording::evaluate).
+//! [`Recording::evaluate`].
 
 #[cfg(any(target_arch = "aarch64", test))]
 mod aarch64;
 mod code;
+mod copies;
 mod functions;
 mod registers;
 mod rolls;
+mod steps;
+mod turns;
 mod values;
 #[cfg(target_arch = "x86_64")]
 mod x86_64;
 
 use code::Code;
 use partita_math::program::{Compiled, Compiler, NotCompiled, Program};
+use partita_math::scalar::Recording;
 use values::Values;
 
 /// The compiler for this processor.
@@ -34,9 +38,9 @@ pub static NATIVE: Native = Native;
 /// smallest stack that a system gives a thread, half a megabyte.
 const MOST_ON_STACK: usize = 32_768;
 
-/// Instructions from which on loops are made. Reason: shorter code fits into a second cache, and without loops more of its
-/// values stay in registers.
-const LOOPS_FROM: usize = 20_000;
+/// Recorded operations from which on loops are made. Reason: shorter code fits into a second cache, and without loops more of
+/// its values stay in registers.
+const LOOPS_FROM: usize = 28_000;
 
 /// Code, the constants that it reads, and what it needs.
 struct Assembled {
@@ -49,20 +53,23 @@ struct Assembled {
 }
 
 impl Compiler for Native {
-    fn compile(&self, program: &Program, most: usize) -> Result<Option<Box<dyn Compiled>>, NotCompiled> {
-        let assembled = machine_code(program)?;
+    fn compile(&self, recording: Recording, most: usize) -> Result<Option<Box<dyn Compiled>>, NotCompiled> {
+        let of_parts = cfg!(target_arch = "x86_64") && recording.len() >= LOOPS_FROM;
+        let program = if of_parts { Program::of_parts(&recording) } else { Program::new(&recording, 0..0) };
+        drop(recording);
+        let assembled = machine_code(&program, of_parts)?;
         if assembled.length > most {
             return Ok(None);
         }
-        let code = Code::new(assembled, program).map_err(|e| NotCompiled(e.to_string()))?;
+        let code = Code::new(assembled, &program).map_err(|e| NotCompiled(e.to_string()))?;
         Ok(Some(Box::new(code)))
     }
 }
 
-/// The code of a program.
-fn machine_code(program: &Program) -> Result<Assembled, NotCompiled> {
+/// The code of a program, in loops if it is one of many parts and the processor has them.
+fn machine_code(program: &Program, of_parts: bool) -> Result<Assembled, NotCompiled> {
     #[cfg(target_arch = "x86_64")]
-    return Ok(for_x86_64(program, std::arch::is_x86_feature_detected!("avx"), LOOPS_FROM));
+    return Ok(for_x86_64(program, std::arch::is_x86_feature_detected!("avx"), of_parts));
     #[cfg(target_arch = "aarch64")]
     return for_aarch64(program);
     #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
@@ -70,10 +77,9 @@ fn machine_code(program: &Program) -> Result<Assembled, NotCompiled> {
 }
 
 #[cfg(target_arch = "x86_64")]
-fn for_x86_64(program: &Program, avx: bool, loops_from: usize) -> Assembled {
+fn for_x86_64(program: &Program, avx: bool, loops: bool) -> Assembled {
     let mut constants = [program.constants(), program.exponents()].concat();
     let mut values = Values::new(program);
-    let loops = program.len() >= loops_from;
     if loops {
         rolls::roll(&mut values, &mut constants);
     }

@@ -5,99 +5,10 @@
 //! leaves, to the stack if it lies nowhere else. What is needed later than all that lies in registers is read where it is,
 //! by the instruction that needs it if the processor can.
 
-use crate::values::{Item, Keep, Operation, Read, Roll, Source, Values, POINTERS};
+use crate::copies;
+use crate::steps::{Address, Operand, Pointers, Register, Registers, Step, Steps};
+use crate::values::{Item, Keep, Operation, Read, Roll, Source, Values};
 use partita_math::program::Code;
-
-/// Bytes of a page of memory. The system makes a stack longer where the next page is touched, not one further away.
-pub(crate) const PAGE: usize = 4096;
-
-/// A register of a number.
-pub(crate) type Register = u8;
-
-/// Where a number lies in memory, counted in numbers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Address {
-    Input(usize),
-    Constant(usize),
-    Output(usize),
-    Stack(usize),
-    /// Beyond the place of a pointer of the loop.
-    Moving(usize, isize),
-}
-
-/// What moves in a loop.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Pointer {
-    /// Where it is in the first turn, and how much further in each turn after.
-    pub(crate) first: Address,
-    pub(crate) step: isize,
-}
-
-/// What an instruction reads.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Operand {
-    Register(Register),
-    Memory(Address),
-}
-
-/// What the code does.
-#[derive(Clone, Debug)]
-pub(crate) enum Step {
-    Load(Register, Address),
-    Store(Address, Register),
-    /// An operation that is no call, with as many operands as its code has.
-    Compute {
-        code: Code,
-        to: Register,
-        operands: [Operand; 3],
-    },
-    /// A function of numbers that lie in the first registers, to the first one.
-    Call(Code),
-    /// Sines and cosines of angles, which come first on the stack.
-    Sines {
-        count: usize,
-        to: usize,
-    },
-    Loop {
-        count: usize,
-        pointers: Vec<Pointer>,
-        turn: Vec<Step>,
-    },
-}
-
-/// Registers of a processor.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Registers {
-    /// Those that values may be held in: the first ones, which a function has its arguments and its result in.
-    pub(crate) held: usize,
-    /// One more, for a result that goes to memory at once.
-    pub(crate) passing: Register,
-    /// Whether an operand may lie in memory.
-    pub(crate) reads_memory: bool,
-    /// Whether copies in a row become loops.
-    pub(crate) loops: bool,
-}
-
-/// The steps of a program, and the stack that they need.
-#[derive(Debug)]
-pub(crate) struct Steps {
-    pub(crate) steps: Vec<Step>,
-    /// Numbers on the stack.
-    pub(crate) stack: usize,
-    /// Of these, those of angles, sines and arrays, which come first.
-    pub(crate) fixed: usize,
-}
-
-impl Steps {
-    /// Number of steps, those of a loop counted once.
-    pub(crate) fn len(&self) -> usize {
-        let all = self.steps.iter().map(|step| match step {
-            Step::Loop { turn, .. } => turn.len(),
-            _ => 1,
-        });
-        all.sum()
-    }
-}
 
 const NONE: usize = usize::MAX;
 
@@ -155,7 +66,7 @@ fn each_need(values: &Values, mut need: impl FnMut(usize, usize)) {
     for (operations, angles) in values.operations.iter().zip(&values.angles) {
         for item in operations {
             match item {
-                Item::Operation(operation) => operation.reads().iter().for_each(|&x| need(x, step)),
+                Item::Operation(operation) => operation.reads().iter().for_each(|&x| need(x as usize, step)),
                 Item::Roll(roll) => roll.needs().for_each(|x| need(x, step)),
             }
             step += 1;
@@ -207,20 +118,21 @@ struct Allocation<'v> {
     steps: Vec<Step>,
 }
 
-/// Copies from which on a loop is made.
-const FEWEST_COPIES: usize = 8;
-
 impl Allocation<'_> {
     fn write(&mut self) {
         let values = self.values;
-        let mut outputs: Vec<Vec<usize>> = vec![Vec::new(); values.sources.len()];
         let asked = || values.outputs.iter().enumerate().filter_map(|(o, &x)| Some((o, x?)));
-        asked().for_each(|(o, x)| outputs[x].push(o));
+        let mut outputs: Vec<(usize, usize)> = asked().map(|(o, x)| (x, o)).collect();
+        outputs.sort_unstable();
+        let of = |x: usize| {
+            let first = outputs.partition_point(|own| own.0 < x);
+            &outputs[first..first + outputs[first..].partition_point(|own| own.0 == x)]
+        };
         let (mut done, mut step) = (0, 0);
         for (operations, angles) in values.operations.iter().zip(&values.angles) {
             for item in operations {
                 match item {
-                    Item::Operation(operation) => self.operation(operation, step, &outputs[operation.to]),
+                    Item::Operation(operation) => self.operation(operation, step, of(operation.to())),
                     Item::Roll(roll) => self.roll(roll, step),
                 }
                 step += 1;
@@ -237,59 +149,62 @@ impl Allocation<'_> {
         self.copy(&copies);
     }
 
-    fn operation(&mut self, operation: &Operation, step: usize, outputs: &[usize]) {
-        if self.needs.next(operation.to) == NONE && outputs.is_empty() {
-            self.pass(operation.reads(), step);
+    fn operation(&mut self, operation: &Operation, step: usize, outputs: &[(usize, usize)]) {
+        let all = operation.operands.map(|x| x as usize);
+        let reads = &all[..operation.reads().len()];
+        if self.needs.next(operation.to()) == NONE && outputs.is_empty() {
+            self.pass(reads, step);
             return self.free.append(&mut self.over);
         }
         let to = match operation.code {
             _ if operation.is_call() => {
                 self.clear();
-                for (i, &x) in operation.reads().iter().enumerate() {
+                for (i, &x) in reads.iter().enumerate() {
                     self.steps.push(Step::Load(i as Register, self.place(x)));
                 }
                 if operation.code == Code::Power {
-                    self.steps.push(Step::Load(1, Address::Constant(self.values.constants + operation.exponent)));
+                    self.steps
+                        .push(Step::Load(1, Address::Constant(self.values.constants + operation.exponent as usize)));
                 }
-                self.pass(operation.reads(), step);
+                self.pass(reads, step);
                 self.steps.push(Step::Call(operation.code));
-                self.hold(operation.to, 0);
+                self.hold(operation.to(), 0);
                 0
             }
             code => {
-                let operands = self.operands(operation, step);
-                self.pass(operation.reads(), step);
-                let to = self.result(operation.to);
+                let operands = self.operands(operation.code, reads, step);
+                self.pass(reads, step);
+                let to = self.result(operation.to());
                 self.steps.push(Step::Compute { code, to, operands });
                 to
             }
         };
         self.store(to, outputs);
-        if to == self.processor.passing && self.needs.next(operation.to) != NONE {
-            let place = self.new_place(operation.to);
+        if to == self.processor.passing && self.needs.next(operation.to()) != NONE {
+            let place = self.new_place(operation.to());
             self.steps.push(Step::Store(place, to));
         }
         self.free.append(&mut self.over);
     }
 
-    fn store(&mut self, from: Register, outputs: &[usize]) {
-        self.steps.extend(outputs.iter().map(|&o| Step::Store(Address::Output(o), from)));
+    fn store(&mut self, from: Register, outputs: &[(usize, usize)]) {
+        self.steps.extend(outputs.iter().map(|&(_, o)| Step::Store(Address::Output(o), from)));
     }
 
     /// Where an operation reads its operands, which are loaded first if they have to be.
-    fn operands(&mut self, operation: &Operation, step: usize) -> [Operand; 3] {
-        let reads = operation.reads();
-        let mut order = operation.operands;
+    fn operands(&mut self, code: Code, reads: &[usize], step: usize) -> [Operand; 3] {
+        let mut order = [0; 3];
+        order[..reads.len()].copy_from_slice(reads);
         let is_held = |x: usize| self.register[x] != Register::MAX;
         // what lies in memory is the second one, where the two may change places
-        if first_two_commute(operation.code) && !is_held(order[0]) && is_held(order[1]) {
+        if first_two_commute(code) && !is_held(order[0]) && is_held(order[1]) {
             order.swap(0, 1);
         }
         let mut found = [Operand::Register(0); 3];
         for i in 0..reads.len() {
             let x = order[i];
             found[i] = match self.register[x] {
-                Register::MAX if may_lie_in_memory(operation.code, i) && !self.is_worth_holding(x, step, reads) => {
+                Register::MAX if may_lie_in_memory(code, i) && !self.is_worth_holding(x, step, reads) => {
                     Operand::Memory(self.place(x))
                 }
                 Register::MAX => Operand::Register(self.load(x, reads)),
@@ -428,29 +343,9 @@ impl Allocation<'_> {
 }
 
 impl Allocation<'_> {
-    /// From place to place; loops where both move by a step.
-    fn copy(&mut self, mut copies: &[(Address, Address)]) {
-        let passing = self.processor.passing;
-        while let Some(&(from, to)) = copies.first() {
-            let step = |i: usize| {
-                let &(a, b) = copies.get(i)?;
-                Some((from.distance(a)?, to.distance(b)?))
-            };
-            let by = step(1);
-            let follows = |i: &usize| by.is_some_and(|(a, b)| step(*i) == Some((a * *i as isize, b * *i as isize)));
-            let count = if self.processor.loops { 1 + (1..copies.len()).take_while(follows).count() } else { 1 };
-            let (now, later) = copies.split_at(if count < FEWEST_COPIES { 1 } else { count });
-            copies = later;
-            match by {
-                Some((a, b)) if now.len() > 1 => {
-                    let pointers = vec![Pointer { first: from, step: a }, Pointer { first: to, step: b }];
-                    let turn =
-                        vec![Step::Load(passing, Address::Moving(0, 0)), Step::Store(Address::Moving(1, 0), passing)];
-                    self.steps.push(Step::Loop { count, pointers, turn });
-                }
-                _ => self.steps.extend([Step::Load(passing, from), Step::Store(to, passing)]),
-            }
-        }
+    /// From place to place.
+    fn copy(&mut self, copies: &[(Address, Address)]) {
+        self.steps.extend(copies::steps(copies, self.processor));
     }
 
     /// A loop, for which nothing stays in a register.
@@ -461,28 +356,20 @@ impl Allocation<'_> {
         self.copy(&entries);
         let inner = steps(&roll.body, self.processor);
         let spilled: Vec<usize> = (0..inner.stack).map(|_| self.new_number()).collect();
-        let mut pointers: Vec<Pointer> = Vec::with_capacity(POINTERS);
-        let mut moving = |first: Address, step: isize| {
-            let near = |x: &Pointer| if x.step == step { x.first.distance(first) } else { None };
-            if let Some(found) = pointers.iter().enumerate().find_map(|(i, x)| Some((i, near(x)?))) {
-                return Address::Moving(found.0, found.1);
-            }
-            pointers.push(Pointer { first, step });
-            Address::Moving(pointers.len() - 1, 0)
-        };
+        let mut pointers = Pointers::default();
         let reads: Vec<Address> = roll
             .reads
             .iter()
             .map(|read| match *read {
                 Read::Same(x) => self.place(x),
-                Read::Moving { first, step } => moving(self.place_of(first, NONE), step),
+                Read::Moving { first, step } => pointers.place(self.place_of(first, NONE), step),
             })
             .collect();
-        let keep = |keep: &Keep| match *keep {
-            Keep::Array(place) => moving(Address::Stack(self.first_array + place), 1),
-            Keep::Output { first, step } => moving(Address::Output(first), step),
+        let mut keep = |keep: &Keep| match *keep {
+            Keep::Array(place) => pointers.place(Address::Stack(self.first_array + place), 1),
+            Keep::Output { first, step } => pointers.place(Address::Output(first), step),
         };
-        let keeps: Vec<Address> = roll.keeps.iter().map(keep).collect();
+        let keeps: Vec<Address> = roll.keeps.iter().map(&mut keep).collect();
         let to = |place: Address| match place {
             Address::Input(k) => reads[k],
             Address::Output(k) => keeps[k],
@@ -490,41 +377,11 @@ impl Allocation<'_> {
             Address::Constant(_) | Address::Moving(..) => place,
         };
         let turn = inner.steps.into_iter().map(|step| step.at(to)).collect();
-        self.steps.push(Step::Loop { count: roll.count, pointers, turn });
+        self.steps.push(Step::Loop { count: roll.count, pointers: pointers.0, turn });
         let needed: Vec<usize> = roll.needs().collect();
         self.pass(&needed, step);
         self.over.extend(spilled);
         self.free.append(&mut self.over);
-    }
-}
-
-impl Address {
-    /// How far another one of the same memory is from it.
-    fn distance(self, other: Self) -> Option<isize> {
-        use Address as A;
-        match (self, other) {
-            (A::Input(a), A::Input(b)) | (A::Constant(a), A::Constant(b)) => Some(b as isize - a as isize),
-            (A::Output(a), A::Output(b)) | (A::Stack(a), A::Stack(b)) => Some(b as isize - a as isize),
-            _ => None,
-        }
-    }
-}
-
-impl Step {
-    /// With other addresses; for a turn, which has neither calls nor loops.
-    fn at(self, to: impl Fn(Address) -> Address) -> Self {
-        match self {
-            Self::Load(register, place) => Self::Load(register, to(place)),
-            Self::Store(place, register) => Self::Store(to(place), register),
-            Self::Compute { code, to: result, operands } => {
-                let operands = operands.map(|x| match x {
-                    Operand::Memory(place) => Operand::Memory(to(place)),
-                    Operand::Register(_) => x,
-                });
-                Self::Compute { code, to: result, operands }
-            }
-            Self::Call(_) | Self::Sines { .. } | Self::Loop { .. } => self,
-        }
     }
 }
 
@@ -540,7 +397,7 @@ impl Roll {
 }
 
 /// Whether the first two operands may change places.
-fn first_two_commute(code: Code) -> bool {
+pub(crate) fn first_two_commute(code: Code) -> bool {
     matches!(code, Code::Add | Code::Mul | Code::ProductPlus | Code::ProductMinus | Code::MinusProduct)
 }
 

@@ -12,13 +12,13 @@ use partita_math::scalar::{Recorder, Recording, Scalar};
 use std::ops::Range;
 use suite::Executes;
 
-fn compiled(r: &Recording, settled: Range<usize>, members: &[Vec<f64>]) -> Vec<Vec<f64>> {
-    let code = code_of(&Program::new(r, settled));
+fn compiled(r: &Recording, _: Range<usize>, members: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let code = code_of(r);
     members.iter().map(|x| outputs(&*code, r, x)).collect()
 }
 
-fn code_of(program: &Program) -> Box<dyn Compiled> {
-    NATIVE.compile(program, usize::MAX).unwrap().unwrap()
+fn code_of(r: &Recording) -> Box<dyn Compiled> {
+    NATIVE.compile(r.clone(), usize::MAX).unwrap().unwrap()
 }
 
 fn outputs(code: &dyn Compiled, r: &Recording, x: &[f64]) -> Vec<f64> {
@@ -30,30 +30,24 @@ fn outputs(code: &dyn Compiled, r: &Recording, x: &[f64]) -> Vec<f64> {
 /// As for a processor without AVX.
 #[cfg(target_arch = "x86_64")]
 fn without_avx(r: &Recording, settled: Range<usize>, members: &[Vec<f64>]) -> Vec<Vec<f64>> {
-    by_x86_64(r, settled, members, false, usize::MAX)
+    by_x86_64(r, settled, members, false, false)
 }
 
 /// Loops are made, however short the program is.
 #[cfg(target_arch = "x86_64")]
 fn in_loops(r: &Recording, settled: Range<usize>, members: &[Vec<f64>]) -> Vec<Vec<f64>> {
-    by_x86_64(r, settled, members, std::arch::is_x86_feature_detected!("avx"), 0)
+    by_x86_64(r, settled, members, std::arch::is_x86_feature_detected!("avx"), true)
 }
 
 #[cfg(target_arch = "x86_64")]
 fn in_loops_without_avx(r: &Recording, settled: Range<usize>, members: &[Vec<f64>]) -> Vec<Vec<f64>> {
-    by_x86_64(r, settled, members, false, 0)
+    by_x86_64(r, settled, members, false, true)
 }
 
 #[cfg(target_arch = "x86_64")]
-fn by_x86_64(
-    r: &Recording,
-    settled: Range<usize>,
-    members: &[Vec<f64>],
-    avx: bool,
-    loops_from: usize,
-) -> Vec<Vec<f64>> {
-    let program = Program::new(r, settled);
-    let code = Code::new(super::for_x86_64(&program, avx, loops_from), &program).unwrap();
+fn by_x86_64(r: &Recording, settled: Range<usize>, members: &[Vec<f64>], avx: bool, loops: bool) -> Vec<Vec<f64>> {
+    let program = if loops { Program::of_parts(r) } else { Program::new(r, settled) };
+    let code = Code::new(super::for_x86_64(&program, avx, loops), &program).unwrap();
     members.iter().map(|x| outputs(&code, r, x)).collect()
 }
 
@@ -151,14 +145,51 @@ fn what_repeats_becomes_loops_with_the_same_bits() {
         let r = chain(links, unlike, &mut random);
         let members: Vec<Vec<f64>> = (0..3).map(|_| (0..2 * links + 4).map(|_| random.f64() - 0.5).collect()).collect();
         suite::agree(&ALL, &r, 0..0, &members);
-        let program = Program::new(&r, 0..0);
-        let length = |from| super::for_x86_64(&program, true, from).length;
-        let (rolled, straight) = (length(0), length(usize::MAX));
+        let program = Program::of_parts(&r);
+        let length = |loops| super::for_x86_64(&program, true, loops).length;
+        let (rolled, straight) = (length(true), length(false));
         if links >= 40 {
             let parts = 1 + usize::from(unlike.is_some());
             assert!(rolled < 600 * parts, "{links} links, {unlike:?}: {rolled} steps in loops, {straight} without");
         }
     }
+}
+
+/// Parts with two lengths, each of which is a factor of the same sine, and of another one that the next part reads.
+#[cfg(target_arch = "x86_64")]
+fn two_lengths(parts: usize, second: impl Fn(usize, f64) -> f64) -> Recording {
+    let of = |x: &[Recorder]| {
+        let (mut sum, mut out) = (x[0], Vec::new());
+        for (i, x) in x.iter().enumerate() {
+            let (length, (s, c)) = (1.0 + (i as f64).sqrt(), x.sin_cos());
+            let [a, b] = [length, second(i, length)].map(|length| [s.scale(length), c.scale(length)]);
+            sum = (sum + a[0] * a[1]) / (Recorder::one() + b[0] * b[1] * sum);
+            out.push(sum - a[1] * b[0]);
+        }
+        Ok::<_, ()>(out)
+    };
+    Recording::new(parts, of).unwrap()
+}
+
+/// Lengths of a drawing differ in last digits or do not: that makes no part unlike the others.
+#[cfg(target_arch = "x86_64")]
+#[test]
+fn what_is_equal_by_chance_repeats_and_what_always_is_equal_is_computed_once() {
+    const PARTS: usize = 3000;
+    let steps = |second: fn(usize, f64) -> f64| {
+        let r = two_lengths(PARTS, second);
+        let members: Vec<Vec<f64>> = (1..3).map(|m| (0..PARTS).map(|i| ((m * i) as f64).cos()).collect()).collect();
+        suite::agree(&ALL, &r, 0..0, &members);
+        super::for_x86_64(&Program::of_parts(&r), true, true).length
+    };
+    let never = steps(|_, length| length * (1.0 + f64::EPSILON));
+    let by_chance = steps(|i, length| if i * i % 7 < 3 { length } else { length * (1.0 + f64::EPSILON) });
+    let always = steps(|_, length| length);
+    let all = [always, by_chance, never];
+    assert!(
+        always + 2 <= by_chance.min(never) && by_chance.max(never) < 60,
+        "always, by chance, never equal: {all:?} steps"
+    );
 }
 
 /// All terms are needed at once, in the opposite order.
@@ -194,7 +225,7 @@ fn what_does_not_fit_on_the_stack_is_refused() {
 /// The outputs of a square root.
 fn root() -> Box<dyn Compiled> {
     let r = Recording::new(1, |x| Ok::<_, ()>(vec![x[0].sqrt(), Recorder::one()])).unwrap();
-    code_of(&Program::new(&r, 0..0))
+    code_of(&r)
 }
 
 #[test]
@@ -215,7 +246,7 @@ fn a_call_allocates_nothing() {
         let sum = x.iter().fold(Recorder::zero(), |sum, x| sum + x.sin_cos().0 * x.atan2(x.sqrt()).power(1.5));
         Ok::<_, ()>(vec![sum, sum.sin_cos().1])
     });
-    let code = code_of(&Program::new(&r.unwrap(), 0..0));
+    let code = code_of(&r.unwrap());
     let mut out = [0.0; 2];
     code.evaluate(&[0.5; 9], &mut out, &mut []);
     let ((), count) = counting::allocations(|| code.evaluate(&[0.7; 9], &mut out, &mut []));

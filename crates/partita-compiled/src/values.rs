@@ -57,19 +57,24 @@ pub(crate) enum Read {
     Moving { first: Source, step: isize },
 }
 
-/// An operation on values instead of registers.
+/// An operation on values instead of registers; millions of them are kept at a time.
 pub(crate) struct Operation {
     pub(crate) code: Code,
-    pub(crate) operands: [usize; 3],
+    pub(crate) operands: [u32; 3],
     /// Of a power: its place among the exponents.
-    pub(crate) exponent: usize,
-    pub(crate) to: usize,
+    pub(crate) exponent: u32,
+    pub(crate) to: u32,
 }
 
 impl Operation {
     /// The values that it reads.
-    pub(crate) fn reads(&self) -> &[usize] {
+    pub(crate) fn reads(&self) -> &[u32] {
         &self.operands[..arity(self.code)]
+    }
+
+    /// The value that it computes.
+    pub(crate) fn to(&self) -> usize {
+        self.to as usize
     }
 
     /// Whether it is a function that is called.
@@ -83,7 +88,7 @@ pub(crate) struct Values {
     pub(crate) sources: Vec<Source>,
     /// Number of constants.
     pub(crate) constants: usize,
-    stages: Vec<usize>,
+    stages: Vec<u32>,
     /// Numbers in the arrays of loops.
     pub(crate) arrays: usize,
     /// Operations of each stage, then the angles of its call.
@@ -107,28 +112,30 @@ impl Values {
         all.sources.extend((0..program.constants().len()).map(Source::Constant));
         all.stages.resize(all.sources.len(), 0);
         // the value in each register
-        let mut held: Vec<usize> = (0..program.registers()).collect();
+        let mut held: Vec<u32> = (0..program.registers() as u32).collect();
         // stage of the call, and the sine, which its cosine follows
         let mut sines: Vec<(usize, usize)> = Vec::new();
         for i in program.instructions() {
             let operands = [i.x, i.y, i.z].map(|r| held.get(r as usize).copied().unwrap_or(0));
             if i.code == Code::SinCos {
-                let stage = all.stages[operands[0]];
+                let angle = operands[0] as usize;
+                let stage = all.stages[angle] as usize;
                 let pair = [all.value(Source::Sine(0), stage + 1), all.value(Source::Sine(0), stage + 1)];
-                sines.push((stage, pair[0]));
+                sines.push((stage, pair[0] as usize));
                 all.at_stage(stage);
-                all.angles[stage].push(operands[0]);
+                all.angles[stage].push(angle);
                 (held[i.to as usize], held[i.also as usize]) = (pair[0], pair[1]);
                 continue;
             }
             let used = &operands[..arity(i.code)];
-            let stage = used.iter().map(|&x| all.stages[x]).max().unwrap_or(0);
+            let stage = used.iter().map(|&x| all.stages[x as usize]).max().unwrap_or(0) as usize;
             let to = all.value(Source::Operation, stage);
             all.at_stage(stage);
-            let operation = Operation { code: i.code, operands, exponent: i.also as usize, to };
+            let operation = Operation { code: i.code, operands, exponent: i.also, to };
             all.operations[stage].push(Item::Operation(operation));
             held[i.to as usize] = to;
         }
+        all.stages = Vec::new();
         // results lie stage by stage
         let mut next = vec![0; all.angles.len()];
         for stage in 1..next.len() {
@@ -139,14 +146,14 @@ impl Values {
             all.sources[sine + 1] = Source::Sine(2 * next[stage] + 1);
             next[stage] += 1;
         }
-        all.outputs = program.output_registers().iter().map(|&r| Some(held[r as usize])).collect();
+        all.outputs = program.output_registers().iter().map(|&r| Some(held[r as usize] as usize)).collect();
         all
     }
 
-    /// One turn of a loop: operations without calls.
-    pub(crate) fn of_turn(inputs: usize, operations: Vec<Item>, outputs: Vec<usize>) -> Self {
+    /// One turn of a loop: operations without calls, at most `results`, whose values follow the inputs.
+    pub(crate) fn of_turn([inputs, results]: [usize; 2], operations: Vec<Item>, outputs: Vec<usize>) -> Self {
         let mut sources: Vec<Source> = (0..inputs).map(Source::Input).collect();
-        sources.resize(inputs + operations.len(), Source::Operation);
+        sources.resize(inputs + results, Source::Operation);
         Self {
             sources,
             constants: 0,
@@ -158,10 +165,10 @@ impl Values {
         }
     }
 
-    fn value(&mut self, source: Source, stage: usize) -> usize {
+    fn value(&mut self, source: Source, stage: usize) -> u32 {
         self.sources.push(source);
-        self.stages.push(stage);
-        self.sources.len() - 1
+        self.stages.push(stage as u32);
+        self.sources.len() as u32 - 1
     }
 
     fn at_stage(&mut self, stage: usize) {

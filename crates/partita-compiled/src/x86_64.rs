@@ -6,7 +6,7 @@
 //! ```
 
 use crate::functions;
-use crate::registers::{Address, Operand, Pointer, Register, Registers, Step, Steps, PAGE};
+use crate::steps::{Address, Operand, Pointer, Register, Registers, Step, Steps, PAGE};
 use crate::values::POINTERS;
 use partita_math::program::Code;
 

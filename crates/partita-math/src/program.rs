@@ -103,6 +103,11 @@ impl Program {
         build::program(&recording.lean(), settled)
     }
 
+    /// The program of a recording, reduced as [`Recording::of_parts`] does.
+    pub fn of_parts(recording: &Recording) -> Self {
+        build::program(&recording.by_parts(), 0..0)
+    }
+
     /// Number of inputs.
     pub fn inputs(&self) -> usize {
         self.inputs

@@ -6,7 +6,6 @@ use crate::evaluator::{Evaluator, Scratch};
 use crate::model::Model;
 use crate::reduced::Reduced;
 use partita_math::dense;
-use partita_math::program::Program;
 use partita_math::scalar::{Cases, Recorder, Recording, Scalar};
 use partita_math::tolerance;
 use partita_system::choice::Choice;
@@ -21,17 +20,16 @@ const CLEARLY_ACCEPTED: f64 = 1.0 + 1e-6;
 type At<'a> = (Recorder, &'a [Recorder], &'a [Recorder]);
 
 impl Model {
-    /// The rates of a choice as a program; none where elements call functions of the user, frictions follow reactions, or
+    /// The rates of a choice; none where elements call functions of the user, frictions follow reactions, or
     /// bodies are massless.
-    pub(crate) fn rates_of(&self, choice: &Choice, most: usize) -> Option<Program> {
+    pub(crate) fn rates_of(&self, choice: &Choice, most: usize) -> Option<Recording> {
         if self.lacks_mass() {
             return None;
         }
         let e = self.over::<Recorder>().ok()?;
         let (nq, k) = (self.size().nq, choice.k());
         let of = |x: &[Recorder]| self.record_rates(&e, choice, (x[nq + k], &x[..nq], &x[nq..nq + k]));
-        let made = Recording::of_at_most(most, nq + k + 1, of).ok()??;
-        Some(Program::new(&made, 0..0))
+        Recording::of_parts(most, nq + k + 1, of).ok()?
     }
 
     /// q', v_I', power, v', reciprocal pivots, excess.

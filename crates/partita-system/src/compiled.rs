@@ -9,7 +9,8 @@
 //! above 0 where an evaluation by levels fails.
 
 use crate::choice::Choice;
-use partita_math::program::{Compiled, Compiler, NotCompiled, Program};
+use partita_math::program::{Compiled, Compiler, NotCompiled};
+use partita_math::scalar::Recording;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
@@ -23,7 +24,7 @@ const LONGEST: usize = 400_000;
 
 /// Operations after which a recording is given up. Scale: operations. Reason: ten thousand four-bars have nine million,
 /// which repeat, and take as much memory while the code is made as the mechanism does.
-const MOST_RECORDED: usize = 25 * LONGEST;
+const MOST_RECORDED: usize = 40 * LONGEST;
 
 /// Choices of a system whose code is kept. Scale: choices. Reason: more than a mechanism visits in one cycle of its motion.
 const MOST_CHOICES: usize = 32;
@@ -78,11 +79,11 @@ impl CompiledRates {
         &self,
         compiler: &dyn Compiler,
         when: Compilation,
-        program: impl FnOnce(usize) -> Option<Program>,
+        recording: impl FnOnce(usize) -> Option<Recording>,
     ) -> Option<&dyn Compiled> {
         let code = match self.code.get() {
             Some(known) => known,
-            None if self.is_worth_while(when) => self.code.get_or_init(|| compile(compiler, when.limits(), program)),
+            None if self.is_worth_while(when) => self.code.get_or_init(|| compile(compiler, when.limits(), recording)),
             None => return None,
         };
         match code {
@@ -109,10 +110,10 @@ impl CompiledRates {
     }
 }
 
-fn compile(compiler: &dyn Compiler, limits: [usize; 2], program: impl FnOnce(usize) -> Option<Program>) -> Code {
-    let [recorded, longest] = limits;
-    let Some(program) = program(recorded) else { return Code::Without };
-    match compiler.compile(&program, longest) {
+fn compile(compiler: &dyn Compiler, limits: [usize; 2], recording: impl FnOnce(usize) -> Option<Recording>) -> Code {
+    let [most, longest] = limits;
+    let Some(recording) = recording(most) else { return Code::Without };
+    match compiler.compile(recording, longest) {
         Ok(code) => code.map_or(Code::Without, Code::Compiled),
         Err(why) => Code::Refused(why),
     }

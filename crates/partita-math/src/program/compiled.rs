@@ -1,10 +1,10 @@
 //! Programs as code of this processor: what compiles them stands above the core, which knows this contract.
 
-use super::Program;
+use crate::scalar::Recording;
 use std::fmt::Debug;
 use std::sync::OnceLock;
 
-/// A program as code of this processor, with the bits of [`Recording::evaluate`](crate::scalar::Recording::evaluate).
+/// A program as code of this processor, with the bits of [`Recording::evaluate`].
 pub trait Compiled: Debug + Send + Sync {
     /// The outputs for these inputs; allocates nothing. `memory` is that of this call alone, whatever it holds.
     ///
@@ -21,14 +21,14 @@ pub trait Compiled: Debug + Send + Sync {
 #[error("this computer makes no code of a program: {0}")]
 pub struct NotCompiled(pub String);
 
-/// Something that compiles programs.
+/// Something that compiles recordings.
 pub trait Compiler: Debug + Send + Sync {
-    /// The program as code of this processor; none where it takes more than `most` instructions, of which those that repeat
-    /// count once.
+    /// The program of a recording (see [`Recording::of_parts`]) as code of this processor; none where it takes more than
+    /// `most` instructions, of which those that repeat count once.
     ///
     /// # Errors
     /// Where the processor is not known, or the system refuses memory for code.
-    fn compile(&self, program: &Program, most: usize) -> Result<Option<Box<dyn Compiled>>, NotCompiled>;
+    fn compile(&self, recording: Recording, most: usize) -> Result<Option<Box<dyn Compiled>>, NotCompiled>;
 }
 
 static COMPILER: OnceLock<&'static dyn Compiler> = OnceLock::new();

@@ -16,6 +16,7 @@ pub use counts::OperationCounts;
 pub use module::Module;
 
 use super::{Arguments, Cases, Functions, Scalar};
+use lean::{Numbered, Once};
 use std::cell::RefCell;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
@@ -49,7 +50,7 @@ pub(crate) enum Operation {
 /// The current tape, and the number of recordings so far.
 struct Tape {
     number: u32,
-    operations: Option<Vec<Operation>>,
+    entries: Option<Numbered>,
     /// Largest number of operations, and whether there would be more.
     most: usize,
     is_full: bool,
@@ -58,7 +59,7 @@ struct Tape {
 }
 
 thread_local! {
-    static TAPE: RefCell<Tape> = const { RefCell::new(Tape { number: 0, operations: None, most: 0, is_full: false, bounded: Vec::new() }) };
+    static TAPE: RefCell<Tape> = const { RefCell::new(Tape { number: 0, entries: None, most: 0, is_full: false, bounded: Vec::new() }) };
 }
 
 /// A number of a recording: a constant, or the result of an entry of the tape.
@@ -90,14 +91,12 @@ impl Tape {
     }
 
     fn push(&mut self, operation: Operation) -> Option<u32> {
-        let operations = self.operations.as_mut()?;
-        self.is_full |= operations.len() >= self.most;
+        let entries = self.entries.as_mut()?;
+        self.is_full |= entries.operations.len() >= self.most;
         if self.is_full {
             return None;
         }
-        let slot = u32::try_from(operations.len()).ok()?;
-        operations.push(operation);
-        Some(slot)
+        Some(entries.slot(operation))
     }
 }
 
@@ -286,6 +285,9 @@ impl Functions for Recorder {
     }
 }
 
+/// Operations of the longest recording: an operand is a number of 32 bits, and one operation may be entered as three.
+const MOST: usize = u32::MAX as usize - 3;
+
 /// A function as a list of operations, evaluated without searching, branching or allocating.
 #[derive(Clone, Debug)]
 pub struct Recording {
@@ -293,6 +295,8 @@ pub struct Recording {
     pub(crate) operations: Vec<Operation>,
     /// The operation of each output.
     pub(crate) outputs: Vec<u32>,
+    /// How it is reduced.
+    once: Once,
 }
 
 impl Recording {
@@ -300,28 +304,32 @@ impl Recording {
     ///
     /// Fails where `f` fails.
     pub fn new<E>(inputs: usize, f: impl FnOnce(&[Recorder]) -> Result<Vec<Recorder>, E>) -> Result<Self, E> {
-        Self::record(usize::MAX, inputs, f).map(|(made, _)| made)
+        Self::record(Once::Nothing, MOST, inputs, f).map(|(made, _)| made)
     }
 
-    /// As [`new`](Self::new); none where `f` has more operations than `most`, inputs and constants counted, of which no more
-    /// are then kept.
-    pub fn of_at_most<E>(
+    /// The recording of a function of many parts, reduced as [`lean`](Self::lean) does, but for equal operations on
+    /// constants: what equal parts do stays alike, and can be repeated, where constants of some parts are equal by chance.
+    ///
+    /// None where there are more than `most` operations, inputs and constants counted, of which no more are then kept.
+    pub fn of_parts<E>(
         most: usize,
         inputs: usize,
         f: impl FnOnce(&[Recorder]) -> Result<Vec<Recorder>, E>,
     ) -> Result<Option<Self>, E> {
-        Self::record(most, inputs, f).map(|(made, is_whole)| is_whole.then_some(made))
+        let (made, is_whole) = Self::record(Once::WithoutConstants, most.min(MOST), inputs, f)?;
+        Ok(is_whole.then(|| made.needed()))
     }
 
     /// A recording of at most so many operations, and whether it is whole.
     fn record<E>(
+        once: Once,
         most: usize,
         inputs: usize,
         f: impl FnOnce(&[Recorder]) -> Result<Vec<Recorder>, E>,
     ) -> Result<(Self, bool), E> {
         let given = TAPE.with_borrow_mut(|tape| {
             tape.number = tape.number.wrapping_add(1);
-            tape.operations = Some(Vec::new());
+            tape.entries = Some(Numbered::new(once));
             (tape.most, tape.is_full) = (most, false);
             tape.bounded.clear();
             let slot = |i: usize| tape.push(Operation::Input(i as u32)).unwrap_or(0);
@@ -334,8 +342,8 @@ impl Recording {
                 let slot = |tape: &mut Tape, x| tape.slot(x).or_else(|| tape.push(Operation::Constant(f64::NAN)));
                 found.into_iter().map(|x| slot(tape, x).unwrap_or(0)).collect()
             });
-            let operations = tape.operations.take().unwrap_or_default();
-            outputs.map(|outputs| (Self { inputs, operations, outputs }, !tape.is_full))
+            let operations = tape.entries.take().map_or_else(Vec::new, |entries| entries.operations);
+            outputs.map(|outputs| (Self { inputs, operations, outputs, once }, !tape.is_full))
         })
     }
 
@@ -358,7 +366,7 @@ impl Recording {
     /// The recording with these of its outputs, in this order.
     #[must_use]
     pub fn with_outputs(&self, wanted: &[usize]) -> Self {
-        Self { outputs: wanted.iter().map(|&o| self.outputs[o]).collect(), ..self.clone() }
+        Self { outputs: wanted.iter().map(|&o| self.outputs[o]).collect(), once: Once::Nothing, ..self.clone() }
     }
 
     /// Number of operations, inputs and constants counted: the length of `work` in [`evaluate`](Self::evaluate).

@@ -13,7 +13,7 @@ use crate::tree::LinkMotion;
 use partita_math::dense;
 use partita_math::elimination::Pattern;
 use partita_math::formatted;
-use partita_math::program::Program;
+use partita_math::scalar::Recording;
 use partita_math::spatial::{Mat3, Quaternion};
 use partita_math::tolerance;
 use partita_system::breakpoints::{Breakpoints, Reading};
@@ -149,7 +149,7 @@ impl Levels for Model {
 }
 
 impl Programs for Model {
-    fn rates_program(&self, choice: &Choice, most: usize) -> Option<Program> {
+    fn recorded_rates(&self, choice: &Choice, most: usize) -> Option<Recording> {
         self.rates_of(choice, most)
     }
     fn compiled_rates(&self, choice: &Choice) -> Option<Arc<CompiledRates>> {

@@ -8,7 +8,7 @@ use crate::clusters::Clusters;
 use crate::compiled::CompiledRates;
 use crate::guards::{Guard, GuardReading};
 use partita_math::elimination::Pattern;
-use partita_math::program::Program;
+use partita_math::scalar::Recording;
 use std::sync::Arc;
 
 /// S1-S5 by level.
@@ -328,8 +328,8 @@ pub trait Guards: Levels {
 
 /// Evaluations by code of the processor, where the system can be recorded.
 pub trait Programs {
-    /// The rates of a choice as a program (see [`compiled`](crate::compiled)), where they can be recorded.
-    fn rates_program(&self, _choice: &Choice, _most: usize) -> Option<Program> {
+    /// The recorded rates of a choice (see [`compiled`](crate::compiled)), where they can be recorded.
+    fn recorded_rates(&self, _choice: &Choice, _most: usize) -> Option<Recording> {
         None
     }
     /// The place of their code; none where they cannot be recorded.

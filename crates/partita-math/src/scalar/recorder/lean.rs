@@ -3,7 +3,10 @@
 use super::{Operation, Recording};
 use crate::scalar::Cases;
 use crate::scalar::Scalar;
-use rustc_hash::FxHashMap;
+use hashbrown::HashTable;
+use rustc_hash::FxBuildHasher;
+use std::borrow::Cow;
+use std::hash::BuildHasher;
 
 /// An operation as a key: its kind, its operands, the bits of its constant.
 type Key = (u8, [u32; 3], u64);
@@ -71,14 +74,70 @@ impl Operation {
     }
 }
 
+/// An operation in the table: part of the hash of its key, so that a table that grows asks for no key again, and its index.
+#[derive(Debug)]
+struct Known {
+    hash: u32,
+    index: u32,
+}
+
+impl Known {
+    /// The hash as tables take it, which look at both ends.
+    fn hash(&self) -> u64 {
+        u64::from(self.hash) << 32 | u64::from(self.hash)
+    }
+}
+
+/// Which operations are entered once.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Once {
+    /// None: all stay as they are.
+    Nothing,
+    /// Equal ones; constants are folded.
+    Equal,
+    /// Equal ones, but none with a constant among its operands: what many equal parts do stays alike though constants of
+    /// some parts are equal by chance.
+    WithoutConstants,
+}
+
 /// Operations numbered by what they compute.
-#[derive(Default)]
-struct Numbered {
-    operations: Vec<Operation>,
-    known: FxHashMap<Key, u32>,
+#[derive(Debug)]
+pub(super) struct Numbered {
+    pub(super) operations: Vec<Operation>,
+    known: HashTable<Known>,
+    once: Once,
 }
 
 impl Numbered {
+    pub(super) fn new(once: Once) -> Self {
+        Self { operations: Vec::new(), known: HashTable::new(), once }
+    }
+
+    /// Index of an operation as it is, known or new.
+    fn enter(&mut self, operation: Operation) -> u32 {
+        let Self { operations, known, once } = self;
+        let next = operations.len() as u32;
+        let mut is_apart = *once == Once::Nothing;
+        if *once == Once::WithoutConstants && !matches!(operation, Operation::Constant(_)) {
+            let is_constant = |x: u32| matches!(operations.get(x as usize), Some(Operation::Constant(_)));
+            operation.operands(|x| is_apart |= is_constant(x));
+        }
+        if is_apart {
+            operations.push(operation);
+            return next;
+        }
+        let wanted = key(operation);
+        let new = Known { hash: (FxBuildHasher.hash_one(wanted) >> 32) as u32, index: next };
+        let is_that = |x: &Known| {
+            x.hash == new.hash && operations.get(x.index as usize).is_some_and(|known| key(*known) == wanted)
+        };
+        let slot = known.entry(new.hash(), is_that, Known::hash).or_insert(new).get().index;
+        if slot == next {
+            operations.push(operation);
+        }
+        slot
+    }
+
     fn constant(&self, x: u32) -> Option<f64> {
         match self.operations.get(x as usize) {
             Some(Operation::Constant(c)) => Some(*c),
@@ -94,8 +153,11 @@ impl Numbered {
     }
 
     /// Index of an operation, known or new; simplified where its operands are constants.
-    fn slot(&mut self, operation: Operation) -> u32 {
+    pub(super) fn slot(&mut self, operation: Operation) -> u32 {
         use Operation as O;
+        if self.once == Once::Nothing {
+            return self.enter(operation);
+        }
         let folded = match operation {
             O::Scale(x, f) => {
                 let f = self.slot(O::Constant(f));
@@ -161,12 +223,7 @@ impl Numbered {
             },
             _ => operation,
         };
-        let next = self.operations.len() as u32;
-        let slot = *self.known.entry(key(folded)).or_insert(next);
-        if slot == next {
-            self.operations.push(folded);
-        }
-        slot
+        self.enter(folded)
     }
 }
 
@@ -177,27 +234,46 @@ impl Recording {
     /// If all intermediate numbers are finite, the outputs are those of the recording bit by bit, except for the sign
     /// of a zero.
     pub fn lean(&self) -> Self {
-        let mut numbered = Numbered::default();
-        numbered.known.reserve(self.operations.len() / 3);
+        self.reduced(Once::Equal).into_owned()
+    }
+
+    /// Reduced as [`Recording::of_parts`] does.
+    pub(crate) fn by_parts(&self) -> Cow<'_, Self> {
+        self.reduced(Once::WithoutConstants)
+    }
+
+    fn reduced(&self, once: Once) -> Cow<'_, Self> {
+        if self.once == once {
+            return Cow::Borrowed(self);
+        }
+        let mut numbered = Numbered::new(once);
         let mut slots: Vec<u32> = Vec::with_capacity(self.operations.len());
         for operation in &self.operations {
             let moved = operation.with(|x| slots.get(x as usize).copied().unwrap_or(0));
             slots.push(numbered.slot(moved));
         }
-        let outputs: Vec<u32> = self.outputs.iter().map(|&x| slots.get(x as usize).copied().unwrap_or(0)).collect();
-        let mut asked = vec![false; numbered.operations.len()];
-        outputs.iter().for_each(|&x| asked[x as usize] = true);
+        let outputs = self.outputs.iter().map(|&x| slots.get(x as usize).copied().unwrap_or(0)).collect();
+        Cow::Owned(Self { inputs: self.inputs, operations: numbered.operations, outputs, once }.needed())
+    }
+
+    /// Without operations that no output needs.
+    pub(super) fn needed(mut self) -> Self {
+        let mut asked = vec![false; self.operations.len()];
+        self.outputs.iter().for_each(|&x| asked[x as usize] = true);
         for i in (0..asked.len()).rev() {
             if asked[i] {
-                numbered.operations[i].operands(|x| asked[x as usize] = true);
+                self.operations[i].operands(|x| asked[x as usize] = true);
             }
         }
-        let mut last = vec![0u32; asked.len()];
-        let mut operations = Vec::new();
-        for (i, operation) in numbered.operations.iter().enumerate().filter(|x| asked[x.0]) {
-            last[i] = operations.len() as u32;
-            operations.push(operation.with(|x| last[x as usize]));
+        let (mut last, mut count) = (vec![0u32; asked.len()], 0);
+        for i in (0..asked.len()).filter(|&i| asked[i]) {
+            last[i] = count as u32;
+            self.operations[count] = self.operations[i].with(|x| last[x as usize]);
+            count += 1;
         }
-        Self { inputs: self.inputs, operations, outputs: outputs.iter().map(|&x| last[x as usize]).collect() }
+        self.operations.truncate(count);
+        self.operations.shrink_to_fit();
+        self.outputs.iter_mut().for_each(|x| *x = last[*x as usize]);
+        self
     }
 }

@@ -61,8 +61,8 @@ impl CompiledMotion {
             self.plan = r.plans;
             self.rates = r.system.compiled_rates(&r.choice());
         }
-        let program = |most| r.system.rates_program(&r.choice(), most);
-        let code = self.rates.as_ref()?.code(self.compiler, self.when, program)?;
+        let recording = |most| r.system.recorded_rates(&r.choice(), most);
+        let code = self.rates.as_ref()?.code(self.compiler, self.when, recording)?;
         let states = self.inputs.len() - 1;
         self.inputs[..states].copy_from_slice(&y[..states]);
         self.inputs[states] = t;
