@@ -128,10 +128,10 @@ class Question:
 
 QUESTIONS = (
     Question("side by side", 10, 10_000, 1.2),
-    Question("in series", 10, 1000, 1.2),
+    Question("in series", 10, 10_000, 1.2),
     Question("ring", 50, None, 60e-6),
     Question("open chain", 50, 10_000, 1.2),
-    Question("five-bar loops", 10, 3000, 1.2),
+    Question("five-bar loops", 10, 10_000, 1.2),
     Question("four-bar chain", 10, 10_000, 1.2),
 )
 

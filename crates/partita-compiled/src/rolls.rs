@@ -35,7 +35,8 @@ pub(crate) fn roll(values: &mut Values, constants: &mut Vec<f64>) {
         }
     }
     values.arrays = arrays;
-    let mut rolls = found.iter().zip(&slots).map(|(found, own)| found.made(own, &slots, constants));
+    let mut tables = Tables { constants, known: HashMap::new() };
+    let mut rolls = found.iter().zip(&slots).map(|(found, own)| found.made(own, &slots, &mut tables));
     let mut item = |part| match part {
         Part::Straight(operation) => Some(Item::Operation(operation)),
         Part::Loop => rolls.next().map(|x| Item::Roll(Box::new(x))),
@@ -184,6 +185,25 @@ fn lay_out(
     (slots, next)
 }
 
+/// Constants, and where those of tables lie among them.
+struct Tables<'c> {
+    constants: &'c mut Vec<f64>,
+    known: HashMap<Vec<usize>, usize>,
+}
+
+impl Tables<'_> {
+    /// Place of the first one; they are appended where no other loop has the same ones.
+    fn place(&mut self, which: &[usize]) -> usize {
+        if let Some(known) = self.known.get(which) {
+            return *known;
+        }
+        let first = self.constants.len();
+        self.constants.extend(which.iter().map(|&k| self.constants[k]).collect::<Vec<_>>());
+        self.known.insert(which.to_vec(), first);
+        first
+    }
+}
+
 impl Found {
     /// Operands of the operations that it computes.
     fn computed(&self) -> impl Iterator<Item = &Vec<Operand>> {
@@ -191,13 +211,13 @@ impl Found {
     }
 
     /// With its arrays at `own`, those of all loops at `slots`.
-    fn made(&self, own: &[Option<usize>], slots: &[Vec<Option<usize>>], constants: &mut Vec<f64>) -> Roll {
+    fn made(&self, own: &[Option<usize>], slots: &[Vec<Option<usize>>], tables: &mut Tables) -> Roll {
         let (mut inputs, mut reads) = (HashMap::<&Operand, usize>::new(), Vec::new());
         for operand in self.computed().flatten() {
             if matches!(operand, Operand::Own(_)) || inputs.contains_key(operand) {
                 continue;
             }
-            let Some(read) = operand.read(slots, constants) else { continue };
+            let Some(read) = operand.read(slots, tables) else { continue };
             inputs.insert(operand, reads.len());
             reads.push(read);
         }
@@ -242,15 +262,11 @@ impl Operand {
     }
 
     /// Where it lies; the constants of a table are appended.
-    fn read(&self, slots: &[Vec<Option<usize>>], constants: &mut Vec<f64>) -> Option<Read> {
+    fn read(&self, slots: &[Vec<Option<usize>>], tables: &mut Tables) -> Option<Read> {
         Some(match self {
             Self::Own(_) => return None,
             Self::Same(x) => Read::Same(*x),
-            Self::Table(which) => {
-                let first = Source::Constant(constants.len());
-                constants.extend(which.iter().map(|&k| constants[k]).collect::<Vec<_>>());
-                Read::Moving { first, step: 1 }
-            }
+            Self::Table(which) => Read::Moving { first: Source::Constant(tables.place(which)), step: 1 },
             Self::Moving { of, first, step } => {
                 let first = match of {
                     Origin::Input => Source::Input(*first as usize),

@@ -127,7 +127,8 @@ impl Numbered {
             return next;
         }
         let wanted = key(operation);
-        let new = Known { hash: (FxBuildHasher.hash_one(wanted) >> 32) as u32, index: next };
+        let hash = FxBuildHasher.hash_one(wanted);
+        let new = Known { hash: (hash ^ hash >> 32) as u32, index: next };
         let is_that = |x: &Known| {
             x.hash == new.hash && operations.get(x.index as usize).is_some_and(|known| key(*known) == wanted)
         };
