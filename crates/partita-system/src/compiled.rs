@@ -22,9 +22,9 @@ const WORTH_COMPILING: u64 = 1500;
 /// at each evaluation, take about as long as an evaluation by levels.
 const LONGEST: usize = 400_000;
 
-/// Operations after which a recording is given up. Scale: operations. Reason: ten thousand four-bars have nine million,
-/// which repeat, and take as much memory while the code is made as the mechanism does.
-const MOST_RECORDED: usize = 40 * LONGEST;
+/// Operations after which a recording is given up, equal ones counted once. Scale: operations. Reason: ten thousand loops
+/// have about five million, which repeat, and take as much memory while the code is made as the mechanism does.
+const MOST_RECORDED: usize = 20 * LONGEST;
 
 /// Choices of a system whose code is kept. Scale: choices. Reason: more than a mechanism visits in one cycle of its motion.
 const MOST_CHOICES: usize = 32;
