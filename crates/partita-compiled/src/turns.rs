@@ -53,7 +53,7 @@ pub(crate) struct Found {
     pub(crate) count: usize,
     pub(crate) codes: Vec<(Code, u32)>,
     pub(crate) operands: Vec<Vec<Operand>>,
-    /// Operations that another one computes (see [`join_equal`]).
+    /// Operations that another one computes (see `rolls::join_equal`).
     pub(crate) joined: Vec<bool>,
     /// Operations whose results the next turn reads, and what turn 0 reads in their stead.
     pub(crate) entries: Vec<(usize, usize)>,
