@@ -30,22 +30,57 @@ pub(crate) fn steps(mut copies: &[Copy], processor: Registers) -> Vec<Step> {
 
 /// A loop of the first copies in turns of a length, and how many these are.
 fn repeated(copies: &[Copy], length: usize, passing: Register) -> Option<(usize, Step)> {
+    let (first, rest) = copies.split_at_checked(length)?;
+    let moves = |(one, later): (&Copy, &Copy)| Some([one.0.distance(later.0)?, one.1.distance(later.1)?]);
+    let steps: Vec<[isize; 2]> = first.iter().zip(rest.get(..length)?).map(moves).collect::<Option<_>>()?;
     let mut pointers = Pointers::default();
-    let (mut count, mut turn) = (usize::MAX, Vec::new());
-    for i in 0..length.min(copies.len()) {
-        let far = |turn: usize| {
-            let (&(from, to), &(a, b)) = (&copies[i], copies.get(i + turn * length)?);
-            Some((from.distance(a)?, to.distance(b)?))
-        };
-        let (a, b) = far(1)?;
-        let follows = |turn: &usize| far(*turn) == Some((a * *turn as isize, b * *turn as isize));
-        count = count.min(1 + (1..copies.len()).take_while(follows).count());
-        turn.extend([
-            Step::Load(passing, pointers.place(copies[i].0, a)),
-            Step::Store(pointers.place(copies[i].1, b), passing),
-        ]);
+    let mut turn = Vec::with_capacity(2 * length);
+    for (&(from, to), &[a, b]) in first.iter().zip(&steps) {
+        turn.extend([Step::Load(passing, pointers.place(from, a)), Step::Store(pointers.place(to, b), passing)]);
     }
-    let suits = count >= FEWEST && pointers.0.len() <= POINTERS;
-    let made = Step::Loop { count, pointers: pointers.0, turn };
-    suits.then_some((count * length, made))
+    if pointers.0.len() > POINTERS {
+        return None;
+    }
+    let follows = |(turn, later): (isize, &[Copy])| {
+        let by = |(x, step): ((&Copy, &Copy), &[isize; 2])| moves(x) == Some(step.map(|step| turn * step));
+        first.iter().zip(later).zip(&steps).all(by)
+    };
+    // turn by turn, so that what does not repeat is looked at in few of them
+    let count = 1 + (1..).zip(rest.chunks_exact(length)).take_while(|turn| follows(*turn)).count();
+    (count >= FEWEST).then_some((count * length, Step::Loop { count, pointers: pointers.0, turn }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{steps, Address as A, Copy, Registers, Step};
+
+    fn lengths(copies: &[Copy]) -> Vec<(usize, usize)> {
+        let processor = Registers { held: 4, passing: 4, reads_memory: true, loops: true };
+        let of = |step: Step| match step {
+            Step::Loop { count, turn, .. } => (count, turn.len() / 2),
+            _ => (1, 0),
+        };
+        steps(copies, processor).into_iter().map(of).collect()
+    }
+
+    #[test]
+    fn copies_repeat_in_the_shortest_turns_that_cover_them() {
+        let pair = |i: usize| [(A::Input(i), A::Output(2 * i)), (A::Stack(5 * i), A::Output(2 * i + 1))];
+        let pairs: Vec<Copy> = (0..50).flat_map(pair).collect();
+        assert_eq!(lengths(&pairs), [(50, 2)]);
+        let plain: Vec<Copy> = (0..50).map(|i| (A::Input(i), A::Output(i))).collect();
+        assert_eq!(lengths(&plain), [(50, 1)]);
+        // seven turns are not worth a loop: a load and a store each
+        assert_eq!(lengths(&pairs[..14]).len(), 28);
+        let rest = [&pairs[..41], &[(A::Input(1000), A::Output(1))]].concat();
+        assert_eq!(lengths(&rest), [vec![(20, 2)], vec![(1, 0); 4]].concat());
+    }
+
+    /// Every second copy repeats, the others do not: none is looked at again for each that comes before it.
+    #[test]
+    fn many_copies_that_do_not_repeat_become_steps_of_their_own() {
+        let pair = |i: usize| [(A::Input(i), A::Output(2 * i)), (A::Stack(i * i), A::Output(2 * i + 1))];
+        let copies: Vec<Copy> = (0..100_000).flat_map(pair).collect();
+        assert_eq!(lengths(&copies).len(), 2 * copies.len());
+    }
 }

@@ -9,7 +9,7 @@
 //! recursions  read     place i − 1; before turn 0 what comes in its stead, the entry, is copied there
 //! ```
 //!
-//! The order of all operations stays as it is, so that the bits do.
+//! The order of all operations stays as it is, so that the bits do; what is the same in every turn is computed once.
 
 use crate::registers::first_two_commute;
 use crate::turns::{self, Found, Members, Operand, Origin, Part};
