@@ -366,7 +366,7 @@ impl Allocation<'_> {
             })
             .collect();
         let mut keep = |keep: &Keep| match *keep {
-            Keep::Array(place) => pointers.place(Address::Stack(self.first_array + place), 1),
+            Keep::Array { first, step } => pointers.place(Address::Stack(self.first_array + first), step as isize),
             Keep::Output { first, step } => pointers.place(Address::Output(first), step),
         };
         let keeps: Vec<Address> = roll.keeps.iter().map(&mut keep).collect();

@@ -5,8 +5,8 @@
 //!
 //! ```text
 //! turn i      reads    inputs, sines, constants, arrays at place first + step · i,  or what is the same in every turn
-//!             keeps    its values that others read: each has an array of its own, turn i at place i; outputs likewise
-//! recursions  read     place i − 1; before turn 0 what comes in its stead, the entry, is copied there
+//!             keeps    its values that others read: side by side, those of turn i in record i; or in an array each
+//! recursions  read     record i − 1; before turn 0 what comes in its stead, the entry, is copied there
 //! ```
 //!
 //! The order of all operations stays as it is, so that the bits do; what is the same in every turn is computed once.
@@ -18,6 +18,19 @@ use std::cmp::Reverse;
 use std::collections::hash_map::Entry;
 use std::collections::{BTreeMap, BinaryHeap, HashMap};
 
+/// Results of a turn from which on they lie side by side. Scale: numbers; a line of a cache. Reason: a cache foresees few
+/// places that move at a time, and some hundred arrays move in one loop.
+const RECORD: usize = 8;
+
+/// Memory in which places move.
+#[derive(PartialEq, Eq)]
+enum Space {
+    Input,
+    Constant,
+    Output,
+    Stack,
+}
+
 /// Make loops of what repeats. Constants that differ between turns are appended to `constants`.
 pub(crate) fn roll(values: &mut Values, constants: &mut Vec<f64>) {
     let stages = std::mem::take(&mut values.operations);
@@ -26,17 +39,18 @@ pub(crate) fn roll(values: &mut Values, constants: &mut Vec<f64>) {
     for o in written(&mut found, &values.outputs, &members) {
         values.outputs[o] = None;
     }
-    let (slots, arrays) = lay_out(values, &parts, &found, &members);
+    let (layouts, arrays) = lay_out(values, &parts, &found, &members);
     for (x, source) in values.sources.iter_mut().enumerate() {
         if let Some([roll, turn, operation]) = members.get(x) {
-            if let Some(first) = slots[roll][operation] {
-                *source = Source::Array(first + turn);
+            let layout = &layouts[roll];
+            if let Some(first) = layout.slots[operation] {
+                *source = Source::Array(first + turn * layout.stride);
             }
         }
     }
     values.arrays = arrays;
     let mut tables = Tables { constants, known: HashMap::new() };
-    let mut rolls = found.iter().zip(&slots).map(|(found, own)| found.made(own, &slots, &mut tables));
+    let mut rolls = found.iter().zip(&layouts).map(|(found, own)| found.made(own, &layouts, &mut tables));
     let mut item = |part| match part {
         Part::Straight(operation) => Some(Item::Operation(operation)),
         Part::Loop => rolls.next().map(|x| Item::Roll(Box::new(x))),
@@ -116,14 +130,16 @@ fn written(found: &mut [Found], outputs: &[Option<usize>], members: &Members) ->
     all
 }
 
-/// Places of the arrays of each loop, for the operations whose results others read, and of how many numbers they are. What
-/// is read no more gives its place to others.
-fn lay_out(
-    values: &Values,
-    parts: &[Vec<Part>],
-    found: &[Found],
-    members: &Members,
-) -> (Vec<Vec<Option<usize>>>, usize) {
+/// Where the results of a loop that others read lie.
+struct Layout {
+    /// Place of each operation's in turn 0.
+    slots: Vec<Option<usize>>,
+    /// How much further it is in each turn after.
+    stride: usize,
+}
+
+/// Layouts of all loops, and of how many numbers they are. What is read no more gives its place to others.
+fn lay_out(values: &Values, parts: &[Vec<Part>], found: &[Found], members: &Members) -> (Vec<Layout>, usize) {
     // number of loops begun when each result is read last
     let mut last: Vec<Vec<Option<usize>>> = found.iter().map(|x| vec![None; x.codes.len()]).collect();
     let see = |last: &mut Vec<Vec<Option<usize>>>, roll: usize, operation: usize, when: usize| {
@@ -159,18 +175,19 @@ fn lay_out(
         angles.iter().for_each(|&x| see_value(&mut last, x, begun));
     }
     values.outputs.iter().flatten().for_each(|&x| see_value(&mut last, x, usize::MAX));
+    let strides = strides(found, &last);
     let mut next = 0;
     // places by size, and those in use: last, size, place
     let mut free: HashMap<usize, Vec<usize>> = HashMap::new();
     let mut taken: BinaryHeap<Reverse<(usize, usize, usize)>> = BinaryHeap::new();
-    let mut slots = Vec::with_capacity(found.len());
-    for (roll, (last, found)) in last.iter().zip(found).enumerate() {
+    let mut layouts = Vec::with_capacity(found.len());
+    for (roll, ((last, found), &stride)) in last.iter().zip(found).zip(&strides).enumerate() {
         while let Some(&Reverse((_, size, place))) = taken.peek().filter(|x| x.0 .0 <= roll) {
             free.entry(size).or_default().push(place);
             taken.pop();
         }
         // an odd number of lines of a cache: arrays that are read side by side lie in different sets
-        let size = 8 * ((found.count + 1).div_ceil(8) | 1);
+        let size = 8 * (((found.count + 1) * stride).div_ceil(8) | 1);
         let mut place = |last: usize| {
             let place = free.get_mut(&size).and_then(Vec::pop).unwrap_or_else(|| {
                 next += size;
@@ -178,11 +195,44 @@ fn lay_out(
             });
             taken.push(Reverse((last, size, place)));
             // after that of an entry
-            place + 1
+            place + stride
         };
-        slots.push(last.iter().map(|last| last.map(&mut place)).collect());
+        let slots = if stride == 1 {
+            last.iter().map(|last| last.map(&mut place)).collect()
+        } else {
+            let first = last.iter().flatten().max().map_or(0, |&last| place(last));
+            let mut own = first..;
+            last.iter().map(|last| last.and_then(|_| own.next())).collect()
+        };
+        layouts.push(Layout { slots, stride });
     }
-    (slots, next)
+    (layouts, next)
+}
+
+/// How far results of a turn are from those of the next one: side by side with the other results of their turn where there
+/// are many and the loops that read them have pointers enough; 1 where each has an array. `last`: when each is read last.
+fn strides(found: &[Found], last: &[Vec<Option<usize>>]) -> Vec<usize> {
+    let kept: Vec<usize> = last.iter().map(|last| last.iter().flatten().count()).collect();
+    let mut strides = vec![1; found.len()];
+    let mut readers: Vec<Vec<usize>> = (0..found.len()).map(|roll| vec![roll]).collect();
+    for (reader, found) in found.iter().enumerate() {
+        for operand in found.computed().flatten() {
+            if let Operand::Moving { of: Origin::Loop { roll, .. }, .. } = operand {
+                if readers[*roll].last() != Some(&reader) {
+                    readers[*roll].push(reader);
+                }
+            }
+        }
+    }
+    let mut many: Vec<usize> = (0..found.len()).filter(|&roll| kept[roll] >= RECORD).collect();
+    many.sort_by_key(|&roll| Reverse(kept[roll]));
+    for roll in many {
+        strides[roll] = kept[roll];
+        if readers[roll].iter().any(|&reader| found[reader].pointers_with(&strides, reader) > POINTERS) {
+            strides[roll] = 1;
+        }
+    }
+    strides
 }
 
 /// Constants, and where those of tables lie among them.
@@ -210,14 +260,35 @@ impl Found {
         self.operands.iter().zip(&self.joined).filter(|x| !x.1).map(|x| x.0)
     }
 
-    /// With its arrays at `own`, those of all loops at `slots`.
-    fn made(&self, own: &[Option<usize>], slots: &[Vec<Option<usize>>], tables: &mut Tables) -> Roll {
+    /// Places that move by different steps, with these distances between turns; it is number `roll` of all.
+    fn pointers_with(&self, strides: &[usize], roll: usize) -> usize {
+        let mut moving = vec![(Space::Stack, strides[roll] as isize)];
+        let of_outputs = self.outputs.iter().map(|x| (Space::Output, x.2));
+        let read = self.computed().flatten().filter_map(|operand| match operand {
+            Operand::Own(_) | Operand::Same(_) => None,
+            Operand::Table(_) => Some((Space::Constant, 1)),
+            Operand::Moving { of, step, .. } => Some(match of {
+                Origin::Input => (Space::Input, *step),
+                Origin::Loop { roll, .. } => (Space::Stack, *step * strides[*roll] as isize),
+                _ => (Space::Stack, *step),
+            }),
+        });
+        for x in of_outputs.chain(read) {
+            if !moving.contains(&x) {
+                moving.push(x);
+            }
+        }
+        moving.len()
+    }
+
+    /// With its results at `own`, those of all loops at `layouts`.
+    fn made(&self, own: &Layout, layouts: &[Layout], tables: &mut Tables) -> Roll {
         let (mut inputs, mut reads) = (HashMap::<&Operand, usize>::new(), Vec::new());
         for operand in self.computed().flatten() {
             if matches!(operand, Operand::Own(_)) || inputs.contains_key(operand) {
                 continue;
             }
-            let Some(read) = operand.read(slots, tables) else { continue };
+            let Some(read) = operand.read(layouts, tables) else { continue };
             inputs.insert(operand, reads.len());
             reads.push(read);
         }
@@ -231,12 +302,14 @@ impl Found {
             all.iter_mut().zip(operands).for_each(|(to, x)| *to = operand(x) as u32);
             Item::Operation(Operation { code, operands: all, exponent, to: (reads.len() + o) as u32 })
         });
-        let arrays = own.iter().enumerate().filter_map(|(o, place)| Some((o, Keep::Array((*place)?))));
+        let step = own.stride;
+        let arrays = own.slots.iter().enumerate();
+        let arrays = arrays.filter_map(|(o, place)| Some((o, Keep::Array { first: (*place)?, step })));
         let outputs = self.outputs.iter().map(|&(o, first, step)| (o, Keep::Output { first, step }));
         let kept: Vec<(usize, Keep)> = arrays.chain(outputs).collect();
         let outputs = kept.iter().map(|(o, _)| reads.len() + o).collect();
         let body = Values::of_turn([reads.len(), self.codes.len()], operations.collect(), outputs);
-        let entries = self.entries.iter().filter_map(|&(o, x)| Some((own[o]? - 1, x))).collect();
+        let entries = self.entries.iter().filter_map(|&(o, x)| Some((own.slots[o]? - step, x))).collect();
         Roll { count: self.count, keeps: kept.iter().map(|x| x.1).collect(), body, reads, entries }
     }
 }
@@ -262,22 +335,21 @@ impl Operand {
     }
 
     /// Where it lies; the constants of a table are appended.
-    fn read(&self, slots: &[Vec<Option<usize>>], tables: &mut Tables) -> Option<Read> {
+    fn read(&self, layouts: &[Layout], tables: &mut Tables) -> Option<Read> {
         Some(match self {
             Self::Own(_) => return None,
             Self::Same(x) => Read::Same(*x),
             Self::Table(which) => Read::Moving { first: Source::Constant(tables.place(which)), step: 1 },
-            Self::Moving { of, first, step } => {
-                let first = match of {
-                    Origin::Input => Source::Input(*first as usize),
-                    Origin::Sine => Source::Sine(*first as usize),
-                    Origin::Loop { roll, operation } => {
-                        Source::Array(slots[*roll][*operation]?.checked_add_signed(*first)?)
-                    }
-                    Origin::Constant | Origin::Straight => return None,
-                };
-                Read::Moving { first, step: *step }
-            }
+            Self::Moving { of, first, step } => match of {
+                Origin::Input => Read::Moving { first: Source::Input(*first as usize), step: *step },
+                Origin::Sine => Read::Moving { first: Source::Sine(*first as usize), step: *step },
+                Origin::Loop { roll, operation } => {
+                    let Layout { slots, stride } = &layouts[*roll];
+                    let first = slots[*operation]?.checked_add_signed(*first * *stride as isize)?;
+                    Read::Moving { first: Source::Array(first), step: *step * *stride as isize }
+                }
+                Origin::Constant | Origin::Straight => return None,
+            },
         })
     }
 }

@@ -155,6 +155,47 @@ fn what_repeats_becomes_loops_with_the_same_bits() {
     }
 }
 
+/// Many results of each part: the next part reads them, and a later loop in the opposite order.
+#[cfg(target_arch = "x86_64")]
+fn many_results(parts: usize, results: usize) -> Recording {
+    let of = |x: &[Recorder]| {
+        let mut all = vec![vec![x[0] + x[1]; results]];
+        for i in 0..parts {
+            let before = &all[i];
+            let of = |j: usize| before[j] * x[i] + before[(j + 1) % results].scale(0.5) - x[i + 1];
+            all.push((0..results).map(of).collect());
+        }
+        let (mut sum, mut out) = (x[2], Vec::new());
+        for (i, own) in all.iter().enumerate().skip(1).rev() {
+            sum = own.iter().zip(&all[i - 1]).fold(sum.scale(0.25), |sum, (a, b)| sum * *a - *b);
+            out.push(sum);
+        }
+        Ok::<_, ()>(out)
+    };
+    Recording::new(parts + 1, of).unwrap()
+}
+
+/// From eight results on those of a turn lie side by side.
+#[cfg(target_arch = "x86_64")]
+#[test]
+fn many_results_of_a_turn_lie_side_by_side_with_the_same_bits() {
+    for (parts, results) in [(3, 9), (9, 8), (40, 6), (40, 8), (41, 12), (2000, 11)] {
+        let r = many_results(parts, results);
+        let members: Vec<Vec<f64>> =
+            (1..3).map(|m| (0..=parts).map(|i| ((m * i + 1) as f64).sin()).collect()).collect();
+        suite::agree(&ALL, &r, 0..0, &members);
+        let program = Program::of_parts(&r);
+        let mut values = super::Values::new(&program);
+        super::rolls::roll(&mut values, &mut program.constants().to_vec());
+        let steps = super::registers::steps(&values, super::x86_64::registers(true, true)).steps;
+        let side_by_side = steps.iter().any(|step| match step {
+            super::steps::Step::Loop { pointers, .. } => pointers.iter().any(|x| x.step <= -8),
+            _ => false,
+        });
+        assert_eq!(side_by_side, parts >= 40 && results >= 8, "{parts} parts with {results} results");
+    }
+}
+
 /// Parts with two lengths, each of which is a factor of the same sine, and of another one that the next part reads.
 #[cfg(target_arch = "x86_64")]
 fn two_lengths(parts: usize, second: impl Fn(usize, f64) -> f64) -> Recording {

@@ -42,8 +42,8 @@ pub(crate) struct Roll {
 /// Where an output of a turn goes.
 #[derive(Clone, Copy)]
 pub(crate) enum Keep {
-    /// To the arrays: turn 0 to this place, each one after to the next.
-    Array(usize),
+    /// To the arrays: turn 0 to the first place, each one after a step further.
+    Array { first: usize, step: usize },
     /// To an output of the program.
     Output { first: usize, step: isize },
 }
