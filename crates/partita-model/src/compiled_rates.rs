@@ -68,7 +68,7 @@ impl Model {
             let applied = if self.has_power() { e.power(t, q, &x.v, &mut s)? } else { Recorder::zero() };
             out.push(applied + if moves { driving(e, (t, q), &x, &mut s)? } else { Recorder::zero() });
         }
-        if moves {
+        if moves || plan.is_some() {
             out.extend(&x.vdot);
         }
         let pivot = |i: usize| choice.plan.map_or(Recorder::one(), |plan| plan.reciprocal(&x.factors, i));

@@ -5,8 +5,8 @@
 //! inputs   q | v_I | t
 //! rates    q' | v_I' | power | v' | 1 / pivots of C_D | excess                               (S2, P1-P3)
 //! ```
-//! The power, of applied forces and drives, is there where it is observed, v' where rows depend on time. The excess is
-//! above 0 where an evaluation by levels fails.
+//! The power, of applied forces and drives, is there where it is observed, v' where rows depend on time or accelerations come
+//! from a recursion. The excess is above 0 where an evaluation by levels fails.
 
 use crate::choice::Choice;
 use partita_math::program::{Compiled, Compiler, NotCompiled};

@@ -54,6 +54,8 @@ pub struct Motion<'s, S: ConstrainedSystem + 's, T, P> {
     planned_from: bool,
     /// Whether the last evaluation was one by compiled code, which leaves the levels where they were.
     behind: bool,
+    /// Whether the position level was evaluated at the end of the step, where the next evaluation is.
+    settled: bool,
     /// Evaluations by compiled code, where there may be any.
     compiled: Option<CompiledMotion>,
     /// Singular positions behind and ahead.
@@ -91,6 +93,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             moved: true,
             planned_from: false,
             behind: false,
+            settled: false,
             compiled: None,
             monitor: CrossingMonitor::new(system.size()),
             breakpoints: Watched::new(system.breakpoints()),
@@ -136,13 +139,24 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
 
     /// All levels at (t, y).
     fn evaluate(&mut self, t: f64, y: &[f64]) -> Result<()> {
+        self.levels(t, y, false)
+    }
+
+    /// All levels at (t, y), with the accelerations in `vdot` if they are known.
+    fn levels(&mut self, t: f64, y: &[f64], known: bool) -> Result<()> {
         self.behind = false;
         let (p, w) = self.offsets();
-        let factored = self.positions.locate(&mut self.tangent, t, y, self.monitor.crosses_next)?;
+        let factored = match std::mem::take(&mut self.settled) && !self.monitor.crosses_next {
+            true => false,
+            false => self.positions.locate(&mut self.tangent, t, y, self.monitor.crosses_next)?,
+        };
         let (tangent, q, u) = (&mut self.tangent, self.positions.q(), &y[p..w]);
         let levels = |tangent: &mut T| {
             tangent.tangent(t, q, factored)?;
             tangent.spread(u);
+            if known {
+                return tangent.reduction().accept_acceleration(t, q, &self.vdot);
+            }
             tangent.accelerate(t, q, u)
         };
         levels(tangent).map_err(|e| tangent.blame(t, q, e))

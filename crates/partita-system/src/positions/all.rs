@@ -23,6 +23,8 @@ pub struct All {
     dv: Vec<f64>,
     room: Room,
     corrections: u64,
+    /// Whether the last correction of an end of a step found nothing to correct, with the position level there.
+    found: bool,
 }
 
 /// All of q moved by the corrections of a tangent.
@@ -65,7 +67,7 @@ impl All {
     /// For a system of this size.
     pub fn new(size: Size, correction: Correction) -> Self {
         let (q, dv) = (vec![0.0; size.nq], vec![0.0; size.nv]);
-        Self { correction, wraps: true, room: Room::for_coordinates(size.nq), q, dv, corrections: 0 }
+        Self { correction, wraps: true, room: Room::for_coordinates(size.nq), q, dv, corrections: 0, found: false }
     }
 
     /// Angles keep their whole turns, because a function depends on them.
@@ -178,6 +180,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> Positions<'s, S, T> for A
 
 impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> PositionSteps<'s, S, T> for All {
     fn settle(&mut self, tangent: &mut T, t: f64, y: &mut [f64]) -> Result<bool> {
+        self.found = false;
         let (q, r) = (&mut y[..self.q.len()], tangent.reduction());
         let moved = r.system.normalise(q);
         if self.stays(r) {
@@ -185,7 +188,12 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> PositionSteps<'s, S, T> f
         }
         r.position(t, q)?;
         r.jumped(t)?;
-        if r.is_closed() || !tangent.correction(t, q, self.correction, &mut self.dv)? {
+        if r.is_closed() {
+            self.q.copy_from_slice(q);
+            self.found = true;
+            return Ok(moved);
+        }
+        if !tangent.correction(t, q, self.correction, &mut self.dv)? {
             return Ok(moved);
         }
         tangent.seen().system.step(q, &self.dv);
@@ -194,6 +202,9 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> PositionSteps<'s, S, T> f
             self.contract(tangent, t, q)?;
         }
         Ok(true)
+    }
+    fn is_found(&self) -> bool {
+        self.found
     }
     fn wrap(&mut self, tangent: &T, y: &mut [f64], turns: &mut [i32]) -> bool {
         self.wraps && turns::reduce(&*tangent.seen().system, &mut y[..self.q.len()], turns)

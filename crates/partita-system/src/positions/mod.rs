@@ -49,6 +49,10 @@ pub trait Positions<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>>: PositionS
 pub trait PositionSteps<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> {
     /// Correct closure errors of y at the end of a step; true if y changed.
     fn settle(&mut self, tangent: &mut T, t: f64, y: &mut [f64]) -> Result<bool>;
+    /// Whether [`settle`](Self::settle) found q for this y, with the position level of the tangent's reduction there.
+    fn is_found(&self) -> bool {
+        false
+    }
     /// Whether the step that ends at the point last evaluated is continuous.
     fn judge(&mut self, _tangent: &mut T, _t: f64, _margin: Option<f64>) -> Verdict {
         Verdict::Keep

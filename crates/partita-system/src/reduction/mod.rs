@@ -372,6 +372,16 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         Ok(())
     }
 
+    /// b and ξ at (t, q, self.v), and accelerations that are known, where they come from a recursion.         (S5, P1)
+    pub fn accept_acceleration(&mut self, t: f64, q: &[f64], vdot: &[f64]) -> Result<(), SystemError> {
+        self.velocity(t, q)?;
+        self.vdot.copy_from_slice(vdot);
+        for (x, &i) in self.vdot_independent.iter_mut().zip(&self.partition.independent) {
+            *x = vdot[i];
+        }
+        Ok(())
+    }
+
     /// `M_d v_I' = h_d` with the state of the lower levels.                                (P3)
     pub fn acceleration(&mut self, t: f64, q: &[f64]) -> Result<(), SystemError> {
         if self.recursion.is_some() {

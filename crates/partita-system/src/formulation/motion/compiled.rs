@@ -1,10 +1,12 @@
 //! Evaluations inside a step by compiled code, with the bits of those by levels.
 //!
-//! Only rates are computed: the end of a step, outputs and everything that looks at the levels evaluates these. Where a
-//! pivot comes near its guard, a number is not finite or an evaluation would fail, the levels decide.
+//! Only rates are computed: the end of a step, outputs and everything that looks at the levels evaluates these. At the end of
+//! a step accelerations are taken from the code where they come from a recursion, since nothing else of it is looked at. Where
+//! a pivot comes near its guard, a number is not finite or an evaluation would fail, the levels decide.
 
 use super::Motion;
 use crate::compiled::{Compilation, CompiledRates};
+use crate::error::Result;
 use crate::positions::Positions;
 use crate::record::History;
 use crate::reduction::Reduction;
@@ -21,9 +23,12 @@ pub(super) struct CompiledMotion {
     /// Number of the plan that they belong to.
     plan: u64,
     rates: Option<Arc<CompiledRates>>,
-    /// Number of the rates of (q, u, work), and of those of v.
+    /// Number of the rates of (q, u, work), and of those of v for the plan.
     rates_count: usize,
     vdot_count: usize,
+    /// Whether rows depend on time.
+    moves: bool,
+    /// The point last evaluated.
     inputs: Vec<f64>,
     outputs: Vec<f64>,
     /// Memory of the code.
@@ -39,16 +44,16 @@ impl CompiledMotion {
         let compiler = <dyn Compiler>::installed().filter(|_| when != Compilation::Never)?;
         let states = size.nq + r.k();
         let rates_count = states + usize::from(r.system.has_power() || moves);
-        let vdot_count = if moves { size.nv } else { 0 };
         Some(Self {
             compiler,
             when,
             plan: 0,
             rates: None,
             rates_count,
-            vdot_count,
+            vdot_count: 0,
+            moves,
             inputs: vec![0.0; states + 1],
-            outputs: vec![0.0; rates_count + vdot_count + r.rank() + 1],
+            outputs: Vec::new(),
             memory: Vec::new(),
             count: 0,
         })
@@ -60,6 +65,8 @@ impl CompiledMotion {
         if self.plan != r.plans {
             self.plan = r.plans;
             self.rates = r.system.compiled_rates(&r.choice());
+            self.vdot_count = if self.moves || r.by_clusters() { r.size().nv } else { 0 };
+            self.outputs.resize(self.rates_count + self.vdot_count + r.rank() + 1, 0.0);
         }
         let recording = |most| r.system.recorded_rates(&r.choice(), most);
         let code = self.rates.as_ref()?.code(self.compiler, self.when, recording)?;
@@ -92,7 +99,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     /// Evaluate rates by compiled code; for motions in all coordinates and the independent velocities of a partition.
     pub(super) fn compiling(self, when: Compilation) -> Self {
         // rows that may jump are watched by accelerations
-        let watched = |x: &CompiledMotion| x.vdot_count > 0 || self.prescribed.is_empty();
+        let watched = |x: &CompiledMotion| x.moves || self.prescribed.is_empty();
         let compiled = CompiledMotion::new(self.tangent.seen(), when).filter(watched);
         Self { compiled, ..self }
     }
@@ -101,10 +108,10 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     #[inline]
     pub(super) fn compiled_rates(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> bool {
         let beside = self.place_of_prescribed();
-        let Some(compiled) = &mut self.compiled else { return false };
         if self.monitor.crosses_next || self.looking || self.guards.waits() {
             return false;
         }
+        let Some(compiled) = &mut self.compiled else { return false };
         let r = self.tangent.reduction();
         let Some([rates, vdot]) = compiled.evaluate(r, t, y) else { return false };
         dy[..rates.len()].copy_from_slice(rates);
@@ -114,5 +121,25 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         r.factorisations += u64::from(r.rank() > 0);
         self.behind = true;
         true
+    }
+
+    /// All levels at the end of a step, with accelerations from the code where they come from a recursion, and the rates
+    /// there if they are asked for; false, and nothing evaluated, where the levels must find them too.
+    pub(super) fn end_by_code(&mut self, t: f64, y: &[f64], dy: Option<&mut [f64]>) -> Result<bool> {
+        let beside = self.place_of_prescribed();
+        if self.monitor.crosses_next || self.guards.waits() || !self.tangent.seen().by_clusters() {
+            return Ok(false);
+        }
+        let Some(compiled) = &mut self.compiled else { return Ok(false) };
+        let Some([rates, vdot]) = compiled.evaluate(self.tangent.seen(), t, y) else { return Ok(false) };
+        if let Some(dy) = dy {
+            dy[..rates.len()].copy_from_slice(rates);
+            if !self.prescribed.is_empty() {
+                self.prescribed.start(rates, vdot, &mut dy[beside..]);
+            }
+        }
+        self.vdot.copy_from_slice(vdot);
+        self.levels(t, y, true)?;
+        Ok(true)
     }
 }

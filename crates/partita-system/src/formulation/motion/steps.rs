@@ -106,15 +106,20 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
             self.checks.integrated(&rest[..w - p]);
         }
         evaluates |= self.tangent.settle(t, of_q, &mut rest[..w - p])?;
+        self.settled = self.positions.is_found();
         if evaluates {
-            self.derivative_by_levels(t, y, dy)?;
+            if !self.end_by_code(t, y, Some(dy))? {
+                self.derivative_by_levels(t, y, dy)?;
+            }
         } else if self.behind {
             // counted where it was evaluated by code
             let r = self.tangent.reduction();
             r.factorisations -= u64::from(r.rank() > 0);
-            self.evaluate(t, y)?;
+            if !self.end_by_code(t, y, None)? {
+                self.evaluate(t, y)?;
+            }
         }
-        self.moved = false;
+        (self.moved, self.settled) = (false, false);
         self.prescribed.look_at_end(self.tangent.seen(), self.positions.q());
         self.watch.look(t, self.tangent.seen());
         self.watch.check(t, self.positions.q(), self.tangent.seen())?;
