@@ -91,6 +91,55 @@ def test_switches_of_coordinates_and_crossings_are_those_without() -> None:
         assert compiled(run) > 0.5 * run.counters["evaluations"]
 
 
+COUNT = 8
+"""Four-bars side by side: more degrees of freedom than one dense mass matrix is made for."""
+
+
+def side_by_side(right: float) -> pt.Mechanism:
+    """Cranks of 1 and couplers of 2; links on the right of this length, 1 for parallelograms."""
+    m = pt.Mechanism("four-bars side by side")
+    for i in range(COUNT):
+        a, b, c, d = ((4.0 * i + x, y, 0.0) for x, y in ((0.0, 0.0), (0.0, 1.0), (2.0, right), (2.0, 0.0)))
+        for name, start, end in ((f"a{i}", a, b), (f"b{i}", b, c), (f"c{i}", d, c)):
+            m.add_rod(name, start=start, end=end, mass=1.0)
+        m.add_revolute(f"A{i}", m.ground, f"a{i}", point=a)
+        m.add_revolute(f"B{i}", f"a{i}", f"b{i}", point=b)
+        m.add_revolute(f"C{i}", f"b{i}", f"c{i}", point=c)
+        m.add_revolute(f"D{i}", m.ground, f"c{i}", point=d)
+    assert m.compile().mobility == COUNT
+    return m
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+@pytest.mark.parametrize("driven", [False, True])
+def test_ends_of_steps_of_many_parts_are_those_without(coordinates: str, driven: bool) -> None:
+    """Springs, frictions, ropes that tighten, and a drive whose acceleration jumps; ends of steps are compiled too."""
+    m = side_by_side(right=1.4)
+    for i in range(0, COUNT, 2):
+        m.add_torsion_spring(f"D{i}", stiffness=2.0, damping=0.3)
+        m.add_friction(f"A{i + 1}", 0.2, stick_velocity=1e-2)
+        tip = (4.0 * i + 2.0, 1.4, 0.0)
+        above = (tip[0], 2.2, 0.0)
+        held = m.bodies[f"c{i}"].world(tip)
+        m.add_rope(f"rope {i}", m.ground, above, f"c{i}", held, stiffness=300.0, length=0.83, damping=2.0)
+    if driven:
+        m.add_drive("A3", acceleration=([0.0, 0.1, 0.1000001, 1.0], [0.0, 3.0, -2.0, 1.0]))
+    every: tuple[dict[str, Any], ...] = ({}, {"method": "dopri5"}, {"method": "adams"}, {"step": 1e-3, "method": "rk4"})
+    for options in every:
+        run = same(m, 0.4, coordinates=coordinates, t_eval=[0.0, 0.2, 0.4], **options)
+        assert run.success and compiled(run) > 0.95 * run.counters["evaluations"]
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+def test_many_parts_cross_their_change_points_as_without(coordinates: str) -> None:
+    m = side_by_side(right=1.0)
+    start = m.assemble(rates={f"A{i}": 8.0 + 0.3 * i for i in range(COUNT)})
+    there = start if coordinates == "relative" else m.convert(start, coordinates)
+    for options in ({}, {"method": "dopri5"}, {"step": 2e-3}):
+        run = same(m, 1.0, coordinates=coordinates, initial=there, t_eval=[0.0, 0.5, 1.0], **options)
+        assert compiled(run) > 0 and any("singular positions" in note for note in run.notes)
+
+
 def test_a_long_run_is_compiled_by_itself_and_the_next_one_from_its_start() -> None:
     m = pt.catalogue.load("double-rocker")
     start = m.assemble(rates={m.compile().velocity_names[0]: 3.0})

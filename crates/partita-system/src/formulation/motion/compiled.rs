@@ -77,13 +77,24 @@ impl CompiledMotion {
             self.memory.resize(code.memory(), 0.0);
         }
         code.evaluate(&self.inputs, &mut self.outputs, &mut self.memory);
-        let (rates, rest) = self.outputs.split_at(self.rates_count);
-        let (vdot, watched) = rest.split_at(self.vdot_count);
+        let ([rates, vdot], watched) = self.last();
         let (excess, pivots) = watched.split_last()?;
         let applies = *excess <= 0.0 && r.clearly_regular(pivots);
         let finite = rates.iter().chain(vdot).all(|x| x.is_finite());
-        self.count += u64::from(applies && finite);
-        (applies && finite).then_some([rates, vdot])
+        (applies && finite).then(|| self.last().0)
+    }
+
+    /// The rates last evaluated, and what tells whether they apply.
+    fn last(&self) -> ([&[f64]; 2], &[f64]) {
+        let (rates, rest) = self.outputs.split_at(self.rates_count);
+        let (vdot, watched) = rest.split_at(self.vdot_count);
+        ([rates, vdot], watched)
+    }
+
+    /// Whether (t, y) is the point last evaluated, for the plan in use.
+    fn is_at<S: ConstrainedSystem>(&self, r: &Reduction<S>, t: f64, y: &[f64]) -> bool {
+        let last = self.inputs.split_last();
+        self.plan == r.plans && last.is_some_and(|(at, states)| *at == t && *states == y[..states.len()])
     }
 
     /// Contribution to the history of a run.
@@ -118,20 +129,29 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         if !self.prescribed.is_empty() {
             self.prescribed.start(rates, vdot, &mut dy[beside..]);
         }
+        compiled.count += 1;
         r.factorisations += u64::from(r.rank() > 0);
         self.behind = true;
         true
     }
 
     /// All levels at the end of a step, with accelerations from the code where they come from a recursion, and the rates
-    /// there if they are asked for; false, and nothing evaluated, where the levels must find them too.
+    /// there if they are asked for; false, and nothing evaluated, where the levels must find them too. Where the levels are
+    /// behind, the last evaluation by code applied, and serves if it was here.
     pub(super) fn end_by_code(&mut self, t: f64, y: &[f64], dy: Option<&mut [f64]>) -> Result<bool> {
         let beside = self.place_of_prescribed();
         if self.monitor.crosses_next || self.guards.waits() || !self.tangent.seen().by_clusters() {
             return Ok(false);
         }
         let Some(compiled) = &mut self.compiled else { return Ok(false) };
-        let Some([rates, vdot]) = compiled.evaluate(self.tangent.seen(), t, y) else { return Ok(false) };
+        let r = self.tangent.seen();
+        // without rates it is no evaluation of its own
+        let asked = u64::from(dy.is_some());
+        let found = match self.behind && compiled.is_at(r, t, y) {
+            true => Some(compiled.last().0),
+            false => compiled.evaluate(r, t, y),
+        };
+        let Some([rates, vdot]) = found else { return Ok(false) };
         if let Some(dy) = dy {
             dy[..rates.len()].copy_from_slice(rates);
             if !self.prescribed.is_empty() {
@@ -139,6 +159,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             }
         }
         self.vdot.copy_from_slice(vdot);
+        compiled.count += asked;
         self.levels(t, y, true)?;
         Ok(true)
     }
