@@ -101,6 +101,8 @@ pub trait Cases: Copy {
 pub trait Functions: Copy + Default {
     /// Whether functions known in `f64` only can be called (see [`call`](Functions::call)).
     const CALLS: bool;
+    /// Whether operations are recorded, to be carried out later, in the order in which they are written.
+    const RECORDS: bool = !Self::CALLS;
 
     /// Start and cubic of the interval of a table that this number is in: `breaks` ascend, interval i has row i, the
     /// first and the last one extend beyond the table.

@@ -1,9 +1,28 @@
 //! Closing rows: Φ, C and b of the cut joints.                                            (S3, S4, S5)
 
 use crate::tree::{swung, Closing, LinkMotion, Locked, Tree, TreeScratch};
+use partita_math::scalar::Functions;
 use partita_math::spatial::Space;
 
 impl<G: Space> Tree<G> {
+    /// Poses of all links at q, Φ and the values of C of all closings. Each closing is looked at as soon as the poses are
+    /// known that it reads: in a mechanism of thousands of loops these have not left a cache yet. What is recorded stays
+    /// level by level, where operations wait for each other least.
+    pub fn poses_and_closings(&self, q: &[G::S], s: &mut TreeScratch<G>, phi: &mut [G::S], c: &mut [G::S]) {
+        if G::S::RECORDS {
+            self.poses(q, s);
+            return self.close(s, phi, c);
+        }
+        let mut next = 1;
+        for closing in &self.closings {
+            let end = closing.last_link().max(next - 1) + 1;
+            (next..end).for_each(|i| self.pose(i, q, s));
+            next = end;
+            self.close_one(closing, s, phi, c);
+        }
+        (next..self.links.len()).for_each(|i| self.pose(i, q, s));
+    }
+
     /// Φ and the values of C of all closings at the last poses.
     pub fn close(&self, s: &TreeScratch<G>, phi: &mut [G::S], c: &mut [G::S]) {
         for closing in &self.closings {
@@ -92,38 +111,59 @@ impl<G: Space> Tree<G> {
         }
     }
 
+    /// Twists and bias accelerations of all links at v and b of all closings, in turns as in
+    /// [`poses_and_closings`](Self::poses_and_closings).
+    pub fn twists_and_bias(&self, v: &[G::S], s: &mut TreeScratch<G>, b: &mut [G::S]) {
+        if G::S::RECORDS {
+            self.twists(v, s);
+            return self.bias(s, b);
+        }
+        let mut next = 1;
+        for closing in &self.closings {
+            let end = closing.last_link().max(next - 1) + 1;
+            (next..end).for_each(|i| self.twist(i, v, s));
+            next = end;
+            self.bias_one(closing, s, b);
+        }
+        (next..self.links.len()).for_each(|i| self.twist(i, v, s));
+    }
+
     /// b of all closings at the last twists.
     pub fn bias(&self, s: &TreeScratch<G>, b: &mut [G::S]) {
-        for k in &self.closings {
-            let (xa, xb) = (&s.links[k.a.link], &s.links[k.b.link]);
-            let (ra, rb) = (self.arm(&k.a, s), self.arm(&k.b, s));
-            let (ua, ub) = (G::cross(xa.w, ra), G::cross(xb.w, rb));
-            let acc_a = swung::<G>(xa.acc, xa.alpha, ra) + G::cross(xa.w, ua);
-            let acc_b = swung::<G>(xb.acc, xb.alpha, rb) + G::cross(xb.w, ub);
-            let acc = acc_b - acc_a;
-            match &k.slides {
-                Locked::World => {
-                    for i in 0..G::LENGTHS {
-                        b[k.row + i] = G::component(acc, i);
-                    }
-                }
-                Locked::Along(axes) => {
-                    let gap = xb.centre + rb - xa.centre - ra + k.offset;
-                    let rate = xb.u + ub - xa.u - ua;
-                    for (i, &axis) in axes.iter().enumerate() {
-                        let d = G::rotate(&xa.rot, axis);
-                        let d1 = G::cross(xa.w, d);
-                        let d2 = G::cross(xa.alpha, d) + G::cross(xa.w, d1);
-                        let twice = G::dot(d1, rate);
-                        b[k.row + i] = G::dot(d2, gap) + twice + twice + G::dot(d, acc);
-                    }
+        for closing in &self.closings {
+            self.bias_one(closing, s, b);
+        }
+    }
+
+    fn bias_one(&self, k: &Closing<G>, s: &TreeScratch<G>, b: &mut [G::S]) {
+        let (xa, xb) = (&s.links[k.a.link], &s.links[k.b.link]);
+        let (ra, rb) = (self.arm(&k.a, s), self.arm(&k.b, s));
+        let (ua, ub) = (G::cross(xa.w, ra), G::cross(xb.w, rb));
+        let acc_a = swung::<G>(xa.acc, xa.alpha, ra) + G::cross(xa.w, ua);
+        let acc_b = swung::<G>(xb.acc, xb.alpha, rb) + G::cross(xb.w, ub);
+        let acc = acc_b - acc_a;
+        match &k.slides {
+            Locked::World => {
+                for i in 0..G::LENGTHS {
+                    b[k.row + i] = G::component(acc, i);
                 }
             }
-            let row0 = k.row + k.slide_rows();
-            for (i, lock) in k.locks.iter().enumerate() {
-                let axis = G::lock_axis(lock, &xa.rot, &xb.rot);
-                b[row0 + i] = G::dot_ang(axis, xb.alpha - xa.alpha) + G::lock_bias(lock, &xa.rot, &xb.rot, xa.w, xb.w);
+            Locked::Along(axes) => {
+                let gap = xb.centre + rb - xa.centre - ra + k.offset;
+                let rate = xb.u + ub - xa.u - ua;
+                for (i, &axis) in axes.iter().enumerate() {
+                    let d = G::rotate(&xa.rot, axis);
+                    let d1 = G::cross(xa.w, d);
+                    let d2 = G::cross(xa.alpha, d) + G::cross(xa.w, d1);
+                    let twice = G::dot(d1, rate);
+                    b[k.row + i] = G::dot(d2, gap) + twice + twice + G::dot(d, acc);
+                }
             }
+        }
+        let row0 = k.row + k.slide_rows();
+        for (i, lock) in k.locks.iter().enumerate() {
+            let axis = G::lock_axis(lock, &xa.rot, &xb.rot);
+            b[row0 + i] = G::dot_ang(axis, xb.alpha - xa.alpha) + G::lock_bias(lock, &xa.rot, &xb.rot, xa.w, xb.w);
         }
     }
 

@@ -214,8 +214,7 @@ impl<S: Scalar> Evaluator<S> {
     ) -> Result<(), SystemError> {
         s.forces_at = false;
         let conditional = with_engine!(self, s, |tree, x| {
-            tree.poses(q, x);
-            tree.close(x, phi, c);
+            tree.poses_and_closings(q, x, phi, c);
             !tree.conditions.is_empty()
         });
         match conditional {
@@ -243,8 +242,7 @@ impl<S: Scalar> Evaluator<S> {
     pub fn velocity(&self, t: S, q: &[S], v: &[S], s: &mut Scratch<S>, b: &mut [S]) -> Result<(), SystemError> {
         s.forces_at = false;
         let conditional = with_engine!(self, s, |tree, x| {
-            tree.twists(v, x);
-            tree.bias(x, b);
+            tree.twists_and_bias(v, x, b);
             !tree.conditions.is_empty()
         });
         match conditional {

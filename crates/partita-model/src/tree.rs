@@ -119,6 +119,10 @@ impl<G: Space> Closing<G> {
             Locked::Along(axes) => axes.len(),
         }
     }
+    /// The last link of both sides, after all that they stand on.
+    pub(crate) fn last_link(&self) -> usize {
+        self.a.link.max(self.b.link)
+    }
     /// All rows.
     pub fn rows(&self) -> usize {
         self.slide_rows() + self.locks.len()
