@@ -362,10 +362,12 @@ impl Allocation<'_> {
             .iter()
             .map(|read| match *read {
                 Read::Same(x) => self.place(x),
+                Read::Moving { first, step: 0 } => self.place_of(first, NONE),
                 Read::Moving { first, step } => pointers.place(self.place_of(first, NONE), step),
             })
             .collect();
         let mut keep = |keep: &Keep| match *keep {
+            Keep::Array { first, step: 0 } => Address::Stack(self.first_array + first),
             Keep::Array { first, step } => pointers.place(Address::Stack(self.first_array + first), step as isize),
             Keep::Output { first, step } => pointers.place(Address::Output(first), step),
         };

@@ -6,7 +6,8 @@
 //! ```text
 //! turn i      reads    inputs, sines, constants, arrays at place first + step · i,  or what is the same in every turn
 //!             keeps    its values that others read: side by side, those of turn i in record i; or in an array each
-//! recursions  read     record i − 1; before turn 0 what comes in its stead, the entry, is copied there
+//! recursions  run      several turns together, the last of which passes on what the next turn reads, at the same place
+//!                      each time; before turn 0 what comes in its stead, the entry, is copied there
 //! ```
 //!
 //! The order of all operations stays as it is, so that the bits do; what is the same in every turn is computed once.
@@ -21,6 +22,11 @@ use std::collections::{BTreeMap, BinaryHeap, HashMap};
 /// Results of a turn from which on they lie side by side. Scale: numbers; a line of a cache. Reason: a cache foresees few
 /// places that move at a time, and some hundred arrays move in one loop.
 const RECORD: usize = 8;
+
+/// Operations of turns that are computed together where each waits for the one before, and the most turns: an instruction
+/// waits some cycles longer for what lies in memory than for a register.
+const TOGETHER: usize = 256;
+const MOST_TOGETHER: usize = 8;
 
 /// Memory in which places move.
 #[derive(PartialEq, Eq)]
@@ -50,12 +56,12 @@ pub(crate) fn roll(values: &mut Values, constants: &mut Vec<f64>) {
     }
     values.arrays = arrays;
     let mut tables = Tables { constants, known: HashMap::new() };
-    let mut rolls = found.iter().zip(&layouts).map(|(found, own)| found.made(own, &layouts, &mut tables));
-    let mut item = |part| match part {
-        Part::Straight(operation) => Some(Item::Operation(operation)),
-        Part::Loop => rolls.next().map(|x| Item::Roll(Box::new(x))),
+    let mut rolls = found.iter().enumerate().map(|(roll, found)| found.made(roll, &layouts, &mut tables));
+    let mut items = |part| match part {
+        Part::Straight(operation) => vec![Item::Operation(operation)],
+        Part::Loop => rolls.next().into_iter().flatten().map(|x| Item::Roll(Box::new(x))).collect(),
     };
-    values.operations = parts.into_iter().map(|stage| stage.into_iter().filter_map(&mut item).collect()).collect();
+    values.operations = parts.into_iter().map(|stage| stage.into_iter().flat_map(&mut items).collect()).collect();
 }
 
 /// Operations that compute the same in every turn, once. They may differ by turns in what each reads, and so are not
@@ -136,6 +142,8 @@ struct Layout {
     slots: Vec<Option<usize>>,
     /// How much further it is in each turn after.
     stride: usize,
+    /// Place of each that the next turn reads: the same one in all turns.
+    passed: Vec<Option<usize>>,
 }
 
 /// Layouts of all loops, and of how many numbers they are. What is read no more gives its place to others.
@@ -163,7 +171,7 @@ fn lay_out(values: &Values, parts: &[Vec<Part>], found: &[Found], members: &Memb
                     for operand in found[begun - 1].computed().flatten() {
                         match operand {
                             Operand::Same(x) => see_value(&mut last, *x, begun),
-                            Operand::Moving { of: Origin::Loop { roll, operation }, .. } => {
+                            Operand::Moving { of: Origin::Loop { roll, operation }, .. } if *roll + 1 != begun => {
                                 see(&mut last, *roll, *operation, begun);
                             }
                             _ => {}
@@ -204,7 +212,12 @@ fn lay_out(values: &Values, parts: &[Vec<Part>], found: &[Found], members: &Memb
             let mut own = first..;
             last.iter().map(|last| last.and_then(|_| own.next())).collect()
         };
-        layouts.push(Layout { slots, stride });
+        let mut passed = vec![None; found.codes.len()];
+        for (entry, place) in found.entries.iter().zip(next..) {
+            passed[entry.0] = Some(place);
+        }
+        next += found.entries.len().next_multiple_of(8);
+        layouts.push(Layout { slots, stride, passed });
     }
     (layouts, next)
 }
@@ -281,36 +294,110 @@ impl Found {
         moving.len()
     }
 
-    /// With its results at `own`, those of all loops at `layouts`.
-    fn made(&self, own: &Layout, layouts: &[Layout], tables: &mut Tables) -> Roll {
-        let (mut inputs, mut reads) = (HashMap::<&Operand, usize>::new(), Vec::new());
-        for operand in self.computed().flatten() {
-            if matches!(operand, Operand::Own(_)) || inputs.contains_key(operand) {
-                continue;
+    /// As number `roll` of all, with their results at `layouts`: several turns together where each one waits for the one
+    /// before, so that most of what they wait for lies in registers; then those that are left.
+    fn made(&self, roll: usize, layouts: &[Layout], tables: &mut Tables) -> Vec<Roll> {
+        let operations = self.computed().count();
+        let turns = if self.entries.is_empty() { 1 } else { (TOGETHER / operations.max(1)).clamp(2, MOST_TOGETHER) };
+        let left = self.count % turns;
+        let mut all = vec![self.turns(roll, 0, [self.count / turns, turns], layouts, tables)];
+        all.extend((left > 0).then(|| self.turns(roll, self.count - left, [1, left], layouts, tables)));
+        all
+    }
+
+    /// From a turn on, so many times so many turns together.
+    fn turns(&self, roll: usize, from: usize, turns: [usize; 2], layouts: &[Layout], tables: &mut Tables) -> Roll {
+        let ([count, turns], length, own) = (turns, self.codes.len(), &layouts[roll]);
+        let mut reads = Reads::default();
+        let mut found = Vec::with_capacity(turns * length);
+        for turn in 0..turns {
+            for operands in self.computed() {
+                let mut place = |operand: &Operand| match *operand {
+                    Operand::Own(operation) => Some(Place::Result(turn * length + operation)),
+                    Operand::Moving { of: Origin::Loop { roll: of, operation }, .. } if of == roll => match turn {
+                        0 => own.passed[operation]
+                            .map(|place| reads.place(Read::Moving { first: Source::Array(place), step: 0 })),
+                        _ => Some(Place::Result((turn - 1) * length + operation)),
+                    },
+                    _ => operand.read(layouts, tables).map(|x| reads.place(x.together(from + turn, turns))),
+                };
+                let mut all = [None; 3];
+                all.iter_mut().zip(operands).for_each(|(to, x)| *to = place(x));
+                found.push(all);
             }
-            let Some(read) = operand.read(layouts, tables) else { continue };
-            inputs.insert(operand, reads.len());
-            reads.push(read);
         }
-        let operand = |x: &Operand| match x {
-            Operand::Own(operation) => reads.len() + operation,
-            other => inputs.get(other).copied().unwrap_or(0),
+        let all = reads.all;
+        let number = |place: Option<Place>| match place {
+            Some(Place::Result(x)) => (all.len() + x) as u32,
+            Some(Place::Read(x)) => x as u32,
+            None => 0,
         };
-        let all = self.codes.iter().zip(&self.operands).enumerate().filter(|x| !self.joined[x.0]);
-        let operations = all.map(|(o, (&(code, exponent), operands))| {
-            let mut all = [0; 3];
-            all.iter_mut().zip(operands).for_each(|(to, x)| *to = operand(x) as u32);
-            Item::Operation(Operation { code, operands: all, exponent, to: (reads.len() + o) as u32 })
+        let results = |turn: usize| all.len() + turn * length;
+        let codes = || self.codes.iter().enumerate().filter(|x| !self.joined[x.0]);
+        let each = (0..turns).flat_map(|turn| codes().map(move |(o, code)| (turn, o, *code)));
+        let operations = each.zip(found).map(|((turn, o, (code, exponent)), operands)| {
+            let to = (results(turn) + o) as u32;
+            Item::Operation(Operation { code, operands: operands.map(number), exponent, to })
         });
-        let step = own.stride;
-        let arrays = own.slots.iter().enumerate();
-        let arrays = arrays.filter_map(|(o, place)| Some((o, Keep::Array { first: (*place)?, step })));
-        let outputs = self.outputs.iter().map(|&(o, first, step)| (o, Keep::Output { first, step }));
-        let kept: Vec<(usize, Keep)> = arrays.chain(outputs).collect();
-        let outputs = kept.iter().map(|(o, _)| reads.len() + o).collect();
-        let body = Values::of_turn([reads.len(), self.codes.len()], operations.collect(), outputs);
-        let entries = self.entries.iter().filter_map(|&(o, x)| Some((own.slots[o]? - step, x))).collect();
-        Roll { count: self.count, keeps: kept.iter().map(|x| x.1).collect(), body, reads, entries }
+        let known = |places: &[Option<usize>]| -> Vec<(usize, usize)> {
+            places.iter().enumerate().filter_map(|(o, place)| Some((o, (*place)?))).collect()
+        };
+        let (slots, passed, step) = (known(&own.slots), known(&own.passed), own.stride);
+        let mut kept: Vec<(usize, Keep)> = Vec::new();
+        for turn in 0..turns {
+            let at = from + turn;
+            let to_array = |first: usize| Keep::Array { first: first + at * step, step: turns * step };
+            kept.extend(slots.iter().map(|&(o, first)| (results(turn) + o, to_array(first))));
+            let to_output = |first: usize, step: isize| Keep::Output {
+                first: first.wrapping_add_signed(at as isize * step),
+                step: turns as isize * step,
+            };
+            kept.extend(self.outputs.iter().map(|&(o, first, step)| (results(turn) + o, to_output(first, step))));
+        }
+        // no turn comes after those that are left
+        let passed = passed.iter().filter(|_| from == 0);
+        kept.extend(passed.map(|&(o, first)| (results(turns - 1) + o, Keep::Array { first, step: 0 })));
+        let outputs = kept.iter().map(|x| x.0).collect();
+        let entry = |&(o, x): &(usize, usize)| Some((own.passed[o]?, x));
+        let entries = self.entries.iter().filter(|_| from == 0).filter_map(entry).collect();
+        let body = Values::of_turn([all.len(), turns * length], operations.collect(), outputs);
+        Roll { count, keeps: kept.iter().map(|x| x.1).collect(), body, reads: all, entries }
+    }
+}
+
+/// An operand of turns that are computed together: a result of one of them, or one of what they read.
+#[derive(Clone, Copy)]
+enum Place {
+    Result(usize),
+    Read(usize),
+}
+
+/// What turns read, each once.
+#[derive(Default)]
+struct Reads {
+    all: Vec<Read>,
+    known: HashMap<Read, usize>,
+}
+
+impl Reads {
+    fn place(&mut self, read: Read) -> Place {
+        let number = *self.known.entry(read).or_insert(self.all.len());
+        if number == self.all.len() {
+            self.all.push(read);
+        }
+        Place::Read(number)
+    }
+}
+
+impl Read {
+    /// From another turn on, and so many turns further each time.
+    fn together(self, from: usize, turns: usize) -> Self {
+        match self {
+            Self::Same(x) => Self::Same(x),
+            Self::Moving { first, step } => {
+                Self::Moving { first: first.further(from as isize * step), step: turns as isize * step }
+            }
+        }
     }
 }
 
@@ -344,7 +431,7 @@ impl Operand {
                 Origin::Input => Read::Moving { first: Source::Input(*first as usize), step: *step },
                 Origin::Sine => Read::Moving { first: Source::Sine(*first as usize), step: *step },
                 Origin::Loop { roll, operation } => {
-                    let Layout { slots, stride } = &layouts[*roll];
+                    let Layout { slots, stride, .. } = &layouts[*roll];
                     let first = slots[*operation]?.checked_add_signed(*first * *stride as isize)?;
                     Read::Moving { first: Source::Array(first), step: *step * *stride as isize }
                 }

@@ -6,6 +6,8 @@ mod counting;
 #[path = "../../partita-math/src/program/suite.rs"]
 mod suite;
 
+#[cfg(target_arch = "x86_64")]
+use super::values::{Item, Keep};
 use super::{Code, NATIVE};
 use partita_math::program::{Compiled, Compiler, Program};
 use partita_math::scalar::{Recorder, Recording, Scalar};
@@ -134,6 +136,32 @@ fn chain(links: usize, unlike: Option<usize>, random: &mut fastrand::Rng) -> Rec
     Recording::new(2 * links + 4, of).unwrap()
 }
 
+/// Turns that run together, and all numbers of those that are left.
+#[cfg(target_arch = "x86_64")]
+#[test]
+fn turns_run_together_with_the_same_bits_however_many_are_left() {
+    let mut random = fastrand::Rng::with_seed(7);
+    for links in 60..70 {
+        let input = |random: &mut fastrand::Rng| (0..2 * links + 4).map(|_| random.f64() - 0.5).collect();
+        let members: Vec<Vec<f64>> = (0..2).map(|_| input(&mut random)).collect();
+        suite::agree(&ALL, &chain(links, None, &mut random), 0..0, &members);
+        let members: Vec<Vec<f64>> =
+            (1..3).map(|m| (0..=links).map(|i| ((m * i + 1) as f64).sin()).collect()).collect();
+        let r = many_results(links, 7);
+        suite::agree(&ALL, &r, 0..0, &members);
+        // what a turn passes on it keeps where it has read that of the one before: never in a turn that still reads it
+        let program = Program::of_parts(&r);
+        let mut values = super::Values::new(&program);
+        super::rolls::roll(&mut values, &mut program.constants().to_vec());
+        for item in values.operations.iter().flatten() {
+            if let Item::Roll(roll) = item {
+                let passes = roll.keeps.iter().any(|x| matches!(x, Keep::Array { step: 0, .. }));
+                assert_eq!(passes, roll.count > 1, "{links} links: {} times", roll.count);
+            }
+        }
+    }
+}
+
 /// Loops over links, forward and back, have the bits of straight code; they are short, and need no stack.
 #[cfg(target_arch = "x86_64")]
 #[test]
@@ -188,8 +216,9 @@ fn many_results_of_a_turn_lie_side_by_side_with_the_same_bits() {
         let mut values = super::Values::new(&program);
         super::rolls::roll(&mut values, &mut program.constants().to_vec());
         let steps = super::registers::steps(&values, super::x86_64::registers(true, true)).steps;
+        // eight turns run together at most: arrays move by no more
         let side_by_side = steps.iter().any(|step| match step {
-            super::steps::Step::Loop { pointers, .. } => pointers.iter().any(|x| x.step <= -8),
+            super::steps::Step::Loop { pointers, .. } => pointers.iter().any(|x| x.step < -8),
             _ => false,
         });
         assert_eq!(side_by_side, parts >= 40 && results >= 8, "{parts} parts with {results} results");
@@ -228,7 +257,7 @@ fn what_is_equal_by_chance_repeats_and_what_always_is_equal_is_computed_once() {
     let always = steps(|_, length| length);
     let all = [always, by_chance, never];
     assert!(
-        always + 2 <= by_chance.min(never) && by_chance.max(never) < 60,
+        always + 2 <= by_chance.min(never) && by_chance.max(never) < 300,
         "always, by chance, never equal: {all:?} steps"
     );
 }

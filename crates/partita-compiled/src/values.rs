@@ -9,7 +9,7 @@ use partita_math::program::{Code, Program};
 pub(crate) const POINTERS: usize = 8;
 
 /// Where a value comes from.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub(crate) enum Source {
     Input(usize),
     Constant(usize),
@@ -39,17 +39,31 @@ pub(crate) struct Roll {
     pub(crate) entries: Vec<(usize, usize)>,
 }
 
+impl Source {
+    /// The place that many numbers further.
+    pub(crate) fn further(self, by: isize) -> Self {
+        let to = |k: usize| k.wrapping_add_signed(by);
+        match self {
+            Self::Input(k) => Self::Input(to(k)),
+            Self::Constant(k) => Self::Constant(to(k)),
+            Self::Sine(k) => Self::Sine(to(k)),
+            Self::Array(k) => Self::Array(to(k)),
+            Self::Operation => Self::Operation,
+        }
+    }
+}
+
 /// Where an output of a turn goes.
 #[derive(Clone, Copy)]
 pub(crate) enum Keep {
-    /// To the arrays: turn 0 to the first place, each one after a step further.
+    /// To the arrays: turn 0 to the first place, each one after a step further, or to the same one.
     Array { first: usize, step: usize },
     /// To an output of the program.
     Output { first: usize, step: isize },
 }
 
 /// Where an input of a turn lies.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub(crate) enum Read {
     /// A value, the same in every turn.
     Same(usize),
