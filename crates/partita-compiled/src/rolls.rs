@@ -312,24 +312,24 @@ impl Found {
         let mut found = Vec::with_capacity(turns * length);
         for turn in 0..turns {
             for operands in self.computed() {
-                let mut place = |operand: &Operand| match *operand {
-                    Operand::Own(operation) => Some(Place::Result(turn * length + operation)),
+                let mut take = |operand: &Operand| match *operand {
+                    Operand::Own(operation) => Some(Taken::Result(turn * length + operation)),
                     Operand::Moving { of: Origin::Loop { roll: of, operation }, .. } if of == roll => match turn {
                         0 => own.passed[operation]
-                            .map(|place| reads.place(Read::Moving { first: Source::Array(place), step: 0 })),
-                        _ => Some(Place::Result((turn - 1) * length + operation)),
+                            .map(|place| reads.take(Read::Moving { first: Source::Array(place), step: 0 })),
+                        _ => Some(Taken::Result((turn - 1) * length + operation)),
                     },
-                    _ => operand.read(layouts, tables).map(|x| reads.place(x.together(from + turn, turns))),
+                    _ => operand.read(layouts, tables).map(|x| reads.take(x.together(from + turn, turns))),
                 };
                 let mut all = [None; 3];
-                all.iter_mut().zip(operands).for_each(|(to, x)| *to = place(x));
+                all.iter_mut().zip(operands).for_each(|(to, x)| *to = take(x));
                 found.push(all);
             }
         }
         let all = reads.all;
-        let number = |place: Option<Place>| match place {
-            Some(Place::Result(x)) => (all.len() + x) as u32,
-            Some(Place::Read(x)) => x as u32,
+        let number = |taken: Option<Taken>| match taken {
+            Some(Taken::Result(x)) => (all.len() + x) as u32,
+            Some(Taken::Read(x)) => x as u32,
             None => 0,
         };
         let results = |turn: usize| all.len() + turn * length;
@@ -339,8 +339,8 @@ impl Found {
             let to = (results(turn) + o) as u32;
             Item::Operation(Operation { code, operands: operands.map(number), exponent, to })
         });
-        let known = |places: &[Option<usize>]| -> Vec<(usize, usize)> {
-            places.iter().enumerate().filter_map(|(o, place)| Some((o, (*place)?))).collect()
+        let known = |slots: &[Option<usize>]| -> Vec<(usize, usize)> {
+            slots.iter().enumerate().filter_map(|(o, place)| Some((o, (*place)?))).collect()
         };
         let (slots, passed, step) = (known(&own.slots), known(&own.passed), own.stride);
         let mut kept: Vec<(usize, Keep)> = Vec::new();
@@ -367,7 +367,7 @@ impl Found {
 
 /// An operand of turns that are computed together: a result of one of them, or one of what they read.
 #[derive(Clone, Copy)]
-enum Place {
+enum Taken {
     Result(usize),
     Read(usize),
 }
@@ -380,12 +380,12 @@ struct Reads {
 }
 
 impl Reads {
-    fn place(&mut self, read: Read) -> Place {
+    fn take(&mut self, read: Read) -> Taken {
         let number = *self.known.entry(read).or_insert(self.all.len());
         if number == self.all.len() {
             self.all.push(read);
         }
-        Place::Read(number)
+        Taken::Read(number)
     }
 }
 
