@@ -14,6 +14,7 @@ mod aarch64;
 mod code;
 mod copies;
 mod functions;
+mod layout;
 mod registers;
 mod rolls;
 mod steps;

@@ -12,30 +12,17 @@
 //!
 //! The order of all operations stays as it is, so that the bits do; what is the same in every turn is computed once.
 
+use crate::layout::{lay_out, Layout};
 use crate::registers::first_two_commute;
 use crate::turns::{self, Found, Members, Operand, Origin, Part};
 use crate::values::{Item, Keep, Operation, Read, Roll, Source, Values, POINTERS};
-use std::cmp::Reverse;
 use std::collections::hash_map::Entry;
-use std::collections::{BTreeMap, BinaryHeap, HashMap};
-
-/// Results of a turn from which on they lie side by side. Scale: numbers; a line of a cache. Reason: a cache foresees few
-/// places that move at a time, and some hundred arrays move in one loop.
-const RECORD: usize = 8;
+use std::collections::{BTreeMap, HashMap};
 
 /// Operations of turns that are computed together where each waits for the one before, and the most turns: an instruction
 /// waits some cycles longer for what lies in memory than for a register.
 const TOGETHER: usize = 256;
 const MOST_TOGETHER: usize = 8;
-
-/// Memory in which places move.
-#[derive(PartialEq, Eq)]
-enum Space {
-    Input,
-    Constant,
-    Output,
-    Stack,
-}
 
 /// Make loops of what repeats. Constants that differ between turns are appended to `constants`.
 pub(crate) fn roll(values: &mut Values, constants: &mut Vec<f64>) {
@@ -57,11 +44,17 @@ pub(crate) fn roll(values: &mut Values, constants: &mut Vec<f64>) {
     values.arrays = arrays;
     let mut tables = Tables { constants, known: HashMap::new() };
     let mut rolls = found.iter().enumerate().map(|(roll, found)| found.made(roll, &layouts, &mut tables));
-    let mut items = |part| match part {
-        Part::Straight(operation) => vec![Item::Operation(operation)],
-        Part::Loop => rolls.next().into_iter().flatten().map(|x| Item::Roll(Box::new(x))).collect(),
+    let mut stage = |parts: Vec<Part>| {
+        let mut items = Vec::with_capacity(parts.len());
+        for part in parts {
+            match part {
+                Part::Straight(operation) => items.push(Item::Operation(operation)),
+                Part::Loop => items.extend(rolls.next().into_iter().flatten().map(|x| Item::Roll(Box::new(x)))),
+            }
+        }
+        items
     };
-    values.operations = parts.into_iter().map(|stage| stage.into_iter().flat_map(&mut items).collect()).collect();
+    values.operations = parts.into_iter().map(&mut stage).collect();
 }
 
 /// Operations that compute the same in every turn, once. They may differ by turns in what each reads, and so are not
@@ -136,118 +129,6 @@ fn written(found: &mut [Found], outputs: &[Option<usize>], members: &Members) ->
     all
 }
 
-/// Where the results of a loop that others read lie.
-struct Layout {
-    /// Place of each operation's in turn 0.
-    slots: Vec<Option<usize>>,
-    /// How much further it is in each turn after.
-    stride: usize,
-    /// Place of each that the next turn reads: the same one in all turns.
-    passed: Vec<Option<usize>>,
-}
-
-/// Layouts of all loops, and of how many numbers they are. What is read no more gives its place to others.
-fn lay_out(values: &Values, parts: &[Vec<Part>], found: &[Found], members: &Members) -> (Vec<Layout>, usize) {
-    // number of loops begun when each result is read last
-    let mut last: Vec<Vec<Option<usize>>> = found.iter().map(|x| vec![None; x.codes.len()]).collect();
-    let see = |last: &mut Vec<Vec<Option<usize>>>, roll: usize, operation: usize, when: usize| {
-        last[roll][operation] = last[roll][operation].max(Some(when));
-    };
-    let see_value = |last: &mut Vec<Vec<Option<usize>>>, x: usize, when: usize| {
-        if let Some([roll, _, operation]) = members.get(x) {
-            see(last, roll, operation, when);
-        }
-    };
-    let mut begun = 0;
-    for (parts, angles) in parts.iter().zip(&values.angles) {
-        for part in parts {
-            match part {
-                Part::Straight(operation) => {
-                    operation.reads().iter().for_each(|&x| see_value(&mut last, x as usize, begun))
-                }
-                Part::Loop => {
-                    begun += 1;
-                    found[begun - 1].entries.iter().for_each(|(_, x)| see_value(&mut last, *x, begun));
-                    for operand in found[begun - 1].computed().flatten() {
-                        match operand {
-                            Operand::Same(x) => see_value(&mut last, *x, begun),
-                            Operand::Moving { of: Origin::Loop { roll, operation }, .. } if *roll + 1 != begun => {
-                                see(&mut last, *roll, *operation, begun);
-                            }
-                            _ => {}
-                        }
-                    }
-                }
-            }
-        }
-        angles.iter().for_each(|&x| see_value(&mut last, x, begun));
-    }
-    values.outputs.iter().flatten().for_each(|&x| see_value(&mut last, x, usize::MAX));
-    let strides = strides(found, &last);
-    let mut next = 0;
-    // places by size, and those in use: last, size, place
-    let mut free: HashMap<usize, Vec<usize>> = HashMap::new();
-    let mut taken: BinaryHeap<Reverse<(usize, usize, usize)>> = BinaryHeap::new();
-    let mut layouts = Vec::with_capacity(found.len());
-    for (roll, ((last, found), &stride)) in last.iter().zip(found).zip(&strides).enumerate() {
-        while let Some(&Reverse((_, size, place))) = taken.peek().filter(|x| x.0 .0 <= roll) {
-            free.entry(size).or_default().push(place);
-            taken.pop();
-        }
-        // an odd number of lines of a cache: arrays that are read side by side lie in different sets
-        let size = 8 * (((found.count + 1) * stride).div_ceil(8) | 1);
-        let mut place = |last: usize| {
-            let place = free.get_mut(&size).and_then(Vec::pop).unwrap_or_else(|| {
-                next += size;
-                next - size
-            });
-            taken.push(Reverse((last, size, place)));
-            // after that of an entry
-            place + stride
-        };
-        let slots = if stride == 1 {
-            last.iter().map(|last| last.map(&mut place)).collect()
-        } else {
-            let first = last.iter().flatten().max().map_or(0, |&last| place(last));
-            let mut own = first..;
-            last.iter().map(|last| last.and_then(|_| own.next())).collect()
-        };
-        let mut passed = vec![None; found.codes.len()];
-        for (entry, place) in found.entries.iter().zip(next..) {
-            passed[entry.0] = Some(place);
-        }
-        next += found.entries.len().next_multiple_of(8);
-        layouts.push(Layout { slots, stride, passed });
-    }
-    (layouts, next)
-}
-
-/// How far results of a turn are from those of the next one: side by side with the other results of their turn where there
-/// are many and the loops that read them have pointers enough; 1 where each has an array. `last`: when each is read last.
-fn strides(found: &[Found], last: &[Vec<Option<usize>>]) -> Vec<usize> {
-    let kept: Vec<usize> = last.iter().map(|last| last.iter().flatten().count()).collect();
-    let mut strides = vec![1; found.len()];
-    let mut readers: Vec<Vec<usize>> = (0..found.len()).map(|roll| vec![roll]).collect();
-    for (reader, found) in found.iter().enumerate() {
-        for operand in found.computed().flatten() {
-            if let Operand::Moving { of: Origin::Loop { roll, .. }, .. } = operand {
-                if readers[*roll].last() != Some(&reader) {
-                    readers[*roll].push(reader);
-                }
-            }
-        }
-    }
-    let mut many: Vec<usize> = (0..found.len()).filter(|&roll| kept[roll] >= RECORD).collect();
-    many.sort_by_key(|&roll| Reverse(kept[roll]));
-    for roll in many {
-        strides[roll] = kept[roll];
-        if readers[roll].iter().any(|&reader| found[reader].pointers_with(&strides, reader) > POINTERS) {
-            strides[roll] = 1;
-        }
-    }
-    strides
-}
-
 /// Constants, and where those of tables lie among them.
 struct Tables<'c> {
     constants: &'c mut Vec<f64>,
@@ -268,32 +149,6 @@ impl Tables<'_> {
 }
 
 impl Found {
-    /// Operands of the operations that it computes.
-    fn computed(&self) -> impl Iterator<Item = &Vec<Operand>> {
-        self.operands.iter().zip(&self.joined).filter(|x| !x.1).map(|x| x.0)
-    }
-
-    /// Places that move by different steps, with these distances between turns; it is number `roll` of all.
-    fn pointers_with(&self, strides: &[usize], roll: usize) -> usize {
-        let mut moving = vec![(Space::Stack, strides[roll] as isize)];
-        let of_outputs = self.outputs.iter().map(|x| (Space::Output, x.2));
-        let read = self.computed().flatten().filter_map(|operand| match operand {
-            Operand::Own(_) | Operand::Same(_) => None,
-            Operand::Table(_) => Some((Space::Constant, 1)),
-            Operand::Moving { of, step, .. } => Some(match of {
-                Origin::Input => (Space::Input, *step),
-                Origin::Loop { roll, .. } => (Space::Stack, *step * strides[*roll] as isize),
-                _ => (Space::Stack, *step),
-            }),
-        });
-        for x in of_outputs.chain(read) {
-            if !moving.contains(&x) {
-                moving.push(x);
-            }
-        }
-        moving.len()
-    }
-
     /// As number `roll` of all, with their results at `layouts`: several turns together where each one waits for the one
     /// before, so that most of what they wait for lies in registers; then those that are left.
     fn made(&self, roll: usize, layouts: &[Layout], tables: &mut Tables) -> Vec<Roll> {

@@ -63,6 +63,13 @@ pub(crate) struct Found {
     pub(crate) pointers: usize,
 }
 
+impl Found {
+    /// Operands of the operations that it computes.
+    pub(crate) fn computed(&self) -> impl Iterator<Item = &Vec<Operand>> {
+        self.operands.iter().zip(&self.joined).filter(|x| !x.1).map(|x| x.0)
+    }
+}
+
 /// Loop, turn and operation of the values that loops compute.
 pub(crate) struct Members(pub(crate) Vec<Option<[u32; 3]>>);
 
