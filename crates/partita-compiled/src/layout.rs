@@ -82,15 +82,14 @@ pub(crate) fn lay_out(
             taken.pop();
         }
         // an odd number of lines of a cache: arrays that are read side by side lie in different sets
-        let size = 8 * (((found.count + 1) * stride).div_ceil(8) | 1);
+        let size = 8 * ((found.count * stride).div_ceil(8) | 1);
         let mut place = |last: usize| {
             let place = free.get_mut(&size).and_then(Vec::pop).unwrap_or_else(|| {
                 next += size;
                 next - size
             });
             taken.push(Reverse((last, size, place)));
-            // after that of an entry
-            place + stride
+            place
         };
         let slots = if stride == 1 {
             last.iter().map(|last| last.map(&mut place)).collect()

@@ -155,29 +155,35 @@ impl Found {
         let operations = self.computed().count();
         let turns = if self.entries.is_empty() { 1 } else { (TOGETHER / operations.max(1)).clamp(2, MOST_TOGETHER) };
         let left = self.count % turns;
-        let mut all = vec![self.turns(roll, 0, [self.count / turns, turns], layouts, tables)];
-        all.extend((left > 0).then(|| self.turns(roll, self.count - left, [1, left], layouts, tables)));
+        let read = |x: &Operand, tables: &mut Tables| x.read(roll, layouts, tables);
+        let reads: Vec<Option<Read>> = self.computed().flatten().map(|x| read(x, tables)).collect();
+        let own = &layouts[roll];
+        let mut all = vec![self.turns(0, [self.count / turns, turns], own, &reads)];
+        all.extend((left > 0).then(|| self.turns(self.count - left, [1, left], own, &reads)));
         all
     }
 
-    /// From a turn on, so many times so many turns together.
-    fn turns(&self, roll: usize, from: usize, turns: [usize; 2], layouts: &[Layout], tables: &mut Tables) -> Roll {
-        let ([count, turns], length, own) = (turns, self.codes.len(), &layouts[roll]);
+    /// From a turn on, so many times so many turns together; `of_turn` is what each operand reads in turn 0, and none if that
+    /// is of the turn itself.
+    fn turns(&self, from: usize, turns: [usize; 2], own: &Layout, of_turn: &[Option<Read>]) -> Roll {
+        let ([count, turns], length) = (turns, self.codes.len());
         let mut reads = Reads::default();
         let mut found = Vec::with_capacity(turns * length);
         for turn in 0..turns {
+            let mut of_turn = of_turn.iter();
             for operands in self.computed() {
-                let mut take = |operand: &Operand| match *operand {
-                    Operand::Own(operation) => Some(Taken::Result(turn * length + operation)),
-                    Operand::Moving { of: Origin::Loop { roll: of, operation }, .. } if of == roll => match turn {
-                        0 => own.passed[operation]
-                            .map(|place| reads.take(Read::Moving { first: Source::Array(place), step: 0 })),
-                        _ => Some(Taken::Result((turn - 1) * length + operation)),
-                    },
-                    _ => operand.read(layouts, tables).map(|x| reads.take(x.together(from + turn, turns))),
-                };
                 let mut all = [None; 3];
-                all.iter_mut().zip(operands).for_each(|(to, x)| *to = take(x));
+                for (to, (operand, read)) in all.iter_mut().zip(operands.iter().zip(&mut of_turn)) {
+                    *to = match (operand, read) {
+                        (Operand::Own(operation), _) => Some(Taken::Result(turn * length + operation)),
+                        // what the turn before has passed on
+                        (
+                            Operand::Moving { of: Origin::Loop { operation, .. }, .. },
+                            Some(Read::Moving { step: 0, .. }),
+                        ) if turn > 0 => Some(Taken::Result((turn - 1) * length + operation)),
+                        (_, read) => read.map(|x| reads.take(x.together(from + turn, turns))),
+                    };
+                }
                 found.push(all);
             }
         }
@@ -276,8 +282,8 @@ impl Operand {
         }
     }
 
-    /// Where it lies; the constants of a table are appended.
-    fn read(&self, layouts: &[Layout], tables: &mut Tables) -> Option<Read> {
+    /// Where it lies for loop `reader`; the constants of a table are appended.
+    fn read(&self, reader: usize, layouts: &[Layout], tables: &mut Tables) -> Option<Read> {
         Some(match self {
             Self::Own(_) => return None,
             Self::Same(x) => Read::Same(*x),
@@ -285,6 +291,9 @@ impl Operand {
             Self::Moving { of, first, step } => match of {
                 Origin::Input => Read::Moving { first: Source::Input(*first as usize), step: *step },
                 Origin::Sine => Read::Moving { first: Source::Sine(*first as usize), step: *step },
+                Origin::Loop { roll, operation } if *roll == reader => {
+                    Read::Moving { first: Source::Array(layouts[*roll].passed[*operation]?), step: 0 }
+                }
                 Origin::Loop { roll, operation } => {
                     let Layout { slots, stride, .. } = &layouts[*roll];
                     let first = slots[*operation]?.checked_add_signed(*first * *stride as isize)?;

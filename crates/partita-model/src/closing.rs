@@ -6,21 +6,27 @@ use partita_math::spatial::Space;
 
 impl<G: Space> Tree<G> {
     /// Poses of all links at q, Φ and the values of C of all closings. Each closing is looked at as soon as the poses are
-    /// known that it reads: in a mechanism of thousands of loops these have not left a cache yet. What is recorded stays
-    /// level by level, where operations wait for each other least.
+    /// known that it reads.
     pub fn poses_and_closings(&self, q: &[G::S], s: &mut TreeScratch<G>, phi: &mut [G::S], c: &mut [G::S]) {
-        if G::S::RECORDS {
-            self.poses(q, s);
-            return self.close(s, phi, c);
+        self.in_turns(s, |i, s| self.pose(i, q, s), |k, s| self.close_one(k, s, phi, c));
+    }
+
+    /// All links, and each closing as soon as the links are done that it reads: in a mechanism of thousands of loops these
+    /// have not left a cache yet. What is recorded stays level by level, where operations wait for each other least.
+    fn in_turns(
+        &self,
+        s: &mut TreeScratch<G>,
+        link: impl Fn(usize, &mut TreeScratch<G>),
+        mut closing: impl FnMut(&Closing<G>, &TreeScratch<G>),
+    ) {
+        let (mut next, all) = (1, self.links.len());
+        for k in &self.closings {
+            let end = if G::S::RECORDS { all } else { k.last_link() + 1 };
+            (next..end).for_each(|i| link(i, s));
+            next = next.max(end);
+            closing(k, s);
         }
-        let mut next = 1;
-        for closing in &self.closings {
-            let end = closing.last_link().max(next - 1) + 1;
-            (next..end).for_each(|i| self.pose(i, q, s));
-            next = end;
-            self.close_one(closing, s, phi, c);
-        }
-        (next..self.links.len()).for_each(|i| self.pose(i, q, s));
+        (next..all).for_each(|i| link(i, s));
     }
 
     /// Φ and the values of C of all closings at the last poses.
@@ -114,18 +120,7 @@ impl<G: Space> Tree<G> {
     /// Twists and bias accelerations of all links at v and b of all closings, in turns as in
     /// [`poses_and_closings`](Self::poses_and_closings).
     pub fn twists_and_bias(&self, v: &[G::S], s: &mut TreeScratch<G>, b: &mut [G::S]) {
-        if G::S::RECORDS {
-            self.twists(v, s);
-            return self.bias(s, b);
-        }
-        let mut next = 1;
-        for closing in &self.closings {
-            let end = closing.last_link().max(next - 1) + 1;
-            (next..end).for_each(|i| self.twist(i, v, s));
-            next = end;
-            self.bias_one(closing, s, b);
-        }
-        (next..self.links.len()).for_each(|i| self.twist(i, v, s));
+        self.in_turns(s, |i, s| self.twist(i, v, s), |k, s| self.bias_one(k, s, b));
     }
 
     /// b of all closings at the last twists.
