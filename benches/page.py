@@ -23,9 +23,9 @@ numbers by `make speed`. Ratios hold from machine to machine, times do not. Spee
 Programs in C that know one mechanism and nothing else (`benches/limit`): minimal coordinates, loops in closed form,
 DOP853 at a relative tolerance of 1e-10, no outputs, no checks. They run in turns with Partita, at equal error: the
 loosest tolerance whose error is not above the program's. Runs are repeated, so that evaluations are machine code, made
-in memory, where that pays (not on chains of a thousand loops); the same run without it stands beside. The first run is
-that of a mechanism just drawn, with all checks of the drawing. An evaluation by machine code is one inside a step, with
-what the method adds up; one without is alone. Ratios to the program are in brackets.
+in memory; the same run without it stands beside. The first run is that of a mechanism just drawn, with all checks of
+the drawing. An evaluation by machine code is one inside a step, with what the method adds up; one without is alone.
+Ratios to the program are in brackets.
 
 | | program | run | without code | first run | program's evaluation | by code | without |
 |---|---|---|---|---|---|---|---|
@@ -50,6 +50,15 @@ question about forces.
 Pinocchio is called from Python here and only its evaluations are timed. Drake and MuJoCo are made for contact at
 interactive rates, not for small errors. The links of the chain come in line again and again: equations for multipliers
 lose rank there, which costs the programs that solve them their digits or the run.
+"""
+MANY = """
+## Many parts
+
+One evaluation within a run at fixed steps, by machine code, shared out among the N four-bars, five-bars or links of a
+mechanism. It should not grow with their number.
+
+| mechanism | N | degrees of freedom | each | N | degrees of freedom | each | ratio |
+|---|---|---|---|---|---|---|---|
 """
 
 
@@ -89,10 +98,21 @@ def write(record: dict[str, Any], docs: Path) -> None:
         + ", ".join(f"{x['title']} {x['poses'] / x['seconds'] / 1e6:.1f} million" for x in poses)
         + ".\n"
     )
-    growth = record["growth"]["ns_per_evaluation"]
+    lines.append(MANY)
+    for kind, question in record["dof"].items():
+        if len(question["costs"]) != 2 or question["verdict"] is None:
+            continue
+        sizes = [(int(n), cost["seconds"] / int(n), cost["dof"]) for n, cost in question["costs"].items()]
+        costs = " | ".join(f"{n} | {dof} | {text(each)}" for n, each, dof in sizes)
+        lines.append(f"| {kind} | {costs} | {question['verdict']['value']:.2f} |\n")
+    building = record["building"]
+    small, large = (size["loops"] for size in building["sizes"])
+    levels = {int(n): value for n, value in record["growth"]["ns_per_evaluation"].items() if value}
     lines.append(
-        "\n## Long chains\n\nCost of an evaluation without machine code per loop, chains of N four-bars:\n"
-        + ", ".join(f"{value / int(n):.0f} ns (N = {n})" for n, value in growth.items() if value)
+        f"\nA chain of {large} four-bars takes {building['growth']['built']:.1f} times the time of one of {small} "
+        f"to draw, compile and assemble,\nand {building['growth']['load']:.1f} times to load from its file. "
+        "Without machine code an evaluation\ncosts each loop of a chain "
+        + ", ".join(f"{value / n:.0f} ns (N = {n})" for n, value in levels.items())
         + ".\n"
     )
     (docs / "speed.md").write_text("".join(lines), encoding="utf-8")
