@@ -4,7 +4,8 @@ The other way knows whole runs only. Two methods with the same fixed steps do th
 how many evaluations a step takes, 4 and 12: the difference of their times over that of their evaluations is the cost
 of one, with what a method of more stages has to add up. Forms that iterate need more iterations in longer steps: theirs
 are as long as those that the column is taken over. Those of the others are shorter, so that the method of fewer stages
-leaves nothing to be corrected that the other does not.
+leaves nothing to be corrected that the other does not. `compare` takes its column without machine code, which not all
+forms have, and so do the runs.
 """
 
 from __future__ import annotations
@@ -109,6 +110,7 @@ def costs(problem: Problem) -> list[Cost]:
                     formulation=name,
                     method=method,
                     step=problem.duration / steps[name],
+                    compiled=False,
                 )
                 took = perf_counter() - began
                 best[name, method] = min(took, best.get((name, method), np.inf))
