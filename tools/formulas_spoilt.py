@@ -576,8 +576,8 @@ FORMULAS = (
         "distance-by-the-choice",
         "the distance from a singular position counts what C_D alone loses",
         f"{SYSTEM}/reduction/distance.rs",
-        "(-angle.sin() / u, angle.cos() / w)",
-        "(1.0 / u, 0.0 * angle / w)",
+        "(-sine.copysign(along) / u, cosine / w)",
+        "(1.0 / u, 0.0 * (sine + cosine) / w)",
         ("whole motion::many_dof",),
     ),
     Error(

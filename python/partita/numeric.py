@@ -12,11 +12,14 @@ MaybeNone: TypeAlias = Any
 
 _SHOWN = 80
 _NUMBERS = frozenset({float, int, np.float64})
+_DOUBLE = np.dtype(np.float64)
 
 
 def floats(values: Any) -> NDArray[np.float64]:
     """`values` as a new contiguous array of floats; TypeError for anything not made of real numbers, and for
     quantities, whose units NumPy would silently drop."""
+    if type(values) is np.ndarray and values.dtype is _DOUBLE:
+        return values.copy()
     if _holds_quantity(values):
         raise TypeError(f"{shown(values)} has a unit, but a plain number in SI units is expected")
     return without_units(values)

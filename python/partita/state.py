@@ -209,8 +209,8 @@ class State(StateView):
     def computed(cls, t: float, q: Array, v: Array, layout: Layout) -> State:
         """The state that the core returned for this layout: arrays of its own, finite and of its sizes."""
         state = cls.__new__(cls)
-        StateView.__init__(state, t, q, v, layout)
-        state.assembly = None
+        state.t, state.q, state.v, state._layout = t, q, v, layout
+        state._beyond = state._seen = state.assembly = None
         return state
 
     @property

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import time
 from typing import Any
 
 import numpy as np
@@ -177,14 +178,22 @@ def test_a_table_that_ends_stops_the_run_as_without() -> None:
     assert not run.success and compiled(run) > 0
 
 
-def test_a_stepper_compiles_nothing() -> None:
-    """Its steps have bounded work."""
+def test_a_stepper_compiles_beside_its_steps() -> None:
+    """A thread makes the code, and no step waits for it; one that says so compiles nothing, or at once."""
     m = pt.catalogue.load("grashof-four-bar")
-    sim = m.stepper(1e-3, initial=m.assemble(rates={m.compile().velocity_names[0]: 9.0}), substeps=10)
-    for _ in range(300):
-        sim.step()
-    counters = sim.result().counters
-    assert counters["factorisations"] > 10000 and counters["compiled_evaluations"] == 0
+    start = m.assemble(rates={m.compile().velocity_names[0]: 9.0})
+    for asked in (False, True, "auto"):
+        sim, end = m.stepper(1e-3, initial=start, substeps=10, compiled=asked), time.monotonic() + 60.0
+        while time.monotonic() < end:
+            for _ in range(300):
+                sim.step()
+            counters = sim.result().counters
+            if counters["compiled_evaluations"] > 0 or asked is False:
+                break
+        assert counters["factorisations"] > 10000
+        assert (counters["compiled_evaluations"] > 0) == (asked is not False), asked
+    with pytest.raises(ArgumentError, match="compiled is 1; it must be 'auto', True or False"):
+        m.stepper(1e-3, compiled=1)
 
 
 @pytest.mark.parametrize("value", ["yes", 1, None, 0.5])

@@ -107,6 +107,9 @@ pub trait Functions: Copy + Default {
     /// Start and cubic of the interval of a table that this number is in: `breaks` ascend, interval i has row i, the
     /// first and the last one extend beyond the table.
     fn interval(self, breaks: &[f64], rows: &[[f64; 4]]) -> (Self, [Self; 4]);
+    /// Number `place` of those that are given from outside, beside the arguments; now it is `x`. A recording reads it from
+    /// its inputs.
+    fn given(place: usize, x: f64) -> Self;
     /// A value outside [low, high] that this number has, if there is one. A recording has no values and returns none.
     fn outside(self, low: f64, high: f64) -> Option<f64>;
     /// A function that is known in `f64` alone: `room` is memory for plain arguments, grown once.

@@ -20,16 +20,17 @@ const CLEARLY_ACCEPTED: f64 = 1.0 + 1e-6;
 type At<'a> = (Recorder, &'a [Recorder], &'a [Recorder]);
 
 impl Model {
-    /// The rates of a choice; none where elements call functions of the user, frictions follow reactions, or
-    /// bodies are massless.
+    /// The rates of a choice, numbers given from outside among its inputs; none where elements call functions of the user,
+    /// frictions follow reactions, or bodies are massless.
     pub(crate) fn rates_of(&self, choice: &Choice, most: usize) -> Option<Recording> {
         if self.lacks_mass() {
             return None;
         }
         let e = self.over::<Recorder>().ok()?;
         let (nq, k) = (self.size().nq, choice.k());
+        let inputs = [nq + k + 1, self.callers.functions.given_count()];
         let of = |x: &[Recorder]| self.record_rates(&e, choice, (x[nq + k], &x[..nq], &x[nq..nq + k]));
-        Recording::of_parts(most, nq + k + 1, of).ok()?
+        Recording::of_parts(most, inputs, of).ok()?
     }
 
     /// q', v_I', power, v', reciprocal pivots, excess.

@@ -10,7 +10,7 @@ use crate::clusters::{self, Given, Tangents};
 use crate::compile;
 use crate::coupling;
 use crate::error::DescriptionError;
-use crate::force::{Element, Maker, Room};
+use crate::force::{Maker, Room};
 use crate::friction_magnitudes::Hold;
 use crate::mechanics::Mechanics;
 use crate::numbers::Numbers;
@@ -152,10 +152,11 @@ impl<S: Scalar> Evaluator<S> {
     ) -> Result<(Self, [Vec<Row>; 2]), DescriptionError> {
         let massive = massive(&placed);
         let (full, full_rows) = mechanics::<Spatial<S>>(spec, &placed, &numbers, &massive, &*callers.functions)?;
-        if let (false, Some(name)) = (S::CALLS, full.elements.iter().find_map(Element::calls)) {
+        let functions = &*callers.functions;
+        if let (false, Some(name)) = (S::CALLS, full.elements.iter().find_map(|e| e.calls(functions))) {
             return Err(uncallable("force", name));
         }
-        if let (false, Some(c)) = (S::CALLS, full.conditions.iter().find(|c| c.calls())) {
+        if let (false, Some(c)) = (S::CALLS, full.conditions.iter().find(|c| c.calls(functions))) {
             let element = match c.owner {
                 Owner::Joint(_) => "joint",
                 Owner::Coupling(_) => "coupling",

@@ -27,6 +27,19 @@ pub trait Functions: Send + Sync {
     fn sees_state(&self, _i: usize) -> bool {
         true
     }
+    /// Where function `i` is given from outside and not called: place of its number, or of the first one of the course of a
+    /// drive: the time from which on it applies, and the coefficients of a cubic from there on, lowest first.
+    fn given(&self, _i: usize) -> Option<usize> {
+        None
+    }
+    /// How many numbers are given from outside.
+    fn given_count(&self) -> usize {
+        0
+    }
+    /// The given number at a place.
+    fn given_number(&self, _place: usize) -> f64 {
+        f64::NAN
+    }
     /// Effort number `i` at (t, q, v).
     fn scalar(&self, i: usize, t: f64, q: &[f64], v: &[f64]) -> Result<f64, Box<dyn std::error::Error + Send + Sync>>;
     /// Force number `i` at (t, q, v).
@@ -221,6 +234,9 @@ impl<S: Scalar> Source<S> {
             Self::Constant(x) => Ok(*x),
             Self::Table(table) => Ok(table_at(table, i.t, what)?[0]),
             Self::Function(k) => {
+                if let Some(place) = i.callers.functions.given(*k) {
+                    return Ok(given(i.callers, place));
+                }
                 let [x] = S::call(i.arguments(), room, |t, q, v| {
                     let x = i.callers.functions.scalar(*k, t, q, v).map_err(|e| failed(what, e))?;
                     finite([x], what, t)
@@ -270,6 +286,19 @@ impl<S: Scalar> VectorSource<S> {
     }
 }
 
+/// The number at a place of those that are given from outside.
+fn given<S: Scalar>(callers: &Callers, place: usize) -> S {
+    S::given(place, callers.functions.given_number(place))
+}
+
+/// Value, first and second derivative at t of the course whose first number is at a place.
+fn course_at<S: Scalar>(callers: &Callers, place: usize, t: S) -> [S; 3] {
+    let [since, a, b, c, d] = std::array::from_fn(|k| given::<S>(callers, place + k));
+    let x = t - since;
+    let (twice, bend) = (c.scale(2.0), d.scale(3.0) * x);
+    [a + (b + (c + d * x) * x) * x, b + (twice + bend) * x, twice + d.scale(6.0) * x]
+}
+
 /// Position, velocity, acceleration of a drive at t.
 pub(crate) fn motion_at<S: Scalar>(
     v: &Value,
@@ -281,10 +310,13 @@ pub(crate) fn motion_at<S: Scalar>(
     match v {
         Value::Constant(x) => Ok([S::from_f64(*x), S::zero(), S::zero()]),
         Value::Table(table) => table_at(table, t, what),
-        Value::Function(i) => S::call(Arguments { t, q: &[], v: &[], q_sizes: &[], v_sizes: &[] }, room, |t, _, _| {
-            let x = callers.functions.motion(*i, t).map_err(|e| failed(what, e))?;
-            finite(x, what, t)
-        }),
+        Value::Function(i) => match callers.functions.given(*i) {
+            Some(place) => Ok(course_at(callers, place, t)),
+            None => S::call(Arguments { t, q: &[], v: &[], q_sizes: &[], v_sizes: &[] }, room, |t, _, _| {
+                let x = callers.functions.motion(*i, t).map_err(|e| failed(what, e))?;
+                finite(x, what, t)
+            }),
+        },
     }
 }
 

@@ -163,9 +163,12 @@ impl Held {
         self.numbers.get(i).map_or(0.0, |cell| f64::from_bits(cell.load(Ordering::Relaxed)))
     }
 
-    /// Index of the first number of function i, if it is an input.
-    fn offset(&self, i: usize) -> Option<usize> {
-        i.checked_sub(self.functions.count()).and_then(|i| self.offsets.get(i).copied())
+    /// The functions, unless number i is an input, which nobody calls.
+    fn of(&self, i: usize) -> Result<&dyn Functions, Fault> {
+        match self.given(i) {
+            Some(_) => Err(format!("input {i} is no function").into()),
+            None => Ok(&*self.functions),
+        }
     }
 }
 
@@ -174,30 +177,33 @@ impl Functions for Held {
         self.functions.count() + self.offsets.len()
     }
     fn sees_state(&self, i: usize) -> bool {
-        self.offset(i).is_none() && self.functions.sees_state(i)
+        self.given(i).is_none() && self.functions.sees_state(i)
+    }
+    fn given(&self, i: usize) -> Option<usize> {
+        i.checked_sub(self.functions.count()).and_then(|i| self.offsets.get(i).copied())
+    }
+    fn given_count(&self) -> usize {
+        self.count()
+    }
+    fn given_number(&self, place: usize) -> f64 {
+        self.number(place)
     }
     fn scalar(&self, i: usize, t: f64, q: &[f64], v: &[f64]) -> Result<f64, Fault> {
-        match self.offset(i) {
-            Some(offset) => Ok(self.number(offset)),
-            None => self.functions.scalar(i, t, q, v),
-        }
+        self.of(i)?.scalar(i, t, q, v)
     }
     fn vector(&self, i: usize, t: f64, q: &[f64], v: &[f64]) -> Result<[f64; 3], Fault> {
-        self.functions.vector(i, t, q, v)
+        self.of(i)?.vector(i, t, q, v)
     }
     fn relation(&self, i: usize, t: f64, x: &[f64], rates: &[f64]) -> Result<[f64; RELATION], Fault> {
-        self.functions.relation(i, t, x, rates)
+        self.of(i)?.relation(i, t, x, rates)
     }
     fn law(&self, i: usize, t: f64, seen: &[f64], out: &mut [f64]) -> Result<(), Fault> {
-        self.functions.law(i, t, seen, out)
+        self.of(i)?.law(i, t, seen, out)
     }
     fn turning(&self, i: usize, t: f64) -> Result<[f64; TURNING], Fault> {
-        self.functions.turning(i, t)
+        self.of(i)?.turning(i, t)
     }
     fn motion(&self, i: usize, t: f64) -> Result<[f64; 3], Fault> {
-        let Some(offset) = self.offset(i) else { return self.functions.motion(i, t) };
-        let [since, a, b, c, d] = std::array::from_fn(|k| self.number(offset + k));
-        let x = t - since;
-        Ok([a + (b + (c + d * x) * x) * x, b + (2.0 * c + 3.0 * d * x) * x, 2.0 * c + 6.0 * d * x])
+        self.of(i)?.motion(i, t)
     }
 }

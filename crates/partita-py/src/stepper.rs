@@ -1,11 +1,10 @@
 //! A motion that is stepped from Python. It owns all its data.
 
-use crate::arrays::{array, vector};
+use crate::arrays::vector;
 use crate::failure::{self, guarded, raise};
 use crate::functions::{Held, Kind};
 use crate::run;
-use crate::state::Array;
-use numpy::PyReadonlyArray1;
+use numpy::{PyArray1, PyReadonlyArray1, ToPyArray};
 use partita_analysis::error::AnalysisError;
 use partita_analysis::run::{Request, Stepping};
 use partita_model::spec::{Force, Spec, Table, Value, VectorValue};
@@ -23,6 +22,9 @@ pub type Input = (usize, Option<usize>);
 fn kind(&(_, component): &Input) -> Kind {
     component.map_or(Kind::Course, |_| Kind::Effort)
 }
+
+/// Time, coordinates and velocities.
+type State<'py> = (f64, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>);
 
 /// State of a motion.
 #[derive(Default)]
@@ -188,11 +190,7 @@ impl Stepper {
     }
 
     /// One tick with these values, and the state after it: t, q, v.
-    fn step<'py>(
-        &self,
-        py: Python<'py>,
-        inputs: PyReadonlyArray1<'py, f64>,
-    ) -> PyResult<(f64, Array<'py>, Array<'py>)> {
+    fn step<'py>(&self, py: Python<'py>, inputs: PyReadonlyArray1<'py, f64>) -> PyResult<State<'py>> {
         guarded(py, || {
             let u = vector(&inputs, self.held.count(), "inputs")?;
             self.with(py, |motion| {
@@ -226,9 +224,9 @@ impl Stepper {
     }
 
     /// Its state: t, q, v.
-    fn state<'py>(&self, py: Python<'py>) -> (f64, Array<'py>, Array<'py>) {
+    fn state<'py>(&self, py: Python<'py>) -> State<'py> {
         let x = locked(&self.standing);
-        (x.t, array(py, &[x.q.len()], x.q.clone()), array(py, &[x.v.len()], x.v.clone()))
+        (x.t, x.q.to_pyarray(py), x.v.to_pyarray(py))
     }
 
     /// The results of a run that ends here, and the present model, while the motion is here.

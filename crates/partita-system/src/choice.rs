@@ -32,7 +32,55 @@ pub struct Choice<'a> {
     pub rheonomic: bool,
 }
 
+/// A choice with data of its own.
+pub struct OwnedChoice {
+    plan: Option<Plan>,
+    rows: Vec<usize>,
+    dependent: Vec<usize>,
+    independent: Vec<usize>,
+    columns: usize,
+    column_of: Vec<u32>,
+    entries: Vec<(u32, u32, u32)>,
+    spread_entries: Vec<(u32, u32, u32)>,
+    packed: bool,
+    rheonomic: bool,
+}
+
+impl OwnedChoice {
+    /// The choice.
+    pub fn choice(&self) -> Choice<'_> {
+        Choice {
+            plan: self.plan.as_ref(),
+            rows: &self.rows,
+            dependent: &self.dependent,
+            independent: &self.independent,
+            columns: self.columns,
+            column_of: &self.column_of,
+            entries: &self.entries,
+            spread_entries: &self.spread_entries,
+            packed: self.packed,
+            rheonomic: self.rheonomic,
+        }
+    }
+}
+
 impl Choice<'_> {
+    /// The same with data of its own.
+    pub fn owned(&self) -> OwnedChoice {
+        OwnedChoice {
+            plan: self.plan.cloned(),
+            rows: self.rows.to_vec(),
+            dependent: self.dependent.to_vec(),
+            independent: self.independent.to_vec(),
+            columns: self.columns,
+            column_of: self.column_of.to_vec(),
+            entries: self.entries.to_vec(),
+            spread_entries: self.spread_entries.to_vec(),
+            packed: self.packed,
+            rheonomic: self.rheonomic,
+        }
+    }
+
     /// Degrees of freedom.
     pub fn k(&self) -> usize {
         self.independent.len()

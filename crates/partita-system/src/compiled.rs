@@ -2,7 +2,7 @@
 //! enough.
 //!
 //! ```text
-//! inputs   q | v_I | t
+//! inputs   q | v_I | t | numbers given from outside
 //! rates    q' | v_I' | power | v' | 1 / pivots of C_D | excess                               (S2, P1-P3)
 //! ```
 //! The power, of applied forces and drives, is there where it is observed, v' where rows depend on time or accelerations come
@@ -35,6 +35,8 @@ pub enum Compilation {
     /// Where a compiler is installed, once a choice has proved to be used long enough, and is not too large.
     #[default]
     Auto,
+    /// As `Auto`, by a thread of its own, so that no step waits for the code.
+    Beside,
     /// At the first evaluation by a choice, whatever its size.
     Always,
     /// Never.
@@ -45,7 +47,7 @@ impl Compilation {
     /// Most operations that are recorded, and the longest code.
     fn limits(self) -> [usize; 2] {
         match self {
-            Self::Auto => [MOST_RECORDED, LONGEST],
+            Self::Auto | Self::Beside => [MOST_RECORDED, LONGEST],
             Self::Always => [usize::MAX; 2],
             Self::Never => [0; 2],
         }
@@ -74,31 +76,35 @@ enum Code {
 }
 
 impl CompiledRates {
-    /// The code, compiled now if this evaluation is the one that makes it worth while; none where the levels are evaluated.
-    pub(crate) fn code(
-        &self,
-        compiler: &dyn Compiler,
-        when: Compilation,
-        recording: impl FnOnce(usize) -> Option<Recording>,
-    ) -> Option<&dyn Compiled> {
-        let code = match self.code.get() {
-            Some(known) => known,
-            None if self.is_worth_while(when) => self.code.get_or_init(|| compile(compiler, when.limits(), recording)),
-            None => return None,
-        };
-        match code {
+    /// The code; none where the levels are evaluated.
+    pub(crate) fn code(&self) -> Option<&dyn Compiled> {
+        match self.code.get()? {
             Code::Compiled(code) => Some(&**code),
             Code::Without | Code::Refused(_) => None,
         }
     }
 
-    /// Whether one more evaluation makes the code worth while.
-    fn is_worth_while(&self, when: Compilation) -> bool {
-        match when {
-            Compilation::Auto => self.evaluations.fetch_add(1, Ordering::Relaxed) >= WORTH_COMPILING,
-            Compilation::Always => true,
-            Compilation::Never => false,
-        }
+    /// Whether one more evaluation makes it worth while to [`make`](Self::make) the code now. A thread of its own is to do
+    /// that once.
+    pub(crate) fn is_due(&self, when: Compilation) -> bool {
+        let before = || self.evaluations.fetch_add(1, Ordering::Relaxed);
+        self.code.get().is_none()
+            && match when {
+                Compilation::Auto => before() >= WORTH_COMPILING,
+                Compilation::Beside => before() == WORTH_COMPILING,
+                Compilation::Always => true,
+                Compilation::Never => false,
+            }
+    }
+
+    /// Compile them, unless that is done.
+    pub(crate) fn make(
+        &self,
+        compiler: &dyn Compiler,
+        when: Compilation,
+        recording: impl FnOnce(usize) -> Option<Recording>,
+    ) {
+        self.code.get_or_init(|| compile(compiler, when.limits(), recording));
     }
 
     /// Why this computer does not compile them.

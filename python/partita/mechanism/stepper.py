@@ -255,7 +255,7 @@ class Stepper:
     def _wanted(self, u: Any) -> Array:
         if u is None:
             return self._held
-        if isinstance(u, Mapping):
+        if type(u) is not np.ndarray and isinstance(u, Mapping):
             wanted = self._held.copy()
             for name, value in u.items():
                 wanted[index_of(str(name), self._inputs, "input")] = _number(str(name), value)
@@ -307,6 +307,7 @@ def stepper(
     switch_threshold: float = 1.25,
     parameters: Mapping[str, ArrayLike] | None = None,
     record: bool = True,
+    compiled: bool | str = "auto",
     exchange: float | None = None,
 ) -> Stepper:
     """Advance a motion step by step, for control loops: `sim.step(u)`.
@@ -325,6 +326,9 @@ def stepper(
         substeps: number of steps of the method in each dt, 1 to 1000.
         coordinates, switch_threshold, parameters: as in `simulate`.
         record: keep every step for `result`; False: memory does not grow, however long it runs.
+        compiled: whether evaluations run as machine code, with the same bits, see `simulate`. "auto": after 1500
+            evaluations with the same coordinates a thread of its own makes the code, so that no step waits for it;
+            True: before the first one, in the step that needs it; False: never.
 
     Raises:
         ArgumentError: a number is out of range, the state belongs to another model, or the mechanism is a structure.
@@ -360,6 +364,7 @@ def stepper(
         step=step,
         rtol=1e-8,
         atol=1e-10,
+        compiled=compiled,
     )
     given = chosen(inputs_of(self._description), inputs)
     return Stepper(model, layout, start, given, options, length, int(substeps), bool(record))

@@ -62,6 +62,9 @@ pub struct Request {
     /// Whether evaluations are compiled: always, never, or where it is worth while.
     #[serde(default)]
     pub compiled: Option<bool>,
+    /// Whether a thread of its own does that where it is worth while.
+    #[serde(skip)]
+    pub compiles_beside: bool,
 }
 
 /// A part of the quality when frozen, or the words "each step".
@@ -117,6 +120,7 @@ impl Request {
             baumgarte: None,
             renew: Renewal::Part(0.5),
             compiled: None,
+            compiles_beside: false,
         }
     }
 
@@ -195,6 +199,7 @@ impl Request {
             renew,
             tangent,
             compilation: match self.compiled {
+                None if self.compiles_beside => Compilation::Beside,
                 None => Compilation::Auto,
                 Some(true) => Compilation::Always,
                 Some(false) => Compilation::Never,

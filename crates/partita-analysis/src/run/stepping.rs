@@ -57,8 +57,8 @@ impl<'s> Stepping<'s> {
         (t, q, v): (f64, &[f64], &[f64]),
         keeps: bool,
     ) -> Result<Self, AnalysisError> {
-        // its steps have bounded work, and inputs are functions to the model
-        let request = Request { t0: t, t_end: t + length, compiled: Some(false), ..request.clone() };
+        // its steps have bounded work
+        let request = Request { t0: t, t_end: t + length, compiles_beside: true, ..request.clone() };
         let prepared = Prepared::new(system.clone(), &request, None, (q, v))?;
         if prepared.rests() {
             return Err(AnalysisError::Argument { argument: "dt", message: CANNOT_MOVE.into() });

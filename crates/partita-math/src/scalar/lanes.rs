@@ -178,6 +178,9 @@ impl Functions for Lanes {
         let at = self.0.map(|x| interval_of(x, breaks, rows.len()));
         (Self(at.map(|i| breaks[i])), std::array::from_fn(|k| Self(at.map(|i| rows[i][k]))))
     }
+    fn given(_: usize, x: f64) -> Self {
+        Self::from_f64(x)
+    }
     fn outside(self, low: f64, high: f64) -> Option<f64> {
         self.0.iter().find_map(|x| x.outside(low, high))
     }

@@ -92,6 +92,10 @@ impl Functions for f64 {
         (breaks[i], rows[i])
     }
     #[inline(always)]
+    fn given(_: usize, x: f64) -> Self {
+        x
+    }
+    #[inline(always)]
     fn outside(self, low: f64, high: f64) -> Option<f64> {
         // written so that NaN is outside
         (!(self >= low && self <= high)).then_some(self)

@@ -56,10 +56,14 @@ struct Tape {
     is_full: bool,
     /// Numbers that were compared with bounds, which `f64` alone can do.
     bounded: Vec<(Recorder, f64, f64)>,
+    /// The inputs that are given from outside.
+    given: Vec<Recorder>,
 }
 
 thread_local! {
-    static TAPE: RefCell<Tape> = const { RefCell::new(Tape { number: 0, entries: None, most: 0, is_full: false, bounded: Vec::new() }) };
+    static TAPE: RefCell<Tape> = const {
+        RefCell::new(Tape { number: 0, entries: None, most: 0, is_full: false, bounded: Vec::new(), given: Vec::new() })
+    };
 }
 
 /// A number of a recording: a constant, or the result of an entry of the tape.
@@ -265,6 +269,10 @@ impl Functions for Recorder {
         }
         (start, row)
     }
+    /// Where a recording has no such input, the number that it is now.
+    fn given(place: usize, x: f64) -> Self {
+        TAPE.with_borrow(|tape| tape.given.get(place).copied()).unwrap_or(Self::from_f64(x))
+    }
     fn outside(self, low: f64, high: f64) -> Option<f64> {
         match self.0 {
             Kind::Constant(x) => x.outside(low, high),
@@ -304,16 +312,18 @@ impl Recording {
     ///
     /// Fails where `f` fails.
     pub fn new<E>(inputs: usize, f: impl FnOnce(&[Recorder]) -> Result<Vec<Recorder>, E>) -> Result<Self, E> {
-        Self::record(Once::Nothing, MOST, inputs, f).map(|(made, _)| made)
+        Self::record(Once::Nothing, MOST, [inputs, 0], f).map(|(made, _)| made)
     }
 
     /// The recording of a function of many parts, reduced as [`lean`](Self::lean) does, but for equal operations on
     /// constants: what equal parts do stays alike, and can be repeated, where constants of some parts are equal by chance.
     ///
-    /// None where there are more than `most` operations, inputs and constants counted, of which no more are then kept.
+    /// Its inputs are arguments of `f`, as many as the first number tells, and after them numbers given from outside (see
+    /// [`Functions::given`]). None where there are more than `most` operations, inputs and constants counted, of which no
+    /// more are then kept.
     pub fn of_parts<E>(
         most: usize,
-        inputs: usize,
+        inputs: [usize; 2],
         f: impl FnOnce(&[Recorder]) -> Result<Vec<Recorder>, E>,
     ) -> Result<Option<Self>, E> {
         let (made, is_whole) = Self::record(Once::WithoutConstants, most.min(MOST), inputs, f)?;
@@ -324,24 +334,28 @@ impl Recording {
     fn record<E>(
         once: Once,
         most: usize,
-        inputs: usize,
+        [arguments, given]: [usize; 2],
         f: impl FnOnce(&[Recorder]) -> Result<Vec<Recorder>, E>,
     ) -> Result<(Self, bool), E> {
-        let given = TAPE.with_borrow_mut(|tape| {
+        let inputs = arguments + given;
+        let own = TAPE.with_borrow_mut(|tape| {
             tape.number = tape.number.wrapping_add(1);
             tape.entries = Some(Numbered::new(once));
             (tape.most, tape.is_full) = (most, false);
             tape.bounded.clear();
             let slot = |i: usize| tape.push(Operation::Input(i as u32)).unwrap_or(0);
             let slots: Vec<u32> = (0..inputs).map(slot).collect();
-            slots.into_iter().map(|p| Recorder(Kind::Entry(tape.number, p))).collect::<Vec<_>>()
+            let mut all: Vec<_> = slots.into_iter().map(|p| Recorder(Kind::Entry(tape.number, p))).collect();
+            tape.given = all.split_off(arguments);
+            all
         });
-        let found = f(&given);
+        let found = f(&own);
         TAPE.with_borrow_mut(|tape| {
             let outputs = found.map(|found| {
                 let slot = |tape: &mut Tape, x| tape.slot(x).or_else(|| tape.push(Operation::Constant(f64::NAN)));
                 found.into_iter().map(|x| slot(tape, x).unwrap_or(0)).collect()
             });
+            tape.given.clear();
             let operations = tape.entries.take().map_or_else(Vec::new, |entries| entries.operations);
             outputs.map(|outputs| (Self { inputs, operations, outputs, once }, !tape.is_full))
         })

@@ -7,7 +7,7 @@
 use crate::measurement::Measurement;
 use crate::spec::{Table, Value};
 use crate::tree::{Tree, TreeScratch};
-use crate::value::{self, failed, finite, Abscissa, Callers, Instant};
+use crate::value::{self, failed, finite, Abscissa, Callers, Functions, Instant};
 use partita_math::scalar::{Arguments, Scalar};
 use partita_math::spatial::Space;
 use partita_math::tolerance;
@@ -172,10 +172,12 @@ impl<S: Scalar> Law<S> {
         }
     }
 
-    /// Whether it calls a user function.
-    pub fn calls(&self) -> bool {
+    /// Whether it calls one of these functions.
+    pub fn calls(&self, functions: &dyn Functions) -> bool {
         match self {
-            Self::Motion { motion, .. } | Self::Rate(motion) => matches!(motion, Value::Function(_)),
+            Self::Motion { motion, .. } | Self::Rate(motion) => {
+                matches!(motion, Value::Function(i) if functions.given(*i).is_none())
+            }
             Self::Function(_) => true,
             Self::Linear { .. } | Self::Curve { .. } => false,
         }

@@ -25,7 +25,7 @@ use crate::measurement::{power_columns, Measurement, Mover, Quantity, Unit};
 use crate::rows::{Owner, Row};
 use crate::spec::Spec;
 use crate::tree::{Tree, TreeScratch};
-use crate::value::Instant;
+use crate::value::{Functions, Instant};
 use partita_math::scalar::Scalar;
 use partita_math::spatial::Space;
 use partita_system::SystemError;
@@ -225,10 +225,10 @@ impl<G: Space> Condition<G> {
         }
     }
 
-    /// Whether it calls a user function.
-    pub fn calls(&self) -> bool {
+    /// Whether it calls one of these functions.
+    pub fn calls(&self, functions: &dyn Functions) -> bool {
         match &self.says {
-            Says::Law(law, _) => law.calls(),
+            Says::Law(law, _) => law.calls(functions),
             Says::Turning(orientation) => orientation.calls(),
             Says::Rolling(..) => false,
         }

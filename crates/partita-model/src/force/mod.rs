@@ -259,8 +259,8 @@ impl<G: Space> Element<G> {
         self.sources().iter().any(|s| matches!(s, Source::Function(i) if functions.sees_state(*i)))
     }
 
-    /// The name of the element if it calls a user function.
-    pub(crate) fn calls(&self) -> Option<&str> {
+    /// The name of the element if it calls one of these functions, which f64 alone can do.
+    pub(crate) fn calls(&self, functions: &dyn Functions) -> Option<&str> {
         let name = match self {
             Self::Load(e) => &e.name,
             Self::Force(e) => &e.name,
@@ -268,7 +268,8 @@ impl<G: Space> Element<G> {
             Self::Gravity(e) => &e.name,
             _ => return None,
         };
-        self.calls_function().then_some(name)
+        let is_called = |s: &Source<G::S>| matches!(s, Source::Function(i) if functions.given(*i).is_none());
+        (matches!(self, Self::Law(_)) || self.sources().iter().any(is_called)).then_some(name)
     }
 
     fn sources(&self) -> &[Source<G::S>] {

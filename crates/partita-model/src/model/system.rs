@@ -23,7 +23,7 @@ use partita_system::compiled::CompiledRates;
 use partita_system::guards::{Guard, GuardReading};
 use partita_system::system::{project_dense, BlockSink, ClusterTangent, Recursion, Tangent};
 use partita_system::system::{Clustered, Conditions, Guards, Levels, Manifold, Metric, Names, Programs, Scales};
-use partita_system::{Finite, Size, SystemError};
+use partita_system::{Finite, Size, SystemError, SystemRef};
 use std::sync::Arc;
 
 /// Up to this many degrees of freedom one small M_d costs less than any recursion, and existing bases use the same
@@ -154,6 +154,17 @@ impl Programs for Model {
     }
     fn compiled_rates(&self, choice: &Choice) -> Option<Arc<CompiledRates>> {
         self.compiled.of(choice)
+    }
+    fn given_count(&self) -> usize {
+        self.callers.functions.given_count()
+    }
+    fn given_number(&self, place: usize) -> f64 {
+        self.callers.functions.given_number(place)
+    }
+    fn beside(system: &SystemRef<Self>, work: impl FnOnce(&Self) + Send + 'static) -> bool {
+        let SystemRef::Shared(model) = system else { return false };
+        let model = model.clone();
+        std::thread::Builder::new().spawn(move || work(&model)).is_ok()
     }
 }
 

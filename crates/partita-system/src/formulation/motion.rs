@@ -50,6 +50,8 @@ pub struct Motion<'s, S: ConstrainedSystem + 's, T, P> {
     margin: Option<(f64, u64)>,
     /// Whether anything was evaluated since.
     moved: bool,
+    /// Time of the levels last evaluated.
+    levels_at: f64,
     /// Whether the point last evaluated is the state from which the next step is planned.
     planned_from: bool,
     /// Whether the last evaluation was one by compiled code, which leaves the levels where they were.
@@ -91,6 +93,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             observes_work: system.has_power() || system.rheonomic(),
             margin: None,
             moved: true,
+            levels_at: f64::NAN,
             planned_from: false,
             behind: false,
             settled: false,
@@ -144,7 +147,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
 
     /// All levels at (t, y), with the accelerations in `vdot` if they are known.
     fn levels(&mut self, t: f64, y: &[f64], known: bool) -> Result<()> {
-        self.behind = false;
+        (self.behind, self.levels_at) = (false, t);
         let (p, w) = self.offsets();
         let factored = match std::mem::take(&mut self.settled) && !self.monitor.crosses_next {
             true => false,
@@ -200,6 +203,17 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         let r = self.tangent.reduction();
         let applied = r.system.power(t, q, &r.v, &mut r.scratch)?;
         Ok(applied + if self.system.rheonomic() { self.tangent.driving(t, q)? } else { 0.0 })
+    }
+
+    /// Whether (t, y) is the end of the step that was judged, its loops closed to round-off and its levels evaluated.
+    fn ends_at(&self, t: f64, y: &[f64]) -> bool {
+        let q = self.positions.q();
+        !self.moved
+            && !self.behind
+            && self.levels_at == t
+            && self.offsets().0 == q.len()
+            && *q == y[..q.len()]
+            && self.tangent.seen().is_closed()
     }
 
     /// Whether the levels in use belong to the choice of `within`, with rows that no position would change.
@@ -274,13 +288,18 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
     }
     fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<()> {
         let (p, w) = self.offsets();
+        let ends = self.ends_at(t, y);
         self.moved = true;
-        let factored = self.positions.output(&mut self.tangent, t, y)?;
-        let singular = match self.tangent.tangent(t, self.positions.q(), factored) {
-            Err(SystemError::Singular { .. }) => true,
-            found => {
-                found?;
-                self.is_at_a_singular_position()
+        let singular = if ends {
+            self.is_singular(self.margin)
+        } else {
+            let factored = self.positions.output(&mut self.tangent, t, y)?;
+            match self.tangent.tangent(t, self.positions.q(), factored) {
+                Err(SystemError::Singular { .. }) => true,
+                found => {
+                    found?;
+                    self.is_at_a_singular_position()
+                }
             }
         };
         let u = &mut self.v[..w - p];

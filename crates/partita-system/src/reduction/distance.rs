@@ -105,8 +105,17 @@ impl Sums {
         if w <= tolerance::NEGLIGIBLE * u {
             return (1.0 / u, 0.0);
         }
-        let angle = 0.5 * (2.0 * self.ucwc / (u * w)).atan2(self.uc / self.u - self.wc / self.w);
-        (-angle.sin() / u, angle.cos() / w)
+        // cosine and sine of half the angle of (across, along)
+        let (across, along) = (self.uc / self.u - self.wc / self.w, 2.0 * self.ucwc / (u * w));
+        let length = (across * across + along * along).sqrt();
+        if length == 0.0 {
+            return (0.0, 1.0 / w);
+        }
+        // the larger of the two without cancellation
+        let larger = (0.5 * (1.0 + across.abs() / length)).sqrt();
+        let smaller = 0.5 * along.abs() / (length * larger);
+        let (cosine, sine) = if across >= 0.0 { (larger, smaller) } else { (smaller, larger) };
+        (-sine.copysign(along) / u, cosine / w)
     }
 }
 

@@ -336,6 +336,21 @@ pub trait Programs {
     fn compiled_rates(&self, _choice: &Choice) -> Option<Arc<CompiledRates>> {
         None
     }
+    /// How many numbers are given from outside; inputs of the recorded rates.
+    fn given_count(&self) -> usize {
+        0
+    }
+    /// The given number at a place.
+    fn given_number(&self, _place: usize) -> f64 {
+        f64::NAN
+    }
+    /// Have `work` done by a thread of its own; false, and nothing done, where the system cannot be shared with one.
+    fn beside(_system: &SystemRef<Self>, _work: impl FnOnce(&Self) + Send + 'static) -> bool
+    where
+        Self: Sized,
+    {
+        false
+    }
 }
 
 /// Loops closed by inverse kinematics, where the system can.

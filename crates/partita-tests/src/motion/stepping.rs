@@ -17,6 +17,8 @@ struct Motors {
     numbers: [AtomicU64; 2],
     calls: AtomicU64,
     fails: f64,
+    /// Whether they are numbers given from outside instead of functions.
+    given: bool,
 }
 
 type Fault = Box<dyn std::error::Error + Send + Sync>;
@@ -25,12 +27,21 @@ impl Functions for Motors {
     fn count(&self) -> usize {
         2
     }
+    fn given(&self, i: usize) -> Option<usize> {
+        self.given.then_some(i)
+    }
+    fn given_count(&self) -> usize {
+        self.numbers.len()
+    }
+    fn given_number(&self, place: usize) -> f64 {
+        f64::from_bits(self.numbers[place].load(Ordering::Relaxed))
+    }
     fn scalar(&self, i: usize, t: f64, _: &[f64], _: &[f64]) -> Result<f64, Fault> {
         self.calls.fetch_add(1, Ordering::Relaxed);
         if t > self.fails {
             return Err("the motor is off".into());
         }
-        Ok(f64::from_bits(self.numbers[i].load(Ordering::Relaxed)))
+        Ok(self.given_number(i))
     }
     fn vector(&self, _: usize, _: f64, _: &[f64], _: &[f64]) -> Result<[f64; 3], Fault> {
         Err("no vector".into())
@@ -72,8 +83,8 @@ fn request() -> Request {
     serde_json::from_str(text).unwrap()
 }
 
-fn motors(fails: f64) -> Arc<Motors> {
-    Arc::new(Motors { numbers: Default::default(), calls: AtomicU64::new(0), fails })
+fn motors(fails: f64, given: bool) -> Arc<Motors> {
+    Arc::new(Motors { numbers: Default::default(), calls: AtomicU64::new(0), fails, given })
 }
 
 fn started(motors: &Arc<Motors>) -> (Model, Vec<f64>, Vec<f64>) {
@@ -86,7 +97,7 @@ fn started(motors: &Arc<Motors>) -> (Model, Vec<f64>, Vec<f64>) {
 
 #[test]
 fn a_tick_takes_no_memory_and_always_the_same_work() {
-    let motors = motors(f64::INFINITY);
+    let motors = motors(f64::INFINITY, false);
     let (model, q, v) = started(&motors);
     let mut motion = Stepping::new((&model).into(), &request(), (1e-3, 2), (0.0, &q, &v), false).unwrap();
     let mut work = Vec::with_capacity(1000);
@@ -116,7 +127,7 @@ fn a_tick_takes_no_memory_and_always_the_same_work() {
 
 #[test]
 fn a_tick_that_fails_leaves_the_motion_where_it_was() {
-    let motors = motors(0.0205);
+    let motors = motors(0.0205, false);
     let (model, q, v) = started(&motors);
     let mut motion = Stepping::new((&model).into(), &request(), (1e-3, 2), (0.0, &q, &v), true).unwrap();
     for _ in 0..20 {
@@ -135,4 +146,26 @@ fn a_tick_that_fails_leaves_the_motion_where_it_was() {
     for (x, y) in motion.now().v.iter().zip(&before.v) {
         assert!((x - y).abs() < 1e-15, "the same again");
     }
+}
+
+#[test]
+fn given_numbers_move_it_as_functions_of_time_do() {
+    let all = [false, true].map(|given| motors(f64::INFINITY, given));
+    let made = all.each_ref().map(started);
+    let [mut one, mut other] = made
+        .each_ref()
+        .map(|(model, q, v)| Stepping::new(model.into(), &request(), (1e-3, 2), (0.0, q, v), false).unwrap());
+    for k in 0..300 {
+        let t = f64::from(k) * 1e-3;
+        for (cell, u) in all.iter().flat_map(|x| x.numbers.iter().zip([3.0 * (9.0 * t).sin(), -2.0 * (7.0 * t).cos()]))
+        {
+            cell.store(u.to_bits(), Ordering::Relaxed);
+        }
+        one.step().unwrap();
+        let (taken, counted) = allocations(|| other.step());
+        taken.unwrap();
+        assert_eq!(one.now(), other.now());
+        assert!(k == 0 || counted == 0 || other.reported(false).log.events.len() > 1, "tick {k}");
+    }
+    assert_eq!(all[1].calls.load(Ordering::Relaxed), 0);
 }

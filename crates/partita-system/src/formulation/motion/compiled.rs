@@ -28,8 +28,10 @@ pub(super) struct CompiledMotion {
     vdot_count: usize,
     /// Whether rows depend on time.
     moves: bool,
-    /// The point last evaluated.
+    /// The point last evaluated: (q, u), t, and the numbers given from outside.
     inputs: Vec<f64>,
+    /// Number of (q, u).
+    states: usize,
     outputs: Vec<f64>,
     /// Memory of the code.
     memory: Vec<f64>,
@@ -52,7 +54,8 @@ impl CompiledMotion {
             rates_count,
             vdot_count: 0,
             moves,
-            inputs: vec![0.0; states + 1],
+            inputs: vec![0.0; states + 1 + r.system.given_count()],
+            states,
             outputs: Vec::new(),
             memory: Vec::new(),
             count: 0,
@@ -68,11 +71,15 @@ impl CompiledMotion {
             self.vdot_count = if self.moves || r.by_clusters() { r.size().nv } else { 0 };
             self.outputs.resize(self.rates_count + self.vdot_count + r.rank() + 1, 0.0);
         }
-        let recording = |most| r.system.recorded_rates(&r.choice(), most);
-        let code = self.rates.as_ref()?.code(self.compiler, self.when, recording)?;
-        let states = self.inputs.len() - 1;
-        self.inputs[..states].copy_from_slice(&y[..states]);
-        self.inputs[states] = t;
+        let rates = self.rates.as_ref()?;
+        if rates.is_due(self.when) {
+            self.make(rates, r);
+        }
+        let code = rates.code()?;
+        let (states, rest) = self.inputs.split_at_mut(self.states);
+        states.copy_from_slice(&y[..states.len()]);
+        rest[0] = t;
+        rest[1..].iter_mut().enumerate().for_each(|(i, x)| *x = r.system.given_number(i));
         if self.memory.len() < code.memory() {
             self.memory.resize(code.memory(), 0.0);
         }
@@ -84,6 +91,19 @@ impl CompiledMotion {
         (applies && finite).then(|| self.last().0)
     }
 
+    /// Make the code now, or have it made.
+    fn make<S: ConstrainedSystem>(&self, rates: &Arc<CompiledRates>, r: &Reduction<S>) {
+        let (compiler, when, choice) = (self.compiler, self.when, r.choice());
+        if when != Compilation::Beside {
+            return rates.make(compiler, when, |most| r.system.recorded_rates(&choice, most));
+        }
+        let (rates, choice) = (rates.clone(), choice.owned());
+        // where no thread can be had the levels go on
+        let _ = S::beside(&r.system, move |system| {
+            rates.make(compiler, when, |most| system.recorded_rates(&choice.choice(), most));
+        });
+    }
+
     /// The rates last evaluated, and what tells whether they apply.
     fn last(&self) -> ([&[f64]; 2], &[f64]) {
         let (rates, rest) = self.outputs.split_at(self.rates_count);
@@ -93,8 +113,12 @@ impl CompiledMotion {
 
     /// Whether (t, y) is the point last evaluated, for the plan in use.
     fn is_at<S: ConstrainedSystem>(&self, r: &Reduction<S>, t: f64, y: &[f64]) -> bool {
-        let last = self.inputs.split_last();
-        self.plan == r.plans && last.is_some_and(|(at, states)| *at == t && *states == y[..states.len()])
+        let (states, rest) = self.inputs.split_at(self.states);
+        let is_given = |(i, x): (usize, &f64)| r.system.given_number(i) == *x;
+        self.plan == r.plans
+            && rest[0] == t
+            && *states == y[..states.len()]
+            && rest[1..].iter().enumerate().all(is_given)
     }
 
     /// Contribution to the history of a run.

@@ -158,6 +158,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             return Probe::Unknown;
         }
         let Some((_, plan)) = self.tangent.margin() else { return Probe::Unknown };
+        self.moved = true;
         self.tangent.full_acceleration(&mut self.vdot);
         let v = &self.tangent.seen().v;
         let moved: Vec<f64> = v.iter().zip(&self.vdot).map(|(v, a)| ahead * (v + 0.5 * ahead * a)).collect();
@@ -326,8 +327,14 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     /// one v is
     /// off by round-off over the distance, v' by that over its square.
     pub(super) fn is_at_a_singular_position(&mut self) -> bool {
+        let here = self.tangent.margin();
+        self.is_singular(here)
+    }
+
+    /// Whether a position with this margin is one.
+    pub(super) fn is_singular(&self, here: Option<(f64, u64)>) -> bool {
         let at_ends = self.margins().into_iter().flatten().fold(0.0, f64::max);
-        at_ends > 0.0 && self.tangent.margin().is_none_or(|(here, _)| here < tolerance::AT_SINGULARITY * at_ends)
+        at_ends > 0.0 && here.is_none_or(|(here, _)| here < tolerance::AT_SINGULARITY * at_ends)
     }
 
     /// Half-way through the step that was judged.

@@ -86,6 +86,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         self.tangent.select(&self.vdot, &mut dy[p..w]); // S δ = 0
         self.tangent.reduction().v.copy_from_slice(&self.v);
         self.positions.rates(&mut self.tangent, &y[p..w], dy);
+        self.moved = true;
         Ok(true)
     }
 }
