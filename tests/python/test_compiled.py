@@ -75,6 +75,22 @@ def test_mechanisms_by_chance_move_as_without_to_the_bit() -> None:
     assert served > len(SEEDS) // 2
 
 
+@pytest.mark.parametrize("breaks", [2, 3, 40, 4000])
+def test_tables_are_looked_up_whatever_their_length(breaks: int) -> None:
+    """Over time, over an angle that turns on and back, and a cam whose follower another table acts along."""
+    m = pt.catalogue.load("four-bar")
+    follower = m.add_body("follower", mass=0.2, com=(3, 0, 0), inertia=(0.01, 0.01, 0.01))
+    lift = m.add_prismatic("lift", m.ground, follower, point=(3, 0, 0), axis=(0, 1, 0))
+    m.add_cam(lift, "A", (np.linspace(0.0, 2.0 * np.pi, breaks), 0.1 * np.sin(np.arange(breaks)) ** 2), name="cam")
+    times = np.linspace(0.0, 2.0, breaks)
+    m.add_torque("A", (times, 3.0 * np.cos(5.0 * times)), name="motor")
+    heights = np.linspace(-1.0, 1.0, breaks)
+    m.add_torque(lift, (heights, -20.0 * heights**3), over=lift, name="stiffer")
+    start = m.assemble(rates={"A": 2.0})
+    run = same(m, 1.5, initial=start, t_eval=[0.0, 0.4, 1.5], max_steps=400)
+    assert compiled(run) > 0.5 * run.counters["evaluations"]
+
+
 @pytest.mark.parametrize("options", [{"method": "dopri5"}, {"method": "adams"}, {"step": 1e-3, "method": "rk4"}])
 def test_every_method_steps_by_compiled_evaluations(options: dict[str, Any]) -> None:
     m = pt.catalogue.load("grashof-four-bar")

@@ -2,15 +2,17 @@
 //! enough.
 //!
 //! ```text
-//! inputs   q | v_I | t | numbers given from outside
-//! rates    q' | v_I' | power | v' | 1 / pivots of C_D | excess                               (S2, P1-P3)
+//! inputs   q | v_I | t | numbers given from outside | intervals of tables
+//! rates    q' | v_I' | power | v' | 1 / pivots of C_D | excess | what is looked up in tables           (S2, P1-P3)
 //! ```
+//! A table is looked up outside the code: it is evaluated with the intervals of the last point, and again where a number that
+//! it looks up is in another one.
 //! The power, of applied forces and drives, is there where it is observed, v' where rows depend on time or accelerations come
 //! from a recursion. The excess is above 0 where an evaluation by levels fails.
 
 use crate::choice::Choice;
 use partita_math::program::{Compiled, Compiler, NotCompiled};
-use partita_math::scalar::Recording;
+use partita_math::scalar::{Lookup, Recording};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
@@ -65,10 +67,17 @@ pub struct CompiledRates {
     code: OnceLock<Code>,
 }
 
+/// The code, and the tables that it reads: their intervals are its last inputs, what is looked up its last outputs.
+#[derive(Debug)]
+pub(crate) struct CompiledCode {
+    pub(crate) code: Box<dyn Compiled>,
+    pub(crate) lookups: Vec<Lookup>,
+}
+
 /// What became of a choice.
 #[derive(Debug)]
 enum Code {
-    Compiled(Box<dyn Compiled>),
+    Compiled(CompiledCode),
     /// It cannot be recorded, or is too large.
     Without,
     /// This computer does not compile it.
@@ -77,9 +86,9 @@ enum Code {
 
 impl CompiledRates {
     /// The code; none where the levels are evaluated.
-    pub(crate) fn code(&self) -> Option<&dyn Compiled> {
+    pub(crate) fn code(&self) -> Option<&CompiledCode> {
         match self.code.get()? {
-            Code::Compiled(code) => Some(&**code),
+            Code::Compiled(code) => Some(code),
             Code::Without | Code::Refused(_) => None,
         }
     }
@@ -119,8 +128,9 @@ impl CompiledRates {
 fn compile(compiler: &dyn Compiler, limits: [usize; 2], recording: impl FnOnce(usize) -> Option<Recording>) -> Code {
     let [most, longest] = limits;
     let Some(recording) = recording(most) else { return Code::Without };
+    let lookups = recording.lookups().to_vec();
     match compiler.compile(recording, longest) {
-        Ok(code) => code.map_or(Code::Without, Code::Compiled),
+        Ok(code) => code.map_or(Code::Without, |code| Code::Compiled(CompiledCode { code, lookups })),
         Err(why) => Code::Refused(why),
     }
 }

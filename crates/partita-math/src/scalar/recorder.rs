@@ -9,15 +9,18 @@
 mod c;
 mod counts;
 mod lean;
+mod lookup;
 mod module;
 
 pub use c::{head, Numbers};
 pub use counts::OperationCounts;
+pub use lookup::Lookup;
 pub use module::Module;
 
 use super::{Arguments, Cases, Functions, Scalar};
 use lean::{Numbered, Once};
 use std::cell::RefCell;
+use std::collections::HashMap;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
 /// One entry of a tape; operands are indices of earlier entries.
@@ -58,11 +61,26 @@ struct Tape {
     bounded: Vec<(Recorder, f64, f64)>,
     /// The inputs that are given from outside.
     given: Vec<Recorder>,
+    /// Number of inputs.
+    inputs: usize,
+    /// What is looked up in tables, by the entry and the address of the rows; none where breaks are compared one by one.
+    known: Option<HashMap<(u32, usize), [Recorder; Lookup::NUMBERS]>>,
+    lookups: Vec<(Recorder, Lookup)>,
 }
 
 thread_local! {
     static TAPE: RefCell<Tape> = const {
-        RefCell::new(Tape { number: 0, entries: None, most: 0, is_full: false, bounded: Vec::new(), given: Vec::new() })
+        RefCell::new(Tape {
+            number: 0,
+            entries: None,
+            most: 0,
+            is_full: false,
+            bounded: Vec::new(),
+            given: Vec::new(),
+            inputs: 0,
+            known: None,
+            lookups: Vec::new(),
+        })
     };
 }
 
@@ -101,6 +119,25 @@ impl Tape {
             return None;
         }
         Some(entries.slot(operation))
+    }
+
+    fn input(&mut self) -> Recorder {
+        let slot = self.push(Operation::Input(self.inputs as u32)).unwrap_or(0);
+        self.inputs += 1;
+        Recorder(Kind::Entry(self.number, slot))
+    }
+
+    /// Start and cubic of the interval that an entry is in, as inputs; none where breaks are compared, or there are none.
+    fn look_up(&mut self, x: Recorder, breaks: &[f64], rows: &[[f64; 4]]) -> Option<[Recorder; Lookup::NUMBERS]> {
+        let Kind::Entry(_, slot) = x.0 else { return None };
+        let key = (slot, rows.as_ptr() as usize);
+        if let Some(known) = self.known.as_ref().filter(|_| rows.len() > 1)?.get(&key) {
+            return Some(*known);
+        }
+        let inputs = std::array::from_fn(|_| self.input());
+        self.known.as_mut()?.insert(key, inputs);
+        self.lookups.push((x, Lookup::new(breaks, rows)));
+        Some(inputs)
     }
 }
 
@@ -259,8 +296,11 @@ impl Cases for Recorder {
 
 impl Functions for Recorder {
     const CALLS: bool = false;
-    /// One comparison for each break: the recording serves every interval.
+    /// Inputs, or one comparison for each break, so that the recording serves every interval.
     fn interval(self, breaks: &[f64], rows: &[[f64; 4]]) -> (Self, [Self; 4]) {
+        if let Some([start, a, b, c, d]) = TAPE.with_borrow_mut(|tape| tape.look_up(self, breaks, rows)) {
+            return (start, [a, b, c, d]);
+        }
         let (mut start, mut row) = (Self::from_f64(breaks[0]), rows[0].map(Self::from_f64));
         for (&b, r) in breaks.iter().zip(rows).skip(1) {
             let reached = self.one_of(|x| if x >= b { 1.0 } else { -1.0 }, |x| Operation::Reached(x, b));
@@ -305,6 +345,8 @@ pub struct Recording {
     pub(crate) outputs: Vec<u32>,
     /// How it is reduced.
     once: Once,
+    /// Tables whose intervals are its last inputs; the numbers that are looked up are its last outputs.
+    lookups: Vec<Lookup>,
 }
 
 impl Recording {
@@ -318,9 +360,9 @@ impl Recording {
     /// The recording of a function of many parts, reduced as [`lean`](Self::lean) does, but for equal operations on
     /// constants: what equal parts do stays alike, and can be repeated, where constants of some parts are equal by chance.
     ///
-    /// Its inputs are arguments of `f`, as many as the first number tells, and after them numbers given from outside (see
-    /// [`Functions::given`]). None where there are more than `most` operations, inputs and constants counted, of which no
-    /// more are then kept.
+    /// Its inputs are arguments of `f`, as many as the first number tells, after them numbers given from outside (see
+    /// [`Functions::given`]), then intervals of tables (see [`lookups`](Self::lookups)). None where there are more than `most`
+    /// operations, inputs and constants counted, of which no more are then kept.
     pub fn of_parts<E>(
         most: usize,
         inputs: [usize; 2],
@@ -337,33 +379,40 @@ impl Recording {
         [arguments, given]: [usize; 2],
         f: impl FnOnce(&[Recorder]) -> Result<Vec<Recorder>, E>,
     ) -> Result<(Self, bool), E> {
-        let inputs = arguments + given;
         let own = TAPE.with_borrow_mut(|tape| {
             tape.number = tape.number.wrapping_add(1);
             tape.entries = Some(Numbered::new(once));
             (tape.most, tape.is_full) = (most, false);
             tape.bounded.clear();
-            let slot = |i: usize| tape.push(Operation::Input(i as u32)).unwrap_or(0);
-            let slots: Vec<u32> = (0..inputs).map(slot).collect();
-            let mut all: Vec<_> = slots.into_iter().map(|p| Recorder(Kind::Entry(tape.number, p))).collect();
-            tape.given = all.split_off(arguments);
-            all
+            tape.inputs = 0;
+            tape.known = (once == Once::WithoutConstants).then(HashMap::new);
+            let own: Vec<_> = (0..arguments).map(|_| tape.input()).collect();
+            tape.given = (0..given).map(|_| tape.input()).collect();
+            own
         });
         let found = f(&own);
         TAPE.with_borrow_mut(|tape| {
+            let (seen, lookups): (Vec<_>, Vec<_>) = std::mem::take(&mut tape.lookups).into_iter().unzip();
             let outputs = found.map(|found| {
                 let slot = |tape: &mut Tape, x| tape.slot(x).or_else(|| tape.push(Operation::Constant(f64::NAN)));
-                found.into_iter().map(|x| slot(tape, x).unwrap_or(0)).collect()
+                found.into_iter().chain(seen).map(|x| slot(tape, x).unwrap_or(0)).collect()
             });
-            tape.given.clear();
+            let inputs = tape.inputs;
+            (tape.given, tape.known) = (Vec::new(), None);
             let operations = tape.entries.take().map_or_else(Vec::new, |entries| entries.operations);
-            outputs.map(|outputs| (Self { inputs, operations, outputs, once }, !tape.is_full))
+            outputs.map(|outputs| (Self { inputs, operations, outputs, once, lookups }, !tape.is_full))
         })
     }
 
     /// Number of inputs.
     pub fn inputs(&self) -> usize {
         self.inputs
+    }
+
+    /// Tables in which numbers are looked up: [`Lookup::NUMBERS`] inputs for each, the last of all, and as many outputs,
+    /// what is looked up.
+    pub fn lookups(&self) -> &[Lookup] {
+        &self.lookups
     }
 
     /// Number of outputs.

@@ -254,7 +254,8 @@ impl Recording {
             slots.push(numbered.slot(moved));
         }
         let outputs = self.outputs.iter().map(|&x| slots.get(x as usize).copied().unwrap_or(0)).collect();
-        Cow::Owned(Self { inputs: self.inputs, operations: numbered.operations, outputs, once }.needed())
+        let lookups = self.lookups.clone();
+        Cow::Owned(Self { inputs: self.inputs, operations: numbered.operations, outputs, once, lookups }.needed())
     }
 
     /// Without operations that no output needs.

@@ -5,7 +5,7 @@
 //! a pivot comes near its guard, a number is not finite or an evaluation would fail, the levels decide.
 
 use super::Motion;
-use crate::compiled::{Compilation, CompiledRates};
+use crate::compiled::{Compilation, CompiledCode, CompiledRates};
 use crate::error::Result;
 use crate::positions::Positions;
 use crate::record::History;
@@ -13,6 +13,7 @@ use crate::reduction::Reduction;
 use crate::system::ConstrainedSystem;
 use crate::tangent::Tangent;
 use partita_math::program::Compiler;
+use partita_math::scalar::Lookup;
 use std::sync::Arc;
 
 /// The compiled rates of the choice in use.
@@ -26,12 +27,18 @@ pub(super) struct CompiledMotion {
     /// Number of the rates of (q, u, work), and of those of v for the plan.
     rates_count: usize,
     vdot_count: usize,
+    /// Number of the reciprocal pivots and of the excess.
+    watched_count: usize,
     /// Whether rows depend on time.
     moves: bool,
-    /// The point last evaluated: (q, u), t, and the numbers given from outside.
+    /// The point last evaluated: (q, u), t, the numbers given from outside, intervals of tables.
     inputs: Vec<f64>,
     /// Number of (q, u).
     states: usize,
+    /// Number of those given.
+    given: usize,
+    /// Interval of each table.
+    intervals: Vec<usize>,
     outputs: Vec<f64>,
     /// Memory of the code.
     memory: Vec<f64>,
@@ -53,9 +60,12 @@ impl CompiledMotion {
             rates: None,
             rates_count,
             vdot_count: 0,
+            watched_count: 0,
             moves,
-            inputs: vec![0.0; states + 1 + r.system.given_count()],
+            inputs: vec![0.0; states + 1],
             states,
+            given: r.system.given_count(),
+            intervals: Vec::new(),
             outputs: Vec::new(),
             memory: Vec::new(),
             count: 0,
@@ -69,21 +79,33 @@ impl CompiledMotion {
             self.plan = r.plans;
             self.rates = r.system.compiled_rates(&r.choice());
             self.vdot_count = if self.moves || r.by_clusters() { r.size().nv } else { 0 };
-            self.outputs.resize(self.rates_count + self.vdot_count + r.rank() + 1, 0.0);
+            self.watched_count = r.rank() + 1;
+            self.intervals.clear();
         }
         let rates = self.rates.as_ref()?;
         if rates.is_due(self.when) {
             self.make(rates, r);
         }
-        let code = rates.code()?;
+        let CompiledCode { code, lookups } = rates.code()?;
+        let own = self.states + 1 + self.given;
+        let outputs = self.rates_count + self.vdot_count + self.watched_count;
+        self.inputs.resize(own + Lookup::NUMBERS * lookups.len(), 0.0);
+        self.outputs.resize(outputs + lookups.len(), 0.0);
+        self.intervals.resize(lookups.len(), usize::MAX);
         let (states, rest) = self.inputs.split_at_mut(self.states);
         states.copy_from_slice(&y[..states.len()]);
         rest[0] = t;
-        rest[1..].iter_mut().enumerate().for_each(|(i, x)| *x = r.system.given_number(i));
+        rest[1..][..self.given].iter_mut().enumerate().for_each(|(i, x)| *x = r.system.given_number(i));
         if self.memory.len() < code.memory() {
             self.memory.resize(code.memory(), 0.0);
         }
-        code.evaluate(&self.inputs, &mut self.outputs, &mut self.memory);
+        // what is looked up may depend on what others found, so that all are known after as many times
+        for _ in 0..=lookups.len() {
+            code.evaluate(&self.inputs, &mut self.outputs, &mut self.memory);
+            if !look_up(lookups, &self.outputs[outputs..], &mut self.intervals, &mut self.inputs[own..]) {
+                break;
+            }
+        }
         let ([rates, vdot], watched) = self.last();
         let (excess, pivots) = watched.split_last()?;
         let applies = *excess <= 0.0 && r.clearly_regular(pivots);
@@ -107,8 +129,8 @@ impl CompiledMotion {
     /// The rates last evaluated, and what tells whether they apply.
     fn last(&self) -> ([&[f64]; 2], &[f64]) {
         let (rates, rest) = self.outputs.split_at(self.rates_count);
-        let (vdot, watched) = rest.split_at(self.vdot_count);
-        ([rates, vdot], watched)
+        let (vdot, rest) = rest.split_at(self.vdot_count);
+        ([rates, vdot], &rest[..self.watched_count])
     }
 
     /// Whether (t, y) is the point last evaluated, for the plan in use.
@@ -118,7 +140,7 @@ impl CompiledMotion {
         self.plan == r.plans
             && rest[0] == t
             && *states == y[..states.len()]
-            && rest[1..].iter().enumerate().all(is_given)
+            && rest[1..][..self.given].iter().enumerate().all(is_given)
     }
 
     /// Contribution to the history of a run.
@@ -128,6 +150,20 @@ impl CompiledMotion {
             history.notes.push(format!("evaluations were not compiled, which changes their time alone: {why}"));
         }
     }
+}
+
+/// Put the intervals into `inputs` that these numbers are in; whether one is not that of before.
+fn look_up(lookups: &[Lookup], found: &[f64], intervals: &mut [usize], inputs: &mut [f64]) -> bool {
+    let mut changed = false;
+    let numbers = inputs.chunks_exact_mut(Lookup::NUMBERS);
+    for (((lookup, x), interval), numbers) in lookups.iter().zip(found).zip(intervals).zip(numbers) {
+        let now = lookup.interval(*x, *interval);
+        if now != *interval {
+            numbers.copy_from_slice(&lookup.numbers(now));
+            (*interval, changed) = (now, true);
+        }
+    }
+    changed
 }
 
 impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> Motion<'s, S, T, P> {
