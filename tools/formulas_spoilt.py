@@ -1274,4 +1274,28 @@ FORMULAS = (
         "1 << 5 | 1",
         ("lib compiled",),
     ),
+    Error(
+        "interval-of-before",
+        "code is not evaluated again where a table is looked up in another interval",
+        f"{SYSTEM}/formulation/motion/compiled.rs",
+        "(*interval, changed) = (now, true);",
+        "(*interval, changed) = (now, changed);",
+        ("python test_compiled.py",),
+    ),
+    Error(
+        "inputs-of-before",
+        "code reads the inputs of a stepper once",
+        f"{SYSTEM}/formulation/motion/compiled.rs",
+        ".for_each(|(i, x)| *x = r.system.given_number(i));",
+        ".filter(|(_, x)| **x == 0.0).for_each(|(i, x)| *x = r.system.given_number(i));",
+        ("python test_stepper.py",),
+    ),
+    Error(
+        "course-rate",
+        "the rate of a drive that a stepper commands lacks a half (S3, S4)",
+        f"{MODEL}/value.rs",
+        "b + (twice + bend) * x",
+        "b + (c + bend) * x",
+        ("python test_stepper.py",),
+    ),
 )

@@ -31,6 +31,10 @@ const MOST_RECORDED: usize = 20 * LONGEST;
 /// Choices of a system whose code is kept. Scale: choices. Reason: more than a mechanism visits in one cycle of its motion.
 const MOST_CHOICES: usize = 32;
 
+/// Why rates cannot be recorded.
+pub(crate) const WITHOUT: &str =
+    "Python functions, reaction-dependent friction and bodies without mass are evaluated as without";
+
 /// When the rates of a choice are compiled.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Compilation {
@@ -116,10 +120,11 @@ impl CompiledRates {
         self.code.get_or_init(|| compile(compiler, when.limits(), recording));
     }
 
-    /// Why this computer does not compile them.
-    pub(crate) fn refusal(&self) -> Option<&NotCompiled> {
+    /// Why there is no code, where this computer makes none, or none could be made although it was asked for.
+    pub(crate) fn refusal(&self, when: Compilation) -> Option<String> {
         match self.code.get()? {
-            Code::Refused(why) => Some(why),
+            Code::Refused(why) => Some(why.to_string()),
+            Code::Without if when == Compilation::Always => Some(WITHOUT.into()),
             Code::Compiled(_) | Code::Without => None,
         }
     }

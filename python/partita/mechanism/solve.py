@@ -436,7 +436,7 @@ def simulate(
             each choice of coordinates. The results are the same to the bit. "auto": once a choice has served for
             1500 evaluations, unless its equations are very large; True: at once; False: never. Mechanisms with
             Python functions, reaction-dependent friction or massless bodies are evaluated as without.
-            `counters["compiled_evaluations"]` counts them.
+            `counters["compiled_evaluations"]` counts them, and with True `notes` says where there are none.
         tangent: `TangentVelocities` for "user-tangent".
         parameters: name -> value, numbers that replace those of the drawing, as in `CompiledModel.with_parameters`: for
             sweeps and gradients, where compiling again would cost more than the run. The loops must close in `initial`

@@ -2,6 +2,7 @@
 
 use super::motion::{ExplicitClosing, FullState, Projective, TangentSpace, TangentVelocities, UserTangent, WehageHaug};
 use super::Formulation;
+use crate::compiled::Compilation;
 use crate::equations::full::baumgarte::Stabilised;
 use crate::equations::full::proximal::Iteration;
 use crate::equations::full::range_space::Range;
@@ -10,6 +11,7 @@ use crate::equations::full::sparse::Sparse;
 use crate::equations::full::AccelerationRule;
 use crate::error::Result;
 use crate::options::FormulationOptions;
+use crate::record::Correction;
 use crate::system::{ConstrainedSystem, SystemError, SystemRef};
 use crate::tangent::basis::Rule;
 
@@ -92,6 +94,7 @@ pub fn unread(name: &str, options: &FormulationOptions) -> Vec<&'static str> {
         _ => &[],
     };
     let (o, usual) = (options, FormulationOptions::default());
+    let compiles = matches!(name, "projective" | "fixed") && o.correction != Correction::Kantorovich;
     let set = [
         ("correction", o.correction != usual.correction),
         ("switch_threshold", o.switch_threshold != usual.switch_threshold),
@@ -102,6 +105,7 @@ pub fn unread(name: &str, options: &FormulationOptions) -> Vec<&'static str> {
         ("baumgarte", o.baumgarte.is_some()),
         ("renew", o.renew != usual.renew),
         ("tangent", o.tangent.is_some()),
+        ("compiled", o.compilation == Compilation::Always && !compiles),
     ];
     set.into_iter().filter(|(option, set)| *set && !read.contains(option)).map(|(option, _)| option).collect()
 }

@@ -5,7 +5,7 @@
 //! a pivot comes near its guard, a number is not finite or an evaluation would fail, the levels decide.
 
 use super::Motion;
-use crate::compiled::{Compilation, CompiledCode, CompiledRates};
+use crate::compiled::{Compilation, CompiledCode, CompiledRates, WITHOUT};
 use crate::error::Result;
 use crate::positions::Positions;
 use crate::record::History;
@@ -146,7 +146,11 @@ impl CompiledMotion {
     /// Contribution to the history of a run.
     pub(super) fn report(&self, history: &mut History) {
         history.counters.compiled_evaluations = self.count;
-        if let Some(why) = self.rates.as_ref().and_then(|rates| rates.refusal()) {
+        let why = match &self.rates {
+            Some(rates) => rates.refusal(self.when),
+            None => (self.when == Compilation::Always && self.count == 0 && self.plan > 0).then(|| WITHOUT.to_string()),
+        };
+        if let Some(why) = why {
             history.notes.push(format!("evaluations were not compiled, which changes their time alone: {why}"));
         }
     }
