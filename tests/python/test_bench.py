@@ -60,6 +60,44 @@ def test_machine_code_in_loops_moves_many_parts_as_without_to_the_bit(bench: Mod
         assert np.array_equal(getattr(run, name), getattr(plain, name)), name
 
 
+ALL_COORDINATES = (
+    "wehage-haug",
+    "svd",
+    "qr",
+    "liang-lance",
+    "gram-schmidt",
+    "zero-eigenvalue",
+    "tangent-space",
+    "sparse-multipliers",
+)
+"""Formulations that choose or solve with one matrix for the whole mechanism."""
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+@pytest.mark.parametrize(
+    "kind, size",
+    [
+        ("side by side", 20),
+        ("in series", 20),
+        ("ring", 30),
+        ("open chain", 40),
+        ("five-bar loops", 25),
+        ("four-bar chain", 30),
+    ],
+)
+def test_formulations_move_many_parts_alike(bench: ModuleType, kind: str, size: int, coordinates: str) -> None:
+    m = sys.modules["many_dof"].MECHANISMS[kind](size)
+    start = m.assemble(rates={"P0": -1.0} if kind == "four-bar chain" else None)
+    start = start if coordinates == "relative" else m.convert(start, coordinates)
+    options = {"initial": start, "coordinates": coordinates, "t_eval": [0.02]}
+    expected = m.simulate(0.02, **options)
+    for formulation in ALL_COORDINATES:
+        run = m.simulate(0.02, formulation=formulation, **options)
+        assert run.success, (formulation, run.message)
+        assert np.allclose(run.q, expected.q, rtol=0.0, atol=1e-7), formulation
+        assert np.allclose(run.v, expected.v, rtol=0.0, atol=1e-6), formulation
+
+
 def test_programs_of_the_limit_meet_the_known_answers(bench: ModuleType, tmp_path: Path) -> None:
     limit = sys.modules["limit"]
     built = limit.compiled(tmp_path)

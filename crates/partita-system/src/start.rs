@@ -365,9 +365,19 @@ pub fn choose_with_threshold<S: ConstrainedSystem>(
     if r.k() == 0 || r.rank() == 0 {
         return Ok(());
     }
-    r.v.fill(0.0);
-    r.velocity(t, q)?;
-    r.acceleration(t, q)?;
+    let evaluate = |r: &mut Reduction<S>| {
+        r.v.fill(0.0);
+        r.velocity(t, q)?;
+        r.acceleration(t, q)
+    };
+    // where the first partition loses M_d in rounding, as in nets of bodies with coordinates of their own, better ones do not
+    match evaluate(r) {
+        Err(SystemError::Mass { .. }) => {
+            switch_to_best(r, t, None, 1.0)?;
+            evaluate(r)?;
+        }
+        found => found?,
+    }
     let chosen = match r.by_clusters() {
         true => r.choose_by_clusters(weights)?,
         false => criterion::choose(&r.dt, r.k(), &r.md_factor, &r.s2, weights),
@@ -378,6 +388,16 @@ pub fn choose_with_threshold<S: ConstrainedSystem>(
         r.set_partition(t, &first)?;
     }
     r.tangent(t)?;
+    switch_to_best(r, t, weights, threshold)
+}
+
+/// Switches with a gain above `threshold` (P6), until there are none; the tangent of the last partition is evaluated.
+fn switch_to_best<S: ConstrainedSystem>(
+    r: &mut Reduction<S>,
+    t: f64,
+    weights: Option<&[f64]>,
+    threshold: f64,
+) -> Result<(), SystemError> {
     let scales: Vec<f64> = match weights {
         Some(w) => r.scales().iter().zip(w).map(|(s, w)| s / w).collect(),
         None => r.scales().to_vec(),
