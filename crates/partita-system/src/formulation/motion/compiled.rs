@@ -39,6 +39,8 @@ pub(super) struct CompiledMotion {
     given: usize,
     /// Interval of each table.
     intervals: Vec<usize>,
+    /// Whether inputs, outputs and memory are those of the code.
+    fits: bool,
     outputs: Vec<f64>,
     /// Memory of the code.
     memory: Vec<f64>,
@@ -51,7 +53,7 @@ impl CompiledMotion {
     pub(super) fn new<S: ConstrainedSystem>(r: &Reduction<S>, when: Compilation) -> Option<Self> {
         let (size, moves) = (r.size(), r.system.rheonomic());
         let compiler = <dyn Compiler>::installed().filter(|_| when != Compilation::Never)?;
-        let states = size.nq + r.k();
+        let (states, given) = (size.nq + r.k(), r.system.given_count());
         let rates_count = states + usize::from(r.system.has_power() || moves);
         Some(Self {
             compiler,
@@ -62,10 +64,11 @@ impl CompiledMotion {
             vdot_count: 0,
             watched_count: 0,
             moves,
-            inputs: vec![0.0; states + 1],
+            inputs: vec![0.0; states + 1 + given],
             states,
-            given: r.system.given_count(),
+            given,
             intervals: Vec::new(),
+            fits: false,
             outputs: Vec::new(),
             memory: Vec::new(),
             count: 0,
@@ -80,31 +83,35 @@ impl CompiledMotion {
             self.rates = r.system.compiled_rates(&r.choice());
             self.vdot_count = if self.moves || r.by_clusters() { r.size().nv } else { 0 };
             self.watched_count = r.rank() + 1;
-            self.intervals.clear();
+            self.fits = false;
         }
         let rates = self.rates.as_ref()?;
-        if rates.is_due(self.when) {
+        let found = rates.code();
+        if found.is_none() && rates.is_due(self.when) {
             self.make(rates, r);
         }
-        let CompiledCode { code, lookups } = rates.code()?;
+        let CompiledCode { code, lookups } = found.or_else(|| rates.code())?;
         let own = self.states + 1 + self.given;
         let outputs = self.rates_count + self.vdot_count + self.watched_count;
-        self.inputs.resize(own + Lookup::NUMBERS * lookups.len(), 0.0);
-        self.outputs.resize(outputs + lookups.len(), 0.0);
-        self.intervals.resize(lookups.len(), usize::MAX);
+        if !self.fits {
+            self.fits = true;
+            self.inputs.resize(own + Lookup::NUMBERS * lookups.len(), 0.0);
+            self.outputs.resize(outputs + lookups.len(), 0.0);
+            self.memory.resize(code.memory().max(self.memory.len()), 0.0);
+            self.intervals.clear();
+            self.intervals.resize(lookups.len(), usize::MAX);
+        }
         let (states, rest) = self.inputs.split_at_mut(self.states);
         states.copy_from_slice(&y[..states.len()]);
         rest[0] = t;
-        rest[1..][..self.given].iter_mut().enumerate().for_each(|(i, x)| *x = r.system.given_number(i));
-        if self.memory.len() < code.memory() {
-            self.memory.resize(code.memory(), 0.0);
-        }
+        rest[1..=self.given].iter_mut().enumerate().for_each(|(i, x)| *x = r.system.given_number(i));
+        code.evaluate(&self.inputs, &mut self.outputs, &mut self.memory);
         // what is looked up may depend on what others found, so that all are known after as many times
-        for _ in 0..=lookups.len() {
-            code.evaluate(&self.inputs, &mut self.outputs, &mut self.memory);
+        for _ in lookups {
             if !look_up(lookups, &self.outputs[outputs..], &mut self.intervals, &mut self.inputs[own..]) {
                 break;
             }
+            code.evaluate(&self.inputs, &mut self.outputs, &mut self.memory);
         }
         let ([rates, vdot], watched) = self.last();
         let (excess, pivots) = watched.split_last()?;
@@ -140,7 +147,7 @@ impl CompiledMotion {
         self.plan == r.plans
             && rest[0] == t
             && *states == y[..states.len()]
-            && rest[1..][..self.given].iter().enumerate().all(is_given)
+            && rest[1..=self.given].iter().enumerate().all(is_given)
     }
 
     /// Contribution to the history of a run.

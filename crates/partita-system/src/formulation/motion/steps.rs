@@ -75,6 +75,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     /// A new choice at the point last evaluated; (q, v, v') stay the same. True if y and y' were rewritten.
     fn choose_anew(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], why: Occasion) -> Result<bool> {
         let (p, w) = self.offsets();
+        self.moved = true;
         self.v.copy_from_slice(&self.tangent.seen().v);
         self.tangent.full_acceleration(&mut self.vdot);
         let mut q = self.positions.q().to_vec();
@@ -86,7 +87,6 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         self.tangent.select(&self.vdot, &mut dy[p..w]); // S δ = 0
         self.tangent.reduction().v.copy_from_slice(&self.v);
         self.positions.rates(&mut self.tangent, &y[p..w], dy);
-        self.moved = true;
         Ok(true)
     }
 }
