@@ -78,29 +78,10 @@ impl CompiledMotion {
     /// The rates of (q, u, work), and of v, at (t, y) by the code for the choice in use; none where there is no code, or where
     /// it does not apply.
     fn evaluate<S: ConstrainedSystem>(&mut self, r: &Reduction<S>, t: f64, y: &[f64]) -> Option<[&[f64]; 2]> {
-        if self.plan != r.plans {
-            self.plan = r.plans;
-            self.rates = r.system.compiled_rates(&r.choice());
-            self.vdot_count = if self.moves || r.by_clusters() { r.size().nv } else { 0 };
-            self.watched_count = r.rank() + 1;
-            self.fits = false;
+        if self.plan != r.plans || !self.fits {
+            self.fit(r)?;
         }
-        let rates = self.rates.as_ref()?;
-        let found = rates.code();
-        if found.is_none() && rates.is_due(self.when) {
-            self.make(rates, r);
-        }
-        let CompiledCode { code, lookups } = found.or_else(|| rates.code())?;
-        let own = self.states + 1 + self.given;
-        let outputs = self.rates_count + self.vdot_count + self.watched_count;
-        if !self.fits {
-            self.fits = true;
-            self.inputs.resize(own + Lookup::NUMBERS * lookups.len(), 0.0);
-            self.outputs.resize(outputs + lookups.len(), 0.0);
-            self.memory.resize(code.memory().max(self.memory.len()), 0.0);
-            self.intervals.clear();
-            self.intervals.resize(lookups.len(), usize::MAX);
-        }
+        let CompiledCode { code, lookups } = self.rates.as_ref()?.code()?;
         let (states, rest) = self.inputs.split_at_mut(self.states);
         states.copy_from_slice(&y[..states.len()]);
         rest[0] = t;
@@ -108,7 +89,8 @@ impl CompiledMotion {
         code.evaluate(&self.inputs, &mut self.outputs, &mut self.memory);
         // what is looked up may depend on what others found, so that all are known after as many times
         for _ in lookups {
-            if !look_up(lookups, &self.outputs[outputs..], &mut self.intervals, &mut self.inputs[own..]) {
+            let (found, inputs) = (self.outputs.len() - lookups.len(), self.states + 1 + self.given);
+            if !look_up(lookups, &self.outputs[found..], &mut self.intervals, &mut self.inputs[inputs..]) {
                 break;
             }
             code.evaluate(&self.inputs, &mut self.outputs, &mut self.memory);
@@ -118,6 +100,30 @@ impl CompiledMotion {
         let applies = *excess <= 0.0 && r.clearly_regular(pivots);
         let finite = rates.iter().chain(vdot).all(|x| x.is_finite());
         (applies && finite).then(|| self.last().0)
+    }
+
+    /// The code for the choice in use, made if it is due, and memory for it; none while there is no code.
+    #[inline(never)]
+    fn fit<S: ConstrainedSystem>(&mut self, r: &Reduction<S>) -> Option<()> {
+        if self.plan != r.plans {
+            self.plan = r.plans;
+            self.rates = r.system.compiled_rates(&r.choice());
+            self.vdot_count = if self.moves || r.by_clusters() { r.size().nv } else { 0 };
+            self.watched_count = r.rank() + 1;
+            self.fits = false;
+        }
+        let rates = self.rates.as_ref()?;
+        if rates.is_due(self.when) {
+            self.make(rates, r);
+        }
+        let CompiledCode { code, lookups } = rates.code()?;
+        self.inputs.resize(self.states + 1 + self.given + Lookup::NUMBERS * lookups.len(), 0.0);
+        self.outputs.resize(self.rates_count + self.vdot_count + self.watched_count + lookups.len(), 0.0);
+        self.memory.resize(code.memory().max(self.memory.len()), 0.0);
+        self.intervals.clear();
+        self.intervals.resize(lookups.len(), usize::MAX);
+        self.fits = true;
+        Some(())
     }
 
     /// Make the code now, or have it made.
