@@ -63,8 +63,9 @@ struct Tape {
     given: Vec<Recorder>,
     /// Number of inputs.
     inputs: usize,
-    /// What is looked up in tables, by the entry and the address of the rows; none where breaks are compared one by one.
-    known: Option<HashMap<(u32, usize), [Recorder; Lookup::NUMBERS]>>,
+    /// What is looked up in tables, by the entry and the address of the rows, with the number of its lookup; none where breaks
+    /// are compared one by one.
+    known: Option<HashMap<(u32, usize), ([Recorder; Lookup::NUMBERS], usize)>>,
     lookups: Vec<(Recorder, Lookup)>,
 }
 
@@ -131,11 +132,14 @@ impl Tape {
     fn look_up(&mut self, x: Recorder, breaks: &[f64], rows: &[[f64; 4]]) -> Option<[Recorder; Lookup::NUMBERS]> {
         let Kind::Entry(_, slot) = x.0 else { return None };
         let key = (slot, rows.as_ptr() as usize);
-        if let Some(known) = self.known.as_ref().filter(|_| rows.len() > 1)?.get(&key) {
-            return Some(*known);
+        // an address may have been that of another table
+        let is_that = |of: usize| self.lookups[of].1.is(breaks, rows);
+        match self.known.as_ref().filter(|_| rows.len() > 1)?.get(&key) {
+            Some((inputs, of)) if is_that(*of) => return Some(*inputs),
+            _ => {}
         }
         let inputs = std::array::from_fn(|_| self.input());
-        self.known.as_mut()?.insert(key, inputs);
+        self.known.as_mut()?.insert(key, (inputs, self.lookups.len()));
         self.lookups.push((x, Lookup::new(breaks, rows)));
         Some(inputs)
     }

@@ -17,6 +17,10 @@ impl Lookup {
         Self { breaks: breaks.to_vec(), rows: rows.to_vec() }
     }
 
+    pub(super) fn is(&self, breaks: &[f64], rows: &[[f64; 4]]) -> bool {
+        self.breaks == breaks && self.rows == rows
+    }
+
     /// The interval that x is in; at once if it is the one before.
     pub fn interval(&self, x: f64, before: usize) -> usize {
         let count = self.rows.len();
@@ -75,5 +79,19 @@ mod tests {
             let alone = Recording::new(2, of).unwrap();
             assert!(alone.lookups().is_empty() && alone.inputs() == 2 && alone.len() > 5 * count);
         }
+    }
+    #[test]
+    fn another_table_at_the_same_address_is_another_one() {
+        let (breaks, mut rows) = table(9);
+        let of = |x: &[Recorder]| {
+            let both = [0.0, 1.0].map(|by| {
+                rows.iter_mut().for_each(|row| row[0] += by);
+                x[0].interval(&breaks, &rows).1[0]
+            });
+            Ok::<_, ()>(both.to_vec())
+        };
+        let found = Recording::of_parts(usize::MAX, [1, 0], of).unwrap().unwrap();
+        let [first, second] = found.lookups() else { panic!("{} tables", found.lookups().len()) };
+        assert_eq!(first.numbers(0)[1] + 1.0, second.numbers(0)[1]);
     }
 }
