@@ -65,9 +65,12 @@ struct Tape {
     inputs: usize,
     /// What is looked up in tables, by the entry and the address of the rows, with the number of its lookup; none where breaks
     /// are compared one by one.
-    known: Option<HashMap<(u32, usize), ([Recorder; Lookup::NUMBERS], usize)>>,
+    known: Option<HashMap<(u32, usize), (Interval, usize)>>,
     lookups: Vec<(Recorder, Lookup)>,
 }
+
+/// Start and cubic of an interval.
+type Interval = [Recorder; Lookup::NUMBERS];
 
 thread_local! {
     static TAPE: RefCell<Tape> = const {
@@ -129,7 +132,7 @@ impl Tape {
     }
 
     /// Start and cubic of the interval that an entry is in, as inputs; none where breaks are compared, or there are none.
-    fn look_up(&mut self, x: Recorder, breaks: &[f64], rows: &[[f64; 4]]) -> Option<[Recorder; Lookup::NUMBERS]> {
+    fn look_up(&mut self, x: Recorder, breaks: &[f64], rows: &[[f64; 4]]) -> Option<Interval> {
         let Kind::Entry(_, slot) = x.0 else { return None };
         let key = (slot, rows.as_ptr() as usize);
         // an address may have been that of another table
