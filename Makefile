@@ -99,6 +99,11 @@ trust: $(BUILT)
 	PYTHONPATH=tests/python $(BIN)/python -m derivatives
 	PARTITA_THOROUGH=1 $(BIN)/python -m pytest tests/python
 
+## processors: all tests with instructions held to SSE2, AVX2, AVX-512, and with drawings moved by one unit in their last place (ONLY="sse2 moved-1" some of it)
+.PHONY: processors
+processors: $(BUILT) $(FMU)
+	$(BIN)/python tools/processors/run.py $(ONLY)
+
 ## pages: animated pages of the whole catalogue opened in Chromium, desktop and phone, light and dark; pictures in out/pages
 .PHONY: pages
 pages: $(BUILT)
