@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from collections.abc import Iterable
+from typing import Any, TypeAlias, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +44,11 @@ def without_units(values: Any) -> NDArray[np.float64]:
         except OverflowError as error:
             raise TypeError("an integer beyond 1e308") from error
     raise TypeError(f"{array.dtype} values")
+
+
+def is_list(value: Any) -> TypeGuard[Iterable[Any]]:
+    """Whether it has items to go through: no text, and no array without dimensions, which NumPy makes of a number."""
+    return isinstance(value, Iterable) and not isinstance(value, str | bytes) and getattr(value, "ndim", 1) != 0
 
 
 def is_quantity(value: Any) -> bool:

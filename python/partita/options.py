@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _core
 from .errors import ArgumentError, UnknownNameError
-from .numeric import floats, real, shown
+from .numeric import floats, is_list, real, shown
 from .progress import reporting
 from .tangent import TangentVelocities
 from .units import Quantity
@@ -357,7 +357,7 @@ def generator(seed: Any) -> np.random.Generator:
 
 def velocities(what: str, given: Iterable[Any], velocity_names: list[str]) -> list[str]:
     """Different names of velocities, checked."""
-    if isinstance(given, str | bytes) or not isinstance(given, Iterable):
+    if not is_list(given):
         raise ArgumentError(
             f"{what} must be a list of names such as {velocity_names[:1]}, not {shown(given)}", argument=what
         )

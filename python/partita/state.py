@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import notebook
 from .errors import ArgumentError, UnknownNameError
 from .naming import Names, coordinate_units
-from .numeric import MaybeNone, floats, quaternion, real, shown
+from .numeric import MaybeNone, floats, is_list, quaternion, real, shown
 from .sensing import Senses
 
 Array = NDArray[np.float64]
@@ -285,7 +284,7 @@ def _labels(what: str, names: Any) -> list[str]:
     """Names as texts; None: none."""
     if names is None:
         return []
-    if isinstance(names, str | bytes) or not isinstance(names, Iterable):
+    if not is_list(names):
         raise ArgumentError(f"{what} must be a list of texts, not {shown(names)}", argument=what)
     return [str(name) for name in names]
 

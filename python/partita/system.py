@@ -13,7 +13,7 @@ from . import _core, deprecated
 from . import options as run_options
 from .builder.compiled import Equations, checked
 from .errors import ArgumentError, DescriptionError, EvaluationError
-from .numeric import floats, shown
+from .numeric import floats, is_list, shown
 from .state import Layout, State
 from .tangent import TangentVelocities
 from .units import Quantity
@@ -431,7 +431,7 @@ def _names(names: Iterable[str] | None, n: int) -> list[str]:
     """n different names."""
     if names is None:
         return [f"q{i}" for i in range(n)]
-    if isinstance(names, str | bytes) or not isinstance(names, Iterable):
+    if not is_list(names):
         _refuse(f"names must be a list of {n} different texts, not {shown(names)}")
     labels = [str(name) for name in names]
     if len(labels) != n or len(set(labels)) != n or not all(label.strip() for label in labels):

@@ -336,3 +336,29 @@ def test_ambiguous_names_are_refused() -> None:
         with pytest.raises(DescriptionError, match="rename one") as caught:
             m.compile()
         assert caught.value.name == "P.x"
+
+
+def test_an_array_without_dimensions_is_no_list() -> None:
+    """NumPy makes such arrays of numbers; each argument that takes a list refuses them by its name."""
+    m = pt.catalogue.load("four-bar")
+    x: Any = np.array(1.0)
+    run = m.simulate(0.1)
+    for name, call in {
+        "fixed": lambda: m.assemble(fixed=x),
+        "independent": lambda: m.simulate(0.1, independent=x),
+        "inputs": lambda: m.assemblies(inputs=x),
+        "states": lambda: m.ensemble(states=x, t_eval=[0, 0.1]),
+        "actuators": lambda: m.inverse_dynamics(run, actuators=x),
+        "inputs ": lambda: m.stepper(dt=0.01, inputs=x),
+        "inputs  ": lambda: m.linearize(inputs=x),
+        "outputs": lambda: m.linearize(outputs=x),
+        "independent ": lambda: m.linearize(independent=x),
+        "unknown": lambda: m.preload(unknown=x),
+        "formulations": lambda: m.compare(0.1, formulations=x),
+    }.items():
+        with pytest.raises(ArgumentError, match=f"{name.strip()} must be a list"):
+            call()
+    with pytest.raises(DescriptionError, match="force must have three components"):
+        m.add_force("crank", x)
+    with pytest.raises(ArgumentError, match="names must be a list"):
+        pt.State(0.0, [0.0], [0.0], names=x)

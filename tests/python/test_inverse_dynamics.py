@@ -527,3 +527,19 @@ def test_the_command_line_prints_what_motors_must_do(
     assert "no actuator named 'Z'" in capsys.readouterr().err
     assert cli.main(["inverse", "four-bar"]) == 2
     assert "the mechanism has no drives" in capsys.readouterr().err
+
+
+def test_the_root_of_the_mean_square_is_over_time_whatever_the_instants() -> None:
+    """A force that grows as t from 0 to 2 N in 2 s: sqrt(4/3) N, also from instants that crowd at the start, and with a
+    gap in which nothing is known."""
+    m = pt.Mechanism("slide", gravity=None)
+    m.add_body("load", mass=1.0, inertia=(1, 1, 1))
+    m.add_prismatic("A", m.ground, "load", axis=(1, 0, 0))
+    for t in (np.linspace(0, 2, 5), np.concatenate([np.linspace(0, 0.2, 50), [0.5, 1.0, 2.0]])):
+        found = m.inverse_dynamics((t, {"A": t**3 / 6}), actuators=("A",))
+        assert found.peak()["A"]["rms"] == pytest.approx(np.sqrt(4.0 / 3.0), rel=1e-9)
+    rest, names = np.zeros((1, 1)), ("A",)
+    one = m.inverse_dynamics(Moved(t[:1], rest, rest, rest + 3.0, found.names), actuators=names)
+    assert one.peak()["A"]["rms"] == pytest.approx(3.0)
+    found.efforts[10:20] = np.nan
+    assert np.isfinite(found.peak()["A"]["rms"])

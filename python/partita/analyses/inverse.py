@@ -123,7 +123,8 @@ class InverseDynamics:
 
     def peak(self) -> dict[str, dict[str, float]]:
         """For the choice of motors, of each actuator: "effort" (largest magnitude), "rms" (root of the mean square over
-        the instants), "rate" (fastest) and "power" (largest); NaN where no instant has efforts.
+        time, the effort being linear between the instants), "rate" (fastest) and "power" (largest); NaN where no
+        instant has efforts.
 
         >>> import partita as pt
         >>> m = pt.Mechanism("lift", gravity=(0, 0, -9.81))
@@ -142,7 +143,7 @@ class InverseDynamics:
                 continue
             found[name] = {
                 "effort": float(np.abs(effort).max()),
-                "rms": float(np.sqrt(np.mean(effort**2))),
+                "rms": _root_mean_square(self.t, self.efforts[:, i]),
                 "rate": float(np.abs(rate).max()),
                 "power": float(np.abs(effort * rate).max()),
             }
@@ -294,6 +295,17 @@ def exceeded(efforts: FloatArray, limits: FloatArray | None, t: FloatArray) -> l
         f"the limits do not allow this motion: at {len(over)} of {len(t)} instants every distribution of the efforts "
         f"exceeds one, by the factor {use[worst]:.4g} at t = {t[worst]:.6g} s"
     ]
+
+
+def _root_mean_square(t: FloatArray, effort: FloatArray) -> float:
+    """Over the time between neighbouring instants with an effort, linear between them; over the instants where no time
+    lies between any."""
+    a, b, step = effort[:-1], effort[1:], np.diff(t)
+    known = np.isfinite(a) & np.isfinite(b) & (step > 0.0)
+    if not known.any():
+        return float(np.sqrt(np.mean(effort[np.isfinite(effort)] ** 2)))
+    a, b, step = a[known], b[known], step[known]
+    return float(np.sqrt((step * (a * a + a * b + b * b)).sum() / (3.0 * step.sum())))
 
 
 def mixed(units: Sequence[str]) -> ArgumentError:

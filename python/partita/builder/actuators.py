@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..errors import ArgumentError, UnknownNameError
 from ..naming import index_of
-from ..numeric import floats, shown
+from ..numeric import floats, is_list, shown
 from ..options import si
 from .joints import scalars
 from .measures import measure_unit
@@ -58,7 +58,7 @@ def actuators_of(d: Description, summary: Mapping[str, Any], wanted: Any) -> lis
             )
         found = [each for record in d.drives.values() for each in _drive(record, d, summary)]
     else:
-        if isinstance(wanted, (str, bytes, Handle)) or not isinstance(wanted, Iterable):
+        if isinstance(wanted, Handle) or not is_list(wanted):
             raise ArgumentError(
                 f"actuators must be a list of names such as ('A', 'C.slide'), not {shown(wanted)}", argument="actuators"
             )

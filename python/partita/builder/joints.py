@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..numeric import is_list
 from . import frames
 from .bodies import own_name, resolve
 from .checks import Array, Element, choice, direction, find, index, name_of
@@ -367,7 +368,7 @@ def directions(element: Element, free: Any) -> tuple[str, ...]:
 
 
 def _listed(element: Element, free: Any) -> list[Any]:
-    if isinstance(free, str) or not isinstance(free, Iterable):
+    if not is_list(free):
         element.fail(f'free must be a list of directions such as ("x", "rz"), not {free!r}')
     return list(free)
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import EvaluationError
-from ..numeric import shown
+from ..numeric import is_list, shown
 from ..state import Layout
 from .bodies import resolve
 from .checks import Array, Element, find, name_of, takes
@@ -124,7 +124,7 @@ def add_force_law(
 
 
 def _items(element: Element, what: str, value: Any) -> list[Any]:
-    if isinstance(value, str | bytes | dict) or not isinstance(value, Iterable):
+    if isinstance(value, dict) or not is_list(value):
         element.fail(f"{what} must be a list, not {shown(value)}")
     return list(value)
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..numeric import is_quantity
+from ..numeric import is_list, is_quantity
 from . import callbacks
 from .checks import Array, Element, along_an_axis, numbers, shape_of, vector
 from .values import Constant, Function, Table, Value, is_table, scalar, table
@@ -60,7 +60,7 @@ def components(element: Element, what: str, value: Any, unit: str) -> tuple[Valu
         return tuple(Table(whole.times, whole.values[:, i].copy(), whole.curve) for i in range(3))  # type: ignore[return-value]
     if is_quantity(value):
         value = numbers(element, what, value, unit)
-    if not isinstance(value, tuple | list | np.ndarray) or len(value) != 3:
+    if not is_list(value) or not isinstance(value, tuple | list | np.ndarray) or len(value) != 3:
         element.fail(f"{what} must have three components, or be a table or a function; got {value!r}")
     x, y, z = (
         scalar(element, f"{what} {label}", item, "monotone", callbacks.number_of(element), ("s", unit))

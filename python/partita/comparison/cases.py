@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ..errors import ArgumentError
-from ..numeric import shown
+from ..numeric import is_list, shown
 from ..options import CORRECTIONS, FORMULATIONS, SELECTIONS, TANGENTS, one_of
 
 DEFAULT = "projective"
@@ -121,7 +121,7 @@ def _words(what: str, wanted: Iterable[str] | None, known: tuple[str, ...]) -> l
     """The selected words, each once; None: all except rows of a formulation."""
     if wanted is None:
         return [word for word in known if ": " not in word]
-    if isinstance(wanted, str | bytes) or not isinstance(wanted, Iterable):
+    if not is_list(wanted):
         raise ArgumentError(f"{what} must be a list of names such as {[known[0]]}, not {shown(wanted)}", argument=what)
     words = list(dict.fromkeys(one_of(what, word, known) for word in wanted))
     if not words:

@@ -28,6 +28,7 @@ from ..builder.spec import Writer
 from ..builder.values import Constant, Function
 from ..errors import ArgumentError, DescriptionError, MissingDependencyError
 from ..files import put
+from ..numeric import is_list
 from ..state import Layout
 from .delta import OtherFileError, applied
 from .fmu_description import Described, Variable, arrays, page, xml
@@ -88,7 +89,7 @@ def prepared(d: Description, names: Iterable[str]) -> tuple[Description, list[In
 
 
 def _listed(argument: str, names: Any) -> list[str]:
-    if isinstance(names, str) or not isinstance(names, Iterable):
+    if not is_list(names):
         raise ArgumentError(f"{argument} must be a list of names, not {names!r:.80}", argument=argument)
     listed = [str(name) if hasattr(name, "mechanism") else name for name in names]
     if not all(isinstance(name, str) for name in listed):

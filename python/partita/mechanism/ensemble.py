@@ -17,7 +17,7 @@ from ..builder.compiled import CompiledModel
 from ..builder.parameter_units import parameter_unit
 from ..errors import ArgumentError, UnknownNameError
 from ..extras import extra
-from ..numeric import floats, shown
+from ..numeric import floats, is_list, shown
 from ..progress import reporting
 from ..results import Result
 from ..state import State
@@ -302,7 +302,7 @@ def _starts(self: Modelled, states: Any, model: CompiledModel) -> list[State]:
     """The given states in the coordinates of the model, or the drawing, assembled, at rest."""
     if states is None:
         return [start_of(self, None, model, "relative", None)]
-    if isinstance(states, State) or not isinstance(states, Iterable):
+    if isinstance(states, State) or not is_list(states):
         raise ArgumentError(f"states must be a list of states, not {shown(states)}", argument="states")
     starts = [start_of(self, state, model, "relative", None) for state in states]
     for i, state in enumerate(starts):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,7 +14,7 @@ from ..builder.records import Description, Drive, ForceRecord, TorqueRecord
 from ..builder.values import Constant
 from ..errors import ArgumentError
 from ..naming import index_of
-from ..numeric import shown
+from ..numeric import is_list, shown
 from ..sensing import Signals, measured
 
 Array = NDArray[np.float64]
@@ -56,7 +56,7 @@ def chosen(known: Mapping[str, Input], wanted: Any) -> dict[str, Input]:
     """The requested inputs; by default all efforts."""
     if wanted is None:
         return {name: one for name, one in known.items() if one.component is not None}
-    if isinstance(wanted, str | bytes) or not isinstance(wanted, Iterable):
+    if not is_list(wanted):
         message = f"inputs must be a list of names such as {list(known)[:2]}, not {shown(wanted)}"
         raise ArgumentError(message, argument="inputs")
     every = list(known)

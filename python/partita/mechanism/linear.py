@@ -17,7 +17,7 @@ from ..builder.compiled import CompiledModel
 from ..builder.drives import driven_key
 from ..errors import ArgumentError
 from ..naming import driven, index_of
-from ..numeric import shown
+from ..numeric import is_list, shown
 from ..results import Result
 from ..results.run import Run
 from ..state import State
@@ -217,7 +217,7 @@ def linearize(
 
 
 def _listed(what: str, given: Any) -> list[Any]:
-    if isinstance(given, (str, bytes)) or not isinstance(given, Iterable):
+    if not is_list(given):
         raise ArgumentError(f"{what} must be a list of names such as ['A'], not {shown(given)}", argument=what)
     return list(given)
 

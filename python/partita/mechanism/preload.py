@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from .. import options as run_options
 from ..builder.parameter_units import parameter_unit
 from ..errors import ArgumentError
-from ..numeric import shown
+from ..numeric import is_list, shown
 from ..state import State
 from ..units import Quantity
 from .equilibrium import refuse_friction
@@ -68,7 +68,7 @@ def preload(
     start = start_of(self, getattr(at, "state", at), model, wanted, parameters)
     refuse_friction(model)
     time = start.t if t is None else State(run_options.si("t", t, "s"), [], []).t
-    if isinstance(unknown, (str, bytes)) or not isinstance(unknown, Iterable):
+    if not is_list(unknown):
         message = f"unknown must be a list of names such as ['spring.length'], not {shown(unknown)}"
         raise ArgumentError(message, argument="unknown")
     known = model.parameters

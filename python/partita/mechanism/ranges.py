@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,7 +17,7 @@ from ..builder.maps import ActuatedModel
 from ..builder.records import Handle
 from ..errors import ArgumentError, AssemblyError
 from ..naming import listed
-from ..numeric import floats, shown
+from ..numeric import floats, is_list, shown
 from ..options import si
 from ..state import Layout, State
 from .branches import on_branch
@@ -225,7 +225,7 @@ def rows_of(what: str, key: Any, model: CompiledModel, start: State) -> list[Goa
 
 def keys_of(what: str, wanted: Any) -> list[Any]:
     """Names of measurements, at least one, each once."""
-    if isinstance(wanted, (str, bytes, Handle)) or not isinstance(wanted, Iterable):
+    if isinstance(wanted, Handle) or not is_list(wanted):
         raise ArgumentError(f"{what} must be a list of names such as ('A', 'E'), not {shown(wanted)}", argument=what)
     keys = list(wanted)
     if not keys:

@@ -15,7 +15,7 @@ from .. import options as run_options
 from ..builder.compiled import CompiledModel
 from ..errors import ArgumentError, AssemblyError, UnknownNameError
 from ..logger import logger
-from ..numeric import floats, shown
+from ..numeric import floats, is_list, shown
 from ..results import Result
 from ..state import Layout, State
 from ..tangent import TangentVelocities
@@ -93,7 +93,7 @@ def assemble(
     doubts: list[str] = []
     levels = [_valued("targets", level, model, doubts) for level in _levels(targets)]
     own, turns = _rates({} if rates is None else rates, model, layout)
-    if isinstance(fixed, (str, bytes)) or not isinstance(fixed, Iterable):
+    if not is_list(fixed):
         raise ArgumentError(f"fixed must be a list of joints such as ['A'], not {shown(fixed)}", argument="fixed")
     held = [goal for key in fixed for goal in goals_of("fixed", key, model)]
     guessed = _valued("guess", {} if guess is None else guess, model, doubts)
