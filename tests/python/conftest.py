@@ -30,6 +30,6 @@ def pytest_unconfigure(config: pytest.Config) -> None:
     reporter = config.pluginmanager.get_plugin("terminalreporter")
     skipped = reporter.stats.get("skipped", []) if reporter is not None else []
     reasons = Counter(str(report.longrepr[2]).removeprefix("Skipped: ") for report in skipped)
-    said = "; ".join(f"{count} as {reason}" for reason, count in reasons.most_common())
+    listed = "; ".join(f"{count} as {reason}" for reason, count in reasons.most_common())
     if reporter is not None and not hasattr(config, "workerinput"):
-        print(f"skipped: {said}" if said else "skipped: none")
+        print(f"skipped: {listed}" if listed else "skipped: none")

@@ -39,14 +39,14 @@ def moved(text: str, seed: str) -> str:
             return float(np.nextafter(value, chance.choice((-np.inf, np.inf))))
         return value
 
-    def walk(value: Any) -> Any:
+    def visit(value: Any) -> Any:
         if isinstance(value, dict):
             return {
-                key: item if key == "shape" else (move if key in MOVED else walk)(item) for key, item in value.items()
+                key: item if key == "shape" else (move if key in MOVED else visit)(item) for key, item in value.items()
             }
-        return [walk(item) for item in value] if isinstance(value, list) else value
+        return [visit(item) for item in value] if isinstance(value, list) else value
 
-    return json.dumps({key: walk(value) for key, value in description.items()})
+    return json.dumps({key: visit(value) for key, value in description.items()})
 
 
 def install(patch: pytest.MonkeyPatch) -> None:
