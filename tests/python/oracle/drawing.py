@@ -309,7 +309,7 @@ class Drawing:
                 reported += f"point={words(f.point)}, axes={f.axes!r}, name={f.name!r}"
             out.append(f"m.{call}({reported})")
         for d in self.drives:
-            if isinstance(d, TableDrive):
+            if not isinstance(d, Drive):
                 course = ", ".join(f"{key}={words(value)}" for key, value in d.course.items())
                 out.append(f"m.add_drive({d.joint!r}, {course}, coordinate={d.coordinate}, name={d.name!r})")
                 continue
