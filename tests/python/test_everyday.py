@@ -33,12 +33,12 @@ def test_nothing_is_wrong_with_success(found: Study) -> None:
 
 def test_the_cases_are_as_intended(found: Study) -> None:
     """Nothing is right because it was passed over."""
-    assert found.counts["compared"] > 0.85 * CASES and found.counts["refused"] < 0.12 * CASES
+    assert found.counts["compared"] > 0.75 * CASES and found.counts["refused"] < 0.12 * CASES
     cheap = [name for name in CHECKS if name not in ("independent", "instants", "stepper", "file", "exact")]
     assert min(found.counts[name] for name in cheap) > 0.1 * CASES, found.counts
-    assert min(found.counts[name] for name in ("instants", "stepper", "file", "exact")) > 3, found.counts
+    assert min(found.counts[name] for name in ("instants", "stepper", "file", "exact")) > 2, found.counts
     for words in ("scissor lift", "door", "cart"):
-        assert found.drawn[words] > 10
+        assert found.drawn[words] > 8
     for kind in ("TableTorque", "TableForce", "FunctionTorque", "Stop", "Contact", "Course", "TableCourse"):
         assert found.drawn[kind] > 8, found.drawn
     for over in ("time", "joint", "distance", "along", "cosine"):

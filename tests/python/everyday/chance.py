@@ -35,6 +35,7 @@ class Ranges:
 
 
 TEST = Ranges()
+MID = Ranges(error=(-12.0, -9.0), narrow=(-3.0, -0.5), exact=0.7)
 EVER = (0.0, 0.3, -5.0, 1e3, 1e6)
 WIDE = Ranges(error=(-12.0, -4.0), narrow=(-3.0, -0.5), exact=0.35, starts=EVER, rest=EVER, large=99)
 
@@ -51,7 +52,7 @@ class Chance:
         self.shortest = duration * (1 + len(kind.drawing.bodies)) / 8000.0
         weights = [b.mass for b in kind.drawing.bodies]
         self.mass = float(np.mean(weights))
-        arm = max(float(np.linalg.norm(p)) for _, p in kind.tips)
+        arm = max(float(np.linalg.norm(p)) for _, p in kind.tips) or 0.1
         pace = max([abs(x) for x in speeds.values()] + [1.0])
         self.effort = float(f"{self.mass * max(9.81 * arm, (arm * pace) ** 2 * 0.1):.2g}")
         self.arm = arm

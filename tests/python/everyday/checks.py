@@ -34,9 +34,10 @@ def same(j: Judged, what: str, found: object, wanted: object, words: str) -> Non
 
 
 def outputs(j: Judged) -> None:
-    """Their number changes no step."""
+    """Their number changes no step, though last digits where one needs another order of elimination."""
     other = run(j.mechanism, j.case, j.start, j.case.times(23), **j.case.options)
-    same(j, "outputs", other.v[-1], j.base.v[-1], f"{j.case.outputs} outputs and 23 end elsewhere")
+    error = float(np.abs(poses(other, j.case)[-1] - poses(j.base, j.case)[-1]).max())
+    j.verdict.seen("outputs", error, 1e-2 * j.allowed, f"{j.case.outputs} outputs and 23 end elsewhere")
 
 
 def coordinates(j: Judged) -> None:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from oracle.drawing import GROUND, Array, Body, Coupling, Drawing, Joint
+from oracle.drawing import GROUND, Array, Body, Coupling, Drawing, Joint, unit
 
 X, Y, Z = np.eye(3)
 
@@ -78,9 +78,19 @@ class Sketch:
         return next(j.kind for j in self.joints if j.name == joint)
 
     def gear(self, name: str, first: str, second: str, ratio: float) -> None:
+        self.couple(name, first, second, ratio, "add_gear", (ratio,))
+
+    def belt(self, name: str, first: str, second: str, radius1: float, radius2: float) -> None:
+        self.couple(name, first, second, radius1 / radius2, "add_belt", (radius1, radius2))
+
+    def rack(self, name: str, pinion: str, slide: str, radius: float) -> None:
+        self.couple(name, pinion, slide, radius, "add_rack", (radius,))
+
+    def couple(self, name: str, first: str, second: str, ratio: float, call: str, numbers: tuple[float, ...]) -> None:
+        """The rate of the second is so many times that of the first."""
         terms = [{"of": "joint", "joint": joint, "coordinate": 0} for joint in (second, first)]
-        call = ("add_gear", (first, second, ratio), {"name": name})
-        self.couplings.append(Coupling(name, "linear", {"terms": terms, "factors": [1.0, -ratio], "offset": 0.0}, call))
+        data = {"terms": terms, "factors": [1.0, -ratio], "offset": 0.0}
+        self.couplings.append(Coupling(name, "linear", data, (call, (first, second, *numbers), {"name": name})))
 
     def kind(
         self, words: str, mobility: int, inputs: list[tuple[str, float]], tips: list[tuple[str, Any]],
@@ -297,6 +307,162 @@ def cart(rng: Any) -> Kind:
     return s.kind("cart", len(inputs), inputs, tips)
 
 
+def corner(rng: Any) -> Kind:
+    """The corner of a car: an arm on two bushes, a knuckle whose strut slides, and a tie rod."""
+    s = Sketch(rng)
+    ball = np.array([0.0, s.number(0.3, 0.4), s.number(-0.05, 0.05)])
+    top = np.array([s.number(-0.05, 0.0), s.number(0.15, 0.2), s.number(0.5, 0.6)])
+    inner = np.array([s.number(0.1, 0.15), 0.05, s.number(-0.05, 0.05)])
+    outer = np.array([s.number(0.1, 0.15), s.number(0.3, 0.35), s.number(-0.02, 0.05)])
+    along = np.round(unit(top - ball), 6)
+    middle = ball + 0.5 * (top - ball)
+    s.body("arm", (0, 0, 0), ball)
+    s.body("knuckle", ball, middle, mass=s.number(5, 15))
+    s.body("rod", middle, top)
+    s.body("tie", inner, outer, mass=s.number(0.3, 0.8))
+    bush = s.hinge("bush", GROUND, "arm", (0, 0, 0), X, 0.2)
+    s.joint("spherical", "ball", "arm", "knuckle", ball)
+    s.joint("cylindrical", "strut", "knuckle", "rod", middle, along)
+    s.joint("universal", "top", GROUND, "rod", top, X)
+    s.joint("universal", "inner", GROUND, "tie", inner, Z)
+    s.joint("spherical", "outer", "tie", "knuckle", outer)
+    return s.kind("corner", 1, [(bush, 1.0)], [("knuckle", beside(ball, 0, 0.1))], (0.0, 0.0, -9.81))
+
+
+def bonnet(rng: Any) -> Kind:
+    """A lid on two hinges of four bars each, left and right."""
+    s = Sketch(rng)
+    a0, b0 = np.zeros(3), np.array([s.number(0.08, 0.15), s.number(-0.05, 0.02), 0.0])
+    a1 = np.round(far(a0, s.number(0.15, 0.2), s.number(0.9, 1.4)), 3)
+    b1 = np.round(far(b0, s.number(0.15, 0.22), s.number(0.7, 1.2)), 3)
+    width, first = s.number(0.8, 1.2), ""
+    s.body("lid", a1, beside(b1, s.number(0.5, 1.0), 0.0, width), mass=s.number(4, 10))
+    for side, z in (("left", 0.0), ("right", width)):
+        for name, p, q in (("front", a0, a1), ("rear", b0, b1)):
+            low, high = beside(p, 0, 0, z), beside(q, 0, 0, z)
+            link = s.body(f"{name} {side}", low, high, mass=s.number(0.3, 0.6))
+            joint = s.hinge(f"low of {link}", GROUND, link, low)
+            s.hinge(f"high of {link}", link, "lid", high)
+            first = first or joint
+    return s.kind("bonnet", 1, [(first, 0.5)], [("lid", beside(b1, 0.5))])
+
+
+def gimbals(rng: Any) -> Kind:
+    """A rotor in two rings, each in two bearings."""
+    s = Sketch(rng)
+    s.body("outer", (0, 0, 0), (0.0, 0.4, 0.4))
+    s.body("inner", (0, 0, 0), (0.3, 0.0, 0.3))
+    s.body("rotor", (0, 0, 0), (0.2, 0.2, 0.02))
+    s.bodies = [Body(b.name, b.mass, b.inertia, np.zeros(3), b.position, b.rotation) for b in s.bodies]
+    first = s.hinge("outer axis", GROUND, "outer", (0, 0, 0), X, 0.8)
+    second = s.hinge("inner axis", "outer", "inner", (0, 0, 0), Y, 0.6)
+    third = s.hinge("spin", "inner", "rotor", (0, 0, 0), Z, 0.4)
+    tips = [("rotor", (0.2, 0, 0)), ("inner", (0.3, 0, 0))]
+    return s.kind("gimbals", 3, [(third, 30.0), (first, 0.5), (second, 0.5)], tips)
+
+
+def belts(rng: Any) -> Kind:
+    """Pulleys and wheels, each driven by the one before, and a weight on a rack."""
+    s = Sketch(rng)
+    x, previous, first, tips = 0.0, "", "", []
+    for i in range(int(rng.integers(2, 5))):
+        name = s.body(f"pulley {i}", (x, 0, 0), (x + 0.15, 0.15, 0.05))
+        joint = s.hinge(f"axle {i}", GROUND, name, (x, 0, 0), Z, 0.2 if s.maybe(0.4) else 0.0)
+        if previous:
+            s.belt(f"belt {i}", previous, joint, s.number(0.05, 0.2), s.number(0.05, 0.2))
+        tips.append((name, (x + 0.1, 0.1, 0)))
+        first, previous, x = first or joint, joint, x + 0.6
+    if s.maybe(0.5):
+        s.body("weight", (x, 0, 0), (x + 0.1, 0.3, 0.1))
+        s.joint("prismatic", "guide", GROUND, "weight", (x, 0, 0), Y)
+        s.rack("rack", previous, "guide", s.number(0.03, 0.1))
+    return s.kind("belts", 1, [(first, 8.0)], tips)
+
+
+def robot(rng: Any) -> Kind:
+    """A turning base, an arm, and a forearm that is held by a parallel linkage."""
+    s = Sketch(rng)
+    shoulder = np.array([0.1, s.number(0.4, 0.6), 0.0])
+    elbow = np.round(far(shoulder, s.number(0.6, 0.9), s.number(0.9, 1.5)), 3)
+    back = np.array([-s.number(0.2, 0.3), s.number(-0.1, 0.1), 0.0])
+    wrist = np.round(far(elbow, s.number(0.6, 0.9), s.number(-0.5, 0.3)), 3)
+    s.body("base", (0, 0, 0), (0.3, 0.5, 0.3), mass=10.0)
+    s.body("arm", shoulder, elbow, mass=s.number(3, 6))
+    s.body("crank", shoulder, shoulder + back)
+    s.body("link", shoulder + back, elbow + back)
+    s.body("forearm", elbow, elbow + back, wrist, mass=s.number(2, 4))
+    turn = s.hinge("turn", GROUND, "base", (0, 0, 0), Y, 0.4 if s.maybe(0.4) else 0.0)
+    lift = s.hinge("lift", "base", "arm", shoulder, Z, 0.2 if s.maybe(0.4) else 0.0)
+    pull = s.hinge("pull", "base", "crank", shoulder)
+    s.hinge("elbow", "arm", "forearm", elbow, Z, 0.2 if s.maybe(0.3) else 0.0)
+    s.hinge("low", "crank", "link", shoulder + back)
+    s.hinge("high", "link", "forearm", elbow + back)
+    return s.kind("robot arm", 3, [(turn, 1.5), (lift, 0.8), (pull, 0.8)], [("forearm", wrist)])
+
+
+def excavator(rng: Any) -> Kind:
+    """A boom that a cylinder holds, perhaps two of them left and right."""
+    s = Sketch(rng)
+    eye = np.round(far((0, 0, 0), s.number(0.8, 1.2), s.number(0.3, 0.9)), 3)
+    foot = np.array([s.number(0.3, 0.5), s.number(-0.4, -0.2), 0.0])
+    tip = np.round(far((0, 0, 0), s.number(1.5, 2.2), s.number(0.2, 0.6)), 3)
+    s.body("boom", (0, 0, 0), eye, tip, mass=s.number(10, 30))
+    hinge = s.hinge("boom hinge", GROUND, "boom", (0, 0, 0), Z, 0.4 if s.maybe(0.5) else 0.0)
+    along, first = np.round(unit(eye - foot), 9), ""
+    for side, z in (("", 0.0), (" right", 0.3)) if s.maybe(0.5) else (("", 0.0),):
+        low, high = beside(foot, 0, 0, z), beside(eye, 0, 0, z)
+        s.body(f"tube{side}", low, low + 0.5 * (eye - foot))
+        s.body(f"rod{side}", high, high - 0.4 * (eye - foot))
+        s.hinge(f"foot{side}", GROUND, f"tube{side}", low)
+        stroke = s.joint("prismatic", f"stroke{side}", f"tube{side}", f"rod{side}", 0.5 * (low + high), along)
+        s.hinge(f"eye{side}", f"rod{side}", "boom", high)
+        first = first or stroke
+    return s.kind("excavator", 1, [(first, 0.3), (hinge, 0.5)], [("boom", tip)])
+
+
+def toggle(rng: Any) -> Kind:
+    """A press: a crank whose rod straightens two links above a ram."""
+    s = Sketch(rng)
+    knee = np.array([s.number(0.1, 0.2), s.number(-0.5, -0.4), 0.0])
+    ram = np.array([0.0, knee[1] - s.number(0.45, 0.6), 0.0])
+    axle = np.array([s.number(0.8, 1.0), knee[1] + s.number(-0.1, 0.1), 0.0])
+    pin = np.round(far(axle, s.number(0.06, 0.09), s.number(0.5, 2.5)), 3)
+    s.body("upper", (0, 0, 0), knee)
+    s.body("lower", knee, ram)
+    s.body("ram", ram, beside(ram, 0.1, -0.2), mass=s.number(2, 8))
+    s.body("crank", axle, pin)
+    s.body("rod", pin, knee)
+    s.hinge("frame", GROUND, "upper", (0, 0, 0))
+    s.hinge("knee", "upper", "lower", knee)
+    s.hinge("foot", "lower", "ram", ram)
+    s.joint("prismatic", "guide", GROUND, "ram", ram, Y)
+    first = s.hinge("axle", GROUND, "crank", axle, Z, 0.3 if s.maybe(0.5) else 0.0)
+    s.hinge("pin", "crank", "rod", pin)
+    s.hinge("rod end", "rod", "upper", knee)
+    return s.kind("toggle press", 1, [(first, 5.0)], [("ram", beside(ram, 0.1, -0.2)), ("lower", ram)])
+
+
+def cardan(rng: Any) -> Kind:
+    """Two shafts that are not in line, joined by universal joints and a telescope."""
+    s = Sketch(rng)
+    a, b = np.array([0.5, 0.0, 0.0]), np.array([1.5, s.number(0.1, 0.4), s.number(-0.3, 0.3)])
+    end, along = np.round(unit(np.array([1.0, s.number(-0.3, 0.3), 0.0])), 9), np.round(unit(b - a), 9)
+    across = np.round(unit(np.cross(along, X)), 9)
+    s.body("input", (0, 0, 0), a)
+    s.body("sleeve", a, a + 0.5 * (b - a))
+    s.body("spline", b, b - 0.5 * (b - a))
+    s.body("output", b, b + 0.4 * end)
+    first = s.hinge("bearing", GROUND, "input", (0, 0, 0), X, 0.3 if s.maybe(0.5) else 0.0)
+    s.joint("universal", "first", "input", "sleeve", a, across)
+    s.joint("prismatic", "telescope", "sleeve", "spline", 0.5 * (a + b), along)
+    s.joint("universal", "second", "spline", "output", b, across)
+    last = s.hinge("far bearing", GROUND, "output", b + 0.4 * end, end)
+    return s.kind(
+        "cardan shaft", 1, [(first, 8.0), (last, 8.0)], [("output", beside(b, 0, 0.1)), ("input", (0.2, 0.1, 0))]
+    )
+
+
 KINDS: tuple[Callable[[Any], Kind], ...] = (
-    door, shafts, four_bar, slider_crank, scissor, parallelogram, pendulum, arms, flywheel, cart,
+    door, shafts, four_bar, slider_crank, scissor, parallelogram, pendulum, arms, flywheel, cart, corner, bonnet,
+    gimbals, belts, robot, excavator, toggle, cardan,
 )  # fmt: skip
